@@ -22,6 +22,7 @@ use proto::config::{
     Default, Field, FileReference, Kind, Lists, Node, Problem, Range, TableSpec, Tag, Variant,
     Variants, check, join, typed,
 };
+use proto::effect::only::refuse_runs;
 use proto::side::Setup;
 use proto::types::{MoteCommandKind, NS_PER_S, seconds};
 use serde::Deserialize;
@@ -368,6 +369,7 @@ pub fn read(
         warnings: Vec::new(),
     };
     let model = model_of(&keys.phy, &phy, catalogue, &mut context, &mut problems);
+    refuse_runs(&phy.effect, &join(&phy_path, "effect"), &mut problems);
     let mut warnings = context.warnings;
     problems.extend(context.problems);
 

@@ -125,6 +125,17 @@ impl Air<'_> {
         self.model.evaluate_at(&link, scatter_db)
     }
 
+    /// The scatter (dB) of a frame that acts on some links only.
+    fn limited_db(&self, receiver: usize, frame: usize, pair: &mut PairState) -> f64 {
+        let Radios { ends, frames, id, .. } = self.radios;
+        let Frame { sent_ns, channel } = frames[frame];
+        let link = self.model.link(self.scene, ends[frame], ends[receiver], channel, sent_ns);
+        let at = self.moment(receiver, frame, frames[frame]);
+        let block = &mut pair.block;
+        let scatters = self.model.limited_scatters(&link);
+        scatters.map(|scatter| scatter.value_db(block, id[frame], id[receiver], at)).sum()
+    }
+
     /// The scatter (dB) that both directions share.
     #[inline]
     #[must_use]
@@ -152,7 +163,10 @@ impl Air<'_> {
     #[inline]
     #[must_use]
     pub fn scatter_db(&self, receiver: usize, frame: usize, pair: &mut PairState) -> f64 {
-        let shared_db = self.shared_db(receiver, frame, pair);
+        let mut shared_db = self.shared_db(receiver, frame, pair);
+        if self.model.has_limited_scatter() {
+            shared_db += self.limited_db(receiver, frame, pair);
+        }
         let directed = self.model.directed_scatters();
         if directed.is_empty() {
             return shared_db;

@@ -89,14 +89,14 @@ impl Links {
     /// * `horizon_dbm`: frames that arrive with less do not disturb; `None`: those too weak to be received do not.
     #[must_use]
     pub fn new(model: Arc<Model>, seed: u64, channels: &[u8], horizon_dbm: Option<f64>) -> Self {
-        let floor_dbm = model.reception_curve().floor_dbm();
+        let floor_dbm = model.floor_dbm();
         let floor_dbm = horizon_dbm.map_or(floor_dbm, |dbm| dbm.min(floor_dbm));
         let farthest = |channel: u8| model.reach_of(floor_dbm, Some(channel));
         let reach = channels.iter().map(|&channel| farthest(channel)).reduce(|a, b| match (a, b) {
             (Reach::Within(a), Reach::Within(b)) => Reach::Within(a.max(b)),
             (Reach::Within(_), other) | (other, _) => other,
         });
-        let (lasting, passing) = model.scatters().iter().partition(|scatter| {
+        let (lasting, passing) = model.unlimited_scatters().iter().partition(|scatter| {
             matches!(scatter.renewal, Renewal::Frozen | Renewal::Coherence { .. })
         });
         let is_plain = model.is_isotropic() && model.scatters().is_empty();
@@ -201,6 +201,7 @@ impl Links {
             nearest: self.nearest.take(),
             grid: self.grid.take(),
             covariates: Covariates::Agents(&place.covariates),
+            run: None,
         };
         if !self.is_prepared {
             self.model.prepare(&mut scene);
@@ -299,6 +300,11 @@ impl OnAir<'_> {
         }
         let compute = || {
             let link = model.link(self.scene, *sender, *receiver, Some(channel), sent_ns);
+            if model.has_limited_scatter() {
+                let limited = model.limited_scatters(&link);
+                let limited_db: f64 = limited.map(|scatter| self.passing_db(scatter, to)).sum();
+                return model.evaluate_at(&link, scatter_db + limited_db);
+            }
             model.evaluate_at(&link, scatter_db)
         };
         let budget = match budgets {

@@ -14,6 +14,7 @@ pub mod motion_fading;
 pub mod multipath;
 pub mod node_offset;
 pub mod noise_floor;
+pub mod only;
 pub mod path_loss_exponent;
 pub mod receiver_nonlinearity;
 pub mod reception_curve;
@@ -50,6 +51,16 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
     /// reach is computed from it.
     fn max_gain_db(&self) -> f64 {
         0.0
+    }
+
+    /// Whether it acts on a link at all. Where it does not, its scatter and its curve do not either.
+    fn acts_on(&self, _link: &Link<'_>) -> bool {
+        true
+    }
+
+    /// Whether there may be links on which it does not act.
+    fn is_limited(&self) -> bool {
+        false
     }
 
     /// What varies at random about the mean, if anything does.
@@ -96,7 +107,7 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
 /// Description of one `[[netsim.phy.effect]]`.
 pub const SPEC: TableSpec = TableSpec {
     doc: "A physical effect added to the base propagation model.",
-    fields: &[],
+    fields: &[proto::effect::only::field(&only::SPEC)],
     tag: Some(&TAG),
 };
 
@@ -115,7 +126,8 @@ pub struct Entry {
     pub fit: Fit,
     /// What its keys must be like together, beside what is asked of each: [`UNCHECKED`] for nothing.
     pub check: Check,
-    /// Makes it of its checked table. The number distinguishes several effects of this kind.
+    /// Makes it of its checked table, wherever it acts: [`build_one`] adds the limits. The number distinguishes several effects of
+    /// this kind.
     pub build: fn(&toml::Table, u32) -> Option<Box<dyn Effect>>,
 }
 
@@ -168,7 +180,9 @@ pub fn check(
 ) {
     for (index, table) in tables.iter().enumerate() {
         if let Some(entry) = known.selected(table, &TAG) {
-            (entry.check)(table, &format!("{path}[{index}]"), problems);
+            let path = format!("{path}[{index}]");
+            (entry.check)(table, &path, problems);
+            only::check(table, &path, problems);
         }
     }
 }
@@ -181,8 +195,15 @@ pub fn build(tables: &[toml::Table], known: &Registry<Entry>) -> Vec<Box<dyn Eff
     for (index, table) in tables.iter().enumerate() {
         if let Some(entry) = known.selected(table, &TAG) {
             let earlier = tables[..index].iter().filter(|other| kind(other) == kind(table)).count();
-            effects.extend((entry.build)(table, earlier as u32));
+            effects.extend(build_one(entry, table, earlier as u32));
         }
     }
     effects
+}
+
+/// Makes one effect of its checked table, limited to where its table `only` says. The number distinguishes several effects of this
+/// kind.
+#[must_use]
+pub fn build_one(entry: &Entry, table: &toml::Table, number: u32) -> Option<Box<dyn Effect>> {
+    (entry.build)(table, number).map(|effect| only::limited(effect, table))
 }

@@ -76,6 +76,8 @@ pub struct Scene<'a> {
     pub grid: Option<Grid>,
     /// Values of further columns of measurements, or of numbers that robots bring, by name.
     pub covariates: Covariates<'a>,
+    /// The measured run, where measurements are compared with the model.
+    pub run: Option<u32>,
 }
 
 /// A link at a moment: everything that a physical effect may depend on.

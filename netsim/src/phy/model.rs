@@ -35,8 +35,11 @@ pub struct Model {
     pub radio: Radio,
     /// Distances below this (m) count as this.
     pub min_distance_m: f64,
+    /// First what both directions of a link share, then the rest, then what acts on some links only.
     scatters: Vec<Scatter>,
     n_symmetric: usize,
+    /// Places in `effects` of the last scatters' effects, in their order.
+    limited: Vec<usize>,
 }
 
 impl Model {
@@ -60,12 +63,19 @@ impl Model {
         let mut scatters: Vec<Scatter> = propagation
             .scatter()
             .into_iter()
-            .chain(effects.iter().filter_map(|effect| effect.scatter()))
+            .chain(effects.iter().filter(|it| !it.is_limited()).filter_map(|it| it.scatter()))
             .chain(noise)
             .collect();
         scatters.sort_by_key(|scatter| !scatter.is_symmetric());
         let n_symmetric = scatters.iter().filter(|scatter| scatter.is_symmetric()).count();
-        Self { propagation, effects, curve, radio, min_distance_m, scatters, n_symmetric }
+        let mut limited = Vec::new();
+        for (place, effect) in effects.iter().enumerate().filter(|(_, it)| it.is_limited()) {
+            if let Some(scatter) = effect.scatter() {
+                limited.push(place);
+                scatters.push(scatter);
+            }
+        }
+        Self { propagation, effects, curve, radio, min_distance_m, scatters, n_symmetric, limited }
     }
 
     /// Describes a link. `channel`: 11 to 26, if it is known.
@@ -114,7 +124,7 @@ impl Model {
             survival *= 1.0 - effect.loss_at(link, rssi_dbm);
         }
         let reception = match prediction.reception {
-            Reception::ByCurve => self.reception_curve().reception_probability(rssi_dbm - shift_db),
+            Reception::ByCurve => self.curve_of(link).reception_probability(rssi_dbm - shift_db),
             Reception::Stated(probability) => probability,
         };
         LinkBudget {
@@ -147,28 +157,73 @@ impl Model {
         self.effects.iter().fold(rssi_dbm, |read_dbm, effect| effect.register_dbm(link, read_dbm))
     }
 
-    /// The curve from power to reception: the configured one, or that of an effect.
+    /// The curve from power to reception: the configured one, or that of an effect that acts on all links.
     #[must_use]
     pub fn reception_curve(&self) -> &dyn Curve {
-        self.effects.iter().rev().find_map(|effect| effect.curve()).unwrap_or(&*self.curve)
+        let unlimited = self.effects.iter().rev().filter(|effect| !effect.is_limited());
+        let own = unlimited.filter_map(|effect| effect.curve()).next();
+        own.unwrap_or(&*self.curve)
     }
 
-    /// What varies at random about the mean level: first what both directions of a link share, then the rest.
+    /// The curve from power to reception on a link.
+    #[inline]
+    fn curve_of(&self, link: &Link<'_>) -> &dyn Curve {
+        let mut effects = self.effects.iter().rev();
+        let own = effects.find_map(|effect| effect.curve().filter(|_| effect.acts_on(link)));
+        own.unwrap_or(&*self.curve)
+    }
+
+    /// The power (dBm) below which no frame is received on any link.
+    #[must_use]
+    pub fn floor_dbm(&self) -> f64 {
+        let limited = self.effects.iter().filter(|effect| effect.is_limited());
+        limited
+            .filter_map(|effect| effect.curve())
+            .map(Curve::floor_dbm)
+            .fold(self.reception_curve().floor_dbm(), f64::min)
+    }
+
+    /// What varies at random about the mean level: first what both directions of a link share, then the rest, then what acts on
+    /// some links only.
     #[must_use]
     pub fn scatters(&self) -> &[Scatter] {
         &self.scatters
     }
 
-    /// The part of [`Model::scatters`] that both directions of a link share.
+    /// The part of [`Model::scatters`] that acts on all links.
+    #[must_use]
+    pub fn unlimited_scatters(&self) -> &[Scatter] {
+        &self.scatters[..self.n_unlimited()]
+    }
+
+    /// Whether some scatter acts on some links only.
+    #[must_use]
+    pub fn has_limited_scatter(&self) -> bool {
+        !self.limited.is_empty()
+    }
+
+    /// The part of [`Model::scatters`] that acts on some links only and does on this one.
+    pub fn limited_scatters(&self, link: &Link<'_>) -> impl Iterator<Item = &Scatter> {
+        let limited = self.limited.iter().zip(&self.scatters[self.n_unlimited()..]);
+        limited
+            .filter(move |(effect, _)| self.effects[**effect].acts_on(link))
+            .map(|(_, scatter)| scatter)
+    }
+
+    fn n_unlimited(&self) -> usize {
+        self.scatters.len() - self.limited.len()
+    }
+
+    /// The part of [`Model::unlimited_scatters`] that both directions of a link share.
     #[must_use]
     pub fn symmetric_scatters(&self) -> &[Scatter] {
         &self.scatters[..self.n_symmetric]
     }
 
-    /// The part of [`Model::scatters`] that each direction of a link has for itself.
+    /// The part of [`Model::unlimited_scatters`] that each direction of a link has for itself.
     #[must_use]
     pub fn directed_scatters(&self) -> &[Scatter] {
-        &self.scatters[self.n_symmetric..]
+        &self.scatters[self.n_symmetric..self.n_unlimited()]
     }
 
     /// The most that scatter adds (dB).
@@ -186,7 +241,7 @@ impl Model {
     /// How far links may reach.
     #[must_use]
     pub fn reach(&self, channel: Option<u8>) -> Reach {
-        self.reach_of(self.reception_curve().floor_dbm(), channel)
+        self.reach_of(self.floor_dbm(), channel)
     }
 
     /// How far frames may reach with at least this power (dBm), shifts of the curve taken off.

@@ -1,6 +1,9 @@
 //! What a physical effect says about itself: for people who read about it, and for the fit that tries it on measurements.
 //!
-//! Both simulators describe their effects in these words, so that one catalogue lists them and one search tries them.
+//! Both simulators describe their effects in these words, so that one catalogue lists them and one search tries them. Where and when
+//! an effect acts, [`only`] reads for both.
+
+pub mod only;
 
 /// What people should know of an effect.
 #[derive(Clone, Copy, Debug)]

@@ -86,7 +86,20 @@ impl Formula {
     /// assert_eq!(formula.evaluate(&[1.0, f64::NAN]), 0.0);
     /// ```
     pub fn condition(text: &str, known: &[&str]) -> Result<Self, FormulaError> {
-        Self::parse_as(text, Want::Truth, known, &|_| false)
+        Self::condition_of(text, known, &|_| false)
+    }
+
+    /// As [`Formula::condition`], with further names: see [`Formula::parse`].
+    ///
+    /// # Errors
+    ///
+    /// What is wrong, and where.
+    pub fn condition_of(
+        text: &str,
+        known: &[&str],
+        accepts: &dyn Fn(&str) -> bool,
+    ) -> Result<Self, FormulaError> {
+        Self::parse_as(text, Want::Truth, known, accepts)
     }
 
     fn parse_as(

@@ -78,7 +78,7 @@ struct Keys {
 }
 
 /// Reads a number off a link.
-type Read = fn(&Link<'_>) -> Option<f64>;
+pub type Read = fn(&Link<'_>) -> Option<f64>;
 
 /// Names that every expression may use. Every other one is a covariate: a column of measurements (`humidity_pct`,
 /// `tx_temperature_c`), or a number that each agent brings, at the sender (`tx_…`), at the receiver (`rx_…`) or, without a
@@ -174,7 +174,7 @@ impl Formula {
 }
 
 /// A covariate by the name that a formula uses.
-fn covariate(link: &Link<'_>, name: &str) -> Option<f64> {
+pub(super) fn covariate(link: &Link<'_>, name: &str) -> Option<f64> {
     if let Some(value) = link.scene.covariates.column(&|column| column == name) {
         return Some(value);
     }

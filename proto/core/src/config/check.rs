@@ -158,7 +158,9 @@ impl Walk<'_> {
                     .chain(spec.fields.iter().map(|field| field.key))
                     .collect();
                 let mut problem = Problem::new(join(path, key), "is not a known key");
-                problem.nearest = most_similar(key, known.iter().copied()).map(str::to_owned);
+                let nearest =
+                    synonym(key, &known).or_else(|| most_similar(key, known.iter().copied()));
+                problem.nearest = nearest.map(str::to_owned);
                 if problem.nearest.is_none() {
                     problem.message = if known.is_empty() {
                         "is not a known key; this table has no keys".to_owned()
@@ -330,6 +332,15 @@ impl Walk<'_> {
             _ => Err(wrong()),
         }
     }
+}
+
+/// Keys that say the same in different sections.
+const SYNONYMS: [[&str; 2]; 1] = [["agents", "nodes"]];
+
+/// The known key that says what an unknown one says elsewhere.
+fn synonym<'a>(key: &str, known: &[&'a str]) -> Option<&'a str> {
+    let pair = SYNONYMS.iter().find(|pair| pair.contains(&key))?;
+    known.iter().copied().find(|other| pair.contains(other))
 }
 
 /// Some value of a kind, for a required key that has none: checks across keys can then still be made.

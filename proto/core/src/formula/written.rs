@@ -148,6 +148,32 @@ impl<R> Bound<R> {
         }
         Some(self.formula.evaluate(values)).filter(|value| !value.is_nan())
     }
+
+    /// Whether it is a condition that holds. Names without a value are not a number, so that one which decides nothing does not
+    /// matter.
+    pub fn is_true(
+        &self,
+        read: impl Fn(&R) -> Option<f64>,
+        column: impl Fn(&str) -> Option<f64>,
+    ) -> bool {
+        let mut values = [f64::NAN; MOST_NAMES];
+        let Some(values) = values.get_mut(..self.sources.len()) else { return false };
+        for (value, source) in values.iter_mut().zip(&self.sources) {
+            let found = match source {
+                Source::Value(value) => Some(*value),
+                Source::Read(how) => read(how),
+                Source::Column(name) => column(name),
+            };
+            *value = found.unwrap_or(f64::NAN);
+        }
+        self.formula.evaluate(values) == 1.0
+    }
+
+    /// The names that it uses.
+    #[must_use]
+    pub fn names(&self) -> &[String] {
+        self.formula.names()
+    }
 }
 
 fn parameters(
