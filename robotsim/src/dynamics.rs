@@ -23,7 +23,7 @@ pub use response::Response;
 use crate::context::field;
 use crate::obstacles::Course;
 use body::Body;
-use effect::Localization;
+use effect::{Localization, Situation};
 use physics::{Order, Physics, Robot};
 use proto::config::{
     Choice, Default, Kind, Problem, Range, Registry, TableSpec, Tag, Variant, Variants, join, typed,
@@ -194,6 +194,8 @@ const VARIANTS: &[Variant] = &[
 pub struct Dynamics {
     physics: Physics,
     localization: Option<Localization>,
+    /// Those that act on some robots or at some times only, with their places in the list of effects.
+    limited: Vec<(usize, Localization)>,
 }
 
 /// What one robot carries from step to step where effects reach back in time.
@@ -260,9 +262,28 @@ impl Dynamics {
         };
         let keys: Keys = typed(table);
         let effects = effect::build(&keys.effect, &join(path, "effect"), known, problems);
-        let (mut localization, mut lags) = (None, [false; 2]);
+        let (mut localization, mut lags, mut limited) = (None, [false; 2], Vec::new());
         for (index, effect) in effects.iter().enumerate() {
             let place = format!("{}[{index}]", join(path, "effect"));
+            if let Some(limits) = effect.limits() {
+                let name = limits.unknown_to(body.shape(), body.inertial().is_some());
+                problems.extend(name.map(|name| {
+                    let message = format!(
+                        "must not use {name}, which this kind of body does not have; use the names of the effect formula"
+                    );
+                    Problem::new(format!("{place}.only.where"), message)
+                }));
+                if physics::MOST_LIMITED <= index {
+                    let message = format!(
+                        "must be absent from all effects but the first {}",
+                        physics::MOST_LIMITED
+                    );
+                    problems.push(Problem::new(format!("{place}.only"), message));
+                }
+                // Several may be limited to different robots or times.
+                limited.extend(effect.localization().map(|given| (index, given)));
+                continue;
+            }
             if let Some(given) = effect.localization()
                 && localization.replace(given).is_some()
             {
@@ -280,15 +301,43 @@ impl Dynamics {
                 }
             }
         }
-        Some(Self { physics: Physics::new(body, effects), localization })
+        Some(Self { physics: Physics::new(body, effects), localization, limited })
+    }
+
+    /// How the position of a robot is measured, if anything is wrong with it. Of effects that act on some robots or at some times
+    /// only, the last one that acts decides.
+    fn localization_at(
+        &self,
+        agent: usize,
+        time_s: f64,
+        states: &AgentStates,
+    ) -> Option<Localization> {
+        let surroundings = Surroundings { agent: agent as u32, ..Surroundings::default() };
+        let at = Situation {
+            time_s,
+            position_m: states.position_m(agent),
+            velocity_mps: [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]],
+            heading_rad: states.heading_rad.get(agent).copied().unwrap_or(0.0),
+            surroundings: &surroundings,
+        };
+        let last = self.limited.iter().rev().find(|(place, _)| self.physics.acts(*place, &at));
+        last.map(|&(_, localization)| localization).or(self.localization)
+    }
+
+    /// Whether positions may be measured wrongly.
+    fn has_localization(&self) -> bool {
+        self.localization.is_some() || !self.limited.is_empty()
     }
 
     /// Adds noise (standard deviation in m) to how positions are measured.
     #[must_use]
     pub(crate) fn with_noise(mut self, sd_m: f64) -> Self {
         if 0.0 < sd_m {
-            let localization = self.localization.get_or_insert(Localization::PERFECT);
-            localization.sd_m = libm::hypot(localization.sd_m, sd_m);
+            self.localization.get_or_insert(Localization::PERFECT);
+            let limited = self.limited.iter_mut().map(|(_, localization)| localization);
+            for localization in limited.chain(&mut self.localization) {
+                localization.sd_m = libm::hypot(localization.sd_m, sd_m);
+            }
         }
         self
     }
@@ -318,13 +367,14 @@ impl Dynamics {
     /// What a command that is given at `from_s` for `dt_s` makes a robot do.
     fn take_up(
         &self,
-        agent: usize,
         command: Command,
         from_s: f64,
         dt_s: f64,
+        surroundings: &Surroundings<'_>,
         states: &AgentStates,
         memory: &mut [Memory],
     ) -> Motion {
+        let agent = surroundings.agent as usize;
         let inertial = self.physics.is_inertial();
         let is_plain = self.physics.is_bare() && !self.physics.shape().is_turning() && !inertial;
         let command = match command {
@@ -337,13 +387,14 @@ impl Dynamics {
         let demand = match command {
             Command::Jump(displacement) => return Motion::Jump(displacement),
             Command::Velocity(velocity) if is_plain => {
-                return Motion::Velocity(self.physics.target(velocity));
+                return Motion::Velocity(self.physics.body().cap(velocity));
             }
             Command::Velocity(velocity) => {
                 let heading_rad = states.heading_rad.get(agent).copied().unwrap_or(0.0);
                 let drive = memory.get(agent).map_or([0.0; 3], |memory| memory.drive);
-                let robot = Robot { heading_rad, drive, ..Robot::default() };
-                self.physics.follow(velocity, &robot, dt_s)
+                let position_m = states.position_m(agent);
+                let robot = Robot { position_m, heading_rad, drive, ..Robot::default() };
+                self.physics.follow(velocity, &robot, [from_s, dt_s], surroundings)
             }
             Command::Acceleration(asked) => asked,
         };

@@ -4,6 +4,7 @@ use crate::catalogue::Catalogue;
 use crate::context::{Context, field};
 use crate::controller::{self, Controller, Team};
 use crate::dynamics::contacts::Contacts;
+use crate::dynamics::effect::only::refuse_measured;
 use crate::dynamics::fleet::Fleet;
 use crate::dynamics::{self, Dynamics};
 use proto::config::{self, Default, Kind, Lists, Node, Problem, Range, TableSpec, join, typed};
@@ -129,12 +130,14 @@ pub(crate) fn build(
     for (index, group) in groups.into_iter().enumerate() {
         let mut own = Vec::new();
         let key_path = |key: &str, place: &str| join(path, &join(place, key));
-        let dynamics = Dynamics::build(
-            subtable(table, index, "dynamics", &group.dynamics),
-            &key_path("dynamics", &group.dynamics),
-            &catalogue.effects,
-            &mut own,
-        );
+        let dynamics_path = key_path("dynamics", &group.dynamics);
+        let dynamics_table = subtable(table, index, "dynamics", &group.dynamics);
+        let effects = dynamics_table.get("effect").and_then(toml::Value::as_array);
+        let effects: Vec<&toml::Table> =
+            effects.into_iter().flatten().filter_map(toml::Value::as_table).collect();
+        refuse_measured(&effects, &join(&dynamics_path, "effect"), &mut own);
+        let dynamics =
+            Dynamics::build(dynamics_table, &dynamics_path, &catalogue.effects, &mut own);
         let dynamics = dynamics.map(|dynamics| dynamics.with_noise(group.sd_m));
         let context = Context {
             path: key_path("controller", &group.controller),

@@ -205,5 +205,5 @@ pub fn build(tables: &[toml::Table], known: &Registry<Entry>) -> Vec<Box<dyn Eff
 /// kind.
 #[must_use]
 pub fn build_one(entry: &Entry, table: &toml::Table, number: u32) -> Option<Box<dyn Effect>> {
-    (entry.build)(table, number).map(|effect| only::limited(effect, table))
+    (entry.build)(table, number).and_then(|effect| only::limited(effect, table))
 }

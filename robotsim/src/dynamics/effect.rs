@@ -10,6 +10,7 @@ mod downwash;
 mod formula;
 mod heading_bias;
 mod localization;
+pub mod only;
 mod quadratic_drag;
 mod rough_ground;
 mod slip;
@@ -41,6 +42,11 @@ use proto::effect::{About, Fit};
 pub trait Effect: Send + Sync + std::fmt::Debug {
     /// Its name in configurations, records and reports.
     fn name(&self) -> &'static str;
+
+    /// What limits it to some robots or times, if anything does. Nothing else of it depends on that.
+    fn limits(&self) -> Option<&only::Limits> {
+        None
+    }
 
     /// How much later (s) commands act.
     fn delay_s(&self, _part: Part) -> f64 {
@@ -121,7 +127,7 @@ pub struct Situation<'a> {
 /// Description of one `[[robotsim.dynamics.effect]]`.
 pub const SPEC: TableSpec = TableSpec {
     doc: "A physical effect between command and motion.",
-    fields: &[],
+    fields: &[proto::effect::only::field(&only::SPEC)],
     tag: Some(&TAG),
 };
 
@@ -140,7 +146,7 @@ pub struct Entry {
     pub fit: Fit,
     /// What its keys must be like together, beside what is asked of each: [`UNCHECKED`] for nothing.
     pub check: Check,
-    /// Makes it of its checked table.
+    /// Makes it of its checked table, wherever it acts: [`build_one`] adds the limits.
     pub build: fn(&toml::Table) -> Option<Box<dyn Effect>>,
 }
 
@@ -189,10 +195,18 @@ pub fn build(
 ) -> Vec<Box<dyn Effect>> {
     let mut one = |(index, table): (usize, &toml::Table)| {
         let entry = known.selected(table, &TAG)?;
-        (entry.check)(table, &format!("{path}[{index}]"), problems);
-        (entry.build)(table)
+        let path = format!("{path}[{index}]");
+        (entry.check)(table, &path, problems);
+        only::check(table, &path, problems);
+        build_one(entry, table)
     };
     tables.iter().enumerate().filter_map(&mut one).collect()
+}
+
+/// Makes one effect of its checked table, limited to where its table `only` says.
+#[must_use]
+pub fn build_one(entry: &Entry, table: &toml::Table) -> Option<Box<dyn Effect>> {
+    (entry.build)(table).and_then(|effect| only::limited(effect, table))
 }
 
 /// The key that says which actuator an effect concerns.

@@ -74,7 +74,7 @@ impl Fleet {
     pub fn memory(&self, n_agents: usize) -> Vec<Memory> {
         let is_needed = self.any(|dynamics| {
             let physics = &dynamics.physics;
-            !physics.is_bare() || physics.is_inertial() || dynamics.localization.is_some()
+            !physics.is_bare() || physics.is_inertial() || dynamics.has_localization()
         });
         if is_needed { vec![Memory::default(); n_agents] } else { Vec::new() }
     }
@@ -127,9 +127,10 @@ impl Fleet {
             let bodies: Vec<usize> = self.alive_bodies(states).collect();
             for agent in bodies {
                 let dynamics = self.dynamics(agent);
-                let motion = dynamics.take_up(agent, commands[agent], from_s, dt_s, states, memory);
                 let near = all_but(&others, agent);
-                let surroundings = Surroundings { others: &near, ..base };
+                let surroundings = Surroundings { agent: agent as u32, others: &near, ..base };
+                let command = commands[agent];
+                let motion = dynamics.take_up(command, from_s, dt_s, &surroundings, states, memory);
                 let (velocity, displacement) = match motion {
                     Motion::Velocity(velocity) => (velocity, velocity.map(|part| part * dt_s)),
                     Motion::Body(_) | Motion::Jump(_) => {
@@ -187,18 +188,24 @@ impl Fleet {
         states: &AgentStates,
         memory: &mut [Memory],
     ) -> Option<AgentStates> {
-        if !self.any(|dynamics| dynamics.localization.is_some()) {
+        if !self.any(Dynamics::has_localization) {
             return None;
         }
         let now_s = seconds(step.until_ns);
         let draws = Draws::new(step.seed, Purpose::Localization);
         let mut measured = states.clone();
         for (agent, memory) in memory.iter_mut().enumerate() {
-            let Some(Localization { sd_m, delay_s, scale }) = self.dynamics(agent).localization
+            let dynamics = self.dynamics(agent);
+            if dynamics.has_localization() {
+                memory.track.push((now_s, states.position_m(agent)));
+            }
+            let Some(Localization { sd_m, delay_s, scale }) =
+                dynamics.localization_at(agent, now_s, states)
             else {
+                // What is measured late later on is measured late from here on.
+                memory.track.drain(..memory.track.len().saturating_sub(1));
                 continue;
             };
-            memory.track.push((now_s, states.position_m(agent)));
             let position_m = memory.position_m(now_s - delay_s);
             let noise_m: [f64; 3] = std::array::from_fn(|axis| {
                 let axis_sd_m = if axis < 2 { sd_m } else { 0.0 };

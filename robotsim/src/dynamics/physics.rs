@@ -1,8 +1,10 @@
 //! One robot from one moment to another, under its commands: the one piece of code that runs use and fits use.
 
 use super::body::{Body, Drive, Part};
+use super::effect::only::{Limits, Moment};
 use super::effect::{Effect, Situation};
 use super::inertial::{Push, within};
+use super::norm;
 use super::response::Response;
 use super::rigid::RigidBody;
 use super::surroundings::Surroundings;
@@ -35,13 +37,65 @@ pub struct Order {
 pub struct Physics {
     body: Body,
     effects: Vec<Box<dyn Effect>>,
+    /// All effects together.
+    all: Acting,
+    /// Some effects act on some robots or at some times only.
+    is_limited: bool,
+    /// They may begin or cease to act at any time.
+    limits_vary: bool,
+    steps: Steps,
+}
+
+/// What effects that act at a moment come to together.
+#[derive(Clone, Copy, Debug)]
+struct Acting {
+    /// By place in the list of effects.
+    bits: u64,
     delay_s: [f64; 2],
     response: [Response; 2],
     course_rad: f64,
     sideways_s: f64,
     varies: bool,
-    drifts: bool,
-    steps: Steps,
+}
+
+/// So many effects, the first ones, may be limited to some robots or times.
+pub(super) const MOST_LIMITED: usize = 64;
+
+impl Acting {
+    /// Those whose bits are set.
+    fn new(effects: &[Box<dyn Effect>], bits: u64) -> Self {
+        let parts = [Part::Speed, Part::Turn];
+        let acting = || effects.iter().enumerate().filter(|(place, _)| has(bits, *place));
+        let sum = |value: &dyn Fn(&dyn Effect) -> f64| {
+            acting().map(|(_, effect)| value(&**effect)).sum::<f64>()
+        };
+        let response = |part| Response {
+            lag_s: sum(&|effect| effect.lag_s(part)),
+            limit: acting()
+                .map(|(_, effect)| effect.limit_per_s(part))
+                .fold(f64::INFINITY, f64::min),
+        };
+        Self {
+            bits,
+            delay_s: parts.map(|part| sum(&|effect| effect.delay_s(part))),
+            response: parts.map(response),
+            course_rad: sum(&|effect| effect.course_rad()),
+            sideways_s: sum(&|effect| effect.sideways_s()),
+            varies: acting().any(|(_, effect)| effect.varies_on_the_way()),
+        }
+    }
+
+    /// Whether the effect at this place acts.
+    #[inline]
+    fn has(&self, place: usize) -> bool {
+        has(self.bits, place)
+    }
+}
+
+/// Whether the effect at a place acts. Those beyond [`MOST_LIMITED`] always do.
+#[inline]
+fn has(bits: u64, place: usize) -> bool {
+    MOST_LIMITED <= place || bits >> place & 1 == 1
 }
 
 /// Where motion has no closed form it is integrated in steps of at most so long. An arc with the mean speed and turn of the
@@ -59,24 +113,11 @@ const STEPS: Steps = Steps { turning_s: 0.025, local_s: 0.01 };
 
 impl Physics {
     pub(super) fn new(body: Body, effects: Vec<Box<dyn Effect>>) -> Self {
-        let parts = [Part::Speed, Part::Turn];
-        let sum = |value: &dyn Fn(&dyn Effect) -> f64| {
-            effects.iter().map(|effect| value(&**effect)).sum::<f64>()
-        };
-        let response = |part| Response {
-            lag_s: sum(&|effect| effect.lag_s(part)),
-            limit: effects
-                .iter()
-                .map(|effect| effect.limit_per_s(part))
-                .fold(f64::INFINITY, f64::min),
-        };
+        let limits = || effects.iter().filter_map(|effect| effect.limits());
         Self {
-            delay_s: parts.map(|part| sum(&|effect| effect.delay_s(part))),
-            response: parts.map(response),
-            course_rad: sum(&|effect| effect.course_rad()),
-            sideways_s: sum(&|effect| effect.sideways_s()),
-            varies: effects.iter().any(|effect| effect.varies_on_the_way()),
-            drifts: !effects.is_empty(),
+            all: Acting::new(&effects, u64::MAX),
+            is_limited: limits().next().is_some(),
+            limits_vary: limits().any(Limits::vary_on_the_way),
             steps: STEPS,
             body,
             effects,
@@ -102,13 +143,14 @@ impl Physics {
     /// How long ago (s) commands may have been given that still matter for what is to come.
     #[must_use]
     pub fn delay_s(&self) -> f64 {
-        self.delay_s[0].max(self.delay_s[1])
+        self.all.delay_s[0].max(self.all.delay_s[1])
     }
 
     /// After how long (s) what actuators did before has no influence any more: the delay, and 5 time constants.
     #[must_use]
     pub fn memory_s(&self) -> f64 {
-        self.delay_s() + 5.0 * self.response[0].lag_s.max(self.response[1].lag_s)
+        let [speed, turn] = self.all.response;
+        self.delay_s() + 5.0 * speed.lag_s.max(turn.lag_s)
     }
 
     /// Whether effects make it differ from the bare body.
@@ -121,7 +163,7 @@ impl Physics {
     #[must_use]
     pub fn is_alike_everywhere(&self) -> bool {
         let drifts = || self.effects.iter().any(|effect| effect.drifts());
-        !(self.varies || self.shape().is_turning() && drifts())
+        !(self.all.varies || self.limits_vary || self.shape().is_turning() && drifts())
     }
 
     /// Whether bodies keep their velocity.
@@ -139,9 +181,18 @@ impl Physics {
     }
 
     /// What to ask of a robot so that it moves with this velocity (m/s), as well as it can within `dt_s`.
-    pub(super) fn follow(&self, velocity_mps: [f64; 3], robot: &Robot, dt_s: f64) -> Drive {
+    pub(super) fn follow(
+        &self,
+        velocity_mps: [f64; 3],
+        robot: &Robot,
+        [from_s, dt_s]: [f64; 2],
+        surroundings: &Surroundings<'_>,
+    ) -> Drive {
         match self.body.inertial() {
-            Some(body) => body.towards(self.target(velocity_mps), robot.drive, dt_s),
+            Some(body) => {
+                let target_mps = self.target_at(velocity_mps, robot, from_s, surroundings);
+                body.towards(target_mps, robot.drive, dt_s)
+            }
             None => self.body.follow(velocity_mps, robot.heading_rad, dt_s),
         }
     }
@@ -169,7 +220,17 @@ impl Physics {
         while at_s < until_s {
             let mut end_s = until_s;
             let mut demand = [0.0; 3];
-            for (part, &delay_s) in self.delay_s.iter().enumerate() {
+            let limited;
+            let mut acting = &self.all;
+            if self.is_limited {
+                let later = orders.partition_point(|order| order.from_s <= at_s);
+                let command = later.checked_sub(1).map_or([0.0; 3], |last| orders[last].demand);
+                limited = self.acting(robot, command, at_s, surroundings);
+                acting = &limited;
+                let next_order_s = orders.get(later).map_or(f64::INFINITY, |order| order.from_s);
+                end_s = end_s.min(next_order_s).min(self.next_change_s(at_s));
+            }
+            for (part, &delay_s) in acting.delay_s.iter().enumerate() {
                 // The first order that does not act on this part yet.
                 let mut later = *next;
                 while later < orders.len() && orders[later].from_s + delay_s <= at_s {
@@ -187,50 +248,131 @@ impl Physics {
                     }
                 }
             }
-            self.hold(robot, demand, at_s, end_s - at_s, surroundings);
+            self.hold(robot, acting, demand, at_s, end_s - at_s, surroundings);
             at_s = end_s;
         }
     }
 
-    /// What the actuators come to where a command asks for `demand` for long.
+    /// The effects that act on a robot at a moment, of which this is the last command.
+    fn acting(
+        &self,
+        robot: &Robot,
+        command: Drive,
+        time_s: f64,
+        surroundings: &Surroundings<'_>,
+    ) -> Acting {
+        let velocity_mps = if self.shape().is_turning() {
+            let (sin, cos) = libm::sincos(robot.heading_rad);
+            [robot.drive[0] * cos, robot.drive[0] * sin, 0.0]
+        } else {
+            robot.drive
+        };
+        let at = Situation {
+            time_s,
+            position_m: robot.position_m,
+            velocity_mps,
+            heading_rad: robot.heading_rad,
+            surroundings,
+        };
+        let command = (!self.is_inertial()).then_some(command);
+        let moment = Moment { at, shape: self.shape(), command };
+        let mut bits = u64::MAX;
+        for (place, effect) in self.effects.iter().enumerate().take(MOST_LIMITED) {
+            if effect.limits().is_some_and(|limits| !limits.allow(&moment)) {
+                bits &= !(1 << place);
+            }
+        }
+        Acting::new(&self.effects, bits)
+    }
+
+    /// Up to when (s) the effects that act at `time_s` are taken to act.
+    fn next_change_s(&self, time_s: f64) -> f64 {
+        let limits = self.effects.iter().filter_map(|effect| effect.limits());
+        let change_s =
+            limits.map(|limits| limits.next_change_s(time_s)).fold(f64::INFINITY, f64::min);
+        if self.limits_vary { change_s.min(time_s + self.steps.local_s) } else { change_s }
+    }
+
+    /// What the actuators of a robot come to where a command at `time_s` asks for `demand` for long.
     #[must_use]
-    pub fn target(&self, demand: Drive) -> Drive {
+    pub fn target_at(
+        &self,
+        demand: Drive,
+        robot: &Robot,
+        time_s: f64,
+        surroundings: &Surroundings<'_>,
+    ) -> Drive {
+        if self.is_limited {
+            self.target(&self.acting(robot, demand, time_s, surroundings), demand)
+        } else {
+            self.target(&self.all, demand)
+        }
+    }
+
+    /// How fast (m/s) a body may be that is asked for this velocity (m/s), whichever effects act.
+    pub(super) fn most_mps(&self, velocity_mps: [f64; 3]) -> f64 {
+        if !self.is_limited {
+            return norm(self.target(&self.all, velocity_mps));
+        }
+        let capped = self.body.cap(velocity_mps);
+        let own_mps = norm(capped);
+        let rise = |effect: &Box<dyn Effect>| {
+            (norm(effect.shape(self.shape(), capped)) / own_mps).max(1.0)
+        };
+        if own_mps == 0.0 { 0.0 } else { own_mps * self.effects.iter().map(rise).product::<f64>() }
+    }
+
+    /// Whether the effect at this place of the list acts on a robot that has this velocity (m/s).
+    pub(super) fn acts(&self, place: usize, at: &Situation<'_>) -> bool {
+        let moment = Moment { at: *at, shape: self.shape(), command: None };
+        self.effects[place].limits().is_none_or(|limits| limits.allow(&moment))
+    }
+
+    fn target(&self, acting: &Acting, demand: Drive) -> Drive {
         let shape = self.shape();
-        self.effects
-            .iter()
-            .fold(self.body.cap(demand), |demand, effect| effect.shape(shape, demand))
+        let mut demand = self.body.cap(demand);
+        for (place, effect) in self.effects.iter().enumerate() {
+            if acting.has(place) {
+                demand = effect.shape(shape, demand);
+            }
+        }
+        demand
     }
 
     /// Advances a robot by `dt_s` under one demand.
     fn hold(
         &self,
         robot: &mut Robot,
+        acting: &Acting,
         demand: Drive,
         from_s: f64,
         dt_s: f64,
         surroundings: &Surroundings<'_>,
     ) {
         if self.is_inertial() {
-            return self.push(robot, demand, from_s, dt_s, surroundings);
+            return self.push(robot, acting, demand, from_s, dt_s, surroundings);
         }
-        let target = self.target(demand);
+        let target = self.target(acting, demand);
         let turning = self.shape().is_turning();
-        let longest_s = match (self.varies, turning) {
+        let longest_s = match (acting.varies, turning) {
             (true, _) => self.steps.local_s,
             (false, true) => self.steps.turning_s,
             (false, false) => f64::INFINITY,
         };
-        let is_steady = robot.drive == target || self.response == [Response::INSTANT; 2];
-        let n =
-            if is_steady && !self.varies { 1 } else { (dt_s / longest_s).ceil().max(1.0) as usize };
+        let is_steady = robot.drive == target || acting.response == [Response::INSTANT; 2];
+        let n = if is_steady && !acting.varies {
+            1
+        } else {
+            (dt_s / longest_s).ceil().max(1.0) as usize
+        };
         let h_s = dt_s / n as f64;
         for step in 0..n {
-            let mean = self.respond(&mut robot.drive, target, h_s);
+            let mean = self.respond(acting, &mut robot.drive, target, h_s);
             let time_s = from_s + (step as f64 + 0.5) * h_s;
             if turning {
-                self.turn(robot, mean, time_s, h_s, surroundings);
+                self.turn(robot, acting, mean, time_s, h_s, surroundings);
             } else {
-                self.shift(robot, mean, time_s, h_s, surroundings);
+                self.shift(robot, acting, mean, time_s, h_s, surroundings);
             }
         }
     }
@@ -239,30 +381,31 @@ impl Physics {
     fn push(
         &self,
         robot: &mut Robot,
+        acting: &Acting,
         asked_mps2: [f64; 3],
         from_s: f64,
         dt_s: f64,
         surroundings: &Surroundings<'_>,
     ) {
         let body = self.body.inertial().expect("it keeps its velocity");
-        let Response { lag_s, limit } = self.response[0];
+        let Response { lag_s, limit } = acting.response[0];
         let asked_mps2 = body.limited(within(asked_mps2, limit));
         let lag_s = lag_s + body.lag_s();
-        let longest_s = if self.varies { self.steps.local_s } else { f64::INFINITY };
+        let longest_s = if acting.varies { self.steps.local_s } else { f64::INFINITY };
         let n = (dt_s / longest_s).ceil().max(1.0) as usize;
         let h_s = dt_s / n as f64;
         for step in 0..n {
             let mut push = Push { velocity_mps: robot.drive, acceleration_mps2: robot.push_mps2 };
             let mean_mps = push.advance(asked_mps2, lag_s, h_s);
             let time_s = from_s + (step as f64 + 0.5) * h_s;
-            self.shift(robot, mean_mps, time_s, h_s, surroundings);
+            self.shift(robot, acting, mean_mps, time_s, h_s, surroundings);
             robot.drive = push.velocity_mps;
             robot.push_mps2 = push.acceleration_mps2;
         }
     }
 
     /// Lets the actuators follow for `h_s` and returns their mean over that time.
-    fn respond(&self, drive: &mut Drive, target: Drive, h_s: f64) -> Drive {
+    fn respond(&self, acting: &Acting, drive: &mut Drive, target: Drive, h_s: f64) -> Drive {
         let mut mean = target;
         let mut follow = |parts: std::ops::Range<usize>, response: Response| {
             let missing: Drive = std::array::from_fn(|index| target[index] - drive[index]);
@@ -279,10 +422,10 @@ impl Physics {
             }
         };
         if self.shape().is_turning() {
-            follow(0..1, self.response[0]);
-            follow(1..2, self.response[1]);
+            follow(0..1, acting.response[0]);
+            follow(1..2, acting.response[1]);
         } else {
-            follow(0..3, self.response[0]);
+            follow(0..3, acting.response[0]);
         }
         mean
     }
@@ -291,12 +434,13 @@ impl Physics {
     fn shift(
         &self,
         robot: &mut Robot,
+        acting: &Acting,
         velocity_mps: [f64; 3],
         time_s: f64,
         h_s: f64,
         surroundings: &Surroundings<'_>,
     ) {
-        let over_ground = self.over_ground(robot, velocity_mps, time_s, h_s, surroundings);
+        let over_ground = self.over_ground(robot, acting, velocity_mps, time_s, h_s, surroundings);
         for (position, velocity) in robot.position_m.iter_mut().zip(over_ground) {
             *position += velocity * h_s;
         }
@@ -306,6 +450,7 @@ impl Physics {
     fn turn(
         &self,
         robot: &mut Robot,
+        acting: &Acting,
         [speed_mps, turn, _]: Drive,
         time_s: f64,
         h_s: f64,
@@ -319,12 +464,12 @@ impl Physics {
         } else {
             libm::sin(half_rad) / half_rad
         };
-        let (sin, cos) = libm::sincos(robot.heading_rad + half_rad + self.course_rad);
+        let (sin, cos) = libm::sincos(robot.heading_rad + half_rad + acting.course_rad);
         let along_mps = speed_mps * chord;
-        let sideways_mps = self.sideways_s * yaw_rate_radps * along_mps;
+        let sideways_mps = acting.sideways_s * yaw_rate_radps * along_mps;
         let velocity_mps =
             [along_mps * cos - sideways_mps * sin, along_mps * sin + sideways_mps * cos, 0.0];
-        self.shift(robot, velocity_mps, time_s, h_s, surroundings);
+        self.shift(robot, acting, velocity_mps, time_s, h_s, surroundings);
         robot.heading_rad += 2.0 * half_rad;
     }
 
@@ -333,22 +478,24 @@ impl Physics {
     fn over_ground(
         &self,
         robot: &Robot,
+        acting: &Acting,
         velocity_mps: [f64; 3],
         time_s: f64,
         h_s: f64,
         surroundings: &Surroundings<'_>,
     ) -> [f64; 3] {
-        if !self.drifts {
+        if self.effects.is_empty() {
             return velocity_mps;
         }
         let ahead = |share: f64| -> [f64; 3] {
             std::array::from_fn(|i| robot.position_m[i] + velocity_mps[i] * h_s * share)
         };
-        let scale: f64 = self
-            .effects
-            .iter()
-            .map(|effect| effect.ground_scale(robot.position_m, ahead(1.0)))
-            .product();
+        let effects = || {
+            let all = self.effects.iter().enumerate();
+            all.filter(|(place, _)| acting.has(*place)).map(|(_, effect)| effect)
+        };
+        let scale: f64 =
+            effects().map(|effect| effect.ground_scale(robot.position_m, ahead(1.0))).product();
         let mut over_ground = velocity_mps.map(|velocity| velocity * scale);
         let situation = Situation {
             time_s,
@@ -357,7 +504,7 @@ impl Physics {
             heading_rad: robot.heading_rad,
             surroundings,
         };
-        for effect in &self.effects {
+        for effect in effects() {
             let drift_mps = effect.drift_mps(&situation);
             for (velocity, drift) in over_ground.iter_mut().zip(drift_mps) {
                 *velocity += drift;

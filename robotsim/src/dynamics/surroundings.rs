@@ -6,6 +6,10 @@ use proto::site::Terrain;
 /// What is around robots during a step.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Surroundings<'a> {
+    /// The robot's number.
+    pub agent: u32,
+    /// The measured run, where measurements are compared with the model.
+    pub run: Option<u32>,
     /// The ground. `None`: it is level.
     pub terrain: Option<&'a Terrain>,
     /// The others, as they were at `others_at_s`.

@@ -183,3 +183,45 @@ fn two_lags_of_one_actuator_are_refused() {
         "robotsim.dynamics.effect[1]: must occur only once per actuator; change the time constant of the first one"
     );
 }
+
+#[test]
+fn an_effect_that_is_limited_to_some_robots_and_times_acts_on_them_alone() {
+    let limited =
+        |kind: &str, only: &str| format!("{STEADY}\n[[dynamics.effect]]\n{kind}\nonly = {only}");
+    let slip =
+        limited("kind = 'slip'\nscale = 0.5", "{ agents = [1], from_s = 0.5, until_s = 1.5 }");
+    let (free, slipping) = (after(STEADY, 3, 20), after(&slip, 3, 20));
+    let behind_m = |agent: usize| free.x_m[agent] - slipping.x_m[agent];
+    assert!((behind_m(1) - 2.0).abs() < 1e-12, "{}", behind_m(1));
+    for agent in [0, 2] {
+        assert!(behind_m(agent).abs() < 1e-12, "{}", behind_m(agent));
+    }
+    // Positions are measured wrongly by robot 2 alone: it broadcasts them, and moves as the others.
+    let payloads = |only: &str| {
+        let toml = limited("kind = 'localization'\nscale = 2.0", only);
+        Air::new(&setup(&toml, 3, 3), |_, _, _, _| true).step().payloads
+    };
+    let (payloads, plain) = (payloads("{ agents = [2] }"), payloads("{ agents = [9] }"));
+    let differ: Vec<bool> = payloads.iter().zip(plain.iter()).map(|(a, b)| a != b).collect();
+    assert_eq!(differ, [false, false, true]);
+}
+
+#[test]
+fn a_simulation_refuses_limits_that_only_measurements_have() {
+    for (only, expected) in [
+        (
+            "{ runs = [2] }",
+            "robotsim.dynamics.effect[0].only.runs: applies to comparisons with measurements only",
+        ),
+        (
+            "{ where = 'load_kg > 1' }",
+            "robotsim.dynamics.effect[0].only.where: must not use load_kg in a simulation",
+        ),
+    ] {
+        let toml =
+            format!("{STEADY}\n[[dynamics.effect]]\nkind = 'slip'\nscale = 0.5\nonly = {only}");
+        let problems = Swarm::default().configure(&setup(&toml, 3, 3)).unwrap_err();
+        assert_eq!(problems.len(), 1);
+        assert!(problems[0].to_string().starts_with(expected), "{}", problems[0]);
+    }
+}

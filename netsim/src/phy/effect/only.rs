@@ -37,12 +37,13 @@ pub(super) fn check(effect: &toml::Table, path: &str, problems: &mut Vec<Problem
     only::read(effect, path, NODES, &NAMES, problems);
 }
 
-/// The effect where its checked table limits it, and as it is where not.
-pub(super) fn limited(effect: Box<dyn Effect>, table: &toml::Table) -> Box<dyn Effect> {
-    match only::read(table, "", NODES, &NAMES, &mut Vec::new()) {
-        Some(only) => Box::new(Limited { effect, only }),
-        None => effect,
+/// The effect where its checked table limits it, and as it is where not. Nothing where the limits are wrong.
+pub(super) fn limited(effect: Box<dyn Effect>, table: &toml::Table) -> Option<Box<dyn Effect>> {
+    if !table.contains_key(only::KEY) {
+        return Some(effect);
     }
+    let only = only::read(table, "", NODES, &NAMES, &mut Vec::new())?;
+    Some(Box::new(Limited { effect, only }))
 }
 
 /// Columns of measurements, or covariates of robots, that the table `only` of an effect names.
@@ -198,12 +199,11 @@ mod tests {
     #[test]
     fn every_part_of_an_effect_is_limited() {
         let scene = Scene::default();
-        let [here, there] =
-            [[0, 1], [0, 2]].map(|[tx, rx]| {
-                let mut link = along_x(10.0, 1.0, Some(15), &scene);
-                (link.sender.id, link.receiver.id) = (tx, rx);
-                link
-            });
+        let [here, there] = [[0, 1], [0, 2]].map(|[tx, rx]| {
+            let mut link = along_x(10.0, 1.0, Some(15), &scene);
+            (link.sender.id, link.receiver.id) = (tx, rx);
+            link
+        });
         let only = "\nonly = { nodes = [1] }";
         let floor = made("noise-floor", &format!("shift_db = -4.0{only}"));
         assert_eq!([&here, &there].map(|link| floor.curve_shift_db(link)), [-4.0, 0.0]);
@@ -215,7 +215,8 @@ mod tests {
         let curve = made("reception-curve", &format!("p50_dbm = -60.0\nwidth_db = 1.0{only}"));
         let limited = over_friis(Some(curve));
         let plain = over_friis(None);
-        let everywhere = over_friis(Some(made("reception-curve", "p50_dbm = -60.0\nwidth_db = 1.0")));
+        let everywhere =
+            over_friis(Some(made("reception-curve", "p50_dbm = -60.0\nwidth_db = 1.0")));
         let passes = |model: &Model, link: &Link<'_>| model.evaluate(link).reception_probability;
         assert_eq!(passes(&limited, &here), passes(&everywhere, &here));
         assert_eq!(passes(&limited, &there), passes(&plain, &there));
@@ -268,10 +269,19 @@ mod tests {
     #[test]
     fn what_is_wrong_with_it_is_refused_at_its_place() {
         for (only, expected) in [
-            ("{ agents = [1] }", "effect[0].only.agents: is not a known key (nearest valid: nodes)"),
+            (
+                "{ agents = [1] }",
+                "effect[0].only.agents: is not a known key (nearest valid: nodes)",
+            ),
             ("{ nodes = [] }", "effect[0].only.nodes: must have 1 to 10000 entries, got []"),
-            ("{ from_s = 5, until_s = 4 }", "effect[0].only.until_s: must be greater than from_s = 5"),
-            ("{ where = 'chanel > 12' }", "effect[0].only.where: unknown name chanel; did you mean channel?"),
+            (
+                "{ from_s = 5, until_s = 4 }",
+                "effect[0].only.until_s: must be greater than from_s = 5",
+            ),
+            (
+                "{ where = 'chanel > 12' }",
+                "effect[0].only.where: unknown name chanel; did you mean channel?",
+            ),
         ] {
             let problems = problems("system-gain", &format!("gain_db = 1.0\nonly = {only}"));
             assert!(problems.contains(expected), "{only}: {problems}");

@@ -132,44 +132,44 @@ impl Walk<'_> {
         if unjudged && !with.is_empty() {
             return;
         }
-        let problem =
-            if let (Some(tag), Some(selected), false) = (spec.tag, selected, with.is_empty()) {
-                let with: Vec<String> = with.iter().map(|name| format!("{name:?}")).collect();
-                Problem::new(
-                    join(path, key),
-                    format!(
-                        "does not apply with {} = {:?}, only with {}",
-                        tag.key,
-                        selected.name,
-                        with.join(", ")
-                    ),
+        let problem = if let (Some(tag), Some(selected), false) =
+            (spec.tag, selected, with.is_empty())
+        {
+            let with: Vec<String> = with.iter().map(|name| format!("{name:?}")).collect();
+            Problem::new(
+                join(path, key),
+                format!(
+                    "does not apply with {} = {:?}, only with {}",
+                    tag.key,
+                    selected.name,
+                    with.join(", ")
+                ),
+            )
+        } else {
+            let known: Vec<&str> = spec
+                .tag
+                .map(|tag| tag.key)
+                .into_iter()
+                .chain(
+                    selected
+                        .map_or(&[][..], |variant| variant.fields)
+                        .iter()
+                        .map(|field| field.key),
                 )
-            } else {
-                let known: Vec<&str> = spec
-                    .tag
-                    .map(|tag| tag.key)
-                    .into_iter()
-                    .chain(
-                        selected
-                            .map_or(&[][..], |variant| variant.fields)
-                            .iter()
-                            .map(|field| field.key),
-                    )
-                    .chain(spec.fields.iter().map(|field| field.key))
-                    .collect();
-                let mut problem = Problem::new(join(path, key), "is not a known key");
-                let nearest =
-                    synonym(key, &known).or_else(|| most_similar(key, known.iter().copied()));
-                problem.nearest = nearest.map(str::to_owned);
-                if problem.nearest.is_none() {
-                    problem.message = if known.is_empty() {
-                        "is not a known key; this table has no keys".to_owned()
-                    } else {
-                        format!("is not a known key; the keys are {}", known.join(", "))
-                    };
-                }
-                problem
-            };
+                .chain(spec.fields.iter().map(|field| field.key))
+                .collect();
+            let mut problem = Problem::new(join(path, key), "is not a known key");
+            let nearest = synonym(key, &known).or_else(|| most_similar(key, known.iter().copied()));
+            problem.nearest = nearest.map(str::to_owned);
+            if problem.nearest.is_none() {
+                problem.message = if known.is_empty() {
+                    "is not a known key; this table has no keys".to_owned()
+                } else {
+                    format!("is not a known key; the keys are {}", known.join(", "))
+                };
+            }
+            problem
+        };
         self.problems.push(problem);
     }
 

@@ -64,11 +64,8 @@ pub const fn condition(doc: &'static str) -> Field {
     Field { key: WHERE, doc, kind: Kind::Text, default: Default::Absent }
 }
 
-const NUMBERS: Kind = Kind::List {
-    of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
-    min: 1,
-    max: MOST_ENTRIES,
-};
+const NUMBERS: Kind =
+    Kind::List { of: &Kind::Integer { min: 0, max: u32::MAX as i64 }, min: 1, max: MOST_ENTRIES };
 
 /// What limits an effect. `R`: how the condition reads a number off a situation.
 #[derive(Clone, Debug)]

@@ -32,12 +32,13 @@ impl Fleet {
                 Command::Acceleration(asked_mps2) => dt_s * norm(asked_mps2),
                 Command::Jump(_) => 0.0,
                 Command::Velocity(velocity_mps) => {
-                    norm(self.dynamics(agent).physics.target(velocity_mps))
+                    self.dynamics(agent).physics.most_mps(velocity_mps)
                 }
             };
             fastest_mps = fastest_mps.max(norm(own_mps) + asked_mps);
             let dynamics = self.dynamics(agent);
-            let motion = dynamics.take_up(agent, command, from_s, dt_s, states, memory);
+            let surroundings = Surroundings { agent: agent as u32, ..*base };
+            let motion = dynamics.take_up(command, from_s, dt_s, &surroundings, states, memory);
             robots.push((agent, motion, states.position_m(agent), all_but(others, agent)));
         }
         let n = contacts.n_parts(dt_s, fastest_mps);
@@ -51,7 +52,7 @@ impl Fleet {
             }
             discs.clear();
             for (agent, motion, _, near) in &robots {
-                let surroundings = Surroundings { others: near, ..*base };
+                let surroundings = Surroundings { agent: *agent as u32, others: near, ..*base };
                 let motion = match *motion {
                     Motion::Jump(way_m) => Motion::Jump(way_m.map(|part_m| part_m / n as f64)),
                     motion => motion,

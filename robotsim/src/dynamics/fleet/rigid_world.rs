@@ -240,7 +240,9 @@ impl Fleet {
         for agent in rigid {
             let dynamics = self.dynamics(agent);
             let Some(body) = dynamics.physics.rigid() else { continue };
-            let motion = dynamics.take_up(agent, commands[agent], from_s, dt_s, states, memory);
+            let around = Surroundings { agent: agent as u32, ..*base };
+            let command = commands[agent];
+            let motion = dynamics.take_up(command, from_s, dt_s, &around, states, memory);
             let most_mps = dt_s * body.force_cap_n / body.mass_kg;
             fastest_mps = fastest_mps.max(norm(memory[agent].drive) + most_mps);
             smallest_m = smallest_m.min(body.body_diameter_m);
@@ -282,7 +284,7 @@ impl Fleet {
         let mut free = Vec::with_capacity(discs.len());
         for disc in discs {
             let agent = disc.agent;
-            let surroundings = Surroundings { others: &disc.others, ..*base };
+            let surroundings = Surroundings { agent: agent as u32, others: &disc.others, ..*base };
             let before_mps = memory[agent].drive;
             let dynamics = self.dynamics(agent);
             let way_m = dynamics.go(agent, disc.motion, span_s, &surroundings, states, memory);
