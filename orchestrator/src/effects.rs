@@ -25,6 +25,8 @@ pub struct Listed {
     pub section: &'static str,
     /// Its name and keys.
     pub variant: Variant,
+    /// Keys that every effect of the section has.
+    pub common: &'static [Field],
     /// What people should know of it.
     pub about: &'static About,
     /// How it is fitted to measurements.
@@ -38,6 +40,7 @@ pub fn all() -> Vec<Listed> {
         of: "radio",
         section: "netsim.phy.effect",
         variant: entry.variant,
+        common: netsim::phy::effect::SPEC.fields,
         about: &entry.about,
         fit: &entry.fit,
     });
@@ -45,6 +48,7 @@ pub fn all() -> Vec<Listed> {
         of: "robots",
         section: "robotsim.dynamics.effect",
         variant: entry.variant,
+        common: robotsim::dynamics::effect::SPEC.fields,
         about: &entry.about,
         fit: &entry.fit,
     });
@@ -52,6 +56,7 @@ pub fn all() -> Vec<Listed> {
         of: "network",
         section: "netsim.mac.effect",
         variant: entry.variant,
+        common: netsim::mac::effect::SPEC.fields,
         about: &entry.about,
         fit: &entry.fit,
     });
@@ -135,6 +140,11 @@ impl Listed {
         self.about.needs.iter().map(|need| need.describe()).collect()
     }
 
+    /// Its keys: its own, then those that all effects of its section have.
+    fn fields(&self) -> impl Iterator<Item = &'static Field> {
+        self.variant.fields.iter().chain(self.common)
+    }
+
     /// How it is configured: a table, ready to be pasted.
     #[must_use]
     pub fn example(&self) -> String {
@@ -179,7 +189,7 @@ impl Listed {
             );
         }
         let _ = writeln!(text, "\nParameters");
-        for field in self.variant.fields {
+        for field in self.fields() {
             let _ = writeln!(text, "  {}: {}", field.key, self.range(field));
             let _ = writeln!(text, "{}", wrapped(field.doc, "      "));
             if let Some(fitted) = self.fitted(field.key) {
@@ -275,7 +285,7 @@ impl Listed {
             judged: judged(self.fit.level),
             generalises: self.fit.generalises,
             linear_in: self.fit.linear_in,
-            parameters: self.variant.fields.iter().map(parameter).collect(),
+            parameters: self.fields().map(parameter).collect(),
             example: self.example(),
             picture: self.picture(),
         }

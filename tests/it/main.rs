@@ -27,6 +27,7 @@ mod fuzz_corpora;
 mod given_rssi;
 mod interrupts;
 mod links;
+mod only;
 mod orders;
 mod packets;
 mod packets_missing;

@@ -53,7 +53,7 @@ fn section(page: &mut String, effect: &Listed, all: &[Listed]) {
     let _ = writeln!(page, "{}\n", about.mechanism);
     let _ = writeln!(page, "```text\n{}\n```\n", about.equation);
     let _ = writeln!(page, "| key | meaning | range | fitted |\n|---|---|---|---|");
-    for field in effect.variant.fields {
+    for field in effect.fields() {
         let _ = writeln!(
             page,
             "| `{}` | {} | {} | {} |",

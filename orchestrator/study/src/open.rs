@@ -128,6 +128,8 @@ pub fn robots(
              alone; remove it",
         ));
     }
+    let columns = robots.covariates.iter().map(|(name, _)| name.as_str()).collect();
+    problems.extend(unknown_columns(config, &Limited::ROBOTS, columns));
     if !problems.is_empty() {
         return Err(config.refuse(problems).into());
     }
@@ -195,6 +197,12 @@ pub fn links(
     }
     let n_motes = links.rows.iter().map(|row| row.tx.max(row.rx) as usize + 1).max().unwrap_or(1);
     let (model, effective) = config.radio(n_motes)?;
+    let columns = links.covariates.iter().map(|(name, _)| name.as_str()).collect();
+    let mut problems = unknown_columns(config, &Limited::LINKS, columns);
+    problems.extend(limited_at_random(&model));
+    if !problems.is_empty() {
+        return Err(config.refuse(problems).into());
+    }
     let number = |key: &str| effective.get(key).and_then(toml::Value::as_float);
     let fixed_sd_db = number("noise_sd_db").filter(|sd_db| 0.0 < *sd_db);
     let height_m = number("antenna_height_m").unwrap_or_default();
@@ -231,6 +239,74 @@ pub fn links(
     let study = LinkStudy::new(rows, fixed_sd_db, &choices, &config.catalogues.network)?;
     account.warnings.extend(too_few(&study));
     Ok((study, account))
+}
+
+/// Where effects of one side are configured, and how the columns are found that limit one.
+struct Limited {
+    side: &'static str,
+    section: &'static str,
+    columns_of: fn(&toml::Table) -> Vec<String>,
+}
+
+impl Limited {
+    const LINKS: Self =
+        Self { side: "netsim", section: "phy", columns_of: netsim::phy::effect::only::columns };
+    const ROBOTS: Self = Self {
+        side: "robotsim",
+        section: "dynamics",
+        columns_of: robotsim::dynamics::effect::only::columns,
+    };
+
+    /// The checked or unchecked tables of the effects.
+    fn effects(&self, config: &Compared) -> Vec<toml::Table> {
+        let effects = config.section(self.side, self.section).get("effect").map(Node::to_toml);
+        let tables = effects.as_ref().and_then(toml::Value::as_array).into_iter().flatten();
+        tables.filter_map(toml::Value::as_table).cloned().collect()
+    }
+}
+
+/// Conditions of effects that name columns which the measurements do not have: such an effect would never act.
+fn unknown_columns(config: &Compared, limited: &Limited, columns: Vec<&str>) -> Vec<Problem> {
+    let is_known = |name: &str| {
+        columns.iter().any(|column| {
+            *column == name
+                || ["tx_", "rx_"].iter().any(|end| column.strip_prefix(end) == Some(name))
+        })
+    };
+    // Of a column without an end, both ends have the value.
+    let is_known = |name: &str| {
+        is_known(name)
+            || ["tx_", "rx_"].iter().filter_map(|end| name.strip_prefix(end)).any(is_known)
+    };
+    let mut problems = Vec::new();
+    for (index, effect) in limited.effects(config).iter().enumerate() {
+        for name in (limited.columns_of)(effect).iter().filter(|name| !is_known(name)) {
+            let path = format!("{}.{}.effect[{index}].only.where", limited.side, limited.section);
+            let message = "must use names of the effect formula or columns of the measurements; there is no such column";
+            let mut problem = Problem::new(path, message).value(name);
+            problem.nearest =
+                proto::config::most_similar(name, columns.iter().copied()).map(str::to_owned);
+            problems.push(problem);
+        }
+    }
+    problems
+}
+
+/// Effects that are limited to some links and vary at random, or have a curve of reception of their own: the likelihood has one
+/// distribution and one curve for all rows.
+fn limited_at_random(model: &netsim::phy::Model) -> Vec<Problem> {
+    let effects = model.effects.iter().enumerate().filter(|(_, effect)| effect.is_limited());
+    let changes_all = effects.filter(|(_, it)| it.scatter().is_some() || it.curve().is_some());
+    changes_all
+        .map(|(index, effect)| {
+            let message = format!(
+                "must be absent from {} when the model is compared with link samples, because random variation and reception curves \
+                 are compared over all rows; remove it",
+                effect.name()
+            );
+            Problem::new(format!("netsim.phy.effect[{index}].only"), message)
+        })
+        .collect()
 }
 
 /// Whether a column says what became of frames; readings that are given do not.
@@ -282,14 +358,18 @@ fn chosen(
 fn absent(config: &Compared, rows: &ModelledLinks) -> Option<String> {
     let motes: BTreeSet<i64> =
         rows.links.rows.iter().flat_map(|row| [row.tx, row.rx]).map(i64::from).collect();
-    let effects = config.section("netsim", "phy").get("effect").map(Node::to_toml);
+    let effects = Limited::LINKS.effects(config);
+    let lists = |effect: &toml::Table| {
+        let limits = effect.get(proto::effect::only::KEY).and_then(toml::Value::as_table);
+        let tables = [Some(effect), limits].into_iter().flatten();
+        let lists = tables.filter_map(|table| table.get("nodes")?.as_array().cloned());
+        lists.flatten().collect::<Vec<_>>()
+    };
     let named: BTreeSet<i64> = effects
-        .as_ref()
-        .and_then(toml::Value::as_array)
-        .into_iter()
-        .flatten()
-        .filter_map(|effect| effect.get("nodes")?.as_array())
-        .flatten()
+        .iter()
+        .flat_map(lists)
+        .collect::<Vec<_>>()
+        .iter()
         .filter_map(toml::Value::as_integer)
         .filter(|mote| !motes.contains(mote))
         .collect();

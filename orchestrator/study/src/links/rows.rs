@@ -148,6 +148,7 @@ impl ModelledLinks {
                 names: &self.names,
                 values: &self.values[row * n..(row + 1) * n],
             },
+            run: Some(self.links.rows[row].run),
             ..Scene::default()
         };
         let measured = &self.links.rows[row];
@@ -191,13 +192,12 @@ impl ModelledLinks {
         self.link(row, |link| effect.register_dbm(link, reading_dbm))
     }
 
-    /// What an effect makes of readings, by those of the first row.
+    /// What an effect makes of readings, by those of the first row on which it acts.
     #[must_use]
     pub fn register_of(&self, effect: &dyn Effect) -> Register {
-        if self.is_empty() {
-            return Register::Exact;
-        }
-        Register::classify(&|dbm| self.register_dbm(effect, 0, dbm))
+        let acts_on = |&row: &usize| self.link(row, |link| effect.acts_on(link));
+        let Some(row) = (0..self.len()).find(acts_on) else { return Register::Exact };
+        Register::classify(&|dbm| self.register_dbm(effect, row, dbm))
     }
 
     /// The level that the reading of a row is taken for (dBm), where readings are given.

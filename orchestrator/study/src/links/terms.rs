@@ -2,9 +2,9 @@
 
 use crate::formula::{FormulaCandidate, set};
 use crate::{CURVE, FINE, LOSS_CURVE, knots};
-use netsim::phy::effect::{Effect, Entry};
+use netsim::phy::effect::{Effect, Entry, build_one};
 use proto::config::{Default, Registry};
-use proto::effect::{CONSTANT, Parameter, Search};
+use proto::effect::{CONSTANT, Parameter, Search, only};
 use std::sync::Arc;
 
 /// The kind of a term, with what is needed to build it.
@@ -203,12 +203,19 @@ impl TermState {
         }
     }
 
-    /// The effect with these values.
+    /// The same, limited to some links: `limits` is the table `only` of the effect.
+    #[must_use]
+    pub fn limited(mut self, limits: toml::Table) -> Self {
+        self.table.insert(only::KEY.to_owned(), limits.into());
+        self
+    }
+
+    /// The effect with these values. `None`: the term is none of the catalogue, or its limits are wrong.
     #[must_use]
     pub fn build(&self, spec: &TermSpec) -> Option<Box<dyn Effect>> {
         match spec {
             TermSpec::Effect(entry) | TermSpec::Formula(entry, _) => {
-                (entry.build)(&self.keys(spec), 0)
+                build_one(entry, &self.keys(spec), 0)
             }
             _ => None,
         }

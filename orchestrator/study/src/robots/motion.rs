@@ -315,8 +315,10 @@ impl MeasuredTracks {
     fn begin(&self, track: usize, physics: &Physics) -> Robot {
         let first = &self.robots.samples[self.robots.tracks[track].start];
         let heading_rad = if first.heading_rad.is_nan() { 0.0 } else { first.heading_rad };
-        let drive = physics.target(first.command);
-        Robot { position_m: first.position_m, heading_rad, drive, ..Robot::default() }
+        let robot = Robot { position_m: first.position_m, heading_rad, ..Robot::default() };
+        let around = self.surroundings(self.robots.tracks[track].start);
+        let drive = physics.target_at(first.command, &robot, first.time_s, &around);
+        Robot { drive, ..robot }
     }
 
     /// Estimated state of a robot at each sample of its track.
@@ -335,14 +337,16 @@ impl MeasuredTracks {
 
     /// Goes along a track by the model alone.
     fn path(&self, track: usize, physics: &Physics) -> Vec<Robot> {
-        let samples = &self.robots.samples[self.robots.tracks[track].clone()];
+        let range = self.robots.tracks[track].clone();
+        let samples = &self.robots.samples[range.clone()];
         let mut robot = self.begin(track, physics);
         let mut path = Vec::with_capacity(samples.len());
         path.push(robot);
-        let (mut next, surroundings) = (0, Surroundings::default());
-        for pair in samples.windows(2) {
+        let mut next = 0;
+        for (index, pair) in range.zip(samples.windows(2)) {
             let (from_s, until_s) = (pair[0].time_s, pair[1].time_s);
             let orders = &self.orders[track];
+            let surroundings = self.surroundings(index);
             physics.advance(&mut robot, orders, &mut next, from_s, until_s, &surroundings);
             path.push(robot);
         }
@@ -455,6 +459,8 @@ impl MeasuredTracks {
 
     fn surroundings(&self, sample: usize) -> Surroundings<'_> {
         Surroundings {
+            agent: self.robots.samples[sample].agent,
+            run: Some(self.robots.samples[sample].run),
             terrain: Some(&self.terrain),
             others: self.others.get(sample).map_or(&[], |others| others),
             others_at_s: self.robots.samples[sample].time_s,

@@ -7,7 +7,7 @@ use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, RowValues, set};
 use crate::{CURVE, Candidate, FINE, knots};
 use measure::robots::RobotSample;
 use proto::config::{Node, Value, check};
-use proto::effect::{Body, Level, Need, Parameter, Role, Search};
+use proto::effect::{Body, Level, Need, Parameter, Role, Search, only};
 use robotsim::catalogue::Catalogue;
 use robotsim::dynamics::effect::{self, Entry};
 use robotsim::dynamics::{Part, Shape};
@@ -52,6 +52,13 @@ impl EffectTerm {
         let text = |key: &str| self.table.get(key).and_then(toml::Value::as_str);
         let part = if text("on") == Some("turn") { Part::Turn } else { Part::Speed };
         (self.search == Search::Thresholds { only_below: true }).then_some(part)
+    }
+
+    /// The same, limited to some robots or times: `limits` is the table `only` of the effect.
+    #[must_use]
+    pub(super) fn limited(mut self, limits: toml::Table) -> Self {
+        self.table.insert(only::KEY.to_owned(), limits.into());
+        self
     }
 
     /// The effect's table with these numbers.
@@ -243,7 +250,11 @@ fn untestable(
     let configured = dynamics.get("effect").and_then(toml::Value::as_array);
     let is_there = configured.into_iter().flatten().any(|table| {
         let text = |key: &str| table.get(key).and_then(toml::Value::as_str);
-        text("kind") == Some(entry.variant.name) && (on.is_none() || text("on") == on)
+        // Elsewhere, or at other times, one that is limited may still be missing.
+        let is_limited = table.get(only::KEY).is_some();
+        !is_limited
+            && text("kind") == Some(entry.variant.name)
+            && (on.is_none() || text("on") == on)
     });
     if is_there {
         return Some("is already in the model".to_owned());
