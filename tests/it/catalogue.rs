@@ -136,7 +136,12 @@ fn the_program_lists_explains_and_draws_effects() {
 }
 
 /// Effects that no campaign of `tests/campaign` can hide, and why.
-const WITHOUT_CAMPAIGN: [(&str, &str, &str); 2] = [
+const WITHOUT_CAMPAIGN: [(&str, &str, &str); 3] = [
+    (
+        "robots",
+        "turn-slowdown",
+        "unicycles that are slower in turns have a campaign of their own: tests/campaign/unforeseen/robots.rs",
+    ),
     (
         "radio",
         "formula",

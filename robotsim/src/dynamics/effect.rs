@@ -19,6 +19,7 @@ mod speed_limit;
 mod steering_bias;
 #[cfg(test)]
 pub(super) mod testing;
+mod turn_slowdown;
 mod wind;
 mod yaw_coupling;
 
@@ -75,6 +76,11 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
 
     /// Sideways velocity per ω × v (s) of a turning body.
     fn sideways_s(&self) -> f64 {
+        0.0
+    }
+
+    /// Fraction of the speed that a turning body loses per yaw rate (s).
+    fn slowdown_s(&self) -> f64 {
         0.0
     }
 
@@ -181,6 +187,7 @@ pub(crate) const BUILT_IN: &[Entry] = &[
     slope::ENTRY,
     speed_limit::ENTRY,
     steering_bias::ENTRY,
+    turn_slowdown::ENTRY,
     wind::ENTRY,
     yaw_coupling::ENTRY,
 ];

@@ -55,6 +55,7 @@ struct Acting {
     response: [Response; 2],
     course_rad: f64,
     sideways_s: f64,
+    slowdown_s: f64,
     varies: bool,
 }
 
@@ -81,6 +82,7 @@ impl Acting {
             response: parts.map(response),
             course_rad: sum(&|effect| effect.course_rad()),
             sideways_s: sum(&|effect| effect.sideways_s()),
+            slowdown_s: sum(&|effect| effect.slowdown_s()),
             varies: acting().any(|(_, effect)| effect.varies_on_the_way()),
         }
     }
@@ -456,7 +458,12 @@ impl Physics {
         h_s: f64,
         surroundings: &Surroundings<'_>,
     ) {
-        let yaw_rate_radps = self.body.yaw_rate_radps(speed_mps, turn);
+        let mut speed_mps = speed_mps;
+        let mut yaw_rate_radps = self.body.yaw_rate_radps(speed_mps, turn);
+        if acting.slowdown_s != 0.0 {
+            speed_mps *= (1.0 - acting.slowdown_s * yaw_rate_radps.abs()).max(0.0);
+            yaw_rate_radps = self.body.yaw_rate_radps(speed_mps, turn);
+        }
         let half_rad = 0.5 * yaw_rate_radps * h_s;
         // The chord of an arc is shorter than the arc.
         let chord = if half_rad.abs() < 1e-4 {

@@ -37,6 +37,11 @@ pub(super) fn check(effect: &toml::Table, path: &str, problems: &mut Vec<Problem
     only::read(effect, path, NODES, &NAMES, problems);
 }
 
+/// A table `only` as a program writes it, checked. `path`: of the effect, for problems.
+pub fn checked(limits: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> toml::Table {
+    only::checked(limits, &SPEC, check, path, problems)
+}
+
 /// The effect where its checked table limits it, and as it is where not. Nothing where the limits are wrong.
 pub(super) fn limited(effect: Box<dyn Effect>, table: &toml::Table) -> Option<Box<dyn Effect>> {
     if !table.contains_key(only::KEY) {

@@ -3,7 +3,7 @@
 //! Each simulator names the keys of its own table by the fields of this module, and reads the table by [`read`], so that both check
 //! it and decide alike.
 
-use crate::config::{Default, Field, Kind, Problem, Range, TableSpec};
+use crate::config::{Default, Field, Kind, Lists, Node, Problem, Range, TableSpec, check};
 use crate::formula::{Bound, Formula, MOST_NAMES, Written};
 
 /// The key of the table.
@@ -115,7 +115,10 @@ pub fn read<R: Copy>(
         Some(numbers)
     };
     let (members, runs) = (numbers(members), numbers(RUNS.key));
-    let number = |key: &str| table.get(key).and_then(toml::Value::as_float);
+    let number = |key: &str| match table.get(key)? {
+        toml::Value::Integer(number) => Some(*number as f64),
+        number => number.as_float(),
+    };
     let (from_s, until_s) = (number(FROM_S.key), number(UNTIL_S.key));
     if let (Some(from_s), Some(until_s)) = (from_s, until_s)
         && until_s <= from_s
@@ -140,6 +143,22 @@ pub fn read<R: Copy>(
     }
     let span_s = [from_s.unwrap_or(f64::NEG_INFINITY), until_s.unwrap_or(f64::INFINITY)];
     (problems.len() == n_before).then_some(Only { members, runs, span_s, condition })
+}
+
+/// A table `only` as a program writes it, checked. `spec`: the simulator's own description of it; `rest`: what is asked of an effect that
+/// has it, which stands at `path`.
+pub fn checked(
+    limits: &toml::Table,
+    spec: &TableSpec,
+    rest: impl FnOnce(&toml::Table, &str, &mut Vec<Problem>),
+    path: &str,
+    problems: &mut Vec<Problem>,
+) -> toml::Table {
+    let node = Node { value: (&toml::Value::Table(limits.clone())).into(), span: None };
+    let place = format!("{path}.{KEY}");
+    let table = check(&node, &place, spec, &Lists::NONE, problems).table;
+    rest(&toml::Table::from_iter([(KEY.to_owned(), table.clone().into())]), path, problems);
+    table
 }
 
 /// Adds a problem for every effect of `tables` that is limited to runs, which a simulation does not have. They stand at `path[0]`,
@@ -213,7 +232,7 @@ impl<R> Only<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{Lists, check, parse};
+    use crate::config::parse;
 
     const ONLY: TableSpec = TableSpec {
         doc: "Limits.",

@@ -89,6 +89,11 @@ pub(super) fn check(effect: &toml::Table, path: &str, problems: &mut Vec<Problem
     only::read(effect, path, AGENTS, &names(), problems);
 }
 
+/// A table `only` as a program writes it, checked. `path`: of the effect, for problems.
+pub fn checked(limits: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> toml::Table {
+    only::checked(limits, &SPEC, check, path, problems)
+}
+
 /// The effect where its checked table limits it, and as it is where not. Nothing where the limits are wrong.
 pub(super) fn limited(effect: Box<dyn Effect>, table: &toml::Table) -> Option<Box<dyn Effect>> {
     if !table.contains_key(only::KEY) {
@@ -211,6 +216,10 @@ impl Effect for Limited {
 
     fn sideways_s(&self) -> f64 {
         self.effect.sideways_s()
+    }
+
+    fn slowdown_s(&self) -> f64 {
+        self.effect.slowdown_s()
     }
 
     fn ground_scale(&self, from_m: [f64; 3], to_m: [f64; 3]) -> f64 {

@@ -1,0 +1,123 @@
+//! Loss of speed in turns.
+
+use super::{Effect, Entry, UNCHECKED};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
+use proto::effect::{About, Fit, Level, Need, Parameter};
+use serde::Deserialize;
+
+/// `kind = "turn-slowdown"`.
+pub(super) const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "turn-slowdown",
+        doc: "The body is slower in turns, in proportion to the yaw rate.",
+        fields: &[Field {
+            key: "gain",
+            doc: "g (s/rad): fraction of the speed that is lost per yaw rate.",
+            kind: Kind::Number(Range::closed(0.0, 10.0)),
+            default: Default::Required,
+        }],
+    },
+    about: About {
+        mechanism: "In a turn, wheels slip and scrub sideways, and motors carry the load of turning beside that of driving. Both \
+                    cost speed.",
+        equation: "v = u * max(0, 1 - gain * |omega|)",
+        source: "A phenomenological law, of first order in the yaw rate. Slip of wheels and tracks in turns: A. Mandow et al., Experimental kinematics for wheeled skid-steer mobile robots, IROS 2007.",
+        validity: "Moderate yaw rates, one ground. The yaw rate of a unicycle is not changed; a car turns on the same arc, more \
+                   slowly. No effect on bodies that are commanded by a velocity.",
+        trace: "An error against the motion, in turns only, to either side alike.",
+        needs: &[Need::TurningCommands],
+        example: "gain = 0.1\n",
+    },
+    fit: Fit {
+        parameters: &[Parameter {
+            key: "gain",
+            unit: "s/rad",
+            min: 0.0,
+            max: 10.0,
+            starts: &[0.02],
+            step: 0.002,
+        }],
+        variants: &[],
+        level: Level::Time,
+        generalises: &[],
+        ..Fit::PLAIN
+    },
+    check: UNCHECKED,
+    build: |table| Some(Box::new(typed::<TurnSlowdown>(table))),
+};
+
+/// A body that is slower in turns.
+///
+/// # Model
+///
+/// ```text
+/// v = u max(0, 1 − g |ω|)
+/// ```
+///
+/// A phenomenological law of first order in the yaw rate, for wheels that slip and motors that carry the load of turning. Slip of
+/// wheels in turns: Mandow et al., "Experimental kinematics for wheeled skid-steer mobile robots", IROS 2007. u is the speed of the
+/// actuators and ω the yaw rate that goes with it: of a car, u tan δ / L. A unicycle keeps its yaw rate; a car keeps its arc.
+///
+/// # Arguments
+///
+/// * `gain` g: fraction of the speed that is lost per yaw rate (s/rad), not negative.
+///
+/// # Validity
+///
+/// Moderate yaw rates on one ground; the speed is never negative. Of several effects the gains are added. Nothing for bodies that are
+/// commanded by a velocity. Not validated against hardware.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+struct TurnSlowdown {
+    gain: f64,
+}
+
+impl Effect for TurnSlowdown {
+    fn name(&self) -> &'static str {
+        ENTRY.variant.name
+    }
+
+    fn slowdown_s(&self) -> f64 {
+        self.gain
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::*;
+
+    const UNICYCLE: &str = "kind = 'unicycle'\n[[effect]]\nkind = 'turn-slowdown'\ngain = 0.4";
+
+    #[test]
+    fn a_unicycle_turns_as_before_on_a_smaller_circle() {
+        let t = 3.0f64;
+        for (v, omega) in [(2.0f64, 0.5f64), (2.0, -0.5), (-1.0, 0.5)] {
+            let end = drive(UNICYCLE, [v, omega, 0.0], t);
+            let radius_m = v * (1.0 - 0.4 * omega.abs()) / omega;
+            let turned = omega * t;
+            let exact = [radius_m * turned.sin(), radius_m * (1.0 - turned.cos()), 0.0];
+            assert_near(end.position_m, exact);
+            assert!((end.heading_rad - turned).abs() < 1e-12, "{end:?}");
+        }
+        assert_eq!(drive(UNICYCLE, [2.0, 0.0, 0.0], 1.0).position_m, [2.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn no_turn_makes_it_go_backwards() {
+        let end = drive(UNICYCLE, [2.0, 3.0, 0.0], 1.0);
+        assert_near(end.position_m, [0.0; 3]);
+        assert!((end.heading_rad - 3.0).abs() < 1e-12, "{end:?}");
+    }
+
+    #[test]
+    fn a_car_keeps_its_arc_and_is_longer_on_it() {
+        let text =
+            "kind = 'car'\nwheelbase_m = 0.5\n[[effect]]\nkind = 'turn-slowdown'\ngain = 0.2";
+        let (v, delta, t) = (1.0f64, 0.3f64, 2.0f64);
+        let end = drive(text, [v, delta, 0.0], t);
+        let per_m = delta.tan() / 0.5;
+        let way_m = v * (1.0 - 0.2 * v * per_m) * t;
+        let turned = way_m * per_m;
+        assert_near(end.position_m, [turned.sin() / per_m, (1.0 - turned.cos()) / per_m, 0.0]);
+        assert!((end.heading_rad - turned).abs() < 1e-12, "{end:?}");
+    }
+}
