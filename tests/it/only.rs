@@ -7,10 +7,11 @@ use measure::account::DataAccount;
 use measure::config::Compared;
 use measure::table::DataTable;
 use netsim::phy::link::channel_hz;
+use proto::effect::Level;
 use std::fmt::Write as _;
 use std::path::Path;
 use study::choices::Choices;
-use study::open;
+use study::{NotLimited, Study, open};
 use tests::{folder, orchestrator, run, said};
 
 const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
@@ -122,6 +123,10 @@ fn config(text: &str) -> Compared {
     Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap()
 }
 
+fn named(study: &impl Study, name: &str) -> usize {
+    study.candidates().iter().position(|candidate| candidate.name == name).unwrap()
+}
+
 fn table(csv: &str) -> DataTable {
     DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
 }
@@ -165,6 +170,23 @@ fn a_comparison_of_links_says_that_a_limited_effect_explains_its_rows_and_no_oth
         let missed_db = rmse_db(&format!("{{ {} }}", others.join(", ")));
         assert!(0.5 < missed_db, "without {part}: {missed_db}");
     }
+    // A candidate of a diagnosis may be limited as well, and an extended configuration then says so.
+    let plain = "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = 0.0\n";
+    let (mut study, _) = open::links(&config(plain), &data, &Choices::default()).unwrap();
+    let gain = named(&study, "system-gain");
+    let limits: toml::Table = exact.replace(", ", "\n").parse().unwrap();
+    let limited = study.add_limited(gain, &limits).unwrap();
+    assert!(study.candidates()[limited].name.starts_with("system-gain (only nodes = [3], runs"));
+    let all: Vec<u32> = (0..study.n_rows() as u32).collect();
+    let fit = study.fit(&[limited], &all, Level::Time, None);
+    let settings = study.settings(&fit, limited).unwrap();
+    assert!((settings["gain_db"].as_float().unwrap() + 9.0).abs() < 0.1, "{settings}");
+    assert_eq!(settings["only"]["runs"], toml::Value::Array(vec![2.into()]));
+    let refused =
+        study.add_limited(gain, &"agents = [1]".parse().unwrap()).unwrap_err().to_string();
+    assert!(refused.contains("effect.only.agents"), "{refused}");
+    let shadowing = named(&study, "shadowing");
+    assert_eq!(study.add_limited(shadowing, &limits), Err(NotLimited::Candidate));
     let wrong = |effect: &str| {
         let text =
             format!("[netsim.phy]\npropagation = \"friis\"\n[[netsim.phy.effect]]\n{effect}\n");
@@ -220,4 +242,17 @@ fn a_comparison_of_robots_says_that_a_limited_effect_explains_its_rows_and_no_ot
         let missed_m = rmse_m(&format!("{{ {} }}", exact.replace(part, other)));
         assert!(0.01 < missed_m, "{other}: {missed_m}");
     }
+    let wrong = "[robotsim.dynamics]\nkind = \"point-mass\"\n[[robotsim.dynamics.effect]]\nkind = \"slip\"\nscale = 0.7\n\
+                 only = { from_s = 9, until_s = 8 }\n";
+    let refused = open::robots(&config(wrong), &data, &Choices::default()).unwrap_err().to_string();
+    assert!(refused.contains("robotsim.dynamics.effect[0].only.until_s"), "{refused}");
+    let plain = "[robotsim.dynamics]\nkind = \"point-mass\"\n";
+    let (mut study, _) = open::robots(&config(plain), &data, &Choices::default()).unwrap();
+    let slip = named(&study, "slip");
+    let limited = study.add_limited(slip, &exact.replace(", ", "\n").parse().unwrap()).unwrap();
+    let all: Vec<u32> = (0..study.n_rows() as u32).collect();
+    let fit = study.fit(&[limited], &all, Level::Time, None);
+    let settings = study.settings(&fit, limited).unwrap();
+    assert!((settings["scale"].as_float().unwrap() - 0.7).abs() < 0.01, "{settings}");
+    assert_eq!(settings["only"]["agents"], toml::Value::Array(vec![3.into()]));
 }

@@ -7,11 +7,14 @@ pub mod choices;
 pub mod folds;
 pub mod formula;
 pub mod knots;
+mod limits;
 pub mod links;
 pub mod open;
 pub mod robots;
 pub mod symbolic;
 pub mod view;
+
+pub use limits::NotLimited;
 
 use folds::Blocks;
 use proto::effect::{About, Level, Parameter};

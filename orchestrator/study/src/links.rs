@@ -31,6 +31,7 @@ mod estimates;
 pub mod fit;
 mod group;
 pub mod likelihood;
+mod limited;
 pub mod passing;
 pub mod predict;
 pub mod register;

@@ -14,6 +14,7 @@ use measure::table::DataTable;
 use measure::{links, packets, robots};
 use proto::config::{Node, Problem, Refusal, Value};
 use proto::effect::Level;
+use robotsim::dynamics::Dynamics;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -127,6 +128,10 @@ pub fn robots(
             "must be absent when the model is compared with robot samples, which are predicted by [robotsim.dynamics] \
              alone; remove it",
         ));
+    }
+    if problems.is_empty() {
+        let effects = &config.catalogues.robots.effects;
+        Dynamics::build(&dynamics, "robotsim.dynamics", effects, &mut problems);
     }
     let columns = robots.covariates.iter().map(|(name, _)| name.as_str()).collect();
     problems.extend(unknown_columns(config, &Limited::ROBOTS, columns));

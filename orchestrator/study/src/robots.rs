@@ -14,6 +14,7 @@ mod driven;
 mod fit;
 mod fit_state;
 mod formulas;
+mod limited;
 mod motion;
 mod rivals;
 mod screen;

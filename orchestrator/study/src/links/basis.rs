@@ -147,7 +147,7 @@ impl Bases {
         state: &TermState,
         keep: bool,
     ) -> Option<Arc<Basis>> {
-        if !matches!(spec, TermSpec::Effect(_) | TermSpec::Formula(..)) {
+        if !is_fitted_by_values(spec) {
             return None;
         }
         let compute = || {
@@ -171,7 +171,7 @@ impl Bases {
         spec: &TermSpec,
         state: &TermState,
     ) -> Option<Arc<Basis>> {
-        if !matches!(spec, TermSpec::Effect(_) | TermSpec::Formula(..)) {
+        if !is_fitted_by_values(spec) {
             return None;
         }
         looked_up(&self.tangents, (term, state.keys(spec).to_string()), || {
@@ -180,6 +180,11 @@ impl Bases {
             Some(Arc::new(Basis { offset, columns }))
         })
     }
+}
+
+/// Whether a term is an effect whose parameters a fit sets.
+fn is_fitted_by_values(spec: &TermSpec) -> bool {
+    matches!(spec, TermSpec::Effect(_) | TermSpec::Limited(..) | TermSpec::Formula(..))
 }
 
 fn looked_up(

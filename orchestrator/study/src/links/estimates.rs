@@ -49,7 +49,10 @@ impl LinkStudy {
                 ];
                 return (all, None);
             }
-            TermSpec::Effect(_) | TermSpec::Formula(..) | TermSpec::Curve { .. } => {}
+            TermSpec::Effect(_)
+            | TermSpec::Limited(..)
+            | TermSpec::Formula(..)
+            | TermSpec::Curve { .. } => {}
         }
         let before: usize = fit.states[..place].iter().map(|state| state.values.len()).sum();
         let parameters = specs[place].parameters();

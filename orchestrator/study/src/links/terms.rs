@@ -12,6 +12,8 @@ use std::sync::Arc;
 pub enum TermSpec {
     /// An effect of the catalogue.
     Effect(&'static Entry),
+    /// An effect of the catalogue on some links only: its table `only`.
+    Limited(&'static Entry, toml::Table),
     /// A smooth curve over a covariate.
     Curve(LinkCurve),
     /// A random level per node.
@@ -30,6 +32,7 @@ impl TermSpec {
     pub fn entry(&self) -> Option<&'static Entry> {
         match self {
             Self::Effect(entry)
+            | Self::Limited(entry, _)
             | Self::NodeOffset(entry)
             | Self::Shadowing(entry)
             | Self::Multipath(entry)
@@ -48,7 +51,7 @@ impl TermSpec {
     #[must_use]
     pub fn parameters(&self) -> &[Parameter] {
         match self {
-            Self::Effect(entry) => entry.fit.parameters,
+            Self::Effect(entry) | Self::Limited(entry, _) => entry.fit.parameters,
             Self::Formula(_, asked) => &asked.parameters,
             _ => &[],
         }
@@ -162,6 +165,10 @@ impl TermState {
             TermSpec::Formula(_, asked) => {
                 vec![Self { table: asked.table.clone(), values: asked.starts() }]
             }
+            TermSpec::Limited(entry, limits) => Self::starts(&TermSpec::Effect(entry))
+                .into_iter()
+                .map(|state| state.limited(limits.clone()))
+                .collect(),
             TermSpec::Effect(entry) => {
                 let mut tables = vec![defaults(entry)];
                 if !entry.fit.variants.is_empty() {
@@ -214,7 +221,7 @@ impl TermState {
     #[must_use]
     pub fn build(&self, spec: &TermSpec) -> Option<Box<dyn Effect>> {
         match spec {
-            TermSpec::Effect(entry) | TermSpec::Formula(entry, _) => {
+            TermSpec::Effect(entry) | TermSpec::Limited(entry, _) | TermSpec::Formula(entry, _) => {
                 build_one(entry, &self.keys(spec), 0)
             }
             _ => None,
