@@ -166,6 +166,7 @@ impl World<'_> {
             nearest: None,
             grid: None,
             covariates: Covariates::None,
+            run: None,
         };
         self.model.prepare(&mut scene);
         let (sender, end) = (self.ends[from], self.ends[to]);
