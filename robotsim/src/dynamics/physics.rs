@@ -318,10 +318,11 @@ impl Physics {
         }
         let capped = self.body.cap(velocity_mps);
         let own_mps = norm(capped);
-        let rise = |effect: &Box<dyn Effect>| {
-            (norm(effect.shape(self.shape(), capped)) / own_mps).max(1.0)
-        };
-        if own_mps == 0.0 { 0.0 } else { own_mps * self.effects.iter().map(rise).product::<f64>() }
+        if own_mps == 0.0 {
+            return 0.0;
+        }
+        let shaped = self.effects.iter().map(|effect| effect.shape(self.shape(), capped));
+        own_mps * shaped.map(|shaped| (norm(shaped) / own_mps).max(1.0)).product::<f64>()
     }
 
     /// Whether the effect at this place of the list acts on a robot that has this velocity (m/s).

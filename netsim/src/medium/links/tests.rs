@@ -7,6 +7,7 @@ use crate::medium::slot::{Listening, OnAir, Reception, Slot, SlotMedium};
 use crate::phy::effect::Effect;
 use crate::phy::effect::shadowing::Shadowing;
 use crate::phy::effect::system_gain::SystemGain;
+use crate::phy::effect::testing::made;
 use crate::phy::interference::o_qpsk::OQpsk;
 use crate::phy::propagation::experimental_randomness::{ExperimentalRandomness, Redraw};
 use crate::phy::propagation::friis::{Friis, friis_dbm};
@@ -150,6 +151,38 @@ fn shadowing_changes_with_the_way_of_either_end() {
     assert_eq!(links.arrival(sent(0, 18, PERIOD_NS), 1), first);
     links.set_positions(2 * PERIOD_NS, &places, &[0.0, 3.0]);
     assert_ne!(links.arrival(sent(0, 18, 2 * PERIOD_NS), 1), first);
+}
+
+#[test]
+fn limited_scatter_is_that_of_the_unlimited_effect_where_it_acts_and_nothing_elsewhere() {
+    let places = [[0.0; 2], [20.0, 0.0], [0.0, 20.0]];
+    for (kind, keys) in [
+        ("shadowing", "sd_db = 6.0\ndecorrelation_m = 2.0"),
+        ("node-offset", "tx_sd_db = 3.0\nrx_sd_db = 2.0"),
+        ("multipath", "sd_db = 4.0"),
+        ("fast-fading", "k_factor_db = 3.0"),
+    ] {
+        let links = |only: &str| {
+            placed(
+                model(Friis { radio: RADIO }, vec![made(kind, &format!("{keys}\n{only}"))]),
+                &places,
+            )
+        };
+        let (mut plain, mut everywhere) =
+            (placed(model(Friis { radio: RADIO }, vec![]), &places), links(""));
+        let mut limited = links("only = { nodes = [1], from_s = 0.02, until_s = 0.04 }");
+        for (sender, receiver) in [(0, 1), (1, 0), (0, 2), (2, 1)] {
+            for sent_ns in [0, 19_999_999, 20_000_000, 39_999_999, 40_000_000] {
+                let frame = sent(sender, 18, sent_ns);
+                let acts =
+                    (sender == 1 || receiver == 1) && (20_000_000..40_000_000).contains(&sent_ns);
+                let other = if acts { &mut everywhere } else { &mut plain };
+                let (got, expected) =
+                    (limited.arrival(frame, receiver), other.arrival(frame, receiver));
+                assert_eq!(got, expected, "{kind} {sender} {receiver} {sent_ns}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -36,17 +36,20 @@ pub(in crate::dynamics) struct Moment<'a> {
     pub(in crate::dynamics) command: Option<Drive>,
 }
 
+/// Reads a number that stays between two commands.
+type ReadCommand = fn(&Moment<'_>) -> Option<f64>;
+
 /// Reads a number off a robot.
 #[derive(Clone, Copy, Debug)]
 enum Read {
     /// As the effect formula does. It changes as the robot moves or time passes.
     Situation(fn(&Situation<'_>) -> f64),
     /// What stays between two commands.
-    Command(fn(&Moment<'_>) -> Option<f64>),
+    Command(ReadCommand),
 }
 
 /// Names that a condition may use beside those of the effect formula, and the bodies that have them.
-const NAMES: [(&str, fn(&Moment<'_>) -> Option<f64>, Has); 4] = [
+const NAMES: [(&str, ReadCommand, Has); 4] = [
     ("agent", |moment| Some(f64::from(moment.at.surroundings.agent)), Has::Any),
     (
         "commanded_speed_mps",
