@@ -70,16 +70,27 @@ pub fn read(path: &Path, formats: &[Format]) -> Result<DataTable, DataError> {
         return read_content(path, Box::new(std::io::empty()), formats);
     }
     let sha256 = digest(&mut File::open(path).map_err(failed)?).map_err(failed)?;
+    let content = open(path)?;
+    let table = read_content(path, content, formats)?;
+    Ok(DataTable { sha256, ..table })
+}
+
+/// Opens a file; one that gzip has compressed is decompressed, up to the size that a table may have.
+///
+/// # Errors
+///
+/// It cannot be read.
+#[expect(clippy::disallowed_methods, reason = "measurements are files")]
+pub fn open(path: &Path) -> Result<Content<'static>, DataError> {
+    let failed = |source| DataError::Read { path: path.to_owned(), source };
     let mut content = BufReader::new(File::open(path).map_err(failed)?);
     let is_gzip = content.fill_buf().map_err(failed)?.starts_with(&GZIP);
-    let content: Content<'_> = if is_gzip {
+    Ok(if is_gzip {
         let bounded = BoundedSize { content: MultiGzDecoder::new(content), n_read: 0 };
         Box::new(BufReader::new(bounded))
     } else {
         Box::new(content)
-    };
-    let table = read_content(path, content, formats)?;
-    Ok(DataTable { sha256, ..table })
+    })
 }
 
 fn read_content(

@@ -8,6 +8,8 @@ use std::collections::BTreeSet;
 /// A packet from end to end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasuredPacket {
+    /// Line of the file that the row stands on, for messages; 0: it is simulated.
+    pub line: usize,
     /// When it was made (s), from when the network was switched on.
     pub time_s: f64,
     /// The mote that made it.
@@ -147,6 +149,7 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
                 if is_of_run || seen.insert(key) {
                     let if_received = |name| mote(name).filter(|_| received_s.is_finite());
                     packets.push(MeasuredPacket {
+                        line,
                         time_s,
                         source,
                         destination,

@@ -148,7 +148,16 @@ mod tests {
 
     fn packet(time_s: f64, source: u32, received_s: Option<f64>, hops: u32) -> MeasuredPacket {
         let hops = received_s.map(|_| hops);
-        MeasuredPacket { time_s, source, destination: 0, received_s, hops, payload_bytes: None }
+        let destination = 0;
+        MeasuredPacket {
+            line: 0,
+            time_s,
+            source,
+            destination,
+            received_s,
+            hops,
+            payload_bytes: None,
+        }
     }
 
     #[test]

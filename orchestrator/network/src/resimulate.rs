@@ -551,6 +551,7 @@ fn ended_packets(packets: &proto::types::Packets) -> impl Iterator<Item = Measur
         let arrived = packets.outcome[i] == 0;
         let at_s = |ns: u64| ns as f64 * 1e-9;
         MeasuredPacket {
+            line: 0,
             time_s: at_s(packets.created_ns[i]),
             source: packets.source[i],
             destination: packets.destination[i],

@@ -7,7 +7,8 @@ use proto::bounds::{COLUMNS, LINE_BYTES};
 use std::cell::Cell;
 use std::collections::BTreeSet;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 /// The format.
 pub const FORMAT: Format = Format {
@@ -16,17 +17,53 @@ pub const FORMAT: Format = Format {
     read: |path, content: Content<'_>| read(path, content),
 };
 
-pub(crate) fn read(path: &Path, content: impl Read) -> Result<DataTable, DataError> {
-    let format = |message: String| DataError::Format { path: path.to_owned(), message };
-    let record_start = Cell::new(0);
-    let content = BoundedLines { content, n_read: 0, record_start: &record_start };
-    let mut reader =
-        csv::ReaderBuilder::new().flexible(true).has_headers(false).from_reader(content);
-    let mut record = csv::StringRecord::new();
-    let mut next = |record: &mut csv::StringRecord| {
-        let (line, start) = (reader.position().line(), reader.position().byte());
-        record_start.set(start);
-        let found = reader.read_record(record).map_err(|error| match error.kind() {
+/// Records of a CSV text, header included, each at most [`LINE_BYTES`] long.
+#[derive(Debug)]
+pub struct Records<R> {
+    reader: csv::Reader<BoundedLines<R>>,
+    path: PathBuf,
+    record_start: Rc<Cell<u64>>,
+}
+
+impl<R: Read> Records<R> {
+    /// Records of `content`, whose fields end at `delimiter`; `path` is named in errors.
+    pub fn new(path: &Path, content: R, delimiter: u8) -> Self {
+        let record_start = Rc::new(Cell::new(0));
+        let content = BoundedLines { content, n_read: 0, record_start: Rc::clone(&record_start) };
+        let reader = csv::ReaderBuilder::new()
+            .flexible(true)
+            .has_headers(false)
+            .delimiter(delimiter)
+            .from_reader(content);
+        Self { reader, path: path.to_owned(), record_start }
+    }
+
+    /// Reads the next record as text; returns whether there is one.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be read, is too long, or is not UTF-8: the line is named.
+    pub fn next_text(&mut self, record: &mut csv::StringRecord) -> Result<bool, DataError> {
+        self.next_by(|reader| reader.read_record(record))
+    }
+
+    /// Reads the next record as bytes; returns whether there is one.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be read or is too long: the line is named.
+    pub fn next_bytes(&mut self, record: &mut csv::ByteRecord) -> Result<bool, DataError> {
+        self.next_by(|reader| reader.read_byte_record(record))
+    }
+
+    fn next_by(
+        &mut self,
+        read: impl FnOnce(&mut csv::Reader<BoundedLines<R>>) -> csv::Result<bool>,
+    ) -> Result<bool, DataError> {
+        let format = |message: String| DataError::Format { path: self.path.clone(), message };
+        let (line, start) = (self.reader.position().line(), self.reader.position().byte());
+        self.record_start.set(start);
+        let found = read(&mut self.reader).map_err(|error| match error.kind() {
             csv::ErrorKind::Utf8 { err, .. } => {
                 format(format!("line {}: not text: {err}", reader_line(&error)))
             }
@@ -34,10 +71,17 @@ pub(crate) fn read(path: &Path, content: impl Read) -> Result<DataTable, DataErr
             _ => format(error.to_string()),
         })?;
         LINE_BYTES
-            .check(reader.position().byte() - start)
+            .check(self.reader.position().byte() - start)
             .map_err(|refusal| format(format!("line {line}: {refusal}")))?;
-        Ok::<bool, DataError>(found)
-    };
+        Ok(found)
+    }
+}
+
+pub(crate) fn read(path: &Path, content: impl Read) -> Result<DataTable, DataError> {
+    let format = |message: String| DataError::Format { path: path.to_owned(), message };
+    let mut records = Records::new(path, content, b',');
+    let mut record = csv::StringRecord::new();
+    let mut next = |record: &mut csv::StringRecord| records.next_text(record);
     if !next(&mut record)? {
         return Err(format("the file is empty: its first line must name the columns".into()));
     }
@@ -76,17 +120,18 @@ pub(crate) fn read(path: &Path, content: impl Read) -> Result<DataTable, DataErr
 }
 
 /// Stops a line that never ends before it fills memory: a quotation mark that is not closed, or a file without line breaks.
-struct BoundedLines<'a, R> {
+#[derive(Debug)]
+struct BoundedLines<R> {
     content: R,
     n_read: u64,
     /// Where the record begins that is being read.
-    record_start: &'a Cell<u64>,
+    record_start: Rc<Cell<u64>>,
 }
 
 /// How much is read ahead of the record (bytes).
 const AHEAD_BYTES: u64 = 1 << 16;
 
-impl<R: Read> Read for BoundedLines<'_, R> {
+impl<R: Read> Read for BoundedLines<R> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let length = self.n_read.saturating_sub(self.record_start.get());
         if LINE_BYTES.most + AHEAD_BYTES < length {
