@@ -1,0 +1,330 @@
+//! From the files of a mapping to a table.
+
+use crate::account::{self, Account, RejectedRows};
+use crate::derive;
+use crate::files::{self, Found};
+use crate::formats::Rows;
+use crate::frame::{self, Frame};
+use crate::geodesy::TangentPlane;
+use crate::join::{self, Joined};
+use crate::labels::Labels;
+use crate::mapping::{Input, JoinKind, Mapping};
+use crate::sequence::SequenceGaps;
+use crate::tables::{COLUMNS, Content, TableKind, known};
+use crate::{Conversion, ConvertError, Converted, InputReport, SCHEMA};
+use measure::formats::open;
+use measure::table::DataTable;
+use proto::bounds::{CELLS, ROWS};
+use proto::config::Problem;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Converts logs as a mapping says.
+///
+/// # Errors
+///
+/// The mapping does not fit the logs: every problem with its place in the mapping file. Or a log cannot be read.
+pub fn convert(mapping: &Mapping) -> Result<Converted, ConvertError> {
+    let files = files_of(mapping)?;
+    check_fields(mapping, &files)?;
+    let mut state = State {
+        mapping,
+        files: &files,
+        labels: Labels::default(),
+        plane: mapping.origin_deg.map(TangentPlane::at),
+        inputs: vec![InputState::default(); mapping.inputs.len()],
+    };
+    let mut rows = Table::default();
+    let (mut gaps, mut warnings) = (Vec::new(), Vec::new());
+    for run in 0..files[0].len() {
+        let frame = state.run(run, &mut gaps, &mut warnings)?;
+        rows.append(frame, run)?;
+    }
+    Ok(state.finish(rows, gaps, warnings))
+}
+
+/// The files of each input; those of further inputs in the order of the runs.
+fn files_of(mapping: &Mapping) -> Result<Vec<Vec<PathBuf>>, ConvertError> {
+    let folder = mapping.path.parent().unwrap_or(Path::new(""));
+    let mut problems = Vec::new();
+    let mut found: Vec<Vec<Found>> = Vec::new();
+    for (number, input) in mapping.inputs.iter().enumerate() {
+        found.push(files::find(folder, &input.files).unwrap_or_else(|message| {
+            let path = format!("input[{number}].files");
+            problems.push(Problem::new(path, message).value(format!("{:?}", input.files)));
+            Vec::new()
+        }));
+    }
+    let (first, further) = found.split_at(1.min(found.len()));
+    let runs = first.first().map_or(&[][..], |runs| &runs[..]);
+    let mut files = vec![runs.iter().map(|found| found.path.clone()).collect::<Vec<_>>()];
+    for (number, candidates) in (1..).zip(further) {
+        let has_wildcards = mapping.inputs[number].files.contains(['*', '?']);
+        let mut of_input = Vec::new();
+        for run in runs {
+            let fits = |found: &&Found| !has_wildcards || found.wildcards == run.wildcards;
+            match candidates.iter().find(fits) {
+                Some(found) => of_input.push(found.path.clone()),
+                None if candidates.is_empty() => {}
+                None => problems.push(
+                    Problem::new(
+                        format!("input[{number}].files"),
+                        format!(
+                            "has no file in which the wildcards stand for {:?}, as in {}",
+                            run.wildcards.join(", "),
+                            run.path.display()
+                        ),
+                    )
+                    .value(format!("{:?}", mapping.inputs[number].files)),
+                ),
+            }
+        }
+        files.push(of_input);
+    }
+    if problems.is_empty() { Ok(files) } else { Err(mapping.refuse(problems).into()) }
+}
+
+/// Whether the first file of each input has the fields that columns are filled from.
+fn check_fields(mapping: &Mapping, files: &[Vec<PathBuf>]) -> Result<(), ConvertError> {
+    let mut problems = Vec::new();
+    for (number, (input, files)) in mapping.inputs.iter().zip(files).enumerate() {
+        if let Some(file) = files.first() {
+            let rows = rows_of(input, file)?;
+            let path = format!("input[{number}]");
+            problems.extend(
+                frame::check_fields(input, &path, rows.names(), file).err().unwrap_or_default(),
+            );
+        }
+    }
+    if problems.is_empty() { Ok(()) } else { Err(mapping.refuse(problems).into()) }
+}
+
+fn rows_of(input: &Input, file: &Path) -> Result<Box<dyn Rows>, ConvertError> {
+    Ok((input.format.open)(file, open(file)?, &input.keys)?)
+}
+
+/// What is kept over the runs.
+struct State<'a> {
+    mapping: &'a Mapping,
+    files: &'a [Vec<PathBuf>],
+    labels: Labels,
+    plane: Option<TangentPlane>,
+    inputs: Vec<InputState>,
+}
+
+#[derive(Clone, Default)]
+struct InputState {
+    n_read: usize,
+    rejected: Vec<RejectedRows>,
+    joined: Joined,
+    /// The file that was read last, which may serve several runs.
+    last: Option<(PathBuf, Frame)>,
+}
+
+impl State<'_> {
+    /// The rows of a run.
+    fn run(
+        &mut self,
+        run: usize,
+        gaps: &mut Vec<SequenceGaps>,
+        warnings: &mut Vec<String>,
+    ) -> Result<Frame, ConvertError> {
+        let mut base = self.read(0, run)?;
+        for number in 1..self.mapping.inputs.len() {
+            self.join(&mut base, number, run)?;
+        }
+        let file = &self.files[0][run];
+        let input = &self.mapping.inputs[0];
+        let state = &mut self.inputs[0];
+        let mut account = Account { file, n_read: 0, rejected: &mut state.rejected };
+        derive::start_at_zero(&mut base, self.mapping.start, &mut account);
+        if input.is_cumulative {
+            derive::differences(&mut base, &mut account);
+        }
+        derive::delivery_ratio(&mut base, &mut account);
+        if self.mapping.table == TableKind::Links {
+            derive::drop_sums_over_channels(&mut base, &mut account);
+        }
+        if self.mapping.table == TableKind::Packets && base.column("sequence").is_some() {
+            gaps.extend(derive::sequence_gaps(&mut base, run as u32 + 1, &mut account));
+        }
+        if base.n_rows() == 0 {
+            warnings.push(format!("{} has no usable row", file.display()));
+        }
+        Ok(base)
+    }
+
+    /// Reads a file of an input.
+    fn read(&mut self, number: usize, run: usize) -> Result<Frame, ConvertError> {
+        let input = &self.mapping.inputs[number];
+        let file = &self.files[number][run];
+        let state = &mut self.inputs[number];
+        if let Some((_, frame)) = state.last.as_ref().filter(|(last, _)| last == file) {
+            return Ok(frame.clone());
+        }
+        let mut rows = rows_of(input, file)?;
+        let mut account = Account { file, n_read: state.n_read, rejected: &mut state.rejected };
+        let mut frame = frame::read(input, &mut *rows, &mut self.labels, &mut account)?;
+        frame::project(&mut frame, &mut self.plane, &mut account);
+        state.n_read = account.n_read;
+        if 0 < number {
+            state.last = Some((file.clone(), frame.clone()));
+        }
+        Ok(frame)
+    }
+
+    /// Joins a further input.
+    fn join(&mut self, base: &mut Frame, number: usize, run: usize) -> Result<(), ConvertError> {
+        let other = self.read(number, run)?;
+        let input = &self.mapping.inputs[number];
+        let joined = &mut self.inputs[number].joined;
+        if input.has("node") {
+            for (end, prefix) in [("tx", "tx_"), ("rx", "rx_")] {
+                join::join(base, &other, input.join, Some((end, "node")), prefix, joined);
+            }
+            return Ok(());
+        }
+        let is_by_agent = base.column("agent").is_some() && input.has("agent");
+        let keys = is_by_agent.then_some(("agent", "agent"));
+        let found = join::join(base, &other, input.join, keys, "", joined);
+        let file = &self.files[0][run];
+        let mut account = Account { file, n_read: 0, rejected: &mut self.inputs[0].rejected };
+        let within_s = input.join.within_ns as f64 / 1e9;
+        let reason = match input.join.kind {
+            JoinKind::Latest => format!("no row of input[{number}] in the {within_s} s before"),
+            JoinKind::Nearest => format!("no row of input[{number}] within {within_s} s"),
+            JoinKind::Interpolated => {
+                format!("no row of input[{number}] within {within_s} s before and after")
+            }
+        };
+        base.reject(&mut account, |_, row| (!found[row]).then(|| reason.clone()));
+        Ok(())
+    }
+
+    /// The table, with the rows that the commands can use, and the answer.
+    fn finish(
+        mut self,
+        rows: Table,
+        mut gaps: Vec<SequenceGaps>,
+        mut warnings: Vec<String>,
+    ) -> Converted {
+        let numbers = self.labels.numbers(&self.mapping.names);
+        for gaps in &mut gaps {
+            gaps.source = numbers[gaps.source as usize];
+        }
+        gaps.sort_by_key(|gaps| (gaps.run, gaps.source));
+        let Table { columns, places } = rows;
+        let is_label = |name: &str| known(name).is_some_and(|c| c.content == Content::Label);
+        let columns = columns.into_iter().map(|(name, mut values)| {
+            if is_label(&name) || name.ends_with("_node") {
+                for value in values.iter_mut().filter(|value| value.is_finite()) {
+                    *value = f64::from(numbers[*value as usize]);
+                }
+            }
+            (name, values)
+        });
+        let mut columns: Vec<(String, Vec<f64>)> = columns.collect();
+        if self.files[0].len() == 1 && !self.mapping.inputs[0].has("run") {
+            columns.retain(|(name, _)| name != "run");
+        }
+        let order = |name: &str| COLUMNS.iter().position(|column| column.name == name);
+        columns.retain(|(name, _)| known(name).is_none_or(|column| !column.is_intermediate));
+        columns.sort_by_key(|(name, _)| order(name).unwrap_or(usize::MAX));
+        let (names, values): (Vec<String>, Vec<Vec<f64>>) = columns.into_iter().unzip();
+        let mut table = DataTable::of_columns(names, values);
+        match self.mapping.table.read(&table) {
+            Ok(verdict) => {
+                let used: BTreeSet<usize> = verdict.used.into_iter().collect();
+                let lines: Vec<usize> = (0..table.n_rows()).map(|row| table.line(row)).collect();
+                for rejected in verdict.rejected {
+                    let (file, line) = places[rejected.first_line - lines[0]];
+                    let file = &self.files[0][file as usize];
+                    let list = &mut self.inputs[0].rejected;
+                    account::add(list, &rejected.reason, file, line);
+                    if let Some(known) = list.iter_mut().find(|r| r.reason == rejected.reason) {
+                        known.rows += rejected.rows - 1;
+                    }
+                }
+                let keep: Vec<bool> = lines.iter().map(|line| used.contains(line)).collect();
+                table = kept(&table, &keep);
+            }
+            Err(reason) => {
+                warnings.push(format!("compare and diagnose will refuse this table: {reason}"))
+            }
+        }
+        warnings.extend(derive::small_ratios(&table));
+        let reports = self.inputs.into_iter().zip(&self.mapping.inputs).zip(self.files);
+        let inputs: Vec<InputReport> = reports
+            .enumerate()
+            .map(|(number, ((state, input), files))| InputReport {
+                files: distinct(files),
+                format: input.format.variant.name,
+                read: state.n_read,
+                rejected: state.rejected,
+                join: (0 < number).then(|| state.joined.report()),
+            })
+            .collect();
+        let answer = Conversion {
+            schema: SCHEMA,
+            table: self.mapping.table,
+            columns: table.names().to_vec(),
+            read: inputs.first().map_or(0, |input| input.read),
+            written: table.n_rows(),
+            inputs,
+            names: self.labels.named(&numbers).into_iter().collect(),
+            origin_deg: self.plane.map(|plane| plane.origin_deg),
+            gaps,
+            warnings,
+        };
+        Converted { table, answer }
+    }
+}
+
+fn distinct(files: &[PathBuf]) -> Vec<String> {
+    let mut names: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+    names.dedup();
+    names
+}
+
+/// Rows of a table for which `keep` has true.
+fn kept(table: &DataTable, keep: &[bool]) -> DataTable {
+    let columns = table.names().iter().map(|name| {
+        let values = table.column(name).unwrap_or_default().iter().zip(keep);
+        values.filter(|(_, keep)| **keep).map(|(value, _)| *value).collect()
+    });
+    DataTable::of_columns(table.names().to_vec(), columns.collect())
+}
+
+/// The rows of all runs so far.
+#[derive(Default)]
+struct Table {
+    columns: Vec<(String, Vec<f64>)>,
+    /// Number of the file of the first input, and line in it.
+    places: Vec<(u32, usize)>,
+}
+
+impl Table {
+    fn append(&mut self, mut frame: Frame, run: usize) -> Result<(), ConvertError> {
+        let n_rows = frame.n_rows();
+        for (name, times_ns) in std::mem::take(&mut frame.times_ns) {
+            let seconds = |ns: i64| if ns == frame::NO_TIME { f64::NAN } else { ns as f64 / 1e9 };
+            frame.columns.push((name, times_ns.into_iter().map(seconds).collect()));
+        }
+        if frame.column("run").is_none() {
+            frame.columns.push(("run".to_owned(), vec![run as f64 + 1.0; n_rows]));
+        }
+        self.places.extend(frame.lines.iter().map(|&line| (run as u32, line)));
+        let rows = self.places.len() as u64;
+        let cells = rows.saturating_mul(frame.columns.len() as u64);
+        ROWS.check(rows)
+            .and_then(|()| CELLS.check(cells))
+            .map_err(|refusal| crate::formats::refused(Path::new("the table"), refusal))?;
+        for (name, values) in frame.columns {
+            match self.columns.iter_mut().find(|(known, _)| *known == name) {
+                Some((_, column)) => column.extend(values),
+                None => self.columns.push((name, values)),
+            }
+        }
+        Ok(())
+    }
+}

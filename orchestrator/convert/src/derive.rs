@@ -1,0 +1,262 @@
+//! Columns that follow from others: times from the start, differences of counters, delivery ratios; and rows that say nothing new.
+
+use crate::account::Account;
+use crate::frame::{Frame, NO_TIME};
+use crate::mapping::Start;
+use crate::sequence::{self, Numbered, SequenceGaps};
+use measure::table::DataTable;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Times from here on (ns) are taken for epoch times: March 1973. No campaign lasts that long.
+const EPOCH_NS: i64 = 100_000_000_000_000_000;
+
+/// Makes times count from the start.
+pub(crate) fn start_at_zero(frame: &mut Frame, start: Start, account: &mut Account<'_>) {
+    let Some(times_ns) = frame.time_ns() else { return };
+    let mut sorted = times_ns.to_vec();
+    sorted.sort_unstable();
+    let is_epoch = sorted.get(sorted.len() / 2).is_some_and(|&median| EPOCH_NS <= median);
+    let start_ns = match (start, frame.start_ns) {
+        (Start::AsWritten, _) => return,
+        (Start::At(start_ns), _) | (Start::Automatic, Some(start_ns)) => start_ns,
+        (Start::Automatic, None) if is_epoch => {
+            frame.reject(account, |frame, row| {
+                let is_early = frame.time_ns()?[row] < EPOCH_NS;
+                is_early.then(|| {
+                    "time_s is before 1973, while most times are later: the clock was not set"
+                        .to_owned()
+                })
+            });
+            sorted.into_iter().find(|&time_ns| EPOCH_NS <= time_ns).unwrap_or(0)
+        }
+        (Start::Automatic, None) => return,
+    };
+    frame.reject(account, |frame, row| {
+        (frame.time_ns()?[row] < start_ns).then(|| "time_s is before the start".to_owned())
+    });
+    for times in frame.times_ns.values_mut() {
+        for time_ns in times.iter_mut().filter(|time_ns| **time_ns != NO_TIME) {
+            *time_ns = time_ns.saturating_sub(start_ns);
+        }
+    }
+}
+
+/// Sender, receiver and channel of a row.
+fn link_of(frame: &Frame, row: usize) -> [u64; 3] {
+    ["tx", "rx", "channel"].map(|name| frame.column(name).map_or(0, |column| column[row].to_bits()))
+}
+
+/// Replaces counters that count from the start of the log by their differences from row to row of a link and channel.
+pub(crate) fn differences(frame: &mut Frame, account: &mut Account<'_>) {
+    let mut last: BTreeMap<[u64; 3], usize> = BTreeMap::new();
+    let mut order: Vec<usize> = (0..frame.n_rows()).collect();
+    if let Some(times_ns) = frame.time_ns() {
+        order.sort_by_key(|&row| times_ns[row]);
+    }
+    let mut before: Vec<Option<usize>> = vec![None; frame.n_rows()];
+    for row in order {
+        before[row] = last.insert(link_of(frame, row), row);
+    }
+    const COUNTERS: [&str; 2] = ["frames", "received_frames"];
+    let counters: Vec<(&str, Vec<f64>)> =
+        COUNTERS.iter().filter_map(|name| Some((*name, frame.column(name)?.to_vec()))).collect();
+    for (name, counts) in &counters {
+        let difference =
+            |row: usize| before[row].map_or(f64::NAN, |last| counts[row] - counts[last]);
+        let differences = (0..counts.len()).map(difference).collect();
+        frame.take(name);
+        frame.columns.push(((*name).to_owned(), differences));
+    }
+    frame.reject(account, |frame, row| {
+        if before[row].is_none() {
+            return Some(
+                "it is the first count of its link, from which the next one is subtracted"
+                    .to_owned(),
+            );
+        }
+        let values = COUNTERS.map(|name| frame.column(name).map_or(0.0, |column| column[row]));
+        if values.iter().any(|value| *value < 0.0) {
+            return Some(
+                "a counter decreased: the node restarted, or the counter is full".to_owned(),
+            );
+        }
+        (values[0] == 0.0).then(|| "no frame was sent since the row before".to_owned())
+    });
+}
+
+/// Computes the delivery ratio from counts.
+pub(crate) fn delivery_ratio(frame: &mut Frame, account: &mut Account<'_>) {
+    let Some(received) = frame.take("received_frames") else { return };
+    let Some(sent) = frame.column("frames") else { return };
+    let ratio = |(received, sent): (&f64, &f64)| received / sent;
+    let pdr: Vec<f64> = received.iter().zip(sent).map(ratio).collect();
+    frame.columns.push(("pdr".to_owned(), pdr));
+    frame.reject(account, |frame, row| {
+        let is_more = 1.0 < frame.column("pdr")?[row];
+        is_more.then(|| "more frames were received than sent".to_owned())
+    });
+}
+
+/// Rejects rows over all channels of a link whose single channels are in the file as well: they would count twice.
+pub(crate) fn drop_sums_over_channels(frame: &mut Frame, account: &mut Account<'_>) {
+    let key = |frame: &Frame, row: usize| {
+        let [tx, rx, _] = link_of(frame, row);
+        [tx, rx, frame.time_ns().map_or(0, |times| times[row] as u64)]
+    };
+    let Some(channels) = frame.column("channel") else { return };
+    let with_channels: BTreeSet<[u64; 3]> = (0..frame.n_rows())
+        .filter(|&row| channels[row].is_finite())
+        .map(|row| key(frame, row))
+        .collect();
+    frame.reject(account, |frame, row| {
+        let is_sum =
+            frame.column("channel")?[row].is_nan() && with_channels.contains(&key(frame, row));
+        is_sum.then(|| {
+            "it is the mean over channels that have rows of their own at the same time".to_owned()
+        })
+    });
+}
+
+/// Rejects packets that arrived before, and counts gaps in the sequence numbers of each source.
+pub(crate) fn sequence_gaps(
+    frame: &mut Frame,
+    run: u32,
+    account: &mut Account<'_>,
+) -> Vec<SequenceGaps> {
+    let mut seen = BTreeSet::new();
+    let is_new: Vec<bool> = (0..frame.n_rows())
+        .map(|row| {
+            let number = |name: &str| frame.column(name).map_or(f64::NAN, |column| column[row]);
+            let time_ns = frame.time_ns().map_or(0, |times| times[row]);
+            let key = (number("source").to_bits(), number("sequence").to_bits(), time_ns);
+            number("sequence").is_nan() || seen.insert(key)
+        })
+        .collect();
+    frame.reject(account, |_, row| {
+        (!is_new[row]).then(|| {
+            "the packet arrived before: source, sequence number and creation time are equal"
+                .to_owned()
+        })
+    });
+    frame.reject(account, |frame, row| {
+        let sequence = frame.column("sequence")?[row];
+        let is_count = sequence.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&sequence);
+        (sequence.is_finite() && !is_count).then(|| "sequence is not a whole number".to_owned())
+    });
+    let mut by_source: BTreeMap<u32, Vec<Numbered>> = BTreeMap::new();
+    for row in 0..frame.n_rows() {
+        let number = |name: &str| frame.column(name).map_or(f64::NAN, |column| column[row]);
+        if number("sequence").is_finite() {
+            by_source.entry(number("source") as u32).or_default().push(Numbered {
+                created_ns: frame.time_ns().map_or(0, |times| times[row]),
+                sequence: number("sequence") as u32,
+                line: frame.lines[row],
+            });
+        }
+    }
+    by_source
+        .into_iter()
+        .map(|(source, mut packets)| sequence::gaps(run, source, &mut packets))
+        .collect()
+}
+
+/// A warning if delivery ratios look like a fraction of a fraction.
+pub(crate) fn small_ratios(table: &DataTable) -> Option<String> {
+    /// Fewer rows may have been unlucky.
+    const FEWEST: usize = 100;
+    let pdr = table.column("pdr")?;
+    let most = pdr.iter().copied().filter(|pdr| pdr.is_finite()).fold(0.0, f64::max);
+    (FEWEST <= pdr.len() && 0.0 < most && most < 0.0101).then(|| {
+        format!(
+            "pdr is at most {most} in {} rows; if the log divides percentages by 10000, write pdr = {{ column = \"…\", scale = 100 }}",
+            pdr.len()
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    const S: i64 = 1_000_000_000;
+
+    fn frame(times_s: &[i64], columns: &[(&str, &[f64])]) -> Frame {
+        let mut frame = Frame { lines: (2..2 + times_s.len()).collect(), ..Frame::default() };
+        frame.times_ns.insert("time_s".to_owned(), times_s.iter().map(|time| time * S).collect());
+        let own = |(name, values): &(&str, &[f64])| ((*name).to_owned(), values.to_vec());
+        frame.columns = columns.iter().map(own).collect();
+        frame
+    }
+
+    /// What `change` rejects: reason, rows, first line.
+    fn rejected(
+        frame: &mut Frame,
+        change: impl Fn(&mut Frame, &mut Account<'_>),
+    ) -> Vec<(String, usize, usize)> {
+        let mut list = Vec::new();
+        let mut account = Account { file: Path::new("x"), n_read: 0, rejected: &mut list };
+        change(frame, &mut account);
+        list.into_iter().map(|r| (r.reason, r.rows, r.first_line)).collect()
+    }
+
+    #[test]
+    fn epoch_times_count_from_the_first_and_a_clock_that_was_not_set_is_rejected() {
+        let mut log = frame(&[7, 1_600_000_002, 1_600_000_001, 1_600_000_005], &[]);
+        let found =
+            rejected(&mut log, |frame, account| start_at_zero(frame, Start::Automatic, account));
+        assert_eq!(log.time_ns().unwrap(), [S, 0, 4 * S]);
+        assert!(
+            found.len() == 1 && found[0].0.contains("the clock was not set") && found[0].2 == 2
+        );
+        let mut relative = frame(&[3, 4], &[]);
+        assert!(
+            rejected(&mut relative, |frame, account| start_at_zero(
+                frame,
+                Start::Automatic,
+                account
+            ))
+            .is_empty()
+        );
+        assert_eq!(relative.time_ns().unwrap(), [3 * S, 4 * S]);
+        let found = rejected(&mut relative, |frame, account| {
+            start_at_zero(frame, Start::At(4 * S), account)
+        });
+        assert_eq!(found, [("time_s is before the start".to_owned(), 1, 2)]);
+        assert_eq!(relative.time_ns().unwrap(), [0]);
+    }
+
+    #[test]
+    fn counters_become_differences_and_ratios() {
+        let link: &[f64] = &[1.0, 1.0, 1.0, 1.0, 1.0];
+        let mut log = frame(
+            &[0, 10, 20, 30, 40],
+            &[
+                ("tx", link),
+                ("rx", link),
+                ("frames", &[5.0, 15.0, 15.0, 2.0, 6.0]),
+                ("received_frames", &[5.0, 13.0, 13.0, 1.0, 4.0]),
+            ],
+        );
+        let found = rejected(&mut log, |frame, account| {
+            differences(frame, account);
+            delivery_ratio(frame, account);
+        });
+        assert_eq!(log.column("frames").unwrap(), [10.0, 4.0]);
+        assert_eq!(log.column("pdr").unwrap(), [0.8, 0.75]);
+        let reasons: Vec<(&str, usize)> =
+            found.iter().map(|(reason, _, line)| (&reason[..9], *line)).collect();
+        assert_eq!(reasons, [("it is the", 2), ("no frame ", 4), ("a counter", 5)]);
+    }
+
+    #[test]
+    fn a_mean_over_channels_beside_them_does_not_count_twice() {
+        let nan = f64::NAN;
+        let mut log = frame(
+            &[0, 0, 1],
+            &[("tx", &[1.0; 3]), ("rx", &[2.0; 3]), ("channel", &[11.0, nan, nan])],
+        );
+        let found = rejected(&mut log, drop_sums_over_channels);
+        assert_eq!((log.lines.clone(), found[0].2), (vec![2, 4], 3));
+    }
+}

@@ -1,0 +1,190 @@
+//! The files that a pattern stands for.
+
+use std::cmp::Ordering;
+use std::path::{Path, PathBuf};
+
+/// A file, and what `*` and `?` of the pattern stand for in its path.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// The file.
+    pub path: PathBuf,
+    /// One text for each `*` or `?`.
+    pub wildcards: Vec<String>,
+}
+
+/// Most files of one pattern.
+pub const MOST_FILES: usize = 10_000;
+/// Longest pattern and name (bytes) that are compared: patterns with many `*` take time.
+const LONGEST: usize = 4096;
+
+/// Files that a pattern stands for, in natural order: `ds2` before `ds10`.
+///
+/// * `folder`: what the pattern is relative to.
+///
+/// # Errors
+///
+/// There are none, or too many: in words that follow the name of the key.
+pub fn find(folder: &Path, pattern: &str) -> Result<Vec<Found>, String> {
+    if LONGEST < pattern.len() {
+        return Err(format!("must have at most {LONGEST} bytes"));
+    }
+    let mut found = vec![Found { path: folder.to_owned(), wildcards: Vec::new() }];
+    if Path::new(pattern).is_absolute() {
+        found[0].path = PathBuf::from("/");
+    }
+    for part in pattern.split('/').filter(|part| !part.is_empty()) {
+        let mut next = Vec::new();
+        for at in found {
+            if part.contains(['*', '?']) {
+                entries(&at, part, &mut next)?;
+            } else {
+                next.push(Found { path: at.path.join(part), wildcards: at.wildcards });
+            }
+        }
+        found = next;
+    }
+    found.retain(|found| found.path.is_file());
+    if found.is_empty() {
+        let has_wildcards = pattern.contains(['*', '?']);
+        let base = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        return Err(if has_wildcards {
+            format!("matches no file (relative to {})", base.display())
+        } else {
+            format!("does not exist (relative to {})", base.display())
+        });
+    }
+    found.sort_by(|a, b| natural_order(&a.path.to_string_lossy(), &b.path.to_string_lossy()));
+    Ok(found)
+}
+
+/// Adds the entries of a folder whose name matches a part of the pattern.
+#[expect(clippy::disallowed_methods, reason = "a pattern stands for files")]
+fn entries(at: &Found, part: &str, next: &mut Vec<Found>) -> Result<(), String> {
+    let folder = if at.path.as_os_str().is_empty() { Path::new(".") } else { &at.path };
+    let Ok(entries) = std::fs::read_dir(folder) else { return Ok(()) };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let Some(name) = name.to_str() else { continue };
+        // As in a shell, hidden files are not meant.
+        if name.starts_with('.') && !part.starts_with('.') {
+            continue;
+        }
+        if let Some(wildcards) = matched(part, name) {
+            let wildcards = at.wildcards.iter().cloned().chain(wildcards).collect();
+            next.push(Found { path: at.path.join(name), wildcards });
+        }
+        if MOST_FILES < next.len() {
+            return Err(format!("matches more than {MOST_FILES} files"));
+        }
+    }
+    Ok(())
+}
+
+/// What each `*` and `?` of a pattern stands for in a name, if it matches. `*` stands for as little as possible.
+fn matched(pattern: &str, name: &str) -> Option<Vec<String>> {
+    let pattern: Vec<char> = pattern.chars().collect();
+    let name: Vec<char> = name.chars().collect();
+    // From the last `*` on, the match is tried again with one character more.
+    let (mut at, mut read) = (0, 0);
+    let mut starts: Vec<(usize, usize, usize)> = Vec::new();
+    let mut retry: Option<usize> = None;
+    loop {
+        match pattern.get(at) {
+            Some('*') => {
+                retry = Some(starts.len());
+                starts.push((at, read, read));
+                at += 1;
+                continue;
+            }
+            Some('?') if read < name.len() => {
+                starts.push((at, read, read + 1));
+                (at, read) = (at + 1, read + 1);
+                continue;
+            }
+            Some(expected) if name.get(read) == Some(expected) => {
+                (at, read) = (at + 1, read + 1);
+                continue;
+            }
+            None if read == name.len() => break,
+            _ => {}
+        }
+        let last = retry?;
+        starts.truncate(last + 1);
+        let (star, _, end) = &mut starts[last];
+        *end += 1;
+        if name.len() < *end {
+            return None;
+        }
+        (at, read) = (*star + 1, *end);
+    }
+    Some(starts.iter().map(|&(_, start, end)| name[start..end].iter().collect()).collect())
+}
+
+/// Compares texts with numbers in them: digits by their value, everything else by character.
+#[must_use]
+pub fn natural_order(a: &str, b: &str) -> Ordering {
+    let (mut a_rest, mut b_rest) = (a, b);
+    loop {
+        let (a_number, b_number) = (leading_digits(a_rest), leading_digits(b_rest));
+        if !a_number.is_empty() && !b_number.is_empty() {
+            let (a_value, b_value) =
+                (a_number.trim_start_matches('0'), b_number.trim_start_matches('0'));
+            let order = a_value.len().cmp(&b_value.len()).then_with(|| a_value.cmp(b_value));
+            if order.is_ne() {
+                return order;
+            }
+            (a_rest, b_rest) = (&a_rest[a_number.len()..], &b_rest[b_number.len()..]);
+            continue;
+        }
+        let (mut a_chars, mut b_chars) = (a_rest.chars(), b_rest.chars());
+        match (a_chars.next(), b_chars.next()) {
+            (None, None) => return a.cmp(b),
+            (a_char, b_char) if a_char != b_char => return a_char.cmp(&b_char),
+            _ => (a_rest, b_rest) = (a_chars.as_str(), b_chars.as_str()),
+        }
+    }
+}
+
+fn leading_digits(text: &str) -> &str {
+    let end = text.bytes().take_while(u8::is_ascii_digit).count();
+    &text[..end]
+}
+
+#[cfg(test)]
+#[expect(clippy::disallowed_methods, reason = "tests write the files that they read")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pattern_says_what_its_wildcards_stand_for() {
+        let matched = |pattern, name| matched(pattern, name).map(|texts| texts.join("|"));
+        assert_eq!(matched("ds*_pose.csv", "ds12_pose.csv").as_deref(), Some("12"));
+        assert_eq!(matched("ds*_pose.csv", "ds1_command.csv"), None);
+        assert_eq!(matched("*a*b", "xaabab").as_deref(), Some("x|aba"));
+        assert_eq!(matched("a?c*", "abc").as_deref(), Some("b|"));
+        assert_eq!(matched("a*", "b"), None);
+        assert_eq!(matched("a?", "a"), None);
+    }
+
+    #[test]
+    fn numbers_in_names_are_ordered_by_their_value() {
+        let mut names = ["ds10", "ds2", "node b", "ds02", "node a", "ds"];
+        names.sort_by(|a, b| natural_order(a, b));
+        assert_eq!(names, ["ds", "ds02", "ds2", "ds10", "node a", "node b"]);
+    }
+
+    #[test]
+    fn files_are_found_in_folders_with_wildcards() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["run2", "run10", "other"] {
+            std::fs::create_dir(folder.path().join(name)).unwrap();
+            std::fs::write(folder.path().join(name).join("pose.csv"), "").unwrap();
+        }
+        let found = find(folder.path(), "run*/pose.csv").unwrap();
+        let wildcards: Vec<&str> = found.iter().map(|found| &*found.wildcards[0]).collect();
+        assert_eq!(wildcards, ["2", "10"]);
+        assert!(find(folder.path(), "*.csv").unwrap_err().contains("matches no file"));
+        assert!(find(folder.path(), "pose.csv").unwrap_err().contains("does not exist"));
+        assert_eq!(find(folder.path(), "other/pose.csv").unwrap()[0].wildcards, [""; 0]);
+    }
+}

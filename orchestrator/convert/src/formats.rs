@@ -1,0 +1,68 @@
+//! Formats of logs: one file each, and the one list [`BUILT_IN`].
+//!
+//! A format turns a file into rows of named text fields. What the fields mean is the mapping's; a format whose fields always mean
+//! the same states their columns, so that a mapping need not.
+
+pub mod csv;
+pub mod k7;
+pub mod openwsn;
+
+use ::csv::StringRecord;
+use measure::DataError;
+use measure::formats::Content;
+use proto::config::{Registered, Variant};
+use std::path::Path;
+
+/// A format of logs.
+#[derive(Clone, Copy, Debug)]
+pub struct Format {
+    /// Its name in mapping files, and its keys.
+    pub variant: Variant,
+    /// Columns of the table, and the fields that they are filled from unless the mapping says otherwise.
+    pub columns: &'static [(&'static str, &'static str)],
+    /// Opens a log. The path is named in errors; the table has the format's keys.
+    pub open: for<'a> fn(&Path, Content<'a>, &toml::Table) -> Result<Box<dyn Rows + 'a>, DataError>,
+}
+
+impl Registered for Format {
+    fn variant(&self) -> &Variant {
+        &self.variant
+    }
+}
+
+/// The formats that are known.
+pub const BUILT_IN: &[Format] = &[csv::FORMAT, k7::FORMAT, openwsn::FORMAT];
+
+/// The rows of a log.
+pub trait Rows {
+    /// Names of the fields.
+    fn names(&self) -> &[String];
+
+    /// From when times count (ns), if the log states it.
+    fn start_ns(&self) -> Option<i64> {
+        None
+    }
+
+    /// Reads the next row. Returns whether there is one.
+    ///
+    /// # Errors
+    ///
+    /// The log cannot be read further: the place is named.
+    fn next(&mut self, row: &mut Row) -> Result<bool, DataError>;
+}
+
+/// A row of a log.
+#[derive(Clone, Debug, Default)]
+pub struct Row {
+    /// The line that it stands on, from 1.
+    pub line: usize,
+    /// Its fields.
+    pub fields: StringRecord,
+    /// Why it cannot be used, if it cannot.
+    pub problem: Option<String>,
+}
+
+/// An error of a file, in the words of `message`.
+pub(crate) fn refused(path: &Path, message: impl Into<String>) -> DataError {
+    DataError::Format { path: path.to_owned(), message: message.into() }
+}

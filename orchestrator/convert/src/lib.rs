@@ -1,0 +1,114 @@
+//! Import: logs become tables of measurements, as a mapping file says.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`mapping`] | mapping files: their keys, and every problem of one |
+//! | [`formats`] | formats of logs, one file each |
+//! | [`files`] | the files that a pattern stands for |
+//! | [`units`], [`time`], [`geodesy`] | units, dates and positions, in the units of the tables |
+//! | [`tables`] | the tables and their columns |
+//! | [`sequence`] | gaps in sequence numbers |
+//! | [`output`] | tables written as CSV or Parquet |
+//!
+//! A row that the commands' own readers would reject is rejected here, with its line in the log.
+
+mod account;
+mod assemble;
+mod derive;
+pub mod files;
+pub mod formats;
+mod frame;
+pub mod geodesy;
+mod join;
+mod labels;
+pub mod mapping;
+pub mod output;
+pub mod sequence;
+pub mod tables;
+pub mod time;
+pub mod units;
+
+pub use account::RejectedRows;
+pub use assemble::convert;
+pub use join::JoinReport;
+
+use measure::DataError;
+use measure::table::DataTable;
+use proto::config::Refusal;
+use schemars::JsonSchema;
+use sequence::SequenceGaps;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use tables::TableKind;
+
+/// Why logs cannot be converted.
+#[derive(Debug, thiserror::Error)]
+pub enum ConvertError {
+    /// The mapping does not fit the logs.
+    #[error(transparent)]
+    Mapping(#[from] Refusal),
+    /// A log cannot be read.
+    #[error(transparent)]
+    Log(#[from] DataError),
+}
+
+/// What the schema of the answer is called.
+pub const SCHEMA: &str = "convert/1";
+
+/// A table, and how it came about.
+#[derive(Clone, Debug)]
+pub struct Converted {
+    /// The table.
+    pub table: DataTable,
+    /// How it came about.
+    pub answer: Conversion,
+}
+
+/// How logs became a table.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Conversion {
+    /// The format of this answer.
+    #[schemars(extend("const" = SCHEMA))]
+    pub schema: &'static str,
+    /// The table.
+    pub table: TableKind,
+    /// Its columns, in order.
+    pub columns: Vec<String>,
+    /// Rows of the first input that were read.
+    pub read: usize,
+    /// Rows of the table.
+    pub written: usize,
+    /// The inputs, in the order of the mapping.
+    pub inputs: Vec<InputReport>,
+    /// Numbers of nodes or robots by name; empty where the log has numbers, which stay as they are.
+    pub names: BTreeMap<String, u32>,
+    /// Latitude and longitude (degrees) of x = 0, y = 0; null where the log has no geographic coordinates.
+    pub origin_deg: Option<[f64; 2]>,
+    /// Gaps in sequence numbers, by run and source; empty where packets have no sequence numbers.
+    pub gaps: Vec<SequenceGaps>,
+    /// What to check before the table is used.
+    pub warnings: Vec<String>,
+}
+
+/// What was read of an input.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct InputReport {
+    /// The files, in order; of the first input, those of run 1, 2, ….
+    pub files: Vec<String>,
+    /// Name of the format.
+    pub format: &'static str,
+    /// Rows that were read.
+    pub read: usize,
+    /// Rows that could not be used, by reason.
+    pub rejected: Vec<RejectedRows>,
+    /// How it was joined onto the first input; null for the first.
+    pub join: Option<JoinReport>,
+}
+
+impl InputReport {
+    /// Rows that could not be used.
+    #[must_use]
+    pub fn n_rejected(&self) -> usize {
+        self.rejected.iter().map(|rejected| rejected.rows).sum()
+    }
+}

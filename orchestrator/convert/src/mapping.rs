@@ -1,0 +1,708 @@
+//! Mapping files: which logs there are, and which columns of a table their fields fill.
+
+use crate::formats::{BUILT_IN, Format};
+use crate::tables::{self, COLUMNS_SPEC, Content, SOURCE_SPEC, TableKind};
+use crate::time::{self, NS_PER_S};
+use crate::units::{self, Unit};
+use proto::bounds::CONFIGURATION_BYTES;
+use proto::config::{
+    Choice, Default, Field, Kind, Lists, Node, Problem, Range, Refusal, Registry, TableSpec, Tag,
+    Value, Variants, check, most_similar, parse, typed,
+};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The keys of a mapping file.
+pub const SPEC: TableSpec = TableSpec {
+    doc: "A mapping file: how logs become a table of measurements.",
+    fields: &[
+        Field {
+            key: "table",
+            doc: "The table to write.",
+            kind: Kind::Choice(&[
+                Choice { name: "links", doc: "Link samples, or an aggregated link table." },
+                Choice { name: "robots", doc: "Robot samples." },
+                Choice { name: "packets", doc: "Packets from end to end." },
+            ]),
+            default: Default::Required,
+        },
+        Field {
+            key: "start",
+            doc: "From when times count: a date, an epoch time (s), or \"as-written\". By default, dates and epoch times count from the \
+                  first row of each run, or from the start that the log states; smaller times stay as they are.",
+            kind: Kind::Either(&[Kind::Number(Range::ANY), Kind::Text]),
+            default: Default::Absent,
+        },
+        Field {
+            key: "origin_deg",
+            doc: "Latitude and longitude (degrees) of x = 0, y = 0. By default, the first fix.",
+            kind: Kind::List { of: &Kind::Number(Range::closed(-180.0, 180.0)), min: 2, max: 2 },
+            default: Default::Absent,
+        },
+        Field {
+            key: "names",
+            doc: "Numbers of nodes or robots by their name in the log: `{ gateway = 0, \"00:12\" = 1 }`. Other names get the numbers that \
+                  follow, in natural order. By default, whole numbers stay as they are.",
+            kind: Kind::Anything,
+            default: Default::Absent,
+        },
+        Field {
+            key: "input",
+            doc: "The logs. Rows of the table are the rows of the first input; further inputs are joined onto them.",
+            kind: Kind::Tables(&INPUT_SPEC),
+            default: Default::Required,
+        },
+    ],
+    tag: None,
+};
+
+const INPUT_SPEC: TableSpec = TableSpec {
+    doc: "Log files of one format.",
+    fields: &[
+        Field {
+            key: "files",
+            doc: "Path of the log, relative to the mapping file. `*` and `?` stand for any characters: each file is then a run of its own, \
+                  in natural order. Files of further inputs belong to the run in whose file name `*` stands for the same text.",
+            kind: Kind::Text,
+            default: Default::Required,
+        },
+        Field {
+            key: "columns",
+            doc: "What the columns of the table are filled from.",
+            kind: Kind::Table(&COLUMNS_SPEC),
+            default: Default::Table,
+        },
+        Field {
+            key: "covariates",
+            doc: "Further columns, by the name that they get, with its unit as suffix: `{ temperature_c = \"Temp\" }`.",
+            kind: Kind::Anything,
+            default: Default::Absent,
+        },
+        Field {
+            key: "cumulative",
+            doc: "Whether frames and received_frames count from the start of the log; each row then gets the difference from the row before of \
+                  the same link and channel.",
+            kind: Kind::Bool,
+            default: Default::Bool(false),
+        },
+        Field {
+            key: "join",
+            doc: "Which row of a further input goes with a row of the first.",
+            kind: Kind::Choice(&[
+                Choice {
+                    name: LATEST,
+                    doc: "The last one before it, as for the command in force.",
+                },
+                Choice { name: "nearest", doc: "The one nearest in time." },
+                Choice {
+                    name: "interpolated",
+                    doc: "The one before and the one after, interpolated linearly; angles along the shorter arc.",
+                },
+            ]),
+            default: Default::Text(LATEST),
+        },
+        Field {
+            key: "within_s",
+            doc: "How far in time the joined row may be (s). Rows of the first input without one are rejected, unless nodes are joined: \
+                  then their places stay empty.",
+            kind: Kind::Number(Range::above(0.0, 1e9)),
+            default: Default::Number(1.0),
+        },
+    ],
+    tag: Some(&Tag {
+        key: "format",
+        doc: "Format of the log.",
+        default: Some("csv"),
+        variants: Variants::List(FORMATS),
+    }),
+};
+
+const LATEST: &str = "latest";
+const FORMATS: &str = "formats";
+const AS_WRITTEN: &str = "as-written";
+
+/// The lists that the keys of a mapping file choose from.
+#[must_use]
+pub fn lists() -> Lists {
+    Lists::default().with(FORMATS, &Registry::new(BUILT_IN))
+}
+
+/// A mapping.
+#[derive(Clone, Debug)]
+pub struct Mapping {
+    /// The mapping file.
+    pub path: PathBuf,
+    text: String,
+    tree: Node,
+    /// The table to write.
+    pub table: TableKind,
+    /// The logs; the first has the rows of the table.
+    pub inputs: Vec<Input>,
+    /// Numbers of nodes or robots that the mapping states, by name.
+    pub names: BTreeMap<String, u32>,
+    /// From when times count.
+    pub start: Start,
+    /// Latitude and longitude (degrees) of the origin of the plane; `None`: the first fix.
+    pub origin_deg: Option<[f64; 2]>,
+}
+
+/// From when times count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// From the start that the log states; or, for dates and epoch times, from the first row of each run.
+    Automatic,
+    /// Times stay as they are.
+    AsWritten,
+    /// From this time (ns).
+    At(i64),
+}
+
+/// Log files of one format.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// Path of the file, relative to the mapping file; with `*` and `?`, of several.
+    pub files: String,
+    /// Their format.
+    pub format: &'static Format,
+    /// The keys of the format.
+    pub keys: toml::Table,
+    /// What columns are filled from.
+    pub columns: Vec<Target>,
+    /// Counters count from the start of the log.
+    pub is_cumulative: bool,
+    /// How its rows are joined onto those of the first input.
+    pub join: Join,
+}
+
+/// A column and what it is filled from.
+#[derive(Clone, Debug)]
+pub struct Target {
+    /// Name of the column.
+    pub name: String,
+    /// What its values are.
+    pub content: Content,
+    /// What it is filled from.
+    pub source: Source,
+    /// The mapping states it; otherwise the format does.
+    pub is_stated: bool,
+}
+
+/// What a column is filled from.
+#[derive(Clone, Debug)]
+pub enum Source {
+    /// The same number in every row.
+    Constant(f64),
+    /// A column of the log.
+    Column {
+        /// Its name.
+        name: String,
+        /// Its unit; `None`: that of the table.
+        unit: Option<&'static Unit>,
+        /// The value is multiplied by this,
+        scale: f64,
+        /// and this is added.
+        offset: f64,
+    },
+    /// Columns of whole seconds and of nanoseconds.
+    SecondsAndNanoseconds([String; 2]),
+    /// Columns of a unit quaternion: x, y, z, w.
+    Quaternion([String; 4]),
+}
+
+/// How rows are joined by time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Join {
+    /// Which row is taken.
+    pub kind: JoinKind,
+    /// How far in time it may be (ns).
+    pub within_ns: i64,
+}
+
+/// Which row is joined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum JoinKind {
+    /// The last one before.
+    Latest,
+    /// The nearest in time.
+    Nearest,
+    /// The two around it, interpolated.
+    Interpolated,
+}
+
+impl Input {
+    /// Whether it has a column.
+    #[must_use]
+    pub fn has(&self, name: &str) -> bool {
+        self.columns.iter().any(|target| target.name == name)
+    }
+}
+
+#[derive(Deserialize)]
+struct TopKeys {
+    table: TableKind,
+    start: Option<toml::Value>,
+    origin_deg: Option<[f64; 2]>,
+    input: Option<Vec<toml::Table>>,
+}
+
+#[derive(Deserialize)]
+struct InputKeys {
+    files: String,
+    columns: toml::Table,
+    cumulative: bool,
+    join: JoinKind,
+    within_s: f64,
+}
+
+#[derive(Deserialize)]
+struct SourceKeys {
+    column: String,
+    unit: Option<String>,
+    scale: f64,
+    offset: f64,
+}
+
+impl Mapping {
+    /// Reads a mapping file.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be read; or every problem that it has, with its place.
+    #[expect(clippy::disallowed_methods, reason = "a mapping is a file")]
+    pub fn read(path: &Path) -> Result<Self, Refusal> {
+        let text = std::fs::File::open(path)
+            .and_then(|file| CONFIGURATION_BYTES.read_text(file))
+            .map_err(|error| Refusal::of_file(path, format!("cannot be read: {error}")))?;
+        Self::of_text(path, text)
+    }
+
+    /// Reads the text of a mapping file; `path` is named in refusals.
+    ///
+    /// # Errors
+    ///
+    /// Every problem that it has, with its place.
+    pub fn of_text(path: &Path, text: String) -> Result<Self, Refusal> {
+        let tree = parse(&text)
+            .map_err(|problems| Refusal::new(path, &text, &Node::empty_table(), problems))?;
+        let mut problems = Vec::new();
+        let checked = check(&tree, "", &SPEC, &lists(), &mut problems).table;
+        let keys: TopKeys = typed(&checked);
+        let start = start(keys.start.as_ref(), &mut problems);
+        let names = names(tree.get("names"), &mut problems);
+        let inputs: Vec<Input> = keys
+            .input
+            .unwrap_or_default()
+            .iter()
+            .enumerate()
+            .map(|(number, table)| input(&tree, number, table, keys.table, &mut problems))
+            .collect();
+        let mapping = Self {
+            path: path.to_owned(),
+            text,
+            tree,
+            table: keys.table,
+            inputs,
+            names,
+            start,
+            origin_deg: keys.origin_deg,
+        };
+        mapping.check_inputs(&mut problems);
+        if problems.is_empty() { Ok(mapping) } else { Err(mapping.refuse(problems)) }
+    }
+
+    /// Problems of this file, placed on its lines.
+    #[must_use]
+    pub fn refuse(&self, problems: Vec<Problem>) -> Refusal {
+        Refusal::new(&self.path, &self.text, &self.tree, problems)
+    }
+
+    /// What inputs have to do with each other.
+    fn check_inputs(&self, problems: &mut Vec<Problem>) {
+        let Some((first, further)) = self.inputs.split_first() else {
+            if problems.is_empty() {
+                problems.push(Problem::new("input", "must have at least one table ([[input]])"));
+            }
+            return;
+        };
+        let written = |number: usize, key: &str| match self.tree.get("input").map(|n| &n.value) {
+            Some(Value::List(list)) => list.get(number).is_some_and(|node| node.get(key).is_some()),
+            _ => false,
+        };
+        for key in ["join", "within_s"].iter().filter(|key| written(0, key)) {
+            let message = "does not apply to the first input, onto which the others are joined";
+            problems.push(Problem::new(format!("input[0].{key}"), message));
+        }
+        for (number, input) in (1..).zip(further) {
+            let path = format!("input[{number}]");
+            if !input.has("time_s") && !input.has("node") {
+                let message = "must have time_s, node or both: its rows are joined by them";
+                problems.push(Problem::new(format!("{path}.columns"), message));
+            }
+            if input.has("time_s") && !first.has("time_s") {
+                let message = "is joined by time, but the first input has no time_s";
+                problems.push(Problem::new(format!("{path}.columns.time_s"), message));
+            }
+            let is_key = |name: &str| ["time_s", "node", "agent"].contains(&name);
+            for target in input.columns.iter().filter(|target| !is_key(&target.name)) {
+                let others = &self.inputs[..number];
+                if !input.has("node") && others.iter().any(|other| other.has(&target.name)) {
+                    let message = "is filled by an earlier input as well; remove one of them";
+                    problems.push(Problem::new(format!("{path}.columns.{}", target.name), message));
+                }
+            }
+        }
+        if !problems.is_empty() {
+            return;
+        }
+        let lacking = self.table.lacking(&self.column_names());
+        if !lacking.is_empty() {
+            problems.push(Problem::new(
+                "input[0].columns",
+                format!("a table of {} also requires {}", self.table.name(), lacking.join(", ")),
+            ));
+        }
+    }
+
+    /// Names of the columns that the table will have.
+    fn column_names(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for input in &self.inputs {
+            let prefixes = if input.has("node") { &["tx_", "rx_"][..] } else { &[""] };
+            for (target, prefix) in
+                input.columns.iter().flat_map(|target| prefixes.iter().map(move |p| (target, p)))
+            {
+                match &*target.name {
+                    "time_s" | "node" if *prefix != "" => {}
+                    "latitude_deg" => {
+                        names.extend([format!("{prefix}x_m"), format!("{prefix}y_m")]);
+                    }
+                    "received_frames" => names.push("pdr".to_owned()),
+                    name => names.push(format!("{prefix}{name}")),
+                }
+            }
+        }
+        names
+    }
+}
+
+fn start(written: Option<&toml::Value>, problems: &mut Vec<Problem>) -> Start {
+    let text = match written {
+        None => return Start::Automatic,
+        Some(toml::Value::String(text)) if text == AS_WRITTEN => return Start::AsWritten,
+        Some(toml::Value::String(text)) => text.clone(),
+        Some(number) => number.to_string(),
+    };
+    match time::parse(&text, NS_PER_S) {
+        Some(start_ns) => Start::At(start_ns),
+        None => {
+            let message =
+                "must be a date such as 2018-01-11T16:32:22, an epoch time (s), or \"as-written\"";
+            problems.push(Problem::new("start", message).value(format!("{text:?}")));
+            Start::Automatic
+        }
+    }
+}
+
+fn names(node: Option<&Node>, problems: &mut Vec<Problem>) -> BTreeMap<String, u32> {
+    let mut numbers: BTreeMap<String, u32> = BTreeMap::new();
+    let Some(node) = node else { return numbers };
+    let Value::Table(entries) = &node.value else {
+        let message = "must be a table of numbers by name, such as { gateway = 0 }";
+        problems.push(Problem::new("names", message).value(node.show()));
+        return numbers;
+    };
+    for (name, _, node) in entries {
+        let path = format!("names.{name}");
+        match node.value {
+            Value::Integer(number @ 0..=MOST_NUMBER) => {
+                let number = number as u32;
+                if let Some((other, _)) = numbers.iter().find(|(_, taken)| **taken == number) {
+                    let message = format!("must differ from the number of {other:?}");
+                    problems.push(Problem::new(path, message).value(number));
+                } else {
+                    numbers.insert(name.clone(), number);
+                }
+            }
+            _ => {
+                let message = format!("must be a whole number from 0 to {MOST_NUMBER}");
+                problems.push(Problem::new(path, message).value(node.show()));
+            }
+        }
+    }
+    numbers
+}
+
+/// Greatest number of a node or robot.
+const MOST_NUMBER: i64 = 1_000_000_000;
+
+fn input(
+    tree: &Node,
+    number: usize,
+    table: &toml::Table,
+    kind: TableKind,
+    problems: &mut Vec<Problem>,
+) -> Input {
+    let path = format!("input[{number}]");
+    let keys: InputKeys = typed(table);
+    let name = table.get("format").and_then(toml::Value::as_str).unwrap_or_default();
+    let found = BUILT_IN.iter().find(|format| format.variant.name == name);
+    let format = found.unwrap_or(&BUILT_IN[0]);
+    if let Some(delimiter) = table.get("delimiter").and_then(toml::Value::as_str)
+        && (delimiter.len() != 1 || ["\n", "\r", "\""].contains(&delimiter))
+    {
+        let message = "must be one character, such as \",\", \";\" or \"\\t\"";
+        problems.push(Problem::new(format!("{path}.delimiter"), message).value(delimiter));
+    }
+    let mut columns: Vec<Target> = Vec::new();
+    for (name, value) in &keys.columns {
+        let path = format!("{path}.columns.{name}");
+        let Some(column) = tables::known(name) else { continue };
+        if !column.is_of(kind) {
+            let mut problem = Problem::new(
+                path,
+                format!(
+                    "is not a column of a table of {}, whose columns are {}",
+                    kind.name(),
+                    kind.columns().collect::<Vec<_>>().join(", ")
+                ),
+            );
+            problem.nearest = most_similar(name, kind.columns()).map(str::to_owned);
+            problems.push(problem);
+            continue;
+        }
+        columns.extend(target(name, column.content, value, &path, problems));
+    }
+    let node = match tree.get("input").map(|node| &node.value) {
+        Some(Value::List(list)) => list.get(number).and_then(|node| node.get("covariates")),
+        _ => None,
+    };
+    covariates(node, &format!("{path}.covariates"), &mut columns, problems);
+    for (target_name, field) in format.columns {
+        let is_there = columns.iter().any(|target| target.name == *target_name);
+        let column = tables::known(target_name);
+        if !is_there && column.is_none_or(|column| column.is_of(kind)) {
+            columns.push(Target {
+                name: (*target_name).to_owned(),
+                content: column.map_or(Content::Number, |column| column.content),
+                source: Source::Column {
+                    name: (*field).to_owned(),
+                    unit: None,
+                    scale: 1.0,
+                    offset: 0.0,
+                },
+                is_stated: false,
+            });
+        }
+    }
+    let has = |name: &str| columns.iter().any(|target| target.name == name);
+    for (name, other) in [("latitude_deg", "longitude_deg"), ("longitude_deg", "latitude_deg")] {
+        if has(name) && !has(other) {
+            let message = format!("requires {other}");
+            problems.push(Problem::new(format!("{path}.columns.{name}"), message));
+        }
+    }
+    if has("latitude_deg") && (has("x_m") || has("y_m")) {
+        let message = "gives x_m and y_m, which are filled as well; remove one of them";
+        problems.push(Problem::new(format!("{path}.columns.latitude_deg"), message));
+    }
+    if has("received_frames") && (!has("frames") || has("pdr")) {
+        let message = "requires frames, and excludes pdr: it is their quotient";
+        problems.push(Problem::new(format!("{path}.columns.received_frames"), message));
+    }
+    if kind == TableKind::Links && !has("node") {
+        const OF_NODES: [&str; 6] =
+            ["x_m", "y_m", "z_m", "heading_rad", "latitude_deg", "longitude_deg"];
+        for name in OF_NODES.into_iter().filter(|name| has(name)) {
+            let message = "belongs to a node, so the input must have node as well";
+            problems.push(Problem::new(format!("{path}.columns.{name}"), message));
+        }
+    }
+    Input {
+        files: keys.files,
+        format,
+        keys: table.clone(),
+        columns,
+        is_cumulative: keys.cumulative,
+        join: Join { kind: keys.join, within_ns: (keys.within_s * 1e9) as i64 },
+    }
+}
+
+/// What a column is filled from, if that is possible.
+fn target(
+    name: &str,
+    content: Content,
+    value: &toml::Value,
+    path: &str,
+    problems: &mut Vec<Problem>,
+) -> Option<Target> {
+    let texts = |list: &[toml::Value]| -> Vec<String> {
+        list.iter().filter_map(toml::Value::as_str).map(str::to_owned).collect()
+    };
+    let source = match value {
+        toml::Value::Float(number) => Source::Constant(*number),
+        toml::Value::String(column) => {
+            let unit = Unit::of_column(column).filter(|unit| unit.fits(name));
+            Source::Column { name: column.clone(), unit, scale: 1.0, offset: 0.0 }
+        }
+        toml::Value::Array(list) => {
+            let list = texts(list);
+            let (expected, source) = match content {
+                Content::Time => (
+                    "must be the name of a column, or a list of two: [seconds, nanoseconds]",
+                    <[String; 2]>::try_from(list).map(Source::SecondsAndNanoseconds).ok(),
+                ),
+                Content::Heading => (
+                    "must be the name of a column, or a list of four, a quaternion: [x, y, z, w]",
+                    <[String; 4]>::try_from(list).map(Source::Quaternion).ok(),
+                ),
+                _ => ("must be the name of a column, a number or a table, not a list", None),
+            };
+            if source.is_none() {
+                problems.push(Problem::new(path, expected).value(value));
+            }
+            source?
+        }
+        toml::Value::Table(table) => {
+            let keys: SourceKeys = typed(table);
+            let unit = match &keys.unit {
+                Some(unit) => {
+                    let found = Unit::named(unit).filter(|unit| unit.fits(name));
+                    if found.is_none() {
+                        let message = format!("must be one of {}", units::allowed(name));
+                        let mut problem = Problem::new(format!("{path}.unit"), message)
+                            .value(format!("{unit:?}"));
+                        problem.nearest =
+                            most_similar(unit, units::allowed(name).split(", ")).map(str::to_owned);
+                        problems.push(problem);
+                    }
+                    found
+                }
+                None => Unit::of_column(&keys.column).filter(|unit| unit.fits(name)),
+            };
+            if content == Content::Label && (keys.scale != 1.0 || keys.offset != 0.0) {
+                problems.push(Problem::new(path, "is a number or name, without scale and offset"));
+            }
+            Source::Column { name: keys.column, unit, scale: keys.scale, offset: keys.offset }
+        }
+        _ => return None,
+    };
+    if matches!(source, Source::Constant(_)) && content == Content::Time {
+        problems.push(Problem::new(path, "must be the name of a column or a list of two"));
+        return None;
+    }
+    if let Source::Constant(number) = source
+        && content == Content::Label
+        && !(number.fract() == 0.0 && (0.0..=MOST_NUMBER as f64).contains(&number))
+    {
+        let message = format!("must be a whole number from 0 to {MOST_NUMBER}");
+        problems.push(Problem::new(path, message).value(number));
+        return None;
+    }
+    Some(Target { name: name.to_owned(), content, source, is_stated: true })
+}
+
+fn covariates(
+    node: Option<&Node>,
+    path: &str,
+    columns: &mut Vec<Target>,
+    problems: &mut Vec<Problem>,
+) {
+    let Some(node) = node else { return };
+    let Value::Table(entries) = &node.value else {
+        let message = "must be a table of columns by name, such as { temperature_c = \"Temp\" }";
+        problems.push(Problem::new(path, message).value(node.show()));
+        return;
+    };
+    for (name, _, node) in entries {
+        let path = format!("{path}.{name}");
+        let is_plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+            && name.starts_with(|c: char| c.is_ascii_alphabetic());
+        if !is_plain {
+            let message = "must be a name of letters, digits and _ that begins with a letter";
+            problems.push(Problem::new(path, message).value(format!("{name:?}")));
+            continue;
+        }
+        if tables::known(name).is_some() {
+            problems.push(Problem::new(path, "is no covariate; move it to columns"));
+            continue;
+        }
+        let value = match &node.value {
+            Value::Table(_) => {
+                let checked = check(node, &path, &SOURCE_SPEC, &Lists::NONE, problems);
+                toml::Value::Table(checked.table)
+            }
+            Value::Integer(number) => toml::Value::Float(*number as f64),
+            Value::Number(_) | Value::Text(_) => node.to_toml(),
+            _ => {
+                let message =
+                    "must be the name of a column, a number, or a table with column and unit";
+                problems.push(Problem::new(path, message).value(node.show()));
+                continue;
+            }
+        };
+        columns.extend(target(name, Content::Number, &value, &path, problems));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(text: &str) -> String {
+        Mapping::of_text(Path::new("map.toml"), text.to_owned()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn every_problem_is_named_with_its_line_and_what_is_allowed() {
+        let said = refusal(
+            "table = \"robot\"\n\
+             names = { a = 1, b = 1 }\n\
+             [[input]]\n\
+             files = \"*.csv\"\n\
+             format = \"cvs\"\n\
+             columns = { time_s = [\"s\"], agnt = 0, x_m = [\"a\", \"b\"], y_m = { column = \"y\", unit = \"deg\" } }\n\
+             covariates = { heading_rad = \"h\", \"a b\" = \"c\" }\n\
+             [[input]]\n\
+             files = \"b.csv\"\n\
+             columns = { source = \"x\" }\n",
+        );
+        for part in [
+            "map.toml:1: table: must be one of \"links\", \"robots\", \"packets\", got \"robot\" (nearest valid: \"robots\")",
+            "map.toml:2: names.b: must differ from the number of \"a\", got 1",
+            "map.toml:5: input[0].format: must be one of \"csv\", \"k7\", \"openwsn-packets\", got \"cvs\" (nearest valid: \"csv\")",
+            "map.toml:6: input[0].columns.agnt: is not a known key (nearest valid: agent)",
+            "map.toml:6: input[0].columns.y_m.unit: must be one of m, cm, mm, km, ft, got \"deg\"",
+            "map.toml:7: input[0].covariates.heading_rad: is no covariate",
+            "map.toml:7: input[0].covariates.a b: must be a name",
+            "map.toml:9: input[1].columns",
+        ] {
+            assert!(said.contains(part), "{part}\nis not in\n{said}");
+        }
+    }
+
+    #[test]
+    fn a_mapping_that_lacks_a_column_is_refused_with_the_column() {
+        let said = refusal(
+            "table = \"robots\"\n[[input]]\nfiles = \"a.csv\"\ncolumns = { time_s = \"t\", agent = 0, x_m = \"x\", y_m = \"y\" }\n",
+        );
+        assert!(
+            said.contains("a table of robots also requires cmd_vx_mps and cmd_vy_mps"),
+            "{said}"
+        );
+        assert!(refusal("table = \"links\"\n").contains("input: is missing"));
+        let said = refusal("table = \"robots\"\n[[input]]\nfiles = \"a.k7\"\nformat = \"k7\"\n");
+        assert!(said.contains("also requires agent, x_m"), "{said}");
+    }
+
+    #[test]
+    fn columns_of_another_table_are_refused() {
+        let said =
+            refusal("table = \"packets\"\n[[input]]\nfiles = \"a\"\ncolumns = { tx = \"a\" }\n");
+        assert!(
+            said.contains("input[0].columns.tx: is not a column of a table of packets"),
+            "{said}"
+        );
+    }
+}
