@@ -2,6 +2,7 @@
 
 pub mod data_check;
 mod file_check;
+pub mod packet_check;
 pub mod words;
 
 use data_check::{

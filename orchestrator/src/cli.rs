@@ -3,6 +3,7 @@
 mod answers;
 mod check;
 mod choice;
+mod convert;
 mod formula;
 mod inputs;
 mod measured;
@@ -68,6 +69,8 @@ enum Command {
     Verify(VerifyArgs),
     /// Test whether a running simulator conforms to the contract
     Conformance(ConformanceArgs),
+    /// Convert logs to a table of measurements, as a mapping file says
+    Convert(convert::ConvertArgs),
     /// Measure how large a model's error is, and under which conditions
     Compare(measured::CompareArgs),
     /// Fit a missing effect to measurements and add it to a configuration
@@ -334,6 +337,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Schema(args) => schema::schema(&args),
         Command::Effects(args) => effects_command(&args),
         Command::Verify(args) => verify_command(&args),
+        Command::Convert(args) => convert::convert(&args),
         Command::Compare(args) => measured::compare(&args),
         Command::Extend(args) => measured::extend(&args),
         Command::Diagnose(args) => measured::diagnose(&args),

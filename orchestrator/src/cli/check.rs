@@ -3,10 +3,11 @@
 use super::choice::ChoiceArgs;
 use super::inputs::print_account;
 use super::{Failure, OverrideArgs, inputs, write_json};
-use crate::check::{self, CHECK_SCHEMA, ExperimentCheck, SweepCheck};
+use crate::check::{self, CHECK_SCHEMA, ExperimentCheck, SweepCheck, packet_check};
 use crate::console::{say, warn};
 use crate::sweep;
 use clap::Args;
+use measure::packets;
 use measure::table::DataTable;
 use std::path::{Path, PathBuf};
 
@@ -42,6 +43,12 @@ fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
     let config = args.config.as_deref().map(|path| inputs::compared(path, &args.change.set));
     let config = config.transpose()?;
     let table = DataTable::read(data).map_err(Failure::request)?;
+    if packets::has_shape(&table).is_ok() {
+        let checked = packet_check::packets(&table).map_err(Failure::request)?;
+        print_account(&checked.account);
+        say(checked.text().trim_end());
+        return write_json(args.json.as_deref(), &checked);
+    }
     let checked = check::data(config, &table, &args.choices.choices()).map_err(Failure::request)?;
     print_account(&checked.account);
     say(check::words::text(&checked).trim_end());

@@ -3,6 +3,7 @@
 use super::Failure;
 use crate::bench::BenchAnswer;
 use crate::check::data_check::DataCheck;
+use crate::check::packet_check::PacketCheck;
 use crate::check::{ExperimentCheck, SweepCheck};
 use crate::compare_runs::runs_comparison::RunsComparison;
 use crate::conformance::ConformanceAnswer;
@@ -12,6 +13,7 @@ use crate::effects::EffectsAnswer;
 use crate::run::Reproduction;
 use crate::run::run_answer::RunAnswer;
 use crate::sweep::sweep_summary::SweepSummary;
+use ::convert::{Conversion, mapping};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use diagnose::compare::comparison::Comparison;
@@ -29,10 +31,10 @@ use schemars::generate::SchemaSettings;
 use schemars::{Schema, SchemaGenerator};
 use serde_json::{Value, json};
 
-/// What has a schema: the experiment file, and each answer by the command that gives it.
+/// What has a schema: experiment files, mapping files, and each answer by the command that gives it.
 #[derive(Args)]
 pub(super) struct SchemaArgs {
-    /// The answer whose schema is printed, by the command that gives it: `run` and `sweep` also write it as summary.json
+    /// What the schema is of: experiment, mapping (the file of `convert`), or an answer by the command that gives it: `run` and `sweep` also write it as summary.json
     #[arg(
         long,
         value_name = "NAME",
@@ -44,12 +46,14 @@ pub(super) struct SchemaArgs {
 
 /// The name of experiment files.
 const EXPERIMENT: &str = "experiment";
+/// The name of mapping files.
+const MAPPING: &str = "mapping";
 
 /// Adds the schema of a type to a generator, and refers to it.
 type OfType = fn(&mut SchemaGenerator) -> Schema;
 
 /// The answers: the command that gives it, and the types that it may have.
-const ANSWERS: [(&str, &[OfType]); 14] = [
+const ANSWERS: [(&str, &[OfType]); 15] = [
     ("bench", &[SchemaGenerator::subschema_for::<BenchAnswer>]),
     (
         "check",
@@ -57,6 +61,7 @@ const ANSWERS: [(&str, &[OfType]); 14] = [
             SchemaGenerator::subschema_for::<ExperimentCheck>,
             SchemaGenerator::subschema_for::<SweepCheck>,
             SchemaGenerator::subschema_for::<DataCheck>,
+            SchemaGenerator::subschema_for::<PacketCheck>,
         ],
     ),
     (
@@ -69,6 +74,7 @@ const ANSWERS: [(&str, &[OfType]); 14] = [
     ),
     ("compare-runs", &[SchemaGenerator::subschema_for::<RunsComparison>]),
     ("conformance", &[SchemaGenerator::subschema_for::<ConformanceAnswer<'static>>]),
+    ("convert", &[SchemaGenerator::subschema_for::<Conversion>]),
     (
         "diagnose",
         &[
@@ -103,11 +109,15 @@ const ANSWERS: [(&str, &[OfType]); 14] = [
 ];
 
 fn names() -> Vec<&'static str> {
-    [EXPERIMENT].into_iter().chain(ANSWERS.iter().map(|(name, _)| *name)).collect()
+    [EXPERIMENT, MAPPING].into_iter().chain(ANSWERS.iter().map(|(name, _)| *name)).collect()
 }
 
 /// `orchestrator schema`.
 pub(super) fn schema(args: &SchemaArgs) -> Result<(), Failure> {
+    if args.of == MAPPING {
+        say(format!("{:#}", proto::config::json_schema(&mapping::SPEC, &mapping::lists())));
+        return Ok(());
+    }
     let answer = ANSWERS.iter().find(|(name, _)| *name == args.of);
     let schema = answer.map_or_else(experiment::schema, |(name, types)| of_answer(name, types));
     say(format!("{schema:#}"));

@@ -1,0 +1,126 @@
+//! `orchestrator convert`: logs become a table of measurements.
+
+use super::{Failure, check_place, place_for, write_json};
+use crate::console::{say, warn};
+use ::convert::mapping::Mapping;
+use ::convert::output::{self, OutputFormat};
+use ::convert::{Conversion, ConvertError, InputReport};
+use clap::Args;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+pub(super) struct ConvertArgs {
+    /// The mapping file (TOML): which logs there are, and which of their columns fill those of the table
+    mapping: PathBuf,
+    /// Write the table to this file (.csv, .csv.gz or .parquet) [default: the mapping's name, ending in .csv]
+    #[arg(long, value_name = "FILE", alias = "output")]
+    out: Option<PathBuf>,
+    /// Replace the file of --out if it exists
+    #[arg(long)]
+    replace: bool,
+    /// Write what was read, written and rejected as JSON to this file; - for standard output
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// `orchestrator convert`.
+pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
+    let out = args.out.clone().unwrap_or_else(|| args.mapping.with_extension("csv"));
+    let format = OutputFormat::of_path(&out).ok_or_else(|| {
+        Failure::request(format!(
+            "--out {}: the file name must end in .csv, .csv.gz or .parquet; use {}.csv",
+            out.display(),
+            out.with_extension("").display()
+        ))
+    })?;
+    if out.exists() && !args.replace {
+        return Err(Failure::request(exists(&out)));
+    }
+    check_place("--out", &out)?;
+    let mapping = Mapping::read(&args.mapping).map_err(Failure::request)?;
+    let converted = ::convert::convert(&mapping).map_err(|error| match error {
+        ConvertError::Mapping(refusal) => Failure::request(refusal),
+        ConvertError::Log(error) => Failure::request(error),
+    })?;
+    let failed = |error: std::io::Error| Failure::work(format!("--out {}: {error}", out.display()));
+    let file = place_for("--out", &out).map_err(Failure::work)?;
+    output::write(&converted.table, format, file.as_file()).map_err(failed)?;
+    let written = if args.replace { file.persist(&out) } else { file.persist_noclobber(&out) };
+    written.map_err(|error| match error.error.kind() {
+        std::io::ErrorKind::AlreadyExists => Failure::request(exists(&out)),
+        _ => failed(error.error),
+    })?;
+    print(&out, &converted.answer);
+    write_json(args.json.as_deref(), &converted.answer)
+}
+
+fn exists(out: &Path) -> String {
+    format!("--out {}: the file exists; give another name, or --replace", out.display())
+}
+
+fn print(out: &Path, answer: &Conversion) {
+    let table = answer.table.name();
+    let [read, written] = [answer.read, answer.written];
+    say(format!("{}: {written} rows of {table} from {read} rows of logs", out.display()));
+    say(format!("  columns   {}", answer.columns.join(", ")));
+    for (number, input) in answer.inputs.iter().enumerate() {
+        print_input(number, input);
+    }
+    if !answer.names.is_empty() {
+        let names: Vec<String> =
+            answer.names.iter().map(|(name, number)| format!("{name} = {number}")).collect();
+        say(format!("  names     {}", names.join(", ")));
+    }
+    if let Some([latitude, longitude]) = answer.origin_deg {
+        say(format!("  origin    latitude {latitude}, longitude {longitude} (degrees)"));
+    }
+    let mut runs: BTreeMap<u32, [usize; 3]> = BTreeMap::new();
+    for gaps in &answer.gaps {
+        let sums = runs.entry(gaps.run).or_default();
+        for (sum, value) in sums.iter_mut().zip([gaps.arrived, gaps.missing, gaps.restarts]) {
+            *sum += value;
+        }
+    }
+    for (run, [arrived, missing, restarts]) in runs {
+        let sent = arrived + missing;
+        let percent = 100.0 * missing as f64 / (sent as f64).max(1.0);
+        say(format!(
+            "  gaps      run {run}: {missing} of {sent} sequence numbers are missing ({percent:.1} %), restarts: {restarts}"
+        ));
+    }
+    for warning in &answer.warnings {
+        warn(warning);
+    }
+}
+
+fn print_input(number: usize, input: &InputReport) {
+    let files = match &input.files[..] {
+        [one] => one.clone(),
+        [first, .., last] => format!("{} files, {first} to {last}", input.files.len()),
+        [] => String::new(),
+    };
+    say(format!(
+        "  input[{number}]  {files}: {} rows read, {} rejected",
+        input.read,
+        input.n_rejected()
+    ));
+    if let Some(join) = &input.join {
+        let age = match (join.median_age_s, join.greatest_age_s) {
+            (Some(median), Some(greatest)) => {
+                format!(", {median:.3} s apart in the median, {greatest:.3} s at most")
+            }
+            _ => String::new(),
+        };
+        say(format!(
+            "            joined onto {} rows, not onto {}{age}",
+            join.matched, join.unmatched
+        ));
+    }
+    for rejected in &input.rejected {
+        warn(format!(
+            "input[{number}]: {} rows rejected: {} (first on line {} of {})",
+            rejected.rows, rejected.reason, rejected.first_line, rejected.file
+        ));
+    }
+}
