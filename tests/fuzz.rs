@@ -8,6 +8,7 @@ pub mod mutation;
 pub mod seeds;
 pub mod services;
 
+use convert::mapping::Mapping;
 use experiment::Overrides;
 use measure::config::Compared;
 use measure::table::DataTable;
@@ -29,6 +30,7 @@ pub struct Target {
 /// All targets.
 pub const TARGETS: &[Target] = &[
     Target { name: "configuration", run: configuration },
+    Target { name: "convert", run: logs },
     Target { name: "csv", run: table },
     Target { name: "gzip", run: table },
     Target { name: "k7", run: k7 },
@@ -61,6 +63,31 @@ fn configuration(bytes: &[u8]) {
     }
     // The part that is compared with measurements is read by another function.
     let _ = Compared::of_text(path, text.to_owned(), &[]);
+}
+
+/// A log in every format that is converted, and a mapping file.
+fn logs(bytes: &[u8]) {
+    const MAPPINGS: [&str; 4] = [
+        "table = \"links\"\n[[input]]\nfiles = \"log\"\nformat = \"k7\"\n",
+        "table = \"packets\"\n[[input]]\nfiles = \"log\"\nformat = \"openwsn-packets\"\n",
+        "table = \"robots\"\n[[input]]\nfiles = \"log\"\ncolumns = { time_s = \"t\", agent = \"name\", latitude_deg = \"lat\", \
+         longitude_deg = \"lon\", heading_rad = [\"qx\", \"qy\", \"qz\", \"qw\"], cmd_speed_mps = \"v\", cmd_steer_rad = 0 }\n\
+         [[input]]\nfiles = \"log\"\njoin = \"interpolated\"\ncolumns = { time_s = \"t\", agent = \"name\" }\n",
+        "table = \"links\"\n[[input]]\nfiles = \"log\"\ncumulative = true\ncolumns = { time_s = [\"t\", \"t\"], tx = \"name\", rx = 1, \
+         rssi_dbm = \"v\", frames = \"lat\", received_frames = \"lon\" }\n",
+    ];
+    let folder = crate::folder();
+    std::fs::write(folder.path().join("log"), bytes).expect("a temporary file");
+    let path = folder.path().join("mapping.toml");
+    for text in MAPPINGS {
+        let mapping = Mapping::of_text(&path, text.to_owned()).expect("a valid mapping");
+        if let Ok(converted) = convert::convert(&mapping) {
+            assert!(converted.answer.written <= converted.answer.read, "a row gives at most one");
+        }
+    }
+    if let Ok(text) = std::str::from_utf8(bytes) {
+        let _ = Mapping::of_text(&path, text.to_owned());
+    }
 }
 
 /// A file of measurements, in the format that it begins like.

@@ -276,3 +276,84 @@ def test_what_cars_lack_is_their_speed_and_their_steering_and_no_wind(tmp_path):
     assert trims & set(found["missing"]), found["missing"]
     (wind,) = [entry for entry in found["candidates"] if entry["effect"] == "wind"]
     assert "relative to the start" in wind["untestable"], wind
+
+
+# Logs as they were published, and the mapping that makes a table of each.
+IMPORTED = {
+    "drives": """table = "robots"
+
+[[input]]
+files = "{data}/f110_friction/ds*_pfPoseData.csv.gz"
+columns = {{ time_s = ["s", "ns"], agent = 0, x_m = "x", y_m = "y", heading_rad = ["q.x", "q.y", "q.z", "q.w"] }}
+
+[[input]]
+files = "{data}/f110_friction/ds*_commandData.csv.gz"
+columns = {{ time_s = ["s", "ns"], cmd_speed_mps = "V", cmd_steer_rad = "delta" }}
+""",
+    "packets": """table = "packets"
+
+[[input]]
+files = "{data}/tschdata/tdma_high_load.log.gz"
+format = "openwsn-packets"
+""",
+    "trace": """table = "links"
+
+[[input]]
+files = "{data}/k7_published/evalab_1.k7.gz"
+format = "k7"
+""",
+    "percent": """table = "links"
+
+[[input]]
+files = "{data}/k7_published/grenoble_8.k7.gz"
+format = "k7"
+columns = {{ pdr = {{ column = "pdr", scale = 100 }} }}
+""",
+}
+
+
+def imported(folder, name):
+    """Converts logs with a mapping of less than ten lines. Every row of the table is one that the other commands use."""
+    mapping = IMPORTED[name].format(data=DATA)
+    assert mapping.count("\n") < 10
+    (folder / "mapping.toml").write_text(mapping)
+    table, found, seen = folder / f"{name}.csv.gz", folder / "converted.json", folder / "checked.json"
+    orchestrator("convert", folder / "mapping.toml", "--out", table, "--json", found)
+    orchestrator("check", "--data", table, "--json", seen)
+    checked = json.loads(seen.read_text())
+    assert checked["rejected"] == [] and checked["rows"] == checked["used"], checked
+    converted = json.loads(found.read_text())
+    assert converted["written"] == checked["rows"], converted
+    rejected = {entry["reason"]: entry["rows"] for entry in converted["inputs"][0]["rejected"]}
+    assert converted["read"] == converted["written"] + sum(rejected.values()), converted
+    return table, converted, rejected
+
+
+def test_drives_logged_by_topic_become_robots_that_can_be_compared(tmp_path):
+    table, converted, rejected = imported(tmp_path, "drives")
+    # Poses of five drives, without headers.
+    assert converted["read"] == sum(n - 1 for n in (1429, 4505, 2737, 2557, 2228)), converted
+    assert len(converted["inputs"][0]["files"]) == 5
+    join = converted["inputs"][1]["join"]
+    assert join["median_age_s"] < 0.1 and join["greatest_age_s"] <= 1.0, join
+    (tmp_path / "model.toml").write_text(CAR)
+    found = tmp_path / "found.json"
+    orchestrator("compare", tmp_path / "model.toml", "--data", table, "--json", found)
+    scores = json.loads(found.read_text())["scores"]
+    # The car does not reach the commanded speed: over a second the ideal model is far off.
+    assert 0.5 < scores["rmse_m"] < 5.0, scores
+
+
+def test_packets_of_a_testbed_show_their_losses_as_gaps(tmp_path):
+    _, converted, _ = imported(tmp_path, "packets")
+    assert converted["read"] == 6481, converted
+    missing = sum(source["missing"] for source in converted["gaps"])
+    assert 0 < missing, converted["gaps"]
+
+
+def test_traces_of_links_are_imported_as_published(tmp_path):
+    _, converted, rejected = imported(tmp_path, "trace")
+    assert converted["read"] == 9422 and rejected["time_s is before the start"] == 27, converted
+    _, converted, rejected = imported(tmp_path, "percent")
+    (summed,) = [rows for reason, rows in rejected.items() if reason.startswith("it is the mean over channels")]
+    assert converted["read"] == 5269 and summed == 479, converted

@@ -12,6 +12,7 @@ mod choices;
 mod configs;
 mod conformance;
 mod contract;
+mod convert;
 mod corruption;
 mod dependencies;
 mod determinism;

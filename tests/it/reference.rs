@@ -1,4 +1,4 @@
-//! docs/configuration.md is made from the descriptions that also check the files, so it cannot be out of date.
+//! docs/configuration.md and docs/mapping.md are made from the descriptions that also check the files, so they cannot be out of date.
 //!
 //! `UPDATE_REFERENCE=1 cargo test --release -p tests reference` writes it anew.
 
@@ -7,15 +7,25 @@ use std::fmt::Write as _;
 
 #[test]
 fn the_reference_of_keys_is_what_the_descriptions_say() {
-    let page = page(&experiment::schema());
-    let path = tests::repository().join("docs/configuration.md");
+    assert_written("configuration.md", &page(&experiment::schema()));
+}
+
+#[test]
+fn the_reference_of_mapping_files_is_what_the_descriptions_say() {
+    let schema = proto::config::json_schema(&convert::mapping::SPEC, &convert::mapping::lists());
+    assert_written("mapping.md", &mapping_page(&schema));
+}
+
+/// Compares a page with what it should be, or writes it.
+fn assert_written(name: &str, page: &str) {
+    let path = tests::repository().join("docs").join(name);
     if std::env::var_os("UPDATE_REFERENCE").is_some() {
-        std::fs::write(&path, &page).unwrap();
+        std::fs::write(&path, page).unwrap();
     }
     let written = std::fs::read_to_string(&path).unwrap();
     assert!(
         written == page,
-        "docs/configuration.md is out of date: write it anew as tests/it/reference.rs says"
+        "docs/{name} is out of date: write it anew as tests/it/reference.rs says"
     );
 }
 
@@ -37,6 +47,23 @@ fn page(schema: &Value) -> String {
         let is_list = schema["type"] == "array";
         let schema = if is_list { &schema["items"] } else { schema };
         table(&mut page, &mut seen, section, schema, is_list);
+    }
+    page
+}
+
+fn mapping_page(schema: &Value) -> String {
+    let mut page = String::from(
+        "# Mapping files\n\n\
+         Every key of the mapping files of `orchestrator convert`, its range and its default; [importing.md](importing.md) shows how to use \
+         them.\n\
+         This page is made from the descriptions that check the files; `orchestrator schema --of mapping` prints the same as JSON \
+         Schema.\n",
+    );
+    let (mut inner, mut seen) = (Vec::new(), Vec::new());
+    let all: Vec<_> = keys(schema).collect();
+    rows(&mut page, "", &all, schema, &mut inner);
+    for (path, schema, is_list) in inner {
+        table(&mut page, &mut seen, &path, &schema, is_list);
     }
     page
 }
@@ -134,7 +161,7 @@ fn rows(
 
 /// The heading of a table within a table, or of a list of them.
 fn inner_heading(path: &str, key: &str, property: &Value) -> String {
-    heading_of(&format!("{path}.{key}"), property["type"] == "array")
+    heading_of(&proto::config::join(path, key), property["type"] == "array")
 }
 
 fn heading_of(path: &str, is_list: bool) -> String {
@@ -157,9 +184,9 @@ fn collect(
         return alternatives.iter().all(|schema| collect(inner, path, key, schema));
     }
     if is_table(property) {
-        inner.push((format!("{path}.{key}"), property.clone(), false));
+        inner.push((proto::config::join(path, key), property.clone(), false));
     } else if is_table(&property["items"]) {
-        inner.push((format!("{path}.{key}"), property["items"].clone(), true));
+        inner.push((proto::config::join(path, key), property["items"].clone(), true));
     } else {
         return false;
     }

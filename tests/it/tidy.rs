@@ -33,7 +33,7 @@ const CORES: [&str; 7] = [
 ];
 
 /// Folders of further crates that compute: they read files, but take elementary functions from libm as cores do.
-const COMPUTE: [&str; 2] = ["orchestrator/measure", "orchestrator/network"];
+const COMPUTE: [&str; 3] = ["orchestrator/convert", "orchestrator/measure", "orchestrator/network"];
 
 fn crates() -> [PathBuf; 5] {
     ["proto", "netsim", "robotsim", "orchestrator", "tests"]
@@ -184,6 +184,8 @@ const WALLS: &[(&str, &[&str])] = &[
     ("proto-host", &["mcap"]),
     ("numbers", SHELL),
     ("measure", SHELL),
+    ("convert", SHELL),
+    ("convert", &["diagnose", "experiment", "metrics", "record", "report", "study"]),
     ("study", SHELL),
     ("study", &["diagnose", "experiment", "metrics", "record", "report"]),
     ("diagnose", SHELL),
@@ -344,6 +346,7 @@ const NAMED: &[(&str, &str, &str)] = &[
     ("bench.rs", "random-jump", "what is measured is a configuration like any other"),
     ("bench/standing.rs", "msf", "what is measured is a configuration like any other"),
     ("bench/standing.rs", "orchestra", "what is measured is a configuration like any other"),
+    ("convert/src/mapping/spec.rs", "table", "a key of mapping files"),
     ("cli/formula.rs", "formula", "the name of an argument"),
     ("cli/measured.rs", "formula", "the name of an argument"),
     ("src/effects.rs", "table", "a description of the type of a key"),

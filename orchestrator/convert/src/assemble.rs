@@ -214,9 +214,13 @@ impl State<'_> {
         }
         gaps.sort_by_key(|gaps| (gaps.run, gaps.source));
         let Table { columns, places } = rows;
-        let is_label = |name: &str| known(name).is_some_and(|c| c.content == Content::Label);
+        let targets = self.mapping.inputs.iter().flat_map(|input| &input.columns);
+        let labels: BTreeSet<&str> = targets
+            .filter(|target| target.content == Content::Label)
+            .map(|target| &*target.name)
+            .collect();
         let columns = columns.into_iter().map(|(name, mut values)| {
-            if is_label(&name) || name.ends_with("_node") {
+            if labels.contains(&*name) {
                 for value in values.iter_mut().filter(|value| value.is_finite()) {
                     *value = f64::from(numbers[*value as usize]);
                 }

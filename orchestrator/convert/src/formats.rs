@@ -19,6 +19,7 @@ pub struct Format {
     /// Its name in mapping files, and its keys.
     pub variant: Variant,
     /// Columns of the table, and the fields that they are filled from unless the mapping says otherwise.
+    /// Further columns whose name ends in `_node` hold nodes, by number or name.
     pub columns: &'static [(&'static str, &'static str)],
     /// Opens a log. The path is named in errors; the table has the format's keys.
     pub open: for<'a> fn(&Path, Content<'a>, &toml::Table) -> Result<Box<dyn Rows + 'a>, DataError>,

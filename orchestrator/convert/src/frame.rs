@@ -259,7 +259,14 @@ impl Filling {
                 Ok(Cell::Number(f64::from(labels.occurrence(&number.to_string()))))
             }
             Self::Constant(number) => Ok(Cell::Number(number)),
-            Self::Label(at) if is_empty(field(at)) => Err(is_missing()),
+            Self::Label(at) if is_empty(field(at)) => {
+                // A route may be shorter than its columns; a row without its sender is useless.
+                if crate::tables::known(name).is_some() {
+                    Err(is_missing())
+                } else {
+                    Ok(Cell::Number(f64::NAN))
+                }
+            }
             Self::Label(at) => Ok(Cell::Number(f64::from(labels.occurrence(field(at))))),
             Self::Number { field: at, scale, offset } => {
                 Ok(Cell::Number(number(name, field(at))? * scale + offset))

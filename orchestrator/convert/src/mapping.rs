@@ -1,132 +1,19 @@
 //! Mapping files: which logs there are, and which columns of a table their fields fill.
 
+mod sources;
+mod spec;
+
+pub use spec::{SPEC, lists};
+
 use crate::formats::{BUILT_IN, Format};
-use crate::tables::{self, COLUMNS_SPEC, Content, SOURCE_SPEC, TableKind};
+use crate::tables::{self, Content, TableKind};
 use crate::time::{self, NS_PER_S};
-use crate::units::{self, Unit};
+use crate::units::Unit;
 use proto::bounds::CONFIGURATION_BYTES;
-use proto::config::{
-    Choice, Default, Field, Kind, Lists, Node, Problem, Range, Refusal, Registry, TableSpec, Tag,
-    Value, Variants, check, most_similar, parse, typed,
-};
+use proto::config::{Node, Problem, Refusal, Value, check, most_similar, parse, typed};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-
-/// The keys of a mapping file.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "A mapping file: how logs become a table of measurements.",
-    fields: &[
-        Field {
-            key: "table",
-            doc: "The table to write.",
-            kind: Kind::Choice(&[
-                Choice { name: "links", doc: "Link samples, or an aggregated link table." },
-                Choice { name: "robots", doc: "Robot samples." },
-                Choice { name: "packets", doc: "Packets from end to end." },
-            ]),
-            default: Default::Required,
-        },
-        Field {
-            key: "start",
-            doc: "From when times count: a date, an epoch time (s), or \"as-written\". By default, dates and epoch times count from the \
-                  first row of each run, or from the start that the log states; smaller times stay as they are.",
-            kind: Kind::Either(&[Kind::Number(Range::ANY), Kind::Text]),
-            default: Default::Absent,
-        },
-        Field {
-            key: "origin_deg",
-            doc: "Latitude and longitude (degrees) of x = 0, y = 0. By default, the first fix.",
-            kind: Kind::List { of: &Kind::Number(Range::closed(-180.0, 180.0)), min: 2, max: 2 },
-            default: Default::Absent,
-        },
-        Field {
-            key: "names",
-            doc: "Numbers of nodes or robots by their name in the log: `{ gateway = 0, \"00:12\" = 1 }`. Other names get the numbers that \
-                  follow, in natural order. By default, whole numbers stay as they are.",
-            kind: Kind::Anything,
-            default: Default::Absent,
-        },
-        Field {
-            key: "input",
-            doc: "The logs. Rows of the table are the rows of the first input; further inputs are joined onto them.",
-            kind: Kind::Tables(&INPUT_SPEC),
-            default: Default::Required,
-        },
-    ],
-    tag: None,
-};
-
-const INPUT_SPEC: TableSpec = TableSpec {
-    doc: "Log files of one format.",
-    fields: &[
-        Field {
-            key: "files",
-            doc: "Path of the log, relative to the mapping file. `*` and `?` stand for any characters: each file is then a run of its own, \
-                  in natural order. Files of further inputs belong to the run in whose file name `*` stands for the same text.",
-            kind: Kind::Text,
-            default: Default::Required,
-        },
-        Field {
-            key: "columns",
-            doc: "What the columns of the table are filled from.",
-            kind: Kind::Table(&COLUMNS_SPEC),
-            default: Default::Table,
-        },
-        Field {
-            key: "covariates",
-            doc: "Further columns, by the name that they get, with its unit as suffix: `{ temperature_c = \"Temp\" }`.",
-            kind: Kind::Anything,
-            default: Default::Absent,
-        },
-        Field {
-            key: "cumulative",
-            doc: "Whether frames and received_frames count from the start of the log; each row then gets the difference from the row before of \
-                  the same link and channel.",
-            kind: Kind::Bool,
-            default: Default::Bool(false),
-        },
-        Field {
-            key: "join",
-            doc: "Which row of a further input goes with a row of the first.",
-            kind: Kind::Choice(&[
-                Choice {
-                    name: LATEST,
-                    doc: "The last one before it, as for the command in force.",
-                },
-                Choice { name: "nearest", doc: "The one nearest in time." },
-                Choice {
-                    name: "interpolated",
-                    doc: "The one before and the one after, interpolated linearly; angles along the shorter arc.",
-                },
-            ]),
-            default: Default::Text(LATEST),
-        },
-        Field {
-            key: "within_s",
-            doc: "How far in time the joined row may be (s). Rows of the first input without one are rejected, unless nodes are joined: \
-                  then their places stay empty.",
-            kind: Kind::Number(Range::above(0.0, 1e9)),
-            default: Default::Number(1.0),
-        },
-    ],
-    tag: Some(&Tag {
-        key: "format",
-        doc: "Format of the log.",
-        default: Some("csv"),
-        variants: Variants::List(FORMATS),
-    }),
-};
-
-const LATEST: &str = "latest";
-const FORMATS: &str = "formats";
-const AS_WRITTEN: &str = "as-written";
-
-/// The lists that the keys of a mapping file choose from.
-#[must_use]
-pub fn lists() -> Lists {
-    Lists::default().with(FORMATS, &Registry::new(BUILT_IN))
-}
 
 /// A mapping.
 #[derive(Clone, Debug)]
@@ -256,14 +143,6 @@ struct InputKeys {
     within_s: f64,
 }
 
-#[derive(Deserialize)]
-struct SourceKeys {
-    column: String,
-    unit: Option<String>,
-    scale: f64,
-    offset: f64,
-}
-
 impl Mapping {
     /// Reads a mapping file.
     ///
@@ -291,12 +170,14 @@ impl Mapping {
         let keys: TopKeys = typed(&checked);
         let start = start(keys.start.as_ref(), &mut problems);
         let names = names(tree.get("names"), &mut problems);
+        let is_table_known = !problems.iter().any(|problem| problem.path == spec::TABLE);
+        let kind = is_table_known.then_some(keys.table);
         let inputs: Vec<Input> = keys
             .input
             .unwrap_or_default()
             .iter()
             .enumerate()
-            .map(|(number, table)| input(&tree, number, table, keys.table, &mut problems))
+            .map(|(number, table)| input(&tree, number, table, kind, &mut problems))
             .collect();
         let mapping = Self {
             path: path.to_owned(),
@@ -390,7 +271,7 @@ impl Mapping {
 fn start(written: Option<&toml::Value>, problems: &mut Vec<Problem>) -> Start {
     let text = match written {
         None => return Start::Automatic,
-        Some(toml::Value::String(text)) if text == AS_WRITTEN => return Start::AsWritten,
+        Some(toml::Value::String(text)) if text == spec::AS_WRITTEN => return Start::AsWritten,
         Some(toml::Value::String(text)) => text.clone(),
         Some(number) => number.to_string(),
     };
@@ -441,7 +322,7 @@ fn input(
     tree: &Node,
     number: usize,
     table: &toml::Table,
-    kind: TableKind,
+    kind: Option<TableKind>,
     problems: &mut Vec<Problem>,
 ) -> Input {
     let path = format!("input[{number}]");
@@ -459,7 +340,7 @@ fn input(
     for (name, value) in &keys.columns {
         let path = format!("{path}.columns.{name}");
         let Some(column) = tables::known(name) else { continue };
-        if !column.is_of(kind) {
+        if let Some(kind) = kind.filter(|&kind| !column.is_of(kind)) {
             let mut problem = Problem::new(
                 path,
                 format!(
@@ -472,20 +353,22 @@ fn input(
             problems.push(problem);
             continue;
         }
-        columns.extend(target(name, column.content, value, &path, problems));
+        columns.extend(sources::target(name, column.content, value, &path, problems));
     }
     let node = match tree.get("input").map(|node| &node.value) {
         Some(Value::List(list)) => list.get(number).and_then(|node| node.get("covariates")),
         _ => None,
     };
-    covariates(node, &format!("{path}.covariates"), &mut columns, problems);
+    sources::covariates(node, &format!("{path}.covariates"), &mut columns, problems);
     for (target_name, field) in format.columns {
         let is_there = columns.iter().any(|target| target.name == *target_name);
         let column = tables::known(target_name);
-        if !is_there && column.is_none_or(|column| column.is_of(kind)) {
+        let is_node = target_name.ends_with("_node");
+        let further = if is_node { Content::Label } else { Content::Number };
+        if !is_there && column.is_none_or(|column| kind.is_none_or(|kind| column.is_of(kind))) {
             columns.push(Target {
                 name: (*target_name).to_owned(),
-                content: column.map_or(Content::Number, |column| column.content),
+                content: column.map_or(further, |column| column.content),
                 source: Source::Column {
                     name: (*field).to_owned(),
                     unit: None,
@@ -511,7 +394,7 @@ fn input(
         let message = "requires frames, and excludes pdr: it is their quotient";
         problems.push(Problem::new(format!("{path}.columns.received_frames"), message));
     }
-    if kind == TableKind::Links && !has("node") {
+    if kind == Some(TableKind::Links) && !has("node") {
         const OF_NODES: [&str; 6] =
             ["x_m", "y_m", "z_m", "heading_rad", "latitude_deg", "longitude_deg"];
         for name in OF_NODES.into_iter().filter(|name| has(name)) {
@@ -526,123 +409,6 @@ fn input(
         columns,
         is_cumulative: keys.cumulative,
         join: Join { kind: keys.join, within_ns: (keys.within_s * 1e9) as i64 },
-    }
-}
-
-/// What a column is filled from, if that is possible.
-fn target(
-    name: &str,
-    content: Content,
-    value: &toml::Value,
-    path: &str,
-    problems: &mut Vec<Problem>,
-) -> Option<Target> {
-    let texts = |list: &[toml::Value]| -> Vec<String> {
-        list.iter().filter_map(toml::Value::as_str).map(str::to_owned).collect()
-    };
-    let source = match value {
-        toml::Value::Float(number) => Source::Constant(*number),
-        toml::Value::String(column) => {
-            let unit = Unit::of_column(column).filter(|unit| unit.fits(name));
-            Source::Column { name: column.clone(), unit, scale: 1.0, offset: 0.0 }
-        }
-        toml::Value::Array(list) => {
-            let list = texts(list);
-            let (expected, source) = match content {
-                Content::Time => (
-                    "must be the name of a column, or a list of two: [seconds, nanoseconds]",
-                    <[String; 2]>::try_from(list).map(Source::SecondsAndNanoseconds).ok(),
-                ),
-                Content::Heading => (
-                    "must be the name of a column, or a list of four, a quaternion: [x, y, z, w]",
-                    <[String; 4]>::try_from(list).map(Source::Quaternion).ok(),
-                ),
-                _ => ("must be the name of a column, a number or a table, not a list", None),
-            };
-            if source.is_none() {
-                problems.push(Problem::new(path, expected).value(value));
-            }
-            source?
-        }
-        toml::Value::Table(table) => {
-            let keys: SourceKeys = typed(table);
-            let unit = match &keys.unit {
-                Some(unit) => {
-                    let found = Unit::named(unit).filter(|unit| unit.fits(name));
-                    if found.is_none() {
-                        let message = format!("must be one of {}", units::allowed(name));
-                        let mut problem = Problem::new(format!("{path}.unit"), message)
-                            .value(format!("{unit:?}"));
-                        problem.nearest =
-                            most_similar(unit, units::allowed(name).split(", ")).map(str::to_owned);
-                        problems.push(problem);
-                    }
-                    found
-                }
-                None => Unit::of_column(&keys.column).filter(|unit| unit.fits(name)),
-            };
-            if content == Content::Label && (keys.scale != 1.0 || keys.offset != 0.0) {
-                problems.push(Problem::new(path, "is a number or name, without scale and offset"));
-            }
-            Source::Column { name: keys.column, unit, scale: keys.scale, offset: keys.offset }
-        }
-        _ => return None,
-    };
-    if matches!(source, Source::Constant(_)) && content == Content::Time {
-        problems.push(Problem::new(path, "must be the name of a column or a list of two"));
-        return None;
-    }
-    if let Source::Constant(number) = source
-        && content == Content::Label
-        && !(number.fract() == 0.0 && (0.0..=MOST_NUMBER as f64).contains(&number))
-    {
-        let message = format!("must be a whole number from 0 to {MOST_NUMBER}");
-        problems.push(Problem::new(path, message).value(number));
-        return None;
-    }
-    Some(Target { name: name.to_owned(), content, source, is_stated: true })
-}
-
-fn covariates(
-    node: Option<&Node>,
-    path: &str,
-    columns: &mut Vec<Target>,
-    problems: &mut Vec<Problem>,
-) {
-    let Some(node) = node else { return };
-    let Value::Table(entries) = &node.value else {
-        let message = "must be a table of columns by name, such as { temperature_c = \"Temp\" }";
-        problems.push(Problem::new(path, message).value(node.show()));
-        return;
-    };
-    for (name, _, node) in entries {
-        let path = format!("{path}.{name}");
-        let is_plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-            && name.starts_with(|c: char| c.is_ascii_alphabetic());
-        if !is_plain {
-            let message = "must be a name of letters, digits and _ that begins with a letter";
-            problems.push(Problem::new(path, message).value(format!("{name:?}")));
-            continue;
-        }
-        if tables::known(name).is_some() {
-            problems.push(Problem::new(path, "is no covariate; move it to columns"));
-            continue;
-        }
-        let value = match &node.value {
-            Value::Table(_) => {
-                let checked = check(node, &path, &SOURCE_SPEC, &Lists::NONE, problems);
-                toml::Value::Table(checked.table)
-            }
-            Value::Integer(number) => toml::Value::Float(*number as f64),
-            Value::Number(_) | Value::Text(_) => node.to_toml(),
-            _ => {
-                let message =
-                    "must be the name of a column, a number, or a table with column and unit";
-                problems.push(Problem::new(path, message).value(node.show()));
-                continue;
-            }
-        };
-        columns.extend(target(name, Content::Number, &value, &path, problems));
     }
 }
 
@@ -661,7 +427,7 @@ mod tests {
              names = { a = 1, b = 1 }\n\
              [[input]]\n\
              files = \"*.csv\"\n\
-             format = \"cvs\"\n\
+             format = \"csvs\"\n\
              columns = { time_s = [\"s\"], agnt = 0, x_m = [\"a\", \"b\"], y_m = { column = \"y\", unit = \"deg\" } }\n\
              covariates = { heading_rad = \"h\", \"a b\" = \"c\" }\n\
              [[input]]\n\
@@ -671,12 +437,12 @@ mod tests {
         for part in [
             "map.toml:1: table: must be one of \"links\", \"robots\", \"packets\", got \"robot\" (nearest valid: \"robots\")",
             "map.toml:2: names.b: must differ from the number of \"a\", got 1",
-            "map.toml:5: input[0].format: must be one of \"csv\", \"k7\", \"openwsn-packets\", got \"cvs\" (nearest valid: \"csv\")",
+            "map.toml:5: input[0].format: must be one of \"csv\", \"k7\", \"openwsn-packets\", got \"csvs\" (nearest valid: \"csv\")",
             "map.toml:6: input[0].columns.agnt: is not a known key (nearest valid: agent)",
             "map.toml:6: input[0].columns.y_m.unit: must be one of m, cm, mm, km, ft, got \"deg\"",
             "map.toml:7: input[0].covariates.heading_rad: is no covariate",
             "map.toml:7: input[0].covariates.a b: must be a name",
-            "map.toml:9: input[1].columns",
+            "map.toml:10: input[1].columns: must have time_s, node or both",
         ] {
             assert!(said.contains(part), "{part}\nis not in\n{said}");
         }

@@ -1,0 +1,132 @@
+//! What the columns of a table are filled from, as a mapping states it.
+
+use super::{MOST_NUMBER, Source, Target};
+use crate::tables::{self, Content, SOURCE_SPEC};
+use crate::units::{self, Unit};
+use proto::config::{Lists, Node, Problem, Value, check, most_similar, typed};
+use serde::Deserialize;
+
+#[derive(Deserialize)]
+struct SourceKeys {
+    column: String,
+    unit: Option<String>,
+    scale: f64,
+    offset: f64,
+}
+
+/// What a column is filled from, if that is possible.
+pub(super) fn target(
+    name: &str,
+    content: Content,
+    value: &toml::Value,
+    path: &str,
+    problems: &mut Vec<Problem>,
+) -> Option<Target> {
+    let texts = |list: &[toml::Value]| -> Vec<String> {
+        list.iter().filter_map(toml::Value::as_str).map(str::to_owned).collect()
+    };
+    let source = match value {
+        toml::Value::Float(number) => Source::Constant(*number),
+        toml::Value::String(column) => {
+            let unit = Unit::of_column(column).filter(|unit| unit.fits(name));
+            Source::Column { name: column.clone(), unit, scale: 1.0, offset: 0.0 }
+        }
+        toml::Value::Array(list) => {
+            let list = texts(list);
+            let (expected, source) = match content {
+                Content::Time => (
+                    "must be the name of a column, or a list of two: [seconds, nanoseconds]",
+                    <[String; 2]>::try_from(list).map(Source::SecondsAndNanoseconds).ok(),
+                ),
+                Content::Heading => (
+                    "must be the name of a column, or a list of four, a quaternion: [x, y, z, w]",
+                    <[String; 4]>::try_from(list).map(Source::Quaternion).ok(),
+                ),
+                _ => ("must be the name of a column, a number or a table, not a list", None),
+            };
+            if source.is_none() {
+                problems.push(Problem::new(path, expected).value(value));
+            }
+            source?
+        }
+        toml::Value::Table(table) => {
+            let keys: SourceKeys = typed(table);
+            let unit = match &keys.unit {
+                Some(unit) => {
+                    let found = Unit::named(unit).filter(|unit| unit.fits(name));
+                    if found.is_none() {
+                        let message = format!("must be one of {}", units::allowed(name));
+                        let mut problem = Problem::new(format!("{path}.unit"), message)
+                            .value(format!("{unit:?}"));
+                        problem.nearest =
+                            most_similar(unit, units::allowed(name).split(", ")).map(str::to_owned);
+                        problems.push(problem);
+                    }
+                    found
+                }
+                None => Unit::of_column(&keys.column).filter(|unit| unit.fits(name)),
+            };
+            if content == Content::Label && (keys.scale != 1.0 || keys.offset != 0.0) {
+                problems.push(Problem::new(path, "is a number or name, without scale and offset"));
+            }
+            Source::Column { name: keys.column, unit, scale: keys.scale, offset: keys.offset }
+        }
+        _ => return None,
+    };
+    if matches!(source, Source::Constant(_)) && content == Content::Time {
+        problems.push(Problem::new(path, "must be the name of a column or a list of two"));
+        return None;
+    }
+    if let Source::Constant(number) = source
+        && content == Content::Label
+        && !(number.fract() == 0.0 && (0.0..=MOST_NUMBER as f64).contains(&number))
+    {
+        let message = format!("must be a whole number from 0 to {MOST_NUMBER}");
+        problems.push(Problem::new(path, message).value(number));
+        return None;
+    }
+    Some(Target { name: name.to_owned(), content, source, is_stated: true })
+}
+
+pub(super) fn covariates(
+    node: Option<&Node>,
+    path: &str,
+    columns: &mut Vec<Target>,
+    problems: &mut Vec<Problem>,
+) {
+    let Some(node) = node else { return };
+    let Value::Table(entries) = &node.value else {
+        let message = "must be a table of columns by name, such as { temperature_c = \"Temp\" }";
+        problems.push(Problem::new(path, message).value(node.show()));
+        return;
+    };
+    for (name, _, node) in entries {
+        let path = format!("{path}.{name}");
+        let is_plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+            && name.starts_with(|c: char| c.is_ascii_alphabetic());
+        if !is_plain {
+            let message = "must be a name of letters, digits and _ that begins with a letter";
+            problems.push(Problem::new(path, message).value(format!("{name:?}")));
+            continue;
+        }
+        if tables::known(name).is_some() {
+            problems.push(Problem::new(path, "is no covariate; move it to columns"));
+            continue;
+        }
+        let value = match &node.value {
+            Value::Table(_) => {
+                let checked = check(node, &path, &SOURCE_SPEC, &Lists::NONE, problems);
+                toml::Value::Table(checked.table)
+            }
+            Value::Integer(number) => toml::Value::Float(*number as f64),
+            Value::Number(_) | Value::Text(_) => node.to_toml(),
+            _ => {
+                let message =
+                    "must be the name of a column, a number, or a table with column and unit";
+                problems.push(Problem::new(path, message).value(node.show()));
+                continue;
+            }
+        };
+        columns.extend(target(name, Content::Number, &value, &path, problems));
+    }
+}

@@ -1,0 +1,245 @@
+//! Logs become tables that the other commands read: the real program, over small logs that are made up here.
+
+use serde_json::Value;
+use std::fmt::Write as _;
+use std::path::Path;
+use tests::{folder, orchestrator, said};
+
+/// A car on a circle: poses as a robot's middleware logs them, with quaternions and an index column, and commands beside them.
+fn drive(folder: &Path, name: &str, start_s: u64) {
+    let mut poses = ",s,ns,x,y,q.x,q.y,q.z,q.w\n".to_owned();
+    let mut commands = ",s,ns,V,delta\n".to_owned();
+    for step in 0..200u64 {
+        let angle = step as f64 * 0.02;
+        let (s, ns) = (start_s + step / 20, step % 20 * 50_000_000);
+        let (sin, cos) = (angle / 2.0).sin_cos();
+        let (x, y) = (angle.sin() * 5.0, 5.0 - angle.cos() * 5.0);
+        writeln!(poses, "{step},{s},{ns},{x},{y},0.0,0.0,{sin},{cos}").unwrap();
+        if 4 <= step {
+            let speed = if step < 100 { 2.0 } else { 2.1 };
+            writeln!(commands, "{step},{s},{},{speed},0.06", ns + 10_000_000).unwrap();
+        }
+    }
+    poses.push_str("200,1700000099,0,broken,0,0,0,0,1\n");
+    std::fs::write(folder.join(format!("{name}_pose.csv")), poses).unwrap();
+    std::fs::write(folder.join(format!("{name}_command.csv")), commands).unwrap();
+}
+
+const DRIVES: &str = r#"table = "robots"
+
+[[input]]
+files = "drive*_pose.csv"
+columns = { time_s = ["s", "ns"], agent = 0, x_m = "x", y_m = "y", heading_rad = ["q.x", "q.y", "q.z", "q.w"] }
+
+[[input]]
+files = "drive*_command.csv"
+columns = { time_s = ["s", "ns"], cmd_speed_mps = "V", cmd_steer_rad = "delta" }
+within_s = 0.2
+"#;
+
+fn convert(folder: &Path, args: &[&str]) -> Value {
+    let json = ["--json", "converted.json"];
+    let output = orchestrator(&[&["convert"], args, &json].concat(), folder);
+    assert!(output.status.success(), "{}", said(&output));
+    read_json(&folder.join("converted.json"))
+}
+
+fn read_json(path: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// What `check --data` finds: every row that was converted can be used.
+fn checked(folder: &Path, data: &str) -> Value {
+    let output = orchestrator(&["check", "--data", data, "--json", "checked.json"], folder);
+    assert!(output.status.success(), "{}", said(&output));
+    let found = read_json(&folder.join("checked.json"));
+    assert_eq!(found["rejected"], Value::Array(Vec::new()), "{found:#}");
+    assert_eq!(found["rows"], found["used"]);
+    found
+}
+
+#[test]
+fn topics_of_several_drives_become_one_table_of_robots() {
+    let dir = folder();
+    drive(dir.path(), "drive2", 1_700_000_000);
+    drive(dir.path(), "drive10", 1_700_000_050);
+    std::fs::write(dir.path().join("drives.toml"), DRIVES).unwrap();
+    let mut tables = Vec::new();
+    for name in ["drives.csv", "drives.csv.gz", "drives.parquet"] {
+        let answer = convert(dir.path(), &["drives.toml", "--out", name]);
+        // Of each drive, five poses come before the first command, and one is broken.
+        assert_eq!((&answer["read"], &answer["written"]), (&402.into(), &390.into()), "{answer:#}");
+        let rejected = &answer["inputs"][0]["rejected"];
+        assert_eq!(rejected[0]["reason"], "x_m is not a number", "{rejected:#}");
+        assert_eq!((&rejected[0]["rows"], &rejected[0]["first_line"]), (&2.into(), &202.into()));
+        assert_eq!(rejected[1]["reason"], "no row of input[1] in the 0.2 s before");
+        assert_eq!(rejected[1]["rows"], 10);
+        // Commands come 40 ms before the next pose.
+        assert_eq!(answer["inputs"][1]["join"]["greatest_age_s"], 0.04);
+        assert!(answer["inputs"][0]["files"][0].as_str().unwrap().ends_with("drive2_pose.csv"));
+        let found = checked(dir.path(), name);
+        assert_eq!((&found["runs"], &found["commands"]), (&2.into(), &"speed and steering".into()));
+        tables.push(found["x_m"].clone());
+    }
+    assert!(tables.iter().all(|table| *table == tables[0]), "{tables:?}");
+    let text = std::fs::read_to_string(dir.path().join("drives.csv")).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(
+        lines.next(),
+        Some("run,time_s,agent,x_m,y_m,heading_rad,cmd_speed_mps,cmd_steer_rad")
+    );
+    // The sixth pose is the first with a command: heading 0.1 rad.
+    let row: Vec<f64> =
+        lines.next().unwrap().split(',').map(|cell| cell.parse().unwrap()).collect();
+    assert_eq!([row[0], row[1], row[2]], [1.0, 0.0, 0.0]);
+    assert!((row[5] - 0.1).abs() < 1e-9 && row[6] == 2.0, "{row:?}");
+}
+
+#[test]
+fn a_table_that_exists_is_replaced_only_if_asked() {
+    let dir = folder();
+    drive(dir.path(), "drive1", 1_700_000_000);
+    std::fs::write(dir.path().join("drives.toml"), DRIVES).unwrap();
+    std::fs::write(dir.path().join("drives.csv"), "mine").unwrap();
+    let output = orchestrator(&["convert", "drives.toml"], dir.path());
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(said(&output).contains("the file exists; give another name, or --replace"));
+    assert_eq!(std::fs::read_to_string(dir.path().join("drives.csv")).unwrap(), "mine");
+    convert(dir.path(), &["drives.toml", "--replace"]);
+    checked(dir.path(), "drives.csv");
+    let output = orchestrator(&["convert", "drives.toml", "--out", "drives.json"], dir.path());
+    assert!(said(&output).contains("must end in .csv, .csv.gz or .parquet"), "{}", said(&output));
+}
+
+#[test]
+fn what_is_wrong_with_a_mapping_is_said_at_once_with_its_lines() {
+    let dir = folder();
+    drive(dir.path(), "drive1", 1_700_000_000);
+    let mapping = DRIVES.replace("\"V\"", "\"v\"").replace("\"q.w\"", "\"qw\"");
+    std::fs::write(dir.path().join("drives.toml"), mapping).unwrap();
+    let output = orchestrator(&["convert", "drives.toml"], dir.path());
+    assert_eq!(output.status.code(), Some(2));
+    let text = said(&output);
+    for part in [
+        "drives.toml: 2 problems",
+        "drives.toml:5: input[0].columns.heading_rad: must be a column of drive1_pose.csv, which are s, ns, x, y, q.x, q.y, q.z, \
+         q.w, got \"qw\" (nearest valid: \"q.w\")",
+        "drives.toml:9: input[1].columns.cmd_speed_mps",
+    ] {
+        assert!(text.contains(part), "{part}\nis not in\n{text}");
+    }
+    assert!(!dir.path().join("drives.csv").exists());
+}
+
+#[test]
+fn packets_at_a_root_show_what_was_lost_as_gaps() {
+    let dir = folder();
+    let mut log = "no packet\n".to_owned();
+    for number in (0..60u32).filter(|number| number % 10 != 3) {
+        let created = 1000 + 40 * number;
+        let arrived = created + 7;
+        let mut bytes = vec![5, (arrived & 255) as u8, (arrived >> 8) as u8, 0, 0, 0];
+        bytes.extend([(created & 255) as u8, (created >> 8) as u8, 0, 0, 0, number as u8, 0, 0]);
+        bytes.extend([7, 1, 20, 70, 5, 2, 12, 81]);
+        bytes.resize(38, 0);
+        writeln!(log, "{bytes:?}\t0:00:00.1").unwrap();
+    }
+    std::fs::write(dir.path().join("root.log"), log).unwrap();
+    let mapping = "table = \"packets\"\nnames = { 1 = 0 }\n[[input]]\nfiles = \"root.log\"\nformat = \"openwsn-packets\"\n";
+    std::fs::write(dir.path().join("root.toml"), mapping).unwrap();
+    let answer = convert(dir.path(), &["root.toml"]);
+    assert_eq!((&answer["read"], &answer["written"]), (&55.into(), &54.into()), "{answer:#}");
+    let gaps = &answer["gaps"][0];
+    assert_eq!(
+        (&gaps["missing"], &gaps["arrived"], &gaps["restarts"]),
+        (&6.into(), &54.into(), &0.into())
+    );
+    // The root is mote 0; the other addresses follow.
+    assert_eq!(
+        (&answer["names"]["1"], &answer["names"]["5"], &answer["names"]["7"]),
+        (&0.into(), &1.into(), &2.into())
+    );
+    let text = std::fs::read_to_string(dir.path().join("root.csv")).unwrap();
+    assert!(
+        text.lines().nth(1).unwrap().starts_with("15,2,0,15.105,2,0,2,1,20,-70,1,2,12,-81,"),
+        "{text}"
+    );
+    let found = checked(dir.path(), "root.csv");
+    assert_eq!((&found["arrived"], &found["latency_s"]), (&54.into(), &0.105.into()), "{found:#}");
+}
+
+#[test]
+fn counters_and_places_by_name_become_a_table_of_links() {
+    let dir = folder();
+    let mut counters = "when,from,to,rssi,tx,ack\n".to_owned();
+    for step in 0..30u32 {
+        for (from, to) in [("gateway", "lamp"), ("lamp", "gateway")] {
+            let (minute, tx) = (step % 60, 10 * step);
+            writeln!(
+                counters,
+                "2024-03-01 12:{minute:02}:00,{from},{to},{},{tx},{}",
+                -60 - step as i32 % 3,
+                9 * step
+            )
+            .unwrap();
+        }
+    }
+    std::fs::write(dir.path().join("counters.csv"), counters).unwrap();
+    let places = "name,lat,lon,height [cm]\nlamp,45.001,7.0,150\ngateway,45.0,7.0,200\n";
+    std::fs::write(dir.path().join("places.csv"), places).unwrap();
+    let mapping = r#"table = "links"
+origin_deg = [45.0, 7.0]
+
+[[input]]
+files = "counters.csv"
+cumulative = true
+columns = { time_s = "when", tx = "from", rx = "to", rssi_dbm = "rssi", frames = "tx", received_frames = "ack" }
+
+[[input]]
+files = "places.csv"
+columns = { node = "name", latitude_deg = "lat", longitude_deg = "lon", z_m = "height [cm]" }
+"#;
+    std::fs::write(dir.path().join("links.toml"), mapping).unwrap();
+    let answer = convert(dir.path(), &["links.toml"]);
+    assert_eq!((&answer["read"], &answer["written"]), (&60.into(), &58.into()), "{answer:#}");
+    assert_eq!((&answer["names"]["gateway"], &answer["names"]["lamp"]), (&0.into(), &1.into()));
+    let text = std::fs::read_to_string(dir.path().join("links.csv")).unwrap();
+    let header = "time_s,tx,rx,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,frames,pdr";
+    assert_eq!(text.lines().next(), Some(header));
+    let row: Vec<f64> =
+        text.lines().nth(1).unwrap().split(',').map(|cell| cell.parse().unwrap()).collect();
+    assert_eq!([row[0], row[1], row[2], row[5], row[8]], [60.0, 0.0, 1.0, 2.0, 1.5]);
+    assert!((row[7] - 111.13).abs() < 0.01, "{row:?}");
+    assert_eq!(row[9..], [-61.0, 10.0, 0.9]);
+    checked(dir.path(), "links.csv");
+}
+
+#[test]
+fn a_trace_as_it_is_published_is_converted_and_its_bad_rows_are_counted() {
+    let dir = folder();
+    let mut trace = "{\"start_date\": \"2018-01-11 16:00:00\", \"node_count\": 3}\ndatetime,src,dst,channel,mean_rssi,pdr,tx_count\n".to_owned();
+    trace.push_str(
+        "2018-01-11 15:59:59,0,1,11.0,-70.5,0.95,100\n2018-01-11 16:00:00,0,1,,-70.5,0.95,100\n",
+    );
+    for step in 0..40 {
+        let (minute, src) = (step / 2, step % 2);
+        writeln!(
+            trace,
+            "2018-01-11 16:{minute:02}:00,{src},{},11.0,-7{},0.9{},100.0",
+            1 - src,
+            step % 4,
+            step % 7
+        )
+        .unwrap();
+    }
+    trace.push_str("2018-01-11 17:00:00,0,1,11.0,,0.0,100\nx\n");
+    std::fs::write(dir.path().join("trace.k7"), trace).unwrap();
+    let mapping = "table = \"links\"\n[[input]]\nfiles = \"trace.k7\"\nformat = \"k7\"\n";
+    std::fs::write(dir.path().join("trace.toml"), mapping).unwrap();
+    let answer = convert(dir.path(), &["trace.toml"]);
+    assert_eq!((&answer["read"], &answer["written"]), (&44.into(), &41.into()), "{answer:#}");
+    let rejected = answer["inputs"][0]["rejected"].as_array().unwrap();
+    let lines: Vec<u64> = rejected.iter().map(|one| one["first_line"].as_u64().unwrap()).collect();
+    assert_eq!(lines, [46, 3, 4], "{rejected:#?}");
+    checked(dir.path(), "trace.csv");
+}
