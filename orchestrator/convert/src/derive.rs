@@ -166,9 +166,9 @@ pub(crate) fn small_ratios(table: &DataTable) -> Option<String> {
     const FEWEST: usize = 100;
     let pdr = table.column("pdr")?;
     let most = pdr.iter().copied().filter(|pdr| pdr.is_finite()).fold(0.0, f64::max);
-    (FEWEST <= pdr.len() && 0.0 < most && most < 0.0101).then(|| {
+    (FEWEST <= pdr.len() && 0.0 < most && most < 0.011).then(|| {
         format!(
-            "pdr is at most {most} in {} rows; if the log divides percentages by 10000, write pdr = {{ column = \"…\", scale = 100 }}",
+            "pdr is at most {most} in {} rows; if they are fractions of percentages, write pdr = {{ column = \"…\", scale = 100 }}",
             pdr.len()
         )
     })

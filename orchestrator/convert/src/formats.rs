@@ -13,6 +13,10 @@ use measure::formats::Content;
 use proto::config::{Registered, Variant};
 use std::path::Path;
 
+/// Opens a log. The path is named in errors; the table has the format's keys.
+pub type Open =
+    for<'a> fn(&Path, Content<'a>, &toml::Table) -> Result<Box<dyn Rows + 'a>, DataError>;
+
 /// A format of logs.
 #[derive(Clone, Copy, Debug)]
 pub struct Format {
@@ -21,8 +25,8 @@ pub struct Format {
     /// Columns of the table, and the fields that they are filled from unless the mapping says otherwise.
     /// Further columns whose name ends in `_node` hold nodes, by number or name.
     pub columns: &'static [(&'static str, &'static str)],
-    /// Opens a log. The path is named in errors; the table has the format's keys.
-    pub open: for<'a> fn(&Path, Content<'a>, &toml::Table) -> Result<Box<dyn Rows + 'a>, DataError>,
+    /// Opens a log.
+    pub open: Open,
 }
 
 impl Registered for Format {

@@ -88,7 +88,7 @@ enum Filling {
     Number { field: usize, scale: f64, offset: f64 },
     Label(usize),
     Quaternion([usize; 4]),
-    Time { field: usize, unit_ns: i128, offset_ns: i64 },
+    Time { field: usize, unit_ns: i128, scale: f64, offset_s: f64 },
     SecondsAndNanoseconds([usize; 2]),
 }
 
@@ -221,9 +221,7 @@ fn fillings(input: &Input, names: &[String], file: &Path) -> Result<Vec<Filling>
                 Content::Label => Filling::Label(find(name)?),
                 Content::Time => {
                     let unit_ns = unit.and_then(|unit| unit.nanoseconds()).unwrap_or(NS_PER_S);
-                    let unit_ns = (unit_ns as f64 * scale).round() as i128;
-                    let offset_ns = (offset * 1e9).round() as i64;
-                    Filling::Time { field: find(name)?, unit_ns, offset_ns }
+                    Filling::Time { field: find(name)?, unit_ns, scale: *scale, offset_s: *offset }
                 }
                 Content::Number | Content::Heading => Filling::Number {
                     field: find(name)?,
@@ -289,10 +287,16 @@ impl Filling {
                     Ok(Cell::Time(NO_TIME))
                 }
             }
-            Self::Time { field: at, unit_ns, offset_ns } => time::parse(field(at), unit_ns)
-                .and_then(|time_ns| time_ns.checked_add(offset_ns))
-                .map(Cell::Time)
-                .ok_or_else(|| format!("{name} is not a number or a date")),
+            Self::Time { field: at, unit_ns, scale, offset_s } => {
+                // A time that is only another unit keeps all its digits.
+                let time_ns = if scale == 1.0 && offset_s == 0.0 {
+                    time::parse(field(at), unit_ns)
+                } else {
+                    let ns = number(name, field(at))? * scale * unit_ns as f64 + offset_s * 1e9;
+                    (ns.abs() < 9e18).then_some(ns as i64)
+                };
+                time_ns.map(Cell::Time).ok_or_else(|| format!("{name} is not a number or a date"))
+            }
             Self::SecondsAndNanoseconds([s, ns]) => {
                 let parts = time::parse(field(s), NS_PER_S).zip(time::parse(field(ns), 1));
                 parts

@@ -255,7 +255,7 @@ impl Mapping {
                 input.columns.iter().flat_map(|target| prefixes.iter().map(move |p| (target, p)))
             {
                 match &*target.name {
-                    "time_s" | "node" if *prefix != "" => {}
+                    "time_s" | "node" if !prefix.is_empty() => {}
                     "latitude_deg" => {
                         names.extend([format!("{prefix}x_m"), format!("{prefix}y_m")]);
                     }

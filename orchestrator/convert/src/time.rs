@@ -33,7 +33,8 @@ fn number(text: &str, unit_ns: i128) -> Option<i128> {
         let scale = 10i128.pow(fraction.len() as u32);
         let parts: i128 = if fraction.is_empty() { 0 } else { fraction.parse().ok()? };
         let whole: i128 = whole.parse().ok()?;
-        return Some(sign * (whole * unit_ns + (parts * unit_ns + scale / 2) / scale));
+        let ns = whole.checked_mul(unit_ns)?.checked_add((parts * unit_ns + scale / 2) / scale)?;
+        return Some(sign * ns);
     }
     let value = text.parse::<f64>().ok().filter(|value| value.is_finite())?;
     let ns = (value * unit_ns as f64).round();

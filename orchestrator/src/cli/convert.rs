@@ -43,6 +43,11 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
         ConvertError::Mapping(refusal) => Failure::request(refusal),
         ConvertError::Log(error) => Failure::request(error),
     })?;
+    let mut logs = converted.answer.inputs.iter().flat_map(|input| &input.files);
+    if logs.any(|log| is_same(Path::new(log), &out)) {
+        let text = format!("--out {}: is one of the logs; give another name", out.display());
+        return Err(Failure::request(text));
+    }
     let failed = |error: std::io::Error| Failure::work(format!("--out {}: {error}", out.display()));
     let file = place_for("--out", &out).map_err(Failure::work)?;
     output::write(&converted.table, format, file.as_file()).map_err(failed)?;
@@ -53,6 +58,10 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
     })?;
     print(&out, &converted.answer);
     write_json(args.json.as_deref(), &converted.answer)
+}
+
+fn is_same(log: &Path, out: &Path) -> bool {
+    log.canonicalize().is_ok_and(|log| out.canonicalize().is_ok_and(|out| log == out))
 }
 
 fn exists(out: &Path) -> String {
