@@ -121,7 +121,9 @@ pub(crate) fn check_fields(
                 format!("must be a column of {file}, which are {}", shortened(&listed)),
             )
             .value(format!("{field:?}"));
-            problem.nearest = most_similar(field, listed).map(|name| format!("{name:?}"));
+            let same = listed.iter().find(|name| name.eq_ignore_ascii_case(field)).copied();
+            let nearest = same.or_else(|| most_similar(field, listed));
+            problem.nearest = nearest.map(|name| format!("{name:?}"));
             problems.push(problem);
         }
     }
