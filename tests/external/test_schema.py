@@ -8,7 +8,7 @@ import pytest
 from conftest import ROOT, program, succeed
 from jsonschema import Draft202012Validator
 
-ANSWERS = ["check", "compare", "compare-runs", "diagnose", "extend", "power", "run", "simulate", "sweep", "verify"]
+ANSWERS = ["check", "compare", "compare-runs", "convert", "diagnose", "extend", "power", "run", "simulate", "sweep", "verify"]
 CONFIGS = sorted((ROOT / "configs").glob("**/*.toml"))
 
 

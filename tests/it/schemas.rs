@@ -27,6 +27,18 @@ propagation = "log-distance"
 exponent = 3.2
 "#;
 
+/// Link samples as they are, joined onto themselves in time.
+const LINKS: &str = r#"
+table = "links"
+[[input]]
+files = "data.csv"
+columns = { time_s = "time_s", tx = "tx", rx = "rx", rssi_dbm = "rssi_dbm", received = "received" }
+[[input]]
+files = "data.csv"
+columns = { time_s = "time_s" }
+covariates = { temperature_c = "temperature_c" }
+"#;
+
 /// What does not satisfy a schema of the kind that is published: its forms, types, constants, keys and items.
 struct Checked<'a> {
     definitions: &'a Map<String, Value>,
@@ -147,6 +159,10 @@ fn answers_about_links_and_robots_satisfy_their_schemas() {
         std::fs::write(dir.path().join("data.csv"), &campaign.csv).unwrap();
         let answer = |name: &str, args: &[&str]| answered(dir.path(), name, args);
         answer("check", &["--data", "data.csv"]);
+        if effect == "temperature" {
+            std::fs::write(dir.path().join("links.toml"), LINKS).unwrap();
+            answer("convert", &["links.toml"]);
+        }
         answer("compare", &["model.toml", "--data", "data.csv"]);
         let found = answer("diagnose", &["model.toml", "--data", "data.csv"]);
         assert_eq!(found["missing"][0], effect, "{found:#}");
