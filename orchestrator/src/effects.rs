@@ -250,11 +250,19 @@ impl Listed {
     }
 
     fn fitted(&self, key: &str) -> Option<String> {
-        let parameter = self.fit.parameters.iter().find(|parameter| parameter.key == key)?;
-        let starts: Vec<String> =
-            parameter.starts.iter().map(|&start| trimmed(start, DECIMALS)).collect();
+        let is_of_model = self.fit.from_model.iter().any(|(of, _)| *of == key);
+        let parameter = self.fit.parameters.iter().find(|parameter| parameter.key == key);
+        let Some(parameter) = parameter else {
+            return is_of_model.then(|| "taken from the configured model".to_owned());
+        };
+        let starts = if is_of_model {
+            "that of the configured model".to_owned()
+        } else {
+            let starts = parameter.starts.iter().map(|&start| trimmed(start, DECIMALS));
+            starts.collect::<Vec<_>>().join(", ")
+        };
         let (min, max) = (trimmed(parameter.min, DECIMALS), trimmed(parameter.max, DECIMALS));
-        Some(format!("fitted from {min} to {max}, starting at {}", starts.join(", ")))
+        Some(format!("fitted from {min} to {max}, starting at {starts}"))
     }
 
     fn answer(&self) -> EffectAnswer {

@@ -97,6 +97,11 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
     /// Computes, once per moment, what it asks of the scene.
     fn prepare(&self, _scene: &mut Scene<'_>) {}
 
+    /// What it adds to the path loss exponent of the base model, on all links.
+    fn added_exponent(&self) -> f64 {
+        0.0
+    }
+
     /// Whether its contributions and readings depend on nothing but distance and frequency, do not raise the power as
     /// distance grows, and neither shift the curve nor lose frames. Then many links can be judged by their distance alone.
     fn is_isotropic(&self) -> bool {

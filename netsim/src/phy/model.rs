@@ -2,9 +2,10 @@
 
 use super::effect::Effect;
 use super::link::{End, Link, Scene, channel_hz};
-use super::propagation::{Prediction, Propagation, Radio, Reach, Reception};
+use super::propagation::{FREE_SPACE_EXPONENT, Prediction, Propagation, Radio, Reach, Reception};
 use super::reception::Curve;
 use super::scatter::{Law, Renewal, Scatter};
+use proto::effect::FromModel;
 use proto::rng::Purpose;
 
 /// What the radio makes of a link.
@@ -266,6 +267,19 @@ impl Model {
     #[must_use]
     pub fn is_certain(&self) -> bool {
         self.propagation.is_certain() && self.is_isotropic()
+    }
+
+    /// A property of this radio that an effect of it repeats as one of its keys. None: what the effect has by default holds.
+    #[must_use]
+    pub fn property(&self, property: FromModel) -> Option<f64> {
+        let base = self.propagation.path_loss();
+        match property {
+            FromModel::PathLossExponent => {
+                let added: f64 = self.effects.iter().map(|effect| effect.added_exponent()).sum();
+                Some(base.map_or(FREE_SPACE_EXPONENT, |base| base.exponent) + added)
+            }
+            FromModel::ReferenceDistance => base.map(|base| base.reference_distance_m),
+        }
     }
 
     /// Computes, once per moment, what the base model and the effects ask of the scene.

@@ -46,6 +46,11 @@ pub trait Propagation: Send + Sync + std::fmt::Debug {
         false
     }
 
+    /// How its mean power falls with distance, where it states that.
+    fn path_loss(&self) -> Option<PathLoss> {
+        None
+    }
+
     /// Whether every frame arrives, whatever the link.
     fn is_certain(&self) -> bool {
         false
@@ -53,6 +58,18 @@ pub trait Propagation: Send + Sync + std::fmt::Debug {
 
     /// Computes, once per moment, what it asks of the scene.
     fn prepare(&self, _scene: &mut Scene<'_>) {}
+}
+
+/// The path loss exponent of free space (Friis).
+pub const FREE_SPACE_EXPONENT: f64 = 2.0;
+
+/// How the mean power of a base model falls with distance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathLoss {
+    /// Path loss exponent: power falls with distance to the power of minus this.
+    pub exponent: f64,
+    /// The distance (m) up to which free space applies instead.
+    pub reference_distance_m: f64,
 }
 
 /// What a base model says about a link.

@@ -14,7 +14,8 @@ use crate::simulate;
 use answer::{Power, SCHEMA, Size};
 use measure::config::Compared;
 use measure::table::DataTable;
-use proto::effect::{Fixed, Parameter};
+use netsim::phy::Model;
+use proto::effect::{Fixed, FromModel, Parameter};
 use proto::rng::{Draws, Purpose};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF as _, Normal};
@@ -212,6 +213,8 @@ struct PowerPlan<'a> {
     n_candidates: usize,
     n_blocks: usize,
     parameters: &'static [Parameter],
+    /// Keys that repeat a property of the configured model.
+    starts: Vec<(String, toml::Value)>,
     /// Keys that are not varied.
     keys: Vec<(String, toml::Value)>,
 }
@@ -223,17 +226,20 @@ impl<'a> PowerPlan<'a> {
         question: &'a Question<'a>,
         subject: Subject,
     ) -> Result<Self, PowerError> {
-        let (n_candidates, n_blocks) = match subject {
-            Subject::Links => candidates_and_blocks(
-                &open::links(config, table, question.choices)?.0,
-                question.effect,
-            )?,
-            Subject::Robots => candidates_and_blocks(
-                &open::robots(config, table, question.choices)?.0,
-                question.effect,
-            )?,
-        };
         let kind = question.effect.trim_end_matches(" (turn)");
+        let ((n_candidates, n_blocks), starts) = match subject {
+            Subject::Links => {
+                let (study, _) = open::links(config, table, question.choices)?;
+                let entry = config.catalogues.network.effects.find(kind);
+                let from_model = entry.map_or(&[][..], |entry| entry.fit.from_model);
+                let starts = configured_keys(from_model, &study.rows.model);
+                (candidates_and_blocks(&study, question.effect)?, starts)
+            }
+            Subject::Robots => {
+                let (study, _) = open::robots(config, table, question.choices)?;
+                (candidates_and_blocks(&study, question.effect)?, Vec::new())
+            }
+        };
         let (parameters, variants, section) = match subject {
             Subject::Links => config
                 .catalogues
@@ -263,6 +269,12 @@ impl<'a> PowerPlan<'a> {
                 (parameter.key.to_owned(), toml::Value::Float(parameter.starts[0]))
             }),
         );
+        for (key, value) in starts.iter().cloned() {
+            match keys.iter_mut().find(|(other, _)| *other == key) {
+                Some((_, other)) => *other = value,
+                None => keys.push((key, value)),
+            }
+        }
         // Noise as in the file, or as configured: the same in every campaign.
         let noise = simulate::noise(config, table, question.choices)?;
         let mut plan = Self {
@@ -275,6 +287,7 @@ impl<'a> PowerPlan<'a> {
             n_candidates,
             n_blocks,
             parameters,
+            starts,
             keys,
         };
         plan.take_given()?;
@@ -371,7 +384,8 @@ impl<'a> PowerPlan<'a> {
         };
         let (min, max) = (parameter.min, parameter.max);
         let mut neutral = (f64::INFINITY, min);
-        for value in [0.0, 1.0, 2.0, min, max] {
+        let start = self.start(parameter);
+        for value in [0.0, 1.0, 2.0, start, min, max] {
             if (min..=max).contains(&value)
                 && let Ok(measure) = self.measure(parameter.key, value)
                 && measure < neutral.0 - 1e-12
@@ -384,7 +398,6 @@ impl<'a> PowerPlan<'a> {
             self.measure(parameter.key, min)?;
         }
         let neutral = neutral.1;
-        let start = parameter.starts[0];
         let unit_size = if (start - neutral).abs() < 1e-12 {
             let step = 10.0 * parameter.step;
             if neutral + step <= max { step } else { -step }
@@ -394,6 +407,12 @@ impl<'a> PowerPlan<'a> {
         let greatest = (if 0.0 < unit_size { max - neutral } else { min - neutral }) / unit_size;
         let (key, unit) = (parameter.key.to_owned(), parameter.unit);
         Ok(Knob { key, unit, neutral, unit_size, greatest })
+    }
+
+    /// Where a fit of a parameter starts: where the configured model has it, if it does.
+    fn start(&self, parameter: &Parameter) -> f64 {
+        let start = self.starts.iter().find(|(key, _)| *key == parameter.key);
+        start.and_then(|(_, value)| value.as_float()).unwrap_or(parameter.starts[0])
     }
 
     fn value(&self, knob: &Knob, size: f64) -> f64 {
@@ -471,6 +490,14 @@ impl<'a> PowerPlan<'a> {
         power.sentence = answer::sentence(&power);
         power
     }
+}
+
+/// Keys of an effect that repeat a property of the configured radio.
+fn configured_keys(from_model: &[(&str, FromModel)], model: &Model) -> Vec<(String, toml::Value)> {
+    let value = |&(key, property): &(&str, FromModel)| {
+        Some((key.to_owned(), toml::Value::Float(model.property(property)?)))
+    };
+    from_model.iter().filter_map(value).collect()
 }
 
 fn is_text(fixed: &Fixed, wanted: &str) -> bool {

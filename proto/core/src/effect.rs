@@ -114,6 +114,8 @@ pub struct Fit {
     pub in_runs: Option<&'static [(&'static str, Fixed)]>,
     /// Keys of parameters that only one kind of body has.
     pub of_body: &'static [(&'static str, Body)],
+    /// Keys that repeat a property of the configured model. A fitted one starts there; the others are taken from there.
+    pub from_model: &'static [(&'static str, FromModel)],
     /// Of a robot effect that has directions or places of the plane: positions of all campaigns must be in one frame.
     pub needs_one_frame: bool,
 }
@@ -130,6 +132,7 @@ impl Fit {
         search: Search::Starts,
         in_runs: None,
         of_body: &[],
+        from_model: &[],
         needs_one_frame: false,
     };
 }
@@ -169,6 +172,15 @@ pub enum Search {
     },
     /// Robots: as thresholds, of how fast commands change.
     ThresholdsOfChanges,
+}
+
+/// A property of a configured radio, its base model and effects together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FromModel {
+    /// Path loss exponent: 2 in free space.
+    PathLossExponent,
+    /// The distance (m) up to which free space applies.
+    ReferenceDistance,
 }
 
 /// A kind of body that turns.

@@ -2,22 +2,30 @@
 
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::link::Link;
+use crate::phy::propagation::FREE_SPACE_EXPONENT;
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
+use proto::effect::{About, Fit, FromModel, Level, Need, Parameter};
 use serde::Deserialize;
 
 /// `kind = "path-loss-exponent"`.
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "path-loss-exponent",
-        doc: "The path-loss exponent differs from the 2 of free space.",
+        doc: "The path-loss exponent differs from that of the base model, such as the 2 of free space.",
         fields: &[
             Field {
                 key: "exponent",
-                doc: "The total exponent, the 2 of free space included: 1.6 to 1.8 along corridors, 2.7 to 3.5 in cities, \
-                      4 to 6 in obstructed buildings (Rappaport, table 4.2).",
+                doc: "Path loss exponent of the site, that of the base model included: 1.6 to 1.8 along corridors, 2.7 to 3.5 \
+                      in cities, 4 to 6 in obstructed buildings (Rappaport, table 4.2).",
                 kind: Kind::Number(Range::closed(1.0, 8.0)),
                 default: Default::Required,
+            },
+            Field {
+                key: "base_exponent",
+                doc: "Exponent that the base model has already: 2 in free space, or the exponent of log-distance. The effect \
+                      adds the difference. diagnose and extend take it from the configuration.",
+                kind: Kind::Number(Range::closed(0.0, 8.0)),
+                default: Default::Number(FREE_SPACE_EXPONENT),
             },
             Field {
                 key: "reference_distance_m",
@@ -30,10 +38,10 @@ pub const ENTRY: Entry = Entry {
     about: About {
         mechanism: "Among furniture, plants and people, power falls faster over distance than in free space; along a \
                     corridor, which guides the wave, more slowly.",
-        equation: "RSSI' = RSSI - 10 (exponent - 2) log10(d / reference_distance_m) for d > reference_distance_m",
+        equation: "RSSI' = RSSI - 10 (exponent - base_exponent) log10(d / reference_distance_m) for d > reference_distance_m",
         source: "T. S. Rappaport, Wireless Communications, 2nd ed., § 4.9.1 (log-distance path loss).",
-        validity: "An average over many links of one environment, on a base model with exponent 2. On log-distance it only \
-                   changes that model's own exponent.",
+        validity: "An average over many links of one environment, on a base model whose exponent is base_exponent. On \
+                   log-distance it only changes that model's own exponent.",
         trace: "A slope over the logarithm of distance.",
         needs: &[Need::Positions, Need::Readings],
         example: "exponent = 3.0\n",
@@ -50,6 +58,11 @@ pub const ENTRY: Entry = Entry {
         variants: &[],
         level: Level::Place,
         generalises: &[],
+        from_model: &[
+            ("exponent", FromModel::PathLossExponent),
+            ("base_exponent", FromModel::PathLossExponent),
+            ("reference_distance_m", FromModel::ReferenceDistance),
+        ],
         ..Fit::PLAIN
     },
     check: UNCHECKED,
@@ -59,23 +72,25 @@ pub const ENTRY: Entry = Entry {
     },
 };
 
-/// Another exponent than that of free space.
+/// Another exponent than that of the base model.
 ///
 /// # Model
 ///
 /// ```text
-/// RSSI' = RSSI − 10 (n − 2) log10(d/d0),   d > d0
+/// RSSI' = RSSI − 10 (n − n_base) log10(d/d0),   d > d0
 /// ```
 ///
-/// Rappaport, "Wireless Communications", 2nd ed., § 4.9.1, less what free space has already.
+/// Rappaport, "Wireless Communications", 2nd ed., § 4.9.1, less what the base model has already.
 ///
 /// # Validity
 ///
-/// An average over many links of one environment, on a base model with exponent 2.
+/// An average over many links of one environment, on a base model with the exponent n_base.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 pub struct PathLossExponent {
     /// Path loss exponent n: power falls with distance to the power of −n.
     pub exponent: f64,
+    /// That of the base model, n_base: 2 in free space.
+    pub base_exponent: f64,
     /// Up to here nothing is added (m).
     pub reference_distance_m: f64,
 }
@@ -89,16 +104,20 @@ impl Effect for PathLossExponent {
         if link.distance_m <= self.reference_distance_m {
             return 0.0;
         }
-        -10.0 * (self.exponent - 2.0) * libm::log10(link.distance_m / self.reference_distance_m)
+        -10.0 * self.added_exponent() * libm::log10(link.distance_m / self.reference_distance_m)
     }
 
     fn max_gain_db(&self) -> f64 {
-        // Below 2 it gains without end as distance grows.
-        if self.exponent < 2.0 { f64::INFINITY } else { 0.0 }
+        // Below that of the base model it gains without end as distance grows.
+        if self.added_exponent() < 0.0 { f64::INFINITY } else { 0.0 }
     }
 
     fn is_isotropic(&self) -> bool {
-        2.0 <= self.exponent
+        0.0 <= self.added_exponent()
+    }
+
+    fn added_exponent(&self) -> f64 {
+        self.exponent - self.base_exponent
     }
 }
 
@@ -108,13 +127,29 @@ mod tests {
     use crate::phy::effect::testing::along_x;
     use crate::phy::link::Scene;
 
+    fn effect(exponent: f64, base_exponent: f64) -> PathLossExponent {
+        PathLossExponent { exponent, base_exponent, reference_distance_m: 1.0 }
+    }
+
     #[test]
     fn an_exponent_of_4_loses_another_20_db_to_a_decade() {
         let scene = Scene::default();
-        let effect = PathLossExponent { exponent: 4.0, reference_distance_m: 1.0 };
+        let effect = effect(4.0, 2.0);
         for (distance_m, expected_db) in [(0.5, 0.0), (1.0, 0.0), (10.0, -20.0), (100.0, -40.0)] {
             let got = effect.contribution_db(&along_x(distance_m, 1.0, None, &scene));
             assert!((got - expected_db).abs() < 1e-9, "{distance_m} m: {got}");
+        }
+    }
+
+    #[test]
+    fn the_difference_from_the_base_model_is_added() {
+        let scene = Scene::default();
+        for (exponent, expected_db) in [(2.2, 8.0), (3.0, 0.0), (3.5, -5.0)] {
+            let effect = effect(exponent, 3.0);
+            let got = effect.contribution_db(&along_x(10.0, 1.0, None, &scene));
+            assert!((got - expected_db).abs() < 1e-9, "{exponent}: {got}");
+            assert_eq!(effect.is_isotropic(), 3.0 <= exponent);
+            assert_eq!(effect.max_gain_db(), if exponent < 3.0 { f64::INFINITY } else { 0.0 });
         }
     }
 }

@@ -1,7 +1,9 @@
 //! Path loss with an exponent.
 
 use super::friis::{friis_dbm, within};
-use super::{Entry, Family, NOT_REPLAYED, Prediction, Propagation, Radio, Reach, Reception};
+use super::{
+    Entry, Family, NOT_REPLAYED, PathLoss, Prediction, Propagation, Radio, Reach, Reception,
+};
 use crate::phy::link::Link;
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use serde::Deserialize;
@@ -91,5 +93,10 @@ impl Propagation for LogDistance {
 
     fn is_isotropic(&self) -> bool {
         true
+    }
+
+    fn path_loss(&self) -> Option<PathLoss> {
+        let Self { exponent, reference_distance_m, .. } = *self;
+        Some(PathLoss { exponent, reference_distance_m })
     }
 }

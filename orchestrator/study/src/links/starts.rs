@@ -98,7 +98,7 @@ impl LinkStudy {
         parent: Option<&LinkFit>,
     ) -> Vec<TermState> {
         let spec = &self.specs[term];
-        let states = TermState::starts(spec);
+        let states = self.configured_starts(spec);
         if self.is_searched(term) {
             // Searches take turns: each is made on top of those before it.
             let place = terms.iter().position(|&other| other == term).unwrap_or_default();
@@ -136,5 +136,21 @@ impl LinkStudy {
                 })
             })
             .collect()
+    }
+
+    /// The states from which a search for a term starts, keys that repeat a property of the configured model taken from there.
+    fn configured_starts(&self, spec: &TermSpec) -> Vec<TermState> {
+        let mut states = TermState::starts(spec);
+        let from_model = spec.entry().map_or(&[][..], |entry| entry.fit.from_model);
+        for &(key, property) in from_model {
+            let Some(value) = self.rows.model.property(property) else { continue };
+            match spec.parameters().iter().position(|parameter| parameter.key == key) {
+                Some(k) => states.iter_mut().for_each(|state| state.values[k] = value),
+                None => states.iter_mut().for_each(|state| {
+                    state.table.insert(key.to_owned(), toml::Value::Float(value));
+                }),
+            }
+        }
+        states
     }
 }
