@@ -33,6 +33,7 @@ mod orders;
 mod packets;
 mod packets_missing;
 mod packets_split;
+mod plain_numbers;
 mod power;
 mod reference;
 mod refusals;

@@ -10,6 +10,7 @@ use super::scan::Unexplained;
 use super::words;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
+use proto::effect::Level;
 use std::sync::Arc;
 use study::open::Subject;
 use study::symbolic::FittedFormula;
@@ -76,9 +77,11 @@ pub fn answer<S: Study>(
         verdict,
         sentence: String::new(),
         missing,
+        split: study.blocks(COMMON).unit,
         ladder: ladder.rungs.iter().map(|rung| self::rung(study, rung)).collect(),
         candidates,
         unexplained,
+        residuals_searched: residuals.is_searched,
         next_measurement: next::measurements(study, search, ladder, &known),
         too_little: ladder.too_little.clone(),
         stopped_in_round: ladder.stopped,
@@ -99,6 +102,7 @@ fn rung<S: Study>(study: &S, rung: &ladder::LadderStep) -> Rung {
         },
         log_score: scores.log_score,
         rmse: scores.rmse,
+        rmse_received_db: Some(scores.rmse_received_db).filter(|rmse_db| rmse_db.is_finite()),
         crps: scores.crps,
         reception_log_loss: scores.reception_log_loss,
     }
@@ -174,6 +178,14 @@ fn trial_of(ladder: &Ladder, term: usize) -> Option<&CandidateTest> {
 /// The estimates of terms.
 type Estimates = Vec<(usize, Vec<Estimate>)>;
 
+/// The level of the blocks on which the gain of a test is: of the common split, where that decided.
+fn held_out_level<S: Study>(study: &S, level: Level, test: Option<&CandidateTest>) -> Level {
+    match test {
+        Some(test) if test.gain == test.common => COMMON,
+        _ => study.judging_level(level),
+    }
+}
+
 /// The candidates with what became of them, and the estimates of those that were accepted.
 fn tested<S: Study>(
     study: &S,
@@ -198,15 +210,20 @@ fn tested<S: Study>(
         };
         let ties = test.map_or(&[][..], |test| &test.ties);
         let (mut parameters, mut warning) = (IndexMap::new(), None);
+        let mut not_identifiable = Vec::new();
         if accepted {
             let (estimates, of_estimates) = numbers_of.estimates(fit, term);
-            parameters.extend(estimates.iter().map(parameter));
+            let (told, untold): (Vec<&Estimate>, Vec<&Estimate>) =
+                estimates.iter().partition(|estimate| estimate.is_identifiable);
+            parameters.extend(told.into_iter().map(parameter));
+            not_identifiable.extend(untold.into_iter().map(|estimate| estimate.name.clone()));
             warning = of_estimates;
             known.push((term, estimates));
         }
         listed.push(Tested {
             effect: candidate.name.clone(),
             gain: gain.gain,
+            held_out: study.blocks(held_out_level(study, candidate.level, test)).unit,
             standard_error: gain.standard_error,
             p_value: gain.p_value,
             accepted,
@@ -217,6 +234,7 @@ fn tested<S: Study>(
                 .collect(),
             warning,
             parameters,
+            not_identifiable,
             settings: numbers_of.settings(fit, term),
             untestable: candidate.untestable.clone(),
         });
@@ -225,7 +243,7 @@ fn tested<S: Study>(
 }
 
 fn parameter(estimate: &Estimate) -> (String, Parameter) {
-    let Estimate { name, value, unit, low, high } = estimate;
+    let Estimate { name, value, unit, low, high, .. } = estimate;
     let parameter = Parameter { value: *value, unit: unit.clone(), low: *low, high: *high };
     (name.clone(), parameter)
 }

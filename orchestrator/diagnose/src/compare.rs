@@ -1,6 +1,7 @@
 //! How wrong is a model as configured, and where.
 
 pub mod comparison;
+mod constant;
 pub mod words;
 
 use crate::gain::Scores;
@@ -42,6 +43,7 @@ pub fn links(
     let scores = search.held_out_scores(&[], COMMON);
     let fit = search.full_fit(&[], COMMON, None);
     let [deviation, scaled, surprise] = study.residuals(&fit);
+    let constant = constant::found(study, search);
     let inside: Vec<f64> = scaled
         .iter()
         .map(|z| if z.is_nan() { f64::NAN } else { f64::from(u8::from(z.abs() <= 1.645)) })
@@ -68,10 +70,14 @@ pub fn links(
         let mut list = vec![
             ("log_score", all.log_score),
             (if is_given { "rmse_pdr" } else { "rmse_db" }, all.rmse),
+            ("rmse_received_db", all.rmse_received_db),
             (if is_given { "bias_pdr" } else { "bias_db" }, mean(&deviation)),
             (if is_given { "crps_pdr" } else { "crps_db" }, all.crps),
             ("coverage_90", mean(&inside)),
         ];
+        if is_given {
+            list.retain(|(name, _)| *name != "rmse_received_db");
+        }
         if study.rows.links.readings.has_losses {
             list.push(("reception_log_loss", all.reception_log_loss));
             list.push(("reception_brier", statistics::mean(rows.iter().map(brier))));
@@ -82,8 +88,18 @@ pub fn links(
         list
     };
     let intervals = bootstrap(&summary_of(&scored(blocks)), blocks, &summary_of);
-    let places = ranked(&study.covariates(), &deviation, &surprise);
-    finished(Subject::Links, blocks.unit, &intervals, places, account)
+    let ranked_by = match &constant {
+        Some(constant) => Errors {
+            deviation: &deviation,
+            without_constant: &constant.deviation,
+            surprise: &constant.surprise,
+        },
+        None => Errors { deviation: &deviation, without_constant: &deviation, surprise: &surprise },
+    };
+    let places = ranked(&study.covariates(), ranked_by);
+    let comparison = finished(Subject::Links, blocks.unit, &intervals, places, account);
+    let offset_db = constant.and_then(|constant| constant.offset_db);
+    Comparison { offset_db, ..comparison }
 }
 
 /// The answer.
@@ -101,6 +117,7 @@ fn finished(
         unit: unit.to_owned(),
         scores: intervals.iter().map(|it| (name(it), it.value)).collect(),
         intervals: intervals.iter().map(|it| (name(it), [it.low, it.high])).collect(),
+        offset_db: None,
         places,
         account: account.clone(),
     }
@@ -133,7 +150,8 @@ pub fn robots(
     };
     let intervals = bootstrap(&summary_of(&scored(blocks)), blocks, &summary_of);
     let nothing = vec![f64::NAN; along.len()];
-    let places = ranked(&study.covariates(), &along, &nothing);
+    let errors = Errors { deviation: &along, without_constant: &along, surprise: &nothing };
+    let places = ranked(&study.covariates(), errors);
     finished(Subject::Robots, blocks.unit, &intervals, places, account)
 }
 
@@ -181,24 +199,36 @@ fn bootstrap(
         .collect()
 }
 
+/// Errors of rows, NaN where there is none.
+#[derive(Clone, Copy)]
+struct Errors<'a> {
+    /// Measured less predicted.
+    deviation: &'a [f64],
+    /// The same beside a constant that all rows share: by it covariates are ranked.
+    without_constant: &'a [f64],
+    /// Surprise of reception beside that constant.
+    surprise: &'a [f64],
+}
+
 /// Covariates by how much of the error their bins explain, most first.
-fn ranked(covariates: &[(String, Vec<f64>)], deviation: &[f64], surprise: &[f64]) -> Vec<Place> {
-    let mut places: Vec<Place> = covariates
-        .iter()
-        .filter_map(|(name, values)| place(name, values, deviation, surprise))
-        .collect();
+fn ranked(covariates: &[(String, Vec<f64>)], errors: Errors<'_>) -> Vec<Place> {
+    let mut places: Vec<Place> =
+        covariates.iter().filter_map(|(name, values)| place(name, values, errors)).collect();
     places.sort_by(|a, b| b.explained.total_cmp(&a.explained));
     places
 }
 
 /// What the bins of a covariate explain of the error of readings, and of the surprise of reception.
-fn place(name: &str, values: &[f64], deviation: &[f64], surprise: &[f64]) -> Option<Place> {
+fn place(name: &str, values: &[f64], errors: Errors<'_>) -> Option<Place> {
     let edges = edges(values)?;
-    let (Explained { explained, p_value }, sums) = explained_in(&edges, values, deviation);
-    let reception = surprise
+    let (Explained { explained, p_value }, _) =
+        explained_in(&edges, values, errors.without_constant);
+    let (_, sums) = explained_in(&edges, values, errors.deviation);
+    let reception = errors
+        .surprise
         .iter()
         .any(|value| value.is_finite())
-        .then(|| explained_in(&edges, values, surprise).0);
+        .then(|| explained_in(&edges, values, errors.surprise).0);
     let bins: Vec<Bin> = sums
         .iter()
         .enumerate()

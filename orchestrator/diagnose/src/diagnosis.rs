@@ -26,12 +26,16 @@ pub struct Diagnosis {
     pub sentence: String,
     /// Names of the effects that were accepted, in the order in which they were added.
     pub missing: Vec<String>,
-    /// Held-out scores of the model as configured, then with each effect or curve added.
+    /// What the blocks are that are held out together, by which candidates are ordered and models compared: `blocks of time`, `places`.
+    pub split: &'static str,
+    /// Held-out scores of the model as configured, then with each effect or curve added, on the blocks of `split`.
     pub ladder: Vec<Rung>,
     /// Candidates tested, in the order of the catalogue.
     pub candidates: Vec<Tested>,
     /// Structure that no effect of the catalogue explains.
     pub unexplained: Vec<Structure>,
+    /// Whether the residuals were searched for structure: not of an incomplete search, nor of data in too few blocks.
+    pub residuals_searched: bool,
     /// Where to measure next so that models can be distinguished that these data do not distinguish.
     pub next_measurement: Vec<NextMeasurement>,
     /// Why the data are too few to find anything, if they are.
@@ -76,6 +80,10 @@ pub struct Rung {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub rmse: f64,
+    /// Of links: root mean square of readings less predicted mean levels (dB), of all received frames. `rmse` is about the mean reading
+    /// of frames that are received, which the noise of the model shifts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rmse_received_db: Option<f64>,
     /// Continuous ranked probability score (dB, m or a share of frames).
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
@@ -96,6 +104,8 @@ pub struct Tested {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub gain: f64,
+    /// What the blocks are that were held out for this gain.
+    pub held_out: &'static str,
     /// Standard error of the gain, clustered over blocks (nats per row).
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
@@ -113,6 +123,8 @@ pub struct Tested {
     pub warning: Option<String>,
     /// Its parameters as fitted to all rows, by key; empty unless it was accepted.
     pub parameters: IndexMap<String, Parameter>,
+    /// Keys of its parameters of which these data say nothing; what `settings` has of them is no estimate.
+    pub not_identifiable: Vec<String>,
     /// The keys of its section in a configuration; null of curves and of what was not accepted.
     #[schemars(with = "Option<serde_json::Map<String, serde_json::Value>>")]
     pub settings: Option<toml::Table>,

@@ -139,7 +139,7 @@ pub fn extend<S: Study>(
             before.rmse,
             after.rmse,
         );
-        for estimate in &estimates {
+        for estimate in estimates.iter().filter(|estimate| estimate.is_identifiable) {
             let _ = writeln!(
                 text,
                 "# {} = {:.4} {}, 90 % interval {:.4} to {:.4}",

@@ -12,6 +12,8 @@ pub struct Scores {
     pub log_score: f64,
     /// Root of the mean squared error (dB or m).
     pub rmse: f64,
+    /// Of links: root mean square of readings less predicted mean levels (dB), whatever is received; NaN for robots.
+    pub rmse_received_db: f64,
     /// Continuous ranked probability score (dB or m).
     pub crps: f64,
     /// Log loss of reception (nats per frame); NaN where reception is unknown.
@@ -25,6 +27,8 @@ impl Scores {
         Self {
             log_score: mean_ignoring_nan(rows.iter().map(|row| row.log)),
             rmse: mean_ignoring_nan(rows.iter().map(|row| row.squared_error)).sqrt(),
+            rmse_received_db: mean_ignoring_nan(rows.iter().map(|row| row.plain_squared_error))
+                .sqrt(),
             crps: mean_ignoring_nan(rows.iter().map(|row| row.crps)),
             reception_log_loss: mean_ignoring_nan(rows.iter().map(|row| row.reception_log_loss)),
         }
@@ -140,6 +144,7 @@ mod tests {
         let score = |log: f64| RowScore {
             log,
             squared_error: f64::NAN,
+            plain_squared_error: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,
         };

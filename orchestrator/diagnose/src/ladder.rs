@@ -183,6 +183,7 @@ impl<'a, S: Study> Search<'a, S> {
         let nothing = RowScore {
             log: f64::NAN,
             squared_error: f64::NAN,
+            plain_squared_error: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,
         };

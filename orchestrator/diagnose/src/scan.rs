@@ -38,6 +38,8 @@ pub struct Unexplained {
     pub formulas: BTreeMap<String, FittedFormula>,
     /// The strongest structure that nothing in the model explains.
     pub structure: Option<ResidualStructure>,
+    /// Whether residuals were searched for structure.
+    pub is_searched: bool,
 }
 
 /// Standardised residuals: mean 0 and variance 1 where the model is right.
@@ -75,7 +77,7 @@ pub fn scan_residuals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladd
     }
     let levels = study.scanned_blocks();
     if !ladder.is_complete() || levels.is_empty() {
-        return Unexplained { formulas, structure: None };
+        return Unexplained { formulas, structure: None, is_searched: false };
     }
     let fit = search.full_fit(&ladder.accepted, COMMON, None);
     let unexplained = study.scanned_residuals(&fit);
@@ -94,7 +96,7 @@ pub fn scan_residuals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladd
     if let Some(structure) = &mut structure {
         structure.formula = study.formula_of_residuals(&structure.covariate, &fit);
     }
-    Unexplained { formulas, structure }
+    Unexplained { formulas, structure, is_searched: true }
 }
 
 /// The strongest structure, if there is any, in these residuals over `covariates`. Rows of one block of `levels` may depend on

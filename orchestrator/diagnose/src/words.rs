@@ -35,6 +35,7 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
 pub fn text(diagnosis: &Diagnosis) -> String {
     let mut text = String::new();
     ladder(&mut text, diagnosis);
+    plain_error(&mut text, diagnosis);
     let _ = writeln!(text);
     for candidate in diagnosis.accepted() {
         accepted(&mut text, candidate);
@@ -65,7 +66,7 @@ fn ladder(text: &mut String, diagnosis: &Diagnosis) {
     let _ = writeln!(
         text,
         "{:<34} {:>12} {:>10} {:>10}{}",
-        "model (held out)",
+        format!("model ({} held out)", diagnosis.split),
         "log score",
         format!("rmse {unit}"),
         format!("crps {unit}"),
@@ -82,7 +83,33 @@ fn ladder(text: &mut String, diagnosis: &Diagnosis) {
     }
 }
 
+/// The plain error is printed where the root mean squared error of the configured model differs from it by more than this share.
+const PLAIN_DIFFERS: f64 = 0.1;
+
+/// The plain error of received frames, where the error about the mean reading of received frames is another.
+fn plain_error(text: &mut String, diagnosis: &Diagnosis) {
+    let (Some(first), Some(last)) = (diagnosis.ladder.first(), diagnosis.ladder.last()) else {
+        return;
+    };
+    let (Some(before), Some(after)) = (first.rmse_received_db, last.rmse_received_db) else {
+        return;
+    };
+    if (first.rmse / before - 1.0).abs() <= PLAIN_DIFFERS {
+        return;
+    }
+    let with = if diagnosis.ladder.len() < 2 {
+        String::new()
+    } else {
+        format!(", {after:.4} dB with all that was accepted")
+    };
+    let _ = writeln!(
+        text,
+        "plain error of received frames (reading less mean level): {before:.4} dB as configured{with}"
+    );
+}
+
 fn accepted(text: &mut String, candidate: &Tested) {
+    let unknown = candidate.not_identifiable.iter().map(|key| format!("{key} not identifiable"));
     let parameters: Vec<String> = candidate
         .parameters
         .iter()
@@ -92,13 +119,15 @@ fn accepted(text: &mut String, candidate: &Tested) {
                 parameter.value, parameter.unit, parameter.low, parameter.high
             )
         })
+        .chain(unknown)
         .collect();
     let _ = writeln!(
         text,
-        "{}: gain {:.4} +- {:.4} nats per row. {}",
+        "{}: gain {:.4} +- {:.4} nats per row ({} held out). {}",
         candidate.effect,
         candidate.gain,
         candidate.standard_error,
+        candidate.held_out,
         parameters.join(", ")
     );
     if !candidate.indistinguishable_from.is_empty() {

@@ -85,6 +85,9 @@ pub struct RowScore {
     pub log: f64,
     /// Squared error (dB² or m²); NaN where nothing was read.
     pub squared_error: f64,
+    /// Of links: square of the reading less the predicted mean level, whatever is received (dB²); NaN where nothing was read. The
+    /// squared error, in contrast, is about the mean reading of frames that are received.
+    pub plain_squared_error: f64,
     /// Continuous ranked probability score (dB or m); NaN where nothing was read.
     pub crps: f64,
     /// Log loss of the prediction of reception (nats); NaN where it is unknown.
@@ -104,13 +107,24 @@ pub struct Estimate {
     pub low: f64,
     /// Upper end of the 90 % interval.
     pub high: f64,
+    /// Whether the data say anything of it. If not, `value` is what a configuration needs, and no estimate.
+    pub is_identifiable: bool,
 }
 
 impl Estimate {
-    /// A number with its 90 % interval, from its lower to its upper end.
+    /// A number with its 90 % interval, from its lower to its upper end. The interval is widened to include the number, and an end that
+    /// is NaN is the number itself.
     #[must_use]
     pub fn new(name: &str, unit: &str, value: f64, (low, high): (f64, f64)) -> Self {
-        Self { name: name.to_owned(), value, unit: unit.to_owned(), low, high }
+        let (low, high) = (low.min(value), high.max(value));
+        let (name, unit) = (name.to_owned(), unit.to_owned());
+        Self { name, value, unit, low, high, is_identifiable: true }
+    }
+
+    /// The same where the data say nothing of it.
+    #[must_use]
+    pub fn not_identifiable(self) -> Self {
+        Self { is_identifiable: false, ..self }
     }
 }
 
@@ -252,4 +266,56 @@ pub trait Study: Sync {
 pub fn is_at_bound(parameter: &Parameter, value: f64) -> bool {
     let span = parameter.max - parameter.min;
     value - parameter.min < 1e-6 * span || parameter.max - value < 1e-6 * span
+}
+
+/// What to mind of a parameter: the data say nothing of it, or it is at a bound of its range.
+#[must_use]
+pub(crate) fn caution(parameter: &Parameter, estimate: &Estimate) -> Option<String> {
+    let Parameter { key, min, max, .. } = parameter;
+    if !estimate.is_identifiable {
+        Some(format!("{key} is not identifiable from these data"))
+    } else if is_at_bound(parameter, estimate.value) {
+        Some(format!("{key} is at the bound of its range, {min} to {max}"))
+    } else {
+        None
+    }
+}
+
+/// Several cautions as one.
+pub(crate) fn joined(cautions: Vec<String>) -> Option<String> {
+    (!cautions.is_empty()).then(|| cautions.join("; "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PARAMETER: Parameter =
+        Parameter { key: "sd_db", unit: "dB", min: 0.0, max: 20.0, starts: &[1.0], step: 0.1 };
+
+    #[test]
+    fn an_interval_includes_its_value() {
+        let ends = |value, interval| {
+            let Estimate { low, high, .. } = Estimate::new("a", "m", value, interval);
+            (low, high)
+        };
+        assert_eq!(ends(2.0, (1.0, 3.0)), (1.0, 3.0));
+        assert_eq!(ends(310.0, (47.0, 156.0)), (47.0, 310.0));
+        assert_eq!(ends(300.0, (337.44, 280.0)), (300.0, 300.0));
+        assert_eq!(ends(2.0, (f64::NAN, f64::NAN)), (2.0, 2.0));
+    }
+
+    #[test]
+    fn a_parameter_at_a_bound_or_not_identifiable_is_cautioned_against() {
+        let of = |value| caution(&PARAMETER, &Estimate::new("sd_db", "dB", value, (0.0, 1.0)));
+        assert_eq!(of(1.0), None);
+        assert_eq!(of(19.999), None);
+        let at_bound = Some("sd_db is at the bound of its range, 0 to 20".to_owned());
+        assert_eq!((of(0.0), of(20.0)), (at_bound.clone(), at_bound));
+        let unknown = Estimate::new("sd_db", "dB", 20.0, (0.0, 20.0)).not_identifiable();
+        let said = caution(&PARAMETER, &unknown);
+        assert_eq!(said.as_deref(), Some("sd_db is not identifiable from these data"));
+        assert_eq!(joined(Vec::new()), None);
+        assert_eq!(joined(vec!["a".to_owned(), "b".to_owned()]).as_deref(), Some("a; b"));
+    }
 }

@@ -32,6 +32,7 @@ pub mod fit;
 mod group;
 pub mod likelihood;
 mod limited;
+mod noise_bound;
 pub mod passing;
 pub mod predict;
 pub mod register;
@@ -83,6 +84,8 @@ pub struct LinkStudy {
     place: Blocks,
     /// Links and channels, where nothing was measured twice.
     once: Option<Blocks>,
+    /// Why places are held out by default, if they are.
+    fallback: Option<String>,
     /// Cells by decorrelation length; the second is used where nothing is said.
     cells: Vec<(f64, RowCells)>,
     fixed_sd_db: Option<f64>,
@@ -94,6 +97,8 @@ pub struct LinkStudy {
     choices: Choices,
     /// How many rows fits may see.
     n_fitted: usize,
+    /// How many nodes send, and how many receive.
+    n_ends: [usize; 2],
 }
 
 /// How a random contribution varies from frame to frame.
@@ -115,7 +120,7 @@ impl LinkStudy {
         catalogue: &Catalogue,
     ) -> Result<Self, ChoiceError> {
         let specs = candidates::specs(&rows, &catalogue.effects);
-        let group::Grouped { time, place, once } = group::grouped(&rows, choices)?;
+        let group::Grouped { time, place, once, fallback } = group::grouped(&rows, choices)?;
         let moving = rows.still().values().any(|still| !still);
         let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
         let finest = [FINEST_M];
@@ -127,6 +132,7 @@ impl LinkStudy {
             specs.iter().map(|spec| candidates::candidate(spec, &rows, catalogue)).collect();
         Ok(Self {
             n_fitted: time.fitted().len(),
+            n_ends: group::n_ends(&rows),
             choices: choices.clone(),
             rows,
             candidates,
@@ -134,6 +140,7 @@ impl LinkStudy {
             time,
             place,
             once,
+            fallback,
             cells,
             fixed_sd_db,
             configured,
@@ -157,6 +164,12 @@ impl LinkStudy {
             study.candidates.iter().map(|candidate| candidate.name.clone()).collect()
         };
         (names(&thin) == names(self)).then_some(thin)
+    }
+
+    /// Why blocks of places are held out in place of the default blocks, if they are.
+    #[must_use]
+    pub fn fallback(&self) -> Option<&str> {
+        self.fallback.as_deref()
     }
 
     /// What each term is made of.

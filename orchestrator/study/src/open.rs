@@ -242,6 +242,7 @@ pub fn links(
     };
     account.warnings.extend(absent(config, &rows));
     let study = LinkStudy::new(rows, fixed_sd_db, &choices, &config.catalogues.network)?;
+    account.warnings.extend(study.fallback().map(str::to_owned));
     account.warnings.extend(too_few(&study));
     Ok((study, account))
 }

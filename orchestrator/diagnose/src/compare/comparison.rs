@@ -28,12 +28,35 @@ pub struct Comparison {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "IndexMap<String, [Option<f64>; 2]>")]
     pub intervals: IndexMap<String, [f64; 2]>,
+    /// Of links: by how much readings lie above the model, alike on all rows (dB); absent where that is not significant. Covariates
+    /// are ranked by what they explain beside it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub offset_db: Option<Offset>,
     /// Covariates, by how much of the variance of the error their bins explain, most first.
     #[serde(rename = "where")]
     pub places: Vec<Place>,
     /// The file of measurements, and how much of it was used.
     #[serde(flatten)]
     pub account: DataAccount,
+}
+
+/// A constant error of all rows (dB).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Offset {
+    /// The likeliest constant: negative where readings lie below the model.
+    pub value: f64,
+    /// Lower end of the 90 % interval.
+    pub low: f64,
+    /// Upper end of the 90 % interval.
+    pub high: f64,
+}
+
+impl Offset {
+    /// A constant whose interval does not include 0.
+    #[must_use]
+    pub fn significant(value: f64, low: f64, high: f64) -> Option<Self> {
+        (0.0 < low || high < 0.0).then_some(Self { value, low, high })
+    }
 }
 
 /// A covariate, and the error over it.

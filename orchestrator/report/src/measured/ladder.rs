@@ -182,7 +182,7 @@ fn candidates(diagnosis: &Diagnosis) -> Option<Picture> {
     let look = "Which bars are clear of zero? Nats a row gained on data left out; lines are 90 % intervals.".to_owned();
     let means = "Accepted is what gains beyond chance with all candidates counted, and is worth having. An accepted effect stands \
                  with what it gained when it was added; the others with what they would still gain on top of all that was \
-                 accepted."
+                 accepted. Each gain is on the blocks that its covariate demands, which may be others than those of the steps above."
         .to_owned();
     let key = vec![("bar after", "accepted".to_owned()), ("bar none", "not accepted".to_owned())];
     let svg = bars("candidates", &title, &look, &rows);

@@ -59,19 +59,22 @@ fn account() -> DataAccount {
 }
 
 fn rung(model: &str, rmse: f64, log_score: f64, reception_log_loss: f64) -> Rung {
-    Rung { model: model.to_owned(), log_score, rmse, crps: f64::NAN, reception_log_loss }
+    let (model, rmse_received_db) = (model.to_owned(), None);
+    Rung { model, log_score, rmse, rmse_received_db, crps: f64::NAN, reception_log_loss }
 }
 
 fn candidate(effect: &str, gain: f64) -> Tested {
     Tested {
         effect: effect.to_owned(),
         gain,
+        held_out: "blocks of time",
         standard_error: 0.1 * gain,
         p_value: 0.0,
         accepted: 0.0 < gain,
         indistinguishable_from: Vec::new(),
         warning: None,
         parameters: IndexMap::new(),
+        not_identifiable: Vec::new(),
         settings: None,
         untestable: None,
     }
@@ -98,9 +101,11 @@ fn diagnosis(verdict: Verdict, sentence: &str) -> Diagnosis {
         verdict,
         sentence: sentence.to_owned(),
         missing: Vec::new(),
+        split: "blocks of time",
         ladder: Vec::new(),
         candidates: Vec::new(),
         unexplained: Vec::new(),
+        residuals_searched: true,
         next_measurement: Vec::new(),
         too_little: None,
         stopped_in_round: None,
@@ -118,6 +123,7 @@ fn a_comparison_shows_errors_reception_and_scores() {
         unit: "blocks".to_owned(),
         scores: IndexMap::from([("rmse_db".to_owned(), 4.1)]),
         intervals: IndexMap::from([("rmse_db".to_owned(), [4.0, 4.2])]),
+        offset_db: None,
         places: Vec::new(),
         account: account(),
     };

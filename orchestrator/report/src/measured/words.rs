@@ -8,7 +8,6 @@ use measure::account::DataAccount;
 use numbers::format::{capitalised, count, number, number_within, percent};
 use proto::effect::CONSTANT;
 use study::LOSS_CURVE;
-use study::open::Subject;
 
 pub(super) fn heading(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let account = contents.answer.account();
@@ -186,12 +185,11 @@ pub(crate) fn ties_of<'a>(
 pub(super) fn unexplained(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let diagnosis = contents.answer.diagnosis()?;
     let structure = &diagnosis.unexplained;
-    let is_searched = diagnosis.kind == Subject::Links && diagnosis.too_little.is_none();
     Some(html! {
         h2 { "Unexplained structure" }
         @if !structure.is_empty() {
             ul { @for entry in structure { li { (unexplained_in_words(entry)) } } }
-        } @else if is_searched {
+        } @else if diagnosis.residuals_searched {
             p { "No covariate explains a significant part of the residuals." }
         } @else {
             p { "The residuals were not searched for structure; the plots below show the error over each covariate." }

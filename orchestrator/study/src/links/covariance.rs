@@ -34,7 +34,7 @@ pub struct CorrelationLength {
     pub low: f64,
     /// Upper end of the 90 % interval.
     pub high: f64,
-    /// Whether at least one end of the interval is due to the products, not to the range in which lengths are sought.
+    /// Whether the length lies within the range in which lengths are sought, and at least one end of its interval does.
     pub is_determined: bool,
     /// Standard deviation of the levels (dB).
     pub sd_db: f64,
@@ -84,7 +84,9 @@ impl Products {
             value: libm::exp(whole[0]),
             low: libm::exp(low.max(shortest)),
             high: libm::exp(high.min(longest)),
-            is_determined: shortest <= low || high <= longest,
+            is_determined: shortest < whole[0]
+                && whole[0] < longest
+                && (shortest <= low || high <= longest),
             sd_db: libm::exp(0.5 * whole[1]),
             sd_error: 0.5 * error(1),
         })
@@ -137,7 +139,7 @@ fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
     let mut reach = step;
     for _ in 0..REFINED {
         reach *= 0.7;
-        for there in [best - reach, best + reach] {
+        for there in [best - reach, best + reach].map(|there| there.clamp(low, high)) {
             if fit_at(best).0 < fit_at(there).0 {
                 best = there;
             }
@@ -186,6 +188,22 @@ mod tests {
             // 90 of 100 expected; outside of 82 to 97 in one case of 200.
             assert!((82..=97).contains(&covers), "{truth}: {covers}");
         }
+    }
+
+    #[test]
+    fn a_covariance_that_does_not_fall_has_no_length_that_can_be_told() {
+        let mut products = Products::new(vec![1.0, 2.0, 3.0, 4.0]);
+        for link in 0..100 {
+            for lag in 1..=4 {
+                products.add(link, f64::from(lag), 1.0 + 0.01 * (link % 7) as f64);
+            }
+        }
+        let found = products.length().unwrap();
+        assert!(!found.is_determined, "{found:?}");
+        // The longest length that is sought is four times the longest lag.
+        assert!((found.value - 16.0).abs() < 1e-9, "{found:?}");
+        assert!(found.low <= found.value && found.value <= found.high, "{found:?}");
+        assert!(super::tests::products(3.0, 1).length().unwrap().is_determined);
     }
 
     #[test]

@@ -5,9 +5,10 @@ use super::fit::LinkFit;
 use super::terms::TermSpec;
 use super::{From, LinkStudy, group, search};
 use crate::COMMON;
-use crate::{Estimate, Study as _};
+use crate::{Estimate, Study as _, caution, joined};
 use numbers::power::square;
-use proto::effect::Search;
+use proto::config::{Field, Kind};
+use proto::effect::{Role, Search};
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
 
@@ -23,6 +24,26 @@ impl LinkStudy {
         fit: &LinkFit,
         term: usize,
     ) -> (Vec<Estimate>, Option<String>) {
+        let (mut estimates, caution) = self.fitted_estimates(fit, term);
+        let mut cautions: Vec<String> = caution.into_iter().collect();
+        // Spreads and lengths are found by no slope, and so within no range.
+        if let Some(entry) = self.specs[term].entry().filter(|entry| {
+            matches!(
+                entry.fit.role,
+                Role::RandomPerNode | Role::RandomPerLink | Role::RandomPerChannel
+            )
+        }) {
+            for estimate in &mut estimates {
+                let field = entry.variant.fields.iter().find(|field| field.key == estimate.name);
+                if let Some(Field { kind: Kind::Number(range), .. }) = field {
+                    cautions.extend(bounded(estimate, range.max));
+                }
+            }
+        }
+        (estimates, joined(cautions))
+    }
+
+    fn fitted_estimates(&self, fit: &LinkFit, term: usize) -> (Vec<Estimate>, Option<String>) {
         let specs = self.specs_of(&fit.terms);
         let Some(place) = fit.terms.iter().position(|&other| other == term) else {
             return (Vec::new(), None);
@@ -43,11 +64,11 @@ impl LinkStudy {
                 return with_length(level, "coherence_mhz", "MHz", coherence);
             }
             TermSpec::NodeOffset(_) => {
-                let all = vec![
-                    spread("tx_sd_db", sd.tx_db, determined[2]),
-                    spread("rx_sd_db", sd.rx_db, determined[3]),
-                ];
-                return (all, None);
+                let [senders, receivers] = self.n_ends;
+                return of_nodes([
+                    (spread("tx_sd_db", sd.tx_db, determined[2]), senders, "sender"),
+                    (spread("rx_sd_db", sd.rx_db, determined[3]), receivers, "receiver"),
+                ]);
             }
             TermSpec::Effect(_)
             | TermSpec::Limited(..)
@@ -57,7 +78,6 @@ impl LinkStudy {
         let before: usize = fit.states[..place].iter().map(|state| state.values.len()).sum();
         let parameters = specs[place].parameters();
         let inverse = fit.information.clone().try_inverse();
-        let mut warning = None;
         let mut estimates: Vec<Estimate> = parameters
             .iter()
             .enumerate()
@@ -73,10 +93,6 @@ impl LinkStudy {
                 } else {
                     self.profile(fit, place, k, error)
                 };
-                if parameter.max - parameter.min <= high - low {
-                    warning =
-                        Some(format!("{} is not identifiable from these data", parameter.key));
-                }
                 Estimate::new(parameter.key, parameter.unit, value, (low, high))
             })
             .collect();
@@ -84,7 +100,15 @@ impl LinkStudy {
         if let Some(inverse) = inverse {
             warning = warning.or_else(|| self.confusable(fit, &specs, &inverse, place));
         }
-        (estimates, warning)
+        let mut cautions = Vec::new();
+        for (parameter, estimate) in parameters.iter().zip(&mut estimates) {
+            estimate.is_identifiable = estimate.high - estimate.low < parameter.max - parameter.min;
+            cautions.extend(caution(parameter, estimate));
+        }
+        if let (true, Some(inverse)) = (cautions.is_empty(), inverse) {
+            cautions.extend(self.confusable(fit, &specs, &inverse, place));
+        }
+        (estimates, joined(cautions))
     }
 
     /// Adds what a search found besides the parameters of a fit: places with their standard errors. Parameters that were found
@@ -254,6 +278,35 @@ fn spread(name: &str, value: f64, n: f64) -> Estimate {
     Estimate::new(name, "dB", value, (ends[0], ends[1]))
 }
 
+/// Keeps an estimate within what a configuration takes, and cautions if it is not below the bound.
+fn bounded(estimate: &mut Estimate, most: f64) -> Option<String> {
+    if estimate.value < most {
+        return None;
+    }
+    let caution = estimate
+        .is_identifiable
+        .then(|| format!("{} is at the bound of its range, {most}", estimate.name));
+    estimate.value = most;
+    estimate.low = estimate.low.min(most);
+    caution
+}
+
+/// The spreads of levels of nodes, each with the number of its nodes and what these do. A single node has a level, but no spread: 0
+/// stands in its place.
+fn of_nodes(spreads: [(Estimate, usize, &str); 2]) -> (Vec<Estimate>, Option<String>) {
+    let mut cautions = Vec::new();
+    let checked = |(estimate, n, what): (Estimate, usize, &str)| {
+        if 1 < n {
+            return estimate;
+        }
+        let name = &estimate.name;
+        cautions.push(format!("{name} is not identifiable: the data have a single {what}"));
+        Estimate::new(name, &estimate.unit, 0.0, (0.0, 0.0)).not_identifiable()
+    };
+    let all = spreads.map(checked).into();
+    (all, joined(cautions))
+}
+
 /// The spread of levels with the length over which they change, if the data tell one, and a warning if they hardly do.
 fn with_length(
     mut level: Estimate,
@@ -263,9 +316,12 @@ fn with_length(
 ) -> (Vec<Estimate>, Option<String>) {
     let Some(length) = length else { return (vec![level], None) };
     widen(&mut level, &length);
-    let warning =
-        (!length.is_determined).then(|| format!("{name} is not identifiable from these data"));
-    (vec![level, Estimate::new(name, unit, length.value, (length.low, length.high))], warning)
+    let found = Estimate::new(name, unit, length.value, (length.low, length.high));
+    if length.is_determined {
+        return (vec![level, found], None);
+    }
+    let warning = format!("{name} is not identifiable from these data");
+    (vec![level, found.not_identifiable()], Some(warning))
 }
 
 /// Widens the interval of the spread of levels to what the covariance of residuals says of it: a fit takes levels for constant
@@ -353,5 +409,61 @@ impl LinkStudy {
             best + sign * step
         };
         (end(-1.0), end(1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_single_node_has_no_spread() {
+        let spreads = |senders, receivers| {
+            of_nodes([
+                (spread("tx_sd_db", 2.0, 1.0), senders, "sender"),
+                (spread("rx_sd_db", 3.0, 8.0), receivers, "receiver"),
+            ])
+        };
+        let (all, warning) = spreads(1, 9);
+        assert!(!all[0].is_identifiable && all[1].is_identifiable);
+        assert_eq!((all[0].value, all[1].value), (0.0, 3.0));
+        let expected = "tx_sd_db is not identifiable: the data have a single sender";
+        assert_eq!(warning.as_deref(), Some(expected));
+        let (all, warning) = spreads(2, 2);
+        assert!(all.iter().all(|estimate| estimate.is_identifiable));
+        assert_eq!(warning, None);
+    }
+
+    #[test]
+    fn a_spread_beyond_its_range_is_cut_and_cautioned_against() {
+        let mut estimate = spread("sd_db", 19.9, 30.0);
+        assert_eq!(bounded(&mut estimate, 20.0), None);
+        assert_eq!(estimate.value, 19.9);
+        let mut estimate = spread("sd_db", 30.0, 30.0);
+        let caution = bounded(&mut estimate, 20.0);
+        assert_eq!(caution.as_deref(), Some("sd_db is at the bound of its range, 20"));
+        assert_eq!(estimate.value, 20.0);
+        assert!(estimate.low <= 20.0 && 20.0 <= estimate.high);
+    }
+
+    #[test]
+    fn a_length_that_the_data_do_not_tell_is_not_identifiable() {
+        let length = |is_determined| CorrelationLength {
+            value: 300.0,
+            low: 0.1,
+            high: 300.0,
+            is_determined,
+            sd_db: 2.0,
+            sd_error: 0.1,
+        };
+        let of = |is_determined| {
+            let level = spread("sd_db", 2.0, 30.0);
+            with_length(level, "decorrelation_m", "m", Some(length(is_determined)))
+        };
+        let (estimates, warning) = of(false);
+        assert!(!estimates[1].is_identifiable);
+        assert!(warning.is_some_and(|text| text.starts_with("decorrelation_m is not")));
+        let (estimates, warning) = of(true);
+        assert!(estimates[1].is_identifiable && warning.is_none());
     }
 }

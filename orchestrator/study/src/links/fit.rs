@@ -87,8 +87,8 @@ pub struct IterationLimits {
     pub rounds: usize,
 }
 
-/// The noise lies within these (dB).
-const NOISE_DB: (f64, f64) = (0.1, 40.0);
+/// The noise lies within these (dB); a configuration takes no more either.
+pub(super) const NOISE_DB: (f64, f64) = (0.1, 30.0);
 /// Where readings are given, the share received scatters within these about what is predicted, at first by so much.
 const SHARE_SD: (f64, f64) = (1e-3, 1.0);
 const ROUGH_SHARE_SD: f64 = 0.2;
@@ -215,6 +215,7 @@ impl<'a> FitProblem<'a> {
             })
             .collect();
         let levels = self.levels(parts, &effects);
+        let noise = self.bounded(noise, &levels.levels);
         let instrument = self.instrument(&effects, noise);
         let slopes = self.slopes(&instrument, &levels, &random);
         let log =
@@ -589,11 +590,5 @@ impl ModelledLinks {
             .fold(PowerMixture::none(), |spread, scatter| {
                 spread.and(&super::spread_of(&scatter.law))
             })
-    }
-
-    /// Whether a row has a reading.
-    #[must_use]
-    pub fn is_received(&self, row: usize) -> bool {
-        self.links.rows[row].rssi_dbm.is_finite()
     }
 }

@@ -78,6 +78,13 @@ pub(super) fn n_pairs(rows: &ModelledLinks) -> usize {
     pairs(rows).into_iter().collect::<BTreeSet<_>>().len()
 }
 
+/// How many nodes send, and how many receive.
+pub(super) fn n_ends(rows: &ModelledLinks) -> [usize; 2] {
+    let senders: BTreeSet<u32> = rows.links.rows.iter().map(|row| row.tx).collect();
+    let receivers: BTreeSet<u32> = rows.links.rows.iter().map(|row| row.rx).collect();
+    [senders.len(), receivers.len()]
+}
+
 /// Rows by unordered pair of nodes; by place where there are too few pairs.
 fn place_blocks(rows: &ModelledLinks) -> Blocks {
     let by_pair = Blocks::of_keys("pairs of nodes", &pairs(rows));
@@ -149,6 +156,8 @@ pub(super) struct Grouped {
     pub(super) time: Blocks,
     pub(super) place: Blocks,
     pub(super) once: Option<Blocks>,
+    /// Why blocks of places stand for blocks of time, if they do by default.
+    pub(super) fallback: Option<String>,
 }
 
 /// Rows in blocks, as chosen or as suits them.
@@ -158,20 +167,41 @@ pub(super) fn grouped(rows: &ModelledLinks, choices: &Choices) -> Result<Grouped
     let grouped = match choices.split {
         Some(split) => {
             let blocks = split_blocks(rows, split, scored.as_deref())?;
-            Grouped { time: blocks.clone(), place: blocks, once: None }
+            Grouped { time: blocks.clone(), place: blocks, once: None, fallback: None }
         }
-        None => Grouped {
-            time: time_blocks(rows, scored.as_deref()),
-            place: place_blocks(rows),
-            once: (!has_times(rows)).then(|| link_channel_blocks(rows)),
-        },
+        None => default_blocks(rows, scored.as_deref()),
     };
     let folded = |blocks: Blocks| Blocks { scored: scored.clone(), ..blocks };
     Ok(Grouped {
+        fallback: grouped.fallback,
         time: folded(grouped.time),
         place: folded(grouped.place),
         once: grouped.once.map(folded),
     })
+}
+
+/// Rows in blocks as suits them. Where these are too few, and nodes move, in squares of the plane.
+fn default_blocks(rows: &ModelledLinks, scored: Option<&[bool]>) -> Grouped {
+    let is_enough = |blocks: &Blocks| {
+        let scored = scored.map(<[bool]>::to_vec);
+        Blocks { scored, ..blocks.clone() }.suffices()
+    };
+    let (time, place) = (time_blocks(rows, scored), place_blocks(rows));
+    let once = (!has_times(rows)).then(|| link_channel_blocks(rows));
+    if is_enough(&time) || rows.still().values().all(|&still| still) {
+        return Grouped { time, place, once, fallback: None };
+    }
+    let places = blocks_of_squares(rows);
+    if !is_enough(&places) {
+        return Grouped { time, place, once, fallback: None };
+    }
+    let fallback = format!(
+        "the data have only {} {}, and at least {FEWEST_BLOCKS} are required; {} places are held out instead, as with --split place",
+        time.n_blocks(),
+        time.unit,
+        places.n_blocks()
+    );
+    Grouped { time: places, place, once: None, fallback: Some(fallback) }
 }
 
 /// Rows that are left out together by choice.

@@ -399,6 +399,7 @@ impl Instrument {
         let mut score = RowScore {
             log: self.row_likelihood(row, level, lift_db).log,
             squared_error: f64::NAN,
+            plain_squared_error: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,
         };

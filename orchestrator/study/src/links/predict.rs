@@ -60,6 +60,11 @@ impl Above {
     }
 }
 
+/// A reading less the mean level that is predicted for its frame (dB), whatever is received; NaN where nothing was read.
+pub(super) fn plain_error_db(rssi_dbm: f64, level: &RowPrediction, lift_db: f64) -> f64 {
+    rssi_dbm - level.power_dbm - lift_db - level.range.offset_db
+}
+
 impl LinkStudy {
     /// Scores one row.
     pub(super) fn score(
@@ -76,10 +81,13 @@ impl LinkStudy {
         if fit.instrument.readings.is_given {
             return fit.instrument.score_given(measured, level);
         }
-        if fit.instrument.readings.is_aggregated {
-            return fit.instrument.score_row(measured, level, (lift_db, variance), read);
-        }
-        instrument_for(fit, variance, tables).score(measured, level, lift_db, read)
+        let plain_db = plain_error_db(measured.rssi_dbm, level, lift_db);
+        let score = if fit.instrument.readings.is_aggregated {
+            fit.instrument.score_row(measured, level, (lift_db, variance), read)
+        } else {
+            instrument_for(fit, variance, tables).score(measured, level, lift_db, read)
+        };
+        RowScore { plain_squared_error: plain_db * plain_db, ..score }
     }
 
     /// What a fit predicts for every row.

@@ -113,6 +113,12 @@ impl ModelledLinks {
         rows
     }
 
+    /// Whether a row has a reading.
+    #[must_use]
+    pub fn is_received(&self, row: usize) -> bool {
+        self.links.rows[row].rssi_dbm.is_finite()
+    }
+
     /// Number of rows.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -5,7 +5,9 @@ use super::terms::Term;
 use super::{RobotFit, RobotStudy};
 use crate::folds::Blocks;
 use crate::symbolic::FittedFormula;
-use crate::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study, is_at_bound};
+use crate::{
+    Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study, caution, joined,
+};
 use proto::effect::Level;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::sync::PoisonError;
@@ -127,6 +129,7 @@ impl Study for RobotStudy {
         let score = |residual: &Residual| RowScore {
             log: fit.density.log(residual).0,
             squared_error: residual.parts_m.iter().map(|part| part * part).sum(),
+            plain_squared_error: f64::NAN,
             crps: fit.density.crps_m(residual),
             reception_log_loss: f64::NAN,
         };
@@ -148,7 +151,7 @@ impl Study for RobotStudy {
         let by_likelihood = effect
             .threshold_on()
             .and_then(|_| self.model.threshold_interval(fit, term, &self.fitted_rows()));
-        let mut warning = None;
+        let mut cautions = Vec::new();
         let estimates = effect
             .parameters
             .iter()
@@ -156,27 +159,27 @@ impl Study for RobotStudy {
             .enumerate()
             .map(|(index, (parameter, &value))| {
                 if let Some((low, high)) = by_likelihood {
-                    return Estimate::new(parameter.key, parameter.unit, value, (low, high));
+                    let ends = (low, high);
+                    let estimate = Estimate::new(parameter.key, parameter.unit, value, ends);
+                    cautions.extend(caution(parameter, &estimate));
+                    return estimate;
                 }
                 let variance =
                     covariance.as_ref().map_or(f64::NAN, |c| c[(first + index, first + index)]);
                 let half = quantile * variance.sqrt();
                 let span = parameter.max - parameter.min;
-                if half.is_nan() || span <= half {
-                    warning =
-                        Some(format!("{} is not identifiable from these data", parameter.key));
-                } else if is_at_bound(parameter, value) {
-                    warning = Some(format!("{} is at the bound of its range", parameter.key));
-                }
                 let (low, high) = if half.is_finite() {
                     ((value - half).max(parameter.min), (value + half).min(parameter.max))
                 } else {
                     (parameter.min, parameter.max)
                 };
-                Estimate::new(parameter.key, parameter.unit, value, (low, high))
+                let mut estimate = Estimate::new(parameter.key, parameter.unit, value, (low, high));
+                estimate.is_identifiable = !half.is_nan() && half < span && high - low < span;
+                cautions.extend(caution(parameter, &estimate));
+                estimate
             })
             .collect();
-        (estimates, warning.or_else(|| self.confounded(fit, term, covariance.as_ref())))
+        (estimates, joined(cautions).or_else(|| self.confounded(fit, term, covariance.as_ref())))
     }
 
     fn settings(&self, fit: &RobotFit, term: usize) -> Option<toml::Table> {

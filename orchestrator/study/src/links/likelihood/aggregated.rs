@@ -497,6 +497,7 @@ impl Instrument {
         let mut score = RowScore {
             log: log + ln_constant(&seen, level),
             squared_error: f64::NAN,
+            plain_squared_error: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,
         };
