@@ -76,7 +76,7 @@ enum Command {
     /// Fit a missing effect to measurements and add it to a configuration
     Extend(measured::ExtendArgs),
     /// Find the physical effects that a model lacks, from measurements
-    Diagnose(measured::AnswerArgs),
+    Diagnose(measured::DiagnoseArgs),
     /// Simulate a measurement campaign from a model
     Simulate(simulate::SimulateArgs),
     /// Estimate how large an effect must be for a campaign to detect it

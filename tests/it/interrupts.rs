@@ -95,30 +95,124 @@ fn a_run_that_has_not_begun_can_be_stopped() {
     assert!(!folder.path().join("runs").exists(), "something was written");
 }
 
-#[test]
-fn a_search_that_is_stopped_tells_what_it_has_found() {
+/// How long a search may take to give its partial answer after it was stopped. The machine may be busy with other tests.
+const PROMPT: Duration = Duration::from_secs(4);
+
+/// A folder with a model that lacks two effects, and measurements of them.
+fn two_effects() -> tempfile::TempDir {
     let folder = tests::folder();
     let hidden = [(Hidden::Temperature, Size::Clear), (Hidden::WallAttenuation, Size::Clear)];
     let campaign = Campaign::link(0, &Layout::standard(), &hidden, 8000);
     std::fs::write(folder.path().join("model.toml"), &campaign.config_toml).unwrap();
     std::fs::write(folder.path().join("data.csv"), &campaign.csv).unwrap();
-    let asked = ["diagnose", "model.toml", "--data", "data.csv", "--json", "found.json"];
-    let mut search = started(&[&asked[..], &["--log", "info"]].concat(), folder.path());
+    folder
+}
+
+const ASKED: [&str; 5] = ["model.toml", "--data", "data.csv", "--json", "found.json"];
+
+fn found(folder: &Path) -> serde_json::Value {
+    serde_json::from_slice(&std::fs::read(folder.join("found.json")).unwrap()).unwrap()
+}
+
+/// Interrupts a command when its log has this text; its status, and everything that it printed.
+fn interrupted_at(text: &str, args: &[&str], folder: &Path) -> (Option<i32>, String) {
+    let mut search = started(&[args, &["--log", "info"]].concat(), folder);
     let mut said = BufReader::new(search.stderr.take().unwrap());
     let mut line = String::new();
-    while !line.contains("round 2") {
+    while !line.contains(text) {
         line.clear();
         assert!(0 < said.read_line(&mut line).unwrap(), "it has ended by itself");
     }
     send("-INT", &search);
+    let begun = Instant::now();
     let mut rest = String::new();
     said.read_to_string(&mut rest).unwrap();
     let output = search.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(1), "{rest}");
-    assert!(rest.contains("interrupted in round 2"), "{rest}");
-    let found: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(folder.path().join("found.json")).unwrap()).unwrap();
+    assert!(begun.elapsed() < PROMPT, "{:?}: {rest}", begun.elapsed());
+    (output.status.code(), format!("{rest}{}", tests::said(&output)))
+}
+
+#[test]
+fn a_search_that_is_stopped_tells_what_it_has_found() {
+    let folder = two_effects();
+    let args = [&["diagnose"][..], &ASKED].concat();
+    let (status, said) = interrupted_at("round 2", &args, folder.path());
+    assert_eq!(status, Some(1), "{said}");
+    let expected = "stopped in round 2; partial result, which may still change: missing: ";
+    assert!(said.contains(expected), "{said}");
+    assert!(said.contains("interrupted: the search did not finish"), "{said}");
+    let found = found(folder.path());
     assert_eq!(found["stopped_in_round"], 2, "{found}");
+    assert_eq!(found["complete"], false, "{found}");
     assert_eq!(found["missing"].as_array().unwrap().len(), 1, "{found}");
-    assert!(tests::said(&output).contains("interrupted in round 2; partial result: missing: "));
+    let accepted = found["candidates"].as_array().unwrap().iter().find(|it| it["accepted"] == true);
+    let parameters = accepted.unwrap()["parameters"].as_object().unwrap();
+    assert!(!parameters.is_empty(), "{found}");
+    for parameter in parameters.values() {
+        let [low, value, high] =
+            ["low", "value", "high"].map(|key| parameter[key].as_f64().unwrap());
+        assert!(low < value && value < high, "{parameter}");
+    }
+}
+
+#[test]
+fn a_search_whose_budget_is_over_tells_what_it_has_found() {
+    let folder = two_effects();
+    let begun = Instant::now();
+    let args = [&["diagnose", "--budget", "0.5"][..], &ASKED].concat();
+    let output = tests::orchestrator(&args, folder.path());
+    let said = tests::said(&output);
+    assert!(begun.elapsed() < PROMPT, "{:?}: {said}", begun.elapsed());
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("the time budget of 0.5 s is over"), "{said}");
+    let partial = found(folder.path());
+    assert_eq!(partial["complete"], false, "{partial}");
+    assert_eq!(partial["residuals_searched"], false, "{partial}");
+    // With time enough the answer is that without a budget.
+    for budget in [&["--budget", "1000"][..], &[]] {
+        let args = [&["diagnose"][..], budget, &ASKED].concat();
+        assert!(tests::orchestrator(&args, folder.path()).status.success());
+        let whole = found(folder.path());
+        assert_eq!(whole["complete"], true, "{whole}");
+        assert_eq!(whole["missing"], serde_json::json!(["temperature", "wall-attenuation"]));
+    }
+    let refused = tests::orchestrator(&["diagnose", "--budget", "0"], folder.path());
+    assert_eq!(refused.status.code(), Some(2), "{}", tests::said(&refused));
+}
+
+#[test]
+fn extend_writes_a_partial_answer_only_where_it_is_asked_to() {
+    let folder = two_effects();
+    let extend = [&["extend"][..], &ASKED, &["--all", "--output", "better.toml"]].concat();
+    let (status, said) = interrupted_at("round 2", &extend, folder.path());
+    assert_eq!(status, Some(1), "{said}");
+    assert!(said.contains("nothing was written") && said.contains("--partial"), "{said}");
+    assert!(!folder.path().join("better.toml").exists());
+    let partial = [&extend[..], &["--partial"]].concat();
+    let (_, said) = interrupted_at("round 2", &partial, folder.path());
+    assert!(said.contains("(partial: further effects may be missing)"), "{said}");
+    let found = found(folder.path());
+    assert_eq!(found["complete"], false, "{found}");
+    assert_eq!(found["added"].as_array().unwrap().len(), 1, "{found}");
+    let text = std::fs::read_to_string(folder.path().join("better.toml")).unwrap();
+    assert!(text.contains("# The search was stopped before its end"), "{text}");
+    // A fit that has not converged is never written.
+    let effect = ["--effect", "wall-attenuation", "--output", "one.toml", "--budget", "0.001"];
+    let refused = tests::orchestrator(&[&["extend"][..], &ASKED, &effect].concat(), folder.path());
+    assert_eq!(refused.status.code(), Some(1), "{}", tests::said(&refused));
+    assert!(!folder.path().join("one.toml").exists());
+}
+
+#[test]
+fn power_answers_when_its_budget_is_over() {
+    let folder = two_effects();
+    let asked = ["power", "model.toml", "--like", "data.csv", "--effect", "body-blocking"];
+    let args = [&asked[..], &["--budget", "1", "--json", "found.json"]].concat();
+    let begun = Instant::now();
+    let output = tests::orchestrator(&args, folder.path());
+    let said = tests::said(&output);
+    assert!(begun.elapsed() < PROMPT, "{:?}: {said}", begun.elapsed());
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("the time budget of 1 s is over"), "{said}");
+    assert_eq!(found(folder.path())["complete"], false);
 }

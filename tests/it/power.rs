@@ -13,7 +13,16 @@ const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
 static ALL_ROWS: Choices = Choices::NONE;
 
 fn asked(effect: &str) -> Question<'_> {
-    Question { effect, with: &[], vary: None, campaigns: 6, seed: 1, set: &[], choices: &ALL_ROWS }
+    Question {
+        effect,
+        with: &[],
+        vary: None,
+        campaigns: 6,
+        seed: 1,
+        set: &[],
+        choices: &ALL_ROWS,
+        stop: None,
+    }
 }
 
 fn files(n_rows: usize) -> (Compared, DataTable) {

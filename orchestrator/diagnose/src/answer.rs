@@ -39,7 +39,11 @@ pub fn numbers<'a, S: Study>(
 ) -> (&'a S, Arc<S::Fit>) {
     let found = search.full_fit(terms, COMMON, None);
     let Some(all_rows) = all_rows else { return (study, found) };
-    (all_rows, Arc::new(all_rows.fit(terms, &all_rows.fitted_rows(), COMMON, Some(&found))))
+    if search.is_stopped() {
+        return (study, found);
+    }
+    let fit = all_rows.fit(terms, &all_rows.fitted_rows(), COMMON, Some(&found));
+    if search.is_stopped() { (study, found) } else { (all_rows, Arc::new(fit)) }
 }
 
 /// The answer of a search. `residuals`: structure that is left in the residuals. `all_rows`: the study of all rows, where the
@@ -71,6 +75,12 @@ pub fn answer<S: Study>(
         Verdict::MissingEffects
     };
     let (candidates, known) = tested(study, ladder, numbers_of, &fit);
+    let next_measurement = if search.is_stopped() {
+        Vec::new()
+    } else {
+        next::measurements(study, search, ladder, &known)
+    };
+    let is_complete = ladder.stopped.is_none() && !search.is_stopped();
     let mut diagnosis = Diagnosis {
         schema: SCHEMA,
         kind: measurements.subject,
@@ -78,11 +88,18 @@ pub fn answer<S: Study>(
         sentence: String::new(),
         missing,
         split: study.blocks(COMMON).unit,
-        ladder: ladder.rungs.iter().map(|rung| self::rung(study, rung)).collect(),
+        ladder: ladder
+            .rungs
+            .iter()
+            // A search that was stopped at once has not even scored the model as configured.
+            .filter(|rung| !(search.is_stopped() && rung.scores.log_score.is_nan()))
+            .map(|rung| self::rung(study, rung))
+            .collect(),
         candidates,
         unexplained,
         residuals_searched: residuals.is_searched,
-        next_measurement: next::measurements(study, search, ladder, &known),
+        next_measurement,
+        complete: is_complete,
         too_little: ladder.too_little.clone(),
         stopped_in_round: ladder.stopped,
         searched: measurements.searched,

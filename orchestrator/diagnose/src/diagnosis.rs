@@ -38,6 +38,9 @@ pub struct Diagnosis {
     pub residuals_searched: bool,
     /// Where to measure next so that models can be distinguished that these data do not distinguish.
     pub next_measurement: Vec<NextMeasurement>,
+    /// Whether the search came to its end. If not, a signal or a time budget ended it: the answer may still change, and what is in it
+    /// depends on how fast the machine was.
+    pub complete: bool,
     /// Why the data are too few to find anything, if they are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub too_little: Option<String>,

@@ -74,7 +74,7 @@ pub fn candidate<S: Study>(study: &S, name: &str) -> Result<usize, ExtendError> 
 /// Fits several new terms in two ways, and keeps the likelier fit. Together, each term starts where it would by itself. One after
 /// the other, each starts from the residuals of those before it: a disturbed band shows only once the reception curve is right.
 fn fit_together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
-    if terms.len() < 2 {
+    if terms.len() < 2 || search.is_stopped() {
         return;
     }
     let all = study.fitted_rows();
@@ -121,6 +121,12 @@ pub fn extend<S: Study>(
     let after = Scores::mean(&search.held_out_scores(&terms, COMMON));
     let mut text = config.text.trim_end().to_owned();
     text.push('\n');
+    let complete = !search.is_stopped();
+    if !complete {
+        text.push_str(
+            "\n# The search was stopped before its end: further effects may be missing.\n",
+        );
+    }
     let mut names = Vec::new();
     for &term in &terms {
         let name = &candidates[term].name;
@@ -158,6 +164,7 @@ pub fn extend<S: Study>(
     let answer = Extension {
         schema: SCHEMA,
         added: names,
+        complete,
         log_score: [before.log_score, after.log_score],
         rmse: [before.rmse, after.rmse],
     };

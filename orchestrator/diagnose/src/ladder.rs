@@ -139,8 +139,9 @@ impl<'a, S: Study> Search<'a, S> {
         Self { stop: Some(stop), ..self }
     }
 
-    fn is_stopped(&self) -> bool {
-        self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed))
+    /// Whether the search was stopped. Fits that were not made before are not to be used.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) || self.study.is_stopped()
     }
 
     /// A fit to all rows, which starts from `parent` if it has not been made yet.
@@ -150,7 +151,9 @@ impl<'a, S: Study> Search<'a, S> {
             return fit;
         }
         let fit = Arc::new(self.study.fit(terms, &self.all, level, parent));
-        store(&self.full, key, &fit);
+        if !self.is_stopped() {
+            store(&self.full, key, &fit);
+        }
         fit
     }
 
@@ -160,6 +163,17 @@ impl<'a, S: Study> Search<'a, S> {
         let key = (terms.to_vec(), level);
         if let Some(scores) = cached(&self.held_out, &key) {
             return scores;
+        }
+        let nothing = RowScore {
+            log: f64::NAN,
+            squared_error: f64::NAN,
+            plain_squared_error: f64::NAN,
+            crps: f64::NAN,
+            reception_log_loss: f64::NAN,
+        };
+        let mut scores = vec![nothing; self.study.n_rows()];
+        if self.is_stopped() {
+            return Arc::new(scores);
         }
         let start = self.full_fit(terms, level, None);
         let blocks = self.study.blocks(level);
@@ -180,21 +194,15 @@ impl<'a, S: Study> Search<'a, S> {
                 (test, scores)
             })
             .collect();
-        let nothing = RowScore {
-            log: f64::NAN,
-            squared_error: f64::NAN,
-            plain_squared_error: f64::NAN,
-            crps: f64::NAN,
-            reception_log_loss: f64::NAN,
-        };
-        let mut scores = vec![nothing; self.study.n_rows()];
         for (rows, part) in parts {
             for (row, score) in rows.into_iter().zip(part) {
                 scores[row as usize] = score;
             }
         }
         let scores = Arc::new(scores);
-        store(&self.held_out, key, &scores);
+        if !self.is_stopped() {
+            store(&self.held_out, key, &scores);
+        }
         scores
     }
 
@@ -342,6 +350,7 @@ impl<'a, S: Study> Search<'a, S> {
         let mut round = 0;
         while too_little.is_none() && accepted.len() < MOST_TERMS {
             round += 1;
+            let before = (accepted.clone(), decided.clone(), rungs.clone());
             (self.report)(SearchProgress::Round { round });
             for level in self.levels() {
                 self.held_out_scores(&accepted, level);
@@ -381,6 +390,10 @@ impl<'a, S: Study> Search<'a, S> {
                     tests[new] = test;
                     Some((new, olds))
                 });
+            if self.is_stopped() {
+                stopped = Some(round);
+                break;
+            }
             let Some((best, in_place_of)) = found else {
                 last = tests;
                 break;
@@ -410,10 +423,21 @@ impl<'a, S: Study> Search<'a, S> {
             }
             decided.retain(|test| accepted.contains(&test.term));
             rungs = self.rungs(&accepted);
+            if self.is_stopped() {
+                // What this round decided may rest on fits that were cut short.
+                (accepted, decided, rungs) = before;
+                stopped = Some(round);
+                break;
+            }
         }
         if stopped.is_none() {
             (self.report)(SearchProgress::Ties);
+            let before = decided.clone();
             self.drop_resolved_ties(&mut decided, &accepted);
+            if self.is_stopped() {
+                decided = before;
+                stopped = Some(round.max(1));
+            }
         }
         let mut tests = decided;
         let is_decided: Vec<usize> = tests.iter().map(|test| test.term).collect();
@@ -501,7 +525,8 @@ impl<'a, S: Study> Search<'a, S> {
         let try_one = |term| {
             let test = self.test_candidate(accepted, term);
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            (self.report)(SearchProgress::Tried { round, done, of: n });
+            let name = candidates[term].name.as_str();
+            (self.report)(SearchProgress::Tried { round, done, of: n, name });
             test
         };
         wanted.into_par_iter().map(try_one).collect()

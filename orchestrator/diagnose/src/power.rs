@@ -19,9 +19,9 @@ use proto::effect::{Fixed, FromModel, Parameter};
 use proto::rng::{Draws, Purpose};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF as _, Normal};
-use study::Study;
 use study::choices::Choices;
 use study::open::{self, OpenError, Subject};
+use study::{StopFlag, Study};
 
 /// The probability with which the effect is to be found.
 pub const POWER: f64 = 0.8;
@@ -49,6 +49,14 @@ pub struct Question<'a> {
     pub set: &'a [String],
     /// Which rows are judged, what is left out together, how far robots are predicted: of the file, and of every campaign.
     pub choices: &'a Choices,
+    /// Ends the simulations early once it is set; what they showed until then is the answer.
+    pub stop: Option<&'a StopFlag>,
+}
+
+impl Question<'_> {
+    fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(StopFlag::is_set)
+    }
 }
 
 /// Why there is no answer.
@@ -136,6 +144,9 @@ pub fn power(
     let mut size = knob.greatest.min(1.0);
     for _ in 0..MOST_LOOKS {
         let outcomes = at(size, LOOKS)?;
+        if question.is_stopped() {
+            break;
+        }
         let margin = outcomes.iter().map(|o| o.margin).sum::<f64>() / outcomes.len() as f64;
         let excess = margin - needed;
         if excess.abs() < 0.7 || size == knob.greatest && excess < 0.0 {
@@ -148,8 +159,11 @@ pub fn power(
     let mut points: Vec<(f64, u64, Vec<CampaignResult>)> = Vec::new();
     for relative in SIZES {
         let size = (size * relative).min(knob.greatest);
-        if points.iter().all(|(other, ..)| *other != size) {
-            points.push((size, question.campaigns, at(size, question.campaigns)?));
+        if !question.is_stopped() && points.iter().all(|(other, ..)| *other != size) {
+            let outcomes = at(size, question.campaigns)?;
+            if !question.is_stopped() {
+                points.push((size, question.campaigns, outcomes));
+            }
         }
     }
     // Detections may begin elsewhere, where it is not significance that decides but whether it is worth having.
@@ -163,7 +177,14 @@ pub fn power(
             }
             _ => break,
         };
-        points.push((next, question.campaigns, at(next, question.campaigns)?));
+        if question.is_stopped() {
+            break;
+        }
+        let outcomes = at(next, question.campaigns)?;
+        if question.is_stopped() {
+            break;
+        }
+        points.push((next, question.campaigns, outcomes));
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
     Ok(plan.answer(&knob, &points))
@@ -430,15 +451,21 @@ impl<'a> PowerPlan<'a> {
         size: f64,
         seed: u64,
     ) -> Result<CampaignResult, PowerError> {
+        if self.question.is_stopped() {
+            return Ok(CampaignResult { is_found: false, margin: f64::NAN, rmse: [f64::NAN; 2] });
+        }
         let truth = self.with_effect(&knob.key, self.value(knob, size))?;
         let made = simulate::simulate(&truth, self.table, seed, Some(self.noise))?.to_table();
         let Question { effect, choices, .. } = *self.question;
+        let stop = self.question.stop.cloned().unwrap_or_default();
         match self.subject {
             Subject::Links => {
-                self.test_effect(&open::links(self.config, &made, choices)?.0, effect)
+                let (study, _) = open::links(self.config, &made, choices)?;
+                self.test_effect(&study.with_stop_flag(&stop), effect)
             }
             Subject::Robots => {
-                self.test_effect(&open::robots(self.config, &made, choices)?.0, effect)
+                let (study, _) = open::robots(self.config, &made, choices)?;
+                self.test_effect(&study.with_stop_flag(&stop), effect)
             }
         }
     }
@@ -484,6 +511,7 @@ impl<'a> PowerPlan<'a> {
             noise: self.noise,
             candidates: self.n_candidates,
             tried: tried.collect(),
+            complete: !self.question.is_stopped(),
             method: "simulation",
             error_unit: if self.subject == Subject::Links { "dB" } else { "m" },
         };

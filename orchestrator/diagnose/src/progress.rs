@@ -16,6 +16,8 @@ pub enum SearchProgress<'a> {
         done: usize,
         /// Candidates of the round.
         of: usize,
+        /// Name of the candidate.
+        name: &'a str,
     },
     /// A candidate was accepted.
     Accepted {

@@ -65,7 +65,7 @@ impl StandardisedResiduals<'_> {
 #[must_use]
 pub fn scan_residuals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -> Unexplained {
     let mut formulas = BTreeMap::new();
-    for &term in &ladder.accepted {
+    for &term in ladder.accepted.iter().filter(|_| !search.is_stopped()) {
         let candidate = &study.candidates()[term];
         if candidate.curve_over().is_none() {
             continue;
@@ -76,7 +76,7 @@ pub fn scan_residuals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladd
         }
     }
     let levels = study.scanned_blocks();
-    if !ladder.is_complete() || levels.is_empty() {
+    if !ladder.is_complete() || search.is_stopped() || levels.is_empty() {
         return Unexplained { formulas, structure: None, is_searched: false };
     }
     let fit = search.full_fit(&ladder.accepted, COMMON, None);

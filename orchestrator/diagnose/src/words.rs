@@ -24,9 +24,14 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
         }
     };
     match diagnosis.stopped_in_round {
-        None => found,
-        Some(1) => "interrupted in round 1, before any result".to_owned(),
-        Some(round) => format!("interrupted in round {round}; partial result: {found}"),
+        None if diagnosis.complete => found,
+        None => format!("stopped after the search; what follows from it may still change: {found}"),
+        Some(round) if diagnosis.ladder.len() < 2 => {
+            format!("stopped in round {round}, before any result")
+        }
+        Some(round) => {
+            format!("stopped in round {round}; partial result, which may still change: {found}")
+        }
     }
 }
 
@@ -62,6 +67,9 @@ pub fn text(diagnosis: &Diagnosis) -> String {
 fn ladder(text: &mut String, diagnosis: &Diagnosis) {
     let unit = diagnosis.error_unit;
     let first = diagnosis.ladder.first();
+    if first.is_none() {
+        return;
+    }
     let has_losses = first.is_some_and(|rung| !rung.reception_log_loss.is_nan());
     let _ = writeln!(
         text,

@@ -41,6 +41,8 @@ pub struct NetworkDiagnosis {
     /// The round in which the search was interrupted, if it was; what was accepted before stands.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped_in_round: Option<usize>,
+    /// Whether the search came to its end. If not, a signal or a time budget ended it: the answer may still change.
+    pub complete: bool,
     /// The measurements.
     #[serde(flatten)]
     pub account: DataAccount,

@@ -8,7 +8,7 @@ use bytes::Bytes;
 use drive::coupling::Coupled;
 use drive::peer::{Described, InProcess, NetworkSide, Peer, RobotSide, SideError, ready};
 use drive::{
-    ConfigureRequests, Driver, End, Failure, Observer, Schedule, Stopped, Taken, Uninterrupted,
+    ConfigureRequests, Driver, End, Failure, Interrupts, Observer, Schedule, Stopped, Taken,
     Wanted, configure,
 };
 use experiment::{Plan, Start};
@@ -26,6 +26,7 @@ use robotsim::sim::Swarm;
 use std::convert::Infallible;
 use std::iter::Peekable;
 use std::slice::Iter;
+use study::StopFlag;
 use tracked::Tracked;
 
 /// Why an experiment cannot be simulated again.
@@ -37,6 +38,9 @@ pub enum ResimulationError {
     /// The network refuses its configuration.
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
     Refused(Vec<Problem>),
+    /// A signal, or the end of a time budget, stopped it.
+    #[error("stopped before the model as configured was simulated")]
+    Stopped,
 }
 
 /// An experiment that is simulated again, in this process and without files: who is where, who sends what, for how long.
@@ -48,6 +52,8 @@ pub struct Resimulation {
     /// Packets that are sent again as they were measured; empty: motes send as their applications say.
     resent: Vec<MeasuredPacket>,
     until_ns: u64,
+    /// Whether simulations are to stop.
+    stop: StopFlag,
 }
 
 /// What it takes to simulate the experiment's own robots again.
@@ -115,7 +121,8 @@ impl Resimulation {
         let until_ns = (until_s * NS_PER_S as f64).ceil() as u64;
         let has_apps = network.get("app").and_then(toml::Value::as_array).is_some();
         let resent = if has_apps { Vec::new() } else { packets.to_vec() };
-        Ok(Self { plan, tracks, resent, until_ns: until_ns.max(1) })
+        let stop = StopFlag::default();
+        Ok(Self { plan, tracks, resent, until_ns: until_ns.max(1), stop })
     }
 
     /// An experiment over what its robots did: they are where they were measured, from the beginning of the task on.
@@ -140,7 +147,14 @@ impl Resimulation {
         }
         is_short_enough(tracks.until_s())?;
         let until_ns = ((tracks.until_s() * NS_PER_S as f64).round() as u64).max(1);
-        Ok(Self { plan, tracks: Some(tracks), resent: Vec::new(), until_ns })
+        let stop = StopFlag::default();
+        Ok(Self { plan, tracks: Some(tracks), resent: Vec::new(), until_ns, stop })
+    }
+
+    /// The same resimulation, which ends with [`ResimulationError::Stopped`] once `stop` is set.
+    #[must_use]
+    pub fn with_stop_flag(self, stop: &StopFlag) -> Self {
+        Self { stop: stop.clone(), ..self }
     }
 
     /// The same resimulation, which lasts until `until_s` (s) at least, even if the measured packets end earlier.
@@ -345,7 +359,7 @@ impl Resimulation {
             counts_from_start: course.counts_from_start,
             each,
         };
-        finished(drive(schedule, &configured, &mut coupled, &mut spectator))
+        finished(drive(schedule, &configured, &mut coupled, &mut spectator, &self.stop))
     }
 }
 
@@ -371,7 +385,8 @@ pub fn exchanged(
     let (mut coupled, configured) = couple(asked, plan.experiment.clone(), robots, network)?;
     begin(&configured);
     let schedule = Schedule::from_plan(plan, waits(plan, &configured));
-    finished(drive(schedule, &configured, &mut coupled, &mut Shown(each)))
+    let never = StopFlag::default();
+    finished(drive(schedule, &configured, &mut coupled, &mut Shown(each), &never))
 }
 
 /// Whether robots stand still until the network has formed.
@@ -407,15 +422,30 @@ fn drive<R: Peer<RobotSide>, N: Peer<NetworkSide>, O: Observer>(
     configured: &Configured,
     coupled: &mut Coupled<R, N>,
     observer: &mut O,
+    stop: &StopFlag,
 ) -> Result<Stopped, Failure<O::Error>> {
     let driver = Driver::new(schedule, &configured.network_start.records, coupled);
-    ready(driver.drive(observer, &mut Uninterrupted, &mut ()))
+    ready(driver.drive(observer, &mut Flagged(stop), &mut ()))
+}
+
+/// Stops an experiment between two steps once a flag is set.
+struct Flagged<'a>(&'a StopFlag);
+
+impl Interrupts for Flagged<'_> {
+    fn seen(&self) -> Option<&'static str> {
+        self.0.is_set().then_some("the stop flag")
+    }
+
+    fn lasting(&mut self) -> impl Future<Output = &'static str> {
+        std::future::pending()
+    }
 }
 
 /// A network that has not formed in time is one of the things that may happen.
 fn finished(ended: Result<Stopped, Failure<Infallible>>) -> Result<(), ResimulationError> {
     match ended {
-        Ok(_) | Err(Failure::NotFormed(_)) => Ok(()),
+        Ok(Stopped::Interrupted(_)) => Err(ResimulationError::Stopped),
+        Ok(Stopped::Complete) | Err(Failure::NotFormed(_)) => Ok(()),
         Err(Failure::Side(error)) => Err(error.into()),
         Err(Failure::Observer(never)) => match never {},
     }

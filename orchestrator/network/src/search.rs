@@ -237,26 +237,47 @@ impl<'a> NetworkSearch<'a> {
         let mut effects: Vec<(usize, CandidateFit)> = Vec::new();
         while !found.agrees() && effects.len() < MOST && found.stopped.is_none() {
             let round = effects.len() + 1;
-            let Some((fit, rung)) = self.round(&network, round, &mut found)? else { break };
-            let chosen = fit.0;
-            effects.push(fit);
-            found.tests[chosen].is_accepted = true;
-            found.accepted.push(chosen);
-            let rung = if effects.len() == 1 {
-                rung
-            } else {
-                self.refit(&mut effects)?;
-                let rung = self.rung(&self.network(&effects), rung.added)?;
-                self.calibrate(&mut effects, &rung);
-                for (k, fit) in &effects {
-                    found.tests[*k].fitted = Some(fit.fitted);
+            let before = found.clone();
+            match self.extended(&mut network, &mut effects, &mut found) {
+                Ok(true) => {}
+                Ok(false) => break,
+                // What this round found may be of some candidates only.
+                Err(ResimulationError::Stopped) => {
+                    found = SearchResult { stopped: Some(round), ..before };
                 }
-                rung
-            };
-            network = self.network(&effects);
-            found.rungs.push(rung);
+                Err(error) => return Err(error),
+            }
         }
         Ok(found)
+    }
+
+    /// Adds one more effect to a network, if any is missing.
+    fn extended(
+        &self,
+        network: &mut toml::Table,
+        effects: &mut Vec<(usize, CandidateFit)>,
+        found: &mut SearchResult,
+    ) -> Result<bool, ResimulationError> {
+        let round = effects.len() + 1;
+        let Some((fit, rung)) = self.round(network, round, found)? else { return Ok(false) };
+        let chosen = fit.0;
+        effects.push(fit);
+        found.tests[chosen].is_accepted = true;
+        found.accepted.push(chosen);
+        let rung = if effects.len() == 1 {
+            rung
+        } else {
+            self.refit(effects)?;
+            let rung = self.rung(&self.network(effects), rung.added)?;
+            self.calibrate(effects, &rung);
+            for (k, fit) in &*effects {
+                found.tests[*k].fitted = Some(fit.fitted);
+            }
+            rung
+        };
+        *network = self.network(effects);
+        found.rungs.push(rung);
+        Ok(true)
     }
 
     /// Tries every candidate that is not yet there on top of a network: the one to add, if any, and the model with it.
@@ -271,8 +292,7 @@ impl<'a> NetworkSearch<'a> {
         let mut curves: Vec<ScannedCandidate<'a>> = Vec::new();
         for (k, candidate) in self.candidates.iter().enumerate() {
             if self.is_stopped() {
-                found.stopped = Some(round);
-                return Ok(None);
+                return Err(ResimulationError::Stopped);
             }
             if found.accepted.contains(&k) {
                 continue;
@@ -288,6 +308,7 @@ impl<'a> NetworkSearch<'a> {
                     let laws = self.ground.laws(&curve);
                     curves.push((k, curve, laws));
                 }
+                Err(ResimulationError::Stopped) => return Err(ResimulationError::Stopped),
                 Err(error) => found.tests[k].untestable = Some(error.to_string()),
             }
         }
@@ -328,8 +349,7 @@ impl<'a> NetworkSearch<'a> {
         let mut close: Vec<FittedCandidate> = Vec::new();
         for place in order {
             if self.is_stopped() {
-                found.stopped = Some(round);
-                return Ok(None);
+                return Err(ResimulationError::Stopped);
             }
             let (k, curve, _) = &mut curves[place];
             tracing::info!("round {round}, refining: {}", self.candidates[*k].name);

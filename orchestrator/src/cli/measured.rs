@@ -5,9 +5,9 @@ use super::formula::FormulaArgs;
 use super::inputs::print_account;
 use super::packets::{Adding, Opened, ResimulationArgs};
 use super::search_log::SearchLog;
-use super::stop::require_complete;
+use super::stop::{BudgetArgs, Stopper};
 use super::task::{self, Files};
-use super::{Failure, check_place, inputs, is_stdout, stop, write_json, write_whole};
+use super::{Failure, check_place, inputs, is_stdout, write_json, write_whole};
 use crate::console::say;
 use clap::Args;
 use diagnose::answer::{self, Measurements};
@@ -114,6 +114,15 @@ pub(super) struct AnswerArgs {
     report: Option<PathBuf>,
     #[command(flatten)]
     resimulation: ResimulationArgs,
+}
+
+/// The same, and how long the search may take.
+#[derive(Args)]
+pub(super) struct DiagnoseArgs {
+    #[command(flatten)]
+    answer: AnswerArgs,
+    #[command(flatten)]
+    budget: BudgetArgs,
 }
 
 /// The same, and what tells where an error comes from.
@@ -287,6 +296,11 @@ pub(super) struct ExtendArgs {
     /// Write the extended configuration to this file (TOML); - for standard output
     #[arg(long, value_name = "FILE")]
     output: PathBuf,
+    /// Where --all is stopped before its search ends, by Ctrl-C or --budget: add the effects that it accepted until then
+    #[arg(long, requires = "all")]
+    partial: bool,
+    #[command(flatten)]
+    budget: BudgetArgs,
     #[command(flatten)]
     resimulation: ResimulationArgs,
 }
@@ -331,7 +345,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         Subject::Links => {
             let (study, account) =
                 open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
-            let log = SearchLog::new();
+            let log = SearchLog::new(None);
             let report = |progress: SearchProgress<'_>| log.log(progress);
             let search = Search::new(&study, &report);
             print_account(&account);
@@ -343,7 +357,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         Subject::Robots => {
             let (study, account) =
                 open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
-            let log = SearchLog::new();
+            let log = SearchLog::new(None);
             let report = |progress: SearchProgress<'_>| log.log(progress);
             let search = Search::new(&study, &report);
             print_account(&account);
@@ -362,12 +376,14 @@ const NO_FORMULA: &str = "--formula applies to measured links and robots only: t
 /// `orchestrator extend`.
 pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     let data = &args.data;
+    let stopper = Stopper::listen(args.budget)?;
+    let stop = stopper.flag();
     let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
     if packets::has_shape(&table).is_ok() {
         if args.formula.wanted().is_some() {
             return Err(Failure::request(NO_FORMULA));
         }
-        let opened = data.open_packets(&args.resimulation, &table)?;
+        let opened = data.open_packets(&args.resimulation, &table)?.with_stop_flag(stop);
         let adding = Adding {
             config: &data.config,
             text: &config.text,
@@ -375,8 +391,9 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
             all: args.all,
             output: &args.output,
             json: data.json.as_deref(),
+            is_partial_wanted: args.partial,
         };
-        return super::packets::extend(&opened, &adding);
+        return super::packets::extend(&opened, &adding, &stopper);
     }
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
@@ -385,6 +402,7 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
             if let Some(wanted) = args.formula.wanted() {
                 study.add_formula(&wanted).map_err(Failure::request)?;
             }
+            let study = study.with_stop_flag(stop);
             let thin = if args.all { study.thinned() } else { None };
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
@@ -394,6 +412,7 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
                 searched,
                 whole,
                 ("netsim.phy.effect", data.unit()),
+                &stopper,
             )
         }
         Subject::Robots => {
@@ -402,7 +421,9 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
             if let Some(wanted) = args.formula.wanted() {
                 study.add_formula(&wanted).map_err(Failure::request)?;
             }
-            extend_with(args, (&config, &account), &study, None, ("robotsim.dynamics.effect", "m"))
+            let study = study.with_stop_flag(stop);
+            let section = ("robotsim.dynamics.effect", "m");
+            extend_with(args, (&config, &account), &study, None, section, &stopper)
         }
     }
 }
@@ -413,13 +434,27 @@ fn extend_with<S: Study>(
     study: &S,
     whole: Option<&S>,
     (section, unit): (&str, &str),
+    stopper: &Stopper,
 ) -> Result<(), Failure> {
     print_account(account);
-    let log = SearchLog::new();
+    let log = SearchLog::new(Some(stopper));
     let report = |progress: SearchProgress<'_>| log.log(progress);
     let search = Search::new(study, &report);
     let terms = if args.all {
-        search.stepwise_selection().accepted
+        let ladder = search.stepwise_selection();
+        if ladder.stopped.is_some() && !args.partial {
+            log.clear();
+            return Err(stopper.refuse_partial(
+                "Give it more time, or add the effects that were accepted until then with --partial",
+            ));
+        }
+        if ladder.stopped.is_some() && ladder.accepted.is_empty() {
+            log.clear();
+            return Err(
+                stopper.refuse_partial("No effect was accepted until then; give it more time")
+            );
+        }
+        ladder.accepted
     } else {
         let formula = args.formula.wanted().map(|_| FORMULA);
         let found: Result<Vec<usize>, _> = args
@@ -431,37 +466,46 @@ fn extend_with<S: Study>(
             .collect();
         found.map_err(Failure::request)?
     };
-    let extended = extend::extend(config, account, study, &search, &terms, section, whole)
-        .map_err(Failure::work)?;
+    let extended = extend::extend(config, account, study, &search, &terms, section, whole);
+    log.clear();
+    if search.is_stopped() && !args.partial {
+        // The fit to these effects has not converged.
+        return Err(stopper.refuse_partial("Give it more time"));
+    }
+    let extended = extended.map_err(Failure::work)?;
     write_whole("--output", &args.output, &extended.text)?;
     let answer = &extended.answer;
     say(format!("{}: {}", args.output.display(), extension::text(answer, unit)));
-    write_json(args.data.json.as_deref(), answer)
+    write_json(args.data.json.as_deref(), answer)?;
+    stopper.require_complete(answer.complete)
 }
 
 /// `orchestrator diagnose`.
-pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
+pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
+    let DiagnoseArgs { answer: args, budget } = args;
     args.check_places()?;
+    let stopper = Stopper::listen(*budget)?;
+    let stop = stopper.flag();
     let data = &args.data;
     let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
     if packets::has_shape(&table).is_ok() {
-        let opened = data.open_packets(&args.resimulation, &table)?;
-        let (found, stopped) = super::packets::diagnose(&opened)?;
+        let opened = data.open_packets(&args.resimulation, &table)?.with_stop_flag(stop);
+        let found = super::packets::diagnose(&opened, &stopper)?;
         args.write_network(NetworkAnswer::Diagnosis(&found), "")?;
-        return require_complete(stopped);
+        return stopper.require_complete(found.complete);
     }
-    let stop = stop::listen()?;
+    let log = SearchLog::new(Some(&stopper));
+    let report = |progress: SearchProgress<'_>| log.log(progress);
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
             let (study, account) =
                 open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
+            let study = study.with_stop_flag(stop);
             print_account(&account);
             let thin = study.thinned();
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
-            let log = SearchLog::new();
-            let report = |progress: SearchProgress<'_>| log.log(progress);
-            let search = Search::new(searched, &report).with_stop_flag(stop);
+            let search = Search::new(searched, &report);
             let ladder = search.stepwise_selection();
             let left = scan::scan_residuals(searched, &search, &ladder);
             let measurements = Measurements {
@@ -471,6 +515,7 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
                 account: &account,
             };
             let found = answer::answer(searched, &search, &ladder, measurements, &left, whole);
+            log.clear();
             if whole.is_some() {
                 say(format!(
                     "searched in a subset of {} rows, spread evenly over all rows; parameters fitted to all rows",
@@ -481,15 +526,14 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
             args.write(&config, MeasuredAnswer::Diagnosis(&found), || {
                 Pictures::of_links(searched, &search, &ladder.accepted)
             })?;
-            require_complete(ladder.stopped)
+            stopper.require_complete(found.complete)
         }
         Subject::Robots => {
             let (study, account) =
                 open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
+            let study = study.with_stop_flag(stop);
             print_account(&account);
-            let log = SearchLog::new();
-            let report = |progress: SearchProgress<'_>| log.log(progress);
-            let search = Search::new(&study, &report).with_stop_flag(stop);
+            let search = Search::new(&study, &report);
             let ladder = search.stepwise_selection();
             let left = scan::scan_residuals(&study, &search, &ladder);
             let measurements = Measurements {
@@ -499,11 +543,12 @@ pub(super) fn diagnose(args: &AnswerArgs) -> Result<(), Failure> {
                 account: &account,
             };
             let found = answer::answer(&study, &search, &ladder, measurements, &left, None);
+            log.clear();
             say(diagnose::words::text(&found));
             args.write(&config, MeasuredAnswer::Diagnosis(&found), || {
                 Pictures::of_robots(&study, &search, &ladder.accepted)
             })?;
-            require_complete(ladder.stopped)
+            stopper.require_complete(found.complete)
         }
     }
 }

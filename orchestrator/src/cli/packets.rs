@@ -1,8 +1,8 @@
 //! The commands that hold a network against measured packets.
 
 use super::inputs::print_account;
-use super::stop::require_complete;
-use super::{Failure, stop, write_json, write_whole};
+use super::stop::Stopper;
+use super::{Failure, write_json, write_whole};
 use crate::console::say;
 use clap::Args;
 use experiment::{Overrides, Plan};
@@ -20,6 +20,7 @@ use network::split;
 use network::tracks::Tracks;
 use proto::bounds::PACKET_TIME_S;
 use std::path::{Path, PathBuf};
+use study::StopFlag;
 use study::open::{self, DataAccount};
 
 /// How the experiment is simulated again, to be compared with measured packets.
@@ -157,6 +158,11 @@ pub(super) fn split(
 }
 
 impl Opened {
+    /// The same, whose simulations end early once `stop` is set.
+    pub(super) fn with_stop_flag(self, stop: &StopFlag) -> Self {
+        Self { resimulation: self.resimulation.with_stop_flag(stop), ..self }
+    }
+
     /// Seeds that suffice to tell a gain from chance.
     fn check_seeds(&self) -> Result<(), Failure> {
         if self.asked.seeds < FEWEST_SEEDS {
@@ -169,19 +175,18 @@ impl Opened {
     }
 }
 
-/// `orchestrator diagnose` of packets; and in which round it was interrupted, if it was.
-pub(super) fn diagnose(opened: &Opened) -> Result<(NetworkDiagnosis, Option<usize>), Failure> {
+/// `orchestrator diagnose` of packets.
+pub(super) fn diagnose(opened: &Opened, stopper: &Stopper) -> Result<NetworkDiagnosis, Failure> {
     opened.check_seeds()?;
-    let stop = stop::listen()?;
     let Opened { resimulation, packets, account, asked } = opened;
     print_account(account);
     let candidates = search::catalogue();
     let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates)
-        .with_stop_flag(stop);
+        .with_stop_flag(stopper.flag().as_atomic());
     let found = diagnosis.stepwise_selection().map_err(Failure::request)?;
     let answer = search::answer(&found, *asked, account);
     say(search::text(&found, &answer));
-    Ok((answer, found.stopped))
+    Ok(answer)
 }
 
 /// Which effects are added to an experiment, and where it is written.
@@ -192,10 +197,15 @@ pub(super) struct Adding<'a> {
     pub(super) all: bool,
     pub(super) output: &'a Path,
     pub(super) json: Option<&'a Path>,
+    pub(super) is_partial_wanted: bool,
 }
 
 /// `orchestrator extend` of packets.
-pub(super) fn extend(opened: &Opened, adding: &Adding<'_>) -> Result<(), Failure> {
+pub(super) fn extend(
+    opened: &Opened,
+    adding: &Adding<'_>,
+    stopper: &Stopper,
+) -> Result<(), Failure> {
     let Opened { resimulation, packets, account, asked } = opened;
     let candidates = search::catalogue();
     let named: Result<Vec<usize>, _> =
@@ -205,11 +215,14 @@ pub(super) fn extend(opened: &Opened, adding: &Adding<'_>) -> Result<(), Failure
     let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates);
     let effects = if adding.all {
         opened.check_seeds()?;
-        let stop = stop::listen()?;
         let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates)
-            .with_stop_flag(stop);
+            .with_stop_flag(stopper.flag().as_atomic());
         let found = diagnosis.stepwise_selection().map_err(Failure::request)?;
-        require_complete(found.stopped)?;
+        if found.stopped.is_some() && !adding.is_partial_wanted {
+            return Err(stopper.refuse_partial(
+                "Give it more time, or add the effects that were accepted until then with --partial",
+            ));
+        }
         found.accepted
     } else {
         named

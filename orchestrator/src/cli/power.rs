@@ -1,6 +1,8 @@
 //! `orchestrator power`: how large an effect a campaign would show.
 
 use super::choice::ChoiceArgs;
+use super::search_log::ProgressLine;
+use super::stop::{BudgetArgs, Stopper};
 use super::{Failure, check_place, inputs, write_json};
 use crate::console::say;
 use clap::Args;
@@ -34,6 +36,8 @@ pub(super) struct PowerArgs {
     set: Vec<String>,
     #[command(flatten)]
     choices: ChoiceArgs,
+    #[command(flatten)]
+    budget: BudgetArgs,
     /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -44,6 +48,7 @@ pub(super) fn power(args: &PowerArgs) -> Result<(), Failure> {
     if let Some(path) = &args.json {
         check_place("--json", path)?;
     }
+    let stopper = Stopper::listen(args.budget)?;
     let (config, table) = inputs::files(&args.config, &args.set, &args.like)?;
     let question = Question {
         effect: &args.effect,
@@ -53,9 +58,17 @@ pub(super) fn power(args: &PowerArgs) -> Result<(), Failure> {
         seed: args.seed,
         set: &args.set,
         choices: &args.choices.choices(),
+        stop: Some(stopper.flag()),
     };
-    let found = power::power(&config, &table, &question, &|line| tracing::info!("{line}"))
-        .map_err(|error: PowerError| Failure::request(error))?;
+    let line = ProgressLine::new(Some(&stopper));
+    let report = |text: &str| {
+        line.show(text.to_owned());
+        tracing::info!("{text}");
+    };
+    let found = power::power(&config, &table, &question, &report);
+    line.clear();
+    let found = found.map_err(|error: PowerError| Failure::request(error))?;
     say(power::answer::text(&found));
-    write_json(args.json.as_deref(), &found)
+    write_json(args.json.as_deref(), &found)?;
+    stopper.require_complete(found.complete)
 }

@@ -11,10 +11,12 @@ mod limits;
 pub mod links;
 pub mod open;
 pub mod robots;
+mod stop;
 pub mod symbolic;
 pub mod view;
 
 pub use limits::NotLimited;
+pub use stop::StopFlag;
 
 use folds::Blocks;
 use proto::effect::{About, Level, Parameter};
@@ -172,6 +174,11 @@ pub trait Study: Sync {
 
     /// How many rows there are: frames, sums of frames, or windows of motion.
     fn n_rows(&self) -> usize;
+
+    /// Whether fits are to stop. Those that are made from then on have not converged.
+    fn is_stopped(&self) -> bool {
+        false
+    }
 
     /// Design effect: how many rows carry the information of one independent row; 1 where rows are independent.
     fn design_effect(&self) -> f64 {

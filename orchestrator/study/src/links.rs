@@ -46,7 +46,7 @@ mod view;
 use super::choices::{ChoiceError, Choices};
 use super::folds::Blocks;
 use super::symbolic::FittedFormula;
-use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study};
+use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, StopFlag, Study};
 use basis::{Bases, Basis};
 use cells::{Random, RandomEffectSds, RowCells};
 use fit::{FitProblem, FreeRandomEffects, IterationLimits, LinkFit};
@@ -99,6 +99,8 @@ pub struct LinkStudy {
     n_fitted: usize,
     /// How many nodes send, and how many receive.
     n_ends: [usize; 2],
+    /// Whether fits are to stop.
+    stop: StopFlag,
 }
 
 /// How a random contribution varies from frame to frame.
@@ -146,7 +148,14 @@ impl LinkStudy {
             configured,
             catalogue: catalogue.clone(),
             bases: Bases::default(),
+            stop: StopFlag::default(),
         })
+    }
+
+    /// The same study, whose fits end early once `stop` is set.
+    #[must_use]
+    pub fn with_stop_flag(self, stop: &StopFlag) -> Self {
+        Self { stop: stop.clone(), ..self }
     }
 
     /// A study of about as many rows as a search needs, spread evenly; none where there are hardly more. Nothing that is worth
@@ -163,7 +172,7 @@ impl LinkStudy {
         let names = |study: &Self| -> Vec<String> {
             study.candidates.iter().map(|candidate| candidate.name.clone()).collect()
         };
-        (names(&thin) == names(self)).then_some(thin)
+        (names(&thin) == names(self)).then(|| thin.with_stop_flag(&self.stop))
     }
 
     /// Why blocks of places are held out in place of the default blocks, if they are.
@@ -335,6 +344,7 @@ impl LinkStudy {
             holds: is_trial,
             held,
             bases,
+            stop: &self.stop,
         };
         let noise = parent.map(|parent| parent.instrument.noise());
         // Who starts with the same terms has its spreads already.
@@ -398,6 +408,10 @@ impl Study for LinkStudy {
         self.rows.len()
     }
 
+    fn is_stopped(&self) -> bool {
+        self.stop.is_set()
+    }
+
     fn blocks(&self, level: Level) -> &Blocks {
         match level {
             Level::Place => &self.place,
@@ -417,6 +431,10 @@ impl Study for LinkStudy {
         level: Level,
         start: Option<&LinkFit>,
     ) -> LinkFit {
+        if self.stop.is_set() {
+            let empty = || self.run(&[], Vec::new(), train, From::quick(level, None));
+            return start.cloned().unwrap_or_else(empty);
+        }
         let known = |term: usize| {
             let fit = start?;
             let index = fit.terms.iter().position(|&other| other == term)?;
@@ -458,6 +476,9 @@ impl Study for LinkStudy {
 
     fn screen(&self, terms: &[usize], level: Level, parent: &LinkFit) -> Option<LinkFit> {
         let (&term, _) = terms.split_last()?;
+        if self.stop.is_set() {
+            return None;
+        }
         if matches!(
             self.specs[term],
             TermSpec::Shadowing(_) | TermSpec::Multipath(_) | TermSpec::NodeOffset(_)

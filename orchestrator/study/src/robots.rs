@@ -28,7 +28,7 @@ mod view;
 use super::choices::{ChoiceError, Choices, ConditionRows};
 use super::folds::Blocks;
 use super::formula::set;
-use super::{Candidate, Estimate};
+use super::{Candidate, Estimate, StopFlag};
 use density::ResidualDensity;
 use derivatives::Derivatives;
 use fit::Number;
@@ -87,6 +87,8 @@ struct RobotModel {
     /// Numbers that every model has: shares by which measurements correct, a car's wheelbase where it is not given.
     base: Vec<Number>,
     terms: Vec<Term>,
+    /// Whether fits are to stop.
+    stop: StopFlag,
     /// Directions in which windows go by the configured model: cosine and sine.
     directions: Vec<[f64; 2]>,
     /// What the configured model moves robots from each sample to the next (m, east and north).
@@ -356,6 +358,7 @@ impl RobotStudy {
             given_sd_m,
             base,
             terms,
+            stop: StopFlag::default(),
             directions: Vec::new(),
             steps_m: Vec::new(),
         };
@@ -385,6 +388,13 @@ impl RobotStudy {
             n_fitted: all.len(),
             cache: Mutex::default(),
         })
+    }
+
+    /// The same study, whose fits end early once `stop` is set.
+    #[must_use]
+    pub fn with_stop_flag(mut self, stop: &StopFlag) -> Self {
+        self.model.stop = stop.clone();
+        self
     }
 
     /// Windows that are left out by choice, by reason.

@@ -15,6 +15,8 @@ pub struct Extension {
     pub schema: &'static str,
     /// Names of the effects that were added.
     pub added: Vec<String>,
+    /// Whether the search came to its end. If not, a signal or a time budget ended it, and further effects may be missing.
+    pub complete: bool,
     /// Held-out log predictive density before and after (nats per row).
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "[Option<f64>; 2]")]
@@ -28,9 +30,10 @@ pub struct Extension {
 /// An extension as a person reads it on a terminal; `unit`: of errors.
 #[must_use]
 pub fn text(extension: &Extension, unit: &str) -> String {
-    let Extension { added, log_score, rmse, .. } = extension;
+    let Extension { added, log_score, rmse, complete, .. } = extension;
+    let partial = if *complete { "" } else { " (partial: further effects may be missing)" };
     format!(
-        "added {}. Held-out log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} {unit}",
+        "added {}{partial}. Held-out log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} {unit}",
         added.join(", "),
         log_score[0],
         log_score[1],

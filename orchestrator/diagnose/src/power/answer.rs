@@ -38,6 +38,8 @@ pub struct Power {
     pub candidates: usize,
     /// The sizes that were simulated, the smallest first.
     pub tried: Vec<Size>,
+    /// Whether all campaigns were simulated. If not, a signal or a time budget ended them: the answer may still change.
+    pub complete: bool,
     /// How the answer was found.
     #[schemars(extend("const" = "simulation"))]
     pub method: &'static str,
@@ -67,7 +69,12 @@ pub fn sentence(power: &Power) -> String {
     let Power { effect, parameter, unit, neutral, .. } = power;
     let percent = 100.0 * power.power;
     let from = format!("it has no effect at {parameter} = {neutral}");
-    match power.value {
+    if power.tried.is_empty() {
+        return format!(
+            "stopped before any result: no size of {effect} was simulated often enough"
+        );
+    }
+    let found = match power.value {
         Some(value) => format!(
             "a campaign like this detects {effect} with a power of {percent} % from {parameter} = {value:.4} {unit} on \
              ({from})"
@@ -79,6 +86,11 @@ pub fn sentence(power: &Power) -> String {
                  {unit} ({from})"
             )
         }
+    };
+    if power.complete {
+        found
+    } else {
+        format!("stopped early; partial result, which may still change: {found}")
     }
 }
 

@@ -98,8 +98,10 @@ pub fn answer(
     };
     let sentence = match found.stopped {
         None => sentence,
-        Some(1) => "interrupted in round 1, before any result".to_owned(),
-        Some(round) => format!("interrupted in round {round}; partial result: {sentence}"),
+        Some(1) => "stopped in round 1, before any result".to_owned(),
+        Some(round) => {
+            format!("stopped in round {round}; partial result, which may still change: {sentence}")
+        }
     };
     NetworkDiagnosis {
         schema: SCHEMA,
@@ -114,6 +116,7 @@ pub fn answer(
         next_measurement: next(found),
         kpis_with: (!found.accepted.is_empty()).then(|| among_seeds(&last.among, asked).kpis),
         stopped_in_round: found.stopped,
+        complete: found.stopped.is_none(),
         account: account.clone(),
     }
 }

@@ -107,6 +107,7 @@ fn diagnosis(verdict: Verdict, sentence: &str) -> Diagnosis {
         unexplained: Vec::new(),
         residuals_searched: true,
         next_measurement: Vec::new(),
+        complete: true,
         too_little: None,
         stopped_in_round: None,
         searched: None,

@@ -86,7 +86,9 @@ impl LinkStudy {
                 let error = inverse.as_ref().map_or(f64::INFINITY, |inverse| {
                     inverse[(before + k, before + k)].max(0.0).sqrt()
                 });
-                let curved = 0.0 < error && error.is_finite() && MOST_PROFILED < self.rows.len();
+                // A profile takes many fits.
+                let is_quick = MOST_PROFILED < self.rows.len() || self.is_stopped();
+                let curved = is_quick && 0.0 < error && error.is_finite();
                 let (low, high) = if curved {
                     let low = (value - NINETY * error).max(parameter.min);
                     (low, (value + NINETY * error).min(parameter.max))
@@ -96,9 +98,8 @@ impl LinkStudy {
                 Estimate::new(parameter.key, parameter.unit, value, (low, high))
             })
             .collect();
-        self.add_searched(fit, place, &mut estimates);
-        if let Some(inverse) = inverse {
-            warning = warning.or_else(|| self.confusable(fit, &specs, &inverse, place));
+        if !self.is_stopped() {
+            self.add_searched(fit, place, &mut estimates);
         }
         let mut cautions = Vec::new();
         for (parameter, estimate) in parameters.iter().zip(&mut estimates) {

@@ -7,6 +7,7 @@ use super::likelihood::{Instrument, Noise, RowLikelihood, RowPrediction};
 use super::passing::{PowerMixture, SampledCurve};
 use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
+use crate::StopFlag;
 use nalgebra::{DMatrix, DVector};
 use netsim::phy::effect::Effect;
 use netsim::phy::scatter::Renewal;
@@ -62,6 +63,8 @@ pub struct FitProblem<'a> {
     pub held: Option<(usize, usize)>,
     /// Terms that are sums of columns, or are taken for such.
     pub bases: Vec<Option<Arc<Basis>>>,
+    /// Whether the fit is to stop where it is.
+    pub stop: &'a StopFlag,
 }
 
 /// The random effects whose standard deviations a fit estimates.
@@ -254,7 +257,7 @@ impl<'a> FitProblem<'a> {
                 here = self.here(here.states, noise, random);
                 last = self.climb(&mut here, 6);
                 let now = here.log - last.half_log_determinant;
-                if (now - before).abs() < 0.02 {
+                if (now - before).abs() < 0.02 || self.stop.is_set() {
                     break;
                 }
                 before = now;
@@ -374,7 +377,7 @@ impl<'a> FitProblem<'a> {
                 }
                 damping *= 10.0;
             }
-            if gained < CONVERGED_NATS {
+            if gained < CONVERGED_NATS || self.stop.is_set() {
                 break;
             }
         }

@@ -24,6 +24,9 @@ impl LinkStudy {
     ) -> Option<LinkFit> {
         let mut best: Option<LinkFit> = None;
         for states in self.promising(terms, starts, train, from) {
+            if best.is_some() && self.is_stopped() {
+                break;
+            }
             let fit = self.run(terms, states, train, from);
             if best.as_ref().is_none_or(|best| best.log_likelihood < fit.log_likelihood) {
                 best = Some(fit);
@@ -40,12 +43,17 @@ impl LinkStudy {
         train: &[u32],
         from: From<'_>,
     ) -> Vec<Vec<TermState>> {
-        if !from.is_trial || starts.len() <= MANY_STARTS {
+        if !from.is_trial || starts.len() <= MANY_STARTS || self.is_stopped() {
             return starts;
         }
         let from = From { most_steps: 1, ..from };
-        let mut first: Vec<LinkFit> =
-            starts.into_iter().map(|states| self.run(terms, states, train, from)).collect();
+        let mut first: Vec<LinkFit> = Vec::new();
+        for states in starts {
+            if !first.is_empty() && self.is_stopped() {
+                break;
+            }
+            first.push(self.run(terms, states, train, from));
+        }
         first.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
         first.truncate(FINALISTS);
         first.into_iter().map(|fit| fit.states).collect()

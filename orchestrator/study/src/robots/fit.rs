@@ -88,6 +88,9 @@ impl RobotModel {
         let mut fit = self.polished(self.carried(&known, start), train);
         for &term in terms.iter().filter(|term| !known.contains(term)) {
             fit = self.extended(&fit, term, train);
+            if self.stop.is_set() {
+                return start.clone();
+            }
         }
         fit = self.jointly_refined(fit, train);
         // Numbers in the order of the terms.
@@ -151,7 +154,7 @@ impl RobotModel {
             if 0.0 < gained {
                 fit = next;
             }
-            if gained.is_nan() || gained < NEAR_NATS {
+            if gained.is_nan() || gained < NEAR_NATS || self.stop.is_set() {
                 break;
             }
         }
@@ -195,7 +198,7 @@ impl RobotModel {
             if gained.abs() < NEAR_NATS {
                 return self.ended(fit, at);
             }
-            if gained < 0.0 {
+            if gained < 0.0 || self.stop.is_set() {
                 break;
             }
         }
@@ -328,7 +331,7 @@ impl RobotModel {
             }
             fit.values.clone_from(&at.values);
             quiet = if gained < converged { quiet + 1 } else { 0 };
-            if gained == 0.0 || quiet == CONVERGED_TIMES {
+            if gained == 0.0 || quiet == CONVERGED_TIMES || self.stop.is_set() {
                 break;
             }
         }

@@ -64,7 +64,7 @@ impl RobotModel {
                 }
             }
             fit.values.clone_from(&at.values);
-            if gained < QUIET_NATS {
+            if gained < QUIET_NATS || self.stop.is_set() {
                 break;
             }
         }

@@ -23,6 +23,10 @@ impl Study for RobotStudy {
         self.model.tracks.windows.len()
     }
 
+    fn is_stopped(&self) -> bool {
+        self.model.stop.is_set()
+    }
+
     fn design_effect(&self) -> f64 {
         self.model.tracks.n_overlapping
     }
@@ -51,6 +55,9 @@ impl Study for RobotStudy {
             return self.model.carried(terms, &fit);
         }
         let start = start.unwrap_or(&self.configured);
+        if self.is_stopped() {
+            return start.clone();
+        }
         // A fold's fit starts where all rows lead.
         if !is_all && start.terms == terms {
             let derivatives = start.derivatives.get_or_init(|| self.model.derivatives(start));
@@ -59,7 +66,7 @@ impl Study for RobotStudy {
             }
         }
         let fit = self.model.fitted(terms, train, start);
-        if is_all {
+        if is_all && !self.is_stopped() {
             let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
             cache.insert(sorted.clone(), self.model.carried(&sorted, &fit));
         }
@@ -68,7 +75,7 @@ impl Study for RobotStudy {
 
     fn screen(&self, terms: &[usize], _level: Level, parent: &RobotFit) -> Option<RobotFit> {
         let (&term, before) = terms.split_last()?;
-        if before != parent.terms {
+        if before != parent.terms || self.is_stopped() {
             return None;
         }
         let known = parent.derivatives.get_or_init(|| self.model.derivatives(parent)).as_ref()?;
@@ -150,6 +157,7 @@ impl Study for RobotStudy {
         // A threshold is the only number of its effect.
         let by_likelihood = effect
             .threshold_on()
+            .filter(|_| !self.is_stopped())
             .and_then(|_| self.model.threshold_interval(fit, term, &self.fitted_rows()));
         let mut cautions = Vec::new();
         let estimates = effect

@@ -148,7 +148,7 @@ impl RobotModel {
                         between.above = above;
                     }
                 }
-                if stride == 1 {
+                if stride == 1 || self.stop.is_set() {
                     break;
                 }
                 stride = (stride / PARTS).max(1);
