@@ -119,7 +119,7 @@ fn rung<S: Study>(study: &S, rung: &ladder::LadderStep) -> Rung {
         },
         log_score: scores.log_score,
         rmse: scores.rmse,
-        rmse_received_db: Some(scores.rmse_received_db).filter(|rmse_db| rmse_db.is_finite()),
+        rmse_received_db: scores.rmse_received_db,
         crps: scores.crps,
         reception_log_loss: scores.reception_log_loss,
     }

@@ -70,7 +70,7 @@ pub fn links(
         let mut list = vec![
             ("log_score", all.log_score),
             (if is_given { "rmse_pdr" } else { "rmse_db" }, all.rmse),
-            ("rmse_received_db", all.rmse_received_db),
+            ("rmse_received_db", all.rmse_received_db.unwrap_or(f64::NAN)),
             (if is_given { "bias_pdr" } else { "bias_db" }, mean(&deviation)),
             (if is_given { "crps_pdr" } else { "crps_db" }, all.crps),
             ("coverage_90", mean(&inside)),

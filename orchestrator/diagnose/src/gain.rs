@@ -12,8 +12,8 @@ pub struct Scores {
     pub log_score: f64,
     /// Root of the mean squared error (dB or m).
     pub rmse: f64,
-    /// Of links: root mean square of readings less predicted mean levels (dB), whatever is received; NaN for robots.
-    pub rmse_received_db: f64,
+    /// Of links: root mean square of readings less predicted mean levels (dB), whatever is received; none where nothing was read.
+    pub rmse_received_db: Option<f64>,
     /// Continuous ranked probability score (dB or m).
     pub crps: f64,
     /// Log loss of reception (nats per frame); NaN where reception is unknown.
@@ -24,11 +24,11 @@ impl Scores {
     /// Means over rows, values that are NaN ignored.
     #[must_use]
     pub fn mean(rows: &[RowScore]) -> Self {
+        let plain_square = mean_ignoring_nan(rows.iter().map(|row| row.plain_squared_error));
         Self {
             log_score: mean_ignoring_nan(rows.iter().map(|row| row.log)),
             rmse: mean_ignoring_nan(rows.iter().map(|row| row.squared_error)).sqrt(),
-            rmse_received_db: mean_ignoring_nan(rows.iter().map(|row| row.plain_squared_error))
-                .sqrt(),
+            rmse_received_db: Some(plain_square.sqrt()).filter(|rmse_db| rmse_db.is_finite()),
             crps: mean_ignoring_nan(rows.iter().map(|row| row.crps)),
             reception_log_loss: mean_ignoring_nan(rows.iter().map(|row| row.reception_log_loss)),
         }
