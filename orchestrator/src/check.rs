@@ -1,4 +1,4 @@
-//! What a file of measurements holds, and which effects it can show: nothing is fitted.
+//! What a file of measurements holds, and which effects it can show. With a configuration, level and noise are fitted to find defects.
 
 pub mod data_check;
 mod file_check;
@@ -9,6 +9,7 @@ use data_check::{
     CovariateFacts, DataCheck, Facts, LinkCounts, LinkFacts, Motes, NotTestable, RobotFacts,
     RowKind, SCHEMA,
 };
+use diagnose::defects;
 pub use file_check::{CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use indexmap::IndexMap;
 use measure::config::Compared;
@@ -44,7 +45,9 @@ pub fn data(
     let check = match subject {
         Subject::Links => {
             let (study, account) = open::links(&config, table, choices)?;
-            links(&study, account)
+            // Without a configuration nothing predicts the readings.
+            let defects = (!is_without_configuration).then(|| defects::listed(&study));
+            DataCheck { measurement_defects: defects, ..links(&study, account) }
         }
         Subject::Robots => {
             let (study, account) = open::robots(&config, table, choices)?;
@@ -195,6 +198,7 @@ fn finished<S: Study>(kind: RowKind, facts: Facts, study: &S, account: DataAccou
         blocks,
         testable,
         not_testable,
+        measurement_defects: None,
         account,
         is_without_configuration: false,
     }

@@ -87,6 +87,7 @@ pub fn answer<S: Study>(
         verdict,
         sentence: String::new(),
         missing,
+        measurement_defects: Vec::new(),
         split: study.blocks(COMMON).unit,
         ladder: ladder
             .rungs
@@ -259,7 +260,7 @@ fn tested<S: Study>(
     (listed, known)
 }
 
-fn parameter(estimate: &Estimate) -> (String, Parameter) {
+pub(super) fn parameter(estimate: &Estimate) -> (String, Parameter) {
     let Estimate { name, value, unit, low, high, .. } = estimate;
     let parameter = Parameter { value: *value, unit: unit.clone(), low: *low, high: *high };
     (name.clone(), parameter)

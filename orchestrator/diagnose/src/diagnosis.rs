@@ -1,5 +1,6 @@
 //! What a diagnosis of links or robots found: the answer that programs read as JSON, pages draw and people read as text.
 
+use crate::defects::MeasurementDefect;
 use crate::json_number;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
@@ -24,10 +25,14 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The verdict in a sentence.
     pub sentence: String,
-    /// Names of the effects that were accepted, in the order in which they were added.
+    /// Defects of the measurement as `measurement:` and their kind, then names of the effects that were accepted, in the order in
+    /// which they were added.
     pub missing: Vec<String>,
     /// What the blocks are that are held out together, by which candidates are ordered and models compared: `blocks of time`, `places`.
     pub split: &'static str,
+    /// Of links: defects of the measurement. All else is about the corrected measurements. Absent if there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub measurement_defects: Vec<MeasurementDefect>,
     /// Held-out scores of the model as configured, then with each effect or curve added, on the blocks of `split`.
     pub ladder: Vec<Rung>,
     /// Candidates tested, in the order of the catalogue.
@@ -107,7 +112,7 @@ pub struct Tested {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub gain: f64,
-    /// What the blocks are that were held out for this gain.
+    /// What the blocks are that were held out for this gain; `none` of defects of the measurement, which are tested on all rows.
     pub held_out: &'static str,
     /// Standard error of the gain, clustered over blocks (nats per row).
     #[serde(serialize_with = "json_number::serialize")]

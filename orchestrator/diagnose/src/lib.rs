@@ -12,6 +12,8 @@
 //! | [`answer`] | from what was found to an answer |
 //! | [`diagnosis`] | the answer, as programs read it |
 //! | [`words`] | the answer, as people read it |
+//! | [`corrected_data`] | a file of measurements with its defects corrected |
+//! | [`defects`] | defects of the measurement, which are corrected before the search |
 //! | [`mod@compare`] | how large the model's error is as configured, and under which conditions |
 //! | [`mod@extend`] | a configuration with a missing effect added, fitted |
 //! | [`mod@simulate`] | the campaign that a model would have measured |
@@ -21,6 +23,8 @@
 pub mod acceptance;
 pub mod answer;
 pub mod compare;
+pub mod corrected_data;
+pub mod defects;
 pub mod diagnosis;
 pub mod extend;
 pub mod gain;

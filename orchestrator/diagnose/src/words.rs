@@ -1,27 +1,36 @@
 //! A diagnosis in words: its sentence, and the text of the terminal.
 
+use super::defects;
 use super::diagnosis::{Diagnosis, Structure, Tested, Verdict};
 use std::fmt::Write as _;
+use study::defects::PREFIX;
 
 /// What a diagnosis came to, in a sentence.
 #[must_use]
 pub fn sentence(diagnosis: &Diagnosis) -> String {
-    let missing = diagnosis.missing.join(", then ");
+    let missing = effects(diagnosis).join(", then ");
     let found = match (&diagnosis.too_little, diagnosis.verdict) {
         (Some(why), _) => why.clone(),
         (None, Verdict::NothingMissing) => {
             "no missing effect is detectable in these data".to_owned()
         }
+        (None, Verdict::MissingEffects) if missing.is_empty() => {
+            "no missing effect is detectable in the corrected data".to_owned()
+        }
         (None, Verdict::MissingEffects) => format!("missing: {missing}"),
         (None, Verdict::UnexplainedStructure) => {
             let over: Vec<String> = diagnosis.unexplained.iter().map(Structure::named).collect();
-            let also = if diagnosis.missing.is_empty() {
+            let also = if missing.is_empty() {
                 String::new()
             } else {
                 format!("; also missing: {missing}")
             };
             format!("found {}, which no known effect explains{also}", over.join(", and "))
         }
+    };
+    let found = match defects::clauses(&diagnosis.measurement_defects) {
+        Some(clauses) => format!("the measurement: {clauses}. The model: {found}"),
+        None => found,
     };
     match diagnosis.stopped_in_round {
         None if diagnosis.complete => found,
@@ -35,6 +44,12 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
     }
 }
 
+/// Names of the effects that are missing, defects of the measurement apart.
+fn effects(diagnosis: &Diagnosis) -> Vec<&str> {
+    let is_effect = |name: &&str| !name.starts_with(PREFIX);
+    diagnosis.missing.iter().map(String::as_str).filter(is_effect).collect()
+}
+
 /// A diagnosis as a person reads it on a terminal.
 #[must_use]
 pub fn text(diagnosis: &Diagnosis) -> String {
@@ -42,7 +57,11 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     ladder(&mut text, diagnosis);
     plain_error(&mut text, diagnosis);
     let _ = writeln!(text);
-    for candidate in diagnosis.accepted() {
+    for defect in &diagnosis.measurement_defects {
+        let _ = writeln!(text, "{}", defect.text());
+    }
+    let is_effect = |candidate: &&Tested| !candidate.effect.starts_with(PREFIX);
+    for candidate in diagnosis.accepted().filter(is_effect) {
         accepted(&mut text, candidate);
     }
     let untestable: Vec<String> = diagnosis

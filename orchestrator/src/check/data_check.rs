@@ -1,5 +1,6 @@
 //! What a file of measurements holds: the answer that programs read as JSON and people as text.
 
+use diagnose::defects::MeasurementDefect;
 use diagnose::json_number;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
@@ -10,7 +11,7 @@ use std::collections::BTreeSet;
 /// What the schema of the answer is called.
 pub const SCHEMA: &str = "check-data/1";
 
-/// What a file of measurements holds, and which effects it can show; nothing is fitted.
+/// What a file of measurements holds, and which effects it can show.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct DataCheck {
     /// The format of this answer.
@@ -27,6 +28,10 @@ pub struct DataCheck {
     pub testable: Vec<String>,
     /// The others, each with the reason.
     pub not_testable: Vec<NotTestable>,
+    /// Of links, with a configuration: defects of the measurement under the model as configured, its level and noise fitted. Absent
+    /// where they are not looked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measurement_defects: Option<Vec<MeasurementDefect>>,
     /// The measurements.
     #[serde(flatten)]
     pub account: DataAccount,

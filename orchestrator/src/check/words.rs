@@ -28,6 +28,14 @@ pub fn text(check: &DataCheck) -> String {
     for lacking in &check.not_testable {
         let _ = writeln!(text, "not testable: {:<24} {}", lacking.effect, lacking.because);
     }
+    if let Some(defects) = &check.measurement_defects {
+        if defects.is_empty() {
+            text.push_str("defects of the measurement: none significant\n");
+        }
+        for defect in defects {
+            let _ = writeln!(text, "defect {}", defect.text());
+        }
+    }
     if check.is_without_configuration {
         text.push_str(
             "(no configuration given: effects that need walls, foliage or terrain are not testable without one)\n",

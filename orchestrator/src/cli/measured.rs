@@ -12,6 +12,8 @@ use crate::console::say;
 use clap::Args;
 use diagnose::answer::{self, Measurements};
 use diagnose::compare;
+use diagnose::corrected_data::corrected_data;
+use diagnose::defects::{self, MeasurementDefect};
 use diagnose::extend::{self, extension};
 use diagnose::ladder::Search;
 use diagnose::progress::SearchProgress;
@@ -301,6 +303,10 @@ pub(super) struct ExtendArgs {
     partial: bool,
     #[command(flatten)]
     budget: BudgetArgs,
+    /// Links only: look for defects of the measurement, fit to the corrected measurements, and write these to this file (CSV);
+    /// - for standard output
+    #[arg(long, value_name = "FILE")]
+    corrected_data: Option<PathBuf>,
     #[command(flatten)]
     resimulation: ResimulationArgs,
 }
@@ -379,6 +385,14 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     let stopper = Stopper::listen(args.budget)?;
     let stop = stopper.flag();
     let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
+    let subject = open::subject(&table);
+    if let (Some(path), Ok(Subject::Robots) | Err(_)) = (&args.corrected_data, &subject) {
+        return Err(Failure::request(format!(
+            "--corrected-data {}: defects are looked for in link samples only, and {} holds none; leave the option out",
+            path.display(),
+            data.data.display()
+        )));
+    }
     if packets::has_shape(&table).is_ok() {
         if args.formula.wanted().is_some() {
             return Err(Failure::request(NO_FORMULA));
@@ -395,14 +409,15 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
         };
         return super::packets::extend(&opened, &adding, &stopper);
     }
-    match open::subject(&table).map_err(Failure::request)? {
+    match subject.map_err(Failure::request)? {
         Subject::Links => {
-            let (mut study, account) =
+            let (study, account) =
                 open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
+            let study = study.with_stop_flag(stop);
+            let (mut study, account) = corrected(args, &table, study, account, &stopper)?;
             if let Some(wanted) = args.formula.wanted() {
                 study.add_formula(&wanted).map_err(Failure::request)?;
             }
-            let study = study.with_stop_flag(stop);
             let thin = if args.all { study.thinned() } else { None };
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
@@ -426,6 +441,50 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
             extend_with(args, (&config, &account), &study, None, section, &stopper)
         }
     }
+}
+
+/// The measurements that are fitted to: corrected, where all that diagnose accepts is added or corrected data are asked for. Writes the
+/// corrected data.
+fn corrected(
+    args: &ExtendArgs,
+    table: &DataTable,
+    study: LinkStudy,
+    account: DataAccount,
+    stopper: &Stopper,
+) -> Result<(LinkStudy, DataAccount), Failure> {
+    if !args.all && args.corrected_data.is_none() {
+        return Ok((study, account));
+    }
+    let log = SearchLog::new(Some(stopper));
+    let report = |progress: SearchProgress<'_>| log.log(progress);
+    let found = defects::find(&study, &report);
+    log.clear();
+    if let (Some(path), true) = (&args.corrected_data, stopper.flag().is_set()) {
+        return Err(Failure::request(format!(
+            "--corrected-data {}: the search was stopped before it told which defects there are; nothing is written",
+            path.display()
+        )));
+    }
+    for defect in &found {
+        say(MeasurementDefect::of(defect).text());
+    }
+    if let Some(path) = &args.corrected_data {
+        let written = corrected_data(table, &study, &found).map_err(|refused| {
+            Failure::request(format!("--corrected-data {}: {refused}", path.display()))
+        })?;
+        write_whole("--corrected-data", path, &written.csv)?;
+        say(format!(
+            "{}: {} rows, {} of them corrected; {} rows with defects and {} that cannot be used are left out",
+            path.display(),
+            written.n_rows,
+            written.n_changed,
+            written.n_left_out,
+            written.n_rejected
+        ));
+    }
+    let account = defects::corrected_account(&account, &found);
+    let changed = defects::corrected(&study, &found).map_err(Failure::request)?;
+    Ok((changed.unwrap_or(study), account))
 }
 
 fn extend_with<S: Study>(
@@ -502,6 +561,12 @@ pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
                 open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
             let study = study.with_stop_flag(stop);
             print_account(&account);
+            let log = SearchLog::new(Some(&stopper));
+            let report = |progress: SearchProgress<'_>| log.log(progress);
+            let found_defects = defects::find(&study, &report);
+            let account = defects::corrected_account(&account, &found_defects);
+            let corrected = defects::corrected(&study, &found_defects).map_err(Failure::request)?;
+            let study = corrected.unwrap_or(study);
             let thin = study.thinned();
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
@@ -516,6 +581,7 @@ pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
             };
             let found = answer::answer(searched, &search, &ladder, measurements, &left, whole);
             log.clear();
+            let found = defects::with_defects(found, &found_defects);
             if whole.is_some() {
                 say(format!(
                     "searched in a subset of {} rows, spread evenly over all rows; parameters fitted to all rows",

@@ -4,6 +4,7 @@
 //! well data that were left out are predicted. A [`Study`] compares one file of measurements with one configuration.
 
 pub mod choices;
+pub mod defects;
 pub mod folds;
 pub mod formula;
 pub mod knots;

@@ -16,6 +16,7 @@
 //! | `group` | blocks that are left out together, cells that share a level |
 //! | `estimates` | numbers with intervals |
 //! | [`predict`] | what a fit predicts, and the residuals |
+//! | `corrected` | predictions of changed rows, and studies of corrected measurements |
 //! | [`covariance`] | how far levels of links reach |
 //! | [`covariates`] | what an error may depend on, given or derived |
 //! | `view` | predictions row by row, for pictures |
@@ -25,6 +26,7 @@ mod active;
 pub mod basis;
 mod candidates;
 pub mod cells;
+mod corrected;
 pub mod covariance;
 pub mod covariates;
 mod estimates;

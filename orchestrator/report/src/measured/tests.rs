@@ -102,6 +102,7 @@ fn diagnosis(verdict: Verdict, sentence: &str) -> Diagnosis {
         sentence: sentence.to_owned(),
         missing: Vec::new(),
         split: "blocks of time",
+        measurement_defects: Vec::new(),
         ladder: Vec::new(),
         candidates: Vec::new(),
         unexplained: Vec::new(),

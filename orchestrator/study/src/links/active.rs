@@ -52,22 +52,26 @@ impl<'a> AlteredRegister<'a> {
         Self { effects: otherwise.map(ActiveEffect::get).collect(), is_bent }
     }
 
+    /// Whether some register does more than shift, its least and greatest reading apart.
+    pub(super) fn is_bent(&self) -> bool {
+        self.is_bent
+    }
+
     /// What the register of a row reads of a power (dBm); none where it but shifts.
     pub(super) fn read<'b>(
         &'b self,
         rows: &'b ModelledLinks,
         row: usize,
     ) -> Option<impl Fn(f64) -> f64 + 'b> {
-        self.is_bent.then_some(move |power_dbm: f64| {
+        (self.is_bent || rows.limits_dbm.is_some()).then_some(move |power_dbm: f64| {
             rows.link(row, |link| self.read_of(rows, link, power_dbm))
         })
     }
 
     fn read_of(&self, rows: &ModelledLinks, link: &Link<'_>, power_dbm: f64) -> f64 {
         let configured = rows.model.effects.iter().map(|effect| &**effect);
-        configured
-            .chain(self.effects.iter().copied())
-            .fold(power_dbm, |dbm, effect| effect.register_dbm(link, dbm))
+        let effects = configured.chain(self.effects.iter().copied());
+        rows.limited_dbm(effects.fold(power_dbm, |dbm, effect| effect.register_dbm(link, dbm)))
     }
 }
 
@@ -98,7 +102,8 @@ pub(super) fn level(
             .effects
             .iter()
             .fold(shifted_dbm, |dbm, effect| rows.register_dbm(*effect, row, dbm));
-        (reading_dbm - power_dbm, PowerRange::shifted(reading_dbm - power_dbm))
+        let shift_db = reading_dbm - power_dbm;
+        (rows.limited_dbm(reading_dbm) - power_dbm, limited_range(rows, row, shift_db))
     };
     RowPrediction {
         power_dbm,
@@ -107,5 +112,21 @@ pub(super) fn level(
         shift_db: base.shift_db + added[1],
         ln_survival: base.ln_survival + added[2],
         stated: base.stated,
+    }
+}
+
+/// The range of powers that gives a row's reading, where registers shift by so much (dB) between their least and greatest reading.
+fn limited_range(rows: &ModelledLinks, row: usize, shift_db: f64) -> PowerRange {
+    let Some([least_dbm, greatest_dbm]) = rows.limits_dbm else {
+        return PowerRange::shifted(shift_db);
+    };
+    let reading_dbm = rows.links.rows[row].rssi_dbm;
+    let quantum_db = rows.links.readings.quantum_db;
+    if reading_dbm <= least_dbm {
+        PowerRange::below(reading_dbm, shift_db, quantum_db)
+    } else if greatest_dbm <= reading_dbm {
+        PowerRange::above(reading_dbm, shift_db, quantum_db)
+    } else {
+        PowerRange::shifted(shift_db)
     }
 }

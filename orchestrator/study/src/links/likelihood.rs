@@ -428,7 +428,7 @@ pub fn normal_crps(deviation: f64, sd: f64) -> f64 {
 }
 
 #[cfg(test)]
-pub(in crate::links) mod tests {
+pub(crate) mod tests {
     use super::*;
     use netsim::phy::reception::table::Table;
 
@@ -440,7 +440,7 @@ pub(in crate::links) mod tests {
         Instrument::new(curve, spread, Noise { sd_db, ..Noise::default() }, readings)
     }
 
-    pub(in crate::links) fn row(frames: f64, received: f64, rssi_dbm: f64) -> LinkRow {
+    pub(crate) fn row(frames: f64, received: f64, rssi_dbm: f64) -> LinkRow {
         let place = [0.0; 3];
         LinkRow {
             line: 2,

@@ -72,6 +72,27 @@ impl PowerRange {
             stretch: if is_as_wide { 1.0 } else { stretch.max(AS_WIDE) },
         }
     }
+
+    /// All powers at and below the one with this reading (dBm): of a register that shifts by so much (dB) and reads no less.
+    #[must_use]
+    pub fn below(reading_dbm: f64, shift_db: f64, quantum_db: f64) -> Self {
+        let high_dbm = reading_dbm - shift_db + 0.5 * width_db(quantum_db);
+        Self::between(POWERS_DBM.0.min(high_dbm - 1.0), high_dbm, reading_dbm, quantum_db)
+    }
+
+    /// All powers at and above the one with this reading (dBm): of a register that shifts by so much (dB) and reads no more.
+    #[must_use]
+    pub fn above(reading_dbm: f64, shift_db: f64, quantum_db: f64) -> Self {
+        let low_dbm = reading_dbm - shift_db - 0.5 * width_db(quantum_db);
+        Self::between(low_dbm, POWERS_DBM.1.max(low_dbm + 1.0), reading_dbm, quantum_db)
+    }
+
+    fn between(low_dbm: f64, high_dbm: f64, reading_dbm: f64, quantum_db: f64) -> Self {
+        Self {
+            offset_db: reading_dbm - 0.5 * (low_dbm + high_dbm),
+            stretch: (high_dbm - low_dbm) / width_db(quantum_db),
+        }
+    }
 }
 
 /// The width of readings (dB) that are rounded to such steps.

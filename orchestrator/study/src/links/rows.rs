@@ -24,6 +24,8 @@ pub struct ModelledLinks {
     pub base: Vec<BasePrediction>,
     /// What registers read more than there is depends on the power, by the model as configured.
     pub is_bent: bool,
+    /// The least and the greatest reading (dBm) of every register: weaker and stronger frames read as these.
+    pub limits_dbm: Option<[f64; 2]>,
     names: Vec<String>,
     values: Vec<f64>,
     ends: Vec<(End, End)>,
@@ -61,6 +63,10 @@ impl ModelledLinks {
     #[must_use]
     pub fn new(mut links: LinkSamples, model: Model, site: Site, antenna_height_m: f64) -> Self {
         lift(&mut links, antenna_height_m);
+        Self::of_shared(links, Arc::new(model), Arc::new(site))
+    }
+
+    fn of_shared(links: LinkSamples, model: Arc<Model>, site: Arc<Site>) -> Self {
         let tracks = tracks(&links.rows);
         let end = |row: &LinkRow, mote: u32, place: [f64; 3], heading: f64| {
             let place = [place[0], place[1], if place[2].is_nan() { 0.0 } else { place[2] }];
@@ -90,10 +96,11 @@ impl ModelledLinks {
             .collect();
         let mut rows = Self {
             links,
-            model: Arc::new(model),
-            site: Arc::new(site),
+            model,
+            site,
             base: Vec::new(),
             is_bent: false,
+            limits_dbm: None,
             names,
             values,
             ends,
@@ -301,6 +308,22 @@ impl ModelledLinks {
         some.keep(kept);
         some.look_through();
         some
+    }
+
+    /// The same measurements with other rows in their place, such as rows with other positions or channels; `None`: the model cannot
+    /// predict all of them.
+    #[must_use]
+    pub fn with_rows(&self, rows: Vec<LinkRow>) -> Option<Self> {
+        let links = LinkSamples { rows, ..self.links.clone() };
+        let mut changed = Self::of_shared(links, self.model.clone(), self.site.clone());
+        changed.limits_dbm = self.limits_dbm;
+        (changed.len() == self.len()).then_some(changed)
+    }
+
+    /// What every register reads (dBm) where it would have read `reading_dbm`, by its least and greatest reading.
+    #[must_use]
+    pub fn limited_dbm(&self, reading_dbm: f64) -> f64 {
+        self.limits_dbm.map_or(reading_dbm, |[least, greatest]| reading_dbm.clamp(least, greatest))
     }
 
     /// Finds what holds of all rows together.

@@ -1,0 +1,207 @@
+//! Defects of measured links: what is wrong with the measurement rather than with the model.
+//!
+//! Each kind of defect has a file, and a test of its own against what a fitted model predicts. [`KINDS`] lists them.
+//!
+//! | module | what is wrong |
+//! |---|---|
+//! | [`channel_shift`] | labels of channels are shifted |
+//! | [`clock_skew`] | the clock of a receiver is late or early |
+//! | [`duplicates`] | rows stand in the file twice |
+//! | [`heading_convention`] | headings count from north, or clockwise |
+//! | [`outliers`] | some readings are grossly wrong |
+//! | [`position_noise`] | positions of moving nodes are off |
+//! | [`register_limits`] | the register reads no less, or no more, than a certain reading |
+//! | [`stuck_node`] | a receiver reports one reading, whoever sends |
+//! | [`swapped_ends`] | sender and receiver are exchanged |
+
+pub mod channel_shift;
+pub mod clock_skew;
+pub mod duplicates;
+pub mod evidence;
+pub mod heading_convention;
+pub mod outliers;
+pub mod position_noise;
+pub mod register_limits;
+pub mod stuck_node;
+pub mod swapped_ends;
+
+use super::Estimate;
+use evidence::Evidence;
+use measure::links::LinkRow;
+
+/// The name of a candidate begins with this where it is a defect of the measurement.
+pub const PREFIX: &str = "measurement:";
+/// Probability with which any defect at all is reported of measurements without one.
+pub const FAMILY_ERROR: f64 = 0.005;
+/// A defect matters from this share on: of the squared error of the readings, or of the rows.
+pub const WORTH_SHARE: f64 = 0.01;
+
+/// A kind of defect.
+#[derive(Clone, Copy, Debug)]
+pub struct Kind {
+    /// Its name: `register-floor`.
+    pub name: &'static str,
+    /// Looks for it. `None`: these measurements cannot show it, or show nothing of it.
+    pub test: fn(&Evidence<'_>) -> Option<Defect>,
+}
+
+/// The kinds of defects.
+pub const KINDS: &[Kind] = &[
+    Kind { name: duplicates::NAME, test: duplicates::test },
+    Kind { name: register_limits::FLOOR, test: register_limits::floor },
+    Kind { name: register_limits::CEILING, test: register_limits::ceiling },
+    Kind { name: stuck_node::NAME, test: stuck_node::test },
+    Kind { name: clock_skew::NAME, test: clock_skew::test },
+    Kind { name: heading_convention::NAME, test: heading_convention::test },
+    Kind { name: channel_shift::NAME, test: channel_shift::test },
+    Kind { name: swapped_ends::NAME, test: swapped_ends::test },
+    Kind { name: position_noise::NAME, test: position_noise::test },
+    Kind { name: outliers::NAME, test: outliers::test },
+];
+
+/// A defect of the measurement.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Defect {
+    /// The kind: `register-floor`.
+    pub name: &'static str,
+    /// Probability of as strong a sign without the defect, corrected for all nodes, runs and values that were tried.
+    pub p_value: f64,
+    /// The greater of two shares: of the rows concerned, and of the squared error of readings that the correction removes.
+    pub share: f64,
+    /// Its numbers with 90 % intervals, such as the floor (dBm) or the error of a clock (s).
+    pub estimates: Vec<Estimate>,
+    /// Nodes that it concerns; empty: all.
+    pub nodes: Vec<u32>,
+    /// Runs that it concerns; empty: all.
+    pub runs: Vec<u32>,
+    /// Number of rows concerned.
+    pub n_rows: usize,
+    /// Line of the first of them in the file.
+    pub first_line: usize,
+    /// What is wrong, as a clause: `the clock of node 4 is late by 6.0 s`.
+    pub clause: String,
+    /// How the measurements are corrected.
+    pub correction: Correction,
+}
+
+/// How measurements are corrected.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Correction {
+    /// Rows that are left out, ascending.
+    pub left_out: Vec<u32>,
+    /// Rows with other contents, ascending.
+    pub replaced: Vec<(u32, LinkRow)>,
+    /// The least and the greatest reading (dBm) of registers: what reads as these is taken for at most, or at least, as strong.
+    pub limits_dbm: Option<[f64; 2]>,
+    /// Why no corrected file can be written, if so.
+    pub refusal: Option<&'static str>,
+}
+
+impl Correction {
+    /// Whether nothing changes.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.left_out.is_empty() && self.replaced.is_empty() && self.limits_dbm.is_none()
+    }
+
+    /// Rows that are left out.
+    #[must_use]
+    pub fn leaving_out(mut rows: Vec<u32>) -> Self {
+        rows.sort_unstable();
+        rows.dedup();
+        Self { left_out: rows, ..Self::default() }
+    }
+
+    /// Both corrections. Of a row that both replace, the second counts; a row that either leaves out is left out.
+    #[must_use]
+    pub fn and(&self, other: &Self) -> Self {
+        let left_out = self.left_out.iter().chain(&other.left_out).copied().collect();
+        let mut both = Self::leaving_out(left_out);
+        let is_new = |row: u32| other.replaced.binary_search_by_key(&row, |(at, _)| *at).is_err();
+        both.replaced = self.replaced.iter().filter(|(row, _)| is_new(*row)).copied().collect();
+        both.replaced.extend(&other.replaced);
+        both.replaced.sort_by_key(|(row, _)| *row);
+        both.limits_dbm = match (self.limits_dbm, other.limits_dbm) {
+            (Some([a, b]), Some([c, d])) => Some([a.max(c), b.min(d)]),
+            (one, another) => one.or(another),
+        };
+        both.refusal = self.refusal.or(other.refusal);
+        both
+    }
+}
+
+/// The defects that are significant at [`FAMILY_ERROR`] after Holm's correction for all kinds, and that matter, in the order of
+/// [`KINDS`].
+#[must_use]
+pub fn found(evidence: &Evidence<'_>) -> Vec<Defect> {
+    let tested: Vec<Defect> = KINDS.iter().filter_map(|kind| (kind.test)(evidence)).collect();
+    significant(tested)
+}
+
+/// Those of the tested defects that are significant and matter. A kind that was not testable counts as one that was tested.
+fn significant(tested: Vec<Defect>) -> Vec<Defect> {
+    let mut order: Vec<usize> = (0..tested.len()).collect();
+    order.sort_by(|&a, &b| tested[a].p_value.total_cmp(&tested[b].p_value));
+    let mut is_significant = vec![false; tested.len()];
+    for (rank, &index) in order.iter().enumerate() {
+        let n_left = (KINDS.len() - rank) as f64;
+        if FAMILY_ERROR / n_left < tested[index].p_value {
+            break;
+        }
+        is_significant[index] = true;
+    }
+    let all = tested.into_iter().zip(is_significant);
+    all.filter(|(defect, significant)| *significant && WORTH_SHARE <= defect.share)
+        .map(|(defect, _)| defect)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn defect(p_value: f64, share: f64) -> Defect {
+        Defect {
+            name: "register-floor",
+            p_value,
+            share,
+            estimates: Vec::new(),
+            nodes: Vec::new(),
+            runs: Vec::new(),
+            n_rows: 1,
+            first_line: 2,
+            clause: String::new(),
+            correction: Correction::default(),
+        }
+    }
+
+    #[test]
+    fn defects_are_significant_by_holm_with_all_kinds_counted() {
+        let n = KINDS.len() as f64;
+        let found = |p_values: &[f64]| {
+            significant(p_values.iter().map(|&p| defect(p, 1.0)).collect()).len()
+        };
+        assert_eq!(found(&[0.99 * FAMILY_ERROR / n]), 1);
+        assert_eq!(found(&[1.01 * FAMILY_ERROR / n]), 0);
+        // The second is compared with one kind less.
+        assert_eq!(found(&[1.01 * FAMILY_ERROR / n, 0.99 * FAMILY_ERROR / n]), 2);
+    }
+
+    #[test]
+    fn defects_matter_from_one_per_cent_on() {
+        assert_eq!(significant(vec![defect(1e-9, 0.0101)]).len(), 1);
+        assert_eq!(significant(vec![defect(1e-9, 0.0099)]).len(), 0);
+    }
+
+    #[test]
+    fn of_two_corrections_each_is_made() {
+        let one =
+            Correction { limits_dbm: Some([-90.0, 20.0]), ..Correction::leaving_out(vec![4, 2]) };
+        let two =
+            Correction { limits_dbm: Some([-200.0, -30.0]), ..Correction::leaving_out(vec![4]) };
+        let both = one.and(&two);
+        assert_eq!(both.left_out, [2, 4]);
+        assert_eq!(both.limits_dbm, Some([-90.0, -30.0]));
+        assert!(!both.is_empty() && Correction::default().is_empty());
+    }
+}
