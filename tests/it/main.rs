@@ -28,6 +28,7 @@ mod fuzz_corpora;
 mod given_rssi;
 mod interrupts;
 mod links;
+mod measurement_defects;
 mod only;
 mod orders;
 mod packets;

@@ -42,21 +42,30 @@ pub struct Kind {
     /// Its name: `register-floor`.
     pub name: &'static str,
     /// Looks for it. `None`: these measurements cannot show it, or show nothing of it.
-    pub test: fn(&Evidence<'_>) -> Option<Defect>,
+    pub test: Test,
+}
+
+/// How a kind of defect is looked for.
+#[derive(Clone, Copy, Debug)]
+pub enum Test {
+    /// In all rows.
+    AllRows(fn(&Evidence<'_>) -> Option<Defect>),
+    /// In the rows that no other defect concerns: whether each row is such a one is the second argument.
+    RowsLeft(fn(&Evidence<'_>, &[bool]) -> Option<Defect>),
 }
 
 /// The kinds of defects.
 pub const KINDS: &[Kind] = &[
-    Kind { name: duplicates::NAME, test: duplicates::test },
-    Kind { name: register_limits::FLOOR, test: register_limits::floor },
-    Kind { name: register_limits::CEILING, test: register_limits::ceiling },
-    Kind { name: stuck_node::NAME, test: stuck_node::test },
-    Kind { name: clock_skew::NAME, test: clock_skew::test },
-    Kind { name: heading_convention::NAME, test: heading_convention::test },
-    Kind { name: channel_shift::NAME, test: channel_shift::test },
-    Kind { name: swapped_ends::NAME, test: swapped_ends::test },
-    Kind { name: position_noise::NAME, test: position_noise::test },
-    Kind { name: outliers::NAME, test: outliers::test },
+    Kind { name: duplicates::NAME, test: Test::AllRows(duplicates::test) },
+    Kind { name: register_limits::FLOOR, test: Test::AllRows(register_limits::floor) },
+    Kind { name: register_limits::CEILING, test: Test::AllRows(register_limits::ceiling) },
+    Kind { name: stuck_node::NAME, test: Test::AllRows(stuck_node::test) },
+    Kind { name: clock_skew::NAME, test: Test::AllRows(clock_skew::test) },
+    Kind { name: heading_convention::NAME, test: Test::AllRows(heading_convention::test) },
+    Kind { name: channel_shift::NAME, test: Test::AllRows(channel_shift::test) },
+    Kind { name: swapped_ends::NAME, test: Test::AllRows(swapped_ends::test) },
+    Kind { name: position_noise::NAME, test: Test::AllRows(position_noise::test) },
+    Kind { name: outliers::NAME, test: Test::RowsLeft(outliers::test) },
 ];
 
 /// A defect of the measurement.
@@ -134,7 +143,26 @@ impl Correction {
 /// [`KINDS`].
 #[must_use]
 pub fn found(evidence: &Evidence<'_>) -> Vec<Defect> {
-    let tested: Vec<Defect> = KINDS.iter().filter_map(|kind| (kind.test)(evidence)).collect();
+    let in_all = |kind: &Kind| match kind.test {
+        Test::AllRows(test) => test(evidence),
+        Test::RowsLeft(_) => None,
+    };
+    let mut tested: Vec<Defect> = KINDS.iter().filter_map(in_all).collect();
+    let mut is_left = vec![true; evidence.rows().len()];
+    for defect in significant(tested.clone()) {
+        let Correction { left_out, replaced, .. } = &defect.correction;
+        let concerned = left_out.iter().chain(replaced.iter().map(|(row, _)| row));
+        concerned.for_each(|&row| is_left[row as usize] = false);
+    }
+    let in_rest = |kind: &Kind| match kind.test {
+        Test::AllRows(_) => None,
+        Test::RowsLeft(test) => test(evidence, &is_left),
+    };
+    tested.extend(KINDS.iter().filter_map(in_rest));
+    for defect in &tested {
+        let Defect { name, p_value, share, .. } = defect;
+        tracing::debug!(name, p_value, share, clause = defect.clause, "tested");
+    }
     significant(tested)
 }
 

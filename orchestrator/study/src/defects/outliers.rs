@@ -4,8 +4,11 @@
 //! Student's t with its degrees of freedom free and a scale of its own on either side (C. Fernández and M. Steel, On Bayesian
 //! modeling of fat tails and skewness, J. Am. Stat. Assoc. 93, 1998), and by a mixture of that with a uniform distribution over all
 //! residuals (V. Barnett and T. Lewis, Outliers in Statistical Data, 1994, chapter 2). The likelihood ratio has three degrees of
-//! freedom: share and both ends of the uniform part. Signal paths can take a great loss for a moment, but no great gain: outliers
+//! freedom: share and both ends of the uniform part. Because a share of 0 is the end of its range, where the law of the ratio is only
+//! approximate, the ratio must moreover exceed the penalty of these three numbers by the Bayesian information criterion
+//! (G. Schwarz, Estimating the dimension of a model, Ann. Stat. 6, 1978). Signal paths can take a great loss for a moment, but no great gain: outliers
 //! must also lie above the prediction. And they must be isolated: rows beside each other that are all off have a common cause.
+//! Residuals are divided by what noise of positions would widen them by, whether that is significant or not.
 
 use super::evidence::Evidence;
 use super::{Correction, Defect};
@@ -123,18 +126,19 @@ fn fitted(residuals_db: &[f64]) -> Option<([f64; 2], Mixture)> {
 
 /// Looks for readings that are grossly wrong.
 #[must_use]
-pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
+pub fn test(evidence: &Evidence<'_>, is_left: &[bool]) -> Option<Defect> {
     let rows = evidence.rows();
-    let received: Vec<usize> = evidence.received().collect();
+    let received: Vec<usize> = evidence.received().filter(|&row| is_left[row]).collect();
     if !evidence.has_single_frames() || received.len() < FEWEST_READINGS {
         return None;
     }
-    let residuals_db: Vec<f64> = received.iter().map(|&row| evidence.residual_db(row)).collect();
+    let widening = super::position_noise::widening(evidence);
+    let residual_db = |row: usize| evidence.residual_db(row) / widening[row];
+    let residuals_db: Vec<f64> = received.iter().map(|&row| residual_db(row)).collect();
     let ([alone, both], mixture) = fitted(&residuals_db)?;
-    let is_off = |&&row: &&usize| mixture.is_outlier(evidence.residual_db(row));
+    let is_off = |&&row: &&usize| mixture.is_outlier(residual_db(row));
     let outliers: Vec<usize> = received.iter().filter(is_off).copied().collect();
-    let n_above =
-        outliers.iter().filter(|&&row| mixture.mode_db < evidence.residual_db(row)).count();
+    let n_above = outliers.iter().filter(|&&row| mixture.mode_db < residual_db(row)).count();
     let is_plausible = FEWEST_OUTLIERS <= outliers.len()
         && outliers.len() as f64 <= MOST_SHARE * received.len() as f64
         && mixture.share <= MOST_SHARE
@@ -144,8 +148,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     if !is_plausible {
         return None;
     }
-    let law = ChiSquared::new(3.0).ok()?;
-    let p_value = law.sf((2.0 * (both - alone)).max(0.0));
+    let p_value = p_value(both - alone, received.len());
     let square = |row: &usize| evidence.residual_db(*row) * evidence.residual_db(*row);
     let error = outliers.iter().map(square).sum::<f64>() / evidence.squared_error();
     let share = outliers.len() as f64 / received.len() as f64;
@@ -166,6 +169,12 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
         ),
         correction: Correction::leaving_out(outliers.iter().map(|&row| row as u32).collect()),
     })
+}
+
+/// The p-value of a gain in log likelihood (nats) by the uniform part, over `n` readings.
+fn p_value(gain: f64, n: usize) -> f64 {
+    let ratio = 2.0 * gain - 3.0 * libm::log(n as f64);
+    ChiSquared::new(3.0).map_or(1.0, |law| law.sf(ratio.max(0.0)))
 }
 
 /// The 90 % interval of a share of which `n_hits` of `n` were seen (C. Clopper and E. Pearson, Biometrika 26, 1934).
@@ -221,9 +230,16 @@ mod tests {
     use super::*;
     use proto::rng::{Draws, Purpose};
 
-    fn p_value(residuals_db: &[f64]) -> f64 {
+    fn p_value_of(residuals_db: &[f64]) -> f64 {
         let ([alone, both], _) = fitted(residuals_db).unwrap();
-        ChiSquared::new(3.0).unwrap().sf((2.0 * (both - alone)).max(0.0))
+        p_value(both - alone, residuals_db.len())
+    }
+
+    #[test]
+    fn a_gain_counts_beyond_the_penalty_of_three_numbers() {
+        // 1.5 ln 1000 = 10.36 nats; the upper 0.05 % of χ² with three degrees of freedom is 17.73.
+        assert!((p_value(10.3, 1000) - 1.0).abs() < 1e-9);
+        assert!((p_value(10.362 + 0.5 * 17.73, 1000) - 5e-4).abs() < 5e-6);
     }
 
     /// Rounded noise: normal, or Student's t with four degrees of freedom.
@@ -244,7 +260,7 @@ mod tests {
         // A correct test fails one of these 12 at 0.005 / 9 with a probability of 0.7 %; seeds are fixed.
         for seed in 0..6 {
             for is_heavy in [false, true] {
-                let p_value = p_value(&noise(seed, is_heavy));
+                let p_value = p_value_of(&noise(seed, is_heavy));
                 assert!(6e-4 < p_value, "{seed} {is_heavy}: {p_value}");
             }
         }
@@ -257,7 +273,7 @@ mod tests {
             for (k, residual_db) in residuals_db.iter_mut().enumerate().step_by(100) {
                 *residual_db += if k % 200 == 0 { 25.0 } else { -25.0 };
             }
-            assert!(p_value(&residuals_db) < 1e-6, "{is_heavy}: {}", p_value(&residuals_db));
+            assert!(p_value_of(&residuals_db) < 1e-6, "{is_heavy}: {}", p_value_of(&residuals_db));
             let (_, mixture) = fitted(&residuals_db).unwrap();
             let n = residuals_db.iter().filter(|db| mixture.is_outlier(**db)).count();
             assert!((25..=40).contains(&n), "{n}");

@@ -145,8 +145,13 @@ fn p_value(readings: &[Reading], n_folds: usize) -> f64 {
 }
 
 /// The p-value of the covariance of receivers in opposite directions, and the number of pairs. A pair's residuals are taken from the
-/// mean of the other rows of the frame, so that what all have in common makes products positive, and these are negative.
-fn opposite(evidence: &Evidence<'_>, gradients: &[[[f64; 2]; 2]]) -> (f64, usize) {
+/// mean of the other rows of the frame, so that what all have in common makes products positive, and these are negative. Each product is
+/// weighted by the covariance that position noise gives it, over both variances (dB²).
+fn opposite(
+    evidence: &Evidence<'_>,
+    gradients: &[[[f64; 2]; 2]],
+    variances: &BTreeMap<usize, f64>,
+) -> (f64, usize) {
     let rows = evidence.rows();
     let mut frames: BTreeMap<(u32, u64, u32), Vec<usize>> = BTreeMap::new();
     for row in evidence.received() {
@@ -171,7 +176,8 @@ fn opposite(evidence: &Evidence<'_>, gradients: &[[[f64; 2]; 2]]) -> (f64, usize
                 let mean = (total - left - right) / (frame.len() - 2) as f64;
                 n_pairs += 1;
                 let block = evidence.blocks().dependent()[one];
-                products.push((block, dot * (left - mean) * (right - mean)));
+                let weight = dot / (variances[&one] * variances[&other]);
+                products.push((block, weight * (left - mean) * (right - mean)));
             }
         }
     }
@@ -195,45 +201,86 @@ fn interval(readings: &[&Reading], sd_m: f64, top: f64) -> (f64, f64) {
     (root(sd_m, 0.0), root(sd_m, 4.0 * sd_m))
 }
 
+/// What the variance of readings depends on, and how, if positions are noisy.
+struct Noise {
+    readings: Vec<Reading>,
+    gradients: Vec<[[f64; 2]; 2]>,
+    sd_m: f64,
+    top: f64,
+    variances: [f64; 3],
+}
+
+impl Noise {
+    /// `None`: no node moves, too few rows have an end that moves, or there is no position noise at all.
+    fn fitted(evidence: &Evidence<'_>) -> Option<Self> {
+        let is_still = evidence.modelled().still().values().all(|&still| still);
+        if !evidence.has_single_frames() || is_still {
+            return None;
+        }
+        let gradients = gradients(evidence)?;
+        let moving = evidence.study.moving();
+        let blocks = evidence.blocks();
+        let reading = |row: usize| Reading {
+            row,
+            block: blocks.dependent()[row],
+            fold: blocks.fold(row as u32),
+            residual_db: evidence.residual_db(row),
+            n_moving: moving[row].iter().filter(|&&moves| moves).count(),
+            gradient: gradients[row].as_flattened().iter().map(|slope| square(*slope)).sum(),
+        };
+        let readings: Vec<Reading> = evidence.received().map(reading).collect();
+        if readings.iter().filter(|reading| 0 < reading.n_moving).count() < FEWEST_ROWS {
+            return None;
+        }
+        let all: Vec<&Reading> = readings.iter().collect();
+        let (sd_m, top) = likeliest(&all);
+        let variances = fitted(&all, sd_m);
+        (0.0 < sd_m).then_some(Self { readings, gradients, sd_m, top, variances })
+    }
+
+    /// The variance of a reading by its position (dB²).
+    fn by_position(&self, reading: &Reading) -> f64 {
+        square(self.sd_m) * reading.gradient
+    }
+}
+
+/// By how many times the standard deviation of each row's reading exceeds that of the noise alone, if positions are as noisy as is
+/// likeliest: 1 where they are not.
+#[must_use]
+pub fn widening(evidence: &Evidence<'_>) -> Vec<f64> {
+    let mut factors = vec![1.0; evidence.rows().len()];
+    if let Some(noise) = Noise::fitted(evidence) {
+        for reading in &noise.readings {
+            let alone = noise.variances[reading.n_moving];
+            factors[reading.row] = (1.0 + noise.by_position(reading) / alone).sqrt();
+        }
+    }
+    factors
+}
+
 /// Looks for noise of positions.
 #[must_use]
 pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
-    if !evidence.has_single_frames() || evidence.modelled().still().values().all(|&still| still) {
-        return None;
-    }
-    let gradients = gradients(evidence)?;
-    let moving = evidence.study.moving();
-    let blocks = evidence.blocks();
-    let reading = |row: usize| Reading {
-        row,
-        block: blocks.dependent()[row],
-        fold: blocks.fold(row as u32),
-        residual_db: evidence.residual_db(row),
-        n_moving: moving[row].iter().filter(|&&moves| moves).count(),
-        gradient: gradients[row].as_flattened().iter().map(|slope| square(*slope)).sum(),
-    };
-    let readings: Vec<Reading> = evidence.received().map(reading).collect();
-    let all: Vec<&Reading> = readings.iter().collect();
-    if readings.iter().filter(|reading| 0 < reading.n_moving).count() < FEWEST_ROWS {
-        return None;
-    }
-    let (sd_m, top) = likeliest(&all);
-    if sd_m == 0.0 {
-        return None;
-    }
-    let (by_pairs, n_pairs) = opposite(evidence, &gradients);
+    let noise = Noise::fitted(evidence)?;
+    let Noise { readings, gradients, sd_m, top, variances } = &noise;
+    let sd_m = *sd_m;
+    let of_row = |it: &Reading| (it.row, variances[it.n_moving] + noise.by_position(it));
+    let of_row: BTreeMap<usize, f64> = readings.iter().map(of_row).collect();
+    let (by_pairs, n_pairs) = opposite(evidence, gradients, &of_row);
     let by_pairs = if FEWEST_PAIRS <= n_pairs { by_pairs } else { 0.0 };
-    let variances = fitted(&all, sd_m);
-    let share = readings.iter().map(|it| square(sd_m) * it.gradient).sum::<f64>()
-        / evidence.squared_error();
+    let by_variance = p_value(readings, evidence.blocks().n_folds());
+    tracing::debug!(sd_m, by_variance, by_pairs, n_pairs, "position noise");
+    let share =
+        readings.iter().map(|it| noise.by_position(it)).sum::<f64>() / evidence.squared_error();
     // Rows whose position tells less than their reading.
-    let is_worse = |it: &&Reading| variances[it.n_moving] < square(sd_m) * it.gradient;
+    let is_worse = |it: &&Reading| variances[it.n_moving] < noise.by_position(it);
     let left_out: Vec<u32> = readings.iter().filter(is_worse).map(|it| it.row as u32).collect();
     let concerned = || readings.iter().filter(|reading| 0 < reading.n_moving);
-    let (low, high) = interval(&all, sd_m, top);
+    let all: Vec<&Reading> = readings.iter().collect();
+    let (low, high) = interval(&all, sd_m, *top);
     Some(Defect {
         name: NAME,
-        p_value: p_value(&readings, blocks.n_folds()).max(by_pairs),
+        p_value: by_variance.max(by_pairs),
         share,
         estimates: vec![Estimate::new("sd_m", "m", sd_m, (low, high))],
         nodes: Vec::new(),
