@@ -4,6 +4,7 @@ use super::diagnosis::{
     Affects, AlsoAlong, Diagnosis, Parameter, Rung, SCHEMA, Structure, Tested, Verdict,
 };
 use super::gain::Gain;
+use super::gate;
 use super::ladder::{self, CandidateTest, Ladder, Search};
 use super::next;
 use super::scan::Unexplained;
@@ -56,6 +57,7 @@ pub fn answer<S: Study>(
     residuals: &Unexplained,
     all_rows: Option<&S>,
 ) -> Diagnosis {
+    let gate = gate::gate(study, &search.full_fit(&ladder.accepted, COMMON, None));
     let (numbers_of, fit) = numbers(search, study, all_rows, &ladder.accepted);
     let unexplained = unexplained(study, ladder, residuals);
     let missing: Vec<String> = ladder
@@ -65,14 +67,18 @@ pub fn answer<S: Study>(
         .filter(|candidate| candidate.curve_over().is_none())
         .map(|candidate| candidate.name.clone())
         .collect();
-    let verdict = if ladder.too_little.is_some() {
-        Verdict::NothingMissing
+    let verdict = if ladder.too_little.is_some() && gate.misfits.is_empty() {
+        Verdict::NothingFound
     } else if !unexplained.is_empty() {
         Verdict::UnexplainedStructure
-    } else if missing.is_empty() {
-        Verdict::NothingMissing
-    } else {
+    } else if !missing.is_empty() {
         Verdict::MissingEffects
+    } else if !gate.misfits.is_empty() {
+        Verdict::SomethingMissing
+    } else if gate.tells_too_little() {
+        Verdict::NothingFound
+    } else {
+        Verdict::NothingMissing
     };
     let (candidates, known) = tested(study, ladder, numbers_of, &fit);
     let next_measurement = if search.is_stopped() {
@@ -99,6 +105,8 @@ pub fn answer<S: Study>(
         candidates,
         unexplained,
         residuals_searched: residuals.is_searched,
+        could_hide: gate.could_hide.map_or(f64::NAN, |(bound, ..)| bound),
+        misfits: gate.misfits,
         next_measurement,
         complete: is_complete,
         too_little: ladder.too_little.clone(),
@@ -239,7 +247,7 @@ fn tested<S: Study>(
             known.push((term, estimates));
         }
         listed.push(Tested {
-            effect: candidate.name.clone(),
+            effect: candidate.effect().to_owned(),
             gain: gain.gain,
             held_out: study.blocks(held_out_level(study, candidate.level, test)).unit,
             standard_error: gain.standard_error,
@@ -250,6 +258,7 @@ fn tested<S: Study>(
                 .filter(is_other)
                 .map(|&tie| candidates[tie].name.clone())
                 .collect(),
+            only: candidate.only.clone(),
             warning,
             parameters,
             not_identifiable,

@@ -227,6 +227,7 @@ pub fn with_defects(mut diagnosis: Diagnosis, found: &[Defect]) -> Diagnosis {
         standard_error: f64::NAN,
         p_value: defect.p_value,
         accepted: true,
+        only: None,
         indistinguishable_from: Vec::new(),
         warning: None,
         parameters: defect.parameters.clone(),

@@ -1,6 +1,7 @@
 //! What a diagnosis of links or robots found: the answer that programs read as JSON, pages draw and people read as text.
 
 use crate::defects::MeasurementDefect;
+use crate::gate::Misfit;
 use crate::json_number;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
@@ -41,6 +42,12 @@ pub struct Diagnosis {
     pub unexplained: Vec<Structure>,
     /// Whether the residuals were searched for structure: not of an incomplete search, nor of data in too few blocks.
     pub residuals_searched: bool,
+    /// Constants by which the model is wrong with all that was accepted, the surest first.
+    pub misfits: Vec<Misfit>,
+    /// The greatest constant error that may be hidden in these data (90 % bound), in the unit of errors; null where that cannot be told.
+    #[serde(serialize_with = "json_number::serialize")]
+    #[schemars(with = "Option<f64>")]
+    pub could_hide: f64,
     /// Where to measure next so that models can be distinguished that these data do not distinguish.
     pub next_measurement: Vec<NextMeasurement>,
     /// Whether the search came to its end. If not, a signal or a time budget ended it: the answer may still change, and what is in it
@@ -73,6 +80,10 @@ pub enum Verdict {
     MissingEffects,
     /// There is structure that no effect of the catalogue explains.
     UnexplainedStructure,
+    /// The model is wrong, and these data do not say why.
+    SomethingMissing,
+    /// Nothing was found in data that are too few to tell that nothing is missing.
+    NothingFound,
 }
 
 /// Held-out scores of a model.
@@ -126,6 +137,10 @@ pub struct Tested {
     pub accepted: bool,
     /// Candidates that explain these data as well.
     pub indistinguishable_from: Vec<String>,
+    /// To which rows it is limited, if it is: the keys of its table `only`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<serde_json::Map<String, serde_json::Value>>")]
+    pub only: Option<toml::Table>,
     /// What to mind when its parameters are used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warning: Option<String>,

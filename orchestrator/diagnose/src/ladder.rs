@@ -2,10 +2,13 @@
 
 mod choice;
 
-use super::acceptance::{self, FAMILY_ERROR, WORTH_NATS};
+use super::acceptance::{self, Acceptance, FAMILY_ERROR, WORTH_NATS};
 use super::gain::{Gain, Scores};
+use super::gate;
+use super::limits;
 use super::progress::SearchProgress;
-use proto::effect::Level;
+use super::score_test::{ScoreTest, ScoreTests};
+use proto::effect::{CONSTANT, Level};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -103,10 +106,22 @@ impl Ladder {
 pub struct Search<'a, S: Study> {
     study: &'a S,
     all: Vec<u32>,
-    held_out: Cache<Arc<Vec<RowScore>>>,
-    full: Cache<Arc<S::Fit>>,
+    known: Arc<Known<S::Fit>>,
     report: &'a (dyn Fn(SearchProgress<'_>) + Sync),
     stop: Option<&'a AtomicBool>,
+}
+
+/// What a search has computed. It holds for another search of the same study, with more candidates.
+#[derive(Debug)]
+pub struct Known<F> {
+    held_out: Cache<Arc<Vec<RowScore>>>,
+    full: Cache<Arc<F>>,
+}
+
+impl<F> Default for Known<F> {
+    fn default() -> Self {
+        Self { held_out: Mutex::default(), full: Mutex::default() }
+    }
 }
 
 type Key = (Vec<usize>, Level);
@@ -123,20 +138,25 @@ fn store<T: Clone>(cache: &Cache<T>, key: Key, value: &T) {
 impl<'a, S: Study> Search<'a, S> {
     /// A search; it calls `report` with its progress.
     pub fn new(study: &'a S, report: &'a (dyn Fn(SearchProgress<'_>) + Sync)) -> Self {
-        Self {
-            study,
-            all: study.fitted_rows(),
-            held_out: Mutex::default(),
-            full: Mutex::default(),
-            report,
-            stop: None,
-        }
+        Self { study, all: study.fitted_rows(), known: Arc::default(), report, stop: None }
     }
 
     /// The same search, which ends its selection as soon as `stop` becomes true.
     #[must_use]
     pub fn with_stop_flag(self, stop: &'a AtomicBool) -> Self {
         Self { stop: Some(stop), ..self }
+    }
+
+    /// The same search, which knows what another has computed.
+    #[must_use]
+    pub fn with_known(self, known: Arc<Known<S::Fit>>) -> Self {
+        Self { known, ..self }
+    }
+
+    /// What it has computed.
+    #[must_use]
+    pub fn known(&self) -> Arc<Known<S::Fit>> {
+        Arc::clone(&self.known)
     }
 
     /// Whether the search was stopped. Fits that were not made before are not to be used.
@@ -147,12 +167,12 @@ impl<'a, S: Study> Search<'a, S> {
     /// A fit to all rows, which starts from `parent` if it has not been made yet.
     pub fn full_fit(&self, terms: &[usize], level: Level, parent: Option<&S::Fit>) -> Arc<S::Fit> {
         let key = (terms.to_vec(), self.study.judging_level(level));
-        if let Some(fit) = cached(&self.full, &key) {
+        if let Some(fit) = cached(&self.known.full, &key) {
             return fit;
         }
         let fit = Arc::new(self.study.fit(terms, &self.all, level, parent));
         if !self.is_stopped() {
-            store(&self.full, key, &fit);
+            store(&self.known.full, key, &fit);
         }
         fit
     }
@@ -161,7 +181,7 @@ impl<'a, S: Study> Search<'a, S> {
     pub fn held_out_scores(&self, terms: &[usize], level: Level) -> Arc<Vec<RowScore>> {
         let level = self.study.judging_level(level);
         let key = (terms.to_vec(), level);
-        if let Some(scores) = cached(&self.held_out, &key) {
+        if let Some(scores) = cached(&self.known.held_out, &key) {
             return scores;
         }
         let nothing = RowScore {
@@ -201,7 +221,7 @@ impl<'a, S: Study> Search<'a, S> {
         }
         let scores = Arc::new(scores);
         if !self.is_stopped() {
-            store(&self.held_out, key, &scores);
+            store(&self.known.held_out, key, &scores);
         }
         scores
     }
@@ -458,21 +478,96 @@ impl<'a, S: Study> Search<'a, S> {
         removed: &[usize],
         floor: f64,
     ) {
-        let candidates = self.study.candidates();
         let gains: Vec<Gain> = tests.iter().map(|test| test.gain).collect();
         let terms: Vec<usize> = tests.iter().map(|test| test.term).collect();
-        let share_removed = |index: usize| {
-            let level = candidates[terms[index]].level;
-            let now =
-                Scores::mean(&self.held_out_scores(&with_term(accepted, terms[index]), level));
-            now.share_removed(&Scores::mean(&self.held_out_scores(accepted, level)))
-        };
+        let share_removed = |index: usize| self.share_removed(terms[index], accepted);
         let verdicts = acceptance::judge(&gains, self.n_tried(), floor, share_removed);
         for (test, verdict) in tests.iter_mut().zip(verdicts) {
-            test.is_significant = verdict.is_significant;
+            let is_asked_for = || self.is_asked_for(test.term, accepted) && 0.0 < test.gain.gain;
+            test.is_significant = verdict.is_significant || is_asked_for();
+            let is_worth = || {
+                let share = || self.share_removed(test.term, accepted);
+                is_asked_for() && acceptance::is_worth(test.gain.gain, floor, share)
+            };
+            let verdict =
+                Acceptance { is_plausible: verdict.is_plausible || is_worth(), ..verdict };
             test.is_plausible = verdict.is_plausible && !removed.contains(&test.term);
-            test.is_acceptable = test.is_significant && test.is_plausible;
+            let may_be = test.is_significant && test.is_plausible;
+            test.is_acceptable = may_be && self.stands_clustered(test.term, accepted);
+            if may_be && !test.is_acceptable {
+                debug!(
+                    name = self.study.candidates()[test.term].name,
+                    "no more than what rows share"
+                );
+                (test.is_significant, test.is_plausible) = (false, false);
+            }
         }
+    }
+
+    /// Whether what a term moves is beyond what rows that depend on each other may share: those of a node, and those that follow each
+    /// other. A covariate that changes in time is no cause where the error drifts as slowly.
+    fn stands_clustered(&self, term: usize, others: &[usize]) -> bool {
+        let candidate = &self.study.candidates()[term];
+        if candidate.level == Level::Random {
+            return true;
+        }
+        let fit = self.full_fit(others, COMMON, None);
+        let Some(rows) = self.study.linearised(&fit) else { return true };
+        let dependence = self.study.dependence();
+        let tests = ScoreTests::new(&rows, &dependence);
+        let varies_in_time = candidate.level == Level::Time;
+        if candidate.curve_over().is_some() {
+            let columns = self.study.columns_of_curve(&fit, term);
+            let has_times = dependence.times_s.iter().all(|time_s| time_s.is_finite());
+            if columns.is_empty() || !varies_in_time || !has_times {
+                return true;
+            }
+            let p_value = tests.p_value_together(&columns);
+            debug!(name = candidate.name, ?p_value, "clustered");
+            return p_value.is_some_and(|p_value| p_value < FAMILY_ERROR);
+        }
+        let columns = self.study.columns(&fit, term);
+        if columns.is_empty() {
+            return true;
+        }
+        let known: Vec<ScoreTest> =
+            columns.iter().filter_map(|column| tests.test(column, &[])).collect();
+        let least = known.iter().map(|test| test.p_value).fold(f64::INFINITY, f64::min);
+        debug!(name = candidate.name, least, n = known.len(), "clustered");
+        if known.is_empty() { !varies_in_time } else { least * known.len() as f64 <= FAMILY_ERROR }
+    }
+
+    /// The share of the error that a term removes beside those accepted.
+    fn share_removed(&self, term: usize, accepted: &[usize]) -> f64 {
+        let level = self.study.candidates()[term].level;
+        let now = Scores::mean(&self.held_out_scores(&with_term(accepted, term), level));
+        now.share_removed(&Scores::mean(&self.held_out_scores(accepted, level)))
+    }
+
+    /// Whether an effect that is limited to some rows, or moves all alike, is asked for by the slopes of the fit of others. Of few blocks, such
+    /// as those of one robot, a mean of gains tells little.
+    fn is_asked_for(&self, term: usize, others: &[usize]) -> bool {
+        let candidate = &self.study.candidates()[term];
+        (candidate.only.is_some() || candidate.linear_in == Some(CONSTANT))
+            && limits::p_value(self.study, &self.full_fit(others, COMMON, None), term)
+                < FAMILY_ERROR
+    }
+
+    /// Whether a term is the level about which random effects vary: it is not given up for them, which follow any level.
+    fn is_level_of_random(&self, term: usize, others: &[usize]) -> bool {
+        let candidates = self.study.candidates();
+        let is_random = |other: &usize| candidates[*other].level == Level::Random;
+        if candidates[term].linear_in != Some(CONSTANT) || !others.iter().any(is_random) {
+            return false;
+        }
+        let means: Vec<usize> = others.iter().copied().filter(|other| !is_random(other)).collect();
+        self.is_asked_for(term, &means)
+    }
+
+    /// Whether all rows are off by a constant that is worth removing, beside these terms.
+    fn is_off(&self, terms: &[usize]) -> bool {
+        let gate = gate::gate(self.study, &self.full_fit(terms, COMMON, None));
+        gate.misfits.iter().any(|misfit| misfit.of.is_none())
     }
 
     /// Backward elimination: removes accepted terms, the last one excepted, that no longer gain significantly. Returns the removed
@@ -497,7 +592,10 @@ impl<'a, S: Study> Search<'a, S> {
                 p = gain.p_value,
                 "weighed again"
             );
-            if FAMILY_ERROR < gain.p_value || gain.gain < WORTH_NATS / 10.0 {
+            let is_chance = || FAMILY_ERROR < gain.p_value && !self.is_asked_for(term, &rest);
+            if !self.is_level_of_random(term, &rest)
+                && (gain.gain < WORTH_NATS / 10.0 || is_chance())
+            {
                 (self.report)(SearchProgress::Removed { name: &candidates[term].name });
                 *accepted = rest;
                 removed.push(term);

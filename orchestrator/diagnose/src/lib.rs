@@ -6,6 +6,9 @@
 //! | [`ladder`] | the search |
 //! | [`acceptance`] | which terms are significant, and worth having |
 //! | [`gain`] | how much better one model predicts than another |
+//! | [`score_test`] | what the slopes of one fit tell, without another fit |
+//! | [`limits`] | effects on one robot, one node or from a time on |
+//! | [`gate`] | whether the model is visibly wrong, whatever the cause |
 //! | [`next`] | the measurement that would break a tie |
 //! | [`progress`] | what a search reports while it works |
 //! | [`scan`] | structure of the residuals |
@@ -28,13 +31,16 @@ pub mod defects;
 pub mod diagnosis;
 pub mod extend;
 pub mod gain;
+pub mod gate;
 pub mod held_out;
 pub mod json_number;
 pub mod ladder;
+pub mod limits;
 pub mod next;
 pub mod power;
 pub mod progress;
 pub mod scan;
+pub mod score_test;
 pub mod simulate;
 #[cfg(test)]
 mod structure_tests;

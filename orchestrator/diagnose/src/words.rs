@@ -2,6 +2,7 @@
 
 use super::defects;
 use super::diagnosis::{Diagnosis, Structure, Tested, Verdict};
+use super::gate::Misfit;
 use std::fmt::Write as _;
 use study::defects::PREFIX;
 
@@ -10,14 +11,26 @@ use study::defects::PREFIX;
 pub fn sentence(diagnosis: &Diagnosis) -> String {
     let missing = effects(diagnosis).join(", then ");
     let found = match (&diagnosis.too_little, diagnosis.verdict) {
+        (_, Verdict::SomethingMissing) => format!(
+            "something is missing, and these data do not say what: {}",
+            diagnosis.misfits.first().map(Misfit::sentence).unwrap_or_default()
+        ),
         (Some(why), _) => why.clone(),
+        (None, Verdict::NothingFound) => format!(
+            "nothing was found, but these data are too few to tell: an error of up to {:.2} {} could hide in them",
+            diagnosis.could_hide, diagnosis.error_unit
+        ),
         (None, Verdict::NothingMissing) => {
             "no missing effect is detectable in these data".to_owned()
         }
         (None, Verdict::MissingEffects) if missing.is_empty() => {
             "no missing effect is detectable in the corrected data".to_owned()
         }
-        (None, Verdict::MissingEffects) => format!("missing: {missing}"),
+        (None, Verdict::MissingEffects) => {
+            let misfit = diagnosis.misfits.first().map(Misfit::sentence);
+            let left = misfit.map(|misfit| format!("; something else is missing: {misfit}"));
+            format!("missing: {missing}{}", left.unwrap_or_default())
+        }
         (None, Verdict::UnexplainedStructure) => {
             let over: Vec<String> = diagnosis.unexplained.iter().map(Structure::named).collect();
             let also = if missing.is_empty() {
@@ -75,6 +88,16 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     }
     for structure in &diagnosis.unexplained {
         unexplained(&mut text, structure);
+    }
+    for misfit in &diagnosis.misfits {
+        let _ = writeln!(
+            text,
+            "wrong: {}, +- {:.*} (p = {:.1e})",
+            misfit.sentence(),
+            4,
+            misfit.standard_error,
+            misfit.p_value
+        );
     }
     for next in &diagnosis.next_measurement {
         let _ = writeln!(text, "{}", next.sentence);

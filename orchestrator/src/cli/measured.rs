@@ -17,7 +17,7 @@ use diagnose::defects::{self, MeasurementDefect};
 use diagnose::extend::{self, extension};
 use diagnose::ladder::Search;
 use diagnose::progress::SearchProgress;
-use diagnose::{held_out, scan};
+use diagnose::{held_out, limits, scan};
 use measure::config::Compared;
 use measure::packets;
 use measure::robots::RobotSample;
@@ -25,6 +25,7 @@ use measure::table::DataTable;
 use report::measured::{LinkRows, MeasuredAnswer, MeasuredPage, MeasuredRows, RobotRows, page};
 use report::packets::NetworkAnswer;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use study::choices::Choices;
 use study::formula::FORMULA;
 use study::links::LinkStudy;
@@ -418,9 +419,11 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
             if let Some(wanted) = args.formula.wanted() {
                 study.add_formula(&wanted).map_err(Failure::request)?;
             }
-            let thin = if args.all { study.thinned() } else { None };
-            let (searched, whole) =
-                thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
+            let mut thin = if args.all { study.thinned() } else { None };
+            let (searched, whole) = match &mut thin {
+                Some(thin) => (thin, Some(&mut study)),
+                None => (&mut study, None),
+            };
             extend_with(
                 args,
                 (&config, &account),
@@ -436,9 +439,9 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
             if let Some(wanted) = args.formula.wanted() {
                 study.add_formula(&wanted).map_err(Failure::request)?;
             }
-            let study = study.with_stop_flag(stop);
+            let mut study = study.with_stop_flag(stop);
             let section = ("robotsim.dynamics.effect", "m");
-            extend_with(args, (&config, &account), &study, None, section, &stopper)
+            extend_with(args, (&config, &account), &mut study, None, section, &stopper)
         }
     }
 }
@@ -490,17 +493,18 @@ fn corrected(
 fn extend_with<S: Study>(
     args: &ExtendArgs,
     (config, account): (&Compared, &DataAccount),
-    study: &S,
-    whole: Option<&S>,
+    study: &mut S,
+    mut whole: Option<&mut S>,
     (section, unit): (&str, &str),
     stopper: &Stopper,
 ) -> Result<(), Failure> {
     print_account(account);
     let log = SearchLog::new(Some(stopper));
     let report = |progress: SearchProgress<'_>| log.log(progress);
-    let search = Search::new(study, &report);
+    let mut known = Arc::default();
     let terms = if args.all {
-        let ladder = search.stepwise_selection();
+        let ladder;
+        (ladder, known) = limits::selection(study, whole.as_deref_mut(), &report);
         if ladder.stopped.is_some() && !args.partial {
             log.clear();
             return Err(stopper.refuse_partial(
@@ -521,11 +525,13 @@ fn extend_with<S: Study>(
             .iter()
             .map(String::as_str)
             .chain(formula)
-            .map(|name| extend::candidate(study, name))
+            .map(|name| extend::candidate(&*study, name))
             .collect();
         found.map_err(Failure::request)?
     };
-    let extended = extend::extend(config, account, study, &search, &terms, section, whole);
+    let search = Search::new(&*study, &report).with_known(known);
+    let extended =
+        extend::extend(config, account, study, &search, &terms, section, whole.as_deref());
     log.clear();
     if search.is_stopped() && !args.partial {
         // The fit to these effects has not converged.
@@ -566,12 +572,15 @@ pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
             let found_defects = defects::find(&study, &report);
             let account = defects::corrected_account(&account, &found_defects);
             let corrected = defects::corrected(&study, &found_defects).map_err(Failure::request)?;
-            let study = corrected.unwrap_or(study);
-            let thin = study.thinned();
+            let mut study = corrected.unwrap_or(study);
+            let mut thin = study.thinned();
+            let (ladder, known) = match &mut thin {
+                Some(thin) => limits::selection(thin, Some(&mut study), &report),
+                None => limits::selection(&mut study, None, &report),
+            };
             let (searched, whole) =
                 thin.as_ref().map_or((&study, None), |thin| (thin, Some(&study)));
-            let search = Search::new(searched, &report);
-            let ladder = search.stepwise_selection();
+            let search = Search::new(searched, &report).with_known(known);
             let left = scan::scan_residuals(searched, &search, &ladder);
             let measurements = Measurements {
                 subject: Subject::Links,
@@ -597,10 +606,10 @@ pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
         Subject::Robots => {
             let (study, account) =
                 open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
-            let study = study.with_stop_flag(stop);
+            let mut study = study.with_stop_flag(stop);
             print_account(&account);
-            let search = Search::new(&study, &report);
-            let ladder = search.stepwise_selection();
+            let (ladder, known) = limits::selection(&mut study, None, &report);
+            let search = Search::new(&study, &report).with_known(known);
             let left = scan::scan_residuals(&study, &search, &ladder);
             let measurements = Measurements {
                 subject: Subject::Robots,

@@ -9,6 +9,7 @@ pub mod folds;
 pub mod formula;
 pub mod knots;
 mod limits;
+pub mod linear;
 pub mod links;
 pub mod open;
 pub mod robots;
@@ -20,6 +21,7 @@ pub use limits::NotLimited;
 pub use stop::StopFlag;
 
 use folds::Blocks;
+use linear::{Column, Dependence, Direction, Linearised, Partition};
 use proto::effect::{About, Level, Parameter};
 use serde::Serialize;
 use symbolic::FittedFormula;
@@ -50,6 +52,8 @@ pub struct Candidate {
     pub is_derived: bool,
     /// Why it cannot be tested on these data: `needs positive antenna heights`.
     pub untestable: Option<String>,
+    /// To which rows it is limited, if it is: its table `only`.
+    pub only: Option<toml::Table>,
     /// The curve without a constant part that this is, with one. It is not tried by itself, but stands in for that curve where
     /// it explains what an effect did that was accepted before.
     pub stands_in_for: Option<usize>,
@@ -66,6 +70,15 @@ impl Candidate {
     /// The name, of a curve with many knots that of the one with few.
     fn coarse(&self) -> &str {
         self.name.strip_prefix(FINE).unwrap_or(&self.name)
+    }
+
+    /// The name of the effect, without what limits it.
+    #[must_use]
+    pub fn effect(&self) -> &str {
+        match &self.only {
+            Some(only) => self.name.strip_suffix(&limits::suffix(only)).unwrap_or(&self.name),
+            None => &self.name,
+        }
     }
 
     /// Whether it is tried: it can be tested, and does not only stand in for another.
@@ -254,6 +267,37 @@ pub trait Study: Sync {
     ) -> Option<Self::Fit> {
         None
     }
+
+    /// Slopes of the log likelihoods of all rows at a fit; none where they cannot be computed.
+    fn linearised(&self, fit: &Self::Fit) -> Option<Linearised>;
+
+    /// What an effect that may be added to a fit would move, at each of the places where a search for it starts: by the amplitude
+    /// it has there. Empty where it does something else than move means.
+    fn columns(&self, fit: &Self::Fit, term: usize) -> Vec<Column>;
+
+    /// What the numbers of a curve that may be added to a fit would move, by unit of each. Empty where it does something else than
+    /// move means, and for effects.
+    fn columns_of_curve(&self, fit: &Self::Fit, term: usize) -> Vec<Column>;
+
+    /// Constants that rows may be off by.
+    fn directions(&self) -> Vec<Direction>;
+
+    /// Ways to divide rows into groups.
+    fn partitions(&self) -> Vec<Partition>;
+
+    /// Which rows may depend on each other.
+    fn dependence(&self) -> Dependence;
+
+    /// Adds an effect that may be added to the model as one that is limited to some rows, and returns the number of the new
+    /// candidate.
+    ///
+    /// * `term`: the number of the effect among the candidates.
+    /// * `limits`: the table `only` of the effect.
+    ///
+    /// # Errors
+    ///
+    /// The limits are wrong, or the candidate is none that can be limited.
+    fn add_limited(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited>;
 
     /// Log likelihood of the rows to which it was fitted (nats), its penalties included.
     fn log_likelihood(&self, fit: &Self::Fit) -> f64;

@@ -19,6 +19,11 @@ fn listed(problems: &[Problem]) -> String {
 
 /// The name of a candidate that is limited: `slip (only agents = [3], from_s = 10.0)`.
 pub(crate) fn limited_name(name: &str, limits: &toml::Table) -> String {
+    format!("{name}{}", suffix(limits))
+}
+
+/// What such a name has beyond that of the effect.
+pub(crate) fn suffix(limits: &toml::Table) -> String {
     let keys: Vec<String> = limits.iter().map(|(key, value)| format!("{key} = {value}")).collect();
-    format!("{name} (only {})", keys.join(", "))
+    format!(" (only {})", keys.join(", "))
 }

@@ -34,6 +34,7 @@ pub mod fit;
 mod group;
 pub mod likelihood;
 mod limited;
+mod linear;
 mod noise_bound;
 pub mod passing;
 pub mod predict;
@@ -47,6 +48,8 @@ mod view;
 
 use super::choices::{ChoiceError, Choices};
 use super::folds::Blocks;
+use super::limits::NotLimited;
+use super::linear::{Column, Dependence, Direction, Linearised, Partition};
 use super::symbolic::FittedFormula;
 use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, StopFlag, Study};
 use basis::{Bases, Basis};
@@ -533,6 +536,34 @@ impl Study for LinkStudy {
         value: f64,
     ) -> Option<LinkFit> {
         self.held_at(fit, term, key, value)
+    }
+
+    fn linearised(&self, fit: &LinkFit) -> Option<Linearised> {
+        self.linearised_at(fit)
+    }
+
+    fn columns(&self, _fit: &LinkFit, term: usize) -> Vec<Column> {
+        self.columns_of(term)
+    }
+
+    fn columns_of_curve(&self, _fit: &LinkFit, term: usize) -> Vec<Column> {
+        self.curve_columns_of(term)
+    }
+
+    fn directions(&self) -> Vec<Direction> {
+        self.directions_of()
+    }
+
+    fn partitions(&self) -> Vec<Partition> {
+        self.partitions_of()
+    }
+
+    fn dependence(&self) -> Dependence {
+        self.dependence_of()
+    }
+
+    fn add_limited(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited> {
+        self.limit(term, limits)
     }
 
     fn log_likelihood(&self, fit: &LinkFit) -> f64 {

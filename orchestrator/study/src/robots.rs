@@ -15,6 +15,7 @@ mod fit;
 mod fit_state;
 mod formulas;
 mod limited;
+mod linear;
 mod motion;
 mod rivals;
 mod screen;
@@ -375,6 +376,7 @@ impl RobotStudy {
         };
         let (physics, gains) = model.physics(&start).ok_or(RobotStudyError::Dynamics)?;
         model.directions = model.tracks.directions(&physics, gains);
+        model.tracks.fix_frames(model.directions.clone());
         model.steps_m = model.tracks.steps_m(&physics, gains);
         let all = in_time.fitted();
         let configured = model.fitted(&[], &all, &start);

@@ -76,6 +76,16 @@ impl<S: Study> Search<'_, S> {
         if let Some(law) = self.effect_instead_of_random(best, tests, accepted) {
             best = law;
         }
+        // Random effects are about a mean that is right: what all rows are off by goes first.
+        let level = |test: &CandidateTest| {
+            test.is_acceptable && candidates[test.term].linear_in == Some(CONSTANT)
+        };
+        if candidates[tests[best].term].level == Level::Random
+            && let Some(level) = tests.iter().position(level)
+            && self.is_off(accepted)
+        {
+            best = level;
+        }
         // Of rivals that are statistically indistinguishable, the one with fewer parameters.
         let n_parameters = |index: usize| candidates[tests[index].term].n_parameters;
         for rival in 0..tests.len() {

@@ -3,10 +3,13 @@
 use super::*;
 use proto::rng::{Draws, Purpose};
 use study::folds::Blocks;
+use study::linear::{Column, Dependence, Direction, Group, Linearised, Partition};
 use study::symbolic::FittedFormula;
-use study::{Estimate, Residuals};
+use study::{Estimate, NotLimited, Residuals};
 
 const ROWS: u64 = 3000;
+/// Members whose rows take turns.
+const MEMBERS: u32 = 10;
 
 /// y = Σ βₖ xₖ + noise of variance 1.
 struct Lines {
@@ -33,6 +36,7 @@ fn candidate(name: &str) -> Candidate {
         linear_in: None,
         is_derived: false,
         untestable: None,
+        only: None,
         stands_in_for: None,
     }
 }
@@ -148,6 +152,69 @@ impl Study for Lines {
         test.iter().map(score).collect()
     }
 
+    fn linearised(&self, fit: &LineFit) -> Option<Linearised> {
+        let one = |value: f64| [value, 0.0, 0.0];
+        let left = |row: usize| self.y[row] - self.predicted(fit, row);
+        let column = |&term: &usize| self.columns[term].iter().map(|x| one(*x)).collect();
+        Some(Linearised {
+            slopes: (0..self.y.len()).map(|row| one(left(row))).collect(),
+            weights: vec![one(1.0); self.y.len()],
+            estimated: fit.terms.iter().map(column).collect(),
+            errors: (0..self.y.len()).map(|row| [left(row), f64::NAN, f64::NAN]).collect(),
+        })
+    }
+
+    fn columns(&self, _fit: &LineFit, term: usize) -> Vec<Column> {
+        vec![self.columns[term].iter().map(|x| [*x, 0.0, 0.0]).collect()]
+    }
+
+    fn columns_of_curve(&self, _fit: &LineFit, _term: usize) -> Vec<Column> {
+        Vec::new()
+    }
+
+    fn directions(&self) -> Vec<Direction> {
+        let column = vec![[1.0, 0.0, 0.0]; self.y.len()];
+        vec![Direction { name: "lines are off", unit: "m", column }]
+    }
+
+    /// Ten members take turns.
+    fn partitions(&self) -> Vec<Partition> {
+        let rows = |id: u32| (id..self.y.len() as u32).step_by(MEMBERS as usize).collect();
+        let groups = (0..MEMBERS).map(|id| Group { id, rows: rows(id) }).collect();
+        vec![Partition { of: "member", key: Some("agents"), groups }]
+    }
+
+    fn dependence(&self) -> Dependence {
+        let rows = 0..self.y.len() as u32;
+        Dependence {
+            times_s: rows.clone().map(|row| f64::from(row / MEMBERS)).collect(),
+            series: rows.clone().map(|row| row % MEMBERS).collect(),
+            campaigns: rows.map(|_| 0).collect(),
+            shortest_s: 3.0,
+            nodes: None,
+        }
+    }
+
+    fn add_limited(&mut self, term: usize, only: &toml::Table) -> Result<usize, NotLimited> {
+        let members: Option<Vec<i64>> = only.get("agents").and_then(|agents| {
+            Some(agents.as_array()?.iter().filter_map(toml::Value::as_integer).collect())
+        });
+        let moment_s = |key: &str| only.get(key).and_then(toml::Value::as_float);
+        let is_in = |row: usize| {
+            let time_s = (row / MEMBERS as usize) as f64;
+            let member = (row % MEMBERS as usize) as i64;
+            members.as_ref().is_none_or(|members| members.contains(&member))
+                && moment_s("from_s").is_none_or(|from_s| from_s <= time_s)
+                && moment_s("until_s").is_none_or(|until_s| time_s < until_s)
+        };
+        let column = self.columns[term].iter().enumerate();
+        self.columns.push(column.map(|(row, x)| if is_in(row) { *x } else { 0.0 }).collect());
+        let unlimited = self.candidates[term].clone();
+        let name = format!("{} (only {only:?})", unlimited.name);
+        self.candidates.push(Candidate { name, only: Some(only.clone()), ..unlimited });
+        Ok(self.columns.len() - 1)
+    }
+
     fn estimates(&self, _fit: &LineFit, _term: usize) -> (Vec<Estimate>, Option<String>) {
         (Vec::new(), None)
     }
@@ -208,4 +275,73 @@ fn a_search_reports_rounds_what_it_tried_and_what_it_accepted() {
     let count = |part: &str| log.iter().filter(|line| line.starts_with(part)).count();
     assert_eq!((count("Round"), count("Tried"), count("Accepted"), count("Ties")), (2, 4, 1, 1));
     assert!(log.iter().any(|line| line.contains("name: \"b\"")), "{log:?}");
+}
+
+fn selected(study: &mut Lines) -> Vec<(String, Option<toml::Table>)> {
+    let (ladder, _) = crate::limits::selection(study, None, &|_| {});
+    let candidate = |&term: &usize| &study.candidates[term];
+    let only =
+        |c: &Candidate| (c.name.split(' ').next().unwrap_or_default().to_owned(), c.only.clone());
+    ladder.accepted.iter().map(candidate).map(only).collect()
+}
+
+/// Lines of which y is measured with its row.
+fn of_row(seed: u64, measured: impl Fn(usize, &[f64]) -> f64) -> Lines {
+    let mut study = Lines::new(&["a", "b"], seed, |_| 0.0);
+    study.candidates.iter_mut().for_each(|candidate| candidate.about = Some(&ABOUT));
+    for row in 0..study.y.len() {
+        let values: Vec<f64> = study.columns.iter().map(|column| column[row]).collect();
+        study.y[row] += measured(row, &values);
+    }
+    study
+}
+
+const ABOUT: proto::effect::About = proto::effect::About {
+    mechanism: "",
+    equation: "",
+    source: "",
+    validity: "",
+    trace: "",
+    needs: &[],
+    example: "",
+};
+
+fn members(id: i64) -> toml::Table {
+    format!("agents = [{id}]").parse().unwrap()
+}
+
+#[test]
+fn what_acts_on_one_of_ten_is_named_with_it() {
+    let mut study = of_row(3, |row, x| if row % 10 == 4 { 0.8 * x[1] } else { 0.0 });
+    assert_eq!(selected(&mut study), [("b".to_owned(), Some(members(4)))]);
+    // What acts on all alike is not limited, and what acts on each otherwise names none.
+    let mut study = of_row(3, |_, x| 0.5 * x[1]);
+    assert_eq!(selected(&mut study), [("b".to_owned(), None)]);
+    let mut study =
+        of_row(3, |row, x| [0.9, 0.1, 0.6, 0.3, 1.1, 0.0, 0.7, 0.2, 0.5, 0.8][row % 10] * x[1]);
+    assert_eq!(selected(&mut study), [("b".to_owned(), None)]);
+}
+
+#[test]
+fn what_acts_on_one_from_a_moment_on_is_named_with_it() {
+    let mut study =
+        of_row(5, |row, x| if row % 10 == 4 && 1500 <= row { -0.9 * x[0] } else { 0.0 });
+    let found = selected(&mut study);
+    let [(name, Some(only))] = &found[..] else { panic!("{found:?}") };
+    assert_eq!((name.as_str(), &only["agents"]), ("a", &members(4)["agents"]));
+    let from_s = only["from_s"].as_float().unwrap();
+    assert!((140.0..160.0).contains(&from_s), "{from_s}");
+    assert!(!only.contains_key("until_s"));
+    let mut study = of_row(6, |row, x| if row < 900 { 0.5 * x[0] } else { 0.0 });
+    let found = selected(&mut study);
+    let [(name, Some(only))] = &found[..] else { panic!("{found:?}") };
+    let until_s = only["until_s"].as_float().unwrap();
+    assert!(name == "a" && (85.0..95.0).contains(&until_s) && only.len() == 1, "{only}");
+}
+
+#[test]
+fn where_nothing_acts_nothing_is_limited() {
+    for seed in 0..20 {
+        assert_eq!(selected(&mut of_row(seed, |_, _| 0.0)), [], "{seed}");
+    }
 }

@@ -60,29 +60,26 @@ pub fn answer(
     let (_, difference) = comparison_sentence(&first.among);
     let missing: Vec<&str> =
         found.accepted.iter().map(|&k| found.tests[k].candidate.name).collect();
-    let verdict = match (found.agrees(), missing.is_empty()) {
-        (true, true) => Verdict::NothingMissing,
-        (true, false) => Verdict::MissingEffects,
-        (false, _) => Verdict::UnexplainedStructure,
-    };
     let far = furthest(found);
-    let sentence = match verdict {
-        Verdict::NothingMissing => {
-            format!("no missing effect is detectable in these packets: {difference}")
-        }
-        Verdict::MissingEffects => {
+    let (verdict, sentence) = match (found.agrees(), missing.is_empty()) {
+        (true, true) => (
+            Verdict::NothingMissing,
+            format!("no missing effect is detectable in these packets: {difference}"),
+        ),
+        (true, false) => {
             let parts: Vec<String> =
                 found.accepted.iter().map(|&k| effect_text(&found.tests[k])).collect();
-            format!(
+            let sentence = format!(
                 "missing: {}. The packets are inconsistent with the model as configured (p = {:.3}), and consistent with \
                  {} (p = {:.3})",
                 parts.join(", then "),
                 first.among.placed.p_value,
                 if missing.len() == 1 { "it" } else { "them" },
                 last.among.placed.p_value
-            )
+            );
+            (Verdict::MissingEffects, sentence)
         }
-        Verdict::UnexplainedStructure => {
+        (false, _) => {
             let also = if missing.is_empty() {
                 String::new()
             } else {
@@ -90,10 +87,11 @@ pub fn answer(
             };
             let figure =
                 far.map_or_else(String::new, |k| format!(", most of all in {}", KPIS[k].name));
-            format!(
+            let sentence = format!(
                 "the packets are inconsistent with the model{also} (p = {:.3}){figure}, and no known effect explains this",
                 last.among.placed.p_value
-            )
+            );
+            (Verdict::UnexplainedStructure, sentence)
         }
     };
     let sentence = match found.stopped {

@@ -107,6 +107,8 @@ fn diagnosis(verdict: Verdict, sentence: &str) -> Diagnosis {
         candidates: Vec::new(),
         unexplained: Vec::new(),
         residuals_searched: true,
+        misfits: Vec::new(),
+        could_hide: f64::NAN,
         next_measurement: Vec::new(),
         complete: true,
         too_little: None,

@@ -133,6 +133,7 @@ pub(super) fn candidate(spec: &TermSpec, rows: &ModelledLinks, catalogue: &Catal
             linear_in: None,
             is_derived: curve.is_derived,
             untestable: None,
+            only: None,
             stands_in_for: None,
         },
         _ => {
@@ -160,6 +161,7 @@ pub(super) fn candidate(spec: &TermSpec, rows: &ModelledLinks, catalogue: &Catal
                 } else {
                     (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", ")))
                 },
+                only: None,
                 stands_in_for: None,
             }
         }

@@ -8,16 +8,7 @@ use crate::{Candidate, Study as _};
 use netsim::phy::effect::only;
 
 impl LinkStudy {
-    /// Adds an effect that may be added to the model as one that is limited to some links, and returns the number of the new
-    /// candidate.
-    ///
-    /// * `term`: the number of the effect among the candidates.
-    /// * `limits`: the table `only` of the effect.
-    ///
-    /// # Errors
-    ///
-    /// The limits are wrong, or the candidate is none that can be limited.
-    pub fn add_limited(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited> {
+    pub(super) fn limit(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited> {
         let Some(&TermSpec::Effect(entry)) = self.specs.get(term) else {
             return Err(NotLimited::Candidate);
         };
@@ -27,6 +18,7 @@ impl LinkStudy {
             return Err(NotLimited::Limits(problems));
         }
         let name = limited_name(&self.candidates()[term].name, &limits);
+        let only = limits.clone();
         let spec = TermSpec::Limited(entry, limits);
         let starts = TermState::starts(&spec);
         let mut effects = starts.iter().filter_map(|start| start.build(&spec));
@@ -34,7 +26,7 @@ impl LinkStudy {
             return Err(NotLimited::Candidate);
         }
         let unlimited = candidate(&spec, &self.rows, &self.catalogue);
-        self.candidates.push(Candidate { name, ..unlimited });
+        self.candidates.push(Candidate { name, only: Some(only), ..unlimited });
         self.specs.push(spec);
         Ok(self.specs.len() - 1)
     }

@@ -7,16 +7,7 @@ use crate::limits::{NotLimited, limited_name};
 use robotsim::dynamics::effect::only;
 
 impl RobotStudy {
-    /// Adds an effect that may be added to the model as one that is limited to some robots or times, and returns the number of the
-    /// new candidate.
-    ///
-    /// * `term`: the number of the effect among the candidates.
-    /// * `limits`: the table `only` of the effect.
-    ///
-    /// # Errors
-    ///
-    /// The limits are wrong, or the candidate is none that can be limited.
-    pub fn add_limited(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited> {
+    pub(super) fn limit(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited> {
         let Some(Term::Effect(effect)) = self.model.terms.get(term) else {
             return Err(NotLimited::Candidate);
         };
@@ -27,8 +18,13 @@ impl RobotStudy {
         }
         let unlimited = self.candidates[term].clone();
         let name = limited_name(&unlimited.name, &limits);
-        let limited = effect.clone().limited(limits);
-        self.candidates.push(Candidate { name, stands_in_for: None, ..unlimited });
+        let limited = effect.clone().limited(limits.clone());
+        self.candidates.push(Candidate {
+            name,
+            only: Some(limits.clone()),
+            stands_in_for: None,
+            ..unlimited
+        });
         self.model.terms.push(Term::Effect(limited));
         Ok(self.model.terms.len() - 1)
     }

@@ -38,6 +38,8 @@ pub(super) struct MeasuredTracks {
     /// The others of the same campaign at each sample; empty where they do not matter.
     others: Vec<Vec<Other>>,
     terrain: Terrain,
+    /// Directions (cosine, sine) along which the errors of windows are given; empty: along what is predicted.
+    frames: Vec<[f64; 2]>,
 }
 
 /// Where the model alone takes each robot, sample by sample: for motion that is alike everywhere, whatever measurements
@@ -95,7 +97,8 @@ impl MeasuredTracks {
         }
         let others = others(&robots);
         let n_overlapping = (window_s / (stride as f64 * spacing_s)).max(1.0);
-        Self { robots, windows, n_overlapping, windows_of, orders, others, terrain }
+        let frames = Vec::new();
+        Self { robots, windows, n_overlapping, windows_of, orders, others, terrain, frames }
     }
 
     /// Only some of the windows. All samples stay: what is known when a window begins follows from those before.
@@ -245,8 +248,18 @@ impl MeasuredTracks {
         gains: Gains,
     ) -> Vec<Residual> {
         let predictions = self.predictions(physics, paths, gains);
-        let both = self.windows.iter().zip(predictions);
-        both.map(|(window, (begin, moved_m))| self.residual(window, &begin, moved_m)).collect()
+        let both = self.windows.iter().zip(predictions).enumerate();
+        both.map(|(index, (window, (begin, moved_m)))| {
+            let frame = self.frames.get(index).copied().unwrap_or_else(|| direction(moved_m));
+            self.residual(window, &begin, moved_m, frame)
+        })
+        .collect()
+    }
+
+    /// From now on the errors of all windows are given along these directions. A term that moves a robot at rest by a hair would
+    /// turn its error otherwise.
+    pub(super) fn fix_frames(&mut self, frames: Vec<[f64; 2]>) {
+        self.frames = frames;
     }
 
     /// Where each window is predicted to end (m).
@@ -294,12 +307,12 @@ impl MeasuredTracks {
         window: &MotionWindow,
         begin: &StateEstimate,
         moved_m: [f64; 3],
+        [cos, sin]: [f64; 2],
     ) -> Residual {
         let measured_m = self.robots.samples[window.end as usize].position_m;
         let error_m: [f64; 3] =
             std::array::from_fn(|i| measured_m[i] - (begin.robot.position_m[i] + moved_m[i]));
         let way_m = libm::hypot(moved_m[0], moved_m[1]);
-        let [cos, sin] = direction(moved_m);
         Residual {
             parts_m: [
                 error_m[0] * cos + error_m[1] * sin,

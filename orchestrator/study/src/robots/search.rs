@@ -4,6 +4,8 @@ use super::density::Residual;
 use super::terms::Term;
 use super::{RobotFit, RobotStudy};
 use crate::folds::Blocks;
+use crate::limits::NotLimited;
+use crate::linear::{Column, Dependence, Direction, Linearised, Partition};
 use crate::symbolic::FittedFormula;
 use crate::{
     Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study, caution, joined,
@@ -125,6 +127,34 @@ impl Study for RobotStudy {
         value: f64,
     ) -> Option<RobotFit> {
         self.held_at(fit, term, key, value)
+    }
+
+    fn linearised(&self, fit: &RobotFit) -> Option<Linearised> {
+        self.linearised_at(fit)
+    }
+
+    fn columns(&self, fit: &RobotFit, term: usize) -> Vec<Column> {
+        self.columns_of(fit, term)
+    }
+
+    fn columns_of_curve(&self, fit: &RobotFit, term: usize) -> Vec<Column> {
+        self.curve_columns_of(fit, term)
+    }
+
+    fn directions(&self) -> Vec<Direction> {
+        self.directions_of()
+    }
+
+    fn partitions(&self) -> Vec<Partition> {
+        self.partitions_of()
+    }
+
+    fn dependence(&self) -> Dependence {
+        self.dependence_of()
+    }
+
+    fn add_limited(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited> {
+        self.limit(term, limits)
     }
 
     fn log_likelihood(&self, fit: &RobotFit) -> f64 {

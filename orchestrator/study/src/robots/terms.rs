@@ -118,6 +118,7 @@ pub(super) fn all(
                 linear_in: entry.fit.linear_in,
                 is_derived: false,
                 untestable: untestable(entry, on, tracks, dynamics, is_noise_given),
+                only: None,
                 stands_in_for: None,
             });
             let table = template(entry, &keys, &parameters, catalogue);
@@ -150,6 +151,7 @@ pub(super) fn all(
                     linear_in: None,
                     is_derived: false,
                     untestable: None,
+                    only: None,
                     stands_in_for,
                 });
                 terms.push(Term::Curve(curve));
@@ -190,6 +192,7 @@ impl RobotStudy {
             linear_in: None,
             is_derived: false,
             untestable: None,
+            only: None,
             stands_in_for: None,
         });
         self.model.terms.push(Term::Effect(EffectTerm {

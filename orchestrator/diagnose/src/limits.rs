@@ -1,0 +1,410 @@
+//! Effects that act on one robot, one node, in one campaign or from a time on: which of them the slopes of a fit ask for.
+//!
+//! Each effect is a column. Limited to a group of rows, or to the time from a moment on, it is tested beside the whole column by a
+//! cluster-robust score test: it must act otherwise there than elsewhere. Of six groups or more, the one must also stand out from the spread
+//! of the others: where all differ, none is named.
+
+use crate::acceptance::FAMILY_ERROR;
+use crate::ladder::{Known, Ladder, Search, without_term};
+use crate::progress::SearchProgress;
+use crate::score_test::{ScoreTest, ScoreTests};
+use proto::effect::Level;
+use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
+use std::sync::Arc;
+use study::linear::{Column, Dependence, Linearised, Partition};
+use study::{COMMON, Candidate, Study};
+use tracing::debug;
+
+/// Moments at which something may have begun or ended that are tried first: so many quantiles of the times …
+const MOMENTS: usize = 12;
+/// … and near the best of them so many more.
+const FINE_MOMENTS: usize = 24;
+/// Groups and spans of time that are tested, of those that promise most by sums of independent rows …
+const PROMISING: usize = 3;
+/// … and at least so much (nats).
+const LEAST_NATS: f64 = 8.0;
+/// A change in time must promise so much more (nats) than none.
+const NOTHING_MORE_NATS: f64 = 6.0;
+/// Groups from which on one must stand out from the others.
+const STANDS_OUT_OF: usize = 6;
+/// Level at which an effect is there before its time, too.
+const LIKELY: f64 = 0.05;
+/// Limited effects that compete at most.
+const MOST: usize = 4;
+/// A limited effect competes that promises at least this share of what the best does.
+const NEARLY: f64 = 0.5;
+
+/// A limited effect that the slopes ask for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proposal {
+    /// The effect, by the number of its candidate.
+    pub term: usize,
+    /// Its table `only`.
+    pub only: toml::Table,
+    /// Its amplitude, in units of the column.
+    pub amplitude: f64,
+    /// What it promises to raise the log likelihood by (nats).
+    pub rise: f64,
+    /// P-value times the number of tests.
+    pub p_value: f64,
+}
+
+/// Whether a candidate may be limited.
+fn may_be_limited(candidate: &Candidate) -> bool {
+    candidate.is_tried()
+        && candidate.only.is_none()
+        && candidate.about.is_some()
+        && candidate.level != Level::Random
+}
+
+/// The column on some rows only.
+fn on(column: &Column, is_in: impl Fn(usize) -> bool) -> Column {
+    let rows = column.iter().enumerate();
+    rows.map(|(row, moved)| if is_in(row) { *moved } else { [0.0; 3] }).collect()
+}
+
+/// Which rows are in each group of a partition.
+fn members(partition: &Partition, n_rows: usize) -> Vec<Vec<bool>> {
+    let of_group = |group: &study::linear::Group| {
+        let mut is_in = vec![false; n_rows];
+        group.rows.iter().for_each(|&row| is_in[row as usize] = true);
+        is_in
+    };
+    partition.groups.iter().map(of_group).collect()
+}
+
+/// What is tested.
+struct Asked<'a> {
+    rows: &'a Linearised,
+    tests: &'a ScoreTests<'a>,
+    dependence: &'a Dependence,
+    n_tests: f64,
+    /// Rows that carry the information of one.
+    design_effect: f64,
+}
+
+/// Rows to which an effect may be limited.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Span {
+    Always,
+    From(f64),
+    Until(f64),
+}
+
+impl Span {
+    fn has(self, time_s: f64) -> bool {
+        match self {
+            Self::Always => true,
+            Self::From(from_s) => from_s <= time_s,
+            Self::Until(until_s) => time_s < until_s,
+        }
+    }
+
+    /// The rest of the time.
+    fn rest(self) -> Option<Self> {
+        match self {
+            Self::Always => None,
+            Self::From(moment_s) => Some(Self::Until(moment_s)),
+            Self::Until(moment_s) => Some(Self::From(moment_s)),
+        }
+    }
+}
+
+/// The limited effects that the slopes of a model ask for, the most promising first. An effect that the model has is looked for in the
+/// model without it.
+#[must_use]
+pub fn proposals<S: Study>(study: &S, search: &Search<'_, S>, accepted: &[usize]) -> Vec<Proposal> {
+    let candidates = study.candidates();
+    let may_be = |term: &usize| may_be_limited(&candidates[*term]);
+    let others = (0..candidates.len()).filter(|term| may_be(term) && !accepted.contains(term));
+    let mut found = asked_for(study, search, accepted, &others.collect::<Vec<_>>());
+    for &term in accepted.iter().filter(|term| may_be(term)) {
+        found.extend(asked_for(study, search, &without_term(accepted, term), &[term]));
+    }
+    found.sort_by(|a, b| b.rise.total_cmp(&a.rise).then(a.term.cmp(&b.term)));
+    let best = found.first().map_or(0.0, |best| best.rise);
+    let mut kept: Vec<Proposal> = Vec::new();
+    for proposal in found {
+        let is_new = |other: &Proposal| other.term != proposal.term;
+        if NEARLY * best <= proposal.rise && kept.len() < MOST && kept.iter().all(is_new) {
+            let Proposal { term, only, rise, p_value, .. } = &proposal;
+            debug!(name = candidates[*term].name, %only, rise, p_value, "asked for");
+            kept.push(proposal);
+        }
+    }
+    kept
+}
+
+/// Which of some effects the slopes of a model ask for, limited.
+fn asked_for<S: Study>(
+    study: &S,
+    search: &Search<'_, S>,
+    model: &[usize],
+    terms: &[usize],
+) -> Vec<Proposal> {
+    if study.is_stopped() {
+        return Vec::new();
+    }
+    let fit = search.full_fit(model, COMMON, None);
+    let Some(rows) = study.linearised(&fit) else { return Vec::new() };
+    let dependence = study.dependence();
+    let tests = ScoreTests::new(&rows, &dependence);
+    let mut partitions = study.partitions();
+    partitions.retain(|partition| partition.key.is_some());
+    let columns: Vec<(usize, Vec<Column>)> =
+        terms.iter().map(|&term| (term, study.columns(&fit, term))).collect();
+    let n_columns: usize = columns.iter().map(|(_, columns)| columns.len()).sum();
+    let n_groups: usize = partitions.iter().map(|partition| partition.groups.len()).sum();
+    let asked = Asked {
+        rows: &rows,
+        tests: &tests,
+        dependence: &dependence,
+        n_tests: (n_columns * (n_groups + 1) * (2 * MOMENTS + 1)) as f64,
+        design_effect: study.design_effect(),
+    };
+    let of_column = |(term, column): (usize, &Column)| {
+        let of_groups = |partition| asked.of_groups(term, column, partition);
+        let mut found: Vec<Proposal> = partitions.iter().filter_map(of_groups).collect();
+        found.extend(asked.of_time(term, column, None));
+        found
+    };
+    let pairs: Vec<(usize, &Column)> = columns
+        .iter()
+        .flat_map(|(term, columns)| columns.iter().map(move |column| (*term, column)))
+        .collect();
+    pairs.into_par_iter().flat_map_iter(of_column).collect()
+}
+
+/// Rounds in which limited effects are looked for.
+const MOST_ROUNDS: usize = 3;
+
+/// Selects effects step by step, and again with the limited effects that what is left asks for, until nothing is asked for.
+///
+/// * `whole`: the study of all rows, where the search uses some of them only. It gets the same candidates.
+///
+/// Returns the selection, and what the search has computed.
+pub fn selection<S: Study>(
+    study: &mut S,
+    mut whole: Option<&mut S>,
+    report: &(dyn Fn(SearchProgress<'_>) + Sync),
+) -> (Ladder, Arc<Known<S::Fit>>) {
+    let mut known = Arc::<Known<S::Fit>>::default();
+    let mut round = 0;
+    loop {
+        let search = Search::new(study, report).with_known(known);
+        let ladder = search.stepwise_selection();
+        known = search.known();
+        round += 1;
+        if !ladder.is_complete() || MOST_ROUNDS <= round {
+            return (ladder, known);
+        }
+        let found = proposals(study, &search, &ladder.accepted);
+        let n_before = study.candidates().len();
+        for proposal in found {
+            let is_known = study.candidates().iter().any(|candidate| {
+                candidate.only.as_ref() == Some(&proposal.only)
+                    && candidate.name.starts_with(&study.candidates()[proposal.term].name)
+            });
+            // What cannot be limited is not.
+            if !is_known
+                && study.add_limited(proposal.term, &proposal.only).is_ok()
+                && let Some(whole) = &mut whole
+            {
+                let _ = whole.add_limited(proposal.term, &proposal.only);
+            }
+        }
+        if study.candidates().len() == n_before {
+            return (ladder, known);
+        }
+    }
+}
+
+/// Whether a limited effect is asked for by the slopes of a fit: its p-value, of one test.
+#[must_use]
+pub fn p_value<S: Study>(study: &S, fit: &S::Fit, term: usize) -> f64 {
+    let Some(rows) = study.linearised(fit) else { return 1.0 };
+    let dependence = study.dependence();
+    let tests = ScoreTests::new(&rows, &dependence);
+    let columns = study.columns(fit, term);
+    let least = columns.iter().filter_map(|column| tests.test(column, &[]));
+    let n = columns.len() as f64;
+    least.map(|test| n * test.p_value).fold(1.0, f64::min)
+}
+
+/// Quantiles of sorted values between their ends.
+fn quantiles(sorted: &[f64], n: usize) -> Vec<f64> {
+    let at = |k: usize| sorted[k * sorted.len() / (n + 1)];
+    let mut all: Vec<f64> = (1..=n).map(at).collect();
+    all.dedup();
+    all.retain(|value| sorted[0] < *value);
+    all
+}
+
+impl Asked<'_> {
+    fn is_significant(&self, test: &ScoreTest) -> bool {
+        self.n_tests * test.p_value < FAMILY_ERROR
+    }
+
+    fn during(&self, column: &Column, span: Span) -> Column {
+        on(column, |row| span.has(self.dependence.times_s[row]))
+    }
+
+    /// The spans that promise most for a column, by sums over rows that count as independent.
+    fn promising(&self, column: &Column) -> Vec<(Span, f64)> {
+        let concerned: Vec<usize> =
+            (0..column.len()).filter(|&row| column[row] != [0.0; 3]).collect();
+        let mut times_s: Vec<f64> =
+            concerned.iter().map(|&row| self.dependence.times_s[row]).collect();
+        times_s.sort_by(f64::total_cmp);
+        let moments_s = if times_s.iter().all(|time_s| time_s.is_finite()) && !times_s.is_empty() {
+            quantiles(&times_s, MOMENTS)
+        } else {
+            Vec::new()
+        };
+        // Sums of scores and information between the moments.
+        let mut sums = vec![(0.0, 0.0); moments_s.len() + 1];
+        for &row in &concerned {
+            let part =
+                moments_s.partition_point(|moment_s| *moment_s <= self.dependence.times_s[row]);
+            for k in 0..3 {
+                let x = column[row][k];
+                sums[part].0 += self.rows.slopes[row][k] * x;
+                sums[part].1 += self.rows.weights[row][k] * x * x;
+            }
+        }
+        let rise = |parts: &[(f64, f64)]| {
+            let (score, information) =
+                parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
+            if 0.0 < information {
+                0.5 * score * score / information / self.design_effect
+            } else {
+                0.0
+            }
+        };
+        let mut spans = vec![(Span::Always, rise(&sums))];
+        for (k, &moment_s) in moments_s.iter().enumerate() {
+            spans.push((Span::From(moment_s), rise(&sums[k + 1..])));
+            spans.push((Span::Until(moment_s), rise(&sums[..=k])));
+        }
+        spans.sort_by(|a, b| b.1.total_cmp(&a.1));
+        spans.truncate(PROMISING);
+        if !spans.iter().any(|(span, _)| *span == Span::Always) {
+            spans.push((Span::Always, rise(&sums)));
+        }
+        spans
+    }
+
+    /// Effects limited to one of the groups, and perhaps to a time.
+    fn of_groups(&self, term: usize, column: &Column, partition: &Partition) -> Option<Proposal> {
+        let key = partition.key?;
+        let members = members(partition, column.len());
+        let columns: Vec<Column> =
+            members.iter().map(|is_in| on(column, |row| is_in[row])).collect();
+        let mut promising: Vec<(usize, f64)> = columns
+            .iter()
+            .map(|column| self.promising(column)[0].1)
+            .enumerate()
+            .filter(|(_, rise)| LEAST_NATS < *rise)
+            .collect();
+        promising.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let found = promising.into_iter().take(PROMISING).filter_map(|(group, _)| {
+            let mut found = self.of_time(term, &columns[group], Some(column))?;
+            let id = i64::from(partition.groups[group].id);
+            found.only.insert(key.to_owned(), toml::Value::Array(vec![id.into()]));
+            Some((group, found))
+        });
+        let (group, found) = found.max_by(|a, b| a.1.rise.total_cmp(&b.1.rise))?;
+        let amplitude = |column: &Column| Some(self.tests.test(column, &[])?.amplitude);
+        let others = (0..columns.len())
+            .filter(|other| *other != group)
+            .map(|other| amplitude(&columns[other]));
+        let others: Vec<f64> = others.flatten().collect();
+        stands_out(found.amplitude, &others).then_some(found)
+    }
+
+    /// A column as it acts always, from a moment on or until one. `beside`: what acts on all rows alike, always; none: the column.
+    fn of_time(&self, term: usize, column: &Column, beside: Option<&Column>) -> Option<Proposal> {
+        let whole = beside.unwrap_or(column);
+        let spans = self.promising(column);
+        let test = |span: Span| self.tests.test(&self.during(column, span), &[whole]);
+        let significant = spans.into_iter().filter_map(|(span, rise)| {
+            // All rows always are nothing limited.
+            let is_limited = beside.is_some() || span != Span::Always;
+            let test = test(span).filter(|test| is_limited && self.is_significant(test))?;
+            Some((span, rise, test))
+        });
+        let significant: Vec<(Span, f64, ScoreTest)> = significant.collect();
+        let best = significant.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        // For always speaks that a change is worth little.
+        let always = significant
+            .iter()
+            .find(|(span, rise, _)| *span == Span::Always && best.1 < rise + NOTHING_MORE_NATS);
+        let (mut span, _, found) = *always.unwrap_or(best);
+        span = self.refined(column, span);
+        if let Some(rest) = span.rest() {
+            let [inside, outside] = [span, rest].map(|span| self.during(column, span));
+            let beside_p = self.tests.test(&outside, &[&inside]);
+            if beside_p.is_some_and(|test| test.p_value < LIKELY) {
+                // It is there in the rest of the time, too.
+                beside?;
+                span = Span::Always;
+            }
+        }
+        let own = self.tests.test(&self.during(column, span), &[]).unwrap_or(found);
+        let mut only = toml::Table::new();
+        match span {
+            Span::Always => {}
+            Span::From(from_s) => {
+                only.insert("from_s".to_owned(), rounded(from_s).into());
+            }
+            Span::Until(until_s) => {
+                only.insert("until_s".to_owned(), rounded(until_s).into());
+            }
+        }
+        let p_value = self.n_tests * found.p_value;
+        Some(Proposal { term, only, amplitude: own.amplitude, rise: own.rise, p_value })
+    }
+
+    /// The moment of a span more exactly.
+    fn refined(&self, column: &Column, span: Span) -> Span {
+        let (moment_s, make): (f64, fn(f64) -> Span) = match span {
+            Span::Always => return span,
+            Span::From(moment_s) => (moment_s, Span::From),
+            Span::Until(moment_s) => (moment_s, Span::Until),
+        };
+        let times_s = &self.dependence.times_s;
+        let mut own_s: Vec<f64> = (0..column.len())
+            .filter(|&row| column[row] != [0.0; 3])
+            .map(|row| times_s[row])
+            .collect();
+        own_s.sort_by(f64::total_cmp);
+        let at = own_s.partition_point(|time_s| *time_s < moment_s);
+        let reach = own_s.len() / MOMENTS;
+        let near = &own_s[at.saturating_sub(reach)..(at + reach).min(own_s.len())];
+        let fine = quantiles(near, FINE_MOMENTS).into_iter().chain([moment_s]).map(|moment_s| {
+            let span = make(moment_s);
+            (span, self.tests.rise(&self.during(column, span), &[]))
+        });
+        fine.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(span, |(span, _)| span)
+    }
+}
+
+/// A moment in tenths of a second.
+fn rounded(moment_s: f64) -> f64 {
+    (10.0 * moment_s).round() / 10.0
+}
+
+/// Whether an amplitude lies outside of what the others make likely; of few groups always.
+fn stands_out(own: f64, others: &[f64]) -> bool {
+    let n = others.len() as f64;
+    if others.len() + 1 < STANDS_OUT_OF {
+        return true;
+    }
+    let mean = others.iter().sum::<f64>() / n;
+    let squares: f64 = others.iter().map(|other| (other - mean) * (other - mean)).sum();
+    let t = (own - mean).abs() / (squares / (n - 1.0) * (1.0 + 1.0 / n)).sqrt();
+    // Of all groups the one that lies furthest.
+    let p_value = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |law| 2.0 * law.sf(t));
+    p_value * (n + 1.0) < LIKELY
+}

@@ -1,0 +1,76 @@
+//! The log likelihood of rows near a fit: by how much each row wants its predicted mean moved, and what columns would move it.
+//!
+//! A search for effects that act on one robot, one node or in one part of the time asks many questions of one fit. Each is answered
+//! from the slopes of the rows' log likelihoods (efficient scores), without another fit.
+
+/// By how much something moves the predicted mean of each row, part by part: of links the level (dB); of robots where a window ends,
+/// along, across and above the predicted motion (m).
+pub type Column = Vec<[f64; 3]>;
+
+/// Slopes of the log likelihood of each row at a fit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Linearised {
+    /// Derivative of a row's log likelihood by the mean of each part.
+    pub slopes: Column,
+    /// Information of a row about the mean of each part: minus the second derivative.
+    pub weights: Column,
+    /// What the parameters that were estimated move, by unit of each.
+    pub estimated: Vec<Column>,
+    /// Measured less predicted; NaN where nothing was measured.
+    pub errors: Column,
+}
+
+/// A constant that every row may be off by.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Direction {
+    /// What is off, in words: `readings are off`, `robots are off to the left`.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// What one unit moves.
+    pub column: Column,
+}
+
+/// Rows that have something in common: those of one robot, of one sender.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Group {
+    /// Which one: its number.
+    pub id: u32,
+    /// Its rows.
+    pub rows: Vec<u32>,
+}
+
+/// A way to divide rows into groups.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Partition {
+    /// What a group is, in words: `robot`, `sender`, `campaign`.
+    pub of: &'static str,
+    /// The key of a table `only` that limits an effect to a group; none where there is none.
+    pub key: Option<&'static str>,
+    /// The groups, by their numbers.
+    pub groups: Vec<Group>,
+}
+
+/// Which rows may depend on each other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Dependence {
+    /// The time of each row (s); NaN where it is unknown.
+    pub times_s: Vec<f64>,
+    /// The series to which each row belongs, within which errors may be correlated in time: a robot's track, a campaign.
+    pub series: Vec<u32>,
+    /// The campaign of each row, by number from 0: what happens at one time of it may concern all its series.
+    pub campaigns: Vec<u32>,
+    /// Length of the shortest blocks of time (s).
+    pub shortest_s: f64,
+    /// The two nodes of each row, where rows are of links.
+    pub nodes: Option<Vec<[u32; 2]>>,
+}
+
+/// Keys as numbers from 0, in the order in which the keys sort.
+pub(crate) fn numbered(keys: impl Iterator<Item = u32>) -> Vec<u32> {
+    let keys: Vec<u32> = keys.collect();
+    let mut sorted = keys.clone();
+    sorted.sort_unstable();
+    sorted.dedup();
+    keys.iter().map(|key| sorted.binary_search(key).unwrap_or_default() as u32).collect()
+}
