@@ -4,7 +4,7 @@ use super::diagnosis::{
     Affects, AlsoAlong, Diagnosis, Parameter, Rung, SCHEMA, Structure, Tested, Verdict,
 };
 use super::gain::Gain;
-use super::gate;
+use super::gate::{self, Gate};
 use super::ladder::{self, CandidateTest, Ladder, Search};
 use super::next;
 use super::scan::Unexplained;
@@ -57,7 +57,11 @@ pub fn answer<S: Study>(
     residuals: &Unexplained,
     all_rows: Option<&S>,
 ) -> Diagnosis {
-    let gate = gate::gate(study, &search.full_fit(&ladder.accepted, COMMON, None));
+    let gate = if search.is_stopped() {
+        Gate::default()
+    } else {
+        gate::gate(study, &search.full_fit(&ladder.accepted, COMMON, None))
+    };
     let (numbers_of, fit) = numbers(search, study, all_rows, &ladder.accepted);
     let unexplained = unexplained(study, ladder, residuals);
     let missing: Vec<String> = ladder

@@ -516,6 +516,8 @@ impl<'a, S: Study> Search<'a, S> {
         let dependence = self.study.dependence();
         let tests = ScoreTests::new(&rows, &dependence);
         let varies_in_time = candidate.level == Level::Time;
+        // A robot's commands change faster than its errors drift.
+        let is_of_links = dependence.nodes.is_some();
         if candidate.curve_over().is_some() {
             let columns = self.study.columns_of_curve(&fit, term);
             let has_times = dependence.times_s.iter().all(|time_s| time_s.is_finite());
@@ -524,7 +526,7 @@ impl<'a, S: Study> Search<'a, S> {
             }
             let p_value = tests.p_value_together(&columns);
             debug!(name = candidate.name, ?p_value, "clustered");
-            return p_value.is_some_and(|p_value| p_value < FAMILY_ERROR);
+            return p_value.map_or(!is_of_links, |p_value| p_value < FAMILY_ERROR);
         }
         let columns = self.study.columns(&fit, term);
         if columns.is_empty() {
@@ -534,7 +536,11 @@ impl<'a, S: Study> Search<'a, S> {
             columns.iter().filter_map(|column| tests.test(column, &[])).collect();
         let least = known.iter().map(|test| test.p_value).fold(f64::INFINITY, f64::min);
         debug!(name = candidate.name, least, n = known.len(), "clustered");
-        if known.is_empty() { !varies_in_time } else { least * known.len() as f64 <= FAMILY_ERROR }
+        if known.is_empty() {
+            !(varies_in_time && is_of_links)
+        } else {
+            least * known.len() as f64 <= FAMILY_ERROR
+        }
     }
 
     /// The share of the error that a term removes beside those accepted.

@@ -267,10 +267,10 @@ impl Asked<'_> {
         for &row in &concerned {
             let part =
                 moments_s.partition_point(|moment_s| *moment_s <= self.dependence.times_s[row]);
-            for k in 0..3 {
-                let x = column[row][k];
-                sums[part].0 += self.rows.slopes[row][k] * x;
-                sums[part].1 += self.rows.weights[row][k] * x * x;
+            let slopes = self.rows.slopes[row].iter().zip(&self.rows.weights[row]);
+            for ((slope, weight), x) in slopes.zip(&column[row]) {
+                sums[part].0 += slope * x;
+                sums[part].1 += weight * x * x;
             }
         }
         let rise = |parts: &[(f64, f64)]| {

@@ -4,9 +4,9 @@ use super::{FEWEST_CLUSTERS, FEWEST_NODES};
 use std::collections::BTreeMap;
 use study::linear::Dependence;
 
-/// Sums of neighbouring blocks that are correlated by more than this, and more than twice the standard error of no correlation, are
-/// not independent.
-const CORRELATED: f64 = 0.1;
+/// Sums of neighbouring blocks may be correlated by so much, or by twice the standard error of no correlation: the variance of their sum
+/// is then greater by that.
+const CORRELATED: f64 = 0.2;
 /// A cluster that carries more of the information than this decides alone: nothing can be told.
 const MOST_IN_ONE: f64 = 0.5;
 /// A cluster counts that carries at least this share of the mean of all.
@@ -38,11 +38,13 @@ pub(super) struct Clusters<'a> {
 struct Sums {
     values: Vec<f64>,
     informations: Vec<f64>,
+    /// How neighbours are correlated.
+    correlation: f64,
 }
 
 impl Sums {
     fn new(n: usize) -> Self {
-        Self { values: vec![0.0; n], informations: vec![0.0; n] }
+        Self { values: vec![0.0; n], informations: vec![0.0; n], correlation: 0.0 }
     }
 
     fn add(&mut self, cluster: usize, value: f64, information: f64) {
@@ -170,7 +172,8 @@ impl<'a> Clusters<'a> {
                 sums.add(series * n_blocks + self.block(row, length_s), *value, *information);
             }
             let is_same = |a: usize, b: usize| a / n_blocks == b / n_blocks;
-            (!is_correlated(&sums, is_same)).then_some(sums)
+            sums.correlation = uncorrelated(&sums, is_same)?;
+            Some(sums)
         })
     }
 
@@ -184,7 +187,8 @@ impl<'a> Clusters<'a> {
                 sums.add(campaign * n_blocks + self.block(row, length_s), *value, *information);
             }
             let is_same = |a: usize, b: usize| a / n_blocks == b / n_blocks;
-            (!is_correlated(&sums, is_same)).then_some((sums, length_s))
+            sums.correlation = uncorrelated(&sums, is_same)?;
+            Some((sums, length_s))
         })
     }
 
@@ -240,8 +244,8 @@ impl<'a> Clusters<'a> {
     }
 }
 
-/// Whether sums of clusters that follow each other are correlated.
-fn is_correlated(sums: &Sums, is_same: impl Fn(usize, usize) -> bool) -> bool {
+/// How sums of clusters that follow each other are correlated; none where it is too much.
+fn uncorrelated(sums: &Sums, is_same: impl Fn(usize, usize) -> bool) -> Option<f64> {
     let counts = counting(sums);
     let pairs = (1..sums.values.len())
         .filter(|&next| is_same(next - 1, next) && counts[next - 1] && counts[next]);
@@ -255,7 +259,10 @@ fn is_correlated(sums: &Sums, is_same: impl Fn(usize, usize) -> bool) -> bool {
         n += 1.0;
     }
     let correlation = products / (first * second).sqrt();
-    correlation.is_finite() && CORRELATED.max(2.0 / f64::sqrt(n)) < correlation
+    if !correlation.is_finite() {
+        return Some(0.0);
+    }
+    (correlation <= CORRELATED.max(2.0 / f64::sqrt(n))).then_some(correlation.max(0.0))
 }
 
 /// Which clusters carry information.
@@ -280,7 +287,8 @@ fn of_sums(sums: &Sums, fewest: usize) -> Option<Spread> {
     let counted: Vec<f64> =
         values.iter().zip(&counts).filter(|(_, counts)| **counts).map(|(v, _)| *v).collect();
     Some(Spread {
-        variance: values.iter().map(|value| value * value).sum(),
+        variance: values.iter().map(|value| value * value).sum::<f64>()
+            * (1.0 + 2.0 * sums.correlation),
         freedom: (total * total / squares - 1.0).max(1.0),
         n_clusters: n,
         skewness: skewness(&counted),
