@@ -25,6 +25,9 @@ const HOPELESS_NATS: f64 = 12.0;
 const NOTHING_MORE_NATS: f64 = 6.0;
 /// A rival raises the log likelihood by at least this share of what the chosen candidate does.
 const NEARLY: f64 = 0.8;
+/// Level at which what a term moves must be beyond what rows that depend on each other share. That it predicts rows left out was shown
+/// before.
+const BESIDE_DRIFT: f64 = 0.02;
 /// The selection accepts no more terms than this.
 const MOST_TERMS: usize = 8;
 
@@ -513,11 +516,15 @@ impl<'a, S: Study> Search<'a, S> {
         }
         let fit = self.full_fit(others, COMMON, None);
         let Some(rows) = self.study.linearised(&fit) else { return true };
-        let dependence = self.study.dependence();
-        let tests = ScoreTests::new(&rows, &dependence);
+        let mut dependence = self.study.dependence();
         let varies_in_time = candidate.level == Level::Time;
         // A robot's commands change faster than its errors drift.
         let is_of_links = dependence.nodes.is_some();
+        if varies_in_time && candidate.linear_in != Some(CONSTANT) {
+            // Nodes see the same covariate at the same time: what is theirs does not follow it.
+            dependence.nodes = None;
+        }
+        let tests = ScoreTests::new(&rows, &dependence);
         if candidate.curve_over().is_some() {
             let columns = self.study.columns_of_curve(&fit, term);
             let has_times = dependence.times_s.iter().all(|time_s| time_s.is_finite());
@@ -526,7 +533,7 @@ impl<'a, S: Study> Search<'a, S> {
             }
             let p_value = tests.p_value_together(&columns);
             debug!(name = candidate.name, ?p_value, "clustered");
-            return p_value.map_or(!is_of_links, |p_value| p_value < FAMILY_ERROR);
+            return p_value.map_or(!is_of_links, |p_value| p_value < BESIDE_DRIFT);
         }
         let columns = self.study.columns(&fit, term);
         if columns.is_empty() {
@@ -539,7 +546,7 @@ impl<'a, S: Study> Search<'a, S> {
         if known.is_empty() {
             !(varies_in_time && is_of_links)
         } else {
-            least * known.len() as f64 <= FAMILY_ERROR
+            least * (known.len() as f64) < BESIDE_DRIFT
         }
     }
 
