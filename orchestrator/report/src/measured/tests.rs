@@ -71,6 +71,7 @@ fn candidate(effect: &str, gain: f64) -> Tested {
         standard_error: 0.1 * gain,
         p_value: 0.0,
         accepted: 0.0 < gain,
+        only: None,
         indistinguishable_from: Vec::new(),
         warning: None,
         parameters: IndexMap::new(),
