@@ -4,6 +4,7 @@ mod answers;
 mod check;
 mod choice;
 mod convert;
+mod corrected;
 mod formula;
 mod inputs;
 mod measured;

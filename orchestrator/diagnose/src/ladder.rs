@@ -1,14 +1,12 @@
 //! The search: which term makes the model predict data that it has not seen better; then which next; until none does.
 
 mod choice;
+mod clustered;
 
-use super::acceptance::{self, Acceptance, FAMILY_ERROR, WORTH_NATS};
+use super::acceptance::{self, Acceptance, FAMILY_ERROR};
 use super::gain::{Gain, Scores};
-use super::gate;
-use super::limits;
 use super::progress::SearchProgress;
-use super::score_test::{ScoreTest, ScoreTests};
-use proto::effect::{CONSTANT, Level};
+use proto::effect::Level;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -25,9 +23,6 @@ const HOPELESS_NATS: f64 = 12.0;
 const NOTHING_MORE_NATS: f64 = 6.0;
 /// A rival raises the log likelihood by at least this share of what the chosen candidate does.
 const NEARLY: f64 = 0.8;
-/// Level at which what a term moves must be beyond what rows that depend on each other share. That it predicts rows left out was shown
-/// before.
-const BESIDE_DRIFT: f64 = 0.02;
 /// The selection accepts no more terms than this.
 const MOST_TERMS: usize = 8;
 
@@ -505,118 +500,6 @@ impl<'a, S: Study> Search<'a, S> {
                 (test.is_significant, test.is_plausible) = (false, false);
             }
         }
-    }
-
-    /// Whether what a term moves is beyond what rows that depend on each other may share: those of a node, and those that follow each
-    /// other. A covariate that changes in time is no cause where the error drifts as slowly.
-    fn stands_clustered(&self, term: usize, others: &[usize]) -> bool {
-        let candidate = &self.study.candidates()[term];
-        if candidate.level == Level::Random {
-            return true;
-        }
-        let fit = self.full_fit(others, COMMON, None);
-        let Some(rows) = self.study.linearised(&fit) else { return true };
-        let mut dependence = self.study.dependence();
-        let varies_in_time = candidate.level == Level::Time;
-        // A robot's commands change faster than its errors drift.
-        let is_of_links = dependence.nodes.is_some();
-        if varies_in_time && candidate.linear_in != Some(CONSTANT) {
-            // Nodes see the same covariate at the same time: what is theirs does not follow it.
-            dependence.nodes = None;
-        }
-        let tests = ScoreTests::new(&rows, &dependence);
-        if candidate.curve_over().is_some() {
-            let columns = self.study.columns_of_curve(&fit, term);
-            let has_times = dependence.times_s.iter().all(|time_s| time_s.is_finite());
-            if columns.is_empty() || !varies_in_time || !has_times {
-                return true;
-            }
-            let p_value = tests.p_value_together(&columns);
-            debug!(name = candidate.name, ?p_value, "clustered");
-            return p_value.map_or(!is_of_links, |p_value| p_value < BESIDE_DRIFT);
-        }
-        let columns = self.study.columns(&fit, term);
-        if columns.is_empty() {
-            return true;
-        }
-        let known: Vec<ScoreTest> =
-            columns.iter().filter_map(|column| tests.test(column, &[])).collect();
-        let least = known.iter().map(|test| test.p_value).fold(f64::INFINITY, f64::min);
-        debug!(name = candidate.name, least, n = known.len(), "clustered");
-        if known.is_empty() {
-            !(varies_in_time && is_of_links)
-        } else {
-            least * (known.len() as f64) < BESIDE_DRIFT
-        }
-    }
-
-    /// The share of the error that a term removes beside those accepted.
-    fn share_removed(&self, term: usize, accepted: &[usize]) -> f64 {
-        let level = self.study.candidates()[term].level;
-        let now = Scores::mean(&self.held_out_scores(&with_term(accepted, term), level));
-        now.share_removed(&Scores::mean(&self.held_out_scores(accepted, level)))
-    }
-
-    /// Whether an effect that is limited to some rows, or moves all alike, is asked for by the slopes of the fit of others. Of few blocks, such
-    /// as those of one robot, a mean of gains tells little.
-    fn is_asked_for(&self, term: usize, others: &[usize]) -> bool {
-        let candidate = &self.study.candidates()[term];
-        (candidate.only.is_some() || candidate.linear_in == Some(CONSTANT))
-            && limits::p_value(self.study, &self.full_fit(others, COMMON, None), term)
-                < FAMILY_ERROR
-    }
-
-    /// Whether a term is the level about which random effects vary: it is not given up for them, which follow any level.
-    fn is_level_of_random(&self, term: usize, others: &[usize]) -> bool {
-        let candidates = self.study.candidates();
-        let is_random = |other: &usize| candidates[*other].level == Level::Random;
-        if candidates[term].linear_in != Some(CONSTANT) || !others.iter().any(is_random) {
-            return false;
-        }
-        let means: Vec<usize> = others.iter().copied().filter(|other| !is_random(other)).collect();
-        self.is_asked_for(term, &means)
-    }
-
-    /// Whether all rows are off by a constant that is worth removing, beside these terms.
-    fn is_off(&self, terms: &[usize]) -> bool {
-        let gate = gate::gate(self.study, &self.full_fit(terms, COMMON, None));
-        gate.misfits.iter().any(|misfit| misfit.of.is_none())
-    }
-
-    /// Backward elimination: removes accepted terms, the last one excepted, that no longer gain significantly. Returns the removed
-    /// terms.
-    fn backward_elimination(&self, accepted: &mut Vec<usize>) -> Vec<usize> {
-        let candidates = self.study.candidates();
-        let mut removed = Vec::new();
-        let mut index = 0;
-        while index + 1 < accepted.len() {
-            let term = accepted[index];
-            let level = candidates[term].level;
-            let mut rest = without_term(accepted, term);
-            if candidates[term].curve_over().is_none() {
-                rest.iter_mut().for_each(|term| *term = self.stand_in_for(*term));
-            }
-            let all = self.full_fit(accepted, level, None);
-            self.prepare(&rest, &all);
-            let gain = self.term_gain(term, accepted, &rest, level);
-            debug!(
-                name = candidates[term].name,
-                gain = gain.gain,
-                p = gain.p_value,
-                "weighed again"
-            );
-            let is_chance = || FAMILY_ERROR < gain.p_value && !self.is_asked_for(term, &rest);
-            if !self.is_level_of_random(term, &rest)
-                && (gain.gain < WORTH_NATS / 10.0 || is_chance())
-            {
-                (self.report)(SearchProgress::Removed { name: &candidates[term].name });
-                *accepted = rest;
-                removed.push(term);
-            } else {
-                index += 1;
-            }
-        }
-        removed
     }
 
     /// For a curve without a constant part the candidate that has one; any other term itself.

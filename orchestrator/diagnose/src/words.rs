@@ -11,10 +11,11 @@ use study::defects::PREFIX;
 pub fn sentence(diagnosis: &Diagnosis) -> String {
     let missing = effects(diagnosis).join(", then ");
     let found = match (&diagnosis.too_little, diagnosis.verdict) {
-        (_, Verdict::SomethingMissing) => format!(
-            "something is missing, and these data do not say what: {}",
-            diagnosis.misfits.first().map(Misfit::sentence).unwrap_or_default()
-        ),
+        (why, Verdict::SomethingMissing) => {
+            let why = why.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
+            let misfit = diagnosis.misfits.first().map(Misfit::sentence).unwrap_or_default();
+            format!("something is missing, and these data do not say what: {misfit}{why}")
+        }
         (Some(why), _) => why.clone(),
         (None, Verdict::NothingFound) => format!(
             "nothing was found, but these data are too few to tell: an error of up to {:.2} {} could hide in them",

@@ -1,6 +1,7 @@
 //! The commands that hold a model against measurements.
 
 use super::choice::ChoiceArgs;
+use super::corrected::corrected;
 use super::formula::FormulaArgs;
 use super::inputs::print_account;
 use super::packets::{Adding, Opened, ResimulationArgs};
@@ -293,7 +294,7 @@ pub(super) struct ExtendArgs {
     effect: Vec<String>,
     /// Run diagnose and add every effect that it accepts
     #[arg(long, conflicts_with = "effect")]
-    all: bool,
+    pub(super) all: bool,
     #[command(flatten)]
     formula: FormulaArgs,
     /// Write the extended configuration to this file (TOML); - for standard output
@@ -307,7 +308,7 @@ pub(super) struct ExtendArgs {
     /// Links only: look for defects of the measurement, fit to the corrected measurements, and write these to this file (CSV);
     /// - for standard output
     #[arg(long, value_name = "FILE")]
-    corrected_data: Option<PathBuf>,
+    pub(super) corrected_data: Option<PathBuf>,
     #[command(flatten)]
     resimulation: ResimulationArgs,
 }
@@ -444,50 +445,6 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
             extend_with(args, (&config, &account), &mut study, None, section, &stopper)
         }
     }
-}
-
-/// The measurements that are fitted to: corrected, where all that diagnose accepts is added or corrected data are asked for. Writes the
-/// corrected data.
-fn corrected(
-    args: &ExtendArgs,
-    table: &DataTable,
-    study: LinkStudy,
-    account: DataAccount,
-    stopper: &Stopper,
-) -> Result<(LinkStudy, DataAccount), Failure> {
-    if !args.all && args.corrected_data.is_none() {
-        return Ok((study, account));
-    }
-    let log = SearchLog::new(Some(stopper));
-    let report = |progress: SearchProgress<'_>| log.log(progress);
-    let found = defects::find(&study, &report);
-    log.clear();
-    if let (Some(path), true) = (&args.corrected_data, stopper.flag().is_set()) {
-        return Err(Failure::request(format!(
-            "--corrected-data {}: the search was stopped before it told which defects there are; nothing is written",
-            path.display()
-        )));
-    }
-    for defect in &found {
-        say(MeasurementDefect::of(defect).text());
-    }
-    if let Some(path) = &args.corrected_data {
-        let written = corrected_data(table, &study, &found).map_err(|refused| {
-            Failure::request(format!("--corrected-data {}: {refused}", path.display()))
-        })?;
-        write_whole("--corrected-data", path, &written.csv)?;
-        say(format!(
-            "{}: {} rows, {} of them corrected; {} rows with defects and {} that cannot be used are left out",
-            path.display(),
-            written.n_rows,
-            written.n_changed,
-            written.n_left_out,
-            written.n_rejected
-        ));
-    }
-    let account = defects::corrected_account(&account, &found);
-    let changed = defects::corrected(&study, &found).map_err(Failure::request)?;
-    Ok((changed.unwrap_or(study), account))
 }
 
 fn extend_with<S: Study>(

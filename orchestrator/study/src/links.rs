@@ -57,7 +57,7 @@ use cells::{Random, RandomEffectSds, RowCells};
 use fit::{FitProblem, FreeRandomEffects, IterationLimits, LinkFit};
 use likelihood::Instrument;
 use netsim::catalogue::Catalogue;
-use netsim::phy::scatter::{Law, Renewal};
+use netsim::phy::scatter::Law;
 use passing::PowerMixture;
 use predict::Above;
 use proto::effect::Level;
@@ -134,7 +134,7 @@ impl LinkStudy {
         let lengths = lengths.iter().chain(finest.iter().filter(|_| moving));
         let cells =
             lengths.map(|&length| (length, group::cells_of(&rows, SIDE * length))).collect();
-        let configured = configured(&rows);
+        let configured = RandomEffectSds::configured(&rows);
         let candidates =
             specs.iter().map(|spec| candidates::candidate(spec, &rows, catalogue)).collect();
         Ok(Self {
@@ -592,24 +592,4 @@ impl Study for LinkStudy {
     fn settings(&self, fit: &LinkFit, term: usize) -> Option<toml::Table> {
         self.settings_of(fit, term)
     }
-}
-
-/// Random levels that the configuration itself has.
-fn configured(rows: &ModelledLinks) -> RandomEffectSds {
-    let mut known = RandomEffectSds::default();
-    for scatter in rows.model.scatters().iter().filter(|scatter| scatter.renewal != Renewal::Frame)
-    {
-        match (scatter.law, scatter.renewal) {
-            (Law::Nodes { tx_sd_db, rx_sd_db }, _) => {
-                known.tx_db = libm::hypot(known.tx_db, tx_sd_db);
-                known.rx_db = libm::hypot(known.rx_db, rx_sd_db);
-            }
-            (Law::Normal { sd_db }, Renewal::Place { .. }) => {
-                known.channel_db = libm::hypot(known.channel_db, sd_db);
-            }
-            (Law::Normal { sd_db }, _) => known.link_db = libm::hypot(known.link_db, sd_db),
-            _ => {}
-        }
-    }
-    known
 }

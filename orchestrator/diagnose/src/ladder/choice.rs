@@ -3,6 +3,7 @@
 use super::{COMMON, CandidateTest, NEARLY, Search, with_term, without_term};
 use crate::acceptance::{FAMILY_ERROR, WORTH_NATS};
 use crate::gain::Gain;
+use crate::progress::SearchProgress;
 use proto::effect::{CONSTANT, Level};
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
@@ -466,5 +467,41 @@ impl<S: Study> Search<'_, S> {
             (is_likely && 0.0 <= over.gain)
                 .then(|| (olds, CandidateTest { common, ..test }.accepted_on_common_split()))
         })
+    }
+
+    /// Backward elimination: removes accepted terms, the last one excepted, that no longer gain significantly. Returns the removed
+    /// terms.
+    pub(super) fn backward_elimination(&self, accepted: &mut Vec<usize>) -> Vec<usize> {
+        let candidates = self.study.candidates();
+        let mut removed = Vec::new();
+        let mut index = 0;
+        while index + 1 < accepted.len() {
+            let term = accepted[index];
+            let level = candidates[term].level;
+            let mut rest = without_term(accepted, term);
+            if candidates[term].curve_over().is_none() {
+                rest.iter_mut().for_each(|term| *term = self.stand_in_for(*term));
+            }
+            let all = self.full_fit(accepted, level, None);
+            self.prepare(&rest, &all);
+            let gain = self.term_gain(term, accepted, &rest, level);
+            debug!(
+                name = candidates[term].name,
+                gain = gain.gain,
+                p = gain.p_value,
+                "weighed again"
+            );
+            let is_chance = || FAMILY_ERROR < gain.p_value && !self.is_asked_for(term, &rest);
+            if !self.is_level_of_random(term, &rest)
+                && (gain.gain < WORTH_NATS / 10.0 || is_chance())
+            {
+                (self.report)(SearchProgress::Removed { name: &candidates[term].name });
+                *accepted = rest;
+                removed.push(term);
+            } else {
+                index += 1;
+            }
+        }
+        removed
     }
 }

@@ -198,7 +198,9 @@ mod tests {
         (0..200)
             .map(|k| {
                 let motion_rad = wrapped(2.4 * f64::from(k));
-                Moment { block: k / 10, heading_rad: said(motion_rad), motion_rad }
+                // Nobody drives exactly ahead.
+                let aside_rad = 0.05 * libm::sin(f64::from(k));
+                Moment { block: k / 10, heading_rad: said(motion_rad) + aside_rad, motion_rad }
             })
             .collect()
     }

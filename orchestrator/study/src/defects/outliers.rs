@@ -282,8 +282,8 @@ mod tests {
 
     #[test]
     fn the_interval_of_a_share_is_that_of_clopper_and_pearson() {
-        // 5 of 100: 0.0199 to 0.1024 by tables.
+        // 5 of 100: sums of the binomial law are 5 % at 0.01991 and at 0.10225.
         let (low, high) = interval(5, 100);
-        assert!((low - 0.0199).abs() < 1e-4 && (high - 0.1024).abs() < 1e-4, "{low} {high}");
+        assert!((low - 0.01991).abs() < 1e-5 && (high - 0.10225).abs() < 1e-5, "{low} {high}");
     }
 }

@@ -140,8 +140,8 @@ mod tests {
 
     #[test]
     fn a_pile_must_exceed_the_model_and_the_next_step() {
-        // 60 at the end where the model gives 20 of 1000, and 20 in the next step: both tests are clear.
-        assert!(Counts::of(1000, 60, 20, 20.0).p_value() < 1e-4);
+        // 60 at the end where the model gives 20 of 1000, and 5 in the next step: both tests are clear.
+        assert!(Counts::of(1000, 60, 5, 20.0).p_value() < 1e-4);
         // The model gives as many.
         assert!(0.1 < Counts::of(1000, 60, 20, 60.0).p_value());
         // The distribution is smooth: the next step has as many.

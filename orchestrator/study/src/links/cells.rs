@@ -6,7 +6,9 @@
 //! mixed-effects models using lme4, Journal of Statistical Software 67 (2015), § 3); here the weights come from the likelihood.
 
 use super::likelihood::RowLikelihood;
+use super::rows::ModelledLinks;
 use nalgebra::{DMatrix, DVector};
+use netsim::phy::scatter::{Law, Renewal};
 
 /// Standard deviations (dB) of the random effects of a model; 0: the model has none of that kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -19,6 +21,29 @@ pub struct RandomEffectSds {
     pub tx_db: f64,
     /// Of what a node receives.
     pub rx_db: f64,
+}
+
+impl RandomEffectSds {
+    /// Random levels that the configuration itself has.
+    pub(super) fn configured(rows: &ModelledLinks) -> Self {
+        let mut known = Self::default();
+        for scatter in
+            rows.model.scatters().iter().filter(|scatter| scatter.renewal != Renewal::Frame)
+        {
+            match (scatter.law, scatter.renewal) {
+                (Law::Nodes { tx_sd_db, rx_sd_db }, _) => {
+                    known.tx_db = libm::hypot(known.tx_db, tx_sd_db);
+                    known.rx_db = libm::hypot(known.rx_db, rx_sd_db);
+                }
+                (Law::Normal { sd_db }, Renewal::Place { .. }) => {
+                    known.channel_db = libm::hypot(known.channel_db, sd_db);
+                }
+                (Law::Normal { sd_db }, _) => known.link_db = libm::hypot(known.link_db, sd_db),
+                _ => {}
+            }
+        }
+        known
+    }
 }
 
 /// The groups of every row for random effects: link, nodes and channel, by number.

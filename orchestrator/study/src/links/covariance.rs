@@ -7,6 +7,9 @@
 use numbers::power::square;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
+/// A search ends this near (logarithm of the length) to an end of its range where it leads beyond.
+const AT_END: f64 = 1e-6;
+
 /// Parts of the links that are left out in turn (delete-a-group jackknife).
 const GROUPS: usize = 24;
 /// Fewer pairs of rows in a bin say nothing.
@@ -84,8 +87,8 @@ impl Products {
             value: libm::exp(whole[0]),
             low: libm::exp(low.max(shortest)),
             high: libm::exp(high.min(longest)),
-            is_determined: shortest < whole[0]
-                && whole[0] < longest
+            is_determined: shortest + AT_END < whole[0]
+                && whole[0] < longest - AT_END
                 && (shortest <= low || high <= longest),
             sd_db: libm::exp(0.5 * whole[1]),
             sd_error: 0.5 * error(1),

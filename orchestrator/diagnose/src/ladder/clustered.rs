@@ -1,0 +1,87 @@
+//! What the slopes of a fit say of a term, of rows that depend on each other.
+
+use super::{COMMON, Search, with_term};
+use crate::acceptance::FAMILY_ERROR;
+use crate::gain::Scores;
+use crate::score_test::{ScoreTest, ScoreTests};
+use crate::{gate, limits};
+use proto::effect::{CONSTANT, Level};
+use study::Study;
+use tracing::debug;
+
+/// Level at which what a term moves must be beyond what rows that depend on each other share. That it predicts rows left out was shown
+/// before.
+const BESIDE_DRIFT: f64 = 0.05;
+
+impl<S: Study> Search<'_, S> {
+    /// Whether what a term moves is beyond what rows that depend on each other may share: those of a node, and those that follow each
+    /// other. A covariate that changes in time is no cause where the error drifts as slowly.
+    pub(super) fn stands_clustered(&self, term: usize, others: &[usize]) -> bool {
+        let candidate = &self.study.candidates()[term];
+        if candidate.level == Level::Random {
+            return true;
+        }
+        let fit = self.full_fit(others, COMMON, None);
+        let Some(rows) = self.study.linearised(&fit) else { return true };
+        let mut dependence = self.study.dependence();
+        let varies_in_time = candidate.level == Level::Time;
+        if varies_in_time && candidate.linear_in != Some(CONSTANT) {
+            // Nodes see the same covariate at the same time: what is theirs does not follow it.
+            dependence.nodes = None;
+        }
+        let tests = ScoreTests::new(&rows, &dependence);
+        if candidate.curve_over().is_some() {
+            let columns = self.study.columns_of_curve(&fit, term);
+            let has_times = dependence.times_s.iter().all(|time_s| time_s.is_finite());
+            if columns.is_empty() || !varies_in_time || !has_times {
+                return true;
+            }
+            let p_value = tests.p_value_together(&columns);
+            debug!(name = candidate.name, ?p_value, "clustered");
+            return p_value.is_none_or(|p_value| p_value < BESIDE_DRIFT);
+        }
+        let columns = self.study.columns(&fit, term);
+        if columns.is_empty() {
+            return true;
+        }
+        let known: Vec<ScoreTest> =
+            columns.iter().filter_map(|column| tests.test(column, &[])).collect();
+        let least = known.iter().map(|test| test.p_value).fold(f64::INFINITY, f64::min);
+        debug!(name = candidate.name, least, n = known.len(), "clustered");
+        // Where nothing can be told, the gain on rows left out decides.
+        known.is_empty() || least * (known.len() as f64) < BESIDE_DRIFT
+    }
+
+    /// The share of the error that a term removes beside those accepted.
+    pub(super) fn share_removed(&self, term: usize, accepted: &[usize]) -> f64 {
+        let level = self.study.candidates()[term].level;
+        let now = Scores::mean(&self.held_out_scores(&with_term(accepted, term), level));
+        now.share_removed(&Scores::mean(&self.held_out_scores(accepted, level)))
+    }
+
+    /// Whether an effect that is limited to some rows, or moves all alike, is asked for by the slopes of the fit of others. Of few blocks, such
+    /// as those of one robot, a mean of gains tells little.
+    pub(super) fn is_asked_for(&self, term: usize, others: &[usize]) -> bool {
+        let candidate = &self.study.candidates()[term];
+        (candidate.only.is_some() || candidate.linear_in == Some(CONSTANT))
+            && limits::p_value(self.study, &self.full_fit(others, COMMON, None), term)
+                < FAMILY_ERROR
+    }
+
+    /// Whether a term is the level about which random effects vary: it is not given up for them, which follow any level.
+    pub(super) fn is_level_of_random(&self, term: usize, others: &[usize]) -> bool {
+        let candidates = self.study.candidates();
+        let is_random = |other: &usize| candidates[*other].level == Level::Random;
+        if candidates[term].linear_in != Some(CONSTANT) || !others.iter().any(is_random) {
+            return false;
+        }
+        let means: Vec<usize> = others.iter().copied().filter(|other| !is_random(other)).collect();
+        self.is_asked_for(term, &means)
+    }
+
+    /// Whether all rows are off by a constant that is worth removing, beside these terms.
+    pub(super) fn is_off(&self, terms: &[usize]) -> bool {
+        let gate = gate::gate(self.study, &self.full_fit(terms, COMMON, None));
+        gate.misfits.iter().any(|misfit| misfit.of.is_none())
+    }
+}
