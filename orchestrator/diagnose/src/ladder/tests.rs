@@ -251,7 +251,10 @@ fn a_term_that_is_significant_and_not_worth_having_is_refused() {
     let study = Lines::of_rows(4 * ROWS, &["a", "b"], 3, |x| 0.07 * x[0]);
     let search = Search::new(&study, &|_| {});
     let gain = search.gain(&[0], &[], Level::Time);
-    assert!(gain.p_value < acceptance::FAMILY_ERROR && gain.gain < WORTH_NATS, "{gain:?}");
+    assert!(
+        gain.p_value < acceptance::FAMILY_ERROR && gain.gain < acceptance::WORTH_NATS,
+        "{gain:?}"
+    );
     assert_eq!(search.stepwise_selection().accepted, Vec::<usize>::new());
 }
 
