@@ -9,7 +9,7 @@ use crate::score_test::ScoreTests;
 use schemars::JsonSchema;
 use serde::Serialize;
 use study::Study;
-use study::linear::{Column, Direction, Linearised};
+use study::linear::{Direction, Linearised, on_rows};
 
 /// A bound on what may be hidden holds with this probability.
 const BOUND: f64 = 0.9;
@@ -72,15 +72,6 @@ fn mean_square(rows: &Linearised) -> f64 {
     squares.map(|error| error * error).sum::<f64>() / n
 }
 
-/// The column on some rows only.
-fn limited(column: &Column, rows: &[u32]) -> Column {
-    let mut limited = vec![[0.0; 3]; column.len()];
-    for &row in rows {
-        limited[row as usize] = column[row as usize];
-    }
-    limited
-}
-
 /// Looks at what a fit leaves.
 #[must_use]
 pub fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
@@ -104,7 +95,7 @@ pub fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
         let share = members.len() as f64 / all.len() as f64;
         let margin = (WORTH_SHARE * square / share).sqrt();
         for Direction { name, unit, column } in &directions {
-            let Some(test) = tests.test(&limited(column, members), &[]) else { continue };
+            let Some(test) = tests.test(&on_rows(column, members), &[]) else { continue };
             if of.is_none() {
                 let bound = test.upper_bound(1.0 - BOUND);
                 let hides = gate.could_hide.is_none_or(|(before, ..)| before < bound);

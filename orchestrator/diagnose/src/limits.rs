@@ -12,7 +12,7 @@ use proto::effect::Level;
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::sync::Arc;
-use study::linear::{Column, Dependence, Linearised, Partition};
+use study::linear::{Column, Dependence, Group, Linearised, Partition, on_rows};
 use study::{COMMON, Candidate, Study};
 use tracing::debug;
 
@@ -56,22 +56,6 @@ fn may_be_limited(candidate: &Candidate) -> bool {
         && candidate.only.is_none()
         && candidate.about.is_some()
         && candidate.level != Level::Random
-}
-
-/// The column on some rows only.
-fn on(column: &Column, is_in: impl Fn(usize) -> bool) -> Column {
-    let rows = column.iter().enumerate();
-    rows.map(|(row, moved)| if is_in(row) { *moved } else { [0.0; 3] }).collect()
-}
-
-/// Which rows are in each group of a partition.
-fn members(partition: &Partition, n_rows: usize) -> Vec<Vec<bool>> {
-    let of_group = |group: &study::linear::Group| {
-        let mut is_in = vec![false; n_rows];
-        group.rows.iter().for_each(|&row| is_in[row as usize] = true);
-        is_in
-    };
-    partition.groups.iter().map(of_group).collect()
 }
 
 /// What is tested.
@@ -247,7 +231,8 @@ impl Asked<'_> {
     }
 
     fn during(&self, column: &Column, span: Span) -> Column {
-        on(column, |row| span.has(self.dependence.times_s[row]))
+        let rows = column.iter().zip(&self.dependence.times_s);
+        rows.map(|(moved, time_s)| if span.has(*time_s) { *moved } else { [0.0; 3] }).collect()
     }
 
     /// The spans that promise most for a column, by sums over rows that count as independent.
@@ -298,9 +283,8 @@ impl Asked<'_> {
     /// Effects limited to one of the groups, and perhaps to a time.
     fn of_groups(&self, term: usize, column: &Column, partition: &Partition) -> Option<Proposal> {
         let key = partition.key?;
-        let members = members(partition, column.len());
-        let columns: Vec<Column> =
-            members.iter().map(|is_in| on(column, |row| is_in[row])).collect();
+        let of_group = |group: &Group| on_rows(column, &group.rows);
+        let columns: Vec<Column> = partition.groups.iter().map(of_group).collect();
         let mut promising: Vec<(usize, f64)> = columns
             .iter()
             .map(|column| self.promising(column)[0].1)

@@ -7,6 +7,16 @@
 /// along, across and above the predicted motion (m).
 pub type Column = Vec<[f64; 3]>;
 
+/// A column on some rows only.
+#[must_use]
+pub fn on_rows(column: &Column, rows: &[u32]) -> Column {
+    let mut limited = vec![[0.0; 3]; column.len()];
+    for &row in rows {
+        limited[row as usize] = column[row as usize];
+    }
+    limited
+}
+
 /// Slopes of the log likelihood of each row at a fit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Linearised {

@@ -85,12 +85,15 @@ impl<'a> Clusters<'a> {
         let mut spreads = Vec::new();
         let mut in_pairs_and_time = None;
         if self.has_times {
-            let (across, length_s) = self.across_series(left, informations)?;
+            let Dependence { series, campaigns, .. } = self.dependence;
+            let (across, length_s) =
+                self.in_blocks((campaigns, self.n_campaigns), left, informations)?;
             if self.pairs.is_none() {
-                spreads.push(of_sums(&self.in_series(left, informations)?, FEWEST_CLUSTERS)?);
+                let (within, _) = self.in_blocks((series, self.n_series), left, informations)?;
+                spreads.push(of_sums(&within)?);
             }
             if 1 < self.n_series || self.pairs.is_some() {
-                spreads.push(of_sums(&across, FEWEST_CLUSTERS)?);
+                spreads.push(of_sums(&across)?);
             }
             in_pairs_and_time = Some(length_s);
         }
@@ -162,29 +165,19 @@ impl<'a> Clusters<'a> {
         })
     }
 
-    /// Sums over the parts of each series, so long that neighbours are not correlated.
-    fn in_series(&self, left: &[f64], informations: &[f64]) -> Option<Sums> {
+    /// Sums over blocks of time within each of `n` numbers of rows, so long that neighbours are not correlated; and their length (s).
+    fn in_blocks(
+        &self,
+        (of_row, n): (&[u32], usize),
+        left: &[f64],
+        informations: &[f64],
+    ) -> Option<(Sums, f64)> {
         self.lengths_s().find_map(|length_s| {
             let n_blocks = (self.length_s / length_s) as usize + 1;
-            let mut sums = Sums::new(n_blocks * self.n_series);
+            let mut sums = Sums::new(n_blocks * n);
             for (row, (value, information)) in left.iter().zip(informations).enumerate() {
-                let series = self.dependence.series[row] as usize;
-                sums.add(series * n_blocks + self.block(row, length_s), *value, *information);
-            }
-            let is_same = |a: usize, b: usize| a / n_blocks == b / n_blocks;
-            sums.correlation = uncorrelated(&sums, is_same)?;
-            Some(sums)
-        })
-    }
-
-    /// Sums over blocks of time across all series of a campaign, so long that neighbours are not correlated; and their length (s).
-    fn across_series(&self, left: &[f64], informations: &[f64]) -> Option<(Sums, f64)> {
-        self.lengths_s().find_map(|length_s| {
-            let n_blocks = (self.length_s / length_s) as usize + 1;
-            let mut sums = Sums::new(n_blocks * self.n_campaigns);
-            for (row, (value, information)) in left.iter().zip(informations).enumerate() {
-                let campaign = self.dependence.campaigns[row] as usize;
-                sums.add(campaign * n_blocks + self.block(row, length_s), *value, *information);
+                let first = of_row[row] as usize * n_blocks;
+                sums.add(first + self.block(row, length_s), *value, *information);
             }
             let is_same = |a: usize, b: usize| a / n_blocks == b / n_blocks;
             sums.correlation = uncorrelated(&sums, is_same)?;
@@ -272,13 +265,13 @@ fn counting(sums: &Sums) -> Vec<bool> {
     sums.informations.iter().map(|j| COUNTS * mean < *j).collect()
 }
 
-/// How a sum over independent clusters varies. None where there are fewer than `fewest`, or one decides alone.
-fn of_sums(sums: &Sums, fewest: usize) -> Option<Spread> {
+/// How a sum over independent clusters varies. None where there are too few, or one decides alone.
+fn of_sums(sums: &Sums) -> Option<Spread> {
     let total: f64 = sums.informations.iter().sum();
     let counts = counting(sums);
     let n = counts.iter().filter(|counts| **counts).count();
     let most = sums.informations.iter().copied().fold(0.0, f64::max);
-    if n < fewest || MOST_IN_ONE * total < most {
+    if n < FEWEST_CLUSTERS || MOST_IN_ONE * total < most {
         return None;
     }
     let both = || sums.values.iter().zip(&sums.informations);
