@@ -354,7 +354,8 @@ impl OnAir<'_> {
             Renewal::Period
             | Renewal::Frozen
             | Renewal::Coherence { .. }
-            | Renewal::Place { .. } => self.place.period_ns,
+            | Renewal::Place { .. }
+            | Renewal::Time { .. } => self.place.period_ns,
         };
         let mut block = PairBlock::new(self.seed, sender, receiver, time_ns);
         scatter.value_db(&mut block, sender, receiver, self.moment(to))

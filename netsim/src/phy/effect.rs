@@ -6,10 +6,12 @@ pub mod antenna_pattern;
 pub mod battery_sag;
 pub mod body_blocking;
 pub mod diffraction;
+pub mod drift;
 pub mod fast_fading;
 pub mod formula;
 pub mod hidden_obstacle;
 pub mod interference;
+pub mod link_drift;
 pub mod motion_fading;
 pub mod multipath;
 pub mod node_offset;
@@ -157,10 +159,12 @@ pub(crate) const BUILT_IN: &[Entry] = &[
     battery_sag::ENTRY,
     body_blocking::ENTRY,
     diffraction::ENTRY,
+    drift::ENTRY,
     fast_fading::ENTRY,
     formula::ENTRY,
     hidden_obstacle::ENTRY,
     interference::ENTRY,
+    link_drift::ENTRY,
     motion_fading::ENTRY,
     multipath::ENTRY,
     node_offset::ENTRY,

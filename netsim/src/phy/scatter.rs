@@ -65,6 +65,13 @@ pub enum Renewal {
         /// Difference in frequency (Hz) over which the correlation falls to 1/e.
         coherence_hz: f64,
     },
+    /// As time passes: correlation e^(−Δ/length) over the time Δ between the begins of control periods.
+    Time {
+        /// The time (s) over which the correlation falls to 1/e.
+        length_s: f64,
+        /// All links share one value.
+        is_common: bool,
+    },
 }
 
 /// A random contribution to the strength of frames.
@@ -242,7 +249,10 @@ impl Scatter {
             Law::Rician { k_factor_db } => {
                 let entity = self.entity(sender, receiver);
                 let time = match self.renewal {
-                    Renewal::Frozen | Renewal::Coherence { .. } | Renewal::Place { .. } => 0,
+                    Renewal::Frozen
+                    | Renewal::Coherence { .. }
+                    | Renewal::Place { .. }
+                    | Renewal::Time { .. } => 0,
                     Renewal::Period => at.period_ns,
                     Renewal::Frame => at.sent_ns,
                 };
@@ -288,7 +298,8 @@ impl Scatter {
             | Renewal::Period
             | Renewal::Frame
             | Renewal::Coherence { .. }
-            | Renewal::Place { .. } => {
+            | Renewal::Place { .. }
+            | Renewal::Time { .. } => {
                 let z = self.deviate(block.seed, sender, receiver, at);
                 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
             }
@@ -298,7 +309,9 @@ impl Scatter {
     /// Whose draws they are.
     #[inline]
     fn entity(&self, sender: u32, receiver: u32) -> u64 {
-        if self.is_reciprocal() {
+        if let Renewal::Time { is_common: true, .. } = self.renewal {
+            0
+        } else if self.is_reciprocal() {
             unordered_link(sender, receiver)
         } else {
             ordered_link(sender, receiver)
@@ -320,6 +333,9 @@ impl Scatter {
                 let rho = libm::exp(-CHANNEL_SPACING_HZ / coherence_hz);
                 let step = at.channel.map_or(0, |channel| u64::from(channel.saturating_sub(11)));
                 over_channels(draws, entity, place, k, rho, step)
+            }
+            Renewal::Time { length_s, .. } => {
+                gauss_markov(draws, entity, k, at.period_ns as f64 * 1e-9 / length_s)
             }
         }
     }

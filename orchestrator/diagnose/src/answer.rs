@@ -216,6 +216,16 @@ fn held_out_level<S: Study>(study: &S, level: Level, test: Option<&CandidateTest
     }
 }
 
+/// What to mind of an effect that was found only once a curve stood for something unknown: a curve is not exactly what it stands for.
+const AFTER_CURVE: &str = "found beside structure that no effect explains, and may be part of it";
+
+/// Whether an effect was accepted after a curve was.
+fn is_after_curve<S: Study>(study: &S, ladder: &Ladder, term: usize) -> bool {
+    let candidates = study.candidates();
+    let is_curve = |term: &usize| candidates[*term].curve_over().is_some();
+    !is_curve(&term) && ladder.accepted.iter().take_while(|&&other| other != term).any(is_curve)
+}
+
 /// The candidates with what became of them, and the estimates of those that were accepted.
 fn tested<S: Study>(
     study: &S,
@@ -247,7 +257,11 @@ fn tested<S: Study>(
                 estimates.iter().partition(|estimate| estimate.is_identifiable);
             parameters.extend(told.into_iter().map(parameter));
             not_identifiable.extend(untold.into_iter().map(|estimate| estimate.name.clone()));
-            warning = of_estimates;
+            let follows_curve = is_after_curve(study, ladder, term);
+            warning = of_estimates
+                .into_iter()
+                .chain(follows_curve.then(|| AFTER_CURVE.to_owned()))
+                .reduce(|one, other| format!("{one}; {other}"));
             known.push((term, estimates));
         }
         listed.push(Tested {

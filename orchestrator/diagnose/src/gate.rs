@@ -5,11 +5,12 @@
 //! 1 %. What is significant and smaller is worth nothing.
 
 use crate::acceptance::{FAMILY_ERROR, WORTH_SHARE};
-use crate::score_test::ScoreTests;
+use crate::score_test::{ScoreTest, ScoreTests};
 use schemars::JsonSchema;
 use serde::Serialize;
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use study::Study;
-use study::linear::{Direction, Linearised, on_rows};
+use study::linear::{Direction, Group, Linearised, Partition, on_rows};
 
 /// A bound on what may be hidden holds with this probability.
 const BOUND: f64 = 0.9;
@@ -77,12 +78,13 @@ fn mean_square(rows: &Linearised) -> f64 {
 pub fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
     let Some(rows) = study.linearised(fit) else { return Gate::default() };
     let dependence = study.dependence();
-    let tests = ScoreTests::new(&rows, &dependence);
+    let plain = rows.plain();
+    let all_tests = [&rows, &plain].map(|rows| ScoreTests::new(rows, &dependence));
     let square = mean_square(&rows);
     let directions = study.directions();
     let partitions = study.partitions();
     let n_groups: usize = partitions.iter().map(|partition| partition.groups.len()).sum();
-    let n_tests = (directions.len() * (1 + n_groups)) as f64;
+    let n_tests = (all_tests.len() * directions.len() * (1 + n_groups)) as f64;
     let all: Vec<u32> = (0..rows.slopes.len() as u32).collect();
     let sets = std::iter::once((None, &all)).chain(partitions.iter().flat_map(|partition| {
         partition
@@ -95,8 +97,10 @@ pub fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
         let share = members.len() as f64 / all.len() as f64;
         let margin = (WORTH_SHARE * square / share).sqrt();
         for Direction { name, unit, column } in &directions {
-            let Some(test) = tests.test(&on_rows(column, members), &[]) else { continue };
-            if of.is_none() {
+            let column = on_rows(column, members);
+            let of_tests = all_tests.iter().filter_map(|tests| tests.test(&column, &[]));
+            let of_tests: Vec<ScoreTest> = of_tests.collect();
+            for test in of_tests.iter().take(usize::from(of.is_none())) {
                 let bound = test.upper_bound(1.0 - BOUND);
                 let hides = gate.could_hide.is_none_or(|(before, ..)| before < bound);
                 if hides {
@@ -104,8 +108,12 @@ pub fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
                 }
             }
             // All rows have half of the error, all groups together the other.
-            let times = if of.is_none() { 2.0 * directions.len() as f64 } else { 2.0 * n_tests };
-            let p_value = (times * test.p_value_beyond(margin)).min(1.0);
+            let n_of_all = (all_tests.len() * directions.len()) as f64;
+            let times = 2.0 * if of.is_none() { n_of_all } else { n_tests };
+            let p_value_of = |test: &ScoreTest| (times * test.p_value_beyond(margin)).min(1.0);
+            let surest = of_tests.iter().min_by(|a, b| p_value_of(a).total_cmp(&p_value_of(b)));
+            let Some(test) = surest else { continue };
+            let p_value = p_value_of(test);
             if p_value < FAMILY_ERROR {
                 gate.misfits.push(Misfit {
                     what: (*name).to_owned(),
@@ -118,8 +126,69 @@ pub fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
             }
         }
     }
+    for partition in &partitions {
+        gate.misfits.extend(spread_apart(&rows, partition, directions.first()));
+    }
     gate.misfits.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
     gate
+}
+
+/// The share of a group's greatest errors that is left out: outliers.
+const OUTLIERS: f64 = 0.05;
+/// Fewer groups do not tell how much groups differ.
+const FEWEST_GROUPS: usize = 5;
+/// Errors of a group are worth mentioning that are so many times those of the others.
+const TIMES: f64 = 2.0;
+
+/// A group of rows whose errors are far greater than those of each other group: a model that is wrong for one robot alone, whose rows a
+/// likelihood with heavy tails passes over.
+fn spread_apart(
+    rows: &Linearised,
+    partition: &Partition,
+    direction: Option<&Direction>,
+) -> Option<Misfit> {
+    let unit = direction?.unit;
+    let root_mean_square = |group: &Group| {
+        let of_row = |&row: &u32| {
+            let errors = rows.errors[row as usize];
+            errors[0].is_finite().then(|| {
+                errors.iter().filter(|error| error.is_finite()).map(|error| error * error).sum()
+            })
+        };
+        let mut squares: Vec<f64> = group.rows.iter().filter_map(of_row).collect();
+        squares.sort_by(f64::total_cmp);
+        squares.truncate(((1.0 - OUTLIERS) * squares.len() as f64) as usize);
+        (!squares.is_empty())
+            .then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+            .filter(|error| 0.0 < *error)
+    };
+    let all: Vec<(u32, f64)> = partition
+        .groups
+        .iter()
+        .filter_map(|group| Some((group.id, root_mean_square(group)?)))
+        .collect();
+    if all.len() < FEWEST_GROUPS {
+        return None;
+    }
+    let &(id, most) = all.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let others: Vec<f64> =
+        all.iter().filter(|(other, _)| *other != id).map(|(_, error)| libm::log(*error)).collect();
+    let n = others.len() as f64;
+    let mean = others.iter().sum::<f64>() / n;
+    let squares: f64 = others.iter().map(|other| (other - mean) * (other - mean)).sum();
+    let standard_error = (squares / (n - 1.0) * (1.0 + 1.0 / n)).sqrt();
+    let beyond = (libm::log(most / TIMES) - mean) / standard_error;
+    // Of all groups the one whose errors are greatest.
+    let p_value = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |law| law.sf(beyond)) * (n + 1.0);
+    let typical = libm::exp(mean);
+    (p_value < FAMILY_ERROR).then(|| Misfit {
+        what: "errors exceed those of the others".to_owned(),
+        of: Some(format!("{} {id}", partition.of)),
+        off: most - typical,
+        unit,
+        standard_error: typical * standard_error,
+        p_value,
+    })
 }
 
 /// Parts of which errors are known.
@@ -149,6 +218,33 @@ mod tests {
         assert_eq!(misfit(-15.53, None).sentence(), "readings are off by -15.5 dB");
         let of = misfit(0.01234, Some("robot 3"));
         assert_eq!(of.sentence(), "readings are off by 0.012 dB (robot 3)");
+    }
+
+    /// What a partition of groups of 100 rows each gives, the errors of the first so many times those of the others.
+    fn apart(n_groups: u32, times: f64, is_outlier: bool) -> Option<Misfit> {
+        let errors = (0..100 * n_groups).map(|row| {
+            let (group, k) = (row / 100, row % 100);
+            let size = 0.9 + 0.02 * f64::from(group) + 0.001 * f64::from(k);
+            let is_first = group == 0 && (!is_outlier || k < 4);
+            [size * if is_first { times } else { 1.0 }, f64::NAN, f64::NAN]
+        });
+        let rows = Linearised { errors: errors.collect(), ..Linearised::default() };
+        let group = |id| Group { id, rows: (100 * id..100 * (id + 1)).collect() };
+        let groups = (0..n_groups).map(group).collect();
+        let partition = Partition { of: "robot", key: Some("agents"), groups };
+        let direction = Direction { name: "", unit: "m", column: Vec::new() };
+        spread_apart(&rows, &partition, Some(&direction))
+    }
+
+    #[test]
+    fn a_robot_whose_errors_are_far_greater_is_a_misfit() {
+        let found = apart(8, 20.0, false).expect("20 times the others");
+        assert_eq!(found.of.as_deref(), Some("robot 0"));
+        assert!((15.0..25.0).contains(&found.off), "{}", found.off);
+        // Not worth mentioning, too few to compare, or a few outliers.
+        assert_eq!(apart(8, 1.5, false), None);
+        assert_eq!(apart(4, 20.0, false), None);
+        assert_eq!(apart(8, 1000.0, true), None);
     }
 
     #[test]

@@ -256,7 +256,7 @@ impl<'a, S: Study> Search<'a, S> {
     /// The gain of one term. For a curve, which names no physical cause, the p-value is that of Student's t without the correction for
     /// skewness.
     fn term_gain(&self, term: usize, terms: &[usize], parent: &[usize], level: Level) -> Gain {
-        let gain = self.gain(terms, parent, level);
+        let gain = self.gain_in_time(terms, parent, (term, level));
         let is_curve = self.study.candidates()[term].curve_over().is_some();
         if is_curve { gain.by_students_t() } else { gain }
     }
@@ -293,7 +293,7 @@ impl<'a, S: Study> Search<'a, S> {
         };
         let level = candidate.level;
         if self.is_stopped()
-            || !candidate.is_tried()
+            || !candidate.is_tried_beside(accepted)
             || accepted.contains(&term)
             || !self.study.blocks(level).suffices()
         {
@@ -386,11 +386,12 @@ impl<'a, S: Study> Search<'a, S> {
                 let is_random = |term: usize| candidates[term].level == Level::Random;
                 let may_be = |test: &CandidateTest| accepted.is_empty() || is_random(test.term);
                 for test in tests.iter_mut().filter(|test| test.is_plausible && may_be(test)) {
-                    test.is_significant = acceptance::is_certain_by_total(
+                    let is_certain = acceptance::is_certain_by_total(
                         &test.gain,
                         self.n_tried(),
                         self.study.design_effect(),
                     );
+                    test.is_significant = is_certain && self.stands_clustered(test.term, &accepted);
                     test.is_acceptable = test.is_significant;
                 }
             }

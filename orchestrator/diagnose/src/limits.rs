@@ -32,6 +32,8 @@ const STANDS_OUT_OF: usize = 6;
 const LIKELY: f64 = 0.05;
 /// Limited effects that compete at most.
 const MOST: usize = 4;
+/// So many of one effect are tried.
+const MOST_OF_A_KIND: usize = 4;
 /// A limited effect competes that promises at least this share of what the best does.
 const NEARLY: f64 = 0.5;
 
@@ -132,36 +134,46 @@ fn asked_for<S: Study>(
     }
     let fit = search.full_fit(model, COMMON, None);
     let Some(rows) = study.linearised(&fit) else { return Vec::new() };
+    let plain = rows.plain();
     let dependence = study.dependence();
-    let tests = ScoreTests::new(&rows, &dependence);
     let mut partitions = study.partitions();
     partitions.retain(|partition| partition.key.is_some());
     let columns: Vec<(usize, Vec<Column>)> =
         terms.iter().map(|&term| (term, study.columns(&fit, term))).collect();
     let n_columns: usize = columns.iter().map(|(_, columns)| columns.len()).sum();
     let n_groups: usize = partitions.iter().map(|partition| partition.groups.len()).sum();
-    let asked = Asked {
-        rows: &rows,
-        tests: &tests,
-        dependence: &dependence,
-        n_tests: (n_columns * (n_groups + 1) * (2 * MOMENTS + 1)) as f64,
-        design_effect: study.design_effect(),
-    };
-    let of_column = |(term, column): (usize, &Column)| {
-        let of_groups = |partition| asked.of_groups(term, column, partition);
-        let mut found: Vec<Proposal> = partitions.iter().filter_map(of_groups).collect();
-        found.extend(asked.of_time(term, column, None));
-        found
-    };
     let pairs: Vec<(usize, &Column)> = columns
         .iter()
         .flat_map(|(term, columns)| columns.iter().map(move |column| (*term, column)))
         .collect();
-    pairs.into_par_iter().flat_map_iter(of_column).collect()
+    let mut found: Vec<Proposal> = Vec::new();
+    for rows in [&rows, &plain] {
+        let asked = Asked {
+            rows,
+            tests: &ScoreTests::new(rows, &dependence),
+            dependence: &dependence,
+            n_tests: (2 * n_columns * (n_groups + 1) * (2 * MOMENTS + 1)) as f64,
+            design_effect: study.design_effect(),
+        };
+        let of_column = |&(term, column): &(usize, &Column)| {
+            let of_groups = |partition| asked.of_groups(term, column, partition);
+            let mut found: Vec<Proposal> = partitions.iter().filter_map(of_groups).collect();
+            found.extend(asked.of_time(term, column, None));
+            found
+        };
+        let of_rows: Vec<Proposal> = pairs.par_iter().flat_map_iter(of_column).collect();
+        found.extend(of_rows);
+    }
+    let in_time = |&term: &usize| {
+        let (only, rise) = study.span_of_search(&fit, term)?;
+        Some(Proposal { term, only, amplitude: f64::NAN, rise, p_value: f64::NAN })
+    };
+    found.extend(terms.iter().filter_map(in_time));
+    found
 }
 
 /// Rounds in which limited effects are looked for.
-const MOST_ROUNDS: usize = 3;
+const MOST_ROUNDS: usize = 4;
 
 /// Selects effects step by step, and again with the limited effects that what is left asks for, until nothing is asked for.
 ///
@@ -185,6 +197,15 @@ pub fn selection<S: Study>(
         }
         let found = proposals(study, &search, &ladder.accepted);
         let n_before = study.candidates().len();
+        let another =
+            ladder.accepted.iter().filter_map(|&term| wanted_another(study, &ladder, term));
+        for term in another.collect::<Vec<_>>() {
+            if study.add_another(term).is_some()
+                && let Some(whole) = &mut whole
+            {
+                let _ = whole.add_another(term);
+            }
+        }
         for proposal in found {
             let is_known = study.candidates().iter().any(|candidate| {
                 candidate.only.as_ref() == Some(&proposal.only)
@@ -204,16 +225,31 @@ pub fn selection<S: Study>(
     }
 }
 
+/// The effect of which another is to be tried, where a term is such an effect and each of those there are is in the model already.
+fn wanted_another<S: Study>(study: &S, ladder: &Ladder, term: usize) -> Option<usize> {
+    let candidates = study.candidates();
+    let first = candidates[term].another_of.unwrap_or(term);
+    let all = (0..candidates.len())
+        .filter(|&other| other == first || candidates[other].another_of == Some(first));
+    let all: Vec<usize> = all.collect();
+    let is_last = all.last() == Some(&term) && all.len() < MOST_OF_A_KIND;
+    (is_last && all.iter().all(|other| ladder.accepted.contains(other))).then_some(first)
+}
+
 /// Whether a limited effect is asked for by the slopes of a fit: its p-value, of one test.
 #[must_use]
 pub fn p_value<S: Study>(study: &S, fit: &S::Fit, term: usize) -> f64 {
     let Some(rows) = study.linearised(fit) else { return 1.0 };
     let dependence = study.dependence();
-    let tests = ScoreTests::new(&rows, &dependence);
     let columns = study.columns(fit, term);
-    let least = columns.iter().filter_map(|column| tests.test(column, &[]));
-    let n = columns.len() as f64;
-    least.map(|test| n * test.p_value).fold(1.0, f64::min)
+    let plain = rows.plain();
+    let least = [&rows, &plain].into_iter().flat_map(|rows| {
+        let tests = ScoreTests::new(rows, &dependence);
+        let p_values = columns.iter().filter_map(|column| Some(tests.test(column, &[])?.p_value));
+        p_values.collect::<Vec<f64>>()
+    });
+    let n = 2.0 * columns.len() as f64;
+    least.fold(1.0, |least: f64, p_value| least.min(n * p_value))
 }
 
 /// Quantiles of sorted values between their ends.

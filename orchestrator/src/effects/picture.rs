@@ -260,13 +260,20 @@ fn swept(
 fn drawn(effect: &dyn Effect) -> Option<Picture> {
     let scatter = effect.scatter()?;
     let value = |i: usize, way_m: f64, channel: Option<u8>, other: u32| {
-        let at = Moment { period_ns: 0, sent_ns: 1_000_000 * i as u64, way_m, channel };
+        let sent_ns = 1_000_000 * i as u64;
+        // Three hours in all.
+        let period_ns = match scatter.renewal {
+            Renewal::Time { .. } => i as u64 * (10_800_000_000_000 / N as u64),
+            _ => 0,
+        };
+        let at = Moment { period_ns, sent_ns, way_m, channel };
         scatter.value_db(&mut PairBlock::new(1, 0, other, 0), 0, other, at)
     };
     let (x, where_): (_, &'static str) = match scatter.renewal {
         Renewal::Coherence { .. } => ("way of both ends (m)", "one link, one draw of many"),
         Renewal::Place { .. } => ("channel", "one link, one draw of many"),
         Renewal::Frame => ("frame", "one link, one draw of many"),
+        Renewal::Time { .. } => ("time (s)", "one link, one draw of many"),
         Renewal::Frozen | Renewal::Period => ("node", "one draw of many"),
     };
     let points = (0..N)
@@ -280,6 +287,7 @@ fn drawn(effect: &dyn Effect) -> Option<Picture> {
                 [f64::from(channel), value(0, 0.0, Some(channel), 1)]
             }
             Renewal::Frame => [i as f64, value(i, 0.0, None, 1)],
+            Renewal::Time { .. } => [10_800.0 * i as f64 / N as f64, value(i, 0.0, None, 1)],
             Renewal::Frozen | Renewal::Period => {
                 let node = (40 * i / N) as u32 + 1;
                 [f64::from(node), value(0, 0.0, None, node)]

@@ -54,6 +54,8 @@ pub struct Candidate {
     pub untestable: Option<String>,
     /// To which rows it is limited, if it is: its table `only`.
     pub only: Option<toml::Table>,
+    /// The effect of which this is another one, by number: it is tried where that is in the model.
+    pub another_of: Option<usize>,
     /// The curve without a constant part that this is, with one. It is not tried by itself, but stands in for that curve where
     /// it explains what an effect did that was accepted before.
     pub stands_in_for: Option<usize>,
@@ -85,6 +87,12 @@ impl Candidate {
     #[must_use]
     pub fn is_tried(&self) -> bool {
         self.untestable.is_none() && self.stands_in_for.is_none()
+    }
+
+    /// Whether it is tried on top of these terms.
+    #[must_use]
+    pub fn is_tried_beside(&self, terms: &[usize]) -> bool {
+        self.is_tried() && self.another_of.is_none_or(|first| terms.contains(&first))
     }
 
     /// It is a curve of the share of frames that are lost, not of what is read.
@@ -298,6 +306,23 @@ pub trait Study: Sync {
     ///
     /// The limits are wrong, or the candidate is none that can be limited.
     fn add_limited(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited>;
+
+    /// Of a random level that rows share: the probability of as much agreement of these rows, in what a fit without it leaves, by
+    /// chance. None for all else.
+    fn agreement(&self, _fit: &Self::Fit, _term: usize) -> Option<f64> {
+        None
+    }
+
+    /// The span of time, as a table `only`, in which an effect whose place is sought promises much more than always, on top of a fit;
+    /// with what it promises (nats).
+    fn span_of_search(&self, _fit: &Self::Fit, _term: usize) -> Option<(toml::Table, f64)> {
+        None
+    }
+
+    /// Adds another of an effect of which several may act, and returns the number of the new candidate; none where that makes no sense.
+    fn add_another(&mut self, _term: usize) -> Option<usize> {
+        None
+    }
 
     /// Log likelihood of the rows to which it was fitted (nats), its penalties included.
     fn log_likelihood(&self, fit: &Self::Fit) -> f64;

@@ -30,6 +30,23 @@ pub struct Linearised {
     pub errors: Column,
 }
 
+impl Linearised {
+    /// The same with the errors themselves for slopes. A likelihood with heavy tails passes over rows that are far off; where these are all
+    /// of one robot, they are no outliers.
+    #[must_use]
+    pub fn plain(&self) -> Self {
+        let known = || self.errors.iter().flatten().filter(|error| error.is_finite());
+        let squares: f64 = known().map(|error| error * error).sum();
+        let weight = known().count() as f64 / squares.max(f64::MIN_POSITIVE);
+        let of = |value: fn(f64) -> f64| {
+            let scaled = |error: f64| if error.is_finite() { weight * value(error) } else { 0.0 };
+            self.errors.iter().map(|errors| errors.map(scaled)).collect()
+        };
+        let (slopes, weights) = (of(|error| error), of(|_| 1.0));
+        Self { slopes, weights, estimated: self.estimated.clone(), errors: self.errors.clone() }
+    }
+}
+
 /// A constant that every row may be off by.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Direction {
@@ -83,4 +100,23 @@ pub(crate) fn numbered(keys: impl Iterator<Item = u32>) -> Vec<u32> {
     sorted.sort_unstable();
     sorted.dedup();
     keys.iter().map(|key| sorted.binary_search(key).unwrap_or_default() as u32).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn plain_slopes_are_errors_over_their_mean_square() {
+        let rows = Linearised {
+            slopes: vec![[0.0; 3]; 3],
+            weights: vec![[0.0; 3]; 3],
+            estimated: Vec::new(),
+            errors: vec![[3.0, f64::NAN, f64::NAN], [f64::NAN; 3], [-1.0, f64::NAN, f64::NAN]],
+        };
+        // The mean square is 5.
+        let plain = rows.plain();
+        assert_eq!(plain.slopes, [[0.6, 0.0, 0.0], [0.0; 3], [-0.2, 0.0, 0.0]]);
+        assert_eq!(plain.weights, [[0.2, 0.0, 0.0], [0.0; 3], [0.2, 0.0, 0.0]]);
+    }
 }

@@ -9,6 +9,7 @@
 //! | [`fit`] | Newton's method on all of it |
 //! | `candidates` | what may be missing |
 //! | `active` | effects at certain values |
+//! | `agreement` | whether links change together in time |
 //! | [`basis`] | terms that are sums of columns |
 //! | [`cells`] | random levels of nodes, links and channels |
 //! | `starts` | from where a fit starts, and which start is best |
@@ -23,6 +24,7 @@
 //! | [`testable`] | what the data lack for an effect to be tested |
 
 mod active;
+mod agreement;
 pub mod basis;
 mod candidates;
 pub mod cells;
@@ -53,7 +55,7 @@ use super::linear::{Column, Dependence, Direction, Linearised, Partition};
 use super::symbolic::FittedFormula;
 use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, StopFlag, Study};
 use basis::{Bases, Basis};
-use cells::{Random, RandomEffectSds, RowCells};
+use cells::{Random, RandomEffectSds, RowCells, Scales};
 use fit::{FitProblem, FreeRandomEffects, IterationLimits, LinkFit};
 use likelihood::Instrument;
 use netsim::catalogue::Catalogue;
@@ -63,7 +65,7 @@ use predict::Above;
 use proto::effect::Level;
 use rows::ModelledLinks;
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use terms::{TermSpec, TermState};
 
 /// Lengths (m) over which shadowing may change: correlations fall as e^(-way / length).
@@ -75,6 +77,8 @@ const PLACE_M: f64 = 1.5;
 const SIDE: f64 = 2.0;
 /// That of levels which fading leaves to links (m): squares of half a wave.
 const FINEST_M: f64 = group::HALF_WAVE_M / SIDE;
+/// The key of the time over which a level drifts.
+const CORRELATION_S: &str = "correlation_s";
 /// Rows that a search looks at; of several frames each, a third.
 const MOST_SEARCHED: usize = 20_000;
 
@@ -91,8 +95,12 @@ pub struct LinkStudy {
     once: Option<Blocks>,
     /// Why places are held out by default, if they are.
     fallback: Option<String>,
-    /// Cells by decorrelation length; the second is used where nothing is said.
-    cells: Vec<(f64, RowCells)>,
+    /// The lengths over which levels of links may change (m).
+    lengths_m: Vec<f64>,
+    /// The times over which levels may drift (s).
+    times_s: Vec<f64>,
+    /// Cells by what they change over.
+    cells: Mutex<Vec<(Scales, Arc<RowCells>)>>,
     fixed_sd_db: Option<f64>,
     configured: RandomEffectSds,
     /// The effects that may be missing.
@@ -131,9 +139,8 @@ impl LinkStudy {
         let moving = rows.still().values().any(|still| !still);
         let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
         let finest = [FINEST_M];
+        let times_s = group::drift_times_s(&rows);
         let lengths = lengths.iter().chain(finest.iter().filter(|_| moving));
-        let cells =
-            lengths.map(|&length| (length, group::cells_of(&rows, SIDE * length))).collect();
         let configured = RandomEffectSds::configured(&rows);
         let candidates =
             specs.iter().map(|spec| candidates::candidate(spec, &rows, catalogue)).collect();
@@ -148,7 +155,9 @@ impl LinkStudy {
             place,
             once,
             fallback,
-            cells,
+            lengths_m: lengths.copied().collect(),
+            times_s,
+            cells: Mutex::default(),
             fixed_sd_db,
             configured,
             catalogue: catalogue.clone(),
@@ -220,6 +229,8 @@ impl LinkStudy {
         let channel = has(|spec| matches!(spec, TermSpec::Multipath(_)));
         // Channels that are near each other fade alike: what a link's channels share belongs to them.
         let link = has(|spec| matches!(spec, TermSpec::Shadowing(_))) || carried || channel;
+        let channel = channel || has(|spec| matches!(spec, TermSpec::LinkDrift(_)));
+        let times = has(|spec| matches!(spec, TermSpec::Drift(_)));
         let start_sd = |configured: f64, wanted: bool, start: f64| {
             if 0.0 < configured {
                 configured
@@ -238,44 +249,53 @@ impl LinkStudy {
             channel_db: start_sd(known.channel_db, channel, 2.0),
             tx_db: start_sd(known.tx_db, nodes, 1.0),
             rx_db: start_sd(known.rx_db, nodes, 1.0),
+            time_db: start_sd(known.time_db, times, 1.0),
         };
         let free = FreeRandomEffects {
             link: known.link_db == 0.0 && link,
             channel: known.channel_db == 0.0 && channel,
             nodes: known.tx_db == 0.0 && known.rx_db == 0.0 && nodes,
+            times: known.time_db == 0.0 && times,
         };
         (sd, free)
     }
 
     /// Lengths over which shadowing may change (m).
     fn lengths(&self) -> impl Iterator<Item = f64> {
-        self.cells.iter().map(|(length, _)| *length).filter(|length| FINEST_M < *length)
+        self.lengths_m.iter().copied().filter(|length| FINEST_M < *length)
     }
 
-    fn cells(&self, decorrelation_m: f64) -> &RowCells {
-        let nearest = self
-            .cells
-            .iter()
-            .min_by(|a, b| {
-                libm::log(a.0 / decorrelation_m)
-                    .abs()
-                    .total_cmp(&libm::log(b.0 / decorrelation_m).abs())
-            })
-            .unwrap_or(&self.cells[0]);
-        &nearest.1
-    }
-
-    /// The length over which levels of links change, in the states of a fit.
-    fn decorrelation_m(specs: &[&TermSpec], states: &[TermState], level: Level) -> f64 {
-        let state_where = |wanted: fn(&TermSpec) -> bool| {
-            specs.iter().zip(states).find(move |(spec, _)| wanted(spec)).map(|(_, state)| state)
-        };
-        if let Some(shadowing) = state_where(|spec| matches!(spec, TermSpec::Shadowing(_))) {
-            let length = shadowing.table.get("decorrelation_m").and_then(toml::Value::as_float);
-            return length.unwrap_or(PLACE_M);
+    /// The cells of rows that share random levels.
+    fn cells(&self, scales: Scales) -> Arc<RowCells> {
+        let apart = |length: &f64| libm::log(length / scales.decorrelation_m).abs();
+        let nearest = self.lengths_m.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+        let nearest = Scales { decorrelation_m: nearest.copied().unwrap_or(PLACE_M), ..scales };
+        let mut known = self.cells.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, cells)) = known.iter().find(|(scales, _)| *scales == nearest) {
+            return Arc::clone(cells);
         }
-        let fades = state_where(|spec| matches!(spec, TermSpec::Multipath(_))).is_some();
-        if fades && level != Level::Place { FINEST_M } else { PLACE_M }
+        let cells = Arc::new(group::cells_of(&self.rows, nearest));
+        known.push((nearest, Arc::clone(&cells)));
+        cells
+    }
+
+    /// Over what random levels change, in the states of a fit.
+    fn scales(&self, specs: &[&TermSpec], states: &[TermState], level: Level) -> Scales {
+        let number = |wanted: fn(&TermSpec) -> bool, key: &str| {
+            let of_term = specs.iter().zip(states).find(move |(spec, _)| wanted(spec))?.1;
+            of_term.table.get(key).and_then(toml::Value::as_float)
+        };
+        let has_fading = specs.iter().any(|spec| matches!(spec, TermSpec::Multipath(_)));
+        let fades = has_fading && level != Level::Place;
+        let decorrelation_m =
+            number(|spec| matches!(spec, TermSpec::Shadowing(_)), "decorrelation_m")
+                .unwrap_or(if fades { FINEST_M } else { PLACE_M });
+        let scales = Scales {
+            decorrelation_m,
+            drift_s: number(|spec| matches!(spec, TermSpec::Drift(_)), CORRELATION_S),
+            link_drift_s: number(|spec| matches!(spec, TermSpec::LinkDrift(_)), CORRELATION_S),
+        };
+        scales.configured(&self.rows)
     }
 
     fn run(
@@ -288,11 +308,11 @@ impl LinkStudy {
         let From { level, parent, is_trial, held, most_steps } = from;
         let specs = self.specs_of(terms);
         let (mut sd, free) = self.deviations(&specs, level);
-        let decorrelation_m = Self::decorrelation_m(&specs, &states, level);
-        let cells = self.cells(decorrelation_m);
-        let mut random = Random::new(sd, cells);
+        let scales = self.scales(&specs, &states, level);
+        let cells = self.cells(scales);
+        let mut random = Random::new(sd, &cells);
         if let Some(parent) = parent
-            && parent.random.fits(cells)
+            && parent.random.fits(&cells)
         {
             // Levels that the parent has start where it ended: low ones a little higher, so that they can rise again.
             let warm = |parent: f64, cold: f64, is_free: bool| {
@@ -310,8 +330,9 @@ impl LinkStudy {
                 channel_db: warm(known.channel_db, sd.channel_db, free.channel),
                 tx_db: warm(known.tx_db, sd.tx_db, free.nodes),
                 rx_db: warm(known.rx_db, sd.rx_db, free.nodes),
+                time_db: warm(known.time_db, sd.time_db, free.times),
             };
-            random = parent.random.with_sds(sd);
+            random = parent.random.with_sds(sd, &cells);
         }
         let exact: Vec<Option<Arc<Basis>>> = terms
             .iter()
@@ -340,8 +361,8 @@ impl LinkStudy {
         let mut problem = FitProblem {
             rows: &self.rows,
             specs: specs.clone(),
-            cells,
-            decorrelation_m,
+            cells: &cells,
+            scales,
             level,
             train,
             fixed_sd_db: self.fixed_sd_db,
@@ -465,11 +486,11 @@ impl Study for LinkStudy {
                 })
                 .collect();
         }
-        let asks_for_links = terms.iter().any(|&term| self.asks_for_links(term));
+        let asks_for_scales = terms.iter().any(|&term| self.asks_for_scale(term));
         let best = if starts.len() == 1 {
             starts.swap_remove(0)
         } else {
-            let from = if asks_for_links {
+            let from = if asks_for_scales {
                 From::to_convergence(level, start)
             } else {
                 From::quick(level, start)
@@ -484,10 +505,7 @@ impl Study for LinkStudy {
         if self.stop.is_set() {
             return None;
         }
-        if matches!(
-            self.specs[term],
-            TermSpec::Shadowing(_) | TermSpec::Multipath(_) | TermSpec::NodeOffset(_)
-        ) {
+        if self.specs[term].is_random() {
             return None;
         }
         let all = self.fitted_rows();
@@ -566,20 +584,36 @@ impl Study for LinkStudy {
         self.limit(term, limits)
     }
 
+    fn span_of_search(&self, fit: &LinkFit, term: usize) -> Option<(toml::Table, f64)> {
+        self.window_of(fit, term)
+    }
+
+    fn add_another(&mut self, term: usize) -> Option<usize> {
+        self.another(term)
+    }
+
+    fn agreement(&self, fit: &LinkFit, term: usize) -> Option<f64> {
+        match self.specs[term] {
+            TermSpec::Drift(_) => Some(self.p_value_of_agreement(fit)),
+            TermSpec::NodeOffset(_) => Some(self.p_value_of_nodes(&fit.without_links())),
+            _ => None,
+        }
+    }
+
     fn log_likelihood(&self, fit: &LinkFit) -> f64 {
         fit.log_likelihood
     }
 
     fn scores(&self, fit: &LinkFit, test: &[u32]) -> Vec<RowScore> {
         let specs = self.specs_of(&fit.terms);
-        let cells = self.cells(fit.decorrelation_m);
+        let cells = self.cells(fit.scales);
         let otherwise = fit.otherwise(&self.rows);
         let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
         test.iter()
             .map(|&row| {
                 let row = row as usize;
                 let level = fit.level((&self.rows, &specs), row, &otherwise);
-                let above = Above::for_row(fit, cells, row);
+                let above = Above::for_row(fit, &cells, row);
                 self.score(fit, row, (&level, &otherwise), above, &mut tables)
             })
             .collect()

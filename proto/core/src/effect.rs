@@ -37,6 +37,8 @@ pub enum Need {
     Headings,
     /// Nodes that move.
     Movement,
+    /// Nodes that all stand still.
+    Still,
     /// Times that vary.
     Time,
     /// `[[site.wall]]`.
@@ -75,6 +77,7 @@ impl Need {
             Self::Channels => "more than one channel".to_owned(),
             Self::Headings => "headings, or stationary nodes".to_owned(),
             Self::Movement => "mobile nodes".to_owned(),
+            Self::Still => "nodes that all stand still".to_owned(),
             Self::Time => "times that vary".to_owned(),
             Self::Walls => "walls in [site]".to_owned(),
             Self::Foliage => "foliage in [site]".to_owned(),
@@ -116,6 +119,8 @@ pub struct Fit {
     pub of_body: &'static [(&'static str, Body)],
     /// Keys that repeat a property of the configured model. A fitted one starts there; the others are taken from there.
     pub from_model: &'static [(&'static str, FromModel)],
+    /// Several of it may act at once, each with its own keys.
+    pub is_repeatable: bool,
     /// Of a robot effect that has directions or places of the plane: positions of all campaigns must be in one frame.
     pub needs_one_frame: bool,
 }
@@ -133,6 +138,7 @@ impl Fit {
         in_runs: None,
         of_body: &[],
         from_model: &[],
+        is_repeatable: false,
         needs_one_frame: false,
     };
 }
@@ -148,6 +154,10 @@ pub enum Role {
     RandomPerLink,
     /// A radio effect that is a random level per link, channel and place as small as half a wave: keys `sd_db` and `coherence_mhz`.
     RandomPerChannel,
+    /// A radio effect that is a random level of all links, which changes in time: keys `sd_db` and `correlation_s`.
+    RandomInTime,
+    /// A radio effect that is a random level of each link, which changes in time: keys `sd_db` and `correlation_s`.
+    RandomPerLinkInTime,
     /// A robot effect that is the noise of measured positions, key `sd_m`, which every model of robots has.
     Noise,
 }

@@ -68,6 +68,10 @@ pub enum Purpose {
     Reboot = 27,
     /// Seeds of the runs that resimulate a measurement. Entity: number of the seed.
     Resimulation = 28,
+    /// The value of `drift`. Entity: 0.
+    Drift = 29,
+    /// The value of `link-drift`. Entity: unordered link.
+    LinkDrift = 30,
 }
 
 /// The draws of one purpose under one seed.

@@ -252,9 +252,10 @@ impl Answer {
     }
 }
 
-/// Name of a candidate, or the covariate of a structure.
+/// Name of a candidate, or the covariate of a structure. A curve with many knots is one over its covariate.
 fn name(one: &Value) -> &str {
-    one["covariate"].as_str().or_else(|| one["effect"].as_str()).unwrap_or_default()
+    let name = one["covariate"].as_str().or_else(|| one["effect"].as_str()).unwrap_or_default();
+    name.strip_prefix("fine-").unwrap_or(name)
 }
 
 #[cfg(test)]
@@ -324,8 +325,13 @@ mod tests {
         let structure = |covariate: &str| json!({"verdict": "unexplained-structure", "unexplained": [{"covariate": covariate}]});
         assert_eq!(judgement(&drift(), &structure("time_s")), Judgement::Uncertain);
         assert_eq!(judgement(&drift(), &structure("humidity_pct")), Judgement::FalseCertain);
-        let curve = missing(&[candidate("curve:humidity_pct")]);
-        assert_eq!(judgement(&drift(), &curve), Judgement::FalseCertain);
+        for (curve, expected) in [
+            ("curve:humidity_pct", Judgement::FalseCertain),
+            ("fine-curve:humidity_pct", Judgement::FalseCertain),
+            ("fine-curve:time_s", Judgement::Uncertain),
+        ] {
+            assert_eq!(judgement(&drift(), &missing(&[candidate(curve)])), expected, "{curve}");
+        }
         let unknown = Answer {
             verdicts: vec!["something-missing", "unexplained-structure"],
             structure: vec!["x_m"],

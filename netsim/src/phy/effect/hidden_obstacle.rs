@@ -75,6 +75,7 @@ pub const ENTRY: Entry = Entry {
         level: Level::Place,
         generalises: &["wall-attenuation", "vegetation", "diffraction"],
         search: Search::Places,
+        is_repeatable: true,
         ..Fit::PLAIN
     },
     check,

@@ -97,6 +97,7 @@ pub const ENTRY: Entry = Entry {
         generalises: &[],
         // The band of IEEE 802.15.4 at 2.4 GHz: packets from end to end do not tell channels.
         in_runs: Some(&[("centre_mhz", Fixed::Number(2440.0)), ("width_mhz", Fixed::Number(80.0))]),
+        is_repeatable: true,
         ..Fit::PLAIN
     },
     check,

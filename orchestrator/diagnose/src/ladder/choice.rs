@@ -252,6 +252,7 @@ impl<S: Study> Search<'_, S> {
     fn is_rival(&self, best: &CandidateTest, test: &CandidateTest, accepted: &[usize]) -> bool {
         let candidate = &self.study.candidates()[test.term];
         if candidate.untestable.is_some()
+            || !candidate.is_tried_beside(accepted)
             || accepted.contains(&test.term)
             || self.study.judging_level(candidate.level) == COMMON
         {
@@ -278,10 +279,14 @@ impl<S: Study> Search<'_, S> {
         accepted: &[usize],
     ) -> Vec<usize> {
         let is_curve = self.is_curve(&tests[best]);
+        // Of two of one effect, whichever is first is the first.
+        let first = |term: usize| self.study.candidates()[term].another_of.unwrap_or(term);
+        let is_same_effect = |term: usize| first(term) == first(tests[best].term);
         let is_tied = |(index, test): &(usize, &CandidateTest)| {
             let is_likely = test.is_significant || is_curve && test.is_as_certain_as(&tests[best]);
             let is_rival = || !is_curve && self.is_rival(&tests[best], test, accepted);
             *index != best
+                && !is_same_effect(test.term)
                 && self.is_curve(test) == is_curve
                 && (is_likely || is_rival())
                 && !(is_curve && self.is_no_better_than_nested(test, tests, accepted))

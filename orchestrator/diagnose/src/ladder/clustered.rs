@@ -2,7 +2,7 @@
 
 use super::{COMMON, Search, with_term};
 use crate::acceptance::FAMILY_ERROR;
-use crate::gain::Scores;
+use crate::gain::{Gain, Scores};
 use crate::score_test::{ScoreTest, ScoreTests};
 use crate::{gate, limits};
 use proto::effect::{CONSTANT, Level};
@@ -13,15 +13,56 @@ use tracing::debug;
 /// before.
 const BESIDE_DRIFT: f64 = 0.05;
 
+/// Blocks within a span of time of which fewer do not tell how gains vary there.
+const FEWEST_WITHIN: usize = 8;
+
 impl<S: Study> Search<'_, S> {
+    /// The gain of terms over `parent`, its p-value from the blocks of the span of time to which a term is limited: in all others there is
+    /// no gain to vary.
+    pub(super) fn gain_in_time(
+        &self,
+        terms: &[usize],
+        parent: &[usize],
+        limited: (usize, Level),
+    ) -> Gain {
+        let (term, level) = limited;
+        let gain = self.gain(terms, parent, level);
+        let only = self.study.candidates()[term].only.as_ref();
+        let moment = |key: &str| only?.get(key)?.as_float();
+        let (from_s, until_s) = (moment("from_s"), moment("until_s"));
+        if from_s.is_none() && until_s.is_none() {
+            return gain;
+        }
+        let is_within = |time_s: f64| {
+            from_s.is_none_or(|from_s| from_s <= time_s)
+                && until_s.is_none_or(|until_s| time_s < until_s)
+        };
+        let mut scores = self.held_out_scores(terms, level).to_vec();
+        for (score, time_s) in scores.iter_mut().zip(self.study.dependence().times_s) {
+            if !is_within(time_s) {
+                score.log = f64::NAN;
+            }
+        }
+        let blocks = self.study.blocks(level);
+        let before = self.held_out_scores(parent, level);
+        let within = Gain::from_scores(&scores, &before, blocks.dependent());
+        if within.n_blocks < FEWEST_WITHIN {
+            gain
+        } else {
+            Gain { p_value: within.p_value, ..gain }
+        }
+    }
+
     /// Whether what a term moves is beyond what rows that depend on each other may share: those of a node, and those that follow each
     /// other. A covariate that changes in time is no cause where the error drifts as slowly.
     pub(super) fn stands_clustered(&self, term: usize, others: &[usize]) -> bool {
         let candidate = &self.study.candidates()[term];
-        if candidate.level == Level::Random {
-            return true;
-        }
         let fit = self.full_fit(others, COMMON, None);
+        if candidate.level == Level::Random {
+            let agreement = self.study.agreement(&fit, term);
+            debug!(name = candidate.name, ?agreement, "clustered");
+            return agreement.is_none_or(|p_value| p_value < FAMILY_ERROR);
+        }
         let Some(rows) = self.study.linearised(&fit) else { return true };
         let mut dependence = self.study.dependence();
         let varies_in_time = candidate.level == Level::Time;

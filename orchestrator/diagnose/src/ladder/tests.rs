@@ -37,6 +37,7 @@ fn candidate(name: &str) -> Candidate {
         is_derived: false,
         untestable: None,
         only: None,
+        another_of: None,
         stands_in_for: None,
     }
 }

@@ -1,10 +1,13 @@
 //! Effects at certain values, and what a model with them says about a row.
 
 use super::likelihood::RowPrediction;
+use super::passing::PowerMixture;
 use super::register::{PowerRange, Register};
 use super::rows::ModelledLinks;
 use netsim::phy::effect::Effect;
 use netsim::phy::link::Link;
+use netsim::phy::scatter::Renewal;
+use proto::rng::Purpose;
 use std::sync::Arc;
 
 /// An effect at certain values of its parameters.
@@ -128,5 +131,21 @@ fn limited_range(rows: &ModelledLinks, row: usize, shift_db: f64) -> PowerRange 
         PowerRange::above(reading_dbm, shift_db, quantum_db)
     } else {
         PowerRange::shifted(shift_db)
+    }
+}
+
+/// The spread of a base model.
+impl ModelledLinks {
+    /// What varies about the base model's mean from frame to frame.
+    #[must_use]
+    pub fn base_spread(&self) -> PowerMixture {
+        self.model
+            .scatters()
+            .iter()
+            .filter(|scatter| scatter.renewal == Renewal::Frame)
+            .filter(|scatter| scatter.purpose != Purpose::FrameNoise)
+            .fold(PowerMixture::none(), |spread, scatter| {
+                spread.and(&super::spread_of(&scatter.law))
+            })
     }
 }

@@ -27,6 +27,8 @@ pub(super) fn specs(rows: &ModelledLinks, effects: &Registry<effect::Entry>) -> 
             Role::RandomPerNode => TermSpec::NodeOffset(entry),
             Role::RandomPerLink => TermSpec::Shadowing(entry),
             Role::RandomPerChannel => TermSpec::Multipath(entry),
+            Role::RandomInTime => TermSpec::Drift(entry),
+            Role::RandomPerLinkInTime => TermSpec::LinkDrift(entry),
             Role::Effect | Role::Noise => TermSpec::Effect(entry),
         }
     });
@@ -134,6 +136,7 @@ pub(super) fn candidate(spec: &TermSpec, rows: &ModelledLinks, catalogue: &Catal
             is_derived: curve.is_derived,
             untestable: None,
             only: None,
+            another_of: None,
             stands_in_for: None,
         },
         _ => {
@@ -162,6 +165,7 @@ pub(super) fn candidate(spec: &TermSpec, rows: &ModelledLinks, catalogue: &Catal
                     (!lacking.is_empty()).then(|| format!("needs {}", lacking.join(", ")))
                 },
                 only: None,
+                another_of: None,
                 stands_in_for: None,
             }
         }

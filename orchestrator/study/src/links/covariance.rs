@@ -11,7 +11,7 @@ use statrs::distribution::{ContinuousCDF as _, StudentsT};
 const AT_END: f64 = 1e-6;
 
 /// Parts of the links that are left out in turn (delete-a-group jackknife).
-const GROUPS: usize = 24;
+pub(super) const GROUPS: usize = 24;
 /// Fewer pairs of rows in a bin say nothing.
 const FEWEST_PAIRS: f64 = 10.0;
 /// Lengths are sought from so much of the shortest lag to so many times the longest.

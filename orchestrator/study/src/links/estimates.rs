@@ -1,9 +1,10 @@
 //! The numbers of a fit: with intervals, and as a section of a configuration.
 
-use super::covariance::{CorrelationLength, Products};
+use super::cells::Random;
+use super::covariance::{self, CorrelationLength, Products};
 use super::fit::LinkFit;
 use super::terms::TermSpec;
-use super::{From, LinkStudy, group, search};
+use super::{CORRELATION_S, From, LinkStudy, group, search};
 use crate::COMMON;
 use crate::{Estimate, Study as _, caution, joined};
 use numbers::power::square;
@@ -30,7 +31,11 @@ impl LinkStudy {
         if let Some(entry) = self.specs[term].entry().filter(|entry| {
             matches!(
                 entry.fit.role,
-                Role::RandomPerNode | Role::RandomPerLink | Role::RandomPerChannel
+                Role::RandomPerNode
+                    | Role::RandomPerLink
+                    | Role::RandomPerChannel
+                    | Role::RandomInTime
+                    | Role::RandomPerLinkInTime
             )
         }) {
             for estimate in &mut estimates {
@@ -48,8 +53,8 @@ impl LinkStudy {
         let Some(place) = fit.terms.iter().position(|&other| other == term) else {
             return (Vec::new(), None);
         };
-        let cells = self.cells(fit.decorrelation_m);
-        let (_, determined) = fit.random.suggested(cells);
+        let cells = self.cells(fit.scales);
+        let (_, determined) = fit.random.suggested(&cells);
         let sd = fit.random.sd;
         match specs[place] {
             TermSpec::Shadowing(_) => {
@@ -63,6 +68,14 @@ impl LinkStudy {
                 let level = spread("sd_db", sd_db, determined[1]);
                 return with_length(level, "coherence_mhz", "MHz", coherence);
             }
+            TermSpec::Drift(_) => {
+                let level = spread("sd_db", sd.time_db, determined[4]);
+                return with_length(level, CORRELATION_S, "s", self.drift(fit));
+            }
+            TermSpec::LinkDrift(_) => {
+                let level = spread("sd_db", sd.channel_db, determined[1]);
+                return with_length(level, CORRELATION_S, "s", self.link_drift(fit));
+            }
             TermSpec::NodeOffset(_) => {
                 let [senders, receivers] = self.n_ends;
                 return of_nodes([
@@ -73,7 +86,7 @@ impl LinkStudy {
             TermSpec::Effect(_)
             | TermSpec::Limited(..)
             | TermSpec::Formula(..)
-            | TermSpec::Curve { .. } => {}
+            | TermSpec::Curve(_) => {}
         }
         let before: usize = fit.states[..place].iter().map(|state| state.values.len()).sum();
         let parameters = specs[place].parameters();
@@ -153,7 +166,7 @@ impl LinkStudy {
         let mut keys = toml::Table::new();
         keys.insert("kind".to_owned(), toml::Value::String(entry.variant.name.to_owned()));
         keys.extend(fit.states[place].keys(spec));
-        if let TermSpec::Shadowing(_) | TermSpec::Multipath(_) | TermSpec::NodeOffset(_) = spec {
+        if spec.is_random() {
             for spread in self.estimates_of(fit, term).0 {
                 keys.insert(spread.name, toml::Value::Float(spread.value));
             }
@@ -168,6 +181,7 @@ impl LinkStudy {
             return (sd.channel_db, None);
         }
         let edges = (0..16).map(|apart| 5.0 * f64::from(apart) + 2.5).collect();
+        let fit = &fit.without_links();
         let products = self.products(fit, edges, |one, other| {
             let channel = |row: usize| self.rows.links.rows[row].channel;
             let apart = channel(one)?.abs_diff(channel(other)?);
@@ -178,12 +192,62 @@ impl LinkStudy {
 
     /// The length over which shadowing changes (m), where nodes move.
     fn decorrelation(&self, fit: &LinkFit) -> Option<CorrelationLength> {
-        if self.cells.len() < 2 {
+        if self.lengths_m.len() < 2 {
             return None;
         }
         let edges =
             [0.125, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0];
+        let fit = &fit.without_links();
         self.products(fit, edges.to_vec(), |one, other| Some(self.way_m(one, other))).length()
+    }
+
+    /// The time over which levels of links change (s).
+    fn link_drift(&self, fit: &LinkFit) -> Option<CorrelationLength> {
+        let fit = &marginal(fit, |random| random.clone().without_channels());
+        let measured = &self.rows.links.rows;
+        let lag = |one: usize, other: usize| {
+            (measured[one].run == measured[other].run)
+                .then(|| (measured[one].time_s - measured[other].time_s).abs())
+        };
+        self.products(fit, self.lags_s(), lag).length()
+    }
+
+    /// The time over which the level of all links changes (s): from means of short spans of time.
+    fn drift(&self, fit: &LinkFit) -> Option<CorrelationLength> {
+        let cells = self.cells(fit.scales);
+        let fit = &marginal(fit, |random| random.clone().without_times(&cells));
+        let edges_s = self.lags_s();
+        let span_s = *edges_s.first()?;
+        let mut spans: BTreeMap<(u32, i64), (f64, f64)> = BTreeMap::new();
+        for (row, left_db) in self.left_db(fit) {
+            let measured = &self.rows.links.rows[row];
+            let span = (measured.time_s / span_s).floor() as i64;
+            let sum = spans.entry((measured.run, span)).or_default();
+            (sum.0, sum.1) = (sum.0 + left_db, sum.1 + 1.0);
+        }
+        let means: Vec<((u32, i64), f64)> =
+            spans.into_iter().map(|(key, (sum, n))| (key, sum / n)).collect();
+        let mut products = Products::new(edges_s);
+        for (index, ((run, span), mean)) in means.iter().enumerate() {
+            // Neighbours in time are left out together.
+            let part = index * covariance::GROUPS / means.len();
+            let later = means[index + 1..].iter().filter(|((other, _), _)| other == run);
+            for ((_, other), right) in later {
+                products.add(part, (other - span) as f64 * span_s, mean * right);
+            }
+        }
+        products.length()
+    }
+
+    /// Upper ends of bins of time between two rows (s): from a part of the shortest time over which drift is looked for.
+    fn lags_s(&self) -> Vec<f64> {
+        let shortest_s = self.times_s.first().copied().unwrap_or(LAG_S);
+        let longest_s = self.times_s.last().copied().unwrap_or(LAG_S);
+        let mut lags_s = vec![0.25 * shortest_s];
+        while let Some(last_s) = lags_s.last().copied().filter(|last_s| *last_s < 3.0 * longest_s) {
+            lags_s.push(last_s * std::f64::consts::SQRT_2);
+        }
+        lags_s
     }
 
     /// What both ends of a link have moved between two rows (m).
@@ -198,24 +262,18 @@ impl LinkStudy {
         ends(one).into_iter().zip(ends(other)).map(moved).sum()
     }
 
-    /// Products of the residuals of two rows of a link, random effects of nodes removed, by their lag; none: they are not compared.
-    /// Rows that might as well have been lost are left out: they are read only where their level is high.
+    /// Products of the residuals of two rows of a link by their lag; none: they are not compared.
     fn products(
         &self,
         fit: &LinkFit,
         edges: Vec<f64>,
         lag: impl Fn(usize, usize) -> Option<f64>,
     ) -> Products {
-        let mut marginal = fit.clone();
-        marginal.random = fit.random.of_nodes();
         let mut links: BTreeMap<(u32, u32), Vec<(usize, f64)>> = BTreeMap::new();
-        for (row, predicted) in self.predictions(&marginal).into_iter().enumerate() {
+        for (row, left_db) in self.left_db(fit) {
             let measured = &self.rows.links.rows[row];
-            if self.rows.is_received(row) && CERTAIN < predicted.passes {
-                let key = (measured.tx.min(measured.rx), measured.tx.max(measured.rx));
-                let left_db = measured.rssi_dbm - predicted.rssi_dbm;
-                links.entry(key).or_default().push((row, left_db));
-            }
+            let key = (measured.tx.min(measured.rx), measured.tx.max(measured.rx));
+            links.entry(key).or_default().push((row, left_db));
         }
         let mut products = Products::new(edges);
         for (link, rows) in links.values().enumerate() {
@@ -230,6 +288,14 @@ impl LinkStudy {
             }
         }
         products
+    }
+
+    /// What is left of readings under a fit, row by row (dB). Rows that might as well have been lost are left out: they are read only
+    /// where their level is high.
+    pub(super) fn left_db(&self, fit: &LinkFit) -> impl Iterator<Item = (usize, f64)> {
+        let left = self.predictions(fit).into_iter().enumerate();
+        left.filter(|(row, predicted)| self.rows.is_received(*row) && CERTAIN < predicted.passes)
+            .map(|(row, predicted)| (row, self.rows.links.rows[row].rssi_dbm - predicted.rssi_dbm))
     }
 
     /// Two parameters of which one hides the other.
@@ -267,6 +333,13 @@ impl LinkStudy {
         }
         None
     }
+}
+
+/// A fit in which some random levels are as if nothing was known of them.
+fn marginal(fit: &LinkFit, random: impl Fn(&Random) -> Random) -> LinkFit {
+    let mut marginal = fit.clone();
+    marginal.random = random(&fit.random);
+    marginal
 }
 
 /// A standard deviation (dB) with its interval: `n` levels of its law are known.
@@ -335,6 +408,8 @@ fn widen(spread: &mut Estimate, length: &CorrelationLength) {
 
 /// The share of frames like a row's that must pass for its reading to say what levels are like.
 const CERTAIN: f64 = 0.9;
+/// Time between rows that are compared, where no time over which levels drift is looked for (s).
+const LAG_S: f64 = 100.0;
 /// Rows of a link of which every two are compared.
 const MOST_OF_LINK: usize = 150;
 /// Half of the squared standard errors of a 90 % interval: by so much the log likelihood falls at its ends (nats).

@@ -2,18 +2,16 @@
 
 use super::active::{ActiveEffect, AlteredRegister, level};
 use super::basis::Basis;
-use super::cells::{NewtonStep, Random, RandomEffectSds, RowCells, Solver};
+use super::cells::{NewtonStep, Random, RandomEffectSds, RowCells, Scales, Solver};
 use super::likelihood::{Instrument, Noise, RowLikelihood, RowPrediction};
-use super::passing::{PowerMixture, SampledCurve};
+use super::passing::SampledCurve;
 use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
 use crate::StopFlag;
 use nalgebra::{DMatrix, DVector};
 use netsim::phy::effect::Effect;
-use netsim::phy::scatter::Renewal;
 use numbers::power::square;
 use proto::effect;
-use proto::rng::Purpose;
 use std::sync::Arc;
 
 /// A model of links fitted to measurements: terms with their states, noise and random levels.
@@ -27,8 +25,8 @@ pub struct LinkFit {
     pub instrument: Instrument,
     /// Random levels of nodes, links and channels (dB).
     pub random: Random,
-    /// The length over which levels of links change (m).
-    pub decorrelation_m: f64,
+    /// Over what its random levels change.
+    pub scales: Scales,
     /// The level at which it is judged.
     pub level: effect::Level,
     /// Log likelihood of the rows it was fitted to: random levels integrated out (Laplace).
@@ -47,8 +45,8 @@ pub struct FitProblem<'a> {
     pub specs: Vec<&'a TermSpec>,
     /// The groups of all rows for random levels.
     pub cells: &'a RowCells,
-    /// The length over which levels of links change in them (m).
-    pub decorrelation_m: f64,
+    /// Over what random levels change in them.
+    pub scales: Scales,
     /// The level at which the fit will be judged.
     pub level: effect::Level,
     /// Indices of the rows to fit to.
@@ -76,6 +74,8 @@ pub struct FreeRandomEffects {
     pub channel: bool,
     /// Whether those of nodes, as senders and as receivers, are estimated.
     pub nodes: bool,
+    /// Whether that of times is estimated.
+    pub times: bool,
 }
 
 /// By how much a value at a knot is changed for a derivative.
@@ -221,8 +221,7 @@ impl<'a> FitProblem<'a> {
         let noise = self.bounded(noise, &levels.levels);
         let instrument = self.instrument(&effects, noise);
         let slopes = self.slopes(&instrument, &levels, &random);
-        let log =
-            slopes.iter().map(|slope| slope.log).sum::<f64>() + random.penalty(self.cells.n_nodes);
+        let log = slopes.iter().map(|slope| slope.log).sum::<f64>() + random.penalty(self.cells);
         Here { states, effects, levels, instrument, random, slopes, log }
     }
 
@@ -252,6 +251,7 @@ impl<'a> FitProblem<'a> {
                     channel_db: if self.free.channel { sd.channel_db } else { old.channel_db },
                     tx_db: if self.free.nodes { sd.tx_db } else { old.tx_db },
                     rx_db: if self.free.nodes { sd.rx_db } else { old.rx_db },
+                    time_db: if self.free.times { sd.time_db } else { old.time_db },
                 };
                 let random = here.random.clone();
                 here = self.here(here.states, noise, random);
@@ -265,7 +265,7 @@ impl<'a> FitProblem<'a> {
         }
         LinkFit {
             terms: terms.to_vec(),
-            decorrelation_m: self.decorrelation_m,
+            scales: self.scales,
             level: self.level,
             log_likelihood: here.log - last.half_log_determinant,
             information: last.information,
@@ -550,6 +550,11 @@ impl<'a> FitProblem<'a> {
 }
 
 impl LinkFit {
+    /// The fit as it predicts links of which nothing is known.
+    pub(super) fn without_links(&self) -> Self {
+        Self { random: self.random.without_links(), ..self.clone() }
+    }
+
     /// Effects with which registers read otherwise.
     pub(super) fn otherwise(&self, rows: &ModelledLinks) -> AlteredRegister<'_> {
         AlteredRegister::from_effects(&self.effects, rows)
@@ -577,21 +582,5 @@ impl LinkFit {
             }
         }
         level(rows, row, added, otherwise)
-    }
-}
-
-/// The spread of a base model.
-impl ModelledLinks {
-    /// What varies about the base model's mean from frame to frame.
-    #[must_use]
-    pub fn base_spread(&self) -> PowerMixture {
-        self.model
-            .scatters()
-            .iter()
-            .filter(|scatter| scatter.renewal == Renewal::Frame)
-            .filter(|scatter| scatter.purpose != Purpose::FrameNoise)
-            .fold(PowerMixture::none(), |spread, scatter| {
-                spread.and(&super::spread_of(&scatter.law))
-            })
     }
 }

@@ -1,6 +1,7 @@
 //! Which rows belong together: blocks that are left out together, and cells that share a random level.
 
-use super::cells::RowCells;
+use super::SIDE;
+use super::cells::{RowCells, Scales};
 use super::rows::ModelledLinks;
 use crate::choices::{ChoiceError, Choices, SplitBy};
 use crate::folds::{Blocks, FEWEST_BLOCKS, scramble};
@@ -244,8 +245,59 @@ fn square(place_m: [f64; 3], side_m: f64) -> u64 {
         .fold(17, |key, coordinate| scramble(key ^ ((coordinate / side_m).floor() as i64 as u64)))
 }
 
+/// Times over which levels may drift (s).
+const DRIFT_S: [f64; 4] = [30.0, 100.0, 300.0, 1000.0];
+/// Of a drift there are so many independent levels at least, and at most.
+const FEWEST_LEVELS: f64 = 5.0;
+const MOST_LEVELS: f64 = 400.0;
+
+/// Times over which levels may drift in the course of these rows (s).
+pub(super) fn drift_times_s(rows: &ModelledLinks) -> Vec<f64> {
+    let times_s = || rows.links.rows.iter().map(|row| row.time_s);
+    let length_s =
+        times_s().fold(f64::NEG_INFINITY, f64::max) - times_s().fold(f64::INFINITY, f64::min);
+    let suits = |time_s: &f64| {
+        let n_levels = length_s / (SIDE * time_s);
+        FEWEST_LEVELS <= n_levels && n_levels <= MOST_LEVELS
+    };
+    let suiting: Vec<f64> = DRIFT_S.into_iter().filter(suits).collect();
+    // Where none suits, one that is a twentieth of the whole.
+    if suiting.is_empty() && 0.0 < length_s { vec![0.05 * length_s] } else { suiting }
+}
+
+/// The level of all links is taken for constant over this part of the time over which it drifts, or over this part of the campaign.
+const SPAN: f64 = 0.25;
+const LEAST_SPAN: f64 = 1.0 / 300.0;
+
+/// The span of time, of the campaign of a row, of a length (s); the same for all rows where there is none.
+fn span(rows: &ModelledLinks, row: usize, span_s: Option<f64>) -> (u32, i64) {
+    let measured = &rows.links.rows[row];
+    span_s.map_or((0, 0), |span_s| (measured.run, (measured.time_s / span_s).floor() as i64))
+}
+
+/// Spans of time in which all links share a level that drifts over a time (s): of each row, and how each is correlated with that
+/// before.
+fn spans_of_drift(rows: &ModelledLinks, correlation_s: f64) -> (Vec<u32>, Vec<f64>) {
+    let times_s = || rows.links.rows.iter().map(|row| row.time_s);
+    let length_s =
+        times_s().fold(f64::NEG_INFINITY, f64::max) - times_s().fold(f64::INFINITY, f64::min);
+    let span_s = (SPAN * correlation_s).max(LEAST_SPAN * length_s);
+    let spans: Vec<(u32, i64)> = (0..rows.len()).map(|row| span(rows, row, Some(span_s))).collect();
+    let mut sorted = spans.clone();
+    sorted.sort_unstable();
+    sorted.dedup();
+    let apart = |before: &(u32, i64), after: &(u32, i64)| {
+        let apart_s = (after.1 - before.1) as f64 * span_s;
+        if before.0 == after.0 { libm::exp(-apart_s / correlation_s) } else { 0.0 }
+    };
+    let later = sorted.windows(2).map(|pair| apart(&pair[0], &pair[1]));
+    let correlations = sorted.first().map(|_| 0.0).into_iter().chain(later).collect();
+    (numbered(&spans).0, correlations)
+}
+
 /// Cells of random levels.
-pub(super) fn cells_of(rows: &ModelledLinks, side_m: f64) -> RowCells {
+pub(super) fn cells_of(rows: &ModelledLinks, scales: Scales) -> RowCells {
+    let side_m = SIDE * scales.decorrelation_m;
     let ids: Vec<u32> = rows.still().keys().copied().collect();
     let node = |id: u32| ids.binary_search(&id).unwrap_or_default() as u32;
     let places = |row: usize, side_m: f64| {
@@ -266,10 +318,15 @@ pub(super) fn cells_of(rows: &ModelledLinks, side_m: f64) -> RowCells {
         })
         .collect();
     let (link, n_links) = numbered(&links);
-    let channels: Vec<(u32, (u8, u64))> = (0..rows.len())
+    // Links drift on all channels alike.
+    let channels: Vec<(u32, (u8, u64), (u32, i64))> = (0..rows.len())
         .map(|row| {
-            let channel = rows.links.rows[row].channel.unwrap_or(0);
-            (link[row], (channel, places(row, HALF_WAVE_M)))
+            let fine = || {
+                let channel = rows.links.rows[row].channel.unwrap_or(0);
+                (channel, places(row, HALF_WAVE_M))
+            };
+            let fine = if scales.link_drift_s.is_some() { (0, 0) } else { fine() };
+            (link[row], fine, span(rows, row, scales.link_drift_s.map(|time_s| SIDE * time_s)))
         })
         .collect();
     let (channel, n_channels) = numbered(&channels);
@@ -278,7 +335,12 @@ pub(super) fn cells_of(rows: &ModelledLinks, side_m: f64) -> RowCells {
         link_of_channel[cell as usize] = link[row];
     }
     let nodes = rows.links.rows.iter().map(|row| (node(row.tx), node(row.rx))).collect();
-    RowCells { link, channel, link_of_channel, n_links, nodes, n_nodes: ids.len() }
+    let (times, correlations) = match scales.drift_s {
+        Some(correlation_s) => spans_of_drift(rows, correlation_s),
+        None => (Vec::new(), Vec::new()),
+    };
+    let n_nodes = ids.len();
+    RowCells { link, channel, link_of_channel, n_links, nodes, n_nodes, times, correlations }
 }
 
 /// Numbers keys in the order in which they sort.

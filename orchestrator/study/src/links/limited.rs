@@ -2,10 +2,13 @@
 
 use super::LinkStudy;
 use super::candidates::candidate;
+use super::fit::LinkFit;
+use super::search::windows;
 use super::terms::{TermSpec, TermState};
 use crate::limits::{NotLimited, limited_name};
 use crate::{Candidate, Study as _};
 use netsim::phy::effect::only;
+use proto::effect::{Level, Search};
 
 impl LinkStudy {
     pub(super) fn limit(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited> {
@@ -26,8 +29,45 @@ impl LinkStudy {
             return Err(NotLimited::Candidate);
         }
         let unlimited = candidate(&spec, &self.rows, &self.catalogue);
-        self.candidates.push(Candidate { name, only: Some(only), ..unlimited });
+        // What comes and goes shows on the same links at other times, whatever is behind it.
+        let is_of_time = ["from_s", "until_s"].iter().any(|key| only.contains_key(*key));
+        let is_sought = spec.search() == Search::Places;
+        let level = if is_of_time && is_sought { Level::Time } else { unlimited.level };
+        self.candidates.push(Candidate { name, only: Some(only), level, ..unlimited });
         self.specs.push(spec);
         Ok(self.specs.len() - 1)
     }
+
+    /// Another of an effect of which several may act.
+    pub(super) fn another(&mut self, term: usize) -> Option<usize> {
+        let TermSpec::Effect(entry) = self.specs[term] else { return None };
+        if !entry.fit.is_repeatable {
+            return None;
+        }
+        let another_of = Some(term);
+        self.candidates.push(Candidate { another_of, ..self.candidates[term].clone() });
+        self.specs.push(self.specs[term].clone());
+        Some(self.specs.len() - 1)
+    }
+
+    /// The span of time in which an obstacle explains much more than always.
+    pub(super) fn window_of(&self, fit: &LinkFit, term: usize) -> Option<(toml::Table, f64)> {
+        let is_place = self.specs[term].search() == Search::Places;
+        if !is_place || !matches!(self.specs[term], TermSpec::Effect(_)) {
+            return None;
+        }
+        let all = self.fitted_rows();
+        let left = self.slopes_left(fit, &all);
+        let found = windows::window(&self.rows, &all, &left)?;
+        let limits = [("from_s", found.from_s), ("until_s", found.until_s)];
+        let limits: toml::Table = limits
+            .into_iter()
+            .filter_map(|(key, moment_s)| Some((key.to_owned(), moment_s?.round().into())))
+            .collect();
+        let is_worth = !limits.is_empty() && found.always + LEAST_MORE_NATS < found.gain;
+        is_worth.then_some((limits, found.gain))
+    }
 }
+
+/// An obstacle that came and went must promise so much more (nats) than one that always stood: there are many spans and places.
+const LEAST_MORE_NATS: f64 = 20.0;

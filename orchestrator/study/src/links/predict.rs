@@ -94,12 +94,12 @@ impl LinkStudy {
     #[must_use]
     pub fn predictions(&self, fit: &LinkFit) -> Vec<Predicted> {
         let specs = self.specs_of(&fit.terms);
-        let cells = self.cells(fit.decorrelation_m);
+        let cells = self.cells(fit.scales);
         let otherwise = fit.otherwise(&self.rows);
         let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
         let one = |row: usize| {
             let level = fit.level((&self.rows, &specs), row, &otherwise);
-            let Above { lift_db, variance } = Above::for_row(fit, cells, row);
+            let Above { lift_db, variance } = Above::for_row(fit, &cells, row);
             let level_dbm = level.power_dbm + lift_db - level.shift_db;
             let read = otherwise.read(&self.rows, row);
             let read = read.as_ref().map(|read| read as RegisterResponse<'_>);

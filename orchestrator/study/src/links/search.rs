@@ -6,6 +6,7 @@
 
 pub mod headings;
 pub mod places;
+pub mod windows;
 
 use super::cells::RowCells;
 use super::fit::LinkFit;
@@ -153,23 +154,14 @@ fn score_gain(shape: &ObstacleShape, ways: &[LinkPath]) -> (f64, f64) {
     (0.5 * slope * slope / weight, -slope / weight)
 }
 
-/// States of a hidden obstacle at the places that explain most.
-#[must_use]
-pub fn obstacles(
-    rows: &ModelledLinks,
-    train: &[u32],
-    likelihoods: &[RowLikelihood],
-    start: &TermState,
-) -> Vec<TermState> {
-    let ways = ways(rows, train, likelihoods);
+/// Obstacles that are tried first: on a grid between the ends of ways.
+fn shapes_of(places: impl Iterator<Item = [f64; 2]>) -> Vec<ObstacleShape> {
     let mut low = [f64::INFINITY; 2];
     let mut high = [f64::NEG_INFINITY; 2];
-    for way in &ways {
-        for place in [way.from_m, way.to_m] {
-            for k in 0..2 {
-                low[k] = low[k].min(place[k]);
-                high[k] = high[k].max(place[k]);
-            }
+    for place in places {
+        for k in 0..2 {
+            low[k] = low[k].min(place[k]);
+            high[k] = high[k].max(place[k]);
         }
     }
     let side = |k: usize| {
@@ -183,8 +175,22 @@ pub fn obstacles(
         shapes.extend(RADII_M.iter().map(|&radius_m| ObstacleShape::Disc(a, radius_m)));
         shapes.extend(points[..i].iter().map(|&b| ObstacleShape::Segment(a, b)));
     }
+    shapes
+}
+
+/// States of a hidden obstacle at the places that explain most.
+#[must_use]
+pub fn obstacles(
+    rows: &ModelledLinks,
+    train: &[u32],
+    likelihoods: &[RowLikelihood],
+    start: &TermState,
+) -> Vec<TermState> {
+    let ways = ways(rows, train, likelihoods);
+    let places = ways.iter().flat_map(|way| [way.from_m, way.to_m]);
+    let shapes = shapes_of(places).into_iter();
     let mut ranked: Vec<(f64, ObstacleShape)> =
-        shapes.into_iter().map(|shape| (score_gain(&shape, &ways).0, shape)).collect();
+        shapes.map(|shape| (score_gain(&shape, &ways).0, shape)).collect();
     ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
     // The best of each kind, and others that are not the same place again.
     let mut finalists: Vec<(f64, ObstacleShape)> = Vec::new();

@@ -3,7 +3,7 @@
 use super::fit::LinkFit;
 use super::likelihood::RowLikelihood;
 use super::terms::{TermSpec, TermState};
-use super::{From, LinkStudy, search};
+use super::{CORRELATION_S, From, LinkStudy, search};
 use crate::Study;
 use proto::effect::{Level, Search};
 
@@ -59,9 +59,20 @@ impl LinkStudy {
         first.into_iter().map(|fit| fit.states).collect()
     }
 
-    /// Whether a term has a spread of links, over one of several lengths.
-    pub(super) fn asks_for_links(&self, term: usize) -> bool {
-        matches!(self.specs[term], TermSpec::Shadowing(_))
+    /// Whether a term has random levels that change over one of several lengths or times.
+    pub(super) fn asks_for_scale(&self, term: usize) -> bool {
+        self.scales_of(term).is_some()
+    }
+
+    /// The key of the length or time over which random levels of a term change, and the values that are tried.
+    fn scales_of(&self, term: usize) -> Option<(&'static str, Vec<f64>)> {
+        match self.specs[term] {
+            TermSpec::Shadowing(_) => Some(("decorrelation_m", self.lengths().collect())),
+            TermSpec::Drift(_) | TermSpec::LinkDrift(_) => {
+                Some((CORRELATION_S, self.times_s.clone()))
+            }
+            _ => None,
+        }
     }
 
     /// Whether the term has places or nodes that a search finds.
@@ -72,7 +83,7 @@ impl LinkStudy {
     /// What the rows say about their levels under a fit.
     pub(super) fn slopes_left(&self, fit: &LinkFit, train: &[u32]) -> Vec<RowLikelihood> {
         let specs = self.specs_of(&fit.terms);
-        search::row_likelihoods(&self.rows, fit, &specs, self.cells(fit.decorrelation_m), train)
+        search::row_likelihoods(&self.rows, fit, &specs, &self.cells(fit.scales), train)
     }
 
     /// A pattern with headings of still nodes, on top of `parent`: pattern and headings are found in turn.
@@ -119,6 +130,8 @@ impl LinkStudy {
                 .map(|(_, &other)| other)
                 .collect();
             let parent = self.fit(&terms, train, level, parent);
+            let concerned = self.within_limits(spec, train);
+            let train = &concerned[..];
             let left = self.slopes_left(&parent, train);
             return match spec.search() {
                 Search::Headings => {
@@ -132,18 +145,33 @@ impl LinkStudy {
                 _ => search::sagging(&self.rows, train, &left, &states[0]),
             };
         }
-        if !matches!(spec, TermSpec::Shadowing(_)) {
-            return states;
-        }
-        self.lengths()
-            .flat_map(|length| {
+        let Some((key, scales)) = self.scales_of(term) else { return states };
+        scales
+            .into_iter()
+            .flat_map(|scale| {
                 states.iter().map(move |state| {
                     let mut state = state.clone();
-                    state.table.insert("decorrelation_m".to_owned(), toml::Value::Float(length));
+                    state.table.insert(key.to_owned(), toml::Value::Float(scale));
                     state
                 })
             })
             .collect()
+    }
+
+    /// The rows of the span of time to which a term is limited.
+    fn within_limits(&self, spec: &TermSpec, train: &[u32]) -> Vec<u32> {
+        let TermSpec::Limited(_, limits) = spec else { return train.to_vec() };
+        let moment = |key: &str| {
+            let value = limits.get(key)?;
+            value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
+        };
+        let from_s = moment("from_s").unwrap_or(f64::NEG_INFINITY);
+        let until_s = moment("until_s").unwrap_or(f64::INFINITY);
+        let is_within = |row: &&u32| {
+            let time_s = self.rows.links.rows[**row as usize].time_s;
+            from_s <= time_s && time_s < until_s
+        };
+        train.iter().filter(is_within).copied().collect()
     }
 
     /// The states from which a search for a term starts, keys that repeat a property of the configured model taken from there.

@@ -22,6 +22,10 @@ pub enum TermSpec {
     Shadowing(&'static Entry),
     /// A random level per link, channel and fine place.
     Multipath(&'static Entry),
+    /// A random level of all links that changes in time.
+    Drift(&'static Entry),
+    /// A random level per link that changes in time.
+    LinkDrift(&'static Entry),
     /// A formula of the user's.
     Formula(&'static Entry, FormulaCandidate),
 }
@@ -36,6 +40,8 @@ impl TermSpec {
             | Self::NodeOffset(entry)
             | Self::Shadowing(entry)
             | Self::Multipath(entry)
+            | Self::Drift(entry)
+            | Self::LinkDrift(entry)
             | Self::Formula(entry, _) => Some(entry),
             Self::Curve(_) => None,
         }
@@ -45,6 +51,19 @@ impl TermSpec {
     #[must_use]
     pub fn search(&self) -> Search {
         self.entry().map_or(Search::Starts, |entry| entry.fit.search)
+    }
+
+    /// Whether it is a random level: of nodes, links or times.
+    #[must_use]
+    pub fn is_random(&self) -> bool {
+        match self {
+            Self::NodeOffset(_)
+            | Self::Shadowing(_)
+            | Self::Multipath(_)
+            | Self::Drift(_)
+            | Self::LinkDrift(_) => true,
+            Self::Effect(_) | Self::Limited(..) | Self::Curve(_) | Self::Formula(..) => false,
+        }
     }
 
     /// The parameters that a fit sets by their slopes. Random levels have none: their spread is found otherwise.
@@ -159,7 +178,9 @@ impl TermState {
             }
             TermSpec::NodeOffset(entry)
             | TermSpec::Shadowing(entry)
-            | TermSpec::Multipath(entry) => {
+            | TermSpec::Multipath(entry)
+            | TermSpec::Drift(entry)
+            | TermSpec::LinkDrift(entry) => {
                 vec![Self { table: defaults(entry), values: Vec::new() }]
             }
             TermSpec::Formula(_, asked) => {

@@ -29,6 +29,7 @@ pub fn has(rows: &ModelledLinks, need: Need) -> bool {
                 || has_still_views(rows)
         }
         Need::Movement => still.values().any(|still| !still),
+        Need::Still => still.values().all(|still| *still),
         Need::Time => differs(&mut measured.iter().map(|row| row.time_s)),
         Need::Walls => !rows.site.wall.is_empty(),
         Need::Edges => {

@@ -22,6 +22,7 @@ impl RobotStudy {
         self.candidates.push(Candidate {
             name,
             only: Some(limits.clone()),
+            another_of: None,
             stands_in_for: None,
             ..unlimited
         });

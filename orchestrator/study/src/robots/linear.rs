@@ -15,8 +15,9 @@ use std::sync::Arc;
 const MOST_STARTS: usize = 8;
 /// A column moves something if it moves some window by this (m).
 const MOVES_M: f64 = 1e-12;
-/// Windows that are no longer than this many times themselves make a block.
-const SHORTEST_WINDOWS: f64 = 2.0;
+/// The shortest blocks of time are so many windows long. Noise of positions makes neighbouring windows err in opposite ways, which only
+/// makes the variance of sums seem greater.
+const SHORTEST_WINDOWS: f64 = 1.0;
 
 impl RobotStudy {
     pub(super) fn linearised_at(&self, fit: &RobotFit) -> Option<Linearised> {

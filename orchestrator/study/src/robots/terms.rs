@@ -119,6 +119,7 @@ pub(super) fn all(
                 is_derived: false,
                 untestable: untestable(entry, on, tracks, dynamics, is_noise_given),
                 only: None,
+                another_of: None,
                 stands_in_for: None,
             });
             let table = template(entry, &keys, &parameters, catalogue);
@@ -133,7 +134,8 @@ pub(super) fn all(
     let own = tracks.own_covariates();
     let is_known = |(name, _): &&(String, Vec<f64>)| name == "time_s" || !tracks.is_relative();
     for (name, values) in tracks.robots.covariates.iter().chain(own.iter().filter(is_known)) {
-        let fine = name == "time_s" && knots::MANY * knots::ROWS_EACH <= tracks.windows.len();
+        let is_course = ["time_s", "x_m", "y_m"].contains(&name.as_str());
+        let fine = is_course && knots::MANY * knots::ROWS_EACH <= tracks.windows.len();
         let kinds = [("", knots::FEW), (FINE, knots::MANY)].into_iter().take(1 + usize::from(fine));
         for (prefix, n_knots) in kinds {
             let Some(curve) = RobotCurve::new(tracks, values.clone(), n_knots) else { continue };
@@ -152,6 +154,7 @@ pub(super) fn all(
                     is_derived: false,
                     untestable: None,
                     only: None,
+                    another_of: None,
                     stands_in_for,
                 });
                 terms.push(Term::Curve(curve));
@@ -193,6 +196,7 @@ impl RobotStudy {
             is_derived: false,
             untestable: None,
             only: None,
+            another_of: None,
             stands_in_for: None,
         });
         self.model.terms.push(Term::Effect(EffectTerm {
