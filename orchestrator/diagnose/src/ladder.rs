@@ -23,6 +23,8 @@ const HOPELESS_NATS: f64 = 12.0;
 const NOTHING_MORE_NATS: f64 = 6.0;
 /// A rival raises the log likelihood by at least this share of what the chosen candidate does.
 const NEARLY: f64 = 0.8;
+/// Random levels that raise the log likelihood by so much (nats) are evident if they predict rows left out no worse.
+const EVIDENT_NATS: f64 = 50.0;
 /// The selection accepts no more terms than this.
 const MOST_TERMS: usize = 8;
 
@@ -35,6 +37,8 @@ pub struct CandidateTest {
     pub gain: Gain,
     /// The same over blocks of time, the split that all candidates share and are ordered by.
     pub common: Gain,
+    /// By how much it raises the log likelihood of all rows (nats); 0 where it was not fitted.
+    pub rise: f64,
     /// Significant after Holm's correction for all candidates.
     pub is_significant: bool,
     /// Significant if it were the only candidate, and worth having.
@@ -286,6 +290,7 @@ impl<'a, S: Study> Search<'a, S> {
             term,
             gain: Gain::NONE,
             common: Gain::NONE,
+            rise: 0.0,
             is_significant: false,
             is_plausible: false,
             is_acceptable: false,
@@ -322,7 +327,7 @@ impl<'a, S: Study> Search<'a, S> {
             self.term_gain(term, &terms, accepted, COMMON)
         };
         debug!(name = candidate.name, gain = gain.gain, p = gain.p_value, "scored");
-        CandidateTest { gain, common, ..hopeless }
+        CandidateTest { gain, common, rise, ..hopeless }
     }
 
     /// Whether a special case of a candidate, a nested model, raises the likelihood nearly as much as the candidate, by `rise` (nats).
@@ -393,6 +398,19 @@ impl<'a, S: Study> Search<'a, S> {
                     );
                     test.is_significant = is_certain && self.stands_clustered(test.term, &accepted);
                     test.is_acceptable = test.is_significant;
+                }
+            }
+            if !tests.iter().any(|test| test.is_acceptable) {
+                let n_rows = self.all.len() as f64;
+                for test in tests.iter_mut().filter(|test| !removed.contains(&test.term)) {
+                    let is_random = candidates[test.term].level == Level::Random;
+                    if is_random
+                        && is_evident(test, n_rows)
+                        && self.stands_clustered(test.term, &accepted)
+                    {
+                        (test.is_significant, test.is_plausible, test.is_acceptable) =
+                            (true, true, true);
+                    }
                 }
             }
             let found = self
@@ -557,6 +575,12 @@ impl<'a, S: Study> Search<'a, S> {
             scores: Scores::mean(&self.held_out_scores(terms, COMMON)),
         }
     }
+}
+
+/// Whether random levels are evident from all rows at once. Where nodes never come back to a place, rows left out tell little of levels of
+/// places; the likelihood, levels integrated out, tells all.
+fn is_evident(test: &CandidateTest, n_rows: f64) -> bool {
+    EVIDENT_NATS < test.rise && acceptance::WORTH_NATS * n_rows < test.rise && 0.0 < test.gain.gain
 }
 
 fn with_term(accepted: &[usize], term: usize) -> Vec<usize> {

@@ -9,6 +9,7 @@ use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, Gamma};
 use std::collections::BTreeMap;
 use study::folds::Blocks;
+use study::linear::Linearised;
 use study::symbolic::FittedFormula;
 use study::{COMMON, Study};
 
@@ -30,6 +31,8 @@ pub struct ResidualStructure {
     pub explained: f64,
     /// P-value by flipping the signs of whole blocks.
     pub p_value: f64,
+    /// In which of the residuals it is, by number.
+    pub residual: usize,
     /// A short formula of the covariate, if there is one.
     pub formula: Option<FittedFormula>,
 }
@@ -98,7 +101,7 @@ pub fn scan_residuals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladd
     let mut covariates = study.scanned_covariates();
     let mut structure = strongest(&covariates, &residuals, &levels);
     while let Some(found) = &structure
-        && !stands_clustered(study, &fit, &covariates, found)
+        && !stands_clustered(study, &covariates, found, residuals[found.residual].values)
     {
         let name = found.covariate.clone();
         covariates.retain(|(other, _)| *other != name);
@@ -115,17 +118,21 @@ pub fn scan_residuals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladd
 /// analysis of variance, Biometrika 40, 1953). Where nothing can be told, it stands.
 fn stands_clustered<S: Study>(
     study: &S,
-    fit: &S::Fit,
     covariates: &[(String, Vec<f64>)],
     found: &ResidualStructure,
+    residual: &[f64],
 ) -> bool {
     let values = covariates.iter().find(|(name, _)| *name == found.covariate);
-    let bins = values.and_then(|(_, values)| binned(values, BINS));
-    let (Some(bins), Some(rows)) = (bins, study.linearised(fit)) else { return true };
+    let Some(bins) = values.and_then(|(_, values)| binned(values, BINS)) else { return true };
     let dependence = study.dependence();
     if dependence.nodes.is_none() {
         return true;
     }
+    let known = |value: &f64| if value.is_finite() { [*value, 1.0] } else { [0.0; 2] };
+    let part = |k: usize| residual.iter().map(|value| [known(value)[k], 0.0, 0.0]).collect();
+    // All rows may be off alike.
+    let estimated = vec![vec![[1.0, 0.0, 0.0]; residual.len()]];
+    let rows = Linearised { slopes: part(0), weights: part(1), estimated, errors: Vec::new() };
     let mut sums = [[0.0; 2]; 256];
     for (bin, (slopes, weights)) in bins.iter().zip(rows.slopes.iter().zip(&rows.weights)) {
         let sum = &mut sums[usize::from(*bin)];
@@ -166,7 +173,7 @@ fn strongest_in(
     let mut best: Option<ResidualStructure> = None;
     for (name, values) in covariates {
         let Some(bins) = binned(values, n_bins) else { continue };
-        for residual in residuals {
+        for (number, residual) in residuals.iter().enumerate() {
             let Some((explained, p_value)) = test_structure(&bins, residual.values, levels, n_bins)
             else {
                 continue;
@@ -179,6 +186,7 @@ fn strongest_in(
                     covariate: name.clone(),
                     explained,
                     p_value,
+                    residual: number,
                     formula: None,
                 });
             }

@@ -244,11 +244,12 @@ impl LinkStudy {
             return (RandomEffectSds::default(), FreeRandomEffects::default());
         }
         let known = self.configured;
+        // A single sender or receiver has a level, which is that of all links, and no spread.
         let sd = RandomEffectSds {
             link_db: start_sd(known.link_db, link, 2.0),
             channel_db: start_sd(known.channel_db, channel, 2.0),
-            tx_db: start_sd(known.tx_db, nodes, 1.0),
-            rx_db: start_sd(known.rx_db, nodes, 1.0),
+            tx_db: start_sd(known.tx_db, nodes && 1 < self.n_ends[0], 1.0),
+            rx_db: start_sd(known.rx_db, nodes && 1 < self.n_ends[1], 1.0),
             time_db: start_sd(known.time_db, times, 1.0),
         };
         let free = FreeRandomEffects {

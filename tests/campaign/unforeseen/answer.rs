@@ -46,8 +46,6 @@ pub struct Answer {
     pub structure: Vec<&'static str>,
     /// Verdicts that are right.
     pub verdicts: Vec<&'static str>,
-    /// The unit that must be held out, if that is part of the answer: the first letters of its name.
-    pub split: Option<&'static str>,
     /// Root mean square error of the model as configured, divided by the standard deviation of the noise.
     pub error_over_noise: f64,
 }
@@ -215,13 +213,8 @@ impl Answer {
             .collect();
         let is_certain = wrong.iter().any(|one| !one["warning"].is_string() && !is_tied(one));
         let verdict = diagnosis["verdict"].as_str().unwrap_or_default();
-        let is_unit_right = self.split.is_none_or(|unit| {
-            diagnosis["split"].as_str().is_some_and(|split| split.starts_with(unit))
-        });
-        let is_honest = wrong.is_empty()
-            && is_unit_right
-            && self.verdicts.contains(&verdict)
-            && self.all_made(&accepted);
+        let is_honest =
+            wrong.is_empty() && self.verdicts.contains(&verdict) && self.all_made(&accepted);
         let nothing_hidden = self.required.is_empty() && self.verdicts == ["nothing-missing"];
         let is_verdict_wrong = match verdict {
             "nothing-missing" => 3.0 < self.error_over_noise,
@@ -405,14 +398,5 @@ mod tests {
         assert_eq!(judgement(&answer, &missing(&[at(2412.0), at(2412.0)])), Judgement::Uncertain);
         let wrong = missing(&[at(2412.0), at(2437.0)]);
         assert_eq!(judgement(&answer, &wrong), Judgement::FalseCertain);
-    }
-
-    #[test]
-    fn the_unit_held_out_may_be_part_of_the_answer() {
-        let answer = Answer { split: Some("place"), ..Answer::of(vec![Claim::of("system-gain")]) };
-        let mut diagnosis = missing(&[candidate("system-gain")]);
-        assert_eq!(judgement(&answer, &diagnosis), Judgement::Uncertain);
-        diagnosis["split"] = json!("places");
-        assert_eq!(judgement(&answer, &diagnosis), Judgement::Honest);
     }
 }

@@ -13,6 +13,8 @@ use tracing::debug;
 /// before.
 const BESIDE_DRIFT: f64 = 0.05;
 
+/// A level is far from nothing at so many times half of its 90 % interval: 3.3 standard errors.
+const INTERVALS_APART: f64 = 2.0;
 /// Blocks within a span of time of which fewer do not tell how gains vary there.
 const FEWEST_WITHIN: usize = 8;
 
@@ -109,15 +111,19 @@ impl<S: Study> Search<'_, S> {
                 < FAMILY_ERROR
     }
 
-    /// Whether a term is the level about which random effects vary: it is not given up for them, which follow any level.
+    /// Whether a term is the level about which random effects vary, and is far from nothing beside them: it is not given up for them, which
+    /// follow any level.
     pub(super) fn is_level_of_random(&self, term: usize, others: &[usize]) -> bool {
         let candidates = self.study.candidates();
         let is_random = |other: &usize| candidates[*other].level == Level::Random;
         if candidates[term].linear_in != Some(CONSTANT) || !others.iter().any(is_random) {
             return false;
         }
-        let means: Vec<usize> = others.iter().copied().filter(|other| !is_random(other)).collect();
-        self.is_asked_for(term, &means)
+        let fit = self.full_fit(&with_term(others, term), COMMON, None);
+        let (estimates, _) = self.study.estimates(&fit, term);
+        estimates.first().is_some_and(|level| {
+            INTERVALS_APART * (level.high - level.low) / 2.0 < level.value.abs()
+        })
     }
 
     /// Whether all rows are off by a constant that is worth removing, beside these terms.

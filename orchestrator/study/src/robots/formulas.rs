@@ -28,14 +28,29 @@ impl RobotStudy {
         covariates
     }
 
-    /// Standardised residuals along and across the motion.
+    /// Standardised residuals along and across the motion and, where all campaigns have one frame, to the east and to the north: what pushes
+    /// robots in a place pushes them one way, whichever way they move.
     pub(super) fn standardised(&self, fit: &RobotFit) -> Residuals {
         let view = self.view(fit);
         let n = view.predicted.len();
-        let along = (0..n).map(|row| view.scaled_at(row)).collect();
-        let across = (0..n).map(|row| view.scaled_across(row)).collect();
+        let along: Vec<f64> = (0..n).map(|row| view.scaled_at(row)).collect();
+        let across: Vec<f64> = (0..n).map(|row| view.scaled_across(row)).collect();
+        let turned = |by: fn([f64; 2]) -> [f64; 2]| -> Vec<f64> {
+            let frames = self.model.directions.iter().copied().map(by);
+            let both = frames.zip(along.iter().zip(&across));
+            both.map(|([of_along, of_across], (along, across))| {
+                of_along * along + of_across * across
+            })
+            .collect()
+        };
+        let fixed = if self.model.tracks.is_relative() {
+            Vec::new()
+        } else {
+            vec![turned(|[cos, sin]| [cos, -sin]), turned(|[cos, sin]| [sin, cos])]
+        };
         let component = |standardised| Component { standardised, is_of_error: true };
-        Residuals { components: [along, across].map(component).to_vec(), mean_square: None }
+        let all = [along, across].into_iter().chain(fixed);
+        Residuals { components: all.map(component).collect(), mean_square: None }
     }
 
     /// The names that formulas may use beside those that every robot has.
