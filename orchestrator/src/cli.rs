@@ -1,6 +1,7 @@
 //! The command line.
 
 mod answers;
+mod between;
 mod check;
 mod choice;
 mod convert;

@@ -15,6 +15,7 @@
 //! | [`answer`] | from what was found to an answer |
 //! | [`diagnosis`] | the answer, as programs read it |
 //! | [`words`] | the answer, as people read it |
+//! | [`mod@between`] | what changed between two campaigns |
 //! | [`corrected_data`] | a file of measurements with its defects corrected |
 //! | [`defects`] | defects of the measurement, which are corrected before the search |
 //! | [`mod@compare`] | how large the model's error is as configured, and under which conditions |
@@ -25,6 +26,7 @@
 
 pub mod acceptance;
 pub mod answer;
+pub mod between;
 pub mod compare;
 pub mod corrected_data;
 pub mod defects;

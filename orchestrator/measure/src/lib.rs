@@ -9,7 +9,9 @@
 //! | [`ranges`] | plausible ranges of measured quantities |
 //! | [`warnings`] | warnings about measurements that can be used |
 //! | [`packets`] | packets from end to end |
+//! | [`pooled`] | two files as one table |
 //! | [`robots`] | robot samples |
+//! | [`time_of_day`] | when rows were measured, where that is known |
 //! | [`config`] | the part of a configuration that is compared with them |
 
 pub mod account;
@@ -17,9 +19,11 @@ pub mod config;
 pub mod formats;
 pub mod links;
 pub mod packets;
+pub mod pooled;
 pub mod ranges;
 pub mod robots;
 pub mod table;
+pub mod time_of_day;
 pub mod warnings;
 
 use schemars::JsonSchema;

@@ -4,6 +4,7 @@ mod warnings;
 
 use super::ranges::RangeCheck;
 use super::table::DataTable;
+use super::time_of_day::{self, TIME_OF_DAY};
 use super::warnings::rejection_warnings;
 use super::{Rejected, Rejections, TWICE};
 use proto::effect::CONSTANT;
@@ -73,8 +74,9 @@ pub struct LinkRow {
 /// Columns of both shapes.
 const COMMON: [&str; 4] = ["time_s", "tx", "rx", "rssi_dbm"];
 /// Columns with a meaning of their own, which are no covariates.
-pub const KNOWN: [&str; 18] = [
+pub const KNOWN: [&str; 19] = [
     "time_s",
+    time_of_day::START,
     "tx",
     "rx",
     "rssi_dbm",
@@ -239,6 +241,12 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
             }
             Some(_) => covariates.push((name.clone(), values)),
         }
+    }
+    if table.column(TIME_OF_DAY).is_none()
+        && let Some(hours) = time_of_day::covariate(table)
+    {
+        let hours = kept.iter().map(|&row| hours[row]).collect();
+        covariates.push((TIME_OF_DAY.to_owned(), hours));
     }
     let (frames, received) = counts(&rows);
     if !rows.is_empty() && 0.0 < frames && frames <= received {

@@ -4,6 +4,7 @@ mod warnings;
 
 use super::ranges::RangeCheck;
 use super::table::DataTable;
+use super::time_of_day::{self, TIME_OF_DAY};
 use super::warnings::rejection_warnings;
 use super::{Rejected, Rejections, TWICE};
 use numbers::power::square;
@@ -55,8 +56,9 @@ pub struct RobotSample {
 /// Columns that all robot samples have.
 const COMMON: [&str; 4] = ["time_s", "agent", "x_m", "y_m"];
 /// Columns with a meaning of their own, which are no covariates.
-pub const KNOWN: [&str; 13] = [
+pub const KNOWN: [&str; 14] = [
     "time_s",
+    time_of_day::START,
     "agent",
     "run",
     "x_m",
@@ -277,6 +279,12 @@ impl RobotSamples {
                 )),
                 Some(_) => self.covariates.push((name.clone(), values)),
             }
+        }
+        if table.column(TIME_OF_DAY).is_none()
+            && let Some(hours) = time_of_day::covariate(table)
+        {
+            let hours = rows.iter().map(|&row| hours[row]).collect();
+            self.covariates.push((TIME_OF_DAY.to_owned(), hours));
         }
     }
 

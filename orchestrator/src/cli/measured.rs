@@ -1,5 +1,6 @@
 //! The commands that hold a model against measurements.
 
+use super::between::BetweenArgs;
 use super::choice::ChoiceArgs;
 use super::corrected::corrected;
 use super::formula::FormulaArgs;
@@ -42,8 +43,8 @@ pub(super) struct DataArgs {
     config: PathBuf,
     /// The measurements: link samples, robot samples or packets (CSV, Parquet, K7 or the folder of a run; CSV and K7 may be
     /// gzipped)
-    #[arg(long, value_name = "FILE")]
-    data: PathBuf,
+    #[arg(long, value_name = "FILE", required = true)]
+    data: Option<PathBuf>,
     /// Override a key of the configuration, as in netsim.phy.propagation=friis. Repeatable
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -63,6 +64,11 @@ pub(super) struct DataArgs {
 }
 
 impl DataArgs {
+    /// The file of measurements. Only `diagnose --between` does without.
+    fn data(&self) -> &Path {
+        self.data.as_deref().unwrap_or(Path::new(""))
+    }
+
     /// Keys that are set, the seed among them.
     fn set(&self) -> Vec<String> {
         let seed = self.seed.map(|seed| format!("experiment.seed={seed}"));
@@ -119,13 +125,16 @@ pub(super) struct AnswerArgs {
     resimulation: ResimulationArgs,
 }
 
-/// The same, and how long the search may take.
+/// The same, and how long the search may take; or two files in place of one.
 #[derive(Args)]
+#[command(mut_arg("data", |data| data.required(false).required_unless_present("between")))]
 pub(super) struct DiagnoseArgs {
     #[command(flatten)]
     answer: AnswerArgs,
     #[command(flatten)]
     budget: BudgetArgs,
+    #[command(flatten)]
+    between: BetweenArgs,
 }
 
 /// The same, and what tells where an error comes from.
@@ -169,7 +178,7 @@ impl AnswerArgs {
         format!(
             "orchestrator {verb} {} --data {}{set}{choices} --report {}",
             data.config.display(),
-            data.data.display(),
+            data.data().display(),
             report.map_or_else(String::new, |report| report.to_string())
         )
     }
@@ -319,12 +328,12 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let data = &args.data;
     if let Some(heard) = heard {
         data.refuse_choices("tracks with --heard")?;
-        let files = Files { config: &data.config, set: &data.set(), data: &data.data, heard };
+        let files = Files { config: &data.config, set: &data.set(), data: data.data(), heard };
         let found = task::split(&files, args.resimulation.asked())?;
         let found = NetworkAnswer::Task(&found);
         return args.write_network(found, &format!(" --heard {}", heard.display()));
     }
-    let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
+    let (config, table) = inputs::files(&data.config, &data.set(), data.data())?;
     if packets::has_shape(&table).is_ok() {
         let opened = data.open_packets(&args.resimulation, &table)?;
         let links = match links {
@@ -385,13 +394,13 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     let data = &args.data;
     let stopper = Stopper::listen(args.budget)?;
     let stop = stopper.flag();
-    let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
+    let (config, table) = inputs::files(&data.config, &data.set(), data.data())?;
     let subject = open::subject(&table);
     if let (Some(path), Ok(Subject::Robots) | Err(_)) = (&args.corrected_data, &subject) {
         return Err(Failure::request(format!(
             "--corrected-data {}: defects are looked for in link samples only, and {} holds none; leave the option out",
             path.display(),
-            data.data.display()
+            data.data().display()
         )));
     }
     if packets::has_shape(&table).is_ok() {
@@ -503,12 +512,16 @@ fn extend_with<S: Study>(
 
 /// `orchestrator diagnose`.
 pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
-    let DiagnoseArgs { answer: args, budget } = args;
+    let DiagnoseArgs { answer: args, budget, between } = args;
     args.check_places()?;
     let stopper = Stopper::listen(*budget)?;
     let stop = stopper.flag();
     let data = &args.data;
-    let (config, table) = inputs::files(&data.config, &data.set(), &data.data)?;
+    if between.is_asked() {
+        let (set, choices, json) = (data.set(), data.choices(), data.json.as_deref());
+        return between.diagnose((&data.config, &set), choices, json, &stopper);
+    }
+    let (config, table) = inputs::files(&data.config, &data.set(), data.data())?;
     if packets::has_shape(&table).is_ok() {
         let opened = data.open_packets(&args.resimulation, &table)?.with_stop_flag(stop);
         let found = super::packets::diagnose(&opened, &stopper)?;

@@ -16,6 +16,7 @@ use crate::sweep::sweep_summary::SweepSummary;
 use ::convert::{Conversion, mapping};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
+use diagnose::between::Between;
 use diagnose::compare::comparison::Comparison;
 use diagnose::diagnosis::Diagnosis;
 use diagnose::extend::extension::Extension;
@@ -80,6 +81,7 @@ const ANSWERS: [(&str, &[OfType]); 15] = [
         &[
             SchemaGenerator::subschema_for::<Diagnosis>,
             SchemaGenerator::subschema_for::<NetworkDiagnosis>,
+            SchemaGenerator::subschema_for::<Between>,
         ],
     ),
     ("effects", &[SchemaGenerator::subschema_for::<EffectsAnswer>]),

@@ -1,0 +1,282 @@
+//! From a search for changes to an answer: which numbers in A, which in B, and what stayed the same.
+
+use super::contrast::{Constants, Contrasts, Dependences, RUNS, Sides};
+use super::error_change::{ErrorChange, error_change};
+use super::rule::{Evidence, verdict};
+use super::search::{Found, FoundChange, Pair};
+use super::{Between, Change, Changed, Common, Confounded, SCHEMA, Same, Spans, words};
+use crate::answer::parameter;
+use crate::diagnosis::Parameter;
+use crate::ladder::Search;
+use crate::score_test::ScoreTest;
+use indexmap::IndexMap;
+use measure::account::DataAccount;
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
+use study::open::Subject;
+use study::{COMMON, Estimate, Study};
+
+/// Intervals have this probability.
+const INTERVAL: f64 = 0.9;
+
+/// Two campaigns, and what is known of them beside the pooled study.
+#[derive(Clone, Copy, Debug)]
+pub struct Campaigns<'a> {
+    /// Of links or of robots.
+    pub subject: Subject,
+    /// Unit of errors in words.
+    pub error_unit: &'static str,
+    /// How many rows were searched, if that is to be said.
+    pub searched: Option<usize>,
+    /// The files, and how much of them was used.
+    pub accounts: [&'a DataAccount; 2],
+    /// Why one of them is too small to find anything in.
+    pub too_little: Option<&'a str>,
+    /// When both were measured, in hours since midnight (UTC).
+    pub time_of_day_h: Option<Spans>,
+    /// Columns that only one of the files has.
+    pub left_out_columns: &'a [String],
+    /// Whether the diagnosis of A came to its end.
+    pub is_base_complete: bool,
+}
+
+/// The answer of a search. `covariates`: of the pooled study, a value per row.
+pub fn answer<S: Study>(
+    study: &S,
+    found: &Found<S::Fit>,
+    pairs: &[Pair],
+    sides: &Sides,
+    search: &Search<'_, S>,
+    covariates: &[(String, Vec<f64>)],
+    campaigns: Campaigns<'_>,
+) -> Between {
+    let is_stopped = || search.is_stopped();
+    let constants = if is_stopped() {
+        Constants::default()
+    } else {
+        constants(study, search, found, sides).unwrap_or_default()
+    };
+    let error =
+        if is_stopped() { None } else { error_change(study, search, &found.base, &sides.is_b) };
+    let fit = search.full_fit(&found.terms, COMMON, None);
+    let estimates = |term: usize| study.estimates(&fit, term);
+    let (possible, changed): (Vec<&FoundChange>, Vec<&FoundChange>) =
+        found.changes.iter().partition(|change| change.is_only_possible);
+    let of_change = |change: &&FoundChange| {
+        let settings = study.settings(&fit, change.in_b);
+        self::change(study, change, settings, &estimates)
+    };
+    let changed: Vec<Change> = changed.iter().map(of_change).collect();
+    let possible: Vec<Change> = possible.iter().map(of_change).collect();
+    let common = found.common.iter().map(|&(term, found_in_a)| {
+        let candidate = &study.candidates()[term];
+        let known = estimates(term).0;
+        let known = known.iter().filter(|estimate| estimate.is_identifiable);
+        Common {
+            effect: candidate.effect().to_owned(),
+            only: candidate.only.clone().map(without_runs).filter(|only| !only.is_empty()),
+            parameters: known.map(parameter).collect(),
+            found_in_a,
+        }
+    });
+    let common = common.collect();
+    let bound = |(_, _, test): &(&str, &str, ScoreTest)| test.upper_bound(0.5 * (1.0 - INTERVAL));
+    let could_hide = constants.everywhere.iter().map(bound).fold(f64::NAN, f64::max);
+    let mut same: Vec<Same> = constants.everywhere.iter().map(same_constant).collect();
+    for pair in pairs.iter().filter(|_| !is_stopped()) {
+        same.extend(same_parameters(study, search, pair));
+    }
+    let is_complete = found.is_complete && campaigns.is_base_complete && !is_stopped();
+    let evidence = Evidence {
+        changes: changed.len(),
+        possible: possible.len(),
+        unexplained: constants.misfits.len(),
+        error_p_value: error.as_ref().map(|error: &ErrorChange| error.p_value),
+        is_sharp: could_hide < constants.sd,
+        suffices: campaigns.too_little.is_none(),
+        is_complete,
+    };
+    let [a, b] = campaigns.accounts.map(DataAccount::clone);
+    let mut between = Between {
+        schema: SCHEMA,
+        kind: campaigns.subject,
+        verdict: verdict(&evidence),
+        sentence: String::new(),
+        changed,
+        possible,
+        common,
+        same,
+        unexplained: constants.misfits,
+        error,
+        could_hide,
+        confounded: confounded(covariates, sides),
+        time_of_day_h: campaigns.time_of_day_h,
+        left_out_columns: campaigns.left_out_columns.to_vec(),
+        of_time_in_a: found.of_time_in_a.clone(),
+        too_little: campaigns.too_little.map(str::to_owned),
+        complete: is_complete,
+        searched: campaigns.searched,
+        a,
+        b,
+        error_unit: campaigns.error_unit,
+    };
+    between.sentence = words::sentence(&between);
+    between
+}
+
+/// Constants by which B is off beyond A, with all that was found.
+fn constants<S: Study>(
+    study: &S,
+    search: &Search<'_, S>,
+    found: &Found<S::Fit>,
+    sides: &Sides,
+) -> Option<Constants> {
+    let rows = study.linearised(&search.full_fit(&found.terms, COMMON, None))?;
+    let dependences = Dependences::of(study);
+    let contrasts = Contrasts::new(study, &rows, &dependences, sides);
+    Some(contrasts.constants(&study.directions()))
+}
+
+fn without_runs(mut only: toml::Table) -> toml::Table {
+    only.remove(RUNS);
+    only
+}
+
+fn change<S: Study>(
+    study: &S,
+    change: &FoundChange,
+    settings: Option<toml::Table>,
+    estimates: &dyn Fn(usize) -> (Vec<Estimate>, Option<String>),
+) -> Change {
+    let candidate = &study.candidates()[change.in_b];
+    let (in_b, warning) = estimates(change.in_b);
+    let in_a = change.in_a.map(|term| estimates(term).0).unwrap_or_default();
+    let mut parameters = IndexMap::new();
+    for estimate in in_b.iter().filter(|estimate| estimate.is_identifiable) {
+        let (key, b) = parameter(&widened(estimate, change.widening));
+        let of_a = in_a.iter().find(|other| other.name == key && other.is_identifiable);
+        let a = of_a.map(|estimate| parameter(&widened(estimate, change.widening)).1);
+        let difference = a.as_ref().map(|a| difference(a, &b));
+        parameters.insert(key, Changed { unit: b.unit.clone(), a, b, difference });
+    }
+    let settings = settings.map(|mut settings| {
+        let only = settings.remove(proto::effect::only::KEY);
+        let only = only.and_then(|only| only.as_table().cloned()).map(without_runs);
+        if let Some(only) = only.filter(|only| !only.is_empty()) {
+            settings.insert(proto::effect::only::KEY.to_owned(), only.into());
+        }
+        settings
+    });
+    Change {
+        effect: candidate.effect().to_owned(),
+        only: candidate.only.clone().map(without_runs).filter(|only| !only.is_empty()),
+        parameters,
+        gain: change.gain.gain,
+        standard_error: change.gain.standard_error,
+        p_value: change.p_value.min(1.0),
+        indistinguishable_from: change.ties.clone(),
+        warning,
+        settings,
+    }
+}
+
+/// An estimate with an interval that is so many times wider.
+fn widened(estimate: &Estimate, times: f64) -> Estimate {
+    let Estimate { value, low, high, .. } = *estimate;
+    Estimate {
+        low: value - times * (value - low),
+        high: value + times * (high - value),
+        ..estimate.clone()
+    }
+}
+
+/// The difference of two estimates with its interval, from the intervals of both (G. Y. Zou and A. Donner, Construction of confidence
+/// limits about effect measures: a general approach, Stat. Med. 27, 2008).
+fn difference(a: &Parameter, b: &Parameter) -> Parameter {
+    let value = b.value - a.value;
+    Parameter {
+        value,
+        unit: b.unit.clone(),
+        low: value - libm::hypot(b.value - b.low, a.high - a.value),
+        high: value + libm::hypot(b.high - b.value, a.value - a.low),
+    }
+}
+
+/// A constant that is the same in both campaigns.
+fn same_constant((name, unit, test): &(&'static str, &'static str, ScoreTest)) -> Same {
+    let quantile = StudentsT::new(0.0, 1.0, test.freedom)
+        .map_or(f64::INFINITY, |law| law.inverse_cdf(0.5 + 0.5 * INTERVAL));
+    let half = quantile * test.standard_error;
+    let difference = Parameter {
+        value: test.amplitude,
+        unit: (*unit).to_owned(),
+        low: test.amplitude - half,
+        high: test.amplitude + half,
+    };
+    same(name.replace("are off ", "").replace(" are off", ""), difference)
+}
+
+fn same(what: String, difference: Parameter) -> Same {
+    let within = difference.low.abs().max(difference.high.abs());
+    Same { what, difference, within }
+}
+
+/// The parameters of an effect that both campaigns have, where they were fitted to each.
+fn same_parameters<S: Study>(study: &S, search: &Search<'_, S>, pair: &Pair) -> Vec<Same> {
+    let parent = search.full_fit(&pair.parent, COMMON, None);
+    let fit = search.full_fit(&pair.terms, COMMON, Some(&parent));
+    let [in_a, in_b] = [pair.in_a, pair.in_b].map(|term| study.estimates(&fit, term).0);
+    let both = in_b.iter().filter_map(|b| {
+        let a = in_a.iter().find(|a| a.name == b.name)?;
+        (a.is_identifiable && b.is_identifiable).then_some((a, b))
+    });
+    let name = &study.candidates()[pair.of].name;
+    let of_pair = |(a, b): (&Estimate, &Estimate)| {
+        let [(key, a), (_, b)] =
+            [a, b].map(|estimate| parameter(&widened(estimate, pair.widening)));
+        same(format!("{name}: {key}"), difference(&a, &b))
+    };
+    both.map(of_pair).collect()
+}
+
+/// Covariates of which the campaigns have hardly a value in common.
+fn confounded(covariates: &[(String, Vec<f64>)], sides: &Sides) -> Vec<Confounded> {
+    let of_side = |values: &[f64], wanted: bool| -> Vec<f64> {
+        let rows = values.iter().zip(&sides.is_b).filter(|(_, is_b)| **is_b == wanted);
+        rows.map(|(value, _)| *value).collect()
+    };
+    let apart = |(name, values): &(String, Vec<f64>)| {
+        let spans = Spans::of(&of_side(values, false), &of_side(values, true))?;
+        spans.are_apart().then(|| Confounded { covariate: name.clone(), spans })
+    };
+    covariates.iter().filter_map(apart).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(value: f64, low: f64, high: f64) -> Parameter {
+        Parameter { value, unit: "dB".to_owned(), low, high }
+    }
+
+    #[test]
+    fn the_interval_of_a_difference_follows_from_those_of_both() {
+        let found = difference(&estimate(-5.0, -8.0, -4.0), &estimate(-11.0, -14.0, -8.0));
+        assert_eq!(found.value, -6.0);
+        // Half widths 3 and 1 below, 3 and 3 above.
+        assert!((found.low - (-6.0 - 10.0_f64.sqrt())).abs() < 1e-12, "{found:?}");
+        assert!((found.high - (-6.0 + 18.0_f64.sqrt())).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn an_interval_is_widened_about_its_value() {
+        let wide = widened(&Estimate::new("a", "dB", 2.0, (1.0, 4.0)), 2.0);
+        assert_eq!((wide.value, wide.low, wide.high), (2.0, 0.0, 6.0));
+    }
+
+    #[test]
+    fn the_margin_is_the_farther_end() {
+        assert_eq!(same("a".to_owned(), estimate(0.1, -0.4, 0.6)).within, 0.6);
+        assert_eq!(same("a".to_owned(), estimate(-0.3, -0.7, 0.1)).within, 0.7);
+    }
+}

@@ -1,0 +1,319 @@
+//! Tests of differences between two campaigns at one fit: does a column act otherwise on rows of B than on those of A?
+//!
+//! The column on rows of B is tested beside the column on all rows, by the cluster-robust score tests of the search for limited effects.
+//! What is common to both campaigns, and how exactly A determines it, so takes part in the test.
+//!
+//! The difference at one node is tested twice: rows of a block of time may depend on each other, and rows of a pair of nodes, of which
+//! the node has one with each of the others. The greater p-value counts.
+
+use crate::acceptance::{FAMILY_ERROR, WORTH_SHARE};
+use crate::gate::Misfit;
+use crate::score_test::{ScoreTest, ScoreTests};
+use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
+use std::collections::BTreeMap;
+use study::linear::{Column, Dependence, Direction, Linearised, on_rows};
+use study::{Study, linear::Partition};
+
+/// The key that limits an effect to campaigns.
+pub const RUNS: &str = "runs";
+
+/// The rows of two campaigns, A and B.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Sides {
+    /// Numbers of the campaigns of A.
+    pub runs_a: Vec<u32>,
+    /// Numbers of the campaigns of B.
+    pub runs_b: Vec<u32>,
+    /// Whether each row is of B.
+    pub is_b: Vec<bool>,
+}
+
+impl Sides {
+    /// Which rows of a study are of the campaigns of B. None where all rows are of one side.
+    #[must_use]
+    pub fn of<S: Study>(study: &S, runs_b: &[u32]) -> Option<Self> {
+        let partitions = study.partitions();
+        let campaigns = partitions.iter().find(|partition| partition.key == Some(RUNS))?;
+        let mut sides = Self { is_b: vec![false; study.n_rows()], ..Self::default() };
+        for group in &campaigns.groups {
+            if runs_b.contains(&group.id) {
+                sides.runs_b.push(group.id);
+                for &row in &group.rows {
+                    sides.is_b[row as usize] = true;
+                }
+            } else {
+                sides.runs_a.push(group.id);
+            }
+        }
+        (!sides.runs_a.is_empty() && !sides.runs_b.is_empty()).then_some(sides)
+    }
+
+    /// A column on rows of B only.
+    fn in_b(&self, column: &Column) -> Column {
+        let rows = column.iter().zip(&self.is_b);
+        rows.map(|(moved, is_b)| if *is_b { *moved } else { [0.0; 3] }).collect()
+    }
+}
+
+/// One robot or one node.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct One {
+    /// The key of a table `only` that limits an effect to it: `agents`, `nodes`.
+    pub key: &'static str,
+    /// Its number.
+    pub id: u32,
+}
+
+/// A difference between the campaigns that a test found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// The effect, by the number of its candidate.
+    pub term: usize,
+    /// The robot or node at which it differs; none: everywhere.
+    pub one: Option<One>,
+    /// What the difference promises to raise the log likelihood by (nats).
+    pub rise: f64,
+    /// P-value times the number of tests.
+    pub p_value: f64,
+    /// How many times wider the clustered standard error is than that of independent rows, at least 1.
+    pub widening: f64,
+}
+
+/// An effect in both campaigns that the slopes ask for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InBoth {
+    /// The effect, by the number of its candidate.
+    pub term: usize,
+    /// What it promises to raise the log likelihood by (nats).
+    pub rise: f64,
+}
+
+/// Tests of differences at one fit.
+pub struct Contrasts<'a> {
+    sides: &'a Sides,
+    rows: &'a Linearised,
+    tests: ScoreTests<'a>,
+    /// Of links: tests in which rows depend on each other in time only, and in which those of a pair of nodes do.
+    of_nodes: Option<[ScoreTests<'a>; 2]>,
+    pairs: Vec<u32>,
+    partitions: Vec<Partition>,
+}
+
+/// Which rows depend on each other: of links also in time only, and those of a pair of nodes only.
+pub struct Dependences {
+    all: Dependence,
+    of_nodes: Option<[Dependence; 2]>,
+    pairs: Vec<u32>,
+}
+
+impl Dependences {
+    /// Of a study.
+    #[must_use]
+    pub fn of<S: Study>(study: &S) -> Self {
+        let all = study.dependence();
+        let Some(nodes) = &all.nodes else {
+            return Self { all, of_nodes: None, pairs: Vec::new() };
+        };
+        let mut numbers: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+        let pairs: Vec<u32> = nodes
+            .iter()
+            .map(|&[a, b]| {
+                let next = numbers.len() as u32;
+                *numbers.entry([a.min(b), a.max(b)]).or_insert(next)
+            })
+            .collect();
+        let in_time = Dependence { nodes: None, ..all.clone() };
+        // Every pair has two nodes of its own: pairs do not depend on each other.
+        let apart = pairs.iter().map(|pair| [2 * pair, 2 * pair + 1]).collect();
+        let in_pairs = Dependence { nodes: Some(apart), ..all.clone() };
+        Self { of_nodes: Some([in_time, in_pairs]), all, pairs }
+    }
+}
+
+impl<'a> Contrasts<'a> {
+    /// At the slopes of a fit.
+    #[must_use]
+    pub fn new<S: Study>(
+        study: &S,
+        rows: &'a Linearised,
+        dependences: &'a Dependences,
+        sides: &'a Sides,
+    ) -> Self {
+        Self {
+            sides,
+            rows,
+            tests: ScoreTests::new(rows, &dependences.all),
+            of_nodes: dependences
+                .of_nodes
+                .as_ref()
+                .map(|[in_time, in_pairs]| [in_time, in_pairs].map(|it| ScoreTests::new(rows, it))),
+            pairs: dependences.pairs.clone(),
+            partitions: study.partitions(),
+        }
+    }
+
+    /// The differences of some effects between the campaigns, everywhere and at one robot or node, that are significant after correction
+    /// for all tests; the most promising first. `columns`: of each effect.
+    #[must_use]
+    pub fn differences(&self, columns: &[(usize, Column)]) -> Vec<Difference> {
+        let groups = || {
+            let limiting = self.partitions.iter().filter_map(|partition| {
+                let key = partition.key.filter(|key| *key != RUNS)?;
+                Some((key, &partition.groups))
+            });
+            limiting.flat_map(|(key, groups)| groups.iter().map(move |group| (key, group)))
+        };
+        let n_tests = (columns.len() * (1 + groups().count())) as f64;
+        let of_column = |(term, column): &(usize, Column)| -> Vec<Difference> {
+            let difference = |one: Option<One>, test: ScoreTest, p_value: f64| {
+                let p_value = n_tests * p_value;
+                (p_value < FAMILY_ERROR).then(|| Difference {
+                    term: *term,
+                    one,
+                    rise: test.rise,
+                    p_value,
+                    widening: widening(&test),
+                })
+            };
+            let everywhere = self
+                .tests
+                .test(&self.sides.in_b(column), &[column])
+                .and_then(|test| difference(None, test, test.p_value));
+            let at_one = groups().filter_map(|(key, group)| {
+                let (test, p_value) = self.at_one(column, &group.rows)?;
+                difference(Some(One { key, id: group.id }), test, p_value)
+            });
+            everywhere.into_iter().chain(at_one).collect()
+        };
+        let mut found: Vec<Difference> = columns.par_iter().flat_map_iter(of_column).collect();
+        found.sort_by(|a, b| {
+            b.rise.total_cmp(&a.rise).then((a.term, &a.one).cmp(&(b.term, &b.one)))
+        });
+        found
+    }
+
+    /// The difference of a column on some rows, beside what the column does on all; and its p-value, of one test.
+    fn at_one(&self, column: &Column, rows: &[u32]) -> Option<(ScoreTest, f64)> {
+        let of_one = on_rows(column, rows);
+        let there = self.sides.in_b(&of_one);
+        let beside = [column, &of_one];
+        let Some([in_time, in_pairs]) = &self.of_nodes else {
+            let test = self.tests.test(&there, &beside)?;
+            return Some((test, test.p_value));
+        };
+        let (in_time, in_pairs) = (in_time.test(&there, &beside)?, in_pairs.test(&there, &beside)?);
+        let mut pairs: Vec<u32> = rows
+            .iter()
+            .filter(|row| self.sides.is_b[**row as usize])
+            .map(|row| self.pairs[*row as usize])
+            .collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        let p_value = in_time.p_value.max(with_freedom(&in_pairs, pairs.len() as f64 - 1.0));
+        let wider = [in_time, in_pairs];
+        let wider = wider.into_iter().max_by(|a, b| a.standard_error.total_cmp(&b.standard_error));
+        wider.map(|test| (test, p_value))
+    }
+
+    /// Effects that both campaigns together ask for, the most promising first.
+    #[must_use]
+    pub fn in_both(&self, columns: &[(usize, Column)]) -> Vec<InBoth> {
+        let n_tests = columns.len() as f64;
+        let of_column = |(term, column): &(usize, Column)| {
+            let test = self.tests.test(column, &[])?;
+            (n_tests * test.p_value < FAMILY_ERROR)
+                .then_some(InBoth { term: *term, rise: test.rise })
+        };
+        let mut found: Vec<InBoth> = columns.par_iter().filter_map(of_column).collect();
+        found.sort_by(|a, b| b.rise.total_cmp(&a.rise).then(a.term.cmp(&b.term)));
+        found.dedup_by_key(|both| both.term);
+        found
+    }
+
+    /// Constants by which rows of B are off beyond those of A.
+    #[must_use]
+    pub fn constants(&self, directions: &[Direction]) -> Constants {
+        let n_rows = self.sides.is_b.len() as f64;
+        let square = mean_square(self.rows);
+        let n_groups: usize = self.partitions.iter().map(|partition| partition.groups.len()).sum();
+        let n_tests = (directions.len() * (1 + n_groups)) as f64;
+        let mut found = Constants::default();
+        for direction in directions {
+            let Direction { name, unit, column } = direction;
+            let misfit = |of: Option<String>, test: &ScoreTest, p_value: f64| {
+                (p_value < FAMILY_ERROR).then(|| Misfit {
+                    what: (*name).to_owned(),
+                    of,
+                    off: test.amplitude,
+                    unit,
+                    standard_error: test.standard_error,
+                    p_value,
+                })
+            };
+            let n_b = self.sides.is_b.iter().filter(|is_b| **is_b).count() as f64;
+            if let Some(test) = self.tests.test(&self.sides.in_b(column), &[column]) {
+                let margin = (WORTH_SHARE * square * n_rows / n_b).sqrt();
+                let p_value = 2.0 * directions.len() as f64 * test.p_value_beyond(margin);
+                found.misfits.extend(misfit(None, &test, p_value.min(1.0)));
+                found.everywhere.push((name, unit, test));
+            }
+            for partition in self.partitions.iter().filter(|it| it.key != Some(RUNS)) {
+                for group in &partition.groups {
+                    let there = group.rows.iter().filter(|row| self.sides.is_b[**row as usize]);
+                    let margin = (WORTH_SHARE * square * n_rows / there.count() as f64).sqrt();
+                    let Some((test, _)) = self.at_one(column, &group.rows) else { continue };
+                    let p_value = 2.0 * n_tests * test.p_value_beyond(margin);
+                    let of = format!("{} {}", partition.of, group.id);
+                    found.misfits.extend(misfit(Some(of), &test, p_value.min(1.0)));
+                }
+            }
+        }
+        found.sd = (square / parts(self.rows)).sqrt();
+        found.misfits.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
+        found
+    }
+}
+
+/// Constants by which B is off beyond A.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Constants {
+    /// Beyond what is worth mentioning, the surest first.
+    pub misfits: Vec<Misfit>,
+    /// Of all rows of B: what is off, its unit, and the test.
+    pub everywhere: Vec<(&'static str, &'static str, ScoreTest)>,
+    /// Standard deviation of what is left.
+    pub sd: f64,
+}
+
+/// How many times wider the standard error is than that of independent rows, at least 1. The rise of a step is half the square of the
+/// amplitude in standard errors of independent rows.
+fn widening(test: &ScoreTest) -> f64 {
+    let independent = test.amplitude.abs() / (2.0 * test.rise).sqrt();
+    let ratio = test.standard_error / independent;
+    if ratio.is_finite() { ratio.max(1.0) } else { 1.0 }
+}
+
+/// The two-sided p-value of a test with at most so many degrees of freedom.
+fn with_freedom(test: &ScoreTest, freedom: f64) -> f64 {
+    if freedom < 1.0 {
+        return 1.0;
+    }
+    let t = test.amplitude.abs() / test.standard_error;
+    let law = StudentsT::new(0.0, 1.0, freedom.min(test.freedom));
+    law.map_or(1.0, |law| 2.0 * law.sf(t)).max(test.p_value)
+}
+
+/// Mean squared error of all parts.
+fn mean_square(rows: &Linearised) -> f64 {
+    let squares = rows.errors.iter().flatten().filter(|error| error.is_finite());
+    let n = rows.errors.iter().filter(|error| error[0].is_finite()).count() as f64;
+    squares.map(|error| error * error).sum::<f64>() / n
+}
+
+/// Parts of which errors are known.
+fn parts(rows: &Linearised) -> f64 {
+    let known = |errors: &&[f64; 3]| errors[0].is_finite();
+    let first = rows.errors.iter().find(known);
+    first.map_or(1.0, |errors| errors.iter().filter(|error| error.is_finite()).count() as f64)
+}

@@ -1,0 +1,481 @@
+//! The search for changes: which difference between the campaigns makes the pooled model predict rows left out better, then which next.
+
+use super::contrast::{Contrasts, Dependences, InBoth, One, RUNS, Sides};
+use crate::acceptance;
+use crate::gain::{Gain, Scores};
+use crate::ladder::{Known, Search};
+use crate::progress::SearchProgress;
+use proto::effect::Level;
+use std::sync::Arc;
+use study::linear::Column;
+use study::{COMMON, Candidate, RowScore, Study};
+use tracing::debug;
+
+/// Changes that are looked for at most.
+const MOST_CHANGES: usize = 6;
+/// Differences that are fitted in a round, the most promising …
+const MOST_FITTED: usize = 6;
+/// … if they promise at least this share of what the best does; and effects in both campaigns, likewise.
+const NEARLY: f64 = 0.3;
+/// Two explanations are told apart where the one predicts rows left out better with a chance below this that it does not.
+const TOLD_APART: f64 = 0.05;
+
+/// An effect that a diagnosis of A accepted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BaseTerm {
+    /// Its name, without what limits it.
+    pub effect: String,
+    /// What limits it, if anything does.
+    pub only: Option<toml::Table>,
+}
+
+impl BaseTerm {
+    /// Those of a selection.
+    #[must_use]
+    pub fn of<S: Study>(study: &S, accepted: &[usize]) -> Vec<Self> {
+        let of_term = |&term: &usize| {
+            let candidate = &study.candidates()[term];
+            Self { effect: candidate.effect().to_owned(), only: candidate.only.clone() }
+        };
+        accepted.iter().map(of_term).collect()
+    }
+
+    /// Whether it depends on the time since the start, which is another in the second campaign.
+    fn is_of_time(&self) -> bool {
+        let is_curve = self.effect.ends_with(":time_s");
+        let limits =
+            |only: &toml::Table| only.contains_key("from_s") || only.contains_key("until_s");
+        is_curve || self.only.as_ref().is_some_and(limits)
+    }
+}
+
+/// A change, as terms of the pooled study.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FoundChange {
+    /// The effect, by the number of its candidate without limits.
+    pub effect: usize,
+    /// The robot or node at which it changed; none: everywhere.
+    pub one: Option<One>,
+    /// The term that acts in A; none where the model of A lacks it.
+    pub in_a: Option<usize>,
+    /// The term that acts in B.
+    pub in_b: usize,
+    /// Gain on rows left out, over the model without the change.
+    pub gain: Gain,
+    /// P-value times the number of tests.
+    pub p_value: f64,
+    /// How many times wider intervals are than those of independent rows.
+    pub widening: f64,
+    /// What explains these data as well.
+    pub ties: Vec<String>,
+    /// Whether an effect in both campaigns explains them as well.
+    pub is_only_possible: bool,
+}
+
+/// What a search found.
+#[derive(Debug)]
+pub struct Found<F> {
+    /// All terms of the final model.
+    pub terms: Vec<usize>,
+    /// What the model of A has beyond the configuration, as terms of the pooled study.
+    pub base: Vec<usize>,
+    /// Changes, in the order in which they were found.
+    pub changes: Vec<FoundChange>,
+    /// Terms that act in both campaigns; whether A alone shows each.
+    pub common: Vec<(usize, bool)>,
+    /// What A shows and cannot be carried over to B, because it depends on the time since the start of A.
+    pub of_time_in_a: Vec<String>,
+    /// Whether the search came to its end.
+    pub is_complete: bool,
+    /// What the search has computed.
+    pub known: Arc<Known<F>>,
+}
+
+/// One way to explain what is left.
+struct Explanation {
+    terms: Vec<usize>,
+    what: What,
+    gain: Gain,
+    scores: Arc<Vec<RowScore>>,
+    n_parameters: usize,
+}
+
+enum What {
+    Change(FoundChange),
+    Common(usize),
+}
+
+/// Whether a candidate may change: an effect of the catalogue that moves means.
+fn may_change(candidate: &Candidate) -> bool {
+    candidate.is_tried()
+        && candidate.only.is_none()
+        && candidate.about.is_some()
+        && candidate.level != Level::Random
+}
+
+/// Looks for changes. `base`: what a diagnosis of A accepted.
+pub fn search<S: Study>(
+    study: &mut S,
+    base: &[BaseTerm],
+    sides: &Sides,
+    report: &(dyn Fn(SearchProgress<'_>) + Sync),
+) -> Found<S::Fit> {
+    let of_time_in_a = base
+        .iter()
+        .filter(|term| term.is_of_time() && term.only.is_none())
+        .map(|term| term.effect.clone())
+        .collect();
+    let base = base_terms(study, base, sides);
+    let mut found = Found {
+        terms: base.clone(),
+        common: base.iter().map(|&term| (term, true)).collect(),
+        base,
+        changes: Vec::new(),
+        of_time_in_a,
+        is_complete: false,
+        known: Arc::default(),
+    };
+    let dependences = Dependences::of(study);
+    for round in 1..=MOST_CHANGES {
+        report(SearchProgress::Round { round });
+        let Some(wanted) = wanted(study, &found, &dependences, sides, report) else { break };
+        if study.is_stopped() {
+            return found;
+        }
+        if wanted.is_empty() {
+            found.is_complete = true;
+            break;
+        }
+        let made: Vec<(Vec<usize>, Wanted, Option<usize>, usize)> =
+            wanted.into_iter().filter_map(|wanted| made(study, &found, wanted, sides)).collect();
+        let search = Search::new(&*study, report).with_known(Arc::clone(&found.known));
+        let parent = search.held_out_scores(&found.terms, COMMON);
+        let fit = search.full_fit(&found.terms, COMMON, None);
+        let mut explanations = Vec::new();
+        for (terms, wanted, in_a, term) in made {
+            search.full_fit(&terms, COMMON, Some(&fit));
+            let scores = search.held_out_scores(&terms, COMMON);
+            let gain = search.gain(&terms, &found.terms, COMMON);
+            let name = study.candidates()[term].name.as_str();
+            debug!(name, gain = gain.gain, p = gain.p_value, "change");
+            let is_concerned = concerned(study, &wanted, sides);
+            if !is_worth(&scores, &parent, &is_concerned) || gain.gain <= 0.0 {
+                continue;
+            }
+            let n_parameters = study.candidates()[term].n_parameters;
+            let what = match wanted {
+                Wanted::InBoth(InBoth { term, .. }) => What::Common(term),
+                Wanted::Difference(difference) => What::Change(FoundChange {
+                    effect: difference.term,
+                    one: difference.one,
+                    in_a,
+                    in_b: term,
+                    gain,
+                    p_value: difference.p_value,
+                    widening: difference.widening,
+                    ties: Vec::new(),
+                    is_only_possible: false,
+                }),
+            };
+            explanations.push(Explanation { terms, what, gain, scores, n_parameters });
+        }
+        let is_stopped = search.is_stopped();
+        let blocks = study.blocks(COMMON).dependent().to_vec();
+        found.known = search.known();
+        if is_stopped {
+            return found;
+        }
+        let name = |what: &What| match what {
+            What::Change(change) => change_name(study, change),
+            What::Common(term) => format!("{} in both", study.candidates()[*term].name),
+        };
+        let Some((best, ties)) = chosen(explanations, &blocks, name) else {
+            found.is_complete = true;
+            break;
+        };
+        let Explanation { terms, what, .. } = best;
+        match what {
+            What::Common(term) => found.common.push((term, false)),
+            What::Change(change) => {
+                if let Some(in_a) = change.in_a {
+                    // The effect itself is in both no longer.
+                    let replaced =
+                        replaced(study, &found.terms, change.effect, change.one.as_ref());
+                    found.common.retain(|(term, _)| Some(*term) != replaced && *term != in_a);
+                }
+                let is_only_possible = ties.iter().any(|(_, is_common)| *is_common);
+                let ties = ties.into_iter().map(|(name, _)| name).collect();
+                found.changes.push(FoundChange { ties, is_only_possible, ..change });
+            }
+        }
+        let added = &study.candidates()[*terms.last().unwrap_or(&0)].name;
+        report(SearchProgress::Accepted { name: added });
+        found.terms = terms;
+    }
+    found
+}
+
+/// What a change is called.
+pub(super) fn change_name<S: Study>(study: &S, change: &FoundChange) -> String {
+    let effect = &study.candidates()[change.effect].name;
+    match &change.one {
+        None => format!("{effect} changed"),
+        Some(One { key, id }) => format!("{effect} changed (only {key} = [{id}])"),
+    }
+}
+
+/// What A accepted, as terms of the pooled study. What acts from a time of A on, or until one, acts in A only.
+fn base_terms<S: Study>(study: &mut S, base: &[BaseTerm], sides: &Sides) -> Vec<usize> {
+    let mut terms = Vec::new();
+    for term in base {
+        let named = |candidate: &Candidate| candidate.name == term.effect && candidate.is_tried();
+        let Some(effect) = study.candidates().iter().position(named) else { continue };
+        let made = match &term.only {
+            None if term.is_of_time() => None,
+            None => Some(effect),
+            Some(only) => {
+                let mut only = only.clone();
+                if term.is_of_time() {
+                    only.insert(RUNS.to_owned(), runs(&sides.runs_a));
+                }
+                limited(study, effect, &only)
+            }
+        };
+        terms.extend(made);
+    }
+    terms
+}
+
+fn runs(numbers: &[u32]) -> toml::Value {
+    toml::Value::Array(numbers.iter().map(|&run| i64::from(run).into()).collect())
+}
+
+/// The candidate of an effect with limits, which is added unless there is one.
+fn limited<S: Study>(study: &mut S, effect: usize, only: &toml::Table) -> Option<usize> {
+    let name = study.candidates()[effect].name.clone();
+    let is_known =
+        |candidate: &Candidate| candidate.only.as_ref() == Some(only) && candidate.effect() == name;
+    let known = study.candidates().iter().position(is_known);
+    known.or_else(|| study.add_limited(effect, only).ok())
+}
+
+/// What is fitted in a round.
+#[derive(Clone, Debug)]
+enum Wanted {
+    Difference(super::contrast::Difference),
+    InBoth(InBoth),
+}
+
+/// What the slopes of the model ask for, the most promising first. None where they cannot be computed.
+fn wanted<S: Study>(
+    study: &S,
+    found: &Found<S::Fit>,
+    dependences: &Dependences,
+    sides: &Sides,
+    report: &(dyn Fn(SearchProgress<'_>) + Sync),
+) -> Option<Vec<Wanted>> {
+    let search = Search::new(study, report).with_known(Arc::clone(&found.known));
+    let fit = search.full_fit(&found.terms, COMMON, None);
+    let rows = study.linearised(&fit)?;
+    let contrasts = Contrasts::new(study, &rows, dependences, sides);
+    let candidates = study.candidates();
+    let columns: Vec<(usize, Column)> = (0..candidates.len())
+        .filter(|&term| may_change(&candidates[term]))
+        .flat_map(|term| {
+            let of_term = study.columns(&fit, term).into_iter();
+            of_term.map(move |column| (term, column)).collect::<Vec<_>>()
+        })
+        .collect();
+    let mut differences = contrasts.differences(&columns);
+    // Of several starts of one effect the most promising.
+    let mut seen = Vec::new();
+    differences.retain(|difference| {
+        let key = (difference.term, difference.one.clone());
+        let is_new = !seen.contains(&key);
+        seen.push(key);
+        is_new
+    });
+    let Some(best) = differences.first().map(|difference| difference.rise) else {
+        return Some(Vec::new());
+    };
+    differences.retain(|difference| NEARLY * best <= difference.rise);
+    differences.truncate(MOST_FITTED);
+    let mut in_both = contrasts.in_both(&columns);
+    in_both.retain(|both| NEARLY * best <= both.rise && !found.terms.contains(&both.term));
+    in_both.truncate(MOST_FITTED);
+    let differences = differences.into_iter().map(Wanted::Difference);
+    Some(differences.chain(in_both.into_iter().map(Wanted::InBoth)).collect())
+}
+
+/// The term of the model that is the same effect at the same robot or node, in both campaigns.
+fn replaced<S: Study>(
+    study: &S,
+    terms: &[usize],
+    effect: usize,
+    one: Option<&One>,
+) -> Option<usize> {
+    let name = study.candidates()[effect].name.as_str();
+    let limits = one.map(|one| only(Some(one), None));
+    let is_same = |&&term: &&usize| {
+        let candidate = &study.candidates()[term];
+        candidate.effect() == name && candidate.only == limits
+    };
+    terms.iter().find(is_same).copied()
+}
+
+/// The table that limits an effect to a robot or node, and to campaigns.
+fn only(one: Option<&One>, campaigns: Option<&[u32]>) -> toml::Table {
+    let mut table = toml::Table::new();
+    if let Some(One { key, id }) = one {
+        let list = toml::Value::Array(vec![i64::from(*id).into()]);
+        table.insert((*key).to_owned(), list);
+    }
+    if let Some(campaigns) = campaigns {
+        table.insert(RUNS.to_owned(), runs(campaigns));
+    }
+    table
+}
+
+/// The terms of a model with what is wanted: an effect that the model has in both campaigns is split in two, one for each. Returns
+/// the terms, what was wanted, and the terms that act in A and in B.
+fn made<S: Study>(
+    study: &mut S,
+    found: &Found<S::Fit>,
+    wanted: Wanted,
+    sides: &Sides,
+) -> Option<(Vec<usize>, Wanted, Option<usize>, usize)> {
+    let mut terms = found.terms.clone();
+    let Wanted::Difference(difference) = &wanted else {
+        let Wanted::InBoth(both) = &wanted else { return None };
+        let term = both.term;
+        terms.push(term);
+        return Some((terms, wanted, None, term));
+    };
+    let one = difference.one.as_ref();
+    let effect = difference.term;
+    let replaced = replaced(study, &terms, effect, one);
+    let mut in_a = None;
+    if let Some(replaced) = replaced {
+        let limits = only(one, Some(&sides.runs_a));
+        let of_a = limited(study, effect, &limits)?;
+        terms.retain(|term| *term != replaced);
+        terms.push(of_a);
+        in_a = Some(of_a);
+    }
+    let in_b = limited(study, effect, &only(one, Some(&sides.runs_b)))?;
+    if terms.contains(&in_b) {
+        return None;
+    }
+    terms.push(in_b);
+    Some((terms, wanted, in_a, in_b))
+}
+
+/// The rows that an explanation concerns: of a change those of B at the robot or node, of an effect in both campaigns all.
+fn concerned<S: Study>(study: &S, wanted: &Wanted, sides: &Sides) -> Vec<bool> {
+    let Wanted::Difference(difference) = wanted else { return vec![true; sides.is_b.len()] };
+    let Some(One { key, id }) = &difference.one else { return sides.is_b.clone() };
+    let mut is_concerned = vec![false; sides.is_b.len()];
+    let partitions = study.partitions();
+    let groups = partitions.iter().filter(|partition| partition.key == Some(*key));
+    for group in groups.flat_map(|partition| &partition.groups).filter(|group| group.id == *id) {
+        for &row in &group.rows {
+            is_concerned[row as usize] = sides.is_b[row as usize];
+        }
+    }
+    is_concerned
+}
+
+/// Whether an explanation is worth having on the rows that it concerns: by the acceptance rule of a diagnosis.
+fn is_worth(scores: &[RowScore], parent: &[RowScore], is_concerned: &[bool]) -> bool {
+    let of_concerned = |scores: &[RowScore]| -> Vec<RowScore> {
+        let rows = scores.iter().zip(is_concerned).filter(|(_, concerned)| **concerned);
+        rows.map(|(score, _)| *score).collect()
+    };
+    let (scores, parent) = (of_concerned(scores), of_concerned(parent));
+    let (now, before) = (Scores::mean(&scores), Scores::mean(&parent));
+    let gain = now.log_score - before.log_score;
+    acceptance::is_worth(gain, 0.0, || now.share_removed(&before))
+}
+
+/// The explanation that predicts rows left out best, and the others that cannot be told from it: their names, and whether they act in
+/// both campaigns. Of those that cannot be told apart the one with the fewest parameters is chosen, and the best of these.
+fn chosen(
+    mut explanations: Vec<Explanation>,
+    blocks: &[u32],
+    name: impl Fn(&What) -> String,
+) -> Option<(Explanation, Vec<(String, bool)>)> {
+    explanations.sort_by(|a, b| b.gain.gain.total_cmp(&a.gain.gain));
+    let best = explanations.first()?;
+    let is_tied = |other: &Explanation| {
+        let gain = Gain::from_scores(&best.scores, &other.scores, blocks);
+        TOLD_APART <= gain.p_value
+    };
+    let tied: Vec<bool> =
+        explanations.iter().enumerate().map(|(k, other)| k == 0 || is_tied(other)).collect();
+    let mut tied = tied.into_iter();
+    explanations.retain(|_| tied.next().unwrap_or(false));
+    let fewest = explanations.iter().map(|it| it.n_parameters).min()?;
+    // A change goes before an effect in both campaigns, which is named beside it.
+    let is_change = |it: &Explanation| matches!(it.what, What::Change(_));
+    let place = explanations
+        .iter()
+        .position(|it| it.n_parameters == fewest && is_change(it))
+        .or_else(|| explanations.iter().position(is_change))
+        .unwrap_or(0);
+    let chosen = explanations.remove(place);
+    let ties = explanations
+        .iter()
+        .map(|it| (name(&it.what), matches!(it.what, What::Common(_))))
+        .collect();
+    Some((chosen, ties))
+}
+
+/// An effect that both campaigns have, with a model in which each has its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pair {
+    /// The term that acts in both.
+    pub of: usize,
+    /// The model with it.
+    pub parent: Vec<usize>,
+    /// The model with one for each campaign in its place.
+    pub terms: Vec<usize>,
+    /// The term that acts in A.
+    pub in_a: usize,
+    /// The term that acts in B.
+    pub in_b: usize,
+    /// How many times wider intervals are than those of independent rows.
+    pub widening: f64,
+}
+
+/// The effects that both campaigns have and that can be fitted to each.
+pub fn pairs<S: Study>(study: &mut S, found: &Found<S::Fit>, sides: &Sides) -> Vec<Pair> {
+    let mut pairs = Vec::new();
+    for &(of, _) in &found.common {
+        let candidate = &study.candidates()[of];
+        let effect = candidate.effect().to_owned();
+        let only = candidate.only.clone().unwrap_or_default();
+        if candidate.about.is_none()
+            || candidate.level == Level::Random
+            || only.contains_key(RUNS)
+            || !found.terms.contains(&of)
+        {
+            continue;
+        }
+        let named = |candidate: &Candidate| candidate.name == effect;
+        let Some(effect) = study.candidates().iter().position(named) else { continue };
+        let mut of_side = |runs_of: &[u32]| {
+            let mut only = only.clone();
+            only.insert(RUNS.to_owned(), runs(runs_of));
+            limited(study, effect, &only)
+        };
+        let (Some(in_a), Some(in_b)) = (of_side(&sides.runs_a), of_side(&sides.runs_b)) else {
+            continue;
+        };
+        let mut terms = found.terms.clone();
+        terms.retain(|term| *term != of);
+        terms.extend([in_a, in_b]);
+        let widening = study.design_effect().max(1.0).sqrt();
+        pairs.push(Pair { of, parent: found.terms.clone(), terms, in_a, in_b, widening });
+    }
+    pairs
+}

@@ -1,0 +1,317 @@
+//! What changed, in words: the sentence, and the text of the terminal.
+
+use super::{Between, BetweenVerdict, Change, Changed, Spans};
+use crate::diagnosis::Parameter;
+use crate::gate::Misfit;
+use std::fmt::Write as _;
+
+/// What the comparison of two campaigns came to, in a sentence.
+#[must_use]
+pub fn sentence(between: &Between) -> String {
+    let list =
+        |changes: &[Change]| changes.iter().map(change_sentence).collect::<Vec<_>>().join(", and ");
+    let mut text = match between.verdict {
+        BetweenVerdict::Changed => format!("changed: {}", list(&between.changed)),
+        BetweenVerdict::CannotTell => {
+            let other =
+                between.possible.first().map(|change| change.indistinguishable_from.join(", "));
+            format!(
+                "B differs, and these data cannot tell why: {}, or {}",
+                list(&between.possible),
+                other.unwrap_or_default()
+            )
+        }
+        BetweenVerdict::SomethingChanged => something_changed(between),
+        BetweenVerdict::NothingChanged => format!(
+            "nothing changed that these data could show: a difference of up to {} {} could hide in them",
+            short(between.could_hide),
+            between.error_unit
+        ),
+        BetweenVerdict::NothingFound => nothing_found(between),
+    };
+    if !between.complete {
+        text = format!("stopped before its end; this may still change: {text}");
+    }
+    if between.verdict != BetweenVerdict::NothingFound {
+        text.push_str(&apart(between));
+    }
+    text
+}
+
+fn something_changed(between: &Between) -> String {
+    let unit = between.error_unit;
+    let mut reasons: Vec<String> = between
+        .unexplained
+        .first()
+        .map(|misfit| format!("beyond A, {}", misfit.sentence()))
+        .into_iter()
+        .collect();
+    if let Some(error) = &between.error {
+        reasons.push(format!(
+            "the model of A predicts B with an error of {} {unit}, and A itself with {} {unit}",
+            short(error.rmse_b),
+            short(error.rmse_a)
+        ));
+    }
+    format!("something changed, and these data do not say what: {}", reasons.join("; "))
+}
+
+fn nothing_found(between: &Between) -> String {
+    if let Some(why) = &between.too_little {
+        return format!("no change was found, but {why}");
+    }
+    let doubtful = between.error.as_ref().filter(|error| error.p_value < super::rule::DOUBTFUL);
+    if let Some(error) = doubtful {
+        let unit = between.error_unit;
+        return format!(
+            "no change was found, but it is doubtful that there is none: the model of A predicts B with an error of {} {unit}, \
+             and A itself with {} {unit} (p = {:.2})",
+            short(error.rmse_b),
+            short(error.rmse_a),
+            error.p_value
+        );
+    }
+    if between.could_hide.is_finite() {
+        return format!(
+            "no change was found, but these data are too few to tell: a difference of up to {} {} could hide in them",
+            short(between.could_hide),
+            between.error_unit
+        );
+    }
+    "no change was found, but these data are too few to tell".to_owned()
+}
+
+/// What cannot be told from a change, because the campaigns have none of it in common.
+fn apart(between: &Between) -> String {
+    let mut reasons: Vec<String> = between
+        .confounded
+        .iter()
+        .map(|it| {
+            let Spans { a, b } = it.spans;
+            format!(
+                "{} was {} to {} in A and {} to {} in B",
+                it.covariate,
+                short(a[0]),
+                short(a[1]),
+                short(b[0]),
+                short(b[1])
+            )
+        })
+        .collect();
+    if let Some(spans) = between.time_of_day_h.filter(Spans::are_apart) {
+        reasons.push(time_of_day(&spans));
+    }
+    if reasons.is_empty() {
+        return String::new();
+    }
+    format!(". What depends on these cannot be told from a change: {}", reasons.join("; "))
+}
+
+fn time_of_day(Spans { a, b }: &Spans) -> String {
+    let clock = |hours: f64| {
+        let minutes = (60.0 * hours).round() as u64 % (24 * 60);
+        format!("{:02}:{:02}", minutes / 60, minutes % 60)
+    };
+    format!(
+        "A was measured {} to {} UTC, B {} to {} UTC",
+        clock(a[0]),
+        clock(a[1]),
+        clock(b[0]),
+        clock(b[1])
+    )
+}
+
+fn change_sentence(change: &Change) -> String {
+    let of = change.only.as_ref().map(|only| format!(" ({})", limits(only))).unwrap_or_default();
+    let parameters: Vec<String> =
+        change.parameters.iter().map(|(key, changed)| changed_parameter(key, changed)).collect();
+    let colon = if parameters.is_empty() { "" } else { ": " };
+    format!("{}{of}{colon}{}", change.effect, parameters.join(", "))
+}
+
+fn limits(only: &toml::Table) -> String {
+    let keys: Vec<String> = only.iter().map(|(key, value)| format!("{key} = {value}")).collect();
+    keys.join(", ")
+}
+
+fn changed_parameter(key: &str, changed: &Changed) -> String {
+    let unit = &changed.unit;
+    let Parameter { value, low, high, .. } = &changed.b;
+    match (&changed.a, &changed.difference) {
+        (Some(a), Some(difference)) => format!(
+            "{key} {} {unit} in A, {} {unit} in B, difference {} {unit} (90 %: {} to {})",
+            short(a.value),
+            short(*value),
+            short(difference.value),
+            short(difference.low),
+            short(difference.high)
+        ),
+        _ => format!(
+            "{key} {} {unit} (90 %: {} to {}) in B, absent from A",
+            short(*value),
+            short(*low),
+            short(*high)
+        ),
+    }
+    .replace("  ", " ")
+}
+
+/// A number with three digits.
+fn short(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value:.0}");
+    }
+    let digits = 2.0 - libm::floor(libm::log10(value.abs()));
+    format!("{value:.*}", digits.clamp(0.0, 6.0) as usize)
+}
+
+/// The answer as a person reads it on a terminal.
+#[must_use]
+pub fn text(between: &Between) -> String {
+    let mut text = String::new();
+    let unit = between.error_unit;
+    if let Some(error) = &between.error {
+        let _ = writeln!(
+            text,
+            "{:<34} {:>12} {:>10}\n{:<34} {:>12.4} {:>10.4}\n{:<34} {:>12.4} {:>10.4}\n",
+            "model fitted to A",
+            "log score",
+            format!("rmse {unit}"),
+            "A (blocks of time held out)",
+            error.log_score_a,
+            error.rmse_a,
+            "B",
+            error.log_score_b,
+            error.rmse_b
+        );
+    }
+    for (what, changes) in [("changed", &between.changed), ("possible change", &between.possible)] {
+        for change in changes {
+            change_lines(&mut text, what, change);
+        }
+    }
+    for common in &between.common {
+        let of = common.only.as_ref().map(|only| format!(" ({})", limits(only)));
+        let parameters: Vec<String> = common
+            .parameters
+            .iter()
+            .map(|(key, it)| {
+                let Parameter { value, unit, low, high } = it;
+                format!("{key} = {value:.4} {unit} (90 %: {low:.4} to {high:.4})")
+            })
+            .collect();
+        let colon = if parameters.is_empty() { "" } else { ": " };
+        let _ = writeln!(
+            text,
+            "missing in both: {}{}{colon}{}",
+            common.effect,
+            of.unwrap_or_default(),
+            parameters.join(", ")
+        );
+    }
+    for same in &between.same {
+        let Parameter { unit, low, high, .. } = &same.difference;
+        let _ = writeln!(
+            text,
+            "the same within {} {unit}: {} (B less A, 90 %: {} to {} {unit})",
+            short(same.within),
+            same.what,
+            short(*low),
+            short(*high)
+        );
+    }
+    for misfit in &between.unexplained {
+        let _ = writeln!(
+            text,
+            "unexplained: beyond A, {}, +- {:.4} (p = {:.1e})",
+            Misfit::sentence(misfit),
+            misfit.standard_error,
+            misfit.p_value
+        );
+    }
+    notes(&mut text, between);
+    let _ = writeln!(text, "\n{}", between.sentence);
+    text
+}
+
+fn change_lines(text: &mut String, what: &str, change: &Change) {
+    let _ = writeln!(text, "{what}: {}", change_sentence(change));
+    let _ = writeln!(
+        text,
+        "  gain {:.4} +- {:.4} nats per row (blocks of time held out), p = {:.1e}",
+        change.gain, change.standard_error, change.p_value
+    );
+    if !change.indistinguishable_from.is_empty() {
+        let others = change.indistinguishable_from.join(", ");
+        let _ = writeln!(text, "  indistinguishable on these data from {others}");
+    }
+    if let Some(warning) = &change.warning {
+        let _ = writeln!(text, "  warning: {warning}");
+    }
+}
+
+fn notes(text: &mut String, between: &Between) {
+    match &between.time_of_day_h {
+        Some(spans) => {
+            let _ = writeln!(text, "{}", time_of_day(spans));
+        }
+        None => {
+            let _ = writeln!(
+                text,
+                "time of day: unknown. Give time_s as epoch times, or a column start_epoch_s, in both files"
+            );
+        }
+    }
+    for effect in &between.of_time_in_a {
+        let _ = writeln!(
+            text,
+            "A varies with the time since its start ({effect}), which is not carried over to B"
+        );
+    }
+    if !between.left_out_columns.is_empty() {
+        let _ = writeln!(
+            text,
+            "not used, because only one of the files has them: {}",
+            between.left_out_columns.join(", ")
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_three_digits() {
+        assert_eq!(short(-5.9871), "-5.99");
+        assert_eq!(short(0.012_345), "0.0123");
+        assert_eq!(short(1234.5), "1234");
+        assert_eq!(short(0.0), "0");
+    }
+
+    #[test]
+    fn times_of_day_are_clock_times() {
+        let spans = Spans { a: [8.0, 10.0], b: [20.25, 23.999] };
+        let expected = "A was measured 08:00 to 10:00 UTC, B 20:15 to 00:00 UTC";
+        assert_eq!(time_of_day(&spans), expected);
+    }
+
+    #[test]
+    fn a_change_is_said_with_both_values_and_the_difference() {
+        let parameter =
+            |value: f64, low: f64, high: f64| Parameter { value, unit: "dB".to_owned(), low, high };
+        let b = parameter(-11.0, -11.3, -10.7);
+        let difference = Some(parameter(-6.0, -6.4, -5.6));
+        let a = Some(parameter(-5.0, -5.2, -4.8));
+        let changed = Changed { unit: "dB".to_owned(), a, b: b.clone(), difference };
+        assert_eq!(
+            changed_parameter("gain_db", &changed),
+            "gain_db -5.00 dB in A, -11.0 dB in B, difference -6.00 dB (90 %: -6.40 to -5.60)"
+        );
+        let new = Changed { unit: "dB".to_owned(), a: None, b, difference: None };
+        assert_eq!(
+            changed_parameter("gain_db", &new),
+            "gain_db -11.0 dB (90 %: -11.3 to -10.7) in B, absent from A"
+        );
+    }
+}
