@@ -6,6 +6,7 @@ mod absence;
 mod anchors;
 mod bad_measurements;
 mod bench;
+mod between;
 mod breaking_input;
 mod catalogue;
 mod choices;

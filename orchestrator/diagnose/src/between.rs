@@ -19,6 +19,7 @@ pub mod rule;
 pub mod search;
 pub mod words;
 
+use crate::defects::MeasurementDefect;
 use crate::diagnosis::Parameter;
 use crate::gate::Misfit;
 use crate::json_number;
@@ -52,6 +53,8 @@ pub struct Between {
     pub common: Vec<Common>,
     /// What stayed the same, and within which margin.
     pub same: Vec<Same>,
+    /// Of links: defects of the measurement in A and in B. They may look like changes, so that no verdict is certain with one.
+    pub measurement_defects: SidesOf<Vec<MeasurementDefect>>,
     /// Constants by which B is off beyond A that no change explains, the surest first.
     pub unexplained: Vec<Misfit>,
     /// How well the model of A predicts both campaigns; absent where that cannot be told.
@@ -98,7 +101,7 @@ pub enum BetweenVerdict {
     NothingChanged,
     /// B is off, or predicted worse than A, and no change of the model explains it.
     SomethingChanged,
-    /// B differs, and these data cannot tell a change from an effect that acts in both campaigns.
+    /// B differs, and these data cannot tell a change from an effect that acts in both campaigns, or from a defect of the measurement.
     CannotTell,
     /// Nothing was found in data that are too few to tell that nothing changed.
     NothingFound,
@@ -174,6 +177,15 @@ pub struct Same {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub within: f64,
+}
+
+/// The same of both campaigns.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
+pub struct SidesOf<T> {
+    /// Of A.
+    pub a: T,
+    /// Of B.
+    pub b: T,
 }
 
 /// A covariate of which the campaigns have hardly a value in common.

@@ -588,7 +588,7 @@ fn with_term(accepted: &[usize], term: usize) -> Vec<usize> {
 }
 
 /// The terms without one of them.
-pub(super) fn without_term(accepted: &[usize], term: usize) -> Vec<usize> {
+pub(crate) fn without_term(accepted: &[usize], term: usize) -> Vec<usize> {
     accepted.iter().copied().filter(|&other| other != term).collect()
 }
 

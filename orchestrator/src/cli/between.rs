@@ -9,7 +9,8 @@ use clap::Args;
 use diagnose::between::answer::{Campaigns, answer};
 use diagnose::between::contrast::Sides;
 use diagnose::between::search::{BaseTerm, pairs, search};
-use diagnose::between::{Between, Spans, words};
+use diagnose::between::{Between, SidesOf, Spans, words};
+use diagnose::defects::{self, MeasurementDefect};
 use diagnose::ladder::Search;
 use diagnose::limits;
 use diagnose::progress::SearchProgress;
@@ -90,17 +91,16 @@ fn between(
                     "--between: one file has a row per frame and the other rows of several frames; convert both alike",
                 ));
             }
+            let defects = opening.defects([&study_a, &study_b]);
             let thinned = |study: LinkStudy| study.thinned().unwrap_or(study);
             let searched = study.thinned().map(|study| study.n_rows());
             let (study_a, study) = (thinned(study_a), thinned(study));
-            let covariates = study.rows.links.covariates.clone();
             let accounts = [account_a, account_b];
             let too_little = suffices(&study_b);
             opening.answer(
                 (study_a, too_little),
                 study,
-                &covariates,
-                &accounts,
+                (&accounts, &defects),
                 (Subject::Links, "dB", searched),
             )
         }
@@ -120,8 +120,7 @@ fn between(
             opening.answer(
                 (study_a, too_little),
                 study,
-                &[],
-                &accounts,
+                (&accounts, &SidesOf::default()),
                 (Subject::Robots, "m", None),
             )
         }
@@ -191,8 +190,7 @@ impl Opening<'_> {
         &self,
         (mut study_a, too_little_b): (S, Option<String>),
         mut study: S,
-        covariates: &[(String, Vec<f64>)],
-        accounts: &[DataAccount; 2],
+        (accounts, defects): (&[DataAccount; 2], &SidesOf<Vec<MeasurementDefect>>),
         (subject, error_unit, searched): (Subject, &'static str, Option<usize>),
     ) -> Result<Between, Failure> {
         let log = SearchLog::new(Some(self.stopper));
@@ -215,12 +213,23 @@ impl Opening<'_> {
             too_little: too_little.as_deref(),
             time_of_day_h: self.time_of_day_h(),
             left_out_columns: &self.pooled.left_out,
+            defects,
             is_base_complete: ladder.stopped.is_none(),
         };
         let search = Search::new(&study, &report).with_known(found.known.clone());
-        let between = answer(&study, &found, &pairs, &sides, &search, covariates, campaigns);
+        let between = answer(&study, &found, &pairs, &sides, &search, campaigns);
         log.clear();
         Ok(between)
+    }
+
+    /// Defects of the measured links of both files.
+    fn defects(&self, [a, b]: [&LinkStudy; 2]) -> SidesOf<Vec<MeasurementDefect>> {
+        let log = SearchLog::new(Some(self.stopper));
+        let report = |progress: SearchProgress<'_>| log.log(progress);
+        let of = |study| defects::find(study, &report).iter().map(MeasurementDefect::of).collect();
+        let found = SidesOf { a: of(a), b: of(b) };
+        log.clear();
+        found
     }
 
     /// When both were measured, in hours since midnight (UTC).

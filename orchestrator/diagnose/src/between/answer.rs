@@ -4,8 +4,9 @@ use super::contrast::{Constants, Contrasts, Dependences, RUNS, Sides};
 use super::error_change::{ErrorChange, error_change};
 use super::rule::{Evidence, verdict};
 use super::search::{Found, FoundChange, Pair};
-use super::{Between, Change, Changed, Common, Confounded, SCHEMA, Same, Spans, words};
+use super::{Between, Change, Changed, Common, Confounded, SCHEMA, Same, SidesOf, Spans, words};
 use crate::answer::parameter;
+use crate::defects::MeasurementDefect;
 use crate::diagnosis::Parameter;
 use crate::ladder::Search;
 use crate::score_test::ScoreTest;
@@ -17,6 +18,8 @@ use study::{COMMON, Estimate, Study};
 
 /// Intervals have this probability.
 const INTERVAL: f64 = 0.9;
+/// A parameter is said to be the same where the margin is at most this share of its size.
+const SAME_SHARE: f64 = 0.25;
 
 /// Two campaigns, and what is known of them beside the pooled study.
 #[derive(Clone, Copy, Debug)]
@@ -35,18 +38,19 @@ pub struct Campaigns<'a> {
     pub time_of_day_h: Option<Spans>,
     /// Columns that only one of the files has.
     pub left_out_columns: &'a [String],
+    /// Defects of the measurement in both files.
+    pub defects: &'a SidesOf<Vec<MeasurementDefect>>,
     /// Whether the diagnosis of A came to its end.
     pub is_base_complete: bool,
 }
 
-/// The answer of a search. `covariates`: of the pooled study, a value per row.
+/// The answer of a search.
 pub fn answer<S: Study>(
     study: &S,
     found: &Found<S::Fit>,
     pairs: &[Pair],
     sides: &Sides,
     search: &Search<'_, S>,
-    covariates: &[(String, Vec<f64>)],
     campaigns: Campaigns<'_>,
 ) -> Between {
     let is_stopped = || search.is_stopped();
@@ -89,8 +93,10 @@ pub fn answer<S: Study>(
     let evidence = Evidence {
         changes: changed.len(),
         possible: possible.len(),
+        defects: campaigns.defects.a.len() + campaigns.defects.b.len(),
         unexplained: constants.misfits.len(),
-        error_p_value: error.as_ref().map(|error: &ErrorChange| error.p_value),
+        error_p_value: error.as_ref().map(ErrorChange::certain_p_value),
+        doubtful_p_value: error.as_ref().map(ErrorChange::doubtful_p_value),
         is_sharp: could_hide < constants.sd,
         suffices: campaigns.too_little.is_none(),
         is_complete,
@@ -105,10 +111,11 @@ pub fn answer<S: Study>(
         possible,
         common,
         same,
+        measurement_defects: campaigns.defects.clone(),
         unexplained: constants.misfits,
         error,
         could_hide,
-        confounded: confounded(covariates, sides),
+        confounded: confounded(&study.scanned_covariates(), sides),
         time_of_day_h: campaigns.time_of_day_h,
         left_out_columns: campaigns.left_out_columns.to_vec(),
         of_time_in_a: found.of_time_in_a.clone(),
@@ -233,9 +240,10 @@ fn same_parameters<S: Study>(study: &S, search: &Search<'_, S>, pair: &Pair) -> 
     let of_pair = |(a, b): (&Estimate, &Estimate)| {
         let [(key, a), (_, b)] =
             [a, b].map(|estimate| parameter(&widened(estimate, pair.widening)));
-        same(format!("{name}: {key}"), difference(&a, &b))
+        let same = same(format!("{name}: {key}"), difference(&a, &b));
+        (same.within <= SAME_SHARE * a.value.abs().max(b.value.abs())).then_some(same)
     };
-    both.map(of_pair).collect()
+    both.filter_map(of_pair).collect()
 }
 
 /// Covariates of which the campaigns have hardly a value in common.

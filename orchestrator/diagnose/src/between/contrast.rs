@@ -18,6 +18,17 @@ use study::{Study, linear::Partition};
 /// The key that limits an effect to campaigns.
 pub const RUNS: &str = "runs";
 
+/// A difference must promise so much (nats) to be tested …
+const LEAST_NATS: f64 = 8.0;
+/// … and at least this share of what the best does.
+const NEARLY: f64 = 0.3;
+/// Differences that are tested, the most promising.
+const MOST_TESTED: usize = 40;
+/// Differences that are fitted, the most promising …
+const MOST_FITTED: usize = 8;
+/// … among them so many at most that the score test does not tell.
+const MOST_OTHERS: usize = 3;
+
 /// The rows of two campaigns, A and B.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sides {
@@ -74,10 +85,14 @@ pub struct Difference {
     pub one: Option<One>,
     /// What the difference promises to raise the log likelihood by (nats).
     pub rise: f64,
-    /// P-value times the number of tests.
-    pub p_value: f64,
+    /// P-value times the number of tests; none where the score test tells nothing or is not significant.
+    pub p_value: Option<f64>,
     /// How many times wider the clustered standard error is than that of independent rows, at least 1.
     pub widening: f64,
+    /// The number of tests.
+    pub n_tests: f64,
+    /// What the effect moves on all rows.
+    pub column: Column,
 }
 
 /// An effect in both campaigns that the slopes ask for.
@@ -153,10 +168,11 @@ impl<'a> Contrasts<'a> {
         }
     }
 
-    /// The differences of some effects between the campaigns, everywhere and at one robot or node, that are significant after correction
-    /// for all tests; the most promising first. `columns`: of each effect.
+    /// The differences of some effects between the campaigns, everywhere and at one robot or node: those that are significant after
+    /// correction for all tests, and those that promise more than the best of these, were rows independent. A great change lets
+    /// slopes at a fit without it depend on each other, so that they tell nothing; another fit must. `columns`: of each effect.
     #[must_use]
-    pub fn differences(&self, columns: &[(usize, Column)]) -> Vec<Difference> {
+    pub fn differences(&self, columns: &[(usize, Column)], design_effect: f64) -> Vec<Difference> {
         let groups = || {
             let limiting = self.partitions.iter().filter_map(|partition| {
                 let key = partition.key.filter(|key| *key != RUNS)?;
@@ -166,23 +182,23 @@ impl<'a> Contrasts<'a> {
         };
         let n_tests = (columns.len() * (1 + groups().count())) as f64;
         let of_column = |(term, column): &(usize, Column)| -> Vec<Difference> {
-            let difference = |one: Option<One>, test: ScoreTest, p_value: f64| {
-                let p_value = n_tests * p_value;
-                (p_value < FAMILY_ERROR).then(|| Difference {
+            let difference = |one: Option<One>, there: &Column, beside: &[&Column]| {
+                let rise = self.tests.rise(there, beside) / design_effect;
+                (LEAST_NATS < rise).then(|| Difference {
                     term: *term,
                     one,
-                    rise: test.rise,
-                    p_value,
-                    widening: widening(&test),
+                    rise,
+                    p_value: None,
+                    widening: 1.0,
+                    n_tests,
+                    column: column.clone(),
                 })
             };
-            let everywhere = self
-                .tests
-                .test(&self.sides.in_b(column), &[column])
-                .and_then(|test| difference(None, test, test.p_value));
+            let everywhere = difference(None, &self.sides.in_b(column), &[column]);
             let at_one = groups().filter_map(|(key, group)| {
-                let (test, p_value) = self.at_one(column, &group.rows)?;
-                difference(Some(One { key, id: group.id }), test, p_value)
+                let of_one = on_rows(column, &group.rows);
+                let there = self.sides.in_b(&of_one);
+                difference(Some(One { key, id: group.id }), &there, &[column, &of_one])
             });
             everywhere.into_iter().chain(at_one).collect()
         };
@@ -190,7 +206,59 @@ impl<'a> Contrasts<'a> {
         found.sort_by(|a, b| {
             b.rise.total_cmp(&a.rise).then((a.term, &a.one).cmp(&(b.term, &b.one)))
         });
+        // Of several starts of one effect the most promising.
+        let mut seen = Vec::new();
+        found.retain(|difference| {
+            let key = (difference.term, difference.one.clone());
+            let is_new = !seen.contains(&key);
+            seen.push(key);
+            is_new
+        });
+        let best = found.first().map_or(0.0, |best| best.rise);
+        found.retain(|difference| NEARLY * best <= difference.rise);
+        found.truncate(MOST_TESTED);
+        found.par_iter_mut().for_each(|difference| {
+            if let Some((test, p_value)) = self.test(&difference.column, difference.one.as_ref()) {
+                let p_value = n_tests * p_value;
+                difference.p_value = Some(p_value).filter(|p_value| *p_value < FAMILY_ERROR);
+                difference.widening = widening(&test);
+            }
+        });
+        let is_significant = |difference: &&Difference| difference.p_value.is_some();
+        let best = found.iter().find(is_significant).map_or(0.0, |best| best.rise);
+        let mut n_others = 0;
+        found.retain(|difference| {
+            let is_other = difference.p_value.is_none();
+            n_others += usize::from(is_other);
+            !is_other || best < difference.rise && n_others <= MOST_OTHERS
+        });
+        found.truncate(MOST_FITTED);
         found
+    }
+
+    /// The test of a difference, everywhere or at one robot or node, and its p-value, of one test.
+    fn test(&self, column: &Column, one: Option<&One>) -> Option<(ScoreTest, f64)> {
+        let Some(One { key, id }) = one else {
+            let test = self.tests.test(&self.sides.in_b(column), &[column])?;
+            return Some((test, test.p_value));
+        };
+        let of_key = self.partitions.iter().find(|partition| partition.key == Some(*key))?;
+        let group = of_key.groups.iter().find(|group| group.id == *id)?;
+        self.at_one(column, &group.rows)
+    }
+
+    /// P-value, times the number of tests, of a difference that raises the log likelihood by so much (nats) over the fit without it. These
+    /// are the slopes of the fit with it: how much rows depend on each other there adjusts the likelihood ratio (R. E. Chandler and
+    /// S. Bate, Inference for clustered data using the independence loglikelihood, Biometrika 94, 2007). Beside it, how many times wider
+    /// intervals are. None where nothing can be told.
+    #[must_use]
+    pub fn adjusted(&self, difference: &Difference, rise: f64) -> Option<(f64, f64)> {
+        let (test, _) = self.test(&difference.column, difference.one.as_ref())?;
+        let widening = widening(&test);
+        let t = (2.0 * rise.max(0.0)).sqrt() / widening;
+        let law = StudentsT::new(0.0, 1.0, test.freedom).ok()?;
+        let least = libm::exp2(1.0 - test.n_clusters as f64);
+        Some((difference.n_tests * (2.0 * law.sf(t)).max(least), widening))
     }
 
     /// The difference of a column on some rows, beside what the column does on all; and its p-value, of one test.

@@ -6,10 +6,11 @@
 
 use crate::json_number;
 use crate::ladder::Search;
+use proto::effect::Level;
 use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use study::{COMMON, RowScore, Study};
 
 /// Blocks of each campaign without which nothing is told.
@@ -36,50 +37,96 @@ pub struct ErrorChange {
     pub log_score_b: f64,
     /// Probability of as great a change by chance: of B being predicted worse, or with another error.
     pub p_value: f64,
+    /// The same where A is predicted at places left out, if B was measured at places that A has not; absent otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub p_value_new_places: Option<f64>,
 }
 
+impl ErrorChange {
+    /// The greater p-value: below a level, the error changed whatever A is compared by.
+    #[must_use]
+    pub fn certain_p_value(&self) -> f64 {
+        self.p_value_new_places.map_or(self.p_value, |places| places.max(self.p_value))
+    }
+
+    /// The smaller p-value: above a level, the error is the same whatever A is compared by.
+    #[must_use]
+    pub fn doubtful_p_value(&self) -> f64 {
+        self.p_value_new_places.map_or(self.p_value, |places| places.min(self.p_value))
+    }
+}
+
+/// B was measured at new places where more than this share of its rows has no row of A in its block of places.
+const NEW_PLACES: f64 = 0.02;
+
 /// Compares how a model that is fitted to A predicts A and B. `is_b`: whether each row is of B. None where there are too few blocks.
+///
+/// A model with levels of places predicts places that it knows better than others. Where B has others, A is predicted at places left out,
+/// too.
 pub fn error_change<S: Study>(
     study: &S,
     search: &Search<'_, S>,
     terms: &[usize],
     is_b: &[bool],
 ) -> Option<ErrorChange> {
-    let of_a = |rows: Vec<u32>| -> Vec<u32> {
-        rows.into_iter().filter(|row| !is_b[*row as usize]).collect()
-    };
     let start = search.full_fit(terms, COMMON, None);
-    let all_a = of_a((0..study.n_rows() as u32).collect());
-    let of_b: Vec<u32> = (0..study.n_rows() as u32).filter(|row| is_b[*row as usize]).collect();
+    let [all_a, all_b] = [false, true].map(|side| {
+        (0..study.n_rows() as u32).filter(|row| is_b[*row as usize] == side).collect::<Vec<u32>>()
+    });
     let fit = study.fit(terms, &all_a, COMMON, Some(&start));
-    let blocks = study.blocks(COMMON);
-    let mut in_blocks = [BTreeMap::new(), BTreeMap::new()];
-    let mut add = |campaign: usize, rows: &[u32], scores: &[RowScore]| {
-        for (row, score) in rows.iter().zip(scores) {
-            let block = blocks.dependent()[*row as usize];
-            let of_block: &mut Vec<RowScore> = in_blocks[campaign].entry(block).or_default();
-            of_block.push(*score);
+    let scores_b = study.scores(&fit, &all_b);
+    let compared = |level: Level| -> Option<ErrorChange> {
+        let blocks = study.blocks(level);
+        let mut in_blocks = [BTreeMap::new(), BTreeMap::new()];
+        let mut add = |campaign: usize, rows: &[u32], scores: &[RowScore]| {
+            for (row, score) in rows.iter().zip(scores) {
+                let block = blocks.dependent()[*row as usize];
+                let of_block: &mut Vec<RowScore> = in_blocks[campaign].entry(block).or_default();
+                of_block.push(*score);
+            }
+        };
+        add(1, &all_b, &scores_b);
+        for fold in 0..blocks.n_folds() {
+            let (train, test) = blocks.split(fold);
+            let [train, test] = [train, test].map(|rows| of_a(rows, is_b));
+            if !train.is_empty() && !test.is_empty() {
+                let fit = study.fit(terms, &train, COMMON, Some(&fit));
+                add(0, &test, &study.scores(&fit, &test));
+            }
         }
+        changed(&in_blocks)
     };
-    add(1, &of_b, &study.scores(&fit, &of_b));
-    for fold in 0..blocks.n_folds() {
-        let (train, test) = blocks.split(fold);
-        let (train, test) = (of_a(train), of_a(test));
-        if !train.is_empty() && !test.is_empty() {
-            let fit = study.fit(terms, &train, COMMON, Some(&fit));
-            add(0, &test, &study.scores(&fit, &test));
-        }
+    let mut error = compared(COMMON)?;
+    if has_new_places(study.blocks(Level::Place).dependent(), is_b) {
+        // Where places tell nothing, nothing is certain.
+        let of_places = compared(Level::Place);
+        error.p_value_new_places = Some(of_places.map_or(1.0, |places| places.p_value));
     }
-    if search.is_stopped() {
-        return None;
-    }
+    (!search.is_stopped()).then_some(error)
+}
+
+fn of_a(rows: Vec<u32>, is_b: &[bool]) -> Vec<u32> {
+    rows.into_iter().filter(|row| !is_b[*row as usize]).collect()
+}
+
+/// Whether many rows of B lie in blocks without a row of A.
+fn has_new_places(blocks: &[u32], is_b: &[bool]) -> bool {
+    let of_a: BTreeSet<u32> =
+        blocks.iter().zip(is_b).filter(|(_, is_b)| !**is_b).map(|(block, _)| *block).collect();
+    let of_b = || blocks.iter().zip(is_b).filter(|(_, is_b)| **is_b).map(|(block, _)| block);
+    let n_new = of_b().filter(|block| !of_a.contains(block)).count();
+    NEW_PLACES * (of_b().count() as f64) < n_new as f64
+}
+
+/// The scores of both campaigns by block, compared.
+fn changed(in_blocks: &[BTreeMap<u32, Vec<RowScore>>; 2]) -> Option<ErrorChange> {
     let of = |value: fn(&RowScore) -> f64| {
         [0, 1].map(|campaign: usize| means(in_blocks[campaign].values(), value))
     };
     let [logs_a, logs_b] = of(|score| score.log);
     let [squares_a, squares_b] = of(|score| score.squared_error);
-    let worse = welch(&logs_b, &logs_a).map(|t| t.lower_tail());
-    let differs = welch(&squares_b, &squares_a).map(|t| t.two_sided());
+    let worse = welch(&logs_b, &logs_a).map(WelchTest::lower_tail);
+    let differs = welch(&squares_b, &squares_a).map(WelchTest::two_sided);
     let p_value = [worse, differs].into_iter().flatten().fold(f64::NAN, f64::min);
     let mean = |means: &[BlockMean]| {
         let n: f64 = means.iter().map(|mean| mean.n).sum();
@@ -91,6 +138,7 @@ pub fn error_change<S: Study>(
         log_score_a: mean(&logs_a),
         log_score_b: mean(&logs_b),
         p_value: (2.0 * p_value).min(1.0),
+        p_value_new_places: None,
     })
 }
 
@@ -184,6 +232,34 @@ mod tests {
         assert!((t - expected).abs() < 1e-12, "{t} {expected}");
         let expected = (va + vb) * (va + vb) / (va * va / 9.0 + vb * vb / 9.0);
         assert!((freedom - expected).abs() < 1e-9, "{freedom} {expected}");
+    }
+
+    #[test]
+    fn places_are_new_where_more_than_two_in_a_hundred_rows_are_elsewhere() {
+        let of = |n_new: u32| {
+            // A hundred rows of A at one place, a hundred of B, some of them at others.
+            let blocks: Vec<u32> =
+                (0..200).map(|row| if row < 200 - n_new { 0 } else { row }).collect();
+            let is_b: Vec<bool> = (0..200).map(|row| 100 <= row).collect();
+            has_new_places(&blocks, &is_b)
+        };
+        assert!(!of(0) && !of(2) && of(3));
+    }
+
+    #[test]
+    fn an_error_is_certain_by_the_greater_p_value_and_doubtful_by_the_smaller() {
+        let error = |p_value: f64, p_value_new_places: Option<f64>| ErrorChange {
+            rmse_a: 1.0,
+            rmse_b: 1.0,
+            log_score_a: 0.0,
+            log_score_b: 0.0,
+            p_value,
+            p_value_new_places,
+        };
+        let both = error(0.001, Some(0.2));
+        assert_eq!((both.certain_p_value(), both.doubtful_p_value()), (0.2, 0.001));
+        let one = error(0.001, None);
+        assert_eq!((one.certain_p_value(), one.doubtful_p_value()), (0.001, 0.001));
     }
 
     #[test]

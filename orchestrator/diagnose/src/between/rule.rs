@@ -13,10 +13,14 @@ pub struct Evidence {
     pub changes: usize,
     /// Number of changes that an effect in both campaigns explains as well.
     pub possible: usize,
+    /// Number of defects of the measurement in either file, which may look like changes.
+    pub defects: usize,
     /// Number of constants by which B is off and that no change explains.
     pub unexplained: usize,
-    /// Probability of as great a change of the error by chance; none where that cannot be told.
+    /// Probability of as great a change of the error by chance, whatever A is compared by; none where that cannot be told.
     pub error_p_value: Option<f64>,
+    /// The least such probability.
+    pub doubtful_p_value: Option<f64>,
     /// Whether the greatest difference that may be hidden is smaller than the noise.
     pub is_sharp: bool,
     /// Whether each campaign has enough independent blocks.
@@ -29,16 +33,17 @@ pub struct Evidence {
 #[must_use]
 pub fn verdict(evidence: &Evidence) -> BetweenVerdict {
     let Evidence { changes, possible, unexplained, error_p_value, .. } = *evidence;
-    if 0 < changes {
+    let is_clean = evidence.defects == 0;
+    if 0 < changes && is_clean {
         BetweenVerdict::Changed
-    } else if 0 < possible {
+    } else if 0 < changes + possible || !is_clean {
         BetweenVerdict::CannotTell
     } else if 0 < unexplained || error_p_value.is_some_and(|p_value| p_value < FAMILY_ERROR) {
         BetweenVerdict::SomethingChanged
     } else if evidence.is_sharp
         && evidence.suffices
         && evidence.is_complete
-        && error_p_value.is_some_and(|p_value| DOUBTFUL <= p_value)
+        && evidence.doubtful_p_value.is_some_and(|p_value| DOUBTFUL <= p_value)
     {
         BetweenVerdict::NothingChanged
     } else {
@@ -54,8 +59,10 @@ mod tests {
     const QUIET: Evidence = Evidence {
         changes: 0,
         possible: 0,
+        defects: 0,
         unexplained: 0,
         error_p_value: Some(0.5),
+        doubtful_p_value: Some(0.5),
         is_sharp: true,
         suffices: true,
         is_complete: true,
@@ -67,16 +74,29 @@ mod tests {
         assert_eq!(verdict(&Evidence { is_sharp: false, ..QUIET }), NothingFound);
         assert_eq!(verdict(&Evidence { suffices: false, ..QUIET }), NothingFound);
         assert_eq!(verdict(&Evidence { is_complete: false, ..QUIET }), NothingFound);
-        assert_eq!(verdict(&Evidence { error_p_value: None, ..QUIET }), NothingFound);
+        assert_eq!(verdict(&Evidence { doubtful_p_value: None, ..QUIET }), NothingFound);
     }
 
     #[test]
     fn a_greater_error_is_a_change_and_a_doubtful_one_is_not_nothing() {
-        let of = |p_value| verdict(&Evidence { error_p_value: Some(p_value), ..QUIET });
+        let of_both = |certain, doubtful| {
+            let (error_p_value, doubtful_p_value) = (Some(certain), Some(doubtful));
+            verdict(&Evidence { error_p_value, doubtful_p_value, ..QUIET })
+        };
+        let of = |p_value| of_both(p_value, p_value);
+        assert_eq!(of_both(0.1, 0.001), NothingFound);
         assert_eq!(of(0.0049), SomethingChanged);
         assert_eq!(of(0.0051), NothingFound);
         assert_eq!(of(0.049), NothingFound);
         assert_eq!(of(0.051), NothingChanged);
+    }
+
+    #[test]
+    fn a_defect_of_the_measurement_lets_nothing_be_certain() {
+        let defect = Evidence { defects: 1, ..QUIET };
+        assert_eq!(verdict(&defect), CannotTell);
+        assert_eq!(verdict(&Evidence { changes: 1, ..defect }), CannotTell);
+        assert_eq!(verdict(&Evidence { changes: 1, ..QUIET }), Changed);
     }
 
     #[test]

@@ -1,21 +1,21 @@
 //! The search for changes: which difference between the campaigns makes the pooled model predict rows left out better, then which next.
 
-use super::contrast::{Contrasts, Dependences, InBoth, One, RUNS, Sides};
-use crate::acceptance;
+use super::contrast::{Contrasts, Dependences, Difference, InBoth, One, RUNS, Sides};
+use crate::acceptance::{self, FAMILY_ERROR};
 use crate::gain::{Gain, Scores};
-use crate::ladder::{Known, Search};
+use crate::ladder::{Known, Search, without_term};
 use crate::progress::SearchProgress;
 use proto::effect::Level;
 use std::sync::Arc;
-use study::linear::Column;
+use study::linear::{Column, Linearised};
 use study::{COMMON, Candidate, RowScore, Study};
 use tracing::debug;
 
 /// Changes that are looked for at most.
 const MOST_CHANGES: usize = 6;
-/// Differences that are fitted in a round, the most promising …
-const MOST_FITTED: usize = 6;
-/// … if they promise at least this share of what the best does; and effects in both campaigns, likewise.
+/// Effects in both campaigns that are fitted in a round beside differences, the most promising …
+const MOST_IN_BOTH: usize = 4;
+/// … if they promise at least this share of what the best difference does.
 const NEARLY: f64 = 0.3;
 /// Two explanations are told apart where the one predicts rows left out better with a chance below this that it does not.
 const TOLD_APART: f64 = 0.05;
@@ -146,14 +146,14 @@ pub fn search<S: Study>(
             found.is_complete = true;
             break;
         }
-        let made: Vec<(Vec<usize>, Wanted, Option<usize>, usize)> =
+        let made: Vec<Made> =
             wanted.into_iter().filter_map(|wanted| made(study, &found, wanted, sides)).collect();
         let search = Search::new(&*study, report).with_known(Arc::clone(&found.known));
         let parent = search.held_out_scores(&found.terms, COMMON);
         let fit = search.full_fit(&found.terms, COMMON, None);
         let mut explanations = Vec::new();
-        for (terms, wanted, in_a, term) in made {
-            search.full_fit(&terms, COMMON, Some(&fit));
+        for Made { terms, wanted, in_a, term, in_both } in made {
+            let with = search.full_fit(&terms, COMMON, Some(&fit));
             let scores = search.held_out_scores(&terms, COMMON);
             let gain = search.gain(&terms, &found.terms, COMMON);
             let name = study.candidates()[term].name.as_str();
@@ -165,17 +165,27 @@ pub fn search<S: Study>(
             let n_parameters = study.candidates()[term].n_parameters;
             let what = match wanted {
                 Wanted::InBoth(InBoth { term, .. }) => What::Common(term),
-                Wanted::Difference(difference) => What::Change(FoundChange {
-                    effect: difference.term,
-                    one: difference.one,
-                    in_a,
-                    in_b: term,
-                    gain,
-                    p_value: difference.p_value,
-                    widening: difference.widening,
-                    ties: Vec::new(),
-                    is_only_possible: false,
-                }),
+                Wanted::Difference(difference) => {
+                    let known = difference.p_value.map(|p_value| (p_value, difference.widening));
+                    let known = known.or_else(|| {
+                        let both = search.full_fit(&in_both, COMMON, Some(&fit));
+                        let best = [&both, &fit].map(|fit| study.log_likelihood(fit));
+                        let rise = study.log_likelihood(&with) - best[0].max(best[1]);
+                        adjusted(study, [&fit, &with], &difference, rise, (&dependences, sides))
+                    });
+                    let Some((p_value, widening)) = known else { continue };
+                    What::Change(FoundChange {
+                        effect: difference.term,
+                        one: difference.one,
+                        in_a,
+                        in_b: term,
+                        gain,
+                        p_value,
+                        widening,
+                        ties: Vec::new(),
+                        is_only_possible: false,
+                    })
+                }
             };
             explanations.push(Explanation { terms, what, gain, scores, n_parameters });
         }
@@ -212,7 +222,35 @@ pub fn search<S: Study>(
         report(SearchProgress::Accepted { name: added });
         found.terms = terms;
     }
+    backward_elimination(study, &mut found, report);
     found
+}
+
+/// Drops changes that later ones made superfluous: without which rows left out are not predicted significantly worse.
+fn backward_elimination<S: Study>(
+    study: &S,
+    found: &mut Found<S::Fit>,
+    report: &(dyn Fn(SearchProgress<'_>) + Sync),
+) {
+    let search = Search::new(study, report).with_known(Arc::clone(&found.known));
+    while 1 < found.changes.len() && !search.is_stopped() {
+        let gain_of = |change: &FoundChange| {
+            let without = without_term(&found.terms, change.in_b);
+            search.gain(&found.terms, &without, COMMON)
+        };
+        // An effect that is split in two is kept: without its part in B nothing of it would act there.
+        let gains = found.changes.iter().enumerate().filter(|(_, change)| change.in_a.is_none());
+        let gains = gains.map(|(place, change)| (place, gain_of(change)));
+        let superfluous = gains.filter(|(_, gain)| TOLD_APART <= gain.p_value);
+        let Some((place, _)) = superfluous.min_by(|a, b| a.1.gain.total_cmp(&b.1.gain)) else {
+            break;
+        };
+        let change = found.changes.remove(place);
+        let name = study.candidates()[change.in_b].name.as_str();
+        report(SearchProgress::Removed { name });
+        found.terms = without_term(&found.terms, change.in_b);
+    }
+    found.known = search.known();
 }
 
 /// What a change is called.
@@ -262,7 +300,7 @@ fn limited<S: Study>(study: &mut S, effect: usize, only: &toml::Table) -> Option
 /// What is fitted in a round.
 #[derive(Clone, Debug)]
 enum Wanted {
-    Difference(super::contrast::Difference),
+    Difference(Difference),
     InBoth(InBoth),
 }
 
@@ -286,23 +324,13 @@ fn wanted<S: Study>(
             of_term.map(move |column| (term, column)).collect::<Vec<_>>()
         })
         .collect();
-    let mut differences = contrasts.differences(&columns);
-    // Of several starts of one effect the most promising.
-    let mut seen = Vec::new();
-    differences.retain(|difference| {
-        let key = (difference.term, difference.one.clone());
-        let is_new = !seen.contains(&key);
-        seen.push(key);
-        is_new
-    });
+    let differences = contrasts.differences(&columns, study.design_effect());
     let Some(best) = differences.first().map(|difference| difference.rise) else {
         return Some(Vec::new());
     };
-    differences.retain(|difference| NEARLY * best <= difference.rise);
-    differences.truncate(MOST_FITTED);
     let mut in_both = contrasts.in_both(&columns);
     in_both.retain(|both| NEARLY * best <= both.rise && !found.terms.contains(&both.term));
-    in_both.truncate(MOST_FITTED);
+    in_both.truncate(MOST_IN_BOTH);
     let differences = differences.into_iter().map(Wanted::Difference);
     Some(differences.chain(in_both.into_iter().map(Wanted::InBoth)).collect())
 }
@@ -336,38 +364,70 @@ fn only(one: Option<&One>, campaigns: Option<&[u32]>) -> toml::Table {
     table
 }
 
-/// The terms of a model with what is wanted: an effect that the model has in both campaigns is split in two, one for each. Returns
-/// the terms, what was wanted, and the terms that act in A and in B.
+/// The p-value of a difference, and how many times wider its intervals are, by the likelihoods of fits without and with it. None where
+/// it is not significant.
+fn adjusted<S: Study>(
+    study: &S,
+    [without, with]: [&S::Fit; 2],
+    difference: &Difference,
+    rise: f64,
+    (dependences, sides): (&Dependences, &Sides),
+) -> Option<(f64, f64)> {
+    // What the fit without it estimated: the difference is not to be orthogonal to itself.
+    let estimated = study.linearised(without)?.estimated;
+    let rows = Linearised { estimated, ..study.linearised(with)? };
+    let contrasts = Contrasts::new(study, &rows, dependences, sides);
+    contrasts.adjusted(difference, rise).filter(|(p_value, _)| *p_value < FAMILY_ERROR)
+}
+
+/// A model with what is wanted.
+struct Made {
+    terms: Vec<usize>,
+    wanted: Wanted,
+    /// The term that acts in A, if the effect is split in two.
+    in_a: Option<usize>,
+    /// The term that is new: of a change the one that acts in B.
+    term: usize,
+    /// The model in which the effect acts in both campaigns alike.
+    in_both: Vec<usize>,
+}
+
+/// The model with what is wanted. An effect that it has in both campaigns is split in two, one for each.
 fn made<S: Study>(
     study: &mut S,
     found: &Found<S::Fit>,
     wanted: Wanted,
     sides: &Sides,
-) -> Option<(Vec<usize>, Wanted, Option<usize>, usize)> {
+) -> Option<Made> {
     let mut terms = found.terms.clone();
-    let Wanted::Difference(difference) = &wanted else {
-        let Wanted::InBoth(both) = &wanted else { return None };
-        let term = both.term;
-        terms.push(term);
-        return Some((terms, wanted, None, term));
+    let difference = match &wanted {
+        Wanted::Difference(difference) => difference,
+        Wanted::InBoth(InBoth { term, .. }) => {
+            let term = *term;
+            terms.push(term);
+            return Some(Made { in_both: terms.clone(), terms, wanted, in_a: None, term });
+        }
     };
-    let one = difference.one.as_ref();
-    let effect = difference.term;
-    let replaced = replaced(study, &terms, effect, one);
+    let (one, effect) = (difference.one.as_ref(), difference.term);
+    let mut in_both = terms.clone();
     let mut in_a = None;
-    if let Some(replaced) = replaced {
-        let limits = only(one, Some(&sides.runs_a));
-        let of_a = limited(study, effect, &limits)?;
+    if let Some(replaced) = replaced(study, &terms, effect, one) {
+        let of_a = limited(study, effect, &only(one, Some(&sides.runs_a)))?;
         terms.retain(|term| *term != replaced);
         terms.push(of_a);
         in_a = Some(of_a);
+    } else {
+        in_both.push(match one {
+            None => effect,
+            Some(_) => limited(study, effect, &only(one, None))?,
+        });
     }
-    let in_b = limited(study, effect, &only(one, Some(&sides.runs_b)))?;
-    if terms.contains(&in_b) {
+    let term = limited(study, effect, &only(one, Some(&sides.runs_b)))?;
+    if terms.contains(&term) {
         return None;
     }
-    terms.push(in_b);
-    Some((terms, wanted, in_a, in_b))
+    terms.push(term);
+    Some(Made { terms, wanted, in_a, term, in_both })
 }
 
 /// The rows that an explanation concerns: of a change those of B at the robot or node, of an effect in both campaigns all.

@@ -1,6 +1,7 @@
 //! What changed, in words: the sentence, and the text of the terminal.
 
-use super::{Between, BetweenVerdict, Change, Changed, Spans};
+use super::{Between, BetweenVerdict, Change, Changed, SidesOf, Spans};
+use crate::defects::MeasurementDefect;
 use crate::diagnosis::Parameter;
 use crate::gate::Misfit;
 use std::fmt::Write as _;
@@ -12,6 +13,7 @@ pub fn sentence(between: &Between) -> String {
         |changes: &[Change]| changes.iter().map(change_sentence).collect::<Vec<_>>().join(", and ");
     let mut text = match between.verdict {
         BetweenVerdict::Changed => format!("changed: {}", list(&between.changed)),
+        BetweenVerdict::CannotTell if has_defects(between) => defective(between),
         BetweenVerdict::CannotTell => {
             let other =
                 between.possible.first().map(|change| change.indistinguishable_from.join(", "));
@@ -38,6 +40,31 @@ pub fn sentence(between: &Between) -> String {
     text
 }
 
+fn has_defects(between: &Between) -> bool {
+    !between.measurement_defects.a.is_empty() || !between.measurement_defects.b.is_empty()
+}
+
+/// Defects of the measurement, which may look like changes.
+fn defective(between: &Between) -> String {
+    let SidesOf { a, b } = &between.measurement_defects;
+    let of = |name: &str, list: &[MeasurementDefect]| {
+        let sentences: Vec<&str> = list.iter().map(|defect| defect.sentence.as_str()).collect();
+        (!list.is_empty()).then(|| format!("the measurement {name}: {}", sentences.join("; ")))
+    };
+    let defects: Vec<String> = [of("A", a), of("B", b)].into_iter().flatten().collect();
+    let changes: Vec<String> =
+        between.changed.iter().chain(&between.possible).map(change_sentence).collect();
+    let found = if changes.is_empty() {
+        String::new()
+    } else {
+        format!(". With it these would be changes: {}", changes.join(", and "))
+    };
+    format!(
+        "these data cannot tell what changed before they are corrected (extend --corrected-data): {}{found}",
+        defects.join(". ")
+    )
+}
+
 fn something_changed(between: &Between) -> String {
     let unit = between.error_unit;
     let mut reasons: Vec<String> = between
@@ -60,7 +87,8 @@ fn nothing_found(between: &Between) -> String {
     if let Some(why) = &between.too_little {
         return format!("no change was found, but {why}");
     }
-    let doubtful = between.error.as_ref().filter(|error| error.p_value < super::rule::DOUBTFUL);
+    let doubtful =
+        between.error.as_ref().filter(|error| error.doubtful_p_value() < super::rule::DOUBTFUL);
     if let Some(error) = doubtful {
         let unit = between.error_unit;
         return format!(
@@ -68,7 +96,7 @@ fn nothing_found(between: &Between) -> String {
              and A itself with {} {unit} (p = {:.2})",
             short(error.rmse_b),
             short(error.rmse_a),
-            error.p_value
+            error.doubtful_p_value()
         );
     }
     if between.could_hide.is_finite() {
@@ -135,9 +163,9 @@ fn limits(only: &toml::Table) -> String {
 }
 
 fn changed_parameter(key: &str, changed: &Changed) -> String {
-    let unit = &changed.unit;
+    let unit = if changed.unit == NO_UNIT { "" } else { &changed.unit };
     let Parameter { value, low, high, .. } = &changed.b;
-    match (&changed.a, &changed.difference) {
+    let text = match (&changed.a, &changed.difference) {
         (Some(a), Some(difference)) => format!(
             "{key} {} {unit} in A, {} {unit} in B, difference {} {unit} (90 %: {} to {})",
             short(a.value),
@@ -152,9 +180,13 @@ fn changed_parameter(key: &str, changed: &Changed) -> String {
             short(*low),
             short(*high)
         ),
-    }
-    .replace("  ", " ")
+    };
+    // Of a number without a unit no space is left in its place.
+    text.replace("  ", " ").replace(" ,", ",")
 }
+
+/// The unit of a number without one.
+const NO_UNIT: &str = "1";
 
 /// A number with three digits.
 fn short(value: f64) -> String {
@@ -251,6 +283,10 @@ fn change_lines(text: &mut String, what: &str, change: &Change) {
 }
 
 fn notes(text: &mut String, between: &Between) {
+    let SidesOf { a, b } = &between.measurement_defects;
+    for (name, defect) in a.iter().map(|it| ("A", it)).chain(b.iter().map(|it| ("B", it))) {
+        let _ = writeln!(text, "{name}: {}", defect.text());
+    }
     match &between.time_of_day_h {
         Some(spans) => {
             let _ = writeln!(text, "{}", time_of_day(spans));
