@@ -11,6 +11,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::{BTreeMap, BTreeSet};
+use study::folds::Blocks;
 use study::{COMMON, RowScore, Study};
 
 /// Blocks of each campaign without which nothing is told.
@@ -75,8 +76,7 @@ pub fn error_change<S: Study>(
     });
     let fit = study.fit(terms, &all_a, COMMON, Some(&start));
     let scores_b = study.scores(&fit, &all_b);
-    let compared = |level: Level| -> Option<ErrorChange> {
-        let blocks = study.blocks(level);
+    let compared = |blocks: &Blocks| -> Option<ErrorChange> {
         let mut in_blocks = [BTreeMap::new(), BTreeMap::new()];
         let mut add = |campaign: usize, rows: &[u32], scores: &[RowScore]| {
             for (row, score) in rows.iter().zip(scores) {
@@ -96,13 +96,21 @@ pub fn error_change<S: Study>(
         }
         changed(&in_blocks)
     };
-    let mut error = compared(COMMON)?;
-    if has_new_places(study.blocks(Level::Place).dependent(), is_b) {
+    let mut error = compared(study.blocks(COMMON))?;
+    let places = places(study);
+    if has_new_places(places.dependent(), is_b) {
         // Where places tell nothing, nothing is certain.
-        let of_places = compared(Level::Place);
+        let of_places = compared(&places);
         error.p_value_new_places = Some(of_places.map_or(1.0, |places| places.p_value));
     }
     (!search.is_stopped()).then_some(error)
+}
+
+/// Blocks of places: of links the pairs of nodes, of which one that moves is another in every square of the plane.
+fn places<S: Study>(study: &S) -> Blocks {
+    let Some(nodes) = study.dependence().nodes else { return study.blocks(Level::Place).clone() };
+    let key = |&[a, b]: &[u32; 2]| (u64::from(a.min(b)) << 32) | u64::from(a.max(b));
+    Blocks::of_keys("places", &nodes.iter().map(key).collect::<Vec<_>>())
 }
 
 fn of_a(rows: Vec<u32>, is_b: &[bool]) -> Vec<u32> {
