@@ -76,7 +76,7 @@ pub fn error_change<S: Study>(
     });
     let fit = study.fit(terms, &all_a, COMMON, Some(&start));
     let scores_b = study.scores(&fit, &all_b);
-    let compared = |blocks: &Blocks| -> Option<ErrorChange> {
+    let compared = |blocks: &Blocks, is_two_sided: bool| -> Option<ErrorChange> {
         let mut in_blocks = [BTreeMap::new(), BTreeMap::new()];
         let mut add = |campaign: usize, rows: &[u32], scores: &[RowScore]| {
             for (row, score) in rows.iter().zip(scores) {
@@ -94,13 +94,13 @@ pub fn error_change<S: Study>(
                 add(0, &test, &study.scores(&fit, &test));
             }
         }
-        changed(&in_blocks)
+        changed(&in_blocks, is_two_sided)
     };
-    let mut error = compared(study.blocks(COMMON))?;
+    let mut error = compared(study.blocks(COMMON), true)?;
     let places = places(study);
     if has_new_places(places.dependent(), is_b) {
-        // Where places tell nothing, nothing is certain.
-        let of_places = compared(&places);
+        // Some places of B are known from A: that it is predicted better there is no change. Where places tell nothing, nothing is certain.
+        let of_places = compared(&places, false);
         error.p_value_new_places = Some(of_places.map_or(1.0, |places| places.p_value));
     }
     (!search.is_stopped()).then_some(error)
@@ -126,15 +126,22 @@ fn has_new_places(blocks: &[u32], is_b: &[bool]) -> bool {
     NEW_PLACES * (of_b().count() as f64) < n_new as f64
 }
 
-/// The scores of both campaigns by block, compared.
-fn changed(in_blocks: &[BTreeMap<u32, Vec<RowScore>>; 2]) -> Option<ErrorChange> {
+/// The scores of both campaigns by block, compared. `is_two_sided`: whether a smaller error of B counts, too.
+fn changed(
+    in_blocks: &[BTreeMap<u32, Vec<RowScore>>; 2],
+    is_two_sided: bool,
+) -> Option<ErrorChange> {
     let of = |value: fn(&RowScore) -> f64| {
         [0, 1].map(|campaign: usize| means(in_blocks[campaign].values(), value))
     };
     let [logs_a, logs_b] = of(|score| score.log);
     let [squares_a, squares_b] = of(|score| score.squared_error);
     let worse = welch(&logs_b, &logs_a).map(WelchTest::lower_tail);
-    let differs = welch(&squares_b, &squares_a).map(WelchTest::two_sided);
+    let differs = if is_two_sided {
+        welch(&squares_b, &squares_a).map(WelchTest::two_sided)
+    } else {
+        welch(&squares_a, &squares_b).map(WelchTest::lower_tail)
+    };
     let p_value = [worse, differs].into_iter().flatten().fold(f64::NAN, f64::min);
     let mean = |means: &[BlockMean]| {
         let n: f64 = means.iter().map(|mean| mean.n).sum();
@@ -268,6 +275,26 @@ mod tests {
         assert_eq!((both.certain_p_value(), both.doubtful_p_value()), (0.2, 0.001));
         let one = error(0.001, None);
         assert_eq!((one.certain_p_value(), one.doubtful_p_value()), (0.001, 0.001));
+    }
+
+    #[test]
+    fn a_smaller_error_of_b_counts_where_it_is_asked_for() {
+        let score = |square: f64| RowScore {
+            log: f64::NAN,
+            squared_error: square,
+            plain_squared_error: f64::NAN,
+            crps: f64::NAN,
+            reception_log_loss: f64::NAN,
+        };
+        let campaign = |more: f64| -> BTreeMap<u32, Vec<RowScore>> {
+            (0..20).map(|block| (block, vec![score(more + f64::from(block % 5))])).collect()
+        };
+        let p_value = |a, b, is_two_sided| {
+            changed(&[campaign(a), campaign(b)], is_two_sided).unwrap().p_value
+        };
+        assert!(p_value(3.0, 0.0, true) < 0.001 && p_value(0.0, 3.0, true) < 0.001);
+        assert!(p_value(0.0, 3.0, false) < 0.001);
+        assert_eq!(p_value(3.0, 0.0, false), 1.0);
     }
 
     #[test]
