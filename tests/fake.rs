@@ -47,6 +47,16 @@ pub enum Fault {
     CannotHold,
     /// Robots that in step 3 move although they were told to stand still.
     Restless,
+    /// Robots that do not announce predictions.
+    CannotPredict,
+    /// They predict a position that is not a number.
+    PredictsNotANumber,
+    /// They predict one window less than was asked for.
+    PredictsTooFew,
+    /// They predict another robot than was asked for.
+    PredictsAnother,
+    /// They predict from where the latest prediction led.
+    PredictsWithMemory,
 }
 
 /// A simulator with a fault, on a thread of its own. It ends with the test's process.
@@ -67,6 +77,7 @@ impl Faulty {
             inner: RobotHost::new(robotsim::sim::Swarm::default()),
             fault,
             silent: Silence::default(),
+            predicted: std::sync::atomic::AtomicU32::default(),
         };
         Self::serve(move |server| server.add_service(RobotSimServiceServer::new(host)))
     }
@@ -144,6 +155,8 @@ struct FaultyRobots {
     inner: RobotHost<robotsim::sim::Swarm>,
     fault: Fault,
     silent: Silence,
+    /// How many predictions were asked for.
+    predicted: std::sync::atomic::AtomicU32,
 }
 
 struct FaultyNetwork {
@@ -161,7 +174,9 @@ macro_rules! faulty {
         short: |$short:ident| $shorten:expr, nan: |$nan:ident| $poison:expr,
         number: |$number:ident| $other_number:expr, payload: |$payload:ident| $other_payload:expr,
         hold: |$describe_hold:ident| $no_hold:expr, restless: |$restless:ident| $move:expr,
-        asked: |$asked:ident| $is_held:expr
+        asked: |$asked:ident| $is_held:expr,
+        predictions: |$describe_predictions:ident| $no_predictions:expr,
+        more: { $($more:tt)* }
     ) => {
         #[tonic::async_trait]
         impl $service for $host {
@@ -185,6 +200,10 @@ macro_rules! faulty {
                 if self.fault == Fault::CannotHold {
                     let $describe_hold = reply.get_mut();
                     $no_hold;
+                }
+                if self.fault == Fault::CannotPredict {
+                    let $describe_predictions = reply.get_mut();
+                    $no_predictions;
                 }
                 Ok(reply)
             }
@@ -246,7 +265,12 @@ macro_rules! faulty {
                     | Fault::LesserDigest
                     | Fault::FalseDigest
                     | Fault::CannotHold
-                    | Fault::Restless => {}
+                    | Fault::Restless
+                    | Fault::CannotPredict
+                    | Fault::PredictsNotANumber
+                    | Fault::PredictsTooFew
+                    | Fault::PredictsAnother
+                    | Fault::PredictsWithMemory => {}
                 }
                 Ok(response)
             }
@@ -292,6 +316,8 @@ macro_rules! faulty {
             ) -> Result<Response<v1::$commanded>, Status> {
                 self.inner.command(request).await
             }
+
+            $($more)*
         }
     };
 }
@@ -310,7 +336,32 @@ faulty!(
     payload: |_reply| {},
     hold: |reply| reply.hold = false,
     restless: |reply| reply.states.as_mut().expect("states").x_m[0] += 1.0,
-    asked: |request| request.hold
+    asked: |request| request.hold,
+    predictions: |reply| reply.predictions = false,
+    more: {
+        async fn predict(
+            &self,
+            request: Request<v1::RobotSimServicePredictRequest>,
+        ) -> Result<Response<v1::RobotSimServicePredictResponse>, Status> {
+            let mut response = self.inner.predict(request).await?;
+            let reply = response.get_mut();
+            match self.fault {
+                Fault::PredictsNotANumber => reply.windows[0].y_m[0] = f64::NAN,
+                Fault::PredictsTooFew => reply.windows.truncate(reply.windows.len() - 1),
+                Fault::PredictsAnother => reply.windows[0].agent += 1,
+                Fault::PredictsWithMemory => {
+                    let n = self.predicted.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
+                    reply.windows[0].x_m[0] += f64::from(n);
+                }
+                Fault::Silent => {
+                    self.silent.fall();
+                    self.silent.keep().await;
+                }
+                _ => {}
+            }
+            Ok(response)
+        }
+    }
 );
 
 faulty!(
@@ -336,5 +387,7 @@ faulty!(
     // Networks have nothing of the kind.
     hold: |_reply| {},
     restless: |_reply| {},
-    asked: |_request| false
+    asked: |_request| false,
+    predictions: |_reply| {},
+    more: {}
 );

@@ -14,6 +14,7 @@
 //! | [`knowledge`] | what each robot knows of the others: what it heard, or the truth |
 //! | [`controller`] | who wants to go where: one file per controller, one list |
 //! | [`exploration`] | what robots that explore rooms and their base know, and say to each other |
+//! | `predict` | where robots get to that start in a recorded state and execute recorded commands |
 //! | [`line_fit`] | the straight line nearest to some points, by two rules |
 //! | [`dynamics`] | from command to motion: bodies, and one file per effect of real robots |
 //! | [`group`] | different robots in one swarm: how many of which kind |
@@ -45,5 +46,6 @@ pub mod line_fit;
 pub mod obstacles;
 mod path;
 pub mod payload;
+mod predict;
 pub mod scenario;
 pub mod sim;

@@ -6,8 +6,9 @@ use crate::controller::{Links, View};
 use crate::dynamics::{Command, Memory, Step};
 use crate::exploration::{self, Moment};
 use crate::knowledge::{Knowledge, Remembered, Source};
-use crate::{absence, obstacles, payload, scenario};
+use crate::{absence, obstacles, payload, predict, scenario};
 use proto::config::Problem;
+use proto::prediction::{PredictedWindow, PredictionRequest};
 use proto::rng::{Draws, Purpose};
 use proto::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator, RobotStart, Setup};
 use proto::site::Site;
@@ -222,6 +223,10 @@ impl RobotSimulator for Swarm {
             figures: state.exploration.as_ref().map(|it| it.figures()).unwrap_or_default(),
             ..RobotOutput::default()
         }
+    }
+
+    fn predict(&self, request: &PredictionRequest) -> Result<Vec<PredictedWindow>, Vec<Problem>> {
+        predict::predict(request, &self.catalogue)
     }
 
     fn snapshot(&self) -> Vec<u8> {

@@ -7,6 +7,7 @@
 //! | [`digest`] | the barrier's SHA-256 over the exchanged state |
 //! | [`effect`] | what a physical effect says about itself, for readers and for the fit |
 //! | [`formula`] | expressions that users write in place of a number |
+//! | [`prediction`] | recorded commands and initial states, and where a robot simulator says that they lead |
 //! | [`rng`] | keyed random draws, and the one list of purposes |
 //! | [`bounds`] | bounds on what is read, each once |
 //! | [`config`] | configuration as data: one description gives checks, defaults, effective values and JSON Schema |
@@ -29,6 +30,7 @@ pub mod digest;
 pub mod effect;
 pub mod exchange;
 pub mod formula;
+pub mod prediction;
 pub mod rng;
 pub mod side;
 pub mod site;

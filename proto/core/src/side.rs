@@ -4,6 +4,7 @@
 //! remembers the latest reply and computes the digest; the simulator only simulates.
 
 use crate::config::{Node, Problem};
+use crate::prediction::{PredictedWindow, PredictionRequest};
 use crate::site::Site;
 use crate::types::{
     AgentCommand, AgentMessage, AgentStates, Deliveries, DeliveryColumn, Experiment, Formation,
@@ -110,6 +111,13 @@ pub trait RobotSimulator: Send + 'static {
 
     /// Moves to `input.until_ns`. Called only after `configure`, in order, with checked input.
     fn step(&mut self, input: &RobotInput<'_>) -> RobotOutput;
+
+    /// Predicts windows of motion, whatever is configured: one result for each window, with a state for each of its steps.
+    ///
+    /// # Errors
+    ///
+    /// Every problem with the configuration, or with the commands under it. Paths begin with the field of the request.
+    fn predict(&self, request: &PredictionRequest) -> Result<Vec<PredictedWindow>, Vec<Problem>>;
 
     /// The whole state.
     fn snapshot(&self) -> Vec<u8>;

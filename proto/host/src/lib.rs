@@ -8,6 +8,7 @@ pub mod codec;
 mod lifecycle;
 mod network;
 mod orders;
+mod predict;
 mod robots;
 mod serve;
 mod snapshot;

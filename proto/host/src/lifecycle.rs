@@ -221,7 +221,7 @@ impl ConfigureFields {
     }
 }
 
-fn parse(field: &str, text: &str, problems: &mut Vec<Problem>) -> Option<Node> {
+pub(super) fn parse(field: &str, text: &str, problems: &mut Vec<Problem>) -> Option<Node> {
     match config::parse(text) {
         Ok(node) => Some(node),
         Err(errors) => {

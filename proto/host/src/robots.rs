@@ -5,6 +5,7 @@ use super::lifecycle::{
     refusal,
 };
 use super::orders::OrdersFromOutside;
+use super::predict;
 use crate::services::robot_sim_service_server::RobotSimService;
 use futures::stream::{BoxStream, StreamExt as _, try_unfold};
 use proto::digest::full::{RobotsGiven, RobotsReply, of_robots_start, of_robots_step};
@@ -68,6 +69,7 @@ impl<S: RobotSimulator> RobotHost<S> {
             config_schema_json: self.config_schema_json.to_string(),
             hold: true,
             full_digest: true,
+            predictions: true,
         }
     }
 }
@@ -336,5 +338,15 @@ impl<S: RobotSimulator> RobotSimService for RobotHost<S> {
     ) -> Result<Response<v1::RobotSimServiceCommandResponse>, Status> {
         self.orders.admit(&request)?;
         self.shared.call(|host| host.command(request.into_inner())).await.map(Response::new)
+    }
+    async fn predict(
+        &self,
+        request: Request<v1::RobotSimServicePredictRequest>,
+    ) -> Result<Response<v1::RobotSimServicePredictResponse>, Status> {
+        let request = predict::checked(request.into_inner())?;
+        self.shared
+            .call_blocking(move |host| predict::reply(&host.simulator, &request))
+            .await
+            .map(Response::new)
     }
 }

@@ -5,11 +5,15 @@
 
 mod exchange;
 mod messages;
+mod predictions;
 mod records;
 mod tasks;
 
 pub use exchange::{
     network_request, network_start, network_step, robots_request, robots_start, robots_step,
+};
+pub use predictions::{
+    motion_command_kind, predicted_response, predicted_windows, prediction_windows,
 };
 pub use records::{formation, heard_links, packets, records, schedule, statistics};
 pub use tasks::{agent_messages, task_figures};

@@ -66,9 +66,13 @@ class Robots(service.RobotSimServiceServicer):
             context.abort(grpc.StatusCode.FAILED_PRECONDITION, "step: none was taken yet")
         return pb.RobotSimServiceBarrierResponse(step=self.step, time_ns=self.time_ns, digest=self.digest)
 
-server = grpc.server(futures.ThreadPoolExecutor(max_workers=2))  # Describe is answered while a Step runs
-service.add_RobotSimServiceServicer_to_server(Robots(), server)
-port = server.add_insecure_port(f"127.0.0.1:{sys.argv[1] if sys.argv[1:] else 50061}")
-server.start()
-print(f"listening on 127.0.0.1:{port}", flush=True)
-server.wait_for_termination()
+def serve(robots):
+    server = grpc.server(futures.ThreadPoolExecutor(max_workers=2))  # Describe is answered while a Step runs
+    service.add_RobotSimServiceServicer_to_server(robots, server)
+    port = server.add_insecure_port(f"127.0.0.1:{sys.argv[1] if sys.argv[1:] else 50061}")
+    server.start()
+    print(f"listening on 127.0.0.1:{port}", flush=True)
+    server.wait_for_termination()
+
+if __name__ == "__main__":
+    serve(Robots())
