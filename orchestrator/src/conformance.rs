@@ -1,5 +1,6 @@
 //! Does a simulator keep the contract? Asked of a running one, by using it as the orchestrator would and as it would not.
 
+mod predictions;
 mod probe;
 
 use drive::peer::{Described, SideError, Standing, connect};
@@ -236,6 +237,8 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
         };
         findings.push(Finding { promise, verdict });
     }
+    let predictions = S::predictions(&session, &described).await;
+    findings.extend(predictions.into_iter().map(|(promise, verdict)| Finding { promise, verdict }));
     // Last: both begin other experiments.
     let whole = if described.full_digest {
         let result = session.compares_everything(&described).await;

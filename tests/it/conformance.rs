@@ -75,6 +75,27 @@ fn a_full_digest_that_leaves_something_out_is_found() {
 }
 
 #[test]
+fn predictions_that_break_the_contract_are_found_and_not_announced_ones_not_asked_for() {
+    for (fault, promise) in [
+        (Fault::PredictsNotANumber, "Predict replies for each window"),
+        (Fault::PredictsTooFew, "Predict replies for each window"),
+        (Fault::PredictsAnother, "Predict replies for each window"),
+        (Fault::PredictsWithMemory, "Predict gives the same windows again"),
+    ] {
+        let (status, findings) = ask("robotsim", &Faulty::robots(fault).url, ROBOTS);
+        assert_eq!(status, Some(1), "{fault:?}: {findings:?}");
+        let broken: Vec<_> = findings.iter().filter(|(_, verdict)| verdict == "broken").collect();
+        assert_eq!(broken.len(), 1, "{fault:?}: {findings:?}");
+        assert!(broken[0].0.starts_with(promise), "{fault:?}: {broken:?}");
+    }
+    let (status, findings) = ask("robotsim", &Faulty::robots(Fault::CannotPredict).url, ROBOTS);
+    assert_eq!(status, Some(0), "{findings:?}");
+    let about = |(promise, _): &&(String, String)| promise.contains("Predict ");
+    let verdicts: Vec<_> = findings.iter().filter(about).map(|(_, verdict)| verdict).collect();
+    assert_eq!(verdicts, ["not-announced"; 2], "{findings:?}");
+}
+
+#[test]
 fn a_configuration_that_is_refused_is_no_broken_promise() {
     let server = Server::start("robotsim", &[]).unwrap();
     let folder = tests::folder();

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | here | [`Remote`]: a connection with deadlines, whose every failure names the side; its messages become values here, and nowhere else |
 //! | `in_process` | [`InProcess`]: a simulator of this process, called directly |
+//! | `predict` | recorded motion, predicted by a robot simulator |
 //! | `side` | what both are to whoever drives them |
 //! | `channel` | how a connection is opened, and with which certificates |
 //! | `service` | the generated clients behind one face, and the border between their messages and values |
@@ -12,12 +13,14 @@ mod awake;
 mod channel;
 mod error;
 mod in_process;
+mod predict;
 mod process;
 mod service;
 mod side;
 
 pub use error::SideError;
 pub use in_process::{InProcess, ready};
+pub use predict::PredictionConfig;
 pub use process::{Launch, LineSink, Orders};
 pub use service::Service;
 pub use side::{Described, NetworkSide, Peer, RobotSide, Side, Standing};

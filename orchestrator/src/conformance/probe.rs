@@ -1,8 +1,8 @@
 //! What differs between asking robots and asking a network.
 
-use super::{Questions, STEP_NS, status_text, within};
+use super::{ContractVerdict, Questions, STEP_NS, predictions, status_text, within};
 use bytes::Bytes;
-use drive::peer::{NetworkSide, RobotSide, Service};
+use drive::peer::{Described, NetworkSide, RobotSide, Service};
 use prost::Message as _;
 use proto::digest::full::{
     NetworkGiven, NetworkReply, RobotsGiven, RobotsReply, of_network_step, of_robots_step,
@@ -57,6 +57,17 @@ pub(super) trait Probe: Service {
         Self: Sized,
     {
         async { Ok(()) }
+    }
+
+    /// Promises about predictions of recorded motion, and whether it keeps them. Robots only.
+    fn predictions(
+        _: &Questions<'_, Self>,
+        _: &Described,
+    ) -> impl Future<Output = Vec<(&'static str, ContractVerdict)>> + Send
+    where
+        Self: Sized,
+    {
+        async { Vec::new() }
     }
 
     /// All replies of a session with these calls.
@@ -204,6 +215,13 @@ impl Probe for RobotSide {
 
     async fn holds(questions: &Questions<'_, Self>) -> Result<(), String> {
         questions.hold_and_let_go().await
+    }
+
+    async fn predictions(
+        questions: &Questions<'_, Self>,
+        described: &Described,
+    ) -> Vec<(&'static str, ContractVerdict)> {
+        predictions::judged(questions, described).await
     }
 
     fn malformed(step: u64, until_ns: u64, n: usize) -> Vec<(&'static str, Self::StepRequest)> {

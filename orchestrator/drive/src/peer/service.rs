@@ -259,6 +259,7 @@ service!(
         columns: Vec::new(),
         records: Vec::new(),
         full_digest: d.full_digest,
+        predictions: d.predictions,
         max_agents: d.limits.unwrap_or_default().max_agents,
     }
 );
@@ -295,6 +296,7 @@ service!(
         columns: columns(&d.columns),
         records: records(&d.records),
         full_digest: d.full_digest,
+        predictions: false,
         max_agents: d.limits.unwrap_or_default().max_agents,
     }
 );

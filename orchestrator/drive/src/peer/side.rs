@@ -127,6 +127,8 @@ pub struct Described {
     pub records: Vec<NetRecord>,
     /// Digests of the whole exchange can be asked for.
     pub full_digest: bool,
+    /// Motion under recorded commands is predicted. Robots only.
+    pub predictions: bool,
     /// The largest capacity; 0: no limit.
     pub max_agents: u32,
 }
