@@ -10,6 +10,7 @@ mod formula;
 mod inputs;
 mod measured;
 mod packets;
+mod pictures;
 mod power;
 mod recover;
 mod run;

@@ -6,6 +6,7 @@ use super::corrected::corrected;
 use super::formula::FormulaArgs;
 use super::inputs::print_account;
 use super::packets::{Adding, Opened, ResimulationArgs};
+use super::pictures::Pictures;
 use super::search_log::SearchLog;
 use super::stop::{BudgetArgs, Stopper};
 use super::task::{self, Files};
@@ -18,22 +19,18 @@ use diagnose::defects;
 use diagnose::extend::{self, extension};
 use diagnose::ladder::Search;
 use diagnose::progress::SearchProgress;
-use diagnose::{held_out, limits, scan};
+use diagnose::{limits, scan};
 use measure::config::Compared;
 use measure::packets;
-use measure::robots::RobotSample;
 use measure::table::DataTable;
-use report::measured::{LinkRows, MeasuredAnswer, MeasuredPage, MeasuredRows, RobotRows, page};
+use report::measured::{MeasuredAnswer, MeasuredPage, page};
 use report::packets::NetworkAnswer;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use study::choices::Choices;
 use study::formula::FORMULA;
-use study::links::LinkStudy;
 use study::open::{self, DataAccount, Subject};
-use study::robots::RobotStudy;
-use study::view::RowPredictions;
-use study::{COMMON, Study};
+use study::Study;
 
 /// A configuration and measurements.
 #[derive(Args)]
@@ -226,70 +223,6 @@ impl AnswerArgs {
             say(format!("open {}", path.display()));
         }
         Ok(())
-    }
-}
-
-/// What pictures need beside an answer.
-struct Pictures {
-    rows: MeasuredRows,
-    before: RowPredictions,
-    after: Option<RowPredictions>,
-    covariates: Vec<(String, Vec<f64>)>,
-}
-
-impl Pictures {
-    fn of_links(study: &LinkStudy, search: &Search<'_, LinkStudy>, terms: &[usize]) -> Self {
-        tracing::info!("drawing");
-        let measured = &study.rows.links.rows;
-        let rows = LinkRows {
-            ends: measured
-                .iter()
-                .zip(study.moving())
-                .map(|(row, [tx, rx])| {
-                    [([row.tx_m[0], row.tx_m[1]], tx), ([row.rx_m[0], row.rx_m[1]], rx)]
-                })
-                .collect(),
-            motes: measured.iter().map(|row| [row.tx, row.rx]).collect(),
-            frames: measured.iter().map(|row| [row.frames, row.received]).collect(),
-            quantum_db: study.rows.links.readings.quantum_db,
-        };
-        Self {
-            rows: MeasuredRows::Links(rows),
-            before: held_out::predictions(study, search, &[]),
-            after: (!terms.is_empty()).then(|| held_out::predictions(study, search, terms)),
-            covariates: study.covariates(),
-        }
-    }
-
-    fn of_robots(study: &RobotStudy, search: &Search<'_, RobotStudy>, terms: &[usize]) -> Self {
-        tracing::info!("drawing");
-        let robots = study.robots();
-        let place = |sample: &RobotSample| [sample.position_m[0], sample.position_m[1]];
-        let before = study.errors_by_horizon(&search.full_fit(&[], COMMON, None));
-        let after = if terms.is_empty() {
-            Vec::new()
-        } else {
-            study.errors_by_horizon(&search.full_fit(terms, COMMON, None))
-        };
-        let horizons = before
-            .into_iter()
-            .map(|(at, error)| (at, error, after.iter().find(|(s, _)| *s == at).map(|(_, e)| *e)))
-            .collect();
-        let rows = RobotRows {
-            tracks: robots
-                .tracks
-                .iter()
-                .map(|track| robots.samples[track.clone()].iter().map(place).collect())
-                .collect(),
-            ends: study.windows().iter().map(|ends| ends.map(place)).collect(),
-            horizons,
-        };
-        Self {
-            rows: MeasuredRows::Robots(rows),
-            before: held_out::predictions(study, search, &[]),
-            after: (!terms.is_empty()).then(|| held_out::predictions(study, search, terms)),
-            covariates: study.covariates(),
-        }
     }
 }
 
