@@ -55,6 +55,8 @@ pub enum Fault {
     PredictsTooFew,
     /// They predict another robot than was asked for.
     PredictsAnother,
+    /// They predict as if nothing were configured.
+    PredictsUnconfigured,
     /// They predict from where the latest prediction led.
     PredictsWithMemory,
 }
@@ -270,6 +272,7 @@ macro_rules! faulty {
                     | Fault::PredictsNotANumber
                     | Fault::PredictsTooFew
                     | Fault::PredictsAnother
+                    | Fault::PredictsUnconfigured
                     | Fault::PredictsWithMemory => {}
                 }
                 Ok(response)
@@ -343,6 +346,10 @@ faulty!(
             &self,
             request: Request<v1::RobotSimServicePredictRequest>,
         ) -> Result<Response<v1::RobotSimServicePredictResponse>, Status> {
+            let mut request = request;
+            if self.fault == Fault::PredictsUnconfigured {
+                request.get_mut().config_toml.clear();
+            }
             let mut response = self.inner.predict(request).await?;
             let reply = response.get_mut();
             match self.fault {

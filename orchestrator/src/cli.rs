@@ -6,6 +6,7 @@ mod check;
 mod choice;
 mod convert;
 mod corrected;
+mod foreign;
 mod formula;
 mod inputs;
 mod measured;

@@ -37,6 +37,7 @@ mod packets_missing;
 mod packets_split;
 mod plain_numbers;
 mod power;
+mod predictions;
 mod reference;
 mod refusals;
 mod reports;

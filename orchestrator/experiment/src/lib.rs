@@ -415,7 +415,8 @@ fn slot_ns(netsim: &Node) -> u64 {
     if (1e3..=1e12).contains(&ns) { ns as u64 } else { 10_000_000 }
 }
 
-fn tls_of(experiment: &toml::Table, base: &Path, problems: &mut Vec<Problem>) -> Option<Tls> {
+/// The certificates that a table `[experiment]` names, paths being relative to `base`; `None`: it names none.
+pub fn tls_of(experiment: &toml::Table, base: &Path, problems: &mut Vec<Problem>) -> Option<Tls> {
     let table = experiment.get("tls")?.as_table()?;
     let path = |key: &str| table.get(key).and_then(toml::Value::as_str).map(|path| base.join(path));
     let identity = match (path("cert"), path("key")) {

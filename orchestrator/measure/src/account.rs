@@ -18,6 +18,9 @@ pub struct DataAccount {
     pub rejected: Vec<Rejected>,
     /// What to check before the answer is trusted.
     pub warnings: Vec<String>,
+    /// Name and version of the robot simulator whose predictions are the base model; absent where the configured model is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub predicted_by: Option<String>,
 }
 
 /// A file of measurements, identified by its content.

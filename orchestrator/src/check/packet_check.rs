@@ -67,6 +67,7 @@ pub fn packets(table: &DataTable) -> Result<PacketCheck, String> {
             used: read.packets.len(),
             rejected: read.rejected,
             warnings: read.warnings,
+            predicted_by: None,
         },
     })
 }

@@ -25,6 +25,9 @@ pub(super) fn files(
 /// Prints how many rows are used, and why others are not.
 pub(super) fn print_account(account: &DataAccount) {
     say(format!("{}: {} rows, {} used", account.data.file, account.rows, account.used));
+    if let Some(by) = &account.predicted_by {
+        say(format!("base model: predictions of {by}; effects are added to first order"));
+    }
     for rejected in &account.rejected {
         warn(format!(
             "{} rows not used: {} (first on line {})",

@@ -3,6 +3,7 @@
 use super::between::BetweenArgs;
 use super::choice::ChoiceArgs;
 use super::corrected::corrected;
+use super::foreign::ForeignArgs;
 use super::formula::FormulaArgs;
 use super::inputs::print_account;
 use super::packets::{Adding, Opened, ResimulationArgs};
@@ -30,7 +31,8 @@ use std::sync::Arc;
 use study::choices::Choices;
 use study::formula::FORMULA;
 use study::open::{self, DataAccount, Subject};
-use study::Study;
+use study::robots::RobotStudy;
+use study::{COMMON, Study};
 
 /// A configuration and measurements.
 #[derive(Args)]
@@ -49,6 +51,8 @@ pub(super) struct DataArgs {
     /// and robot results do not depend on the seed
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    #[command(flatten)]
+    foreign: ForeignArgs,
     #[command(flatten)]
     choices: ChoiceArgs,
     /// Rows that aggregate several frames: predict the reception rate of each row from its mean RSSI reading. Only effects
@@ -78,7 +82,8 @@ impl DataArgs {
 
     /// What is chosen, as it would be typed.
     fn words(&self) -> String {
-        format!("{}{}", self.choices.words(), if self.given_rssi { " --given-rssi" } else { "" })
+        let given = if self.given_rssi { " --given-rssi" } else { "" };
+        format!("{}{given}{}", self.choices.words(), self.foreign.words())
     }
 
     /// Unit of errors of links.
@@ -105,6 +110,7 @@ impl DataArgs {
         resimulation: &ResimulationArgs,
         table: &DataTable,
     ) -> Result<Opened, Failure> {
+        self.foreign.refuse("packets")?;
         self.refuse_choices("packets")?;
         resimulation.open(&self.config, &self.set(), table)
     }
@@ -260,6 +266,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     args.check_places()?;
     let data = &args.data;
     if let Some(heard) = heard {
+        data.foreign.refuse("tracks with --heard")?;
         data.refuse_choices("tracks with --heard")?;
         let files = Files { config: &data.config, set: &data.set(), data: data.data(), heard };
         let found = task::split(&files, args.resimulation.asked())?;
@@ -292,6 +299,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     }
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
+            data.foreign.refuse("link samples")?;
             let (study, account) =
                 open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
             let log = SearchLog::new(None);
@@ -305,7 +313,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         }
         Subject::Robots => {
             let (study, account) =
-                open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
+                data.foreign.open_robots(&config, &table, &data.choices(), None)?;
             let log = SearchLog::new(None);
             let report = |progress: SearchProgress<'_>| log.log(progress);
             let search = Search::new(&study, &report);
@@ -354,6 +362,7 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     }
     match subject.map_err(Failure::request)? {
         Subject::Links => {
+            data.foreign.refuse("link samples")?;
             let (study, account) =
                 open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
             let study = study.with_stop_flag(stop);
@@ -373,21 +382,41 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
                 whole,
                 ("netsim.phy.effect", data.unit()),
                 &stopper,
+                |_, _, _| Ok(()),
             )
         }
         Subject::Robots => {
             let (mut study, account) =
-                open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
+                data.foreign.open_robots(&config, &table, &data.choices(), Some(&stopper))?;
             if let Some(wanted) = args.formula.wanted() {
                 study.add_formula(&wanted).map_err(Failure::request)?;
             }
             let mut study = study.with_stop_flag(stop);
             let section = ("robotsim.dynamics.effect", "m");
-            extend_with(args, (&config, &account), &mut study, None, section, &stopper)
+            let is_applied = |search: &Search<'_, RobotStudy>,
+                              study: &RobotStudy,
+                              added: Added<'_>| {
+                let fit = search.full_fit(added.terms, COMMON, None);
+                let extended = Compared::of_text(&config.path, added.text.to_owned(), &data.set());
+                let extended = extended.map_err(Failure::work)?;
+                let names = added.names.join(", ");
+                data.foreign.require_applied((study, &fit), &extended, &table, &names, &stopper)
+            };
+            let (searched, read) = (&mut study, (&config, &account));
+            extend_with(args, read, searched, None, section, &stopper, is_applied)
         }
     }
 }
 
+/// Effects that a configuration is extended by.
+struct Added<'a> {
+    terms: &'a [usize],
+    names: &'a [String],
+    /// The extended configuration.
+    text: &'a str,
+}
+
+/// `is_applied`: refuses an extension that a run would not apply.
 fn extend_with<S: Study>(
     args: &ExtendArgs,
     (config, account): (&Compared, &DataAccount),
@@ -395,6 +424,7 @@ fn extend_with<S: Study>(
     mut whole: Option<&mut S>,
     (section, unit): (&str, &str),
     stopper: &Stopper,
+    is_applied: impl Fn(&Search<'_, S>, &S, Added<'_>) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     print_account(account);
     let log = SearchLog::new(Some(stopper));
@@ -436,6 +466,8 @@ fn extend_with<S: Study>(
         return Err(stopper.refuse_partial("Give it more time"));
     }
     let extended = extended.map_err(Failure::work)?;
+    let added = Added { terms: &terms, names: &extended.answer.added, text: &extended.text };
+    is_applied(&search, study, added)?;
     write_whole("--output", &args.output, &extended.text)?;
     let answer = &extended.answer;
     say(format!("{}: {}", args.output.display(), extension::text(answer, unit)));
@@ -465,6 +497,7 @@ pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
     let report = |progress: SearchProgress<'_>| log.log(progress);
     match open::subject(&table).map_err(Failure::request)? {
         Subject::Links => {
+            data.foreign.refuse("link samples")?;
             let (study, account) =
                 open::links(&config, &table, &data.choices()).map_err(Failure::request)?;
             let study = study.with_stop_flag(stop);
@@ -507,7 +540,7 @@ pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
         }
         Subject::Robots => {
             let (study, account) =
-                open::robots(&config, &table, &data.choices()).map_err(Failure::request)?;
+                data.foreign.open_robots(&config, &table, &data.choices(), Some(&stopper))?;
             let mut study = study.with_stop_flag(stop);
             print_account(&account);
             let (ladder, known) = limits::selection(&mut study, None, &report);

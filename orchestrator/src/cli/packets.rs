@@ -121,6 +121,7 @@ impl ResimulationArgs {
             used: packets.packets.len(),
             rejected: packets.rejected.clone(),
             warnings: packets.warnings.clone(),
+            predicted_by: None,
         };
         if resimulation.resends() {
             account.warnings.push(

@@ -86,5 +86,6 @@ fn account(
         used: table.n_rows(),
         rejected: Vec::new(),
         warnings,
+        predicted_by: None,
     }
 }

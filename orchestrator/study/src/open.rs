@@ -6,15 +6,17 @@ use super::folds::FEWEST_BLOCKS;
 use super::links::LinkStudy;
 use super::links::covariates;
 use super::links::rows::ModelledLinks;
-use super::robots::{RobotStudy, RobotStudyError, StatedSettings};
+use super::robots::{RobotStudy, RobotStudyError, StatedSettings, body_for};
 use measure::DataError;
 use measure::account::DataFile;
 use measure::config::Compared;
+use measure::robots::RobotSamples;
 use measure::table::DataTable;
 use measure::{links, packets, robots};
 use proto::config::{Node, Problem, Refusal, Value};
 use proto::effect::Level;
-use robotsim::dynamics::Dynamics;
+use proto::prediction::PredictedWindow;
+use robotsim::dynamics::{Dynamics, Shape};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -105,12 +107,98 @@ pub fn robots(
     table: &DataTable,
     choices: &Choices,
 ) -> Result<(RobotStudy, DataAccount), OpenError> {
+    robots_predicted(config, table, choices, None)
+}
+
+/// What another robot simulator predicts of measured robots.
+#[derive(Clone, Debug)]
+pub struct Predicted {
+    /// Name and version of the simulator.
+    pub by: String,
+    /// One for each window of [`super::robots::prediction_windows`].
+    pub windows: Vec<PredictedWindow>,
+}
+
+/// As [`robots`]; where another simulator's predictions are given, these are the base model. `[robotsim]` is then that
+/// simulator's section: `[robotsim.dynamics]` counts as a description of what it does if it is a valid one of this program's,
+/// of a body that executes the commands of the file. Otherwise effects are added to a bare body.
+///
+/// # Errors
+///
+/// As [`robots`].
+pub fn robots_predicted(
+    config: &Compared,
+    table: &DataTable,
+    choices: &Choices,
+    predicted: Option<Predicted>,
+) -> Result<(RobotStudy, DataAccount), OpenError> {
     if choices.given_rssi {
         return Err(ChoiceError::NoReadings.into());
     }
     let file = table.path.display().to_string();
     let useless = |reason: String| OpenError::Useless { file: file.clone(), reason };
     let robots = robots::read(table).map_err(useless)?;
+    let read = described_dynamics(config, &robots);
+    let is_foreign = predicted.is_some();
+    let Described { dynamics, is_wheelbase_given } = match read {
+        Ok(described) if !is_foreign || described.executes(robots.shape) => described,
+        _ if is_foreign => Described::bare(config, robots.shape),
+        Ok(described) => described,
+        Err(problems) => return Err(config.refuse(problems).into()),
+    };
+    let (predicted_by, predicted) = predicted.map(|it| (it.by, it.windows)).unzip();
+    let mut account = DataAccount {
+        data: file_of(table),
+        rows: robots.n_rows,
+        used: robots.samples.len(),
+        rejected: robots.rejected.clone(),
+        warnings: robots.warnings.clone(),
+        predicted_by,
+    };
+    let given = StatedSettings {
+        is_wheelbase_given,
+        sd_m: localization_sd_m(config),
+        terrain: config.site.terrain.clone(),
+        catalogue: config.catalogues.robots.clone(),
+        predicted,
+    };
+    let study =
+        RobotStudy::new(robots, &dynamics, given, (choices, table)).map_err(
+            |error| match error {
+                RobotStudyError::Choice(error) => error.into(),
+                other => useless(other.to_string()),
+            },
+        )?;
+    account.rejected.extend_from_slice(study.rejected());
+    account.warnings.extend(too_few(&study));
+    Ok((study, account))
+}
+
+/// The dynamics that a configuration describes.
+struct Described {
+    dynamics: toml::Table,
+    is_wheelbase_given: bool,
+}
+
+impl Described {
+    /// Whether its body executes such commands.
+    fn executes(&self, shape: Shape) -> bool {
+        self.dynamics.get("kind").and_then(toml::Value::as_str) == Some(body_for(shape))
+    }
+
+    /// A body without effects that executes such commands.
+    fn bare(config: &Compared, shape: Shape) -> Self {
+        let kind = toml::Table::from_iter([("kind".to_owned(), body_for(shape).into())]);
+        let node = Node { value: Value::from(&toml::Value::Table(kind)), span: None };
+        let lists = config.catalogues.robots.lists();
+        let spec = &robotsim::dynamics::SPEC;
+        let dynamics = proto::config::check(&node, "", spec, &lists, &mut Vec::new()).table;
+        Self { dynamics, is_wheelbase_given: false }
+    }
+}
+
+/// `[robotsim.dynamics]`, checked.
+fn described_dynamics(config: &Compared, robots: &RobotSamples) -> Result<Described, Vec<Problem>> {
     let written = config.section("robotsim", "dynamics");
     let mut problems = Vec::new();
     let dynamics = proto::config::check(
@@ -136,31 +224,10 @@ pub fn robots(
     let columns = robots.covariates.iter().map(|(name, _)| name.as_str()).collect();
     problems.extend(unknown_columns(config, &Limited::ROBOTS, columns));
     if !problems.is_empty() {
-        return Err(config.refuse(problems).into());
+        return Err(problems);
     }
-    let mut account = DataAccount {
-        data: file_of(table),
-        rows: robots.n_rows,
-        used: robots.samples.len(),
-        rejected: robots.rejected.clone(),
-        warnings: robots.warnings.clone(),
-    };
-    let given = StatedSettings {
-        is_wheelbase_given: written.get("wheelbase_m").is_some(),
-        sd_m: localization_sd_m(config),
-        terrain: config.site.terrain.clone(),
-        catalogue: config.catalogues.robots.clone(),
-    };
-    let study =
-        RobotStudy::new(robots, &dynamics, given, (choices, table)).map_err(
-            |error| match error {
-                RobotStudyError::Choice(error) => error.into(),
-                other => useless(other.to_string()),
-            },
-        )?;
-    account.rejected.extend_from_slice(study.rejected());
-    account.warnings.extend(too_few(&study));
-    Ok((study, account))
+    let is_wheelbase_given = written.get("wheelbase_m").is_some();
+    Ok(Described { dynamics, is_wheelbase_given })
 }
 
 /// The noise of measured positions that a configuration gives (m).
@@ -239,6 +306,7 @@ pub fn links(
         used: rows.len(),
         rejected: rows.links.rejected.clone(),
         warnings: rows.links.warnings.clone(),
+        predicted_by: None,
     };
     account.warnings.extend(absent(config, &rows));
     let study = LinkStudy::new(rows, fixed_sd_db, &choices, &config.catalogues.network)?;

@@ -13,6 +13,7 @@ mod discs;
 mod driven;
 mod fit;
 mod fit_state;
+mod foreign;
 mod formulas;
 mod limited;
 mod linear;
@@ -33,12 +34,15 @@ use super::{Candidate, Estimate, StopFlag};
 use density::ResidualDensity;
 use derivatives::Derivatives;
 use fit::Number;
+use foreign::ForeignBase;
+pub use foreign::{TooDense, command_kind, prediction_windows};
 use measure::Rejected;
 use measure::robots::RobotSamples;
 use measure::table::DataTable;
 use motion::{Gains, MeasuredTracks};
 use nalgebra::DMatrix;
 use numbers::power::square;
+use proto::prediction::PredictedWindow;
 use proto::site::Terrain;
 use robotsim::catalogue::Catalogue;
 use robotsim::dynamics::physics::Physics;
@@ -107,6 +111,17 @@ pub struct StatedSettings {
     pub terrain: Terrain,
     /// The effects that may be missing.
     pub catalogue: Catalogue,
+    /// What another robot simulator predicts of [`prediction_windows`], where that is the base model.
+    pub predicted: Option<Vec<PredictedWindow>>,
+}
+
+/// The body that executes such commands: a kind of `[robotsim.dynamics]`.
+pub(crate) fn body_for(shape: Shape) -> &'static str {
+    match shape {
+        Shape::Velocity => "point-mass",
+        Shape::Unicycle => "unicycle",
+        Shape::Car => "car",
+    }
 }
 
 /// Refuses windows that are shorter than the time between samples, or longer than every track.
@@ -297,13 +312,10 @@ impl RobotStudy {
         given: StatedSettings,
         (choices, table): (&Choices, &DataTable),
     ) -> Result<Self, RobotStudyError> {
-        let StatedSettings { is_wheelbase_given, sd_m: given_sd_m, terrain, catalogue } = given;
+        let StatedSettings { is_wheelbase_given, sd_m: given_sd_m, terrain, catalogue, predicted } =
+            given;
         let kind = dynamics.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
-        let needed = match robots.shape {
-            Shape::Velocity => "point-mass",
-            Shape::Unicycle => "unicycle",
-            Shape::Car => "car",
-        };
+        let needed = body_for(robots.shape);
         if kind != needed {
             return Err(RobotStudyError::Body { needed, kind: kind.to_owned() });
         }
@@ -313,7 +325,19 @@ impl RobotStudy {
         if choices.window_s.is_some() {
             check_window(&robots, window_s)?;
         }
-        let mut tracks = MeasuredTracks::new(robots, window_s, terrain);
+        let mut dynamics = dynamics.clone();
+        let is_foreign = predicted.is_some();
+        let mut base = None;
+        if let Some(predicted) = predicted {
+            if shape == Shape::Car && !is_wheelbase_given {
+                let wheelbase_m = foreign::wheelbase_m(&robots, &predicted);
+                wheelbase_m.into_iter().for_each(|it| set(&mut dynamics, "wheelbase_m", it));
+            }
+            let reference = Dynamics::build(&dynamics, "", &catalogue.effects, &mut Vec::new());
+            let reference = reference.ok_or(RobotStudyError::Dynamics)?.into_physics();
+            base = Some(Arc::new(ForeignBase::new(&robots, &predicted, reference)));
+        }
+        let mut tracks = MeasuredTracks::new(robots, window_s, terrain).with_foreign(base);
         if tracks.windows.is_empty() {
             return Err(RobotStudyError::NoWindow { window_s });
         }
@@ -327,7 +351,8 @@ impl RobotStudy {
         };
         let kept = choices.select_rows(&seen)?;
         tracks.keep(&kept.rows);
-        let is_wheelbase_free = shape == Shape::Car && !is_wheelbase_given;
+        // Another simulator's predictions do not depend on the wheelbase of our own kinematics.
+        let is_wheelbase_free = shape == Shape::Car && !is_wheelbase_given && !is_foreign;
         let gain = Number { min: -6.0, max: 0.0, step: 0.5 };
         let mut base = vec![gain];
         let mut values = vec![-1.0];
@@ -340,7 +365,7 @@ impl RobotStudy {
             values
                 .push(dynamics.get("wheelbase_m").and_then(toml::Value::as_float).unwrap_or(0.33));
         }
-        let (candidates, terms) = terms::all(&tracks, dynamics, given_sd_m.is_some(), &catalogue);
+        let (candidates, terms) = terms::all(&tracks, &dynamics, given_sd_m.is_some(), &catalogue);
         let (in_time, in_place) = match choices.split {
             Some(split) => {
                 let blocks = tracks.split_blocks(window_s, split)?;
@@ -353,7 +378,7 @@ impl RobotStudy {
             [in_time, in_place].map(|blocks| Blocks { scored: scored.clone(), ..blocks });
         let mut model = RobotModel {
             tracks,
-            dynamics: dynamics.clone(),
+            dynamics,
             catalogue,
             is_wheelbase_free,
             given_sd_m,

@@ -55,6 +55,7 @@ fn account() -> DataAccount {
         used: 40,
         rejected: vec![Rejected { reason: "tx is missing".to_owned(), rows: 1, first_line: 3 }],
         warnings: vec!["a <b>".to_owned()],
+        predicted_by: None,
     }
 }
 

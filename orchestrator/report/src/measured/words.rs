@@ -18,6 +18,9 @@ pub(super) fn heading(contents: &MeasuredPage<'_>) -> Option<Markup> {
             p.lead {
                 (count(account.rows as u64)) " rows of " (what) ", " (count(account.used as u64)) " used. Every score is held \
                 out: the model is fitted to four fifths of the blocks of data and judged on the fifth, five times."
+                @if let Some(by) = &account.predicted_by {
+                    " The base model is the predictions of " (by) "; effects are added to first order."
+                }
             }
         }
         @if let Some(diagnosis) = contents.answer.diagnosis() {

@@ -1,13 +1,15 @@
 //! From positions and commands up to a moment, and the commands after it, to where the robot will be.
 
 use super::density::Residual;
+use super::foreign::{ForeignBase, Mover};
 use measure::robots::{RobotSample, RobotSamples};
 use numbers::power::square;
 use proto::rng::Draws;
 use proto::site::Terrain;
 use robotsim::dynamics::physics::{Order, Physics, Robot};
 use robotsim::dynamics::surroundings::{Columns, Other, Surroundings};
-use robotsim::dynamics::wrapped;
+use robotsim::dynamics::{Drive, wrapped};
+use std::sync::Arc;
 
 /// A row: from one sample of a track to a later one, as indices of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,12 +36,15 @@ pub(super) struct MeasuredTracks {
     pub(super) n_overlapping: f64,
     /// The windows of each track.
     windows_of: Vec<std::ops::Range<usize>>,
-    orders: Vec<Vec<Order>>,
+    /// What each track was commanded, sorted by time.
+    pub(super) orders: Vec<Vec<Order>>,
     /// The others of the same campaign at each sample; empty where they do not matter.
     others: Vec<Vec<Other>>,
     terrain: Terrain,
     /// Directions (cosine, sine) along which the errors of windows are given; empty: along what is predicted.
     frames: Vec<[f64; 2]>,
+    /// Another simulator's predictions, where they are the base model.
+    pub(super) foreign: Option<Arc<ForeignBase>>,
 }
 
 /// Where the model alone takes each robot, sample by sample: for motion that is alike everywhere, whatever measurements
@@ -57,6 +62,8 @@ struct StateEstimate {
     turned_rad: f64,
     /// What the model moved the estimate since the sample before.
     step_m: [f64; 3],
+    /// What our own kinematics does, where another simulator's predictions are the base.
+    reference: Drive,
 }
 
 impl MeasuredTracks {
@@ -98,7 +105,18 @@ impl MeasuredTracks {
         let others = others(&robots);
         let n_overlapping = (window_s / (stride as f64 * spacing_s)).max(1.0);
         let frames = Vec::new();
-        Self { robots, windows, n_overlapping, windows_of, orders, others, terrain, frames }
+        let foreign = None;
+        Self {
+            robots,
+            windows,
+            n_overlapping,
+            windows_of,
+            orders,
+            others,
+            terrain,
+            frames,
+            foreign,
+        }
     }
 
     /// Only some of the windows. All samples stay: what is known when a window begins follows from those before.
@@ -293,7 +311,7 @@ impl MeasuredTracks {
                     let path_m = std::array::from_fn(|i| end.path_m[i] - begin.path_m[i]);
                     rotated(path_m, begin.turned_rad)
                 } else {
-                    self.simulate(physics, track, window, begin.robot)
+                    self.simulate(physics, track, window, &begin)
                 };
                 predictions.push((begin, moved_m));
             }
@@ -325,7 +343,7 @@ impl MeasuredTracks {
     }
 
     /// A robot where its track begins, doing what is commanded there.
-    fn begin(&self, track: usize, physics: &Physics) -> Robot {
+    pub(super) fn begin(&self, track: usize, physics: &Physics) -> Robot {
         let first = &self.robots.samples[self.robots.tracks[track].start];
         let heading_rad = if first.heading_rad.is_nan() { 0.0 } else { first.heading_rad };
         let robot = Robot { position_m: first.position_m, heading_rad, ..Robot::default() };
@@ -351,16 +369,12 @@ impl MeasuredTracks {
     /// Goes along a track by the model alone.
     fn path(&self, track: usize, physics: &Physics) -> Vec<Robot> {
         let range = self.robots.tracks[track].clone();
-        let samples = &self.robots.samples[range.clone()];
         let mut robot = self.begin(track, physics);
-        let mut path = Vec::with_capacity(samples.len());
+        let mut path = Vec::with_capacity(range.len());
         path.push(robot);
-        let mut next = 0;
-        for (index, pair) in range.zip(samples.windows(2)) {
-            let (from_s, until_s) = (pair[0].time_s, pair[1].time_s);
-            let orders = &self.orders[track];
-            let surroundings = self.surroundings(index);
-            physics.advance(&mut robot, orders, &mut next, from_s, until_s, &surroundings);
+        let mut mover = Mover::new(self, physics, track, None);
+        for sample in range.start..range.end - 1 {
+            mover.advance(&mut robot, sample);
             path.push(robot);
         }
         path
@@ -414,14 +428,12 @@ impl MeasuredTracks {
         let mut robot = self.begin(track, physics);
         let mut variance = 1.0;
         let mut known = Vec::with_capacity(samples.len());
-        known.push(StateEstimate { robot, variance, ..StateEstimate::default() });
-        let mut next = 0;
+        let mut mover = Mover::new(self, physics, track, None);
+        let reference = mover.reference_drive();
+        known.push(StateEstimate { robot, variance, reference, ..StateEstimate::default() });
         for (index, pair) in samples.windows(2).enumerate() {
-            let surroundings = self.surroundings(range.start + index);
-            let (from_s, until_s) = (pair[0].time_s, pair[1].time_s);
-            let orders = &self.orders[track];
             let from_m = robot.position_m;
-            physics.advance(&mut robot, orders, &mut next, from_s, until_s, &surroundings);
+            mover.advance(&mut robot, range.start + index);
             let step_m = std::array::from_fn(|i| robot.position_m[i] - from_m[i]);
             let (gain, heading_gain) = weights(gains, index);
             for i in 0..3 {
@@ -432,7 +444,14 @@ impl MeasuredTracks {
                     heading_gain * wrapped(pair[1].heading_rad - robot.heading_rad);
             }
             variance = square(1.0 - gain) * variance + gain * gain;
-            known.push(StateEstimate { robot, variance, step_m, ..StateEstimate::default() });
+            let reference = mover.reference_drive();
+            known.push(StateEstimate {
+                robot,
+                variance,
+                step_m,
+                reference,
+                ..StateEstimate::default()
+            });
         }
         known
     }
@@ -443,15 +462,14 @@ impl MeasuredTracks {
         physics: &Physics,
         track: usize,
         window: &MotionWindow,
-        mut robot: Robot,
+        begin: &StateEstimate,
     ) -> [f64; 3] {
+        let mut robot = begin.robot;
         let from_m = robot.position_m;
-        let begin_s = self.robots.samples[window.start as usize].time_s;
-        let mut next = self.orders[track].partition_point(|order| order.from_s <= begin_s);
-        for index in window.start as usize..window.end as usize {
-            let [a, b] = [index, index + 1].map(|index| self.robots.samples[index].time_s);
-            let surroundings = self.surroundings(index);
-            physics.advance(&mut robot, &self.orders[track], &mut next, a, b, &surroundings);
+        let (first, end) = (window.start as usize, window.end as usize);
+        let mut mover = Mover::new(self, physics, track, Some((first, begin.reference)));
+        for sample in first..end {
+            mover.advance(&mut robot, sample);
         }
         std::array::from_fn(|i| robot.position_m[i] - from_m[i])
     }
@@ -470,7 +488,7 @@ impl MeasuredTracks {
         driven
     }
 
-    fn surroundings(&self, sample: usize) -> Surroundings<'_> {
+    pub(super) fn surroundings(&self, sample: usize) -> Surroundings<'_> {
         Surroundings {
             agent: self.robots.samples[sample].agent,
             run: Some(self.robots.samples[sample].run),
@@ -500,7 +518,8 @@ fn direction(moved_m: [f64; 3]) -> [f64; 2] {
     if way_m < 1e-9 { [1.0, 0.0] } else { [moved_m[0] / way_m, moved_m[1] / way_m] }
 }
 
-fn rotated([x, y, z]: [f64; 3], angle_rad: f64) -> [f64; 3] {
+/// A vector turned counter-clockwise by an angle.
+pub(super) fn rotated([x, y, z]: [f64; 3], angle_rad: f64) -> [f64; 3] {
     if angle_rad == 0.0 {
         return [x, y, z];
     }

@@ -1,6 +1,7 @@
 //! Robots that are driven here, with noise, by equations written out here.
 
 mod driven;
+mod foreign;
 
 use super::*;
 use crate::Study as _;

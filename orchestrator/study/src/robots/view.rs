@@ -46,7 +46,8 @@ impl RobotStudy {
             .filter(|horizon_s| 0.9 * spacing_s <= *horizon_s)
             .filter_map(|horizon_s| {
                 let terrain = self.model.tracks.terrain().clone();
-                let tracks = MeasuredTracks::new(self.robots().clone(), horizon_s, terrain);
+                let tracks = MeasuredTracks::new(self.robots().clone(), horizon_s, terrain)
+                    .with_foreign(self.model.tracks.foreign.clone());
                 let residuals = tracks.residuals(&physics, &tracks.paths(&physics), gains);
                 let squares: f64 = residuals
                     .iter()
