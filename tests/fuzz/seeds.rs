@@ -158,6 +158,23 @@ fn robot_calls() -> Vec<u8> {
         frame(Call::Step, &step(1)),
         frame(Call::Barrier, &barrier),
         frame(Call::Command, &v1::RobotSimServiceCommandRequest::default()),
+        frame(Call::Predict, &prediction()),
     ]
     .concat()
+}
+
+/// A robot that drives for a while, then stands.
+fn prediction() -> v1::RobotSimServicePredictRequest {
+    v1::RobotSimServicePredictRequest {
+        config_toml: ROBOTS.to_owned(),
+        command_kind: v1::MotionCommandKind::Velocity.into(),
+        windows: vec![v1::PredictionWindow {
+            duration_ns: vec![STEP_NS, STEP_NS],
+            command_first: vec![1.0, 0.0],
+            command_second: vec![0.5, 0.0],
+            command_third: vec![0.0, 0.0],
+            ..Default::default()
+        }],
+        ..Default::default()
+    }
 }

@@ -22,10 +22,13 @@ pub enum Call {
     Command = 3,
     /// `Restore`.
     Restore = 4,
+    /// `Predict`, of robots.
+    Predict = 5,
 }
 
 /// All calls.
-const CALLS: [Call; 5] = [Call::Configure, Call::Step, Call::Barrier, Call::Command, Call::Restore];
+const CALLS: [Call; 6] =
+    [Call::Configure, Call::Step, Call::Barrier, Call::Command, Call::Restore, Call::Predict];
 
 /// Most calls of one input.
 const MOST_CALLS: usize = 32;
@@ -110,6 +113,7 @@ pub(super) fn network(bytes: &[u8]) {
                 Call::Barrier => judged(message, async |request| host.barrier(request).await).await,
                 Call::Command => judged(message, async |request| host.command(request).await).await,
                 Call::Restore => judged(message, async |request| host.restore(request).await).await,
+                Call::Predict => {}
             }
         }
     });
@@ -146,6 +150,17 @@ pub(super) fn robots(bytes: &[u8]) {
                 Call::Barrier => judged(message, async |request| host.barrier(request).await).await,
                 Call::Command => judged(message, async |request| host.command(request).await).await,
                 Call::Restore => judged(message, async |request| host.restore(request).await).await,
+                Call::Predict => {
+                    judged(message, async |request: Request<v1::RobotSimServicePredictRequest>| {
+                        let windows = request.get_ref().windows.iter();
+                        let mut durations = windows.flat_map(|window| &window.duration_ns);
+                        if durations.any(|&duration_ns| MOST_NS < duration_ns) {
+                            return Err(Status::cancelled("long"));
+                        }
+                        host.predict(request).await
+                    })
+                    .await;
+                }
             }
         }
     });
