@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Output;
 use std::time::{Duration, Instant};
 use tests::Server;
-use tests::campaign::{Campaign, Drive, Fleet, RobotHidden, Size};
+use tests::campaign::{Campaign, Drive, Fleet, Layout, RobotHidden, Size};
 use tests::fake::{Fault, Faulty};
 
 /// A campaign of robots that slip, in a folder: `model.toml`, `robots.csv`.
@@ -51,8 +51,14 @@ fn numbers(place: String, one: &Value, other: &Value, into: &mut Vec<(String, f6
 #[test]
 fn our_own_simulator_elsewhere_gives_the_answers_of_our_own_dynamics() {
     let server = Server::start("robotsim", &[]).unwrap();
-    let gust = "\n[[robotsim.dynamics.effect]]\nkind = \"actuator-lag\"\ntau_s = 0.2\n";
-    for (drive, more) in [(Drive::Velocity, ""), (Drive::Velocity, gust), (Drive::Unicycle, "")] {
+    let lag = "\n[[robotsim.dynamics.effect]]\nkind = \"actuator-lag\"\ntau_s = 0.2\n";
+    for (drive, more, scale) in [
+        // Sums of steps instead of one path, and durations in whole nanoseconds.
+        (Drive::Velocity, "", 1e-6),
+        (Drive::Unicycle, "", 1e-6),
+        // After 2 s actuators still remember exp(-10) of a change.
+        (Drive::Velocity, lag, 1e-3),
+    ] {
         let folder = tests::folder();
         slipping(folder.path(), drive, more);
         let own = answer(folder.path(), "compare", &[]);
@@ -61,14 +67,11 @@ fn our_own_simulator_elsewhere_gives_the_answers_of_our_own_dynamics() {
         let mut found = Vec::new();
         numbers(String::new(), &own, &other, &mut found);
         assert!(30 < found.len(), "{found:?}");
+        // Digits of p-values count by their logarithms.
+        found.retain(|(place, ..)| !place.ends_with("p_value"));
         for (place, one, other) in found {
-            // Sums of steps instead of one path, and durations in whole nanoseconds; p-values move with the tenth digit times
-            // their exponent.
-            let scale = if place.ends_with("p_value") { 1e-3 } else { 1e-6 };
-            assert!(
-                (one - other).abs() <= scale * one.abs().max(1e-3),
-                "{drive:?} {more} {place}: {one} {other}"
-            );
+            let close = (one - other).abs() <= scale * one.abs().max(0.1);
+            assert!(close, "{drive:?} {more} {place}: {one} {other}");
         }
     }
 }
@@ -87,7 +90,9 @@ fn a_slip_is_named_on_top_of_predictions_and_added_where_the_simulator_executes_
     std::fs::rename(folder.path().join("better.toml"), folder.path().join("model.toml")).unwrap();
     let better = answer(folder.path(), "compare", &["--robotsim", &server.url]);
     let after_m = better["scores"]["rmse_m"].as_f64().unwrap();
-    assert!(after_m < 0.5 * before_m, "{before_m} {after_m}");
+    // What is left is the noise of a measured position, 1.5 cm on each axis, within 10 %.
+    assert!((after_m / (0.015 * 2f64.sqrt()) - 1.0).abs() < 0.1, "{after_m}");
+    assert!(1.5 * after_m < before_m, "{before_m} {after_m}");
     let promised_m = added["rmse"][1].as_f64().unwrap();
     assert!((after_m / promised_m - 1.0).abs() < 0.02, "{promised_m} {after_m}");
 }
@@ -137,9 +142,8 @@ fn what_cannot_be_compared_with_a_simulator_elsewhere_is_refused_with_what_is_la
     refused(&wrong, 2, &["robotsim.dynamics.speed_cap_mps"]);
     let wrong = ["--robotsim", &server.url, "--set", "robotsim.dynamics.kind=quadrotor"];
     refused(&wrong, 2, &["robotsim.dynamics.kind", "\"point-mass\""]);
-    let links = "time_s,tx,rx,tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm,channel\n";
-    std::fs::write(folder.path().join("robots.csv"), links.to_owned() + "0,0,1,0,0,1,1,-60,11\n")
-        .unwrap();
+    let links = Campaign::link(1, &Layout::standard(), &[], 100).csv;
+    std::fs::write(folder.path().join("robots.csv"), links).unwrap();
     refused(&["--robotsim", &server.url], 2, &["applies to robot samples only"]);
 }
 

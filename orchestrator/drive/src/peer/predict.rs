@@ -6,6 +6,27 @@ use proto_messages::{convert, v1};
 use tonic::Code;
 use tonic_types::StatusExt as _;
 
+/// Most motion (ns) that is asked for in one call: 200 s, so that a simulator that is four times as fast as its robots replies
+/// within the default deadline of a call.
+const ASKED_NS: u64 = 200_000_000_000;
+
+/// Windows that are asked for together: within the contract's limits, and at most [`ASKED_NS`] unless one window is longer.
+fn requests(windows: &[PredictionWindow]) -> Vec<&[PredictionWindow]> {
+    let mut requests = Vec::new();
+    for group in groups(windows) {
+        let (mut first, mut total_ns) = (0, 0);
+        for (index, window) in group.iter().enumerate() {
+            total_ns += window.duration_ns();
+            if first < index && ASKED_NS < total_ns {
+                requests.push(&group[first..index]);
+                (first, total_ns) = (index, window.duration_ns());
+            }
+        }
+        requests.push(&group[first..]);
+    }
+    requests
+}
+
 /// Under which configuration motion is predicted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PredictionConfig {
@@ -16,7 +37,7 @@ pub struct PredictionConfig {
 }
 
 impl Remote<RobotSide> {
-    /// Asks where robots get to, in as many calls as the contract's limits require.
+    /// Asks where robots get to, in as many calls as the contract's limits and the deadline of a call require.
     ///
     /// * `report`: receives how many windows are predicted, of how many, after each call.
     ///
@@ -43,7 +64,7 @@ impl Remote<RobotSide> {
             });
         }
         let mut predicted = Vec::with_capacity(windows.len());
-        for group in groups(windows) {
+        for group in requests(windows) {
             let first = predicted.len();
             let doing = format!("Predict of windows {first} to {}", first + group.len() - 1);
             let request = v1::RobotSimServicePredictRequest {
@@ -74,5 +95,31 @@ fn refused(error: SideError) -> SideError {
     match &error {
         SideError::Refused { status, .. } if names_keys(status) => unacceptable::<RobotSide>(error),
         _ => error,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proto::prediction::PredictionStep;
+
+    #[test]
+    fn calls_ask_for_all_windows_in_order_and_for_not_too_much_motion() {
+        let window = |agent: u32, duration_ns| PredictionWindow {
+            agent,
+            start_ns: 0,
+            position_m: [0.0; 3],
+            heading_rad: 0.0,
+            velocity_mps: None,
+            steps: vec![PredictionStep { duration_ns, command: [0.0; 3] }],
+        };
+        let half = ASKED_NS / 2;
+        let windows =
+            [window(0, half), window(1, half), window(2, 1), window(3, 2 * ASKED_NS), window(4, 1)];
+        let sizes: Vec<usize> = requests(&windows).iter().map(|request| request.len()).collect();
+        assert_eq!(sizes, [2, 1, 1, 1]);
+        let asked: Vec<PredictionWindow> = requests(&windows).concat();
+        assert_eq!(asked, windows);
+        assert!(requests(&[]).is_empty());
     }
 }
