@@ -74,7 +74,7 @@ def test_it_keeps_the_promises_about_predictions(stranger, tmp_path):
     command = [program("orchestrator"), "conformance", "robotsim", stranger, "--json", "found.json"]
     succeed(command, cwd=tmp_path)
     found = json.loads((tmp_path / "found.json").read_text())
-    about = [f for f in found["findings"] if "Predict " in f["promise"] or "window that starts" in f["promise"]]
+    about = [f for f in found["findings"] if "Predict " in f["promise"] or "window whose start" in f["promise"]]
     assert [f["verdict"] for f in about] == ["kept"] * 3, found
 
 

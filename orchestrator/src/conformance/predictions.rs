@@ -9,7 +9,7 @@ use tonic::{Code, Status};
 const COMPLETE: &str = "Predict replies for each window and each of its commands, with complete and finite columns, to commands of \
                         at least one kind";
 const STATELESS: &str = "Predict gives the same windows again, in another order and each by itself, and changes nothing of an experiment";
-const REFUSES: &str = "a window that starts at what is no number is INVALID_ARGUMENT";
+const REFUSES: &str = "a window whose start is not a number is INVALID_ARGUMENT";
 
 /// Kinds of command. A simulator executes at least one of them.
 const KINDS: [MotionCommandKind; 3] = [
