@@ -131,12 +131,12 @@ fn what_cannot_be_compared_with_a_simulator_elsewhere_is_refused_with_what_is_la
     refused(&["--robotsim", "127.0.0.1:1"], 2, &["must be http://HOST:PORT"]);
     refused(
         &["--robotsim", "http://127.0.0.1:1"],
-        1,
+        2,
         &["robotsim: cannot reach http://127.0.0.1:1"],
     );
     let server = Server::start("robotsim", &[]).unwrap();
     let https = server.url.replace("http://", "https://");
-    refused(&["--robotsim", &https], 1, &["give --tls-ca"]);
+    refused(&["--robotsim", &https], 2, &["give --tls-ca"]);
     // What the simulator refuses of its configuration stands on its line of the file.
     let wrong = ["--robotsim", &server.url, "--set", "robotsim.dynamics.speed_cap_mps=-1.0"];
     refused(&wrong, 2, &["robotsim.dynamics.speed_cap_mps"]);

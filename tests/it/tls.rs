@@ -5,6 +5,7 @@ use rcgen::{
 };
 use std::path::{Path, PathBuf};
 use tests::Server;
+use tests::campaign::{Campaign, Drive, Fleet};
 
 /// An authority and what it signed, as files.
 struct Certificates {
@@ -116,6 +117,33 @@ fn mutual_tls_gives_the_same_recording_and_strangers_are_refused() {
             tests::said(&output)
         );
     }
+}
+
+/// By options, and by the section of the file.
+#[test]
+fn a_comparison_reaches_a_simulator_behind_tls_as_a_run_does() {
+    let certificates = Certificates::make();
+    let robotsim = certificates.serve("robotsim");
+    let folder = tests::folder();
+    let campaign = Campaign::robots(1, &Fleet::standard(Drive::Velocity), &[], 1000);
+    std::fs::write(folder.path().join("robots.csv"), &campaign.csv).unwrap();
+    std::fs::write(folder.path().join("plain.toml"), &campaign.config_toml).unwrap();
+    let [ca, cert, key] =
+        ["ca.pem", "client.pem", "client-key.pem"].map(|name| certificates.text(name));
+    let section = format!("\n[experiment.tls]\nca = {ca:?}\ncert = {cert:?}\nkey = {key:?}\n");
+    std::fs::write(folder.path().join("file.toml"), campaign.config_toml + &section).unwrap();
+    let ask = |config: &str, more: &[&str]| {
+        let args = ["compare", config, "--data", "robots.csv", "--robotsim", &robotsim.url];
+        tests::orchestrator(&[&args[..], more].concat(), folder.path())
+    };
+    let options = ["--tls-ca", &ca, "--tls-cert", &cert, "--tls-key", &key];
+    let by_options = ask("plain.toml", &options);
+    assert!(by_options.status.success(), "{}", tests::said(&by_options));
+    let by_file = ask("file.toml", &[]);
+    assert_eq!(tests::said(&by_file), tests::said(&by_options));
+    let anonymous = ask("plain.toml", &options[..2]);
+    assert_eq!(anonymous.status.code(), Some(2), "{}", tests::said(&anonymous));
+    assert!(tests::said(&anonymous).contains("robotsim: cannot reach https://"));
 }
 
 #[test]

@@ -9,7 +9,6 @@ use measure::config::Compared;
 use measure::robots::{self, RobotSamples};
 use measure::table::DataTable;
 use proto::config::{Node, Problem};
-use std::future::Future;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use study::choices::Choices;
@@ -184,12 +183,10 @@ impl ForeignArgs {
 }
 
 /// Returns once the work is to stop; never without a stopper.
-fn stopped(stopper: Option<&Stopper>) -> impl Future<Output = ()> {
-    async move {
-        let Some(stopper) = stopper else { return std::future::pending().await };
-        while !stopper.flag().is_set() {
-            tokio::time::sleep(STOP_EVERY).await;
-        }
+async fn stopped(stopper: Option<&Stopper>) {
+    let Some(stopper) = stopper else { return std::future::pending().await };
+    while !stopper.flag().is_set() {
+        tokio::time::sleep(STOP_EVERY).await;
     }
 }
 
@@ -234,7 +231,10 @@ fn failure(error: SideError, config: &Compared) -> Failure {
             };
             Failure::request(config.refuse(problems.into_iter().map(placed).collect()))
         }
-        SideError::Cannot { .. } => Failure::request(error),
+        SideError::Cannot { .. }
+        | SideError::Unreachable { .. }
+        | SideError::NotASimulator { .. }
+        | SideError::Certificate { .. } => Failure::request(error),
         other => Failure::work(other),
     }
 }

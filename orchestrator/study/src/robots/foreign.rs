@@ -288,10 +288,9 @@ impl<'a> Mover<'a> {
         } else {
             step.moved_m
         };
-        for i in 0..3 {
-            robot.position_m[i] =
-                from.position_m[i] + moved_m[i] + (robot.position_m[i] - plain.position_m[i]);
-        }
+        robot.position_m = std::array::from_fn(|i| {
+            from.position_m[i] + moved_m[i] + (robot.position_m[i] - plain.position_m[i])
+        });
         robot.heading_rad =
             from.heading_rad + step.turned_rad + (robot.heading_rad - plain.heading_rad);
     }

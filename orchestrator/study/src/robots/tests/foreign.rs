@@ -94,7 +94,7 @@ fn cars(wheelbase_m: f64) -> DataTable {
     for agent in 0..2 {
         let (mut at, mut heading_rad) = ([0.0, 50.0 * f64::from(agent)], 0.1);
         for step in 0..400 {
-            let steer_rad = 0.3 * f64::sin(f64::from(step / 20));
+            let steer_rad = 0.3 * libm::sin(f64::from(step / 20));
             let row = [
                 0.05 * f64::from(step),
                 f64::from(agent),
@@ -107,9 +107,9 @@ fn cars(wheelbase_m: f64) -> DataTable {
             columns.iter_mut().zip(row).for_each(|(column, value)| column.push(value));
             for _ in 0..1000 {
                 let way_m = 2.0 * 0.05 / 1000.0;
-                at[0] += way_m * f64::cos(heading_rad);
-                at[1] += way_m * f64::sin(heading_rad);
-                heading_rad += way_m * f64::tan(steer_rad) / wheelbase_m;
+                at[0] += way_m * libm::cos(heading_rad);
+                at[1] += way_m * libm::sin(heading_rad);
+                heading_rad += way_m * libm::tan(steer_rad) / wheelbase_m;
             }
         }
     }
