@@ -116,7 +116,11 @@ mod tests {
         };
         // The mean square is 5.
         let plain = rows.plain();
-        assert_eq!(plain.slopes, [[0.6, 0.0, 0.0], [0.0; 3], [-0.2, 0.0, 0.0]]);
-        assert_eq!(plain.weights, [[0.2, 0.0, 0.0], [0.0; 3], [0.2, 0.0, 0.0]]);
+        let of = |parts: &Column| parts.iter().flatten().copied().collect::<Vec<f64>>();
+        let expected = [0.6, 0.0, 0.0, 0.0, 0.0, 0.0, -0.2, 0.0, 0.0];
+        for (slope, expected) in of(&plain.slopes).into_iter().zip(expected) {
+            assert!((slope - expected).abs() < 1e-12, "{slope}");
+        }
+        assert_eq!(of(&plain.weights), [0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0]);
     }
 }

@@ -61,8 +61,8 @@ fn p_value(links: &[Means]) -> f64 {
         .filter(|(_, (values, _))| FEWEST_LINKS <= values.len())
         .map(|(kind, (values, signs))| p_value_of(values, *signs, kind as u64))
         .collect();
-    let least = told.iter().copied().fold(1.0, f64::min);
-    (told.len() as f64 * least).clamp(0.0, 1.0)
+    let n = told.len().max(1) as f64;
+    told.into_iter().map(|p_value| n * p_value).fold(1.0, f64::min)
 }
 
 /// Probability of as great a spread of the means of nodes by chance. `signs`: with which a value counts at the first end and at the
