@@ -20,7 +20,7 @@ use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use tests::campaign::blind::{self, Cell};
-use tests::campaign::unforeseen::{Question, table};
+use tests::campaign::unforeseen::{self, Question, table};
 
 /// Campaigns with a hidden effect, a diagnosis of each, and a table of how it did.
 #[derive(Parser)]
@@ -35,6 +35,9 @@ struct Args {
     /// Run null campaigns: nothing hidden, several kinds of noise.
     #[arg(long, conflicts_with_all = ["drawn", "rows"])]
     nulls: bool,
+    /// With --nulls: no search, only score tests in the model as configured. What they find beyond chance is false.
+    #[arg(long, requires = "nulls")]
+    scores: bool,
     /// Derive the seeds of --unforeseen and --nulls from this text [default: the hash of the last commit].
     #[arg(long)]
     seed_from: Option<String>,
@@ -76,7 +79,8 @@ fn main() -> anyhow::Result<()> {
             Question::nulls(n_seeds, &seed_from)
         };
         writeln!(std::io::stderr(), "seeds follow from {}", seed_from.trim())?;
-        let lines = lines(&args, plan, Question::name, question_line)?;
+        let make = if args.scores { scores_line } else { question_line };
+        let lines = lines(&args, plan, Question::name, make)?;
         write!(std::io::stdout(), "{}", table::tables(&lines))?;
     } else {
         let plan = Cell::plan(args.seeds.unwrap_or(40), args.drawn);
@@ -174,6 +178,12 @@ fn cell_line(cell: &Cell, args: &Args) -> anyhow::Result<Value> {
     let mut line = judged_line(args, &cell.name(), files, "diagnose", judge)?;
     line["rows"] = json!(args.rows);
     Ok(line)
+}
+
+/// The line of a null campaign, by score tests alone.
+fn scores_line(question: &Question, _: &Args) -> anyhow::Result<Value> {
+    let found = unforeseen::alarms::found(&question.case())?;
+    Ok(question.line_of_scores(found))
 }
 
 /// Makes a campaign of `--unforeseen` or `--nulls`, runs its command, and judges the answer.

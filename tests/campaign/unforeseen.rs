@@ -4,6 +4,7 @@
 //! effect of the catalogue is hidden, differ in the distribution and the autocorrelation of their noise.
 
 mod air;
+pub mod alarms;
 mod anchors;
 pub mod answer;
 mod bands;
@@ -22,7 +23,7 @@ mod truck;
 
 use super::blind::{LINK_PAIRS, ROBOT_PAIRS};
 use super::{Campaign, Fleet, Layout, Size};
-use answer::{Answer, Judged};
+use answer::{Answer, Judged, Judgement};
 use nulls::Noise;
 use serde_json::{Value, json};
 
@@ -275,6 +276,21 @@ impl Question {
             "accepted": accepted,
             "unexplained": written["unexplained"],
             "expected": expected,
+        })
+    }
+}
+
+impl Question {
+    /// The line that is kept of a null campaign of which only score tests were made: what they found is false.
+    #[must_use]
+    pub fn line_of_scores(&self, found: Vec<String>) -> Value {
+        let judgement = if found.is_empty() { Judgement::Honest } else { Judgement::FalseCertain };
+        json!({
+            "cell": self.name(),
+            "row": self.row(),
+            "variant": self.variant(),
+            "judgement": judgement.name(),
+            "wrong": found,
         })
     }
 }

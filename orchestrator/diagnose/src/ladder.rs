@@ -23,8 +23,6 @@ const HOPELESS_NATS: f64 = 12.0;
 const NOTHING_MORE_NATS: f64 = 6.0;
 /// A rival raises the log likelihood by at least this share of what the chosen candidate does.
 const NEARLY: f64 = 0.8;
-/// Random levels that raise the log likelihood by so much (nats) are evident if they predict rows left out no worse.
-const EVIDENT_NATS: f64 = 50.0;
 /// The selection accepts no more terms than this.
 const MOST_TERMS: usize = 8;
 
@@ -400,18 +398,11 @@ impl<'a, S: Study> Search<'a, S> {
                     test.is_acceptable = test.is_significant;
                 }
             }
-            if !tests.iter().any(|test| test.is_acceptable) {
-                let n_rows = self.all.len() as f64;
-                for test in tests.iter_mut().filter(|test| !removed.contains(&test.term)) {
-                    let is_random = candidates[test.term].level == Level::Random;
-                    if is_random
-                        && is_evident(test, n_rows)
-                        && self.stands_clustered(test.term, &accepted)
-                    {
-                        (test.is_significant, test.is_plausible, test.is_acceptable) =
-                            (true, true, true);
-                    }
-                }
+            if !tests.iter().any(|test| test.is_acceptable)
+                && let Some(index) = self.most_evident(&tests, &accepted, &removed)
+            {
+                let test = &mut tests[index];
+                (test.is_significant, test.is_plausible, test.is_acceptable) = (true, true, true);
             }
             let found = self
                 .choose(&tests, &accepted, &removed)
@@ -575,12 +566,6 @@ impl<'a, S: Study> Search<'a, S> {
             scores: Scores::mean(&self.held_out_scores(terms, COMMON)),
         }
     }
-}
-
-/// Whether random levels are evident from all rows at once. Where nodes never come back to a place, rows left out tell little of levels of
-/// places; the likelihood, levels integrated out, tells all.
-fn is_evident(test: &CandidateTest, n_rows: f64) -> bool {
-    EVIDENT_NATS < test.rise && acceptance::WORTH_NATS * n_rows < test.rise && 0.0 < test.gain.gain
 }
 
 fn with_term(accepted: &[usize], term: usize) -> Vec<usize> {

@@ -9,7 +9,7 @@ use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, Gamma};
 use std::collections::BTreeMap;
 use study::folds::Blocks;
-use study::linear::Linearised;
+use study::linear::{Dependence, Linearised};
 use study::symbolic::FittedFormula;
 use study::{COMMON, Study};
 
@@ -123,10 +123,12 @@ fn stands_clustered<S: Study>(
     residual: &[f64],
 ) -> bool {
     let values = covariates.iter().find(|(name, _)| *name == found.covariate);
-    let Some(bins) = values.and_then(|(_, values)| binned(values, BINS)) else { return true };
+    let Some((_, values)) = values else { return true };
+    let Some(bins) = binned(values, BINS) else { return true };
     let dependence = study.dependence();
-    if dependence.nodes.is_none() {
-        return true;
+    let Some(nodes) = &dependence.nodes else { return true };
+    if is_of_few_nodes(values, nodes) {
+        return false;
     }
     let known = |value: &f64| if value.is_finite() { [*value, 1.0] } else { [0.0; 2] };
     let part = |k: usize| residual.iter().map(|value| [known(value)[k], 0.0, 0.0]).collect();
@@ -143,11 +145,30 @@ fn stands_clustered<S: Study>(
         [if *bin == u8::MAX || weight <= 0.0 { 0.0 } else { slope / weight }, 0.0, 0.0]
     };
     let column = bins.iter().map(shape).collect();
-    let Some(test) = ScoreTests::new(&rows, &dependence).test(&column, &[]) else { return true };
+    // What nodes differ by lasts: no block of time is long enough for it, and the nodes alone tell.
+    let of_nodes =
+        Dependence { times_s: vec![f64::NAN; dependence.times_s.len()], ..dependence.clone() };
+    let told = [&dependence, &of_nodes].into_iter();
+    let mut told = told.filter_map(|rest| ScoreTests::new(&rows, rest).test(&column, &[]));
+    let Some(test) = told.next() else { return true };
     let t = test.amplitude / test.standard_error;
     let n = (BINS - 1) as f64;
     let p_value = FisherSnedecor::new(n, test.freedom).map_or(1.0, |law| law.sf(t * t / n));
     p_value < BESIDE_SHARED
+}
+
+/// Whether a covariate has one value for each sender, or each receiver, and these are too few to tell it from what nodes differ by: any
+/// shape in so many bins fits them.
+fn is_of_few_nodes(values: &[f64], nodes: &[[u32; 2]]) -> bool {
+    (0..2).any(|end| {
+        let mut of_node: BTreeMap<u32, f64> = BTreeMap::new();
+        let is_of_node = values
+            .iter()
+            .zip(nodes)
+            .filter(|(value, _)| value.is_finite())
+            .all(|(value, ends)| of_node.entry(ends[end]).or_insert(*value) == value);
+        is_of_node && of_node.len() < 2 * BINS
+    })
 }
 
 /// The strongest structure, if there is any, in these residuals over `covariates`. Rows of one block of `levels` may depend on
@@ -311,6 +332,19 @@ mod tests {
         // What all rows are off alike is structure over neither.
         let off: Vec<f64> = plain.iter().map(|z| z + 0.3).collect();
         assert_eq!(strongest(&covariates, &[residuals(&off, 1.0)], &[&blocks]), None);
+    }
+
+    #[test]
+    fn what_is_given_for_each_of_a_few_nodes_is_not_told_from_their_differences() {
+        let nodes = |n: u32| -> Vec<[u32; 2]> { (0..200).map(|row| [row % n, row % 7]).collect() };
+        let of_sender = |nodes: &[[u32; 2]]| -> Vec<f64> {
+            nodes.iter().map(|ends| f64::from(ends[0])).collect()
+        };
+        let (few, many) = (nodes(19), nodes(20));
+        assert!(is_of_few_nodes(&of_sender(&few), &few));
+        assert!(!is_of_few_nodes(&of_sender(&many), &many));
+        let varying: Vec<f64> = (0..200).map(f64::from).collect();
+        assert!(!is_of_few_nodes(&varying, &few));
     }
 
     #[test]

@@ -110,7 +110,7 @@ impl<S: Study> Search<'_, S> {
                 return false;
             }
             let over = self.gain_between(test, &tests[best], accepted);
-            over.standard_error < over.gain
+            over.standard_error < over.gain && self.stands_clustered(test.term, accepted)
         };
         best = greatest_gain(tests, &explains_more).unwrap_or(best);
         if let Some(curve) = curve {
@@ -474,14 +474,18 @@ impl<S: Study> Search<'_, S> {
         })
     }
 
-    /// Backward elimination: removes accepted terms, the last one excepted, that no longer gain significantly. Returns the removed
-    /// terms.
+    /// Backward elimination: removes accepted terms that no longer gain significantly. The last one was tested just now; it is weighed again
+    /// only against the mean of a curve without one. Returns the removed terms.
     pub(super) fn backward_elimination(&self, accepted: &mut Vec<usize>) -> Vec<usize> {
         let candidates = self.study.candidates();
         let mut removed = Vec::new();
         let mut index = 0;
-        while index + 1 < accepted.len() {
+        while index < accepted.len() {
             let term = accepted[index];
+            let lacks_mean = |&other: &usize| other != term && self.stand_in_for(other) != other;
+            if index + 1 == accepted.len() && !accepted.iter().any(lacks_mean) {
+                break;
+            }
             let level = candidates[term].level;
             let mut rest = without_term(accepted, term);
             if candidates[term].curve_over().is_none() {

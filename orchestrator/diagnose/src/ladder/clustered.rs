@@ -1,7 +1,7 @@
 //! What the slopes of a fit say of a term, of rows that depend on each other.
 
-use super::{COMMON, Search, with_term};
-use crate::acceptance::FAMILY_ERROR;
+use super::{COMMON, CandidateTest, Search, with_term};
+use crate::acceptance::{FAMILY_ERROR, WORTH_NATS};
 use crate::gain::{Gain, Scores};
 use crate::score_test::{ScoreTest, ScoreTests};
 use crate::{gate, limits};
@@ -13,6 +13,8 @@ use tracing::debug;
 /// before.
 const BESIDE_DRIFT: f64 = 0.05;
 
+/// Random levels that raise the log likelihood by so much (nats) are evident if they predict rows left out no worse.
+const EVIDENT_NATS: f64 = 50.0;
 /// A level is far from nothing at so many times half of its 90 % interval: 3.3 standard errors.
 const INTERVALS_APART: f64 = 2.0;
 /// Blocks within a span of time of which fewer do not tell how gains vary there.
@@ -93,6 +95,27 @@ impl<S: Study> Search<'_, S> {
         debug!(name = candidate.name, least, n = known.len(), "clustered");
         // Where nothing can be told, the gain on rows left out decides.
         known.is_empty() || least * (known.len() as f64) < BESIDE_DRIFT
+    }
+
+    /// Of random levels that are evident from all rows at once, those that raise the likelihood most. Where nodes never come back to a place,
+    /// rows left out tell little of levels of places; the likelihood, levels integrated out, tells all.
+    pub(super) fn most_evident(
+        &self,
+        tests: &[CandidateTest],
+        accepted: &[usize],
+        removed: &[usize],
+    ) -> Option<usize> {
+        let least = EVIDENT_NATS.max(WORTH_NATS * self.all.len() as f64);
+        let may_be = |test: &CandidateTest| {
+            self.study.candidates()[test.term].level == Level::Random
+                && !removed.contains(&test.term)
+                && least < test.rise
+                && 0.0 < test.gain.gain
+        };
+        let evident = (0..tests.len()).filter(|&index| may_be(&tests[index]));
+        evident
+            .max_by(|&a, &b| tests[a].rise.total_cmp(&tests[b].rise))
+            .filter(|&index| self.stands_clustered(tests[index].term, accepted))
     }
 
     /// The share of the error that a term removes beside those accepted.

@@ -33,21 +33,26 @@ impl RobotStudy {
     pub(super) fn standardised(&self, fit: &RobotFit) -> Residuals {
         let view = self.view(fit);
         let n = view.predicted.len();
-        let along: Vec<f64> = (0..n).map(|row| view.scaled_at(row)).collect();
-        let across: Vec<f64> = (0..n).map(|row| view.scaled_across(row)).collect();
-        let turned = |by: fn([f64; 2]) -> [f64; 2]| -> Vec<f64> {
-            let frames = self.model.directions.iter().copied().map(by);
-            let both = frames.zip(along.iter().zip(&across));
-            both.map(|([of_along, of_across], (along, across))| {
-                of_along * along + of_across * across
-            })
-            .collect()
-        };
-        let fixed = if self.model.tracks.is_relative() {
-            Vec::new()
-        } else {
-            vec![turned(|[cos, sin]| [cos, -sin]), turned(|[cos, sin]| [sin, cos])]
-        };
+        let mut along: Vec<f64> = (0..n).map(|row| view.scaled_at(row)).collect();
+        let mut across: Vec<f64> = (0..n).map(|row| view.scaled_across(row)).collect();
+        let frames = &self.model.directions;
+        let mut fixed = Vec::new();
+        if !self.model.tracks.is_relative() {
+            let turned = |by: fn([f64; 2]) -> [f64; 2]| -> Vec<f64> {
+                let both = frames.iter().copied().map(by).zip(along.iter().zip(&across));
+                both.map(|([of_along, of_across], (along, across))| {
+                    of_along * along + of_across * across
+                })
+                .collect()
+            };
+            fixed = vec![turned(|[cos, sin]| [cos, -sin]), turned(|[cos, sin]| [sin, cos])];
+            // What pushes all robots one way is no structure over the direction in which they move.
+            let [east, north] = [0, 1].map(|k: usize| mean_ignoring_nan(fixed[k].iter().copied()));
+            for (row, [cos, sin]) in frames.iter().enumerate() {
+                along[row] -= cos * east + sin * north;
+                across[row] -= cos * north - sin * east;
+            }
+        }
         let component = |standardised| Component { standardised, is_of_error: true };
         let all = [along, across].into_iter().chain(fixed);
         Residuals { components: all.map(component).collect(), mean_square: None }
