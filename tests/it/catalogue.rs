@@ -136,7 +136,17 @@ fn the_program_lists_explains_and_draws_effects() {
 }
 
 /// Effects that no campaign of `tests/campaign` can hide, and why.
-const WITHOUT_CAMPAIGN: [(&str, &str, &str); 3] = [
+const WITHOUT_CAMPAIGN: [(&str, &str, &str); 5] = [
+    (
+        "radio",
+        "drift",
+        "links that drift together have a campaign of their own: tests/campaign/unforeseen/drift.rs",
+    ),
+    (
+        "radio",
+        "link-drift",
+        "links that drift by themselves have a campaign of their own: tests/campaign/unforeseen/drift.rs",
+    ),
     (
         "robots",
         "turn-slowdown",

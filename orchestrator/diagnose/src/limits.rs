@@ -209,7 +209,7 @@ pub fn selection<S: Study>(
         for proposal in found {
             let is_known = study.candidates().iter().any(|candidate| {
                 candidate.only.as_ref() == Some(&proposal.only)
-                    && candidate.name.starts_with(&study.candidates()[proposal.term].name)
+                    && candidate.effect() == study.candidates()[proposal.term].name
             });
             // What cannot be limited is not.
             if !is_known

@@ -597,6 +597,7 @@ impl Study for LinkStudy {
         match self.specs[term] {
             TermSpec::Drift(_) => Some(self.p_value_of_agreement(fit)),
             TermSpec::NodeOffset(_) => Some(self.p_value_of_nodes(&fit.without_links())),
+            TermSpec::Multipath(_) => Some(self.p_value_of_channels(fit)),
             _ => None,
         }
     }

@@ -5,6 +5,7 @@
 //! the campaign, which leaves each as it is (B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 15: permutation
 //! tests).
 
+mod channels;
 mod nodes;
 
 use super::LinkStudy;
