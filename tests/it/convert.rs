@@ -162,7 +162,7 @@ fn packets_at_a_root_show_what_was_lost_as_gaps() {
     );
     let text = std::fs::read_to_string(dir.path().join("root.csv")).unwrap();
     assert!(
-        text.lines().nth(1).unwrap().starts_with("15,2,0,15.105,2,0,2,1,20,-70,1,2,12,-81,"),
+        text.lines().nth(1).unwrap().starts_with("15,2,0,15.105,2,0,2,3,20,-70,1,2,12,-81,"),
         "{text}"
     );
     let found = checked(dir.path(), "root.csv");

@@ -7,7 +7,11 @@
 //! | 7–11 | ASN of the creation |
 //! | 12–13 | sequence number, least significant byte first |
 //! | 14 | padding |
-//! | 15–38 | up to six hops: node, transmissions that it needed, channel of the successful one, RSSI at its receiver (−dBm) |
+//! | 15–38 | up to six hops: node, counter of transmissions, channel of the successful one, RSSI at its receiver (−dBm) |
+//!
+//! The counter of a hop counts down, as `l2_retriesLeft` of OpenWSN does: it is `max_transmissions` at the first transmission, and 1
+//! at the last one. Copies of a packet whose acknowledgment was lost show this: each has a counter lower by one for every slotframe
+//! that it came later.
 
 use super::{Format, Row, Rows, refused};
 use measure::DataError;
@@ -22,24 +26,35 @@ pub const FORMAT: Format = Format {
     variant: Variant {
         name: "openwsn-packets",
         doc: "Packets that arrived at the root of an OpenWSN network, one a line: 38 bytes as a list (last sender, ASN of arrival and \
-              of creation, sequence number, then node, transmissions, channel and −RSSI of each hop), then a time of day.",
-        fields: &[
-            Field {
-                key: "slot_s",
-                doc: "Duration of a slot (s): times are ASN times slot_s. OpenWSN's slots last 0.015 s.",
-                kind: Kind::Number(Range::above(0.0, 1.0)),
-                default: Default::Number(0.015),
-            },
-            Field {
-                key: "root",
-                doc: "Address of the root, the destination of all packets.",
-                kind: Kind::Integer { min: 0, max: 255 },
-                default: Default::Integer(1),
-            },
-        ],
+              of creation, sequence number, then node, counter of transmissions, channel and −RSSI of each hop), then a time of day.",
+        fields: &[SLOT_S, ROOT, MAX_TRANSMISSIONS],
     },
     columns: COLUMNS,
     open,
+};
+
+/// Key: how long a slot lasts.
+pub(super) const SLOT_S: Field = Field {
+    key: "slot_s",
+    doc: "Duration of a slot (s): times are ASN times slot_s. OpenWSN's slots last 0.015 s.",
+    kind: Kind::Number(Range::above(0.0, 1.0)),
+    default: Default::Number(0.015),
+};
+
+/// Key: the root.
+pub(super) const ROOT: Field = Field {
+    key: "root",
+    doc: "Address of the root, the destination of all packets.",
+    kind: Kind::Integer { min: 0, max: 255 },
+    default: Default::Integer(1),
+};
+
+/// Key: where the counter of a hop begins.
+pub(super) const MAX_TRANSMISSIONS: Field = Field {
+    key: "max_transmissions",
+    doc: "Transmissions after which a node drops a packet. The counter of a hop counts down from here; 3 in OpenWSN (TXRETRIES).",
+    kind: Kind::Integer { min: 1, max: 255 },
+    default: Default::Integer(3),
 };
 
 /// Packets with more hops have only the first six in the log.
@@ -85,30 +100,19 @@ fn open<'a>(
     content: Content<'a>,
     keys: &toml::Table,
 ) -> Result<Box<dyn Rows + 'a>, DataError> {
-    let slot_s = keys.get("slot_s").and_then(toml::Value::as_float).unwrap_or(0.015);
-    let root = keys.get("root").and_then(toml::Value::as_integer).unwrap_or(1);
-    Ok(Box::new(PacketLines {
-        content,
-        path: path.to_owned(),
+    Ok(Box::new(Packets {
+        lines: PacketLines::new(path, content, keys),
         names: COLUMNS.iter().map(|(_, name)| (*name).to_owned()).collect(),
-        slot_ns: (slot_s * 1e9).round() as u64,
-        root: root.to_string(),
-        line: 0,
-        text: Vec::new(),
     }))
 }
 
-struct PacketLines<'a> {
-    content: Content<'a>,
-    path: PathBuf,
+/// A row for each packet.
+struct Packets<'a> {
+    lines: PacketLines<'a>,
     names: Vec<String>,
-    slot_ns: u64,
-    root: String,
-    line: usize,
-    text: Vec<u8>,
 }
 
-impl Rows for PacketLines<'_> {
+impl Rows for Packets<'_> {
     fn names(&self) -> &[String] {
         &self.names
     }
@@ -119,6 +123,149 @@ impl Rows for PacketLines<'_> {
     }
 
     fn next(&mut self, row: &mut Row) -> Result<bool, DataError> {
+        let Some(packet) = self.lines.next()? else { return Ok(false) };
+        row.line = self.lines.line;
+        row.fields.clear();
+        row.problem = None;
+        match packet {
+            Ok(packet) => self.fill(&packet, row),
+            Err(problem) => row.problem = Some(problem),
+        }
+        Ok(true)
+    }
+}
+
+impl Packets<'_> {
+    fn fill(&self, packet: &Packet, row: &mut Row) {
+        row.fields.push_field(&self.lines.seconds(packet.created_asn));
+        row.fields.push_field(&packet.source().to_string());
+        row.fields.push_field(&self.lines.root.to_string());
+        row.fields.push_field(&self.lines.seconds(packet.arrived_asn));
+        let hops = packet.hops.len().to_string();
+        row.fields.push_field(if packet.is_complete() { &hops } else { "" });
+        row.fields.push_field(&packet.sequence.to_string());
+        for at in 0..MOST_HOPS {
+            match packet.hops.get(at) {
+                Some(hop) => {
+                    row.fields.push_field(&hop.node.to_string());
+                    row.fields.push_field(&hop.transmissions.to_string());
+                    row.fields.push_field(&hop.channel.to_string());
+                    row.fields.push_field(&(-i32::from(hop.minus_rssi)).to_string());
+                }
+                None => (0..4).for_each(|_| row.fields.push_field("")),
+            }
+        }
+    }
+}
+
+/// A packet that arrived at the root.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Packet {
+    /// Node that handed the packet to the root.
+    pub last_sender: u8,
+    /// Slot of the arrival.
+    pub arrived_asn: u64,
+    /// Slot of the creation.
+    pub created_asn: u64,
+    /// Sequence number.
+    pub sequence: u64,
+    /// Its hops, at least one, from the source on.
+    pub hops: Vec<Hop>,
+}
+
+/// A hop of a packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Hop {
+    /// Node that sent.
+    pub node: u8,
+    /// Transmissions up to the one that was received, which counts.
+    pub transmissions: u8,
+    /// Channel of the transmission that was received, 11 to 26.
+    pub channel: u8,
+    /// RSSI at the receiver (−dBm).
+    pub minus_rssi: u8,
+}
+
+impl Packet {
+    /// The node that created the packet.
+    pub(super) fn source(&self) -> u8 {
+        self.hops.first().map_or(0, |hop| hop.node)
+    }
+
+    /// Whether the record of the route is complete: then its last hop leads to the root.
+    pub(super) fn is_complete(&self) -> bool {
+        self.hops.last().is_some_and(|hop| hop.node == self.last_sender)
+    }
+
+    fn of_bytes(bytes: &[u8; N_BYTES], max_transmissions: u8) -> Result<Self, String> {
+        let number = |from: usize, n: usize| {
+            (0..n).rev().fold(0u64, |number, at| number << 8 | u64::from(bytes[from + at]))
+        };
+        let mut hops = Vec::new();
+        for hop in bytes[14..].chunks(4).take_while(|hop| hop[0] != 0) {
+            let &[node, counter, channel, minus_rssi] = hop else { break };
+            if counter == 0 || !(11..=26).contains(&channel) {
+                return Err("a hop has no transmissions, or a channel outside 11 to 26".to_owned());
+            }
+            if max_transmissions < counter {
+                return Err(format!(
+                    "the counter of a hop exceeds max_transmissions, {max_transmissions}"
+                ));
+            }
+            let transmissions = max_transmissions - counter + 1;
+            hops.push(Hop { node, transmissions, channel, minus_rssi });
+        }
+        if hops.is_empty() {
+            return Err("no hop is recorded, so the source is unknown".to_owned());
+        }
+        Ok(Self {
+            last_sender: bytes[0],
+            arrived_asn: number(1, 5),
+            created_asn: number(6, 5),
+            sequence: number(11, 2),
+            hops,
+        })
+    }
+}
+
+/// The lines of such a log.
+pub(super) struct PacketLines<'a> {
+    content: Content<'a>,
+    path: PathBuf,
+    slot_ns: u64,
+    /// Address of the root.
+    pub root: u8,
+    max_transmissions: u8,
+    /// The line that was read last, from 1.
+    pub line: usize,
+    text: Vec<u8>,
+}
+
+impl<'a> PacketLines<'a> {
+    /// * `keys`: of the format, checked.
+    pub(super) fn new(path: &Path, content: Content<'a>, keys: &toml::Table) -> Self {
+        let integer = |field: &Field, default: u8| {
+            let value = keys.get(field.key).and_then(toml::Value::as_integer);
+            value.and_then(|value| value.try_into().ok()).unwrap_or(default)
+        };
+        let slot_s = keys.get(SLOT_S.key).and_then(toml::Value::as_float).unwrap_or(0.015);
+        Self {
+            content,
+            path: path.to_owned(),
+            slot_ns: (slot_s * 1e9).round() as u64,
+            root: integer(&ROOT, 1),
+            max_transmissions: integer(&MAX_TRANSMISSIONS, 3),
+            line: 0,
+            text: Vec::new(),
+        }
+    }
+
+    /// The next packet, or why its line cannot be used; `None` at the end.
+    ///
+    /// # Errors
+    ///
+    /// The log cannot be read further.
+    pub(super) fn next(&mut self) -> Result<Option<Result<Packet, String>>, DataError> {
         self.text.clear();
         self.line += 1;
         let failed = |source| DataError::Read { path: self.path.clone(), source };
@@ -130,57 +277,19 @@ impl Rows for PacketLines<'_> {
             .check(n as u64)
             .map_err(|refusal| refused(&self.path, format!("line {}: {refusal}", self.line)))?;
         if n == 0 {
-            return Ok(false);
+            return Ok(None);
         }
-        row.line = self.line;
-        row.fields.clear();
-        row.problem = None;
-        match bytes(&self.text) {
-            Some(bytes) => row.problem = self.packet(&bytes, row).err(),
-            None => {
-                row.problem =
-                    Some(format!("the line does not begin with {N_BYTES} bytes in brackets"))
-            }
-        }
-        Ok(true)
+        let problem = || format!("the line does not begin with {N_BYTES} bytes in brackets");
+        let packet = bytes(&self.text)
+            .ok_or_else(problem)
+            .and_then(|bytes| Packet::of_bytes(&bytes, self.max_transmissions));
+        Ok(Some(packet))
     }
-}
 
-impl PacketLines<'_> {
-    /// The fields of a packet.
-    fn packet(&self, bytes: &[u8; N_BYTES], row: &mut Row) -> Result<(), String> {
-        let number = |from: usize, n: usize| {
-            (0..n).rev().fold(0u64, |number, at| number << 8 | u64::from(bytes[from + at]))
-        };
-        let seconds = |asn: u64| {
-            let ns = u128::from(asn) * u128::from(self.slot_ns);
-            format!("{}.{:09}", ns / 1_000_000_000, ns % 1_000_000_000)
-        };
-        let hops: Vec<&[u8]> = bytes[14..].chunks(4).take_while(|hop| hop[0] != 0).collect();
-        let source = hops.first().ok_or("no hop is recorded, so the source is unknown")?[0];
-        if hops.iter().any(|hop| hop[1] == 0 || !(11..=26).contains(&hop[2])) {
-            return Err("a hop has no transmissions, or a channel outside 11 to 26".to_owned());
-        }
-        // The last hop leads to the root, unless the record of the route is incomplete.
-        let is_complete = hops.last().is_some_and(|hop| hop[0] == bytes[0]);
-        row.fields.push_field(&seconds(number(6, 5)));
-        row.fields.push_field(&source.to_string());
-        row.fields.push_field(&self.root);
-        row.fields.push_field(&seconds(number(1, 5)));
-        row.fields.push_field(&if is_complete { hops.len().to_string() } else { String::new() });
-        row.fields.push_field(&number(11, 2).to_string());
-        for at in 0..MOST_HOPS {
-            match hops.get(at) {
-                Some(&[node, transmissions, channel, rssi]) => {
-                    row.fields.push_field(&node.to_string());
-                    row.fields.push_field(&transmissions.to_string());
-                    row.fields.push_field(&channel.to_string());
-                    row.fields.push_field(&(-i32::from(*rssi)).to_string());
-                }
-                _ => (0..4).for_each(|_| row.fields.push_field("")),
-            }
-        }
-        Ok(())
+    /// The time at which a slot begins (s).
+    pub(super) fn seconds(&self, asn: u64) -> String {
+        let ns = u128::from(asn) * u128::from(self.slot_ns);
+        format!("{}.{:09}", ns / 1_000_000_000, ns % 1_000_000_000)
     }
 }
 
@@ -229,7 +338,7 @@ mod tests {
             [(
                 1,
                 format!(
-                    "3.000000000,7,1,3.870000000,2,515,7,2,26,-84,4,1,11,-60{}",
+                    "3.000000000,7,1,3.870000000,2,515,7,2,26,-84,4,3,11,-60{}",
                     ",".repeat(16)
                 )
             )]
@@ -241,9 +350,11 @@ mod tests {
         let text = "x\n[1, 2]\n[1, 300]\n\n".to_owned()
             + &line([4; 14], &[])
             + &line([4; 14], &[[4, 1, 68, 60]])
-            + &line([9, 2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 3, 0, 0], &[[7, 2, 26, 84]]);
+            + &line([9, 2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 3, 0, 0], &[[7, 2, 26, 84]])
+            + &line([7, 2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 3, 0, 0], &[[7, 4, 26, 84]])
+            + &line([7, 2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 3, 0, 0], &[[7, 3, 26, 84]]);
         let rows = rows(&text);
-        assert_eq!(rows.len(), 7);
+        assert_eq!(rows.len(), 9);
         assert!(
             rows[..4].iter().all(|(_, problem)| problem.contains("38 bytes in brackets")),
             "{rows:?}"
@@ -254,5 +365,8 @@ mod tests {
             rows[6],
             (7, format!("0.015000000,7,1,0.030000000,,3,7,2,26,-84{}", ",".repeat(20)))
         );
+        // 4 exceeds the most transmissions, 3; 3 is the first one.
+        assert!(rows[7].1.contains("exceeds max_transmissions, 3"), "{rows:?}");
+        assert!(rows[8].1.contains(",1,3,7,1,26,-84,"), "{rows:?}");
     }
 }
