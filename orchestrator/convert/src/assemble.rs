@@ -1,6 +1,8 @@
 //! From the files of a mapping to a table.
 
 use crate::account::{self, Account, RejectedRows};
+use crate::aggregate;
+use crate::channels::{self, ChannelShare};
 use crate::derive;
 use crate::files::{self, Found};
 use crate::formats::Rows;
@@ -35,12 +37,13 @@ pub fn convert(mapping: &Mapping) -> Result<Converted, ConvertError> {
         inputs: vec![InputState::default(); mapping.inputs.len()],
     };
     let mut rows = Table::default();
-    let (mut gaps, mut warnings) = (Vec::new(), Vec::new());
+    let (mut gaps, mut channels, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     for run in 0..files[0].len() {
         let frame = state.run(run, &mut gaps, &mut warnings)?;
+        channels.extend(channels::shares(&frame, run as u32 + 1));
         rows.append(frame, run)?;
     }
-    Ok(state.finish(rows, gaps, warnings))
+    Ok(state.finish(rows, gaps, channels, warnings))
 }
 
 /// The files of each input; those of further inputs in the order of the runs.
@@ -145,6 +148,9 @@ impl State<'_> {
         if self.mapping.table == TableKind::Links {
             derive::drop_sums_over_channels(&mut base, &mut account);
         }
+        if let Some(period_ns) = self.mapping.aggregate_ns {
+            aggregate::aggregate(&mut base, period_ns, &mut account);
+        }
         if self.mapping.table == TableKind::Packets && base.column("sequence").is_some() {
             gaps.extend(derive::sequence_gaps(&mut base, run as u32 + 1, &mut account));
         }
@@ -206,6 +212,7 @@ impl State<'_> {
         mut self,
         rows: Table,
         mut gaps: Vec<SequenceGaps>,
+        channels: Vec<ChannelShare>,
         mut warnings: Vec<String>,
     ) -> Converted {
         let numbers = self.labels.numbers(&self.mapping.names);
@@ -278,6 +285,7 @@ impl State<'_> {
             names: self.labels.named(&numbers).into_iter().collect(),
             origin_deg: self.plane.map(|plane| plane.origin_deg),
             gaps,
+            channels,
             warnings,
         };
         Converted { table, answer }

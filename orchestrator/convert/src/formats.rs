@@ -6,6 +6,7 @@
 pub mod csv;
 pub mod k7;
 pub mod openwsn;
+pub mod openwsn_transmissions;
 
 use ::csv::StringRecord;
 use measure::DataError;
@@ -36,7 +37,8 @@ impl Registered for Format {
 }
 
 /// The formats that are known.
-pub const BUILT_IN: &[Format] = &[csv::FORMAT, k7::FORMAT, openwsn::FORMAT];
+pub const BUILT_IN: &[Format] =
+    &[csv::FORMAT, k7::FORMAT, openwsn::FORMAT, openwsn_transmissions::FORMAT];
 
 /// The rows of a log.
 pub trait Rows {

@@ -8,12 +8,15 @@
 //! | [`units`], [`time`], [`geodesy`] | units, dates and positions, in the units of the tables |
 //! | [`tables`] | the tables and their columns |
 //! | [`sequence`] | gaps in sequence numbers |
+//! | [`channels`] | on which channels hops were received |
 //! | [`output`] | tables written as CSV or Parquet |
 //!
 //! A row that the commands' own readers would reject is rejected here, with its line in the log.
 
 mod account;
+mod aggregate;
 mod assemble;
+pub mod channels;
 mod derive;
 pub mod files;
 pub mod formats;
@@ -32,6 +35,7 @@ pub use account::RejectedRows;
 pub use assemble::convert;
 pub use join::JoinReport;
 
+use channels::ChannelShare;
 use measure::DataError;
 use measure::table::DataTable;
 use proto::config::Refusal;
@@ -86,6 +90,8 @@ pub struct Conversion {
     pub origin_deg: Option<[f64; 2]>,
     /// Gaps in sequence numbers, by run and source; empty where packets have no sequence numbers.
     pub gaps: Vec<SequenceGaps>,
+    /// On which channels the hops of packets were received, by run; empty where the log has no channels of hops, or too few hops.
+    pub channels: Vec<ChannelShare>,
     /// What to check before the table is used.
     pub warnings: Vec<String>,
 }

@@ -32,6 +32,8 @@ pub struct Mapping {
     pub start: Start,
     /// Latitude and longitude (degrees) of the origin of the plane; `None`: the first fix.
     pub origin_deg: Option<[f64; 2]>,
+    /// Link samples are summed up over periods of this length (ns).
+    pub aggregate_ns: Option<i64>,
 }
 
 /// From when times count.
@@ -131,6 +133,7 @@ struct TopKeys {
     table: TableKind,
     start: Option<toml::Value>,
     origin_deg: Option<[f64; 2]>,
+    aggregate_s: Option<f64>,
     input: Option<Vec<toml::Table>>,
 }
 
@@ -188,6 +191,7 @@ impl Mapping {
             names,
             start,
             origin_deg: keys.origin_deg,
+            aggregate_ns: keys.aggregate_s.map(|period_s| (period_s * 1e9) as i64),
         };
         mapping.check_inputs(&mut problems);
         if problems.is_empty() { Ok(mapping) } else { Err(mapping.refuse(problems)) }
@@ -233,6 +237,13 @@ impl Mapping {
                     problems.push(Problem::new(format!("{path}.columns.{}", target.name), message));
                 }
             }
+        }
+        let has_samples =
+            self.table == TableKind::Links && self.inputs.iter().any(|input| input.has("received"));
+        if self.aggregate_ns.is_some() && !has_samples {
+            let message =
+                "sums up link samples: it requires table = \"links\" and the column received";
+            problems.push(Problem::new(spec::AGGREGATE_S, message));
         }
         if !problems.is_empty() {
             return;
@@ -437,7 +448,7 @@ mod tests {
         for part in [
             "map.toml:1: table: must be one of \"links\", \"robots\", \"packets\", got \"robot\" (nearest valid: \"robots\")",
             "map.toml:2: names.b: must differ from the number of \"a\", got 1",
-            "map.toml:5: input[0].format: must be one of \"csv\", \"k7\", \"openwsn-packets\", got \"csvs\" (nearest valid: \"csv\")",
+            "map.toml:5: input[0].format: must be one of \"csv\", \"k7\", \"openwsn-packets\", \"openwsn-transmissions\", got \"csvs\" (nearest valid: \"csv\")",
             "map.toml:6: input[0].columns.agnt: is not a known key (nearest valid: agent)",
             "map.toml:6: input[0].columns.y_m.unit: must be one of m, cm, mm, km, ft, got \"deg\"",
             "map.toml:7: input[0].covariates.heading_rad: is no covariate",
@@ -460,6 +471,21 @@ mod tests {
         assert!(refusal("table = \"links\"\n").contains("input: is missing"));
         let said = refusal("table = \"robots\"\n[[input]]\nfiles = \"a.k7\"\nformat = \"k7\"\n");
         assert!(said.contains("also requires agent, x_m"), "{said}");
+    }
+
+    #[test]
+    fn only_link_samples_are_summed_up() {
+        let text = |columns: &str| {
+            format!(
+                "table = \"links\"\naggregate_s = 60\n[[input]]\nfiles = \"a\"\ncolumns = {{ time_s = \"t\", tx = \"a\", \
+                 rx = \"b\", rssi_dbm = \"r\", {columns} }}\n"
+            )
+        };
+        let mapping = Mapping::of_text(Path::new("map.toml"), text("received = \"ok\"")).unwrap();
+        assert_eq!(mapping.aggregate_ns, Some(60_000_000_000));
+        let said = refusal(&text("frames = \"n\", pdr = \"p\""));
+        assert!(said.contains("map.toml:2: aggregate_s: sums up link samples"), "{said}");
+        assert!(refusal("table = \"links\"\naggregate_s = 0\n").contains("0.001"));
     }
 
     #[test]

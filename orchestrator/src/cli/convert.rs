@@ -2,6 +2,7 @@
 
 use super::{Failure, check_place, place_for, write_json};
 use crate::console::{say, warn};
+use ::convert::channels::ChannelShare;
 use ::convert::mapping::Mapping;
 use ::convert::output::{self, OutputFormat};
 use ::convert::{Conversion, ConvertError, InputReport};
@@ -98,9 +99,30 @@ fn print(out: &Path, answer: &Conversion) {
             "  gaps      run {run}: {missing} of {sent} sequence numbers are missing ({percent:.1} %), restarts: {restarts}"
         ));
     }
+    for run in answer.channels.chunk_by(|a, b| a.run == b.run) {
+        say(channels(run));
+    }
     for warning in &answer.warnings {
         warn(warning);
     }
+}
+
+/// The channels of a run on which fewer or more hops were received than on the mean channel.
+fn channels(run: &[ChannelShare]) -> String {
+    let listed = |word: &str, is_such: &dyn Fn(&ChannelShare) -> bool| {
+        let such: Vec<String> = run
+            .iter()
+            .filter(|share| is_such(share))
+            .map(|s| format!("{} ({:.2}, {:.2} to {:.2})", s.channel, s.relative, s.low, s.high))
+            .collect();
+        if such.is_empty() { format!("none {word}") } else { format!("{word} {}", such.join(", ")) }
+    };
+    format!(
+        "  channels  run {}: hops received relative to the mean channel, with 95 % intervals: {}; {}",
+        run.first().map_or(0, |share| share.run),
+        listed("below it", &|share| share.high < 1.0),
+        listed("above it", &|share| 1.0 < share.low)
+    )
 }
 
 fn print_input(number: usize, input: &InputReport) {

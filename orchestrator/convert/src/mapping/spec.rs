@@ -9,6 +9,9 @@ use proto::config::{
 /// The key that says which table is written.
 pub(super) const TABLE: &str = "table";
 
+/// The key that sums up link samples.
+pub(super) const AGGREGATE_S: &str = "aggregate_s";
+
 /// The keys of a mapping file.
 pub const SPEC: TableSpec = TableSpec {
     doc: "A mapping file: how logs become a table of measurements.",
@@ -41,6 +44,13 @@ pub const SPEC: TableSpec = TableSpec {
             doc: "Numbers of nodes or robots by their name in the log: `{ gateway = 0, \"00:12\" = 1 }`. Other names get the numbers that \
                   follow, in natural order. By default, whole numbers stay as they are.",
             kind: Kind::Anything,
+            default: Default::Absent,
+        },
+        Field {
+            key: AGGREGATE_S,
+            doc: "Links: sums up link samples over periods of this length (s), by run, sender, receiver and channel, into an aggregated \
+                  table: rows with frames, pdr and the mean reading, as `--given-rssi` requires them.",
+            kind: Kind::Number(Range::closed(1e-3, 1e9)),
             default: Default::Absent,
         },
         Field {
