@@ -598,6 +598,7 @@ impl Study for LinkStudy {
             TermSpec::Drift(_) => Some(self.p_value_of_agreement(fit)),
             TermSpec::NodeOffset(_) => Some(self.p_value_of_nodes(&fit.without_links())),
             TermSpec::Multipath(_) => Some(self.p_value_of_channels(fit)),
+            TermSpec::LinkDrift(_) => Some(self.p_value_of_times(fit)),
             _ => None,
         }
     }

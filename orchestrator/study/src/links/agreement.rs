@@ -5,8 +5,8 @@
 //! the campaign, which leaves each as it is (B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap, 1993, chapter 15: permutation
 //! tests).
 
-mod channels;
 mod nodes;
+mod rows;
 
 use super::LinkStudy;
 use super::fit::LinkFit;
@@ -24,17 +24,17 @@ impl LinkStudy {
     /// Probability that links which change by themselves agree as much in what a fit leaves of their readings. 1 where there are fewer
     /// than two links.
     pub(super) fn p_value_of_agreement(&self, fit: &LinkFit) -> f64 {
-        let mut links: BTreeMap<(u32, (u32, u32)), Vec<(f64, f64)>> = BTreeMap::new();
+        let mut links: BTreeMap<[u32; 3], Vec<(f64, f64)>> = BTreeMap::new();
         let mut ends: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
         for (row, left_db) in self.left_db(fit) {
             let measured = &self.rows.links.rows[row];
-            let pair = (measured.tx.min(measured.rx), measured.tx.max(measured.rx));
-            links.entry((measured.run, pair)).or_default().push((measured.time_s, left_db));
+            let [low, high] = [measured.tx.min(measured.rx), measured.tx.max(measured.rx)];
+            links.entry([measured.run, low, high]).or_default().push((measured.time_s, left_db));
             let end = ends.entry(measured.run).or_insert((f64::INFINITY, f64::NEG_INFINITY));
             *end = (end.0.min(measured.time_s), end.1.max(measured.time_s));
         }
         let mut courses: BTreeMap<u32, Vec<[f64; SPANS]>> = BTreeMap::new();
-        for ((run, _), rows) in &links {
+        for ([run, ..], rows) in &links {
             let (first_s, last_s) = ends[run];
             let courses = courses.entry(*run).or_default();
             courses.push(course(rows, first_s, last_s - first_s));

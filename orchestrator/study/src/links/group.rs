@@ -258,7 +258,7 @@ pub(super) fn drift_times_s(rows: &ModelledLinks) -> Vec<f64> {
         times_s().fold(f64::NEG_INFINITY, f64::max) - times_s().fold(f64::INFINITY, f64::min);
     let suits = |time_s: &f64| {
         let n_levels = length_s / (SIDE * time_s);
-        FEWEST_LEVELS <= n_levels && n_levels <= MOST_LEVELS
+        (FEWEST_LEVELS..=MOST_LEVELS).contains(&n_levels)
     };
     let suiting: Vec<f64> = DRIFT_S.into_iter().filter(suits).collect();
     // Where none suits, one that is a twentieth of the whole.
@@ -269,8 +269,11 @@ pub(super) fn drift_times_s(rows: &ModelledLinks) -> Vec<f64> {
 const SPAN: f64 = 0.25;
 const LEAST_SPAN: f64 = 1.0 / 300.0;
 
+/// A span of time: its campaign, and its number.
+type Span = (u32, i64);
+
 /// The span of time, of the campaign of a row, of a length (s); the same for all rows where there is none.
-fn span(rows: &ModelledLinks, row: usize, span_s: Option<f64>) -> (u32, i64) {
+fn span(rows: &ModelledLinks, row: usize, span_s: Option<f64>) -> Span {
     let measured = &rows.links.rows[row];
     span_s.map_or((0, 0), |span_s| (measured.run, (measured.time_s / span_s).floor() as i64))
 }
@@ -282,11 +285,11 @@ fn spans_of_drift(rows: &ModelledLinks, correlation_s: f64) -> (Vec<u32>, Vec<f6
     let length_s =
         times_s().fold(f64::NEG_INFINITY, f64::max) - times_s().fold(f64::INFINITY, f64::min);
     let span_s = (SPAN * correlation_s).max(LEAST_SPAN * length_s);
-    let spans: Vec<(u32, i64)> = (0..rows.len()).map(|row| span(rows, row, Some(span_s))).collect();
+    let spans: Vec<Span> = (0..rows.len()).map(|row| span(rows, row, Some(span_s))).collect();
     let mut sorted = spans.clone();
     sorted.sort_unstable();
     sorted.dedup();
-    let apart = |before: &(u32, i64), after: &(u32, i64)| {
+    let apart = |before: &Span, after: &Span| {
         let apart_s = (after.1 - before.1) as f64 * span_s;
         if before.0 == after.0 { libm::exp(-apart_s / correlation_s) } else { 0.0 }
     };
@@ -319,7 +322,7 @@ pub(super) fn cells_of(rows: &ModelledLinks, scales: Scales) -> RowCells {
         .collect();
     let (link, n_links) = numbered(&links);
     // Links drift on all channels alike.
-    let channels: Vec<(u32, (u8, u64), (u32, i64))> = (0..rows.len())
+    let channels: Vec<(u32, (u8, u64), Span)> = (0..rows.len())
         .map(|row| {
             let fine = || {
                 let channel = rows.links.rows[row].channel.unwrap_or(0);

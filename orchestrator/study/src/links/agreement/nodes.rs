@@ -16,6 +16,9 @@ const FEWEST_LINKS: usize = 10;
 /// Exchanges of links.
 const EXCHANGES: u64 = 999;
 
+/// The ends of a link, with a value that links may exchange.
+type Value = ([u32; 2], f64);
+
 /// A link: its ends, and the mean of what is left from the first to the second, and back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Means {
@@ -53,7 +56,7 @@ fn p_value(links: &[Means]) -> f64 {
     let differing = both().map(|(ends, there, back)| (ends, 0.5 * (there - back))).collect();
     let single = links.iter().filter(|link| link.there_db.is_some() != link.back_db.is_some());
     let single = single.filter_map(|link| Some((link.ends, link.there_db.or(link.back_db)?)));
-    let kinds: [(Vec<([u32; 2], f64)>, [f64; 2]); 3] =
+    let kinds: [(Vec<Value>, [f64; 2]); 3] =
         [(shared, [1.0, 1.0]), (differing, [1.0, -1.0]), (single.collect(), [1.0, 1.0])];
     let told: Vec<f64> = kinds
         .iter()
@@ -67,7 +70,7 @@ fn p_value(links: &[Means]) -> f64 {
 
 /// Probability of as great a spread of the means of nodes by chance. `signs`: with which a value counts at the first end and at the
 /// second.
-fn p_value_of(values: &[([u32; 2], f64)], signs: [f64; 2], kind: u64) -> f64 {
+fn p_value_of(values: &[Value], signs: [f64; 2], kind: u64) -> f64 {
     let centre = if 0.0 < signs[1] {
         values.iter().map(|(_, value)| value).sum::<f64>() / values.len() as f64
     } else {
