@@ -43,6 +43,7 @@ mod refusals;
 mod reports;
 mod results;
 mod resuming;
+mod robot_headings;
 mod schemas;
 mod simulate;
 mod solids;

@@ -133,6 +133,7 @@ fn rung<S: Study>(study: &S, rung: &ladder::LadderStep) -> Rung {
         log_score: scores.log_score,
         rmse: scores.rmse,
         rmse_received_db: scores.rmse_received_db,
+        rmse_heading_rad: scores.rmse_heading_rad,
         crps: scores.crps,
         reception_log_loss: scores.reception_log_loss,
     }

@@ -93,8 +93,14 @@ pub fn links(
             deviation: &deviation,
             without_constant: &constant.deviation,
             surprise: &constant.surprise,
+            heading: &[],
         },
-        None => Errors { deviation: &deviation, without_constant: &deviation, surprise: &surprise },
+        None => Errors {
+            deviation: &deviation,
+            without_constant: &deviation,
+            surprise: &surprise,
+            heading: &[],
+        },
     };
     let places = ranked(&study.covariates(), ranked_by);
     let comparison = finished(Subject::Links, blocks.unit, &intervals, places, account);
@@ -140,17 +146,24 @@ pub fn robots(
         let inside = rows.iter().map(|&row| [view.scaled_at(row), view.scaled_across(row)]);
         let inside = inside.flatten().filter(|z| z.abs() <= 1.645).count() as f64;
         let bias = statistics::mean(rows.iter().map(|&row| along[row]));
-        vec![
+        let mut list = vec![
             ("log_score", all.log_score),
             ("rmse_m", all.rmse),
             ("bias_m", bias),
             ("crps_m", all.crps),
             ("coverage_90", inside / n),
-        ]
+        ];
+        list.extend(all.rmse_heading_rad.map(|rmse_rad| ("rmse_heading_rad", rmse_rad)));
+        list
     };
     let intervals = bootstrap(&summary_of(&scored(blocks)), blocks, &summary_of);
     let nothing = vec![f64::NAN; along.len()];
-    let errors = Errors { deviation: &along, without_constant: &along, surprise: &nothing };
+    let errors = Errors {
+        deviation: &along,
+        without_constant: &along,
+        surprise: &nothing,
+        heading: &view.heading_rad,
+    };
     let places = ranked(&study.covariates(), errors);
     finished(Subject::Robots, blocks.unit, &intervals, places, account)
 }
@@ -208,6 +221,8 @@ struct Errors<'a> {
     without_constant: &'a [f64],
     /// Surprise of reception beside that constant.
     surprise: &'a [f64],
+    /// Measured less predicted heading; empty for links.
+    heading: &'a [f64],
 }
 
 /// Covariates by how much of the error their bins explain, most first.
@@ -218,17 +233,18 @@ fn ranked(covariates: &[(String, Vec<f64>)], errors: Errors<'_>) -> Vec<Place> {
     places
 }
 
-/// What the bins of a covariate explain of the error of readings, and of the surprise of reception.
+/// What the bins of a covariate explain of the error of readings or positions, of the surprise of reception, and of the error of
+/// headings.
 fn place(name: &str, values: &[f64], errors: Errors<'_>) -> Option<Place> {
     let edges = edges(values)?;
     let (Explained { explained, p_value }, _) =
         explained_in(&edges, values, errors.without_constant);
     let (_, sums) = explained_in(&edges, values, errors.deviation);
-    let reception = errors
-        .surprise
-        .iter()
-        .any(|value| value.is_finite())
-        .then(|| explained_in(&edges, values, errors.surprise).0);
+    let beside = |errors: &[f64]| {
+        let is_known = errors.iter().any(|value| value.is_finite());
+        is_known.then(|| explained_in(&edges, values, errors).0)
+    };
+    let (reception, heading) = (beside(errors.surprise), beside(errors.heading));
     let bins: Vec<Bin> = sums
         .iter()
         .enumerate()
@@ -239,7 +255,7 @@ fn place(name: &str, values: &[f64], errors: Errors<'_>) -> Option<Place> {
             Bin { from: edges[k], to: edges[k + 1], n: sum.0, bias, rmse }
         })
         .collect();
-    Some(Place { covariate: name.to_owned(), explained, p_value, reception, bins })
+    Some(Place { covariate: name.to_owned(), explained, p_value, reception, heading, bins })
 }
 
 /// How much of the variance of errors a covariate explains: the share that the means of its bins take away, less what the

@@ -14,6 +14,8 @@ pub struct Scores {
     pub rmse: f64,
     /// Of links: root mean square of readings less predicted mean levels (dB), whatever is received; none where nothing was read.
     pub rmse_received_db: Option<f64>,
+    /// Of robots: root mean squared error of predicted headings (rad); none where the body does not turn.
+    pub rmse_heading_rad: Option<f64>,
     /// Continuous ranked probability score (dB or m).
     pub crps: f64,
     /// Log loss of reception (nats per frame); NaN where reception is unknown.
@@ -25,10 +27,13 @@ impl Scores {
     #[must_use]
     pub fn mean(rows: &[RowScore]) -> Self {
         let plain_square = mean_ignoring_nan(rows.iter().map(|row| row.plain_squared_error));
+        let heading_square =
+            mean_ignoring_nan(rows.iter().map(|row| row.heading_squared_error_rad2));
         Self {
             log_score: mean_ignoring_nan(rows.iter().map(|row| row.log)),
             rmse: mean_ignoring_nan(rows.iter().map(|row| row.squared_error)).sqrt(),
             rmse_received_db: Some(plain_square.sqrt()).filter(|rmse_db| rmse_db.is_finite()),
+            rmse_heading_rad: Some(heading_square.sqrt()).filter(|rmse_rad| rmse_rad.is_finite()),
             crps: mean_ignoring_nan(rows.iter().map(|row| row.crps)),
             reception_log_loss: mean_ignoring_nan(rows.iter().map(|row| row.reception_log_loss)),
         }
@@ -145,6 +150,7 @@ mod tests {
             log,
             squared_error: f64::NAN,
             plain_squared_error: f64::NAN,
+            heading_squared_error_rad2: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,
         };

@@ -188,6 +188,7 @@ impl<'a, S: Study> Search<'a, S> {
             log: f64::NAN,
             squared_error: f64::NAN,
             plain_squared_error: f64::NAN,
+            heading_squared_error_rad2: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,
         };

@@ -114,21 +114,25 @@ fn ladder(text: &mut String, diagnosis: &Diagnosis) {
         return;
     }
     let has_losses = first.is_some_and(|rung| !rung.reception_log_loss.is_nan());
+    let has_headings = first.is_some_and(|rung| rung.rmse_heading_rad.is_some());
     let _ = writeln!(
         text,
-        "{:<34} {:>12} {:>10} {:>10}{}",
+        "{:<34} {:>12} {:>10} {:>10}{}{}",
         format!("model ({} held out)", diagnosis.split),
         "log score",
         format!("rmse {unit}"),
         format!("crps {unit}"),
-        if has_losses { "  reception loss" } else { "" }
+        if has_losses { "  reception loss" } else { "" },
+        if has_headings { "  rmse heading rad" } else { "" }
     );
     for rung in &diagnosis.ladder {
         let loss =
             if has_losses { format!("  {:>14.4}", rung.reception_log_loss) } else { String::new() };
+        let heading = rung.rmse_heading_rad;
+        let heading = heading.map_or_else(String::new, |rmse_rad| format!("  {rmse_rad:>16.4}"));
         let _ = writeln!(
             text,
-            "{:<34} {:>12.4} {:>10.4} {:>10.4}{loss}",
+            "{:<34} {:>12.4} {:>10.4} {:>10.4}{loss}{heading}",
             rung.model, rung.log_score, rung.rmse, rung.crps
         );
     }

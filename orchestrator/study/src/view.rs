@@ -13,6 +13,8 @@ pub struct RowPredictions {
     pub sd: Vec<f64>,
     /// Measured less predicted across the motion (m), and its standard deviation; empty for links.
     pub across: Vec<[f64; 2]>,
+    /// Measured less predicted heading (rad) at the end of each window; empty for links, NaN where the body does not turn.
+    pub heading_rad: Vec<f64>,
     /// Mean level (dBm) at the reception curve; empty for robots.
     pub level: Vec<f64>,
     /// Predicted probability of reception; empty for robots.
@@ -66,6 +68,7 @@ impl RowPredictions {
             copy(&mut self.measured, &other.measured, row);
             copy(&mut self.sd, &other.sd, row);
             copy(&mut self.across, &other.across, row);
+            copy(&mut self.heading_rad, &other.heading_rad, row);
             copy(&mut self.level, &other.level, row);
             copy(&mut self.passes, &other.passes, row);
         }

@@ -75,6 +75,9 @@ pub struct Place {
     pub p_value: f64,
     /// The same of the surprise of reception; null where reception is unknown.
     pub reception: Option<Explained>,
+    /// The same of the error of the heading at the end of a window; absent of links and of robots whose body does not turn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub heading: Option<Explained>,
     /// Bins with about as many rows each.
     pub bins: Vec<Bin>,
 }

@@ -26,9 +26,12 @@ pub fn text(comparison: &Comparison) -> String {
     }
     for place in comparison.places.iter().take(MOST_COVARIATES) {
         let known = |value: f64, default: f64| if value.is_finite() { value } else { default };
+        let heading = place.heading.map_or_else(String::new, |heading| {
+            format!("   of the heading {:.1} %", 100.0 * known(heading.explained, 0.0))
+        });
         let _ = writeln!(
             text,
-            "{:<22} {:>9.1} %   p = {:.2e}",
+            "{:<22} {:>9.1} %   p = {:.2e}{heading}",
             place.covariate,
             100.0 * known(place.explained, 0.0),
             known(place.p_value, 1.0)

@@ -146,6 +146,7 @@ impl Study for Lines {
                 log: self.log_density(fit, row as usize),
                 squared_error: left * left,
                 plain_squared_error: f64::NAN,
+                heading_squared_error_rad2: f64::NAN,
                 crps: left.abs(),
                 reception_log_loss: f64::NAN,
             }

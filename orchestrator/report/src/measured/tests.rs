@@ -60,8 +60,15 @@ fn account() -> DataAccount {
 }
 
 fn rung(model: &str, rmse: f64, log_score: f64, reception_log_loss: f64) -> Rung {
-    let (model, rmse_received_db) = (model.to_owned(), None);
-    Rung { model, log_score, rmse, rmse_received_db, crps: f64::NAN, reception_log_loss }
+    Rung {
+        model: model.to_owned(),
+        log_score,
+        rmse,
+        rmse_received_db: None,
+        rmse_heading_rad: None,
+        crps: f64::NAN,
+        reception_log_loss,
+    }
 }
 
 fn candidate(effect: &str, gain: f64) -> Tested {

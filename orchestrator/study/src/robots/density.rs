@@ -16,6 +16,8 @@ pub(super) struct Residual {
     pub(super) spread: f64,
     /// Predicted way (m).
     pub(super) way_m: f64,
+    /// Measured less predicted heading (rad); NaN where the body does not turn. No part of the density.
+    pub(super) heading_rad: f64,
 }
 
 /// Scatter of residuals: a normal law and, for one window in a hundred, one that is ten times as broad, so that a single
@@ -161,6 +163,7 @@ mod tests {
                     parts_m: [draw(3 * row + 1) * sd_m, draw(3 * row + 2) * sd_m + across, 0.0],
                     spread: 1.0,
                     way_m,
+                    heading_rad: f64::NAN,
                 }
             })
             .collect()
@@ -188,7 +191,7 @@ mod tests {
         for i in -400..400 {
             for j in -400..400 {
                 let parts_m = [f64::from(i) * h, f64::from(j) * h, 0.0];
-                let residual = Residual { parts_m, spread: 1.5, way_m: 2.0 };
+                let residual = Residual { parts_m, spread: 1.5, way_m: 2.0, ..Residual::default() };
                 sum += libm::exp(density.log(&residual).0) * h * h;
             }
         }
@@ -199,7 +202,7 @@ mod tests {
     fn the_crps_of_a_normal_law_is_that_of_the_literature() {
         // Gneiting and Raftery 2007, at z = 0: sd (2 φ(0) − 1/√π) = 0.233695 sd.
         let density = ResidualDensity { sd_m: 2.0, sd_rad: 0.0, n_parts: 2 };
-        let residual = Residual { parts_m: [0.0; 3], spread: 1.0, way_m: 0.0 };
+        let residual = Residual { parts_m: [0.0; 3], spread: 1.0, ..Residual::default() };
         assert!((density.crps_m(&residual) - 2.0 * 0.233_695).abs() < 1e-6);
     }
 }

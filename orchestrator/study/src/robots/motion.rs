@@ -66,6 +66,15 @@ struct StateEstimate {
     reference: Drive,
 }
 
+/// What a robot is predicted to do in a window.
+#[derive(Clone, Copy, Debug)]
+struct Moved {
+    /// From where the window begins to where it ends (m).
+    way_m: [f64; 3],
+    /// Heading at its end (rad).
+    heading_rad: f64,
+}
+
 impl MeasuredTracks {
     /// Windows of `window_s`, four of which overlap where samples are close enough.
     pub(super) fn new(robots: RobotSamples, window_s: f64, terrain: Terrain) -> Self {
@@ -208,7 +217,7 @@ impl MeasuredTracks {
     pub(super) fn directions(&self, physics: &Physics, gains: Gains) -> Vec<[f64; 2]> {
         self.predictions(physics, &self.paths(physics), gains)
             .into_iter()
-            .map(|(_, moved_m)| direction(moved_m))
+            .map(|(_, moved)| direction(moved.way_m))
             .collect()
     }
 
@@ -267,9 +276,15 @@ impl MeasuredTracks {
     ) -> Vec<Residual> {
         let predictions = self.predictions(physics, paths, gains);
         let both = self.windows.iter().zip(predictions).enumerate();
-        both.map(|(index, (window, (begin, moved_m)))| {
-            let frame = self.frames.get(index).copied().unwrap_or_else(|| direction(moved_m));
-            self.residual(window, &begin, moved_m, frame)
+        let is_turning = physics.shape().is_turning();
+        both.map(|(index, (window, (begin, moved)))| {
+            let frame = self.frames.get(index).copied().unwrap_or_else(|| direction(moved.way_m));
+            let mut residual = self.residual(window, &begin, moved.way_m, frame);
+            if is_turning {
+                let measured_rad = self.robots.samples[window.end as usize].heading_rad;
+                residual.heading_rad = wrapped(measured_rad - moved.heading_rad);
+            }
+            residual
         })
         .collect()
     }
@@ -283,19 +298,19 @@ impl MeasuredTracks {
     /// Where each window is predicted to end (m).
     pub(super) fn ends_m(&self, physics: &Physics, gains: Gains) -> Vec<[f64; 3]> {
         let predictions = self.predictions(physics, &self.paths(physics), gains);
-        let end = |(begin, moved_m): (StateEstimate, [f64; 3])| {
-            std::array::from_fn(|i| begin.robot.position_m[i] + moved_m[i])
+        let end = |(begin, moved): (StateEstimate, Moved)| {
+            std::array::from_fn(|i| begin.robot.position_m[i] + moved.way_m[i])
         };
         predictions.into_iter().map(end).collect()
     }
 
-    /// What is known when each window begins, and what the robot is predicted to move in it (m).
+    /// What is known when each window begins, and what the robot is predicted to move in it.
     fn predictions(
         &self,
         physics: &Physics,
         paths: &ModelPaths,
         gains: Gains,
-    ) -> Vec<(StateEstimate, [f64; 3])> {
+    ) -> Vec<(StateEstimate, Moved)> {
         let mut predictions = Vec::with_capacity(self.windows.len());
         let is_alike = !paths.is_empty();
         for (track, range) in self.robots.tracks.iter().enumerate() {
@@ -306,14 +321,18 @@ impl MeasuredTracks {
             let known = self.state_estimates(track, physics, paths, gains);
             for window in windows {
                 let begin = known[window.start as usize - range.start];
-                let moved_m = if is_alike {
-                    let end = &known[window.end as usize - range.start];
+                let moved = if is_alike {
+                    let last = window.end as usize - range.start;
+                    let end = &known[last];
                     let path_m = std::array::from_fn(|i| end.path_m[i] - begin.path_m[i]);
-                    rotated(path_m, begin.turned_rad)
+                    Moved {
+                        way_m: rotated(path_m, begin.turned_rad),
+                        heading_rad: paths[track][last].heading_rad + begin.turned_rad,
+                    }
                 } else {
                     self.simulate(physics, track, window, &begin)
                 };
-                predictions.push((begin, moved_m));
+                predictions.push((begin, moved));
             }
         }
         predictions
@@ -339,6 +358,7 @@ impl MeasuredTracks {
             ],
             spread: 1.0 + begin.variance,
             way_m,
+            heading_rad: f64::NAN,
         }
     }
 
@@ -456,14 +476,14 @@ impl MeasuredTracks {
         known
     }
 
-    /// What a robot moves (m) in a window.
+    /// What a robot moves in a window.
     fn simulate(
         &self,
         physics: &Physics,
         track: usize,
         window: &MotionWindow,
         begin: &StateEstimate,
-    ) -> [f64; 3] {
+    ) -> Moved {
         let mut robot = begin.robot;
         let from_m = robot.position_m;
         let (first, end) = (window.start as usize, window.end as usize);
@@ -471,7 +491,10 @@ impl MeasuredTracks {
         for sample in first..end {
             mover.advance(&mut robot, sample);
         }
-        std::array::from_fn(|i| robot.position_m[i] - from_m[i])
+        Moved {
+            way_m: std::array::from_fn(|i| robot.position_m[i] - from_m[i]),
+            heading_rad: robot.heading_rad,
+        }
     }
 
     /// A robot at each sample of a track by the model alone, from where the track begins.

@@ -10,6 +10,7 @@ use crate::symbolic::FittedFormula;
 use crate::{
     Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study, caution, joined,
 };
+use numbers::power::square;
 use proto::effect::Level;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::sync::PoisonError;
@@ -167,6 +168,7 @@ impl Study for RobotStudy {
             log: fit.density.log(residual).0,
             squared_error: residual.parts_m.iter().map(|part| part * part).sum(),
             plain_squared_error: f64::NAN,
+            heading_squared_error_rad2: square(residual.heading_rad),
             crps: fit.density.crps_m(residual),
             reception_log_loss: f64::NAN,
         };

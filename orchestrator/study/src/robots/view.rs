@@ -18,6 +18,7 @@ impl Viewed for RobotStudy {
             view.measured.push(residual.way_m + residual.parts_m[0]);
             view.sd.push(sd_m[0]);
             view.across.push([residual.parts_m[1], sd_m[1]]);
+            view.heading_rad.push(residual.heading_rad);
         }
         view
     }

@@ -79,6 +79,7 @@ impl Instrument {
             log: self.share_likelihood(row, level).log,
             squared_error: away * away,
             plain_squared_error: f64::NAN,
+            heading_squared_error_rad2: f64::NAN,
             crps: normal_crps(away, sd),
             reception_log_loss: -measured * libm::log(share)
                 - (1.0 - measured) * libm::log(1.0 - share),
