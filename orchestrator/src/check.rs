@@ -14,10 +14,10 @@ pub use file_check::{CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use indexmap::IndexMap;
 use measure::config::Compared;
 use measure::links::LinkRow;
+use measure::robots::CommandKind;
 use measure::table::DataTable;
 use numbers::statistics::quantile_lower;
 use proto::effect::Level;
-use robotsim::dynamics::Shape;
 use std::collections::BTreeSet;
 use std::path::Path;
 use study::choices::Choices;
@@ -62,12 +62,10 @@ fn bare(subject: Subject, table: &DataTable) -> Result<Compared, OpenError> {
     let text = match subject {
         Subject::Links => "[netsim.phy]\npropagation = \"friis\"\n".to_owned(),
         Subject::Robots => {
-            let kind = match measure::robots::has_shape(table) {
-                Ok(Shape::Unicycle) => "unicycle",
-                Ok(Shape::Car) => "car",
-                _ => "point-mass",
-            };
-            format!("[robotsim.dynamics]\nkind = \"{kind}\"\n")
+            let commands = CommandKind::of_table(table).unwrap_or(CommandKind::Velocity);
+            // What is tested without a configuration does not depend on the mass.
+            let mass = if commands == CommandKind::Thrust { "mass_kg = 1.0\n" } else { "" };
+            format!("[robotsim.dynamics]\nkind = \"{}\"\n{mass}", commands.bodies()[0])
         }
     };
     Ok(Compared::of_text(Path::new("no configuration"), text, &[])?)
@@ -122,11 +120,6 @@ fn robots(study: &RobotStudy, account: DataAccount, window_s: f64) -> DataCheck 
     let samples = &robots.samples;
     let agents: BTreeSet<u32> = samples.iter().map(|sample| sample.agent).collect();
     let runs: BTreeSet<u32> = samples.iter().map(|sample| sample.run).collect();
-    let command = match robots.shape {
-        Shape::Velocity => "velocities",
-        Shape::Unicycle => "speed and yaw rate",
-        Shape::Car => "speed and steering",
-    };
     let place = |axis: usize| range(samples.iter().map(|sample| sample.position_m[axis]));
     let speeds = robots.tracks.iter().flat_map(|track| {
         samples[track.clone()].windows(2).map(|pair| {
@@ -142,7 +135,7 @@ fn robots(study: &RobotStudy, account: DataAccount, window_s: f64) -> DataCheck 
         runs: runs.len(),
         agents,
         spacing_s: robots.spacing_s(),
-        commands: command,
+        commands: robots.commands.describe(),
         x_m: place(0),
         y_m: place(1),
         z_m: robots.is_spatial.then(|| place(2)),

@@ -17,7 +17,7 @@ mod rigid;
 pub mod surroundings;
 
 pub use body::{Drive, Part, Shape, wrapped};
-pub use inertial::GRAVITY_MPS2;
+pub use inertial::{GRAVITY_MPS2, thrust_direction};
 pub use response::Response;
 
 use crate::context::field;
@@ -151,6 +151,12 @@ const VARIANTS: &[Variant] = &[
                 "Time constant of the thrust (s). 0: no lag.",
                 Kind::Number(Range::closed(0.0, 100.0)),
                 Default::Number(0.15),
+            ),
+            field(
+                "mass_kg",
+                "Mass (kg). Measurements with commands of thrust require it; motion in a run does not depend on it.",
+                Kind::Number(Range::above(0.0, 1e6)),
+                Default::Absent,
             ),
         ],
     },

@@ -279,6 +279,7 @@ impl Model {
                 Some(base.map_or(FREE_SPACE_EXPONENT, |base| base.exponent) + added)
             }
             FromModel::ReferenceDistance => base.map(|base| base.reference_distance_m),
+            FromModel::Mass => None,
         }
     }
 

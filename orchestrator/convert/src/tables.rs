@@ -96,6 +96,13 @@ pub const COLUMNS: &[Column] = &[
     column("cmd_speed_mps", Number, ROBOTS),
     column("cmd_yaw_rate_radps", Number, ROBOTS),
     column("cmd_steer_rad", Number, ROBOTS),
+    column("cmd_ax_mps2", Number, ROBOTS),
+    column("cmd_ay_mps2", Number, ROBOTS),
+    column("cmd_az_mps2", Number, ROBOTS),
+    column("cmd_thrust_n", Number, ROBOTS),
+    column("cmd_roll_rad", Number, ROBOTS),
+    column("cmd_pitch_rad", Number, ROBOTS),
+    column("cmd_yaw_rad", Heading, ROBOTS),
     column("source", Label, PACKETS),
     column("destination", Label, PACKETS),
     column("received_s", Time, PACKETS),
@@ -210,6 +217,13 @@ pub(crate) const COLUMNS_SPEC: TableSpec = TableSpec {
         key("cmd_speed_mps", "Robots: commanded speed (m/s)."),
         key("cmd_yaw_rate_radps", "Robots: commanded yaw rate (rad/s), of a unicycle."),
         key("cmd_steer_rad", "Robots: commanded steering angle (rad), of a car."),
+        key("cmd_ax_mps2", "Robots: commanded acceleration along x (m/s²)."),
+        key("cmd_ay_mps2", "Robots: commanded acceleration along y (m/s²)."),
+        key("cmd_az_mps2", "Robots: commanded acceleration along z (m/s²), which is 0 at hover."),
+        key("cmd_thrust_n", "Robots: commanded thrust (N), of a quadrotor."),
+        key("cmd_roll_rad", "Robots: commanded roll (rad), positive with the right side down."),
+        key("cmd_pitch_rad", "Robots: commanded pitch (rad), positive with the nose down."),
+        key("cmd_yaw_rad", "Robots: commanded yaw (rad, from +x towards +y)."),
         key("source", "Packets: the node that created the packet, by number or name."),
         key("destination", "Packets: the node that the packet is for, by number or name."),
         key("received_s", "Packets: time of arrival; empty if the packet was lost."),
@@ -263,7 +277,7 @@ impl TableKind {
         let table = DataTable::of_columns(names.to_vec(), vec![Vec::new(); names.len()]);
         match self {
             Self::Links => links::has_shape(&table).err(),
-            Self::Robots => robots::has_shape(&table).err(),
+            Self::Robots => robots::CommandKind::of_table(&table).err(),
             Self::Packets => packets::has_shape(&table).err(),
         }
         .unwrap_or_default()

@@ -24,6 +24,8 @@ enum Dimension {
     Geographic,
     Speed,
     AngularRate,
+    Acceleration,
+    Force,
     Power,
     Share,
 }
@@ -62,6 +64,11 @@ pub const ALL: &[Unit] = &[
     unit("knots", &["kn", "kt"], Dimension::Speed, 1852.0 / 3600.0, true),
     unit("radps", &["rad/s"], Dimension::AngularRate, 1.0, true),
     unit("degps", &["deg/s", "°/s", "dps"], Dimension::AngularRate, DEG, true),
+    unit("mps2", &["m/s2", "m/s^2", "m/s²"], Dimension::Acceleration, 1.0, true),
+    // Standard gravity: CGPM 1901.
+    unit("g", &[], Dimension::Acceleration, 9.806_65, false),
+    unit("n", &["newton", "newtons"], Dimension::Force, 1.0, false),
+    unit("kgf", &[], Dimension::Force, 9.806_65, true),
     unit("dbm", &[], Dimension::Power, 1.0, true),
     unit("-dbm", &[], Dimension::Power, -1.0, false),
     unit("percent", &["%", "pct"], Dimension::Share, 1e-2, true),
@@ -124,6 +131,10 @@ fn dimension_of(target: &str) -> Option<Dimension> {
     if target.ends_with("latitude_deg") || target.ends_with("longitude_deg") {
         return Some(Dimension::Geographic);
     }
+    // Of other columns the ending may be a number of something.
+    if target == "cmd_thrust_n" {
+        return Some(Dimension::Force);
+    }
     let (_, suffix) = target.rsplit_once('_')?;
     match suffix {
         "s" => Some(Dimension::Time),
@@ -131,6 +142,7 @@ fn dimension_of(target: &str) -> Option<Dimension> {
         "rad" => Some(Dimension::Angle),
         "mps" => Some(Dimension::Speed),
         "radps" => Some(Dimension::AngularRate),
+        "mps2" => Some(Dimension::Acceleration),
         "dbm" => Some(Dimension::Power),
         _ => None,
     }
@@ -173,5 +185,9 @@ mod tests {
         assert!((84.0 * factor("-dBm", "rssi_dbm") + 84.0).abs() < 1e-12);
         assert!(!Unit::named("kmh").unwrap().fits("heading_rad"));
         assert_eq!(allowed("heading_rad"), "rad, deg");
+        assert!((0.5 * factor("g", "cmd_az_mps2") - 4.903_325).abs() < 1e-12);
+        assert!((2.0 * factor("kgf", "cmd_thrust_n") - 19.6133).abs() < 1e-12);
+        assert!(!Unit::named("N").unwrap().fits("cmd_ax_mps2"));
+        assert_eq!(allowed("cmd_thrust_n"), "n, kgf");
     }
 }

@@ -258,7 +258,9 @@ impl<'a> PowerPlan<'a> {
             }
             Subject::Robots => {
                 let (study, _) = open::robots(config, table, question.choices)?;
-                (candidates_and_blocks(&study, question.effect)?, Vec::new())
+                let entry = config.catalogues.robots.effects.find(kind);
+                let starts = entry.map(|entry| study.configured_keys(entry)).unwrap_or_default();
+                (candidates_and_blocks(&study, question.effect)?, starts)
             }
         };
         let (parameters, variants, section) = match subject {

@@ -1,6 +1,9 @@
 //! Robot samples: where robots were measured, and what they were commanded to do.
 
+mod commands;
 mod warnings;
+
+pub use commands::CommandKind;
 
 use super::ranges::RangeCheck;
 use super::table::DataTable;
@@ -23,6 +26,8 @@ pub struct RobotSamples {
     /// Every other numeric column that says anything: a value per sample, NaN where it is missing.
     pub covariates: Vec<(String, Vec<f64>)>,
     /// How the robots were commanded.
+    pub commands: CommandKind,
+    /// What bodies of the simulator are so commanded.
     pub shape: Shape,
     /// Whether positions or commands leave the plane.
     pub is_spatial: bool,
@@ -49,14 +54,12 @@ pub struct RobotSample {
     pub position_m: [f64; 3],
     /// Measured heading (rad); NaN where unknown.
     pub heading_rad: f64,
-    /// Command in force from now on.
+    /// Command in force from now on; of commands of thrust and attitude the thrust as a vector (N, east, north, up).
     pub command: Drive,
 }
 
-/// Columns that all robot samples have.
-const COMMON: [&str; 4] = ["time_s", "agent", "x_m", "y_m"];
 /// Columns with a meaning of their own, which are no covariates.
-pub const KNOWN: [&str; 14] = [
+pub const KNOWN: [&str; 21] = [
     "time_s",
     time_of_day::START,
     "agent",
@@ -71,44 +74,16 @@ pub const KNOWN: [&str; 14] = [
     "cmd_speed_mps",
     "cmd_yaw_rate_radps",
     "cmd_steer_rad",
+    "cmd_ax_mps2",
+    "cmd_ay_mps2",
+    "cmd_az_mps2",
+    "cmd_thrust_n",
+    "cmd_roll_rad",
+    "cmd_pitch_rad",
+    "cmd_yaw_rad",
 ];
-/// Steering beyond this (rad) is degrees.
-const GREATEST_STEER_RAD: f64 = 1.5;
-/// Yaw rates beyond this (rad/s) are degrees per second.
-const GREATEST_YAW_RADPS: f64 = 30.0;
 /// Fewer usable rows carry nothing.
 const FEWEST_ROWS: usize = 20;
-
-/// How robots are commanded in a table of robot samples.
-///
-/// # Errors
-///
-/// The columns it lacks.
-pub fn has_shape(table: &DataTable) -> Result<Shape, Vec<String>> {
-    let is_there = |name: &str| table.column(name).is_some();
-    let mut lacking: Vec<String> =
-        COMMON.iter().filter(|name| !is_there(name)).map(|name| (*name).to_owned()).collect();
-    let shape = if is_there("cmd_speed_mps") && is_there("cmd_yaw_rate_radps") {
-        Some(Shape::Unicycle)
-    } else if is_there("cmd_speed_mps") && is_there("cmd_steer_rad") {
-        Some(Shape::Car)
-    } else if is_there("cmd_vx_mps") && is_there("cmd_vy_mps") {
-        Some(Shape::Velocity)
-    } else {
-        lacking.push(
-            "cmd_vx_mps and cmd_vy_mps (or cmd_speed_mps with cmd_yaw_rate_radps or cmd_steer_rad)"
-                .to_owned(),
-        );
-        None
-    };
-    if shape.is_some_and(Shape::is_turning) && !is_there("heading_rad") {
-        lacking.push("heading_rad (required with commands of speed)".to_owned());
-    }
-    match shape {
-        Some(shape) if lacking.is_empty() => Ok(shape),
-        _ => Err(lacking),
-    }
-}
 
 /// Reads robot samples.
 ///
@@ -116,36 +91,16 @@ pub fn has_shape(table: &DataTable) -> Result<Shape, Vec<String>> {
 ///
 /// What makes the whole file useless, in words for its author.
 pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
-    let shape = has_shape(table)
+    let commands = CommandKind::of_table(table)
         .map_err(|lacking| format!("not robot samples: the file lacks {}", lacking.join(", ")))?;
+    let shape = commands.shape();
     let cell = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
-    let commands: &[&str] = match shape {
-        Shape::Velocity => &["cmd_vx_mps", "cmd_vy_mps"],
-        Shape::Unicycle => &["cmd_speed_mps", "cmd_yaw_rate_radps"],
-        Shape::Car => &["cmd_speed_mps", "cmd_steer_rad"],
-    };
-    let greatest = |name: &str| {
-        let column = table.column(name).unwrap_or_default();
-        column.iter().filter(|v| v.is_finite()).fold(0.0f64, |m, v| m.max(v.abs()))
-    };
-    for (name, limit, unit) in [
-        ("cmd_steer_rad", GREATEST_STEER_RAD, "steering angles must be in rad, not degrees"),
-        (
-            "cmd_yaw_rate_radps",
-            GREATEST_YAW_RADPS,
-            "yaw rates must be in rad/s, not degrees per second",
-        ),
-    ] {
-        if commands.contains(&name) && limit < greatest(name) {
-            return Err(format!("{name} reaches {}; {unit}", greatest(name)));
-        }
-    }
+    let mut warnings = commands.check(table)?;
 
     let strange: BTreeMap<usize, usize> =
         table.strange.iter().rev().map(|&(row, column, _)| (row, column)).collect();
     let mut ranges = RangeCheck::new(table, &[]);
     let mut rejections = Rejections::default();
-    let mut warnings = Vec::new();
     let mut kept: Vec<(RobotSample, usize)> = Vec::with_capacity(table.n_rows());
     for row in 0..table.n_rows() {
         let line = table.line(row);
@@ -158,7 +113,7 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
             rejections.add(&reason, line);
             continue;
         }
-        let required = ["time_s", "agent", "x_m", "y_m"].iter().chain(commands);
+        let required = ["time_s", "agent", "x_m", "y_m"].iter().chain(commands.columns());
         let missing = required
             .chain(if shape.is_turning() { &["heading_rad"][..] } else { &[] })
             .find(|name| cell(name, row).is_nan());
@@ -172,7 +127,10 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
             rejections.add("agent or run is not a whole number", line);
             continue;
         };
-        let third = if shape.is_turning() { 0.0 } else { or_zero(cell("cmd_vz_mps", row)) };
+        if let Some(reason) = commands.refusal(|name| cell(name, row)) {
+            rejections.add(&reason, line);
+            continue;
+        }
         let sample = RobotSample {
             line,
             run,
@@ -180,7 +138,7 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
             time_s: cell("time_s", row),
             position_m: [cell("x_m", row), cell("y_m", row), or_zero(cell("z_m", row))],
             heading_rad: cell("heading_rad", row),
-            command: [cell(commands[0], row), cell(commands[1], row), third],
+            command: commands.command(|name| cell(name, row)),
         };
         kept.push((sample, row));
     }
@@ -236,6 +194,7 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
         samples,
         tracks,
         covariates: Vec::new(),
+        commands,
         shape,
         rejected: rejections.into_list(),
         warnings,
@@ -324,7 +283,9 @@ impl RobotSamples {
         if way_m == 0.0 {
             return Err("no robot ever moves: x_m and y_m are constant".to_owned());
         }
-        if commanded_m == 0.0 {
+        if self.commands.is_inertial() {
+            // How far a robot goes under accelerations depends on how fast it is.
+        } else if commanded_m == 0.0 {
             self.warnings.push(
                 "no robot is ever commanded to move; only effects that move robots without a command (such as wind) can be \
                  found"

@@ -10,7 +10,7 @@ use super::robots::{RobotStudy, RobotStudyError, StatedSettings, body_for};
 use measure::DataError;
 use measure::account::DataFile;
 use measure::config::Compared;
-use measure::robots::RobotSamples;
+use measure::robots::{CommandKind, RobotSamples};
 use measure::table::DataTable;
 use measure::{links, packets, robots};
 use proto::config::{Node, Problem, Refusal, Value};
@@ -69,7 +69,7 @@ pub fn subject(table: &DataTable) -> Result<Subject, OpenError> {
                 .to_owned(),
         });
     }
-    match (links::has_shape(table), robots::has_shape(table)) {
+    match (links::has_shape(table), CommandKind::of_table(table)) {
         (Ok(()), _) => Ok(Subject::Links),
         (Err(_), Ok(_)) => Ok(Subject::Robots),
         (Err(link), Err(robot)) => Err(OpenError::Useless {

@@ -15,6 +15,7 @@ mod fit;
 mod fit_state;
 mod foreign;
 mod formulas;
+mod inertial;
 mod limited;
 mod linear;
 mod motion;
@@ -163,14 +164,19 @@ pub struct RobotFit {
 pub enum RobotStudyError {
     /// The configured body takes other commands than the file has.
     #[error(
-        "robotsim.dynamics.kind = {kind:?}: does not match the commands of the file; set it to {needed:?}"
+        "robotsim.dynamics.kind = {kind:?}: does not match the commands of the file; set it to {needed}"
     )]
     Body {
-        /// What the file needs.
-        needed: &'static str,
+        /// What the file needs, in quotes.
+        needed: String,
         /// What the configuration has.
         kind: String,
     },
+    /// Commands of thrust need a mass.
+    #[error(
+        "robotsim.dynamics.mass_kg is required with commands of thrust (cmd_thrust_n): set it to the mass of a robot in kg"
+    )]
+    Mass,
     /// What was chosen by hand cannot be.
     #[error(transparent)]
     Choice(#[from] ChoiceError),
@@ -315,10 +321,14 @@ impl RobotStudy {
         let StatedSettings { is_wheelbase_given, sd_m: given_sd_m, terrain, catalogue, predicted } =
             given;
         let kind = dynamics.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
-        let needed = body_for(robots.shape);
-        if kind != needed {
+        let bodies = robots.commands.bodies();
+        if !bodies.contains(&kind) {
+            let needed = bodies.iter().map(|body| format!("{body:?}")).collect::<Vec<_>>();
+            let needed = needed.join(" or ");
             return Err(RobotStudyError::Body { needed, kind: kind.to_owned() });
         }
+        let mut robots = robots;
+        inertial::in_accelerations(&mut robots, dynamics)?;
         let shape = robots.shape;
         let n_parts = if robots.is_spatial { 3 } else { 2 };
         let window_s = choices.window_s.unwrap_or(WINDOW_S);

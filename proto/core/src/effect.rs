@@ -61,6 +61,12 @@ pub enum Need {
     TurningCommands,
     /// Commands of steering.
     Steering,
+    /// Commands of velocity or speed.
+    VelocityCommands,
+    /// Commands of acceleration, or of thrust and attitude.
+    ThrustCommands,
+    /// The mass of the robots.
+    Mass,
     /// Packets from end to end, sent and received.
     Packets,
     /// As [`Need::Packets`], with the times at which they arrived.
@@ -89,6 +95,11 @@ impl Need {
             Self::Column(name) => format!("a column {name}"),
             Self::TurningCommands => "commands of speed and of yaw rate or steering".to_owned(),
             Self::Steering => "commands of steering".to_owned(),
+            Self::VelocityCommands => "commands of velocity or speed".to_owned(),
+            Self::ThrustCommands => {
+                "commands of acceleration, or of thrust and attitude".to_owned()
+            }
+            Self::Mass => "mass_kg in [robotsim.dynamics]".to_owned(),
             Self::Packets => "end-to-end packets".to_owned(),
             Self::Latencies => "end-to-end packets with arrival times".to_owned(),
         }
@@ -184,13 +195,15 @@ pub enum Search {
     ThresholdsOfChanges,
 }
 
-/// A property of a configured radio, its base model and effects together.
+/// A property of a configured radio, its base model and effects together, or of a configured robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FromModel {
     /// Path loss exponent: 2 in free space.
     PathLossExponent,
     /// The distance (m) up to which free space applies.
     ReferenceDistance,
+    /// Mass of a robot (kg).
+    Mass,
 }
 
 /// A kind of body that turns.

@@ -98,6 +98,26 @@ impl Inertial for Quadrotor {
     }
 }
 
+/// The direction of the thrust of a body with this attitude: its own vertical axis, east, north and up.
+///
+/// R = R_z(yaw) R_y(pitch) R_x(roll) turns the axes of the body (x ahead, y to the left, z up) into those of the world, and this is
+/// R e_z: e.g. Siciliano et al., Robotics: Modelling, Planning and Control, § 2.4.2. Positive roll lowers the right side, positive pitch
+/// the nose; both push the way they lower.
+///
+/// # Arguments
+///
+/// * Angles in rad.
+#[must_use]
+pub fn thrust_direction([roll_rad, pitch_rad, yaw_rad]: [f64; 3]) -> [f64; 3] {
+    let [(sin_roll, cos_roll), (sin_pitch, cos_pitch), (sin_yaw, cos_yaw)] =
+        [roll_rad, pitch_rad, yaw_rad].map(libm::sincos);
+    [
+        cos_yaw * sin_pitch * cos_roll + sin_yaw * sin_roll,
+        sin_yaw * sin_pitch * cos_roll - cos_yaw * sin_roll,
+        cos_pitch * cos_roll,
+    ]
+}
+
 /// A vector shortened to a length.
 pub(super) fn within(vector: [f64; 3], most: f64) -> [f64; 3] {
     let length = libm::sqrt(vector.iter().map(|part| part * part).sum());
@@ -178,6 +198,21 @@ mod tests {
             assert!((3.9..4.1).contains(&order), "axis {i}: order {order}");
             assert!(error(2048) < 1e-12);
         }
+    }
+
+    #[test]
+    fn thrust_points_where_the_body_is_lowered() {
+        let near = |angles: [f64; 3], expected: [f64; 3]| {
+            let direction = thrust_direction(angles);
+            assert!((0..3).all(|i| (direction[i] - expected[i]).abs() < 1e-15), "{direction:?}");
+        };
+        let (sin, cos) = 0.3_f64.sin_cos();
+        near([0.0; 3], [0.0, 0.0, 1.0]);
+        // Nose down: ahead, which is east, or north once it has turned left by a quarter.
+        near([0.0, 0.3, 0.0], [sin, 0.0, cos]);
+        near([0.0, 0.3, std::f64::consts::FRAC_PI_2], [0.0, sin, cos]);
+        // Right side down: to the right, south.
+        near([0.3, 0.0, 0.0], [0.0, -sin, cos]);
     }
 
     #[test]

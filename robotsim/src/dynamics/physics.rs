@@ -165,7 +165,9 @@ impl Physics {
     #[must_use]
     pub fn is_alike_everywhere(&self) -> bool {
         let drifts = || self.effects.iter().any(|effect| effect.drifts());
-        !(self.all.varies || self.limits_vary || self.shape().is_turning() && drifts())
+        let is_turned = self.shape().is_turning() && drifts();
+        // How fast a body goes that keeps its velocity, its commands do not say.
+        !(self.all.varies || self.limits_vary || is_turned || self.is_inertial())
     }
 
     /// Whether bodies keep their velocity.

@@ -48,6 +48,9 @@ pub fn has(rows: &ModelledLinks, need: Need) -> bool {
         Need::Terrain
         | Need::TurningCommands
         | Need::Steering
+        | Need::VelocityCommands
+        | Need::ThrustCommands
+        | Need::Mass
         | Need::Packets
         | Need::Latencies => false,
     }

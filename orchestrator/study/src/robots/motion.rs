@@ -2,6 +2,7 @@
 
 use super::density::Residual;
 use super::foreign::{ForeignBase, Mover};
+use super::inertial::{self, VelocityVariance};
 use measure::robots::{RobotSample, RobotSamples};
 use numbers::power::square;
 use proto::rng::Draws;
@@ -64,6 +65,8 @@ struct StateEstimate {
     step_m: [f64; 3],
     /// What our own kinematics does, where another simulator's predictions are the base.
     reference: Drive,
+    /// Of bodies that keep their velocity: what scatters in that, too.
+    velocity: VelocityVariance,
 }
 
 /// What a robot is predicted to do in a window.
@@ -85,10 +88,11 @@ impl MeasuredTracks {
         let mut windows_of = Vec::new();
         let mut orders = Vec::new();
         for (number, track) in robots.tracks.iter().enumerate() {
-            let first = windows.len();
+            let first_window = windows.len();
             let samples = &robots.samples[track.clone()];
             let mut end = 0;
-            for start in (0..samples.len()).step_by(stride) {
+            let first = inertial::first_start(&robots, track, window_s);
+            for start in (first..samples.len()).step_by(stride) {
                 let until_s = samples[start].time_s + window_s;
                 while end < samples.len() && samples[end].time_s < until_s - tolerance_s {
                     end += 1;
@@ -101,7 +105,7 @@ impl MeasuredTracks {
                     });
                 }
             }
-            windows_of.push(first..windows.len());
+            windows_of.push(first_window..windows.len());
             // What was commanded at first is taken to have been in force before.
             let mut list = vec![Order { from_s: f64::NEG_INFINITY, demand: samples[0].command }];
             for sample in samples {
@@ -346,7 +350,8 @@ impl MeasuredTracks {
         moved_m: [f64; 3],
         [cos, sin]: [f64; 2],
     ) -> Residual {
-        let measured_m = self.robots.samples[window.end as usize].position_m;
+        let end = &self.robots.samples[window.end as usize];
+        let (measured_m, window_s) = (end.position_m, end.time_s - self.start(window).time_s);
         let error_m: [f64; 3] =
             std::array::from_fn(|i| measured_m[i] - (begin.robot.position_m[i] + moved_m[i]));
         let way_m = libm::hypot(moved_m[0], moved_m[1]);
@@ -356,7 +361,7 @@ impl MeasuredTracks {
                 error_m[1] * cos - error_m[0] * sin,
                 error_m[2],
             ],
-            spread: 1.0 + begin.variance,
+            spread: 1.0 + begin.variance + begin.velocity.spread(window_s),
             way_m,
             heading_rad: f64::NAN,
         }
@@ -367,6 +372,9 @@ impl MeasuredTracks {
         let first = &self.robots.samples[self.robots.tracks[track].start];
         let heading_rad = if first.heading_rad.is_nan() { 0.0 } else { first.heading_rad };
         let robot = Robot { position_m: first.position_m, heading_rad, ..Robot::default() };
+        if physics.is_inertial() {
+            return inertial::begin(robot, &self.robots.samples[self.robots.tracks[track].clone()]);
+        }
         let around = self.surroundings(self.robots.tracks[track].start);
         let drive = physics.target_at(first.command, &robot, first.time_s, &around);
         Robot { drive, ..robot }
@@ -447,6 +455,7 @@ impl MeasuredTracks {
         let samples = &self.robots.samples[range.clone()];
         let mut robot = self.begin(track, physics);
         let mut variance = 1.0;
+        let mut velocity = VelocityVariance::default();
         let mut known = Vec::with_capacity(samples.len());
         let mut mover = Mover::new(self, physics, track, None);
         let reference = mover.reference_drive();
@@ -455,6 +464,18 @@ impl MeasuredTracks {
             let from_m = robot.position_m;
             mover.advance(&mut robot, range.start + index);
             let step_m = std::array::from_fn(|i| robot.position_m[i] - from_m[i]);
+            if physics.is_inertial() {
+                let scatter = (&mut variance, &mut velocity);
+                inertial::correct(&mut robot, pair, (gains.position, index), scatter);
+                known.push(StateEstimate {
+                    robot,
+                    variance,
+                    step_m,
+                    velocity,
+                    ..StateEstimate::default()
+                });
+                continue;
+            }
             let (gain, heading_gain) = weights(gains, index);
             for i in 0..3 {
                 robot.position_m[i] += gain * (pair[1].position_m[i] - robot.position_m[i]);

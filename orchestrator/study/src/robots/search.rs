@@ -115,6 +115,9 @@ impl Study for RobotStudy {
     }
 
     fn formula_of_residuals(&self, covariate: &str, fit: &RobotFit) -> Option<FittedFormula> {
+        if self.robots().commands.is_inertial() {
+            return None;
+        }
         let covariates = self.independent_covariates();
         let (name, values) = covariates.iter().find(|(name, _)| name == covariate)?;
         self.formula((name, values), &covariates, fit)

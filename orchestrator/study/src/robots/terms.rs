@@ -7,7 +7,7 @@ use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, RowValues, set};
 use crate::{CURVE, Candidate, FINE, knots};
 use measure::robots::RobotSample;
 use proto::config::{Node, Value, check};
-use proto::effect::{Body, Level, Need, Parameter, Role, Search, only};
+use proto::effect::{Body, FromModel, Level, Need, Parameter, Role, Search, only};
 use robotsim::catalogue::Catalogue;
 use robotsim::dynamics::effect::{self, Entry};
 use robotsim::dynamics::{Part, Shape};
@@ -122,6 +122,7 @@ pub(super) fn all(
                 another_of: None,
                 stands_in_for: None,
             });
+            let keys = [&keys[..], &of_model(entry, dynamics)].concat();
             let table = template(entry, &keys, &parameters, catalogue);
             if entry.fit.role == Role::Noise {
                 terms.push(Term::Noise(table));
@@ -130,6 +131,10 @@ pub(super) fn all(
             let search = entry.fit.search;
             terms.push(Term::Effect(EffectTerm { table, parameters, starts, search }));
         }
+    }
+    if tracks.robots.commands.is_inertial() {
+        // A curve drifts, and the velocity of these bodies, which is estimated, takes a drift up.
+        return (candidates, terms);
     }
     let own = tracks.own_covariates();
     let is_known = |(name, _): &&(String, Vec<f64>)| name == "time_s" || !tracks.is_relative();
@@ -210,6 +215,13 @@ impl RobotStudy {
 }
 
 impl RobotStudy {
+    /// Keys of an effect that repeat a property of the configured robot, with their values.
+    #[must_use]
+    pub fn configured_keys(&self, entry: &Entry) -> Vec<(String, toml::Value)> {
+        let keys = of_model(entry, &self.model.dynamics).into_iter();
+        keys.map(|(key, value)| (key.to_owned(), value)).collect()
+    }
+
     /// What a name of a formula is in a sample, velocities taken as commanded.
     fn value_of(&self, name: &str, row: usize) -> Option<f64> {
         let robots = &self.model.tracks.robots;
@@ -283,9 +295,27 @@ fn untestable(
             Need::Steering => shape != Shape::Car,
             Need::Terrain => !tracks.has_terrain(),
             Need::OtherAgents => !tracks.has_others(),
+            Need::VelocityCommands => tracks.robots.commands.is_inertial(),
+            Need::ThrustCommands => !tracks.robots.commands.is_inertial(),
+            Need::Mass => mass_kg(dynamics).is_none(),
             _ => false,
         })
         .map(|need| format!("needs {}", need.describe()))
+}
+
+/// The mass of a robot (kg), where the model says it.
+fn mass_kg(dynamics: &toml::Table) -> Option<f64> {
+    dynamics.get("mass_kg").and_then(toml::Value::as_float)
+}
+
+/// Keys of an effect that repeat a property of the configured robot. An effect is not tested where it needs one that is not known.
+fn of_model(entry: &Entry, dynamics: &toml::Table) -> Vec<(&'static str, toml::Value)> {
+    let value = |property: FromModel| match property {
+        FromModel::Mass => mass_kg(dynamics),
+        FromModel::PathLossExponent | FromModel::ReferenceDistance => None,
+    };
+    let keys = entry.fit.from_model.iter();
+    keys.map(|&(key, property)| (key, value(property).unwrap_or(1.0).into())).collect()
 }
 
 /// The effect's table with all defaults, and the numbers to be filled in at some allowed value.
@@ -324,6 +354,12 @@ fn starts(
         Search::Thresholds { .. } => {
             return Starts::At(
                 tracks.thresholds(part).into_iter().map(|value| vec![value]).collect(),
+            );
+        }
+        Search::ThresholdsOfChanges if tracks.robots.commands.is_inertial() => {
+            // The change that is commanded is the command itself.
+            return Starts::At(
+                tracks.thresholds(Part::Speed).into_iter().map(|value| vec![value]).collect(),
             );
         }
         Search::ThresholdsOfChanges => {

@@ -91,7 +91,12 @@ impl MeasuredTracks {
             let is_same = robots.tracks.iter().all(|track| track.start != sample);
             is_same.then_some(other)
         };
-        add("commanded_speed_mps", &|s| speed(samples[s].command));
+        let commanded = if robots.commands.is_inertial() {
+            "commanded_acceleration_mps2"
+        } else {
+            "commanded_speed_mps"
+        };
+        add(commanded, &|s| speed(samples[s].command));
         if is_turning {
             add("commanded_turn", &|s| samples[s].command[1]);
         } else {

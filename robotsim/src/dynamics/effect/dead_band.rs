@@ -2,7 +2,7 @@
 
 use super::{Drive, Effect, Entry, ON, Part, Shape, UNCHECKED, with_speed};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Parameter, Search};
+use proto::effect::{About, Fit, Fixed, Level, Need, Parameter, Search};
 use serde::Deserialize;
 
 /// `kind = "dead-band"`.
@@ -27,7 +27,7 @@ pub(super) const ENTRY: Entry = Entry {
         source: "Stiction in its simplest form: B. Armstrong-Helouvry, P. Dupont and C. Canudas de Wit, A survey of models, analysis tools and compensation methods for the control of machines with friction, Automatica 30 (1994) 1083.",
         validity: "The threshold is the same at rest and in motion (no hysteresis), and above it the whole command acts.",
         trace: "An error only at low commanded speeds, as large as the command.",
-        needs: &[],
+        needs: &[Need::VelocityCommands],
         example: "threshold_mps = 0.05\n",
     },
     fit: Fit {

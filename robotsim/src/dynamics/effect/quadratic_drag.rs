@@ -2,7 +2,7 @@
 
 use super::{Drive, Effect, Entry, Shape, UNCHECKED, with_speed};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Parameter};
+use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
 /// `kind = "quadratic-drag"`.
@@ -24,7 +24,7 @@ pub(super) const ENTRY: Entry = Entry {
         source: "Lord Rayleigh's drag equation; e.g. L. D. Landau and E. M. Lifshitz, Fluid Mechanics, § 45. The steady state of a drive with proportional speed control.",
         validity: "The steady state only; actuator-lag models the transient. Linear drag is aliased with slip.",
         trace: "An error along the motion, in proportion to the square of the speed.",
-        needs: &[],
+        needs: &[Need::VelocityCommands],
         example: "coefficient_per_m = 0.02\n",
     },
     fit: Fit {

@@ -2,7 +2,7 @@
 
 use super::{Effect, Entry, UNCHECKED};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Parameter, Search};
+use proto::effect::{About, Fit, Level, Need, Parameter, Search};
 use serde::Deserialize;
 
 /// `kind = "rough-ground"`.
@@ -37,7 +37,7 @@ pub(super) const ENTRY: Entry = Entry {
         source: "Definition.",
         validity: "One disc with a sharp border; use several effects for several discs.",
         trace: "An error along the motion, inside one place only.",
-        needs: &[],
+        needs: &[Need::VelocityCommands],
         example: "centre_m = [10.0, 5.0]\nradius_m = 4.0\nscale = 0.6\n",
     },
     fit: Fit {

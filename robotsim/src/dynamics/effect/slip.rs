@@ -2,7 +2,7 @@
 
 use super::{Drive, Effect, Entry, ON, Part, Shape, UNCHECKED};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Parameter};
+use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
 
 /// `kind = "slip"`.
@@ -27,7 +27,7 @@ pub(super) const ENTRY: Entry = Entry {
         source: "J. Borenstein and L. Feng, Measurement and correction of systematic odometry errors in mobile robots, IEEE Trans. Robotics and Automation 12 (1996) 869.",
         validity: "One fraction at all speeds and on all grounds.",
         trace: "An error along the motion, in proportion to the speed (on turns: to the turn).",
-        needs: &[],
+        needs: &[Need::VelocityCommands],
         example: "scale = 0.95\n",
     },
     fit: Fit {

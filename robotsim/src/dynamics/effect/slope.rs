@@ -23,7 +23,7 @@ pub(super) const ENTRY: Entry = Entry {
         source: "A linearised balance of weight and drive force; the general form of effects that depend on the position.",
         validity: "Small slopes and drives that yield in proportion. Without terrain the ground is level.",
         trace: "A downhill error that depends only on the position.",
-        needs: &[Need::Terrain],
+        needs: &[Need::Terrain, Need::VelocityCommands],
         example: "gain = 0.5\n",
     },
     fit: Fit {

@@ -2,7 +2,7 @@
 
 use super::{Drive, Effect, Entry, Shape, UNCHECKED, with_speed};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Parameter, Search};
+use proto::effect::{About, Fit, Level, Need, Parameter, Search};
 use serde::Deserialize;
 
 /// `kind = "speed-limit"`.
@@ -23,7 +23,7 @@ pub(super) const ENTRY: Entry = Entry {
         source: "Definition.",
         validity: "One limit in all directions.",
         trace: "An error only at commanded speeds above the limit, against the motion, growing with the speed.",
-        needs: &[],
+        needs: &[Need::VelocityCommands],
         example: "limit_mps = 1.2\n",
     },
     fit: Fit {

@@ -2,7 +2,7 @@
 
 use super::{Effect, Entry, Situation, UNCHECKED};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Parameter};
+use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
 
 /// `kind = "wind"`.
@@ -48,7 +48,7 @@ pub(super) const ENTRY: Entry = Entry {
         source: "Definition. Gusts: normal values every gust_s, joined by g = n_k cos(pi f / 2) + n_(k+1) sin(pi f / 2), which has the same variance at all times.",
         validity: "The wind is the same everywhere. Gusts are simulated but not fitted.",
         trace: "The same error for all robots and all commands, stationary robots included.",
-        needs: &[],
+        needs: &[Need::VelocityCommands],
         example: "velocity_mps = [0.2, -0.1, 0.0]\n",
     },
     fit: Fit {
