@@ -230,7 +230,7 @@ impl Listed {
 
     /// A parameter's unit: as the fit names it, or as its key ends.
     fn unit(&self, key: &str) -> Option<&'static str> {
-        const UNITS: [(&str, &str); 10] = [
+        const UNITS: [(&str, &str); 11] = [
             ("_dbm", "dBm"),
             ("_db", "dB"),
             ("_mps", "m/s"),
@@ -240,6 +240,7 @@ impl Listed {
             ("_ms", "ms"),
             ("_m", "m"),
             ("_s", "s"),
+            ("_kg", "kg"),
             ("_c", "°C"),
         ];
         let fitted = self.fit.parameters.iter().find(|parameter| parameter.key == key);

@@ -135,8 +135,11 @@ fn the_program_lists_explains_and_draws_effects() {
     assert!(error.contains("did you mean two-ray-ground?"), "{error}");
 }
 
+/// Why effects on thrust have no campaign there.
+const FLOWN: &str = "campaigns have robots on the ground: tests/it/quadrotors.rs hides it from quadrotors by equations of its own";
+
 /// Effects that no campaign of `tests/campaign` can hide, and why.
-const WITHOUT_CAMPAIGN: [(&str, &str, &str); 5] = [
+const WITHOUT_CAMPAIGN: [(&str, &str, &str); 8] = [
     (
         "radio",
         "drift",
@@ -147,6 +150,9 @@ const WITHOUT_CAMPAIGN: [(&str, &str, &str); 5] = [
         "link-drift",
         "links that drift by themselves have a campaign of their own: tests/campaign/unforeseen/drift.rs",
     ),
+    ("robots", "ground-effect", FLOWN),
+    ("robots", "payload", FLOWN),
+    ("robots", "thrust-scale", FLOWN),
     (
         "robots",
         "turn-slowdown",

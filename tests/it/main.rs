@@ -38,6 +38,7 @@ mod packets_split;
 mod plain_numbers;
 mod power;
 mod predictions;
+mod quadrotors;
 mod reference;
 mod refusals;
 mod reports;

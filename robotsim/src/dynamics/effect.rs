@@ -8,9 +8,11 @@ mod dead_band;
 mod dead_time;
 mod downwash;
 mod formula;
+mod ground_effect;
 mod heading_bias;
 mod localization;
 pub mod only;
+mod payload;
 mod quadratic_drag;
 mod rough_ground;
 mod slip;
@@ -19,6 +21,7 @@ mod speed_limit;
 mod steering_bias;
 #[cfg(test)]
 pub(super) mod testing;
+mod thrust_scale;
 mod turn_slowdown;
 mod wind;
 mod yaw_coupling;
@@ -37,7 +40,7 @@ use proto::effect::{About, Fit};
 ///
 /// A command passes through effects in this order, whatever their order in the configuration: it comes late
 /// ([`Effect::delay_s`]); what it asks for is changed ([`Effect::shape`], in the order of the configuration); the actuators
-/// follow with lag and limits ([`Effect::lag_s`], [`Effect::limit_per_s`]); the ground and the air add theirs
+/// follow with lag and limits ([`Effect::lag_s`], [`Effect::limit_per_s`]); their thrust is changed ([`Effect::thrust_gain`]); the ground and the air add theirs
 /// ([`Effect::ground_scale`], [`Effect::drift_mps`]); and at last the position is measured ([`Effect::localization`]). Most
 /// effects use one of these; the others have neutral defaults.
 pub trait Effect: Send + Sync + std::fmt::Debug {
@@ -94,12 +97,22 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
         [0.0; 3]
     }
 
+    /// By what the thrust of a body that keeps its velocity is multiplied: the thrust that its actuators would give by themselves.
+    fn thrust_gain(&self, _at: &Situation<'_>) -> f64 {
+        1.0
+    }
+
+    /// Least and greatest value of [`Effect::thrust_gain`].
+    fn thrust_gains(&self) -> [f64; 2] {
+        [1.0; 2]
+    }
+
     /// Whether there is a drift at all.
     fn drifts(&self) -> bool {
         false
     }
 
-    /// Whether [`Effect::ground_scale`] or [`Effect::drift_mps`] change as the robot moves or time passes.
+    /// Whether [`Effect::ground_scale`], [`Effect::drift_mps`] or [`Effect::thrust_gain`] change as the robot moves or time passes.
     fn varies_on_the_way(&self) -> bool {
         false
     }
@@ -179,14 +192,17 @@ pub(crate) const BUILT_IN: &[Entry] = &[
     dead_time::ENTRY,
     downwash::ENTRY,
     formula::ENTRY,
+    ground_effect::ENTRY,
     heading_bias::ENTRY,
     localization::ENTRY,
+    payload::ENTRY,
     quadratic_drag::ENTRY,
     rough_ground::ENTRY,
     slip::ENTRY,
     slope::ENTRY,
     speed_limit::ENTRY,
     steering_bias::ENTRY,
+    thrust_scale::ENTRY,
     turn_slowdown::ENTRY,
     wind::ENTRY,
     yaw_coupling::ENTRY,

@@ -65,6 +65,11 @@ pub(super) trait Inertial {
     fn lag_s(&self) -> f64 {
         0.0
     }
+
+    /// The acceleration (m/s²) that its thrust must give it so that it stays at its height: gravity, where it flies.
+    fn lift_mps2(&self) -> f64 {
+        0.0
+    }
 }
 
 impl Inertial for DoubleIntegrator {
@@ -95,6 +100,10 @@ impl Inertial for Quadrotor {
 
     fn lag_s(&self) -> f64 {
         self.attitude_lag_s
+    }
+
+    fn lift_mps2(&self) -> f64 {
+        GRAVITY_MPS2
     }
 }
 

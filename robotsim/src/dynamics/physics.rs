@@ -401,12 +401,56 @@ impl Physics {
         let h_s = dt_s / n as f64;
         for step in 0..n {
             let mut push = Push { velocity_mps: robot.drive, acceleration_mps2: robot.push_mps2 };
-            let mean_mps = push.advance(asked_mps2, lag_s, h_s);
+            let mut mean_mps = push.advance(asked_mps2, lag_s, h_s);
             let time_s = from_s + (step as f64 + 0.5) * h_s;
+            let gain = self.thrust_gain(robot, acting, mean_mps, [time_s, h_s], surroundings);
+            if gain != 1.0 {
+                // Thrust is a + lift: a' = gain (a + lift) - lift, gain being held over the step.
+                let sinks_mps = (gain - 1.0) * body.lift_mps2() * h_s;
+                for (axis, own_mps) in robot.drive.into_iter().enumerate() {
+                    let sinks_mps = if axis == 2 { sinks_mps } else { 0.0 };
+                    let changed = |free_mps: f64| own_mps + gain * (free_mps - own_mps);
+                    mean_mps[axis] = changed(mean_mps[axis]) + 0.5 * sinks_mps;
+                    push.velocity_mps[axis] = changed(push.velocity_mps[axis]) + sinks_mps;
+                }
+            }
             self.shift(robot, acting, mean_mps, time_s, h_s, surroundings);
             robot.drive = push.velocity_mps;
             robot.push_mps2 = push.acceleration_mps2;
         }
+    }
+
+    /// By what effects multiply the thrust of a body that keeps its velocity, half way through a step in which its velocity would be
+    /// `mean_mps` in the mean. `span_s`: when that is, and the length of the step.
+    fn thrust_gain(
+        &self,
+        robot: &Robot,
+        acting: &Acting,
+        mean_mps: [f64; 3],
+        [time_s, h_s]: [f64; 2],
+        surroundings: &Surroundings<'_>,
+    ) -> f64 {
+        if self.effects.is_empty() {
+            return 1.0;
+        }
+        let situation = Situation {
+            time_s,
+            position_m: std::array::from_fn(|i| robot.position_m[i] + 0.5 * h_s * mean_mps[i]),
+            velocity_mps: mean_mps,
+            heading_rad: robot.heading_rad,
+            surroundings,
+        };
+        let all = self.effects.iter().enumerate().filter(|(place, _)| acting.has(*place));
+        all.map(|(_, effect)| effect.thrust_gain(&situation)).product()
+    }
+
+    /// How fast (m/s²) a body that keeps its velocity may be accelerated that is asked for this, whichever effects act.
+    pub(super) fn most_mps2(&self, asked_mps2: [f64; 3]) -> f64 {
+        let gains = self.effects.iter().map(|effect| effect.thrust_gains());
+        let [least, most] =
+            gains.fold([1.0; 2], |[a, b], [least, most]| [a * least.min(1.0), b * most.max(1.0)]);
+        let lift_mps2 = self.body.inertial().map_or(0.0, |body| body.lift_mps2());
+        most * norm(asked_mps2) + (most - 1.0).max(1.0 - least) * lift_mps2
     }
 
     /// Lets the actuators follow for `h_s` and returns their mean over that time.

@@ -233,6 +233,14 @@ impl Effect for Limited {
         self.effect.drift_mps(at)
     }
 
+    fn thrust_gain(&self, at: &Situation<'_>) -> f64 {
+        self.effect.thrust_gain(at)
+    }
+
+    fn thrust_gains(&self) -> [f64; 2] {
+        self.effect.thrust_gains()
+    }
+
     fn drifts(&self) -> bool {
         self.effect.drifts()
     }

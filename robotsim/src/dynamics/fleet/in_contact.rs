@@ -29,7 +29,9 @@ impl Fleet {
             let command = commands[agent];
             let own_mps = memory.get(agent).map_or([0.0; 3], |memory| memory.drive);
             let asked_mps = match command {
-                Command::Acceleration(asked_mps2) => dt_s * norm(asked_mps2),
+                Command::Acceleration(asked_mps2) => {
+                    dt_s * self.dynamics(agent).physics.most_mps2(asked_mps2)
+                }
                 Command::Jump(_) => 0.0,
                 Command::Velocity(velocity_mps) => {
                     self.dynamics(agent).physics.most_mps(velocity_mps)
