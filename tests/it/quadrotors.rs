@@ -1,10 +1,19 @@
 //! Quadrotors flown here, by equations written out here, and held against the model: what they lack is found.
 
+use diagnose::answer::{self, Measurements};
+use diagnose::ladder::Search;
+use diagnose::progress::SearchProgress;
+use diagnose::{limits, scan};
+use measure::config::Compared;
+use measure::table::DataTable;
 use proto::rng::{Draws, Purpose};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
-use tests::{folder, orchestrator, said};
+use study::choices::Choices;
+use study::open::{self, Subject};
+
+const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
 
 const GRAVITY_MPS2: f64 = 9.80665;
 const MASS_KG: f64 = 1.2;
@@ -100,19 +109,33 @@ fn flown(hidden: Hidden, commands: Commands, heights_m: [f64; 2]) -> String {
     csv
 }
 
-/// What `diagnose` says as JSON, with a model that knows the lag.
-fn diagnosed(csv: &str, mass: &str) -> Value {
-    let folder = folder();
-    let output = run(folder.path(), "diagnose", csv, &format!("kind = \"quadrotor\"\n{mass}"));
-    assert!(output.status.success(), "{}", said(&output));
-    let json = std::fs::read_to_string(folder.path().join("found.json")).unwrap();
-    serde_json::from_str(&json).unwrap()
+fn config(dynamics: &str) -> Compared {
+    let text = format!("[robotsim.dynamics]\n{dynamics}");
+    Compared::of_text(Path::new("model.toml"), text, &[]).unwrap()
 }
 
-fn run(folder: &Path, command: &str, csv: &str, dynamics: &str) -> std::process::Output {
-    std::fs::write(folder.join("model.toml"), format!("[robotsim.dynamics]\n{dynamics}")).unwrap();
-    std::fs::write(folder.join("data.csv"), csv).unwrap();
-    orchestrator(&[command, "model.toml", "--data", "data.csv", "--json", "found.json"], folder)
+/// What `diagnose` says as JSON, with a model that knows the lag.
+fn diagnosed(csv: &str, mass: &str) -> Value {
+    let table = DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap();
+    let model = config(&format!("kind = \"quadrotor\"\n{mass}"));
+    let (mut study, account) = open::robots(&model, &table, &Choices::default()).unwrap();
+    let (ladder, known) = limits::selection(&mut study, None, QUIET);
+    let search = Search::new(&study, QUIET).with_known(known);
+    let left = scan::scan_residuals(&study, &search, &ladder);
+    let measurements = Measurements {
+        subject: Subject::Robots,
+        error_unit: "m",
+        searched: None,
+        account: &account,
+    };
+    let found = answer::answer(&study, &search, &ladder, measurements, &left, None);
+    serde_json::to_value(&found).unwrap()
+}
+
+/// Why measurements are not held against a model.
+fn refused(csv: &str, dynamics: &str) -> String {
+    let table = DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap();
+    open::robots(&config(dynamics), &table, &Choices::default()).unwrap_err().to_string()
 }
 
 fn missing(found: &Value) -> Vec<&str> {
@@ -163,13 +186,10 @@ fn a_load_is_found_from_commands_of_thrust_and_attitude_and_is_said_to_look_like
     assert!(accepted.to_string().contains(other), "{accepted:#}");
 
     // The mass is what makes accelerations of it.
-    let folder = folder();
-    let refused = run(folder.path(), "compare", &csv, "kind = \"quadrotor\"\n");
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(said(&refused).contains("robotsim.dynamics.mass_kg is required"), "{}", said(&refused));
-    let refused = run(folder.path(), "compare", &csv, "kind = \"point-mass\"\n");
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(said(&refused).contains("set it to \"quadrotor\""), "{}", said(&refused));
+    let without_mass = refused(&csv, "kind = \"quadrotor\"\n");
+    assert!(without_mass.contains("robotsim.dynamics.mass_kg is required"), "{without_mass}");
+    let other_body = refused(&csv, "kind = \"point-mass\"\n");
+    assert!(other_body.contains("set it to \"quadrotor\""), "{other_body}");
 }
 
 #[test]
