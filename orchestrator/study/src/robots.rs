@@ -19,6 +19,7 @@ mod inertial;
 mod limited;
 mod linear;
 mod motion;
+mod neighbours;
 mod rivals;
 mod screen;
 mod search;

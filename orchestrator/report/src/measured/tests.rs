@@ -19,6 +19,7 @@ fn view(shift_db: f64) -> RowPredictions {
             .collect(),
         sd: vec![1.0; 40],
         across: Vec::new(),
+        heading_rad: Vec::new(),
         passes: (0..40).map(|row| if row < 10 { 0.1 } else { 0.95 }).collect(),
         level,
     }
