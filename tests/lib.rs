@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use tempfile::TempDir;
 
+pub mod alarms;
 pub mod campaign;
 pub mod documented;
 pub mod fake;

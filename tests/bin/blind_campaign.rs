@@ -20,7 +20,7 @@ use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use tests::campaign::blind::{self, Cell};
-use tests::campaign::unforeseen::{self, Question, table};
+use tests::campaign::unforeseen::{Question, table};
 
 /// Campaigns with a hidden effect, a diagnosis of each, and a table of how it did.
 #[derive(Parser)]
@@ -182,7 +182,7 @@ fn cell_line(cell: &Cell, args: &Args) -> anyhow::Result<Value> {
 
 /// The line of a null campaign, by score tests alone.
 fn scores_line(question: &Question, _: &Args) -> anyhow::Result<Value> {
-    let found = unforeseen::alarms::found(&question.case())?;
+    let found = tests::alarms::found(&question.case())?;
     Ok(question.line_of_scores(found))
 }
 

@@ -4,7 +4,6 @@
 //! effect of the catalogue is hidden, differ in the distribution and the autocorrelation of their noise.
 
 mod air;
-pub mod alarms;
 mod anchors;
 pub mod answer;
 mod bands;

@@ -151,7 +151,7 @@ const WITHOUT_CAMPAIGN: [(&str, &str, &str); 8] = [
         "links that drift by themselves have a campaign of their own: tests/campaign/unforeseen/drift.rs",
     ),
     ("robots", "ground-effect", FLOWN),
-    ("robots", "payload", FLOWN),
+    ("robots", "payload-mass", FLOWN),
     ("robots", "thrust-scale", FLOWN),
     (
         "robots",

@@ -162,7 +162,7 @@ fn thrust_that_is_too_weak_is_found_from_commands_of_acceleration() {
         let candidate = candidates.iter().find(|candidate| candidate["effect"] == effect).unwrap();
         candidate["untestable"].as_str().unwrap_or_default().to_owned()
     };
-    assert_eq!(because("payload"), "needs mass_kg in [robotsim.dynamics]");
+    assert_eq!(because("payload-mass"), "needs mass_kg in [robotsim.dynamics]");
     assert_eq!(because("wind"), "needs commands of velocity or speed");
 }
 
@@ -172,8 +172,8 @@ fn a_load_is_found_from_commands_of_thrust_and_attitude_and_is_said_to_look_like
     let csv = flown(hidden, Commands::Thrust, [2.0, 5.0]);
     let found = diagnosed(&csv, "mass_kg = 1.2\n");
     let [name] = missing(&found)[..] else { panic!("{found:#}") };
-    assert!(["payload", "thrust-scale"].contains(&name), "{found:#}");
-    if name == "payload" {
+    assert!(["payload-mass", "thrust-scale"].contains(&name), "{found:#}");
+    if name == "payload-mass" {
         let [value, ..] = number(&found, name, "payload_kg");
         assert!((value - 0.1).abs() < 0.003, "{found:#}");
     } else {
@@ -182,7 +182,7 @@ fn a_load_is_found_from_commands_of_thrust_and_attitude_and_is_said_to_look_like
     }
     let candidates = found["candidates"].as_array().unwrap();
     let accepted = candidates.iter().find(|candidate| candidate["effect"] == name).unwrap();
-    let other = if name == "payload" { "thrust-scale" } else { "payload" };
+    let other = if name == "payload-mass" { "thrust-scale" } else { "payload" };
     assert!(accepted.to_string().contains(other), "{accepted:#}");
 
     // The mass is what makes accelerations of it.

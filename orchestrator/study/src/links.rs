@@ -12,6 +12,7 @@
 //! | `agreement` | whether links change together in time |
 //! | [`basis`] | terms that are sums of columns |
 //! | [`cells`] | random levels of nodes, links and channels |
+//! | `scales` | over what random levels change |
 //! | `starts` | from where a fit starts, and which start is best |
 //! | [`search`] | places, nodes and times that an effect needs and that no map shows |
 //! | `group` | blocks that are left out together, cells that share a level |
@@ -42,6 +43,7 @@ pub mod passing;
 pub mod predict;
 pub mod register;
 pub mod rows;
+mod scales;
 pub mod search;
 mod starts;
 pub mod terms;
@@ -65,7 +67,7 @@ use predict::Above;
 use proto::effect::Level;
 use rows::ModelledLinks;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use terms::{TermSpec, TermState};
 
 /// Lengths (m) over which shadowing may change: correlations fall as e^(-way / length).
@@ -259,44 +261,6 @@ impl LinkStudy {
             times: known.time_db == 0.0 && times,
         };
         (sd, free)
-    }
-
-    /// Lengths over which shadowing may change (m).
-    fn lengths(&self) -> impl Iterator<Item = f64> {
-        self.lengths_m.iter().copied().filter(|length| FINEST_M < *length)
-    }
-
-    /// The cells of rows that share random levels.
-    fn cells(&self, scales: Scales) -> Arc<RowCells> {
-        let apart = |length: &f64| libm::log(length / scales.decorrelation_m).abs();
-        let nearest = self.lengths_m.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
-        let nearest = Scales { decorrelation_m: nearest.copied().unwrap_or(PLACE_M), ..scales };
-        let mut known = self.cells.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, cells)) = known.iter().find(|(scales, _)| *scales == nearest) {
-            return Arc::clone(cells);
-        }
-        let cells = Arc::new(group::cells_of(&self.rows, nearest));
-        known.push((nearest, Arc::clone(&cells)));
-        cells
-    }
-
-    /// Over what random levels change, in the states of a fit.
-    fn scales(&self, specs: &[&TermSpec], states: &[TermState], level: Level) -> Scales {
-        let number = |wanted: fn(&TermSpec) -> bool, key: &str| {
-            let of_term = specs.iter().zip(states).find(move |(spec, _)| wanted(spec))?.1;
-            of_term.table.get(key).and_then(toml::Value::as_float)
-        };
-        let has_fading = specs.iter().any(|spec| matches!(spec, TermSpec::Multipath(_)));
-        let fades = has_fading && level != Level::Place;
-        let decorrelation_m =
-            number(|spec| matches!(spec, TermSpec::Shadowing(_)), "decorrelation_m")
-                .unwrap_or(if fades { FINEST_M } else { PLACE_M });
-        let scales = Scales {
-            decorrelation_m,
-            drift_s: number(|spec| matches!(spec, TermSpec::Drift(_)), CORRELATION_S),
-            link_drift_s: number(|spec| matches!(spec, TermSpec::LinkDrift(_)), CORRELATION_S),
-        };
-        scales.configured(&self.rows)
     }
 
     fn run(

@@ -149,7 +149,8 @@ fn answer(noise: Noise) -> Answer {
 }
 
 /// A campaign of links.
-pub(super) fn links(seed: u64, noise: Noise) -> Case {
+#[must_use]
+pub fn links(seed: u64, noise: Noise) -> Case {
     if noise == Noise::NoisyPositions {
         let (csv, config_toml, error) = labels::with_noisy_places(seed);
         let answer = answer(noise).with_error(error);

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use study::Study;
 use tracing::debug;
 
-/// Prefer a physical effect over random effects if it gains at least this share of what they gain.
+/// Prefer a physical effect over random effects, and a constant over other effects, if it gains at least this share of what they gain.
 const MOSTLY: f64 = 0.85;
 /// Level of significance without correction, used where another test has shown already that something is missing.
 const LIKELY: f64 = 0.05;
@@ -77,12 +77,14 @@ impl<S: Study> Search<'_, S> {
         if let Some(law) = self.effect_instead_of_random(best, tests, accepted) {
             best = law;
         }
-        // Random effects are about a mean that is right: what all rows are off by goes first.
+        // Random effects are about a mean that is right: what all rows are off by goes first. So it does where it does mostly what another
+        // effect with more numbers does.
         let level = |test: &CandidateTest| {
             test.is_acceptable && candidates[test.term].linear_in == Some(CONSTANT)
         };
-        if candidates[tests[best].term].level == Level::Random
-            && let Some(level) = tests.iter().position(level)
+        if let Some(level) = tests.iter().position(level)
+            && (candidates[tests[best].term].level == Level::Random
+                || MOSTLY * tests[best].common.gain <= tests[level].common.gain)
             && self.is_off(accepted)
         {
             best = level;

@@ -69,6 +69,8 @@ impl<S: Study> Search<'_, S> {
         }
         let Some(rows) = self.study.linearised(&fit) else { return true };
         let mut dependence = self.study.dependence();
+        // What overlaps is together: an effect is not refused because of blocks that are as short as they can be.
+        dependence.shortest_s *= 2.0;
         let varies_in_time = candidate.level == Level::Time;
         if varies_in_time && candidate.linear_in != Some(CONSTANT) {
             // Nodes see the same covariate at the same time: what is theirs does not follow it.

@@ -5,10 +5,10 @@ use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, FromModel, Level, Need, Parameter};
 use serde::Deserialize;
 
-/// `kind = "payload"`.
+/// `kind = "payload-mass"`.
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
-        name: "payload",
+        name: "payload-mass",
         doc: "A load that commands do not account for.",
         fields: &[
             Field {

@@ -1,6 +1,6 @@
 //! What score tests find in a campaign, without a search: for many null campaigns in little time.
 
-use super::Case;
+use crate::campaign::unforeseen::Case;
 use anyhow::Context as _;
 use diagnose::acceptance::FAMILY_ERROR;
 use diagnose::ladder::Search;

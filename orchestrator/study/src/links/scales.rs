@@ -1,0 +1,47 @@
+//! Over what the random levels of a fit change, and the cells of rows that share one.
+
+use super::cells::{RowCells, Scales};
+use super::terms::{TermSpec, TermState};
+use super::{CORRELATION_S, FINEST_M, LinkStudy, PLACE_M, group};
+use proto::effect::Level;
+use std::sync::{Arc, PoisonError};
+
+impl LinkStudy {
+    /// Lengths over which shadowing may change (m).
+    pub(super) fn lengths(&self) -> impl Iterator<Item = f64> {
+        self.lengths_m.iter().copied().filter(|length| FINEST_M < *length)
+    }
+
+    /// The cells of rows that share random levels.
+    pub(super) fn cells(&self, scales: Scales) -> Arc<RowCells> {
+        let apart = |length: &f64| libm::log(length / scales.decorrelation_m).abs();
+        let nearest = self.lengths_m.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
+        let nearest = Scales { decorrelation_m: nearest.copied().unwrap_or(PLACE_M), ..scales };
+        let mut known = self.cells.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, cells)) = known.iter().find(|(scales, _)| *scales == nearest) {
+            return Arc::clone(cells);
+        }
+        let cells = Arc::new(group::cells_of(&self.rows, nearest));
+        known.push((nearest, Arc::clone(&cells)));
+        cells
+    }
+
+    /// Over what random levels change, in the states of a fit.
+    pub(super) fn scales(&self, specs: &[&TermSpec], states: &[TermState], level: Level) -> Scales {
+        let number = |wanted: fn(&TermSpec) -> bool, key: &str| {
+            let of_term = specs.iter().zip(states).find(move |(spec, _)| wanted(spec))?.1;
+            of_term.table.get(key).and_then(toml::Value::as_float)
+        };
+        let has_fading = specs.iter().any(|spec| matches!(spec, TermSpec::Multipath(_)));
+        let fades = has_fading && level != Level::Place;
+        let decorrelation_m =
+            number(|spec| matches!(spec, TermSpec::Shadowing(_)), "decorrelation_m")
+                .unwrap_or(if fades { FINEST_M } else { PLACE_M });
+        let scales = Scales {
+            decorrelation_m,
+            drift_s: number(|spec| matches!(spec, TermSpec::Drift(_)), CORRELATION_S),
+            link_drift_s: number(|spec| matches!(spec, TermSpec::LinkDrift(_)), CORRELATION_S),
+        };
+        scales.configured(&self.rows)
+    }
+}
