@@ -53,7 +53,7 @@ impl CommandKind {
         let lacks = |name: &&str| table.column(name).is_none();
         let mut lacking: Vec<String> =
             COMMON.into_iter().filter(lacks).map(str::to_owned).collect();
-        let kind = Self::ALL.into_iter().find(|kind| !kind.columns().iter().any(|c| lacks(&c)));
+        let kind = Self::ALL.into_iter().find(|kind| !kind.columns().iter().any(&lacks));
         if kind.is_none() {
             lacking.push(FORMS.to_owned());
         }
@@ -213,8 +213,8 @@ mod tests {
         assert_eq!(robots.commands, CommandKind::Thrust);
         assert!(robots.is_spatial);
         let [east, north, up] = robots.samples[0].command;
-        assert!((east - 10.0 * 0.3_f64.sin()).abs() < 1e-12 && north == 0.0);
-        assert!((up - 10.0 * 0.3_f64.cos()).abs() < 1e-12);
+        assert!((east - 10.0 * libm::sin(0.3)).abs() < 1e-12 && north == 0.0);
+        assert!((up - 10.0 * libm::cos(0.3)).abs() < 1e-12);
         assert!(robots.covariates.is_empty());
     }
 

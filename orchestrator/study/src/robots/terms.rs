@@ -139,8 +139,7 @@ pub(super) fn all(
     let own = tracks.own_covariates();
     let is_known = |(name, _): &&(String, Vec<f64>)| name == "time_s" || !tracks.is_relative();
     for (name, values) in tracks.robots.covariates.iter().chain(own.iter().filter(is_known)) {
-        let is_course = ["time_s", "x_m", "y_m"].contains(&name.as_str());
-        let fine = is_course && knots::MANY * knots::ROWS_EACH <= tracks.windows.len();
+        let fine = name == "time_s" && knots::MANY * knots::ROWS_EACH <= tracks.windows.len();
         let kinds = [("", knots::FEW), (FINE, knots::MANY)].into_iter().take(1 + usize::from(fine));
         for (prefix, n_knots) in kinds {
             let Some(curve) = RobotCurve::new(tracks, values.clone(), n_knots) else { continue };
