@@ -69,6 +69,10 @@ impl<S: Study> Search<'_, S> {
         }
         let Some(rows) = self.study.linearised(&fit) else { return true };
         let mut dependence = self.study.dependence();
+        if candidate.level == Level::Place && dependence.nodes.is_none() {
+            // Judged on places left out, which blocks of time are not.
+            return true;
+        }
         // What overlaps is together: an effect is not refused because of blocks that are as short as they can be.
         dependence.shortest_s *= 2.0;
         let varies_in_time = candidate.level == Level::Time;
