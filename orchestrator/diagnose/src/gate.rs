@@ -100,7 +100,7 @@ pub fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
             let column = on_rows(column, members);
             let of_tests = all_tests.iter().filter_map(|tests| tests.test(&column, &[]));
             let of_tests: Vec<ScoreTest> = of_tests.collect();
-            for test in of_tests.iter().take(usize::from(of.is_none())) {
+            if let (None, Some(test)) = (&of, of_tests.first()) {
                 let bound = test.upper_bound(1.0 - BOUND);
                 let hides = gate.could_hide.is_none_or(|(before, ..)| before < bound);
                 if hides {

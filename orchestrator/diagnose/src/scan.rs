@@ -114,7 +114,7 @@ pub fn scan_residuals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladd
 }
 
 /// Whether structure over a covariate is beyond what links share that have a node in common, and those at one time. Its shape, the mean
-/// of what is left in each bin, was chosen of as many shapes as there are bins (H. Scheffé, A method for judging all contrasts in the
+/// residual in each bin, is one of as many contrasts as there are bins (H. Scheffé, A method for judging all contrasts in the
 /// analysis of variance, Biometrika 40, 1953). Where nothing can be told, it stands.
 fn stands_clustered<S: Study>(
     study: &S,

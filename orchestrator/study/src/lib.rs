@@ -17,7 +17,7 @@ mod stop;
 pub mod symbolic;
 pub mod view;
 
-pub use limits::NotLimited;
+pub use limits::{NotLimited, span_s};
 pub use stop::StopFlag;
 
 use folds::Blocks;

@@ -17,6 +17,16 @@ fn listed(problems: &[Problem]) -> String {
     problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
 }
 
+/// The span of time to which a table `only` limits an effect: from its first moment up to its last (s), infinite where there is none.
+#[must_use]
+pub fn span_s(limits: &toml::Table) -> std::ops::Range<f64> {
+    let moment = |key: &str| {
+        let value = limits.get(key)?;
+        value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
+    };
+    moment("from_s").unwrap_or(f64::NEG_INFINITY)..moment("until_s").unwrap_or(f64::INFINITY)
+}
+
 /// The name of a candidate that is limited: `slip (only agents = [3], from_s = 10.0)`.
 pub(crate) fn limited_name(name: &str, limits: &toml::Table) -> String {
     format!("{name}{}", suffix(limits))

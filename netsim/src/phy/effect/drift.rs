@@ -7,25 +7,41 @@ use proto::effect::{About, Fit, Level, Need, Parameter, Role};
 use proto::rng::Purpose;
 use serde::Deserialize;
 
+/// Keys of what drifts.
+pub(super) const FIELDS: &[Field] = &[
+    Field {
+        key: "sd_db",
+        doc: "Standard deviation (dB).",
+        kind: Kind::Number(Range::closed(0.0, 20.0)),
+        default: Default::Required,
+    },
+    Field {
+        key: "correlation_s",
+        doc: "Time over which the correlation falls to 1/e (s).",
+        kind: Kind::Number(Range::closed(1.0, 1e6)),
+        default: Default::Number(300.0),
+    },
+];
+
+/// What is fitted of them.
+pub(super) const PARAMETERS: &[Parameter] = &[
+    Parameter { key: "sd_db", unit: "dB", min: 0.0, max: 20.0, starts: &[1.0], step: 0.1 },
+    Parameter {
+        key: "correlation_s",
+        unit: "s",
+        min: 1.0,
+        max: 1e6,
+        starts: &[30.0, 100.0, 300.0, 1000.0],
+        step: 10.0,
+    },
+];
+
 /// `kind = "drift"`.
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "drift",
         doc: "A level that all links share and that changes slowly in time.",
-        fields: &[
-            Field {
-                key: "sd_db",
-                doc: "Standard deviation (dB).",
-                kind: Kind::Number(Range::closed(0.0, 20.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "correlation_s",
-                doc: "Time over which the correlation falls to 1/e (s).",
-                kind: Kind::Number(Range::closed(1.0, 1e6)),
-                default: Default::Number(300.0),
-            },
-        ],
+        fields: FIELDS,
     },
     about: About {
         mechanism: "Gain of the common electronics, supply voltage, weather and the crowd at a site change over minutes and hours, for all links at once. Where none of this was measured beside, it shows as a level that wanders.",
@@ -37,17 +53,7 @@ pub const ENTRY: Entry = Entry {
         example: "sd_db = 1.5\ncorrelation_s = 300.0\n",
     },
     fit: Fit {
-        parameters: &[
-            Parameter { key: "sd_db", unit: "dB", min: 0.0, max: 20.0, starts: &[1.0], step: 0.1 },
-            Parameter {
-                key: "correlation_s",
-                unit: "s",
-                min: 1.0,
-                max: 1e6,
-                starts: &[30.0, 100.0, 300.0, 1000.0],
-                step: 10.0,
-            },
-        ],
+        parameters: PARAMETERS,
         level: Level::Random,
         role: Role::RandomInTime,
         ..Fit::PLAIN
@@ -60,9 +66,9 @@ pub const ENTRY: Entry = Entry {
 };
 
 #[derive(Deserialize)]
-struct Keys {
-    sd_db: f64,
-    correlation_s: f64,
+pub(super) struct Keys {
+    pub(super) sd_db: f64,
+    pub(super) correlation_s: f64,
 }
 
 /// A level of all links that wanders.

@@ -1,31 +1,18 @@
 //! Every link drifts by itself.
 
+use super::drift::{FIELDS, Keys, PARAMETERS};
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::scatter::{Law, Renewal, Scatter};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter, Role};
+use proto::config::{Variant, typed};
+use proto::effect::{About, Fit, Level, Need, Role};
 use proto::rng::Purpose;
-use serde::Deserialize;
 
 /// `kind = "link-drift"`.
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "link-drift",
         doc: "A level of each link, the same in both directions, that changes slowly in time.",
-        fields: &[
-            Field {
-                key: "sd_db",
-                doc: "Standard deviation (dB).",
-                kind: Kind::Number(Range::closed(0.0, 20.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "correlation_s",
-                doc: "Time over which the correlation falls to 1/e (s).",
-                kind: Kind::Number(Range::closed(1.0, 1e6)),
-                default: Default::Number(300.0),
-            },
-        ],
+        fields: FIELDS,
     },
     about: About {
         mechanism: "People, doors and vehicles come and go, and plants move, near some links and not near others: the level of a link between nodes that stand still wanders over minutes.",
@@ -37,17 +24,7 @@ pub const ENTRY: Entry = Entry {
         example: "sd_db = 3.0\ncorrelation_s = 300.0\n",
     },
     fit: Fit {
-        parameters: &[
-            Parameter { key: "sd_db", unit: "dB", min: 0.0, max: 20.0, starts: &[1.0], step: 0.1 },
-            Parameter {
-                key: "correlation_s",
-                unit: "s",
-                min: 1.0,
-                max: 1e6,
-                starts: &[30.0, 100.0, 300.0, 1000.0],
-                step: 10.0,
-            },
-        ],
+        parameters: PARAMETERS,
         level: Level::Random,
         role: Role::RandomPerLinkInTime,
         ..Fit::PLAIN
@@ -58,12 +35,6 @@ pub const ENTRY: Entry = Entry {
         Some(Box::new(LinkDrift { sd_db, correlation_s, ordinal }))
     },
 };
-
-#[derive(Deserialize)]
-struct Keys {
-    sd_db: f64,
-    correlation_s: f64,
-}
 
 /// A level of each link that wanders.
 ///

@@ -6,6 +6,7 @@ use crate::gain::{Gain, Scores};
 use crate::score_test::{ScoreTest, ScoreTests};
 use crate::{gate, limits};
 use proto::effect::{CONSTANT, Level};
+use std::ops::Range;
 use study::Study;
 use tracing::debug;
 
@@ -31,19 +32,12 @@ impl<S: Study> Search<'_, S> {
     ) -> Gain {
         let (term, level) = limited;
         let gain = self.gain(terms, parent, level);
-        let only = self.study.candidates()[term].only.as_ref();
-        let moment = |key: &str| only?.get(key)?.as_float();
-        let (from_s, until_s) = (moment("from_s"), moment("until_s"));
-        if from_s.is_none() && until_s.is_none() {
-            return gain;
-        }
-        let is_within = |time_s: f64| {
-            from_s.is_none_or(|from_s| from_s <= time_s)
-                && until_s.is_none_or(|until_s| time_s < until_s)
-        };
+        let span_s = self.study.candidates()[term].only.as_ref().map(study::span_s);
+        let is_limited = |span_s: &Range<f64>| span_s.start.is_finite() || span_s.end.is_finite();
+        let Some(span_s) = span_s.filter(is_limited) else { return gain };
         let mut scores = self.held_out_scores(terms, level).to_vec();
         for (score, time_s) in scores.iter_mut().zip(self.study.dependence().times_s) {
-            if !is_within(time_s) {
+            if !span_s.contains(&time_s) {
                 score.log = f64::NAN;
             }
         }

@@ -43,7 +43,7 @@ impl LinkStudy {
     }
 }
 
-/// Sums of what is left of a link, less its mean, by spans of time.
+/// Sums of the residuals of a link, less their mean, by spans of time.
 fn course(rows: &[(f64, f64)], first_s: f64, length_s: f64) -> [f64; SPANS] {
     let mean = rows.iter().map(|(_, left_db)| left_db).sum::<f64>() / rows.len() as f64;
     let mut sums = [0.0; SPANS];

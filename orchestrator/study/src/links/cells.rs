@@ -224,7 +224,7 @@ impl Random {
         alone.without_channels()
     }
 
-    /// The levels without those of links and channels, of which nothing is known but their spreads.
+    /// The same random effects, those of links and channels at their prior: mean 0 and their standard deviations.
     #[must_use]
     pub fn without_channels(mut self) -> Self {
         self.channel_db.fill(0.0);
@@ -232,7 +232,7 @@ impl Random {
         self
     }
 
-    /// The levels without those of times, of which nothing is known but their spread.
+    /// The same random effects, those of times at their prior: mean 0 and their standard deviation.
     #[must_use]
     pub fn without_times(mut self, cells: &RowCells) -> Self {
         self.crossing_db[2 * cells.n_nodes..].fill(0.0);

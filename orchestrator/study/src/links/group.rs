@@ -251,11 +251,15 @@ const DRIFT_S: [f64; 4] = [30.0, 100.0, 300.0, 1000.0];
 const FEWEST_LEVELS: f64 = 5.0;
 const MOST_LEVELS: f64 = 400.0;
 
+/// From the first row to the last (s).
+fn length_s(rows: &ModelledLinks) -> f64 {
+    let times_s = || rows.links.rows.iter().map(|row| row.time_s);
+    times_s().fold(f64::NEG_INFINITY, f64::max) - times_s().fold(f64::INFINITY, f64::min)
+}
+
 /// Times over which levels may drift in the course of these rows (s).
 pub(super) fn drift_times_s(rows: &ModelledLinks) -> Vec<f64> {
-    let times_s = || rows.links.rows.iter().map(|row| row.time_s);
-    let length_s =
-        times_s().fold(f64::NEG_INFINITY, f64::max) - times_s().fold(f64::INFINITY, f64::min);
+    let length_s = length_s(rows);
     let suits = |time_s: &f64| {
         let n_levels = length_s / (SIDE * time_s);
         (FEWEST_LEVELS..=MOST_LEVELS).contains(&n_levels)
@@ -281,9 +285,7 @@ fn span(rows: &ModelledLinks, row: usize, span_s: Option<f64>) -> Span {
 /// Spans of time in which all links share a level that drifts over a time (s): of each row, and how each is correlated with that
 /// before.
 fn spans_of_drift(rows: &ModelledLinks, correlation_s: f64) -> (Vec<u32>, Vec<f64>) {
-    let times_s = || rows.links.rows.iter().map(|row| row.time_s);
-    let length_s =
-        times_s().fold(f64::NEG_INFINITY, f64::max) - times_s().fold(f64::INFINITY, f64::min);
+    let length_s = length_s(rows);
     let span_s = (SPAN * correlation_s).max(LEAST_SPAN * length_s);
     let spans: Vec<Span> = (0..rows.len()).map(|row| span(rows, row, Some(span_s))).collect();
     let mut sorted = spans.clone();

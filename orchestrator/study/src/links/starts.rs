@@ -4,7 +4,7 @@ use super::fit::LinkFit;
 use super::likelihood::RowLikelihood;
 use super::terms::{TermSpec, TermState};
 use super::{CORRELATION_S, From, LinkStudy, search};
-use crate::Study;
+use crate::{Study, span_s};
 use proto::effect::{Level, Search};
 
 /// From more starts than so many a trial goes on from the best few after its first step.
@@ -161,16 +161,8 @@ impl LinkStudy {
     /// The rows of the span of time to which a term is limited.
     fn within_limits(&self, spec: &TermSpec, train: &[u32]) -> Vec<u32> {
         let TermSpec::Limited(_, limits) = spec else { return train.to_vec() };
-        let moment = |key: &str| {
-            let value = limits.get(key)?;
-            value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
-        };
-        let from_s = moment("from_s").unwrap_or(f64::NEG_INFINITY);
-        let until_s = moment("until_s").unwrap_or(f64::INFINITY);
-        let is_within = |row: &&u32| {
-            let time_s = self.rows.links.rows[**row as usize].time_s;
-            from_s <= time_s && time_s < until_s
-        };
+        let span_s = span_s(limits);
+        let is_within = |row: &&u32| span_s.contains(&self.rows.links.rows[**row as usize].time_s);
         train.iter().filter(is_within).copied().collect()
     }
 

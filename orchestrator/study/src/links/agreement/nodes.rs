@@ -19,7 +19,7 @@ const EXCHANGES: u64 = 999;
 /// The ends of a link, with a value that links may exchange.
 type Value = ([u32; 2], f64);
 
-/// A link: its ends, and the mean of what is left from the first to the second, and back.
+/// A link: its ends, and the mean residual in both directions (dB): from the first to the second, and back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Means {
     ends: [u32; 2],

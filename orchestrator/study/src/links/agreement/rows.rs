@@ -14,8 +14,8 @@ const EXCHANGES: u64 = 999;
 /// Spans of time in a campaign.
 const SPANS: f64 = 48.0;
 
-/// Rows of a link: to which set each belongs, among whose rows it may be exchanged; its group, whose rows may agree; and what is left of its
-/// reading less the mean over the set (dB).
+/// Rows of a link. Rows of one set are exchangeable under the null hypothesis; rows of one group have a common level otherwise. Each row has
+/// its residual less the mean over its set (dB).
 #[derive(Clone, Debug, Default)]
 struct Rows {
     sets: Vec<u32>,

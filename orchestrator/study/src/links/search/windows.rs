@@ -1,6 +1,6 @@
 //! The span of time in which a hidden obstacle explains most: a truck that came and went.
 
-use super::{ObstacleShape, crosses, shapes_of, square_of_distance};
+use super::{LinkPath, ObstacleShape, shapes_of};
 use crate::links::likelihood::RowLikelihood;
 use crate::links::rows::ModelledLinks;
 
@@ -22,24 +22,21 @@ pub struct Window {
     pub always: f64,
 }
 
-/// A row on its way: its part of the time, and what it asks for.
+/// A row on its way, and when it was measured.
 struct Crossing {
-    from_m: [f64; 2],
-    to_m: [f64; 2],
+    way: LinkPath,
     time_s: f64,
-    slope: f64,
-    weight: f64,
 }
 
-impl Crossing {
-    fn is_crossed(&self, shape: &ObstacleShape) -> bool {
-        match *shape {
-            ObstacleShape::Segment(a, b) => crosses(self.from_m, self.to_m, a, b),
-            ObstacleShape::Disc(centre, radius_m) => {
-                square_of_distance(centre, self.from_m, self.to_m) <= radius_m * radius_m
-            }
-        }
+/// Sums of slopes and weights of the rows that an obstacle obstructs, by parts of equally many rows.
+fn sums<const N: usize>(crossings: &[Crossing], shape: &ObstacleShape) -> [[f64; 2]; N] {
+    let mut sums = [[0.0; 2]; N];
+    let obstructed = crossings.iter().enumerate().filter(|(_, one)| shape.is_crossed(&one.way));
+    for (index, one) in obstructed {
+        let sum = &mut sums[index * N / crossings.len()];
+        *sum = [sum[0] + one.way.slope, sum[1] + one.way.weight];
     }
+    sums
 }
 
 /// The span of time in which an obstacle at the best place gains most. None where times are unknown.
@@ -52,13 +49,13 @@ pub fn window(
     let plane = |at: [f64; 3]| [at[0], at[1]];
     let crossing = |(&row, likelihood): (&u32, &RowLikelihood)| {
         let (tx, rx) = rows.ends(row as usize);
-        Crossing {
+        let way = LinkPath {
             from_m: plane(tx.position_m),
             to_m: plane(rx.position_m),
-            time_s: rows.links.rows[row as usize].time_s,
             slope: likelihood.over_level,
             weight: likelihood.weight,
-        }
+        };
+        Crossing { way, time_s: rows.links.rows[row as usize].time_s }
     };
     let mut crossings: Vec<Crossing> = train.iter().zip(likelihoods).map(crossing).collect();
     if crossings.len() < FINE_PARTS || crossings.iter().any(|one| !one.time_s.is_finite()) {
@@ -66,28 +63,19 @@ pub fn window(
     }
     crossings.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     let n = crossings.len();
-    let places = crossings.iter().flat_map(|one| [one.from_m, one.to_m]);
+    let places = crossings.iter().flat_map(|one| [one.way.from_m, one.way.to_m]);
     let mut always: f64 = 0.0;
     let mut best: Option<(f64, ObstacleShape)> = None;
     for shape in shapes_of(places) {
-        let mut sums = [[0.0; 2]; PARTS];
-        for (index, one) in crossings.iter().enumerate().filter(|(_, one)| one.is_crossed(&shape)) {
-            let sum = &mut sums[index * PARTS / n];
-            *sum = [sum[0] + one.slope, sum[1] + one.weight];
-        }
+        let sums: [[f64; 2]; PARTS] = sums(&crossings, &shape);
         let (gain, ..) = best_span(&sums);
-        always = always.max(loss_gain(&sums));
+        always = always.max(loss_gain(total(&sums)));
         if best.as_ref().is_none_or(|(most, _)| *most < gain) {
             best = Some((gain, shape));
         }
     }
     let (_, shape) = best?;
-    let mut sums = [[0.0; 2]; FINE_PARTS];
-    for (index, one) in crossings.iter().enumerate().filter(|(_, one)| one.is_crossed(&shape)) {
-        let sum = &mut sums[index * FINE_PARTS / n];
-        *sum = [sum[0] + one.slope, sum[1] + one.weight];
-    }
-    let (gain, first, end) = best_span(&sums);
+    let (gain, first, end) = best_span(&sums::<FINE_PARTS>(&crossings, &shape));
     let start_s = |part: usize| crossings[(part * n).div_ceil(FINE_PARTS).min(n - 1)].time_s;
     Some(Window {
         from_s: (0 < first).then(|| start_s(first)),
@@ -97,11 +85,13 @@ pub fn window(
     })
 }
 
-/// What a loss on rows with these sums of slopes and weights gains (nats, by the score test).
-fn loss_gain(sums: &[[f64; 2]]) -> f64 {
-    let [slope, weight] =
-        sums.iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]]);
+/// What a loss on rows with this sum of slopes and weights gains (nats, by the score test).
+fn loss_gain([slope, weight]: [f64; 2]) -> f64 {
     if 0.0 < weight && slope < 0.0 { 0.5 * slope * slope / weight } else { 0.0 }
+}
+
+fn total(sums: &[[f64; 2]]) -> [f64; 2] {
+    sums.iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]])
 }
 
 /// The span of parts in which a loss gains most: its gain (nats), its first part, and the part after it.
@@ -111,7 +101,7 @@ fn best_span(sums: &[[f64; 2]]) -> (f64, usize, usize) {
         let (mut slope, mut weight) = (0.0, 0.0);
         for (end, part) in sums.iter().enumerate().skip(first) {
             (slope, weight) = (slope + part[0], weight + part[1]);
-            let gain = if 0.0 < weight && slope < 0.0 { 0.5 * slope * slope / weight } else { 0.0 };
+            let gain = loss_gain([slope, weight]);
             if best.0 < gain {
                 best = (gain, first, end + 1);
             }
@@ -139,6 +129,6 @@ mod tests {
     #[test]
     fn what_only_gains_power_is_no_obstacle() {
         assert_eq!(best_span(&[[1.0, 10.0]; 12]), (0.0, 0, 12));
-        assert_eq!(loss_gain(&[[1.0, 10.0]; 12]), 0.0);
+        assert_eq!(loss_gain(total(&[[1.0, 10.0]; 12])), 0.0);
     }
 }
