@@ -119,13 +119,13 @@ pub struct Predicted {
     pub windows: Vec<PredictedWindow>,
 }
 
-/// As [`robots`]; where another simulator's predictions are given, these are the base model. `[robotsim]` is then that
+/// As [`robots()`]; where another simulator's predictions are given, these are the base model. `[robotsim]` is then that
 /// simulator's section: `[robotsim.dynamics]` counts as a description of what it does if it is a valid one of this program's,
 /// of a body that executes the commands of the file. Otherwise effects are added to a bare body.
 ///
 /// # Errors
 ///
-/// As [`robots`].
+/// As [`robots()`].
 pub fn robots_predicted(
     config: &Compared,
     table: &DataTable,
