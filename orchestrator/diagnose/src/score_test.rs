@@ -225,7 +225,7 @@ impl<'a> ScoreTests<'a> {
 
 /// The t statistic of a sum of skewed parts (P. Hall, On the removal of skewness by transformation, J. R. Stat. Soc. B 54, 1992).
 fn corrected_for_skewness(t: f64, spread: &clusters::Spread) -> f64 {
-    let a = spread.skewness / (spread.n_clusters as f64).sqrt();
+    let a = spread.skewness;
     t + a * t * t / 3.0 + a * a * t * t * t / 27.0 + a / 6.0
 }
 

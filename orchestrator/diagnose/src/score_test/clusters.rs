@@ -18,6 +18,7 @@ pub(super) struct Spread {
     pub(super) variance: f64,
     pub(super) freedom: f64,
     pub(super) n_clusters: usize,
+    /// Skewness of the sum: that of the clusters over the root of their number, at most 1.
     pub(super) skewness: f64,
 }
 
@@ -216,12 +217,12 @@ impl<'a> Clusters<'a> {
         let n = of_nodes.values().filter(|(_, information)| COUNTS * mean < *information).count();
         let squares: f64 = of_nodes.values().map(|(_, j)| j * j / (4.0 * total * total)).sum();
         let freedom = (1.0 / squares - 1.0).min(n as f64 - 1.0);
-        let skewness = skewness(&of_nodes.values().map(|(value, _)| *value).collect::<Vec<_>>());
+        let of_nodes: Vec<f64> = of_nodes.values().map(|(value, _)| *value).collect();
         (FEWEST_NODES <= n && 1.0 <= freedom).then_some(Spread {
             variance: (touching - within).max(within),
             freedom,
             n_clusters: n.max(FEWEST_CLUSTERS.min(pairs.len())),
-            skewness,
+            skewness: skewness_of_sum(&of_nodes),
         })
     }
 
@@ -284,16 +285,17 @@ fn of_sums(sums: &Sums) -> Option<Spread> {
             * (1.0 + 2.0 * sums.correlation),
         freedom: (total * total / squares - 1.0).max(1.0),
         n_clusters: n,
-        skewness: skewness(&counted),
+        skewness: skewness_of_sum(&counted),
     })
 }
 
-fn skewness(values: &[f64]) -> f64 {
+/// Skewness of the sum of independent values.
+fn skewness_of_sum(values: &[f64]) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let moment = |power: i32| {
         values.iter().map(|v| numbers::power::integer_power(v - mean, power)).sum::<f64>() / n
     };
-    let skewness = moment(3) / (moment(2) * moment(2).sqrt());
+    let skewness = moment(3) / (moment(2) * moment(2).sqrt() * n.sqrt());
     if skewness.is_finite() { skewness } else { 0.0 }
 }

@@ -130,3 +130,13 @@ fn a_few_clusters_tell_nothing() {
     assert!(of(2 * FEWEST_CLUSTERS + 2).is_some());
     assert_eq!(of(2 * FEWEST_CLUSTERS - 4), None);
 }
+
+#[test]
+fn what_shows_in_few_rows_of_many_series_is_found() {
+    // Blocks of single series are many and most of them say nothing; blocks across series are few. The skewness of one is not that of the
+    // other.
+    let x = column(40 * 200, |row| if row % 40 == 7 { 4.0 } else { 0.2 * normal(5, row).abs() });
+    let made = Made::new(40, 200, |row| 0.5 * x[row][0] + normal(6, row));
+    let test = made.test(&x, &[]).unwrap();
+    assert!(test.p_value < 1e-6, "{test:?}");
+}
