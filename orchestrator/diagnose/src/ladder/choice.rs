@@ -138,7 +138,7 @@ impl<S: Study> Search<'_, S> {
 
     /// A special case of the best candidate that is preferred to it. An acceptable one that is judged on unseen places is preferred;
     /// any other only if it gains as much. The data have shown that something is missing, so a special case that is significant
-    /// without the correction is preferred if it gains more.
+    /// without the correction is preferred if it gains more and is more than what dependent rows share.
     fn special_case(
         &self,
         best: usize,
@@ -158,6 +158,7 @@ impl<S: Study> Search<'_, S> {
             let over = self.gain_between(&tests[best], test, accepted);
             let margin = if test.is_acceptable { 2.0 * over.standard_error } else { 0.0 };
             over.gain <= margin
+                && (test.is_acceptable || self.stands_clustered(test.term, accepted))
         };
         greatest_gain(tests, &goes_before)
     }
