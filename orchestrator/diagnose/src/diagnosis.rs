@@ -167,7 +167,7 @@ pub struct Parameter {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub value: f64,
-    /// Its unit; empty for a number without.
+    /// Its unit; `1` or empty for a number without one.
     pub unit: String,
     /// Lower end of the 90 % interval.
     #[serde(serialize_with = "json_number::serialize")]

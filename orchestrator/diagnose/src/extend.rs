@@ -5,6 +5,7 @@ pub mod extension;
 use crate::answer::numbers;
 use crate::gain::Scores;
 use crate::ladder::Search;
+use ::numbers::format::with_unit;
 use extension::{Extension, SCHEMA};
 use measure::config::Compared;
 use std::fmt::Write as _;
@@ -148,8 +149,11 @@ pub fn extend<S: Study>(
         for estimate in estimates.iter().filter(|estimate| estimate.is_identifiable) {
             let _ = writeln!(
                 text,
-                "# {} = {:.4} {}, 90 % interval {:.4} to {:.4}",
-                estimate.name, estimate.value, estimate.unit, estimate.low, estimate.high
+                "# {} = {}, 90 % interval {:.4} to {:.4}",
+                estimate.name,
+                with_unit(&format!("{:.4}", estimate.value), &estimate.unit),
+                estimate.low,
+                estimate.high
             );
         }
         if let Some(warning) = warning {

@@ -3,6 +3,7 @@
 use super::defects;
 use super::diagnosis::{Diagnosis, Structure, Tested, Verdict};
 use super::gate::Misfit;
+use numbers::format::with_unit;
 use std::fmt::Write as _;
 use study::defects::PREFIX;
 
@@ -169,10 +170,8 @@ fn accepted(text: &mut String, candidate: &Tested) {
         .parameters
         .iter()
         .map(|(key, parameter)| {
-            format!(
-                "{key} = {:.4} {} (90 %: {:.4} to {:.4})",
-                parameter.value, parameter.unit, parameter.low, parameter.high
-            )
+            let value = with_unit(&format!("{:.4}", parameter.value), &parameter.unit);
+            format!("{key} = {value} (90 %: {:.4} to {:.4})", parameter.low, parameter.high)
         })
         .chain(unknown)
         .collect();

@@ -7,6 +7,7 @@ use super::resimulate::ResimulationError;
 use super::search::{NetworkSearch, RequestedEffects, SearchStep, parameters};
 use diagnose::extend::ExtendError;
 use experiment::Overrides;
+use numbers::format::with_unit;
 use proto::config::Refusal;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -95,15 +96,14 @@ pub fn extend(
         let _ = write!(
             text,
             "\n# {name}: fitted to {} (SHA-256 {}), {} of {} rows.\n# Consistency of these packets with the model: p = \
-             {before:.3} before, {after:.3} with all added effects.\n# {} = {} {}, 90 % interval {low:.4} to \
+             {before:.3} before, {after:.3} with all added effects.\n# {} = {}, 90 % interval {low:.4} to \
              {high:.4}\n[[netsim.{}.effect]]\n{}",
             account.data.file,
             account.data.sha256,
             account.used,
             account.rows,
             candidate.parameter.key,
-            fitted.value,
-            candidate.parameter.unit,
+            with_unit(&fitted.value.to_string(), candidate.parameter.unit),
             candidate.layer,
             candidate.settings(fitted.value)
         );

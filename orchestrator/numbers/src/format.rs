@@ -81,6 +81,12 @@ pub fn number_within(value: f64, half: f64) -> String {
     format!("{value:.decimals$}").replace('-', "−")
 }
 
+/// A number with its unit: none where that is `1` or empty.
+#[must_use]
+pub fn with_unit(number: &str, unit: &str) -> String {
+    if ["", "1"].contains(&unit) { number.to_owned() } else { format!("{number} {unit}") }
+}
+
 /// A whole number, thousands apart: `1,234`.
 #[must_use]
 pub fn count(n: u64) -> String {
@@ -211,5 +217,11 @@ mod tests {
     #[test]
     fn sentences_begin_with_a_capital_letter() {
         assert_eq!(["émile is here", ""].map(capitalised), ["Émile is here", ""]);
+    }
+
+    #[test]
+    fn a_number_without_a_unit_leaves_no_space_for_it() {
+        assert_eq!(with_unit("0.5", "dB"), "0.5 dB");
+        assert_eq!([with_unit("0.5", "1"), with_unit("0.5", "")], ["0.5", "0.5"]);
     }
 }

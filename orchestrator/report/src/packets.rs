@@ -11,7 +11,7 @@ use network::comparison::{Kpi, MoteDelivery, NetworkComparison};
 use network::diagnosis::NetworkDiagnosis;
 use network::error_split::{NetworkErrorSplit, PartOfFigure};
 use network::task::comparison::{TaskComparison, TaskErrorSplit};
-use numbers::format::{capitalised, count, number};
+use numbers::format::{capitalised, count, number, with_unit};
 use serde::Serialize;
 
 /// An answer about a network or a swarm's task.
@@ -150,7 +150,8 @@ fn candidates(contents: &PacketsPage<'_>) -> Option<Markup> {
                     .parameters
                     .iter()
                     .map(|(name, it)| {
-                        format!("{name} = {} {} ({} to {})", number(it.value), it.unit, number(it.low), number(it.high))
+                        let value = with_unit(&number(it.value), &it.unit);
+                        format!("{name} = {value} ({} to {})", number(it.low), number(it.high))
                     })
                     .collect();
                 tr {
