@@ -12,9 +12,9 @@ use study::Study;
 use tracing::debug;
 
 /// Prefer a physical effect over random effects, and a constant over other effects, if it gains at least this share of what they gain.
-const MOSTLY: f64 = 0.85;
+pub(super) const MOSTLY: f64 = 0.85;
 /// Level of significance without correction, used where another test has shown already that something is missing.
-const LIKELY: f64 = 0.05;
+pub(super) const LIKELY: f64 = 0.05;
 
 /// Level of the likelihood-ratio test by which a curve replaces an effect nested in it; rows count as independent.
 const BEYOND_DOUBT: f64 = 1e-6;
@@ -285,8 +285,16 @@ impl<S: Study> Search<'_, S> {
         // Of two of one effect, whichever is first is the first.
         let first = |term: usize| self.study.candidates()[term].another_of.unwrap_or(term);
         let is_same_effect = |term: usize| first(term) == first(tests[best].term);
+        // That something is missing was shown: what gains nearly as much need not be beyond chance by itself to be a cause of it.
+        let gains_as_much = |test: &CandidateTest| {
+            test.gain.p_value < LIKELY
+                && MOSTLY * tests[best].common.gain <= test.common.gain
+                && self.study.candidates()[test.term].untestable.is_none()
+        };
         let is_tied = |(index, test): &(usize, &CandidateTest)| {
-            let is_likely = test.is_significant || is_curve && test.is_as_certain_as(&tests[best]);
+            let is_likely = test.is_significant
+                || is_curve && test.is_as_certain_as(&tests[best])
+                || !is_curve && gains_as_much(test);
             let is_rival = || !is_curve && self.is_rival(&tests[best], test, accepted);
             *index != best
                 && !is_same_effect(test.term)

@@ -1,5 +1,6 @@
 //! The search over a study that is made up: a straight-line model with unit noise, in which candidates are columns.
 
+use super::choice::{LIKELY, MOSTLY};
 use super::*;
 use proto::rng::{Draws, Purpose};
 use study::folds::Blocks;
@@ -268,6 +269,32 @@ fn two_columns_that_are_one_are_tied() {
     assert_eq!(ladder.accepted.len(), 1);
     let test = ladder.tests.iter().find(|test| test.term == ladder.accepted[0]).unwrap();
     assert_eq!(test.ties, [2 - ladder.accepted[0]]);
+}
+
+#[test]
+fn what_gains_as_much_is_tied_even_where_chance_cannot_be_excluded_for_it_alone() {
+    let (mut n_alike, mut n_less) = (0, 0);
+    for seed in 0..100 {
+        let mut study = Lines::of_rows(1500, &["a", "b", "c"], seed, |x| 0.2 * x[0]);
+        for scatter in [0.3, 1.0] {
+            let noise = study.columns[1].clone();
+            let mixed = study.columns[0].iter().zip(&noise).map(|(a, b)| a + scatter * b);
+            study.columns[2] = mixed.collect();
+            let ladder = Search::new(&study, &|_| {}).stepwise_selection();
+            let Some(test) = ladder.tests.iter().find(|test| test.term == 0) else { continue };
+            let search = Search::new(&study, &|_| {});
+            let other = search.gain(&[2], &[], Level::Time);
+            if ladder.accepted != [0] || other.p_value < acceptance::FAMILY_ERROR {
+                continue;
+            }
+            let is_near = MOSTLY * test.common.gain <= other.gain && other.p_value < LIKELY;
+            let is_tied = test.ties.contains(&2);
+            assert!(is_near || !is_tied, "seed {seed}, scatter {scatter}");
+            n_alike += u32::from(is_tied);
+            n_less += u32::from(!is_near);
+        }
+    }
+    assert!(0 < n_alike && 0 < n_less, "{n_alike} {n_less}");
 }
 
 #[test]
