@@ -16,6 +16,7 @@ mod link;
 mod motion;
 mod oracle;
 mod posterior;
+pub mod promise;
 mod radio;
 #[cfg(test)]
 mod robot_tests;

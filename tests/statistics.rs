@@ -28,6 +28,31 @@ pub fn median(values: &[f64]) -> f64 {
     quantile(values, 0.5)
 }
 
+/// An interval that holds the median of what `values` were drawn from, at least with this probability: between two of the values, by the
+/// sign test. Of few values, all of them.
+///
+/// # Panics
+///
+/// If there are no values.
+#[must_use]
+pub fn median_interval(values: &[f64], level: f64) -> [f64; 2] {
+    let mut ascending = values.to_vec();
+    ascending.sort_by(f64::total_cmp);
+    let n = ascending.len();
+    // How many of n fair coins show heads: at most `rank` with a probability of `below`.
+    let (mut rank, mut term) = (0, 0.5_f64.powi(n as i32));
+    let mut below = term;
+    while rank < n / 2 {
+        term *= (n - rank) as f64 / (rank + 1) as f64;
+        if (1.0 - level) / 2.0 < below + term {
+            break;
+        }
+        below += term;
+        rank += 1;
+    }
+    [ascending[rank], ascending[n - 1 - rank]]
+}
+
 /// The mean.
 ///
 /// # Panics
@@ -207,7 +232,7 @@ impl Comparison {
 
 #[cfg(test)]
 mod tests {
-    use super::binomial_interval;
+    use super::{binomial_interval, median_interval};
 
     #[test]
     fn intervals_of_shares_are_exact() {
@@ -221,5 +246,13 @@ mod tests {
             let found = binomial_interval(n_of, n, 0.05);
             assert!((found[0] - low).abs() < 1e-6 && (found[1] - high).abs() < 1e-6, "{found:?}");
         }
+    }
+
+    #[test]
+    fn the_interval_of_a_median_is_that_of_the_sign_test() {
+        // Of ten coins one head or fewer: 11 of 1024; two or fewer: 56 of 1024, more than 5 %.
+        let values: Vec<f64> = (1..=10).rev().map(f64::from).collect();
+        assert_eq!(median_interval(&values, 0.9), [2.0, 9.0]);
+        assert_eq!(median_interval(&[3.0, 1.0], 0.9), [1.0, 3.0]);
     }
 }

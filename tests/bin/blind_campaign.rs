@@ -4,7 +4,8 @@
 //!
 //! With `--unforeseen` the campaigns are unlike those that the diagnosis was developed on, and each answer is judged as honest,
 //! uncertain or falsely certain. With `--nulls` no effect is hidden, and the noise is of several kinds. The seeds of both follow
-//! from the last commit, so that every commit is measured on fresh campaigns.
+//! from the last commit, so that every commit is measured on fresh campaigns. With `--promise` the model is extended on one half of
+//! each campaign, and its promised error compared with that on the other half.
 //!
 //! Each campaign that is finished is a line of the file named by `--out`; called again, only those that are not there are made.
 
@@ -20,6 +21,7 @@ use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use tests::campaign::blind::{self, Cell};
+use tests::campaign::promise::{self, Promise};
 use tests::campaign::unforeseen::{Question, table};
 
 /// Campaigns with a hidden effect, a diagnosis of each, and a table of how it did.
@@ -38,6 +40,10 @@ struct Args {
     /// With --nulls: no search, only score tests in the model as configured. What they find beyond chance is false.
     #[arg(long, requires = "nulls")]
     scores: bool,
+    /// Extend the model on one half of each campaign, and compare the error that it promises with that on the other half. One
+    /// campaign of each effect and kind of other half by seed [default: 4].
+    #[arg(long, conflicts_with_all = ["unforeseen", "nulls", "drawn"])]
+    promise: bool,
     /// Derive the seeds of --unforeseen and --nulls from this text [default: the hash of the last commit].
     #[arg(long)]
     seed_from: Option<String>,
@@ -82,6 +88,10 @@ fn main() -> anyhow::Result<()> {
         let make = if args.scores { scores_line } else { question_line };
         let lines = lines(&args, plan, Question::name, make)?;
         write!(std::io::stdout(), "{}", table::tables(&lines))?;
+    } else if args.promise {
+        let plan = Promise::plan(args.seeds.unwrap_or(4));
+        let lines = lines(&args, plan, Promise::name, promise_line)?;
+        write!(std::io::stdout(), "{}", promise::table(&lines))?;
     } else {
         let plan = Cell::plan(args.seeds.unwrap_or(40), args.drawn);
         let lines = lines(&args, plan, Cell::name, cell_line)?;
@@ -137,6 +147,7 @@ fn lines<T: Sync>(
             let became = match (line["error"].as_str(), line["judgement"].as_str()) {
                 (Some(error), _) => error.lines().next().unwrap_or("failed"),
                 (None, Some(judgement)) => judgement,
+                (None, None) if line["ratio"].is_number() => "measured",
                 (None, None) if line["right_first"] == true => "right",
                 (None, None) => "not right",
             };
@@ -195,24 +206,63 @@ fn question_line(question: &Question, args: &Args) -> anyhow::Result<Value> {
     })
 }
 
+/// Extends a model on one half of a campaign, and compares it with the other half.
+fn promise_line(promise: &Promise, args: &Args) -> anyhow::Result<Value> {
+    let campaign = promise.campaign(args.rows);
+    let [csv, fresh] = promise.halves(&campaign);
+    let temporary = tempfile::tempdir()?;
+    let folder = folder_of(args, &promise.name(), &temporary);
+    write_files(&folder, [&csv, &campaign.config_toml])?;
+    std::fs::write(folder.join("fresh.csv"), fresh)?;
+    let limit = Duration::from_secs_f64(args.limit_s);
+    let extend =
+        ["extend", "config.toml", "--data", "data.csv", "--all", "--output", "extended.toml"];
+    let compare = ["compare", "extended.toml", "--data", "fresh.csv"];
+    let extended =
+        run_orchestrator(&folder, &extend, "extension.json", limit).and_then(|extension| {
+            Ok((extension, run_orchestrator(&folder, &compare, "comparison.json", limit)?))
+        });
+    Ok(match extended {
+        Ok((extension, comparison)) => promise.line(&extension, &comparison),
+        Err(error) => {
+            let mut line = promise.line(&Value::Null, &Value::Null);
+            line["why"] = json!(format!("{error:#}"));
+            line
+        }
+    })
+}
+
+/// The folder of a campaign.
+fn folder_of(args: &Args, name: &str, temporary: &tempfile::TempDir) -> PathBuf {
+    match &args.keep {
+        Some(keep) => keep.join(name.replace([' ', ':', ',', '#', '(', ')', '+'], "_")),
+        None => temporary.path().to_owned(),
+    }
+}
+
+fn write_files(folder: &Path, [csv, config_toml]: [&str; 2]) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    std::fs::write(folder.join("data.csv"), csv)?;
+    std::fs::write(folder.join("config.toml"), config_toml)?;
+    Ok(())
+}
+
 /// Writes data and configuration into a folder, runs a command of the orchestrator there, and judges its JSON.
 fn judged_line(
     args: &Args,
     name: &str,
-    [csv, config_toml]: [&str; 2],
+    files: [&str; 2],
     command: &str,
     judge: impl Fn(&Value) -> Value,
 ) -> anyhow::Result<Value> {
     let temporary = tempfile::tempdir()?;
-    let folder = match &args.keep {
-        Some(keep) => keep.join(name.replace([' ', ':', ',', '#', '(', ')', '+'], "_")),
-        None => temporary.path().to_owned(),
-    };
-    std::fs::create_dir_all(&folder)?;
-    std::fs::write(folder.join("data.csv"), csv)?;
-    std::fs::write(folder.join("config.toml"), config_toml)?;
+    let folder = folder_of(args, name, &temporary);
+    write_files(&folder, files)?;
     let begin = Instant::now();
-    let mut line = match run_orchestrator(&folder, command, Duration::from_secs_f64(args.limit_s)) {
+    let answer = if command == "compare" { "comparison.json" } else { "diagnosis.json" };
+    let arguments = [command, "config.toml", "--data", "data.csv"];
+    let limit = Duration::from_secs_f64(args.limit_s);
+    let mut line = match run_orchestrator(&folder, &arguments, answer, limit) {
         Ok(written) => judge(&written),
         Err(error) => {
             let mut line = judge(&json!({}));
@@ -224,13 +274,19 @@ fn judged_line(
     Ok(line)
 }
 
-/// Runs a command of the orchestrator, built beside this program, in the folder of a campaign. Returns its JSON.
-fn run_orchestrator(folder: &Path, command: &str, limit: Duration) -> anyhow::Result<Value> {
+/// Runs a command of the orchestrator, built beside this program, in the folder of a campaign. Returns its JSON, which it writes to
+/// `answer`.
+fn run_orchestrator(
+    folder: &Path,
+    arguments: &[&str],
+    answer: &str,
+    limit: Duration,
+) -> anyhow::Result<Value> {
     let orchestrator = std::env::current_exe()?.with_file_name("orchestrator");
     let errors = std::fs::File::create(folder.join("errors.txt"))?;
-    let file = if command == "compare" { "comparison.json" } else { "diagnosis.json" };
     let mut child = Command::new(&orchestrator)
-        .args([command, "config.toml", "--data", "data.csv", "--json", file])
+        .args(arguments)
+        .args(["--json", answer])
         .current_dir(folder)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
@@ -253,6 +309,6 @@ fn run_orchestrator(folder: &Path, command: &str, limit: Duration) -> anyhow::Re
         let said = std::fs::read_to_string(folder.join("errors.txt"))?;
         bail!("{status}: {}", said.trim());
     }
-    let text = std::fs::read_to_string(folder.join(file))?;
+    let text = std::fs::read_to_string(folder.join(answer))?;
     serde_json::from_str(&text).context("reading what it wrote")
 }

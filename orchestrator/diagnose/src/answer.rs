@@ -71,6 +71,8 @@ pub fn answer<S: Study>(
         .filter(|candidate| candidate.curve_over().is_none())
         .map(|candidate| candidate.name.clone())
         .collect();
+    let withheld: Vec<&str> =
+        ladder.withheld().map(|term| study.candidates()[term].name.as_str()).collect();
     let verdict = if ladder.too_little.is_some() && gate.misfits.is_empty() {
         Verdict::NothingFound
     } else if !unexplained.is_empty() {
@@ -79,7 +81,7 @@ pub fn answer<S: Study>(
         Verdict::MissingEffects
     } else if !gate.misfits.is_empty() {
         Verdict::SomethingMissing
-    } else if gate.tells_too_little() {
+    } else if gate.tells_too_little() || !withheld.is_empty() {
         Verdict::NothingFound
     } else {
         Verdict::NothingMissing
@@ -113,7 +115,10 @@ pub fn answer<S: Study>(
         misfits: gate.misfits,
         next_measurement,
         complete: is_complete,
-        too_little: ladder.too_little.clone(),
+        too_little: ladder.too_little.clone().or_else(|| {
+            (verdict == Verdict::NothingFound && !withheld.is_empty())
+                .then(|| withheld_text(&withheld))
+        }),
         stopped_in_round: ladder.stopped,
         searched: measurements.searched,
         account: measurements.account.clone(),
@@ -121,6 +126,15 @@ pub fn answer<S: Study>(
     };
     diagnosis.sentence = words::sentence(&diagnosis);
     diagnosis
+}
+
+/// Why candidates that gain beyond chance are not named.
+fn withheld_text(names: &[&str]) -> String {
+    format!(
+        "nothing was found for certain: {} would predict rows left out better, but by no more than what rows that follow each other or \
+         share a node may have in common",
+        names.join(", ")
+    )
 }
 
 fn rung<S: Study>(study: &S, rung: &ladder::LadderStep) -> Rung {

@@ -53,7 +53,7 @@ pub struct Diagnosis {
     /// Whether the search came to its end. If not, a signal or a time budget ended it: the answer may still change, and what is in it
     /// depends on how fast the machine was.
     pub complete: bool,
-    /// Why the data are too few to find anything, if they are.
+    /// Why the data are too few to find anything, or to tell chance from what predicts rows left out better, if they are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub too_little: Option<String>,
     /// The round in which the search was interrupted, if it was; what was accepted before stands.

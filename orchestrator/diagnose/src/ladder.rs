@@ -43,6 +43,8 @@ pub struct CandidateTest {
     pub is_plausible: bool,
     /// Significant after the correction, and worth having: it may be accepted.
     pub is_acceptable: bool,
+    /// It predicts rows left out better, beyond chance, but moves no more than what rows that depend on each other may share.
+    pub is_withheld: bool,
     /// Candidates that these data cannot distinguish from it, as indices.
     pub ties: Vec<usize>,
 }
@@ -95,6 +97,11 @@ pub struct Ladder {
 }
 
 impl Ladder {
+    /// Candidates that were withheld in the last round, as indices.
+    pub fn withheld(&self) -> impl Iterator<Item = usize> + '_ {
+        self.tests.iter().filter(|test| test.is_withheld).map(|test| test.term)
+    }
+
     /// Whether there was enough to tell something, and the search came to its end.
     #[must_use]
     pub fn is_complete(&self) -> bool {
@@ -293,6 +300,7 @@ impl<'a, S: Study> Search<'a, S> {
             is_significant: false,
             is_plausible: false,
             is_acceptable: false,
+            is_withheld: false,
             ties: Vec::new(),
         };
         let level = candidate.level;
@@ -350,10 +358,13 @@ impl<'a, S: Study> Search<'a, S> {
             let terms = with_term(accepted, special);
             // As it is tried by itself, perhaps at this moment: whoever comes first, the fit is the same.
             let fit = self.fit_if_promising(&terms, level, &parent, HOPELESS_NATS / 2.0);
-            fit.is_some_and(|fit| {
+            let is_as_good = fit.is_some_and(|fit| {
                 let risen = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
                 rise < risen + NOTHING_MORE_NATS
-            })
+            });
+            // Random levels that exchanges refute do not stand in the way of those that contain them.
+            let is_random = candidates[special].level == Level::Random;
+            is_as_good && (!is_random || self.stands_clustered(special, accepted))
         })
     }
 
@@ -509,6 +520,7 @@ impl<'a, S: Study> Search<'a, S> {
                     "no more than what rows share"
                 );
                 (test.is_significant, test.is_plausible) = (false, false);
+                test.is_withheld = true;
             }
         }
     }

@@ -89,8 +89,17 @@ impl<S: Study> Search<'_, S> {
         if columns.is_empty() {
             return true;
         }
-        let known: Vec<ScoreTest> =
-            columns.iter().filter_map(|column| tests.test(column, &[])).collect();
+        let (mut known, mut unknown_nats) = (Vec::<ScoreTest>::new(), 0.0);
+        for column in &columns {
+            match tests.test(column, &[]) {
+                Some(test) => known.push(test),
+                None => unknown_nats += tests.rise(column, &[]),
+            }
+        }
+        // Of a push in some direction, the component that can be told may be the one that is not there.
+        if known.iter().map(|test| test.rise).sum::<f64>() < unknown_nats {
+            known.clear();
+        }
         let least = known.iter().map(|test| test.p_value).fold(f64::INFINITY, f64::min);
         debug!(name = candidate.name, least, n = known.len(), "clustered");
         // Where nothing can be told, the gain on rows left out decides.

@@ -343,6 +343,25 @@ fn members(id: i64) -> toml::Table {
 }
 
 #[test]
+fn what_gains_by_no_more_than_rows_in_a_row_share_is_withheld_and_said() {
+    // What acts is another in each of 24 spans of time; blocks that are left out are a sixteenth as long.
+    let mut n_withheld = 0;
+    for seed in 0..20 {
+        let draws = Draws::new(seed, Purpose::Resample);
+        let strength = |row: usize| 0.3 + 0.9 * draws.normal((row / 800) as u64, 2000, 0);
+        let mut study = Lines::of_rows(24 * 800, &["a", "b"], seed, |_| 0.0);
+        for row in 0..study.y.len() {
+            study.y[row] += strength(row) * study.columns[0][row];
+        }
+        let ladder = Search::new(&study, &|_| {}).stepwise_selection();
+        let withheld: Vec<usize> = ladder.withheld().collect();
+        assert!(withheld.iter().all(|term| !ladder.accepted.contains(term)), "seed {seed}");
+        n_withheld += withheld.len();
+    }
+    assert!(0 < n_withheld);
+}
+
+#[test]
 fn what_acts_on_one_of_ten_is_named_with_it() {
     let mut study = of_row(3, |row, x| if row % 10 == 4 { 0.8 * x[1] } else { 0.0 });
     assert_eq!(selected(&mut study), [("b".to_owned(), Some(members(4)))]);
