@@ -310,13 +310,19 @@ fn anywhere(draws: &mut Draws, layout: &Layout, margin_m: f64) -> Point {
     layout.extent_m.map(|extent_m| rounded(draws.between(margin_m, extent_m - margin_m), 2))
 }
 
-/// Places at least 4 m apart.
+/// Places at least 4 m apart; where there is no room for so many, a little less.
 fn fixed_places(draws: &mut Draws, layout: &Layout) -> Vec<Point> {
     let mut places: Vec<Point> = Vec::new();
+    let (mut apart_m, mut n_refused) = (4.0, 0);
     while places.len() < layout.n_fixed {
         let place = anywhere(draws, layout, 0.5);
-        if places.iter().all(|&other| 4.0 <= distance(place, other)) {
+        if places.iter().all(|&other| apart_m <= distance(place, other)) {
             places.push(place);
+            continue;
+        }
+        n_refused += 1;
+        if n_refused == 1000 {
+            (apart_m, n_refused) = (0.9 * apart_m, 0);
         }
     }
     places

@@ -91,4 +91,10 @@ mod tests {
         }
         assert_eq!(n_senders.len(), 2, "sender or receiver");
     }
+
+    #[test]
+    fn anchors_find_room_in_the_smallest_place() {
+        // Twelve in 14 m by 12 m; a search for places 4 m apart did not end.
+        assert!(!case(534_128_452_000_002).csv.is_empty());
+    }
 }
