@@ -384,7 +384,8 @@ impl<S: Study> Search<'_, S> {
     }
 
     /// Exchange step: an accepted term, and the index of the test whose effect should replace it. The effect is plausible on top of
-    /// all accepted terms, and predicts held-out rows better without the old term, or as well if it is a special case of that term.
+    /// all accepted terms, and predicts held-out rows better without the old term, or as well if it is a special case of that term;
+    /// and it is more than what dependent rows share. Random effects do not replace the level about which they vary.
     pub(super) fn exchange_step(
         &self,
         tests: &[CandidateTest],
@@ -398,12 +399,16 @@ impl<S: Study> Search<'_, S> {
             }
             for &old in accepted {
                 let all = self.full_fit(&with_term(accepted, test.term), COMMON, None);
-                let terms = with_term(&without_term(accepted, old), test.term);
+                let rest = without_term(accepted, old);
+                let terms = with_term(&rest, test.term);
                 self.prepare(&terms, &all);
                 let over = self.gain(&terms, accepted, COMMON);
                 let is_special = candidates[old].generalises.contains(&new.name);
                 let margin = if is_special { 0.0 } else { 2.0 * over.standard_error };
-                if margin < over.gain {
+                if margin < over.gain
+                    && !self.is_level_of_random(old, &terms)
+                    && self.stands_clustered(test.term, &rest)
+                {
                     return Some((old, index));
                 }
             }
