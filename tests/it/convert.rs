@@ -169,6 +169,28 @@ fn packets_at_a_root_show_what_was_lost_as_gaps() {
     assert_eq!(found["arrived"], 54, "{found:#}");
     // Seven slots of 15 ms, as a difference of two times.
     assert!((found["latency_s"].as_f64().unwrap() - 0.105).abs() < 1e-9, "{found:#}");
+
+    // Gaps become lost packets, created where their number lies: number 3, at ASN 1000 + 40 × 3.
+    let lost = format!("lost_from_gaps = true\n{mapping}");
+    std::fs::write(dir.path().join("lost.toml"), lost).unwrap();
+    let answer = convert(dir.path(), &["lost.toml"]);
+    assert_eq!(
+        (&answer["read"], &answer["written"], &answer["lost_from_gaps"]),
+        (&55.into(), &60.into(), &6.into()),
+        "{answer:#}"
+    );
+    let text = std::fs::read_to_string(dir.path().join("lost.csv")).unwrap();
+    assert!(text.lines().any(|line| line.starts_with("16.8,2,0,,,3,")), "{text}");
+    let found = checked(dir.path(), "lost.csv");
+    assert_eq!((&found["rows"], &found["arrived"]), (&60.into(), &54.into()), "{found:#}");
+
+    let links = "table = \"links\"\nlost_from_gaps = true\n[[input]]\nfiles = \"root.log\"\nformat = \"openwsn-transmissions\"\n\
+                 slotframe_slots = 17\n";
+    std::fs::write(dir.path().join("links.toml"), links).unwrap();
+    let output = orchestrator(&["convert", "links.toml"], dir.path());
+    assert_eq!(output.status.code(), Some(2));
+    let text = said(&output);
+    assert!(text.contains("links.toml:2: lost_from_gaps: makes lost packets of gaps"), "{text}");
 }
 
 #[test]

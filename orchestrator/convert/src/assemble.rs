@@ -35,6 +35,7 @@ pub fn convert(mapping: &Mapping) -> Result<Converted, ConvertError> {
         labels: Labels::default(),
         plane: mapping.origin_deg.map(TangentPlane::at),
         inputs: vec![InputState::default(); mapping.inputs.len()],
+        n_lost: 0,
     };
     let mut rows = Table::default();
     let (mut gaps, mut channels, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
@@ -113,6 +114,8 @@ struct State<'a> {
     labels: Labels,
     plane: Option<TangentPlane>,
     inputs: Vec<InputState>,
+    /// Lost packets that were added for gaps.
+    n_lost: usize,
 }
 
 #[derive(Clone, Default)]
@@ -152,7 +155,12 @@ impl State<'_> {
             aggregate::aggregate(&mut base, period_ns, &mut account);
         }
         if self.mapping.table == TableKind::Packets && base.column("sequence").is_some() {
-            gaps.extend(derive::sequence_gaps(&mut base, run as u32 + 1, &mut account));
+            let found = derive::sequence_gaps(&mut base, run as u32 + 1, &mut account);
+            if self.mapping.is_lost_from_gaps {
+                self.n_lost += derive::add_lost_packets(&mut base, &found)
+                    .map_err(|refusal| crate::formats::refused(file, refusal))?;
+            }
+            gaps.extend(found.into_iter().map(|(counts, _)| counts));
         }
         if base.n_rows() == 0 {
             warnings.push(format!("{} has no usable row", file.display()));
@@ -281,6 +289,7 @@ impl State<'_> {
             columns: table.names().to_vec(),
             read: inputs.first().map_or(0, |input| input.read),
             written: table.n_rows(),
+            lost_from_gaps: self.n_lost,
             inputs,
             names: self.labels.named(&numbers).into_iter().collect(),
             origin_deg: self.plane.map(|plane| plane.origin_deg),

@@ -3,8 +3,9 @@
 use crate::account::Account;
 use crate::frame::{Frame, NO_TIME};
 use crate::mapping::Start;
-use crate::sequence::{self, Numbered, SequenceGaps};
+use crate::sequence::{self, Gap, Numbered, SequenceGaps};
 use measure::table::DataTable;
+use proto::bounds::ROWS;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Times from here on (ns) are taken for epoch times: March 1973. No campaign lasts that long.
@@ -117,12 +118,12 @@ pub(crate) fn drop_sums_over_channels(frame: &mut Frame, account: &mut Account<'
     });
 }
 
-/// Rejects packets that arrived before, and counts gaps in the sequence numbers of each source.
+/// Rejects packets that arrived before, and finds gaps in the sequence numbers of each source.
 pub(crate) fn sequence_gaps(
     frame: &mut Frame,
     run: u32,
     account: &mut Account<'_>,
-) -> Vec<SequenceGaps> {
+) -> Vec<(SequenceGaps, Vec<Gap>)> {
     let mut seen = BTreeSet::new();
     let is_new: Vec<bool> = (0..frame.n_rows())
         .map(|row| {
@@ -158,6 +159,43 @@ pub(crate) fn sequence_gaps(
         .into_iter()
         .map(|(source, mut packets)| sequence::gaps(run, source, &mut packets))
         .collect()
+}
+
+/// Adds a row for every packet that is missing in a gap: a lost packet.
+///
+/// It has the source, the destination and the sequence number of the packets around it, and an interpolated creation time. Every other
+/// column is empty. Its line is that of the packet after the gap.
+///
+/// # Errors
+///
+/// The table would have more rows than a table may have.
+pub(crate) fn add_lost_packets(
+    frame: &mut Frame,
+    gaps: &[(SequenceGaps, Vec<Gap>)],
+) -> Result<usize, String> {
+    let n_lost: usize = gaps.iter().map(|(counts, _)| counts.missing).sum();
+    ROWS.check((frame.n_rows() + n_lost) as u64)?;
+    let mut destinations: BTreeMap<usize, f64> = BTreeMap::new();
+    if let Some(column) = frame.column("destination") {
+        destinations.extend(frame.lines.iter().copied().zip(column.iter().copied()));
+    }
+    for (counts, gaps) in gaps {
+        for packet in gaps.iter().flat_map(Gap::missing) {
+            frame.lines.push(packet.line);
+            for (name, times_ns) in &mut frame.times_ns {
+                times_ns.push(if name == "time_s" { packet.created_ns } else { NO_TIME });
+            }
+            for (name, values) in &mut frame.columns {
+                values.push(match name.as_str() {
+                    "source" => f64::from(counts.source),
+                    "destination" => destinations.get(&packet.line).copied().unwrap_or(f64::NAN),
+                    "sequence" => f64::from(packet.sequence),
+                    _ => f64::NAN,
+                });
+            }
+        }
+    }
+    Ok(n_lost)
 }
 
 /// A warning if delivery ratios look like a fraction of a fraction.

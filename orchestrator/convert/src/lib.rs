@@ -82,6 +82,8 @@ pub struct Conversion {
     pub read: usize,
     /// Rows of the table.
     pub written: usize,
+    /// Rows of the table that are no row of a log: packets missing in gaps of the sequence numbers, with `lost_from_gaps`.
+    pub lost_from_gaps: usize,
     /// The inputs, in the order of the mapping.
     pub inputs: Vec<InputReport>,
     /// Numbers of nodes or robots by name; empty where the log has numbers, which stay as they are.

@@ -34,6 +34,8 @@ pub struct Mapping {
     pub origin_deg: Option<[f64; 2]>,
     /// Link samples are summed up over periods of this length (ns).
     pub aggregate_ns: Option<i64>,
+    /// Packets that are missing in gaps of the sequence numbers become lost packets.
+    pub is_lost_from_gaps: bool,
 }
 
 /// From when times count.
@@ -134,6 +136,7 @@ struct TopKeys {
     start: Option<toml::Value>,
     origin_deg: Option<[f64; 2]>,
     aggregate_s: Option<f64>,
+    lost_from_gaps: bool,
     input: Option<Vec<toml::Table>>,
 }
 
@@ -192,6 +195,7 @@ impl Mapping {
             start,
             origin_deg: keys.origin_deg,
             aggregate_ns: keys.aggregate_s.map(|period_s| (period_s * 1e9) as i64),
+            is_lost_from_gaps: keys.lost_from_gaps,
         };
         mapping.check_inputs(&mut problems);
         if problems.is_empty() { Ok(mapping) } else { Err(mapping.refuse(problems)) }
@@ -244,6 +248,12 @@ impl Mapping {
             let message =
                 "sums up link samples: it requires table = \"links\" and the column received";
             problems.push(Problem::new(spec::AGGREGATE_S, message));
+        }
+        let has_sequence = self.table == TableKind::Packets
+            && self.inputs.iter().any(|input| input.has("sequence"));
+        if self.is_lost_from_gaps && !has_sequence {
+            let message = "makes lost packets of gaps in sequence numbers: it requires table = \"packets\" and the column sequence";
+            problems.push(Problem::new(spec::LOST_FROM_GAPS, message));
         }
         if !problems.is_empty() {
             return;

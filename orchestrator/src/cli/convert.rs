@@ -99,6 +99,9 @@ fn print(out: &Path, answer: &Conversion) {
             "  gaps      run {run}: {missing} of {sent} sequence numbers are missing ({percent:.1} %), restarts: {restarts}"
         ));
     }
+    if 0 < answer.lost_from_gaps {
+        say(format!("  lost      {} rows of lost packets added for gaps", answer.lost_from_gaps));
+    }
     for run in answer.channels.chunk_by(|a, b| a.run == b.run) {
         say(channels(run));
     }

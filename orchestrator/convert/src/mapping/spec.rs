@@ -12,6 +12,9 @@ pub(super) const TABLE: &str = "table";
 /// The key that sums up link samples.
 pub(super) const AGGREGATE_S: &str = "aggregate_s";
 
+/// The key that makes lost packets of gaps.
+pub(super) const LOST_FROM_GAPS: &str = "lost_from_gaps";
+
 /// The keys of a mapping file.
 pub const SPEC: TableSpec = TableSpec {
     doc: "A mapping file: how logs become a table of measurements.",
@@ -52,6 +55,13 @@ pub const SPEC: TableSpec = TableSpec {
                   table: rows with frames, pdr and the mean reading, as `--given-rssi` requires them.",
             kind: Kind::Number(Range::closed(1e-3, 1e9)),
             default: Default::Absent,
+        },
+        Field {
+            key: LOST_FROM_GAPS,
+            doc: "Packets: adds a row with an empty received_s for each sequence number that is missing between two packets of a source, \
+                  created at a time interpolated between them. Where the numbers begin anew, nothing is added. Requires the column sequence.",
+            kind: Kind::Bool,
+            default: Default::Bool(false),
         },
         Field {
             key: "input",
