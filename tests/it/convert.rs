@@ -86,13 +86,16 @@ fn topics_of_several_drives_become_one_table_of_robots() {
     let mut lines = text.lines();
     assert_eq!(
         lines.next(),
-        Some("run,time_s,agent,x_m,y_m,heading_rad,cmd_speed_mps,cmd_steer_rad")
+        Some("run,time_s,start_epoch_s,agent,x_m,y_m,heading_rad,cmd_speed_mps,cmd_steer_rad")
     );
     // The sixth pose is the first with a command: heading 0.1 rad.
     let row: Vec<f64> =
         lines.next().unwrap().split(',').map(|cell| cell.parse().unwrap()).collect();
-    assert_eq!([row[0], row[1], row[2]], [1.0, 0.0, 0.0]);
-    assert!((row[5] - 0.1).abs() < 1e-9 && row[6] == 2.0, "{row:?}");
+    assert_eq!([row[0], row[1], row[2], row[3]], [1.0, 0.0, 1_700_000_000.25, 0.0]);
+    assert!((row[6] - 0.1).abs() < 1e-9 && row[7] == 2.0, "{row:?}");
+    // The second drive started 50 s later.
+    let second = text.lines().find(|line| line.starts_with("2,0,")).unwrap();
+    assert!(second.starts_with("2,0,1700000050.25,"), "{second}");
 }
 
 #[test]
@@ -229,13 +232,16 @@ columns = { node = "name", latitude_deg = "lat", longitude_deg = "lon", z_m = "h
     assert_eq!((&answer["read"], &answer["written"]), (&60.into(), &58.into()), "{answer:#}");
     assert_eq!((&answer["names"]["gateway"], &answer["names"]["lamp"]), (&0.into(), &1.into()));
     let text = std::fs::read_to_string(dir.path().join("links.csv")).unwrap();
-    let header = "time_s,tx,rx,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,frames,pdr";
+    let header =
+        "time_s,start_epoch_s,tx,rx,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,frames,pdr";
     assert_eq!(text.lines().next(), Some(header));
     let row: Vec<f64> =
         text.lines().nth(1).unwrap().split(',').map(|cell| cell.parse().unwrap()).collect();
-    assert_eq!([row[0], row[1], row[2], row[5], row[8]], [60.0, 0.0, 1.0, 2.0, 1.5]);
-    assert!((row[7] - 111.13).abs() < 0.01, "{row:?}");
-    assert_eq!(row[9..], [-61.0, 10.0, 0.9]);
+    // 2024-03-01T12:00:00Z.
+    assert_eq!(row[1], 1_709_294_400.0);
+    assert_eq!([row[0], row[2], row[3], row[6], row[9]], [60.0, 0.0, 1.0, 2.0, 1.5]);
+    assert!((row[8] - 111.13).abs() < 0.01, "{row:?}");
+    assert_eq!(row[10..], [-61.0, 10.0, 0.9]);
     checked(dir.path(), "links.csv");
 }
 
@@ -267,4 +273,7 @@ fn a_trace_as_it_is_published_is_converted_and_its_bad_rows_are_counted() {
     let lines: Vec<u64> = rejected.iter().map(|one| one["first_line"].as_u64().unwrap()).collect();
     assert_eq!(lines, [46, 3, 4], "{rejected:#?}");
     checked(dir.path(), "trace.csv");
+    // The start_date of the header, 2018-01-11T16:00:00Z.
+    let text = std::fs::read_to_string(dir.path().join("trace.csv")).unwrap();
+    assert!(text.lines().nth(1).unwrap().starts_with("0,1515686400,"), "{text}");
 }

@@ -16,6 +16,7 @@ use crate::tables::{COLUMNS, Content, TableKind, known};
 use crate::{Conversion, ConvertError, Converted, InputReport, SCHEMA};
 use measure::formats::open;
 use measure::table::DataTable;
+use measure::time_of_day;
 use proto::bounds::{CELLS, ROWS};
 use proto::config::Problem;
 use std::collections::BTreeSet;
@@ -248,6 +249,9 @@ impl State<'_> {
         }
         let order = |name: &str| COLUMNS.iter().position(|column| column.name == name);
         columns.retain(|(name, _)| known(name).is_none_or(|column| !column.is_intermediate));
+        columns.retain(|(name, values)| {
+            name != time_of_day::START || values.iter().any(|start_s| start_s.is_finite())
+        });
         columns.sort_by_key(|(name, _)| order(name).unwrap_or(usize::MAX));
         let (names, values): (Vec<String>, Vec<Vec<f64>>) = columns.into_iter().unzip();
         let mut table = DataTable::of_columns(names, values);

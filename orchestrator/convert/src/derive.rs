@@ -5,20 +5,30 @@ use crate::frame::{Frame, NO_TIME};
 use crate::mapping::Start;
 use crate::sequence::{self, Gap, Numbered, SequenceGaps};
 use measure::table::DataTable;
+use measure::time_of_day;
 use proto::bounds::ROWS;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Times from here on (ns) are taken for epoch times: March 1973. No campaign lasts that long.
 const EPOCH_NS: i64 = 100_000_000_000_000_000;
 
-/// Makes times count from the start.
+/// Makes times count from the start. The epoch time of the start (s) goes into a column, NaN where the log does not state it.
 pub(crate) fn start_at_zero(frame: &mut Frame, start: Start, account: &mut Account<'_>) {
-    let Some(times_ns) = frame.time_ns() else { return };
+    let start_ns = subtract_start(frame, start, account).filter(|start_ns| EPOCH_NS <= *start_ns);
+    if frame.column(time_of_day::START).is_none() {
+        let start_s = start_ns.map_or(f64::NAN, |start_ns| start_ns as f64 / 1e9);
+        frame.columns.push((time_of_day::START.to_owned(), vec![start_s; frame.n_rows()]));
+    }
+}
+
+/// Makes times count from the start, and returns it (ns). None where times stay as they are.
+fn subtract_start(frame: &mut Frame, start: Start, account: &mut Account<'_>) -> Option<i64> {
+    let times_ns = frame.time_ns()?;
     let mut sorted = times_ns.to_vec();
     sorted.sort_unstable();
     let is_epoch = sorted.get(sorted.len() / 2).is_some_and(|&median| EPOCH_NS <= median);
     let start_ns = match (start, frame.start_ns) {
-        (Start::AsWritten, _) => return,
+        (Start::AsWritten, _) => return None,
         (Start::At(start_ns), _) | (Start::Automatic, Some(start_ns)) => start_ns,
         (Start::Automatic, None) if is_epoch => {
             frame.reject(account, |frame, row| {
@@ -30,7 +40,7 @@ pub(crate) fn start_at_zero(frame: &mut Frame, start: Start, account: &mut Accou
             });
             sorted.into_iter().find(|&time_ns| EPOCH_NS <= time_ns).unwrap_or(0)
         }
-        (Start::Automatic, None) => return,
+        (Start::Automatic, None) => return None,
     };
     frame.reject(account, |frame, row| {
         (frame.time_ns()?[row] < start_ns).then(|| "time_s is before the start".to_owned())
@@ -40,6 +50,7 @@ pub(crate) fn start_at_zero(frame: &mut Frame, start: Start, account: &mut Accou
             *time_ns = time_ns.saturating_sub(start_ns);
         }
     }
+    Some(start_ns)
 }
 
 /// Sender, receiver and channel of a row.
@@ -244,6 +255,7 @@ mod tests {
         let found =
             rejected(&mut log, |frame, account| start_at_zero(frame, Start::Automatic, account));
         assert_eq!(log.time_ns().unwrap(), [S, 0, 4 * S]);
+        assert_eq!(log.column(time_of_day::START), Some(&[1_600_000_001.0; 3][..]));
         assert!(
             found.len() == 1 && found[0].0.contains("the clock was not set") && found[0].2 == 2
         );
@@ -257,11 +269,36 @@ mod tests {
             .is_empty()
         );
         assert_eq!(relative.time_ns().unwrap(), [3 * S, 4 * S]);
+        assert!(relative.take(time_of_day::START).unwrap().iter().all(|start_s| start_s.is_nan()));
         let found = rejected(&mut relative, |frame, account| {
             start_at_zero(frame, Start::At(4 * S), account)
         });
         assert_eq!(found, [("time_s is before the start".to_owned(), 1, 2)]);
         assert_eq!(relative.time_ns().unwrap(), [0]);
+        // Four seconds since the log began are no epoch time.
+        assert!(relative.take(time_of_day::START).unwrap()[0].is_nan());
+    }
+
+    #[test]
+    fn the_start_is_written_where_the_mapping_or_the_log_states_it_and_kept_where_a_column_does() {
+        let of = |stated: &[(&str, &[f64])], start, start_ns| {
+            let mut log = frame(&[1_600_000_002, 1_600_000_005], stated);
+            log.start_ns = start_ns;
+            assert!(
+                rejected(&mut log, |frame, account| start_at_zero(frame, start, account))
+                    .is_empty()
+            );
+            let start_s = log.take(time_of_day::START).unwrap();
+            (start_s, log.time_ns().unwrap().to_vec())
+        };
+        let [first, second] = [1_600_000_000 * S, 1_600_000_001 * S];
+        assert_eq!(of(&[], Start::At(first), None), (vec![1.6e9; 2], vec![2 * S, 5 * S]));
+        let (start_s, times_ns) = of(&[], Start::Automatic, Some(second));
+        assert_eq!((start_s, times_ns), (vec![1_600_000_001.0; 2], vec![S, 4 * S]));
+        let stated: &[(&str, &[f64])] = &[(time_of_day::START, &[7.0; 2])];
+        assert_eq!(of(stated, Start::Automatic, Some(second)).0, [7.0; 2]);
+        let (start_s, times_ns) = of(&[], Start::AsWritten, None);
+        assert!(start_s[0].is_nan() && times_ns[0] == 1_600_000_002 * S);
     }
 
     #[test]

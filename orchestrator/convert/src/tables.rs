@@ -1,7 +1,7 @@
 //! The tables that logs become, and their columns.
 
 use measure::table::DataTable;
-use measure::{Rejected, links, packets, robots};
+use measure::{Rejected, links, packets, robots, time_of_day};
 use proto::config::{Default, Field, Kind, TableSpec};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -68,6 +68,7 @@ const ALL: &[TableKind] = &[TableKind::Links, TableKind::Robots, TableKind::Pack
 pub const COLUMNS: &[Column] = &[
     column("run", Number, ALL),
     column("time_s", Time, ALL),
+    column(time_of_day::START, Number, ALL),
     column("tx", Label, LINKS),
     column("rx", Label, LINKS),
     column("channel", Number, LINKS),
@@ -173,6 +174,11 @@ pub(crate) const COLUMNS_SPEC: TableSpec = TableSpec {
         key(
             "time_s",
             "Time of the row; in a table of packets, when the packet was created. A number, or a date (ISO 8601).",
+        ),
+        key(
+            time_of_day::START,
+            "Epoch time (s) from which time_s counts. By default it is written where the log or `start` states it: times are dates or epoch \
+             times, or the header has a date. State it where the log counts from its own beginning.",
         ),
         key("tx", "Links: the node that sends, by number or name."),
         key("rx", "Links: the node that may receive, by number or name."),

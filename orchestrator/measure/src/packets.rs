@@ -1,7 +1,7 @@
 //! Measured packets: from end to end, sent and received.
 
 use super::table::DataTable;
-use super::{Rejected, Rejections, TWICE};
+use super::{Rejected, Rejections, TWICE, time_of_day};
 use proto::bounds::{LATENCY_S, PACKET_TIME_S};
 use std::collections::BTreeSet;
 
@@ -45,8 +45,8 @@ const COLUMNS: [&str; 4] = ["time_s", "source", "destination", "received_s"];
 /// Columns of packets as a run leaves them.
 const OF_RUN: [&str; 5] = ["created_ns", "source", "destination", "ended_ns", "delivered"];
 /// Columns with a meaning.
-pub const KNOWN: [&str; 6] =
-    ["time_s", "source", "destination", "received_s", "hops", "payload_bytes"];
+pub const KNOWN: [&str; 7] =
+    ["time_s", time_of_day::START, "source", "destination", "received_s", "hops", "payload_bytes"];
 /// Fewer usable packets carry nothing.
 const FEWEST: usize = 20;
 

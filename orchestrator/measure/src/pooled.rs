@@ -1,7 +1,7 @@
 //! Two files of measurements as one table: those of the second are campaigns of their own.
 
 use crate::table::DataTable;
-use crate::time_of_day::EPOCH_S;
+use crate::time_of_day::{EPOCH_S, START};
 use std::collections::BTreeSet;
 
 /// The column that numbers campaigns.
@@ -21,7 +21,8 @@ pub struct Pooled {
 }
 
 /// Pools two tables of the same kind. Campaigns of the second are numbered from beyond those of the first. Times of a table that
-/// are epoch times count from its first row, so that a gap between the two takes no part in anything.
+/// are epoch times count from its first row, so that a gap between the two takes no part in anything. Where both state from when their
+/// times count, so does the pooled table (`start_epoch_s`), and rows have a time of day.
 ///
 /// # Errors
 ///
@@ -49,7 +50,10 @@ pub fn pool(first: &DataTable, second: &DataTable) -> Result<Pooled, String> {
         .iter()
         .zip([second, first])
         .flat_map(|(table, other)| {
-            table.names().iter().filter(|name| *name != RUN && other.column(name).is_none())
+            let is_start_known = starts_s(table).is_some() && starts_s(other).is_some();
+            table.names().iter().filter(move |name| {
+                *name != RUN && other.column(name).is_none() && !(is_start_known && *name == START)
+            })
         })
         .cloned()
         .collect();
@@ -73,6 +77,12 @@ pub fn pool(first: &DataTable, second: &DataTable) -> Result<Pooled, String> {
     columns.push(runs.concat());
     let mut all = names.clone();
     all.push(RUN.to_owned());
+    if !names.iter().any(|name| name == START)
+        && let (Some(first), Some(second)) = (starts_s(first), starts_s(second))
+    {
+        columns.push([first, second].concat());
+        all.push(START.to_owned());
+    }
     let mut table = DataTable::of_columns(all, columns);
     let place = |column: usize, table: &DataTable| {
         names.iter().position(|name| *name == table.names()[column])
@@ -108,6 +118,15 @@ fn last_run(table: &DataTable) -> Result<f64, String> {
 fn epoch_start_s(times_s: &[f64]) -> f64 {
     let first_s = times_s.iter().copied().fold(f64::INFINITY, f64::min);
     if first_s.is_finite() && EPOCH_S <= first_s { first_s } else { 0.0 }
+}
+
+/// The epoch time (s) from which the times of each row count, once epoch times count from the first; none where it is unknown.
+fn starts_s(table: &DataTable) -> Option<Vec<f64>> {
+    if let Some(starts_s) = table.column(START) {
+        return Some(starts_s.to_vec());
+    }
+    let start_s = epoch_start_s(table.column(TIME)?);
+    (EPOCH_S <= start_s).then(|| vec![start_s; table.n_rows()])
 }
 
 #[cfg(test)]
@@ -150,6 +169,22 @@ mod tests {
         let plain = table(&["time_s"], &[&[100.0, 200.0]]);
         let pooled = pool(&epoch, &plain).unwrap().table;
         assert_eq!(pooled.column("time_s"), Some(&[5.0, 0.0, 100.0, 200.0][..]));
+        assert_eq!(pooled.column(START), None);
+    }
+
+    #[test]
+    fn a_start_that_both_state_in_any_way_is_kept() {
+        let epoch = table(&["time_s"], &[&[1.7e9 + 5.0, 1.7e9]]);
+        let column = table(&["time_s", START], &[&[0.0, 5.0], &[1.8e9; 2]]);
+        let starts = |first, second| {
+            let Pooled { table, left_out, .. } = pool(first, second).unwrap();
+            (table.column(START).map(<[f64]>::to_vec), left_out)
+        };
+        assert_eq!(starts(&epoch, &epoch).0, Some(vec![1.7e9; 4]));
+        assert_eq!(starts(&column, &column).0, Some(vec![1.8e9; 4]));
+        assert_eq!(starts(&epoch, &column).0, Some(vec![1.7e9, 1.7e9, 1.8e9, 1.8e9]));
+        let plain = table(&["time_s"], &[&[100.0]]);
+        assert_eq!(starts(&plain, &column), (None, vec![START.to_owned()]));
     }
 
     #[test]
