@@ -47,25 +47,27 @@ pub struct Between {
     pub sentence: String,
     /// What changed from A to B, in the order in which it was found.
     pub changed: Vec<Change>,
-    /// Changes that these data cannot tell from an effect that acts in both campaigns, under other conditions.
+    /// Changes that are indistinguishable on these data from an effect that acts in both campaigns, under other conditions.
     pub possible: Vec<Change>,
     /// What the configured model lacks in both campaigns alike.
     pub common: Vec<Common>,
     /// What stayed the same, and within which margin.
     pub same: Vec<Same>,
+    /// Effects that were tested as changes, everywhere and at each robot or node, and not found.
+    pub not_found: Vec<String>,
     /// Of links: defects of the measurement in A and in B. They may look like changes, so that no verdict is certain with one.
     pub measurement_defects: SidesOf<Vec<MeasurementDefect>>,
     /// Constants by which B is off beyond A that no change explains, the surest first.
     pub unexplained: Vec<Misfit>,
-    /// How well the model of A predicts both campaigns; absent where that cannot be told.
+    /// How well the model of A predicts both campaigns; absent where the data are too few for a test.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<ErrorChange>,
     /// The greatest constant difference between A and B that may be hidden in these data (90 % bound), in the unit of errors; null
-    /// where that cannot be told.
+    /// where the data are too few.
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub could_hide: f64,
-    /// Covariates of which A and B have hardly a value in common: what depends on them cannot be told from a change.
+    /// Covariates of which A and B have hardly a value in common: an effect of them is indistinguishable from a change.
     pub confounded: Vec<Confounded>,
     /// When both were measured, in hours since midnight (UTC); absent where the start of one is unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -95,15 +97,15 @@ pub struct Between {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BetweenVerdict {
-    /// Something changed, and these data say what.
+    /// Something changed, and it is identified.
     Changed,
     /// Nothing changed that these data could show.
     NothingChanged,
     /// B is off, or predicted worse than A, and no change of the model explains it.
     SomethingChanged,
-    /// B differs, and these data cannot tell a change from an effect that acts in both campaigns, or from a defect of the measurement.
+    /// B differs, and a change is indistinguishable from an effect that acts in both campaigns, or from a defect of the measurement.
     CannotTell,
-    /// Nothing was found in data that are too few to tell that nothing changed.
+    /// Nothing was found, and the data are too few to show that nothing changed.
     NothingFound,
 }
 
@@ -130,6 +132,8 @@ pub struct Change {
     pub p_value: f64,
     /// Changes, and effects in both campaigns, that explain these data as well.
     pub indistinguishable_from: Vec<String>,
+    /// Explanations that were fitted in its place and predict held-out rows significantly worse.
+    pub ruled_out: Vec<String>,
     /// What to mind when its parameters are used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warning: Option<String>,

@@ -3,6 +3,7 @@
 //! The page is a list of sections. To add one, write a function like those of the list in a file of its own, and name it in
 //! `SECTIONS`.
 
+pub mod between;
 mod details;
 mod figures;
 pub mod layout;

@@ -2,7 +2,7 @@
 //! means. One file that opens without a network and needs no script.
 
 mod errors;
-mod ladder;
+pub(crate) mod ladder;
 mod places;
 pub(crate) mod words;
 

@@ -1,9 +1,9 @@
 //! `orchestrator diagnose --between A B`: what changed between two campaigns.
 
+use super::Failure;
 use super::inputs::{compared, print_account};
 use super::search_log::SearchLog;
 use super::stop::Stopper;
-use super::{Failure, write_json};
 use crate::console::say;
 use clap::Args;
 use diagnose::between::answer::{Campaigns, answer};
@@ -35,7 +35,7 @@ pub(super) struct BetweenArgs {
         long,
         num_args = 2,
         value_names = ["A", "B"],
-        conflicts_with_all = ["data", "report", "split", "fit_runs", "score_runs", "given_rssi"]
+        conflicts_with_all = ["data", "split", "fit_runs", "score_runs", "given_rssi"]
     )]
     between: Option<Vec<PathBuf>>,
 }
@@ -46,19 +46,23 @@ impl BetweenArgs {
         self.between.is_some()
     }
 
-    /// Finds what changed, prints it, and writes it to `json`. `config`: the file, and keys that are set.
+    /// The option, as it would be typed.
+    pub(super) fn words(&self) -> String {
+        let files = self.between.iter().flatten();
+        files.fold("--between".to_owned(), |words, file| format!("{words} {}", file.display()))
+    }
+
+    /// Finds what changed and prints it. `config`: the file, and keys that are set.
     pub(super) fn diagnose(
         &self,
         (config, set): (&Path, &[String]),
         choices: Choices,
-        json: Option<&Path>,
         stopper: &Stopper,
-    ) -> Result<(), Failure> {
+    ) -> Result<Between, Failure> {
         let files = self.between.as_deref().unwrap_or_default();
         let found = between(&compared(config, set)?, files, &choices, stopper)?;
         say(words::text(&found));
-        write_json(json, &found)?;
-        stopper.require_complete(found.complete)
+        Ok(found)
     }
 }
 

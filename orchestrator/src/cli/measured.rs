@@ -15,6 +15,7 @@ use super::{Failure, check_place, inputs, is_stdout, write_json, write_whole};
 use crate::console::say;
 use clap::Args;
 use diagnose::answer::{self, Measurements};
+use diagnose::between::Between;
 use diagnose::compare;
 use diagnose::defects;
 use diagnose::extend::{self, extension};
@@ -175,31 +176,47 @@ impl AnswerArgs {
 
     /// What was asked, as it would be typed.
     fn command(&self, verb: &str, choices: &str) -> String {
+        self.command_on(verb, &format!("--data {}", self.data.data().display()), choices)
+    }
+
+    /// The same of any files. `files`: the option that names them, as it would be typed.
+    fn command_on(&self, verb: &str, files: &str, choices: &str) -> String {
         let data = &self.data;
         let set: String = data.set().iter().map(|key| format!(" --set '{key}'")).collect();
         let report = self.report.as_deref().map(Path::display);
         format!(
-            "orchestrator {verb} {} --data {}{set}{choices} --report {}",
+            "orchestrator {verb} {} {files}{set}{choices} --report {}",
             data.config.display(),
-            data.data().display(),
             report.map_or_else(String::new, |report| report.to_string())
         )
+    }
+
+    /// Writes what changed between two campaigns. `files`: the option that names them, as it would be typed.
+    fn write_between(&self, found: &Between, files: &str) -> Result<(), Failure> {
+        write_json(self.data.json.as_deref(), found)?;
+        let name = self.data.config.file_name().unwrap_or_default().to_string_lossy();
+        let command = || self.command_on("diagnose", files, &self.data.words());
+        self.write_page(|| report::between::page(&name, &command(), found))
+    }
+
+    /// Writes the page of `--report`, if it is asked for.
+    fn write_page(&self, page: impl FnOnce() -> String) -> Result<(), Failure> {
+        let Some(path) = &self.report else { return Ok(()) };
+        write_whole("--report", path, &page())?;
+        if !is_stdout(path) {
+            say(format!("open {}", path.display()));
+        }
+        Ok(())
     }
 
     /// Writes what was found of a network. `further`: what else was asked, as it would be typed.
     fn write_network(&self, found: NetworkAnswer<'_>, further: &str) -> Result<(), Failure> {
         write_json(self.data.json.as_deref(), &found)?;
-        let Some(path) = &self.report else { return Ok(()) };
         let name = self.data.config.file_name().unwrap_or_default().to_string_lossy();
         let words = format!("{further}{}", self.resimulation.words());
         let verb =
             if matches!(found, NetworkAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
-        let page = report::packets::page(&name, &self.command(verb, &words), found);
-        write_whole("--report", path, &page)?;
-        if !is_stdout(path) {
-            say(format!("open {}", path.display()));
-        }
-        Ok(())
+        self.write_page(|| report::packets::page(&name, &self.command(verb, &words), found))
     }
 
     fn write(
@@ -209,26 +226,22 @@ impl AnswerArgs {
         pictures: impl FnOnce() -> Pictures,
     ) -> Result<(), Failure> {
         write_json(self.data.json.as_deref(), &answer)?;
-        let Some(path) = &self.report else { return Ok(()) };
-        let Pictures { rows, before, after, covariates } = pictures();
         let name = config.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let verb =
             if matches!(answer, MeasuredAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
-        let contents = MeasuredPage {
-            config: name,
-            command: self.command(verb, &self.data.words()),
-            answer,
-            site: &config.site,
-            rows,
-            before,
-            after,
-            covariates,
-        };
-        write_whole("--report", path, &page(&contents))?;
-        if !is_stdout(path) {
-            say(format!("open {}", path.display()));
-        }
-        Ok(())
+        self.write_page(|| {
+            let Pictures { rows, before, after, covariates } = pictures();
+            page(&MeasuredPage {
+                config: name,
+                command: self.command(verb, &self.data.words()),
+                answer,
+                site: &config.site,
+                rows,
+                before,
+                after,
+                covariates,
+            })
+        })
     }
 }
 
@@ -483,8 +496,9 @@ pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
     let stop = stopper.flag();
     let data = &args.data;
     if between.is_asked() {
-        let (set, choices, json) = (data.set(), data.choices(), data.json.as_deref());
-        return between.diagnose((&data.config, &set), choices, json, &stopper);
+        let found = between.diagnose((&data.config, &data.set()), data.choices(), &stopper)?;
+        args.write_between(&found, &between.words())?;
+        return stopper.require_complete(found.complete);
     }
     let (config, table) = inputs::files(&data.config, &data.set(), data.data())?;
     if packets::has_shape(&table).is_ok() {

@@ -1,7 +1,7 @@
 //! From a search for changes to an answer: which numbers in A, which in B, and what stayed the same.
 
 use super::contrast::{Constants, Contrasts, Dependences, RUNS, Sides};
-use super::error_change::{ErrorChange, error_change};
+use super::error_change::{ErrorChange, error_change, with_changes};
 use super::rule::{Evidence, verdict};
 use super::search::{Found, FoundChange, Pair};
 use super::{Between, Change, Changed, Common, Confounded, SCHEMA, Same, SidesOf, Spans, words};
@@ -12,6 +12,7 @@ use crate::ladder::Search;
 use crate::score_test::ScoreTest;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
+use measure::time_of_day::TIME_OF_DAY;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use study::open::Subject;
 use study::{COMMON, Estimate, Study};
@@ -59,8 +60,11 @@ pub fn answer<S: Study>(
     } else {
         constants(study, search, found, sides).unwrap_or_default()
     };
-    let error =
+    let mut error =
         if is_stopped() { None } else { error_change(study, search, &found.base, &sides.is_b) };
+    if let Some(error) = error.as_mut().filter(|_| !found.changes.is_empty()) {
+        with_changes(error, search, &found.terms, &sides.is_b);
+    }
     let fit = search.full_fit(&found.terms, COMMON, None);
     let estimates = |term: usize| study.estimates(&fit, term);
     let (possible, changed): (Vec<&FoundChange>, Vec<&FoundChange>) =
@@ -102,6 +106,9 @@ pub fn answer<S: Study>(
         is_complete,
     };
     let [a, b] = campaigns.accounts.map(DataAccount::clone);
+    let is_change = |term: &&usize| found.changes.iter().any(|change| change.effect == **term);
+    let not_found = found.tested.iter().filter(|term| !is_change(term));
+    let not_found = not_found.map(|&term| study.candidates()[term].name.clone()).collect();
     let mut between = Between {
         schema: SCHEMA,
         kind: campaigns.subject,
@@ -111,6 +118,7 @@ pub fn answer<S: Study>(
         possible,
         common,
         same,
+        not_found,
         measurement_defects: campaigns.defects.clone(),
         unexplained: constants.misfits,
         error,
@@ -181,6 +189,7 @@ fn change<S: Study>(
         standard_error: change.gain.standard_error,
         p_value: change.p_value.min(1.0),
         indistinguishable_from: change.ties.clone(),
+        ruled_out: change.ruled_out.clone(),
         warning,
         settings,
     }
@@ -246,7 +255,7 @@ fn same_parameters<S: Study>(study: &S, search: &Search<'_, S>, pair: &Pair) -> 
     both.filter_map(of_pair).collect()
 }
 
-/// Covariates of which the campaigns have hardly a value in common.
+/// Covariates of which the campaigns have hardly a value in common. The time of day has a place of its own in the answer.
 fn confounded(covariates: &[(String, Vec<f64>)], sides: &Sides) -> Vec<Confounded> {
     let of_side = |values: &[f64], wanted: bool| -> Vec<f64> {
         let rows = values.iter().zip(&sides.is_b).filter(|(_, is_b)| **is_b == wanted);
@@ -256,7 +265,8 @@ fn confounded(covariates: &[(String, Vec<f64>)], sides: &Sides) -> Vec<Confounde
         let spans = Spans::of(&of_side(values, false), &of_side(values, true))?;
         spans.are_apart().then(|| Confounded { covariate: name.clone(), spans })
     };
-    covariates.iter().filter_map(apart).collect()
+    let others = covariates.iter().filter(|(name, _)| name != TIME_OF_DAY);
+    others.filter_map(apart).collect()
 }
 
 #[cfg(test)]

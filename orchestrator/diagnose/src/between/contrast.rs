@@ -11,7 +11,7 @@ use crate::gate::Misfit;
 use crate::score_test::{ScoreTest, ScoreTests};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use study::linear::{Column, Dependence, Direction, Linearised, on_rows};
 use study::{Study, linear::Partition};
 
@@ -26,7 +26,7 @@ const NEARLY: f64 = 0.3;
 const MOST_TESTED: usize = 40;
 /// Differences that are fitted, the most promising …
 const MOST_FITTED: usize = 8;
-/// … among them so many at most that the score test does not tell.
+/// … among them so many at most for which the score test is not significant.
 const MOST_OTHERS: usize = 3;
 
 /// The rows of two campaigns, A and B.
@@ -85,7 +85,7 @@ pub struct Difference {
     pub one: Option<One>,
     /// What the difference promises to raise the log likelihood by (nats).
     pub rise: f64,
-    /// P-value times the number of tests; none where the score test tells nothing or is not significant.
+    /// P-value times the number of tests; none where the score test is uninformative or not significant.
     pub p_value: Option<f64>,
     /// How many times wider the clustered standard error is than that of independent rows, at least 1.
     pub widening: f64,
@@ -95,7 +95,7 @@ pub struct Difference {
     pub column: Column,
 }
 
-/// An effect in both campaigns that the slopes ask for.
+/// An effect in both campaigns whose score test is significant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InBoth {
     /// The effect, by the number of its candidate.
@@ -147,7 +147,7 @@ impl Dependences {
 }
 
 impl<'a> Contrasts<'a> {
-    /// At the slopes of a fit.
+    /// Score tests at a fit.
     #[must_use]
     pub fn new<S: Study>(
         study: &S,
@@ -169,8 +169,9 @@ impl<'a> Contrasts<'a> {
     }
 
     /// The differences of some effects between the campaigns, everywhere and at one robot or node: those that are significant after
-    /// correction for all tests, and those that promise more than the best of these, were rows independent. A great change lets
-    /// slopes at a fit without it depend on each other, so that they tell nothing; another fit must. `columns`: of each effect.
+    /// correction for all tests, and those that promise more than the best of these, were rows independent. A great change makes
+    /// the scores of rows at a fit without it depend on each other, so that the test has no power; a fit with it decides. `columns`: of
+    /// each effect.
     #[must_use]
     pub fn differences(&self, columns: &[(usize, Column)], design_effect: f64) -> Vec<Difference> {
         let groups = || {
@@ -247,10 +248,10 @@ impl<'a> Contrasts<'a> {
         self.at_one(column, &group.rows)
     }
 
-    /// P-value, times the number of tests, of a difference that raises the log likelihood by so much (nats) over the fit without it. These
-    /// are the slopes of the fit with it: how much rows depend on each other there adjusts the likelihood ratio (R. E. Chandler and
+    /// P-value, times the number of tests, of a difference that raises the log likelihood by so much (nats) over the fit without it. The tests
+    /// are those at the fit with it: how much rows depend on each other there adjusts the likelihood ratio (R. E. Chandler and
     /// S. Bate, Inference for clustered data using the independence loglikelihood, Biometrika 94, 2007). Beside it, how many times wider
-    /// intervals are. None where nothing can be told.
+    /// intervals are. None where the data are too few.
     #[must_use]
     pub fn adjusted(&self, difference: &Difference, rise: f64) -> Option<(f64, f64)> {
         let (test, _) = self.test(&difference.column, difference.one.as_ref())?;
@@ -350,8 +351,32 @@ pub struct Constants {
     pub misfits: Vec<Misfit>,
     /// Of all rows of B: what is off, its unit, and the test.
     pub everywhere: Vec<(&'static str, &'static str, ScoreTest)>,
-    /// Standard deviation of what is left.
+    /// Standard deviation of the residuals.
     pub sd: f64,
+}
+
+/// Whether a node stands in B where A has no measurements of it: most of its rows in B have an end at a new place. The level of a node
+/// differs from place to place by shadowing, so that a change of the node is then not identifiable.
+#[must_use]
+pub fn has_moved<S: Study>(study: &S, One { key, id }: &One, sides: &Sides) -> bool {
+    let Some(ends) = study.dependence().nodes else { return false };
+    let partitions = study.partitions();
+    let of_key = partitions.iter().filter(|partition| partition.key == Some(*key));
+    let mut groups = of_key.flat_map(|partition| &partition.groups);
+    groups
+        .find(|group| group.id == *id)
+        .is_some_and(|group| is_mostly_new(&ends, &sides.is_b, &group.rows))
+}
+
+/// Whether most of these rows that are of B have an end that no row of A has. `ends`: the numbers of both ends of every row, of a node
+/// that moves another number at each place.
+fn is_mostly_new(ends: &[[u32; 2]], is_b: &[bool], rows: &[u32]) -> bool {
+    let of_a = ends.iter().zip(is_b).filter(|(_, is_b)| !**is_b);
+    let known: BTreeSet<u32> = of_a.flat_map(|(ends, _)| *ends).collect();
+    let of_b: Vec<&[u32; 2]> =
+        rows.iter().filter(|row| is_b[**row as usize]).map(|row| &ends[*row as usize]).collect();
+    let is_new = |ends: &&&[u32; 2]| ends.iter().any(|end| !known.contains(end));
+    of_b.len() < 2 * of_b.iter().filter(is_new).count()
 }
 
 /// How many times wider the standard error is than that of independent rows, at least 1. The rise of a step is half the square of the
@@ -384,4 +409,21 @@ fn parts(rows: &Linearised) -> f64 {
     let known = |errors: &&[f64; 3]| errors[0].is_finite();
     let first = rows.errors.iter().find(known);
     first.map_or(1.0, |errors| errors.iter().filter(|error| error.is_finite()).count() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_mostly_new;
+
+    #[test]
+    fn a_node_has_moved_where_most_of_its_rows_in_b_have_an_end_that_a_lacks() {
+        // Nodes 0 to 3 in A; in B node 3 is at another place, which has the number 4.
+        let ends = [[0, 1], [1, 2], [2, 3], [0, 1], [1, 2], [2, 4], [0, 4]];
+        let is_b = [false, false, false, true, true, true, true];
+        assert!(is_mostly_new(&ends, &is_b, &[2, 5, 6]));
+        // Of node 2 one row of two is new, of node 1 none.
+        assert!(!is_mostly_new(&ends, &is_b, &[1, 2, 4, 5]));
+        assert!(!is_mostly_new(&ends, &is_b, &[0, 1, 3, 4]));
+        assert!(!is_mostly_new(&ends, &is_b, &[0, 1]));
+    }
 }

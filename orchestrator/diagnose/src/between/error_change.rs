@@ -14,13 +14,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use study::folds::Blocks;
 use study::{COMMON, RowScore, Study};
 
-/// Blocks of each campaign without which nothing is told.
+/// Fewest blocks of each campaign for a test.
 const FEWEST: usize = 10;
 
 /// How well the model of A predicts both campaigns.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct ErrorChange {
-    /// Root mean squared error of A, on rows left out (dB or m).
+    /// Root mean squared error of A, on held-out rows (dB or m).
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub rmse_a: f64,
@@ -28,7 +28,7 @@ pub struct ErrorChange {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub rmse_b: f64,
-    /// Log predictive density of A, on rows left out (nats per row).
+    /// Log predictive density of A, on held-out rows (nats per row).
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub log_score_a: f64,
@@ -36,9 +36,13 @@ pub struct ErrorChange {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub log_score_b: f64,
+    /// Root mean squared error of B on held-out rows, by the model with all changes that were found (dB or m); null where none was.
+    pub rmse_b_with_changes: Option<f64>,
+    /// Log predictive density of the same (nats per row); null where no change was found.
+    pub log_score_b_with_changes: Option<f64>,
     /// Probability of as great a change by chance: of B being predicted worse, or with another error.
     pub p_value: f64,
-    /// The same where A is predicted at places left out, if B was measured at places that A has not; absent otherwise.
+    /// The same where A is predicted at held-out places, if B was measured at places that A lacks; absent otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub p_value_new_places: Option<f64>,
 }
@@ -57,13 +61,30 @@ impl ErrorChange {
     }
 }
 
+/// Predicts held-out rows of B by a model with the changes that were found, beside the model of A.
+pub fn with_changes<S: Study>(
+    error: &mut ErrorChange,
+    search: &Search<'_, S>,
+    terms: &[usize],
+    is_b: &[bool],
+) {
+    let scores = search.held_out_scores(terms, COMMON);
+    let of_b = || scores.iter().zip(is_b).filter(|(_, is_b)| **is_b).map(|(score, _)| score);
+    let mean = |value: fn(&RowScore) -> f64| {
+        let known: Vec<f64> = of_b().map(value).filter(|value| value.is_finite()).collect();
+        (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
+    };
+    error.rmse_b_with_changes = mean(|score| score.squared_error).map(f64::sqrt);
+    error.log_score_b_with_changes = mean(|score| score.log);
+}
+
 /// B was measured at new places where more than this share of its rows has no row of A in its block of places.
 const NEW_PLACES: f64 = 0.02;
 
 /// Compares how a model that is fitted to A predicts A and B. `is_b`: whether each row is of B. None where there are too few blocks.
 ///
-/// A model with levels of places predicts places that it knows better than others. Where B has others, A is predicted at places left out,
-/// too.
+/// A model with random effects of places predicts known places better than new ones. Where B has new places, A is predicted at held-out
+/// places, too.
 pub fn error_change<S: Study>(
     study: &S,
     search: &Search<'_, S>,
@@ -99,7 +120,7 @@ pub fn error_change<S: Study>(
     let mut error = compared(study.blocks(COMMON), true)?;
     let places = places(study);
     if has_new_places(places.dependent(), is_b) {
-        // Some places of B are known from A: that it is predicted better there is no change. Where places tell nothing, nothing is certain.
+        // Some places of B are known from A: that it is predicted better there is no change. Without enough places, no change is certain.
         let of_places = compared(&places, false);
         error.p_value_new_places = Some(of_places.map_or(1.0, |places| places.p_value));
     }
@@ -152,6 +173,8 @@ fn changed(
         rmse_b: mean(&squares_b).sqrt(),
         log_score_a: mean(&logs_a),
         log_score_b: mean(&logs_b),
+        rmse_b_with_changes: None,
+        log_score_b_with_changes: None,
         p_value: (2.0 * p_value).min(1.0),
         p_value_new_places: None,
     })
@@ -268,6 +291,8 @@ mod tests {
             rmse_b: 1.0,
             log_score_a: 0.0,
             log_score_b: 0.0,
+            rmse_b_with_changes: None,
+            log_score_b_with_changes: None,
             p_value,
             p_value_new_places,
         };
@@ -299,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn too_few_blocks_or_none_that_vary_tell_nothing() {
+    fn too_few_blocks_or_blocks_that_do_not_vary_have_no_test() {
         let many: Vec<f64> = (0..FEWEST).map(|k| k as f64).collect();
         assert!(welch(&blocks(&many), &blocks(&many)).is_some());
         assert_eq!(welch(&blocks(&many[1..]), &blocks(&many)), None);

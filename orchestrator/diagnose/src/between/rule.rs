@@ -1,15 +1,15 @@
-//! The verdict on two campaigns. Nothing is said to be the same that may not be.
+//! The verdict on two campaigns. `nothing-changed` requires all evidence to agree.
 
 use super::BetweenVerdict;
 use crate::acceptance::FAMILY_ERROR;
 
-/// With a chance below this that B is predicted as well as A, it is not said that nothing changed.
+/// Below this p-value of a change of the error, the verdict is not `nothing-changed`.
 pub const DOUBTFUL: f64 = 0.05;
 
 /// What the verdict follows from.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evidence {
-    /// Number of changes that these data tell from everything else.
+    /// Number of changes that these data distinguish from every other explanation.
     pub changes: usize,
     /// Number of changes that an effect in both campaigns explains as well.
     pub possible: usize,
@@ -17,7 +17,7 @@ pub struct Evidence {
     pub defects: usize,
     /// Number of constants by which B is off and that no change explains.
     pub unexplained: usize,
-    /// Probability of as great a change of the error by chance, whatever A is compared by; none where that cannot be told.
+    /// Probability of as great a change of the error by chance, whatever A is compared by; none where the data are too few for a test.
     pub error_p_value: Option<f64>,
     /// The least such probability.
     pub doubtful_p_value: Option<f64>,

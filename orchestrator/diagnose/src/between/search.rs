@@ -1,6 +1,6 @@
-//! The search for changes: which difference between the campaigns makes the pooled model predict rows left out better, then which next.
+//! The search for changes: which difference between the campaigns makes the pooled model predict held-out rows better, then which next.
 
-use super::contrast::{Contrasts, Dependences, Difference, InBoth, One, RUNS, Sides};
+use super::contrast::{Contrasts, Dependences, Difference, InBoth, One, RUNS, Sides, has_moved};
 use crate::acceptance::{self, FAMILY_ERROR};
 use crate::gain::{Gain, Scores};
 use crate::ladder::{Known, Search, without_term};
@@ -17,8 +17,8 @@ const MOST_CHANGES: usize = 6;
 const MOST_IN_BOTH: usize = 4;
 /// … if they promise at least this share of what the best difference does.
 const NEARLY: f64 = 0.3;
-/// Two explanations are told apart where the one predicts rows left out better with a chance below this that it does not.
-const TOLD_APART: f64 = 0.05;
+/// These data distinguish two explanations where one predicts held-out rows better at this p-value.
+const DISTINGUISHED: f64 = 0.05;
 
 /// An effect that a diagnosis of A accepted.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,7 +60,7 @@ pub struct FoundChange {
     pub in_a: Option<usize>,
     /// The term that acts in B.
     pub in_b: usize,
-    /// Gain on rows left out, over the model without the change.
+    /// Gain on held-out rows, over the model without the change.
     pub gain: Gain,
     /// P-value times the number of tests.
     pub p_value: f64,
@@ -68,6 +68,8 @@ pub struct FoundChange {
     pub widening: f64,
     /// What explains these data as well.
     pub ties: Vec<String>,
+    /// Explanations that were fitted in its place and predict held-out rows significantly worse.
+    pub ruled_out: Vec<String>,
     /// Whether an effect in both campaigns explains them as well.
     pub is_only_possible: bool,
 }
@@ -83,6 +85,8 @@ pub struct Found<F> {
     pub changes: Vec<FoundChange>,
     /// Terms that act in both campaigns; whether A alone shows each.
     pub common: Vec<(usize, bool)>,
+    /// Effects that were tested as changes, by the numbers of their candidates.
+    pub tested: Vec<usize>,
     /// What A shows and cannot be carried over to B, because it depends on the time since the start of A.
     pub of_time_in_a: Vec<String>,
     /// Whether the search came to its end.
@@ -91,7 +95,7 @@ pub struct Found<F> {
     pub known: Arc<Known<F>>,
 }
 
-/// One way to explain what is left.
+/// One explanation of the residuals.
 struct Explanation {
     terms: Vec<usize>,
     what: What,
@@ -131,6 +135,7 @@ pub fn search<S: Study>(
         common: base.iter().map(|&term| (term, true)).collect(),
         base,
         changes: Vec::new(),
+        tested: Vec::new(),
         of_time_in_a,
         is_complete: false,
         known: Arc::default(),
@@ -138,34 +143,41 @@ pub fn search<S: Study>(
     let dependences = Dependences::of(study);
     for round in 1..=MOST_CHANGES {
         report(SearchProgress::Round { round });
-        let Some(wanted) = wanted(study, &found, &dependences, sides, report) else { break };
+        let Some(Proposals { proposals, tested }) =
+            proposals(study, &found, &dependences, sides, report)
+        else {
+            break;
+        };
         if study.is_stopped() {
             return found;
         }
-        if wanted.is_empty() {
+        found.tested.extend(tested);
+        if proposals.is_empty() {
             found.is_complete = true;
             break;
         }
-        let made: Vec<Made> =
-            wanted.into_iter().filter_map(|wanted| made(study, &found, wanted, sides)).collect();
+        let models: Vec<ProposedModel> = proposals
+            .into_iter()
+            .filter_map(|proposal| proposed_model(study, &found, proposal, sides))
+            .collect();
         let search = Search::new(&*study, report).with_known(Arc::clone(&found.known));
         let parent = search.held_out_scores(&found.terms, COMMON);
         let fit = search.full_fit(&found.terms, COMMON, None);
         let mut explanations = Vec::new();
-        for Made { terms, wanted, in_a, term, in_both } in made {
+        for ProposedModel { terms, proposal, in_a, term, in_both } in models {
             let with = search.full_fit(&terms, COMMON, Some(&fit));
             let scores = search.held_out_scores(&terms, COMMON);
             let gain = search.gain(&terms, &found.terms, COMMON);
             let name = study.candidates()[term].name.as_str();
             debug!(name, gain = gain.gain, p = gain.p_value, "change");
-            let is_concerned = concerned(study, &wanted, sides);
+            let is_concerned = rows_of(study, &proposal, sides);
             if !is_worth(&scores, &parent, &is_concerned) || gain.gain <= 0.0 {
                 continue;
             }
             let n_parameters = study.candidates()[term].n_parameters;
-            let what = match wanted {
-                Wanted::InBoth(InBoth { term, .. }) => What::Common(term),
-                Wanted::Difference(difference) => {
+            let what = match proposal {
+                Proposal::InBoth(InBoth { term, .. }) => What::Common(term),
+                Proposal::Difference(difference) => {
                     let known = difference.p_value.map(|p_value| (p_value, difference.widening));
                     let known = known.or_else(|| {
                         let both = search.full_fit(&in_both, COMMON, Some(&fit));
@@ -183,6 +195,7 @@ pub fn search<S: Study>(
                         p_value,
                         widening,
                         ties: Vec::new(),
+                        ruled_out: Vec::new(),
                         is_only_possible: false,
                     })
                 }
@@ -199,7 +212,7 @@ pub fn search<S: Study>(
             What::Change(change) => change_name(study, change),
             What::Common(term) => format!("{} in both", study.candidates()[*term].name),
         };
-        let Some((best, ties)) = chosen(explanations, &blocks, name) else {
+        let Some(Choice { best, ties, ruled_out }) = choose(explanations, &blocks, name) else {
             found.is_complete = true;
             break;
         };
@@ -213,9 +226,13 @@ pub fn search<S: Study>(
                         replaced(study, &found.terms, change.effect, change.one.as_ref());
                     found.common.retain(|(term, _)| Some(*term) != replaced && *term != in_a);
                 }
-                let is_only_possible = ties.iter().any(|(_, is_common)| *is_common);
-                let ties = ties.into_iter().map(|(name, _)| name).collect();
-                found.changes.push(FoundChange { ties, is_only_possible, ..change });
+                let mut is_only_possible = ties.iter().any(|(_, is_common)| *is_common);
+                let mut ties: Vec<String> = ties.into_iter().map(|(name, _)| name).collect();
+                if let Some(one) = change.one.as_ref().filter(|one| has_moved(study, one, sides)) {
+                    is_only_possible = true;
+                    ties.push(format!("another place of node {}", one.id));
+                }
+                found.changes.push(FoundChange { ties, ruled_out, is_only_possible, ..change });
             }
         }
         let added = &study.candidates()[*terms.last().unwrap_or(&0)].name;
@@ -223,10 +240,12 @@ pub fn search<S: Study>(
         found.terms = terms;
     }
     backward_elimination(study, &mut found, report);
+    found.tested.sort_unstable();
+    found.tested.dedup();
     found
 }
 
-/// Drops changes that later ones made superfluous: without which rows left out are not predicted significantly worse.
+/// Drops changes that later ones made superfluous: without them held-out rows are not predicted significantly worse.
 fn backward_elimination<S: Study>(
     study: &S,
     found: &mut Found<S::Fit>,
@@ -241,7 +260,7 @@ fn backward_elimination<S: Study>(
         // An effect that is split in two is kept: without its part in B nothing of it would act there.
         let gains = found.changes.iter().enumerate().filter(|(_, change)| change.in_a.is_none());
         let gains = gains.map(|(place, change)| (place, gain_of(change)));
-        let superfluous = gains.filter(|(_, gain)| TOLD_APART <= gain.p_value);
+        let superfluous = gains.filter(|(_, gain)| DISTINGUISHED <= gain.p_value);
         let Some((place, _)) = superfluous.min_by(|a, b| a.1.gain.total_cmp(&b.1.gain)) else {
             break;
         };
@@ -297,21 +316,29 @@ fn limited<S: Study>(study: &mut S, effect: usize, only: &toml::Table) -> Option
     known.or_else(|| study.add_limited(effect, only).ok())
 }
 
-/// What is fitted in a round.
+/// What a round tests and fits.
+struct Proposals {
+    /// To be fitted, the most promising first.
+    proposals: Vec<Proposal>,
+    /// The effects that were tested as changes, by the numbers of their candidates.
+    tested: Vec<usize>,
+}
+
+/// An extension of the model that is fitted.
 #[derive(Clone, Debug)]
-enum Wanted {
+enum Proposal {
     Difference(Difference),
     InBoth(InBoth),
 }
 
-/// What the slopes of the model ask for, the most promising first. None where they cannot be computed.
-fn wanted<S: Study>(
+/// The extensions of the model whose score tests are promising. None where the scores cannot be computed.
+fn proposals<S: Study>(
     study: &S,
     found: &Found<S::Fit>,
     dependences: &Dependences,
     sides: &Sides,
     report: &(dyn Fn(SearchProgress<'_>) + Sync),
-) -> Option<Vec<Wanted>> {
+) -> Option<Proposals> {
     let search = Search::new(study, report).with_known(Arc::clone(&found.known));
     let fit = search.full_fit(&found.terms, COMMON, None);
     let rows = study.linearised(&fit)?;
@@ -325,14 +352,16 @@ fn wanted<S: Study>(
         })
         .collect();
     let differences = contrasts.differences(&columns, study.design_effect());
+    let tested = columns.iter().map(|(term, _)| *term).collect();
     let Some(best) = differences.first().map(|difference| difference.rise) else {
-        return Some(Vec::new());
+        return Some(Proposals { proposals: Vec::new(), tested });
     };
     let mut in_both = contrasts.in_both(&columns);
     in_both.retain(|both| NEARLY * best <= both.rise && !found.terms.contains(&both.term));
     in_both.truncate(MOST_IN_BOTH);
-    let differences = differences.into_iter().map(Wanted::Difference);
-    Some(differences.chain(in_both.into_iter().map(Wanted::InBoth)).collect())
+    let differences = differences.into_iter().map(Proposal::Difference);
+    let proposals = differences.chain(in_both.into_iter().map(Proposal::InBoth)).collect();
+    Some(Proposals { proposals, tested })
 }
 
 /// The term of the model that is the same effect at the same robot or node, in both campaigns.
@@ -364,7 +393,7 @@ fn only(one: Option<&One>, campaigns: Option<&[u32]>) -> toml::Table {
     table
 }
 
-/// The p-value of a difference, and how many times wider its intervals are, by the likelihoods of fits without and with it. None where
+/// The p-value of a difference, and how many times wider its intervals are, from the likelihoods of fits without and with it. None where
 /// it is not significant.
 fn adjusted<S: Study>(
     study: &S,
@@ -380,10 +409,10 @@ fn adjusted<S: Study>(
     contrasts.adjusted(difference, rise).filter(|(p_value, _)| *p_value < FAMILY_ERROR)
 }
 
-/// A model with what is wanted.
-struct Made {
+/// A model with a proposed extension.
+struct ProposedModel {
     terms: Vec<usize>,
-    wanted: Wanted,
+    proposal: Proposal,
     /// The term that acts in A, if the effect is split in two.
     in_a: Option<usize>,
     /// The term that is new: of a change the one that acts in B.
@@ -392,20 +421,26 @@ struct Made {
     in_both: Vec<usize>,
 }
 
-/// The model with what is wanted. An effect that it has in both campaigns is split in two, one for each.
-fn made<S: Study>(
+/// The model with a proposed extension. An effect that it has in both campaigns is split in two, one for each.
+fn proposed_model<S: Study>(
     study: &mut S,
     found: &Found<S::Fit>,
-    wanted: Wanted,
+    proposal: Proposal,
     sides: &Sides,
-) -> Option<Made> {
+) -> Option<ProposedModel> {
     let mut terms = found.terms.clone();
-    let difference = match &wanted {
-        Wanted::Difference(difference) => difference,
-        Wanted::InBoth(InBoth { term, .. }) => {
+    let difference = match &proposal {
+        Proposal::Difference(difference) => difference,
+        Proposal::InBoth(InBoth { term, .. }) => {
             let term = *term;
             terms.push(term);
-            return Some(Made { in_both: terms.clone(), terms, wanted, in_a: None, term });
+            return Some(ProposedModel {
+                in_both: terms.clone(),
+                terms,
+                proposal,
+                in_a: None,
+                term,
+            });
         }
     };
     let (one, effect) = (difference.one.as_ref(), difference.term);
@@ -427,12 +462,12 @@ fn made<S: Study>(
         return None;
     }
     terms.push(term);
-    Some(Made { terms, wanted, in_a, term, in_both })
+    Some(ProposedModel { terms, proposal, in_a, term, in_both })
 }
 
-/// The rows that an explanation concerns: of a change those of B at the robot or node, of an effect in both campaigns all.
-fn concerned<S: Study>(study: &S, wanted: &Wanted, sides: &Sides) -> Vec<bool> {
-    let Wanted::Difference(difference) = wanted else { return vec![true; sides.is_b.len()] };
+/// The rows on which a proposed effect acts: of a change those of B at the robot or node, of an effect in both campaigns all.
+fn rows_of<S: Study>(study: &S, proposal: &Proposal, sides: &Sides) -> Vec<bool> {
+    let Proposal::Difference(difference) = proposal else { return vec![true; sides.is_b.len()] };
     let Some(One { key, id }) = &difference.one else { return sides.is_b.clone() };
     let mut is_concerned = vec![false; sides.is_b.len()];
     let partitions = study.partitions();
@@ -457,21 +492,32 @@ fn is_worth(scores: &[RowScore], parent: &[RowScore], is_concerned: &[bool]) -> 
     acceptance::is_worth(gain, 0.0, || now.share_removed(&before))
 }
 
-/// The explanation that predicts rows left out best, and the others that cannot be told from it: their names, and whether they act in
-/// both campaigns. Of those that cannot be told apart the one with the fewest parameters is chosen, and the best of these.
-fn chosen(
+/// The explanation that is chosen among those that were fitted.
+struct Choice {
+    best: Explanation,
+    /// Explanations that these data do not distinguish from it: their names, and whether they act in both campaigns.
+    ties: Vec<(String, bool)>,
+    /// Names of those that predict held-out rows significantly worse.
+    ruled_out: Vec<String>,
+}
+
+/// Chooses the explanation that predicts held-out rows best. Of those that these data do not distinguish from it, the one with the fewest
+/// parameters is chosen, and the best of these.
+fn choose(
     mut explanations: Vec<Explanation>,
     blocks: &[u32],
     name: impl Fn(&What) -> String,
-) -> Option<(Explanation, Vec<(String, bool)>)> {
+) -> Option<Choice> {
     explanations.sort_by(|a, b| b.gain.gain.total_cmp(&a.gain.gain));
     let best = explanations.first()?;
     let is_tied = |other: &Explanation| {
         let gain = Gain::from_scores(&best.scores, &other.scores, blocks);
-        TOLD_APART <= gain.p_value
+        DISTINGUISHED <= gain.p_value
     };
     let tied: Vec<bool> =
         explanations.iter().enumerate().map(|(k, other)| k == 0 || is_tied(other)).collect();
+    let worse = explanations.iter().zip(&tied).filter(|(_, is_tied)| !**is_tied);
+    let ruled_out = worse.map(|(it, _)| name(&it.what)).collect();
     let mut tied = tied.into_iter();
     explanations.retain(|_| tied.next().unwrap_or(false));
     let fewest = explanations.iter().map(|it| it.n_parameters).min()?;
@@ -482,12 +528,12 @@ fn chosen(
         .position(|it| it.n_parameters == fewest && is_change(it))
         .or_else(|| explanations.iter().position(is_change))
         .unwrap_or(0);
-    let chosen = explanations.remove(place);
+    let best = explanations.remove(place);
     let ties = explanations
         .iter()
         .map(|it| (name(&it.what), matches!(it.what, What::Common(_))))
         .collect();
-    Some((chosen, ties))
+    Some(Choice { best, ties, ruled_out })
 }
 
 /// An effect that both campaigns have, with a model in which each has its own.

@@ -6,7 +6,7 @@ use crate::diagnosis::Parameter;
 use crate::gate::Misfit;
 use std::fmt::Write as _;
 
-/// What the comparison of two campaigns came to, in a sentence.
+/// The verdict on two campaigns in a sentence.
 #[must_use]
 pub fn sentence(between: &Between) -> String {
     let list =
@@ -18,7 +18,7 @@ pub fn sentence(between: &Between) -> String {
             let other =
                 between.possible.first().map(|change| change.indistinguishable_from.join(", "));
             format!(
-                "B differs, and these data cannot tell why: {}, or {}",
+                "B differs, and these data do not distinguish the explanations: {}, or {}",
                 list(&between.possible),
                 other.unwrap_or_default()
             )
@@ -35,7 +35,7 @@ pub fn sentence(between: &Between) -> String {
         text = format!("stopped before its end; this may still change: {text}");
     }
     if between.verdict != BetweenVerdict::NothingFound {
-        text.push_str(&apart(between));
+        text.push_str(&confounding(between));
     }
     text
 }
@@ -57,10 +57,10 @@ fn defective(between: &Between) -> String {
     let found = if changes.is_empty() {
         String::new()
     } else {
-        format!(". With it these would be changes: {}", changes.join(", and "))
+        format!(". Without the correction these look like changes: {}", changes.join(", and "))
     };
     format!(
-        "these data cannot tell what changed before they are corrected (extend --corrected-data): {}{found}",
+        "correct the measurements first (extend --corrected-data), because their defects may look like changes: {}{found}",
         defects.join(". ")
     )
 }
@@ -80,7 +80,7 @@ fn something_changed(between: &Between) -> String {
             short(error.rmse_a)
         ));
     }
-    format!("something changed, and these data do not say what: {}", reasons.join("; "))
+    format!("something changed, and no effect of the catalogue explains it: {}", reasons.join("; "))
 }
 
 fn nothing_found(between: &Between) -> String {
@@ -101,16 +101,16 @@ fn nothing_found(between: &Between) -> String {
     }
     if between.could_hide.is_finite() {
         return format!(
-            "no change was found, but these data are too few to tell: a difference of up to {} {} could hide in them",
+            "no change was found, but these data are too few to exclude one: a difference of up to {} {} could hide in them",
             short(between.could_hide),
             between.error_unit
         );
     }
-    "no change was found, but these data are too few to tell".to_owned()
+    "no change was found, but these data are too few to exclude one".to_owned()
 }
 
-/// What cannot be told from a change, because the campaigns have none of it in common.
-fn apart(between: &Between) -> String {
+/// Conditions that the campaigns do not share, whose effects are indistinguishable from a change.
+fn confounding(between: &Between) -> String {
     let mut reasons: Vec<String> = between
         .confounded
         .iter()
@@ -132,10 +132,15 @@ fn apart(between: &Between) -> String {
     if reasons.is_empty() {
         return String::new();
     }
-    format!(". What depends on these cannot be told from a change: {}", reasons.join("; "))
+    format!(
+        ". The campaigns do not overlap in these, so their effects are indistinguishable from a change: {}",
+        reasons.join("; ")
+    )
 }
 
-fn time_of_day(Spans { a, b }: &Spans) -> String {
+/// When both campaigns were measured, in clock times (UTC).
+#[must_use]
+pub fn time_of_day(Spans { a, b }: &Spans) -> String {
     let clock = |hours: f64| {
         let minutes = (60.0 * hours).round() as u64 % (24 * 60);
         format!("{:02}:{:02}", minutes / 60, minutes % 60)
@@ -157,7 +162,9 @@ fn change_sentence(change: &Change) -> String {
     format!("{}{of}{colon}{}", change.effect, parameters.join(", "))
 }
 
-fn limits(only: &toml::Table) -> String {
+/// To which nodes or robots a change is limited: `nodes = [3]`.
+#[must_use]
+pub fn limits(only: &toml::Table) -> String {
     let keys: Vec<String> = only.iter().map(|(key, value)| format!("{key} = {value}")).collect();
     keys.join(", ")
 }
@@ -216,6 +223,16 @@ pub fn text(between: &Between) -> String {
             error.log_score_b,
             error.rmse_b
         );
+        if let (Some(log_score), Some(rmse)) =
+            (error.log_score_b_with_changes, error.rmse_b_with_changes)
+        {
+            text.pop();
+            let _ = writeln!(
+                text,
+                "{:<34} {log_score:>12.4} {rmse:>10.4}\n",
+                "B with the changes (held out)"
+            );
+        }
     }
     for (what, changes) in [("changed", &between.changed), ("possible change", &between.possible)] {
         for change in changes {
@@ -252,6 +269,9 @@ pub fn text(between: &Between) -> String {
             short(*high)
         );
     }
+    if !between.not_found.is_empty() {
+        let _ = writeln!(text, "tested and not found: {}", between.not_found.join(", "));
+    }
     for misfit in &between.unexplained {
         let _ = writeln!(
             text,
@@ -276,6 +296,10 @@ fn change_lines(text: &mut String, what: &str, change: &Change) {
     if !change.indistinguishable_from.is_empty() {
         let others = change.indistinguishable_from.join(", ");
         let _ = writeln!(text, "  indistinguishable on these data from {others}");
+    }
+    if !change.ruled_out.is_empty() {
+        let others = change.ruled_out.join(", ");
+        let _ = writeln!(text, "  ruled out, because they predict held-out rows worse: {others}");
     }
     if let Some(warning) = &change.warning {
         let _ = writeln!(text, "  warning: {warning}");

@@ -16,16 +16,19 @@ const ROW: f64 = 30.0;
 const MOST_CANDIDATES: usize = 12;
 
 /// A row of bars.
-struct Bar {
-    label: String,
-    value: f64,
+pub(crate) struct Bar {
+    pub(crate) label: String,
+    pub(crate) value: f64,
     /// Half of an interval about it.
-    half: f64,
-    class: &'static str,
-    text: String,
+    pub(crate) half: f64,
+    /// Class of the bar, beside `bar`.
+    pub(crate) class: &'static str,
+    /// What stands at its right end.
+    pub(crate) text: String,
 }
 
-fn bars(id: &str, title: &str, alternative: &str, rows: &[Bar]) -> Markup {
+/// A picture of bars, one below the other. `id`: the identifier that its name and text begin with.
+pub(crate) fn bars(id: &str, title: &str, alternative: &str, rows: &[Bar]) -> Markup {
     let low = rows.iter().map(|row| row.value - row.half).fold(0.0, f64::min);
     let high = rows.iter().map(|row| row.value + row.half).fold(1e-9, f64::max);
     let plane = WIDTH - LABELS - NUMBERS;
