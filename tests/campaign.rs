@@ -18,6 +18,7 @@ mod oracle;
 mod posterior;
 pub mod promise;
 mod radio;
+pub mod repeated;
 #[cfg(test)]
 mod robot_tests;
 mod robots;

@@ -286,6 +286,66 @@ fn times_of_day_that_have_nothing_in_common_are_said() {
     assert!(said.contains("time of day: unknown"), "{said}");
 }
 
+/// A log of a campaign as others write it: dates in place of seconds, from this hour of 2026-01-02 on.
+fn dated(csv: &str, hour: u32) -> String {
+    let line = |(number, line): (usize, &str)| match line.split_once(',') {
+        Some((time_s, rest)) if 0 < number => {
+            let time_s: f64 = time_s.parse().unwrap();
+            let (minute, second) = ((time_s / 60.0) as u32, time_s % 60.0);
+            format!("2026-01-02T{hour:02}:{minute:02}:{second:05.2},{rest}\n")
+        }
+        _ => format!("{line}\n"),
+    };
+    csv.lines().enumerate().map(line).collect()
+}
+
+/// Converts logs with dates to a table.
+fn convert(dir: &Path, files: &str, out: &str) {
+    let columns =
+        ["tx", "rx", "channel", "tx_x_m", "tx_y_m", "tx_z_m", "rx_x_m", "rx_y_m", "rx_z_m"];
+    let columns = columns.map(|name| format!("{name} = \"{name}\"")).join(", ");
+    let mapping = format!(
+        "table = \"links\"\n[[input]]\nfiles = \"{files}\"\ncolumns = {{ time_s = \"time_s\", {columns}, rssi_dbm = \"rssi_dbm\", \
+         received = \"received\" }}\n"
+    );
+    std::fs::write(dir.join("map.toml"), mapping).unwrap();
+    let output = orchestrator(&["convert", "map.toml", "--out", out], dir);
+    assert!(output.status.success(), "{}", said(&output));
+}
+
+#[test]
+fn logs_with_dates_give_the_time_of_day_without_another_word() {
+    let dir = folder();
+    // 27 minutes each, so that the hour does not change.
+    for (name, seed, hour) in [("morning", 1, 8), ("evening", 2, 20)] {
+        let log = dated(&links(seed, NOTHING, false, 0.0), hour);
+        std::fs::write(dir.path().join(format!("log_{name}.csv")), log).unwrap();
+        convert(dir.path(), &format!("log_{name}.csv"), &format!("{name}.csv"));
+    }
+    std::fs::write(dir.path().join("model.toml"), RADIO).unwrap();
+    let command =
+        "diagnose model.toml --between morning.csv evening.csv --json - --report what.html";
+    let output = orchestrator(&command.split(' ').collect::<Vec<_>>(), dir.path());
+    assert!(output.status.success(), "{}", said(&output));
+    let answer: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let spans = &answer["time_of_day_h"];
+    assert!((8.0..8.5).contains(&spans["a"][0].as_f64().unwrap()), "{spans}");
+    assert!((20.0..20.5).contains(&spans["b"][1].as_f64().unwrap()), "{spans}");
+    // It has a place of its own in the answer, and is not listed among the covariates.
+    assert!(!answer["confounded"].to_string().contains("time_of_day"), "{answer:#}");
+    // The page says the sentence, and when the campaigns were measured.
+    let page = std::fs::read_to_string(dir.path().join("what.html")).unwrap();
+    assert!(page.contains("A was measured 08:0"), "{page}");
+    assert!(page.contains("--between morning.csv evening.csv --report what.html"), "{page}");
+    // Both logs as two campaigns of one table: diagnose has the time of day as a covariate.
+    convert(dir.path(), "log_*.csv", "both.csv");
+    let command = "diagnose model.toml --data both.csv --json both.json";
+    let output = orchestrator(&command.split(' ').collect::<Vec<_>>(), dir.path());
+    assert!(output.status.success(), "{}", said(&output));
+    let both = std::fs::read_to_string(dir.path().join("both.json")).unwrap();
+    assert!(both.contains("time_of_day_h"), "{both}");
+}
+
 #[test]
 fn a_recording_of_few_rows_tells_nothing() {
     let few = |seed: u64| -> String {

@@ -243,7 +243,7 @@ fn errors(contents: &BetweenPage<'_>) -> Option<Markup> {
         .to_owned();
     let svg = bars("between-rmse", title, &look, &rows);
     let picture =
-        Picture { title: title.to_owned(), look, means, key: Vec::new(), svg, is_wide: true };
+        Picture { title: title.to_owned(), look, means, key: Vec::new(), svg, is_wide: false };
     figures("Errors before and after", "", &[picture])
 }
 
