@@ -160,6 +160,10 @@ fn unexplained<S: Study>(study: &S, ladder: &Ladder, residuals: &Unexplained) ->
         curves.filter_map(|(step, &term)| curve(study, ladder, residuals, (step, term))).collect();
     if let Some(left) = &residuals.structure {
         let formula = left.formula.as_ref();
+        // A curve is not exactly what it stands for: its rest shows over whatever goes with its covariate.
+        let curves =
+            ladder.accepted.iter().filter_map(|&term| study.candidates()[term].curve_over());
+        let curves = curves.filter(|&other| other != left.covariate).map(str::to_owned).collect();
         structure.push(Structure {
             covariate: left.covariate.clone(),
             affects: None,
@@ -169,7 +173,7 @@ fn unexplained<S: Study>(study: &S, ladder: &Ladder, residuals: &Unexplained) ->
             target: formula.map(|formula| formula.target.to_owned()),
             also: formula.and_then(also),
             rmse_after: formula.map(|formula| formula.rmse),
-            indistinguishable_from: Vec::new(),
+            indistinguishable_from: curves,
         });
     }
     structure
