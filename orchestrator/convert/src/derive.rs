@@ -16,7 +16,10 @@ const EPOCH_NS: i64 = 100_000_000_000_000_000;
 pub(crate) fn start_at_zero(frame: &mut Frame, start: Start, account: &mut Account<'_>) {
     let start_ns = subtract_start(frame, start, account).filter(|start_ns| EPOCH_NS <= *start_ns);
     if frame.column(time_of_day::START).is_none() {
-        let start_s = start_ns.map_or(f64::NAN, |start_ns| start_ns as f64 / 1e9);
+        // The fraction apart: all nanoseconds since 1970 are more than a double holds.
+        const NS_PER_S: i64 = 1_000_000_000;
+        let seconds = |ns: i64| (ns / NS_PER_S) as f64 + (ns % NS_PER_S) as f64 / 1e9;
+        let start_s = start_ns.map_or(f64::NAN, seconds);
         frame.columns.push((time_of_day::START.to_owned(), vec![start_s; frame.n_rows()]));
     }
 }
