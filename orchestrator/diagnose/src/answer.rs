@@ -71,6 +71,7 @@ pub fn answer<S: Study>(
         .filter(|candidate| candidate.curve_over().is_none())
         .map(|candidate| candidate.name.clone())
         .collect();
+    let is_complete = ladder.stopped.is_none() && !search.is_stopped();
     let withheld: Vec<&str> =
         ladder.withheld().map(|term| study.candidates()[term].name.as_str()).collect();
     let verdict = if ladder.too_little.is_some() && gate.misfits.is_empty() {
@@ -81,7 +82,7 @@ pub fn answer<S: Study>(
         Verdict::MissingEffects
     } else if !gate.misfits.is_empty() {
         Verdict::SomethingMissing
-    } else if gate.tells_too_little() || !withheld.is_empty() {
+    } else if gate.tells_too_little() || !withheld.is_empty() || !is_complete {
         Verdict::NothingFound
     } else {
         Verdict::NothingMissing
@@ -92,7 +93,6 @@ pub fn answer<S: Study>(
     } else {
         next::measurements(study, search, ladder, &known)
     };
-    let is_complete = ladder.stopped.is_none() && !search.is_stopped();
     let mut diagnosis = Diagnosis {
         schema: SCHEMA,
         kind: measurements.subject,

@@ -15,6 +15,7 @@
 pub mod answer;
 pub mod contrast;
 pub mod error_change;
+mod rivals;
 pub mod rule;
 pub mod search;
 pub mod words;

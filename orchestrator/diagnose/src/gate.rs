@@ -54,7 +54,7 @@ pub struct Gate {
     /// Constants beyond what is worth mentioning, the surest first.
     pub misfits: Vec<Misfit>,
     /// The greatest constant error that may be hidden in these data (90 % bound), and the standard deviation of what is left, with their
-    /// unit: where the first exceeds the second, these data cannot tell that the model is right.
+    /// unit: where the first exceeds the second, these data cannot tell that the model is right. None where no bound can be stated.
     pub could_hide: Option<(f64, f64, &'static str)>,
 }
 
@@ -62,7 +62,7 @@ impl Gate {
     /// Whether data with this gate are too few to tell that nothing is missing.
     #[must_use]
     pub fn tells_too_little(&self) -> bool {
-        self.could_hide.is_some_and(|(bound, sd, _)| sd < bound)
+        self.could_hide.is_none_or(|(bound, sd, _)| sd < bound)
     }
 }
 
@@ -251,6 +251,7 @@ mod tests {
     fn data_tell_too_little_where_more_could_hide_than_the_noise() {
         let hides = |bound: f64| Gate { could_hide: Some((bound, 1.0, "dB")), misfits: Vec::new() };
         assert!(hides(1.1).tells_too_little() && !hides(0.9).tells_too_little());
-        assert!(!Gate::default().tells_too_little());
+        // Nor do they where no bound can be stated.
+        assert!(Gate::default().tells_too_little());
     }
 }

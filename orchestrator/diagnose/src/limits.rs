@@ -8,7 +8,7 @@ use crate::acceptance::FAMILY_ERROR;
 use crate::ladder::{Known, Ladder, Search, without_term};
 use crate::progress::SearchProgress;
 use crate::score_test::{ScoreTest, ScoreTests};
-use proto::effect::Level;
+use proto::effect::{CONSTANT, Level};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::sync::Arc;
@@ -168,8 +168,57 @@ fn asked_for<S: Study>(
         let (only, rise) = study.span_of_search(&fit, term)?;
         Some(Proposal { term, only, amplitude: f64::NAN, rise, p_value: f64::NAN })
     };
-    found.extend(terms.iter().filter_map(in_time));
+    let in_time: Vec<Proposal> = terms.iter().filter_map(in_time).collect();
+    let rivals = in_time.iter().filter_map(|proposal| {
+        let asked = (&rows, &dependence.times_s[..], study.design_effect());
+        constant_of_one(study, &fit, asked, &partitions, &proposal.only)
+    });
+    found.extend(rivals.collect::<Vec<_>>());
+    found.extend(in_time);
     found
+}
+
+/// What comes and goes at a place near one node may as well be a constant of that node: the one that promises most in the same span of
+/// time.
+fn constant_of_one<S: Study>(
+    study: &S,
+    fit: &S::Fit,
+    (rows, times_s, design_effect): (&Linearised, &[f64], f64),
+    partitions: &[Partition],
+    span: &toml::Table,
+) -> Option<Proposal> {
+    let is_constant =
+        |c: &Candidate| c.linear_in == Some(CONSTANT) && may_be_limited(c) && c.is_tried();
+    let term = study.candidates().iter().position(is_constant)?;
+    let column = study.columns(fit, term).into_iter().next()?;
+    let span_s = study::span_s(span);
+    let promise = |group: &Group| {
+        let (mut score, mut information) = (0.0, 0.0);
+        for &row in group.rows.iter().filter(|&&row| span_s.contains(&times_s[row as usize])) {
+            let row = row as usize;
+            for ((slope, weight), x) in
+                rows.slopes[row].iter().zip(&rows.weights[row]).zip(&column[row])
+            {
+                score += slope * x;
+                information += weight * x * x;
+            }
+        }
+        if 0.0 < information { 0.5 * score * score / information / design_effect } else { 0.0 }
+    };
+    let groups = partitions.iter().filter_map(|partition| {
+        let key = partition.key?;
+        Some(partition.groups.iter().map(move |group| (key, group.id, promise(group))))
+    });
+    let (key, id, rise) = groups.flatten().max_by(|a, b| a.2.total_cmp(&b.2))?;
+    let mut only = span.clone();
+    only.insert(key.to_owned(), toml::Value::Array(vec![i64::from(id).into()]));
+    (LEAST_NATS < rise).then_some(Proposal {
+        term,
+        only,
+        amplitude: f64::NAN,
+        rise,
+        p_value: f64::NAN,
+    })
 }
 
 /// Rounds in which limited effects are looked for.

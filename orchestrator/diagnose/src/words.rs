@@ -18,6 +18,10 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             format!("something is missing, and these data do not say what: {misfit}{why}")
         }
         (Some(why), _) => why.clone(),
+        (None, Verdict::NothingFound) if diagnosis.could_hide.is_nan() => {
+            "nothing was found, but these data are too few to tell how great an error could hide in them"
+                .to_owned()
+        }
         (None, Verdict::NothingFound) => format!(
             "nothing was found, but these data are too few to tell: an error of up to {:.2} {} could hide in them",
             diagnosis.could_hide, diagnosis.error_unit

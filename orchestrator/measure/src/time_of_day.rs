@@ -37,17 +37,19 @@ pub fn hours(epoch_s: f64) -> f64 {
 }
 
 /// The time of day of each row (h), where it may be another cause than the time since the start: rows span more than a day, or start
-/// at several times.
+/// at several times and go on for an hour or more after one. Of short campaigns it would only say which of them a row is of.
 #[must_use]
 pub fn covariate(table: &DataTable) -> Option<Vec<f64>> {
     let epoch_s = epoch_s(table)?;
     let known = || epoch_s.iter().copied().filter(|time_s| time_s.is_finite());
     let span_s = known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min);
     let starts_s = table.column(START).unwrap_or_default();
+    let lasts_s = table.column("time_s")?.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let mut known_starts = starts_s.iter().filter(|start_s| start_s.is_finite());
     let first = known_starts.next();
     let differs = first.is_some_and(|first| known_starts.any(|other| other != first));
-    (DAY_S <= span_s || differs).then(|| epoch_s.into_iter().map(hours).collect())
+    (DAY_S <= span_s || differs && HOUR_S <= lasts_s)
+        .then(|| epoch_s.into_iter().map(hours).collect())
 }
 
 #[cfg(test)]
@@ -85,7 +87,10 @@ mod tests {
         let of = |span_s: f64| covariate(&table(&[MIDNIGHT_S, MIDNIGHT_S + span_s], None));
         assert_eq!(of(86_399.0), None);
         assert_eq!(of(86_400.0), Some(vec![0.0, 0.0]));
-        let starts = covariate(&table(&[0.0, 0.0], Some(&[MIDNIGHT_S, MIDNIGHT_S + 7200.0])));
-        assert_eq!(starts, Some(vec![0.0, 2.0]));
+        let of_two = |lasts_s: f64| {
+            covariate(&table(&[0.0, lasts_s], Some(&[MIDNIGHT_S, MIDNIGHT_S + 7200.0])))
+        };
+        assert_eq!(of_two(3600.0), Some(vec![0.0, 3.0]));
+        assert_eq!(of_two(3599.0), None);
     }
 }

@@ -479,7 +479,7 @@ fn too_few<S: Study>(study: &S) -> Vec<String> {
         return warnings;
     }
     let blocks = study.blocks(Level::Place);
-    if !blocks.suffices() {
+    if !blocks.suffices() && !names(Level::Place).is_empty() {
         warnings.push(format!(
             "the data have only {} {}; at least {FEWEST_BLOCKS} are required for effects that differ between places. Not \
              tried: {}",

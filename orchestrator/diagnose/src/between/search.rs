@@ -1,6 +1,7 @@
 //! The search for changes: which difference between the campaigns makes the pooled model predict held-out rows better, then which next.
 
 use super::contrast::{Contrasts, Dependences, Difference, InBoth, One, RUNS, Sides, has_moved};
+use super::rivals;
 use crate::acceptance::{self, FAMILY_ERROR};
 use crate::gain::{Gain, Scores};
 use crate::ladder::{Known, Search, without_term};
@@ -18,7 +19,7 @@ const MOST_IN_BOTH: usize = 4;
 /// … if they promise at least this share of what the best difference does.
 const NEARLY: f64 = 0.3;
 /// These data distinguish two explanations where one predicts held-out rows better at this p-value.
-const DISTINGUISHED: f64 = 0.05;
+pub(super) const DISTINGUISHED: f64 = 0.05;
 
 /// An effect that a diagnosis of A accepted.
 #[derive(Clone, Debug, PartialEq)]
@@ -110,7 +111,7 @@ enum What {
 }
 
 /// Whether a candidate may change: an effect of the catalogue that moves means.
-fn may_change(candidate: &Candidate) -> bool {
+pub(super) fn may_change(candidate: &Candidate) -> bool {
     candidate.is_tried()
         && candidate.only.is_none()
         && candidate.about.is_some()
@@ -240,6 +241,7 @@ pub fn search<S: Study>(
         found.terms = terms;
     }
     backward_elimination(study, &mut found, report);
+    rivals::at_a_place(study, &mut found, sides, report);
     found.tested.sort_unstable();
     found.tested.dedup();
     found
@@ -308,7 +310,7 @@ fn runs(numbers: &[u32]) -> toml::Value {
 }
 
 /// The candidate of an effect with limits, which is added unless there is one.
-fn limited<S: Study>(study: &mut S, effect: usize, only: &toml::Table) -> Option<usize> {
+pub(super) fn limited<S: Study>(study: &mut S, effect: usize, only: &toml::Table) -> Option<usize> {
     let name = study.candidates()[effect].name.clone();
     let is_known =
         |candidate: &Candidate| candidate.only.as_ref() == Some(only) && candidate.effect() == name;
@@ -381,7 +383,7 @@ fn replaced<S: Study>(
 }
 
 /// The table that limits an effect to a robot or node, and to campaigns.
-fn only(one: Option<&One>, campaigns: Option<&[u32]>) -> toml::Table {
+pub(super) fn only(one: Option<&One>, campaigns: Option<&[u32]>) -> toml::Table {
     let mut table = toml::Table::new();
     if let Some(One { key, id }) = one {
         let list = toml::Value::Array(vec![i64::from(*id).into()]);

@@ -158,11 +158,18 @@ impl LinkStudy {
             .collect()
     }
 
-    /// The rows of the span of time to which a term is limited.
+    /// The rows of the span of time and of the campaigns to which a term is limited.
     fn within_limits(&self, spec: &TermSpec, train: &[u32]) -> Vec<u32> {
         let TermSpec::Limited(_, limits) = spec else { return train.to_vec() };
         let span_s = span_s(limits);
-        let is_within = |row: &&u32| span_s.contains(&self.rows.links.rows[**row as usize].time_s);
+        let runs: Option<Vec<i64>> = limits.get("runs").and_then(|runs| {
+            Some(runs.as_array()?.iter().filter_map(toml::Value::as_integer).collect())
+        });
+        let is_within = |row: &&u32| {
+            let row = &self.rows.links.rows[**row as usize];
+            let is_in_run = |runs: &Vec<i64>| runs.contains(&i64::from(row.run));
+            span_s.contains(&row.time_s) && runs.as_ref().is_none_or(is_in_run)
+        };
         train.iter().filter(is_within).copied().collect()
     }
 
