@@ -296,4 +296,12 @@ fn a_diagnosis_names_the_defect_and_blames_no_effect() {
     let rejected = answer["rejected"].as_array().unwrap();
     let left_out = rejected.iter().find(|one| one["reason"] == "measurement:stuck-node").unwrap();
     assert_eq!(left_out["rows"], answer["measurement_defects"][0]["left_out"]);
+    // The corrected measurements are what was asked for: that no effect is missing in them is no failure.
+    let args = ["extend", "model.toml", "--data", "links.csv", "--all"];
+    let more = ["--output", "extended.toml", "--corrected-data", "corrected.csv"];
+    let output = orchestrator(&[&args[..], &more].concat(), dir.path());
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("--output is not written"), "{}", said(&output));
+    let exists = |name: &str| dir.path().join(name).exists();
+    assert!(exists("corrected.csv") && !exists("extended.toml"));
 }

@@ -18,7 +18,7 @@ use diagnose::answer::{self, Measurements};
 use diagnose::between::Between;
 use diagnose::compare;
 use diagnose::defects;
-use diagnose::extend::{self, extension};
+use diagnose::extend::{self, ExtendError, extension};
 use diagnose::ladder::Search;
 use diagnose::progress::SearchProgress;
 use diagnose::{limits, scan};
@@ -477,6 +477,11 @@ fn extend_with<S: Study>(
     if search.is_stopped() && !args.partial {
         // The fit to these effects has not converged.
         return Err(stopper.refuse_partial("Give it more time"));
+    }
+    if matches!(extended, Err(ExtendError::Nothing)) && args.corrected_data.is_some() {
+        // What was asked for is written.
+        say("no effect is missing in the corrected measurements: --output is not written");
+        return Ok(());
     }
     let extended = extended.map_err(Failure::work)?;
     let added = Added { terms: &terms, names: &extended.answer.added, text: &extended.text };
