@@ -56,13 +56,15 @@ pub struct Gate {
     /// The greatest constant error that may be hidden in these data (90 % bound), and the standard deviation of what is left, with their
     /// unit: where the first exceeds the second, these data cannot tell that the model is right. None where no bound can be stated.
     pub could_hide: Option<(f64, f64, &'static str)>,
+    /// There are constants that rows may be off by, and the data are too few for a bound of any.
+    pub is_unbounded: bool,
 }
 
 impl Gate {
     /// Whether data with this gate are too few to tell that nothing is missing.
     #[must_use]
     pub fn tells_too_little(&self) -> bool {
-        self.could_hide.is_none_or(|(bound, sd, _)| sd < bound)
+        self.is_unbounded || self.could_hide.is_some_and(|(bound, sd, _)| sd < bound)
     }
 }
 
@@ -126,6 +128,7 @@ pub fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
             }
         }
     }
+    gate.is_unbounded = gate.could_hide.is_none() && !directions.is_empty();
     for partition in &partitions {
         gate.misfits.extend(spread_apart(&rows, partition, directions.first()));
     }
@@ -249,9 +252,10 @@ mod tests {
 
     #[test]
     fn data_tell_too_little_where_more_could_hide_than_the_noise() {
-        let hides = |bound: f64| Gate { could_hide: Some((bound, 1.0, "dB")), misfits: Vec::new() };
+        let hides = |bound: f64| Gate { could_hide: Some((bound, 1.0, "dB")), ..Gate::default() };
         assert!(hides(1.1).tells_too_little() && !hides(0.9).tells_too_little());
-        // Nor do they where no bound can be stated.
-        assert!(Gate::default().tells_too_little());
+        // Nor do they where no bound can be stated of a constant that there may be.
+        assert!(Gate { is_unbounded: true, ..Gate::default() }.tells_too_little());
+        assert!(!Gate::default().tells_too_little());
     }
 }
