@@ -83,6 +83,7 @@ fn assert_is_complete(dir: &Path, folder: &Path) {
     for file in [
         "config.toml",
         "run.mcap",
+        "scene.mcap",
         "steps.parquet",
         "summary.json",
         "report.html",

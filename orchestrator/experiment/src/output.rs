@@ -11,6 +11,10 @@ use proto::types::{DeliveryColumn, NS_PER_S, NetRecord};
 pub struct OutputConfig {
     /// Write `run.mcap`. Without it the run can be neither replayed nor verified step by step.
     pub mcap: bool,
+    /// Write `scene.mcap`.
+    pub scene: bool,
+    /// Simulated time between pictures of the swarm in `scene.mcap` (ns); `None`: at each step.
+    pub scene_every_ns: Option<u64>,
     /// Write `steps.parquet`.
     pub steps: bool,
     /// Write `transmissions.parquet`.
@@ -110,16 +114,20 @@ pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (OutputConf
         _ => Links::Heard,
     };
     let every_steps = table.get("every_steps").and_then(toml::Value::as_integer).unwrap_or(1);
+    // At least a nanosecond: the range of the key begins there.
+    let every_ns = |key: &str| {
+        let every_s = table.get(key).and_then(toml::Value::as_float);
+        every_s.map(|every_s| (libm::round(every_s * NS_PER_S as f64) as u64).max(1))
+    };
     let config = OutputConfig {
         mcap: flag("mcap"),
+        scene: flag("scene"),
+        scene_every_ns: every_ns("scene_every_s"),
         steps: flag("steps"),
         transmissions: flag("transmissions"),
         packets: flag("packets"),
         motes: flag("motes"),
-        motes_every_ns: table.get("motes_every_s").and_then(toml::Value::as_float).map(|every_s| {
-            // At least a nanosecond: the range of the key begins there.
-            (libm::round(every_s * NS_PER_S as f64) as u64).max(1)
-        }),
+        motes_every_ns: every_ns("motes_every_s"),
         schedule: flag("schedule"),
         neighbours: flag("neighbours"),
         pcap: table.get("pcap").and_then(toml::Value::as_bool).unwrap_or(false),
@@ -135,6 +143,16 @@ pub const SPEC: TableSpec = TableSpec {
     doc: "Files that a run writes in addition to its configuration, summary and provenance.",
     fields: &[
         flag("mcap", "Write run.mcap, the exchanged messages. Replay and verification require it."),
+        flag(
+            "scene",
+            "Write scene.mcap: robots, links, place and events as 3-D viewers draw them.",
+        ),
+        Field {
+            key: "scene_every_s",
+            doc: "Interval between pictures of robots and links in scene.mcap (s of simulated time). Absent: every step.",
+            kind: Kind::Number(Range::closed(1e-9, 1e9)),
+            default: Absence::Absent,
+        },
         flag(
             "steps",
             "Write steps.parquet: the position of each agent and how many others it heard.",

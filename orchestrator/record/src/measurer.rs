@@ -48,6 +48,8 @@ impl Measurer {
 /// No file at all.
 const NOTHING: OutputConfig = OutputConfig {
     mcap: false,
+    scene: false,
+    scene_every_ns: None,
     steps: false,
     transmissions: false,
     packets: false,

@@ -2,6 +2,7 @@
 
 mod made_up;
 mod replacing;
+mod scene;
 mod tables;
 
 use super::log::Topic;
@@ -53,6 +54,7 @@ fn two_recordings_of_the_same_run_are_the_same_bytes() {
             "provenance.json",
             "report.html",
             "run.mcap",
+            "scene.mcap",
             "steps.parquet",
             "summary.json",
             "transmissions.parquet"
@@ -103,13 +105,15 @@ fn a_whole_record_is_found_whole_in_every_coupling() {
         let report = verify(&run.dir).unwrap();
         assert_eq!(report.problems, Vec::<String>::new());
         assert_eq!((report.steps, report.digests), (STEPS, STEPS));
-        assert_eq!(report.files.len(), 8);
+        assert_eq!(report.files.len(), 9);
     }
 }
 
 #[test]
 fn files_that_were_cut_off_or_changed_are_found() {
-    for file in ["run.mcap", "steps.parquet", "links.parquet", "report.html", "config.toml"] {
+    for file in
+        ["run.mcap", "scene.mcap", "steps.parquet", "links.parquet", "report.html", "config.toml"]
+    {
         let out = tempfile::tempdir().unwrap();
         let path = finished(out.path(), header("run")).dir.join(file);
         let content = fs::read(&path).unwrap();
@@ -236,6 +240,7 @@ fn what_is_not_asked_for_is_not_written() {
     let mut header = header("run");
     header.output = OutputConfig {
         mcap: false,
+        scene: false,
         steps: false,
         transmissions: false,
         motes: false,

@@ -6,6 +6,8 @@ use super::hashed_file::Fingerprint;
 use super::log::{MessageLog, Topic};
 use super::pcap::{self, Capture, CapturePart};
 use super::run_summary::OrdersFromOutside;
+use super::scene::foxglove::log::Level;
+use super::scene::{self, SceneLog};
 use super::tables::Tables;
 use super::{RecordError, RunHeader, StepRecord};
 use bytes::Bytes;
@@ -53,6 +55,7 @@ pub(crate) struct RunWriter {
     coupling: Coupling,
     dir: PathBuf,
     log: Option<MessageLog>,
+    scene: Option<SceneLog>,
     capture: Option<Capture>,
     capture_header_bytes: usize,
     tables: Tables,
@@ -102,6 +105,11 @@ impl RunWriter {
             coupling: header.coupling,
             dir: dir.to_owned(),
             log,
+            scene: header
+                .output
+                .scene
+                .then(|| SceneLog::create(&dir.join(scene::FILE), header, about(header)))
+                .transpose()?,
             capture_header_bytes: 0,
             capture: (header.output.pcap && header.records.contains(&NetRecord::Capture))
                 .then(|| Capture::create(dir))
@@ -132,6 +140,10 @@ impl RunWriter {
             // Four messages about the configuration, three for each step, one more where there were orders.
             let n_messages = n_steps.map_or(0, |(n, n_ordered)| 4 + 3 * n + n_ordered);
             files.push((LOG_FILE, n_messages, log.finish()?));
+        }
+        if let Some(scene) = self.scene.take() {
+            let (n_messages, fingerprint) = scene.finish()?;
+            files.push((scene::FILE, n_messages, fingerprint));
         }
         if let Some(capture) = self.capture.take() {
             let (n_frames, fingerprint) = capture.finish()?;
@@ -201,6 +213,9 @@ impl RunWriter {
             .map(|site| site::read(&site, "site", &mut Vec::new()).0)
             .unwrap_or_default();
         let states = robots_start.states;
+        if let Some(scene) = &mut self.scene {
+            scene.begin(&site, &states)?;
+        }
         self.run = Some(Run {
             measures: Measures::new(Task::from_config(effective), site, &states, kpis),
             net_warnings: network_start.warnings,
@@ -252,6 +267,10 @@ impl RunWriter {
         for command in &commands {
             let (what, mote) = event(&command.order);
             run.measures.note_event(run.time_ns, what, mote);
+            if let Some(scene) = &mut self.scene {
+                let mote = mote.map(|mote| format!(" mote {mote}")).unwrap_or_default();
+                scene.event(step, time_ns, Level::Info, format!("order: {what}{mote}"))?;
+            }
         }
         if let Some(log) = &mut self.log {
             if !commands.is_empty() {
@@ -310,6 +329,9 @@ impl RunWriter {
         };
         run.measures.add(&period);
         self.tables.add(&period, &run.measures.kpis.account)?;
+        if let Some(scene) = &mut self.scene {
+            scene.add(&period)?;
+        }
         run.moved = robots;
         run.time_ns = time_ns;
         run.n_steps = step;
