@@ -1,6 +1,6 @@
 //! Two campaigns at one site, of which the second may differ in one thing: what `diagnose --between` is judged by.
 //!
-//! The equations are those of the sources named here and in [`super::radio`]; nothing of the product is used. Half of the sites have
+//! The equations are those of the sources named here and in `radio.rs`; nothing of the product is used. Half of the sites have
 //! shadowing, a random field over the places of both ends that no model knows: nodes that move meet other values of it, and nothing has
 //! changed. Half of the sites have noise with heavy tails.
 
