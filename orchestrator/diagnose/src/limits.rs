@@ -178,6 +178,11 @@ fn asked_for<S: Study>(
     found
 }
 
+/// What one step along a column promises to raise the log likelihood by (nats), from its score and information; 0 without information.
+fn promised_nats(score: f64, information: f64, design_effect: f64) -> f64 {
+    if 0.0 < information { 0.5 * score * score / information / design_effect } else { 0.0 }
+}
+
 /// What comes and goes at a place near one node may as well be a constant of that node: the one that promises most in the same span of
 /// time.
 fn constant_of_one<S: Study>(
@@ -203,7 +208,7 @@ fn constant_of_one<S: Study>(
                 information += weight * x * x;
             }
         }
-        if 0.0 < information { 0.5 * score * score / information / design_effect } else { 0.0 }
+        promised_nats(score, information, design_effect)
     };
     let groups = partitions.iter().filter_map(|partition| {
         let key = partition.key?;
@@ -346,11 +351,7 @@ impl Asked<'_> {
         let rise = |parts: &[(f64, f64)]| {
             let (score, information) =
                 parts.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1));
-            if 0.0 < information {
-                0.5 * score * score / information / self.design_effect
-            } else {
-                0.0
-            }
+            promised_nats(score, information, self.design_effect)
         };
         let mut spans = vec![(Span::Always, rise(&sums))];
         for (k, &moment_s) in moments_s.iter().enumerate() {

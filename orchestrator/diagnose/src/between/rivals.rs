@@ -9,7 +9,7 @@ use std::sync::Arc;
 use study::{COMMON, Study};
 use tracing::debug;
 
-/// What stands at a place that nobody knows is no change that a score test can find. In one campaign only, it may explain all that
+/// A score test cannot find an effect whose place, heading or node must be searched. In one campaign only, it may explain all that
 /// changed: where it predicts held-out rows better than the changes do, they are only possible.
 pub(super) fn at_a_place<S: Study>(
     study: &mut S,

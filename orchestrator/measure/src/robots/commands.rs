@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 /// Columns that all robot samples have.
 const COMMON: [&str; 4] = ["time_s", "agent", "x_m", "y_m"];
-/// What files that lack commands are told of the forms that exist.
+/// The forms of commands that exist, for the error about a file that has none.
 const FORMS: &str = "cmd_vx_mps and cmd_vy_mps (or cmd_speed_mps with cmd_yaw_rate_radps or cmd_steer_rad; \
                      or cmd_ax_mps2 and cmd_ay_mps2; or cmd_thrust_n with cmd_roll_rad, cmd_pitch_rad and cmd_yaw_rad)";
 /// Plausible thrusts (N).
