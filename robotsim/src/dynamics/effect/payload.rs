@@ -116,8 +116,7 @@ mod tests {
 
     #[test]
     fn a_quarter_of_the_mass_more_takes_a_fifth_of_the_thrust() {
-        let text =
-            "kind = 'quadrotor'\n[[effect]]\nkind = 'payload'\npayload_kg = 0.5\nmass_kg = 2.0";
+        let text = "kind = 'quadrotor'\n[[effect]]\nkind = 'payload-mass'\npayload_kg = 0.5\nmass_kg = 2.0";
         let end = drive(text, [0.0; 3], 1.0);
         assert_near(end.drive, [0.0, 0.0, -0.2 * GRAVITY_MPS2]);
     }
@@ -126,7 +125,7 @@ mod tests {
     fn a_robot_must_weigh_something() {
         let problems = |payload_kg: f64| {
             let text = format!(
-                "kind = 'quadrotor'\n[[effect]]\nkind = 'payload'\npayload_kg = {payload_kg:?}\nmass_kg = 2.0"
+                "kind = 'quadrotor'\n[[effect]]\nkind = 'payload-mass'\npayload_kg = {payload_kg:?}\nmass_kg = 2.0"
             );
             let node = proto::config::parse(&text).unwrap();
             let catalogue = Catalogue::built_in();
