@@ -217,7 +217,8 @@ impl SwarmMeasures {
 }
 
 /// Velocities of those alive (m/s): as reported, or differences of positions over the step.
-fn velocities(period: &Period<'_>, alive: &[usize]) -> Vec<[f64; 3]> {
+#[must_use]
+pub fn velocities(period: &Period<'_>, alive: &[usize]) -> Vec<[f64; 3]> {
     let (states, before) = (period.states, period.states_before);
     let duration_s = seconds(period.time_ns - period.from_ns);
     let known = [&states.vx_mps, &states.vy_mps, &states.vz_mps];

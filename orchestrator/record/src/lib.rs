@@ -19,6 +19,8 @@ mod log;
 mod mcap_file;
 mod measurer;
 mod pcap;
+pub mod periods;
+pub mod random_access;
 pub mod read;
 pub mod run_log;
 pub mod run_summary;

@@ -1,6 +1,7 @@
 //! Opens `run.mcap` again.
 
 use super::log::Topic;
+use super::random_access::Messages;
 use super::writer::LOG_FILE;
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;
@@ -22,6 +23,7 @@ pub struct RunReader {
 enum Source {
     File(Box<MessageReader<BufReader<File>>>),
     Stored(std::vec::IntoIter<Found>),
+    Span(Box<Messages>),
 }
 
 /// How both sides were configured, as it was recorded.
@@ -79,6 +81,14 @@ pub enum ReadError {
         /// What the decoder says.
         source: prost::DecodeError,
     },
+    /// A message holds a value that no run records.
+    #[error("{}: {field}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// The field, and what is wrong with it.
+        field: String,
+    },
     /// A message is missing, or on a topic that no run writes. Likely a file of another program.
     #[error("{}: expected a message on {expected}, got {got}", path.display())]
     Unexpected {
@@ -92,7 +102,7 @@ pub enum ReadError {
 }
 
 /// A message: its topic, if runs write such, and its bytes.
-type Found = (Option<Topic>, Vec<u8>);
+pub(crate) type Found = (Option<Topic>, Vec<u8>);
 
 impl RunReader {
     /// Opens the recording of a run, given its directory or the file itself, and reads how both sides were configured.
@@ -127,6 +137,11 @@ impl RunReader {
         let reader =
             Self { path, messages: Source::Stored(messages.into_iter()), configured: None };
         if begins { reader.begun() } else { Ok(reader) }
+    }
+
+    /// Reads the steps of a span.
+    pub(crate) fn of_span(path: PathBuf, messages: Messages) -> Self {
+        Self { path, messages: Source::Span(Box::new(messages)), configured: None }
     }
 
     /// Reads how both sides were configured, which every recording begins with.
@@ -187,16 +202,17 @@ impl RunReader {
 
     /// The next message.
     fn next_message(&mut self) -> Result<Option<Found>, ReadError> {
-        let messages = match &mut self.messages {
+        let next = match &mut self.messages {
             Source::Stored(messages) => return Ok(messages.next()),
-            Source::File(messages) => messages,
+            Source::Span(messages) => messages.next(),
+            Source::File(messages) => messages.next().map(|message| {
+                message.map(|message| (Topic::named(&message.channel.topic), message.data.to_vec()))
+            }),
         };
-        let Some(message) = messages.next() else { return Ok(None) };
-        let message = message.map_err(|source| ReadError::Damaged {
+        next.transpose().map_err(|source| ReadError::Damaged {
             path: self.path.clone(),
             source: Box::new(source),
-        })?;
-        Ok(Some((Topic::named(&message.channel.topic), message.data.to_vec())))
+        })
     }
 
     fn decode<M: Message + Default>(&self, topic: Topic, data: &[u8]) -> Result<M, ReadError> {

@@ -121,7 +121,7 @@ impl SceneLog {
     /// Draws the place, and robots where they begin.
     pub(crate) fn begin(&mut self, site: &Site, states: &AgentStates) -> Result<(), RecordError> {
         self.site = site.clone();
-        let entities = place::entities(site, place::extent_m(site, states));
+        let entities = place::entities(site, site.extent_m(states));
         self.write(Topic::Site, 0, 0, &foxglove::SceneUpdate { deletions: Vec::new(), entities })?;
         self.alive = Some(states.alive.clone());
         self.robots(0, 0, states)
@@ -182,7 +182,7 @@ impl SceneLog {
         let at = Some(timestamp(time_ns));
         let alive: Vec<usize> = (0..states.len()).filter(|&i| states.alive.get(i)).collect();
         let poses: Vec<foxglove::Pose> =
-            alive.iter().map(|&i| pose(states.position_m(i), facing_rad(states, i))).collect();
+            alive.iter().map(|&i| pose(states.position_m(i), states.facing_rad(i))).collect();
         let transforms = alive.iter().zip(&poses).map(|(agent, pose)| foxglove::FrameTransform {
             timestamp: at,
             parent_frame_id: WORLD.to_owned(),
@@ -315,15 +315,6 @@ impl SceneLog {
         let channel = self.channels[&Topic::Metrics];
         self.file.write(channel, period.step, period.time_ns, metrics.to_string().as_bytes())
     }
-}
-
-/// Where a body faces (rad); of one without a heading, where it goes.
-fn facing_rad(states: &AgentStates, agent: usize) -> f64 {
-    if let Some(&heading_rad) = states.heading_rad.get(agent) {
-        return heading_rad;
-    }
-    let along = |velocity: &[f64]| velocity.get(agent).copied().unwrap_or_default();
-    libm::atan2(along(&states.vy_mps), along(&states.vx_mps))
 }
 
 fn timestamp(time_ns: u64) -> Timestamp {

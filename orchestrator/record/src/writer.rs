@@ -5,26 +5,24 @@ use super::checkpoint::Checkpoint;
 use super::hashed_file::Fingerprint;
 use super::log::{MessageLog, Topic};
 use super::pcap::{self, Capture, CapturePart};
+use super::periods::Periods;
 use super::run_summary::OrdersFromOutside;
 use super::scene::foxglove::log::Level;
 use super::scene::{self, SceneLog};
 use super::tables::Tables;
 use super::{RecordError, RunHeader, StepRecord};
 use bytes::Bytes;
-use metrics::counts::Counts;
 use metrics::kpi::{Applications, Kpis};
 use metrics::measures::{KILL, Measures};
-use metrics::period::Period;
 use metrics::task::Task;
 use proto::config;
 use proto::digest::Digest;
-use proto::exchange::{Configured, RobotsStep};
+use proto::exchange::Configured;
 use proto::site;
 use proto::types::{Coupling, MoteOrder, MoteStates, NetRecord};
 use proto_messages::v1;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// What comes to be recorded.
 pub(crate) enum Event {
@@ -66,9 +64,7 @@ pub(crate) struct RunWriter {
 struct Run {
     measures: Measures,
     net_warnings: Vec<String>,
-    /// The robots' latest reply; before the first step, where they begin.
-    moved: Arc<RobotsStep>,
-    time_ns: u64,
+    periods: Periods,
     n_steps: u64,
     /// Steps with orders, each with a message of its own.
     n_ordered: u64,
@@ -219,8 +215,7 @@ impl RunWriter {
         self.run = Some(Run {
             measures: Measures::new(Task::from_config(effective), site, &states, kpis),
             net_warnings: network_start.warnings,
-            moved: Arc::new(RobotsStep { states, ..RobotsStep::default() }),
-            time_ns: 0,
+            periods: Periods::new(self.coupling, states),
             n_steps: 0,
             n_ordered: 0,
             orders: OrdersFromOutside::default(),
@@ -239,7 +234,7 @@ impl RunWriter {
         let checkpoint = Checkpoint {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             step: run.n_steps,
-            time_ns: run.time_ns,
+            time_ns: run.periods.time_ns(),
             robots,
             network,
             urls,
@@ -250,7 +245,8 @@ impl RunWriter {
     }
 
     fn step(&mut self, record: StepRecord) -> Result<(), RecordError> {
-        let StepRecord { step, time_ns, robots, network, commands, digest } = record;
+        let StepRecord { step, time_ns, robots, network, commands, digest } = &record;
+        let (step, time_ns) = (*step, *time_ns);
         let expected = self.run.as_ref().map_or(0, |run| run.n_steps + 1);
         let Some(run) = self.run.as_mut().filter(|_| step == expected) else {
             return Err(RecordError::Order { got: step, expected });
@@ -264,9 +260,9 @@ impl RunWriter {
         for command in &network.applied_commands {
             *run.orders.network.entry(command.source.clone()).or_default() += 1;
         }
-        for command in &commands {
+        for command in commands {
             let (what, mote) = event(&command.order);
-            run.measures.note_event(run.time_ns, what, mote);
+            run.measures.note_event(run.periods.time_ns(), what, mote);
             if let Some(scene) = &mut self.scene {
                 let mote = mote.map(|mote| format!(" mote {mote}")).unwrap_or_default();
                 scene.event(step, time_ns, Level::Info, format!("order: {what}{mote}"))?;
@@ -274,14 +270,14 @@ impl RunWriter {
         }
         if let Some(log) = &mut self.log {
             if !commands.is_empty() {
-                let commands = commands.into_iter().map(Into::into).collect();
+                let commands = commands.iter().cloned().map(Into::into).collect();
                 let request = v1::NetSimServiceCommandRequest { commands };
                 log.write(Topic::NetCommand, step, time_ns, &request)?;
                 run.n_ordered += 1;
             }
-            let reply = v1::RobotSimServiceStepResponse::from(&*robots);
+            let reply = v1::RobotSimServiceStepResponse::from(&**robots);
             log.write(Topic::RobotStep, step, time_ns, &reply)?;
-            let mut reply = v1::NetSimServiceStepResponse::from(&*network);
+            let mut reply = v1::NetSimServiceStepResponse::from(&**network);
             // In a file of its own.
             reply.capture.clear();
             log.write(Topic::NetStep, step, time_ns, &reply)?;
@@ -295,47 +291,15 @@ impl RunWriter {
         if !robots.held {
             run.measures.task_figures.clone_from(&robots.figures);
         }
-        let n = self.n_agents;
-        let counts = Counts::from_deliveries(&network.deliveries, n);
-        let all_working;
-        let motes = match &network.motes {
-            Some(motes) => motes,
-            None => {
-                all_working = MoteStates::all_working(n);
-                &all_working
-            }
-        };
-        let period = Period {
-            step,
-            from_ns: run.time_ns,
-            time_ns,
-            states: &robots.states,
-            states_before: &run.moved.states,
-            states_on_air: match self.coupling {
-                Coupling::Sequential => &robots.states,
-                Coupling::Parallel | Coupling::Event => &run.moved.states,
-            },
-            moved_obstacles: &robots.moved_obstacles,
-            deliveries: &network.deliveries,
-            counts: &counts,
-            motes,
-            task_complete: robots.task_complete,
-            held: robots.held,
-            formation: network.formation.as_ref(),
-            packets: network.packets.as_ref(),
-            statistics: network.statistics.as_ref(),
-            schedule: network.schedule.as_ref(),
-            heard_links: network.heard_links.as_ref(),
-        };
-        run.measures.add(&period);
-        self.tables.add(&period, &run.measures.kpis.account)?;
-        if let Some(scene) = &mut self.scene {
-            scene.add(&period)?;
-        }
-        run.moved = robots;
-        run.time_ns = time_ns;
+        let Self { tables, scene, .. } = self;
+        let Run { periods, measures, .. } = run;
+        periods.next(&record, |period| {
+            measures.add(period);
+            tables.add(period, &measures.kpis.account)?;
+            scene.as_mut().map_or(Ok(()), |scene| scene.add(period))
+        })?;
         run.n_steps = step;
-        run.digest = Some(digest);
+        run.digest = Some(*digest);
         Ok(())
     }
 }

@@ -4,9 +4,10 @@ mod foliage;
 mod terrain;
 
 pub use foliage::Foliage;
-pub use terrain::{Grid, Hill, Terrain};
+pub use terrain::{Grid, HeightNet, Hill, Terrain};
 
 use crate::config::{self, Default, Field, Kind, Node, Problem, Range, TableSpec};
+use crate::types::AgentStates;
 use serde::{Deserialize, Serialize};
 
 const POINT: Kind = Kind::List { of: &Kind::Number(Range::PLACE), min: 2, max: 2 };
@@ -154,6 +155,25 @@ pub struct Obstacle {
     pub height_m: Option<f64>,
     /// What it is made of.
     pub material: Option<String>,
+}
+
+impl Site {
+    /// The corners (least and greatest x, y in m) of the rectangle around all that stands in the place and around all agents.
+    #[must_use]
+    pub fn extent_m(&self, states: &AgentStates) -> [[f64; 2]; 2] {
+        let walls = self.wall.iter().flat_map(|wall| [wall.from_m, wall.to_m]);
+        let obstacles = self.obstacle.iter().map(|obstacle| obstacle.centre_m);
+        let foliage = self.foliage.iter().flat_map(|foliage| foliage.polygon_m.iter().copied());
+        let agents = states.x_m.iter().zip(&states.y_m).map(|(x, y)| [*x, *y]);
+        let mut corners = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+        for place in walls.chain(obstacles).chain(foliage).chain(agents) {
+            for axis in 0..2 {
+                corners[0][axis] = corners[0][axis].min(place[axis]);
+                corners[1][axis] = corners[1][axis].max(place[axis]);
+            }
+        }
+        corners
+    }
 }
 
 /// Reads `[site]`, which stands at `path`. The site is returned with its effective table, even where there were problems.

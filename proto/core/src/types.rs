@@ -176,6 +176,14 @@ impl AgentStates {
         }
     }
 
+    /// Where the body of an agent faces (rad); of one without a heading, where it goes.
+    #[must_use]
+    pub fn facing_rad(&self, agent: usize) -> f64 {
+        let along = |velocity: &[f64]| velocity.get(agent).copied().unwrap_or_default();
+        let heading_rad = self.heading_rad.get(agent).copied();
+        heading_rad.unwrap_or_else(|| libm::atan2(along(&self.vy_mps), along(&self.vx_mps)))
+    }
+
     /// Capacity: alive or not.
     #[must_use]
     pub fn len(&self) -> usize {

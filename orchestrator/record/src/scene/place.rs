@@ -2,7 +2,6 @@
 
 use super::{WORLD, foxglove, timestamp};
 use proto::site::{Site, Terrain};
-use proto::types::AgentStates;
 
 /// What has no height stands as high as this (m).
 const UNLIMITED_M: f64 = 3.0;
@@ -43,22 +42,6 @@ pub(super) fn entity(id: &str, time_ns: u64) -> foxglove::SceneEntity {
         id: id.to_owned(),
         ..foxglove::SceneEntity::default()
     }
-}
-
-/// The corners (least and greatest x, y in m) of what stands in a place and of where robots begin.
-pub(super) fn extent_m(site: &Site, states: &AgentStates) -> [[f64; 2]; 2] {
-    let walls = site.wall.iter().flat_map(|wall| [wall.from_m, wall.to_m]);
-    let obstacles = site.obstacle.iter().map(|obstacle| obstacle.centre_m);
-    let foliage = site.foliage.iter().flat_map(|foliage| foliage.polygon_m.iter().copied());
-    let robots = states.x_m.iter().zip(&states.y_m).map(|(x, y)| [*x, *y]);
-    let mut corners = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
-    for place in walls.chain(obstacles).chain(foliage).chain(robots) {
-        for axis in 0..2 {
-            corners[0][axis] = corners[0][axis].min(place[axis]);
-            corners[1][axis] = corners[1][axis].max(place[axis]);
-        }
-    }
-    corners
 }
 
 /// All that stands still.
@@ -123,17 +106,11 @@ fn foliage(site: &Site) -> foxglove::SceneEntity {
 
 /// The ground as a net of triangles. Only differences of height are known: the lowest corner of the net has height 0.
 fn ground(terrain: &Terrain, [least_m, most_m]: [[f64; 2]; 2]) -> foxglove::SceneEntity {
-    let side = |axis: usize| {
-        let (from, to) = (least_m[axis] - MARGIN_M, most_m[axis] + MARGIN_M);
-        move |k: usize| from + (to - from) * k as f64 / SQUARES as f64
-    };
-    let (x, y) = (side(0), side(1));
-    let heights_m = heights_m(terrain, &x, &y);
-    let lowest_m = heights_m.iter().flatten().copied().fold(f64::INFINITY, f64::min);
+    let net = terrain.net([least_m.map(|m| m - MARGIN_M), most_m.map(|m| m + MARGIN_M)], SQUARES);
     let n = SQUARES + 1;
     let points = (0..n * n).map(|k| {
         let (row, column) = (k / n, k % n);
-        point([x(column), y(row), heights_m[row][column] - lowest_m])
+        point([net.x_m(column), net.y_m(row), net.height_m[k]])
     });
     let squares = (0..SQUARES * SQUARES).map(|k| (k / SQUARES * n + k % SQUARES) as u32);
     let n = n as u32;
@@ -146,32 +123,6 @@ fn ground(terrain: &Terrain, [least_m, most_m]: [[f64; 2]; 2]) -> foxglove::Scen
         indices: indices.collect(),
     };
     foxglove::SceneEntity { triangles: vec![triangles], ..entity("ground", 0) }
-}
-
-/// Heights of a net (m), summed up from gradients: along the first row, then up every column.
-fn heights_m(
-    terrain: &Terrain,
-    x: &impl Fn(usize) -> f64,
-    y: &impl Fn(usize) -> f64,
-) -> Vec<Vec<f64>> {
-    let rise_m = |from: [f64; 2], to: [f64; 2]| {
-        let middle = [0, 1].map(|axis| 0.5 * (from[axis] + to[axis]));
-        let gradient = terrain.gradient(middle);
-        gradient[0] * (to[0] - from[0]) + gradient[1] * (to[1] - from[1])
-    };
-    let mut rows: Vec<Vec<f64>> = vec![vec![0.0]];
-    for column in 1..=SQUARES {
-        let before_m = rows[0][column - 1];
-        rows[0].push(before_m + rise_m([x(column - 1), y(0)], [x(column), y(0)]));
-    }
-    for row in 1..=SQUARES {
-        let up_m = |(column, below_m): (usize, &f64)| {
-            below_m + rise_m([x(column), y(row - 1)], [x(column), y(row)])
-        };
-        let next = rows[row - 1].iter().enumerate().map(up_m).collect();
-        rows.push(next);
-    }
-    rows
 }
 
 #[cfg(test)]

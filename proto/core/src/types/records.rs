@@ -80,12 +80,50 @@ impl Packets {
         self.id.is_empty()
     }
 
+    /// Adds packets that ended later.
+    pub fn append(&mut self, later: &Self) {
+        self.id.extend(&later.id);
+        self.kind.extend(&later.kind);
+        self.source.extend(&later.source);
+        self.destination.extend(&later.destination);
+        self.created_ns.extend(&later.created_ns);
+        self.ended_ns.extend(&later.ended_ns);
+        self.hops.extend(&later.hops);
+        self.payload_bytes.extend(&later.payload_bytes);
+        self.outcome.extend(&later.outcome);
+        self.kinds.clone_from(&later.kinds);
+        self.reasons.clone_from(&later.reasons);
+    }
+
+    /// The packets that are to be kept, each asked by its index, in order.
+    #[must_use]
+    pub fn filtered(&self, mut keep: impl FnMut(usize) -> bool) -> Self {
+        let indices: Vec<usize> = (0..self.len()).filter(|&index| keep(index)).collect();
+        Self {
+            id: chosen(&self.id, &indices),
+            kind: chosen(&self.kind, &indices),
+            source: chosen(&self.source, &indices),
+            destination: chosen(&self.destination, &indices),
+            created_ns: chosen(&self.created_ns, &indices),
+            ended_ns: chosen(&self.ended_ns, &indices),
+            hops: chosen(&self.hops, &indices),
+            payload_bytes: chosen(&self.payload_bytes, &indices),
+            outcome: chosen(&self.outcome, &indices),
+            kinds: self.kinds.clone(),
+            reasons: self.reasons.clone(),
+        }
+    }
+
     /// Why the packet was dropped; `None` if it was delivered.
     #[must_use]
     pub fn drop_reason(&self, packet: usize) -> Option<&str> {
         let reason = (self.outcome[packet] as usize).checked_sub(1)?;
         Some(&self.reasons[reason])
     }
+}
+
+fn chosen<T: Copy>(column: &[T], indices: &[usize]) -> Vec<T> {
+    indices.iter().map(|&index| column[index]).collect()
 }
 
 /// A number per mote, counted since the experiment began.
