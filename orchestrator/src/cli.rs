@@ -14,6 +14,7 @@ mod packets;
 mod pictures;
 mod power;
 mod recover;
+mod replay;
 mod run;
 mod schema;
 mod search_log;
@@ -59,6 +60,8 @@ enum Command {
     Recover(recover::RecoverArgs),
     /// Run a recorded experiment again, from its own folder, and compare all files
     Reproduce(recover::ReproduceArgs),
+    /// Show a recorded run in a browser, or write it as one page that opens anywhere
+    Replay(replay::ReplayArgs),
     /// Run one experiment under many settings and seeds, as the section [sweep] of the file says
     Sweep(sweeps::SweepArgs),
     /// Compare the results of two runs or of two sweeps
@@ -335,6 +338,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Run(args) => run::run(&args, start(args.threads)?),
         Command::Recover(args) => recover::recover(&args),
         Command::Reproduce(args) => recover::reproduce(&args, start(args.threads)?),
+        Command::Replay(args) => replay::replay(&args),
         Command::Sweep(args) => sweeps::sweep(&args, start(Some(args.threads))?),
         Command::CompareRuns(args) => sweeps::compare_runs(&args),
         Command::Check(args) => check::check(&args),

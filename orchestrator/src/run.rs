@@ -22,14 +22,18 @@ use drive::{Failure, ProgressObserver, Taken, Wanted};
 use experiment::Overrides;
 use interrupt::Interrupt;
 use proto::config::Refusal;
+use proto::exchange::Configured;
 use record::leftover::LeftoverError;
 use record::{
     Ending, Finished, KeptReason, RecordError, ReplacePolicy, Reservation, Status, StepRecord,
 };
 use std::path::PathBuf;
+use std::sync::Arc;
+use view::live::{LiveFeed, LiveRun, Pace};
+use view::server::{RunSource, Shown};
 
 /// What to run and where to put it.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct RunOptions {
     /// The experiment file.
     pub config: PathBuf,
@@ -41,6 +45,29 @@ pub struct RunOptions {
     pub replace: ReplacePolicy,
     /// How the sides are started.
     pub start: StartOptions,
+    /// Where it is shown while it lasts.
+    pub live: Option<LiveView>,
+}
+
+/// Where a run is shown while it lasts.
+#[derive(Clone)]
+pub struct LiveView {
+    /// What the server shows.
+    pub shown: Shown,
+    /// Whether the run may go on.
+    pub pace: Arc<Pace>,
+    /// Viewers may pause and step it.
+    pub controllable: bool,
+}
+
+impl LiveView {
+    /// Begins to show a run.
+    fn begin(&self, name: &str, configured: &Configured) -> std::io::Result<LiveFeed> {
+        let pace = Arc::clone(&self.pace);
+        let (live, feed) = LiveRun::begin(name, configured, pace, self.controllable)?;
+        self.shown.replace(RunSource::Live(live));
+        Ok(feed)
+    }
 }
 
 /// Why a run did not leave complete results.
@@ -251,7 +278,14 @@ pub async fn run(
         signal = interrupt.first() => Err(RunError::Interrupted { signal }),
     };
     let begun = Begun { reservation, replace: options.replace, log: log.clone(), before: None };
-    let attempt = Attempt::begin(&plan, begun, started?).await?;
+    let started = started?;
+    let feed = options.live.as_ref().map(|live| live.begin(&plan.name, &started.exchange));
+    let feed = feed.transpose().unwrap_or_else(|error| {
+        audience.warn(&format!("the run cannot be shown while it lasts: {error}"));
+        None
+    });
+    let mut attempt = Attempt::begin(&plan, begun, started).await?;
+    attempt.recording.live = feed;
     let origin = Origin::new(options.out.clone(), options.replace);
     carry_out(&plan, &options.start, attempt, origin, interrupt, audience).await
 }

@@ -16,6 +16,7 @@ use experiment::Plan;
 use proto::types::{Formation, MoteCommand, NetRecord, seconds};
 use std::fmt::Write as _;
 use std::future::Future;
+use std::time::Duration;
 
 /// Who is given the steps of an experiment, one after the other.
 pub trait Observer {
@@ -25,6 +26,11 @@ pub trait Observer {
     /// Orders to the network for the step that ends at `until_ns`, after those of the timeline.
     fn orders(&mut self, _until_ns: u64) -> Vec<MoteCommand> {
         Vec::new()
+    }
+
+    /// Whether the next step may be taken, after those until `time_ns`. If not, it is asked again a little later.
+    fn may_go_on(&mut self, _time_ns: u64) -> bool {
+        true
     }
 
     /// Takes a step.
@@ -329,8 +335,15 @@ impl<'a, R: Peer<RobotSide>, N: Peer<NetworkSide>> Driver<'a, R, N> {
         end_ns: u64,
         audience: &mut Audience<'_, O, I>,
     ) -> Result<Stepped, Failure<O::Error>> {
-        if let Some(signal) = audience.interrupts.seen() {
-            return Ok(Stepped::Interrupted(signal));
+        loop {
+            if let Some(signal) = audience.interrupts.seen() {
+                return Ok(Stepped::Interrupted(signal));
+            }
+            if audience.observer.may_go_on(self.coupled.time_ns()) {
+                break;
+            }
+            // Connections to both sides stay alive meanwhile.
+            tokio::time::sleep(PAUSE).await;
         }
         if 0 < self.coupled.step_number() && audience.observer.wants_checkpoint() {
             let [robots, network] = tokio::select! {
@@ -412,6 +425,8 @@ fn account(formation: &Formation, time_ns: u64) -> String {
     text
 }
 
+/// How long to wait before asking again whether a run that is paused may go on.
+const PAUSE: Duration = Duration::from_millis(5);
 /// Motes named for each reason; the record has them all.
 const MAX_NAMED: usize = 20;
 

@@ -1,16 +1,22 @@
 //! `orchestrator run`.
 
+use super::replay::Serving;
 use super::{Failure, OverrideArgs, check_place, on_runtime, write_json};
 use crate::console::{Screen, say, warn};
 use crate::dry_run::DryRun;
 use crate::run::run_answer::RunAnswer;
-use crate::run::{self, ResumeOptions, RunOptions, RunReport, StartOptions};
+use crate::run::{
+    self, Audience as _, LiveView, ResumeOptions, RunOptions, RunReport, StartOptions,
+};
 use clap::Args;
 use metrics::kpi::kpi_summary::KpiSummary;
 use proto::types::seconds;
 use record::ReplacePolicy;
 use record::run_summary::{RunSummary, TaskSummary};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use view::live::Pace;
+use view::server::Shown;
 
 #[derive(Args)]
 pub(super) struct RunArgs {
@@ -35,6 +41,18 @@ pub(super) struct RunArgs {
     /// that one. A run that does not complete never replaces a complete result
     #[arg(long)]
     replace: bool,
+    /// Show the run in a browser while it lasts, and replay it there afterwards until Ctrl-C: prints the address of a page on this machine
+    #[arg(long, conflicts_with_all = ["dry_run", "resume"])]
+    live: bool,
+    /// Let the page pause the run and take single steps
+    #[arg(long, requires = "live")]
+    live_control: bool,
+    /// Slow the run down to at most so many simulated seconds per second, to watch it
+    #[arg(long, value_name = "X", requires = "live", value_parser = live_speed)]
+    live_speed: Option<f64>,
+    /// Port of the page [default: any that is free]
+    #[arg(long, value_name = "PORT", requires = "live")]
+    port: Option<u16>,
     /// Estimate time, memory and disk space from the first steps, and leave nothing
     #[arg(long)]
     dry_run: bool,
@@ -54,6 +72,18 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     let replace =
         if args.replace { ReplacePolicy::AnyExperiment } else { ReplacePolicy::SameExperiment };
     let screen = &mut Screen::default();
+    let live = LiveView {
+        shown: Shown::new(Vec::new()),
+        pace: Arc::new(Pace::new(args.live_speed)),
+        controllable: args.live_control,
+    };
+    let serving = if args.live {
+        let serving = Serving::begin(args.port, &live.shown)?;
+        screen.note(&format!("watch the run at {}", serving.url()));
+        Some(serving)
+    } else {
+        None
+    };
     let report = match &args.resume {
         Some(dir) => {
             let options = ResumeOptions { dir: dir.clone(), overrides, replace, start };
@@ -61,7 +91,8 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
         }
         None => {
             let out = args.out.clone();
-            let options = RunOptions { config, overrides, out, replace, start };
+            let live = args.live.then(|| live.clone());
+            let options = RunOptions { config, overrides, out, replace, start, live };
             on_runtime(run::run(&options, screen))?
         }
     };
@@ -69,6 +100,11 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
         report.map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
     describe(&report);
     write_json(args.json.as_deref(), &RunAnswer::from_report(&report))?;
+    if let Some(serving) = serving
+        && !report.interrupted
+    {
+        serving.replay(&live.shown, &report.finished.dir)?;
+    }
     if report.interrupted {
         return Err(Failure::work(format!(
             "interrupted after step {}; the recording up to this step is kept",
@@ -76,6 +112,16 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
         )));
     }
     Ok(())
+}
+
+/// A speed that a run can have.
+fn live_speed(text: &str) -> Result<f64, String> {
+    let speed: f64 = text.parse().map_err(|_| "must be a number".to_owned())?;
+    if (0.001..=1e6).contains(&speed) {
+        Ok(speed)
+    } else {
+        Err("must be from 0.001 to 1000000".to_owned())
+    }
 }
 
 fn dry_run(args: &RunArgs, config: &Path, start: &StartOptions) -> Result<(), Failure> {

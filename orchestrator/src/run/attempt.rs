@@ -19,6 +19,7 @@ use record::run_log::{self, RunLog};
 use record::{RecordError, Recorder, ReplacePolicy, Reservation, RunHeader, States, StepRecord};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use view::live::LiveFeed;
 
 /// Both sides and the record, ready for the next step.
 pub(super) struct Attempt {
@@ -400,6 +401,8 @@ pub(super) struct Recording {
     /// The step of the latest checkpoint.
     pub(super) latest: Option<u64>,
     step: u64,
+    /// Where it is shown while it lasts.
+    pub(super) live: Option<LiveFeed>,
 }
 
 impl Recording {
@@ -413,6 +416,7 @@ impl Recording {
             urls,
             latest: None,
             step: 0,
+            live: None,
         }
     }
 }
@@ -430,7 +434,14 @@ impl Observer for Recording {
             Some(None) => self.expected = None,
             _ => {}
         }
+        if let Some(live) = &mut self.live {
+            live.step(&record);
+        }
         self.recorder.step(record)
+    }
+
+    fn may_go_on(&mut self, time_ns: u64) -> bool {
+        self.live.as_ref().is_none_or(|live| live.may_step(time_ns))
     }
 
     fn wants_checkpoint(&mut self) -> bool {

@@ -58,12 +58,14 @@ pub(super) async fn carry_out(
             let loss = format!("{error}; the run goes on from its checkpoint after step {step}");
             audience.warn(&loss);
             let dir = recording.recorder.path();
+            let live = recording.live.take();
             drop(recording);
             let next = Attempt::go_on(plan, start, &origin, &dir, &mut interrupt).await;
             attempt = next.map_err(|error| RunError::NotResumed {
                 error: Box::new(error),
                 dir: dir.clone(),
             })?;
+            attempt.recording.live = live;
             origin.left.push(dir);
             origin.resumed.push(step);
             continue;

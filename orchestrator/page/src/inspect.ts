@@ -1,0 +1,75 @@
+import { type App, currentRun } from "./app.ts";
+import type { Shell } from "./shell.ts";
+import type { Ghost } from "./swarm/picture.ts";
+import { ROBOT_STRIDE } from "./swarm/picture.ts";
+import type { SwarmView } from "./swarm/view.ts";
+
+/** What is drawn now, read back from the drawing buffers: for tests of the page. */
+export interface Drawn {
+  view: string;
+  source: string;
+  runs: number;
+  /** The time chosen, and the end of the step that is drawn (ns). */
+  cursor_ns: number;
+  time_ns: number;
+  step: number;
+  playing: boolean;
+  selected: number | null;
+  painter: string;
+  nRobotsDrawn: number;
+  /** By robot; null: not drawn. */
+  positions: ([number, number] | null)[];
+  dead: number[];
+  links: [number, number][];
+  missed: [number, number][];
+  ghosts: Ghost[];
+  framesDrawn: number;
+  framesLoaded: number;
+  eventsShown: number;
+  packetsShown: number;
+  lag_s: number;
+}
+
+function pairs(flat: number[]): [number, number][] {
+  const found: [number, number][] = [];
+  for (let i = 0; i < flat.length; i += 2) found.push([flat[i], flat[i + 1]]);
+  return found;
+}
+
+/** Describes what is drawn. */
+export function drawn(app: App, shell: Shell, swarm: SwarmView, packetsShown: number): Drawn {
+  const { state } = app.store;
+  const { picture, frame } = swarm.scene;
+  const data = currentRun(app);
+  const positions: ([number, number] | null)[] = new Array(data.run.agentCount).fill(null);
+  for (let i = 0; i < picture.robots.count; i++) {
+    positions[picture.robots.agents[i]] = [picture.robots.data[i * ROBOT_STRIDE], picture.robots.data[i * ROBOT_STRIDE + 1]];
+  }
+  const dead: number[] = [];
+  for (let i = 0; i < picture.dead.length; i += 3) {
+    dead.push(picture.dead[i]);
+    positions[picture.dead[i]] = [picture.dead[i + 1], picture.dead[i + 2]];
+  }
+  return {
+    view: state.view,
+    source: app.source.kind,
+    runs: app.source.runs.length,
+    cursor_ns: state.timeNs,
+    time_ns: frame?.timeNs ?? -1,
+    step: frame?.step ?? -1,
+    playing: state.playing,
+    selected: state.selected,
+    painter: swarm.painter?.name ?? "none",
+    nRobotsDrawn: picture.robots.count,
+    positions,
+    dead,
+    links: pairs(picture.links.pairs),
+    missed: pairs(picture.missed.pairs),
+    ghosts: picture.ghosts.map((ghost) => ({ ...ghost })),
+    framesDrawn: app.framesDrawn,
+    framesLoaded: data.frames.length,
+    eventsShown: shell.events.eventsShown,
+    packetsShown,
+    lag_s: app.source.live?.lagS ?? 0,
+  };
+}

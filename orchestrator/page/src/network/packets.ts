@@ -1,0 +1,170 @@
+import { type App, currentRun, type Exported } from "../app.ts";
+import { element, selection, setText } from "../dom.ts";
+import { seconds } from "../format.ts";
+import type { Packets } from "../gen/cosim/v1/netsim_pb.ts";
+import type { Shape } from "../sketch.ts";
+import { SketchCanvas } from "../sketch-canvas.ts";
+import { NO_MOTE } from "../source/frame.ts";
+import { OKABE_ITO } from "../swarm/colours.ts";
+import { VirtualList } from "../virtual-list.ts";
+import { type NetworkPanel, Redraw } from "./panel.ts";
+
+/** Whatever the filter, the list holds at most so many packets. */
+const MOST_ROWS = 20000;
+
+interface Filter {
+  kind: string;
+  outcome: string;
+  source: string;
+  destination: string;
+  text: string;
+}
+
+/** Packets that ended, filtered, and how many were dropped for which reason until now. */
+export class PacketsPanel implements NetworkPanel {
+  readonly root: HTMLElement;
+  private readonly list: VirtualList<number>;
+  private readonly count = element("span", { class: "status" });
+  private readonly drops: SketchCanvas;
+  private readonly kinds: HTMLSelectElement;
+  private readonly outcomes: HTMLSelectElement;
+  private readonly note = element("div", { class: "empty" });
+  private readonly redraw: Redraw;
+  private readonly filter: Filter = { kind: "", outcome: "", source: "", destination: "", text: "" };
+  private packets: Packets | undefined;
+  private key = "";
+
+  constructor(private readonly app: App) {
+    this.redraw = new Redraw(app);
+    this.drops = new SketchCanvas(app, "Packets dropped until now, by reason");
+    this.list = new VirtualList("Packets", 24, (packet) => this.row(packet));
+    const kinds = selection("Kind", [["", "all"]], "", (value) => (this.filter.kind = value));
+    const outcomes = selection("Outcome", [["", "all"]], "", (value) => (this.filter.outcome = value));
+    this.kinds = kinds.select;
+    this.outcomes = outcomes.select;
+    const input = (label: string, name: "source" | "destination" | "text", hint: string): HTMLElement => {
+      const box = element("input", { type: "text", class: name === "text" ? "" : "short", placeholder: hint, oninput: () => (this.filter[name] = box.value.trim()) });
+      return element("label", { class: "field" }, label, box);
+    };
+    const bar = element("div", { class: "toolbar" }, kinds.root, outcomes.root,
+      input("From", "source", "mote"), input("To", "destination", "mote"), input("Contains", "text", "text"), this.count);
+    const titles = ["ended", "kind", "from", "to", "hops", "latency", "bytes", "outcome"].map((title) => element("span", {}, title));
+    this.root = element("div", { class: "panel packets" }, bar, this.drops.root, element("div", { class: "packet head" }, ...titles), this.list.root, this.note);
+  }
+
+  get packetsShown(): number {
+    return this.list.length;
+  }
+
+  render(): void {
+    const { overview, overviewVersion } = currentRun(this.app);
+    const { packets } = overview;
+    const some = packets !== undefined && packets.id.length > 0;
+    this.note.hidden = some;
+    for (const child of this.root.children) if (child !== this.note) (child as HTMLElement).hidden = !some;
+    this.note.textContent = "No packets were recorded. Ask for packets in the record of the experiment.";
+    if (!some) return;
+    const { state } = this.app.store;
+    const key = [state.run, overviewVersion, packets.id.length, ...Object.values(this.filter)].join();
+    if (key !== this.key) {
+      this.key = key;
+      this.packets = packets;
+      this.offer(packets);
+      this.select(packets, Number(overview.packetsLeftOut));
+    }
+    const { width } = this.drops.room;
+    if (width > 0 && this.redraw.due(state.timeNs, overviewVersion, width)) {
+      this.drawDrops(packets, width);
+      this.list.refresh();
+    }
+  }
+
+  exported(): Exported {
+    return this.drops.exported();
+  }
+
+  private offer(packets: Packets): void {
+    const fill = (select: HTMLSelectElement, options: [string, string][]): void => {
+      if (select.options.length === options.length) return;
+      const { value } = select;
+      select.replaceChildren(...options.map(([option, text]) => element("option", { value: option }, text)));
+      select.value = value;
+    };
+    fill(this.kinds, [["", "all"], ...packets.kinds.map((kind, i): [string, string] => [String(i), kind.name])]);
+    fill(this.outcomes, [["", "all"], ["0", "delivered"], ["dropped", "dropped"],
+      ...packets.reasons.map((reason, i): [string, string] => [String(i + 1), `dropped: ${reason}`])]);
+  }
+
+  private select(packets: Packets, leftOut: number): void {
+    const { kind, outcome, source, destination, text } = this.filter;
+    const found: number[] = [];
+    for (let i = 0; i < packets.id.length; i++) {
+      if (kind !== "" && packets.kind[i] !== Number(kind)) continue;
+      if (outcome === "dropped" ? packets.outcome[i] === 0 : outcome !== "" && packets.outcome[i] !== Number(outcome)) continue;
+      if (source !== "" && String(packets.source[i]) !== source) continue;
+      if (destination !== "" && moteName(packets.destination[i]) !== destination) continue;
+      if (text !== "" && !this.columns(packets, i).join(" ").includes(text)) continue;
+      found.push(i);
+      if (found.length >= MOST_ROWS) break;
+    }
+    this.list.show(found);
+    const limited = found.length >= MOST_ROWS ? ", the first of more: narrow the filter" : "";
+    const missing = leftOut > 0 ? `; ${leftOut} more ended and are not listed` : "";
+    setText(this.count, `${found.length} of ${packets.id.length} packets${limited}${missing}`);
+  }
+
+  private columns(packets: Packets, i: number): string[] {
+    return [
+      seconds(Number(packets.endedNs[i]), 3),
+      packets.kinds[packets.kind[i]]?.name ?? "?",
+      String(packets.source[i]),
+      moteName(packets.destination[i]),
+      String(packets.hops[i]),
+      `${(Number(packets.endedNs[i] - packets.createdNs[i]) / 1e6).toFixed(0)} ms`,
+      String(packets.payloadBytes[i]),
+      packets.outcome[i] === 0 ? "delivered" : `dropped: ${packets.reasons[packets.outcome[i] - 1] ?? "?"}`,
+    ];
+  }
+
+  private row(i: number): HTMLElement {
+    const packets = this.packets as Packets;
+    const later = Number(packets.endedNs[i]) > this.app.store.state.timeNs;
+    const cells = this.columns(packets, i).map((text) => element("span", {}, text));
+    const classes = `event packet${later ? " later" : ""}${packets.outcome[i] === 0 ? "" : " dropped"}`;
+    return element("div", { class: "row", role: "listitem" },
+      element("button", { type: "button", class: classes, onclick: () => this.show(packets, i) }, ...cells));
+  }
+
+  /** Goes to where a packet ended and selects both of its ends. */
+  private show(packets: Packets, i: number): void {
+    this.app.seek(Number(packets.endedNs[i]));
+    this.app.select(packets.source[i]);
+    if (packets.destination[i] !== NO_MOTE) this.app.store.set({ peer: packets.destination[i] });
+  }
+
+  private drawDrops(packets: Packets, width: number): void {
+    const { theme, store } = this.app;
+    const counts = new Array<number>(packets.reasons.length).fill(0);
+    let delivered = 0;
+    for (let i = 0; i < packets.id.length; i++) {
+      if (Number(packets.endedNs[i]) > store.state.timeNs) continue;
+      if (packets.outcome[i] === 0) delivered++;
+      else counts[packets.outcome[i] - 1]++;
+    }
+    const total = Math.max(1, ...counts);
+    const shapes: Shape[] = [];
+    const title = `dropped until now, by reason (${delivered} delivered)`;
+    shapes.push({ kind: "text", x: 10, y: 12, text: title, fill: theme.faintText });
+    counts.forEach((count, i) => {
+      const y = 24 + i * 18;
+      shapes.push({ kind: "text", x: 130, y: y + 7, text: packets.reasons[i], fill: theme.text, anchor: "end" });
+      shapes.push({ kind: "rect", x: 138, y, w: Math.max(1, ((width - 220) * count) / total), h: 13, fill: OKABE_ITO.vermilion });
+      shapes.push({ kind: "text", x: 144 + ((width - 220) * count) / total, y: y + 7, text: String(count), fill: theme.text });
+    });
+    this.drops.show(shapes, width, 30 + counts.length * 18, []);
+  }
+}
+
+function moteName(mote: number): string {
+  return mote === NO_MOTE ? "all" : String(mote);
+}

@@ -1,0 +1,174 @@
+import { type App, currentRun, type Exported } from "../app.ts";
+import { element, selection } from "../dom.ts";
+import { seconds } from "../format.ts";
+import type { Schedule } from "../gen/cosim/v1/netsim_pb.ts";
+import type { Shape } from "../sketch.ts";
+import { SketchCanvas, type Target } from "../sketch-canvas.ts";
+import { NO_MOTE } from "../source/frame.ts";
+import { OKABE_ITO } from "../swarm/colours.ts";
+import { type Cell, cells, mayCollide, type Role, slotAt, slotframes } from "./cells.ts";
+import { latestAt, type NetworkPanel, Redraw } from "./panel.ts";
+
+const LEFT = 44;
+const TOP = 46;
+
+/** The schedule matrix: who transmits and who listens in each slot and channel offset. */
+export class SchedulePanel implements NetworkPanel {
+  readonly root: HTMLElement;
+  private readonly sketch: SketchCanvas;
+  private readonly note = element("div", { class: "empty" });
+  private readonly info = element("span", { class: "status" });
+  private readonly choice: HTMLSelectElement;
+  private readonly bar: HTMLElement;
+  private readonly redraw: Redraw;
+  private schedule: Schedule | null = null;
+  private handle = -1;
+  private cells: Cell[] = [];
+
+  constructor(private readonly app: App) {
+    this.redraw = new Redraw(app);
+    this.sketch = new SketchCanvas(app, "Schedule: slot offset by channel offset");
+    const choice = selection("Slotframe", [], "", (value) => {
+      this.handle = Number(value);
+      this.schedule = null;
+    });
+    this.choice = choice.select;
+    this.bar = element("div", { class: "toolbar" }, choice.root, this.info);
+    this.root = element("div", { class: "panel" }, this.bar, this.sketch.root, this.note);
+  }
+
+  render(): void {
+    const { overview, run, overviewVersion } = currentRun(this.app);
+    const { timeNs } = this.app.store.state;
+    const entry = latestAt(overview.schedules, timeNs);
+    const schedule = entry?.schedule;
+    const shown = schedule !== undefined && schedule.mote.length > 0;
+    this.note.hidden = shown;
+    this.bar.hidden = this.sketch.root.hidden = !shown;
+    if (!shown) {
+      const first = overview.schedules[0];
+      this.note.textContent = first !== undefined
+        ? `The first schedule was recorded at ${seconds(Number(first.timeNs))}: go to that time or later.`
+        : "No schedule was recorded. 6TiSCH networks have one: choose such a network, and record schedules.";
+      return;
+    }
+    if (schedule !== this.schedule) this.choose(schedule);
+    const length = slotframes(schedule).get(this.handle) ?? 1;
+    const slotNs = Number(run.slotNs);
+    const slot = slotNs > 0 ? slotAt(timeNs, slotNs, length) : -1;
+    const { width, height } = this.sketch.room;
+    if (width === 0 || !this.redraw.due(entry?.timeNs, this.handle, slot, width, height, overviewVersion)) return;
+    const collisions = this.cells.filter(mayCollide).length;
+    const asn = slotNs > 0 ? ` · ASN ${Math.floor(timeNs / slotNs)}, slot ${slot} of ${length}` : "";
+    this.info.textContent =
+      `${this.cells.length} cells, ${collisions} with possible collisions · recorded at ${seconds(Number(entry?.timeNs ?? 0))}${asn}`;
+    this.draw(length, slot, width, height);
+  }
+
+  exported(): Exported {
+    return this.sketch.exported();
+  }
+
+  private choose(schedule: Schedule): void {
+    this.schedule = schedule;
+    const frames = slotframes(schedule);
+    if (!frames.has(this.handle)) this.handle = busiest(schedule, [...frames.keys()]);
+    this.choice.replaceChildren(
+      ...[...frames].map(([handle, length]) => element("option", { value: handle }, `${handle} (${length} slots)`)));
+    this.choice.value = String(this.handle);
+    this.cells = cells(schedule, this.handle);
+  }
+
+  private draw(length: number, slot: number, roomWidth: number, roomHeight: number): void {
+    const { theme } = this.app;
+    const channels = Math.max(1, ...this.cells.map((cell) => cell.channel + 1));
+    const cellWidth = Math.max(13, Math.min(64, Math.floor((roomWidth - LEFT - 12) / length)));
+    const cellHeight = Math.max(18, Math.min(40, Math.floor((roomHeight - TOP - 16) / channels)));
+    const right = LEFT + length * cellWidth;
+    const bottom = TOP + channels * cellHeight;
+    const shapes: Shape[] = [];
+    const targets: Target[] = [];
+    const label = { kind: "text", fill: theme.faintText, size: 11 } as const;
+    shapes.push({ ...label, x: LEFT, y: 12, text: "slot offset" });
+    shapes.push({ ...label, x: 10, y: TOP + (bottom - TOP) / 2, text: "channel offset", anchor: "middle", turned: true });
+    if (slot >= 0) {
+      const fill = theme.dark ? "#ffffff26" : "#00000016";
+      shapes.push({ kind: "rect", x: LEFT + slot * cellWidth, y: TOP - 6, w: cellWidth, h: bottom - TOP + 12, fill });
+    }
+    const every = cellWidth >= 22 ? 1 : cellWidth >= 16 ? 2 : 5;
+    for (let s = 0; s < length; s += every) {
+      shapes.push({ ...label, x: LEFT + (s + 0.5) * cellWidth, y: TOP - 14, text: String(s), anchor: "middle", size: 10 });
+    }
+    for (let c = 0; c < channels; c++) shapes.push({ ...label, x: LEFT - 8, y: TOP + (c + 0.5) * cellHeight, text: String(c), anchor: "end" });
+    const grid = theme.dark ? "#ffffff1c" : "#0000001c";
+    for (let s = 0; s <= length; s++) shapes.push({ kind: "line", x1: LEFT + s * cellWidth, y1: TOP, x2: LEFT + s * cellWidth, y2: bottom, stroke: grid });
+    for (let c = 0; c <= channels; c++) shapes.push({ kind: "line", x1: LEFT, y1: TOP + c * cellHeight, x2: right, y2: TOP + c * cellHeight, stroke: grid });
+    for (const cell of this.cells) this.drawCell(shapes, targets, cell, cellWidth, cellHeight);
+    this.legend(shapes, bottom + 18);
+    this.sketch.show(shapes, Math.max(roomWidth, right + 12), Math.max(roomHeight - 4, bottom + 34), targets);
+  }
+
+  private drawCell(shapes: Shape[], targets: Target[], cell: Cell, width: number, height: number): void {
+    const { theme } = this.app;
+    const { selected } = this.app.store.state;
+    const x = LEFT + cell.slot * width + 1;
+    const y = TOP + cell.channel * height + 1;
+    const [w, h] = [width - 2, height - 2];
+    const collides = mayCollide(cell);
+    const fill = collides ? OKABE_ITO.vermilion : cell.shared ? OKABE_ITO.yellow : cell.transmitters.length > 0 ? OKABE_ITO.sky : "none";
+    shapes.push({ kind: "rect", x, y, w, h, fill, stroke: cell.receivers.length > 0 ? theme.text : undefined });
+    if (collides) shapes.push({ kind: "line", x1: x, y1: y + h, x2: x + w, y2: y, stroke: "#000000", width: 1.5 });
+    if (selected !== null && [...cell.transmitters, ...cell.receivers].some((role) => role.mote === selected)) {
+      shapes.push({ kind: "rect", x: x - 1, y: y - 1, w: w + 2, h: h + 2, stroke: theme.text, width: 3 });
+    }
+    const text = cellText(cell, w);
+    const ink = fill === "none" ? theme.text : "#1b1f24";
+    if (text !== "") shapes.push({ kind: "text", x: x + w / 2, y: y + h / 2, text, fill: ink, size: 10, anchor: "middle" });
+    const agent = cell.transmitters[0]?.mote ?? cell.receivers[0]?.mote ?? null;
+    targets.push({ x, y, w, h, agent, text: `slot ${cell.slot}, channel offset ${cell.channel}: ${describe(cell)}` });
+  }
+
+  private legend(shapes: Shape[], y: number): void {
+    const { theme } = this.app;
+    let x = LEFT;
+    for (const [fill, stroke, text] of [
+      [OKABE_ITO.sky, undefined, "one mote transmits"],
+      [OKABE_ITO.yellow, undefined, "shared"],
+      [OKABE_ITO.vermilion, undefined, "possible collision: several may transmit, not shared"],
+      ["none", theme.text, "outlined: somebody listens"],
+    ] as const) {
+      shapes.push({ kind: "rect", x, y: y - 5, w: 10, h: 10, fill, stroke });
+      shapes.push({ kind: "text", x: x + 15, y, text, fill: theme.faintText, size: 11 });
+      x += 34 + text.length * 6;
+    }
+  }
+}
+
+/** The slotframe with most cells: the one that is worth looking at first. */
+function busiest(schedule: Schedule, handles: number[]): number {
+  const counts = new Map<number, number>();
+  for (const handle of schedule.slotframe) counts.set(handle, (counts.get(handle) ?? 0) + 1);
+  return handles.reduce((best, handle) => ((counts.get(handle) ?? 0) > (counts.get(best) ?? 0) ? handle : best), handles[0]);
+}
+
+function cellText(cell: Cell, width: number): string {
+  const { transmitters } = cell;
+  if (transmitters.length === 0 || width < 18) return "";
+  if (transmitters.length > 1) return width < 26 ? String(transmitters.length) : `${transmitters.length} tx`;
+  const [{ mote, neighbour }] = transmitters;
+  if (width < 34) return String(mote);
+  return neighbour === NO_MOTE ? `${mote} →` : `${mote}→${neighbour}`;
+}
+
+function describe(cell: Cell): string {
+  const list = (roles: Role[]): string => {
+    const names = roles.slice(0, 8).map(({ mote, neighbour }) => (neighbour === NO_MOTE ? String(mote) : `${mote} (with ${neighbour})`));
+    return roles.length > 8 ? `${names.join(", ")} and ${roles.length - 8} more` : names.join(", ");
+  };
+  const parts: string[] = [];
+  if (cell.transmitters.length > 0) parts.push(`may transmit: ${list(cell.transmitters)}`);
+  if (cell.receivers.length > 0) parts.push(`listen: ${list(cell.receivers)}`);
+  if (cell.shared) parts.push("shared");
+  if (mayCollide(cell)) parts.push("possible collision");
+  return parts.join("; ");
+}

@@ -1,0 +1,39 @@
+import type { Place } from "../gen/murmuration/view/v1/view_pb.ts";
+import type { FrameData } from "../source/frame.ts";
+import type { Camera } from "../store.ts";
+import { exists } from "./links.ts";
+
+/** Room around everything when a picture is fitted (px). */
+const MARGIN_PX = 48;
+
+/** The camera that shows all robots of a frame, and walls and obstacles. */
+export function fit(frames: FrameData[], places: (Place | undefined)[], width: number, height: number): Camera {
+  let [left, right, bottom, top] = [Number.POSITIVE_INFINITY, Number.NEGATIVE_INFINITY, Number.POSITIVE_INFINITY, Number.NEGATIVE_INFINITY];
+  const include = (x: number, y: number, radius = 0): void => {
+    left = Math.min(left, x - radius);
+    right = Math.max(right, x + radius);
+    bottom = Math.min(bottom, y - radius);
+    top = Math.max(top, y + radius);
+  };
+  for (const frame of frames) {
+    for (let agent = 0; agent < frame.x.length; agent++) if (exists(frame, agent)) include(frame.x[agent], frame.y[agent]);
+  }
+  for (const place of places) {
+    for (const wall of place?.walls ?? []) {
+      include(wall.fromXM, wall.fromYM);
+      include(wall.toXM, wall.toYM);
+    }
+    for (const obstacle of place?.obstacles ?? []) include(obstacle.xM, obstacle.yM, obstacle.radiusM);
+  }
+  if (left > right) return { x: 0, y: 0, scale: 10 };
+  const spanX = Math.max(right - left, 1);
+  const spanY = Math.max(top - bottom, 1);
+  const scale = Math.min(Math.max(50, width - 2 * MARGIN_PX) / spanX, Math.max(50, height - 2 * MARGIN_PX) / spanY);
+  return { x: (left + right) / 2, y: (bottom + top) / 2, scale };
+}
+
+/** The camera after zooming by a factor about a point of the picture (px from its centre, y up). */
+export function zoomed(camera: Camera, factor: number, px: number, py: number): Camera {
+  const scale = Math.min(1e4, Math.max(1e-3, camera.scale * factor));
+  return { x: camera.x + px / camera.scale - px / scale, y: camera.y + py / camera.scale - py / scale, scale };
+}

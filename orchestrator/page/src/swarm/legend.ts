@@ -1,0 +1,61 @@
+import type { App } from "../app.ts";
+import { element } from "../dom.ts";
+import { figure } from "../format.ts";
+import { css } from "./colours.ts";
+import type { Scene } from "./scene.ts";
+import { groundRange } from "./site.ts";
+
+/** What the colours of a swarm view mean. */
+export class Legend {
+  readonly root: HTMLElement = element("div", { class: "legend" });
+  private key = "";
+
+  constructor(private readonly app: App) {}
+
+  update(scene: Scene): void {
+    const { robotColour, linkColour, missed, ghosts, selected } = this.app.store.state;
+    const { picture, robotRange, linkRange } = scene;
+    const ghost = ghosts && selected !== null && picture.ghosts.length > 0;
+    const dead = picture.dead.length > 0;
+    const { theme } = this.app;
+    const key = [robotColour, linkColour, missed, ghost, dead, robotRange.most, linkRange.least, linkRange.most, theme.dark].join();
+    if (key === this.key) return;
+    this.key = key;
+    const rows: HTMLElement[] = [];
+    const { groups, place, stepNs } = scene.data.run;
+    if (robotColour === "group") {
+      const names = groups.length > 0 ? groups.map((group) => `${group.name} (${group.count})`) : ["robots"];
+      names.slice(0, 8).forEach((name, i) => rows.push(row("dart", css(theme.categories[i % theme.categories.length]), name)));
+    } else {
+      const labels = { heard: "neighbours heard in the period", queue: "packets in queue", rank: "RPL rank" };
+      rows.push(gradient(labels[robotColour], theme.scale, "0", figure(robotRange.most)));
+    }
+    if (linkColour === "delivery") rows.push(gradient("link: received of sent", theme.linkScale, "0 %", "100 %"));
+    if (linkColour === "rssi") rows.push(gradient("link: RSSI", theme.linkScale, `${linkRange.least}`, `${linkRange.most} dBm`));
+    if (linkColour === "age") {
+      const age = (linkRange.most * Number(stepNs)) / 1e9;
+      rows.push(gradient("link: age of the position", theme.linkScale, "0", `${figure(age)} s`));
+    }
+    if (missed) rows.push(row("dashed", css(theme.missed), "missed: heard within 5 s, not now"));
+    if (ghost) rows.push(row("ring", css(theme.ghost), "where the selected robot last heard it"));
+    if (dead) rows.push(row("ring", css(theme.dead), "lost, at its last position"));
+    if (place?.ground !== undefined) {
+      const { least, most } = groundRange(place.ground);
+      rows.push(element("div", {}, `ground: ${figure(least)} to ${figure(most)} m`));
+    }
+    this.root.replaceChildren(...rows);
+  }
+}
+
+function row(shape: string, colour: string, text: string): HTMLElement {
+  const swatch = element("span", { class: `swatch ${shape}`, "aria-hidden": "true" });
+  swatch.style.color = colour;
+  return element("div", { class: "legend-row" }, swatch, text);
+}
+
+function gradient(label: string, table: Uint32Array, from: string, to: string): HTMLElement {
+  const bar = element("span", { class: "gradient", "aria-hidden": "true" });
+  const stops = [0, 51, 102, 153, 204, 255].map((i) => css((table[i] | 0xff000000) >>> 0));
+  bar.style.background = `linear-gradient(to right, ${stops.join(",")})`;
+  return element("div", { class: "legend-scale" }, element("div", {}, label), element("div", { class: "legend-row" }, from, bar, to));
+}

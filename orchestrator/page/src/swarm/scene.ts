@@ -1,0 +1,224 @@
+import { EventKind } from "../gen/murmuration/view/v1/view_pb.ts";
+import type { FrameData } from "../source/frame.ts";
+import type { RunData } from "../source/source.ts";
+import { bit } from "../source/wire.ts";
+import type { State } from "../store.ts";
+import { css, shade, type Theme, withAlpha } from "./colours.ts";
+import { exists, ghosts, MissedLinks, neighboursHeard } from "./links.ts";
+import { Picture } from "./picture.ts";
+import { drawSite } from "./site.ts";
+
+/** Trails show where robots were within this time before (ns). */
+const TRAIL_NS = 10e9;
+/** Swarms up to this size have trails for every robot, larger ones for the selected robot. */
+const TRAIL_ROBOTS = 200;
+/** Points of a trail at most. */
+const TRAIL_POINTS = 60;
+
+/** Range of what colours mean, for the legend. */
+export interface ColourRange {
+  least: number;
+  most: number;
+}
+
+/** Fills in the picture of a run at a time. Layers are rebuilt only when what they show has changed. */
+export class Scene {
+  readonly picture = new Picture();
+  robotRange: ColourRange = { least: 0, most: 1 };
+  linkRange: ColourRange = { least: 0, most: 1 };
+  /** The frame in the picture; null before the first is loaded. */
+  frame: FrameData | null = null;
+  private readonly missed = new MissedLinks();
+  private heard = new Uint32Array(0);
+  private group = new Uint8Array(0);
+  private bornNs = new Float64Array(0);
+  private bornVersion = -1;
+  private siteKey = "";
+  private key = "";
+
+  constructor(readonly data: RunData) {
+    const count = data.run.agentCount;
+    this.heard = new Uint32Array(count);
+    this.group = new Uint8Array(count);
+    let agent = 0;
+    data.run.groups.forEach((group, i) => {
+      for (let k = 0; k < group.count && agent < count; k++) this.group[agent++] = i;
+    });
+  }
+
+  /** Brings the picture up to date; true if anything in it has changed. */
+  update(state: State, theme: Theme): boolean {
+    const { frames } = this.data;
+    const index = frames.indexAt(state.timeNs);
+    if (index < 0) {
+      this.frame = null;
+      return false;
+    }
+    const { robotColour, linkColour, missed, trails, ghosts: showGhosts, selected, peer } = state;
+    const first = Math.max(0, frames.indexAt(state.timeNs - TRAIL_NS));
+    const key = [
+      frames.step(index), frames.step(first), frames.generation, robotColour, linkColour, missed, trails, showGhosts, selected, peer,
+      theme.dark, this.data.overviewVersion,
+    ].join();
+    if (key === this.key) return false;
+    this.key = key;
+    const frame = frames.frame(index);
+    this.frame = frame;
+    this.picture.background = theme.background;
+    this.updateSite(frame, theme);
+    this.updateTrails(index, first, state, theme);
+    this.updateLinks(frame, state, theme);
+    this.picture.missed.clear();
+    if (missed) {
+      this.missed.find(frames, index, (sender, receiver) => {
+        if (sender < frame.x.length && receiver < frame.x.length) {
+          this.picture.missed.link(sender, receiver, frame.x, frame.y, theme.missed, true);
+        }
+      });
+    }
+    this.updateRobots(frame, state, theme);
+    this.updateMarks(index, frame, state, theme);
+    return true;
+  }
+
+  private updateSite(frame: FrameData, theme: Theme): void {
+    const key = `${theme.dark} ${frame.movedObstacles.map((m) => `${m.name} ${m.xM} ${m.yM}`).join()}`;
+    if (key === this.siteKey) return;
+    this.siteKey = key;
+    drawSite(this.picture, this.data.run.place, frame.movedObstacles, theme);
+  }
+
+  private updateTrails(index: number, first: number, state: State, theme: Theme): void {
+    const { trails } = this.picture;
+    trails.clear();
+    if (!state.trails || index === first) return;
+    const { frames } = this.data;
+    const all = this.data.run.agentCount <= TRAIL_ROBOTS;
+    if (!all && state.selected === null) return;
+    const every = Math.max(1, Math.ceil((index - first) / TRAIL_POINTS));
+    let later = frames.frame(index);
+    for (let i = index - every; i >= first; i -= every) {
+      const earlier = frames.frame(i);
+      const alpha = 0.5 * (1 - (index - i) / (index - first + 1));
+      if (all) {
+        for (let agent = 0; agent < later.x.length; agent++) this.trail(agent, earlier, later, alpha, theme);
+      } else if (state.selected !== null) {
+        this.trail(state.selected, earlier, later, alpha, theme);
+      }
+      later = earlier;
+    }
+  }
+
+  private trail(agent: number, earlier: FrameData, later: FrameData, alpha: number, theme: Theme): void {
+    if (!exists(earlier, agent) || !exists(later, agent)) return;
+    const colour = withAlpha(theme.categories[this.group[agent] % theme.categories.length], alpha);
+    this.picture.trails.segment(earlier.x[agent], earlier.y[agent], later.x[agent], later.y[agent], colour);
+  }
+
+  private updateLinks(frame: FrameData, state: State, theme: Theme): void {
+    const layer = this.picture.links;
+    layer.clear();
+    const { sender, receiver, received, rssiDbm, stepsAgo } = frame.links;
+    const mode = state.linkColour;
+    if (mode === "none") return;
+    this.linkRange = { least: 0, most: 1 };
+    if (mode === "rssi") this.linkRange = { least: -100, most: -50 };
+    if (mode === "age") {
+      let most = 1;
+      for (const steps of stepsAgo) if (steps > most) most = steps;
+      this.linkRange.most = most;
+    }
+    const { least, most } = this.linkRange;
+    for (let k = 0; k < sender.length; k++) {
+      let value = 0;
+      if (mode === "delivery") {
+        const sent = frame.nSent.length > 0 ? frame.nSent[sender[k]] : 0;
+        value = sent > 0 ? Math.min(1, received[k] / sent) : 1;
+      } else if (mode === "rssi") {
+        value = rssiDbm.length > 0 ? rssiDbm[k] : Number.NaN;
+      } else {
+        value = stepsAgo.length > 0 ? stepsAgo[k] : 0;
+      }
+      const colour = Number.isNaN(value) ? theme.dead : theme.linkScale[shade(value, least, most)];
+      layer.link(sender[k], receiver[k], frame.x, frame.y, colour, false);
+    }
+  }
+
+  private updateRobots(frame: FrameData, state: State, theme: Theme): void {
+    const { robots } = this.picture;
+    robots.clear();
+    neighboursHeard(frame, this.heard);
+    const values = this.figures(frame, state);
+    this.robotRange = { least: 0, most: 1 };
+    if (values !== null) {
+      for (const value of values) if (value > this.robotRange.most && value < 0xffff) this.robotRange.most = value;
+    }
+    for (let agent = 0; agent < frame.x.length; agent++) {
+      if (!exists(frame, agent)) continue;
+      let colour = theme.categories[this.group[agent] % theme.categories.length];
+      if (values !== null) {
+        colour = agent < values.length && values[agent] < 0xffff ? theme.scale[shade(values[agent], 0, this.robotRange.most)] : theme.dead;
+      }
+      robots.add(agent, frame.x[agent], frame.y[agent], frame.heading.length > 0 ? frame.heading[agent] : 0, colour);
+    }
+  }
+
+  /** The figure that colours the robots; null: their groups. */
+  private figures(frame: FrameData, state: State): Uint32Array | null {
+    if (state.robotColour === "heard") return this.heard;
+    if (state.robotColour === "queue") return frame.motes?.queueLength ?? new Uint32Array(0);
+    if (state.robotColour === "rank") return frame.motes?.rank ?? new Uint32Array(0);
+    return null;
+  }
+
+  private updateMarks(index: number, frame: FrameData, state: State, theme: Theme): void {
+    const { marks, dead, labels } = this.picture;
+    marks.clear();
+    dead.length = 0;
+    labels.length = 0;
+    this.picture.ghosts.length = 0;
+    this.updateBirths();
+    for (let agent = 0; agent < frame.x.length; agent++) {
+      if (exists(frame, agent)) {
+        if (frame.motes !== null && frame.motes.alive.length > 0 && !bit(frame.motes.alive, agent)) this.cross(frame, agent, 5, theme);
+      } else if (frame.timeNs >= this.bornNs[agent]) {
+        dead.push(agent, frame.x[agent], frame.y[agent]);
+        marks.ring(frame.x[agent], frame.y[agent], 6, theme.dead, 12);
+        this.cross(frame, agent, 4, theme);
+      }
+    }
+    const { selected, peer } = state;
+    if (peer !== null && peer < frame.x.length) marks.ring(frame.x[peer], frame.y[peer], 12, theme.selected, 12);
+    if (selected === null || selected >= frame.x.length) return;
+    marks.ring(frame.x[selected], frame.y[selected], 12, theme.selected, 24);
+    marks.ring(frame.x[selected], frame.y[selected], 13, theme.selected, 24);
+    if (!state.ghosts) return;
+    ghosts(this.data.frames, index, selected, this.picture.ghosts);
+    for (const ghost of this.picture.ghosts) {
+      marks.ring(ghost.x, ghost.y, 6, theme.ghost, 12);
+      marks.segment(ghost.x, ghost.y, frame.x[ghost.neighbour], frame.y[ghost.neighbour], theme.ghost);
+      if (this.picture.ghosts.length <= 30) {
+        labels.push({ x: ghost.x, y: ghost.y, offsetPx: 9, text: String(ghost.neighbour), colour: css(theme.ghost) });
+      }
+    }
+  }
+
+  private cross(frame: FrameData, agent: number, r: number, theme: Theme): void {
+    this.picture.marks.stroke(frame.x[agent], frame.y[agent], -r, -r, r, r, theme.dead);
+    this.picture.marks.stroke(frame.x[agent], frame.y[agent], -r, r, r, -r, theme.dead);
+  }
+
+  /** Robots whose first event is a birth are not drawn before it. */
+  private updateBirths(): void {
+    if (this.bornVersion === this.data.overviewVersion) return;
+    this.bornVersion = this.data.overviewVersion;
+    this.bornNs = new Float64Array(this.data.run.agentCount);
+    const seen = new Set<number>();
+    for (const event of this.data.overview.events) {
+      if (event.agent === undefined || seen.has(event.agent)) continue;
+      if (event.kind !== EventKind.BIRTH && event.kind !== EventKind.DEATH) continue;
+      seen.add(event.agent);
+      if (event.kind === EventKind.BIRTH) this.bornNs[event.agent] = Number(event.timeNs);
+    }
+  }
+}

@@ -1,0 +1,257 @@
+import type { App, Exported } from "../app.ts";
+import { element } from "../dom.ts";
+import { paintShapes, shapesToSvg, sizedContext, svgDocument } from "../sketch.ts";
+import type { RunData } from "../source/source.ts";
+import type { Camera } from "../store.ts";
+import { annotations, drawGrid } from "./axes.ts";
+import { fit, zoomed } from "./camera.ts";
+import { CanvasPainter } from "./canvas.ts";
+import { Legend } from "./legend.ts";
+import { ROBOT_STRIDE } from "./picture.ts";
+import { Scene } from "./scene.ts";
+import { pictureToSvg } from "./svg.ts";
+import { type Painter, webGlPainter } from "./webgl.ts";
+
+/** A robot is picked within this distance of the pointer (px). */
+const PICK_PX = 14;
+
+/** One run's robots from above. */
+export class SwarmView {
+  readonly root: HTMLElement;
+  readonly scene: Scene;
+  /** The camera of the latest picture. */
+  camera: Camera = { x: 0, y: 0, scale: 10 };
+  painter: Painter | null = null;
+  private canvas: HTMLCanvasElement;
+  private readonly overlay: HTMLCanvasElement;
+  private readonly tip: HTMLElement;
+  private readonly empty: HTMLElement;
+  private readonly legend: Legend;
+  private fitted: { camera: Camera; key: string } | null = null;
+  private width = 0;
+  private height = 0;
+  private ratio = 0;
+  private key = "";
+  private overlayKey = "";
+
+  constructor(
+    private readonly app: App,
+    readonly data: RunData,
+    title: string,
+  ) {
+    this.scene = new Scene(data);
+    this.canvas = element("canvas", { class: "layer" });
+    this.overlay = element("canvas", { class: "layer overlay", tabindex: 0, role: "img", "aria-label": `Robots of ${title} seen from above` });
+    this.tip = element("div", { class: "tip", hidden: true });
+    this.empty = element("div", { class: "empty" }, "Loading frames …");
+    this.legend = new Legend(app);
+    this.root = element("div", { class: "swarm" }, this.canvas, this.overlay, this.legend.root, this.tip, this.empty);
+    if (title !== "") this.root.append(element("div", { class: "swarm-title" }, title));
+    this.painter = this.openPainter();
+    this.listen();
+    new ResizeObserver(() => this.measure()).observe(this.root);
+  }
+
+  /** Draws if the frame, the camera or a choice has changed. */
+  render(): void {
+    const { state } = this.app.store;
+    if (this.width === 0) this.measure();
+    if (this.width === 0) return;
+    const changed = this.scene.update(state, this.app.theme);
+    const { frame } = this.scene;
+    this.empty.hidden = frame !== null;
+    if (frame === null) return;
+    this.camera = this.chooseCamera();
+    const { x, y, scale } = this.camera;
+    const cameraKey = [x, y, scale, this.width, this.height, this.ratio, this.app.theme.dark].join();
+    if (!changed && cameraKey === this.key) return;
+    const moved = cameraKey !== this.key;
+    this.key = cameraKey;
+    if (moved) {
+      drawGrid(this.scene.picture, this.camera, this.width, this.height, this.app.theme);
+      const spacing = scale * Math.sqrt(this.area() / Math.max(1, this.scene.picture.robots.count));
+      this.scene.picture.robotRadiusPx = Math.max(3, Math.min(8, 0.35 * spacing));
+    }
+    this.painter?.paint(this.scene.picture, this.camera, this.width, this.height, this.ratio);
+    this.app.framesDrawn++;
+    this.drawOverlay(cameraKey);
+    this.legend.update(this.scene);
+  }
+
+  /** Fits everything into the picture again. */
+  refit(): void {
+    this.fitted = null;
+    this.app.store.set({ camera: null, follow: false });
+  }
+
+  /** Zooms about the middle. */
+  zoom(factor: number): void {
+    this.app.store.set({ camera: zoomed(this.camera, factor, 0, 0) });
+  }
+
+  exported(): Exported {
+    const { picture } = this.scene;
+    const shapes = () => annotations(picture, this.camera, this.width, this.height, this.app.store.state.selected, this.app.theme);
+    return {
+      width: this.width,
+      height: this.height,
+      svg: () => pictureToSvgDocument(this, shapesToSvg(shapes())),
+      paint: (context, ratio) => {
+        new CanvasPainter(context).paint(picture, this.camera, this.width, this.height, ratio);
+        context.setTransform(ratio, 0, 0, ratio, 0, 0);
+        paintShapes(context, shapes());
+      },
+    };
+  }
+
+  /** Size of the picture (px). */
+  get size(): { width: number; height: number } {
+    return { width: this.width, height: this.height };
+  }
+
+  private area(): number {
+    const [w, h] = [this.width / this.camera.scale, this.height / this.camera.scale];
+    return w * h;
+  }
+
+  private openPainter(): Painter {
+    const painter = webGlPainter(this.canvas);
+    if (painter !== null) {
+      this.canvas.addEventListener("webglcontextlost", (event) => {
+        event.preventDefault();
+        this.painter = null;
+      });
+      this.canvas.addEventListener("webglcontextrestored", () => {
+        this.painter = webGlPainter(this.canvas);
+        this.key = "";
+      });
+      return painter;
+    }
+    return new CanvasPainter(this.canvas.getContext("2d", { alpha: false }) as CanvasRenderingContext2D);
+  }
+
+  private measure(): void {
+    const { clientWidth, clientHeight } = this.root;
+    this.ratio = window.devicePixelRatio || 1;
+    this.width = clientWidth;
+    this.height = clientHeight;
+    const [w, h] = [Math.round(clientWidth * this.ratio), Math.round(clientHeight * this.ratio)];
+    if (w === 0 || h === 0 || (this.canvas.width === w && this.canvas.height === h)) return;
+    this.canvas.width = w;
+    this.canvas.height = h;
+    this.key = "";
+  }
+
+  private chooseCamera(): Camera {
+    const { state } = this.app.store;
+    const { frame } = this.scene;
+    let camera = state.camera ?? this.fit();
+    if (state.follow && state.selected !== null && frame !== null && state.selected < frame.x.length) {
+      camera = { ...camera, x: frame.x[state.selected], y: frame.y[state.selected] };
+    }
+    return camera;
+  }
+
+  /** Fits the robots of some frames spread over what is loaded, so that the camera need not move while they do. */
+  private fit(): Camera {
+    const key = `${this.width} ${this.height}`;
+    if (this.fitted?.key === key) return this.fitted.camera;
+    const frames = this.app.source.runs.flatMap((run) => {
+      const count = Math.min(12, run.frames.length);
+      return Array.from({ length: count }, (_, i) => run.frames.frame(Math.floor((i * (run.frames.length - 1)) / Math.max(1, count - 1))));
+    });
+    const camera = fit(frames, this.app.source.runs.map((run) => run.run.place), this.width, this.height);
+    this.fitted = { camera, key };
+    return camera;
+  }
+
+  /** Text costs more than triangles: it is drawn again only if it has moved. */
+  private drawOverlay(cameraKey: string): void {
+    const { picture } = this.scene;
+    const { selected } = this.app.store.state;
+    const moving = picture.robots.count + picture.dead.length / 3 <= 300 || selected !== null;
+    const key = moving ? "" : `${cameraKey} ${picture.siteLabels.map((l) => `${l.text}${l.x},${l.y}`).join()}`;
+    if (key !== "" && key === this.overlayKey) return;
+    this.overlayKey = key;
+    const context = sizedContext(this.overlay, this.width, this.height);
+    paintShapes(context, annotations(picture, this.camera, this.width, this.height, selected, this.app.theme));
+  }
+
+  /** The robot nearest to a place in the picture (px from its left upper corner), if any is close. */
+  private pick(px: number, py: number): number | null {
+    const { robots, dead } = this.scene.picture;
+    let best = PICK_PX;
+    let agent: number | null = null;
+    const consider = (candidate: number, x: number, y: number): void => {
+      const dx = this.width / 2 + (x - this.camera.x) * this.camera.scale - px;
+      const dy = this.height / 2 - (y - this.camera.y) * this.camera.scale - py;
+      const distance = Math.hypot(dx, dy);
+      if (distance < best) {
+        best = distance;
+        agent = candidate;
+      }
+    };
+    for (let i = 0; i < robots.count; i++) consider(robots.agents[i], robots.data[i * ROBOT_STRIDE], robots.data[i * ROBOT_STRIDE + 1]);
+    for (let i = 0; i < dead.length; i += 3) consider(dead[i], dead[i + 1], dead[i + 2]);
+    return agent;
+  }
+
+  private listen(): void {
+    let drag: { x: number; y: number; camera: Camera; moved: boolean } | null = null;
+    const { overlay } = this;
+    const { store } = this.app;
+    overlay.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      overlay.setPointerCapture(event.pointerId);
+      drag = { x: event.offsetX, y: event.offsetY, camera: this.camera, moved: false };
+    });
+    overlay.addEventListener("pointermove", (event) => {
+      if (drag === null) {
+        this.showTip(event.offsetX, event.offsetY);
+        return;
+      }
+      const [dx, dy] = [event.offsetX - drag.x, event.offsetY - drag.y];
+      if (!drag.moved && Math.hypot(dx, dy) < 4) return;
+      drag.moved = true;
+      const { x, y, scale } = drag.camera;
+      store.set({ camera: { x: x - dx / scale, y: y + dy / scale, scale }, follow: false });
+    });
+    overlay.addEventListener("pointerup", (event) => {
+      if (drag !== null && !drag.moved) this.app.select(this.pick(event.offsetX, event.offsetY));
+      drag = null;
+    });
+    overlay.addEventListener("pointerleave", () => {
+      this.tip.hidden = true;
+    });
+    overlay.addEventListener("dblclick", () => this.refit());
+    overlay.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        const lines = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? 20 : 1;
+        const factor = Math.exp(-event.deltaY * lines * 0.0015);
+        const [px, py] = [event.offsetX - this.width / 2, this.height / 2 - event.offsetY];
+        store.set({ camera: store.state.follow ? zoomed(this.camera, factor, 0, 0) : zoomed(this.camera, factor, px, py) });
+      },
+      { passive: false },
+    );
+  }
+
+  private showTip(px: number, py: number): void {
+    const agent = this.pick(px, py);
+    const { frame } = this.scene;
+    this.tip.hidden = agent === null || frame === null;
+    if (agent === null || frame === null) return;
+    let heard = 0;
+    for (const receiver of frame.links.receiver) if (receiver === agent) heard++;
+    this.tip.textContent = `robot ${agent}: (${frame.x[agent].toFixed(2)}, ${frame.y[agent].toFixed(2)}) m, hears ${heard}`;
+    this.tip.style.left = `${Math.min(px + 14, this.width - 220)}px`;
+    this.tip.style.top = `${Math.max(4, py - 28)}px`;
+  }
+}
+
+function pictureToSvgDocument(view: SwarmView, shapes: string): string {
+  const { width, height } = view.size;
+  const { picture } = view.scene;
+  return svgDocument(width, height, picture.background, `${pictureToSvg(picture, view.camera, width, height)}\n${shapes}`);
+}

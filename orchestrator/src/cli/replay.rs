@@ -1,0 +1,124 @@
+//! `orchestrator replay`.
+
+use super::{Failure, check_place, on_runtime, write_whole};
+use crate::console::say;
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::sync_channel;
+use view::page;
+use view::recorded::RecordedRun;
+use view::server::{RunSource, Server, Shown};
+
+#[derive(Args)]
+pub(super) struct ReplayArgs {
+    /// Folder of a recorded run
+    run: PathBuf,
+    /// Folder of a second run, to compare both side by side in the same time
+    #[arg(long, value_name = "RUN")]
+    with: Option<PathBuf>,
+    /// Write one page that holds the recording and opens without a server, instead of serving it; - for standard output
+    #[arg(long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Largest size of that page; of a longer recording it holds one frame of every so many steps
+    #[arg(long, value_name = "MB", default_value_t = 20, requires = "output", value_parser = clap::value_parser!(u16).range(1..=500))]
+    max_size: u16,
+    /// Port of the page [default: any that is free]
+    #[arg(long, value_name = "PORT", conflicts_with = "output")]
+    port: Option<u16>,
+}
+
+/// Shows recorded runs in a browser.
+pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
+    if let Some(output) = &args.output {
+        check_place("--output", output)?;
+    }
+    let folders = std::iter::once(&args.run).chain(&args.with);
+    let runs: Vec<RecordedRun> = folders.map(|folder| open(folder)).collect::<Result<_, _>>()?;
+    if let Some(output) = &args.output {
+        let page = page::standalone(&runs, usize::from(args.max_size) * 1_000_000)
+            .map_err(Failure::work)?;
+        write_whole("--output", output, &page.html)?;
+        for (run, (every, n_frames)) in runs.iter().zip(&page.kept) {
+            let kept = match every {
+                1 => "every step".to_owned(),
+                every => format!("one of {every} steps"),
+            };
+            say(format!("{}: {n_frames} frames, {kept}", run.run().name));
+        }
+        say(format!("open {}", output.display()));
+        return Ok(());
+    }
+    let runs: Vec<Arc<RecordedRun>> = runs.into_iter().map(Arc::new).collect();
+    runs.iter().for_each(RecordedRun::read_in_background);
+    let shown = Shown::new(runs.into_iter().map(RunSource::Recorded).collect());
+    let serving = Serving::begin(args.port, &shown)?;
+    say(format!("open {}", serving.url()));
+    say("press Ctrl-C to end");
+    serving.until_interrupted()
+}
+
+/// Opens a recorded run.
+fn open(folder: &Path) -> Result<RecordedRun, Failure> {
+    RecordedRun::open(folder).map_err(|error| {
+        Failure::request(format!(
+            "{error}; give the folder of a complete run that was recorded with output.mcap = true"
+        ))
+    })
+}
+
+/// A page that is served by a thread of its own.
+pub(super) struct Serving {
+    url: String,
+}
+
+impl Serving {
+    /// Begins to serve what is shown.
+    pub(super) fn begin(port: Option<u16>, shown: &Shown) -> Result<Self, Failure> {
+        let port = port.unwrap_or_default();
+        let shown = shown.clone();
+        let failed = move |error: std::io::Error| {
+            Failure::work(format!("cannot serve a page on 127.0.0.1:{port}: {error}"))
+        };
+        let (tell, told) = sync_channel(1);
+        let serve = move || {
+            let served = on_runtime(async {
+                match Server::bind(port, shown).await {
+                    Ok(server) => {
+                        let _ = tell.send(Ok(server.url().to_owned()));
+                        server.serve().await
+                    }
+                    Err(error) => {
+                        let _ = tell.send(Err(error));
+                        Ok(())
+                    }
+                }
+            });
+            if let Ok(Err(error)) = served {
+                tracing::error!(%error, "the page is served no more");
+            }
+        };
+        std::thread::Builder::new().name("page".to_owned()).spawn(serve).map_err(&failed)?;
+        let url = told.recv().map_err(Failure::work)?.map_err(&failed)?;
+        Ok(Self { url })
+    }
+
+    /// The address of the page.
+    pub(super) fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// Shows a run that has ended, until someone presses Ctrl-C.
+    pub(super) fn replay(self, shown: &Shown, folder: &Path) -> Result<(), Failure> {
+        let run = Arc::new(open(folder)?);
+        run.read_in_background();
+        shown.replace(RunSource::Recorded(run));
+        say(format!("replay the run at {}; press Ctrl-C to end", self.url));
+        self.until_interrupted()
+    }
+
+    /// Serves until someone presses Ctrl-C.
+    pub(super) fn until_interrupted(self) -> Result<(), Failure> {
+        on_runtime(tokio::signal::ctrl_c())?.map_err(Failure::work)
+    }
+}
