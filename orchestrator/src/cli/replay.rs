@@ -17,6 +17,9 @@ pub(super) struct ReplayArgs {
     /// Folder of a second run, to compare both side by side in the same time
     #[arg(long, value_name = "RUN")]
     with: Option<PathBuf>,
+    /// Also draw where effects act that `diagnose --json` has estimated from measurements
+    #[arg(long, value_name = "FILE")]
+    diagnosis: Option<PathBuf>,
     /// Write one page that holds the recording and opens without a server, instead of serving it; - for standard output
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -34,7 +37,14 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
         check_place("--output", output)?;
     }
     let folders = std::iter::once(&args.run).chain(&args.with);
-    let runs: Vec<RecordedRun> = folders.map(|folder| open(folder)).collect::<Result<_, _>>()?;
+    let mut runs: Vec<RecordedRun> =
+        folders.map(|folder| open(folder)).collect::<Result<_, _>>()?;
+    if let Some(path) = &args.diagnosis {
+        let estimates = estimates(path).map_err(|problem| {
+            Failure::request(format!("--diagnosis {}: {problem}", path.display()))
+        })?;
+        runs.iter_mut().for_each(|run| run.add_estimates(&estimates));
+    }
     if let Some(output) = &args.output {
         let page = page::standalone(&runs, usize::from(args.max_size) * 1_000_000)
             .map_err(Failure::work)?;
@@ -56,6 +66,18 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     say(format!("open {}", serving.url()));
     say("press Ctrl-C to end");
     serving.until_interrupted()
+}
+
+/// The effects that a diagnosis has found, each as a table of the configuration.
+fn estimates(path: &Path) -> Result<Vec<toml::Table>, String> {
+    let text = experiment::text_of(path).map_err(|error| error.to_string())?;
+    let answer: serde_json::Value =
+        serde_json::from_str(&text).map_err(|error| format!("is not JSON: {error}"))?;
+    let missing = answer.get("missing").and_then(serde_json::Value::as_array);
+    let missing = missing.ok_or("is not an answer of diagnose: it has no list `missing`")?;
+    let settings = missing.iter().filter_map(|effect| effect.get("settings"));
+    let tables = settings.filter_map(|table| serde_json::from_value(table.clone()).ok());
+    Ok(tables.collect())
 }
 
 /// Opens a recorded run.

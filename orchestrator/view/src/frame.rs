@@ -6,6 +6,11 @@ use proto::types::{AgentStates, Coupling, MovedObstacle, Packets};
 use proto_messages::v1;
 use std::collections::BTreeMap;
 
+/// Positions are drawn to one in so many parts of a metre, and signal strengths to one in so many of a decibel: numbers with few digits
+/// compress well.
+const PARTS_PER_M: f64 = 1024.0;
+const PARTS_PER_DB: f32 = 16.0;
+const PARTS_PER_RAD: f64 = 256.0;
 /// So many deliveries may wait to be counted by pair.
 const MOST_UNMERGED: usize = 200_000;
 
@@ -157,7 +162,11 @@ impl FrameBuilder {
             sender: links.iter().map(|link| link.sender).collect(),
             receiver: links.iter().map(|link| link.receiver).collect(),
             received: links.iter().map(|link| link.received).collect(),
-            rssi_dbm: links.iter().filter(|_| has_rssi).map(|link| link.rssi_dbm).collect(),
+            rssi_dbm: links
+                .iter()
+                .filter(|_| has_rssi)
+                .map(|link| libm::roundf(link.rssi_dbm * PARTS_PER_DB) / PARTS_PER_DB)
+                .collect(),
             steps_ago: if steps_ago.iter().all(|steps| *steps == 0) {
                 Vec::new()
             } else {
@@ -173,10 +182,15 @@ fn at<T: Copy>(column: &[T], index: usize, absent: T) -> T {
     column.get(index).copied().unwrap_or(absent)
 }
 
+fn rounded(value: f64, parts: f64) -> f32 {
+    (libm::round(value * parts) / parts) as f32
+}
+
 /// A frame of robots alone.
 fn of_states(states: &AgentStates) -> view::Frame {
-    let single = |column: &[f64]| column.iter().map(|value| *value as f32).collect();
-    let heading_rad = (0..states.len()).map(|agent| states.facing_rad(agent) as f32);
+    let single = |column: &[f64]| column.iter().map(|value| rounded(*value, PARTS_PER_M)).collect();
+    let heading_rad =
+        (0..states.len()).map(|agent| rounded(states.facing_rad(agent), PARTS_PER_RAD));
     view::Frame {
         alive: states.alive.as_bytes().to_vec(),
         x_m: single(&states.x_m),

@@ -16,6 +16,7 @@ pub(crate) fn place(site: &Site, states: &AgentStates) -> view::Place {
         from_y_m: wall.from_m[1] as f32,
         to_x_m: wall.to_m[0] as f32,
         to_y_m: wall.to_m[1] as f32,
+        ..view::Wall::default()
     });
     let obstacles = site.obstacle.iter().map(|obstacle| view::Obstacle {
         name: obstacle.name.clone().unwrap_or_default(),
@@ -33,6 +34,39 @@ pub(crate) fn place(site: &Site, states: &AgentStates) -> view::Place {
         obstacles: obstacles.collect(),
         foliage: foliage.collect(),
         ground: ground(site, states),
+    }
+}
+
+/// Adds what effects have in certain places: between two ends, or around a centre.
+pub(crate) fn add_effects<'a>(
+    place: &mut view::Place,
+    effects: impl IntoIterator<Item = &'a toml::Table>,
+    kind: view::ObstacleKind,
+) {
+    for effect in effects {
+        let name = effect.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
+        let point = |key: &str| -> Option<[f32; 2]> {
+            let number = |value: &toml::Value| {
+                value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
+            };
+            let [x, y] = effect.get(key)?.as_array()?.as_slice() else { return None };
+            Some([number(x)? as f32, number(y)? as f32])
+        };
+        let radius_m = effect.get("radius_m").and_then(toml::Value::as_float);
+        if let (Some([x_m, y_m]), Some(radius_m)) = (point("centre_m"), radius_m) {
+            let (name, radius_m) = (name.to_owned(), radius_m as f32);
+            place.obstacles.push(view::Obstacle { name, x_m, y_m, radius_m, kind: kind.into() });
+        }
+        if let (Some(from), Some(to)) = (point("from_m"), point("to_m")) {
+            place.walls.push(view::Wall {
+                from_x_m: from[0],
+                from_y_m: from[1],
+                to_x_m: to[0],
+                to_y_m: to[1],
+                kind: kind.into(),
+                name: name.to_owned(),
+            });
+        }
     }
 }
 

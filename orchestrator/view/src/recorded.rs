@@ -2,6 +2,7 @@
 
 use crate::frame::FrameBuilder;
 use crate::overview::OverviewBuilder;
+use crate::place::add_effects;
 use crate::run::run_of;
 use crate::view;
 use bytes::Bytes;
@@ -68,6 +69,12 @@ impl RecordedRun {
         };
         let scan = Mutex::default();
         Ok(Self { recording, run, scan, is_closed: AtomicBool::new(false) })
+    }
+
+    /// Draws the places of effects that were estimated from measurements, each as a table of the configuration.
+    pub fn add_estimates(&mut self, effects: &[toml::Table]) {
+        let place = self.run.place.get_or_insert_default();
+        add_effects(place, effects, view::ObstacleKind::Estimated);
     }
 
     /// What it is.

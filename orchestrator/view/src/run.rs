@@ -1,6 +1,6 @@
 //! What a run is, as known from its start.
 
-use crate::place::place;
+use crate::place::{add_effects, place};
 use crate::view;
 use proto::config;
 use proto::exchange::Configured;
@@ -30,13 +30,20 @@ pub(crate) fn run_of(name: &str, configured: &Configured) -> view::Run {
     let of_slots = |key: &str| network.get(key).filter(|_| has_slots);
     let slot_s = of_slots("slot_duration_s").and_then(toml::Value::as_float);
     let channels = of_slots("hopping_sequence").and_then(toml::Value::as_array);
+    let mut place = place(&site, states);
+    let effects =
+        [("phy", &network), ("dynamics", &robots)].into_iter().flat_map(|(key, table)| {
+            let effects = table.get(key).and_then(|section| section.get("effect")?.as_array());
+            effects.into_iter().flatten().filter_map(toml::Value::as_table)
+        });
+    add_effects(&mut place, effects, view::ObstacleKind::Hidden);
     view::Run {
         name: name.to_owned(),
         seed: experiment.seed,
         agent_count: experiment.agent_count as u32,
         step_ns: experiment.step_ns,
         coupling: v1::Coupling::from(experiment.coupling).into(),
-        place: Some(place(&site, states)),
+        place: Some(place),
         groups: groups(&robots),
         slot_ns: slot_s.map_or(0, |slot_s| libm::round(slot_s * NS_PER_S as f64) as u64),
         channel_count: channels.map_or(0, |channels| channels.len() as u32),
