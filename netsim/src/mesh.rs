@@ -11,7 +11,7 @@
 //! | [`packets`] | packets from end to end |
 //! | `payloads`, [`inbox`] | the swarm's payloads: from robots to queues, and from the air to robots |
 //! | `orders` | faults, jamming and traffic from outside |
-//! | [`records`], [`capture`] | what is reported |
+//! | [`records`], [`capture`], [`frames`] | what is reported |
 //!
 //! No slot is looked at in which nobody sends and no timer is due. Who listens is asked only where something is on the
 //! air; slots in which a radio listens in vain are counted from the schedule.
@@ -19,6 +19,7 @@
 pub mod addresses;
 pub mod calendar;
 pub mod capture;
+pub mod frames;
 mod hush;
 pub mod inbox;
 pub mod network;

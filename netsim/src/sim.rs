@@ -210,6 +210,7 @@ impl NetSimulator for Network {
             NetRecord::Statistics,
             NetRecord::Schedule,
             NetRecord::HeardLinks,
+            NetRecord::Frames,
         ]
     }
 

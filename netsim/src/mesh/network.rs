@@ -3,6 +3,7 @@
 use super::addresses::Addresses;
 use super::calendar::Calendar;
 use super::capture::Capture;
+use super::frames::FrameLog;
 use super::hush::ListeningCache;
 use super::inbox::Inbox;
 use super::packets::Packets;
@@ -71,6 +72,7 @@ pub struct Mesh {
     pub(super) medium: SlotMedium,
     pub(super) inbox: Inbox,
     pub(super) capture: Capture,
+    pub(super) frames: FrameLog,
     pub(super) scratch: Scratch,
     /// By mote: when a timer wants to be looked at (ns), as last rescheduled; 0: not known.
     pub(super) due_ns: Vec<u64>,
@@ -145,6 +147,7 @@ impl Mesh {
             links = links.without_levels();
         }
         let capture = Capture::new(records.contains(&NetRecord::Capture));
+        let frames = FrameLog::new(records.contains(&NetRecord::Frames));
         Self {
             experiment,
             columns,
@@ -157,6 +160,7 @@ impl Mesh {
             medium,
             inbox: Inbox::default(),
             capture,
+            frames,
             scratch: Scratch::new(n),
             due_ns: vec![0; n],
             listening_cache: ListeningCache::new(n),

@@ -39,6 +39,7 @@ impl Mesh {
             statistics,
             schedule,
             heard_links,
+            frames: self.frames.take(),
         }
     }
 

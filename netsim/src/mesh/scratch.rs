@@ -14,6 +14,9 @@ pub(super) struct Sending {
     pub(super) psdu_bytes: u16,
     /// Number in the inbox, if it is a payload of the swarm for everyone.
     pub(super) payload: Option<u32>,
+    /// How many received it, and how many listened in reach and did not.
+    pub(super) n_received: u32,
+    pub(super) n_missed: u32,
     /// Who shall acknowledge it, and has.
     pub(super) answered_by: Option<u32>,
     /// How much later than it came the mote that acknowledges it had expected it (ns).

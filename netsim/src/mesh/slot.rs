@@ -144,6 +144,8 @@ impl Mesh {
                 beacon,
                 psdu_bytes,
                 payload,
+                n_received: 0,
+                n_missed: 0,
                 answered_by: None,
                 correction_ns: 0,
                 acknowledged: false,
@@ -266,17 +268,22 @@ impl Mesh {
             match *reception {
                 Reception::Idle => self.note_idle(*mote, listening),
                 Reception::Lost { transmission } => {
-                    let bytes = sending[transmission as usize].psdu_bytes;
+                    let lost = &mut sending[transmission as usize];
+                    lost.n_missed += 1;
+                    let bytes = lost.psdu_bytes;
                     self.note_use(*mote, listening, SlotUse::Overhear { bytes });
                 }
                 Reception::Received { transmission, rssi_dbm } => {
                     let sent = &mut sending[transmission as usize];
+                    sent.n_received += 1;
                     self.receive(*mote, listening, transmission, sent, rssi_dbm, asn);
                 }
             }
         }
         self.acknowledge(&mut sending, asn);
         self.capture.end_slot();
+        let slot_ns = self.config.slot_ns;
+        self.frames.add(asn * slot_ns, &sending, |address| self.addresses.mote(address));
         for sent in sending.drain(..) {
             self.finish(sent, asn);
         }

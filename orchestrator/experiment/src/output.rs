@@ -29,6 +29,8 @@ pub struct OutputConfig {
     pub schedule: bool,
     /// Write `neighbours.parquet`, if the network keeps who has heard whom.
     pub neighbours: bool,
+    /// Write `frames.parquet`, if the network keeps its frames.
+    pub frames: bool,
     /// Write `radio.pcap`, if the network keeps its radio traffic.
     pub pcap: bool,
     /// Which links `links.parquet` holds.
@@ -75,6 +77,7 @@ impl OutputConfig {
             (true, NetRecord::Packets),
             (true, NetRecord::Statistics),
             (self.pcap, NetRecord::Capture),
+            (self.frames, NetRecord::Frames),
             (self.schedule || self.report, NetRecord::Schedule),
             (self.neighbours || self.report, NetRecord::HeardLinks),
         ];
@@ -130,6 +133,7 @@ pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (OutputConf
         motes_every_ns: every_ns("motes_every_s"),
         schedule: flag("schedule"),
         neighbours: flag("neighbours"),
+        frames: flag("frames"),
         pcap: table.get("pcap").and_then(toml::Value::as_bool).unwrap_or(false),
         links,
         every_steps: u64::try_from(every_steps).unwrap_or(1).max(1),
@@ -180,6 +184,10 @@ pub const SPEC: TableSpec = TableSpec {
         flag(
             "neighbours",
             "Write neighbours.parquet: how many frames each mote has heard from each other mote, at the same times.",
+        ),
+        flag(
+            "frames",
+            "Keep each frame of a network with protocols, in run.mcap and frames.parquet: the way of a packet from hop to hop.",
         ),
         Field {
             key: "pcap",

@@ -2,8 +2,8 @@
 
 use super::counts::Counts;
 use proto::types::{
-    AgentStates, Deliveries, Formation, HeardLinks, MoteStates, MoteStatistics, MovedObstacle,
-    Packets, Schedule,
+    AgentStates, Deliveries, Formation, Frames, HeardLinks, MoteStates, MoteStatistics,
+    MovedObstacle, Packets, Schedule,
 };
 
 /// A step and the period that it covers.
@@ -43,6 +43,8 @@ pub struct Period<'a> {
     pub schedule: Option<&'a Schedule>,
     /// Who has heard whom, if it was asked for.
     pub heard_links: Option<&'a HeardLinks>,
+    /// Frames that were sent, if they are kept.
+    pub frames: Option<&'a Frames>,
 }
 
 impl<'a> Period<'a> {
@@ -71,6 +73,7 @@ impl<'a> Period<'a> {
             statistics: None,
             schedule: None,
             heard_links: None,
+            frames: None,
         }
     }
 }

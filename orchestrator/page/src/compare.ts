@@ -10,7 +10,7 @@ import { SwarmView } from "./swarm/view.ts";
 /** Both runs side by side at the same time with the same camera; below, the series that both have and their differences. */
 export class CompareView implements ViewPanel {
   readonly root: HTMLElement;
-  private readonly views: SwarmView[];
+  readonly views: SwarmView[];
   private readonly toolbar: { root: HTMLElement; render(): void };
   private readonly grid = element("div", { class: "charts" });
   private readonly note = element("p", { class: "note" });

@@ -17,7 +17,7 @@ export function figure(value: number): string {
   if (value !== 0 && (Math.abs(value) < 1e-3 || Math.abs(value) >= 1e6)) return value.toExponential(2);
   if (Number.isInteger(value)) return String(value);
   const magnitude = Math.abs(value);
-  return value.toFixed(magnitude >= 100 ? 1 : magnitude >= 10 ? 2 : 3);
+  return String(+value.toFixed(magnitude >= 100 ? 1 : magnitude >= 10 ? 2 : 3));
 }
 
 /** Step of a scale that is 1, 2 or 5 times a power of ten and at least `least`. */

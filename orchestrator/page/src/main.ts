@@ -17,6 +17,7 @@ import type { Source, SourceListener } from "./source/source.ts";
 import { Store, type View } from "./store.ts";
 import { theme } from "./swarm/colours.ts";
 import { SwarmPane } from "./swarm/pane.ts";
+import type { SwarmView } from "./swarm/view.ts";
 import type { TimeActions } from "./time-bar.ts";
 import { bindFragment, parseFragment } from "./url-state.ts";
 
@@ -105,11 +106,14 @@ function start(source: Source, store: Store): { stop(): void; drawn(): Drawn; se
   const swarm = new SwarmPane(app);
   const network = new NetworkView(app);
   const views = new Map<View, ViewPanel>([["swarm", swarm], ["network", network], ["series", new SeriesView(app)]]);
-  if (source.runs.length > 1) views.set("compare", new CompareView(app));
+  const compare = source.runs.length > 1 ? new CompareView(app) : null;
+  if (compare !== null) views.set("compare", compare);
+  /** The view in which the current run is drawn. */
+  const shownSwarm = (): SwarmView => (store.state.view === "compare" && compare !== null ? compare.views[store.state.run] : swarm.view);
   if (!views.has(store.state.view)) store.set({ view: "swarm" });
   const actions = timeActions(app);
   const shell = new Shell(app, views, actions);
-  bindKeys(app, shell, actions, { refit: () => swarm.view.refit(), zoom: (factor) => swarm.view.zoom(factor) });
+  bindKeys(app, shell, actions, { refit: () => shownSwarm().refit(), zoom: (factor) => shownSwarm().zoom(factor) });
   page.replaceChildren(shell.root);
   document.title = `${currentRun(app).run.name || "run"} – Murmuration`;
   const clock = new Clock(app);
@@ -121,7 +125,7 @@ function start(source: Source, store: Store): { stop(): void; drawn(): Drawn; se
     if (centreOn === null || !data.ready(timeNs)) return;
     const frame = data.frames.frame(data.frames.indexAt(timeNs));
     if (centreOn < frame.x.length && !follow) {
-      store.set({ camera: { ...swarm.view.camera, x: frame.x[centreOn], y: frame.y[centreOn] } });
+      store.set({ camera: { ...shownSwarm().camera, x: frame.x[centreOn], y: frame.y[centreOn] } });
     }
     centreOn = null;
   };
@@ -140,18 +144,20 @@ function start(source: Source, store: Store): { stop(): void; drawn(): Drawn; se
   requestAnimationFrame(draw);
   const settled = (timeNs: number): boolean => {
     const data = currentRun(app);
-    const { frame } = swarm.view.scene;
-    return frame !== null && data.ready(timeNs) && frame.step === data.frames.step(data.frames.indexAt(timeNs));
+    if (!data.ready(timeNs)) return false;
+    if (store.state.view !== "swarm" && store.state.view !== "compare") return true;
+    return shownSwarm().scene.frame?.step === data.frames.step(data.frames.indexAt(timeNs));
   };
   return {
     stop() {
       running = false;
     },
-    drawn: () => drawn(app, shell, swarm.view, network.packetsShown),
+    drawn: () => drawn(app, shell, shownSwarm(), network.packetsShown),
     async seek(timeNs) {
       store.set({ playing: false });
       app.seek(timeNs);
-      while (running && !settled(store.state.timeNs)) await new Promise(requestAnimationFrame);
+      do await new Promise(requestAnimationFrame);
+      while (running && !settled(store.state.timeNs));
     },
   };
 }

@@ -103,7 +103,7 @@ export class RobotPanel {
       if (membership.length > 0) rows.push(["Network", membership.join(", ")]);
       if (motes.parent.length > 0) rows.push(["Parent", motes.parent[agent] === NO_MOTE ? "none" : String(motes.parent[agent])]);
       if (motes.rank.length > 0) rows.push(["Rank", motes.rank[agent] >= 0xffff ? "infinite" : String(motes.rank[agent])]);
-      if (motes.queueLength.length > 0) rows.push(["Queue", `${motes.queueLength[agent]} packets`]);
+      if (motes.queueLength.length > 0) rows.push(["Packets queued", String(motes.queueLength[agent])]);
     }
     const missing = frame.formation?.missing.indexOf(agent) ?? -1;
     if (frame.formation !== null && missing >= 0) rows.push(["Lacks", frame.formation.reasons[frame.formation.reason[missing]]]);

@@ -14,6 +14,9 @@ const SPEEDS = [
 const HOVER_PX = 7;
 const TIMELINE_HEIGHT = 30;
 
+/** While playing, clock and slider are written at most so often (ms): each time the browser paints the whole bar. */
+const REFRESH_MS = 100;
+
 /** What the buttons of the time bar do. */
 export interface TimeActions {
   togglePlay(): void;
@@ -34,6 +37,7 @@ export class TimeBar {
   private readonly tip = element("div", { class: "tip", hidden: true });
   private readonly speed: HTMLSelectElement;
   private key = "";
+  private writtenMs = 0;
 
   constructor(
     private readonly app: App,
@@ -72,6 +76,9 @@ export class TimeBar {
     const { app } = this;
     const { state } = app.store;
     const { live } = app.source;
+    const now = performance.now();
+    if ((state.playing || state.atLive) && now - this.writtenMs < REFRESH_MS) return;
+    this.writtenMs = now;
     const end = endOfRuns(app);
     const running = live !== null && currentRun(app).run.controllable ? !live.paused : state.playing || (live !== null && state.atLive);
     setText(this.play, running ? "❚❚" : "▶");

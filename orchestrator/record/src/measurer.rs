@@ -57,6 +57,7 @@ const NOTHING: OutputConfig = OutputConfig {
     motes_every_ns: None,
     schedule: false,
     neighbours: false,
+    frames: false,
     pcap: false,
     links: Links::None,
     every_steps: 1,

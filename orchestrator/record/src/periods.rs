@@ -69,6 +69,7 @@ impl Periods {
             statistics: network.statistics.as_ref(),
             schedule: network.schedule.as_ref(),
             heard_links: network.heard_links.as_ref(),
+            frames: network.frames.as_ref(),
         });
         self.moved = Arc::clone(robots);
         self.time_ns = *time_ns;

@@ -16,7 +16,7 @@ use metrics::period::{Period, distance_m};
 use packet_cells::PacketCells;
 use proto::rng::{Draws, Purpose, ordered_link};
 use proto::types::{AgentStates, MoteStates, NetRecord, Statistic};
-use shapes::{LINKS, MOTES, NEIGHBOURS, PACKETS, SCHEDULE, STEPS, TRANSMISSIONS};
+use shapes::{FRAMES, LINKS, MOTES, NEIGHBOURS, PACKETS, SCHEDULE, STEPS, TRANSMISSIONS};
 use std::path::Path;
 
 /// The tables that a run writes.
@@ -32,6 +32,7 @@ pub(crate) struct Tables {
     motes: Option<Table>,
     schedule: Option<Table>,
     neighbours: Option<Table>,
+    frames: Option<Table>,
     /// Each mote's packets as last reported.
     told: Vec<PacketCells>,
 }
@@ -57,6 +58,7 @@ impl Tables {
             motes,
             schedule: table(kept(output.schedule, NetRecord::Schedule), &SCHEDULE)?,
             neighbours: table(kept(output.neighbours, NetRecord::HeardLinks), &NEIGHBOURS)?,
+            frames: table(kept(output.frames, NetRecord::Frames), &FRAMES)?,
             told: Vec::new(),
         })
     }
@@ -110,6 +112,7 @@ impl Tables {
             (&MOTES, self.motes),
             (&SCHEDULE, self.schedule),
             (&NEIGHBOURS, self.neighbours),
+            (&FRAMES, self.frames),
         ];
         let mut finished = Vec::new();
         for (shape, table) in tables {

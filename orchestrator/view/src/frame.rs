@@ -2,7 +2,7 @@
 
 use crate::view;
 use metrics::period::Period;
-use proto::types::{AgentStates, Coupling, MovedObstacle, Packets};
+use proto::types::{AgentStates, Coupling, Frames, MovedObstacle, Packets};
 use proto_messages::v1;
 use std::collections::BTreeMap;
 
@@ -13,6 +13,8 @@ const PARTS_PER_DB: f32 = 16.0;
 const PARTS_PER_RAD: f64 = 256.0;
 /// So many deliveries may wait to be counted by pair.
 const MOST_UNMERGED: usize = 200_000;
+/// A frame that covers many steps is given no further frames of the radio once it has so many.
+const MOST_FRAMES: usize = 5000;
 
 /// Gathers periods until a frame is taken.
 #[derive(Clone, Debug)]
@@ -23,6 +25,7 @@ pub struct FrameBuilder {
     n_sent: Vec<u32>,
     deliveries: Vec<Delivery>,
     packets: Option<Packets>,
+    frames: Option<Frames>,
     moved: BTreeMap<String, [f64; 2]>,
 }
 
@@ -53,6 +56,7 @@ impl FrameBuilder {
             n_sent: Vec::new(),
             deliveries: Vec::new(),
             packets: None,
+            frames: None,
             moved: BTreeMap::new(),
         }
     }
@@ -103,6 +107,12 @@ impl FrameBuilder {
         if let Some(packets) = period.packets {
             self.packets.get_or_insert_default().append(packets);
         }
+        if let Some(frames) = period.frames {
+            let kept = self.frames.get_or_insert_default();
+            if kept.len() < MOST_FRAMES {
+                kept.append(frames);
+            }
+        }
         for MovedObstacle { name, centre_m } in period.moved_obstacles {
             self.moved.insert(name.clone(), *centre_m);
         }
@@ -123,6 +133,7 @@ impl FrameBuilder {
             motes: Some(period.motes.clone().into()),
             formation: period.formation.cloned().map(Into::into),
             packets: self.packets.take().map(Into::into),
+            frames: self.frames.take().map(Into::into),
             moved_obstacles: moved.collect(),
             figures,
             held: period.held,

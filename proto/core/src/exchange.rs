@@ -8,7 +8,7 @@ use crate::side::{NetOutput, RobotOutput, Setup};
 use crate::site::{self, Site};
 use crate::types::{
     AgentCommand, AgentMessage, AgentStates, Deliveries, DeliveryColumn, Experiment, Formation,
-    HeardLinks, MoteCommand, MoteStates, MoteStatistics, MovedObstacle, NetRecord, Packets,
+    Frames, HeardLinks, MoteCommand, MoteStates, MoteStatistics, MovedObstacle, NetRecord, Packets,
     Payloads, Schedule, TaskFigure,
 };
 use bytes::Bytes;
@@ -200,6 +200,8 @@ pub struct NetworkStep {
     pub schedule: Option<Schedule>,
     /// Who has heard whom, if that was asked for.
     pub heard_links: Option<HeardLinks>,
+    /// Frames that were sent, if they are kept.
+    pub frames: Option<Frames>,
 }
 
 impl NetworkStep {
@@ -217,6 +219,7 @@ impl NetworkStep {
             statistics,
             schedule,
             heard_links,
+            frames,
         } = output;
         Self {
             step,
@@ -231,6 +234,7 @@ impl NetworkStep {
             statistics,
             schedule,
             heard_links,
+            frames,
         }
     }
 }

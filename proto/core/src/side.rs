@@ -8,8 +8,8 @@ use crate::prediction::{PredictedWindow, PredictionRequest};
 use crate::site::Site;
 use crate::types::{
     AgentCommand, AgentMessage, AgentStates, Deliveries, DeliveryColumn, Experiment, Formation,
-    HeardLinks, MoteCommand, MoteCommandKind, MoteStates, MoteStatistics, MovedObstacle, NetRecord,
-    Packets, Payloads, Schedule, TaskFigure,
+    Frames, HeardLinks, MoteCommand, MoteCommandKind, MoteStates, MoteStatistics, MovedObstacle,
+    NetRecord, Packets, Payloads, Schedule, TaskFigure,
 };
 use bytes::Bytes;
 use std::collections::BTreeMap;
@@ -195,6 +195,8 @@ pub struct NetOutput {
     pub schedule: Option<Schedule>,
     /// Who has heard whom, if wanted now.
     pub heard_links: Option<HeardLinks>,
+    /// Frames that were sent, if they are kept.
+    pub frames: Option<Frames>,
 }
 
 /// A network simulator.

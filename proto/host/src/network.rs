@@ -215,6 +215,7 @@ impl<S: NetSimulator> Lifecycle<S> {
             statistics,
             schedule,
             heard_links,
+            frames,
         } = output;
 
         active.delivered = (!is_full).then(|| deliveries.clone());
@@ -237,6 +238,7 @@ impl<S: NetSimulator> Lifecycle<S> {
             statistics: statistics.map(Into::into),
             schedule: schedule.map(Into::into),
             heard_links: heard_links.map(Into::into),
+            frames: frames.map(Into::into),
         };
         Ok(active.last.clone())
     }

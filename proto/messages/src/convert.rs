@@ -15,7 +15,7 @@ pub use exchange::{
 pub use predictions::{
     motion_command_kind, predicted_response, predicted_windows, prediction_windows,
 };
-pub use records::{formation, heard_links, packets, records, schedule, statistics};
+pub use records::{formation, frames, heard_links, packets, records, schedule, statistics};
 pub use tasks::{agent_messages, task_figures};
 
 use crate::v1;

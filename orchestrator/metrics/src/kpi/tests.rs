@@ -84,6 +84,7 @@ fn run(steps: &[Step]) -> Kpis {
             statistics: reply.statistics.as_ref(),
             schedule: None,
             heard_links: None,
+            frames: None,
         });
     }
     kpis

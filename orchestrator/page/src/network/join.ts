@@ -50,7 +50,7 @@ export class JoinPanel implements NetworkPanel {
     const missing = missingMotes(frame);
     const total = data.run.agentCount;
     const formed = data.overview.events.find((event) => event.kind === EventKind.FORMED);
-    const when = formed === undefined ? "" : ` The network formed at ${seconds(Number(formed.timeNs))}.`;
+    const when = formed === undefined || Number(formed.timeNs) > frame.timeNs ? "" : ` The network formed at ${seconds(Number(formed.timeNs))}.`;
     this.summary.textContent = `${total - missing.length} of ${total} motes take part.${when}`;
     this.list.show(missing);
     if (width > 0) this.draw(data, width, height);

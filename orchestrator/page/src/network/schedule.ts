@@ -115,14 +115,14 @@ export class SchedulePanel implements NetworkPanel {
     const y = TOP + cell.channel * height + 1;
     const [w, h] = [width - 2, height - 2];
     const collides = mayCollide(cell);
-    const fill = collides ? OKABE_ITO.vermilion : cell.shared ? OKABE_ITO.yellow : cell.transmitters.length > 0 ? OKABE_ITO.sky : "none";
+    const fill = collides ? OKABE_ITO.vermilion : cell.shared ? OKABE_ITO.yellow : cell.transmitters.length > 0 ? OKABE_ITO.sky : undefined;
     shapes.push({ kind: "rect", x, y, w, h, fill, stroke: cell.receivers.length > 0 ? theme.text : undefined });
     if (collides) shapes.push({ kind: "line", x1: x, y1: y + h, x2: x + w, y2: y, stroke: "#000000", width: 1.5 });
     if (selected !== null && [...cell.transmitters, ...cell.receivers].some((role) => role.mote === selected)) {
       shapes.push({ kind: "rect", x: x - 1, y: y - 1, w: w + 2, h: h + 2, stroke: theme.text, width: 3 });
     }
     const text = cellText(cell, w);
-    const ink = fill === "none" ? theme.text : "#1b1f24";
+    const ink = fill === undefined ? theme.text : "#1b1f24";
     if (text !== "") shapes.push({ kind: "text", x: x + w / 2, y: y + h / 2, text, fill: ink, size: 10, anchor: "middle" });
     const agent = cell.transmitters[0]?.mote ?? cell.receivers[0]?.mote ?? null;
     targets.push({ x, y, w, h, agent, text: `slot ${cell.slot}, channel offset ${cell.channel}: ${describe(cell)}` });
@@ -135,7 +135,7 @@ export class SchedulePanel implements NetworkPanel {
       [OKABE_ITO.sky, undefined, "one mote transmits"],
       [OKABE_ITO.yellow, undefined, "shared"],
       [OKABE_ITO.vermilion, undefined, "possible collision: several may transmit, not shared"],
-      ["none", theme.text, "outlined: somebody listens"],
+      [undefined, theme.text, "outlined: somebody listens"],
     ] as const) {
       shapes.push({ kind: "rect", x, y: y - 5, w: 10, h: 10, fill, stroke });
       shapes.push({ kind: "text", x: x + 15, y, text, fill: theme.faintText, size: 11 });

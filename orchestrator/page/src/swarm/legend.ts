@@ -7,12 +7,14 @@ import { groundRange } from "./site.ts";
 
 /** What the colours of a swarm view mean. */
 export class Legend {
-  readonly root: HTMLElement = element("div", { class: "legend" });
+  readonly root = element("details", { class: "legend", open: true });
   private key = "";
+  private placed = false;
 
   constructor(private readonly app: App) {}
 
   update(scene: Scene): void {
+    this.place();
     const { robotColour, linkColour, missed, ghosts, selected } = this.app.store.state;
     const { picture, robotRange, linkRange } = scene;
     const ghost = ghosts && selected !== null && picture.ghosts.length > 0;
@@ -43,7 +45,15 @@ export class Legend {
       const { least, most } = groundRange(place.ground);
       rows.push(element("div", {}, `ground: ${figure(least)} to ${figure(most)} m`));
     }
-    this.root.replaceChildren(...rows);
+    this.root.replaceChildren(element("summary", {}, "Colours"), ...rows);
+  }
+
+  /** Narrow views begin with the legend closed, since it would cover the robots. */
+  private place(): void {
+    const room = this.root.parentElement?.clientWidth ?? 0;
+    if (this.placed || room === 0) return;
+    this.placed = true;
+    this.root.open = room > 560;
   }
 }
 

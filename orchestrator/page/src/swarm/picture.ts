@@ -192,9 +192,12 @@ export class Picture {
   robotRadiusPx = 7;
   background = "#ffffff";
 
-  /** Layers below and above the robots. */
+  /** Layers below the robots without dashes. */
+  readonly solidLines: LineLayer[] = [this.grid, this.site, this.trails, this.links];
+
+  /** All layers below the robots. */
   get linesBelow(): LineLayer[] {
-    return [this.grid, this.site, this.trails, this.links, this.missed];
+    return [...this.solidLines, this.missed];
   }
 }
 

@@ -49,11 +49,9 @@ export class Scene {
   /** Brings the picture up to date; true if anything in it has changed. */
   update(state: State, theme: Theme): boolean {
     const { frames } = this.data;
+    // Until its frame is loaded the picture stays as it was.
+    if (!this.data.ready(state.timeNs)) return false;
     const index = frames.indexAt(state.timeNs);
-    if (index < 0) {
-      this.frame = null;
-      return false;
-    }
     const { robotColour, linkColour, missed, trails, ghosts: showGhosts, selected, peer } = state;
     const first = Math.max(0, frames.indexAt(state.timeNs - TRAIL_NS));
     const key = [

@@ -76,7 +76,7 @@ function drawGround(fills: FillLayer, ground: Ground, theme: Theme): void {
   if (columns < 2 || rows < 2) return;
   const { least, most } = groundRange(ground);
   const low = pack(theme.dark ? "#1b2126" : "#fbfaf6");
-  const high = pack(theme.dark ? "#4c4536" : "#cdbd97");
+  const high = pack(theme.dark ? "#3d392f" : "#e0d6bd");
   const every = Math.max(1, Math.ceil(Math.max(columns, rows) / GROUND_CELLS));
   const colour = (c: number, r: number): Packed => mix(low, high, most > least ? (ground.heightM[r * columns + c] - least) / (most - least) : 0);
   for (let r = 0; r < rows - 1; r += every) {

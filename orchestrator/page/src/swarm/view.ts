@@ -59,7 +59,7 @@ export class SwarmView {
     if (this.width === 0) return;
     const changed = this.scene.update(state, this.app.theme);
     const { frame } = this.scene;
-    this.empty.hidden = frame !== null;
+    this.empty.hidden = frame !== null && this.data.ready(state.timeNs);
     if (frame === null) return;
     this.camera = this.chooseCamera();
     const { x, y, scale } = this.camera;

@@ -1,6 +1,7 @@
 import type { Camera } from "../store.ts";
 import { pack } from "./colours.ts";
-import { DART, type FillLayer, FILL_STRIDE, type LineLayer, LINE_STRIDE, type Picture, type RobotLayer, ROBOT_STRIDE } from "./picture.ts";
+import { cornerIndices, DART_STRIDE, DartCorners, LineCorners } from "./corners.ts";
+import { type FillLayer, FILL_STRIDE, type LineLayer, LINE_STRIDE, type Picture, type RobotLayer } from "./picture.ts";
 
 /** Draws pictures onto a canvas. */
 export interface Painter {
@@ -24,16 +25,12 @@ layout(location = 1) in vec4 tint;
 out vec4 shade;
 void main() { gl_Position = place(position, vec2(0.0)); shade = tint; }`;
 const ROBOT_VERTEX = `${TRANSFORM}
-layout(location = 0) in vec2 corner;
-layout(location = 1) in vec3 pose;
+layout(location = 0) in vec2 position;
+layout(location = 1) in vec2 corner;
 layout(location = 2) in vec4 tint;
 uniform float radius;
 out vec4 shade;
-void main() {
-  float c = cos(pose.z), s = sin(pose.z);
-  gl_Position = place(pose.xy, radius * vec2(c * corner.x - s * corner.y, s * corner.x + c * corner.y));
-  shade = tint;
-}`;
+void main() { gl_Position = place(position, radius * corner); shade = tint; }`;
 const LINE_VERTEX = `${TRANSFORM}
 layout(location = 0) in vec2 position;
 layout(location = 1) in vec2 offset;
@@ -42,7 +39,7 @@ layout(location = 3) in vec4 tint;
 out vec4 shade;
 out float metres;
 void main() { gl_Position = place(position, offset); shade = tint; metres = along; }`;
-const LINE_FRAGMENT = `#version 300 es
+const DASHED_FRAGMENT = `#version 300 es
 precision mediump float;
 in vec4 shade;
 in highp float metres;
@@ -68,19 +65,27 @@ interface Buffered {
   capacity: number;
 }
 
-/** Three programs and one buffer per layer; a layer is uploaded only when its version has changed. */
+/** Four programs and one buffer per layer; a layer is uploaded only when its version has changed. */
 export class WebGlPainter implements Painter {
   readonly name = "webgl2";
   private readonly fill: WebGLProgram;
   private readonly line: WebGLProgram;
+  private readonly dashed: WebGLProgram;
   private readonly robot: WebGLProgram;
   private readonly uniforms = new Map<WebGLProgram, Map<string, WebGLUniformLocation | null>>();
   private readonly buffers = new Map<object, Buffered>();
+  private readonly dartCorners = new DartCorners();
+  private readonly lineCorners = new LineCorners();
+  private readonly indices: WebGLBuffer;
+  /** Pairs of triangles that the index buffer covers. */
+  private indexed = 0;
 
   constructor(private readonly gl: WebGL2RenderingContext) {
     this.fill = this.program(FILL_VERTEX, PLAIN_FRAGMENT);
-    this.line = this.program(LINE_VERTEX, LINE_FRAGMENT);
+    this.line = this.program(LINE_VERTEX, PLAIN_FRAGMENT);
+    this.dashed = this.program(LINE_VERTEX, DASHED_FRAGMENT);
     this.robot = this.program(ROBOT_VERTEX, PLAIN_FRAGMENT);
+    this.indices = gl.createBuffer();
     gl.enable(gl.BLEND);
     gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   }
@@ -91,77 +96,85 @@ export class WebGlPainter implements Painter {
     const back = pack(picture.background);
     gl.clearColor((back & 255) / 255, ((back >> 8) & 255) / 255, ((back >> 16) & 255) / 255, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
-    for (const program of [this.fill, this.line, this.robot]) {
+    for (const program of [this.fill, this.line, this.dashed, this.robot]) {
       gl.useProgram(program);
       gl.uniform2f(this.uniform(program, "centre"), camera.x, camera.y);
       gl.uniform2f(this.uniform(program, "perMetre"), (2 * camera.scale) / width, (2 * camera.scale) / height);
       gl.uniform2f(this.uniform(program, "perPixel"), 2 / width, 2 / height);
     }
     gl.useProgram(this.fill);
-    this.draw(picture.fills);
+    this.drawFills(picture.fills);
     gl.useProgram(this.line);
-    gl.uniform1f(this.uniform(this.line, "dashesPerMetre"), camera.scale / DASH_PX);
-    for (const layer of picture.linesBelow) this.draw(layer);
+    for (const layer of picture.solidLines) this.drawLines(layer);
+    gl.useProgram(this.dashed);
+    gl.uniform1f(this.uniform(this.dashed, "dashesPerMetre"), camera.scale / DASH_PX);
+    this.drawLines(picture.missed);
     gl.useProgram(this.robot);
     gl.uniform1f(this.uniform(this.robot, "radius"), picture.robotRadiusPx);
     this.drawRobots(picture.robots);
     gl.useProgram(this.line);
-    this.draw(picture.marks);
+    this.drawLines(picture.marks);
   }
 
-  private draw(layer: FillLayer | LineLayer): void {
+  private drawFills(layer: FillLayer): void {
     if (layer.count === 0) return;
-    const gl = this.gl;
-    const lines = !("corner" in layer);
-    this.upload(layer, lines ? LINE_STRIDE : FILL_STRIDE, lines
-      ? [{ size: 2, offset: 0 }, { size: 2, offset: 2 }, { size: 1, offset: 4 }, { size: 4, offset: 5, colour: true }]
-      : [{ size: 2, offset: 0 }, { size: 4, offset: 2, colour: true }], 0);
-    gl.drawArrays(lines ? gl.LINES : gl.TRIANGLES, 0, layer.count);
+    const bound = this.bind(layer, FILL_STRIDE, [{ size: 2, offset: 0 }, { size: 4, offset: 2, colour: true }]);
+    if (bound.version !== layer.version) this.upload(bound, layer.data, layer.count * FILL_STRIDE, layer.version);
+    this.gl.drawArrays(this.gl.TRIANGLES, 0, layer.count);
+  }
+
+  private drawLines(layer: LineLayer): void {
+    if (layer.count === 0) return;
+    const bound = this.bind(layer, LINE_STRIDE,
+      [{ size: 2, offset: 0 }, { size: 2, offset: 2 }, { size: 1, offset: 4 }, { size: 4, offset: 5, colour: true }]);
+    if (bound.version !== layer.version) this.upload(bound, this.lineCorners.expand(layer), layer.count * 2 * LINE_STRIDE, layer.version);
+    this.drawQuads(layer.count / 2);
   }
 
   private drawRobots(layer: RobotLayer): void {
     if (layer.count === 0) return;
-    const gl = this.gl;
-    this.upload(layer, ROBOT_STRIDE, [{ size: 3, offset: 0 }, { size: 4, offset: 3, colour: true }], 1);
-    gl.drawArraysInstanced(gl.TRIANGLE_FAN, 0, DART.length / 2, layer.count);
+    const bound = this.bind(layer, DART_STRIDE, [{ size: 2, offset: 0 }, { size: 2, offset: 2 }, { size: 4, offset: 4, colour: true }]);
+    if (bound.version !== layer.version) this.upload(bound, this.dartCorners.expand(layer), layer.count * 4 * DART_STRIDE, layer.version);
+    this.drawQuads(layer.count);
   }
 
-  /** Binds a layer's vertex array, after uploading the layer if it has changed. */
-  private upload(layer: FillLayer | LineLayer | RobotLayer, stride: number, attributes: Attribute[], firstLocation: number): void {
+  private drawQuads(count: number): void {
+    const gl = this.gl;
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.indices);
+    if (this.indexed < count) {
+      this.indexed = Math.max(count, 2 * this.indexed);
+      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, cornerIndices(this.indexed), gl.STATIC_DRAW);
+    }
+    gl.drawElements(gl.TRIANGLES, count * 6, gl.UNSIGNED_INT, 0);
+  }
+
+  /** Binds a layer's vertex array; creates it the first time. */
+  private bind(layer: object, stride: number, attributes: Attribute[]): Buffered {
     const gl = this.gl;
     let known = this.buffers.get(layer);
     if (known === undefined) {
-      known = { buffer: gl.createBuffer() as WebGLBuffer, array: gl.createVertexArray() as WebGLVertexArrayObject, version: -1, capacity: 0 };
+      known = { buffer: gl.createBuffer(), array: gl.createVertexArray(), version: -1, capacity: 0 };
       this.buffers.set(layer, known);
       gl.bindVertexArray(known.array);
-      if (firstLocation === 1) this.bindDart();
       gl.bindBuffer(gl.ARRAY_BUFFER, known.buffer);
-      attributes.forEach(({ size, offset, colour }, i) => {
-        const location = firstLocation + i;
+      attributes.forEach(({ size, offset, colour }, location) => {
         gl.enableVertexAttribArray(location);
         gl.vertexAttribPointer(location, size, colour === true ? gl.UNSIGNED_BYTE : gl.FLOAT, colour === true, stride * 4, offset * 4);
-        if (firstLocation === 1) gl.vertexAttribDivisor(location, 1);
       });
     }
     gl.bindVertexArray(known.array);
-    if (known.version === layer.version) return;
-    gl.bindBuffer(gl.ARRAY_BUFFER, known.buffer);
-    if (known.capacity < layer.data.byteLength) {
-      gl.bufferData(gl.ARRAY_BUFFER, layer.data.byteLength, gl.DYNAMIC_DRAW);
-      known.capacity = layer.data.byteLength;
-    }
-    gl.bufferSubData(gl.ARRAY_BUFFER, 0, layer.data, 0, layer.count * stride);
-    known.version = layer.version;
+    return known;
   }
 
-  private bindDart(): void {
+  private upload(bound: Buffered, data: Float32Array, length: number, version: number): void {
     const gl = this.gl;
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    // The dart is concave at its tail: a fan around that corner covers it.
-    const fan = [...DART.slice(4, 8), ...DART.slice(0, 4)];
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(fan), gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+    gl.bindBuffer(gl.ARRAY_BUFFER, bound.buffer);
+    if (bound.capacity < data.byteLength) {
+      gl.bufferData(gl.ARRAY_BUFFER, data.byteLength, gl.DYNAMIC_DRAW);
+      bound.capacity = data.byteLength;
+    }
+    gl.bufferSubData(gl.ARRAY_BUFFER, 0, data, 0, length);
+    bound.version = version;
   }
 
   private uniform(program: WebGLProgram, name: string): WebGLUniformLocation | null {

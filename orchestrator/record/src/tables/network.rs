@@ -25,7 +25,8 @@ impl Tables {
             self.motes(period.step, period.time_ns, period.motes, statistics, account)?;
         }
         self.cells(period)?;
-        self.heard_links(period)
+        self.heard_links(period)?;
+        self.frames(period)
     }
 
     fn packets(&mut self, period: &Period<'_>) -> Result<(), RecordError> {
@@ -114,6 +115,29 @@ impl Tables {
                 option(8),
                 option(16),
                 Cell::or_null(neighbour, Cell::U32),
+            ])?;
+        }
+        Ok(())
+    }
+
+    fn frames(&mut self, period: &Period<'_>) -> Result<(), RecordError> {
+        let (Some(table), Some(frames)) = (&mut self.frames, period.frames) else { return Ok(()) };
+        let some = |number: u32| Cell::or_null(Some(number).filter(|&n| n != u32::MAX), Cell::U32);
+        for i in 0..frames.len() {
+            table.push([
+                Cell::U64(period.step),
+                Cell::U64(frames.sent_ns[i]),
+                Cell::U32(frames.sender[i]),
+                some(frames.destination[i]),
+                Cell::U32(frames.channel[i]),
+                some(frames.channel_offset[i]),
+                Cell::Text(&frames.kinds[frames.kind[i] as usize]),
+                Cell::U32(frames.length_bytes[i]),
+                Cell::or_null(Some(frames.packet[i]).filter(|&packet| packet != 0), Cell::U64),
+                Cell::U32(frames.attempt[i]),
+                Cell::U32(frames.n_received[i]),
+                Cell::U32(frames.n_missed[i]),
+                Cell::Text(frames.outcome[i].name()),
             ])?;
         }
         Ok(())

@@ -3,8 +3,8 @@
 use crate::table::{ColumnKind, ColumnShape, TableShape};
 
 /// The shapes of all tables.
-pub const TABLES: [&TableShape; 7] =
-    [&STEPS, &LINKS, &TRANSMISSIONS, &PACKETS, &MOTES, &SCHEDULE, &NEIGHBOURS];
+pub const TABLES: [&TableShape; 8] =
+    [&STEPS, &LINKS, &TRANSMISSIONS, &PACKETS, &MOTES, &SCHEDULE, &NEIGHBOURS, &FRAMES];
 
 const STEP: ColumnShape =
     never_null("step", ColumnKind::U64, "The step, from 1; 0 is the beginning of the run.");
@@ -220,6 +220,49 @@ pub(super) const NEIGHBOURS: TableShape = TableShape {
             ColumnKind::F32,
             "the network does not report it",
             "Their mean received signal strength (dBm).",
+        ),
+    ],
+};
+
+pub(super) const FRAMES: TableShape = TableShape {
+    file: "frames.parquet",
+    row: "A frame on the air, acknowledgments apart, in the order of time and sender.",
+    columns: &[
+        never_null("step", ColumnKind::U64, "The step in which it was sent, from 1."),
+        never_null("sent_ns", ColumnKind::U64, "Beginning of the slot in which it was sent (ns)."),
+        never_null("sender", ColumnKind::U32, "The mote that sent it."),
+        nullable("destination", ColumnKind::U32, "it was a broadcast", "The mote it was for."),
+        never_null("channel", ColumnKind::U32, "IEEE 802.15.4 channel, 11 to 26."),
+        nullable(
+            "channel_offset",
+            ColumnKind::U32,
+            "sent in no cell",
+            "Channel offset of the cell.",
+        ),
+        never_null("kind", ColumnKind::Text, "Kind of the frame, as named by the network."),
+        never_null("length_bytes", ColumnKind::U32, "Length of the frame (PSDU, bytes)."),
+        nullable(
+            "packet",
+            ColumnKind::U64,
+            "it carries none that is counted",
+            "The packet that it carries or is a part of, as in `packets.parquet`.",
+        ),
+        never_null(
+            "attempt",
+            ColumnKind::U32,
+            "How often this frame was sent, this time included.",
+        ),
+        never_null("n_received", ColumnKind::U32, "Number of motes that received it."),
+        never_null(
+            "n_missed",
+            ColumnKind::U32,
+            "Number of motes in reach that listened on its channel and did not receive it.",
+        ),
+        never_null(
+            "outcome",
+            ColumnKind::Text,
+            "`acknowledged`; `not-acknowledged`: its destination received it, and the acknowledgment was lost; `lost`; or \
+             `broadcast`.",
         ),
     ],
 };

@@ -7,8 +7,8 @@ use super::parts::{self, Fields, optional};
 use crate::exchange::{ConfigureRequest, NetworkStart, NetworkStep, RobotsStart, RobotsStep};
 use crate::side::{NetInput, NetOutput, RobotInput, RobotOutput};
 use crate::types::{
-    AgentCommand, AgentStates, Coupling, Deliveries, DeliveryColumn, Experiment, MoteCommand,
-    MoteStates, MovedObstacle, NetRecord, Payloads,
+    AgentCommand, AgentStates, Coupling, Deliveries, DeliveryColumn, Experiment, Frames,
+    MoteCommand, MoteStates, MovedObstacle, NetRecord, Payloads,
 };
 
 /// What a side is asked to begin, as it crosses.
@@ -265,7 +265,7 @@ impl NetworkReply {
             optional(reply.schedule.as_ref(), parts::schedule),
             optional(reply.heard_links.as_ref(), parts::heard_links),
         ];
-        Self::new(reply.step, reply.time_ns, shared, rest)
+        Self::new(reply.step, reply.time_ns, shared, rest, reply.frames.as_ref())
     }
 
     /// Of what a simulator put out for step `step`, and the orders from outside that took effect.
@@ -281,12 +281,22 @@ impl NetworkReply {
             optional(output.schedule.as_ref(), parts::schedule),
             optional(output.heard_links.as_ref(), parts::heard_links),
         ];
-        Self::new(step, output.time_ns, shared, rest)
+        Self::new(step, output.time_ns, shared, rest, output.frames.as_ref())
     }
 
-    fn new(step: u64, time_ns: u64, shared: [Digest; 4], rest: [Digest; 7]) -> Self {
+    fn new(
+        step: u64,
+        time_ns: u64,
+        shared: [Digest; 4],
+        rest: [Digest; 7],
+        frames: Option<&Frames>,
+    ) -> Self {
         let mut fields = Fields::default();
         fields.u64(step).u64(time_ns).parts(&shared).parts(&rest);
+        // A record that came later than the rule: where it is not kept, digests are what they were.
+        if let Some(frames) = frames {
+            fields.parts(&[parts::frames(frames)]);
+        }
         Self { shared, digest: fields.end() }
     }
 }

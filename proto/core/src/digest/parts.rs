@@ -4,8 +4,8 @@
 use super::{Digest, update};
 use crate::types::{
     AgentCommand, AgentMessage, AgentOrder, AgentStates, Bitmap, Covariate, Deliveries, Formation,
-    Heard, HeardLinks, Medium, MoteCommand, MoteOrder, MoteStates, MoteStatistics, MovedObstacle,
-    NetRecord, PacketKind, Packets, Payloads, Schedule, Statistic, TaskFigure,
+    Frames, Heard, HeardLinks, Medium, MoteCommand, MoteOrder, MoteStates, MoteStatistics,
+    MovedObstacle, NetRecord, PacketKind, Packets, Payloads, Schedule, Statistic, TaskFigure,
 };
 use sha2::{Digest as _, Sha256};
 
@@ -105,6 +105,7 @@ impl Fields {
                 NetRecord::Statistics => 3,
                 NetRecord::Schedule => 4,
                 NetRecord::HeardLinks => 5,
+                NetRecord::Frames => 6,
             });
         }
         self
@@ -294,6 +295,31 @@ pub(super) fn heard_links(links: &HeardLinks) -> Digest {
     let HeardLinks { receiver, sender, frames, rssi_dbm } = links;
     let mut fields = Fields::default();
     fields.u32s(receiver).u32s(sender).u64s(frames).f32s(rssi_dbm);
+    fields.end()
+}
+
+pub(super) fn frames(frames: &Frames) -> Digest {
+    let mut fields = Fields::default();
+    fields.u64s(&frames.sent_ns);
+    for column in [
+        &frames.sender,
+        &frames.destination,
+        &frames.channel,
+        &frames.channel_offset,
+        &frames.kind,
+        &frames.length_bytes,
+    ] {
+        fields.u32s(column);
+    }
+    fields.u64s(&frames.packet);
+    let outcome: Vec<u32> = frames.outcome.iter().map(|outcome| *outcome as u32).collect();
+    for column in [&frames.attempt, &frames.n_received, &frames.n_missed, &outcome] {
+        fields.u32s(column);
+    }
+    fields.length(frames.kinds.len());
+    for kind in &frames.kinds {
+        fields.text(kind);
+    }
     fields.end()
 }
 

@@ -16,6 +16,8 @@ pub enum NetRecord {
     Schedule,
     /// [`HeardLinks`], in steps that ask for them.
     HeardLinks,
+    /// [`Frames`], in every step.
+    Frames,
 }
 
 impl NetRecord {
@@ -23,7 +25,7 @@ impl NetRecord {
     #[must_use]
     pub fn is_state(self) -> bool {
         match self {
-            Self::Packets | Self::Capture => false,
+            Self::Packets | Self::Capture | Self::Frames => false,
             Self::Statistics | Self::Schedule | Self::HeardLinks => true,
         }
     }
@@ -215,6 +217,94 @@ pub struct HeardLinks {
     pub frames: Vec<u64>,
     /// Their mean strength (dBm). Optional.
     pub rssi_dbm: Vec<f32>,
+}
+
+/// Frames that were on the air during a step, in the order (`sent_ns`, `sender`). Columns of equal length.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Frames {
+    /// Beginning of the slot in which it was sent (ns).
+    pub sent_ns: Vec<u64>,
+    /// The mote that sent it.
+    pub sender: Vec<u32>,
+    /// The mote it was for; [`EVERYONE`](super::EVERYONE): everyone in reach.
+    pub destination: Vec<u32>,
+    /// IEEE 802.15.4 channel.
+    pub channel: Vec<u32>,
+    /// Channel offset of the cell; `u32::MAX`: in no cell.
+    pub channel_offset: Vec<u32>,
+    /// Index into `kinds`.
+    pub kind: Vec<u32>,
+    /// Length (PSDU, bytes).
+    pub length_bytes: Vec<u32>,
+    /// Number of the packet that it carries, or a part of; 0: none that is counted.
+    pub packet: Vec<u64>,
+    /// How often it has been sent, this time included.
+    pub attempt: Vec<u32>,
+    /// How many motes received it.
+    pub n_received: Vec<u32>,
+    /// How many listened on its channel in reach and did not receive it.
+    pub n_missed: Vec<u32>,
+    /// What became of it at its destination.
+    pub outcome: Vec<FrameOutcome>,
+    /// Kinds of frames, in the same order always; more may follow later.
+    pub kinds: Vec<String>,
+}
+
+impl Frames {
+    /// Number of frames.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.sent_ns.len()
+    }
+
+    /// Whether nobody sent.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.sent_ns.is_empty()
+    }
+
+    /// Adds frames that were sent later.
+    pub fn append(&mut self, later: &Self) {
+        self.sent_ns.extend(&later.sent_ns);
+        self.sender.extend(&later.sender);
+        self.destination.extend(&later.destination);
+        self.channel.extend(&later.channel);
+        self.channel_offset.extend(&later.channel_offset);
+        self.kind.extend(&later.kind);
+        self.length_bytes.extend(&later.length_bytes);
+        self.packet.extend(&later.packet);
+        self.attempt.extend(&later.attempt);
+        self.n_received.extend(&later.n_received);
+        self.n_missed.extend(&later.n_missed);
+        self.outcome.extend(&later.outcome);
+        self.kinds.clone_from(&later.kinds);
+    }
+}
+
+/// What became of a frame at the mote it was for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FrameOutcome {
+    /// It was for everyone in reach.
+    Broadcast,
+    /// It was not received.
+    Lost,
+    /// It was received, and the acknowledgment was lost.
+    NotAcknowledged,
+    /// It was received and acknowledged.
+    Acknowledged,
+}
+
+impl FrameOutcome {
+    /// Its name in tables.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Broadcast => "broadcast",
+            Self::Lost => "lost",
+            Self::NotAcknowledged => "not-acknowledged",
+            Self::Acknowledged => "acknowledged",
+        }
+    }
 }
 
 /// Whether every mote that is to take part in the network does.

@@ -2,8 +2,8 @@
 
 use super::{
     InvalidField, Result, agent_commands, agent_messages, columns, coupling, deliveries, formation,
-    heard_links, mote_commands, motes, moved_obstacles, packets, payloads, records, schedule,
-    states, statistics, task_figures,
+    frames, heard_links, mote_commands, motes, moved_obstacles, packets, payloads, records,
+    schedule, states, statistics, task_figures,
 };
 use crate::v1;
 use bytes::Bytes;
@@ -147,6 +147,7 @@ pub fn network_step(
         statistics: statistics(message.statistics, n_agents)?,
         schedule: schedule(message.schedule, n_agents)?,
         heard_links: heard_links(message.heard_links, n_agents)?,
+        frames: frames(message.frames, n_agents)?,
     };
     Ok((reply, message.digest))
 }
@@ -313,6 +314,7 @@ impl From<&NetworkStep> for v1::NetSimServiceStepResponse {
             statistics: reply.statistics.clone().map(Into::into),
             schedule: reply.schedule.clone().map(Into::into),
             heard_links: reply.heard_links.clone().map(Into::into),
+            frames: reply.frames.clone().map(Into::into),
         }
     }
 }

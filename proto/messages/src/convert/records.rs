@@ -4,8 +4,8 @@ use super::{InvalidField, NUMBER, Result, bitmap, is_number};
 use crate::v1;
 use bytes::Bytes;
 use proto::types::{
-    Formation, HeardLinks, MoteStatistics, NetRecord, PacketKind, Packets, Schedule, Statistic,
-    is_statistic_name,
+    Formation, FrameOutcome, Frames, HeardLinks, MoteStatistics, NetRecord, PacketKind, Packets,
+    Schedule, Statistic, is_statistic_name,
 };
 
 /// Kinds of record from their numbers.
@@ -22,6 +22,7 @@ pub fn records(numbers: &[i32]) -> Result<Vec<NetRecord>> {
             Ok(v1::NetRecord::Statistics) => Ok(NetRecord::Statistics),
             Ok(v1::NetRecord::Schedule) => Ok(NetRecord::Schedule),
             Ok(v1::NetRecord::HeardLinks) => Ok(NetRecord::HeardLinks),
+            Ok(v1::NetRecord::Frames) => Ok(NetRecord::Frames),
             Ok(v1::NetRecord::Unspecified) | Err(_) => {
                 Err(InvalidField::new("records", format!("unknown record: {number}")))
             }
@@ -241,6 +242,69 @@ fn heard_links_of(message: v1::HeardLinks, n_motes: usize) -> Result<HeardLinks>
     Ok(HeardLinks { receiver, sender, frames, rssi_dbm })
 }
 
+/// Frames from a message.
+///
+/// # Errors
+///
+/// Columns of unequal length, motes or kinds that do not exist, frames out of order, outcomes that are none, names that are not
+/// unique.
+pub fn frames(message: Option<v1::Frames>, n_motes: usize) -> Result<Option<Frames>> {
+    let Some(message) = message else { return Ok(None) };
+    frames_of(message, n_motes).map(Some).map_err(|invalid| invalid.within("frames"))
+}
+
+fn frames_of(message: v1::Frames, n_motes: usize) -> Result<Frames> {
+    let n = message.sent_ns.len();
+    same_length(
+        n,
+        "sent_ns",
+        &[
+            ("sender", message.sender.len()),
+            ("destination", message.destination.len()),
+            ("channel", message.channel.len()),
+            ("channel_offset", message.channel_offset.len()),
+            ("kind", message.kind.len()),
+            ("length_bytes", message.length_bytes.len()),
+            ("packet", message.packet.len()),
+            ("attempt", message.attempt.len()),
+            ("n_received", message.n_received.len()),
+            ("n_missed", message.n_missed.len()),
+            ("outcome", message.outcome.len()),
+        ],
+    )?;
+    motes_exist("sender", &message.sender, n_motes, false)?;
+    motes_exist("destination", &message.destination, n_motes, true)?;
+    unique("kinds", message.kinds.iter().map(String::as_str))?;
+    less_than("kind", &message.kind, message.kinds.len())?;
+    let order = |i: usize| (message.sent_ns[i], message.sender[i]);
+    if let Some(i) = (1..n).find(|&i| order(i) < order(i - 1)) {
+        let reason = format!("must be in the order (sent_ns, sender); entry {i} is not");
+        return Err(InvalidField::new("sent_ns", reason));
+    }
+    let outcome = message.outcome.iter().map(|&number| match v1::FrameOutcome::try_from(number) {
+        Ok(v1::FrameOutcome::Unspecified) => Ok(FrameOutcome::Broadcast),
+        Ok(v1::FrameOutcome::Lost) => Ok(FrameOutcome::Lost),
+        Ok(v1::FrameOutcome::NotAcknowledged) => Ok(FrameOutcome::NotAcknowledged),
+        Ok(v1::FrameOutcome::Acknowledged) => Ok(FrameOutcome::Acknowledged),
+        Err(_) => Err(InvalidField::new("outcome", format!("unknown outcome: {number}"))),
+    });
+    Ok(Frames {
+        outcome: outcome.collect::<Result<_>>()?,
+        sent_ns: message.sent_ns,
+        sender: message.sender,
+        destination: message.destination,
+        channel: message.channel,
+        channel_offset: message.channel_offset,
+        kind: message.kind,
+        length_bytes: message.length_bytes,
+        packet: message.packet,
+        attempt: message.attempt,
+        n_received: message.n_received,
+        n_missed: message.n_missed,
+        kinds: message.kinds,
+    })
+}
+
 fn same_length(n: usize, first: &str, columns: &[(&str, usize)]) -> Result<()> {
     match columns.iter().find(|(_, length)| *length != n) {
         Some((field, length)) => Err(InvalidField::new(
@@ -289,6 +353,7 @@ impl From<NetRecord> for v1::NetRecord {
             NetRecord::Statistics => Self::Statistics,
             NetRecord::Schedule => Self::Schedule,
             NetRecord::HeardLinks => Self::HeardLinks,
+            NetRecord::Frames => Self::Frames,
         }
     }
 }
@@ -349,6 +414,32 @@ impl From<Schedule> for v1::Schedule {
         let Schedule { mote, slotframe, slotframe_slots, slot, channel_offset, options, neighbour } =
             schedule;
         Self { mote, slotframe, slotframe_slots, slot, channel_offset, options, neighbour }
+    }
+}
+
+impl From<Frames> for v1::Frames {
+    fn from(frames: Frames) -> Self {
+        let outcome = frames.outcome.into_iter().map(|outcome| match outcome {
+            FrameOutcome::Broadcast => v1::FrameOutcome::Unspecified.into(),
+            FrameOutcome::Lost => v1::FrameOutcome::Lost.into(),
+            FrameOutcome::NotAcknowledged => v1::FrameOutcome::NotAcknowledged.into(),
+            FrameOutcome::Acknowledged => v1::FrameOutcome::Acknowledged.into(),
+        });
+        Self {
+            outcome: outcome.collect(),
+            sent_ns: frames.sent_ns,
+            sender: frames.sender,
+            destination: frames.destination,
+            channel: frames.channel,
+            channel_offset: frames.channel_offset,
+            kind: frames.kind,
+            length_bytes: frames.length_bytes,
+            packet: frames.packet,
+            attempt: frames.attempt,
+            n_received: frames.n_received,
+            n_missed: frames.n_missed,
+            kinds: frames.kinds,
+        }
     }
 }
 

@@ -3,8 +3,9 @@
 use super::*;
 use crate::digest::hex;
 use crate::types::{
-    AgentMessage, AgentOrder, Bitmap, Covariate, Formation, Heard, HeardLinks, Medium, MoteOrder,
-    MoteStatistics, PacketKind, Packets, Schedule, Statistic, TaskFigure, Transmissions,
+    AgentMessage, AgentOrder, Bitmap, Covariate, Formation, FrameOutcome, Frames, Heard,
+    HeardLinks, Medium, MoteOrder, MoteStatistics, PacketKind, Packets, Schedule, Statistic,
+    TaskFigure, Transmissions,
 };
 use bytes::Bytes;
 
@@ -174,6 +175,12 @@ fn network_reply() -> NetworkStep {
         statistics: Some(MoteStatistics { columns: vec![column] }),
         schedule: Some(Schedule { mote: vec![0], ..Schedule::default() }),
         heard_links: Some(HeardLinks { frames: vec![1], ..HeardLinks::default() }),
+        frames: Some(Frames {
+            packet: vec![1],
+            outcome: vec![FrameOutcome::Lost],
+            kinds: vec!["data".to_owned()],
+            ..Frames::default()
+        }),
     }
 }
 
@@ -183,7 +190,7 @@ fn every_field_of_the_networks_reply_counts() {
     fn motes(reply: &mut NetworkStep) -> &mut MoteStates {
         reply.motes.as_mut().unwrap()
     }
-    let spoilt: [Spoil; 30] = [
+    let spoilt: [Spoil; 34] = [
         |r| r.time_ns += 1,
         |r| r.deliveries.transmissions.sender[0] = 1,
         |r| r.deliveries.transmissions.sent_ns[0] = 4,
@@ -214,6 +221,10 @@ fn every_field_of_the_networks_reply_counts() {
         |r| r.schedule.as_mut().unwrap().mote[0] = 1,
         |r| r.heard_links.as_mut().unwrap().frames[0] = 2,
         |r| r.heard_links = None,
+        |r| r.frames.as_mut().unwrap().packet[0] = 2,
+        |r| r.frames.as_mut().unwrap().outcome[0] = FrameOutcome::Acknowledged,
+        |r| r.frames.as_mut().unwrap().kinds[0].push('s'),
+        |r| r.frames = None,
     ];
     let whole = NetworkReply::of_step(&network_reply());
     for (index, spoil) in spoilt.into_iter().enumerate() {

@@ -1,0 +1,86 @@
+//! The frames of a step, for the record.
+
+use super::scratch::Sending;
+use crate::mac::tsch::Outgoing;
+use crate::mote::ports::SWARM_PORT;
+use crate::wire::Eui64;
+use crate::wire::datagram::Upper;
+use crate::wire::frame::Content;
+use proto::types::{EVERYONE, FrameOutcome, Frames};
+
+/// Kinds of frames, by what they are for.
+const KINDS: [&str; 6] = ["beacon", "keep-alive", "6p", "rpl", "swarm", "data"];
+
+/// Frames since they were last taken, if they are wanted.
+#[derive(Clone, Debug)]
+pub struct FrameLog {
+    frames: Option<Frames>,
+}
+
+impl FrameLog {
+    /// Keeps frames, or not.
+    #[must_use]
+    pub fn new(wanted: bool) -> Self {
+        Self { frames: wanted.then(empty) }
+    }
+
+    /// All that was sent in a slot, which began at `sent_ns`, and what became of it. `mote_of`: the mote that has an address.
+    pub(super) fn add(
+        &mut self,
+        sent_ns: u64,
+        sending: &[Sending],
+        mote_of: impl Fn(Eui64) -> Option<u32>,
+    ) {
+        let Some(frames) = &mut self.frames else { return };
+        let first = frames.len();
+        for sent in sending {
+            let frame = sent.frame();
+            let (packet, attempt) = match &sent.transmission.outgoing {
+                Outgoing::Beacon => (0, 1),
+                Outgoing::Frame(queued) => (queued.packet, queued.n_attempts),
+            };
+            frames.sent_ns.push(sent_ns);
+            frames.sender.push(sent.sender);
+            frames.destination.push(frame.destination.and_then(&mote_of).unwrap_or(EVERYONE));
+            frames.channel.push(sent.transmission.channel.into());
+            let at = sent.transmission.at;
+            frames.channel_offset.push(at.map_or(u32::MAX, |at| at.cell.channel.into()));
+            frames.kind.push(kind(&frame.content));
+            frames.length_bytes.push(sent.psdu_bytes.into());
+            frames.packet.push(packet);
+            frames.attempt.push(attempt.into());
+            frames.n_received.push(sent.n_received);
+            frames.n_missed.push(sent.n_missed);
+            frames.outcome.push(match (frame.destination, sent.answered_by) {
+                (None, _) => FrameOutcome::Broadcast,
+                (Some(_), None) => FrameOutcome::Lost,
+                (Some(_), Some(_)) if sent.acknowledged => FrameOutcome::Acknowledged,
+                (Some(_), Some(_)) => FrameOutcome::NotAcknowledged,
+            });
+        }
+        debug_assert!(frames.sender[first..].is_sorted(), "motes are asked in their order");
+    }
+
+    /// All frames since this was last asked.
+    pub fn take(&mut self) -> Option<Frames> {
+        self.frames.as_mut().map(|frames| std::mem::replace(frames, empty()))
+    }
+}
+
+fn empty() -> Frames {
+    Frames { kinds: KINDS.map(str::to_owned).to_vec(), ..Frames::default() }
+}
+
+/// What a frame is for, as an index into [`KINDS`].
+fn kind(content: &Content) -> u32 {
+    match content {
+        Content::Beacon(_) => 0,
+        Content::KeepAlive => 1,
+        Content::Sixp(_) => 2,
+        Content::Lowpan(part) => match &part.datagram().upper {
+            Upper::Rpl(_) => 3,
+            Upper::Udp(udp) if udp.destination_port == SWARM_PORT => 4,
+            Upper::Udp(_) => 5,
+        },
+    }
+}
