@@ -6,6 +6,7 @@ mod check;
 mod choice;
 mod convert;
 mod corrected;
+mod export;
 mod foreign;
 mod formula;
 mod inputs;
@@ -62,6 +63,8 @@ enum Command {
     Reproduce(recover::ReproduceArgs),
     /// Show a recorded run in a browser, or write it as one page that opens anywhere
     Replay(replay::ReplayArgs),
+    /// Write a recorded run as CSV tables or as a bag of ROS 2
+    Export(export::ExportArgs),
     /// Run one experiment under many settings and seeds, as the section [sweep] of the file says
     Sweep(sweeps::SweepArgs),
     /// Compare the results of two runs or of two sweeps
@@ -339,6 +342,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Recover(args) => recover::recover(&args),
         Command::Reproduce(args) => recover::reproduce(&args, start(args.threads)?),
         Command::Replay(args) => replay::replay(&args),
+        Command::Export(args) => export::export(&args),
         Command::Sweep(args) => sweeps::sweep(&args, start(Some(args.threads))?),
         Command::CompareRuns(args) => sweeps::compare_runs(&args),
         Command::Check(args) => check::check(&args),

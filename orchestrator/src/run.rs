@@ -54,6 +54,8 @@ pub struct RunOptions {
 pub struct LiveView {
     /// What the server shows.
     pub shown: Shown,
+    /// The address of the page.
+    pub url: String,
     /// Whether the run may go on.
     pub pace: Arc<Pace>,
     /// Viewers may pause and step it.
@@ -284,6 +286,10 @@ pub async fn run(
         audience.warn(&format!("the run cannot be shown while it lasts: {error}"));
         None
     });
+    // Not before there is something to see.
+    if let (Some(live), Some(_)) = (&options.live, &feed) {
+        audience.note(&format!("watch the run at {}", live.url));
+    }
     let mut attempt = Attempt::begin(&plan, begun, started).await?;
     attempt.recording.live = feed;
     let origin = Origin::new(options.out.clone(), options.replace);

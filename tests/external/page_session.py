@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import subprocess
+import time
 from pathlib import Path
 
 from conftest import ROOT, program
@@ -63,7 +64,7 @@ class Session:
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.goto(url)
-        self.page.wait_for_function("window.murmuration !== undefined")
+        self.until("window.murmuration !== undefined")
         self.page.evaluate("window.murmuration.ready")
 
     def state(self):
@@ -75,9 +76,16 @@ class Session:
         self.page.evaluate(f"window.murmuration.seek({time_ns})")
         return self.state()
 
+    def until(self, expression, seconds=20):
+        """Until an expression is true. Asked from outside: the page's policy forbids what Playwright's own waiting needs."""
+        deadline = time.monotonic() + seconds
+        while not self.page.evaluate(expression):
+            assert time.monotonic() < deadline, f"not within {seconds} s: {expression}"
+            self.page.wait_for_timeout(20)
+
     def wait(self, condition, seconds=20):
         """Until a condition on the state, named `s`, holds."""
-        self.page.wait_for_function(f"(() => {{ const s = window.murmuration.state(); return {condition}; }})()", timeout=seconds * 1000)
+        self.until(f"(() => {{ const s = window.murmuration.state(); return {condition}; }})()", seconds)
         return self.state()
 
     def picture(self, name):

@@ -7,7 +7,7 @@ use crate::model::scenario::{FUNCTIONS, RADIOS, Scenario, Spice};
 use netsim::mesh::network::Mesh;
 use netsim::mote::Mote;
 use proto::side::NetOutput;
-use proto::types::Deliveries;
+use proto::types::{Deliveries, FrameOutcome};
 use std::collections::BTreeSet;
 
 /// Networks per scheduling function and radio.
@@ -25,6 +25,8 @@ struct Watch {
     heard: BTreeSet<(u32, u32, u64, Vec<u8>)>,
     /// Frames sent and received by all motes.
     n_frames: [u64; 2],
+    /// Of the frames that were recorded: sent, received, acknowledged.
+    n_recorded: [u64; 3],
     /// By mote: since when its clock has been further off its time source's than the guard time (ns).
     astray_since_ns: Vec<Option<u64>>,
     /// Packets that arrived after they had ended.
@@ -38,6 +40,7 @@ impl Watch {
     fn check(&mut self, mesh: &Mesh, output: &NetOutput, what: &dyn Fn() -> String) {
         self.packets(mesh, output, what);
         self.receptions(mesh, output, what);
+        self.frames(mesh, output, what);
         self.deliveries(mesh, &output.deliveries, what);
         for (place, mote) in mesh.state().motes.iter().enumerate() {
             slots_are_accounted_for(mote, mesh.state().asn, what);
@@ -71,6 +74,25 @@ impl Watch {
             assert!(held.contains(&packet.id), "nobody holds {packet:?}: {}", what());
         }
         self.n_late = all.late();
+    }
+
+    /// The record of frames holds every frame, reception and acknowledgment that motes count.
+    fn frames(&mut self, mesh: &Mesh, output: &NetOutput, what: &dyn Fn() -> String) {
+        let frames = output.frames.as_ref().expect("recorded");
+        let order: Vec<_> = frames.sent_ns.iter().zip(&frames.sender).collect();
+        assert!(order.is_sorted(), "{}", what());
+        assert!(frames.sent_ns.iter().all(|sent_ns| *sent_ns < output.time_ns), "{}", what());
+        let is_acked = |outcome: &&FrameOutcome| **outcome == FrameOutcome::Acknowledged;
+        self.n_recorded[0] += frames.len() as u64;
+        self.n_recorded[1] += frames.n_received.iter().copied().map(u64::from).sum::<u64>();
+        self.n_recorded[2] += frames.outcome.iter().filter(is_acked).count() as u64;
+        let motes = &mesh.state().motes;
+        let counted = [
+            motes.iter().map(|mote| mote.tally.n_tx).sum(),
+            motes.iter().map(|mote| mote.tally.n_rx).sum(),
+            motes.iter().map(|mote| mote.tally.n_tx_acked).sum(),
+        ];
+        assert_eq!(self.n_recorded, counted, "{}", what());
     }
 
     /// Nothing is received that was not sent.

@@ -10,6 +10,8 @@ export interface App {
   theme: Theme;
   /** Counts pictures whose pixels have changed. */
   framesDrawn: number;
+  /** What went wrong with the last order to the simulation; empty: nothing. */
+  problem: string;
   /** Shows a robot's details and, if it is drawn, puts it into the middle. */
   select(agent: number | null, centre?: boolean): void;
   /** Goes to a time (ns) and stops following the simulation. */

@@ -8,6 +8,8 @@ import type { Shape } from "./sketch.ts";
 import { CATEGORIES, OKABE_ITO } from "./swarm/colours.ts";
 
 const HEIGHT = 170;
+/** Points that a running simulation adds are drawn at most so often (ms). */
+const REFRESH_MS = 500;
 
 /** Curves over the time of the run, with the current time marked; a click goes to a time. */
 export class Chart {
@@ -16,7 +18,9 @@ export class Chart {
   private readonly box = element("div", { class: "chart-box" });
   private readonly heading = element("h3");
   private plot: uPlot | null = null;
-  private key = "";
+  private version = "";
+  private layout = "";
+  private drawnMs = Number.NEGATIVE_INFINITY;
   private curves: Curve[] = [];
 
   constructor(
@@ -32,13 +36,19 @@ export class Chart {
   show(version: string, content: () => { title: string; curves: Curve[] }): void {
     const width = this.root.clientWidth;
     if (width === 0) return;
-    const key = [version, width, this.app.theme.dark].join();
-    if (key !== this.key) {
-      this.key = key;
+    const layout = [width, this.app.theme.dark].join();
+    const now = performance.now();
+    const fresh = version !== this.version && now - this.drawnMs > REFRESH_MS;
+    if (fresh || layout !== this.layout) {
       const { title, curves } = content();
       this.curves = curves;
       this.heading.textContent = this.unit === "" ? title : `${title} (${this.unit})`;
-      this.draw(width);
+      const { timeS, values } = aligned(curves);
+      if (this.plot !== null && layout === this.layout) this.plot.setData([timeS, ...values]);
+      else this.draw(width, [timeS, ...values]);
+      this.version = version;
+      this.layout = layout;
+      this.drawnMs = now;
       this.app.framesDrawn++;
     }
     this.moveNow();
@@ -91,10 +101,9 @@ export class Chart {
     return this.app.theme.dark && colour === OKABE_ITO.blue ? OKABE_ITO.sky : colour;
   }
 
-  private draw(width: number): void {
+  private draw(width: number, data: uPlot.AlignedData): void {
     this.plot?.destroy();
     const { theme } = this.app;
-    const { timeS, values } = aligned(this.curves);
     const axis: uPlot.Axis = {
       stroke: theme.faintText, grid: { stroke: theme.dark ? "#ffffff18" : "#00000014", width: 1 }, ticks: { show: false }, font: "11px system-ui",
     };
@@ -117,7 +126,7 @@ export class Chart {
           })),
         ],
       },
-      [timeS, ...values],
+      data,
       this.box,
     );
     const { over } = this.plot;

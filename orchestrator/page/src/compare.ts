@@ -4,8 +4,28 @@ import { curve, difference } from "./curves.ts";
 import { element } from "./dom.ts";
 import { figure } from "./format.ts";
 import { exportedCharts } from "./series.ts";
+import { svgDocument } from "./sketch.ts";
 import { swarmToolbar } from "./swarm/pane.ts";
 import { SwarmView } from "./swarm/view.ts";
+
+/** Several drawings as one. */
+function composed(parts: { part: Exported; x: number; y: number }[], background: string): Exported {
+  const width = Math.max(...parts.map(({ part, x }) => x + part.width));
+  const height = Math.max(...parts.map(({ part, y }) => y + part.height));
+  return {
+    width,
+    height,
+    svg: () => svgDocument(width, height, background, parts.map(({ part, x, y }) => `<g transform="translate(${x} ${y})">${part.svg()}</g>`).join("\n")),
+    paint: (context, ratio) => {
+      for (const { part, x, y } of parts) {
+        const canvas = element("canvas", { width: Math.round(part.width * ratio), height: Math.round(part.height * ratio) });
+        part.paint(canvas.getContext("2d") as CanvasRenderingContext2D, ratio);
+        context.setTransform(1, 0, 0, 1, 0, 0);
+        context.drawImage(canvas, x * ratio, y * ratio);
+      }
+    },
+  };
+}
 
 /** Both runs side by side at the same time with the same camera; below, the series that both have and their differences. */
 export class CompareView implements ViewPanel {
@@ -54,6 +74,10 @@ export class CompareView implements ViewPanel {
   }
 
   exported(): Exported {
-    return exportedCharts(this.app, [...this.charts.values()].flatMap(({ both, difference: minus }) => [both, minus]));
+    const views = this.views.map((view) => view.exported());
+    const charts = exportedCharts(this.app, [...this.charts.values()].flatMap(({ both, difference: minus }) => [both, minus]));
+    const top = Math.max(...views.map((view) => view.height));
+    const parts = [...views.map((view, i) => ({ part: view, x: i * views[0].width, y: 0 })), { part: charts, x: 0, y: top }];
+    return composed(parts, this.app.theme.background);
   }
 }

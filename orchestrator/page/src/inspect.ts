@@ -25,6 +25,8 @@ export interface Drawn {
   ghosts: Ghost[];
   framesDrawn: number;
   framesLoaded: number;
+  /** Frames around the current time are still being loaded: links that were missed, ghosts and trails may be incomplete. */
+  loading: boolean;
   eventsShown: number;
   packetsShown: number;
   lag_s: number;
@@ -41,6 +43,9 @@ export function drawn(app: App, shell: Shell, swarm: SwarmView, packetsShown: nu
   const { state } = app.store;
   const { picture, frame } = swarm.scene;
   const data = currentRun(app);
+  const inSwarm = state.view === "swarm" || state.view === "compare";
+  const index = data.frames.indexAt(state.timeNs);
+  const shown = inSwarm || index < 0 ? frame : data.frames.frame(index);
   const positions: ([number, number] | null)[] = new Array(data.run.agentCount).fill(null);
   for (let i = 0; i < picture.robots.count; i++) {
     positions[picture.robots.agents[i]] = [picture.robots.data[i * ROBOT_STRIDE], picture.robots.data[i * ROBOT_STRIDE + 1]];
@@ -55,8 +60,8 @@ export function drawn(app: App, shell: Shell, swarm: SwarmView, packetsShown: nu
     source: app.source.kind,
     runs: app.source.runs.length,
     cursor_ns: state.timeNs,
-    time_ns: frame?.timeNs ?? -1,
-    step: frame?.step ?? -1,
+    time_ns: shown?.timeNs ?? -1,
+    step: shown?.step ?? -1,
     playing: state.playing,
     selected: state.selected,
     painter: swarm.painter?.name ?? "none",
@@ -68,6 +73,7 @@ export function drawn(app: App, shell: Shell, swarm: SwarmView, packetsShown: nu
     ghosts: picture.ghosts.map((ghost) => ({ ...ghost })),
     framesDrawn: app.framesDrawn,
     framesLoaded: data.frames.length,
+    loading: data.loading,
     eventsShown: shell.events.eventsShown,
     packetsShown,
     lag_s: app.source.live?.lagS ?? 0,

@@ -10,7 +10,7 @@ export interface PictureActions {
 }
 
 /** Listens to the keys that the dialog "Keys" lists. */
-export function bindKeys(app: App, shell: Shell, time: TimeActions, picture: PictureActions): void {
+export function bindKeys(app: App, shell: Shell, time: TimeActions, picture: PictureActions, ended: AbortSignal): void {
   const { store } = app;
   const slot = (direction: 1 | -1): void => {
     const slotNs = Number(currentRun(app).run.slotNs);
@@ -42,11 +42,12 @@ export function bindKeys(app: App, shell: Shell, time: TimeActions, picture: Pic
     const target = event.target as HTMLElement;
     const typing = target instanceof HTMLSelectElement || (target instanceof HTMLInputElement && target.type !== "checkbox" && target.type !== "range");
     if (typing || shell.help.open || event.ctrlKey || event.altKey || event.metaKey) return;
-    // The space bar presses a button that has the focus.
-    if (event.key === " " && (target instanceof HTMLButtonElement || target instanceof HTMLInputElement)) return;
+    // The space bar presses what the keyboard has reached; what was only clicked has the focus, too, but is not meant.
+    const pressable = target instanceof HTMLButtonElement || (target instanceof HTMLInputElement && target.type === "checkbox");
+    if (event.key === " " && pressable && target.matches(":focus-visible")) return;
     const action = keys[event.key];
     if (action === undefined) return;
     event.preventDefault();
     action(event);
-  });
+  }, { signal: ended });
 }

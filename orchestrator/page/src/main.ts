@@ -5,6 +5,7 @@ import { CompareView } from "./compare.ts";
 import { element } from "./dom.ts";
 import { goTo } from "./events.ts";
 import { type Drawn, drawn } from "./inspect.ts";
+import type { Run } from "./gen/murmuration/view/v1/view_pb.ts";
 import { bindKeys } from "./keys.ts";
 import { NetworkView } from "./network/pane.ts";
 import { SeriesView } from "./series.ts";
@@ -13,7 +14,7 @@ import { Api } from "./source/api.ts";
 import { openEmbedded } from "./source/embedded.ts";
 import { openLive } from "./source/live.ts";
 import { openServed } from "./source/served.ts";
-import type { Source, SourceListener } from "./source/source.ts";
+import type { LiveOrder, Source, SourceListener } from "./source/source.ts";
 import { Store, type View } from "./store.ts";
 import { theme } from "./swarm/colours.ts";
 import { SwarmPane } from "./swarm/pane.ts";
@@ -28,6 +29,9 @@ declare global {
   }
 }
 
+/** After a live run has ended, the program is asked again after this time whether it can be replayed (ms). */
+const REOPEN_MS = 300;
+
 const page = document.getElementById("page") as HTMLElement;
 const systemDark = window.matchMedia("(prefers-color-scheme: dark)");
 
@@ -35,14 +39,22 @@ function showFailure(error: Error): void {
   page.replaceChildren(element("div", { class: "failure", role: "alert" }, element("h1", {}, "Murmuration"), element("p", {}, error.message)));
 }
 
-async function openSource(listener: SourceListener): Promise<Source> {
+/** The runs that the program serves; after a live run, once it can be replayed. */
+async function servedRuns(api: Api, afterLive: boolean): Promise<Run[]> {
+  const runs = await api.runs();
+  if (!afterLive || !runs[0]?.live) return runs;
+  await new Promise((resolve) => setTimeout(resolve, REOPEN_MS));
+  return servedRuns(api, afterLive);
+}
+
+async function openSource(listener: SourceListener, afterLive: boolean): Promise<Source> {
   const script = document.getElementById("recording");
   if (script !== null) return openEmbedded(script);
   if (location.protocol === "file:") {
     throw new Error("This page holds no recording. Open the page that the program wrote, or the address that it printed.");
   }
   const api = new Api(new URLSearchParams(location.search).get("token") ?? "");
-  const runs = await api.runs();
+  const runs = await servedRuns(api, afterLive);
   if (runs.length === 0) throw new Error("The program serves no run: start it with a recording.");
   return runs[0].live ? openLive(runs[0], api, listener) : openServed(runs, api, listener);
 }
@@ -50,11 +62,17 @@ async function openSource(listener: SourceListener): Promise<Source> {
 function timeActions(app: App): TimeActions {
   const { store } = app;
   const controllable = (): boolean => app.source.live !== null && currentRun(app).run.controllable;
+  const order = (what: LiveOrder): void => {
+    app.problem = "";
+    app.source.control(what).catch((error: Error) => {
+      app.problem = `The simulation did not obey: ${error.message}`;
+    });
+  };
   return {
     togglePlay() {
       const { live } = app.source;
       if (live !== null && controllable()) {
-        void app.source.control(live.paused ? "resume" : "pause");
+        order(live.paused ? "resume" : "pause");
         if (live.paused) store.set({ atLive: true, playing: false });
       } else if (live !== null && store.state.atLive) store.set({ atLive: false, playing: false });
       else if (store.state.playing) store.set({ playing: false });
@@ -69,7 +87,7 @@ function timeActions(app: App): TimeActions {
       store.set({ playing: false });
       if (next >= 0 && next < frames.length) app.seek(frames.timeNs(next));
       else if (direction === 1 && controllable()) {
-        void app.source.control("step");
+        order("step");
         store.set({ atLive: true });
       } else if (app.source.kind === "served") {
         app.seek(Math.max(0, Math.min(endOfRuns(app), store.state.timeNs + direction * Number(currentRun(app).run.stepNs))));
@@ -87,14 +105,24 @@ function timeActions(app: App): TimeActions {
   };
 }
 
+/** A page that draws a source. */
+interface Started {
+  stop(): void;
+  drawn(): Drawn;
+  /** Resolves when the frame at the current time is drawn. */
+  settled(): Promise<void>;
+  seek(timeNs: number): Promise<void>;
+}
+
 /** Builds the page for a source, and draws it until another source takes its place. */
-function start(source: Source, store: Store): { stop(): void; drawn(): Drawn; seek(timeNs: number): Promise<void> } {
+function start(source: Source, store: Store): Started {
   let centreOn: number | null = null;
   const app: App = {
     store,
     source,
     theme: theme(systemDark.matches),
     framesDrawn: 0,
+    problem: "",
     select(agent, centre = false) {
       store.set({ selected: agent, peer: null, ...(agent === null ? { follow: false } : {}) });
       centreOn = centre ? agent : null;
@@ -113,7 +141,8 @@ function start(source: Source, store: Store): { stop(): void; drawn(): Drawn; se
   if (!views.has(store.state.view)) store.set({ view: "swarm" });
   const actions = timeActions(app);
   const shell = new Shell(app, views, actions);
-  bindKeys(app, shell, actions, { refit: () => shownSwarm().refit(), zoom: (factor) => shownSwarm().zoom(factor) });
+  const ended = new AbortController();
+  bindKeys(app, shell, actions, { refit: () => shownSwarm().refit(), zoom: (factor) => shownSwarm().zoom(factor) }, ended.signal);
   page.replaceChildren(shell.root);
   document.title = `${currentRun(app).run.name || "run"} – Murmuration`;
   const clock = new Clock(app);
@@ -130,9 +159,8 @@ function start(source: Source, store: Store): { stop(): void; drawn(): Drawn; se
     centreOn = null;
   };
 
-  let running = true;
   const draw = (nowMs: number): void => {
-    if (!running) return;
+    if (ended.signal.aborted) return;
     const dark = store.state.theme === "" ? systemDark.matches : store.state.theme === "dark";
     if (dark !== app.theme.dark) app.theme = theme(dark);
     document.documentElement.dataset.theme = dark ? "dark" : "light";
@@ -142,22 +170,25 @@ function start(source: Source, store: Store): { stop(): void; drawn(): Drawn; se
     requestAnimationFrame(draw);
   };
   requestAnimationFrame(draw);
-  const settled = (timeNs: number): boolean => {
+  const isDrawn = (): boolean => {
     const data = currentRun(app);
+    const { timeNs } = store.state;
     if (!data.ready(timeNs)) return false;
     if (store.state.view !== "swarm" && store.state.view !== "compare") return true;
     return shownSwarm().scene.frame?.step === data.frames.step(data.frames.indexAt(timeNs));
   };
+  const settled = async (): Promise<void> => {
+    do await new Promise(requestAnimationFrame);
+    while (!ended.signal.aborted && !isDrawn());
+  };
   return {
-    stop() {
-      running = false;
-    },
+    stop: () => ended.abort(),
     drawn: () => drawn(app, shell, shownSwarm(), network.packetsShown),
-    async seek(timeNs) {
+    settled,
+    seek(timeNs) {
       store.set({ playing: false });
       app.seek(timeNs);
-      do await new Promise(requestAnimationFrame);
-      while (running && !settled(store.state.timeNs));
+      return settled();
     },
   };
 }
@@ -165,7 +196,7 @@ function start(source: Source, store: Store): { stop(): void; drawn(): Drawn; se
 async function main(): Promise<void> {
   const store = new Store();
   store.set(parseFragment(location.hash));
-  let shown: ReturnType<typeof start> | null = null;
+  let shown: Started | null = null;
   const listener: SourceListener = {
     changed() {},
     failed(error) {
@@ -175,18 +206,18 @@ async function main(): Promise<void> {
     ended() {
       shown?.stop();
       store.set({ atLive: false, playing: false });
-      open().catch(listener.failed);
+      open(true).catch(listener.failed);
     },
   };
-  const open = async (): Promise<void> => {
-    const source = await openSource(listener);
+  const open = async (afterLive: boolean): Promise<void> => {
+    const source = await openSource(listener, afterLive);
     if (source.live !== null) store.set({ atLive: true });
     shown = start(source, store);
   };
   window.murmuration = {
-    ready: open().then(() => window.murmuration.seek(store.state.timeNs)),
-    state: () => (shown as ReturnType<typeof start>).drawn(),
-    seek: (timeNs) => (shown as ReturnType<typeof start>).seek(timeNs),
+    ready: open(false).then(() => shown?.settled()),
+    state: () => (shown as Started).drawn(),
+    seek: (timeNs) => (shown as Started).seek(timeNs),
   };
   bindFragment(store);
   try {

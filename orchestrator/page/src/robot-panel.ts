@@ -48,7 +48,8 @@ export class RobotPanel {
       ["Robots", String(run.agentCount)],
       ["Control period", `${figure(Number(run.stepNs) / 1e6)} ms`],
     ];
-    if (run.slotNs > 0n) rows.push(["TSCH slot", `${figure(Number(run.slotNs) / 1e6)} ms, ${run.channelCount} channels`]);
+    if (run.slotNs > 0n) rows.push(["TSCH slot", `${figure(Number(run.slotNs) / 1e6)} ms`]);
+    if (run.channelCount > 0) rows.push(["Channels", String(run.channelCount)]);
     if (run.outcome !== "") rows.push(["Outcome", run.outcome]);
     for (const { name, value } of frame?.figures ?? []) rows.push([name, figure(value)]);
     const state = frame === null ? "" : frame.held ? "Robots stand still while the network forms." : frame.taskComplete ? "The task is done." : "";

@@ -31,7 +31,7 @@ export class TimeBar {
   private readonly play: HTMLButtonElement;
   private readonly live: HTMLButtonElement;
   private readonly clock = element("output", { class: "clock", "aria-label": "Time" });
-  private readonly status = element("span", { class: "status" });
+  private readonly status = element("span", { class: "status", role: "status" });
   private readonly slider: HTMLInputElement;
   private readonly timeline = element("canvas", { class: "timeline" });
   private readonly tip = element("div", { class: "tip", hidden: true });
@@ -88,7 +88,7 @@ export class TimeBar {
     const digits = Number(currentRun(app).run.stepNs) < 1e7 ? 3 : 2;
     setText(this.clock, `${seconds(state.timeNs, digits)} of ${seconds(end, 1)}${this.stepText()}`);
     const speed = live === null ? "" : `${live.speed.toFixed(1)} simulated s/s, ${live.lagS.toFixed(2)} s behind${live.paused ? ", paused" : ""}`;
-    setText(this.status, [app.source.status, speed].filter((text) => text !== "").join(" · "));
+    setText(this.status, [app.source.status, speed, app.problem].filter((text) => text !== "").join(" · "));
     if (this.speed.value !== String(state.speed)) this.speed.value = String(state.speed);
     if (this.slider.max !== String(end)) this.slider.max = String(end);
     if (Number(this.slider.value) !== state.timeNs) this.slider.value = String(state.timeNs);

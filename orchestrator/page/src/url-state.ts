@@ -55,6 +55,8 @@ export function formatFragment(state: State): string {
 
 /** Keeps the address up to date with the state, and the state with an address that the user enters. */
 export function bindFragment(store: Store): void {
+  // A page within another one, as the player of a report, has no address of its own.
+  if (location.protocol === "about:") return;
   let timer: number | null = null;
   let written = location.hash;
   store.subscribe(() => {

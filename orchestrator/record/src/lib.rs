@@ -10,6 +10,7 @@
 
 pub mod bounded;
 pub mod checkpoint;
+mod descriptors;
 mod directory;
 mod error;
 mod hashed_file;
@@ -74,6 +75,8 @@ pub struct FinishedRun<'a> {
     pub measures: Option<&'a Measures>,
     /// Its `provenance.json`.
     pub provenance: &'a Value,
+    /// The folder of its files, which may still have its temporary name.
+    pub dir: &'a Path,
 }
 
 /// What is known of a run before it begins.
@@ -329,6 +332,7 @@ impl Recorder {
                 summary: &summary,
                 measures: written.measures.as_ref(),
                 provenance: &provenance,
+                dir: directory.path(),
             };
             add(REPORT_FILE, page(&contents).as_bytes())?;
         }

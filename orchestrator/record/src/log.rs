@@ -4,8 +4,9 @@
 //! fields are cleared before a message comes here.
 
 use super::RecordError;
+use super::descriptors::descriptors_of;
 use super::hashed_file::Fingerprint;
-use super::mcap_file::{McapFile, without_comments};
+use super::mcap_file::McapFile;
 use prost::Message;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -85,11 +86,12 @@ impl MessageLog {
         keeps_latest: bool,
     ) -> Result<Self, RecordError> {
         let mut file = McapFile::create(path, about)?;
-        let descriptors = without_comments(proto_messages::FILE_DESCRIPTOR_SET);
         let mut channels = BTreeMap::new();
         for topic in Topic::ALL {
             let (name, message) = topic.names();
-            let schema = (&*format!("cosim.v1.{message}"), "protobuf", &*descriptors);
+            let message = format!("cosim.v1.{message}");
+            let descriptors = descriptors_of(proto_messages::FILE_DESCRIPTOR_SET, &message);
+            let schema = (&*message, "protobuf", &*descriptors);
             channels.insert(topic, file.add_channel(name, "protobuf", schema)?);
         }
         let latest = keeps_latest.then(Vec::new);

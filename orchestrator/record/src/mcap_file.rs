@@ -5,7 +5,6 @@ use super::hashed_file::{Fingerprint, WholeFile};
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{Compression, WriteOptions, Writer};
-use prost::Message as _;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -123,14 +122,4 @@ fn failed(path: &Path, source: mcap::McapError) -> RecordError {
         mcap::McapError::Io(source) => RecordError::Write { path: path.to_owned(), source },
         source => RecordError::Log { path: path.to_owned(), source: Box::new(source) },
     }
-}
-
-/// Descriptors without comments, which readers of a file have no use for.
-pub(crate) fn without_comments(descriptors: &[u8]) -> Vec<u8> {
-    let mut set = prost_types::FileDescriptorSet::decode(descriptors)
-        .expect("the descriptors were compiled into the program");
-    for file in &mut set.file {
-        file.source_code_info = None;
-    }
-    set.encode_to_vec()
 }

@@ -2,8 +2,9 @@
 
 mod place;
 
+use super::descriptors::descriptors_of;
 use super::hashed_file::Fingerprint;
-use super::mcap_file::{McapFile, without_comments};
+use super::mcap_file::McapFile;
 use super::{RecordError, RunHeader};
 use foxglove::line_primitive::Type as LineType;
 use foxglove::log::Level;
@@ -23,6 +24,8 @@ pub(crate) mod foxglove {
     include!(concat!(env!("OUT_DIR"), "/foxglove.rs"));
 }
 
+/// Their descriptors.
+const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/foxglove.bin"));
 /// Its name.
 pub(crate) const FILE: &str = "scene.mcap";
 /// The frame of all positions: metres, x east, y north, z up.
@@ -86,8 +89,6 @@ impl SceneLog {
         about: BTreeMap<String, String>,
     ) -> Result<Self, RecordError> {
         let mut file = McapFile::create(path, about)?;
-        let descriptors =
-            without_comments(include_bytes!(concat!(env!("OUT_DIR"), "/foxglove.bin")));
         let number = json!({ "type": "number" });
         let names =
             ["time_s", "n_alive", "n_sent", "n_deliveries", "mean_neighbours", "n_isolated"];
@@ -101,6 +102,7 @@ impl SceneLog {
             let channel = if topic == Topic::Metrics {
                 file.add_channel(name, "json", (schema, "jsonschema", metrics.as_bytes()))?
             } else {
+                let descriptors = descriptors_of(DESCRIPTORS, schema);
                 file.add_channel(name, "protobuf", (schema, "protobuf", &descriptors))?
             };
             channels.insert(topic, channel);

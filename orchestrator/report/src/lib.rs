@@ -1,4 +1,4 @@
-//! `report.html`: a run in pictures and numbers, in one file that opens without a network and needs no script.
+//! `report.html`: a run in pictures and numbers, in one file that opens without a network. Only its player needs a script.
 //!
 //! The page is a list of sections. To add one, write a function like those of the list in a file of its own, and name it in
 //! `SECTIONS`.
@@ -10,6 +10,7 @@ pub mod layout;
 pub mod measured;
 mod motes;
 pub mod packets;
+mod player;
 pub mod svg;
 mod top;
 
@@ -23,6 +24,7 @@ type Section = fn(&FinishedRun<'_>) -> Option<Markup>;
 const SECTIONS: &[Section] = &[
     top::heading,
     top::notices,
+    player::section,
     top::tiles,
     figures::section,
     motes::section,

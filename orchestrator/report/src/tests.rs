@@ -59,7 +59,13 @@ fn summary(status: Status) -> RunSummary {
 
 fn page_of(summary: &RunSummary) -> String {
     let header = header("a<b");
-    page(&FinishedRun { header: &header, summary, measures: None, provenance: &Value::Null })
+    page(&FinishedRun {
+        header: &header,
+        summary,
+        measures: None,
+        provenance: &Value::Null,
+        dir: Path::new(""),
+    })
 }
 
 #[test]

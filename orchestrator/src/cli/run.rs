@@ -5,9 +5,7 @@ use super::{Failure, OverrideArgs, check_place, on_runtime, write_json};
 use crate::console::{Screen, say, warn};
 use crate::dry_run::DryRun;
 use crate::run::run_answer::RunAnswer;
-use crate::run::{
-    self, Audience as _, LiveView, ResumeOptions, RunOptions, RunReport, StartOptions,
-};
+use crate::run::{self, LiveView, ResumeOptions, RunOptions, RunReport, StartOptions};
 use clap::Args;
 use metrics::kpi::kpi_summary::KpiSummary;
 use proto::types::seconds;
@@ -72,18 +70,14 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     let replace =
         if args.replace { ReplacePolicy::AnyExperiment } else { ReplacePolicy::SameExperiment };
     let screen = &mut Screen::default();
-    let live = LiveView {
-        shown: Shown::new(Vec::new()),
+    let shown = Shown::new(Vec::new());
+    let serving = args.live.then(|| Serving::begin(args.port, &shown)).transpose()?;
+    let live = serving.as_ref().map(|serving| LiveView {
+        shown: shown.clone(),
+        url: serving.url().to_owned(),
         pace: Arc::new(Pace::new(args.live_speed)),
         controllable: args.live_control,
-    };
-    let serving = if args.live {
-        let serving = Serving::begin(args.port, &live.shown)?;
-        screen.note(&format!("watch the run at {}", serving.url()));
-        Some(serving)
-    } else {
-        None
-    };
+    });
     let report = match &args.resume {
         Some(dir) => {
             let options = ResumeOptions { dir: dir.clone(), overrides, replace, start };
@@ -91,7 +85,6 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
         }
         None => {
             let out = args.out.clone();
-            let live = args.live.then(|| live.clone());
             let options = RunOptions { config, overrides, out, replace, start, live };
             on_runtime(run::run(&options, screen))?
         }
@@ -103,7 +96,7 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     if let Some(serving) = serving
         && !report.interrupted
     {
-        serving.replay(&live.shown, &report.finished.dir)?;
+        serving.replay(&shown, &report.finished.dir)?;
     }
     if report.interrupted {
         return Err(Failure::work(format!(

@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 
 /// Positions are drawn to one in so many parts of a metre, and signal strengths to one in so many of a decibel: numbers with few digits
 /// compress well.
-const PARTS_PER_M: f64 = 1024.0;
-const PARTS_PER_DB: f32 = 16.0;
-const PARTS_PER_RAD: f64 = 256.0;
+const PARTS_PER_M: f64 = 512.0;
+const PARTS_PER_DB: f32 = 4.0;
+const PARTS_PER_RAD: f64 = 128.0;
 /// So many deliveries may wait to be counted by pair.
 const MOST_UNMERGED: usize = 200_000;
 /// A frame that covers many steps is given no further frames of the radio once it has so many.

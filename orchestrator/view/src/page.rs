@@ -56,6 +56,16 @@ pub fn standalone(runs: &[RecordedRun], most_bytes: usize) -> Result<StandaloneP
     Ok(StandalonePage { html, kept })
 }
 
+/// A page as [`standalone`] makes it, compressed by gzip and written in base64, for a page around it that opens it in a frame.
+///
+/// # Errors
+///
+/// As [`standalone`].
+pub fn embedded(run: RecordedRun, most_bytes: usize) -> Result<String, PageError> {
+    let page = standalone(&[run], most_bytes)?;
+    Ok(STANDARD.encode(compressed(page.html.as_bytes())))
+}
+
 /// Why a page cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum PageError {

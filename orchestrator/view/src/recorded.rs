@@ -77,6 +77,13 @@ impl RecordedRun {
         add_effects(place, effects, view::ObstacleKind::Estimated);
     }
 
+    /// With the name of the experiment in place of that of its folder.
+    #[must_use]
+    pub fn named(mut self, name: &str) -> Self {
+        name.clone_into(&mut self.run.name);
+        self
+    }
+
     /// What it is.
     #[must_use]
     pub fn run(&self) -> &view::Run {

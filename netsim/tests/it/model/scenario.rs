@@ -135,6 +135,7 @@ impl Scenario {
         ];
         setup.records = vec![
             NetRecord::Packets,
+            NetRecord::Frames,
             NetRecord::Capture,
             NetRecord::Statistics,
             NetRecord::Schedule,

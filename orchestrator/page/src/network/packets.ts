@@ -108,6 +108,8 @@ export class PacketsPanel implements NetworkPanel {
       if (found.length >= MOST_ROWS) break;
     }
     this.list.show(found);
+    const next = found.findIndex((i) => Number(packets.endedNs[i]) > this.app.store.state.timeNs);
+    if (next > 0) this.list.reveal(next);
     const limited = found.length >= MOST_ROWS ? ", the first of more: narrow the filter" : "";
     const missing = leftOut > 0 ? `; ${leftOut} more ended and are not listed` : "";
     setText(this.count, `${found.length} of ${packets.id.length} packets${limited}${missing}`);
@@ -155,13 +157,15 @@ export class PacketsPanel implements NetworkPanel {
     const shapes: Shape[] = [];
     const title = `dropped until now, by reason (${delivered} delivered)`;
     shapes.push({ kind: "text", x: 10, y: 12, text: title, fill: theme.faintText });
-    counts.forEach((count, i) => {
+    const some = counts.map((count, i) => ({ count, reason: packets.reasons[i] })).filter(({ count }) => count > 0);
+    some.forEach(({ count, reason }, i) => {
       const y = 24 + i * 18;
-      shapes.push({ kind: "text", x: 130, y: y + 7, text: packets.reasons[i], fill: theme.text, anchor: "end" });
+      shapes.push({ kind: "text", x: 130, y: y + 7, text: reason, fill: theme.text, anchor: "end" });
       shapes.push({ kind: "rect", x: 138, y, w: Math.max(1, ((width - 220) * count) / total), h: 13, fill: OKABE_ITO.vermilion });
       shapes.push({ kind: "text", x: 144 + ((width - 220) * count) / total, y: y + 7, text: String(count), fill: theme.text });
     });
-    this.drops.show(shapes, width, 30 + counts.length * 18, []);
+    if (some.length === 0) shapes.push({ kind: "text", x: 10, y: 31, text: "none", fill: theme.text });
+    this.drops.show(shapes, width, 28 + Math.max(1, some.length) * 18, []);
   }
 }
 

@@ -1,5 +1,5 @@
 import { type App, currentRun, type Exported } from "../app.ts";
-import { element, selection } from "../dom.ts";
+import { checkbox, element, selection } from "../dom.ts";
 import { seconds } from "../format.ts";
 import type { Schedule } from "../gen/cosim/v1/netsim_pb.ts";
 import type { Shape } from "../sketch.ts";
@@ -11,6 +11,8 @@ import { latestAt, type NetworkPanel, Redraw } from "./panel.ts";
 
 const LEFT = 44;
 const TOP = 46;
+/** Slotframes of more slots than this are wider than the screen. */
+const LONG_SLOTFRAME = 70;
 
 /** The schedule matrix: who transmits and who listens in each slot and channel offset. */
 export class SchedulePanel implements NetworkPanel {
@@ -20,6 +22,9 @@ export class SchedulePanel implements NetworkPanel {
   private readonly info = element("span", { class: "status" });
   private readonly choice: HTMLSelectElement;
   private readonly bar: HTMLElement;
+  private readonly onlyUsed: { root: HTMLElement; input: HTMLInputElement };
+  /** null: not chosen; then long slotframes are shown without their empty slots. */
+  private usedOnly: boolean | null = null;
   private readonly redraw: Redraw;
   private schedule: Schedule | null = null;
   private handle = -1;
@@ -33,7 +38,10 @@ export class SchedulePanel implements NetworkPanel {
       this.schedule = null;
     });
     this.choice = choice.select;
-    this.bar = element("div", { class: "toolbar" }, choice.root, this.info);
+    this.onlyUsed = checkbox("used slots only", "Leave out slots in which no mote transmits or listens", (on) => {
+      this.usedOnly = on;
+    });
+    this.bar = element("div", { class: "toolbar" }, choice.root, this.onlyUsed.root, this.info);
     this.root = element("div", { class: "panel" }, this.bar, this.sketch.root, this.note);
   }
 
@@ -57,12 +65,15 @@ export class SchedulePanel implements NetworkPanel {
     const slotNs = Number(run.slotNs);
     const slot = slotNs > 0 ? slotAt(timeNs, slotNs, length) : -1;
     const { width, height } = this.sketch.room;
-    if (width === 0 || !this.redraw.due(entry?.timeNs, this.handle, slot, width, height, overviewVersion)) return;
+    if (width === 0 || !this.redraw.due(entry?.timeNs, this.handle, this.usedOnly, slot, width, height, overviewVersion)) return;
     const collisions = this.cells.filter(mayCollide).length;
     const asn = slotNs > 0 ? ` · ASN ${Math.floor(timeNs / slotNs)}, slot ${slot} of ${length}` : "";
     this.info.textContent =
       `${this.cells.length} cells, ${collisions} with possible collisions · recorded at ${seconds(Number(entry?.timeNs ?? 0))}${asn}`;
-    this.draw(length, slot, width, height);
+    const usedOnly = this.usedOnly ?? length > LONG_SLOTFRAME;
+    this.onlyUsed.input.checked = usedOnly;
+    const used = [...new Set(this.cells.map((cell) => cell.slot))].sort((a, b) => a - b);
+    this.draw(usedOnly ? used : Array.from({ length }, (_, i) => i), slot, width, height);
   }
 
   exported(): Exported {
@@ -79,8 +90,10 @@ export class SchedulePanel implements NetworkPanel {
     this.cells = cells(schedule, this.handle);
   }
 
-  private draw(length: number, slot: number, roomWidth: number, roomHeight: number): void {
+  private draw(slots: number[], slot: number, roomWidth: number, roomHeight: number): void {
     const { theme } = this.app;
+    const length = slots.length;
+    const columns = new Map(slots.map((s, column) => [s, column]));
     const channels = Math.max(1, ...this.cells.map((cell) => cell.channel + 1));
     const cellWidth = Math.max(13, Math.min(64, Math.floor((roomWidth - LEFT - 12) / length)));
     const cellHeight = Math.max(18, Math.min(40, Math.floor((roomHeight - TOP - 16) / channels)));
@@ -91,27 +104,32 @@ export class SchedulePanel implements NetworkPanel {
     const label = { kind: "text", fill: theme.faintText, size: 11 } as const;
     shapes.push({ ...label, x: LEFT, y: 12, text: "slot offset" });
     shapes.push({ ...label, x: 10, y: TOP + (bottom - TOP) / 2, text: "channel offset", anchor: "middle", turned: true });
-    if (slot >= 0) {
+    const current = columns.get(slot);
+    if (current !== undefined) {
       const fill = theme.dark ? "#ffffff26" : "#00000016";
-      shapes.push({ kind: "rect", x: LEFT + slot * cellWidth, y: TOP - 6, w: cellWidth, h: bottom - TOP + 12, fill });
+      shapes.push({ kind: "rect", x: LEFT + current * cellWidth, y: TOP - 6, w: cellWidth, h: bottom - TOP + 12, fill });
+    } else if (slot >= 0) {
+      // The current slot is left out: a line between its neighbours shows where it would be.
+      const x = LEFT + slots.filter((s) => s < slot).length * cellWidth;
+      shapes.push({ kind: "line", x1: x, y1: TOP - 6, x2: x, y2: bottom + 6, stroke: theme.faintText, width: 2 });
     }
-    const every = cellWidth >= 22 ? 1 : cellWidth >= 16 ? 2 : 5;
+    const every = cellWidth >= 26 ? 1 : cellWidth >= 16 ? 2 : 5;
     for (let s = 0; s < length; s += every) {
-      shapes.push({ ...label, x: LEFT + (s + 0.5) * cellWidth, y: TOP - 14, text: String(s), anchor: "middle", size: 10 });
+      shapes.push({ ...label, x: LEFT + (s + 0.5) * cellWidth, y: TOP - 14, text: String(slots[s]), anchor: "middle", size: 10 });
     }
     for (let c = 0; c < channels; c++) shapes.push({ ...label, x: LEFT - 8, y: TOP + (c + 0.5) * cellHeight, text: String(c), anchor: "end" });
     const grid = theme.dark ? "#ffffff1c" : "#0000001c";
     for (let s = 0; s <= length; s++) shapes.push({ kind: "line", x1: LEFT + s * cellWidth, y1: TOP, x2: LEFT + s * cellWidth, y2: bottom, stroke: grid });
     for (let c = 0; c <= channels; c++) shapes.push({ kind: "line", x1: LEFT, y1: TOP + c * cellHeight, x2: right, y2: TOP + c * cellHeight, stroke: grid });
-    for (const cell of this.cells) this.drawCell(shapes, targets, cell, cellWidth, cellHeight);
+    for (const cell of this.cells) this.drawCell(shapes, targets, cell, columns.get(cell.slot) ?? 0, cellWidth, cellHeight);
     this.legend(shapes, bottom + 18);
     this.sketch.show(shapes, Math.max(roomWidth, right + 12), Math.max(roomHeight - 4, bottom + 34), targets);
   }
 
-  private drawCell(shapes: Shape[], targets: Target[], cell: Cell, width: number, height: number): void {
+  private drawCell(shapes: Shape[], targets: Target[], cell: Cell, column: number, width: number, height: number): void {
     const { theme } = this.app;
     const { selected } = this.app.store.state;
-    const x = LEFT + cell.slot * width + 1;
+    const x = LEFT + column * width + 1;
     const y = TOP + cell.channel * height + 1;
     const [w, h] = [width - 2, height - 2];
     const collides = mayCollide(cell);

@@ -84,7 +84,7 @@ export class TreePanel implements NetworkPanel {
       placed.push(at);
       if (node.depth > 1 && node.parent !== null) {
         const fresh = changed.has(at.mote);
-        const stroke = fresh ? css(theme.missed) : css(theme.dead);
+        const stroke = fresh ? OKABE_ITO.vermilion : css(theme.dead);
         const [px, py] = [MARGIN + (node.parent.x ?? 0), y(node.parent.y)];
         shapes.push({ kind: "line", x1: px, y1: py, x2: at.x, y2: at.y, stroke, width: fresh ? 2.5 : 1 });
       }
@@ -147,7 +147,7 @@ export class TreePanel implements NetworkPanel {
     text("neither");
     shapes.push({ kind: "rect", x: x - 2, y: 8, w: 4, h: 12, fill: OKABE_ITO.orange });
     text("packets in queue");
-    shapes.push({ kind: "line", x1: x - 6, y1: 14, x2: x + 6, y2: 14, stroke: css(theme.missed), width: 2.5 });
+    shapes.push({ kind: "line", x1: x - 6, y1: 14, x2: x + 6, y2: 14, stroke: OKABE_ITO.vermilion, width: 2.5 });
     text("parent changed within 5 s; number below a mote: rank");
   }
 }

@@ -9,6 +9,7 @@ class EmbeddedRun implements RunData {
   readonly overview: Overview;
   readonly overviewVersion = 1;
   readonly frames = new FrameList();
+  readonly loading = false;
 
   constructor(bytes: Uint8Array) {
     const { entries, rest } = splitRepeated(bytes, RecordingSchema.field.frames.number);

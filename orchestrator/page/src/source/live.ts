@@ -16,6 +16,7 @@ class LiveRun implements RunData {
   readonly overview: Overview = create(OverviewSchema);
   overviewVersion = 0;
   readonly frames = new FrameList();
+  readonly loading = false;
   reachedNs = 0;
 
   constructor(readonly run: Run) {}
@@ -40,6 +41,9 @@ class LiveRun implements RunData {
 
   addOverview(added: Overview): void {
     const whole = this.overview;
+    // Messages that add nothing must not make the views draw again.
+    const some = added.events.length + added.schedules.length + added.statistics.length + added.series.length > 0 || added.packets !== undefined;
+    if (some) this.overviewVersion++;
     whole.events.push(...added.events);
     whole.schedules.push(...added.schedules);
     whole.statistics.push(...added.statistics);
@@ -55,7 +59,6 @@ class LiveRun implements RunData {
       if (added.packets.kinds.length > 0) packets.kinds = added.packets.kinds;
       if (added.packets.reasons.length > 0) packets.reasons = added.packets.reasons;
     }
-    this.overviewVersion++;
   }
 }
 

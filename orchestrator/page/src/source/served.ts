@@ -30,6 +30,10 @@ class ServedRun implements RunData {
     void this.pollOverview();
   }
 
+  get loading(): boolean {
+    return this.request !== null;
+  }
+
   get endNs(): number {
     return Number(this.run.endNs);
   }

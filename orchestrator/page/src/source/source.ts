@@ -11,6 +11,8 @@ export interface RunData {
   readonly frames: FrameList;
   /** The latest time that can be shown (ns). */
   readonly endNs: number;
+  /** Frames have been asked for and have not arrived yet. */
+  readonly loading: boolean;
   /** Whether the frame for a time is among those loaded. */
   ready(timeNs: number): boolean;
   /** Loads frames around a time, if they are not loaded. `stepsPerFrame` is how many steps playing advances with each frame drawn. */

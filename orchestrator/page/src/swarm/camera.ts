@@ -37,3 +37,17 @@ export function zoomed(camera: Camera, factor: number, px: number, py: number): 
   const scale = Math.min(1e4, Math.max(1e-3, camera.scale * factor));
   return { x: camera.x + px / camera.scale - px / scale, y: camera.y + py / camera.scale - py / scale, scale };
 }
+
+/** Whether almost all robots of a frame are within the picture. */
+export function mostlyVisible(frame: FrameData, camera: Camera, width: number, height: number): boolean {
+  let alive = 0;
+  let visible = 0;
+  for (let agent = 0; agent < frame.x.length; agent++) {
+    if (!exists(frame, agent)) continue;
+    alive++;
+    const dx = Math.abs(frame.x[agent] - camera.x) * camera.scale;
+    const dy = Math.abs(frame.y[agent] - camera.y) * camera.scale;
+    if (2 * dx <= width && 2 * dy <= height) visible++;
+  }
+  return visible >= 0.85 * alive;
+}

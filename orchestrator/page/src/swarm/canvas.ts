@@ -1,6 +1,6 @@
 import type { Camera } from "../store.ts";
 import { css } from "./colours.ts";
-import { DART, type FillLayer, FILL_STRIDE, type LineLayer, LINE_STRIDE, type Picture, type RobotLayer, ROBOT_STRIDE } from "./picture.ts";
+import { DART, eachStroke, type FillLayer, FILL_STRIDE, type LineLayer, LINE_STRIDE, type Picture, type RobotLayer, ROBOT_STRIDE } from "./picture.ts";
 import type { Painter } from "./webgl.ts";
 
 /** Draws pictures by Canvas 2D: for browsers without WebGL2, and for PNG files. */
@@ -39,20 +39,22 @@ export class CanvasPainter implements Painter {
     let colour = -1;
     let dashed = false;
     context.beginPath();
-    for (let i = 0; i + 1 < layer.count; i += 2) {
-      const a = i * LINE_STRIDE;
+    eachStroke(layer, (vertex, from, to, next) => {
+      const a = vertex * LINE_STRIDE;
       const b = a + LINE_STRIDE;
-      if (layer.colour(i) !== colour || data[a + 4] >= 0 !== dashed) {
+      if (next !== colour || data[a + 4] >= 0 !== dashed) {
         context.stroke();
         context.beginPath();
-        colour = layer.colour(i);
+        colour = next;
         dashed = data[a + 4] >= 0;
         context.strokeStyle = css(colour);
         context.setLineDash(dashed ? [5, 4] : []);
       }
-      context.moveTo(px(data[a]) + data[a + 2], py(data[a + 1]) - data[a + 3]);
-      context.lineTo(px(data[b]) + data[b + 2], py(data[b + 1]) - data[b + 3]);
-    }
+      const [x0, y0] = [px(data[a]) + data[a + 2], py(data[a + 1]) - data[a + 3]];
+      const [dx, dy] = [px(data[b]) + data[b + 2] - x0, py(data[b + 1]) - data[b + 3] - y0];
+      context.moveTo(x0 + from * dx, y0 + from * dy);
+      context.lineTo(x0 + to * dx, y0 + to * dy);
+    });
     context.stroke();
     context.setLineDash([]);
   }

@@ -36,7 +36,6 @@ export class LineCorners extends Corners {
       const half = (0.5 * LINE_PX) / (Math.sqrt(dx * dx + dy * dy) || 1);
       const nx = -dy * half;
       const ny = dx * half;
-      const colour = layer.colour(i);
       for (let k = 0; k < 4; k++) {
         const from = k < 2 ? a : b;
         const side = k === 0 || k === 3 ? 1 : -1;
@@ -45,7 +44,7 @@ export class LineCorners extends Corners {
         corners[at + 2] = data[from + 2] + side * nx;
         corners[at + 3] = data[from + 3] + side * ny;
         corners[at + 4] = data[from + 4];
-        colours[at + 5] = colour;
+        colours[at + 5] = layer.colour(k < 2 ? i : i + 1);
         at += LINE_STRIDE;
       }
     }

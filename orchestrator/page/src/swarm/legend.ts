@@ -7,7 +7,7 @@ import { groundRange } from "./site.ts";
 
 /** What the colours of a swarm view mean. */
 export class Legend {
-  readonly root = element("details", { class: "legend", open: true });
+  readonly root = element("details", { class: "legend", open: true, hidden: true });
   private key = "";
   private placed = false;
 
@@ -20,7 +20,7 @@ export class Legend {
     const ghost = ghosts && selected !== null && picture.ghosts.length > 0;
     const dead = picture.dead.length > 0;
     const { theme } = this.app;
-    const key = [robotColour, linkColour, missed, ghost, dead, robotRange.most, linkRange.least, linkRange.most, theme.dark].join();
+    const key = [robotColour, linkColour, missed, ghost, dead, robotRange.most, linkRange.least, linkRange.most, theme.dark, scene.frame?.motes === null, scene.frame?.links.rssiDbm.length === 0].join();
     if (key === this.key) return;
     this.key = key;
     const rows: HTMLElement[] = [];
@@ -32,12 +32,19 @@ export class Legend {
       const labels = { heard: "neighbours heard in the period", queue: "packets in queue", rank: "RPL rank" };
       rows.push(gradient(labels[robotColour], theme.scale, "0", figure(robotRange.most)));
     }
+    const { motes = null, links } = scene.frame ?? {};
+    const missing = robotColour === "queue" ? !motes?.queueLength.length : robotColour === "rank" && !motes?.rank.length;
+    if (missing) rows.push(element("div", { class: "note" }, "This network does not report it: robots are grey."));
     if (linkColour === "delivery") rows.push(gradient("link: received of sent", theme.linkScale, "0 %", "100 %"));
     if (linkColour === "rssi") rows.push(gradient("link: RSSI", theme.linkScale, `${linkRange.least}`, `${linkRange.most} dBm`));
+    if (linkColour === "rssi" && links?.rssiDbm.length === 0 && links.sender.length > 0) {
+      rows.push(element("div", { class: "note" }, "This recording has no RSSI: links are grey."));
+    }
     if (linkColour === "age") {
       const age = (linkRange.most * Number(stepNs)) / 1e9;
       rows.push(gradient("link: age of the position", theme.linkScale, "0", `${figure(age)} s`));
     }
+    if (linkColour !== "none") rows.push(element("div", { class: "note" }, "An end shows what the robot there sent."));
     if (missed) rows.push(row("dashed", css(theme.missed), "missed: heard within 5 s, not now"));
     if (ghost) rows.push(row("ring", css(theme.ghost), "where the selected robot last heard it"));
     if (dead) rows.push(row("ring", css(theme.dead), "lost, at its last position"));
@@ -53,7 +60,7 @@ export class Legend {
     const room = this.root.parentElement?.clientWidth ?? 0;
     if (this.placed || room === 0) return;
     this.placed = true;
-    this.root.open = room > 560;
+    this.root.open = room > 720;
   }
 }
 

@@ -115,6 +115,25 @@ export class PairLayer extends LineLayer {
     this.segment(x[sender], y[sender], x[receiver], y[receiver], colour, dashed);
     this.pairs.push(sender, receiver);
   }
+
+  /** Both directions between two robots as one line, which at each end has the colour of what the robot there sent. */
+  linkBoth(a: number, b: number, x: Float32Array, y: Float32Array, colourA: Packed, colourB: Packed): void {
+    this.segment(x[a], y[a], x[b], y[b], colourA);
+    this.colours[this.count * LINE_STRIDE - 1] = colourB;
+    this.pairs.push(a, b, b, a);
+  }
+}
+
+/** Calls `draw` with the ends of every line (indices of its vertices and the share of the way at which to begin and end) and its colour. */
+export function eachStroke(layer: LineLayer, draw: (vertex: number, from: number, to: number, colour: Packed) => void): void {
+  for (let i = 0; i + 1 < layer.count; i += 2) {
+    const [first, second] = [layer.colour(i), layer.colour(i + 1)];
+    if (first === second) draw(i, 0, 1, first);
+    else {
+      draw(i, 0, 0.5, first);
+      draw(i, 0.5, 1, second);
+    }
+  }
 }
 
 /** Robots that exist. */

@@ -30,6 +30,7 @@ export class Scene {
   frame: FrameData | null = null;
   private readonly missed = new MissedLinks();
   private heard = new Uint32Array(0);
+  private linkColours = new Uint32Array(0);
   private group = new Uint8Array(0);
   private bornNs = new Float64Array(0);
   private bornVersion = -1;
@@ -116,7 +117,7 @@ export class Scene {
   private updateLinks(frame: FrameData, state: State, theme: Theme): void {
     const layer = this.picture.links;
     layer.clear();
-    const { sender, receiver, received, rssiDbm, stepsAgo } = frame.links;
+    const { sender, received, rssiDbm, stepsAgo } = frame.links;
     const mode = state.linkColour;
     if (mode === "none") return;
     this.linkRange = { least: 0, most: 1 };
@@ -127,6 +128,7 @@ export class Scene {
       this.linkRange.most = most;
     }
     const { least, most } = this.linkRange;
+    if (this.linkColours.length < sender.length) this.linkColours = new Uint32Array(2 * sender.length);
     for (let k = 0; k < sender.length; k++) {
       let value = 0;
       if (mode === "delivery") {
@@ -137,9 +139,30 @@ export class Scene {
       } else {
         value = stepsAgo.length > 0 ? stepsAgo[k] : 0;
       }
-      const colour = Number.isNaN(value) ? theme.dead : theme.linkScale[shade(value, least, most)];
-      layer.link(sender[k], receiver[k], frame.x, frame.y, colour, false);
+      this.linkColours[k] = Number.isNaN(value) ? theme.dead : theme.linkScale[shade(value, least, most)];
     }
+    this.drawLinks(frame);
+  }
+
+  /** One line for each pair of robots, whether one direction delivered or both. */
+  private drawLinks({ x, y, links: { sender, receiver } }: FrameData): void {
+    const layer = this.picture.links;
+    const upward = new Map<number, number>();
+    for (let k = 0; k < sender.length; k++) {
+      if (sender[k] < receiver[k]) upward.set(sender[k] * 0x4000000 + receiver[k], k);
+    }
+    for (let k = 0; k < sender.length; k++) {
+      if (sender[k] < receiver[k]) continue;
+      const pair = receiver[k] * 0x4000000 + sender[k];
+      const other = upward.get(pair);
+      if (other === undefined) {
+        layer.link(sender[k], receiver[k], x, y, this.linkColours[k], false);
+      } else {
+        layer.linkBoth(sender[k], receiver[k], x, y, this.linkColours[k], this.linkColours[other]);
+        upward.delete(pair);
+      }
+    }
+    for (const k of upward.values()) layer.link(sender[k], receiver[k], x, y, this.linkColours[k], false);
   }
 
   private updateRobots(frame: FrameData, state: State, theme: Theme): void {

@@ -1,6 +1,6 @@
 import type { Camera } from "../store.ts";
 import { css } from "./colours.ts";
-import { DART, FILL_STRIDE, type LineLayer, LINE_STRIDE, type Picture, ROBOT_STRIDE } from "./picture.ts";
+import { DART, eachStroke, FILL_STRIDE, type LineLayer, LINE_STRIDE, type Picture, ROBOT_STRIDE } from "./picture.ts";
 
 const round = (value: number): string => String(Math.round(value * 10) / 10);
 
@@ -40,14 +40,15 @@ function lines(parts: string[], layer: LineLayer, px: (x: number) => number, py:
     if (path !== "") parts.push(`<path d="${path}" fill="none" ${style}/>`);
     path = "";
   };
-  for (let i = 0; i + 1 < layer.count; i += 2) {
-    const a = i * LINE_STRIDE;
+  eachStroke(layer, (vertex, from, to, colour) => {
+    const a = vertex * LINE_STRIDE;
     const b = a + LINE_STRIDE;
-    const next = `stroke="${css(layer.colour(i))}"${data[a + 4] >= 0 ? ' stroke-dasharray="5 4"' : ""}`;
+    const next = `stroke="${css(colour)}"${data[a + 4] >= 0 ? ' stroke-dasharray="5 4"' : ""}`;
     if (next !== style) flush();
     style = next;
-    path += `M${round(px(data[a]) + data[a + 2])} ${round(py(data[a + 1]) - data[a + 3])}`;
-    path += `L${round(px(data[b]) + data[b + 2])} ${round(py(data[b + 1]) - data[b + 3])}`;
-  }
+    const [x0, y0] = [px(data[a]) + data[a + 2], py(data[a + 1]) - data[a + 3]];
+    const [dx, dy] = [px(data[b]) + data[b + 2] - x0, py(data[b + 1]) - data[b + 3] - y0];
+    path += `M${round(x0 + from * dx)} ${round(y0 + from * dy)}L${round(x0 + to * dx)} ${round(y0 + to * dy)}`;
+  });
   flush();
 }

@@ -4,7 +4,7 @@ import { paintShapes, shapesToSvg, sizedContext, svgDocument } from "../sketch.t
 import type { RunData } from "../source/source.ts";
 import type { Camera } from "../store.ts";
 import { annotations, drawGrid } from "./axes.ts";
-import { fit, zoomed } from "./camera.ts";
+import { fit, mostlyVisible, zoomed } from "./camera.ts";
 import { CanvasPainter } from "./canvas.ts";
 import { Legend } from "./legend.ts";
 import { ROBOT_STRIDE } from "./picture.ts";
@@ -14,6 +14,8 @@ import { type Painter, webGlPainter } from "./webgl.ts";
 
 /** A robot is picked within this distance of the pointer (px). */
 const PICK_PX = 14;
+/** A swarm travels far if all of its way is this many times as large as the swarm. */
+const FAR = 3;
 
 /** One run's robots from above. */
 export class SwarmView {
@@ -40,7 +42,7 @@ export class SwarmView {
     title: string,
   ) {
     this.scene = new Scene(data);
-    this.canvas = element("canvas", { class: "layer" });
+    this.canvas = element("canvas", { class: "layer", hidden: true });
     this.overlay = element("canvas", { class: "layer overlay", tabindex: 0, role: "img", "aria-label": `Robots of ${title} seen from above` });
     this.tip = element("div", { class: "tip", hidden: true });
     this.empty = element("div", { class: "empty" }, "Loading frames …");
@@ -72,6 +74,7 @@ export class SwarmView {
       const spacing = scale * Math.sqrt(this.area() / Math.max(1, this.scene.picture.robots.count));
       this.scene.picture.robotRadiusPx = Math.max(3, Math.min(8, 0.35 * spacing));
     }
+    this.canvas.hidden = this.legend.root.hidden = false;
     this.painter?.paint(this.scene.picture, this.camera, this.width, this.height, this.ratio);
     this.app.framesDrawn++;
     this.drawOverlay(cameraKey);
@@ -152,15 +155,27 @@ export class SwarmView {
     return camera;
   }
 
-  /** Fits the robots of some frames spread over what is loaded, so that the camera need not move while they do. */
+  /**
+   * Fits the robots of some frames spread over what is loaded, so that the camera need not move while they do. A swarm that travels far
+   * would be tiny then: it is fitted where it is, and again when some of it has left the picture.
+   */
   private fit(): Camera {
     const key = `${this.width} ${this.height}`;
-    if (this.fitted?.key === key) return this.fitted.camera;
+    const shown = this.app.source.runs.flatMap(({ frames }) => {
+      const index = frames.indexAt(this.app.store.state.timeNs);
+      return index < 0 ? [] : [frames.frame(index)];
+    });
+    if (this.fitted?.key === key && shown.every((frame) => mostlyVisible(frame, (this.fitted as { camera: Camera }).camera, this.width, this.height))) {
+      return this.fitted.camera;
+    }
     const frames = this.app.source.runs.flatMap((run) => {
       const count = Math.min(12, run.frames.length);
       return Array.from({ length: count }, (_, i) => run.frames.frame(Math.floor((i * (run.frames.length - 1)) / Math.max(1, count - 1))));
     });
-    const camera = fit(frames, this.app.source.runs.map((run) => run.run.place), this.width, this.height);
+    const places = this.app.source.runs.map((run) => run.run.place);
+    const everything = fit(frames, places, this.width, this.height);
+    const now = fit(shown, places, this.width, this.height);
+    const camera = everything.scale * FAR < now.scale ? { ...now, scale: now.scale * 0.7 } : everything;
     this.fitted = { camera, key };
     return camera;
   }

@@ -46,8 +46,7 @@ in highp float metres;
 uniform highp float dashesPerMetre;
 out vec4 colour;
 void main() {
-  if (metres >= 0.0 && fract(metres * dashesPerMetre) > 0.55) discard;
-  colour = shade;
+  colour = vec4(shade.rgb, fract(metres * dashesPerMetre) > 0.55 ? 0.0 : shade.a);
 }`;
 /** Length of a dash and the gap after it (CSS px). */
 const DASH_PX = 9;

@@ -57,6 +57,24 @@ fn links() -> HeardLinks {
     }
 }
 
+fn on_air() -> Frames {
+    Frames {
+        sent_ns: vec![10, 10, 30],
+        sender: vec![0, 8, 0],
+        destination: vec![u32::MAX, 0, 8],
+        channel: vec![11, 26, 15],
+        channel_offset: vec![0, 3, u32::MAX],
+        kind: vec![0, 1, 1],
+        length_bytes: vec![60, 127, 90],
+        packet: vec![0, 4, 4],
+        attempt: vec![1, 2, 1],
+        n_received: vec![5, 1, 0],
+        n_missed: vec![1, 0, 1],
+        outcome: vec![FrameOutcome::Broadcast, FrameOutcome::Acknowledged, FrameOutcome::Lost],
+        kinds: vec!["beacon".to_owned(), "data".to_owned()],
+    }
+}
+
 fn missing() -> Formation {
     let reasons = vec!["hears no beacon".to_owned(), "has not joined".to_owned()];
     Formation { formed_ns: None, missing: vec![1, 8], reason: vec![1, 0], reasons }
@@ -68,6 +86,7 @@ fn every_record_crosses_the_contract_unchanged() {
     assert_eq!(statistics(Some(counted().into()), N), Ok(Some(counted())));
     assert_eq!(schedule(Some(cells().into()), N), Ok(Some(cells())));
     assert_eq!(heard_links(Some(links().into()), N), Ok(Some(links())));
+    assert_eq!(frames(Some(on_air().into()), N), Ok(Some(on_air())));
     assert_eq!(formation(Some(missing().into()), N), Ok(Some(missing())));
     let formed = Formation { formed_ns: Some(5), ..Formation::default() };
     assert_eq!(formation(Some(formed.clone().into()), N), Ok(Some(formed)));
@@ -75,8 +94,8 @@ fn every_record_crosses_the_contract_unchanged() {
 
 #[test]
 fn every_kind_of_record_has_a_number_and_others_have_none() {
-    use NetRecord::{Capture, HeardLinks, Packets, Schedule, Statistics};
-    let kinds = [Packets, Capture, Statistics, Schedule, HeardLinks];
+    use NetRecord::{Capture, Frames, HeardLinks, Packets, Schedule, Statistics};
+    let kinds = [Packets, Capture, Statistics, Schedule, HeardLinks, Frames];
     let numbers = kinds.map(|kind| v1::NetRecord::from(kind).into());
     assert_eq!(records(&numbers), Ok(kinds.to_vec()));
     assert!(records(&[0]).is_err() && records(&[99]).is_err());
@@ -126,6 +145,7 @@ fn states_that_make_no_sense_are_refused_by_name() {
         |change: fn(&mut v1::MoteStatistics)| refusal(counted().into(), change, statistics);
     let of_cells = |change: fn(&mut v1::Schedule)| refusal(cells().into(), change, schedule);
     let of_links = |change: fn(&mut v1::HeardLinks)| refusal(links().into(), change, heard_links);
+    let of_frames = |change: fn(&mut v1::Frames)| refusal(on_air().into(), change, frames);
     let of_formation =
         |change: fn(&mut v1::Formation)| refusal(missing().into(), change, formation);
     let said = [
@@ -137,6 +157,11 @@ fn states_that_make_no_sense_are_refused_by_name() {
         of_cells(|m| m.slotframe[0] = 2),
         of_links(|m| m.sender[1] = 1),
         of_links(|m| m.rssi_dbm[1] = f32::INFINITY),
+        of_frames(|m| m.attempt.truncate(2)),
+        of_frames(|m| m.sender[1] = 9),
+        of_frames(|m| m.kind[0] = 2),
+        of_frames(|m| m.sent_ns[2] = 9),
+        of_frames(|m| m.outcome[0] = 4),
         of_formation(|m| m.formed = true),
         of_formation(|m| m.missing[0] = 8),
         of_formation(|m| m.reason[0] = 2),
@@ -153,6 +178,11 @@ fn states_that_make_no_sense_are_refused_by_name() {
             "schedule.mote",
             "heard_links.receiver",
             "heard_links.rssi_dbm",
+            "frames.attempt",
+            "frames.sender",
+            "frames.kind",
+            "frames.sent_ns",
+            "frames.outcome",
             "formation.missing",
             "formation.missing",
             "formation.reason",

@@ -1,0 +1,42 @@
+//! The player at the top of a run's page: the same page that `orchestrator replay` shows, in a frame. It is unpacked when it is opened;
+//! without a script there is no player, and nothing else is missing.
+
+use maud::{Markup, PreEscaped, html};
+use record::FinishedRun;
+use view::page;
+use view::recorded::RecordedRun;
+
+/// A recording of more bytes is not read again for its report: `orchestrator replay` shows it.
+const MOST_RECORDED_BYTES: u64 = 20_000_000;
+/// The player has at most so many bytes before it is compressed: of a longer recording it holds one frame of every so many steps.
+const MOST_BYTES: usize = 600_000;
+
+/// Unpacks the player into its frame.
+const OPEN: &str = r#"(() => {
+  const player = document.getElementById("player");
+  const frame = player.querySelector("iframe");
+  player.addEventListener("toggle", async () => {
+    if (!player.open || frame.srcdoc) return;
+    const packed = Uint8Array.from(atob(document.getElementById("packed-player").textContent), (c) => c.charCodeAt(0));
+    const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+    frame.srcdoc = await new Response(unpacked).text();
+  });
+})();"#;
+
+pub(super) fn section(contents: &FinishedRun<'_>) -> Option<Markup> {
+    let recorded = contents.dir.join("run.mcap");
+    let n_bytes = std::fs::metadata(recorded).ok()?.len();
+    if MOST_RECORDED_BYTES < n_bytes {
+        return None;
+    }
+    let run = RecordedRun::open(contents.dir).ok()?.named(&contents.header.name);
+    let packed = page::embedded(run, MOST_BYTES).ok()?;
+    Some(html! {
+        details #player.player {
+            summary { "Play the run" }
+            iframe title="Player of the run" sandbox="allow-scripts allow-downloads" {}
+        }
+        script #packed-player type="application/octet-stream" { (packed) }
+        script { (PreEscaped(OPEN)) }
+    })
+}

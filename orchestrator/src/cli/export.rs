@@ -1,0 +1,39 @@
+//! `orchestrator export`.
+
+use super::Failure;
+use crate::console::say;
+use crate::export::{self, ExportError, ExportFormat};
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Args)]
+pub(super) struct ExportArgs {
+    /// Folder of a recorded run
+    run: PathBuf,
+    /// Format to write
+    #[arg(long, value_name = "FORMAT")]
+    format: ExportFormat,
+    /// Folder to write; it must not exist [default: RUN-FORMAT, next to the run]
+    #[arg(long, value_name = "DIR")]
+    output: Option<PathBuf>,
+}
+
+/// Writes a run in the format of another program.
+pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
+    let output = args.output.clone().unwrap_or_else(|| {
+        let name = args.run.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        args.run.with_file_name(format!("{name}-{}", args.format.name()))
+    });
+    let written = export::export(&args.run, args.format, &output).map_err(|error| match error {
+        ExportError::Write { .. } => Failure::work(error),
+        other => Failure::request(other),
+    })?;
+    let entries = match args.format {
+        ExportFormat::Csv => "rows",
+        ExportFormat::Rosbag2 => "messages",
+    };
+    for file in written {
+        say(format!("{}: {} {entries}", file.path.display(), file.n_entries));
+    }
+    Ok(())
+}
