@@ -53,13 +53,13 @@ export class RobotPanel {
     if (run.outcome !== "") rows.push(["Outcome", run.outcome]);
     for (const { name, value } of frame?.figures ?? []) rows.push([name, figure(value)]);
     const state = frame === null ? "" : frame.held ? "Robots stand still while the network forms." : frame.taskComplete ? "The task is done." : "";
+    const important = overview.events.filter((event) => event.agent === undefined).slice(0, 12);
     return [
       element("h2", {}, "Run"),
       facts(rows),
       ...(state === "" ? [] : [element("p", { class: "note" }, state)]),
       empty("Click a robot, or type its number into the find box, to see its details."),
-      element("h3", {}, "Important events"),
-      ...this.eventRows(overview.events.filter((event) => event.agent === undefined).slice(0, 12)),
+      ...(important.length === 0 ? [] : [element("h3", {}, "Important events"), ...this.eventRows(important)]),
     ];
   }
 

@@ -24,7 +24,8 @@ export function parseFragment(fragment: string): Partial<State> {
   };
   const timeS = number("t");
   if (timeS !== undefined) found.timeNs = Math.round(timeS * 1e9);
-  found.run = number("run");
+  const run = choice(["0", "1"] as const, query.get("run"));
+  if (run !== undefined) found.run = Number(run);
   found.selected = number("robot");
   found.speed = number("speed");
   for (const name of ["follow", "missed", "trails", "ghosts"] as const) if (query.has(name)) found[name] = query.get(name) === "1";

@@ -135,11 +135,12 @@ export class SchedulePanel implements NetworkPanel {
     const collides = mayCollide(cell);
     const fill = collides ? OKABE_ITO.vermilion : cell.shared ? OKABE_ITO.yellow : cell.transmitters.length > 0 ? OKABE_ITO.sky : undefined;
     shapes.push({ kind: "rect", x, y, w, h, fill, stroke: cell.receivers.length > 0 ? theme.text : undefined });
-    if (collides) shapes.push({ kind: "line", x1: x, y1: y + h, x2: x + w, y2: y, stroke: "#000000", width: 1.5 });
     if (selected !== null && [...cell.transmitters, ...cell.receivers].some((role) => role.mote === selected)) {
       shapes.push({ kind: "rect", x: x - 1, y: y - 1, w: w + 2, h: h + 2, stroke: theme.text, width: 3 });
     }
     const text = cellText(cell, w);
+    // Collisions differ from other cells by more than their colour: by the number of transmitters, or by a stroke where it has no room.
+    if (collides && text === "") shapes.push({ kind: "line", x1: x, y1: y + h, x2: x + w, y2: y, stroke: "#000000", width: 1.5 });
     const ink = fill === undefined ? theme.text : "#1b1f24";
     if (text !== "") shapes.push({ kind: "text", x: x + w / 2, y: y + h / 2, text, fill: ink, size: 10, anchor: "middle" });
     const agent = cell.transmitters[0]?.mote ?? cell.receivers[0]?.mote ?? null;

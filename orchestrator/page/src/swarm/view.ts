@@ -72,7 +72,7 @@ export class SwarmView {
     if (moved) {
       drawGrid(this.scene.picture, this.camera, this.width, this.height, this.app.theme);
       const spacing = scale * Math.sqrt(this.area() / Math.max(1, this.scene.picture.robots.count));
-      this.scene.picture.robotRadiusPx = Math.max(3, Math.min(8, 0.35 * spacing));
+      this.scene.picture.robotRadiusPx = Math.max(2.5, Math.min(8, 0.22 * spacing));
     }
     this.canvas.hidden = this.legend.root.hidden = false;
     this.painter?.paint(this.scene.picture, this.camera, this.width, this.height, this.ratio);
