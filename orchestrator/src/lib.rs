@@ -14,6 +14,7 @@
 //! | [`effects`] | the catalogue of physical effects |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
 //! | [`mod@bench`] | speed through the real processes |
+//! | [`watch`] | a run in a terminal, while it lasts |
 //! | [`console`] | what a person reads while it works |
 
 pub mod bench;
@@ -28,3 +29,4 @@ pub mod effects;
 pub mod export;
 pub mod run;
 pub mod sweep;
+pub mod watch;

@@ -15,6 +15,7 @@ pub use start::{Processes, StartOptions, Started, start};
 pub use trial::{Sides, TrialPlan, TrialResult};
 
 use crate::disk_space;
+use crate::watch::Watch;
 use attempt::{Attempt, Begun, Origin};
 use course::carry_out;
 use drive::peer::SideError;
@@ -54,8 +55,10 @@ pub struct RunOptions {
 pub struct LiveView {
     /// What the server shows.
     pub shown: Shown,
-    /// The address of the page.
-    pub url: String,
+    /// The address of the page, if one is served.
+    pub url: Option<String>,
+    /// It is drawn in this terminal.
+    pub is_watched: bool,
     /// Whether the run may go on.
     pub pace: Arc<Pace>,
     /// Viewers may pause and step it.
@@ -64,11 +67,16 @@ pub struct LiveView {
 
 impl LiveView {
     /// Begins to show a run.
-    fn begin(&self, name: &str, configured: &Configured) -> std::io::Result<LiveFeed> {
+    fn begin(
+        &self,
+        name: &str,
+        configured: &Configured,
+    ) -> std::io::Result<(LiveFeed, Option<Watch>)> {
         let pace = Arc::clone(&self.pace);
         let (live, feed) = LiveRun::begin(name, configured, pace, self.controllable)?;
+        let watch = self.is_watched.then(|| Watch::begin(Arc::clone(&live))).transpose()?;
         self.shown.replace(RunSource::Live(live));
-        Ok(feed)
+        Ok((feed, watch))
     }
 }
 
@@ -281,14 +289,17 @@ pub async fn run(
     };
     let begun = Begun { reservation, replace: options.replace, log: log.clone(), before: None };
     let started = started?;
-    let feed = options.live.as_ref().map(|live| live.begin(&plan.name, &started.exchange));
-    let feed = feed.transpose().unwrap_or_else(|error| {
+    let shown = options.live.as_ref().map(|live| live.begin(&plan.name, &started.exchange));
+    let shown = shown.transpose().unwrap_or_else(|error| {
         audience.warn(&format!("the run cannot be shown while it lasts: {error}"));
         None
     });
+    // The terminal is drawn on until the run has ended.
+    let (feed, _watch) = shown.map_or((None, None), |(feed, watch)| (Some(feed), watch));
     // Not before there is something to see.
-    if let (Some(live), Some(_)) = (&options.live, &feed) {
-        audience.note(&format!("watch the run at {}", live.url));
+    let url = options.live.as_ref().and_then(|live| live.url.as_ref());
+    if let (Some(url), Some(_)) = (url, &feed) {
+        audience.note(&format!("watch the run at {url}"));
     }
     let mut attempt = Attempt::begin(&plan, begun, started).await?;
     attempt.recording.live = feed;

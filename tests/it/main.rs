@@ -52,4 +52,5 @@ mod sweeps;
 mod task_split;
 mod tidy;
 mod tls;
+mod viewing;
 mod waiting;

@@ -87,7 +87,7 @@ impl Watch {
         self.n_recorded[1] += frames.n_received.iter().copied().map(u64::from).sum::<u64>();
         self.n_recorded[2] += frames.outcome.iter().filter(is_acked).count() as u64;
         let motes = &mesh.state().motes;
-        let counted = [
+        let counted: [u64; 3] = [
             motes.iter().map(|mote| mote.tally.n_tx).sum(),
             motes.iter().map(|mote| mote.tally.n_rx).sum(),
             motes.iter().map(|mote| mote.tally.n_tx_acked).sum(),

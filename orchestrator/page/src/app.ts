@@ -1,3 +1,4 @@
+import type { Follower } from "./network/follower.ts";
 import type { RunData, Source } from "./source/source.ts";
 import type { Store } from "./store.ts";
 import type { Theme } from "./swarm/colours.ts";
@@ -6,6 +7,8 @@ import type { Theme } from "./swarm/colours.ts";
 export interface App {
   readonly store: Store;
   readonly source: Source;
+  /** Finds the way of the followed packet. */
+  readonly follower: Follower;
   /** Colours of the theme in force. */
   theme: Theme;
   /** Counts pictures whose pixels have changed. */

@@ -1,5 +1,7 @@
 import { type App, currentRun } from "./app.ts";
+import type { NetworkView } from "./network/pane.ts";
 import type { Shell } from "./shell.ts";
+import { NO_MOTE } from "./source/frame.ts";
 import type { Ghost } from "./swarm/picture.ts";
 import { ROBOT_STRIDE } from "./swarm/picture.ts";
 import type { SwarmView } from "./swarm/view.ts";
@@ -15,6 +17,12 @@ export interface Drawn {
   step: number;
   playing: boolean;
   selected: number | null;
+  /** The followed packet. */
+  packet: number | null;
+  /** Its frames in order, as the table and the map show them: sender, receiver (null: everyone in reach), time sent (ns), outcome. */
+  way: [number, number | null, number, string][];
+  /** Cells of the schedule pane in which frames were sent, and in which some of them collided. */
+  schedule: { sent: number; collisions: number };
   painter: string;
   nRobotsDrawn: number;
   /** By robot; null: not drawn. */
@@ -39,7 +47,7 @@ function pairs(flat: number[]): [number, number][] {
 }
 
 /** Describes what is drawn. */
-export function drawn(app: App, shell: Shell, swarm: SwarmView, packetsShown: number): Drawn {
+export function drawn(app: App, shell: Shell, swarm: SwarmView, network: NetworkView): Drawn {
   const { state } = app.store;
   const { picture, frame } = swarm.scene;
   const data = currentRun(app);
@@ -64,6 +72,10 @@ export function drawn(app: App, shell: Shell, swarm: SwarmView, packetsShown: nu
     step: shown?.step ?? -1,
     playing: state.playing,
     selected: state.selected,
+    packet: state.packet,
+    way: (app.follower.way?.frames ?? []).map((frame) =>
+      [frame.sender, frame.destination === NO_MOTE ? null : frame.destination, frame.sentNs, frame.outcome]),
+    schedule: network.scheduleDrawn,
     painter: swarm.painter?.name ?? "none",
     nRobotsDrawn: picture.robots.count,
     positions,
@@ -73,9 +85,9 @@ export function drawn(app: App, shell: Shell, swarm: SwarmView, packetsShown: nu
     ghosts: picture.ghosts.map((ghost) => ({ ...ghost })),
     framesDrawn: app.framesDrawn,
     framesLoaded: data.frames.length,
-    loading: data.loading,
+    loading: data.loading || app.follower.loading,
     eventsShown: shell.events.eventsShown,
-    packetsShown,
+    packetsShown: network.packetsShown,
     lag_s: app.source.live?.lagS ?? 0,
   };
 }

@@ -1,5 +1,6 @@
 import { type App, currentRun, endOfRuns } from "./app.ts";
 import type { Shell } from "./shell.ts";
+import { wayActions } from "./network/way-panel.ts";
 import type { View } from "./store.ts";
 import type { TimeActions } from "./time-bar.ts";
 
@@ -12,12 +13,13 @@ export interface PictureActions {
 /** Listens to the keys that the dialog "Keys" lists. */
 export function bindKeys(app: App, shell: Shell, time: TimeActions, picture: PictureActions, ended: AbortSignal): void {
   const { store } = app;
+  const way = wayActions(app);
   const slot = (direction: 1 | -1): void => {
     const slotNs = Number(currentRun(app).run.slotNs);
     if (slotNs > 0) app.seek(Math.max(0, Math.min(endOfRuns(app), (Math.floor(store.state.timeNs / slotNs) + direction) * slotNs)));
   };
   const arrow = (event: KeyboardEvent, direction: 1 | -1): void => (event.shiftKey ? time.jumpToEvent(direction) : time.step(direction));
-  const keys: Record<string, (event: KeyboardEvent) => void> = {
+  const keys: Record<string, (event: KeyboardEvent) => unknown> = {
     " ": () => time.togglePlay(),
     ArrowLeft: (event) => arrow(event, -1),
     ArrowRight: (event) => arrow(event, 1),
@@ -33,7 +35,9 @@ export function bindKeys(app: App, shell: Shell, time: TimeActions, picture: Pic
     l: () => time.goLive(),
     "/": () => shell.find.focus(),
     "?": () => shell.help.showModal(),
-    Escape: () => app.select(null),
+    "[": () => way.hop(-1),
+    "]": () => way.hop(1),
+    Escape: () => way.clear() || app.select(null),
   };
   [...shell.views.keys()].forEach((view: View, i) => {
     keys[String(i + 1)] = () => store.set({ view });

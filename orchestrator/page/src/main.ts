@@ -7,6 +7,7 @@ import { goTo } from "./events.ts";
 import { type Drawn, drawn } from "./inspect.ts";
 import type { Run } from "./gen/murmuration/view/v1/view_pb.ts";
 import { bindKeys } from "./keys.ts";
+import { Follower } from "./network/follower.ts";
 import { NetworkView } from "./network/pane.ts";
 import { SeriesView } from "./series.ts";
 import { Shell } from "./shell.ts";
@@ -120,6 +121,9 @@ function start(source: Source, store: Store): Started {
   const app: App = {
     store,
     source,
+    get follower() {
+      return follower;
+    },
     theme: theme(systemDark.matches),
     framesDrawn: 0,
     problem: "",
@@ -131,6 +135,7 @@ function start(source: Source, store: Store): Started {
       store.set({ timeNs: Math.max(0, Math.min(endOfRuns(app), timeNs)), atLive: false });
     },
   };
+  const follower = new Follower(app);
   const swarm = new SwarmPane(app);
   const network = new NetworkView(app);
   const views = new Map<View, ViewPanel>([["swarm", swarm], ["network", network], ["series", new SeriesView(app)]]);
@@ -165,6 +170,7 @@ function start(source: Source, store: Store): Started {
     if (dark !== app.theme.dark) app.theme = theme(dark);
     document.documentElement.dataset.theme = dark ? "dark" : "light";
     clock.tick(nowMs);
+    follower.update();
     shell.render();
     centre();
     requestAnimationFrame(draw);
@@ -172,18 +178,24 @@ function start(source: Source, store: Store): Started {
   requestAnimationFrame(draw);
   const isDrawn = (): boolean => {
     const data = currentRun(app);
-    const { timeNs } = store.state;
-    if (!data.ready(timeNs)) return false;
-    if (store.state.view !== "swarm" && store.state.view !== "compare") return true;
-    return shownSwarm().scene.frame?.step === data.frames.step(data.frames.indexAt(timeNs));
+    const { timeNs, view } = store.state;
+    if (!data.ready(timeNs) || follower.loading) return false;
+    // The network view shows what the overview holds until this time.
+    if (view === "network") return source.kind !== "served" || data.overview.complete || Number(data.overview.untilNs) >= timeNs;
+    if (view !== "swarm" && view !== "compare") return true;
+    const shown = view === "compare" ? source.runs : [data];
+    return shown.every((run) => !run.loading) && shownSwarm().scene.frame?.step === data.frames.step(data.frames.indexAt(timeNs));
   };
   const settled = async (): Promise<void> => {
-    do await new Promise(requestAnimationFrame);
-    while (!ended.signal.aborted && !isDrawn());
+    // What arrived since the latest picture is drawn with the next one.
+    for (let drawnTimes = 0; drawnTimes < 2 && !ended.signal.aborted; ) {
+      await new Promise(requestAnimationFrame);
+      drawnTimes = isDrawn() ? drawnTimes + 1 : 0;
+    }
   };
   return {
     stop: () => ended.abort(),
-    drawn: () => drawn(app, shell, shownSwarm(), network.packetsShown),
+    drawn: () => drawn(app, shell, shownSwarm(), network),
     settled,
     seek(timeNs) {
       store.set({ playing: false });

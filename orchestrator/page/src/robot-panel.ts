@@ -18,6 +18,8 @@ const REFRESH_MS = 200;
 export class RobotPanel {
   readonly root = element("div", { class: "robot" });
   private key = "";
+  /** What the details of the run show; empty: they are not shown. */
+  private shown = "";
   private writtenMs = 0;
 
   constructor(private readonly app: App) {}
@@ -34,8 +36,16 @@ export class RobotPanel {
     this.writtenMs = now;
     const frame = index < 0 ? null : data.frames.frame(index);
     const { selected } = state;
-    if (selected === null) this.root.replaceChildren(...this.aboutRun(frame));
-    else if (selected >= data.run.agentCount) {
+    if (selected === null) {
+      // Little of it changes from step to step, and writing it costs a layout and painting.
+      const shown = [state.run, data.overviewVersion, frame?.held, frame?.taskComplete, ...(frame?.figures ?? []).map(({ value }) => figure(value))].join();
+      if (this.root.childElementCount > 0 && shown === this.shown) return;
+      this.shown = shown;
+      this.root.replaceChildren(...this.aboutRun(frame));
+      return;
+    }
+    this.shown = "";
+    if (selected >= data.run.agentCount) {
       this.root.replaceChildren(empty(`There is no robot ${selected}: this run has robots 0 to ${data.run.agentCount - 1}.`));
     } else this.root.replaceChildren(...this.aboutRobot(selected, index, frame));
   }

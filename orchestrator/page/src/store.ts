@@ -33,6 +33,8 @@ export interface State {
   selected: number | null;
   /** The other end of the packet that was chosen last. */
   peer: number | null;
+  /** Number of the packet whose way is shown. */
+  packet: number | null;
   follow: boolean;
   /** null: fit everything. */
   camera: Camera | null;
@@ -56,6 +58,7 @@ export const INITIAL: State = {
   atLive: false,
   selected: null,
   peer: null,
+  packet: null,
   follow: false,
   camera: null,
   robotColour: "group",

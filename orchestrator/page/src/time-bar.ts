@@ -5,6 +5,7 @@ import { goTo } from "./events.ts";
 import { seconds } from "./format.ts";
 import type { Event } from "./gen/murmuration/view/v1/view_pb.ts";
 import { sizedContext } from "./sketch.ts";
+import { isSoftware } from "./swarm/webgl.ts";
 
 const SPEEDS = [
   ["0.1", "0.1 ×"], ["0.25", "0.25 ×"], ["0.5", "0.5 ×"], ["1", "1 ×"], ["2", "2 ×"], ["5", "5 ×"], ["10", "10 ×"], ["20", "20 ×"], ["50", "50 ×"],
@@ -16,6 +17,8 @@ const TIMELINE_HEIGHT = 30;
 
 /** While playing, clock and slider are written at most so often (ms): each time the browser paints the whole bar. */
 const REFRESH_MS = 100;
+/** The same where the browser paints on the processor. */
+const SOFTWARE_REFRESH_MS = 250;
 
 /** What the buttons of the time bar do. */
 export interface TimeActions {
@@ -77,7 +80,7 @@ export class TimeBar {
     const { state } = app.store;
     const { live } = app.source;
     const now = performance.now();
-    if ((state.playing || state.atLive) && now - this.writtenMs < REFRESH_MS) return;
+    if ((state.playing || state.atLive) && now - this.writtenMs < (isSoftware() ? SOFTWARE_REFRESH_MS : REFRESH_MS)) return;
     this.writtenMs = now;
     const end = endOfRuns(app);
     const running = live !== null && currentRun(app).run.controllable ? !live.paused : state.playing || (live !== null && state.atLive);

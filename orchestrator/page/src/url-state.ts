@@ -27,6 +27,7 @@ export function parseFragment(fragment: string): Partial<State> {
   const run = choice(["0", "1"] as const, query.get("run"));
   if (run !== undefined) found.run = Number(run);
   found.selected = number("robot");
+  found.packet = number("packet");
   found.speed = number("speed");
   for (const name of ["follow", "missed", "trails", "ghosts"] as const) if (query.has(name)) found[name] = query.get(name) === "1";
   const camera = (query.get("camera") ?? "").split(",").map(Number);
@@ -41,6 +42,7 @@ export function formatFragment(state: State): string {
   if (state.sidePane !== "robot") query.set("side", state.sidePane);
   if (state.run !== 0) query.set("run", String(state.run));
   if (state.selected !== null) query.set("robot", String(state.selected));
+  if (state.packet !== null) query.set("packet", String(state.packet));
   if (state.speed !== 1) query.set("speed", String(state.speed));
   if (state.follow) query.set("follow", "1");
   for (const name of ["missed", "trails", "ghosts"] as const) if (!state[name]) query.set(name, "0");
@@ -56,8 +58,8 @@ export function formatFragment(state: State): string {
 
 /** Keeps the address up to date with the state, and the state with an address that the user enters. */
 export function bindFragment(store: Store): void {
-  // A page within another one, as the player of a report, has no address of its own.
-  if (location.protocol === "about:") return;
+  // A page within another one, as the player of a report, has no address of its own: browsers let it change none.
+  if (location.protocol === "about:" || location.protocol === "blob:") return;
   let timer: number | null = null;
   let written = location.hash;
   store.subscribe(() => {

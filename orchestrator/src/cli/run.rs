@@ -2,7 +2,7 @@
 
 use super::replay::Serving;
 use super::{Failure, OverrideArgs, check_place, on_runtime, write_json};
-use crate::console::{Screen, say, warn};
+use crate::console::{HeldScreen, Screen, say, warn};
 use crate::dry_run::DryRun;
 use crate::run::run_answer::RunAnswer;
 use crate::run::{self, LiveView, ResumeOptions, RunOptions, RunReport, StartOptions};
@@ -11,6 +11,7 @@ use metrics::kpi::kpi_summary::KpiSummary;
 use proto::types::seconds;
 use record::ReplacePolicy;
 use record::run_summary::{RunSummary, TaskSummary};
+use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use view::live::Pace;
@@ -42,11 +43,14 @@ pub(super) struct RunArgs {
     /// Show the run in a browser while it lasts, and replay it there afterwards until Ctrl-C: prints the address of a page on this machine
     #[arg(long, conflicts_with_all = ["dry_run", "resume"])]
     live: bool,
+    /// Draw the swarm and its key figures in this terminal while the run lasts
+    #[arg(long, conflicts_with_all = ["dry_run", "resume"])]
+    watch: bool,
     /// Let the page pause the run and take single steps
     #[arg(long, requires = "live")]
     live_control: bool,
-    /// Slow the run down to at most so many simulated seconds per second, to watch it
-    #[arg(long, value_name = "X", requires = "live", value_parser = live_speed)]
+    /// Slow the run down to at most so many simulated seconds per second, with --live or --watch
+    #[arg(long, value_name = "X", value_parser = live_speed)]
     live_speed: Option<f64>,
     /// Port of the page [default: any that is free]
     #[arg(long, value_name = "PORT", requires = "live")]
@@ -72,9 +76,13 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     let screen = &mut Screen::default();
     let shown = Shown::new(Vec::new());
     let serving = args.live.then(|| Serving::begin(args.port, &shown)).transpose()?;
-    let live = serving.as_ref().map(|serving| LiveView {
+    if args.watch && !std::io::stdout().is_terminal() {
+        return Err(Failure::request("--watch: standard output is not a terminal; leave it out"));
+    }
+    let live = (args.live || args.watch).then(|| LiveView {
         shown: shown.clone(),
-        url: serving.url().to_owned(),
+        url: serving.as_ref().map(|serving| serving.url().to_owned()),
+        is_watched: args.watch,
         pace: Arc::new(Pace::new(args.live_speed)),
         controllable: args.live_control,
     });
@@ -86,7 +94,14 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
         None => {
             let out = args.out.clone();
             let options = RunOptions { config, overrides, out, replace, start, live };
-            on_runtime(run::run(&options, screen))?
+            if args.watch {
+                let mut held = HeldScreen::default();
+                let report = on_runtime(run::run(&options, &mut held))?;
+                held.show(screen);
+                report
+            } else {
+                on_runtime(run::run(&options, screen))?
+            }
         }
     };
     let report =

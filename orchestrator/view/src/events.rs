@@ -3,6 +3,7 @@
 use crate::view::{Event, EventKind};
 use metrics::period::Period;
 use proto::types::{AgentCommand, AgentOrder, Bitmap, MoteCommand, MoteOrder, MoteStates};
+use std::collections::BTreeMap;
 
 /// A robot that has heard nobody for so many steps is isolated.
 pub(crate) const ISOLATED_STEPS: u32 = 20;
@@ -55,16 +56,27 @@ impl EventFinder {
         motes: &[MoteCommand],
         robots: &[AgentCommand],
     ) {
+        let mut jammed: BTreeMap<&str, Vec<u32>> = BTreeMap::new();
         for MoteCommand { source, order } in motes {
             let (agent, what) = match order {
                 MoteOrder::Kill(mote) => (Some(*mote), format!("switch off mote {mote}")),
                 MoteOrder::Revive(mote) => (Some(*mote), format!("switch on mote {mote}")),
                 MoteOrder::Add(mote) => (Some(*mote), format!("add mote {mote}")),
-                MoteOrder::Jam { channel, .. } => (None, format!("jam channel {channel}")),
+                MoteOrder::Jam { channel, .. } => {
+                    jammed.entry(source).or_default().push(*channel);
+                    continue;
+                }
                 // Traffic of the robots themselves: their payloads, not an event.
                 MoteOrder::Send { .. } => continue,
             };
             self.push(period, EventKind::Order, agent, format!("order of {source}: {what}"));
+        }
+        for (source, channels) in jammed {
+            let text = match channels[..] {
+                [channel] => format!("order of {source}: jam channel {channel}"),
+                _ => format!("order of {source}: jam {} channels", channels.len()),
+            };
+            self.push(period, EventKind::Order, None, text);
         }
         for AgentCommand { source, agent, order } in robots {
             let what = match order {

@@ -3,7 +3,7 @@
 use crate::view;
 use metrics::period::Period;
 use proto::types::{AgentStates, Coupling, Frames, MovedObstacle, Packets};
-use proto_messages::v1;
+use record::StepRecord;
 use std::collections::BTreeMap;
 
 /// Positions are drawn to one in so many parts of a metre, and signal strengths to one in so many of a decibel: numbers with few digits
@@ -118,30 +118,31 @@ impl FrameBuilder {
         }
     }
 
-    /// The frame at the end of the latest period, which was added before.
-    pub fn take(&mut self, period: &Period<'_>, figures: Vec<v1::TaskFigure>) -> view::Frame {
+    /// The frame at the end of the latest step, whose period was added before.
+    pub fn take(&mut self, record: &StepRecord) -> view::Frame {
+        let StepRecord { step, time_ns, robots, network, .. } = record;
         self.merge();
         let moved = self.moved.iter().map(|(name, centre_m)| {
             MovedObstacle { name: name.clone(), centre_m: *centre_m }.into()
         });
         let frame = view::Frame {
-            step: period.step,
-            time_ns: period.time_ns,
+            step: *step,
+            time_ns: *time_ns,
             from_ns: self.from_ns,
             n_sent: std::mem::take(&mut self.n_sent),
-            links: self.links(period.step),
-            motes: Some(period.motes.clone().into()),
-            formation: period.formation.cloned().map(Into::into),
+            links: self.links(*step),
+            motes: network.motes.clone().map(Into::into),
+            formation: network.formation.clone().map(Into::into),
             packets: self.packets.take().map(Into::into),
             frames: self.frames.take().map(Into::into),
             moved_obstacles: moved.collect(),
-            figures,
-            held: period.held,
-            task_complete: period.task_complete,
-            ..of_states(period.states)
+            figures: robots.figures.iter().cloned().map(Into::into).collect(),
+            held: robots.held,
+            task_complete: robots.task_complete,
+            ..of_states(&robots.states)
         };
         self.deliveries.clear();
-        self.from_ns = period.time_ns;
+        self.from_ns = *time_ns;
         frame
     }
 

@@ -6,7 +6,6 @@
 
 use crate::frame::FrameBuilder;
 use crate::overview::{Additions, OverviewBuilder};
-use crate::recorded::figures;
 use crate::run::run_of;
 use crate::view;
 use bytes::Bytes;
@@ -65,6 +64,19 @@ pub(crate) struct KeptFrame {
     n_bytes: usize,
     /// When its step had been taken.
     taken: Instant,
+}
+
+/// What there is to see of a run that lasts.
+#[derive(Clone, Debug)]
+pub struct Look {
+    /// The run.
+    pub run: view::Run,
+    /// Its latest frame.
+    pub frame: Option<view::Frame>,
+    /// Its latest events, in the order of time.
+    pub events: Vec<view::Event>,
+    /// How it goes.
+    pub status: view::LiveStatus,
 }
 
 /// Whether the run may go on.
@@ -200,6 +212,24 @@ impl LiveRun {
         self.lock().run.clone()
     }
 
+    /// The run, its latest frame, its latest `n_events` events and how it goes, for who looks at it in this process.
+    #[must_use]
+    pub fn look(&self, n_events: usize) -> Look {
+        let state = self.lock();
+        let events = state.overview.events();
+        Look {
+            run: state.run.clone(),
+            frame: state.latest.as_ref().map(|latest| latest.frame.clone()),
+            events: events[events.len().saturating_sub(n_events)..].to_vec(),
+            status: state.status(&self.pace),
+        }
+    }
+
+    /// Counts someone who looks in this process among the viewers, so that frames come at the pace of viewers.
+    pub fn add_viewer(&self) {
+        self.lock().n_viewers += 1;
+    }
+
     /// Whether the run has ended.
     #[must_use]
     pub fn has_ended(&self) -> bool {
@@ -212,7 +242,8 @@ impl LiveRun {
     }
 
     /// What is allowed to viewers.
-    pub(crate) fn pace(&self) -> &Pace {
+    #[must_use]
+    pub fn pace(&self) -> &Pace {
         &self.pace
     }
 
@@ -271,27 +302,21 @@ impl Viewer {
             let _ = tokio::time::timeout(Duration::from_secs(1), self.changed.changed()).await;
         }
         self.changed.borrow_and_update();
-        let (added, latest, status) = {
+        let (added, latest, mut status) = {
             let state = self.live.lock();
             // A viewer that is further behind than additions are kept has to begin again.
             let from = self.n_added.checked_sub(state.n_dropped)?;
             let added: Vec<Bytes> = state.added.iter().skip(from).cloned().collect();
             self.n_added = state.n_dropped + state.added.len();
             let latest = state.latest.clone();
-            let lag_s = latest.as_ref().map_or(0.0, |latest| latest.taken.elapsed().as_secs_f64());
-            let status = view::LiveStatus {
-                reached_ns: state.reached_ns,
-                lag_s,
-                speed: state.speed,
-                paused: self.live.pace.is_paused(),
-                ended: state.ended,
-            };
-            (added, latest, status)
+            (added, latest, state.status(&self.live.pace))
         };
         self.ended = status.ended;
         let latest = latest.filter(|latest| self.step.is_none_or(|step| step < latest.frame.step));
-        if let Some(latest) = &latest {
-            self.step = Some(latest.frame.step);
+        match &latest {
+            Some(latest) => self.step = Some(latest.frame.step),
+            // Nothing is newer than what the viewer has.
+            None => status.lag_s = 0.0,
         }
         let first = self.first.take();
         let message = view::Live {
@@ -325,6 +350,8 @@ struct Maker {
     live: Arc<LiveRun>,
     periods: Periods,
     builder: FrameBuilder,
+    /// The latest step, if no frame was made of it, and when it had been taken.
+    unshown: Option<(StepRecord, Instant)>,
     last_frame: Instant,
     last_added: Instant,
     speed_since: (Instant, u64),
@@ -339,6 +366,7 @@ impl Maker {
             live,
             periods: Periods::new(coupling, states),
             builder: FrameBuilder::new(coupling),
+            unshown: None,
             last_frame: now - UNWATCHED_PERIOD,
             last_added: now,
             speed_since: (now, 0),
@@ -349,10 +377,15 @@ impl Maker {
         loop {
             match inbox.recv_timeout(ADDED_PERIOD) {
                 Ok((record, taken)) => self.step(&record, taken),
-                Err(RecvTimeoutError::Timeout) => self.publish_added(),
+                Err(RecvTimeoutError::Timeout) => {
+                    // The run waits: what it came to is shown.
+                    self.show_latest();
+                    self.publish_added();
+                }
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
+        self.show_latest();
         self.publish_added();
         self.live.lock().ended = true;
         self.live.changed.send_modify(|number| *number += 1);
@@ -360,26 +393,31 @@ impl Maker {
 
     fn step(&mut self, record: &StepRecord, taken: Instant) {
         let Self { live, periods, builder, last_frame, .. } = self;
-        let mut has_frame = false;
-        periods.next(record, |period| {
+        let is_due = periods.next(record, |period| {
             builder.add(period);
             let mut state = live.lock();
             state.overview.add(record, period);
             state.pending.add(record, period);
             state.reached_ns = period.time_ns;
             let due = if state.n_viewers == 0 { UNWATCHED_PERIOD } else { FRAME_PERIOD };
-            if due <= last_frame.elapsed() {
-                *last_frame = Instant::now();
-                has_frame = true;
-                let frame = builder.take(period, figures(record));
-                state.keep(frame, taken);
-            }
+            due <= last_frame.elapsed()
         });
+        self.unshown = Some((record.clone(), taken));
+        if is_due {
+            self.show_latest();
+        }
         if ADDED_PERIOD <= self.last_added.elapsed() {
             self.publish_added();
-        } else if has_frame {
-            self.live.changed.send_modify(|number| *number += 1);
         }
+    }
+
+    /// Makes a frame of the latest step, if there is none yet.
+    fn show_latest(&mut self) {
+        let Some((record, taken)) = self.unshown.take() else { return };
+        self.last_frame = Instant::now();
+        let frame = self.builder.take(&record);
+        self.live.lock().keep(frame, taken);
+        self.live.changed.send_modify(|number| *number += 1);
     }
 
     fn publish_added(&mut self) {
@@ -400,6 +438,17 @@ impl Maker {
 }
 
 impl State {
+    fn status(&self, pace: &Pace) -> view::LiveStatus {
+        let latest = self.latest.as_ref();
+        view::LiveStatus {
+            reached_ns: self.reached_ns,
+            lag_s: latest.map_or(0.0, |latest| latest.taken.elapsed().as_secs_f64()),
+            speed: self.speed,
+            paused: pace.is_paused(),
+            ended: self.ended,
+        }
+    }
+
     /// Makes a message of what was added to the overview. Returns whether there was anything.
     fn publish_added(&mut self) -> bool {
         let Some(added) = self.pending.take(&self.overview) else { return false };

@@ -9,7 +9,6 @@ use bytes::Bytes;
 use prost::Message as _;
 use proto::exchange::Configured;
 use proto::types::Coupling;
-use proto_messages::v1;
 use record::StepRecord;
 use record::periods::Periods;
 use record::random_access::Recording;
@@ -236,7 +235,7 @@ impl RecordedRun {
             let frame = periods.next(&record, |period| {
                 overview.add(&record, period);
                 builder.add(period);
-                is_wanted.then(|| builder.take(period, figures(&record)))
+                is_wanted.then(|| builder.take(&record))
             });
             if frame.is_some_and(|frame| !take(&frame)) {
                 return Ok(overview.overview(false));
@@ -284,7 +283,7 @@ impl FrameReader {
                         FrameBuilder::after(coupling, periods.time_ns()).with_moved(moved);
                     let frame = periods.next(&record, |period| {
                         builder.add(period);
-                        builder.take(period, figures(&record))
+                        builder.take(&record)
                     });
                     return Ok(Self { periods, builder, frame });
                 }
@@ -314,12 +313,7 @@ impl FrameReader {
         let Self { periods, builder, .. } = self;
         periods.next(record, |period| {
             builder.add(period);
-            is_wanted.then(|| builder.take(period, figures(record)))
+            is_wanted.then(|| builder.take(record))
         })
     }
-}
-
-/// How far the task is after a step.
-pub(crate) fn figures(record: &StepRecord) -> Vec<v1::TaskFigure> {
-    record.robots.figures.iter().cloned().map(Into::into).collect()
 }

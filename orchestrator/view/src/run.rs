@@ -8,6 +8,9 @@ use proto::site;
 use proto::types::NS_PER_S;
 use proto_messages::v1;
 
+/// Channels of the default hopping sequence at 2.4 GHz (IEEE Std 802.15.4-2015, 6.2.10).
+const STANDARD_CHANNELS: u32 = 16;
+
 /// Describes a run of which no step was taken yet.
 #[must_use]
 pub(crate) fn run_of(name: &str, configured: &Configured) -> view::Run {
@@ -46,7 +49,11 @@ pub(crate) fn run_of(name: &str, configured: &Configured) -> view::Run {
         place: Some(place),
         groups: groups(&robots),
         slot_ns: slot_s.map_or(0, |slot_s| libm::round(slot_s * NS_PER_S as f64) as u64),
-        channel_count: channels.map_or(0, |channels| channels.len() as u32),
+        channel_count: match channels {
+            Some(channels) => channels.len() as u32,
+            None if slot_s.is_some() => STANDARD_CHANNELS,
+            None => 0,
+        },
         ..view::Run::default()
     }
 }

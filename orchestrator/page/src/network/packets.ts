@@ -8,6 +8,7 @@ import { NO_MOTE } from "../source/frame.ts";
 import { OKABE_ITO } from "../swarm/colours.ts";
 import { VirtualList } from "../virtual-list.ts";
 import { type NetworkPanel, Redraw } from "./panel.ts";
+import { WayPanel } from "./way-panel.ts";
 
 /** Whatever the filter, the list holds at most so many packets. */
 const MOST_ROWS = 20000;
@@ -26,6 +27,7 @@ export class PacketsPanel implements NetworkPanel {
   private readonly list: VirtualList<number>;
   private readonly count = element("span", { class: "status" });
   private readonly drops: SketchCanvas;
+  private readonly way: WayPanel;
   private readonly kinds: HTMLSelectElement;
   private readonly outcomes: HTMLSelectElement;
   private readonly note = element("div", { class: "empty" });
@@ -37,6 +39,7 @@ export class PacketsPanel implements NetworkPanel {
   constructor(private readonly app: App) {
     this.redraw = new Redraw(app);
     this.drops = new SketchCanvas(app, "Packets dropped until now, by reason");
+    this.way = new WayPanel(app);
     this.list = new VirtualList("Packets", 24, (packet) => this.row(packet));
     const kinds = selection("Kind", [["", "all"]], "", (value) => (this.filter.kind = value));
     const outcomes = selection("Outcome", [["", "all"]], "", (value) => (this.filter.outcome = value));
@@ -49,7 +52,7 @@ export class PacketsPanel implements NetworkPanel {
     const bar = element("div", { class: "toolbar" }, kinds.root, outcomes.root,
       input("From", "source", "mote"), input("To", "destination", "mote"), input("Contains", "text", "text"), this.count);
     const titles = ["ended", "kind", "from", "to", "hops", "latency", "bytes", "outcome"].map((title) => element("span", {}, title));
-    this.root = element("div", { class: "panel packets" }, bar, this.drops.root, element("div", { class: "packet head" }, ...titles), this.list.root, this.note);
+    this.root = element("div", { class: "panel packets" }, bar, this.drops.root, this.way.root, element("div", { class: "packet head" }, ...titles), this.list.root, this.note);
   }
 
   get packetsShown(): number {
@@ -65,6 +68,8 @@ export class PacketsPanel implements NetworkPanel {
     this.note.textContent = "No packets were recorded. Ask for packets in the record of the experiment.";
     if (!some) return;
     const { state } = this.app.store;
+    const followed = this.way.render();
+    this.drops.root.hidden = followed;
     const key = [state.run, overviewVersion, packets.id.length, ...Object.values(this.filter)].join();
     if (key !== this.key) {
       this.key = key;
@@ -73,14 +78,14 @@ export class PacketsPanel implements NetworkPanel {
       this.select(packets, Number(overview.packetsLeftOut));
     }
     const { width } = this.drops.room;
-    if (width > 0 && this.redraw.due(state.timeNs, overviewVersion, width)) {
-      this.drawDrops(packets, width);
+    if ((width > 0 || followed) && this.redraw.due(state.timeNs, overviewVersion, width, state.packet)) {
+      if (width > 0) this.drawDrops(packets, width);
       this.list.refresh();
     }
   }
 
   exported(): Exported {
-    return this.drops.exported();
+    return this.app.store.state.packet === null ? this.drops.exported() : this.way.exported();
   }
 
   private offer(packets: Packets): void {
@@ -134,13 +139,17 @@ export class PacketsPanel implements NetworkPanel {
     const cells = this.columns(packets, i).map((text) => element("span", {}, text));
     const classes = `event packet${later ? " later" : ""}${packets.outcome[i] === 0 ? "" : " dropped"}`;
     return element("div", { class: "row", role: "listitem" },
-      element("button", { type: "button", class: classes, onclick: () => this.show(packets, i) }, ...cells));
+      element("button", {
+        type: "button", class: classes, title: "Follow this packet hop by hop", "aria-current": Number(packets.id[i]) === this.app.store.state.packet,
+        onclick: () => this.show(packets, i),
+      }, ...cells));
   }
 
-  /** Goes to where a packet ended and selects both of its ends. */
+  /** Follows a packet, goes to where it ended and selects both of its ends. */
   private show(packets: Packets, i: number): void {
     this.app.seek(Number(packets.endedNs[i]));
     this.app.select(packets.source[i]);
+    this.app.store.set({ packet: Number(packets.id[i]) });
     if (packets.destination[i] !== NO_MOTE) this.app.store.set({ peer: packets.destination[i] });
   }
 

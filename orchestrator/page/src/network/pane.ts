@@ -16,15 +16,17 @@ const LABELS: Record<PaneName, string> = {
 export class NetworkView implements ViewPanel {
   readonly root: HTMLElement;
   private readonly packets: PacketsPanel;
+  private readonly schedule: SchedulePanel;
   private readonly panels: Record<PaneName, NetworkPanel>;
   private readonly tabs = new Map<PaneName, HTMLButtonElement>();
   private readonly body = element("div", { class: "panel-body" });
 
   constructor(private readonly app: App) {
     this.packets = new PacketsPanel(app);
+    this.schedule = new SchedulePanel(app);
     this.panels = {
       tree: new TreePanel(app),
-      schedule: new SchedulePanel(app),
+      schedule: this.schedule,
       packets: this.packets,
       join: new JoinPanel(app),
       energy: new EnergyPanel(app),
@@ -41,6 +43,11 @@ export class NetworkView implements ViewPanel {
   /** How many packets the filter of the packets pane lets through. */
   get packetsShown(): number {
     return this.packets.packetsShown;
+  }
+
+  /** What the schedule pane has marked: cells in which frames were sent, and in which they collided. */
+  get scheduleDrawn(): { sent: number; collisions: number } {
+    return this.schedule.drawn;
   }
 
   render(): void {

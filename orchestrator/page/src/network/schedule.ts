@@ -4,10 +4,10 @@ import { seconds } from "../format.ts";
 import type { Schedule } from "../gen/cosim/v1/netsim_pb.ts";
 import type { Shape } from "../sketch.ts";
 import { SketchCanvas, type Target } from "../sketch-canvas.ts";
-import { NO_MOTE } from "../source/frame.ts";
+import { NO_MOTE, radioFrames } from "../source/frame.ts";
 import { OKABE_ITO } from "../swarm/colours.ts";
-import { type Cell, cells, mayCollide, type Role, slotAt, slotframes } from "./cells.ts";
-import { latestAt, type NetworkPanel, Redraw } from "./panel.ts";
+import { type Cell, cells, mayCollide, type Role, slotAt, slotframes, type Use, usedCells } from "./cells.ts";
+import { currentFrame, latestAt, type NetworkPanel, Redraw } from "./panel.ts";
 
 const LEFT = 44;
 const TOP = 46;
@@ -29,6 +29,9 @@ export class SchedulePanel implements NetworkPanel {
   private schedule: Schedule | null = null;
   private handle = -1;
   private cells: Cell[] = [];
+  private used: Use[] = [];
+  /** Cells marked in the latest drawing: those in which frames were sent in the step shown, and those in which they collided. */
+  drawn = { sent: 0, collisions: 0 };
 
   constructor(private readonly app: App) {
     this.redraw = new Redraw(app);
@@ -54,6 +57,7 @@ export class SchedulePanel implements NetworkPanel {
     this.note.hidden = shown;
     this.bar.hidden = this.sketch.root.hidden = !shown;
     if (!shown) {
+      this.drawn = { sent: 0, collisions: 0 };
       const first = overview.schedules[0];
       this.note.textContent = first !== undefined
         ? `The first schedule was recorded at ${seconds(Number(first.timeNs))}: go to that time or later.`
@@ -65,14 +69,20 @@ export class SchedulePanel implements NetworkPanel {
     const slotNs = Number(run.slotNs);
     const slot = slotNs > 0 ? slotAt(timeNs, slotNs, length) : -1;
     const { width, height } = this.sketch.room;
-    if (width === 0 || !this.redraw.due(entry?.timeNs, this.handle, this.usedOnly, slot, width, height, overviewVersion)) return;
+    const frame = currentFrame(this.app)?.frame;
+    if (width === 0 || !this.redraw.due(entry?.timeNs, this.handle, this.usedOnly, slot, frame?.step, frame?.fromNs, width, height, overviewVersion)) return;
+    const radio = frame === undefined || slotNs === 0 ? null : radioFrames(frame);
+    this.used = radio === null ? [] : usedCells(radio, schedule, this.handle, slotNs);
+    this.drawn = { sent: this.used.length, collisions: this.used.filter(({ collision }) => collision).length };
+    const happened = radio === null || frame === undefined ? ""
+      : ` · in the step shown (${seconds(frame.fromNs)} to ${seconds(frame.timeNs)}): frames sent in ${this.drawn.sent} cells, collisions in ${this.drawn.collisions}`;
     const collisions = this.cells.filter(mayCollide).length;
     const asn = slotNs > 0 ? ` · ASN ${Math.floor(timeNs / slotNs)}, slot ${slot} of ${length}` : "";
     this.info.textContent =
-      `${this.cells.length} cells, ${collisions} with possible collisions · recorded at ${seconds(Number(entry?.timeNs ?? 0))}${asn}`;
+      `${this.cells.length} cells, ${collisions} with possible collisions · recorded at ${seconds(Number(entry?.timeNs ?? 0))}${happened}${asn}`;
     const usedOnly = this.usedOnly ?? length > LONG_SLOTFRAME;
     this.onlyUsed.input.checked = usedOnly;
-    const used = [...new Set(this.cells.map((cell) => cell.slot))].sort((a, b) => a - b);
+    const used = [...new Set([...this.cells, ...this.used].map((cell) => cell.slot))].sort((a, b) => a - b);
     this.draw(usedOnly ? used : Array.from({ length }, (_, i) => i), slot, width, height);
   }
 
@@ -94,9 +104,9 @@ export class SchedulePanel implements NetworkPanel {
     const { theme } = this.app;
     const length = slots.length;
     const columns = new Map(slots.map((s, column) => [s, column]));
-    const channels = Math.max(1, ...this.cells.map((cell) => cell.channel + 1));
+    const channels = Math.max(1, ...this.cells.map((cell) => cell.channel + 1), ...this.used.map((use) => use.channel + 1));
     const cellWidth = Math.max(13, Math.min(64, Math.floor((roomWidth - LEFT - 12) / length)));
-    const cellHeight = Math.max(18, Math.min(40, Math.floor((roomHeight - TOP - 16) / channels)));
+    const cellHeight = Math.max(18, Math.min(40, Math.floor((roomHeight - TOP - 68) / channels)));
     const right = LEFT + length * cellWidth;
     const bottom = TOP + channels * cellHeight;
     const shapes: Shape[] = [];
@@ -122,8 +132,9 @@ export class SchedulePanel implements NetworkPanel {
     for (let s = 0; s <= length; s++) shapes.push({ kind: "line", x1: LEFT + s * cellWidth, y1: TOP, x2: LEFT + s * cellWidth, y2: bottom, stroke: grid });
     for (let c = 0; c <= channels; c++) shapes.push({ kind: "line", x1: LEFT, y1: TOP + c * cellHeight, x2: right, y2: TOP + c * cellHeight, stroke: grid });
     for (const cell of this.cells) this.drawCell(shapes, targets, cell, columns.get(cell.slot) ?? 0, cellWidth, cellHeight);
-    this.legend(shapes, bottom + 18);
-    this.sketch.show(shapes, Math.max(roomWidth, right + 12), Math.max(roomHeight - 4, bottom + 34), targets);
+    for (const use of this.used) this.drawUse(shapes, targets, use, columns.get(use.slot) ?? 0, cellWidth, cellHeight);
+    const end = this.legend(shapes, bottom + 18, roomWidth);
+    this.sketch.show(shapes, Math.max(roomWidth, right + 12), Math.max(roomHeight - 4, end + 16), targets);
   }
 
   private drawCell(shapes: Shape[], targets: Target[], cell: Cell, column: number, width: number, height: number): void {
@@ -147,19 +158,63 @@ export class SchedulePanel implements NetworkPanel {
     targets.push({ x, y, w, h, agent, text: `slot ${cell.slot}, channel offset ${cell.channel}: ${describe(cell)}` });
   }
 
-  private legend(shapes: Shape[], y: number): void {
+  /** A dot for a frame that was sent, a thick cross for frames that collided. */
+  private drawUse(shapes: Shape[], targets: Target[], use: Use, column: number, width: number, height: number): void {
+    const x = LEFT + column * width;
+    const y = TOP + use.channel * height;
+    useMark(shapes, use.collision ? "collision" : use.foreign ? "foreign" : "sent", x + width - Math.min(7, width / 3), y + Math.min(7, height / 3));
+    const scheduled = this.cells.find((cell) => cell.slot === use.slot && cell.channel === use.channel);
+    const list = use.frames.slice(0, 5).map((frame) =>
+      `${frame.kind} ${frame.sender} → ${frame.destination === NO_MOTE ? "all" : frame.destination}: ${frame.outcome}`);
+    if (use.frames.length > 5) list.push(`${use.frames.length - 5} more`);
+    const text = `slot ${use.slot}, channel offset ${use.channel}: ${use.collision ? "collision; " : ""}sent: ${list.join(", ")}` +
+      `${scheduled === undefined ? (use.foreign ? "; a cell of another slotframe" : "; not in the recorded schedule") : `; ${describe(scheduled)}`}`;
+    targets.push({ x: x + 1, y: y + 1, w: width - 2, h: height - 2, agent: use.frames[0].sender, text });
+  }
+
+  /** Explains the marks; returns where it ends (px). */
+  private legend(shapes: Shape[], top: number, roomWidth: number): number {
     const { theme } = this.app;
     let x = LEFT;
+    let y = top;
+    const advance = (text: string): void => {
+      const w = 34 + text.length * 6;
+      if (x > LEFT && x + w > roomWidth) [x, y] = [LEFT, y + 17];
+    };
     for (const [fill, stroke, text] of [
       [OKABE_ITO.sky, undefined, "one mote transmits"],
       [OKABE_ITO.yellow, undefined, "shared"],
       [OKABE_ITO.vermilion, undefined, "possible collision: several may transmit, not shared"],
       [undefined, theme.text, "outlined: somebody listens"],
     ] as const) {
+      advance(text);
       shapes.push({ kind: "rect", x, y: y - 5, w: 10, h: 10, fill, stroke });
       shapes.push({ kind: "text", x: x + 15, y, text, fill: theme.faintText, size: 11 });
       x += 34 + text.length * 6;
     }
+    for (const [mark, text] of [
+      ["sent", "a frame was sent in the step shown"],
+      ["collision", "frames collided in the step shown"],
+      ["foreign", "sent at this slot offset, in a cell of another slotframe"],
+    ] as const) {
+      advance(text);
+      useMark(shapes, mark, x + 5, y);
+      shapes.push({ kind: "text", x: x + 15, y, text, fill: theme.faintText, size: 11 });
+      x += 34 + text.length * 6;
+    }
+    return y;
+  }
+}
+
+/** All marks have an edge, so that they are seen on every colour of a cell. */
+function useMark(shapes: Shape[], mark: "sent" | "collision" | "foreign", x: number, y: number): void {
+  if (mark !== "collision") {
+    const fill = mark === "sent" ? OKABE_ITO.green : "#ffffff";
+    shapes.push({ kind: "circle", x, y, r: 3.5, fill, stroke: mark === "sent" ? "#ffffff" : OKABE_ITO.green, width: 1.2 });
+    return;
+  }
+  for (const [stroke, width] of [["#ffffff", 5], ["#000000", 2.6]] as const) {
+    shapes.push({ kind: "line", x1: x - 4, y1: y - 4, x2: x + 4, y2: y + 4, stroke, width }, { kind: "line", x1: x - 4, y1: y + 4, x2: x + 4, y2: y - 4, stroke, width });
   }
 }
 

@@ -1,5 +1,6 @@
 import { fromBinary } from "@bufbuild/protobuf";
 import { type Overview, OverviewSchema, RecordingSchema, RecordingsSchema, type Run } from "../gen/murmuration/view/v1/view_pb.ts";
+import type { FrameData } from "./frame.ts";
 import { FrameList } from "./frame-list.ts";
 import type { LiveOrder, RunData, Source } from "./source.ts";
 import { splitRepeated } from "./wire.ts";
@@ -30,6 +31,10 @@ class EmbeddedRun implements RunData {
   }
 
   want(): void {}
+
+  between(fromNs: number, untilNs: number): Promise<FrameData[]> {
+    return Promise.resolve(this.frames.between(fromNs, untilNs));
+  }
 }
 
 class EmbeddedSource implements Source {

@@ -84,6 +84,16 @@ export class FrameList {
     return slot.data;
   }
 
+  /** The frame at a time, if there is one, and all loaded frames after it until the first that is not before another time (ns). */
+  between(fromNs: number, untilNs: number): FrameData[] {
+    const found: FrameData[] = [];
+    for (let i = Math.max(0, this.indexAt(fromNs)); i < this.slots.length; i++) {
+      found.push(this.frame(i));
+      if (this.slots[i].timeNs >= untilNs) break;
+    }
+    return found;
+  }
+
   /** Appends encoded frames that are later than the last one loaded; others are ignored. */
   append(frames: Uint8Array[]): void {
     for (const bytes of frames) {

@@ -3,6 +3,7 @@ import { BinaryReader } from "@bufbuild/protobuf/wire";
 import { type MovedObstacle, MovedObstacleSchema, MoteStatesSchema, type TaskFigure, TaskFigureSchema } from "../gen/cosim/v1/common_pb.ts";
 import { type Formation, FormationSchema, type Packets, PacketsSchema } from "../gen/cosim/v1/netsim_pb.ts";
 import { FrameSchema, LinksSchema } from "../gen/murmuration/view/v1/view_pb.ts";
+import { decodeRadioFrames, type RadioFrame } from "./radio.ts";
 import { packedFixed32, packedFloat, packedUint32 } from "./wire.ts";
 
 /** The value of a destination, parent or neighbour field that names no single mote. */
@@ -43,6 +44,8 @@ export interface FrameData {
   motes: FrameMotes | null;
   formation: Formation | null;
   packets: Packets | null;
+  /** Encoded radio frames; null: the network keeps none. `radioFrames` decodes them. */
+  radio: Uint8Array | null;
   movedObstacles: MovedObstacle[];
   figures: TaskFigure[];
   held: boolean;
@@ -96,6 +99,7 @@ export function decodeFrame(bytes: Uint8Array): FrameData {
     motes: null,
     formation: null,
     packets: null,
+    radio: null,
     movedObstacles: [],
     figures: [],
     held: false,
@@ -117,6 +121,7 @@ export function decodeFrame(bytes: Uint8Array): FrameData {
       case FRAME.motes.number: frame.motes = decodeMotes(reader.bytes()); break;
       case FRAME.formation.number: frame.formation = fromBinary(FormationSchema, reader.bytes()); break;
       case FRAME.packets.number: frame.packets = fromBinary(PacketsSchema, reader.bytes()); break;
+      case FRAME.frames.number: frame.radio = reader.bytes(); break;
       case FRAME.movedObstacles.number: frame.movedObstacles.push(fromBinary(MovedObstacleSchema, reader.bytes())); break;
       case FRAME.figures.number: frame.figures.push(fromBinary(TaskFigureSchema, reader.bytes())); break;
       case FRAME.held.number: frame.held = reader.bool(); break;
@@ -125,6 +130,16 @@ export function decodeFrame(bytes: Uint8Array): FrameData {
     }
   }
   return frame;
+}
+
+const decodedRadio = new WeakMap<FrameData, RadioFrame[]>();
+
+/** The radio frames of a frame's steps, decoded the first time; null: the network keeps none. */
+export function radioFrames(frame: FrameData): RadioFrame[] | null {
+  if (frame.radio === null) return null;
+  let decoded = decodedRadio.get(frame);
+  if (decoded === undefined) decodedRadio.set(frame, (decoded = decodeRadioFrames(frame.radio)));
+  return decoded;
 }
 
 function decodeLinks(bytes: Uint8Array): FrameLinks {

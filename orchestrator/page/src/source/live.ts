@@ -2,6 +2,7 @@ import { create, fromBinary } from "@bufbuild/protobuf";
 import { PacketsSchema } from "../gen/cosim/v1/netsim_pb.ts";
 import { ControlKind, LiveSchema, type Overview, OverviewSchema, type Run, type Series } from "../gen/murmuration/view/v1/view_pb.ts";
 import type { Api } from "./api.ts";
+import type { FrameData } from "./frame.ts";
 import { FrameList } from "./frame-list.ts";
 import type { LiveOrder, LiveState, RunData, Source, SourceListener } from "./source.ts";
 import { concatenate, splitRepeated } from "./wire.ts";
@@ -31,6 +32,10 @@ class LiveRun implements RunData {
   }
 
   want(): void {}
+
+  between(fromNs: number, untilNs: number): Promise<FrameData[]> {
+    return Promise.resolve(this.frames.between(fromNs, untilNs));
+  }
 
   addFrames(frames: Uint8Array[]): void {
     this.frames.append(frames);

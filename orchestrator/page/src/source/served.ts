@@ -1,6 +1,7 @@
 import { create } from "@bufbuild/protobuf";
 import { FramesSchema, type Overview, OverviewSchema, type Run } from "../gen/murmuration/view/v1/view_pb.ts";
 import type { Api } from "./api.ts";
+import { decodeFrame, type FrameData } from "./frame.ts";
 import { FrameList } from "./frame-list.ts";
 import type { RunData, Source, SourceListener } from "./source.ts";
 import { splitRepeated } from "./wire.ts";
@@ -10,6 +11,8 @@ const BEHIND_NS = 10e9;
 /** Runs with at most this many steps, and robots times steps, are loaded as a whole. */
 const WHOLE_STEPS = 3000;
 const WHOLE_ROBOT_STEPS = 2e6;
+/** Frames that one request may ask for. */
+const MOST_PER_REQUEST = 2000;
 /** While the program still reads the recording, its overview is asked for again after this time (ms). */
 const OVERVIEW_POLL_MS = 500;
 
@@ -58,6 +61,26 @@ class ServedRun implements RunData {
     const lastNs = this.frames.timeNs(last);
     if (playing && this.request === null && lastNs < this.lastFrameNs && lastNs - time < this.aheadNs(stride) / 2) {
       void this.extend(lastNs, stride);
+    }
+  }
+
+  async between(fromNs: number, untilNs: number, signal: AbortSignal): Promise<FrameData[]> {
+    const last = this.frames.length - 1;
+    const loaded = last >= 0 && this.stride === 1 && this.frames.timeNs(0) <= fromNs && this.frames.timeNs(last) >= Math.min(untilNs, this.lastFrameNs);
+    if (loaded) return this.frames.between(fromNs, untilNs);
+    const found: FrameData[] = [];
+    const end = Math.min(untilNs + this.stepNs, this.endNs);
+    let from = fromNs;
+    for (;;) {
+      // An answer holds a limited number of frames and bytes: the next request goes on where it ended.
+      const most = Math.min(MOST_PER_REQUEST, Math.ceil((end - from) / this.stepNs) + 2);
+      const until = Math.min(end, from + (most - 2) * this.stepNs);
+      const frames = (await this.ask(from, until, most, signal)).map(decodeFrame);
+      const later = frames.filter((frame) => found.length === 0 || frame.timeNs > found[found.length - 1].timeNs);
+      found.push(...later);
+      const reachedNs = found[found.length - 1]?.timeNs ?? end;
+      if (reachedNs >= Math.min(untilNs, this.lastFrameNs) || (later.length === 0 && until >= end)) return found;
+      from = later.length === 0 ? until : reachedNs;
     }
   }
 

@@ -1,4 +1,5 @@
 import type { Overview, Run } from "../gen/murmuration/view/v1/view_pb.ts";
+import type { FrameData } from "./frame.ts";
 import type { FrameList } from "./frame-list.ts";
 
 /** A run as the views see it, wherever its data come from. */
@@ -17,6 +18,11 @@ export interface RunData {
   ready(timeNs: number): boolean;
   /** Loads frames around a time, if they are not loaded. `stepsPerFrame` is how many steps playing advances with each frame drawn. */
   want(timeNs: number, playing: boolean, stepsPerFrame: number): void;
+  /**
+   * The frame at a time, if there is one, and all frames after it until the first that is not before another time (ns). What `frames`
+   * holds stays as it is.
+   */
+  between(fromNs: number, untilNs: number, signal: AbortSignal): Promise<FrameData[]>;
 }
 
 /** Orders that a viewer gives to a running simulation. */

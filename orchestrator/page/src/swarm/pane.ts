@@ -1,5 +1,6 @@
 import { type App, currentRun, type Exported, type ViewPanel } from "../app.ts";
-import { checkbox, element, selection } from "../dom.ts";
+import { checkbox, element, selection, setText } from "../dom.ts";
+import { wayActions } from "../network/way-panel.ts";
 import { LINK_COLOURS, type LinkColour, ROBOT_COLOURS, type RobotColour } from "../store.ts";
 import { SwarmView } from "./view.ts";
 
@@ -18,9 +19,15 @@ export function swarmToolbar(app: App, refit: () => void): { root: HTMLElement; 
   const ghosts = checkbox("ghosts", "Show where the selected robot last heard its neighbours to be", (on) => store.set({ ghosts: on }));
   const follow = checkbox("follow", "Keep the selected robot in the middle (O)", (on) => store.set({ follow: on }));
   const fit = element("button", { type: "button", title: "Fit everything into the view (F, or double-click)", onclick: refit }, "Fit");
+  const way = wayActions(app);
+  const followed = element("span", { class: "status" });
+  const packet = element("span", { class: "field", hidden: true }, followed,
+    element("button", { type: "button", title: "Previous hop ([)", "aria-label": "Previous hop", onclick: () => way.hop(-1) }, "◀"),
+    element("button", { type: "button", title: "Next hop (])", "aria-label": "Next hop", onclick: () => way.hop(1) }, "▶"),
+    element("button", { type: "button", title: "Stop following this packet (Esc)", onclick: () => way.clear() }, "clear"));
   return {
     root: element("div", { class: "toolbar", role: "toolbar", "aria-label": "What the swarm view draws" },
-      robots.root, links.root, missed.root, trails.root, ghosts.root, follow.root, fit),
+      robots.root, links.root, missed.root, trails.root, ghosts.root, follow.root, fit, packet),
     render() {
       const { state } = store;
       robots.select.value = state.robotColour;
@@ -29,6 +36,8 @@ export function swarmToolbar(app: App, refit: () => void): { root: HTMLElement; 
       trails.input.checked = state.trails;
       ghosts.input.checked = state.ghosts;
       follow.input.checked = state.follow;
+      packet.hidden = state.packet === null;
+      if (state.packet !== null) setText(followed, app.follower.problem === "" ? `packet ${state.packet}` : `packet ${state.packet}: ${app.follower.problem}`);
     },
   };
 }

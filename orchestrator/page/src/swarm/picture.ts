@@ -105,15 +105,34 @@ export class LineLayer extends Layer {
 /** Lines between pairs of robots, which remembers the pairs. */
 export class PairLayer extends LineLayer {
   readonly pairs: number[] = [];
+  /** Which robots each line is between. */
+  private readonly ends: number[] = [];
 
   override clear(): void {
     super.clear();
     this.pairs.length = 0;
+    this.ends.length = 0;
+  }
+
+  /** Moves the ends of all lines to where the robots are. */
+  place(x: Float32Array, y: Float32Array): void {
+    const { data, ends } = this;
+    for (let i = 0, at = 0; i < ends.length; i += 2, at += 2 * LINE_STRIDE) {
+      const [a, b] = [ends[i], ends[i + 1]];
+      const [x0, y0, x1, y1] = [x[a], y[a], x[b], y[b]];
+      data[at] = x0;
+      data[at + 1] = y0;
+      data[at + 6] = x1;
+      data[at + 7] = y1;
+      if (data[at + 10] >= 0) data[at + 10] = Math.sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0));
+    }
+    this.version++;
   }
 
   link(sender: number, receiver: number, x: Float32Array, y: Float32Array, colour: Packed, dashed: boolean): void {
     this.segment(x[sender], y[sender], x[receiver], y[receiver], colour, dashed);
     this.pairs.push(sender, receiver);
+    this.ends.push(sender, receiver);
   }
 
   /** Both directions between two robots as one line, which at each end has the colour of what the robot there sent. */
@@ -121,6 +140,7 @@ export class PairLayer extends LineLayer {
     this.segment(x[a], y[a], x[b], y[b], colourA);
     this.colours[this.count * LINE_STRIDE - 1] = colourB;
     this.pairs.push(a, b, b, a);
+    this.ends.push(a, b);
   }
 }
 
@@ -157,6 +177,18 @@ export class RobotLayer extends Layer {
     this.data[at + 2] = heading;
     this.colours[at + 3] = colour;
     this.agents.push(agent);
+  }
+
+  /** Moves all robots. */
+  place(x: Float32Array, y: Float32Array, heading: Float32Array): void {
+    const { data, agents } = this;
+    for (let i = 0, at = 0; i < agents.length; i++, at += ROBOT_STRIDE) {
+      const agent = agents[i];
+      data[at] = x[agent];
+      data[at + 1] = y[agent];
+      data[at + 2] = heading.length > 0 ? heading[agent] : 0;
+    }
+    this.version++;
   }
 }
 
@@ -199,6 +231,8 @@ export class Picture {
   readonly grid = new LineLayer();
   readonly site = new LineLayer();
   readonly trails = new LineLayer();
+  /** From the end of the trails to where robots are between two frames. */
+  readonly trailHeads = new LineLayer();
   readonly links = new PairLayer();
   readonly missed = new PairLayer();
   readonly robots = new RobotLayer();
@@ -212,7 +246,7 @@ export class Picture {
   background = "#ffffff";
 
   /** Layers below the robots without dashes. */
-  readonly solidLines: LineLayer[] = [this.grid, this.site, this.trails, this.links];
+  readonly solidLines: LineLayer[] = [this.grid, this.site, this.trails, this.trailHeads, this.links];
 
   /** All layers below the robots. */
   get linesBelow(): LineLayer[] {

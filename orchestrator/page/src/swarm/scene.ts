@@ -5,6 +5,7 @@ import { bit } from "../source/wire.ts";
 import type { State } from "../store.ts";
 import { css, shade, type Theme, withAlpha } from "./colours.ts";
 import { exists, ghosts, MissedLinks, neighboursHeard } from "./links.ts";
+import { Motion } from "./motion.ts";
 import { Picture } from "./picture.ts";
 import { drawSite } from "./site.ts";
 
@@ -28,6 +29,8 @@ export class Scene {
   linkRange: ColourRange = { least: 0, most: 1 };
   /** The frame in the picture; null before the first is loaded. */
   frame: FrameData | null = null;
+  /** Where the robots are in the picture. */
+  readonly motion = new Motion();
   private readonly missed = new MissedLinks();
   private heard = new Uint32Array(0);
   private linkColours = new Uint32Array(0);
@@ -36,6 +39,7 @@ export class Scene {
   private bornVersion = -1;
   private siteKey = "";
   private key = "";
+  private share = 0;
 
   constructor(readonly data: RunData) {
     const count = data.run.agentCount;
@@ -59,24 +63,39 @@ export class Scene {
       frames.step(index), frames.step(first), frames.generation, robotColour, linkColour, missed, trails, showGhosts, selected, peer,
       theme.dark, this.data.overviewVersion,
     ].join();
-    if (key === this.key) return false;
+    // While playing, robots move between the frames; links and colours are those of the frame before.
+    const share = state.playing ? Motion.share(frames, index, state.timeNs) : 0;
+    const changed = key !== this.key;
+    if (!changed && share === this.share) return false;
     this.key = key;
+    this.share = share;
     const frame = frames.frame(index);
     this.frame = frame;
-    this.picture.background = theme.background;
-    this.updateSite(frame, theme);
-    this.updateTrails(index, first, state, theme);
-    this.updateLinks(frame, state, theme);
-    this.picture.missed.clear();
-    if (missed) {
-      this.missed.find(frames, index, (sender, receiver) => {
-        if (sender < frame.x.length && receiver < frame.x.length) {
-          this.picture.missed.link(sender, receiver, frame.x, frame.y, theme.missed, true);
-        }
-      });
+    this.motion.set(frame, share > 0 ? frames.frame(index + 1) : null, share);
+    if (changed) {
+      this.picture.background = theme.background;
+      this.updateSite(frame, theme);
+      this.updateTrails(index, first, state, theme);
+      this.updateLinks(frame, state, theme);
+      this.picture.missed.clear();
+      if (missed) {
+        this.missed.find(frames, index, (sender, receiver) => {
+          if (sender < frame.x.length && receiver < frame.x.length) {
+            this.picture.missed.link(sender, receiver, frame.x, frame.y, theme.missed, true);
+          }
+        });
+      }
+      this.updateRobots(frame, state, theme);
+      this.updateGhosts(index, state);
     }
-    this.updateRobots(frame, state, theme);
-    this.updateMarks(index, frame, state, theme);
+    if (!changed || share > 0) {
+      const { x, y, heading } = this.motion;
+      this.picture.links.place(x, y);
+      this.picture.missed.place(x, y);
+      this.picture.robots.place(x, y, heading);
+    }
+    this.updateTrailHeads(frame, share, state, theme);
+    this.updateMarks(frame, state, theme);
     return true;
   }
 
@@ -112,6 +131,19 @@ export class Scene {
     if (!exists(earlier, agent) || !exists(later, agent)) return;
     const colour = withAlpha(theme.categories[this.group[agent] % theme.categories.length], alpha);
     this.picture.trails.segment(earlier.x[agent], earlier.y[agent], later.x[agent], later.y[agent], colour);
+  }
+
+  private updateTrailHeads(frame: FrameData, share: number, state: State, theme: Theme): void {
+    const { trailHeads, trails } = this.picture;
+    if (trailHeads.count > 0) trailHeads.clear();
+    if (share === 0 || trails.count === 0) return;
+    const { x, y } = this.motion;
+    const add = (agent: number): void => {
+      if (!exists(frame, agent)) return;
+      trailHeads.segment(frame.x[agent], frame.y[agent], x[agent], y[agent], withAlpha(theme.categories[this.group[agent] % theme.categories.length], 0.5));
+    };
+    if (this.data.run.agentCount <= TRAIL_ROBOTS) for (let agent = 0; agent < frame.x.length; agent++) add(agent);
+    else if (state.selected !== null && state.selected < frame.x.length) add(state.selected);
   }
 
   private updateLinks(frame: FrameData, state: State, theme: Theme): void {
@@ -192,41 +224,48 @@ export class Scene {
     return null;
   }
 
-  private updateMarks(index: number, frame: FrameData, state: State, theme: Theme): void {
+  private updateGhosts(index: number, state: State): void {
+    this.picture.ghosts.length = 0;
+    const { selected } = state;
+    if (selected !== null && selected < this.data.frames.frame(index).x.length && state.ghosts) {
+      ghosts(this.data.frames, index, selected, this.picture.ghosts);
+    }
+  }
+
+  private updateMarks(frame: FrameData, state: State, theme: Theme): void {
     const { marks, dead, labels } = this.picture;
+    const { x, y } = this.motion;
     marks.clear();
     dead.length = 0;
     labels.length = 0;
-    this.picture.ghosts.length = 0;
     this.updateBirths();
     for (let agent = 0; agent < frame.x.length; agent++) {
       if (exists(frame, agent)) {
-        if (frame.motes !== null && frame.motes.alive.length > 0 && !bit(frame.motes.alive, agent)) this.cross(frame, agent, 5, theme);
+        if (frame.motes !== null && frame.motes.alive.length > 0 && !bit(frame.motes.alive, agent)) this.cross(agent, 5, theme);
       } else if (frame.timeNs >= this.bornNs[agent]) {
         dead.push(agent, frame.x[agent], frame.y[agent]);
         marks.ring(frame.x[agent], frame.y[agent], 6, theme.dead, 12);
-        this.cross(frame, agent, 4, theme);
+        this.cross(agent, 4, theme);
       }
     }
     const { selected, peer } = state;
-    if (peer !== null && peer < frame.x.length) marks.ring(frame.x[peer], frame.y[peer], 12, theme.selected, 12);
+    if (peer !== null && peer < frame.x.length) marks.ring(x[peer], y[peer], 12, theme.selected, 12);
     if (selected === null || selected >= frame.x.length) return;
-    marks.ring(frame.x[selected], frame.y[selected], 12, theme.selected, 24);
-    marks.ring(frame.x[selected], frame.y[selected], 13, theme.selected, 24);
-    if (!state.ghosts) return;
-    ghosts(this.data.frames, index, selected, this.picture.ghosts);
+    marks.ring(x[selected], y[selected], 12, theme.selected, 24);
+    marks.ring(x[selected], y[selected], 13, theme.selected, 24);
     for (const ghost of this.picture.ghosts) {
       marks.ring(ghost.x, ghost.y, 6, theme.ghost, 12);
-      marks.segment(ghost.x, ghost.y, frame.x[ghost.neighbour], frame.y[ghost.neighbour], theme.ghost);
+      marks.segment(ghost.x, ghost.y, x[ghost.neighbour], y[ghost.neighbour], theme.ghost);
       if (this.picture.ghosts.length <= 30) {
         labels.push({ x: ghost.x, y: ghost.y, offsetPx: 9, text: String(ghost.neighbour), colour: css(theme.ghost) });
       }
     }
   }
 
-  private cross(frame: FrameData, agent: number, r: number, theme: Theme): void {
-    this.picture.marks.stroke(frame.x[agent], frame.y[agent], -r, -r, r, r, theme.dead);
-    this.picture.marks.stroke(frame.x[agent], frame.y[agent], -r, r, r, -r, theme.dead);
+  private cross(agent: number, r: number, theme: Theme): void {
+    const { x, y } = this.motion;
+    this.picture.marks.stroke(x[agent], y[agent], -r, -r, r, r, theme.dead);
+    this.picture.marks.stroke(x[agent], y[agent], -r, r, r, -r, theme.dead);
   }
 
   /** Robots whose first event is a birth are not drawn before it. */

@@ -1,6 +1,6 @@
 import type { App, Exported } from "../app.ts";
 import { element } from "../dom.ts";
-import { paintShapes, shapesToSvg, sizedContext, svgDocument } from "../sketch.ts";
+import { paintShapes, type Shape, shapesToSvg, sizedContext, svgDocument } from "../sketch.ts";
 import type { RunData } from "../source/source.ts";
 import type { Camera } from "../store.ts";
 import { annotations, drawGrid } from "./axes.ts";
@@ -8,14 +8,19 @@ import { fit, mostlyVisible, zoomed } from "./camera.ts";
 import { CanvasPainter } from "./canvas.ts";
 import { Legend } from "./legend.ts";
 import { ROBOT_STRIDE } from "./picture.ts";
+import { RasterPainter } from "./raster.ts";
 import { Scene } from "./scene.ts";
 import { pictureToSvg } from "./svg.ts";
-import { type Painter, webGlPainter } from "./webgl.ts";
+import { wayShapes } from "./way-shapes.ts";
+import { isSoftware, type Painter, webGlPainter } from "./webgl.ts";
 
 /** A robot is picked within this distance of the pointer (px). */
 const PICK_PX = 14;
 /** A swarm travels far if all of its way is this many times as large as the swarm. */
 const FAR = 3;
+
+/** Pictures with more robots or lines than this are drawn without a graphics library where WebGL runs on the processor. */
+const MANY = 2000;
 
 /** One run's robots from above. */
 export class SwarmView {
@@ -23,8 +28,15 @@ export class SwarmView {
   readonly scene: Scene;
   /** The camera of the latest picture. */
   camera: Camera = { x: 0, y: 0, scale: 10 };
+  /** What drew the latest picture. */
   painter: Painter | null = null;
+  private usual: Painter | null = null;
   private canvas: HTMLCanvasElement;
+  /** For pictures of many lines and robots; null: not needed until now. */
+  private many: { canvas: HTMLCanvasElement; painter: RasterPainter } | null = null;
+  private drawsMany = false;
+  /** The painter draws the overlay, too. */
+  private stamped = false;
   private readonly overlay: HTMLCanvasElement;
   private readonly tip: HTMLElement;
   private readonly empty: HTMLElement;
@@ -35,6 +47,7 @@ export class SwarmView {
   private ratio = 0;
   private key = "";
   private overlayKey = "";
+  private wayVersion = -1;
 
   constructor(
     private readonly app: App,
@@ -49,7 +62,7 @@ export class SwarmView {
     this.legend = new Legend(app);
     this.root = element("div", { class: "swarm" }, this.canvas, this.overlay, this.legend.root, this.tip, this.empty);
     if (title !== "") this.root.append(element("div", { class: "swarm-title" }, title));
-    this.painter = this.openPainter();
+    this.painter = this.usual = this.openPainter();
     this.listen();
     new ResizeObserver(() => this.measure()).observe(this.root);
   }
@@ -66,7 +79,15 @@ export class SwarmView {
     this.camera = this.chooseCamera();
     const { x, y, scale } = this.camera;
     const cameraKey = [x, y, scale, this.width, this.height, this.ratio, this.app.theme.dark].join();
-    if (!changed && cameraKey === this.key) return;
+    const wayVersion = this.app.follower.version;
+    if (!changed && cameraKey === this.key) {
+      if (wayVersion !== this.wayVersion) {
+        this.drawOverlay(cameraKey);
+        if (this.stamped) this.painter?.paint(this.scene.picture, this.camera, this.width, this.height, this.ratio);
+        this.app.framesDrawn++;
+      }
+      return;
+    }
     const moved = cameraKey !== this.key;
     this.key = cameraKey;
     if (moved) {
@@ -74,10 +95,11 @@ export class SwarmView {
       const spacing = scale * Math.sqrt(this.area() / Math.max(1, this.scene.picture.robots.count));
       this.scene.picture.robotRadiusPx = Math.max(2.5, Math.min(8, 0.22 * spacing));
     }
-    this.canvas.hidden = this.legend.root.hidden = false;
-    this.painter?.paint(this.scene.picture, this.camera, this.width, this.height, this.ratio);
-    this.app.framesDrawn++;
+    this.legend.root.hidden = false;
+    const painter = this.choosePainter();
     this.drawOverlay(cameraKey);
+    painter?.paint(this.scene.picture, this.camera, this.width, this.height, this.ratio);
+    this.app.framesDrawn++;
     this.legend.update(this.scene);
   }
 
@@ -94,7 +116,7 @@ export class SwarmView {
 
   exported(): Exported {
     const { picture } = this.scene;
-    const shapes = () => annotations(picture, this.camera, this.width, this.height, this.app.store.state.selected, this.app.theme);
+    const shapes = () => this.annotations();
     return {
       width: this.width,
       height: this.height,
@@ -122,15 +144,41 @@ export class SwarmView {
     if (painter !== null) {
       this.canvas.addEventListener("webglcontextlost", (event) => {
         event.preventDefault();
-        this.painter = null;
+        this.usual = null;
       });
       this.canvas.addEventListener("webglcontextrestored", () => {
-        this.painter = webGlPainter(this.canvas);
+        this.usual = webGlPainter(this.canvas);
         this.key = "";
       });
       return painter;
     }
     return new CanvasPainter(this.canvas.getContext("2d", { alpha: false }) as CanvasRenderingContext2D);
+  }
+
+  /** The painter for the picture, whose canvas is then the one that is shown. */
+  private choosePainter(): Painter | null {
+    const { robots, links, missed, trails } = this.scene.picture;
+    const most = Math.max(robots.count, (links.count + missed.count + trails.count) / 2);
+    // Numbers about the limit do not make the picture change its look all the time.
+    if (most > MANY) this.drawsMany = isSoftware();
+    else if (most < 0.7 * MANY) this.drawsMany = false;
+    if (this.drawsMany && this.many === null) {
+      const canvas = element("canvas", { class: "layer" });
+      const context = canvas.getContext("2d", { alpha: false }) as CanvasRenderingContext2D;
+      this.many = { canvas, painter: new RasterPainter(context) };
+      this.canvas.after(canvas);
+    }
+    if (this.many !== null) this.many.canvas.hidden = !this.drawsMany;
+    this.canvas.hidden = this.drawsMany;
+    if (this.many !== null && this.drawsMany) {
+      const { canvas, painter } = this.many;
+      if (canvas.width !== this.canvas.width || canvas.height !== this.canvas.height) {
+        canvas.width = this.canvas.width;
+        canvas.height = this.canvas.height;
+      }
+      this.painter = painter;
+    } else this.painter = this.usual;
+    return this.painter;
   }
 
   private measure(): void {
@@ -150,7 +198,8 @@ export class SwarmView {
     const { frame } = this.scene;
     let camera = state.camera ?? this.fit();
     if (state.follow && state.selected !== null && frame !== null && state.selected < frame.x.length) {
-      camera = { ...camera, x: frame.x[state.selected], y: frame.y[state.selected] };
+      const { x, y } = this.scene.motion;
+      camera = { ...camera, x: x[state.selected], y: y[state.selected] };
     }
     return camera;
   }
@@ -185,11 +234,24 @@ export class SwarmView {
     const { picture } = this.scene;
     const { selected } = this.app.store.state;
     const moving = picture.robots.count + picture.dead.length / 3 <= 300 || selected !== null;
-    const key = moving ? "" : `${cameraKey} ${picture.siteLabels.map((l) => `${l.text}${l.x},${l.y}`).join()}`;
+    // Where the browser draws on the processor, another canvas over the picture costs as much as the picture.
+    this.stamped = this.drawsMany && !moving;
+    const key = moving ? "" : `${this.stamped} ` + `${cameraKey} ${picture.siteLabels.map((l) => `${l.text}${l.x},${l.y}`).join()} ${this.app.follower.version}`;
+    this.wayVersion = this.app.follower.version;
     if (key !== "" && key === this.overlayKey) return;
     this.overlayKey = key;
     const context = sizedContext(this.overlay, this.width, this.height);
-    paintShapes(context, annotations(picture, this.camera, this.width, this.height, selected, this.app.theme));
+    paintShapes(context, this.annotations());
+    this.many?.painter.setStamp(this.stamped ? this.overlay : null);
+    this.overlay.style.opacity = this.stamped ? "0" : "1";
+  }
+
+  /** Axes, labels and the way of the followed packet. */
+  private annotations(): Shape[] {
+    const { follower, store, theme } = this.app;
+    const way = follower.data === this.data ? follower.way : null;
+    const shapes = annotations(this.scene.picture, this.camera, this.width, this.height, store.state.selected, theme);
+    return way === null ? shapes : [...wayShapes(way, this.camera, this.width, this.height, theme), ...shapes];
   }
 
   /** The robot nearest to a place in the picture (px from its left upper corner), if any is close. */

@@ -5,7 +5,7 @@ import { type FillLayer, FILL_STRIDE, type LineLayer, LINE_STRIDE, type Picture,
 
 /** Draws pictures onto a canvas. */
 export interface Painter {
-  readonly name: "webgl2" | "canvas2d";
+  readonly name: "webgl2" | "canvas2d" | "raster";
   paint(picture: Picture, camera: Camera, width: number, height: number, ratio: number): void;
 }
 
@@ -211,9 +211,13 @@ function rendersInSoftware(): boolean {
 
 let software: boolean | null = null;
 
+/** Whether WebGL runs on the processor, or there is none. */
+export function isSoftware(): boolean {
+  return (software ??= rendersInSoftware());
+}
+
 /** A painter by WebGL2; null where the browser has none. */
 export function webGlPainter(canvas: HTMLCanvasElement): Painter | null {
-  software ??= rendersInSoftware();
-  const gl = canvas.getContext("webgl2", { antialias: !software, alpha: false, depth: false, stencil: false, powerPreference: "high-performance" });
+  const gl = canvas.getContext("webgl2", { antialias: !isSoftware(), alpha: false, depth: false, stencil: false, powerPreference: "high-performance" });
   return gl === null ? null : new WebGlPainter(gl);
 }
