@@ -5,11 +5,13 @@ import os
 import pty
 import re
 import select
+import signal
 import struct
 import termios
 import time
 
 import pyte
+import pytest
 from conftest import ROOT, program
 
 ARROWS = set("→↗↑↖←↙↓↘")
@@ -60,8 +62,10 @@ class Terminal:
 
     def end(self):
         """Waits for the end. Returns the exit status."""
+        deadline = time.monotonic() + 60
         while self.read(1):
-            pass
+            if deadline < time.monotonic():
+                os.kill(self.process, signal.SIGKILL)
         return os.waitstatus_to_exitcode(os.waitpid(self.process, 0)[1])
 
 
@@ -93,10 +97,15 @@ def test_the_swarm_moves_pauses_and_steps_in_a_terminal(tmp_path):
     assert b"results in" in terminal.said.split(b"\x1b[?1049l")[-1]
 
 
-def test_ctrl_c_stops_the_run_and_keeps_what_was_recorded(tmp_path):
+@pytest.mark.parametrize("keys", [b"", b" "])
+def test_ctrl_c_stops_a_run_even_if_it_is_paused_and_keeps_what_was_recorded(tmp_path, keys):
     terminal = watched(tmp_path)
     terminal.until(r"step \d+")
+    terminal.type(keys)
+    terminal.read(0.5)
+    begun = time.monotonic()
     terminal.type(b"\x03")
     assert terminal.end() == 1
+    assert time.monotonic() - begun < 5
     assert b"interrupted after step" in terminal.said
     assert (tmp_path / "flocking" / "summary.json").exists()

@@ -342,8 +342,11 @@ impl<'a, R: Peer<RobotSide>, N: Peer<NetworkSide>> Driver<'a, R, N> {
             if audience.observer.may_go_on(self.coupled.time_ns()) {
                 break;
             }
-            // Connections to both sides stay alive meanwhile.
-            tokio::time::sleep(PAUSE).await;
+            // Connections to both sides stay alive meanwhile, and signals are heard.
+            tokio::select! {
+                () = tokio::time::sleep(PAUSE) => {}
+                signal = audience.interrupts.lasting() => return Ok(Stepped::Interrupted(signal)),
+            }
         }
         if 0 < self.coupled.step_number() && audience.observer.wants_checkpoint() {
             let [robots, network] = tokio::select! {
