@@ -5,3 +5,4 @@
 pub mod format;
 pub mod power;
 pub mod statistics;
+pub mod ticks;

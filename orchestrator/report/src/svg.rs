@@ -7,6 +7,7 @@
 //! data of paths are written here.
 
 use maud::{Markup, PreEscaped, Render, html};
+use numbers::ticks;
 use std::fmt::Write as _;
 
 /// A coordinate in pixels, written with one decimal.
@@ -70,7 +71,7 @@ impl Axis {
 
     /// Distance between ticks if there are to be about `n`.
     fn step(&self, n: f64) -> f64 {
-        round_step(((self.max - self.min) / n).max(self.least_step))
+        ticks::round_step(((self.max - self.min) / n).max(self.least_step))
     }
 
     /// Round numbers along the axis, about `n` of them.
@@ -78,10 +79,7 @@ impl Axis {
         if !self.names.is_empty() {
             return (0..self.names.len()).map(|name| name as f64).collect();
         }
-        let step = self.step(n);
-        let first = libm::ceil(self.min / step - 1e-9);
-        let last = libm::floor(self.max / step + 1e-9);
-        (0..=(last - first).max(0.0) as usize).map(|i| (first + i as f64) * step).collect()
+        ticks::ticks(self.min, self.max, self.step(n))
     }
 
     fn tick_label(&self, tick: f64, step: f64) -> String {
@@ -91,21 +89,8 @@ impl Axis {
         if self.is_percent {
             return format!("{:.0} %", 100.0 * tick);
         }
-        let decimals = (-libm::floor(libm::log10(step) + 1e-9)).clamp(0.0, 6.0) as usize;
-        // Not "-0".
-        let tick = if tick.abs() < 1e-9 * step { 0.0 } else { tick };
-        format!("{tick:.decimals$}").replace('-', "−")
+        ticks::tick_label(tick, step)
     }
-}
-
-/// The least of 1, 2, 5 times a power of ten that is not below `step`.
-fn round_step(step: f64) -> f64 {
-    let power = libm::pow(10.0, libm::floor(libm::log10(step)));
-    [1.0, 2.0, 5.0, 10.0]
-        .into_iter()
-        .map(|digit| digit * power)
-        .find(|&round| step <= round * (1.0 + 1e-9))
-        .unwrap_or(10.0 * power)
 }
 
 /// A chart being drawn.

@@ -1,0 +1,49 @@
+//! Round numbers along an axis.
+
+/// The least of 1, 2, 5 times a power of ten that is not below `step`.
+#[must_use]
+pub fn round_step(step: f64) -> f64 {
+    let power = libm::pow(10.0, libm::floor(libm::log10(step)));
+    [1.0, 2.0, 5.0, 10.0]
+        .into_iter()
+        .map(|digit| digit * power)
+        .find(|&round| step <= round * (1.0 + 1e-9))
+        .unwrap_or(10.0 * power)
+}
+
+/// The multiples of `step` from `min` to `max`, in ascending order.
+#[must_use]
+pub fn ticks(min: f64, max: f64, step: f64) -> Vec<f64> {
+    let first = libm::ceil(min / step - 1e-9);
+    let last = libm::floor(max / step + 1e-9);
+    (0..=(last - first).max(0.0) as usize).map(|i| (first + i as f64) * step).collect()
+}
+
+/// A multiple of `step`, with the decimals that tell it from its neighbours, and with U+2212 for a minus. `-0` is written `0`.
+#[must_use]
+pub fn tick_label(tick: f64, step: f64) -> String {
+    let decimals = (-libm::floor(libm::log10(step) + 1e-9)).clamp(0.0, 6.0) as usize;
+    let tick = if tick.abs() < 1e-9 * step { 0.0 } else { tick };
+    format!("{tick:.decimals$}").replace('-', "−")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_1_2_or_5_times_a_power_of_ten() {
+        for (step, expected) in [(0.03, 0.05), (1.0, 1.0), (1.1, 2.0), (23.0, 50.0), (70.0, 100.0)]
+        {
+            assert!((round_step(step) / expected - 1.0).abs() < 1e-12, "{step}");
+        }
+    }
+
+    #[test]
+    fn labels_have_the_decimals_of_their_step() {
+        assert_eq!(ticks(-3.0, 3.0, 2.0), [-2.0, 0.0, 2.0]);
+        assert_eq!(tick_label(-0.0, 0.2), "0.0");
+        assert_eq!(tick_label(-20.0, 20.0), "−20");
+        assert_eq!(tick_label(0.15, 0.05), "0.15");
+    }
+}
