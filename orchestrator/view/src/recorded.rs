@@ -8,7 +8,7 @@ use crate::view;
 use bytes::Bytes;
 use prost::Message as _;
 use proto::exchange::Configured;
-use proto::types::Coupling;
+use proto::types::{Coupling, MovedObstacle};
 use record::StepRecord;
 use record::periods::Periods;
 use record::random_access::Recording;
@@ -210,6 +210,26 @@ impl RecordedRun {
             }
         }
         Ok(frames)
+    }
+
+    /// Obstacles that move until `until_ns`, each with the end of the step in which it does (ns), in the order of time. Reads the
+    /// recording from its beginning, unless no obstacle has a name, by which it could be moved.
+    ///
+    /// # Errors
+    ///
+    /// The recording is damaged.
+    pub fn moved_obstacles(&self, until_ns: u64) -> Result<Vec<(u64, MovedObstacle)>, ReadError> {
+        let obstacles = self.run.place.iter().flat_map(|place| &place.obstacles);
+        if obstacles.clone().all(|obstacle| obstacle.name.is_empty()) {
+            return Ok(Vec::new());
+        }
+        let mut moved = Vec::new();
+        let mut steps = self.recording.steps(0, until_ns)?;
+        while let Some(StepRecord { time_ns, robots, .. }) = steps.next_step()? {
+            let obstacles = robots.moved_obstacles.iter().cloned();
+            moved.extend(obstacles.map(|obstacle| (time_ns, obstacle)));
+        }
+        Ok(moved)
     }
 
     /// All frames, one of every `stride` steps, each given to `take` until that returns false. The overview follows.
