@@ -15,6 +15,7 @@ mod packets;
 mod pictures;
 mod power;
 mod recover;
+mod render;
 mod replay;
 mod run;
 mod schema;
@@ -63,6 +64,8 @@ enum Command {
     Reproduce(recover::ReproduceArgs),
     /// Show a recorded run in a browser, or write it as one page that opens anywhere
     Replay(replay::ReplayArgs),
+    /// Draw a recorded run, the swarm seen from above: a picture of one moment (SVG, PNG), or a video (MP4, WebM, GIF)
+    Render(render::RenderArgs),
     /// Write a recorded run as CSV tables or as a bag of ROS 2
     Export(export::ExportArgs),
     /// Run one experiment under many settings and seeds, as the section [sweep] of the file says
@@ -342,6 +345,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Recover(args) => recover::recover(&args),
         Command::Reproduce(args) => recover::reproduce(&args, start(args.threads)?),
         Command::Replay(args) => replay::replay(&args),
+        Command::Render(args) => render::render(&args),
         Command::Export(args) => export::export(&args),
         Command::Sweep(args) => sweeps::sweep(&args, start(Some(args.threads))?),
         Command::CompareRuns(args) => sweeps::compare_runs(&args),

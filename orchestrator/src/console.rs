@@ -190,6 +190,18 @@ impl ProgressDisplay {
         self.show(done, format!("{done} of {n} trials  {rate:.1} a second  {left_s:.0} s left"));
     }
 
+    /// `done` of `n` frames of a video are drawn.
+    pub fn frames(&mut self, done: u64, n: u64) {
+        let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };
+        if self.shown.elapsed() < every {
+            return;
+        }
+        self.shown = Instant::now();
+        let rate = done as f64 / self.begun.elapsed().as_secs_f64();
+        let left_s = n.saturating_sub(done) as f64 / rate;
+        self.show(done, format!("{done} of {n} frames  {rate:.1} a second  {left_s:.0} s left"));
+    }
+
     /// Step `step` is done and stands at `time_ns`.
     pub fn step_done(&mut self, step: u64, time_ns: u64) {
         if !self.is_time(step) {

@@ -41,6 +41,7 @@ mod predictions;
 mod quadrotors;
 mod reference;
 mod refusals;
+mod render;
 mod reports;
 mod results;
 mod resuming;

@@ -197,6 +197,7 @@ const WALLS: &[(&str, &[&str])] = &[
     ("drive", &["diagnose", "mcap", "metrics", "parquet", "record", "report", "study"]),
     ("network", &["mcap", "record", "report"]),
     ("report", &["orchestrator"]),
+    ("view", &["gif", "tiny-skia", "ttf-parser"]),
 ];
 
 #[test]

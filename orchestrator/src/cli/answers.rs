@@ -8,18 +8,22 @@ use std::path::Path;
 
 /// The answer of a command as JSON, if an option asks for it.
 pub(super) fn write_json(path: Option<&Path>, answer: &impl Serialize) -> Result<(), Failure> {
-    path.map_or(Ok(()), |path| write_whole("--json", path, &record::pretty(answer)))
+    path.map_or(Ok(()), |path| write_whole("--json", path, record::pretty(answer)))
 }
 
 /// Writes a file in one piece: under another name first.
-pub(super) fn write_whole(option: &str, path: &Path, text: &str) -> Result<(), Failure> {
+pub(super) fn write_whole(
+    option: &str,
+    path: &Path,
+    content: impl AsRef<[u8]>,
+) -> Result<(), Failure> {
     let failed =
         |error: std::io::Error| Failure::work(format!("{option} {}: {error}", path.display()));
     if is_stdout(path) {
-        return on_stdout(text.as_bytes()).map_err(failed);
+        return on_stdout(content.as_ref()).map_err(failed);
     }
     let file = place_for(option, path).map_err(Failure::work)?;
-    std::fs::write(file.path(), text).map_err(failed)?;
+    std::fs::write(file.path(), content).map_err(failed)?;
     file.persist(path).map(|_| ()).map_err(|error| failed(error.error))
 }
 

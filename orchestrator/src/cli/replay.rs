@@ -81,7 +81,7 @@ fn estimates(path: &Path) -> Result<Vec<toml::Table>, String> {
 }
 
 /// Opens a recorded run.
-fn open(folder: &Path) -> Result<RecordedRun, Failure> {
+pub(super) fn open(folder: &Path) -> Result<RecordedRun, Failure> {
     RecordedRun::open(folder).map_err(|error| {
         Failure::request(format!(
             "{error}; give the folder of a complete run that was recorded with output.mcap = true"

@@ -26,6 +26,7 @@ use network::comparison::NetworkComparison;
 use network::diagnosis::NetworkDiagnosis;
 use network::extension::NetworkExtension;
 use network::task::comparison::TaskComparison;
+use picture::scene::Scene;
 use record::run_summary::RunSummary;
 use record::verify::VerifyReport;
 use schemars::generate::SchemaSettings;
@@ -54,7 +55,7 @@ const MAPPING: &str = "mapping";
 type OfType = fn(&mut SchemaGenerator) -> Schema;
 
 /// The answers: the command that gives it, and the types that it may have.
-const ANSWERS: [(&str, &[OfType]); 15] = [
+const ANSWERS: [(&str, &[OfType]); 16] = [
     ("bench", &[SchemaGenerator::subschema_for::<BenchAnswer>]),
     (
         "check",
@@ -93,6 +94,7 @@ const ANSWERS: [(&str, &[OfType]); 15] = [
         ],
     ),
     ("power", &[SchemaGenerator::subschema_for::<Power>]),
+    ("render", &[SchemaGenerator::subschema_for::<Scene>]),
     ("reproduce", &[SchemaGenerator::subschema_for::<Reproduction>]),
     (
         "run",

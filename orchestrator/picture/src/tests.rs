@@ -1,0 +1,163 @@
+//! Pictures of a run that is made up of values.
+
+#[path = "../../record/src/tests/made_up.rs"]
+mod made_up;
+
+use crate::drawing::{Drawing, Shape};
+use crate::layout::{Layout, LinkColour, Style};
+use crate::raster::Canvas;
+use crate::scene::Scene;
+use crate::span::FrameSpan;
+use crate::stage::{Director, Stage};
+use crate::svg::svg;
+use ::view::recorded::RecordedRun;
+use made_up::{N, STEP_NS, STEPS, header, record};
+use record::{Ending, Recorder, RunHeader, StepRecord};
+
+fn recorded() -> (tempfile::TempDir, RecordedRun) {
+    let out = tempfile::tempdir().unwrap();
+    let run = record(out.path(), header("run"), STEPS);
+    let finished = run.finish(&Ending::complete(), serde_json::Value::Null, |_| String::new());
+    let run = RecordedRun::open(&finished.unwrap().dir).unwrap();
+    (out, run)
+}
+
+/// Scenes of all steps from `from` on.
+fn scenes(run: &RecordedRun, stage: &Stage, from: u64) -> Vec<Scene> {
+    let mut frames = FrameSpan::every(run, from * STEP_NS, u64::MAX, STEP_NS);
+    let mut director = Director::new(stage);
+    let mut scenes = Vec::new();
+    while let Some(frame) = frames.next_frame().unwrap() {
+        scenes.push(director.scene(&frame));
+        director.pass(&frame);
+    }
+    scenes
+}
+
+fn style() -> Style {
+    Style { size: [640, 400], is_dark: false, links: LinkColour::Rssi }
+}
+
+#[test]
+fn a_scene_has_the_numbers_of_the_run() {
+    let (_out, run) = recorded();
+    let stage = Stage::new(&run, None, u64::MAX).unwrap();
+    let scenes = scenes(&run, &stage, 0);
+    assert_eq!(scenes.len() as u64, STEPS + 1);
+    for (step, scene) in scenes.iter().enumerate() {
+        let states = made_up::states(step as u64);
+        assert_eq!((scene.step, scene.seed), (step as u64, 42));
+        // Agent 6 never exists.
+        assert_eq!(scene.robots.len(), N - 1);
+        for robot in &scene.robots {
+            let agent = robot.robot as usize;
+            assert_eq!(
+                (robot.x_m, robot.y_m),
+                (states.x_m[agent] as f32, states.y_m[agent] as f32)
+            );
+            assert!(robot.alive && robot.radio);
+        }
+        let pairs: Vec<_> = scene.links.iter().map(|link| (link.sender, link.receiver)).collect();
+        let near = (0..6u32).flat_map(|a| (0..6u32).map(move |b| (a, b)));
+        let near: Vec<_> = near.filter(|(a, b)| a != b && a.abs_diff(*b) <= 2).collect();
+        assert_eq!(pairs, if step == 0 { Vec::new() } else { near });
+        assert!(scene.links.iter().all(|link| link.delivery() == 1.0 && link.sent == 1));
+        assert_eq!(scene.trails.len(), if step == 0 { 0 } else { N - 1 });
+        for trail in &scene.trails {
+            let agent = trail.robot as usize;
+            for (point, ago_s) in trail.points_m.iter().zip(&trail.ago_s) {
+                let then = step as u64 - (ago_s * 10.0).round() as u64;
+                assert_eq!(point[0], made_up::states(then).x_m[agent] as f32);
+            }
+        }
+    }
+    // The wall of the site, and all that robots do.
+    let [least, most] = scenes[0].extent_m;
+    assert_eq!((least, most[1]), ([0.0, 0.5], 1.0));
+    assert!((most[0] - 7.4).abs() < 1e-6, "{most:?}");
+}
+
+#[test]
+fn a_robot_that_is_followed_stays_in_the_middle() {
+    let (_out, run) = recorded();
+    let mut stage = Stage::new(&run, Some(1), u64::MAX).unwrap();
+    stage.set_span(6.0);
+    for scene in scenes(&run, &stage, 3) {
+        let [least, most] = scene.extent_m;
+        let middle = [0, 1].map(|axis| f64::midpoint(least[axis], most[axis]));
+        assert_eq!(middle, [f64::from(scene.robots[1].x_m), f64::from(scene.robots[1].y_m)]);
+        assert!((most[0] - least[0] - 6.0).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn frames_that_are_left_out_are_evenly_spaced() {
+    let (_out, run) = recorded();
+    let mut frames = FrameSpan::every(&run, 0, 8 * STEP_NS, 400 * STEP_NS);
+    let mut last = None;
+    while let Some(frame) = frames.next_until(5 * STEP_NS).unwrap() {
+        last = Some(frame.step);
+    }
+    assert_eq!(last, Some(5));
+    assert_eq!(frames.next_frame().unwrap().map(|frame| frame.step), Some(6));
+}
+
+fn drawing(run: &RecordedRun, style: Style) -> Drawing {
+    let stage = Stage::new(run, None, u64::MAX).unwrap();
+    let scenes = scenes(run, &stage, 0);
+    Layout::new(&stage, style).drawing(scenes.last().unwrap())
+}
+
+#[test]
+fn robots_are_drawn_at_their_places() {
+    let (_out, run) = recorded();
+    let drawing = drawing(&run, style());
+    let darts = drawing.swarm.iter().filter_map(|shape| match shape {
+        Shape::Fill { path, robot: Some(robot), .. } => Some((*robot, path.bounds())),
+        _ => None,
+    });
+    let darts: Vec<_> = darts.collect();
+    assert_eq!(darts.iter().map(|(robot, _)| *robot).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5]);
+    // A metre apart, in pixels of one scale.
+    let distance = darts[1].1.left() - darts[0].1.left();
+    for pair in darts.windows(2) {
+        assert!((pair[1].1.left() - pair[0].1.left() - distance).abs() < 0.01);
+    }
+    let room = drawing.plane.width as f32;
+    assert!(room / 12.0 < distance && distance < room / 7.0, "{distance}");
+}
+
+#[test]
+fn an_svg_says_what_it_shows_and_escapes_names() {
+    let (_out, run) = recorded();
+    let mut drawing = drawing(&run, style());
+    drawing.name = "<run> & more".to_owned();
+    let text = svg(&drawing);
+    assert!(text.starts_with("<svg xmlns=") && text.ends_with("</svg>\n"));
+    assert!(text.contains("&lt;run&gt; &amp; more"));
+    for part in ["6 robots and", "robot 5</title>", "east (m)", "step 12 of 12", "seed 42"] {
+        assert!(text.contains(part), "{part}");
+    }
+    assert!(!text.contains("NaN"));
+}
+
+#[test]
+fn a_picture_that_reuses_what_does_not_move_is_the_same_picture() {
+    let (_out, run) = recorded();
+    let stage = Stage::new(&run, None, u64::MAX).unwrap();
+    let layout = Layout::new(&stage, Style { is_dark: true, ..style() });
+    let scenes = scenes(&run, &stage, 0);
+    let drawings: Vec<_> = scenes.iter().map(|scene| layout.drawing(scene)).collect();
+    let mut canvas = Canvas::new(&drawings[0]).unwrap();
+    for (scene, drawing) in scenes.iter().zip(&drawings) {
+        assert!(layout.is_fixed_between(&scenes[0], scene));
+        let reused = canvas.paint(drawing, true).clone();
+        let anew = Canvas::new(drawing).unwrap().paint(drawing, false).clone();
+        assert!(reused == anew, "step {}", scene.step);
+        let background = drawing.background.rgb;
+        let painted = anew.pixels().iter().filter(|pixel| {
+            [pixel.red(), pixel.green(), pixel.blue()] != background && pixel.alpha() == 255
+        });
+        assert!(1000 < painted.count());
+    }
+}
