@@ -7,7 +7,7 @@ import { formatFragment, parseFragment } from "../src/url-state.ts";
 
 test("the address restores what it captured", () => {
   const state = {
-    ...INITIAL, view: "network" as const, networkPane: "packets" as const, timeNs: 12_345_678_901, selected: 7, follow: true, speed: Number.POSITIVE_INFINITY,
+    ...INITIAL, view: "network" as const, networkPane: "packets" as const, timeNs: 12_345_678_901, selected: 7, packet: 1227, follow: true, speed: Number.POSITIVE_INFINITY,
     camera: { x: -1.5, y: 20, scale: 8 }, missed: false, linkColour: "age" as const,
   };
   const restored = { ...INITIAL, ...parseFragment(formatFragment(state)) };

@@ -21,6 +21,7 @@ export class Follower {
   problem = "";
   /** Counts the changes of what is above. */
   version = 0;
+  private searched = "";
   private key = "";
   private request: AbortController | null = null;
 
@@ -33,10 +34,13 @@ export class Follower {
 
   /** Looks for the way if another packet is followed, or if the list of packets has grown. Called before every picture of the screen. */
   update(): void {
-    const { packet } = this.app.store.state;
+    const { packet, run } = this.app.store.state;
     const data = currentRun(this.app);
+    const searched = [packet, run, data.overviewVersion, data.overview.complete].join();
+    if (searched === this.searched) return;
+    this.searched = searched;
     const known = packet === null ? -1 : packetIndex(data.overview.packets, packet);
-    const key = packet === null ? "" : [packet, this.app.store.state.run, known >= 0, known < 0 && data.overview.complete].join();
+    const key = packet === null ? "" : [packet, run, known >= 0, known < 0 && data.overview.complete].join();
     if (key === this.key) return;
     this.key = key;
     this.request?.abort();

@@ -74,12 +74,14 @@ export class SchedulePanel implements NetworkPanel {
     const radio = frame === undefined || slotNs === 0 ? null : radioFrames(frame);
     this.used = radio === null ? [] : usedCells(radio, schedule, this.handle, slotNs);
     this.drawn = { sent: this.used.length, collisions: this.used.filter(({ collision }) => collision).length };
+    const foreign = this.used.filter((use) => use.foreign).length;
+    const others = foreign > 0 ? ` (${foreign} of another slotframe)` : "";
     const happened = radio === null || frame === undefined ? ""
-      : ` · in the step shown (${seconds(frame.fromNs)} to ${seconds(frame.timeNs)}): frames sent in ${this.drawn.sent} cells, collisions in ${this.drawn.collisions}`;
+      : ` · in the step shown (${seconds(frame.fromNs)} to ${seconds(frame.timeNs)}): frames sent in ${this.drawn.sent} cells${others}, collisions in ${this.drawn.collisions}`;
     const collisions = this.cells.filter(mayCollide).length;
     const asn = slotNs > 0 ? ` · ASN ${Math.floor(timeNs / slotNs)}, slot ${slot} of ${length}` : "";
     this.info.textContent =
-      `${this.cells.length} cells, ${collisions} with possible collisions · recorded at ${seconds(Number(entry?.timeNs ?? 0))}${happened}${asn}`;
+      `${this.cells.length} ${this.cells.length === 1 ? "cell" : "cells"}, ${collisions} with possible collisions · recorded at ${seconds(Number(entry?.timeNs ?? 0))}${happened}${asn}`;
     const usedOnly = this.usedOnly ?? length > LONG_SLOTFRAME;
     this.onlyUsed.input.checked = usedOnly;
     const used = [...new Set([...this.cells, ...this.used].map((cell) => cell.slot))].sort((a, b) => a - b);

@@ -29,7 +29,7 @@ export interface Hop {
   firstNs: number;
   /** Slot of the frame that the receiver got, or of the last frame if it got none (ns). */
   lastNs: number;
-  /** End of that slot (ns). */
+  /** End of that slot, or of the packet if that is earlier (ns). */
   doneNs: number;
   received: boolean;
   /** Position of the sender and the receiver when the frame of `lastNs` was sent (m); null: not known. */
@@ -103,7 +103,7 @@ export function wayOf(packet: PacketSummary, frames: RadioFrame[], slotNs: numbe
     const everyone = group[0].destination === NO_MOTE;
     const hop: Hop = {
       sender: group[0].sender, receiver: group[0].destination, frames: group, arrivedNs: Math.min(arrivedNs, group[0].sentNs), firstNs: group[0].sentNs,
-      lastNs: decisive.sentNs, doneNs: decisive.sentNs + slotNs, received: everyone ? decisive.nReceived > 0 : got.length > 0, from: null, to: null,
+      lastNs: decisive.sentNs, doneNs: Math.max(decisive.sentNs, Math.min(decisive.sentNs + slotNs, packet.endedNs)), received: everyone ? decisive.nReceived > 0 : got.length > 0, from: null, to: null,
     };
     lastMote = hop.received && !everyone ? hop.receiver : hop.sender;
     arrivedNs = hop.doneNs;

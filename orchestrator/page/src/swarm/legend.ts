@@ -4,6 +4,7 @@ import { figure } from "../format.ts";
 import { css } from "./colours.ts";
 import type { Scene } from "./scene.ts";
 import { groundRange } from "./site.ts";
+import { wayColour } from "./way-shapes.ts";
 
 /** What the colours of a swarm view mean. */
 export class Legend {
@@ -19,8 +20,9 @@ export class Legend {
     const { picture, robotRange, linkRange } = scene;
     const ghost = ghosts && selected !== null && picture.ghosts.length > 0;
     const dead = picture.dead.length > 0;
-    const { theme } = this.app;
-    const key = [robotColour, linkColour, missed, ghost, dead, robotRange.most, linkRange.least, linkRange.most, theme.dark, scene.frame?.motes === null, scene.frame?.links.rssiDbm.length === 0].join();
+    const { theme, follower } = this.app;
+    const packet = follower.way !== null && follower.data === scene.data ? follower.way.packet.id : null;
+    const key = [packet, robotColour, linkColour, missed, ghost, dead, robotRange.most, linkRange.least, linkRange.most, theme.dark, scene.frame?.motes === null, scene.frame?.links.rssiDbm.length === 0].join();
     if (key === this.key) return;
     this.key = key;
     const rows: HTMLElement[] = [];
@@ -46,6 +48,7 @@ export class Legend {
     }
     if (linkColour !== "none") rows.push(element("div", { class: "note" }, "An end shows what the robot there sent."));
     if (missed) rows.push(row("dashed", css(theme.missed), "missed: heard within 5 s, not now"));
+    if (packet !== null) rows.push(row("way", wayColour(theme), `way of packet ${packet}, hop by hop; dashed: not received`));
     if (ghost) rows.push(row("ring", css(theme.ghost), "where the selected robot last heard it"));
     if (dead) rows.push(row("ring", css(theme.dead), "lost, at its last position"));
     if (place?.ground !== undefined) {

@@ -8,13 +8,69 @@ export const MISSED_WITHIN_NS = 5e9;
 /** Ghosts come from deliveries within this time before (ns). */
 export const GHOSTS_WITHIN_NS = 10e9;
 
+/** When each pair of robots delivered last: a hash table, since a `Map` of tens of thousands of pairs takes longer than drawing them. */
+class LatestDeliveries {
+  private keys = new Float64Array(1024).fill(-1);
+  private times = new Float64Array(1024);
+  private count = 0;
+
+  clear(): void {
+    this.keys.fill(-1);
+    this.count = 0;
+  }
+
+  set(pair: number, timeNs: number): void {
+    if (2 * (this.count + 1) > this.keys.length) this.grow();
+    const at = this.find(pair);
+    if (this.keys[at] < 0) {
+      this.keys[at] = pair;
+      this.count++;
+    }
+    this.times[at] = timeNs;
+  }
+
+  /** Calls `take` for all pairs that delivered at or after a time; forgets the others once they are most of the table. */
+  each(sinceNs: number, take: (pair: number, timeNs: number) => void): void {
+    const { keys, times } = this;
+    let kept = 0;
+    for (let i = 0; i < keys.length; i++) {
+      if (keys[i] < 0 || times[i] < sinceNs) continue;
+      kept++;
+      take(keys[i], times[i]);
+    }
+    if (2 * kept < this.count && this.count > 512) this.rebuild(keys.length, sinceNs);
+  }
+
+  private grow(): void {
+    this.rebuild(2 * this.keys.length, Number.NEGATIVE_INFINITY);
+  }
+
+  private rebuild(size: number, sinceNs: number): void {
+    const { keys, times } = this;
+    this.keys = new Float64Array(size).fill(-1);
+    this.times = new Float64Array(size);
+    this.count = 0;
+    for (let i = 0; i < keys.length; i++) if (keys[i] >= 0 && times[i] >= sinceNs) this.set(keys[i], times[i]);
+  }
+
+  /** Place of a pair, or where it belongs. */
+  private find(pair: number): number {
+    const { keys } = this;
+    const mask = keys.length - 1;
+    let at = (Math.imul(Math.floor(pair / 0x4000000), 0x9e3779b1) ^ Math.imul(pair % 0x4000000, 0x85ebca6b)) >>> 0;
+    at = (at ^ (at >>> 15)) & mask;
+    while (keys[at] >= 0 && keys[at] !== pair) at = (at + 1) & mask;
+    return at;
+  }
+}
+
 /**
  * Finds links that failed: pairs that delivered within the last 5 s, whose sender sent and whose receiver did not receive now. Keeps the
  * latest delivery of each pair, so that playing forward costs one pass over the links of a frame.
  */
 export class MissedLinks {
-  /** Sender times 2^26 plus receiver: a whole number without rounding. */
-  private readonly latest = new Map<number, number>();
+  /** By sender times 2^26 plus receiver: a whole number without rounding. */
+  private readonly latest = new LatestDeliveries();
   private frames: FrameList | null = null;
   private generation = -1;
   private timeNs = -1;
@@ -23,14 +79,10 @@ export class MissedLinks {
   find(frames: FrameList, index: number, found: (sender: number, receiver: number) => void): void {
     const frame = frames.frame(index);
     this.advance(frames, index);
-    for (const [pair, heardNs] of this.latest) {
-      if (heardNs < frame.timeNs - MISSED_WITHIN_NS) {
-        this.latest.delete(pair);
-        continue;
-      }
+    this.latest.each(frame.timeNs - MISSED_WITHIN_NS, (pair, heardNs) => {
       const sender = Math.floor(pair / 0x4000000);
       if (heardNs < frame.timeNs && frame.nSent.length > 0 && frame.nSent[sender] > 0) found(sender, pair % 0x4000000);
-    }
+    });
   }
 
   private advance(frames: FrameList, index: number): void {

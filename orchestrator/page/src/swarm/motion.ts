@@ -19,6 +19,12 @@ export class Motion {
     return apart > MOST_APART_NS ? 0 : Math.max(0, Math.min(1, (timeNs - frames.timeNs(index)) / apart));
   }
 
+  /** Whether any robot moves or turns from one frame to the next. */
+  static moves(frame: FrameData, next: FrameData): boolean {
+    const differs = (a: Float32Array, b: Float32Array): boolean => a.some((value, i) => i < b.length && value !== b[i]);
+    return differs(frame.x, next.x) || differs(frame.y, next.y) || differs(frame.heading, next.heading);
+  }
+
   /** Places the robots on their straight way from one frame to the next. Robots that only one of them has stay where they are. */
   set(frame: FrameData, next: FrameData | null, share: number): void {
     if (next === null || share === 0) {

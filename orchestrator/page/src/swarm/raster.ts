@@ -1,3 +1,4 @@
+import { paintShapes, type Shape, sizedContext } from "../sketch.ts";
 import type { Camera } from "../store.ts";
 import { pack, type Packed } from "./colours.ts";
 import { DART, type FillLayer, FILL_STRIDE, type LineLayer, LINE_STRIDE, type Picture, type RobotLayer, ROBOT_STRIDE } from "./picture.ts";
@@ -38,10 +39,10 @@ export class Raster {
         const step = axis === 0 ? mx : my;
         const most = (axis === 0 ? width : height) - 0.01;
         if (Math.abs(step) < 1e-9) {
-          if (start < 0.01 || start >= most) return;
+          if (start < 0 || start >= most) return;
           continue;
         }
-        const a = (0.01 - start) / step;
+        const a = -start / step;
         const b = (most - start) / step;
         from = Math.max(from, Math.ceil(Math.min(a, b)));
         to = Math.min(to, Math.floor(Math.max(a, b)));
@@ -143,6 +144,7 @@ export class RasterPainter implements Painter {
   /** Background, grid and site, which stay as they are while robots move. */
   private still = new Int32Array(0);
   private stillKey = "";
+  private scratch: CanvasRenderingContext2D | null = null;
   /** Pixels that are drawn last, and their colours. */
   private stamp = { at: new Int32Array(0), colours: new Int32Array(0) };
 
@@ -176,20 +178,19 @@ export class RasterPainter implements Painter {
     this.context.putImageData(this.image, 0, 0);
   }
 
-  /** Takes text and axes from a canvas of the same size, to be drawn over each picture; null: draws none. */
-  setStamp(canvas: HTMLCanvasElement | null): void {
-    const at: number[] = [];
-    const colours: number[] = [];
-    const context = canvas?.getContext("2d") ?? null;
-    if (canvas !== null && context !== null) {
-      const pixels = new Int32Array(context.getImageData(0, 0, canvas.width, canvas.height).data.buffer);
-      for (let i = 0; i < pixels.length; i++) {
-        if (pixels[i] >>> 24 === 0) continue;
-        at.push(i);
-        colours.push(pixels[i]);
-      }
-    }
-    this.stamp = { at: Int32Array.from(at), colours: Int32Array.from(colours) };
+  /** Takes text and axes, to be drawn over each picture; null: draws none. Sizes are those of the picture (CSS px). */
+  setStamp(shapes: Shape[] | null, width: number, height: number): void {
+    this.stamp = { at: new Int32Array(0), colours: new Int32Array(0) };
+    if (shapes === null) return;
+    this.scratch ??= document.createElement("canvas").getContext("2d", { willReadFrequently: true }) as CanvasRenderingContext2D;
+    paintShapes(sizedContext(this.scratch.canvas, width, height), shapes);
+    const { canvas } = this.scratch;
+    const pixels = new Int32Array(this.scratch.getImageData(0, 0, canvas.width, canvas.height).data.buffer);
+    const at = pixels.reduce((found: number[], pixel, i) => {
+      if (pixel >>> 24 !== 0) found.push(i);
+      return found;
+    }, []);
+    this.stamp = { at: Int32Array.from(at), colours: Int32Array.from(at, (i) => pixels[i]) };
   }
 
   private fills(layer: FillLayer, { x0, y0, scale }: Transform): void {

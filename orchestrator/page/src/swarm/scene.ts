@@ -40,6 +40,8 @@ export class Scene {
   private siteKey = "";
   private key = "";
   private share = 0;
+  private moves = false;
+  private movesKey = "";
 
   constructor(readonly data: RunData) {
     const count = data.run.agentCount;
@@ -64,8 +66,8 @@ export class Scene {
       theme.dark, this.data.overviewVersion,
     ].join();
     // While playing, robots move between the frames; links and colours are those of the frame before.
-    const share = state.playing ? Motion.share(frames, index, state.timeNs) : 0;
     const changed = key !== this.key;
+    const share = state.playing && this.movesAfter(index) ? Motion.share(frames, index, state.timeNs) : 0;
     if (!changed && share === this.share) return false;
     this.key = key;
     this.share = share;
@@ -97,6 +99,18 @@ export class Scene {
     this.updateTrailHeads(frame, share, state, theme);
     this.updateMarks(frame, state, theme);
     return true;
+  }
+
+  /** Whether robots move between a frame and the next, so that pictures between them differ. */
+  private movesAfter(index: number): boolean {
+    const { frames } = this.data;
+    if (index + 1 >= frames.length) return false;
+    const key = `${frames.generation} ${frames.step(index)} ${frames.step(index + 1)}`;
+    if (key !== this.movesKey) {
+      this.movesKey = key;
+      this.moves = Motion.moves(frames.frame(index), frames.frame(index + 1));
+    }
+    return this.moves;
   }
 
   private updateSite(frame: FrameData, theme: Theme): void {

@@ -83,8 +83,9 @@ export class SwarmView {
     if (!changed && cameraKey === this.key) {
       if (wayVersion !== this.wayVersion) {
         this.drawOverlay(cameraKey);
-        if (this.stamped) this.painter?.paint(this.scene.picture, this.camera, this.width, this.height, this.ratio);
+        if (this.stamped) this.painter?.paint(this.scene.picture, this.camera, this.width, this.height, this.pictureRatio);
         this.app.framesDrawn++;
+        this.legend.update(this.scene);
       }
       return;
     }
@@ -98,7 +99,7 @@ export class SwarmView {
     this.legend.root.hidden = false;
     const painter = this.choosePainter();
     this.drawOverlay(cameraKey);
-    painter?.paint(this.scene.picture, this.camera, this.width, this.height, this.ratio);
+    painter?.paint(this.scene.picture, this.camera, this.width, this.height, this.pictureRatio);
     this.app.framesDrawn++;
     this.legend.update(this.scene);
   }
@@ -155,6 +156,11 @@ export class SwarmView {
     return new CanvasPainter(this.canvas.getContext("2d", { alpha: false }) as CanvasRenderingContext2D);
   }
 
+  /** Pixels of the picture per CSS pixel. */
+  private get pictureRatio(): number {
+    return this.drawsMany ? 1 : this.ratio;
+  }
+
   /** The painter for the picture, whose canvas is then the one that is shown. */
   private choosePainter(): Painter | null {
     const { robots, links, missed, trails } = this.scene.picture;
@@ -172,9 +178,9 @@ export class SwarmView {
     this.canvas.hidden = this.drawsMany;
     if (this.many !== null && this.drawsMany) {
       const { canvas, painter } = this.many;
-      if (canvas.width !== this.canvas.width || canvas.height !== this.canvas.height) {
-        canvas.width = this.canvas.width;
-        canvas.height = this.canvas.height;
+      if (canvas.width !== this.width || canvas.height !== this.height) {
+        canvas.width = this.width;
+        canvas.height = this.height;
       }
       this.painter = painter;
     } else this.painter = this.usual;
@@ -235,15 +241,16 @@ export class SwarmView {
     const { selected } = this.app.store.state;
     const moving = picture.robots.count + picture.dead.length / 3 <= 300 || selected !== null;
     // Where the browser draws on the processor, another canvas over the picture costs as much as the picture.
-    this.stamped = this.drawsMany && !moving;
+    this.stamped = this.drawsMany && !moving && this.ratio === 1;
     const key = moving ? "" : `${this.stamped} ` + `${cameraKey} ${picture.siteLabels.map((l) => `${l.text}${l.x},${l.y}`).join()} ${this.app.follower.version}`;
     this.wayVersion = this.app.follower.version;
     if (key !== "" && key === this.overlayKey) return;
     this.overlayKey = key;
     const context = sizedContext(this.overlay, this.width, this.height);
-    paintShapes(context, this.annotations());
-    this.many?.painter.setStamp(this.stamped ? this.overlay : null);
+    const shapes = this.annotations();
     this.overlay.style.opacity = this.stamped ? "0" : "1";
+    if (!this.stamped) paintShapes(context, shapes);
+    this.many?.painter.setStamp(this.stamped ? shapes : null, this.width, this.height);
   }
 
   /** Axes, labels and the way of the followed packet. */

@@ -8,11 +8,15 @@ const GAP_PX = 9;
 /** Length of arrow heads (px). */
 const HEAD_PX = 13;
 
+export function wayColour(theme: Theme): string {
+  return theme.dark ? OKABE_ITO.yellow : OKABE_ITO.orange;
+}
+
 /** The way of the followed packet over the map: an arrow for each hop between where its ends were then, with its number and its attempts. */
 export function wayShapes(way: Way, camera: Camera, width: number, height: number, theme: Theme): Shape[] {
   const lines: Shape[] = [];
   const labels: Shape[] = [];
-  const colour = theme.dark ? OKABE_ITO.yellow : OKABE_ITO.orange;
+  const colour = wayColour(theme);
   const edge = theme.dark ? "#000000" : "#3b2a00";
   const px = ([x, y]: [number, number]): [number, number] => [width / 2 + (x - camera.x) * camera.scale, height / 2 - (y - camera.y) * camera.scale];
   way.hops.forEach((hop, i) => {
