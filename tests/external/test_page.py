@@ -1,6 +1,7 @@
 """The page that shows runs, in Chromium: what it draws, against the tables of the run, and what its controls do."""
 
 import bisect
+import json
 import math
 import re
 import time
@@ -187,6 +188,36 @@ def test_a_long_recording_is_thinned_to_the_size_that_was_asked_for(browser, res
             assert math.dist(place, state["positions"][agent]) < 2 * TOLERANCE_M
 
 
+def test_render_draws_the_same_numbers(browser, replayed, flocking, tmp_path):
+    numbers = tmp_path / "scene.json"
+    succeed([program("orchestrator"), "render", flocking, "--at", "12.5", "--output", tmp_path / "a.svg", "--json", numbers])
+    scene = json.loads(numbers.read_text())
+    with opened(browser, replayed) as session:
+        state = session.seek(12_500_000_000)
+    assert scene["step"] == state["step"]
+    assert {robot["robot"]: [robot["x_m"], robot["y_m"]] for robot in scene["robots"]} == dict(enumerate(state["positions"]))
+    assert {(link["sender"], link["receiver"]) for link in scene["links"]} == {tuple(link) for link in state["links"]}
+
+
+def test_the_player_of_a_report_plays_the_run(browser, flocking, expected):
+    context = browser.new_context()
+    page = context.new_page()
+    complaints = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto((flocking / "report.html").as_uri())
+    page.get_by_text("Play the run").click()
+    player = page.frame_locator("iframe")
+    player.get_by_role("button", name="Swarm", exact=True).wait_for(timeout=20000)
+    frame = next(frame for frame in page.frames if frame.parent_frame is not None)
+    frame.evaluate("window.murmuration.ready")
+    frame.evaluate("window.murmuration.seek(12500000000)")
+    assert_drawn(frame.evaluate("window.murmuration.state()"), expected, 125)
+    assert complaints == []
+    page_session.PICTURES.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=page_session.PICTURES / "report.png")
+    context.close()
+
+
 def test_pictures_are_exported(browser, replayed, expected):
     with opened(browser, replayed) as session:
         session.seek(12_500_000_000)
@@ -211,6 +242,32 @@ def test_a_packet_and_the_schedule_of_a_network(browser, network):
         source = packets[0]["source"]
         session.page.get_by_label("From").fill(str(source))
         session.wait(f"s.packetsShown === {sum(row['source'] == source for row in packets)}")
+
+
+def test_a_packet_is_followed_from_hop_to_hop(browser, network):
+    words = {"not-acknowledged": "not acknowledged", "broadcast": "sent"}
+    frames = {}
+    for row in rows(network, "frames"):
+        if row["packet"] is not None:
+            frames.setdefault(row["packet"], []).append(row)
+    packets = rows(network, "packets")
+    lost = next(row for row in packets if row["drop_reason"] and len(frames.get(row["packet"], ())) > 3)
+    far = next(row for row in packets if row["delivered"] and row["hops"] > 2)
+    with serving("replay", network) as (url, _):
+        for packet in (lost, far):
+            address = f"{url}#view=network&pane=packets&packet={packet['packet']}&t={packet['ended_ns'] / 1e9}"
+            with opened(browser, address) as session:
+                want = [
+                    [row["sender"], row["destination"], row["sent_ns"], words.get(row["outcome"], row["outcome"])]
+                    for row in frames[packet["packet"]]
+                    if row["sent_ns"] <= packet["ended_ns"]
+                ]
+                state = session.wait(f"s.packet === {packet['packet']} && s.way.length === {len(want)}")
+                assert state["way"] == want
+                session.picture(f"packet-{'lost' if packet is lost else 'delivered'}")
+                session.press("Swarm")
+                session.page.wait_for_timeout(500)
+                session.picture(f"way-{'lost' if packet is lost else 'delivered'}")
 
 
 def test_why_a_robot_was_lost_is_found(browser, network):
@@ -254,7 +311,7 @@ def test_a_run_is_watched_while_it_lasts_paused_and_stepped(browser, tmp_path):
         session.page.keyboard.press("Space")
         session.wait(f"s.step > {paused['step'] + 20}")
         # When it has ended, the page replays it.
-        state = session.wait("s.source !== 'live'", seconds=60)
+        session.wait("s.source !== 'live' && s.step >= 0 && !s.loading", seconds=60)
         run = tmp_path / "flocking"
         assert_drawn(session.seek(100_000_000_000), Expected(run), 1000)
 
