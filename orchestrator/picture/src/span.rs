@@ -29,8 +29,8 @@ impl<'a> FrameSpan<'a> {
         Self::new(run, 0, until_ns, until_ns.max(1), MOST_FRAMES - 1)
     }
 
-    /// From the last frame that is not after `from_ns`, until `until_ns`: every step, or where those are closer together, at least
-    /// four frames every `spacing_ns`.
+    /// From the last frame that is not after `from_ns`, until `until_ns`: every step, or where more than
+    /// four steps take `spacing_ns`, about four frames in that time.
     #[must_use]
     pub fn every(run: &'a RecordedRun, from_ns: u64, until_ns: u64, spacing_ns: u64) -> Self {
         let part_ns = spacing_ns.max(1).saturating_mul(MOST_FRAMES as u64 / 4);
