@@ -79,7 +79,8 @@ def test_the_swarm_moves_pauses_and_steps_in_a_terminal(tmp_path):
     first = int(terminal.until(r"step (\d+)").group(1))
     terminal.until(r"10 of 10 robots alive")
     arrows = sum(cell in ARROWS for line in terminal.screen.display for cell in line)
-    assert 1 <= arrows <= 10
+    # Robots may share a cell, and while a picture is written one may be on the screen twice.
+    assert 1 <= arrows <= 20
     terminal.read(0.5)
     terminal.type(b" ")
     terminal.until("paused")

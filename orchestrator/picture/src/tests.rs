@@ -60,9 +60,9 @@ fn a_scene_has_the_numbers_of_the_run() {
             assert!(robot.alive && robot.radio);
         }
         let pairs: Vec<_> = scene.links.iter().map(|link| (link.sender, link.receiver)).collect();
-        let near = (0..6u32).flat_map(|a| (0..6u32).map(move |b| (a, b)));
-        let near: Vec<_> = near.filter(|(a, b)| a != b && a.abs_diff(*b) <= 2).collect();
-        assert_eq!(pairs, if step == 0 { Vec::new() } else { near });
+        let within = (0..6u32).flat_map(|a| (0..6u32).map(move |b| (a, b)));
+        let within: Vec<_> = within.filter(|(a, b)| a != b && a.abs_diff(*b) <= 2).collect();
+        assert_eq!(pairs, if step == 0 { Vec::new() } else { within });
         assert!(scene.links.iter().all(|link| link.delivery() == 1.0 && link.sent == 1));
         assert_eq!(scene.trails.len(), if step == 0 { 0 } else { N - 1 });
         for trail in &scene.trails {

@@ -9,7 +9,7 @@ import { splitRepeated } from "./wire.ts";
 /** Trails, ghosts and missed links look this far back (ns). */
 const BEHIND_NS = 10e9;
 /** Runs with at most this many steps, and robots times steps, are loaded as a whole. */
-const WHOLE_STEPS = 3000;
+const WHOLE_STEPS = 1900;
 const WHOLE_ROBOT_STEPS = 2e6;
 /** Frames that one request may ask for. */
 const MOST_PER_REQUEST = 2000;
@@ -127,7 +127,7 @@ class ServedRun implements RunData {
         this.frames.replace(alone);
         this.listener.changed();
       }
-      const most = Math.ceil((untilNs - fromNs) / (this.stepNs * (whole ? 0.5 : stride))) + 1;
+      const most = Math.min(MOST_PER_REQUEST, Math.ceil((untilNs - fromNs) / (this.stepNs * (whole ? 0.5 : stride))) + 1);
       const frames = await this.ask(fromNs, untilNs, most, signal);
       this.frames.replace(frames);
       this.stride = whole ? 1 : stride;
@@ -137,7 +137,7 @@ class ServedRun implements RunData {
 
   private async extend(lastNs: number, stride: number): Promise<void> {
     const untilNs = Math.min(this.endNs, lastNs + this.aheadNs(stride));
-    const most = Math.max(1, Math.round((untilNs - lastNs) / (stride * this.stepNs)));
+    const most = Math.min(MOST_PER_REQUEST, Math.max(1, Math.round((untilNs - lastNs) / (stride * this.stepNs))));
     await this.load({ fromNs: lastNs, untilNs, stride }, async (signal) => {
       this.frames.append(await this.ask(lastNs, untilNs, most, signal));
       const behind = this.frames.indexAt(lastNs - this.aheadNs(stride) - BEHIND_NS);
