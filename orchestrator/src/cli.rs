@@ -405,7 +405,7 @@ fn effects_command(args: &EffectsArgs) -> Result<(), Failure> {
                 "--svg: {name} acts on robots, and only radio effects have a plot; leave out --svg"
             ))
         })?;
-        write_whole("--svg", path, &picture.svg(name))?;
+        write_whole("--svg", path, picture.svg(name))?;
     }
     match args.json.as_deref() {
         Some(path) => write_json(Some(path), &effects::answer(&found))?,

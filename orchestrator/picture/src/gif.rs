@@ -87,7 +87,7 @@ impl<W: Write> GifWriter<W> {
     }
 
     pub(crate) fn finish(self) -> Result<W, EncodingError> {
-        self.encoder.into_inner().map_err(EncodingError::from)
+        self.encoder.into_inner()
     }
 
     fn nearest(&mut self, colour: [u8; 3]) -> u8 {

@@ -202,7 +202,7 @@ impl AnswerArgs {
     /// Writes the page of `--report`, if it is asked for.
     fn write_page(&self, page: impl FnOnce() -> String) -> Result<(), Failure> {
         let Some(path) = &self.report else { return Ok(()) };
-        write_whole("--report", path, &page())?;
+        write_whole("--report", path, page())?;
         if !is_stdout(path) {
             say(format!("open {}", path.display()));
         }

@@ -24,7 +24,7 @@ pub(super) struct RenderArgs {
     /// Folder of a recorded run
     run: PathBuf,
     /// Draw the picture of this simulated time (s): of the last step that is not after it
-    #[arg(long, value_name = "S", requires = "output", value_parser = time_s)]
+    #[arg(long, value_name = "S", requires = "output", allow_negative_numbers = true, value_parser = time_s)]
     at: Option<f64>,
     /// Write the picture to this file, which ends in .svg or .png
     #[arg(long, value_name = "FILE", requires = "at")]
@@ -36,16 +36,16 @@ pub(super) struct RenderArgs {
     #[arg(long, value_name = "FILE")]
     video: Option<PathBuf>,
     /// Simulated seconds that a second of the video shows
-    #[arg(long, value_name = "FACTOR", requires = "video", default_value_t = 1.0, value_parser = speed)]
+    #[arg(long, value_name = "FACTOR", requires = "video", default_value_t = 1.0, allow_negative_numbers = true, value_parser = speed)]
     speed: f64,
     /// Frames per second of the video: 1 to 60, for .gif at most 50
     #[arg(long, value_name = "N", requires = "video", default_value_t = 25, value_parser = clap::value_parser!(u32).range(1..=60))]
     fps: u32,
     /// Begin the video at this simulated time (s) [default: 0]
-    #[arg(long, value_name = "S", requires = "video", value_parser = time_s)]
+    #[arg(long, value_name = "S", requires = "video", allow_negative_numbers = true, value_parser = time_s)]
     from: Option<f64>,
     /// End the video at this simulated time (s) [default: the end of the run]
-    #[arg(long, value_name = "S", requires = "video", value_parser = time_s)]
+    #[arg(long, value_name = "S", requires = "video", allow_negative_numbers = true, value_parser = time_s)]
     until: Option<f64>,
     /// What colours links
     #[arg(long, value_name = "BY", default_value = "delivery")]
@@ -54,7 +54,7 @@ pub(super) struct RenderArgs {
     #[arg(long, value_name = "ROBOT")]
     follow: Option<u32>,
     /// Show at least this many metres around the robot that is followed [default: as far as the others ever are from it]
-    #[arg(long, value_name = "M", requires = "follow", value_parser = span_m)]
+    #[arg(long, value_name = "M", requires = "follow", allow_negative_numbers = true, value_parser = span_m)]
     span: Option<f64>,
     /// Width and height in pixels, from 320x240 to 4096x4096
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]

@@ -50,7 +50,7 @@ pub(super) struct RunArgs {
     #[arg(long, requires = "live")]
     live_control: bool,
     /// Slow the run down to at most so many simulated seconds per second, with --live or --watch
-    #[arg(long, value_name = "X", value_parser = live_speed)]
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = live_speed)]
     live_speed: Option<f64>,
     /// Port of the page [default: any that is free]
     #[arg(long, value_name = "PORT", requires = "live")]
