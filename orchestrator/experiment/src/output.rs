@@ -282,8 +282,8 @@ mod tests {
 
     #[test]
     fn what_nobody_will_look_at_is_not_asked_for() {
-        let records =
-            parse_output("report = false\nschedule = false\nneighbours = false").0.records();
+        let nothing = "report = false\nschedule = false\nneighbours = false\nframes = false";
+        let records = parse_output(nothing).0.records();
         assert_eq!(records, [NetRecord::Packets, NetRecord::Statistics]);
         assert!(parse_output("pcap = true").0.records().contains(&NetRecord::Capture));
     }

@@ -249,9 +249,9 @@ mod tests {
             (row, rows[row].chars().position(|c| c.to_string() == arrow).unwrap())
         };
         let (first, second) = (find("→"), find("↑"));
-        // Both in the middle row, the second to the right, as far as the margin leaves.
+        // Both in the middle row; 56 columns show 11.6 m.
         assert_eq!(first.0, second.0);
-        assert_eq!((first.0, second.1 - first.1), (14, 47), "{all}");
+        assert_eq!((first.0, second.1 - first.1), (14, 48), "{all}");
         assert_eq!(all.matches(['→', '↑']).count(), 2, "{all}");
         for words in
             ["pair, seed 3", "step 12", "2 of 3 robots alive", "0.5 neighbours", "robot 2 is lost"]
