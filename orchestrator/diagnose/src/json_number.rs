@@ -1,6 +1,6 @@
 //! Numbers of answers in JSON, which has no NaN and no infinities: these are written as null.
 //!
-//! ```ignore
+//! ```text
 //! #[serde(serialize_with = "json_number::serialize")]
 //! #[schemars(with = "Option<f64>")]
 //! value: f64,
