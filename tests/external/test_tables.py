@@ -43,9 +43,9 @@ def dictionary():
 
 def test_the_tables_have_the_columns_of_the_data_dictionary(tables):
     documented = dictionary()
-    # Without protocols there are no packets, schedules and neighbours to tell of.
+    # Without protocols there are no packets, schedules, neighbours and frames to record.
     assert set(tables) == {"steps", "links", "transmissions", "motes"}
-    assert set(documented) == set(tables) | {"packets", "schedule", "neighbours"}
+    assert set(documented) == set(tables) | {"packets", "schedule", "neighbours", "frames"}
     for name, table in tables.items():
         found = [(field.name, str(field.type)) for field in table.schema]
         assert found == [(column, kind) for column, kind, _ in documented[name]], name
