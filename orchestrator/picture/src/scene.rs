@@ -132,8 +132,3 @@ impl From<&view::Obstacle> for Obstacle {
         }
     }
 }
-
-/// Whether a bitmap has the bit of an agent; all of an empty one do.
-pub(crate) fn bit(bitmap: &[u8], agent: usize) -> bool {
-    bitmap.is_empty() || bitmap.get(agent / 8).is_some_and(|byte| byte >> (agent % 8) & 1 == 1)
-}

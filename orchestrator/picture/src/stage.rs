@@ -1,9 +1,9 @@
 //! What holds for the whole run, and the scenes of its frames.
 
-use crate::scene::{Knowledge, Link, Obstacle, Robot, Scene, Trail, bit};
+use crate::scene::{Knowledge, Link, Obstacle, Robot, Scene, Trail};
 use crate::span::FrameSpan;
 use ::view::recorded::RecordedRun;
-use ::view::view;
+use ::view::{has_bit, view};
 use proto::types::{MovedObstacle, NS_PER_S, seconds};
 use record::read::ReadError;
 use std::collections::VecDeque;
@@ -126,7 +126,7 @@ impl Stage {
                 frame.x_m.iter().zip(&frame.y_m).map(|(x_m, y_m)| [*x_m, *y_m]).collect();
         }
         for robot in 0..self.groups.len().min(frame.x_m.len()) {
-            if bit(&frame.alive, robot) {
+            if has_bit(&frame.alive, robot) {
                 let start_m = self.start_m.get(robot);
                 self.is_any_moving |= start_m != Some(&[frame.x_m[robot], frame.y_m[robot]]);
                 self.born_ns[robot] = self.born_ns[robot].min(frame.time_ns);
@@ -192,7 +192,7 @@ impl<'a> Director<'a> {
         }
         let radios = frame.motes.as_ref().map_or(&[][..], |motes| &motes.alive);
         let robots = (0..groups.len().min(frame.x_m.len())).filter_map(|robot| {
-            let alive = bit(&frame.alive, robot);
+            let alive = has_bit(&frame.alive, robot);
             // One that does not exist yet is not lost.
             (alive || born_ns[robot] <= frame.time_ns).then(|| Robot {
                 robot: robot as u32,
@@ -200,7 +200,7 @@ impl<'a> Director<'a> {
                 y_m: frame.y_m[robot],
                 heading_rad: frame.heading_rad.get(robot).copied().unwrap_or_default(),
                 alive,
-                radio: bit(radios, robot),
+                radio: has_bit(radios, robot),
                 group: groups[robot],
             })
         });
@@ -243,7 +243,7 @@ impl<'a> Director<'a> {
                 points_m: Vec::new(),
             };
             for past in std::iter::once(frame).chain(earlier.clone()) {
-                let Some(point) = place(past, robot).filter(|_| bit(&past.alive, robot)) else {
+                let Some(point) = place(past, robot).filter(|_| has_bit(&past.alive, robot)) else {
                     break;
                 };
                 if trail.points_m.last() != Some(&point) {

@@ -1,7 +1,7 @@
 //! What the terminal shows: the swarm on the left, figures and events on the right.
 
 use ::view::live::Look;
-use ::view::view;
+use ::view::{has_bit, view};
 use proto::types::seconds;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -91,10 +91,6 @@ fn bits(bitmap: &[u8]) -> u32 {
     bitmap.iter().map(|byte| byte.count_ones()).sum()
 }
 
-fn is_set(bitmap: &[u8], index: usize) -> bool {
-    bitmap.get(index / 8).is_some_and(|byte| byte >> (index % 8) & 1 == 1)
-}
-
 fn draw_swarm(frame: &mut Frame<'_>, area: Rect, look: &Look) {
     let block = Block::bordered().title("Swarm (x east, y north)");
     let Some(shown) = &look.frame else {
@@ -122,7 +118,7 @@ fn bounds(shown: &view::Frame, place: &view::Place, area: Rect) -> [[f64; 2]; 2]
         .flat_map(|wall| [[wall.from_x_m, wall.from_y_m], [wall.to_x_m, wall.to_y_m]]);
     let obstacles = place.obstacles.iter().map(|obstacle| [obstacle.x_m, obstacle.y_m]);
     let robots = (0..shown.x_m.len())
-        .filter(|&agent| is_set(&shown.alive, agent))
+        .filter(|&agent| has_bit(&shown.alive, agent))
         .map(|agent| [shown.x_m[agent], shown.y_m[agent]]);
     let mut corners = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
     for point in robots.chain(walls).chain(obstacles) {
@@ -173,11 +169,11 @@ fn paint(context: &mut Context<'_>, shown: &view::Frame, place: &view::Place) {
     }
     context.layer();
     let robots: Vec<(f64, f64)> = (0..shown.x_m.len())
-        .filter(|&agent| is_set(&shown.alive, agent))
+        .filter(|&agent| has_bit(&shown.alive, agent))
         .map(|agent| (shown.x_m[agent].into(), shown.y_m[agent].into()))
         .collect();
     context.draw(&Points { coords: &robots, color: Color::LightBlue });
-    for agent in (0..shown.x_m.len()).filter(|&agent| is_set(&shown.alive, agent)) {
+    for agent in (0..shown.x_m.len()).filter(|&agent| has_bit(&shown.alive, agent)) {
         let facing_rad = shown.heading_rad.get(agent).copied().unwrap_or_default();
         context.print(
             shown.x_m[agent].into(),

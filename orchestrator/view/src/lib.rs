@@ -16,7 +16,7 @@ mod run;
 mod series;
 pub mod server;
 
-pub use messages::view;
+pub use messages::{has_bit, view};
 
 #[cfg(test)]
 mod tests;

@@ -6,6 +6,7 @@ use crate::place::add_effects;
 use crate::run::run_of;
 use crate::view;
 use bytes::Bytes;
+use metrics::period::Period;
 use prost::Message as _;
 use proto::exchange::Configured;
 use proto::types::{Coupling, MovedObstacle};
@@ -15,7 +16,6 @@ use record::random_access::Recording;
 use record::read::ReadError;
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -35,7 +35,6 @@ pub struct RecordedRun {
     recording: Recording,
     run: view::Run,
     scan: Mutex<Scan>,
-    is_closed: AtomicBool,
 }
 
 /// What is known of the whole recording.
@@ -66,8 +65,7 @@ impl RecordedRun {
             step_count: recording.n_steps(),
             ..run_of(&name.unwrap_or_default(), recording.configured())
         };
-        let scan = Mutex::default();
-        Ok(Self { recording, run, scan, is_closed: AtomicBool::new(false) })
+        Ok(Self { recording, run, scan: Mutex::default() })
     }
 
     /// Draws the places of effects that were estimated from measurements, each as a table of the configuration.
@@ -111,11 +109,6 @@ impl RecordedRun {
         });
     }
 
-    /// Ends the reading in the background.
-    pub fn close(&self) {
-        self.is_closed.store(true, Ordering::Relaxed);
-    }
-
     /// The overview as far as the recording was read, encoded.
     ///
     /// # Errors
@@ -137,9 +130,6 @@ impl RecordedRun {
         let mut steps = self.recording.steps(0, u64::MAX)?;
         let mut refreshed = Instant::now();
         while let Some(record) = steps.next_step()? {
-            if self.is_closed.load(Ordering::Relaxed) {
-                return Ok(());
-            }
             periods.next(&record, |period| overview.add(&record, period));
             for obstacle in &record.robots.moved_obstacles {
                 moved.insert(obstacle.name.clone(), obstacle.centre_m);
@@ -188,7 +178,7 @@ impl RecordedRun {
             let mut steps = self.recording.steps(reader.periods.time_ns(), until_ns)?;
             while let Some(record) = steps.next_step()? {
                 let is_wanted = record.step.is_multiple_of(stride) || until_ns <= record.time_ns;
-                if let Some(frame) = reader.add(&record, is_wanted) {
+                if let Some(frame) = reader.add(&record, is_wanted, |_| {}) {
                     n_bytes += frame.encoded_len();
                     frames.push(frame);
                     if MOST_BYTES < n_bytes {
@@ -251,12 +241,7 @@ impl RecordedRun {
         while let Some(record) = steps.next_step()? {
             let is_wanted =
                 record.step.is_multiple_of(stride) || record.step == self.run.step_count;
-            let FrameReader { periods, builder, .. } = &mut reader;
-            let frame = periods.next(&record, |period| {
-                overview.add(&record, period);
-                builder.add(period);
-                is_wanted.then(|| builder.take(&record))
-            });
+            let frame = reader.add(&record, is_wanted, |period| overview.add(&record, period));
             if frame.is_some_and(|frame| !take(&frame)) {
                 return Ok(overview.overview(false));
             }
@@ -328,10 +313,16 @@ impl FrameReader {
         }
     }
 
-    /// Adds a step. Returns its frame, if it is wanted.
-    fn add(&mut self, record: &StepRecord, is_wanted: bool) -> Option<view::Frame> {
+    /// Adds a step, whose period `look` is given, too. Returns its frame, if it is wanted.
+    fn add(
+        &mut self,
+        record: &StepRecord,
+        is_wanted: bool,
+        look: impl FnOnce(&Period<'_>),
+    ) -> Option<view::Frame> {
         let Self { periods, builder, .. } = self;
         periods.next(record, |period| {
+            look(period);
             builder.add(period);
             is_wanted.then(|| builder.take(record))
         })

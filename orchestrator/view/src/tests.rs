@@ -295,7 +295,7 @@ async fn a_viewer_sees_the_latest_frame_and_every_event_and_point_once() {
     assert!(messages.last().unwrap().status.unwrap().ended);
     assert_eq!(N, 7);
 
-    // Who comes late is told all that was.
+    // A viewer that connects late gets all earlier events.
     let late = live_message(&live.viewer().next().await.unwrap());
     assert_eq!(late.added.unwrap().events.len(), 2);
 }
