@@ -1,5 +1,6 @@
 //! The command line.
 
+mod answer_file;
 mod answers;
 mod between;
 mod check;
@@ -11,12 +12,14 @@ mod foreign;
 mod formula;
 mod inputs;
 mod measured;
+mod measured_args;
 mod packets;
 mod pictures;
 mod power;
 mod recover;
 mod render;
 mod replay;
+mod residuals;
 mod run;
 mod schema;
 mod search_log;

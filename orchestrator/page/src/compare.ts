@@ -9,7 +9,7 @@ import { swarmToolbar } from "./swarm/pane.ts";
 import { SwarmView } from "./swarm/view.ts";
 
 /** Several drawings as one. */
-function composed(parts: { part: Exported; x: number; y: number }[], background: string): Exported {
+export function composed(parts: { part: Exported; x: number; y: number }[], background: string): Exported {
   const width = Math.max(...parts.map(({ part, x }) => x + part.width));
   const height = Math.max(...parts.map(({ part, y }) => y + part.height));
   return {

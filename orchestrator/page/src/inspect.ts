@@ -1,4 +1,5 @@
 import { type App, currentRun } from "./app.ts";
+import type { MeasurementsView } from "./measurements/pane.ts";
 import type { NetworkView } from "./network/pane.ts";
 import type { Shell } from "./shell.ts";
 import { NO_MOTE } from "./source/frame.ts";
@@ -31,6 +32,9 @@ export interface Drawn {
   links: [number, number][];
   missed: [number, number][];
   ghosts: Ghost[];
+  /** Measured lines of the map: both ends, rows, mean residual; and the places that are drawn instead of many lines. */
+  measured: [number, number, number, number][];
+  measuredPlaces: number;
   framesDrawn: number;
   framesLoaded: number;
   /** Frames around the current time are still being loaded: links that were missed, ghosts and trails may be incomplete. */
@@ -47,11 +51,12 @@ function pairs(flat: number[]): [number, number][] {
 }
 
 /** Describes what is drawn. */
-export function drawn(app: App, shell: Shell, swarm: SwarmView, network: NetworkView): Drawn {
+export function drawn(app: App, shell: Shell, swarm: SwarmView, network: NetworkView, measurements: MeasurementsView | null): Drawn {
   const { state } = app.store;
   const { picture, frame } = swarm.scene;
   const data = currentRun(app);
-  const inSwarm = state.view === "swarm" || state.view === "compare";
+  const inSwarm = state.view === "swarm" || state.view === "compare" || state.view === "measurements";
+  const measured = measurements?.shown.map(state);
   const index = data.frames.indexAt(state.timeNs);
   const shown = inSwarm || index < 0 ? frame : data.frames.frame(index);
   const positions: ([number, number] | null)[] = new Array(data.run.agentCount).fill(null);
@@ -83,6 +88,8 @@ export function drawn(app: App, shell: Shell, swarm: SwarmView, network: Network
     links: pairs(picture.links.pairs),
     missed: pairs(picture.missed.pairs),
     ghosts: picture.ghosts.map((ghost) => ({ ...ghost })),
+    measured: (measured?.lines ?? []).map(({ from, to, count, mean }) => [from, to, count, mean]),
+    measuredPlaces: measured?.places.length ?? 0,
     framesDrawn: app.framesDrawn,
     framesLoaded: data.frames.length,
     loading: data.loading || app.follower.loading,

@@ -37,7 +37,10 @@ export function bindKeys(app: App, shell: Shell, time: TimeActions, picture: Pic
     "?": () => shell.help.showModal(),
     "[": () => way.hop(-1),
     "]": () => way.hop(1),
-    Escape: () => way.clear() || app.select(null),
+    Escape: () => {
+      if (store.state.view === "measurements" && store.state.bin !== null) store.set({ bin: null });
+      else if (!way.clear()) app.select(null);
+    },
   };
   [...shell.views.keys()].forEach((view: View, i) => {
     keys[String(i + 1)] = () => store.set({ view });

@@ -5,8 +5,9 @@ import { CompareView } from "./compare.ts";
 import { element } from "./dom.ts";
 import { goTo } from "./events.ts";
 import { type Drawn, drawn } from "./inspect.ts";
-import type { Run } from "./gen/murmuration/view/v1/view_pb.ts";
+import type { Runs } from "./gen/murmuration/view/v1/view_pb.ts";
 import { bindKeys } from "./keys.ts";
+import { MeasurementsView } from "./measurements/pane.ts";
 import { Follower } from "./network/follower.ts";
 import { NetworkView } from "./network/pane.ts";
 import { SeriesView } from "./series.ts";
@@ -41,9 +42,9 @@ function showFailure(error: Error): void {
 }
 
 /** The runs that the program serves; after a live run, once it can be replayed. */
-async function servedRuns(api: Api, afterLive: boolean): Promise<Run[]> {
-  const runs = await api.runs();
-  if (!afterLive || !runs[0]?.live) return runs;
+async function servedRuns(api: Api, afterLive: boolean): Promise<Runs> {
+  const served = await api.runs();
+  if (!afterLive || !served.runs[0]?.live) return served;
   await new Promise((resolve) => setTimeout(resolve, REOPEN_MS));
   return servedRuns(api, afterLive);
 }
@@ -55,9 +56,10 @@ async function openSource(listener: SourceListener, afterLive: boolean): Promise
     throw new Error("This page holds no recording. Open the page that the program wrote, or the address that it printed.");
   }
   const api = new Api(new URLSearchParams(location.search).get("token") ?? "");
-  const runs = await servedRuns(api, afterLive);
-  if (runs.length === 0) throw new Error("The program serves no run: start it with a recording.");
-  return runs[0].live ? openLive(runs[0], api, listener) : openServed(runs, api, listener);
+  const served = await servedRuns(api, afterLive);
+  const [first] = served.runs;
+  if (first === undefined) throw new Error("The program serves no run: start it with a recording.");
+  return first.live ? openLive(first, api, listener) : openServed(served, api, listener);
 }
 
 function timeActions(app: App): TimeActions {
@@ -141,8 +143,13 @@ function start(source: Source, store: Store): Started {
   const views = new Map<View, ViewPanel>([["swarm", swarm], ["network", network], ["series", new SeriesView(app)]]);
   const compare = source.runs.length > 1 ? new CompareView(app) : null;
   if (compare !== null) views.set("compare", compare);
+  const measurements = source.measurements === undefined ? null : new MeasurementsView(app, source.measurements);
+  if (measurements !== null) views.set("measurements", measurements);
   /** The view in which the current run is drawn. */
-  const shownSwarm = (): SwarmView => (store.state.view === "compare" && compare !== null ? compare.views[store.state.run] : swarm.view);
+  const shownSwarm = (): SwarmView => {
+    if (store.state.view === "compare" && compare !== null) return compare.views[store.state.run];
+    return store.state.view === "measurements" && measurements !== null ? measurements.view : swarm.view;
+  };
   if (!views.has(store.state.view)) store.set({ view: "swarm" });
   const actions = timeActions(app);
   const shell = new Shell(app, views, actions);
@@ -182,7 +189,7 @@ function start(source: Source, store: Store): Started {
     if (!data.ready(timeNs) || follower.loading) return false;
     // The network view shows what the overview holds until this time.
     if (view === "network") return source.kind !== "served" || data.overview.complete || Number(data.overview.untilNs) >= timeNs;
-    if (view !== "swarm" && view !== "compare") return true;
+    if (view !== "swarm" && view !== "compare" && view !== "measurements") return true;
     const shown = view === "compare" ? source.runs : [data];
     return shown.every((run) => !run.loading) && shownSwarm().scene.frame?.step === data.frames.step(data.frames.indexAt(timeNs));
   };
@@ -195,7 +202,7 @@ function start(source: Source, store: Store): Started {
   };
   return {
     stop: () => ended.abort(),
-    drawn: () => drawn(app, shell, shownSwarm(), network),
+    drawn: () => drawn(app, shell, shownSwarm(), network, measurements),
     settled,
     seek(timeNs) {
       store.set({ playing: false });

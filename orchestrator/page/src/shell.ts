@@ -7,7 +7,7 @@ import { RobotPanel } from "./robot-panel.ts";
 import type { SidePane, State, View } from "./store.ts";
 import { TimeBar, type TimeActions } from "./time-bar.ts";
 
-const VIEW_LABELS: Record<View, string> = { swarm: "Swarm", network: "Network", series: "Series", compare: "Compare" };
+const VIEW_LABELS: Record<View, string> = { swarm: "Swarm", network: "Network", series: "Series", compare: "Compare", measurements: "Measurements" };
 const SIDE_LABELS: Record<SidePane, string> = { robot: "Robot", events: "Events" };
 
 /** The frame around the views: bar at the top, panel at the side, time bar. */

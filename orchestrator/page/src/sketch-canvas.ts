@@ -10,6 +10,8 @@ export interface Target {
   h: number;
   /** The robot that a click selects; null: none. */
   agent: number | null;
+  /** What a click does instead. */
+  act?: () => void;
   /** Shown under the pointer. */
   text: string;
 }
@@ -34,7 +36,8 @@ export class SketchCanvas {
     this.canvas.addEventListener("pointerleave", () => (this.tip.hidden = true));
     this.canvas.addEventListener("click", (event) => {
       const target = this.at(event);
-      if (target !== undefined) this.app.select(target.agent);
+      if (target?.act !== undefined) target.act();
+      else if (target !== undefined) this.app.select(target.agent);
     });
   }
 
@@ -75,7 +78,7 @@ export class SketchCanvas {
   private hover(event: PointerEvent): void {
     const target = this.at(event);
     this.tip.hidden = target === undefined;
-    this.canvas.style.cursor = target !== undefined && target.agent !== null ? "pointer" : "default";
+    this.canvas.style.cursor = target !== undefined && (target.agent !== null || target.act !== undefined) ? "pointer" : "default";
     if (target === undefined) return;
     this.tip.textContent = target.text;
     const { scrollLeft, clientWidth } = this.root;

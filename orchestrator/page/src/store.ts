@@ -1,5 +1,5 @@
 /** The views that the bar at the top chooses from. */
-export const VIEWS = ["swarm", "network", "series", "compare"] as const;
+export const VIEWS = ["swarm", "network", "series", "compare", "measurements"] as const;
 export type View = (typeof VIEWS)[number];
 export const NETWORK_PANES = ["tree", "schedule", "packets", "join", "energy"] as const;
 export type NetworkPane = (typeof NETWORK_PANES)[number];
@@ -43,6 +43,10 @@ export interface State {
   missed: boolean;
   trails: boolean;
   ghosts: boolean;
+  /** The bin of a covariate whose measured rows are shown, as `name:number`; null: all rows. */
+  bin: string | null;
+  /** Residuals of the model with all accepted effects are shown. */
+  withEffects: boolean;
   /** "" follows the system. */
   theme: "" | "light" | "dark";
 }
@@ -66,6 +70,8 @@ export const INITIAL: State = {
   missed: true,
   trails: true,
   ghosts: true,
+  bin: null,
+  withEffects: false,
   theme: "",
 };
 

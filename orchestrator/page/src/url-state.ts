@@ -30,6 +30,8 @@ export function parseFragment(fragment: string): Partial<State> {
   found.packet = number("packet");
   found.speed = number("speed");
   for (const name of ["follow", "missed", "trails", "ghosts"] as const) if (query.has(name)) found[name] = query.get(name) === "1";
+  if (query.has("bin")) found.bin = query.get("bin");
+  if (query.has("effects")) found.withEffects = query.get("effects") === "1";
   const camera = (query.get("camera") ?? "").split(",").map(Number);
   if (camera.length === 3 && camera.every(Number.isFinite)) found.camera = { x: camera[0], y: camera[1], scale: camera[2] };
   return Object.fromEntries(Object.entries(found).filter(([, value]) => value !== undefined)) as Partial<State>;
@@ -48,6 +50,8 @@ export function formatFragment(state: State): string {
   for (const name of ["missed", "trails", "ghosts"] as const) if (!state[name]) query.set(name, "0");
   query.set("robots", state.robotColour);
   query.set("links", state.linkColour);
+  if (state.bin !== null) query.set("bin", state.bin);
+  if (state.withEffects) query.set("effects", "1");
   if (state.theme !== "") query.set("theme", state.theme);
   if (state.camera !== null) {
     const { x, y, scale } = state.camera;

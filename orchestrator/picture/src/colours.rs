@@ -163,6 +163,7 @@ impl Theme {
             add(colour, self.background, 3);
             // Where links lie over each other.
             add(colour, colour.over(self.background), 1);
+            add(colour.with_opacity(1.0), self.background, 1);
         }
         palette.truncate(255);
         palette

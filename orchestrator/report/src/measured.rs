@@ -53,6 +53,8 @@ pub struct RobotRows {
     pub tracks: Vec<Vec<[f64; 2]>>,
     /// Where each window begins and ends (m).
     pub ends: Vec<[[f64; 2]; 2]>,
+    /// Number of each window's robot.
+    pub agents: Vec<u32>,
     /// Horizon (s), rmse of the model as configured, and of the model found (m).
     pub horizons: Vec<(f64, f64, Option<f64>)>,
 }

@@ -1,21 +1,19 @@
 //! The commands that hold a model against measurements.
 
 use super::between::BetweenArgs;
-use super::choice::ChoiceArgs;
 use super::corrected::corrected;
-use super::foreign::ForeignArgs;
 use super::formula::FormulaArgs;
 use super::inputs::print_account;
-use super::packets::{Adding, Opened, ResimulationArgs};
+use super::measured_args::{AnswerArgs, DataArgs};
+use super::packets::{Adding, ResimulationArgs};
 use super::pictures::Pictures;
 use super::search_log::SearchLog;
 use super::stop::{BudgetArgs, Stopper};
 use super::task::{self, Files};
-use super::{Failure, check_place, inputs, is_stdout, write_json, write_whole};
+use super::{Failure, inputs, write_json, write_whole};
 use crate::console::say;
 use clap::Args;
 use diagnose::answer::{self, Measurements};
-use diagnose::between::Between;
 use diagnose::compare;
 use diagnose::defects;
 use diagnose::extend::{self, ExtendError, extension};
@@ -25,109 +23,14 @@ use diagnose::{limits, scan};
 use measure::config::Compared;
 use measure::packets;
 use measure::table::DataTable;
-use report::measured::{MeasuredAnswer, MeasuredPage, page};
+use report::measured::MeasuredAnswer;
 use report::packets::NetworkAnswer;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
-use study::choices::Choices;
 use study::formula::FORMULA;
 use study::open::{self, DataAccount, Subject};
 use study::robots::RobotStudy;
 use study::{COMMON, Study};
-
-/// A configuration and measurements.
-#[derive(Args)]
-pub(super) struct DataArgs {
-    /// The configuration (TOML): a complete experiment for packets; for links and robots, the sections that describe them
-    /// suffice
-    config: PathBuf,
-    /// The measurements: link samples, robot samples or packets (CSV, Parquet, K7 or the folder of a run; CSV and K7 may be
-    /// gzipped)
-    #[arg(long, value_name = "FILE", required = true)]
-    data: Option<PathBuf>,
-    /// Override a key of the configuration, as in netsim.phy.propagation=friis. Repeatable
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
-    /// Packets and --heard only: override the seed of all random draws, to check how sensitive the answer is to it. Link
-    /// and robot results do not depend on the seed
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
-    #[command(flatten)]
-    foreign: ForeignArgs,
-    #[command(flatten)]
-    choices: ChoiceArgs,
-    /// Rows that aggregate several frames: predict the reception rate of each row from its mean RSSI reading. Only effects
-    /// on reception are then tried and scored
-    #[arg(long)]
-    given_rssi: bool,
-    /// Write the results as JSON to this file; - for standard output
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-}
-
-impl DataArgs {
-    /// The file of measurements. Only `diagnose --between` does without.
-    fn data(&self) -> &Path {
-        self.data.as_deref().unwrap_or(Path::new(""))
-    }
-
-    /// Keys that are set, the seed among them.
-    fn set(&self) -> Vec<String> {
-        let seed = self.seed.map(|seed| format!("experiment.seed={seed}"));
-        self.set.iter().cloned().chain(seed).collect()
-    }
-
-    fn choices(&self) -> Choices {
-        Choices { given_rssi: self.given_rssi, ..self.choices.choices() }
-    }
-
-    /// What is chosen, as it would be typed.
-    fn words(&self) -> String {
-        let given = if self.given_rssi { " --given-rssi" } else { "" };
-        format!("{}{given}{}", self.choices.words(), self.foreign.words())
-    }
-
-    /// Unit of errors of links.
-    fn unit(&self) -> &'static str {
-        if self.given_rssi { "pdr" } else { "dB" }
-    }
-
-    /// Refuses choices of rows for what is compared as one run.
-    fn refuse_choices(&self, what: &str) -> Result<(), Failure> {
-        let words = self.words();
-        if words.is_empty() {
-            return Ok(());
-        }
-        Err(Failure::request(format!(
-            "{}: does not apply to {what}, which are compared as one run. Leave it out; --seeds and --from apply, and \
-             --positions for packets",
-            words.trim()
-        )))
-    }
-
-    /// Packets and their experiment. What is chosen by rows is not for them.
-    fn open_packets(
-        &self,
-        resimulation: &ResimulationArgs,
-        table: &DataTable,
-    ) -> Result<Opened, Failure> {
-        self.foreign.refuse("packets")?;
-        self.refuse_choices("packets")?;
-        resimulation.open(&self.config, &self.set(), table)
-    }
-}
-
-/// A configuration, measurements, and where the answer goes.
-#[derive(Args)]
-pub(super) struct AnswerArgs {
-    #[command(flatten)]
-    data: DataArgs,
-    /// Write the results as a page with plots (one HTML file, which needs no internet connection); - for standard output
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
-    #[command(flatten)]
-    resimulation: ResimulationArgs,
-}
 
 /// The same, and how long the search may take; or two files in place of one.
 #[derive(Args)]
@@ -154,95 +57,6 @@ pub(super) struct CompareArgs {
     /// error of the swarm's task to network and robots; the configuration must be a complete experiment
     #[arg(long, value_name = "FILE", conflicts_with_all = ["links", "positions"])]
     heard: Option<PathBuf>,
-}
-
-impl AnswerArgs {
-    /// A place that cannot be written is found before the work, not after it.
-    fn check_places(&self) -> Result<(), Failure> {
-        for (option, path) in [("--json", &self.data.json), ("--report", &self.report)] {
-            if let Some(path) = path {
-                check_place(option, path)?;
-            }
-        }
-        if let (true, Some(report)) = (self.data.given_rssi, &self.report) {
-            return Err(Failure::request(format!(
-                "--report {}: does not apply with --given-rssi, which predicts no RSSI readings for the page to plot; use \
-                 --json FILE",
-                report.display()
-            )));
-        }
-        Ok(())
-    }
-
-    /// What was asked, as it would be typed.
-    fn command(&self, verb: &str, choices: &str) -> String {
-        self.command_on(verb, &format!("--data {}", self.data.data().display()), choices)
-    }
-
-    /// The same of any files. `files`: the option that names them, as it would be typed.
-    fn command_on(&self, verb: &str, files: &str, choices: &str) -> String {
-        let data = &self.data;
-        let set: String = data.set().iter().map(|key| format!(" --set '{key}'")).collect();
-        let report = self.report.as_deref().map(Path::display);
-        format!(
-            "orchestrator {verb} {} {files}{set}{choices} --report {}",
-            data.config.display(),
-            report.map_or_else(String::new, |report| report.to_string())
-        )
-    }
-
-    /// Writes what changed between two campaigns. `files`: the option that names them, as it would be typed.
-    fn write_between(&self, found: &Between, files: &str) -> Result<(), Failure> {
-        write_json(self.data.json.as_deref(), found)?;
-        let name = self.data.config.file_name().unwrap_or_default().to_string_lossy();
-        let command = || self.command_on("diagnose", files, &self.data.words());
-        self.write_page(|| report::between::page(&name, &command(), found))
-    }
-
-    /// Writes the page of `--report`, if it is asked for.
-    fn write_page(&self, page: impl FnOnce() -> String) -> Result<(), Failure> {
-        let Some(path) = &self.report else { return Ok(()) };
-        write_whole("--report", path, page())?;
-        if !is_stdout(path) {
-            say(format!("open {}", path.display()));
-        }
-        Ok(())
-    }
-
-    /// Writes what was found of a network. `further`: what else was asked, as it would be typed.
-    fn write_network(&self, found: NetworkAnswer<'_>, further: &str) -> Result<(), Failure> {
-        write_json(self.data.json.as_deref(), &found)?;
-        let name = self.data.config.file_name().unwrap_or_default().to_string_lossy();
-        let words = format!("{further}{}", self.resimulation.words());
-        let verb =
-            if matches!(found, NetworkAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
-        self.write_page(|| report::packets::page(&name, &self.command(verb, &words), found))
-    }
-
-    fn write(
-        &self,
-        config: &Compared,
-        answer: MeasuredAnswer<'_>,
-        pictures: impl FnOnce() -> Pictures,
-    ) -> Result<(), Failure> {
-        write_json(self.data.json.as_deref(), &answer)?;
-        let name = config.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let verb =
-            if matches!(answer, MeasuredAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
-        self.write_page(|| {
-            let Pictures { rows, before, after, covariates } = pictures();
-            page(&MeasuredPage {
-                config: name,
-                command: self.command(verb, &self.data.words()),
-                answer,
-                site: &config.site,
-                rows,
-                before,
-                after,
-                covariates,
-            })
-        })
-    }
 }
 
 #[derive(Args)]
@@ -281,6 +95,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     if let Some(heard) = heard {
         data.foreign.refuse("tracks with --heard")?;
         data.refuse_choices("tracks with --heard")?;
+        args.refuse_residuals("tracks with --heard")?;
         let files = Files { config: &data.config, set: &data.set(), data: data.data(), heard };
         let found = task::split(&files, args.resimulation.asked())?;
         let found = NetworkAnswer::Task(&found);
@@ -288,6 +103,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     }
     let (config, table) = inputs::files(&data.config, &data.set(), data.data())?;
     if packets::has_shape(&table).is_ok() {
+        args.refuse_residuals("packets")?;
         let opened = data.open_packets(&args.resimulation, &table)?;
         let links = match links {
             Some(path) => {
@@ -501,12 +317,14 @@ pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
     let stop = stopper.flag();
     let data = &args.data;
     if between.is_asked() {
+        args.refuse_residuals("what changed between two files")?;
         let found = between.diagnose((&data.config, &data.set()), data.choices(), &stopper)?;
         args.write_between(&found, &between.words())?;
         return stopper.require_complete(found.complete);
     }
     let (config, table) = inputs::files(&data.config, &data.set(), data.data())?;
     if packets::has_shape(&table).is_ok() {
+        args.refuse_residuals("packets")?;
         let opened = data.open_packets(&args.resimulation, &table)?.with_stop_flag(stop);
         let found = super::packets::diagnose(&opened, &stopper)?;
         args.write_network(NetworkAnswer::Diagnosis(&found), "")?;

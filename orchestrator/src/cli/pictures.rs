@@ -72,6 +72,7 @@ impl Pictures {
                 .map(|track| robots.samples[track.clone()].iter().map(place).collect())
                 .collect(),
             ends: study.windows().iter().map(|ends| ends.map(place)).collect(),
+            agents: study.windows().iter().map(|[start, _]| start.agent).collect(),
             horizons,
         };
         Self {

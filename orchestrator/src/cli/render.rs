@@ -1,5 +1,6 @@
 //! `orchestrator render`.
 
+use super::answer_file::Answer;
 use super::{Failure, check_place, on_runtime, place_for, replay, write_json, write_whole};
 use crate::console::{ProgressDisplay, say};
 use crate::run::interrupt::Interrupt;
@@ -56,6 +57,9 @@ pub(super) struct RenderArgs {
     /// Show at least this many metres around the robot that is followed [default: as far as the others ever are from it]
     #[arg(long, value_name = "M", requires = "follow", allow_negative_numbers = true, value_parser = span_m)]
     span: Option<f64>,
+    /// Also draw the places that `diagnose --json` has estimated
+    #[arg(long, value_name = "FILE")]
+    diagnosis: Option<PathBuf>,
     /// Width and height in pixels, from 320x240 to 4096x4096
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
@@ -140,6 +144,15 @@ impl RenderArgs {
         Style { size: self.size, is_dark: self.dark, links }
     }
 
+    /// The run, with what was estimated of its place.
+    fn open(&self) -> Result<RecordedRun, Failure> {
+        let mut run = replay::open(&self.run)?;
+        if let Some(path) = &self.diagnosis {
+            run.add_estimates(&Answer::of_option(path)?.estimates());
+        }
+        Ok(run)
+    }
+
     /// What holds for the whole run.
     fn stage(&self, run: &RecordedRun, until_ns: u64) -> Result<Stage, Failure> {
         let follow = self.follow.map(|robot| robot as usize);
@@ -190,7 +203,7 @@ fn picture(args: &RenderArgs, at_s: f64, output: &Path) -> Result<(), Failure> {
     if let Some(path) = &args.json {
         check_place("--json", path)?;
     }
-    let run = replay::open(&args.run)?;
+    let run = args.open()?;
     args.check_follow(&run)?;
     let at_ns = time_ns("--at", at_s, &run)?;
     let stage = args.stage(&run, at_ns)?;
@@ -272,7 +285,7 @@ impl Schedule {
 fn video(args: &RenderArgs, path: &Path) -> Result<(), Failure> {
     let format = format_of(args, path)?;
     let file = place_for("--video", path).map_err(Failure::request)?;
-    let run = replay::open(&args.run)?;
+    let run = args.open()?;
     args.check_follow(&run)?;
     let schedule = Schedule::new(args, &run)?;
     let style = args.style();

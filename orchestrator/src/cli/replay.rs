@@ -1,6 +1,7 @@
 //! `orchestrator replay`.
 
-use super::{Failure, check_place, on_runtime, write_whole};
+use super::answer_file::Answer;
+use super::{Failure, check_place, on_runtime, residuals, write_whole};
 use crate::console::say;
 use clap::Args;
 use std::path::{Path, PathBuf};
@@ -17,9 +18,13 @@ pub(super) struct ReplayArgs {
     /// Folder of a second run, to compare both side by side in the same time
     #[arg(long, value_name = "RUN")]
     with: Option<PathBuf>,
-    /// Also draw where effects act that `diagnose --json` has estimated from measurements
+    /// Also show an answer that `diagnose --json` or `compare --json` wrote: its verdict, its scores, and on the map the
+    /// places that it has estimated
     #[arg(long, value_name = "FILE")]
     diagnosis: Option<PathBuf>,
+    /// Also show the residuals that the same command wrote with --residuals, on the map and over what was measured beside
+    #[arg(long, value_name = "FILE", requires = "diagnosis")]
+    residuals: Option<PathBuf>,
     /// Write one page that holds the recording and opens without a server, instead of serving it; - for standard output
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -39,14 +44,17 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     let folders = std::iter::once(&args.run).chain(&args.with);
     let mut runs: Vec<RecordedRun> =
         folders.map(|folder| open(folder)).collect::<Result<_, _>>()?;
+    let mut measurements = None;
     if let Some(path) = &args.diagnosis {
-        let estimates = estimates(path).map_err(|problem| {
-            Failure::request(format!("--diagnosis {}: {problem}", path.display()))
-        })?;
+        let answer = Answer::of_option(path)?;
+        let rows = args.residuals.as_deref().map(residuals::read).transpose();
+        let rows = rows.map_err(|problem| Failure::request(format!("--residuals {problem}")))?;
+        let estimates = answer.estimates();
         runs.iter_mut().for_each(|run| run.add_estimates(&estimates));
+        measurements = Some(answer.shown(rows));
     }
     if let Some(output) = &args.output {
-        let page = page::standalone(&runs, usize::from(args.max_size) * 1_000_000)
+        let page = page::standalone(&runs, measurements, usize::from(args.max_size) * 1_000_000)
             .map_err(Failure::work)?;
         write_whole("--output", output, &page.html)?;
         for (run, (every, n_frames)) in runs.iter().zip(&page.kept) {
@@ -61,23 +69,12 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     }
     let runs: Vec<Arc<RecordedRun>> = runs.into_iter().map(Arc::new).collect();
     runs.iter().for_each(RecordedRun::read_in_background);
-    let shown = Shown::new(runs.into_iter().map(RunSource::Recorded).collect());
+    let shown = Shown::new(runs.into_iter().map(RunSource::Recorded).collect())
+        .with_measurements(measurements);
     let serving = Serving::begin(args.port, &shown)?;
     say(format!("open {}", serving.url()));
     say("press Ctrl-C to end");
     serving.until_interrupted()
-}
-
-/// The effects that a diagnosis has found, each as a table of the configuration.
-fn estimates(path: &Path) -> Result<Vec<toml::Table>, String> {
-    let text = experiment::text_of(path).map_err(|error| error.to_string())?;
-    let answer: serde_json::Value =
-        serde_json::from_str(&text).map_err(|error| format!("is not JSON: {error}"))?;
-    let missing = answer.get("missing").and_then(serde_json::Value::as_array);
-    let missing = missing.ok_or("is not an answer of diagnose: it has no list `missing`")?;
-    let settings = missing.iter().filter_map(|effect| effect.get("settings"));
-    let tables = settings.filter_map(|table| serde_json::from_value(table.clone()).ok());
-    Ok(tables.collect())
 }
 
 /// Opens a recorded run.

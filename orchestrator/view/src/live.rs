@@ -7,6 +7,7 @@
 use crate::frame::FrameBuilder;
 use crate::overview::{Additions, OverviewBuilder};
 use crate::run::run_of;
+use crate::series::Figures;
 use crate::view;
 use bytes::Bytes;
 use prost::Message as _;
@@ -183,7 +184,7 @@ impl LiveRun {
         let state = State {
             run,
             overview: OverviewBuilder::new(configured),
-            pending: Additions::new(),
+            pending: Additions::default(),
             added: VecDeque::new(),
             n_dropped: 0,
             latest: None,
@@ -376,7 +377,7 @@ impl Maker {
     fn serve(mut self, inbox: &Receiver<(StepRecord, Instant)>) {
         loop {
             match inbox.recv_timeout(ADDED_PERIOD) {
-                Ok((record, taken)) => self.step(&record, taken),
+                Ok((record, taken)) => self.step(record, taken),
                 Err(RecvTimeoutError::Timeout) => {
                     // The run waits: what it came to is shown.
                     self.show_latest();
@@ -391,18 +392,19 @@ impl Maker {
         self.live.changed.send_modify(|number| *number += 1);
     }
 
-    fn step(&mut self, record: &StepRecord, taken: Instant) {
+    fn step(&mut self, record: StepRecord, taken: Instant) {
         let Self { live, periods, builder, last_frame, .. } = self;
-        let is_due = periods.next(record, |period| {
+        let is_due = periods.next(&record, |period| {
             builder.add(period);
+            let figures = Figures::of(&record, period);
             let mut state = live.lock();
-            state.overview.add(record, period);
-            state.pending.add(record, period);
+            state.overview.add_with(&record, period, &figures);
+            state.pending.add(&figures);
             state.reached_ns = period.time_ns;
             let due = if state.n_viewers == 0 { UNWATCHED_PERIOD } else { FRAME_PERIOD };
             due <= last_frame.elapsed()
         });
-        self.unshown = Some((record.clone(), taken));
+        self.unshown = Some((record, taken));
         if is_due {
             self.show_latest();
         }

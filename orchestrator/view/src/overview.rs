@@ -1,7 +1,7 @@
 //! The whole run at a glance.
 
 use crate::events::EventFinder;
-use crate::series::{MOST_POINTS, SeriesBuilder};
+use crate::series::{Figures, Means, SeriesBuilder};
 use crate::view;
 use metrics::period::Period;
 use proto::exchange::Configured;
@@ -39,7 +39,7 @@ impl OverviewBuilder {
         Self {
             events,
             found: Vec::new(),
-            series: SeriesBuilder::new(MOST_POINTS),
+            series: SeriesBuilder::new(),
             until_ns: 0,
             schedules: Vec::new(),
             statistics: start.statistics.iter().map(|first| (0, first.clone())).collect(),
@@ -53,12 +53,17 @@ impl OverviewBuilder {
 
     /// Adds a step and its period.
     pub fn add(&mut self, record: &StepRecord, period: &Period<'_>) {
+        self.add_with(record, period, &Figures::of(record, period));
+    }
+
+    /// [`add`](Self::add) where the figures of the step are at hand.
+    pub(crate) fn add_with(&mut self, record: &StepRecord, period: &Period<'_>, figures: &Figures) {
         self.events.orders(period, &record.commands, &[]);
         let applied = &record.network.applied_commands;
         self.events.orders(period, applied, &record.robots.applied_commands);
         self.events.add(period);
         self.found.append(&mut self.events.take());
-        self.series.add(period, &task_figures(record));
+        self.series.add(period.time_ns, figures);
         self.until_ns = period.time_ns;
         if let Some(schedule) = period.schedule {
             self.schedules.push((period.time_ns, schedule.clone()));
@@ -129,8 +134,9 @@ impl OverviewBuilder {
 }
 
 /// What was added to an overview since it was last asked for.
+#[derive(Default)]
 pub(crate) struct Additions {
-    series: SeriesBuilder,
+    figures: Means,
     n_events: usize,
     n_schedules: usize,
     statistics_ns: u64,
@@ -138,25 +144,14 @@ pub(crate) struct Additions {
 }
 
 impl Additions {
-    /// Nothing yet.
-    pub(crate) fn new() -> Self {
-        Self {
-            series: SeriesBuilder::new(usize::MAX),
-            n_events: 0,
-            n_schedules: 0,
-            statistics_ns: 0,
-            n_packets: 0,
-        }
-    }
-
-    /// Adds the figures of a period, which was or will be added to the overview.
-    pub(crate) fn add(&mut self, record: &StepRecord, period: &Period<'_>) {
-        self.series.add(period, &task_figures(record));
+    /// Adds the figures of a step, which was or will be added to the overview.
+    pub(crate) fn add(&mut self, figures: &Figures) {
+        self.figures.add(figures);
     }
 
     /// What was added to `whole` since this was last called; `None`: no step.
     pub(crate) fn take(&mut self, whole: &OverviewBuilder) -> Option<view::Overview> {
-        let series = self.series.take_point(whole.until_ns);
+        let series = self.figures.take_point(whole.until_ns);
         if series.is_empty() {
             return None;
         }
@@ -179,11 +174,6 @@ impl Additions {
         self.n_packets = whole.packets.as_ref().map_or(0, Packets::len);
         Some(added)
     }
-}
-
-fn task_figures(record: &StepRecord) -> Vec<(String, f64)> {
-    let figures = record.robots.figures.iter();
-    figures.map(|figure| (figure.name.clone(), figure.value)).collect()
 }
 
 fn schedule_at((time_ns, schedule): &(u64, Schedule)) -> view::ScheduleAt {

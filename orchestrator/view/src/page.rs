@@ -33,12 +33,19 @@ pub struct StandalonePage {
 }
 
 /// Makes a page of runs that has at most `most_bytes`: of longer recordings, one frame of every so many steps is kept.
+/// `measurements`: what the page also shows, if anything.
 ///
 /// # Errors
 ///
 /// A recording is damaged, or the page would be too large with its first and last frame alone.
-pub fn standalone(runs: &[RecordedRun], most_bytes: usize) -> Result<StandalonePage, PageError> {
+pub fn standalone(
+    runs: &[RecordedRun],
+    measurements: Option<view::Measurements>,
+    most_bytes: usize,
+) -> Result<StandalonePage, PageError> {
+    let measurements = view::Recordings { recordings: Vec::new(), measurements }.encode_to_vec();
     let rest = INDEX.len() + SCRIPT.len() + STYLE.len() + 4096;
+    let rest = rest + STANDARD.encode(compressed(&measurements)).len();
     // Base64 makes four bytes of three.
     let room = most_bytes.saturating_sub(rest) / 4 * 3 / runs.len().max(1);
     let mut recordings = Vec::new();
@@ -48,7 +55,8 @@ pub fn standalone(runs: &[RecordedRun], most_bytes: usize) -> Result<StandaloneP
         recordings.push(recording);
         kept.push((every, n_frames));
     }
-    // Messages of a repeated field, one after the other, are one message.
+    // Messages, one after the other, are one message that has the fields of all.
+    recordings.push(measurements);
     let data = STANDARD.encode(compressed(&recordings.concat()));
     let html = assemble(&format!(
         "<script id=\"recording\" type=\"application/octet-stream\">{data}</script>"
@@ -62,7 +70,7 @@ pub fn standalone(runs: &[RecordedRun], most_bytes: usize) -> Result<StandaloneP
 ///
 /// As [`standalone`].
 pub fn embedded(run: RecordedRun, most_bytes: usize) -> Result<String, PageError> {
-    let page = standalone(&[run], most_bytes)?;
+    let page = standalone(&[run], None, most_bytes)?;
     Ok(STANDARD.encode(compressed(page.html.as_bytes())))
 }
 
@@ -115,7 +123,7 @@ fn recording(
                 frames,
                 every_steps: every,
             };
-            let recordings = view::Recordings { recordings: vec![recording] };
+            let recordings = view::Recordings { recordings: vec![recording], measurements: None };
             let encoded = recordings.encode_to_vec();
             let n_bytes = compressed(&encoded).len();
             if n_bytes <= room {

@@ -27,8 +27,6 @@ const MOST_BYTES: usize = 64 << 20;
 const MOST_BETWEEN: u64 = 50;
 /// How often the overview is made anew while the recording is read.
 const REFRESH: Duration = Duration::from_millis(500);
-/// Where obstacles are is kept every so many steps.
-const STEPS_PER_MARK: u64 = 500;
 
 /// A recorded run.
 pub struct RecordedRun {
@@ -42,14 +40,11 @@ pub struct RecordedRun {
 struct Scan {
     /// The overview, encoded.
     overview: Bytes,
-    /// Obstacles that have moved, by the end of a step (ns).
-    moved: Vec<(u64, MovedObstacles)>,
+    /// Of each obstacle that has moved: the ends of the steps in which it did (ns), ascending, and where it was then (m).
+    moved: BTreeMap<String, Vec<(u64, [f64; 2])>>,
     /// Why it could not be read to its end.
     failure: Option<String>,
 }
-
-/// Places of obstacles (m).
-type MovedObstacles = BTreeMap<String, [f64; 2]>;
 
 impl RecordedRun {
     /// Opens the recording of a run, given its directory.
@@ -126,17 +121,16 @@ impl RecordedRun {
         let mut overview = OverviewBuilder::new(self.configured());
         let states = self.configured().robots_start.states.clone();
         let mut periods = Periods::new(self.coupling(), states);
-        let mut moved = MovedObstacles::new();
         let mut steps = self.recording.steps(0, u64::MAX)?;
         let mut refreshed = Instant::now();
         while let Some(record) = steps.next_step()? {
             periods.next(&record, |period| overview.add(&record, period));
-            for obstacle in &record.robots.moved_obstacles {
-                moved.insert(obstacle.name.clone(), obstacle.centre_m);
-            }
-            if !moved.is_empty() && record.step.is_multiple_of(STEPS_PER_MARK) {
+            if !record.robots.moved_obstacles.is_empty() {
                 let mut scan = self.scan.lock().unwrap_or_else(PoisonError::into_inner);
-                scan.moved.push((record.time_ns, moved.clone()));
+                for MovedObstacle { name, centre_m } in &record.robots.moved_obstacles {
+                    let moves = scan.moved.entry(name.clone()).or_default();
+                    moves.push((record.time_ns, *centre_m));
+                }
             }
             if REFRESH < refreshed.elapsed() {
                 self.publish(&overview.overview(false));
@@ -249,10 +243,14 @@ impl RecordedRun {
         Ok(overview.overview(true))
     }
 
-    fn moved_until(&self, time_ns: u64) -> MovedObstacles {
+    /// Where obstacles are that have moved until then (m), as far as the recording was read.
+    fn moved_until(&self, time_ns: u64) -> BTreeMap<String, [f64; 2]> {
         let scan = self.scan.lock().unwrap_or_else(PoisonError::into_inner);
-        let until = scan.moved.partition_point(|(marked_ns, _)| *marked_ns <= time_ns);
-        until.checked_sub(1).map(|last| scan.moved[last].1.clone()).unwrap_or_default()
+        let last = |(name, moves): (&String, &Vec<(u64, [f64; 2])>)| {
+            let n_before = moves.partition_point(|(moved_ns, _)| *moved_ns <= time_ns);
+            Some((name.clone(), moves[n_before.checked_sub(1)?].1))
+        };
+        scan.moved.iter().filter_map(last).collect()
     }
 }
 

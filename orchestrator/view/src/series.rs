@@ -3,103 +3,57 @@
 use crate::view;
 use metrics::period::Period;
 use metrics::swarm::velocities;
-use proto::types::seconds;
-use std::collections::BTreeMap;
+use proto::types::{TaskFigure, seconds};
+use record::StepRecord;
+use std::borrow::Cow;
 
 /// A series is kept in at most so many points.
-pub(crate) const MOST_POINTS: usize = 2000;
+const MOST_POINTS: usize = 2000;
 
 /// A figure: its name, what people call it, its unit.
-type Figure = (&'static str, &'static str, &'static str);
+type Label = (&'static str, &'static str, &'static str);
 
-const ALIVE: Figure = ("n_alive", "Robots alive", "");
-const NEIGHBOURS: Figure = ("mean_neighbours", "Neighbours heard per robot", "");
-const ISOLATED: Figure = ("n_isolated", "Robots that heard nobody", "");
-const SENT: Figure = ("n_sent", "Frames sent per step", "");
-const DELIVERIES: Figure = ("n_deliveries", "Deliveries per step", "");
-const FLOCK_SPEED: Figure = ("flock_speed_mps", "Speed of the swarm's mean motion", "m/s");
-const CENTRE_DISTANCE: Figure = ("centre_distance_m", "Mean distance to the swarm's centre", "m");
-const JOINED: Figure = ("n_joined", "Motes joined", "");
-const QUEUE: Figure = ("mean_queue", "Packets waiting per mote", "");
-const DELIVERED: Figure = ("packets_delivered", "Packets delivered per step", "");
-const DROPPED: Figure = ("packets_dropped", "Packets dropped per step", "");
+const ALIVE: Label = ("n_alive", "Robots alive", "");
+const NEIGHBOURS: Label = ("mean_neighbours", "Neighbours heard per robot", "");
+const ISOLATED: Label = ("n_isolated", "Robots that heard nobody", "");
+const SENT: Label = ("n_sent", "Frames sent per step", "");
+const DELIVERIES: Label = ("n_deliveries", "Deliveries per step", "");
+const FLOCK_SPEED: Label = ("flock_speed_mps", "Speed of the swarm's mean motion", "m/s");
+const CENTRE_DISTANCE: Label = ("centre_distance_m", "Mean distance to the swarm's centre", "m");
+const JOINED: Label = ("n_joined", "Motes joined", "");
+const QUEUE: Label = ("mean_queue", "Packets waiting per mote", "");
+const DELIVERED: Label = ("packets_delivered", "Packets delivered per step", "");
+const DROPPED: Label = ("packets_dropped", "Packets dropped per step", "");
 
-/// Means of figures over spans of equally many steps. When there are too many points, neighbours become one.
+/// A figure of a step.
 #[derive(Clone, Debug)]
-pub(crate) struct SeriesBuilder {
-    most: usize,
-    /// Steps per point.
-    stride: u64,
-    n_in_point: u64,
-    time_s: Vec<f64>,
-    figures: BTreeMap<String, Mean>,
-    order: Vec<(String, String, &'static str)>,
+pub(crate) struct Figure {
+    name: Cow<'static, str>,
+    label: Cow<'static, str>,
+    unit: &'static str,
+    value: f64,
 }
 
-/// The means of a figure, and the sum of the point that is not complete.
+/// The figures of a step.
 #[derive(Clone, Debug, Default)]
-struct Mean {
-    points: Vec<f64>,
-    sum: f64,
-    n: u64,
-}
+pub(crate) struct Figures(Vec<Figure>);
 
-impl SeriesBuilder {
-    /// Begins empty.
-    pub(crate) fn new(most: usize) -> Self {
-        Self {
-            most,
-            stride: 1,
-            n_in_point: 0,
-            time_s: Vec::new(),
-            figures: BTreeMap::new(),
-            order: Vec::new(),
+impl Figures {
+    /// Those of a period, and those in which the robots report how far their task is.
+    pub(crate) fn of(record: &StepRecord, period: &Period<'_>) -> Self {
+        let mut figures = Self::default();
+        figures.robots(period);
+        figures.network(period);
+        for TaskFigure { name, value } in &record.robots.figures {
+            let (label, name) = (name.replace('_', " "), name.clone());
+            figures.0.push(Figure {
+                name: name.into(),
+                label: label.into(),
+                unit: "",
+                value: *value,
+            });
         }
-    }
-
-    /// Adds the figures of a period.
-    pub(crate) fn add(&mut self, period: &Period<'_>, task: &[(String, f64)]) {
-        self.robots(period);
-        self.network(period);
-        for (name, value) in task {
-            self.figure(name, || (name.replace('_', " "), ""), *value);
-        }
-        self.n_in_point += 1;
-        if self.n_in_point == self.stride && self.most != usize::MAX {
-            self.close_point(period.time_ns);
-            // One more point may follow, of steps that do not fill it.
-            if self.most <= self.time_s.len() {
-                self.halve();
-            }
-        }
-    }
-
-    /// All series so far, with a last point that covers fewer steps.
-    pub(crate) fn series(&self, time_ns: u64) -> Vec<view::Series> {
-        let mut whole = self.clone();
-        if 0 < whole.n_in_point {
-            whole.close_point(time_ns);
-        }
-        let Self { time_s, figures, order, .. } = whole;
-        let series = order.into_iter().map(|(name, label, unit)| view::Series {
-            value: figures[&name].points.clone(),
-            name,
-            label,
-            unit: unit.to_owned(),
-            time_s: time_s.clone(),
-        });
-        series.collect()
-    }
-
-    /// Takes one point over all that was added since one was last taken; for series of which points are taken in no other way.
-    pub(crate) fn take_point(&mut self, time_ns: u64) -> Vec<view::Series> {
-        if self.n_in_point == 0 {
-            return Vec::new();
-        }
-        self.time_s.clear();
-        self.figures.values_mut().for_each(|figure| figure.points.clear());
-        self.close_point(time_ns);
-        self.series(time_ns)
+        figures
     }
 
     fn robots(&mut self, period: &Period<'_>) {
@@ -150,33 +104,130 @@ impl SeriesBuilder {
         }
     }
 
-    fn named(&mut self, (name, label, unit): Figure, value: f64) {
-        self.figure(name, || (label.to_owned(), unit), value);
+    fn named(&mut self, (name, label, unit): Label, value: f64) {
+        self.0.push(Figure { name: name.into(), label: label.into(), unit, value });
+    }
+}
+
+/// Means of figures since they were last taken.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Means {
+    n_steps: u64,
+    figures: Vec<Mean>,
+}
+
+#[derive(Clone, Debug)]
+struct Mean {
+    /// Its value is the sum of those that are finite.
+    sum: Figure,
+    n: u64,
+}
+
+impl Means {
+    /// Adds the figures of a step.
+    pub(crate) fn add(&mut self, Figures(figures): &Figures) {
+        self.n_steps += 1;
+        for (place, figure) in figures.iter().enumerate() {
+            // Steps have the same figures, but for few.
+            let is_same = |mean: &Mean| mean.sum.name == figure.name;
+            let known = match self.figures.get(place) {
+                Some(mean) if is_same(mean) => Some(place),
+                _ => self.figures.iter().position(is_same),
+            };
+            let place = known.unwrap_or_else(|| {
+                self.figures.push(Mean { sum: Figure { value: 0.0, ..figure.clone() }, n: 0 });
+                self.figures.len() - 1
+            });
+            if figure.value.is_finite() {
+                self.figures[place].sum.value += figure.value;
+                self.figures[place].n += 1;
+            }
+        }
     }
 
-    fn figure(&mut self, name: &str, words: impl FnOnce() -> (String, &'static str), value: f64) {
-        if !self.figures.contains_key(name) {
-            let (label, unit) = words();
-            self.order.push((name.to_owned(), label, unit));
-            // It was not known before.
-            let points = vec![f64::NAN; self.time_s.len()];
-            self.figures.insert(name.to_owned(), Mean { points, ..Mean::default() });
+    /// The mean of each figure, NaN where no step had a value, and begins anew.
+    fn take(&mut self) -> impl Iterator<Item = f64> {
+        self.n_steps = 0;
+        self.figures.iter_mut().map(|mean| {
+            let (sum, n) = (mean.sum.value, mean.n);
+            (mean.sum.value, mean.n) = (0.0, 0);
+            sum / n as f64
+        })
+    }
+
+    /// The means as one point of each series; none if no step was added.
+    pub(crate) fn take_point(&mut self, time_ns: u64) -> Vec<view::Series> {
+        if self.n_steps == 0 {
+            return Vec::new();
         }
-        if value.is_finite()
-            && let Some(figure) = self.figures.get_mut(name)
-        {
-            figure.sum += value;
-            figure.n += 1;
+        let means: Vec<f64> = self.take().collect();
+        let point =
+            |(mean, value): (&Mean, f64)| mean.sum.series(vec![seconds(time_ns)], vec![value]);
+        self.figures.iter().zip(means).map(point).collect()
+    }
+}
+
+impl Figure {
+    fn series(&self, time_s: Vec<f64>, value: Vec<f64>) -> view::Series {
+        view::Series {
+            name: self.name.clone().into_owned(),
+            label: self.label.clone().into_owned(),
+            unit: self.unit.to_owned(),
+            time_s,
+            value,
         }
+    }
+}
+
+/// Means of figures over spans of equally many steps. When there are too many points, neighbours become one.
+#[derive(Clone, Debug)]
+pub(crate) struct SeriesBuilder {
+    /// Steps per point.
+    stride: u64,
+    /// The point that is not complete.
+    open: Means,
+    time_s: Vec<f64>,
+    /// Points of each figure, in the order of `open`.
+    points: Vec<Vec<f64>>,
+}
+
+impl SeriesBuilder {
+    /// Begins empty.
+    pub(crate) fn new() -> Self {
+        Self { stride: 1, open: Means::default(), time_s: Vec::new(), points: Vec::new() }
+    }
+
+    /// Adds the figures of the step that ended at `time_ns`.
+    pub(crate) fn add(&mut self, time_ns: u64, figures: &Figures) {
+        self.open.add(figures);
+        if self.open.n_steps == self.stride {
+            self.close_point(time_ns);
+            // One more point may follow, of steps that do not fill it.
+            if MOST_POINTS <= self.time_s.len() {
+                self.halve();
+            }
+        }
+    }
+
+    /// All series so far, with a last point that covers fewer steps.
+    pub(crate) fn series(&self, time_ns: u64) -> Vec<view::Series> {
+        let mut whole = self.clone();
+        if 0 < whole.open.n_steps {
+            whole.close_point(time_ns);
+        }
+        let Self { time_s, open, points, .. } = whole;
+        let series = open.figures.into_iter().zip(points);
+        series.map(|(mean, points)| mean.sum.series(time_s.clone(), points)).collect()
     }
 
     fn close_point(&mut self, time_ns: u64) {
+        let n_points = self.time_s.len();
         self.time_s.push(seconds(time_ns));
-        for figure in self.figures.values_mut() {
-            figure.points.push(figure.sum / figure.n as f64);
-            (figure.sum, figure.n) = (0.0, 0);
+        // A figure that is new was not known before.
+        self.points.resize_with(self.open.figures.len(), || vec![f64::NAN; n_points]);
+        for (points, mean) in self.points.iter_mut().zip(self.open.take()) {
+            points.push(mean);
         }
-        self.n_in_point = 0;
     }
 
     /// Makes one point of every two; an odd last one becomes the beginning of the next.
@@ -186,22 +237,21 @@ impl SeriesBuilder {
             self.time_s.pop();
         }
         self.time_s = self.time_s.chunks_exact(2).map(|pair| pair[1]).collect();
-        for figure in self.figures.values_mut() {
+        for (points, open) in self.points.iter_mut().zip(&mut self.open.figures) {
             if odd
-                && let Some(last) = figure.points.pop()
+                && let Some(last) = points.pop()
                 && last.is_finite()
             {
-                figure.sum = last * self.stride as f64;
-                figure.n = self.stride;
+                (open.sum.value, open.n) = (last * self.stride as f64, self.stride);
             }
-            let means = figure.points.chunks_exact(2).map(|pair| match (pair[0], pair[1]) {
+            let means = points.chunks_exact(2).map(|pair| match (pair[0], pair[1]) {
                 (a, b) if a.is_nan() => b,
                 (a, b) if b.is_nan() => a,
                 (a, b) => 0.5 * (a + b),
             });
-            figure.points = means.collect();
+            *points = means.collect();
         }
-        self.n_in_point = if odd { self.stride } else { 0 };
+        self.open.n_steps = if odd { self.stride } else { 0 };
         self.stride *= 2;
     }
 }

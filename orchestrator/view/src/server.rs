@@ -36,26 +36,36 @@ pub enum RunSource {
     Live(Arc<LiveRun>),
 }
 
-/// The runs that a server shows: one, or two to compare.
+/// The runs that a server shows, one or two to compare, and measurements that the model was compared with.
 #[derive(Clone)]
-pub struct Shown(Arc<RwLock<Vec<RunSource>>>);
+pub struct Shown {
+    runs: Arc<RwLock<Vec<RunSource>>>,
+    measurements: Option<Arc<view::Measurements>>,
+}
 
 impl Shown {
     /// Shows these runs.
     #[must_use]
     pub fn new(runs: Vec<RunSource>) -> Self {
-        Self(Arc::new(RwLock::new(runs)))
+        Self { runs: Arc::new(RwLock::new(runs)), measurements: None }
+    }
+
+    /// Shows measurements beside the runs.
+    #[must_use]
+    pub fn with_measurements(mut self, measurements: Option<view::Measurements>) -> Self {
+        self.measurements = measurements.map(Arc::new);
+        self
     }
 
     /// Shows another run in place of the first.
     pub fn replace(&self, run: RunSource) {
-        let mut runs = self.0.write().unwrap_or_else(PoisonError::into_inner);
+        let mut runs = self.runs.write().unwrap_or_else(PoisonError::into_inner);
         runs.truncate(0);
         runs.push(run);
     }
 
     fn all(&self) -> Vec<RunSource> {
-        self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
+        self.runs.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     fn run(&self, number: usize) -> Result<RunSource, Refused> {
@@ -143,7 +153,8 @@ async fn runs(State(shown): State<Shown>) -> Response {
         RunSource::Recorded(run) => run.run().clone(),
         RunSource::Live(run) => run.run(),
     });
-    message(view::Runs { runs: runs.collect() }.encode_to_vec())
+    let measurements = shown.measurements.as_deref().cloned();
+    message(view::Runs { runs: runs.collect(), measurements }.encode_to_vec())
 }
 
 async fn overview(

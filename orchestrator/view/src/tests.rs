@@ -126,7 +126,7 @@ fn held(html: &str) -> view::Recordings {
 fn a_page_by_itself_holds_all_runs_in_the_size_it_may_have() {
     let (_out, run) = recorded(Coupling::Sequential, STEPS);
     let (_second, second) = recorded(Coupling::Sequential, 30);
-    let whole = page::standalone(&[run, second], 20_000_000).unwrap();
+    let whole = page::standalone(&[run, second], None, 20_000_000).unwrap();
     assert_eq!(whole.kept, [(1, 13), (1, 31)]);
     let recordings = held(&whole.html).recordings;
     let counts: Vec<usize> = recordings.iter().map(|run| run.frames.len()).collect();
@@ -136,7 +136,7 @@ fn a_page_by_itself_holds_all_runs_in_the_size_it_may_have() {
     let (_long, long) = recorded(Coupling::Sequential, 3000);
     let base = whole.html.len();
     let most_bytes = base + 40_000;
-    let small = page::standalone(std::slice::from_ref(&long), most_bytes).unwrap();
+    let small = page::standalone(std::slice::from_ref(&long), None, most_bytes).unwrap();
     assert!(small.html.len() <= most_bytes, "{}", small.html.len());
     let recording = &held(&small.html).recordings[0];
     let (every, n_frames) = small.kept[0];
@@ -145,7 +145,7 @@ fn a_page_by_itself_holds_all_runs_in_the_size_it_may_have() {
     assert_eq!(recording.frames.last().unwrap().step, 3000);
     assert!(recording.overview.as_ref().unwrap().complete);
 
-    let error = page::standalone(std::slice::from_ref(&long), 5000).unwrap_err();
+    let error = page::standalone(std::slice::from_ref(&long), None, 5000).unwrap_err();
     assert!(matches!(error, PageError::TooLarge { .. }), "{error}");
 }
 

@@ -1,6 +1,6 @@
 import { fromBinary, toBinary } from "@bufbuild/protobuf";
 import { create } from "@bufbuild/protobuf";
-import { type ControlKind, ControlSchema, type Overview, OverviewSchema, type Run, RunsSchema } from "../gen/murmuration/view/v1/view_pb.ts";
+import { type ControlKind, ControlSchema, type Overview, OverviewSchema, type Runs, RunsSchema } from "../gen/murmuration/view/v1/view_pb.ts";
 
 /** Requests to the program that serves the page. Each carries the token of the page's own address. */
 export class Api {
@@ -10,8 +10,8 @@ export class Api {
     this.token = token;
   }
 
-  async runs(): Promise<Run[]> {
-    return fromBinary(RunsSchema, await this.bytes("api/runs")).runs;
+  async runs(): Promise<Runs> {
+    return fromBinary(RunsSchema, await this.bytes("api/runs"));
   }
 
   async overview(run: number): Promise<Overview> {

@@ -1,5 +1,5 @@
 import { fromBinary } from "@bufbuild/protobuf";
-import { type Overview, OverviewSchema, RecordingSchema, RecordingsSchema, type Run } from "../gen/murmuration/view/v1/view_pb.ts";
+import { type Measurements, type Overview, OverviewSchema, RecordingSchema, RecordingsSchema, type Run } from "../gen/murmuration/view/v1/view_pb.ts";
 import type { FrameData } from "./frame.ts";
 import { FrameList } from "./frame-list.ts";
 import type { LiveOrder, RunData, Source } from "./source.ts";
@@ -42,7 +42,10 @@ class EmbeddedSource implements Source {
   readonly live = null;
   readonly status = "";
 
-  constructor(readonly runs: RunData[]) {}
+  constructor(
+    readonly runs: RunData[],
+    readonly measurements: Measurements | undefined,
+  ) {}
 
   control(_order: LiveOrder): Promise<void> {
     return Promise.resolve();
@@ -56,8 +59,8 @@ export async function openEmbedded(script: HTMLElement): Promise<Source> {
   for (let i = 0; i < text.length; i++) zipped[i] = text.charCodeAt(i);
   const stream = new Blob([zipped]).stream().pipeThrough(new DecompressionStream("gzip"));
   const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
-  const { entries } = splitRepeated(bytes, RecordingsSchema.field.recordings.number);
+  const { entries, rest } = splitRepeated(bytes, RecordingsSchema.field.recordings.number);
   if (entries.length === 0) throw new Error("the recording in this page is empty: make the page again");
   script.remove();
-  return new EmbeddedSource(entries.map((entry) => new EmbeddedRun(entry)));
+  return new EmbeddedSource(entries.map((entry) => new EmbeddedRun(entry)), fromBinary(RecordingsSchema, rest).measurements);
 }

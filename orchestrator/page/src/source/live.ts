@@ -84,6 +84,7 @@ function addSeries(all: Series[], added: Series): void {
 class LiveSource implements Source {
   readonly kind = "live";
   readonly runs: RunData[];
+  readonly measurements = undefined;
   readonly status = "";
   live: LiveState = { reachedNs: 0, lagS: 0, speed: 0, paused: false };
 

@@ -1,5 +1,5 @@
 import { create } from "@bufbuild/protobuf";
-import { FramesSchema, type Overview, OverviewSchema, type Run } from "../gen/murmuration/view/v1/view_pb.ts";
+import { FramesSchema, type Measurements, type Overview, OverviewSchema, type Run, type Runs } from "../gen/murmuration/view/v1/view_pb.ts";
 import type { Api } from "./api.ts";
 import { decodeFrame, type FrameData } from "./frame.ts";
 import { FrameList } from "./frame-list.ts";
@@ -186,7 +186,10 @@ class ServedSource implements Source {
   readonly kind = "served";
   readonly live = null;
 
-  constructor(readonly runs: ServedRun[]) {}
+  constructor(
+    readonly runs: ServedRun[],
+    readonly measurements: Measurements | undefined,
+  ) {}
 
   get status(): string {
     const reading = this.runs.find((run) => run.overviewVersion > 0 && !run.overview.complete);
@@ -200,6 +203,6 @@ class ServedSource implements Source {
 }
 
 /** Opens finished recordings that the program serves. */
-export function openServed(runs: Run[], api: Api, listener: SourceListener): Source {
-  return new ServedSource(runs.map((run, index) => new ServedRun(run, index, api, listener)));
+export function openServed({ runs, measurements }: Runs, api: Api, listener: SourceListener): Source {
+  return new ServedSource(runs.map((run, index) => new ServedRun(run, index, api, listener)), measurements);
 }

@@ -1,4 +1,4 @@
-import type { Overview, Run } from "../gen/murmuration/view/v1/view_pb.ts";
+import type { Measurements, Overview, Run } from "../gen/murmuration/view/v1/view_pb.ts";
 import type { FrameData } from "./frame.ts";
 import type { FrameList } from "./frame-list.ts";
 
@@ -41,6 +41,8 @@ export interface Source {
   readonly kind: "embedded" | "served" | "live";
   /** One run, or two to compare. */
   readonly runs: RunData[];
+  /** The model against measurements, if they were given. */
+  readonly measurements: Measurements | undefined;
   /** How the simulation goes; null unless it is running. */
   readonly live: LiveState | null;
   /** Short words for the status line; empty if there is nothing to say. */

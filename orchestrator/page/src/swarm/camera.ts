@@ -1,4 +1,4 @@
-import type { Place } from "../gen/murmuration/view/v1/view_pb.ts";
+import type { MeasuredRows, Place } from "../gen/murmuration/view/v1/view_pb.ts";
 import type { FrameData } from "../source/frame.ts";
 import type { Camera } from "../store.ts";
 import { exists } from "./links.ts";
@@ -6,8 +6,8 @@ import { exists } from "./links.ts";
 /** Room around everything when a picture is fitted (px). */
 const MARGIN_PX = 48;
 
-/** The camera that shows all robots of a frame, and walls and obstacles. */
-export function fit(frames: FrameData[], places: (Place | undefined)[], width: number, height: number): Camera {
+/** The camera that shows all robots of a frame, walls and obstacles, and where was measured. */
+export function fit(frames: FrameData[], places: (Place | undefined)[], width: number, height: number, measured?: MeasuredRows): Camera {
   let [left, right, bottom, top] = [Number.POSITIVE_INFINITY, Number.NEGATIVE_INFINITY, Number.POSITIVE_INFINITY, Number.NEGATIVE_INFINITY];
   const include = (x: number, y: number, radius = 0): void => {
     left = Math.min(left, x - radius);
@@ -24,6 +24,11 @@ export function fit(frames: FrameData[], places: (Place | undefined)[], width: n
       include(wall.toXM, wall.toYM);
     }
     for (const obstacle of place?.obstacles ?? []) include(obstacle.xM, obstacle.yM, obstacle.radiusM);
+  }
+  for (const [xs, ys] of measured === undefined ? [] : [[measured.fromXM, measured.fromYM], [measured.toXM, measured.toYM]]) {
+    xs.forEach((x, row) => {
+      if (Number.isFinite(x) && Number.isFinite(ys[row])) include(x, ys[row]);
+    });
   }
   if (left > right) return { x: 0, y: 0, scale: 10 };
   const spanX = Math.max(right - left, 1);

@@ -1,6 +1,7 @@
 import type { App } from "../app.ts";
 import { element } from "../dom.ts";
 import { figure } from "../format.ts";
+import { CLASSES, classColours } from "../measurements/map.ts";
 import { css } from "./colours.ts";
 import type { Scene } from "./scene.ts";
 import { groundRange } from "./site.ts";
@@ -16,7 +17,10 @@ export class Legend {
 
   update(scene: Scene): void {
     this.place();
-    const { robotColour, linkColour, missed, ghosts, selected } = this.app.store.state;
+    const { robotColour, ghosts, selected } = this.app.store.state;
+    const measured = scene.measured?.rows ?? null;
+    const linkColour = measured === null ? this.app.store.state.linkColour : "none";
+    const missed = this.app.store.state.missed && scene.measured === null;
     const { picture, robotRange, linkRange } = scene;
     const ghost = ghosts && selected !== null && picture.ghosts.length > 0;
     const dead = picture.dead.length > 0;
@@ -37,6 +41,11 @@ export class Legend {
     const { motes = null, links } = scene.frame ?? {};
     const missing = robotColour === "queue" ? !motes?.queueLength.length : robotColour === "rank" && !motes?.rank.length;
     if (missing) rows.push(element("div", { class: "note" }, "This network does not report it: robots are grey."));
+    if (measured !== null) {
+      const colours = classColours(theme);
+      CLASSES.forEach((name, i) => rows.push(row("way", css(colours[i]), `measured: ${name}`)));
+      rows.push(element("div", { class: "note" }, `“much”: by more than the noise of the model, ${figure(measured.noise)} ${scene.measured?.measurements.unit}`));
+    }
     if (linkColour === "delivery") rows.push(gradient("link: received of sent", theme.linkScale, "0 %", "100 %"));
     if (linkColour === "rssi") rows.push(gradient("link: RSSI", theme.linkScale, `${linkRange.least}`, `${linkRange.most} dBm`));
     if (linkColour === "rssi" && links?.rssiDbm.length === 0 && links.sender.length > 0) {

@@ -3,6 +3,8 @@ import type { FrameData } from "../source/frame.ts";
 import type { RunData } from "../source/source.ts";
 import { bit } from "../source/wire.ts";
 import type { State } from "../store.ts";
+import { drawResiduals } from "../measurements/map.ts";
+import type { ShownRows } from "../measurements/shown.ts";
 import { css, shade, type Theme, withAlpha } from "./colours.ts";
 import { exists, ghosts, MissedLinks, neighboursHeard } from "./links.ts";
 import { Motion } from "./motion.ts";
@@ -43,7 +45,11 @@ export class Scene {
   private moves = false;
   private movesKey = "";
 
-  constructor(readonly data: RunData) {
+  /** `measured`: what is drawn in place of the run's links. */
+  constructor(
+    readonly data: RunData,
+    readonly measured: ShownRows | null = null,
+  ) {
     const count = data.run.agentCount;
     this.heard = new Uint32Array(count);
     this.group = new Uint8Array(count);
@@ -59,11 +65,13 @@ export class Scene {
     // Until its frame is loaded the picture stays as it was.
     if (!this.data.ready(state.timeNs)) return false;
     const index = frames.indexAt(state.timeNs);
-    const { robotColour, linkColour, missed, trails, ghosts: showGhosts, selected, peer } = state;
+    const { robotColour, linkColour, ghosts: showGhosts, selected, peer } = state;
+    const missed = state.missed && this.measured === null;
+    const trails = state.trails && this.measured === null;
     const first = Math.max(0, frames.indexAt(state.timeNs - TRAIL_NS));
     const key = [
       frames.step(index), frames.step(first), frames.generation, robotColour, linkColour, missed, trails, showGhosts, selected, peer,
-      theme.dark, this.data.overviewVersion,
+      theme.dark, this.data.overviewVersion, this.measured?.mapKey(state),
     ].join();
     // While playing, robots move between the frames; links and colours are those of the frame before.
     const changed = key !== this.key;
@@ -77,8 +85,10 @@ export class Scene {
     if (changed) {
       this.picture.background = theme.background;
       this.updateSite(frame, theme);
-      this.updateTrails(index, first, state, theme);
-      this.updateLinks(frame, state, theme);
+      if (trails) this.updateTrails(index, first, state, theme);
+      else this.picture.trails.clear();
+      if (this.measured?.rows !== undefined) drawResiduals(this.picture, this.measured.map(state), this.measured.rows.noise, theme);
+      else this.updateLinks(frame, state, theme);
       this.picture.missed.clear();
       if (missed) {
         this.missed.find(frames, index, (sender, receiver) => {
@@ -123,7 +133,7 @@ export class Scene {
   private updateTrails(index: number, first: number, state: State, theme: Theme): void {
     const { trails } = this.picture;
     trails.clear();
-    if (!state.trails || index === first) return;
+    if (index === first) return;
     const { frames } = this.data;
     const all = this.data.run.agentCount <= TRAIL_ROBOTS;
     if (!all && state.selected === null) return;

@@ -1,7 +1,7 @@
 import { type MovedObstacle } from "../gen/cosim/v1/common_pb.ts";
 import { type Ground, ObstacleKind, type Place } from "../gen/murmuration/view/v1/view_pb.ts";
 import { css, mix, type Packed, pack, type Theme } from "./colours.ts";
-import type { FillLayer, Picture } from "./picture.ts";
+import type { FillLayer, LineLayer, Picture } from "./picture.ts";
 import { triangulate } from "./triangulate.ts";
 
 /** Ground is drawn with at most so many rectangles a side. */
@@ -41,9 +41,25 @@ export function drawSite(picture: Picture, place: Place | undefined, moved: Move
     if (text !== "") picture.siteLabels.push({ x, y: labelY, offsetPx: 0, text, colour: css(colour) });
   }
   for (const wall of place.walls) {
-    picture.site.segment(wall.fromXM, wall.fromYM, wall.toXM, wall.toYM, theme.wall);
-    thicken(picture.fills, wall.fromXM, wall.fromYM, wall.toXM, wall.toYM, theme.wall);
+    const { fromXM, fromYM, toXM, toYM } = wall;
+    if (wall.kind === ObstacleKind.UNSPECIFIED) {
+      picture.site.segment(fromXM, fromYM, toXM, toYM, theme.wall);
+      thicken(picture.fills, fromXM, fromYM, toXM, toYM, theme.wall);
+      continue;
+    }
+    const isEstimate = wall.kind === ObstacleKind.ESTIMATED;
+    const colour = isEstimate ? theme.estimated : theme.hidden;
+    dashes(picture.site, fromXM, fromYM, toXM, toYM, isEstimate ? 41 : 15, colour);
+    const share = isEstimate ? 0.3 : 0.7;
+    const text = `${wall.name} ${isEstimate ? "estimated" : "hidden"}`.trim();
+    picture.siteLabels.push({ x: fromXM + share * (toXM - fromXM), y: fromYM + share * (toYM - fromYM), offsetPx: 6, text, colour: css(colour) });
   }
+}
+
+/** A line of dashes, with gaps as long as they are. */
+function dashes(lines: LineLayer, x0: number, y0: number, x1: number, y1: number, parts: number, colour: Packed): void {
+  const at = (from: number, to: number, i: number): number => from + ((to - from) * i) / parts;
+  for (let i = 0; i < parts; i += 2) lines.segment(at(x0, x1, i), at(y0, y1, i), at(x0, x1, i + 1), at(y0, y1, i + 1), colour);
 }
 
 function disc(fills: FillLayer, x: number, y: number, radius: number, colour: Packed): void {

@@ -6,6 +6,7 @@ import type { Camera } from "../store.ts";
 import { annotations, drawGrid } from "./axes.ts";
 import { fit, mostlyVisible, zoomed } from "./camera.ts";
 import { CanvasPainter } from "./canvas.ts";
+import type { ShownRows } from "../measurements/shown.ts";
 import { Legend } from "./legend.ts";
 import { ROBOT_STRIDE } from "./picture.ts";
 import { RasterPainter } from "./raster.ts";
@@ -53,8 +54,9 @@ export class SwarmView {
     private readonly app: App,
     readonly data: RunData,
     title: string,
+    measured: ShownRows | null = null,
   ) {
-    this.scene = new Scene(data);
+    this.scene = new Scene(data, measured);
     this.canvas = element("canvas", { class: "layer", hidden: true });
     this.overlay = element("canvas", { class: "layer overlay", tabindex: 0, role: "img", "aria-label": `Robots of ${title} seen from above` });
     this.tip = element("div", { class: "tip", hidden: true });
@@ -228,8 +230,9 @@ export class SwarmView {
       return Array.from({ length: count }, (_, i) => run.frames.frame(Math.floor((i * (run.frames.length - 1)) / Math.max(1, count - 1))));
     });
     const places = this.app.source.runs.map((run) => run.run.place);
-    const everything = fit(frames, places, this.width, this.height);
-    const now = fit(shown, places, this.width, this.height);
+    const measured = this.scene.measured?.rows;
+    const everything = fit(frames, places, this.width, this.height, measured);
+    const now = fit(shown, places, this.width, this.height, measured);
     const camera = everything.scale * FAR < now.scale ? { ...now, scale: now.scale * 0.7 } : everything;
     this.fitted = { camera, key };
     return camera;

@@ -1,0 +1,138 @@
+//! `--residuals`: the residual of each measured row as CSV, for other programs and for the page that shows a run.
+
+use super::pictures::Pictures;
+use diagnose::compare::explained;
+use measure::table::DataTable;
+use numbers::statistics::quantile_nearest;
+use report::measured::MeasuredRows;
+use std::path::Path;
+use view::view;
+
+/// A page is given at most so many rows of a file, spread evenly.
+const MOST_ROWS: usize = 20_000;
+
+/// Columns that say which link or window a row is, and where.
+const LINK_KEYS: [&str; 6] = ["tx", "rx", "tx_x_m", "tx_y_m", "rx_x_m", "rx_y_m"];
+const ROBOT_KEYS: [&str; 6] = ["agent", "agent", "start_x_m", "start_y_m", "end_x_m", "end_y_m"];
+/// Columns of values, before the unit that ends their names.
+const MEASURED: &str = "measured";
+const PREDICTED: &str = "predicted";
+const NOISE: &str = "sd";
+const RESIDUAL: &str = "residual";
+const WITH_EFFECTS: &str = "residual_with_effects";
+
+/// The residuals of each row, as a table with names in its first line.
+pub(super) fn csv(pictures: &Pictures) -> String {
+    let (unit, level_unit, keys) = match &pictures.rows {
+        MeasuredRows::Links(links) => {
+            let rows = links.ends.iter().zip(&links.motes);
+            let keys = rows.map(|([(tx, _), (rx, _)], motes)| {
+                [f64::from(motes[0]), f64::from(motes[1]), tx[0], tx[1], rx[0], rx[1]]
+            });
+            ("db", "dbm", columns(&LINK_KEYS, keys.collect()))
+        }
+        MeasuredRows::Robots(robots) => {
+            let rows = robots.ends.iter().zip(&robots.agents);
+            let keys = rows.map(|([start, end], &agent)| {
+                let agent = f64::from(agent);
+                [agent, agent, start[0], start[1], end[0], end[1]]
+            });
+            ("m", "m", columns(&ROBOT_KEYS, keys.collect()))
+        }
+    };
+    let mut columns = keys;
+    columns.push((format!("{MEASURED}_{level_unit}"), pictures.before.measured.clone()));
+    columns.push((format!("{PREDICTED}_{level_unit}"), pictures.before.predicted.clone()));
+    columns.push((format!("{NOISE}_{unit}"), pictures.before.sd.clone()));
+    columns.push((format!("{RESIDUAL}_{unit}"), pictures.before.residuals()));
+    if let Some(after) = &pictures.after {
+        columns.push((format!("{WITH_EFFECTS}_{unit}"), after.residuals()));
+    }
+    for (name, values) in &pictures.covariates {
+        if columns.iter().all(|(known, _)| known != name) {
+            columns.push((name.clone(), values.clone()));
+        }
+    }
+    let n_rows = pictures.before.measured.len();
+    let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
+    let mut text = names.join(",");
+    text.push('\n');
+    for row in 0..n_rows {
+        let fields = columns.iter().map(|(_, values)| match values[row] {
+            value if value.is_finite() => value.to_string(),
+            _ => String::new(),
+        });
+        text.push_str(&fields.collect::<Vec<_>>().join(","));
+        text.push('\n');
+    }
+    text
+}
+
+/// Columns of rows with six entries each; of equal names the first alone.
+fn columns(names: &[&str; 6], rows: Vec<[f64; 6]>) -> Vec<(String, Vec<f64>)> {
+    let mut columns: Vec<(String, Vec<f64>)> = Vec::new();
+    for (k, name) in names.iter().enumerate() {
+        if columns.iter().all(|(known, _)| known != name) {
+            columns.push(((*name).to_owned(), rows.iter().map(|row| row[k]).collect()));
+        }
+    }
+    columns
+}
+
+/// The rows of such a file, for a page.
+pub(super) fn read(path: &Path) -> Result<view::MeasuredRows, String> {
+    let table = DataTable::read(path).map_err(|error| error.to_string())?;
+    let kinds = [("db", "dbm", LINK_KEYS), ("m", "m", ROBOT_KEYS)];
+    let is_kind = |unit: &str| table.column(&format!("{RESIDUAL}_{unit}")).is_some();
+    let kind = kinds.into_iter().find(|(unit, ..)| is_kind(unit));
+    let Some((unit, level_unit, keys)) = kind else {
+        return Err(format!(
+            "{}: has no column {RESIDUAL}_db or {RESIDUAL}_m; give a file that compare or diagnose wrote with --residuals",
+            path.display()
+        ));
+    };
+    let column = |name: &str| {
+        table.column(name).ok_or_else(|| format!("{}: has no column {name}", path.display()))
+    };
+    let of_links: Vec<&[f64]> = keys.into_iter().map(column).collect::<Result<_, _>>()?;
+    let [noise, residual, after] =
+        [NOISE, RESIDUAL, WITH_EFFECTS].map(|name| format!("{name}_{unit}"));
+    let levels = [MEASURED, PREDICTED].map(|name| format!("{name}_{level_unit}"));
+    let (residuals, noises) = (column(&residual)?, column(&noise)?);
+
+    let n_rows = table.n_rows();
+    let stride = n_rows.div_ceil(MOST_ROWS).max(1);
+    let floats = |values: &[f64]| values.iter().step_by(stride).map(|it| *it as f32).collect();
+    let numbers = |values: &[f64]| values.iter().step_by(stride).map(|it| *it as u32).collect();
+    let of_table = |name: &String| {
+        let name = name.as_str();
+        let is_value = [&noise, &residual, &after].into_iter().chain(&levels).any(|it| it == name);
+        !is_value && !keys.contains(&name)
+    };
+    let covariates = table.names().iter().filter(|name| of_table(name)).map(|name| {
+        let values = table.column(name).unwrap_or_default();
+        view::Covariate {
+            name: name.clone(),
+            value: floats(values),
+            explained: explained(values, residuals).map_or(f64::NAN, |it| it.explained),
+        }
+    });
+    let mut known: Vec<f64> = noises.iter().copied().filter(|sd| sd.is_finite()).collect();
+    known.sort_by(f64::total_cmp);
+    if known.is_empty() {
+        return Err(format!("{}: holds no row with a value in {noise}", path.display()));
+    }
+    Ok(view::MeasuredRows {
+        from: numbers(of_links[0]),
+        to: numbers(of_links[1]),
+        from_x_m: floats(of_links[2]),
+        from_y_m: floats(of_links[3]),
+        to_x_m: floats(of_links[4]),
+        to_y_m: floats(of_links[5]),
+        residual: floats(residuals),
+        residual_with_effects: table.column(&after).map(floats).unwrap_or_default(),
+        noise: quantile_nearest(&known, 0.5) as f32,
+        covariates: covariates.collect(),
+        row_count: n_rows as u64,
+    })
+}
