@@ -4,6 +4,7 @@ import bisect
 import json
 import math
 import re
+import signal
 import time
 import urllib.error
 import urllib.request
@@ -329,6 +330,16 @@ def test_a_viewer_that_is_gone_or_slow_does_not_hold_up_a_run(tmp_path):
             assert time.monotonic() - begun < 60, said
             said += process.stdout.readline()
         assert "20000 steps" in said
+
+
+def test_a_page_that_is_served_after_a_run_ends_with_the_program(tmp_path):
+    arguments = ["run", ROOT / "configs" / "flocking.toml", "--out", tmp_path, "--live"]
+    for end in (signal.SIGINT, signal.SIGTERM):
+        with serving(*arguments) as (_, process):
+            while "replay the run" not in process.stdout.readline():
+                pass
+            process.send_signal(end)
+            assert process.wait(timeout=10) == 0
 
 
 def test_other_pages_can_neither_read_nor_drive_a_run(replayed):

@@ -7,6 +7,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
+use tokio::signal::unix::{SignalKind, signal};
 use view::page;
 use view::recorded::RecordedRun;
 use view::server::{RunSource, Server, Shown};
@@ -72,9 +73,8 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     let shown = Shown::new(runs.into_iter().map(RunSource::Recorded).collect())
         .with_measurements(measurements);
     let serving = Serving::begin(args.port, &shown)?;
-    say(format!("open {}", serving.url()));
-    say("press Ctrl-C to end");
-    serving.until_interrupted()
+    let words = format!("open {}\npress Ctrl-C to end", serving.url());
+    serving.until_interrupted(&words)
 }
 
 /// Opens a recorded run.
@@ -132,12 +132,24 @@ impl Serving {
         let run = Arc::new(open(folder)?);
         run.read_in_background();
         shown.replace(RunSource::Recorded(run));
-        say(format!("replay the run at {}; press Ctrl-C to end", self.url));
-        self.until_interrupted()
+        let words = format!("replay the run at {}; press Ctrl-C to end", self.url);
+        self.until_interrupted(&words)
     }
 
-    /// Serves until someone presses Ctrl-C.
-    pub(super) fn until_interrupted(self) -> Result<(), Failure> {
-        on_runtime(tokio::signal::ctrl_c())?.map_err(Failure::work)
+    /// Says what there is to see, and serves until someone presses Ctrl-C or ends the program.
+    fn until_interrupted(self, words: &str) -> Result<(), Failure> {
+        on_runtime(async {
+            // Listens before it says so: whoever reads the words may interrupt at once.
+            // A run before has caught the signals, so that they end nothing by themselves any more.
+            let mut interrupts = signal(SignalKind::interrupt())?;
+            let mut ends = signal(SignalKind::terminate())?;
+            say(words);
+            tokio::select! {
+                _ = interrupts.recv() => {}
+                _ = ends.recv() => {}
+            }
+            Ok(())
+        })?
+        .map_err(|error: std::io::Error| Failure::work(error))
     }
 }
