@@ -70,7 +70,11 @@ fn goes_on(run: &LiveRun, is_paused: bool) -> bool {
             let _ = raise(Signal::SIGINT);
             false
         }
-        KeyCode::Char('q') => false,
+        KeyCode::Char('q') => {
+            // Nobody could resume a run that stays paused without a view.
+            run.pace().control(ControlKind::Resume);
+            false
+        }
         KeyCode::Char(' ') => {
             let kind = if is_paused { ControlKind::Resume } else { ControlKind::Pause };
             run.pace().control(kind);

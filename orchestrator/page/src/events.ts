@@ -65,7 +65,7 @@ export class EventsPanel {
       return text === "" || event.text.toLowerCase().includes(text);
     });
     const about = number === null ? "" : ` about robot ${number}`;
-    const none = events.length === 0 ? "Nothing has happened yet in this run." : `No event${about} matches. Clear the find box, or show more kinds.`;
+    const none = events.length === 0 && this.find === "" ? "Nothing has happened yet in this run." : `No event${about} matches. Clear the find box, or show more kinds.`;
     setText(this.count, this.shown.length === 0 ? none : `${this.shown.length} of ${events.length} events${about}`);
     this.list.show(this.shown);
     const next = this.shown.findIndex((event) => Number(event.timeNs) >= this.app.store.state.timeNs);

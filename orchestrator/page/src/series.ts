@@ -25,6 +25,9 @@ export function exportedCharts(app: App, charts: Chart[]): Exported {
   };
 }
 
+/** Figures of what robots broadcast. */
+const OF_BROADCASTS = new Set(["n_sent", "n_deliveries", "mean_neighbours", "n_isolated"]);
+
 /** The series view: a chart for each figure of the run. */
 export class SeriesView implements ViewPanel {
   readonly root: HTMLElement;
@@ -47,7 +50,11 @@ export class SeriesView implements ViewPanel {
     }
     this.note.hidden = overview.series.length > 0;
     this.note.textContent = overviewVersion === 0 ? "Loading …" : "This run has no series yet.";
+    // Of a network whose robots say nothing, what they hear is no figure.
+    const sent = overview.series.find(({ name }) => name === "n_sent");
+    const isSilent = sent?.value.every((value) => !(value > 0)) ?? false;
     for (const series of overview.series) {
+      if (isSilent && OF_BROADCASTS.has(series.name)) continue;
       let chart = this.charts.get(series.name);
       if (chart === undefined) {
         chart = new Chart(this.app, [series.label], series.unit, "series");

@@ -85,6 +85,8 @@ export class TimeBar {
     const end = endOfRuns(app);
     const running = live !== null && currentRun(app).run.controllable ? !live.paused : state.playing || (live !== null && state.atLive);
     setText(this.play, running ? "❚❚" : "▶");
+    const obeys = this.app.source.live !== null && currentRun(this.app).run.controllable;
+    this.play.title = obeys ? "Pause or resume the simulation (space)" : "Play or pause (space)";
     this.play.setAttribute("aria-pressed", String(running));
     this.live.hidden = live === null;
     this.live.setAttribute("aria-pressed", String(state.atLive));

@@ -109,7 +109,7 @@ impl Theme {
             obstacle,
             obstacle_fill: obstacle.with_opacity(0.3),
             hidden: Colour::of(0xd5_5e00),
-            estimated: by_theme(0x00_72b2, 0x56_b4e9),
+            estimated: by_theme(0x00_9e73, 0x2f_c39a),
             foliage: Colour::of(0x00_9e73).with_opacity(if is_dark { 0.3 } else { 0.22 }),
             lost: by_theme(0x6e_7781, 0x8b_949e),
             low_ground: by_theme(0xfb_faf6, 0x1b_2126),

@@ -13,6 +13,8 @@ pub(super) struct Answer {
     schema: String,
     kind: String,
     data: Data,
+    used: usize,
+    searched: Option<usize>,
     #[serde(default)]
     sentence: String,
     #[serde(default)]
@@ -57,8 +59,9 @@ impl Answer {
     /// Reads an answer about links or robots.
     fn read(path: &Path) -> Result<Self, String> {
         let text = experiment::text_of(path).map_err(|error| error.to_string())?;
-        let value: serde_json::Value =
-            serde_json::from_str(&text).map_err(|error| format!("is not JSON: {error}"))?;
+        let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| {
+            format!("is not JSON: {error}; give a file that diagnose or compare wrote with --json")
+        })?;
         let schema = value.get("schema").and_then(serde_json::Value::as_str).unwrap_or_default();
         if ![diagnosis::SCHEMA, compare::comparison::SCHEMA].contains(&schema) {
             return Err(format!(
@@ -69,6 +72,21 @@ impl Answer {
             ));
         }
         serde_json::from_value(value).map_err(|error| error.to_string())
+    }
+
+    /// Whether it is about links.
+    pub(super) fn is_of_links(&self) -> bool {
+        self.kind == "link"
+    }
+
+    /// How many rows it was found from.
+    pub(super) fn n_rows(&self) -> usize {
+        self.searched.unwrap_or(self.used)
+    }
+
+    /// Whether effects were accepted, or curves in their place.
+    pub(super) fn has_effects(&self) -> bool {
+        self.candidates.iter().any(|candidate| candidate.accepted)
     }
 
     /// The effects that were accepted, each as a table of the configuration.
@@ -101,7 +119,7 @@ impl Answer {
         view::Measurements {
             title: format!("{what} of {}", self.data.file),
             verdict: self.sentence.clone(),
-            unit: if self.kind == "link" { "dB" } else { "m" }.to_owned(),
+            unit: if self.is_of_links() { "dB" } else { "m" }.to_owned(),
             ladder: ladder.collect(),
             candidates: candidates.collect(),
             scores: scores.collect(),

@@ -122,6 +122,19 @@ impl AnswerArgs {
                 check_place(option, path)?;
             }
         }
+        let named: Vec<(&str, &PathBuf)> = [("--json", &self.data.json)]
+            .into_iter()
+            .chain(pictures)
+            .filter_map(|(option, path)| Some((option, path.as_ref()?)))
+            .collect();
+        for (place, (option, path)) in named.iter().enumerate() {
+            if let Some((other, _)) = named[..place].iter().find(|(_, other)| other == path) {
+                return Err(Failure::request(format!(
+                    "{option} {}: is the file of {other}, too; give each a file of its own",
+                    path.display()
+                )));
+            }
+        }
         for (option, path) in pictures {
             if let (true, Some(path)) = (self.data.given_rssi, path) {
                 return Err(Failure::request(format!(

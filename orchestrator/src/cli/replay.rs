@@ -23,13 +23,14 @@ pub(super) struct ReplayArgs {
     /// places that it has estimated
     #[arg(long, value_name = "FILE")]
     diagnosis: Option<PathBuf>,
-    /// Also show the residuals that the same command wrote with --residuals, on the map and over what was measured beside
+    /// With --diagnosis: also show the residuals that the same command wrote with --residuals, on the map and over what was
+    /// measured beside
     #[arg(long, value_name = "FILE", requires = "diagnosis")]
     residuals: Option<PathBuf>,
     /// Write one page that holds the recording and opens without a server, instead of serving it; - for standard output
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Largest size of that page; of a longer recording it holds one frame of every so many steps
+    /// Largest size of that page, from 1 to 500; of a longer recording it holds one frame of every so many steps
     #[arg(long, value_name = "MB", default_value_t = 20, requires = "output", value_parser = clap::value_parser!(u16).range(1..=500))]
     max_size: u16,
     /// Port of the page [default: any that is free]
@@ -48,7 +49,10 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     let mut measurements = None;
     if let Some(path) = &args.diagnosis {
         let answer = Answer::of_option(path)?;
-        let rows = args.residuals.as_deref().map(residuals::read).transpose();
+        // Of robots a row is a window of the track, of which an answer does not say how many there are.
+        let n_rows = answer.is_of_links().then(|| answer.n_rows());
+        let read = |path: &Path| residuals::read(path, n_rows, answer.has_effects());
+        let rows = args.residuals.as_deref().map(read).transpose();
         let rows = rows.map_err(|problem| Failure::request(format!("--residuals {problem}")))?;
         let estimates = answer.estimates();
         runs.iter_mut().for_each(|run| run.add_estimates(&estimates));

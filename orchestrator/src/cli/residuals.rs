@@ -79,18 +79,34 @@ fn columns(names: &[&str; 6], rows: Vec<[f64; 6]>) -> Vec<(String, Vec<f64>)> {
     columns
 }
 
-/// The rows of such a file, for a page.
-pub(super) fn read(path: &Path) -> Result<view::MeasuredRows, String> {
-    let table = DataTable::read(path).map_err(|error| error.to_string())?;
+/// The rows of such a file, for a page. `n_rows`: how many the answer was found from; `has_effects`: whether it has accepted any.
+pub(super) fn read(
+    path: &Path,
+    n_rows: Option<usize>,
+    has_effects: bool,
+) -> Result<view::MeasuredRows, String> {
+    const GIVE: &str =
+        "give the file that compare or diagnose wrote with --residuals beside this answer";
+    let table = DataTable::read(path).map_err(|error| format!("{error}; {GIVE}"))?;
+    if let Some(n_rows) = n_rows.filter(|n_rows| *n_rows != table.n_rows()) {
+        return Err(format!(
+            "{}: has {} rows, but the answer was found from {n_rows}; {GIVE}",
+            path.display(),
+            table.n_rows()
+        ));
+    }
     let kinds = [("db", "dbm", LINK_KEYS), ("m", "m", ROBOT_KEYS)];
     let is_kind = |unit: &str| table.column(&format!("{RESIDUAL}_{unit}")).is_some();
     let kind = kinds.into_iter().find(|(unit, ..)| is_kind(unit));
     let Some((unit, level_unit, keys)) = kind else {
         return Err(format!(
-            "{}: has no column {RESIDUAL}_db or {RESIDUAL}_m; give a file that compare or diagnose wrote with --residuals",
+            "{}: has no column {RESIDUAL}_db or {RESIDUAL}_m; {GIVE}",
             path.display()
         ));
     };
+    if table.column(&format!("{WITH_EFFECTS}_{unit}")).is_some() != has_effects {
+        return Err(format!("{}: is of another answer; {GIVE}", path.display()));
+    }
     let column = |name: &str| {
         table.column(name).ok_or_else(|| format!("{}: has no column {name}", path.display()))
     };

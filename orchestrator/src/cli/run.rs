@@ -74,6 +74,11 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     let replace =
         if args.replace { ReplacePolicy::AnyExperiment } else { ReplacePolicy::SameExperiment };
     let screen = &mut Screen::default();
+    if args.live_speed.is_some() && !args.live && !args.watch {
+        return Err(Failure::request(
+            "--live-speed: applies only with --live or --watch; without them a run is as fast as it can be",
+        ));
+    }
     let shown = Shown::new(Vec::new());
     let serving = args.live.then(|| Serving::begin(args.port, &shown)).transpose()?;
     if args.watch && !std::io::stdout().is_terminal() {

@@ -21,7 +21,7 @@ export function residualClass(mean: number, noise: number): number {
 
 export function classColours(theme: Theme): Packed[] {
   const none = theme.dark ? "#6b7480" : "#b4bac1";
-  return [theme.dark ? "#4aa3e0" : OKABE_ITO.blue, OKABE_ITO.sky, none, OKABE_ITO.orange, OKABE_ITO.vermilion].map((colour) => pack(colour, 0.9));
+  return [theme.dark ? "#2f7fe0" : OKABE_ITO.blue, theme.dark ? "#a6dbf7" : OKABE_ITO.sky, none, OKABE_ITO.orange, OKABE_ITO.vermilion].map((colour) => pack(colour, 0.9));
 }
 
 /** A line between two places with the mean residual of its rows. */

@@ -43,7 +43,7 @@ export class EnergyPanel implements NetworkPanel {
       const first = overview.statistics[0];
       this.note.textContent = first !== undefined
         ? `The first statistics were recorded at ${seconds(Number(first.timeNs))}: go to that time or later.`
-        : "No statistics were recorded. Ask for statistics in the record of the experiment.";
+        : "No statistics were recorded: run with netsim.mode = \"6tisch\" and output.motes = true.";
       return;
     }
     if (this.choice.options.length !== figures.length) {

@@ -32,6 +32,8 @@ export class PacketsPanel implements NetworkPanel {
   private readonly outcomes: HTMLSelectElement;
   private readonly note = element("div", { class: "empty" });
   private readonly redraw: Redraw;
+  private filtered = "";
+  private found: number[] = [];
   private readonly filter: Filter = { kind: "", outcome: "", source: "", destination: "", text: "" };
   private packets: Packets | undefined;
   private key = "";
@@ -65,17 +67,21 @@ export class PacketsPanel implements NetworkPanel {
     const some = packets !== undefined && packets.id.length > 0;
     this.note.hidden = some;
     for (const child of this.root.children) if (child !== this.note) (child as HTMLElement).hidden = !some;
-    this.note.textContent = "No packets were recorded. Ask for packets in the record of the experiment.";
+    this.note.textContent = "This network has no packets of its own: run with netsim.mode = \"6tisch\" and [[netsim.app]] to see some.";
     if (!some) return;
     const { state } = this.app.store;
     const followed = this.way.render();
     this.drops.root.hidden = followed;
-    const key = [state.run, overviewVersion, packets.id.length, ...Object.values(this.filter)].join();
+    const filter = [state.run, ...Object.values(this.filter)].join();
+    const key = [filter, overviewVersion, packets.id.length].join();
     if (key !== this.key) {
       this.key = key;
       this.packets = packets;
       this.offer(packets);
       this.select(packets, Number(overview.packetsLeftOut));
+      // Another choice begins with what ends next.
+      if (filter !== this.filtered) this.reveal(packets, state.timeNs);
+      this.filtered = filter;
     }
     const { width } = this.drops.room;
     if ((width > 0 || followed) && this.redraw.due(state.timeNs, overviewVersion, width, state.packet)) {
@@ -86,6 +92,10 @@ export class PacketsPanel implements NetworkPanel {
 
   exported(): Exported {
     return this.app.store.state.packet === null ? this.drops.exported() : this.way.exported();
+  }
+
+  private reveal(packets: Packets, timeNs: number): void {
+    this.list.reveal(Math.max(0, this.found.findIndex((i) => Number(packets.endedNs[i]) >= timeNs)));
   }
 
   private offer(packets: Packets): void {
@@ -112,6 +122,7 @@ export class PacketsPanel implements NetworkPanel {
       found.push(i);
       if (found.length >= MOST_ROWS) break;
     }
+    this.found = found;
     this.list.show(found);
     const next = found.findIndex((i) => Number(packets.endedNs[i]) > this.app.store.state.timeNs);
     if (next > 0) this.list.reveal(next);

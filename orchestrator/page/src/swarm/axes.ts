@@ -30,7 +30,7 @@ export function annotations(picture: Picture, camera: Camera, width: number, hei
   const [x0, x1] = [camera.x - width / 2 / camera.scale, camera.x + width / 2 / camera.scale];
   const [y0, y1] = [camera.y - height / 2 / camera.scale, camera.y + height / 2 / camera.scale];
   for (let x = Math.ceil(x0 / step) * step; x <= x1; x += step) {
-    if (px(x) > 40 && px(x) < width - 60) shapes.push({ ...text, x: px(x), y: height - 10, text: x.toFixed(digits), anchor: "middle" });
+    if (px(x) > 40 && px(x) < width - 100) shapes.push({ ...text, x: px(x), y: height - 10, text: x.toFixed(digits), anchor: "middle" });
   }
   for (let y = Math.ceil(y0 / step) * step; y <= y1; y += step) {
     if (py(y) > 30 && py(y) < height - 28) shapes.push({ ...text, x: 6, y: py(y), text: y.toFixed(digits) });

@@ -43,7 +43,10 @@ export function zoomed(camera: Camera, factor: number, px: number, py: number): 
   return { x: camera.x + px / camera.scale - px / scale, y: camera.y + py / camera.scale - py / scale, scale };
 }
 
-/** Whether almost all robots of a frame are within the picture. */
+/** Up to so many robots all of them must be in the picture, of more almost all. */
+const ALL_ROBOTS = 50;
+
+/** Whether the robots of a frame are within the picture. */
 export function mostlyVisible(frame: FrameData, camera: Camera, width: number, height: number): boolean {
   let alive = 0;
   let visible = 0;
@@ -54,5 +57,5 @@ export function mostlyVisible(frame: FrameData, camera: Camera, width: number, h
     const dy = Math.abs(frame.y[agent] - camera.y) * camera.scale;
     if (2 * dx <= width && 2 * dy <= height) visible++;
   }
-  return visible >= 0.85 * alive;
+  return visible >= (alive <= ALL_ROBOTS ? 1 : 0.85) * alive;
 }

@@ -104,7 +104,7 @@ export function theme(dark: boolean): Theme {
     obstacle: pack(dark ? "#9aa4af" : "#59636e"),
     obstacleFill: pack(dark ? "#9aa4af" : "#59636e", 0.3),
     hidden: pack(OKABE_ITO.vermilion),
-    estimated: pack(dark ? OKABE_ITO.sky : OKABE_ITO.blue),
+    estimated: pack(dark ? "#2fc39a" : OKABE_ITO.green),
     foliage: pack(OKABE_ITO.green, dark ? 0.3 : 0.22),
     dead: pack(dark ? "#8b949e" : "#6e7781"),
     missed: pack(OKABE_ITO.vermilion, 0.6),
