@@ -6,6 +6,7 @@ mod energy;
 
 mod lowpan;
 mod mac;
+pub mod mobility;
 mod network;
 mod rpl;
 mod swarm;

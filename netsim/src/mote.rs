@@ -8,6 +8,7 @@
 //! | [`up`] | from a received frame to the layer it is for |
 //! | [`pump`] | what the layers have to say to each other after something happened |
 //! | [`tally`] | what is counted of a mote |
+//! | `reroute` | another way for datagrams whose way has failed |
 //! | `timer` | the first of several timers |
 
 mod admission;
@@ -15,6 +16,7 @@ mod announce;
 pub mod down;
 pub mod ports;
 pub mod pump;
+mod reroute;
 pub mod tally;
 pub(crate) mod timer;
 pub mod up;
@@ -202,7 +204,7 @@ impl Mote {
             schedule: Schedule::new(),
             sixtop: Sixtop::new(settings.sixtop),
             sf: settings.sf.create(mote),
-            rpl: Rpl::new(settings.rpl.clone(), address, is_root),
+            rpl: Rpl::new(settings.rpl_of(mote), address, is_root),
             lowpan: Lowpan::new(settings.lowpan, address, is_root, &mut dice.lowpan),
             pledge: Pledge::new(settings.join, address),
             proxy: Proxy::new(settings.join, address),
@@ -297,6 +299,10 @@ impl Mote {
         self.with_sf(world, |sf, cx| sf.start(cx));
         self.with_sf(world, |sf, cx| sf.handle_time_source(cx, source));
         match source {
+            Some(proxy) if self.pledge.is_joined() => {
+                self.rpl.set_proxy(Some(proxy));
+                self.admit(world);
+            }
             Some(proxy) => {
                 self.rpl.set_proxy(Some(proxy));
                 self.pledge.start(proxy, world.now_ns, &mut self.dice.join);
@@ -333,7 +339,10 @@ impl Mote {
         self.sixtop.reset();
         self.sf.stop();
         self.rpl.stop();
-        self.pledge.leave();
+        let keeps = world.settings.mobility.keep_admission && reason == DropReason::Desynchronised;
+        if !(keeps && self.pledge.is_joined()) {
+            self.pledge.leave();
+        }
         while self.pledge.poll_event().is_some() {}
         self.joined = false;
         self.invites = false;

@@ -9,6 +9,7 @@
 //! | [`objective`], [`of0`], [`mrhof`] | how rank follows from links: RFC 6552, 6719, 8180 |
 //! | [`neighbours`] | who was heard |
 //! | `probe` | looking for a better parent |
+//! | `handover` | parents by beacons, for motes that move |
 //! | `select` | the choice of the parent, local repair |
 //! | `dio`, `dao` | control messages in and out |
 //! | `children` | who routes through this mote |
@@ -22,6 +23,7 @@ mod dao;
 pub mod data;
 mod dio;
 mod dodag;
+mod handover;
 pub mod link;
 pub mod lollipop;
 pub mod mrhof;
@@ -48,7 +50,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::net::Ipv6Addr;
 use trickle::Trickle;
 
-pub use config::{Config, Mode, Solicitation};
+pub use config::{Config, Handover, Mode, Solicitation};
 pub use data::{DropReason, ForwardingDecision, Route};
 pub use neighbours::Neighbour;
 pub use objective::{INFINITE_RANK, Objective};
@@ -399,6 +401,12 @@ impl Rpl {
     #[must_use]
     pub fn is_reachable(&self) -> bool {
         self.is_root || !self.config.advertises || self.dao.is_advertised
+    }
+
+    /// Whether nobody routes through this mote (RFC 6550, § 8.5).
+    #[must_use]
+    pub fn is_leaf(&self) -> bool {
+        self.config.is_leaf
     }
 
     /// The preferred parent; `None`: the mote is a root, or has none.

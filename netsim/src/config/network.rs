@@ -1,7 +1,7 @@
 //! The keys of `mode = "6tisch"`.
 
 use super::compat::{self, Compat};
-use super::{admission, energy, lowpan, mac, rpl, swarm};
+use super::{admission, energy, lowpan, mac, mobility, rpl, swarm};
 use crate::app;
 use crate::catalogue::Catalogue;
 use crate::mac::effect;
@@ -41,6 +41,12 @@ pub(super) const FIELDS: &[Field] = &[
         default: Default::Table,
     },
     Field { key: "rpl", doc: "Routing.", kind: Kind::Table(&rpl::SPEC), default: Default::Table },
+    Field {
+        key: "mobility",
+        doc: "Motes that move.",
+        kind: Kind::Table(&mobility::SPEC),
+        default: Default::Table,
+    },
     Field {
         key: "lowpan",
         doc: "Fragments.",
@@ -104,6 +110,7 @@ struct Keys {
     mac: toml::Table,
     sf: toml::Table,
     rpl: toml::Table,
+    mobility: toml::Table,
     lowpan: toml::Table,
     join: toml::Table,
     #[serde(default)]
@@ -139,7 +146,7 @@ pub(super) fn build(
         agent_count: given.agent_count,
         effects: &given.catalogue.mac_effects,
     };
-    let (mac, effects) = mac::build(&keys.mac, &surroundings, problems);
+    let (mut mac, effects) = mac::build(&keys.mac, &surroundings, problems);
     let burdens = effect::burdens(&effects, given.agent_count, &roots);
     let sf_path = key_path("sf");
     let mut context = sf::BuildContext {
@@ -174,6 +181,10 @@ pub(super) fn build(
     }
     let (energy, battery_mah, battery_deaths) = energy::build(&keys.energy);
     let mut rpl = rpl::build(&keys.rpl, compat);
+    let (mobility, handover) = mobility::build(&keys.mobility, given, &roots, problems);
+    rpl.handover = handover;
+    mac.pending_bit |= mobility.bursts;
+    mac.bursts_over_background = mobility.bursts;
     let join = admission::build(&keys.join);
     if join.secure && !rpl.advertises && roots.len() + 1 < given.agent_count {
         warnings.push(format!(
@@ -215,6 +226,7 @@ pub(super) fn build(
         join,
         apps,
         transport,
+        mobility,
         energy,
         battery_mah,
         battery_deaths,

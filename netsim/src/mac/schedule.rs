@@ -322,6 +322,16 @@ impl Schedule {
         })
     }
 
+    /// Whether there is no cell in an absolute slot. `beside_background`: nor none but a slotframe's background.
+    #[must_use]
+    pub fn is_free(&self, asn: u64, beside_background: bool) -> bool {
+        if beside_background {
+            self.frames.iter().all(|frame| frame.cells_at(asn).is_empty())
+        } else {
+            self.cells_at(asn).next().is_none()
+        }
+    }
+
     /// Cells in an absolute slot, lowest handle first.
     pub fn cells_at(&self, asn: u64) -> impl Iterator<Item = CellRef> + '_ {
         self.frames.iter().flat_map(move |frame| {

@@ -260,7 +260,7 @@ impl Tsch {
                 self.extra = None;
             }
             if let (true, Some(neighbour)) = (at == asn, sends_to)
-                && schedule.cells_at(asn).next().is_none()
+                && schedule.is_free(asn, config.bursts_over_background)
             {
                 let place =
                     self.queue.iter().position(|queued| queued.destination() == Some(neighbour))?;
@@ -325,7 +325,7 @@ impl Tsch {
         self.in_flight = true;
         let pending = config.pending_bit
             && frame.destination().is_some_and(|to| self.queue.waits_for(to))
-            && schedule.cells_at(asn + 1).next().is_none();
+            && schedule.is_free(asn + 1, config.bursts_over_background);
         frame.frame.pending = pending;
         Transmission { at, channel, outgoing: Outgoing::Frame(frame), pending }
     }
@@ -350,18 +350,27 @@ impl Tsch {
             State::Off => None,
             State::Scanning { .. } => {
                 let channel = scan_channel(config, seed, self.mote, asn);
-                Some(Listening { at: None, channel, scans: true, is_background: false })
+                Some(Listening { scans: true, ..Listening::synchronised(None, channel) })
             }
-            State::Synced { .. } => match schedule.listens(asn) {
-                Some(at) => {
-                    let channel = channel_of(config, asn, at.cell.channel);
-                    Some(Listening::synchronised(Some(at), channel))
+            State::Synced { .. } => {
+                let at = schedule.listens(asn);
+                let follows =
+                    self.extra.filter(|extra| extra.asn == asn && extra.sends_to.is_none());
+                let gives_way = config.bursts_over_background && schedule.is_free(asn, true);
+                match (at, follows) {
+                    (Some(_), Some(extra)) if gives_way => Some(Listening {
+                        is_scheduled: true,
+                        ..Listening::synchronised(None, extra.channel)
+                    }),
+                    (Some(at), _) => {
+                        let channel = channel_of(config, asn, at.cell.channel);
+                        Some(Listening::synchronised(Some(at), channel))
+                    }
+                    (None, follows) => {
+                        follows.map(|extra| Listening::synchronised(None, extra.channel))
+                    }
                 }
-                None => self.extra.and_then(|extra| {
-                    let listens = extra.asn == asn && extra.sends_to.is_none();
-                    listens.then(|| Listening::synchronised(None, extra.channel))
-                }),
-            },
+            }
         }
     }
 

@@ -2,6 +2,7 @@
 
 use crate::app;
 use crate::config::compat::Compat;
+use crate::config::mobility::Mobility;
 use crate::energy;
 use crate::join;
 use crate::lowpan;
@@ -38,6 +39,8 @@ pub struct Settings {
     pub apps: Vec<app::Spec>,
     /// How the swarm's payloads travel.
     pub transport: Transport,
+    /// What motes that move do beyond the standards.
+    pub mobility: Mobility,
     /// How charge is computed from uses of the radio.
     pub energy: energy::Model,
     /// Charge of a new battery (mAh).
@@ -79,6 +82,13 @@ impl Settings {
     #[must_use]
     pub fn burden(&self, mote: u32) -> &Burden {
         self.burdens.get(mote as usize).unwrap_or(&NO_BURDEN)
+    }
+
+    /// Settings of routing of a mote.
+    #[must_use]
+    pub fn rpl_of(&self, mote: u32) -> rpl::Config {
+        let is_leaf = self.mobility.leaves.binary_search(&mote).is_ok();
+        rpl::Config { is_leaf, ..self.rpl.clone() }
     }
 
     /// Length (bytes) of a frame on the air.

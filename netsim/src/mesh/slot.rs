@@ -294,7 +294,7 @@ impl Mesh {
     }
 
     fn note_idle(&mut self, mote: u32, listening: &Listening) {
-        if listening.at.is_none() && !listening.scans {
+        if !listening.is_scheduled && !listening.scans {
             self.state.motes[mote as usize].tally.usage.count(SlotUse::IdleListen);
         }
     }
@@ -302,7 +302,7 @@ impl Mesh {
     /// A listener's radio did something else than to find nothing.
     fn note_use(&mut self, mote: u32, listening: &Listening, used: SlotUse) {
         let tally = &mut self.state.motes[mote as usize].tally;
-        if listening.at.is_some() {
+        if listening.is_scheduled {
             tally.n_listening_used += 1;
         }
         if !listening.scans {
@@ -361,6 +361,7 @@ impl Mesh {
             at: listening.at,
             channel: listening.channel,
             source_ns,
+            rssi_dbm,
         };
         if let (Some(destination), false) = (arrived.frame.destination, listening.scans)
             && destination != self.state.motes[mote as usize].address

@@ -4,6 +4,7 @@ use super::down::Wanted;
 use super::{Mote, World};
 use crate::mac::CellRef;
 use crate::mesh::settings::Settings;
+use crate::sf::Traffic;
 use crate::wire::frame::{Content, FrameRepr, MAX_PSDU};
 
 impl Mote {
@@ -33,6 +34,10 @@ impl Mote {
     /// Sends a frame for everyone with nothing in it but what is announced, if that is wanted and no other frame will carry it.
     pub(super) fn send_announcement(&mut self, world: &mut World<'_>) {
         let Some(handle) = self.sf.poll_announcement() else { return };
+        // Unicast frames in the same slots must not wait for it: beacons announce the same, often enough.
+        if self.invites && self.sf.slotframe_of(Traffic::Unicast(self.address)).is_none() {
+            return;
+        }
         let says_something = self
             .mac
             .queue()

@@ -104,6 +104,9 @@ impl Mote {
                     self.with_sf(world, |sf, cx| sf.handle_time_source(cx, Some(parent)));
                 }
                 self.with_sf(world, |sf, cx| sf.handle_parent(cx, old));
+                if let Some(parent) = new {
+                    self.reroute_upward(world, parent);
+                }
             }
             rpl::Event::ChildAdded(child) => {
                 self.with_sf(world, |sf, cx| sf.handle_child(cx, child, true));
@@ -169,7 +172,7 @@ impl Mote {
             ready = self.has_cells(world);
         }
         // Who joins through this mote is answered through it: it invites nobody before the answer finds its way.
-        let reachable = ready && self.rpl.is_reachable();
+        let reachable = ready && self.rpl.is_reachable() && !self.rpl.is_leaf();
         if reachable != self.invites {
             self.invites = reachable;
             self.mac.enable_beacons(&world.settings.mac, reachable, world.now_ns);

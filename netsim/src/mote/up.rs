@@ -26,6 +26,8 @@ pub struct Arrived<'a> {
     pub channel: u8,
     /// How far the sender's clock is off (ns).
     pub source_ns: i64,
+    /// Its strength (dBm).
+    pub rssi_dbm: f64,
 }
 
 impl Mote {
@@ -73,8 +75,18 @@ impl Mote {
             match &frame.content {
                 Content::KeepAlive => {}
                 Content::Beacon(beacon) => {
-                    let (metric, dice) = (beacon.join_metric, &mut self.dice.routing);
-                    self.rpl.handle_beacon(from, metric, world.now_ns, dice);
+                    let metric = beacon.join_metric;
+                    if world.settings.mobility.time_from_beacons
+                        && self.mac.time_source() != Some(from)
+                        && self.rpl.is_nearer(metric)
+                    {
+                        let (config, source_ns) = (&world.settings.mac, arrived.source_ns);
+                        self.mac.take_time_beside(config, from, source_ns, world.now_ns);
+                    }
+                    let (now_ns, dice) = (world.now_ns, &mut self.dice.routing);
+                    if !self.rpl.handle_rank(from, metric, arrived.rssi_dbm, now_ns, dice) {
+                        self.rpl.handle_beacon(from, metric, now_ns, dice);
+                    }
                     self.with_sf(world, |sf, cx| sf.handle_beacon(cx, from, beacon.join_metric));
                 }
                 Content::Sixp(message) => self.sixtop.handle_message(from, message, world.now_ns),
@@ -95,7 +107,10 @@ impl Mote {
         arrived: &Arrived<'_>,
     ) -> (FrameHandling, bool) {
         let is_beacon = matches!(arrived.frame.content, Content::Beacon(_));
-        let may_rest = is_beacon && !self.mac.is_scanning() && !self.sf.heeds_beacons();
+        let may_rest = is_beacon
+            && !self.mac.is_scanning()
+            && !self.sf.heeds_beacons()
+            && world.settings.rpl.handover.is_none();
         let probe_ns = self.rpl.probe_due_ns();
         let verdict = self.handle_frame(world, arrived);
         if may_rest
@@ -279,7 +294,11 @@ impl Mote {
         acknowledged: bool,
     ) {
         let is_for_all = at.is_some_and(|at| at.cell.neighbour.is_none());
-        if !(world.settings.compat.stale_rank && is_for_all) {
+        // A collision in a shared cell says nothing of the link; where few failures end one, they must not.
+        let may_collide = !acknowledged
+            && world.settings.rpl.handover.is_some()
+            && at.is_some_and(|at| at.cell.options.shared);
+        if !(world.settings.compat.stale_rank && is_for_all) && !may_collide {
             self.rpl.handle_link(to, 1, acknowledged, world.now_ns, &mut self.dice.routing);
         }
     }
@@ -296,7 +315,15 @@ impl Mote {
         if let Content::Sixp(message) = &frame.frame.content {
             self.sixtop.handle_sent(neighbour, message, acknowledged, world.now_ns);
         }
+        if !acknowledged && world.settings.mobility.reroute && self.rpl.parent() == Some(neighbour)
+        {
+            // It does not answer at all: another parent is looked for at once.
+            self.rpl.handle_unusable(neighbour, world.now_ns, &mut self.dice.routing);
+        }
         match (acknowledged, frame.has_arrived) {
+            (false, _) if self.reroute_failed(world, &frame) => {
+                self.tally.drop_frame(DropReason::Withdrawn, false);
+            }
             (false, _) => self.lose_frame(world, &frame, DropReason::MaxRetries),
             // Taken for another: it was acknowledged, and what it carried is gone.
             (true, false) => {

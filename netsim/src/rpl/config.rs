@@ -41,6 +41,16 @@ pub enum Solicitation {
     Off,
 }
 
+/// How parents are chosen by beacons.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Handover {
+    /// A neighbour of which less than this will be received counts as a hop farther (mdBm); `None`: strength decides between equals
+    /// alone.
+    pub least_mdbm: Option<i32>,
+    /// How far ahead the trend of its strength is followed (ns).
+    pub ahead_ns: u64,
+}
+
 /// Settings of one mote. A root imposes those in [`Config::configuration`] on its DODAG.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Config {
@@ -108,6 +118,8 @@ pub struct Config {
     pub dao_period_ns: u64,
     /// An advertisement waits so long for others to go with it (DEFAULT_DAO_DELAY, 1 s; ns).
     pub dao_delay_ns: u64,
+    /// No sooner after one is the next sent because of another parent (ns).
+    pub dao_interval_ns: u64,
     /// Whether advertisements ask for acknowledgment.
     pub dao_ack: bool,
     /// How long to wait for it the first time (ns); then twice as long, and so on.
@@ -118,6 +130,8 @@ pub struct Config {
     pub max_dao_targets: u8,
     /// Routes that a router keeps; 0: any number. Beyond, advertisements are rejected.
     pub max_routes: u32,
+    /// Parents are chosen by beacons, too; `None`: by DIOs alone.
+    pub handover: Option<Handover>,
     /// For comparison with a peer (its Q19): DIOs heard never make one's own superfluous, but put it off.
     pub no_trickle_suppression: bool,
     /// For comparison with a peer (its Q22): rank stays when the parent's changes.
@@ -159,11 +173,13 @@ impl Default for Config {
             advertises: true,
             dao_period_ns: 0,
             dao_delay_ns: SECOND_NS,
+            dao_interval_ns: 0,
             dao_ack: true,
             dao_ack_wait_ns: 20 * SECOND_NS,
             dao_max_retries: 4,
             max_dao_targets: 3,
             max_routes: 0,
+            handover: None,
             no_trickle_suppression: false,
             stale_rank: false,
         }

@@ -23,6 +23,8 @@ pub(super) struct Dao {
     path_sequence: u8,
     /// When to advertise next (ns).
     at_ns: Option<u64>,
+    /// When it last did (ns).
+    last_ns: Option<u64>,
     /// Then everything that is kept for those below, too (storing mode).
     in_full: bool,
     /// The parent that was left and still has routes (storing mode).
@@ -51,6 +53,7 @@ impl Dao {
             sequence,
             path_sequence,
             at_ns: None,
+            last_ns: None,
             in_full: false,
             left: None,
             pending: vec![],
@@ -61,6 +64,7 @@ impl Dao {
 
     pub(super) fn stop(&mut self) {
         self.at_ns = None;
+        self.last_ns = None;
         self.left = None;
         self.pending.clear();
         self.is_known = false;
@@ -116,6 +120,8 @@ impl Rpl {
         }
         let delay_ns = self.config.dao_delay_ns;
         let at_ns = now_ns.saturating_add(dice.duration_ns(delay_ns / 2, delay_ns + delay_ns / 2));
+        let apart_ns = self.config.dao_interval_ns;
+        let at_ns = self.dao.last_ns.map_or(at_ns, |last_ns| at_ns.max(last_ns + apart_ns));
         self.dao.at_ns = Some(self.dao.at_ns.map_or(at_ns, |soon_ns| soon_ns.min(at_ns)));
     }
 
@@ -126,6 +132,7 @@ impl Rpl {
             return;
         }
         self.dao.at_ns = None;
+        self.dao.last_ns = Some(now_ns);
         let Some(dodag) = &self.dodag else { return };
         let Some(parent) = dodag.parent else { return };
         let c = &dodag.configuration;

@@ -103,7 +103,7 @@ impl Rpl {
     }
 
     /// Notes what a neighbour says. Returns whether it says what it had said before.
-    fn note(&mut self, from: Eui64, dio: &DioRepr, now_ns: u64) -> bool {
+    pub(super) fn note(&mut self, from: Eui64, dio: &DioRepr, now_ns: u64) -> bool {
         let initial_etx_x128 = self.config.initial_etx_x128;
         if let Some(known) = self.neighbours.get_mut(from) {
             known.hear(None, now_ns);
@@ -124,6 +124,8 @@ impl Rpl {
             dio: dio.clone(),
             etx: Etx::assumed(initial_etx_x128),
             rssi_dbm: None,
+            latest_dbm: None,
+            trend_db_per_s: 0.0,
             heard_ns: now_ns,
             unusable_until_ns: None,
             n_unusable: 0,

@@ -17,6 +17,10 @@ pub struct Neighbour {
     pub etx: Etx,
     /// Mean strength of received frames (dBm), if the radio reports it.
     pub rssi_dbm: Option<f64>,
+    /// Strength of its latest beacon (dBm), and when that came (ns), where parents are chosen by beacons.
+    pub latest_dbm: Option<(f64, u64)>,
+    /// How that changes (dB/s).
+    pub trend_db_per_s: f64,
     /// When anything was last heard of it (ns).
     pub heard_ns: u64,
     /// It is not used before then (ns), and then only after it was heard anew.

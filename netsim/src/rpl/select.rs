@@ -93,7 +93,12 @@ impl Rpl {
         self.is_outdone(now_ns)
             || best.preference > current.preference
             || (best.is_newer && !current.is_newer)
-            || self.objective().switch_threshold() < current.rank.saturating_sub(best.rank)
+            || self.switch_threshold() < current.rank.saturating_sub(best.rank)
+    }
+
+    /// A parent is left for one that improves rank by more than this: where ranks come with beacons, in whole hops, by anything.
+    fn switch_threshold(&self) -> u16 {
+        if self.config.handover.is_some() { 0 } else { self.objective().switch_threshold() }
     }
 
     /// What a neighbour offers; `None` if it must not be the parent.
@@ -104,8 +109,10 @@ impl Rpl {
         let dio = &neighbour.dio;
         let configuration = dio.configuration.unwrap_or_else(|| self.config.configuration());
         let objective = self.objective_of(configuration.objective);
-        let rank =
-            objective.rank_via(dio.rank, &neighbour.etx, configuration.min_hop_rank_increase)?;
+        let hop = configuration.min_hop_rank_increase;
+        let rank = objective.rank_via(dio.rank, &neighbour.etx, hop)?;
+        let is_fading = self.config.handover.is_some_and(|handover| neighbour.is_fading(&handover));
+        let rank = if is_fading { rank.saturating_add(hop).min(INFINITE_RANK - 1) } else { rank };
         let is_newer = match &self.dodag {
             Some(dodag) if dodag.id == dio.dodag_id => {
                 match lollipop::compare(dio.version, dodag.version) {

@@ -2,6 +2,7 @@
 
 mod clauses;
 mod data;
+mod handover;
 mod mrhof;
 mod network;
 mod probing;

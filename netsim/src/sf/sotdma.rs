@@ -4,7 +4,7 @@ use super::{Config, Configured, Context, Entry, PayloadCells, SchedulingFunction
 use crate::mac::{Cell, CellKind, CellOptions, CellRef};
 use crate::wire::Eui64;
 use crate::wire::slots::{MAX_SLOTS, SlotSet, SlotsRepr, tag};
-use proto::config::{Default, Field, Kind, Problem, Variant, join, typed};
+use proto::config::{Choice, Default, Field, Kind, Problem, Variant, join, typed};
 use serde::{Deserialize, Serialize};
 
 /// `kind = "sotdma"`.
@@ -28,6 +28,22 @@ pub const ENTRY: Entry = Entry {
                       joining and routing.",
                 kind: Kind::Integer { min: 1, max: 128 },
                 default: Default::Integer(6),
+            },
+            Field {
+                key: "unicast",
+                doc: "In which slots a mote sends unicast frames.",
+                kind: Kind::Choice(&[
+                    Choice {
+                        name: "shared",
+                        doc: "In the shared slots, so that they never take the place of what is for everyone.",
+                    },
+                    Choice {
+                        name: "own",
+                        doc: "In its own slot as well, without contention, in turn with what is for everyone: for networks in which \
+                              routing and data matter more than the robots' payloads.",
+                    },
+                ]),
+                default: Default::Text("shared"),
             },
             Field {
                 key: "check_slotframes",
@@ -75,8 +91,20 @@ pub struct SotdmaConfig {
     pub slotframe_slots: u16,
     /// Slots at its end that all share.
     pub shared_slots: u16,
+    /// In which slots unicast frames go out.
+    pub unicast: UnicastSlots,
     /// Mean number of slotframes from one check of the own slot to the next.
     pub check_slotframes: u16,
+}
+
+/// In which slots unicast frames go out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum UnicastSlots {
+    /// In those that all share.
+    Shared,
+    /// In the own one.
+    Own,
 }
 
 impl SotdmaConfig {
@@ -118,7 +146,8 @@ struct Neighbour {
 /// Where a neighbour hears neither of two motes because their frames collide there, both check their slots (rule 3): as soon as
 /// one is silent, the neighbour hears and announces the other (rule 2).
 ///
-/// Unicast frames go out in the shared slots, so that they never take the place of what is for everyone.
+/// Unicast frames go out in the shared slots, so that they never take the place of what is for everyone; or, if so configured, in the
+/// own slot as well.
 ///
 /// # Model
 ///
@@ -271,7 +300,10 @@ impl SchedulingFunction for Sotdma {
     fn slotframe_of(&self, traffic: Traffic) -> Option<u8> {
         match traffic {
             Traffic::Beacon | Traffic::Broadcast | Traffic::Payload => Some(OWN_HANDLE),
-            Traffic::Unicast(_) => Some(SHARED_HANDLE),
+            Traffic::Unicast(_) => match self.config.unicast {
+                UnicastSlots::Shared => Some(SHARED_HANDLE),
+                UnicastSlots::Own => None,
+            },
         }
     }
 
@@ -299,7 +331,12 @@ impl SchedulingFunction for Sotdma {
             self.install(cx);
         } else {
             let checks = cx.dice.uniform() < self.check_probability();
-            self.wants_frame = !checks;
+            // Unicast frames have every other turn.
+            let is_turn = match self.config.unicast {
+                UnicastSlots::Shared => true,
+                UnicastSlots::Own => self.epoch(cx.asn).is_multiple_of(2),
+            };
+            self.wants_frame = !checks && is_turn;
             if checks != self.checks {
                 self.checks = checks;
                 self.install(cx);

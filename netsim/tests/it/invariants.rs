@@ -284,6 +284,16 @@ fn what_always_holds_under_sotdma() {
 }
 
 #[test]
+fn what_always_holds_of_motes_that_move_with_slots_of_their_own() {
+    what_always_holds(FUNCTIONS[7], 8_000_000);
+}
+
+#[test]
+fn what_always_holds_of_motes_that_move_under_orchestra() {
+    what_always_holds(FUNCTIONS[8], 9_000_000);
+}
+
+#[test]
 fn what_always_holds_under_rrsf_as_botnet_has_it() {
     what_always_holds(FUNCTIONS[5], 6_000_000);
 }

@@ -14,6 +14,17 @@ impl Tsch {
         self.state = State::Synced { source: Some(source), heard_ns: now_ns, keep_alive_ns };
     }
 
+    /// A neighbour that is nearer to the root has been heard, whose clock is off by `source_ns`: its time is as good as that of the
+    /// time source.
+    pub fn take_time_beside(&mut self, config: &Config, from: Eui64, source_ns: i64, now_ns: u64) {
+        if let State::Synced { heard_ns, .. } = &mut self.state
+            && !self.is_root
+        {
+            *heard_ns = now_ns;
+            self.take_time(config, from, source_ns, now_ns);
+        }
+    }
+
     /// From now on another neighbour is the time source. A mote whose clock still holds has as long to hear it as if it had just
     /// heard the old one.
     pub fn set_time_source(&mut self, config: &Config, new: Eui64, now_ns: u64) {

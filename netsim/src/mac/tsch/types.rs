@@ -53,6 +53,8 @@ pub struct Config {
     pub crystal_hz: u32,
     /// A frame announces that another for the same neighbour follows in the next slot.
     pub pending_bit: bool,
+    /// It does so, too, where the next slot has a slotframe's background, in which motes listen for everyone.
+    pub bursts_over_background: bool,
 }
 
 impl Config {
@@ -141,13 +143,15 @@ pub struct Listening {
     pub scans: bool,
     /// The cell is known to count no frames: it stands for slots without cells.
     pub is_background: bool,
+    /// The schedule has the mote listen in this slot, if not always here.
+    pub is_scheduled: bool,
 }
 
 impl Listening {
     /// A mote that keeps time, in a cell or, `None`, after a pending bit.
     #[must_use]
     pub fn synchronised(at: Option<CellRef>, channel: u8) -> Self {
-        Self { at, channel, scans: false, is_background: false }
+        Self { at, channel, scans: false, is_background: false, is_scheduled: at.is_some() }
     }
 }
 

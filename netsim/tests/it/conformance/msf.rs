@@ -260,7 +260,8 @@ impl Lone<'_> {
             content,
         };
         self.does(|mote, world| {
-            let arrived = Arrived { frame: &frame, at, channel: 11, source_ns: 0 };
+            let arrived =
+                Arrived { frame: &frame, at, channel: 11, source_ns: 0, rssi_dbm: f64::NAN };
             let verdict = mote.handle_frame(world, &arrived);
             mote.pump(world);
             (verdict.acknowledge, verdict.deliver)

@@ -40,7 +40,7 @@ pub(crate) enum Heard {
     Nothing,
     /// It had locked on to this emission.
     Lost(usize),
-    Received(usize),
+    Received(usize, f64),
 }
 
 /// All that decides what arrives.
@@ -64,6 +64,7 @@ struct Arrived {
     which: usize,
     emission: Emission,
     rssi_dbm: f64,
+    register_rssi_dbm: f64,
     /// Shifts of the curve taken off.
     signal_dbm: f64,
     probability: f64,
@@ -107,7 +108,7 @@ impl World<'_> {
         let Some(frame) = locked else { return Heard::Nothing };
         let survival = self.survival(&frame, &arrived, frame.emission.ends_ns());
         if u(&frame) < frame.probability * survival {
-            Heard::Received(frame.which)
+            Heard::Received(frame.which, frame.register_rssi_dbm)
         } else {
             Heard::Lost(frame.which)
         }
@@ -191,6 +192,7 @@ impl World<'_> {
             which,
             emission,
             rssi_dbm: budget.rssi_dbm,
+            register_rssi_dbm: budget.register_rssi_dbm,
             signal_dbm,
             probability: budget.reception_probability,
         })

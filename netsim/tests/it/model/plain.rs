@@ -271,8 +271,9 @@ impl Plain {
             let used = match outcome {
                 Heard::Nothing => SlotUse::IdleListen,
                 Heard::Lost(which) => SlotUse::Overhear { bytes: sending[which].bytes },
-                Heard::Received(which) => {
-                    self.receive(asn, listening, &mut sending[which], which, &mut answers)
+                Heard::Received(which, rssi_dbm) => {
+                    let sent = &mut sending[which];
+                    self.receive(asn, listening, sent, (which, rssi_dbm), &mut answers)
                 }
             };
             let usage = &mut self.usages[listening.mote as usize];
@@ -342,13 +343,16 @@ impl Plain {
                 let channel = scan_channel(mac, self.seed, mote, asn);
                 Some(Listening { mote, at: None, channel, scans: true })
             } else if node.mac.is_synced() {
+                let follows = node.mac.follows_at(asn) == Some(asn);
+                let is_idle =
+                    node.schedule.slotframes().iter().all(|one| one.cells_at(asn).is_empty());
                 match first_to_receive(&node.schedule, asn) {
-                    Some(at) => {
+                    Some(at) if !(follows && is_idle && mac.bursts_over_background) => {
                         let channel = channel_of(mac, asn, at.cell.channel);
                         Some(Listening { mote, at: Some(at), channel, scans: false })
                     }
                     // After a pending bit: what only the MAC knows.
-                    None => node.mac.listening(mac, &node.schedule, self.seed, asn).map(|after| {
+                    _ => node.mac.listening(mac, &node.schedule, self.seed, asn).map(|after| {
                         Listening { mote, at: None, channel: after.channel, scans: false }
                     }),
                 }
@@ -416,7 +420,7 @@ impl Plain {
         asn: u64,
         listening: &Listening,
         sent: &mut Sending,
-        which: usize,
+        (which, rssi_dbm): (usize, f64),
         answers: &mut Vec<(usize, u32)>,
     ) -> SlotUse {
         let mote = listening.mote;
@@ -438,7 +442,7 @@ impl Plain {
             return SlotUse::RxBroadcast { bytes };
         }
         let (at, channel) = (listening.at, listening.channel);
-        let arrived = Arrived { frame: &sent.frame, at, channel, source_ns };
+        let arrived = Arrived { frame: &sent.frame, at, channel, source_ns, rssi_dbm };
         let verdict = self.with(mote, asn, asn + 1, |mote, world| {
             let verdict = mote.handle_frame(world, &arrived);
             mote.pump(world);
@@ -488,7 +492,7 @@ impl Plain {
                 closes_ns: opens_ns + ACK_WAIT_NS,
             };
             sending[which].acknowledged = self.settings.compat.perfect_acks
-                || air.outcome(&emissions, &ear) == Heard::Received(number);
+                || matches!(air.outcome(&emissions, &ear), Heard::Received(which, _) if which == number);
         }
     }
 

@@ -13,7 +13,7 @@ use proto::types::{
 };
 
 /// Scheduling functions, with settings under which small networks form soon.
-pub(crate) const FUNCTIONS: [&str; 7] = [
+pub(crate) const FUNCTIONS: [&str; 9] = [
     "kind = \"minimal\"\nslotframe_slots = 11",
     "kind = \"msf\"\nslotframe_slots = 23",
     "kind = \"rrsf\"\nshared_slots = 3",
@@ -25,6 +25,10 @@ pub(crate) const FUNCTIONS: [&str; 7] = [
      [[sf.cell]]\nslot = 5\nfrom = \"any\"\nto = 0\n",
     "kind = \"rrsf\"\n[compat]\nshared_slot_0 = true",
     "kind = \"sotdma\"\nslotframe_slots = 20\nshared_slots = 4",
+    "kind = \"sotdma\"\nslotframe_slots = 20\nshared_slots = 4\nunicast = \"own\"\n[mobility]\ntime_from_beacons = true\n\
+     rank_from_beacons = true\nhandover_dbm = -60.0\nreroute = true\nbursts = true\nkeep_admission = true",
+    "kind = \"orchestra\"\ncommon_slots = 7\nunicast_slots = 11\nrules = [\"unicast-non-storing\", \"default-common\"]\n\
+     [mobility]\nrank_from_beacons = true\nreroute = true",
 ];
 
 /// Radios: everyone hears everyone, only near ones, some by chance, some by power.

@@ -1,0 +1,146 @@
+//! `[netsim.mobility]`.
+
+use super::network::Given;
+use crate::rpl::Handover;
+use proto::config::{Default, Field, Kind, Problem, Range, TableSpec, join, typed};
+use proto::types::NS_PER_S;
+use serde::Deserialize;
+
+/// Description of `[netsim.mobility]`.
+pub(super) const SPEC: TableSpec = TableSpec {
+    doc: "What motes that move do beyond the standards. All is off by default.",
+    fields: &[
+        Field {
+            key: "leaves",
+            doc: "Motes that take part in routing as leaves (RFC 6550, § 8.5): nobody routes or joins through them. For motes that move \
+                  among routers that stand.",
+            kind: Kind::List {
+                of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
+                min: 0,
+                max: 100_000,
+            },
+            default: Default::Absent,
+        },
+        Field {
+            key: "time_from_beacons",
+            doc: "Whether a mote takes time from the beacons of every neighbour that is nearer to the root than itself, not from \
+                  its time source alone: it then loses synchronisation only where it hears nobody.",
+            kind: Kind::Bool,
+            default: Default::Bool(false),
+        },
+        Field {
+            key: "rank_from_beacons",
+            doc: "Whether the join metric of a beacon, the rank of its sender in whole hops (RFC 8180, § 6.1), counts as a DIO: \
+                  parents are then chosen by what was heard last, and left for any that is better by a hop.",
+            kind: Kind::Bool,
+            default: Default::Bool(false),
+        },
+        Field {
+            key: "handover_dbm",
+            doc: "A neighbour whose RSSI will be below this (dBm) within handover_s, as the trend of its beacons has it, counts as a hop \
+                  farther from the root: a parent is left before the link breaks (as in mRPL and MobiRPL). Requires \
+                  rank_from_beacons. Absent: signal strength decides between equal ranks only.",
+            kind: Kind::Number(Range::closed(-200.0, 100.0)),
+            default: Default::Absent,
+        },
+        Field {
+            key: "handover_s",
+            doc: "How far ahead that trend is followed (s).",
+            kind: Kind::Number(Range::closed(0.0, 60.0)),
+            default: Default::Number(2.0),
+        },
+        Field {
+            key: "reroute",
+            doc: "Whether datagrams that wait for a former parent go to the new one, and one that a neighbour does not acknowledge is \
+                  sent on another way: up through the present parent, or back to the root if its source route has failed \
+                  (packet salvaging, as in DSR: RFC 4728, § 3.4.1).",
+            kind: Kind::Bool,
+            default: Default::Bool(false),
+        },
+        Field {
+            key: "bursts",
+            doc: "Whether a mote sends on to the same neighbour in the slots that follow, as with mac.pending_bit, also where these are slots \
+                  in which motes of rrsf or sotdma only listen for everyone: on the channel of the first frame, beside what others send there.",
+            kind: Kind::Bool,
+            default: Default::Bool(false),
+        },
+        Field {
+            key: "keep_admission",
+            doc: "Whether a mote that has lost synchronisation keeps what the registrar gave it, and takes part again as soon as it \
+                  hears a beacon. RFC 9031 leaves that open.",
+            kind: Kind::Bool,
+            default: Default::Bool(false),
+        },
+    ],
+    tag: None,
+};
+
+/// Keys of `[netsim.mobility]`.
+#[derive(Deserialize)]
+struct Keys {
+    #[serde(default)]
+    leaves: Vec<u32>,
+    time_from_beacons: bool,
+    rank_from_beacons: bool,
+    handover_dbm: Option<f64>,
+    handover_s: f64,
+    reroute: bool,
+    bursts: bool,
+    keep_admission: bool,
+}
+
+/// What motes that move do beyond the standards.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mobility {
+    /// Motes through which nobody routes or joins, ascending.
+    pub leaves: Vec<u32>,
+    /// Time is taken from beacons of all neighbours that are nearer to the root.
+    pub time_from_beacons: bool,
+    /// Datagrams go another way where one fails.
+    pub reroute: bool,
+    /// Frames for one neighbour follow each other where everyone only listens.
+    pub bursts: bool,
+    /// Admission outlives synchronisation.
+    pub keep_admission: bool,
+}
+
+/// Makes the settings of the checked table: of motes, and of routing.
+pub(super) fn build(
+    table: &toml::Table,
+    given: &Given<'_>,
+    roots: &[u32],
+    problems: &mut Vec<Problem>,
+) -> (Mobility, Option<Handover>) {
+    let keys: Keys = typed(table);
+    let path = join(given.path, "mobility");
+    for (index, &mote) in keys.leaves.iter().enumerate() {
+        let path = join(&path, &format!("leaves[{index}]"));
+        if given.agent_count <= mote as usize {
+            let last = given.agent_count - 1;
+            let message = format!("must be the number of a mote, 0 to {last}");
+            problems.push(Problem::new(path, message).value(mote).nearest(last));
+        } else if roots.contains(&mote) {
+            problems.push(Problem::new(path, "must not be a root").value(mote));
+        }
+    }
+    if keys.handover_dbm.is_some() && !keys.rank_from_beacons {
+        let path = join(&path, "handover_dbm");
+        problems.push(Problem::new(path, "requires rank_from_beacons = true"));
+    }
+    let mut leaves = keys.leaves;
+    leaves.sort_unstable();
+    leaves.dedup();
+    let mobility = Mobility {
+        leaves,
+        time_from_beacons: keys.time_from_beacons,
+        reroute: keys.reroute,
+        bursts: keys.bursts,
+        keep_admission: keys.keep_admission,
+    };
+    let handover = keys.rank_from_beacons.then(|| Handover {
+        // Thousandths, so that settings can be compared.
+        least_mdbm: keys.handover_dbm.map(|dbm| (dbm * 1e3).round() as i32),
+        ahead_ns: (keys.handover_s * NS_PER_S as f64).round() as u64,
+    });
+    (mobility, handover)
+}

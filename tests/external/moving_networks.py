@@ -1,0 +1,106 @@
+"""How much of what motes should have sent arrives where they move: the table of docs/network.md, "Motes that move".
+
+    target/external/venv/bin/python tests/external/moving_networks.py --seeds 5 --jobs 2 --journal moving.jsonl
+
+What is expected is computed here, from the configuration alone: each sender has one packet in ten seconds, all the time.
+A journal that exists is continued.
+"""
+
+import argparse
+import concurrent.futures
+import json
+import os
+import shutil
+import statistics
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+ROOT = Path(__file__).resolve().parents[2]
+CASES = {
+    "routers-1": 20, "routers-2": 20, "routers-5": 20, "crowd-100-1": 100, "crowd-300-1": 300, "downward-1": 20,
+    "routers-0": 20, "downward-0": 20, "crowd-100-0": 100, "crowd-300-0": 300,
+}  # fmt: skip
+WARM_UP_S, END_S, PERIOD_S = 1800, 5400, 10
+
+
+def measure(case, seed, settings):
+    """One run: delivered / expected, latency (s), energy (mC a mote and hour) and when the network had formed."""
+    program = os.environ.get("ORCHESTRATOR") or ROOT / "target" / "release" / "orchestrator"
+    folder = Path(tempfile.mkdtemp(prefix="moving-"))
+    try:
+        config = ROOT / "configs" / "mobility" / f"{case}.toml"
+        command = [program, "run", config, "--seed", str(seed), "--out", folder, "--threads", "1"]
+        for setting in settings:
+            command += ["--set", setting]
+        begun = time.monotonic()
+        subprocess.run(command, check=True, capture_output=True, text=True)
+        wall_s = time.monotonic() - begun
+        run = folder / case
+        delivered, latencies_s = set(), []
+        columns = ["packet", "kind", "created_ns", "ended_ns", "delivered"]
+        for row in pq.read_table(run / "packets.parquet", columns=columns).to_pylist():
+            created_s = row["created_ns"] / 1e9
+            if row["kind"] == "app" and row["delivered"] and WARM_UP_S <= created_s < END_S and row["packet"] not in delivered:
+                delivered.add(row["packet"])
+                latencies_s.append((row["ended_ns"] - row["created_ns"]) / 1e9)
+        motes = pq.read_table(run / "motes.parquet", columns=["step", "mote", "is_root", "charge_uc", "up_ns", "first_ready_ns"]).to_pylist()
+        last = max(row["step"] for row in motes)
+        motes = [row for row in motes if row["step"] == last and not row["is_root"]]
+        ready_s = [row["first_ready_ns"] / 1e9 for row in motes if row["first_ready_ns"]]
+        return {
+            "case": case, "seed": seed, "settings": settings,
+            "ratio": len(delivered) / (CASES[case] * (END_S - WARM_UP_S) / PERIOD_S),
+            "median_latency_s": statistics.median(latencies_s) if latencies_s else None,
+            "p95_latency_s": sorted(latencies_s)[int(0.95 * len(latencies_s))] if latencies_s else None,
+            "mean_current_ma": statistics.mean(row["charge_uc"] / row["up_ns"] * 1e6 for row in motes),
+            "share_ready": len(ready_s) / len(motes),
+            "formed_s": max(ready_s) if len(ready_s) == len(motes) else None,
+            "times_real_time": END_S / wall_s,
+        }  # fmt: skip
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def summary(rows):
+    def over(key, digits):
+        values = [row[key] for row in rows if row[key] is not None]
+        if not values:
+            return "–"
+        return f"{statistics.mean(values):.{digits}f} ({min(values):.{digits}f}–{max(values):.{digits}f})"
+
+    formed = over("formed_s", 0)
+    n_formed = sum(row["formed_s"] is not None for row in rows)
+    formed += "" if n_formed == len(rows) else f", {n_formed} of {len(rows)}"
+    return f"| `{rows[0]['case']}` | {over('ratio', 3)} | {over('median_latency_s', 1)} | {over('p95_latency_s', 1)} | {over('mean_current_ma', 1)} | {formed} |"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--cases", nargs="*", choices=CASES, default=list(CASES))
+    parser.add_argument("--set", action="append", default=[], dest="settings", metavar="KEY=VALUE")
+    parser.add_argument("--journal", type=Path, required=True)
+    asked = parser.parse_args()
+    done = [json.loads(line) for line in asked.journal.read_text().splitlines()] if asked.journal.exists() else []
+    done = [row for row in done if row["settings"] == asked.settings]
+    known = {(row["case"], row["seed"]) for row in done}
+    todo = [(case, seed) for seed in range(1, asked.seeds + 1) for case in asked.cases if (case, seed) not in known]
+    with concurrent.futures.ThreadPoolExecutor(asked.jobs) as pool:
+        runs = [pool.submit(measure, case, seed, asked.settings) for case, seed in todo]
+        for run in concurrent.futures.as_completed(runs):
+            done.append(run.result())
+            with asked.journal.open("a") as journal:
+                journal.write(json.dumps(run.result()) + "\n")
+    for case in asked.cases:
+        rows = [row for row in done if row["case"] == case]
+        if rows:
+            print(summary(rows))
+
+
+if __name__ == "__main__":
+    main()
