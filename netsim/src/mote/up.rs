@@ -298,7 +298,8 @@ impl Mote {
         let may_collide = !acknowledged
             && world.settings.rpl.handover.is_some()
             && at.is_some_and(|at| at.cell.options.shared);
-        if !(world.settings.compat.stale_rank && is_for_all) && !may_collide {
+        let is_ignored = may_collide || (world.settings.compat.stale_rank && is_for_all);
+        if !is_ignored {
             self.rpl.handle_link(to, 1, acknowledged, world.now_ns, &mut self.dice.routing);
         }
     }

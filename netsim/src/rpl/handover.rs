@@ -2,7 +2,7 @@
 //!
 //! A beacon says how far its sender is from the root, in whole hops, and its strength how near it is. Where every mote sends one every
 //! second or two, all that a mote needs to change its parent before the link breaks is in the air already. The trend of strength
-//! triggers the change as in mRPL (Fotouhi et al., 2014) and MobiRPL; ranks are those of RFC 8180, § 6.1.
+//! triggers the change as in mRPL and MobiRPL; ranks are those of RFC 8180, § 6.1.
 
 use super::neighbours::Neighbour;
 use super::objective::INFINITE_RANK;
