@@ -1,13 +1,13 @@
 """The page of a diagnosis and of a comparison in a browser: it stands alone, shows its pictures and says what they mean."""
 
 import io
-import math
 import random
 import subprocess
 
 import pytest
 from browser import visit
 from conftest import program
+from measured_links import HEADER, free_space_dbm, is_received, line
 from PIL import Image
 from test_report import LOOK
 
@@ -24,18 +24,14 @@ def links(tmp_path_factory):
     folder = tmp_path_factory.mktemp("measured")
     draw = random.Random(1)
     places = [(draw.uniform(0, 60), draw.uniform(0, 40)) for _ in range(10)]
-    lines = ["time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,received,temperature_c"]
+    lines = [f"{HEADER},temperature_c"]
     for row in range(N_ROWS):
         tx, rx = draw.sample(range(10), 2)
-        (x0, y0), (x1, y1) = places[tx], places[rx]
-        distance_m = max(1.0, ((x0 - x1) ** 2 + (y0 - y1) ** 2) ** 0.5)
+        ends = places[tx], places[rx]
         temperature_c = 20 + 10 * ((row // 150) % 5 - 2) / 2
-        rssi = -14 - 40.2 - 20 * math.log10(distance_m) - 0.4 * (temperature_c - 20) + draw.gauss(0, 2)
-        received = draw.random() < 1 / (1 + math.exp(-(rssi + 91)))
-        lines.append(
-            f"{row},{tx},{rx},{11 + row % 16},{x0:.2f},{y0:.2f},1.2,{x1:.2f},{y1:.2f},1.2,"
-            f"{round(rssi) if received else ''},{int(received)},{temperature_c}"
-        )
+        rssi = free_space_dbm(-14, *ends) - 0.4 * (temperature_c - 20) + draw.gauss(0, 2)
+        received = is_received(draw, rssi)
+        lines.append(line(row, row, (tx, rx), ends, rssi, received, temperature_c))
     (folder / "links.csv").write_text("\n".join(lines) + "\n")
     (folder / "model.toml").write_text('[netsim.phy]\npropagation = "friis"\ntx_power_dbm = -14.0\n')
     return folder

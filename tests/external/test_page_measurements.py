@@ -9,6 +9,7 @@ import subprocess
 import page_session
 import pytest
 from conftest import program
+from measured_links import HEADER, free_space_dbm, is_received, line
 from page_session import opened, serving
 
 N_ROWS = 4000
@@ -39,17 +40,14 @@ def measured(tmp_path_factory):
     folder = tmp_path_factory.mktemp("measured")
     draw = random.Random(7)
     places = [(draw.uniform(-18, 22), draw.uniform(-14, 14)) for _ in range(N_MOTES)]
-    lines = ["time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,received,battery_v"]
+    lines = [f"{HEADER},battery_v"]
     for row in range(N_ROWS):
         tx, rx = draw.sample(range(N_MOTES), 2)
-        a, b = places[tx], places[rx]
-        distance_m = max(1.0, math.dist(a, b))
-        rssi = -5 - 40.2 - 20 * math.log10(distance_m) - LOSS_DB * crosses(a, b) + draw.gauss(0, 2)
-        received = draw.random() < 1 / (1 + math.exp(-(rssi + 91)))
-        lines.append(
-            f"{2 * row},{tx},{rx},{11 + row % 16},{a[0]:.2f},{a[1]:.2f},1.2,{b[0]:.2f},{b[1]:.2f},1.2,"
-            f"{round(rssi) if received else ''},{int(received)},{draw.uniform(2.9, 3.1):.3f}"
-        )
+        ends = places[tx], places[rx]
+        rssi = free_space_dbm(-5, *ends) - LOSS_DB * crosses(*ends) + draw.gauss(0, 2)
+        received = is_received(draw, rssi)
+        battery_v = f"{draw.uniform(2.9, 3.1):.3f}"
+        lines.append(line(row, 2 * row, (tx, rx), ends, rssi, received, battery_v))
     (folder / "links.csv").write_text("\n".join(lines) + "\n")
     (folder / "model.toml").write_text('[netsim.phy]\npropagation = "friis"\ntx_power_dbm = -5.0\n')
     for command in ("diagnose", "compare"):

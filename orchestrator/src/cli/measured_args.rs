@@ -116,27 +116,24 @@ pub(super) struct AnswerArgs {
 impl AnswerArgs {
     /// A place that cannot be written is found before the work, not after it.
     pub(super) fn check_places(&self) -> Result<(), Failure> {
-        let pictures = [("--report", &self.report), ("--residuals", &self.residuals)];
-        for (option, path) in [("--json", &self.data.json)].into_iter().chain(pictures) {
-            if let Some(path) = path {
-                check_place(option, path)?;
-            }
-        }
-        let named: Vec<(&str, &PathBuf)> = [("--json", &self.data.json)]
+        let outputs = [
+            ("--json", &self.data.json),
+            ("--report", &self.report),
+            ("--residuals", &self.residuals),
+        ];
+        let named: Vec<(&str, &PathBuf)> = outputs
             .into_iter()
-            .chain(pictures)
             .filter_map(|(option, path)| Some((option, path.as_ref()?)))
             .collect();
         for (place, (option, path)) in named.iter().enumerate() {
+            check_place(option, path)?;
             if let Some((other, _)) = named[..place].iter().find(|(_, other)| other == path) {
                 return Err(Failure::request(format!(
                     "{option} {}: is the file of {other}, too; give each a file of its own",
                     path.display()
                 )));
             }
-        }
-        for (option, path) in pictures {
-            if let (true, Some(path)) = (self.data.given_rssi, path) {
+            if self.data.given_rssi && *option != "--json" {
                 return Err(Failure::request(format!(
                     "{option} {}: does not apply with --given-rssi, which predicts no RSSI readings; use --json FILE",
                     path.display()
@@ -219,7 +216,8 @@ impl AnswerArgs {
         }
         let pictures = pictures();
         if let Some(path) = &self.residuals {
-            write_whole("--residuals", path, residuals::csv(&pictures))?;
+            let table = residuals::csv(&pictures).map_err(Failure::work)?;
+            write_whole("--residuals", path, table)?;
         }
         self.write_page(|| {
             let Pictures { rows, before, after, covariates } = pictures;

@@ -3,11 +3,11 @@
 use super::answer_file::Answer;
 use super::{Failure, check_place, on_runtime, residuals, write_whole};
 use crate::console::say;
+use crate::run::interrupt::Interrupt;
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
-use tokio::signal::unix::{SignalKind, signal};
 use view::page;
 use view::recorded::RecordedRun;
 use view::server::{RunSource, Server, Shown};
@@ -143,17 +143,11 @@ impl Serving {
     /// Says what there is to see, and serves until someone presses Ctrl-C or ends the program.
     fn until_interrupted(self, words: &str) -> Result<(), Failure> {
         on_runtime(async {
-            // Listens before it says so: whoever reads the words may interrupt at once.
-            // A run before has caught the signals, so that they end nothing by themselves any more.
-            let mut interrupts = signal(SignalKind::interrupt())?;
-            let mut ends = signal(SignalKind::terminate())?;
+            // Listens before it says so: whoever reads the words may interrupt at once. A run before has caught the signals, so that
+            // they end nothing by themselves any more.
+            let mut interrupt = Interrupt::listen();
             say(words);
-            tokio::select! {
-                _ = interrupts.recv() => {}
-                _ = ends.recv() => {}
-            }
-            Ok(())
-        })?
-        .map_err(|error: std::io::Error| Failure::work(error))
+            interrupt.first().await;
+        })
     }
 }

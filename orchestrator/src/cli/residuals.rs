@@ -2,6 +2,7 @@
 
 use super::pictures::Pictures;
 use diagnose::compare::explained;
+use indexmap::IndexMap;
 use measure::table::DataTable;
 use numbers::statistics::quantile_nearest;
 use report::measured::MeasuredRows;
@@ -22,14 +23,14 @@ const RESIDUAL: &str = "residual";
 const WITH_EFFECTS: &str = "residual_with_effects";
 
 /// The residuals of each row, as a table with names in its first line.
-pub(super) fn csv(pictures: &Pictures) -> String {
-    let (unit, level_unit, keys) = match &pictures.rows {
+pub(super) fn csv(pictures: &Pictures) -> Result<Vec<u8>, csv::Error> {
+    let (unit, level_unit, names, keys): (_, _, _, Vec<[f64; 6]>) = match &pictures.rows {
         MeasuredRows::Links(links) => {
             let rows = links.ends.iter().zip(&links.motes);
             let keys = rows.map(|([(tx, _), (rx, _)], motes)| {
                 [f64::from(motes[0]), f64::from(motes[1]), tx[0], tx[1], rx[0], rx[1]]
             });
-            ("db", "dbm", columns(&LINK_KEYS, keys.collect()))
+            ("db", "dbm", LINK_KEYS, keys.collect())
         }
         MeasuredRows::Robots(robots) => {
             let rows = robots.ends.iter().zip(&robots.agents);
@@ -37,46 +38,38 @@ pub(super) fn csv(pictures: &Pictures) -> String {
                 let agent = f64::from(agent);
                 [agent, agent, start[0], start[1], end[0], end[1]]
             });
-            ("m", "m", columns(&ROBOT_KEYS, keys.collect()))
+            ("m", "m", ROBOT_KEYS, keys.collect())
         }
     };
-    let mut columns = keys;
-    columns.push((format!("{MEASURED}_{level_unit}"), pictures.before.measured.clone()));
-    columns.push((format!("{PREDICTED}_{level_unit}"), pictures.before.predicted.clone()));
-    columns.push((format!("{NOISE}_{unit}"), pictures.before.sd.clone()));
-    columns.push((format!("{RESIDUAL}_{unit}"), pictures.before.residuals()));
-    if let Some(after) = &pictures.after {
-        columns.push((format!("{WITH_EFFECTS}_{unit}"), after.residuals()));
+    let Pictures { before, after, covariates, .. } = pictures;
+    let named = |name: &str, unit: &str| format!("{name}_{unit}");
+    // Of equal names the first alone.
+    let mut columns: IndexMap<String, Vec<f64>> = IndexMap::new();
+    for (place, name) in names.into_iter().enumerate() {
+        columns
+            .entry(name.to_owned())
+            .or_insert_with(|| keys.iter().map(|key| key[place]).collect());
     }
-    for (name, values) in &pictures.covariates {
-        if columns.iter().all(|(known, _)| known != name) {
-            columns.push((name.clone(), values.clone()));
-        }
+    columns.insert(named(MEASURED, level_unit), before.measured.clone());
+    columns.insert(named(PREDICTED, level_unit), before.predicted.clone());
+    columns.insert(named(NOISE, unit), before.sd.clone());
+    columns.insert(named(RESIDUAL, unit), before.residuals());
+    if let Some(after) = after {
+        columns.insert(named(WITH_EFFECTS, unit), after.residuals());
     }
-    let n_rows = pictures.before.measured.len();
-    let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
-    let mut text = names.join(",");
-    text.push('\n');
-    for row in 0..n_rows {
-        let fields = columns.iter().map(|(_, values)| match values[row] {
+    for (name, values) in covariates {
+        columns.entry(name.clone()).or_insert_with(|| values.clone());
+    }
+    let mut table = csv::Writer::from_writer(Vec::new());
+    table.write_record(columns.keys())?;
+    for row in 0..before.measured.len() {
+        let fields = columns.values().map(|values| match values[row] {
             value if value.is_finite() => value.to_string(),
             _ => String::new(),
         });
-        text.push_str(&fields.collect::<Vec<_>>().join(","));
-        text.push('\n');
+        table.write_record(fields)?;
     }
-    text
-}
-
-/// Columns of rows with six entries each; of equal names the first alone.
-fn columns(names: &[&str; 6], rows: Vec<[f64; 6]>) -> Vec<(String, Vec<f64>)> {
-    let mut columns: Vec<(String, Vec<f64>)> = Vec::new();
-    for (k, name) in names.iter().enumerate() {
-        if columns.iter().all(|(known, _)| known != name) {
-            columns.push(((*name).to_owned(), rows.iter().map(|row| row[k]).collect()));
-        }
-    }
-    columns
+    table.into_inner().map_err(|error| error.into_error().into())
 }
 
 /// The rows of such a file, for a page. `n_rows`: how many the answer was found from; `has_effects`: whether it has accepted any.

@@ -9,7 +9,7 @@ export interface Bin {
 /** Bins of a curve. */
 const BINS = 12;
 /** Half of a 90 % interval of a mean, in standard errors. */
-const HALF_90 = 1.645;
+export const HALF_90 = 1.645;
 
 /**
  * Bins with about as many rows each, of the rows that have a value and a residual; a bin for each value where these are few, none where

@@ -2,12 +2,10 @@ import { figure, niceStep } from "../format.ts";
 import type { Measurements } from "../gen/murmuration/view/v1/view_pb.ts";
 import type { Shape } from "../sketch.ts";
 import type { Target } from "../sketch-canvas.ts";
-import { css, OKABE_ITO, type Theme } from "../swarm/colours.ts";
-import { meanOf } from "./bins.ts";
+import { css, neutral, OKABE_ITO, type Theme } from "../swarm/colours.ts";
+import { HALF_90, meanOf } from "./bins.ts";
 import type { Curve, ShownRows } from "./shown.ts";
 
-/** Half of a 90 % interval, in standard errors. */
-const HALF_90 = 1.645;
 /** Candidates that are drawn. */
 const MOST_CANDIDATES = 12;
 const ROW = 24;
@@ -54,7 +52,7 @@ export class Charts {
     for (const { name, value, half, strong, text } of rows) {
       const middle = this.y + ROW / 2;
       this.shapes.push({ ...this.label, x: left - 8, y: middle, text: name, anchor: "end", fill: this.theme.text });
-      const fill = strong ? this.strong : this.theme.dark ? "#6b7480" : "#b4bac1";
+      const fill = strong ? this.strong : neutral(this.theme.dark);
       const [from, to] = [Math.min(x(0), x(value)), Math.max(x(0), x(value))];
       this.shapes.push({ kind: "rect", x: from, y: this.y + 4, w: Math.max(1, to - from), h: ROW - 8, fill });
       if (half > 0) this.shapes.push({ kind: "line", x1: x(value - half), y1: middle, x2: x(value + half), y2: middle, stroke: this.theme.text, width: 1.5 });

@@ -1,5 +1,5 @@
 import type { MeasuredRows } from "../gen/murmuration/view/v1/view_pb.ts";
-import { OKABE_ITO, pack, type Packed, type Theme } from "../swarm/colours.ts";
+import { neutral, OKABE_ITO, pack, type Packed, type Theme } from "../swarm/colours.ts";
 import type { Picture } from "../swarm/picture.ts";
 
 /** With more lines than this, places are drawn instead of them. */
@@ -20,8 +20,7 @@ export function residualClass(mean: number, noise: number): number {
 }
 
 export function classColours(theme: Theme): Packed[] {
-  const none = theme.dark ? "#6b7480" : "#b4bac1";
-  return [theme.dark ? "#2f7fe0" : OKABE_ITO.blue, theme.dark ? "#a6dbf7" : OKABE_ITO.sky, none, OKABE_ITO.orange, OKABE_ITO.vermilion].map((colour) => pack(colour, 0.9));
+  return [theme.dark ? "#2f7fe0" : OKABE_ITO.blue, theme.dark ? "#a6dbf7" : OKABE_ITO.sky, neutral(theme.dark), OKABE_ITO.orange, OKABE_ITO.vermilion].map((colour) => pack(colour, 0.9));
 }
 
 /** A line between two places with the mean residual of its rows. */

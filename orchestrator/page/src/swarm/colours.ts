@@ -92,6 +92,11 @@ export interface Theme {
   categories: Packed[];
 }
 
+/** The colour of what is neither one way nor the other. */
+export function neutral(dark: boolean): string {
+  return dark ? "#6b7480" : "#b4bac1";
+}
+
 export function theme(dark: boolean): Theme {
   const text = dark ? "#e6e8eb" : "#1b1f24";
   return {
