@@ -322,6 +322,12 @@ impl Rpl {
         self.outgoing.pop_front()
     }
 
+    /// Whether there are events or messages that the layers above have not taken yet.
+    #[must_use]
+    pub fn has_news(&self) -> bool {
+        !self.events.is_empty() || !self.outgoing.is_empty()
+    }
+
     /// The next event for the layers above, removed from the queue; `None`: there is none.
     pub fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()

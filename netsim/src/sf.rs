@@ -127,10 +127,10 @@ pub trait SchedulingFunction: Stored {
     /// A beacon was received. A join metric of 0 says that it came from a root (RFC 8180, § 6.1).
     fn handle_beacon(&mut self, _cx: &mut Context<'_>, _from: Eui64, _join_metric: u8) {}
 
-    /// Whether a beacon may lead to a message, to another timer or to other cells. Where it cannot, most beacons are done with
-    /// once they are counted.
+    /// Whether a beacon may lead to a message, to another timer or to other cells: [`SchedulingFunction::handle_beacon`] does
+    /// something. Where it cannot, most beacons are done with once they are counted.
     fn heeds_beacons(&self) -> bool {
-        true
+        false
     }
 
     /// The preferred parent has changed; `cx.parent` is the new one.

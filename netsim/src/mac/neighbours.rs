@@ -14,7 +14,7 @@ pub struct Neighbours {
     known: Vec<Vec<(u64, u64)>>,
     /// Of those that were forgotten, ascending by address: what they would send again is still known.
     before: BTreeMap<Eui64, (u64, Vec<(u64, u64)>)>,
-    /// All that have ever sent a beacon, ascending by address, and when each did so last (ASN).
+    /// All that have sent a beacon lately, ascending by address, and when each did so last (ASN).
     with_beacons: Vec<(Eui64, u64)>,
     #[serde(skip)]
     next: Next,
@@ -59,10 +59,10 @@ impl Neighbours {
     }
 
     /// Number of those that have sent a beacon since then, forgotten ones included: a mote that has lost the network comes
-    /// back to the same crowd.
-    #[must_use]
-    pub fn n_with_beacons(&self, since_asn: u64) -> usize {
-        self.with_beacons.iter().filter(|(_, asn)| since_asn <= *asn).count()
+    /// back to the same crowd. Nothing is known later of what was before.
+    pub fn n_with_beacons(&mut self, since_asn: u64) -> usize {
+        self.with_beacons.retain(|(_, asn)| since_asn <= *asn);
+        self.with_beacons.len()
     }
 
     /// Their addresses, ascending.
@@ -155,10 +155,11 @@ mod tests {
         for (asn, (from, sequence)) in (1..).zip(heard) {
             neighbours.hear(from, sequence, false, asn);
         }
-        assert_eq!((neighbours.len(), neighbours.n_with_beacons(3)), (3, 2));
+        assert_eq!((neighbours.len(), neighbours.n_with_beacons(0)), (3, 2));
+        assert_eq!(neighbours.n_with_beacons(3), 2);
         assert_eq!(neighbours.n_with_beacons(4), 1);
         neighbours.forget();
-        assert_eq!((neighbours.len(), neighbours.n_with_beacons(0)), (0, 2));
+        assert_eq!((neighbours.len(), neighbours.n_with_beacons(0)), (0, 1));
     }
 
     #[test]

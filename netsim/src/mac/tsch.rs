@@ -183,8 +183,8 @@ impl Tsch {
     /// Sends beacons from now on, or no longer.
     pub fn enable_beacons(&mut self, config: &Config, enabled: bool, now_ns: u64) {
         if enabled && !self.beacons.enabled {
-            self.beacons.next_ns =
-                now_ns + self.dice.duration_ns(0, self.beacon_interval_ns(config, now_ns));
+            let interval_ns = self.beacon_interval_ns(config, now_ns);
+            self.beacons.next_ns = now_ns + self.dice.duration_ns(0, interval_ns);
         }
         self.beacons.enabled = enabled;
         self.beacons.is_due &= enabled;
@@ -192,7 +192,7 @@ impl Tsch {
 
     /// The mean time between this mote's beacons (ns): longer where many others have sent them lately, too. A neighbour that has
     /// joined only sends none yet.
-    fn beacon_interval_ns(&self, config: &Config, now_ns: u64) -> u64 {
+    fn beacon_interval_ns(&mut self, config: &Config, now_ns: u64) -> u64 {
         let lately_ns = now_ns.saturating_sub(N_PERIODS * config.beacon_period_ns);
         let n_senders = 1 + self.neighbours.n_with_beacons(lately_ns / config.slot_ns) as u64;
         let crowd_ns = config.beacon_spacing_ns.saturating_mul(n_senders);

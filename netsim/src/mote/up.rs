@@ -99,28 +99,33 @@ impl Mote {
         verdict
     }
 
-    /// As [`Mote::handle_frame`], and all that follows from it. Returns whether timers or cells may have changed: most beacons
-    /// change neither, and leave nothing to pass on.
+    /// As [`Mote::handle_frame`], and all that follows from it. Returns whether timers may be due sooner or cells may have
+    /// changed: most beacons change neither, and leave nothing to pass on.
     pub fn take_in(
         &mut self,
         world: &mut World<'_>,
         arrived: &Arrived<'_>,
     ) -> (FrameHandling, bool) {
         let is_beacon = matches!(arrived.frame.content, Content::Beacon(_));
-        let may_rest = is_beacon
-            && !self.mac.is_scanning()
-            && !self.sf.heeds_beacons()
-            && world.settings.rpl.handover.is_none();
-        let probe_ns = self.rpl.probe_due_ns();
-        let verdict = self.handle_frame(world, arrived);
-        if may_rest
-            && self.mac.time_source() != Some(arrived.frame.source)
-            && self.rpl.probe_due_ns() == probe_ns
-        {
-            return (verdict, false);
+        if !is_beacon || self.mac.is_scanning() || self.sf.heeds_beacons() {
+            let verdict = self.handle_frame(world, arrived);
+            self.pump(world);
+            return (verdict, true);
         }
-        self.pump(world);
-        (verdict, true)
+        let timers = |mote: &Self, world: &World<'_>| {
+            (mote.mac.poll_timeout(&world.settings.mac), mote.rpl.poll_timeout())
+        };
+        let before = timers(self, world);
+        let verdict = self.handle_frame(world, arrived);
+        let after = timers(self, world);
+        let is_sooner = |(before, after): (Option<u64>, Option<u64>)| {
+            after.is_some_and(|after| before.is_none_or(|before| after < before))
+        };
+        let has_news = self.rpl.has_news();
+        if has_news {
+            self.pump(world);
+        }
+        (verdict, has_news || is_sooner((before.0, after.0)) || is_sooner((before.1, after.1)))
     }
 
     fn handle_outcome(

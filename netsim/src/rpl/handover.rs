@@ -29,36 +29,45 @@ impl Rpl {
         now_ns: u64,
         dice: &mut Dice,
     ) -> bool {
-        if self.config.handover.is_none() {
-            return false;
-        }
+        let Some(handover) = self.config.handover else { return false };
         if !self.is_running || self.is_root {
             return true;
         }
         // A beacon does not say of which DODAG it is: of the own one, or of the one that was left last.
         let of = self.dodag.as_ref().or_else(|| self.past.last().map(|past| &past.dodag));
         let Some(dodag) = of else { return true };
+        let (id, version) = (dodag.id, dodag.version);
         let hop = dodag.configuration.min_hop_rank_increase.max(1);
         let rank = match join_metric {
             NO_WAY => INFINITE_RANK,
             metric => (u16::from(metric) + 1).saturating_mul(hop),
         };
-        let mut dio = dodag.dio(self.config.instance, rank);
-        let before = self.neighbours.get(from).map(|one| (one.dio.rank, one.is_usable()));
-        if let Some(known) = self.neighbours.get(from) {
-            if known.dio.dodag_id != dio.dodag_id {
-                return true;
+        let initial_etx_x128 = self.config.initial_etx_x128;
+        let mut before = None;
+        let mut was_weak = false;
+        match self.neighbours.get_mut(from) {
+            Some(known) if known.dio.dodag_id != id => return true,
+            // Most say the same again.
+            Some(known) if (known.dio.rank, known.dio.version) == (rank, version) => {
+                before = Some((rank, known.is_usable()));
+                was_weak = known.is_fading(&handover);
+                known.hear(None, now_ns);
+                known.forgive(initial_etx_x128, now_ns);
             }
-            dio.dtsn = known.dio.dtsn;
-        } else {
-            dio.dtsn = 0;
+            known => {
+                let mut dio = dodag.dio(self.config.instance, rank);
+                dio.dtsn = 0;
+                if let Some(known) = known {
+                    before = Some((known.dio.rank, known.is_usable()));
+                    was_weak = known.is_fading(&handover);
+                    dio.dtsn = known.dio.dtsn;
+                }
+                self.note(from, &dio, now_ns);
+            }
         }
-        self.note(from, &dio, now_ns);
-        let handover = self.config.handover;
         let Some(known) = self.neighbours.get_mut(from) else { return true };
-        let was_weak = handover.is_some_and(|handover| known.is_fading(&handover));
         known.follow(rssi_dbm, now_ns);
-        let is_weak = handover.is_some_and(|handover| known.is_fading(&handover));
+        let is_weak = known.is_fading(&handover);
         let after = (known.dio.rank, known.is_usable());
         if before != Some(after) || was_weak != is_weak || self.parent().is_none() {
             self.select(now_ns, dice);

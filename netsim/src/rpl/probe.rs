@@ -45,12 +45,6 @@ impl Rpl {
         }
     }
 
-    /// When the next frame is due that looks for a better parent (ns).
-    #[must_use]
-    pub fn probe_due_ns(&self) -> Option<u64> {
-        self.probes.at_ns
-    }
-
     /// Whether a neighbour of this DAGRank, one good hop away, would give a rank better by a hop.
     fn could_outdo(&self, dag_rank: u16) -> bool {
         let Some(dodag) = self.dodag.as_ref().filter(|dodag| dodag.parent.is_some()) else {

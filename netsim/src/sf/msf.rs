@@ -363,10 +363,6 @@ impl SchedulingFunction for Msf {
         }
     }
 
-    fn heeds_beacons(&self) -> bool {
-        false
-    }
-
     fn poll_timeout(&self) -> Option<u64> {
         let quarantine_ns = self.quarantined.values().min().copied();
         earliest([self.due_ns, self.hold_until_ns, self.housekeeping_ns, quarantine_ns])

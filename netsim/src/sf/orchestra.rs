@@ -263,6 +263,10 @@ impl SchedulingFunction for Orchestra {
         }
     }
 
+    fn heeds_beacons(&self) -> bool {
+        true
+    }
+
     fn handle_beacon(&mut self, cx: &mut Context<'_>, from: Eui64, join_metric: u8) {
         if set_member(&mut self.roots, from, join_metric == 0) {
             self.refresh(cx, &[Rule::SpecialForRoot]);

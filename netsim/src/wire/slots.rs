@@ -52,12 +52,19 @@ impl SlotSet {
     /// How many slots before this one are in it.
     #[must_use]
     pub fn rank(&self, slot: u16) -> usize {
-        (0..slot).filter(|&other| self.has(other)).count()
+        let whole = usize::from(slot / 64).min(self.0.len());
+        let before: u32 = self.0[..whole].iter().map(|word| word.count_ones()).sum();
+        let rest = self.0.get(whole).map_or(0, |word| word & ((1 << (slot % 64)) - 1));
+        (before + rest.count_ones()) as usize
     }
 
     /// Its slots, ascending.
     pub fn iter(&self) -> impl Iterator<Item = u16> + '_ {
-        (0..MAX_SLOTS).filter(|&slot| self.has(slot))
+        (0..).step_by(64).zip(self.0).flat_map(|(base, word)| {
+            let left = |word: u64| Some(word).filter(|&word| word != 0);
+            let words = std::iter::successors(left(word), move |word| left(word & (word - 1)));
+            words.map(move |word| base + word.trailing_zeros() as u16)
+        })
     }
 
     fn byte(&self, index: u16) -> u8 {
@@ -147,6 +154,22 @@ mod tests {
         let mut set = SlotSet::default();
         taken.iter().for_each(|&slot| set.insert(slot));
         SlotsRepr { n_slots, taken: set, first, tags: tags.to_vec() }
+    }
+
+    #[test]
+    fn slots_are_listed_and_counted_as_they_were_put_in() {
+        for seed in 0..200_u64 {
+            let mut set = SlotSet::default();
+            let in_it = |slot: u16| (u64::from(slot) * (2 * seed + 1)).is_multiple_of(seed % 9 + 1);
+            let slots: Vec<u16> = (0..MAX_SLOTS).filter(|&slot| in_it(slot)).collect();
+            slots.iter().for_each(|&slot| set.insert(slot));
+            assert!(set.iter().eq(slots.iter().copied()));
+            for slot in 0..=MAX_SLOTS {
+                let before = slots.iter().filter(|&&other| other < slot).count();
+                assert_eq!(set.rank(slot), before, "{slot}");
+            }
+        }
+        assert_eq!(SlotSet::default().iter().count(), 0);
     }
 
     #[test]
