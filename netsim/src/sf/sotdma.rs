@@ -52,6 +52,13 @@ pub const ENTRY: Entry = Entry {
                 kind: Kind::Integer { min: 2, max: 10_000 },
                 default: Default::Integer(16),
             },
+            Field {
+                key: "forget_slotframes",
+                doc: "Number of slotframes after which a neighbour that was not heard is forgotten, and its slot free again: few where \
+                      slotframes are long and motes move.",
+                kind: Kind::Integer { min: 2, max: 8 },
+                default: Default::Integer(8),
+            },
         ],
     },
     payload_cells: PayloadCells::Own,
@@ -95,6 +102,8 @@ pub struct SotdmaConfig {
     pub unicast: UnicastSlots,
     /// Mean number of slotframes from one check of the own slot to the next.
     pub check_slotframes: u16,
+    /// Slotframes after which a neighbour that was not heard is forgotten.
+    pub forget_slotframes: u8,
 }
 
 /// In which slots unicast frames go out.
@@ -120,7 +129,7 @@ struct Neighbour {
     address: Eui64,
     /// The slot in which it was heard last.
     slot: u16,
-    /// By slotframe, the current one in bit 0: whether it was heard. Who has not been in eight is forgotten.
+    /// By slotframe, the current one in bit 0: whether it was heard. Who has not been in `forget_slotframes` is forgotten.
     heard: u8,
     /// Slots in which it hears neighbours.
     taken: SlotSet,
@@ -319,7 +328,8 @@ impl SchedulingFunction for Sotdma {
         for neighbour in &mut self.neighbours {
             neighbour.heard <<= 1;
         }
-        self.neighbours.retain(|neighbour| neighbour.heard != 0);
+        let remembered = u8::MAX >> (8 - self.config.forget_slotframes);
+        self.neighbours.retain(|neighbour| neighbour.heard & remembered != 0);
         self.n_slotframes = self.n_slotframes.saturating_add(1);
         if self.slot.is_none() {
             if LISTENS_FIRST < self.n_slotframes {
