@@ -10,6 +10,7 @@
 //! | [`addresses`] | which mote has which address |
 //! | [`packets`] | packets from end to end |
 //! | `payloads`, [`inbox`] | the swarm's payloads: from robots to queues, and from the air to robots |
+//! | `oracle` | one scheduler that decides for all: a bound |
 //! | `orders` | faults, jamming and traffic from outside |
 //! | [`records`], [`capture`], [`frames`] | what is reported |
 //!
@@ -23,6 +24,7 @@ pub mod frames;
 mod hush;
 pub mod inbox;
 pub mod network;
+mod oracle;
 mod orders;
 pub mod packets;
 mod payloads;

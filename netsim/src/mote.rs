@@ -230,6 +230,22 @@ impl Mote {
         self.boot(world);
     }
 
+    /// Is switched on in a network that needs no forming.
+    pub fn switch_on_ready(&mut self, world: &mut World<'_>) {
+        self.tally.switch_on(world.asn);
+        self.mac.start_root(world.now_ns);
+        (self.joined, self.ready) = (true, true);
+        *world.readiness_changed = true;
+        let at_ns = Some(world.now_ns);
+        let Tally { first_synced_ns, first_joined_ns, first_ready_ns, .. } = &mut self.tally;
+        for first in [first_synced_ns, first_joined_ns, first_ready_ns] {
+            *first = first.or(at_ns);
+        }
+        for app in &mut self.apps {
+            app.set_ready(true, world.now_ns, &mut self.dice.application);
+        }
+    }
+
     /// Begins with nothing.
     fn boot(&mut self, world: &mut World<'_>) {
         self.draw_reboot(world);

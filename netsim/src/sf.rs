@@ -10,6 +10,7 @@
 //! | [`sotdma`] | slots taken where nobody within two hops has them | this simulator |
 //! | [`orchestra`] | cells that follow from addresses | Duquennoy et al., SenSys 2015; Contiki-NG |
 //! | [`static_schedule`] | cells as they are configured | |
+//! | [`oracle`] | whom to send to is decided in one place: a bound | this simulator |
 //!
 //! How a mote drives one: when it has become synchronised, or is a root that starts, it puts the minimal cell into the schedule if
 //! [`SchedulingFunction::minimal_cell`] says so ([`minimal::install`]), then calls [`SchedulingFunction::start`], then
@@ -18,6 +19,7 @@
 
 pub mod minimal;
 pub mod msf;
+pub mod oracle;
 pub mod orchestra;
 pub mod rrsf;
 pub mod sotdma;
@@ -256,19 +258,21 @@ pub enum PayloadCells {
     Shared,
     /// Either kind, as the schedule is configured. The cell for itself is preferred.
     Either,
+    /// None at all.
+    None,
 }
 
 impl PayloadCells {
     /// Whether a mote can have a cell for itself.
     #[must_use]
     pub fn has_own(self) -> bool {
-        self != Self::Shared
+        matches!(self, Self::Own | Self::Either)
     }
 
     /// Whether motes can share cells.
     #[must_use]
     pub fn has_shared(self) -> bool {
-        self != Self::Own
+        matches!(self, Self::Shared | Self::Either)
     }
 }
 
@@ -461,6 +465,7 @@ pub(crate) const BUILT_IN: &[Entry] = &[
     sotdma::ENTRY,
     orchestra::ENTRY,
     static_schedule::ENTRY,
+    oracle::ENTRY,
 ];
 
 /// Description of `[netsim.sf]`.

@@ -129,7 +129,7 @@ impl Mode {
                 Box::new(Broadcast::with_place(experiment, config, columns, *place)),
             )),
             (Some(network), State::Mesh(mut state))
-                if state.place.is_of(n) && state.motes.len() == n =>
+                if state.place.is_of(n) && state.motes.len() == n && state.waiting.is_of(n) =>
             {
                 let (settings, addresses) = *network;
                 if !state.motes.iter_mut().all(|mote| mote.sf.resume(&settings.sf)) {

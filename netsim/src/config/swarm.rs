@@ -1,7 +1,7 @@
 //! `[netsim.swarm]`: how the swarm's payloads travel.
 
 use crate::mesh::settings::Transport;
-use crate::sf;
+use crate::sf::{self, PayloadCells};
 use proto::config::{Choice, Default, Field, Kind, Problem, TableSpec, join, typed};
 use serde::Deserialize;
 
@@ -106,7 +106,11 @@ pub(super) fn build(table: &toml::Table, given: &mut Given<'_>) -> Transport {
     let keys: Keys = typed(table);
     let Some(function) = given.function else { return Transport::None };
     let cells = function.payload_cells;
-    let default = if cells.has_own() { Choices::OwnCell } else { Choices::BroadcastSlotframe };
+    let default = match cells {
+        PayloadCells::None => Choices::None,
+        PayloadCells::Own | PayloadCells::Either => Choices::OwnCell,
+        PayloadCells::Shared => Choices::BroadcastSlotframe,
+    };
     let transport = keys.transport.unwrap_or(default);
     let mut refuse = |why: &str, nearest: Choices| {
         let path = join(given.path, "transport");
@@ -118,6 +122,10 @@ pub(super) fn build(table: &toml::Table, given: &mut Given<'_>) -> Transport {
                 .nearest(format!("{:?}", nearest.name())),
         );
     };
+    if cells == PayloadCells::None && transport != Choices::None {
+        refuse("it carries no payloads for everyone", Choices::None);
+        return Transport::None;
+    }
     let built = match transport {
         Choices::None => Transport::None,
         Choices::OwnCell => {

@@ -6,9 +6,11 @@ use super::capture::Capture;
 use super::frames::FrameLog;
 use super::hush::ListeningCache;
 use super::inbox::Inbox;
+use super::oracle::{Waiting, Ways};
 use super::packets::Packets;
 use super::scratch::Scratch;
 use super::settings::Settings;
+use crate::app::App;
 use crate::config::Config;
 use crate::lowpan::DropReason;
 use crate::medium::jam::Jams;
@@ -16,6 +18,7 @@ use crate::medium::links::Links;
 use crate::medium::slot::SlotMedium;
 use crate::mote::{Mote, World};
 use crate::place::{self, Place};
+use crate::sf::oracle::OracleConfig;
 use proto::side::{NetInput, NetOutput};
 use proto::site::Site;
 use proto::types::{DeliveryColumn, Experiment, NetRecord};
@@ -37,6 +40,8 @@ pub struct State {
     pub jams: Jams,
     /// Frames heard, by receiver; empty if nobody wants to know.
     pub heard: Vec<Vec<HeardOf>>,
+    /// What waits where, if one scheduler decides for all; otherwise nothing does.
+    pub waiting: Waiting,
     /// Whether everybody takes part.
     pub formed: Formed,
     /// The first slot that has not been simulated.
@@ -79,6 +84,9 @@ pub struct Mesh {
     pub(super) listening_cache: ListeningCache,
     /// Somebody has become ready, or is no longer, since it was last looked whether all are.
     pub(super) readiness_changed: bool,
+    /// Whether one scheduler decides for all: `sf.kind = "oracle"`. Its ways, as far as they are known.
+    pub(super) has_oracle: bool,
+    pub(super) ways: Ways,
 }
 
 impl Mesh {
@@ -109,6 +117,7 @@ impl Mesh {
             } else {
                 Vec::new()
             },
+            waiting: Waiting::new(n),
             formed: Formed::default(),
             asn: 0,
         };
@@ -118,6 +127,9 @@ impl Mesh {
             if mesh.state.place.is_alive(mote as usize) {
                 mesh.switch_on(mote, 0);
             }
+        }
+        if mesh.has_oracle {
+            mesh.look_whether_formed(0);
         }
         mesh
     }
@@ -148,6 +160,7 @@ impl Mesh {
         }
         let capture = Capture::new(records.contains(&NetRecord::Capture));
         let frames = FrameLog::new(records.contains(&NetRecord::Frames));
+        let has_oracle = settings.sf.as_kind::<OracleConfig>().is_some();
         Self {
             experiment,
             columns,
@@ -165,6 +178,8 @@ impl Mesh {
             due_ns: vec![0; n],
             listening_cache: ListeningCache::new(n),
             readiness_changed: true,
+            has_oracle,
+            ways: Ways::default(),
         }
     }
 
@@ -210,6 +225,7 @@ impl Mesh {
             let period_end_ns = period_ns + step_ns;
             // Steps may be shorter than a control period, or longer: what is redrawn with each must not depend on it.
             self.links.set_period(period_ns);
+            self.ways.forget();
             let end_asn = period_end_ns.div_ceil(slot_ns).min(until_asn).max(asn + 1);
             if let Some(stopped_asn) = self.run(end_asn, input.stop_at_first_delivery) {
                 time_ns = input.until_ns.min((stopped_asn + 1) * slot_ns);
@@ -225,7 +241,11 @@ impl Mesh {
     /// shall stop there.
     fn run(&mut self, end_asn: u64, stop_at_first_delivery: bool) -> Option<u64> {
         while let Some(asn) = self.state.calendar.next_asn().filter(|&asn| asn < end_asn) {
-            self.slot(asn);
+            if self.has_oracle {
+                self.oracle_slot(asn);
+            } else {
+                self.slot(asn);
+            }
             if stop_at_first_delivery && self.inbox.is_heard() {
                 return Some(asn);
             }
@@ -271,6 +291,12 @@ impl Mesh {
     pub(super) fn reschedule(&mut self, mote: u32, from_asn: u64) {
         let slot_ns = self.config.slot_ns;
         let node = &self.state.motes[mote as usize];
+        if self.has_oracle {
+            let timeout_ns = node.apps.iter().filter_map(App::poll_timeout).min();
+            let timer_asn = timeout_ns.map(|due_ns| due_ns.div_ceil(slot_ns).max(from_asn));
+            let next = if self.state.waiting.is_at(mote) { Some(from_asn) } else { timer_asn };
+            return self.state.calendar.set(mote, next);
+        }
         let timeout = node.poll_timeout(&self.settings.mac);
         self.due_ns[mote as usize] = timeout.unwrap_or(u64::MAX);
         let timer_asn = timeout.map(|due_ns| due_ns.div_ceil(slot_ns).max(from_asn));

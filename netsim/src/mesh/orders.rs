@@ -82,9 +82,14 @@ impl Mesh {
 
     /// Switches a mote on that is off.
     pub(super) fn switch_on(&mut self, mote: u32, asn: u64) {
+        let has_oracle = self.has_oracle;
         let (node, mut world) = self.mote_and_world(mote, asn);
         if node.tally.on_since_asn.is_none() {
-            node.switch_on(&mut world);
+            if has_oracle {
+                node.switch_on_ready(&mut world);
+            } else {
+                node.switch_on(&mut world);
+            }
             self.reschedule(mote, asn);
         }
     }
@@ -94,6 +99,9 @@ impl Mesh {
         let (node, mut world) = self.mote_and_world(mote, asn);
         if node.tally.on_since_asn.is_some() {
             node.switch_off(&mut world);
+            if self.has_oracle {
+                self.oracle_lose(mote, asn);
+            }
             // It may have been the last one that was missing.
             self.readiness_changed = true;
             self.listening_cache.forget(mote);
@@ -103,6 +111,16 @@ impl Mesh {
 
     fn send_ordered(&mut self, mote: u32, destination: u32, payload: bytes::Bytes, asn: u64) {
         let now_ns = asn * self.config.slot_ns;
+        if self.has_oracle {
+            if destination != EVERYONE {
+                let bytes = payload.len() as u32;
+                let kind = PacketKind::Ordered;
+                let packet = self.state.packets.begin(kind, mote, destination, now_ns, bytes);
+                self.oracle_send(mote, destination, payload, packet, asn);
+                self.reschedule(mote, asn);
+            }
+            return;
+        }
         if destination == EVERYONE {
             let (node, mut world) = self.mote_and_world(mote, asn);
             node.say(&mut world, ALL_NODES, payload, 0);

@@ -476,7 +476,7 @@ impl Mesh {
     }
 
     /// Payloads of the swarm that came in frames for one mote alone.
-    fn pass_on_payloads(&mut self, asn: u64) {
+    pub(super) fn pass_on_payloads(&mut self, asn: u64) {
         let end_ns = (asn + 1) * self.config.slot_ns;
         for brought in self.scratch.swarm.drain(..) {
             let number = self.inbox.send(Sent {

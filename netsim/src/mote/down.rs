@@ -6,7 +6,7 @@ use crate::app;
 use crate::lowpan::DropReason;
 use crate::mac::queue::{Priority, Queued, SWARM_HANDLE};
 use crate::mesh::packets::PacketKind;
-use crate::mesh::settings::Transport;
+use crate::mesh::settings::{Settings, Transport};
 use crate::rpl::Route;
 use crate::sf::Traffic;
 use crate::wire::Eui64;
@@ -179,6 +179,44 @@ impl Mote {
             payload,
         });
         self.originate(world, to.global(), upper, id);
+    }
+
+    /// Lengths of the frames (PSDU, bytes) that carry a payload to a neighbour, without headers of routing.
+    ///
+    /// # Errors
+    /// The datagram is too long.
+    pub fn frame_lengths(
+        &mut self,
+        settings: &Settings,
+        to: Eui64,
+        payload: Bytes,
+    ) -> Result<Vec<u16>, DropReason> {
+        let ports = APPLICATION_PORT;
+        let upper = Upper::Udp(UdpRepr { source_port: ports, destination_port: ports, payload });
+        let datagram = Datagram {
+            packet: 0,
+            source: self.address.global(),
+            destination: to.global(),
+            dscp: 0,
+            hop_limit: HOP_LIMIT,
+            rpi: None,
+            route: None,
+            upper,
+        };
+        let room = settings.room(&datagram, Some(to));
+        let parts = self.lowpan.send(Arc::new(datagram), Some(to), room)?;
+        let length = |part| {
+            settings.psdu_bytes(&FrameRepr {
+                source: self.address,
+                destination: Some(to),
+                sequence: 0,
+                ack_request: true,
+                pending: false,
+                slots: None,
+                content: Content::Lowpan(part),
+            })
+        };
+        Ok(parts.into_iter().map(length).collect())
     }
 
     /// A payload of the swarm: to everyone in reach in the cells that its transport has, or to one mote.

@@ -1,7 +1,7 @@
 //! Another way for datagrams whose way has failed, as packets are salvaged in DSR (RFC 4728, § 3.4.1): for motes that move.
 
 use super::{Mote, World};
-use crate::lowpan::DropReason;
+use crate::lowpan::{DropReason, Mode};
 use crate::mac::queue::Queued;
 use crate::rpl::Route;
 use crate::wire::Eui64;
@@ -18,6 +18,18 @@ fn whole(frame: &Queued) -> Option<&Datagram> {
 }
 
 impl Mote {
+    /// The datagram of a frame, where the mote has all of it: it came whole, was put together here, or was made here.
+    fn held<'a>(&self, world: &World<'_>, frame: &'a Queued) -> Option<&'a Datagram> {
+        let Content::Lowpan(LowpanRepr::First(part) | LowpanRepr::Next(part)) =
+            &frame.frame.content
+        else {
+            return whole(frame);
+        };
+        let is_put_together = world.settings.lowpan.mode == Mode::PerHopReassembly;
+        let is_own = part.datagram.source == self.address.global();
+        (is_put_together || is_own).then_some(&*part.datagram)
+    }
+
     /// A new parent: what waits for another neighbour on its way up goes through this one.
     pub(super) fn reroute_upward(&mut self, world: &mut World<'_>, parent: Eui64) {
         if !world.settings.mobility.reroute {
@@ -47,7 +59,7 @@ impl Mote {
         if !world.settings.mobility.reroute || frame.has_arrived {
             return false;
         }
-        let Some(datagram) = whole(frame) else { return false };
+        let Some(datagram) = self.held(world, frame) else { return false };
         if datagram.hop_limit <= 1 || datagram.destination.is_multicast() {
             return false;
         }
@@ -59,11 +71,13 @@ impl Mote {
                 Some(Route::Source { first_hop, .. }) if Some(first_hop) != failed => None,
                 _ => return false,
             };
+            self.withdraw_parts(frame);
             self.send_anew(world, frame, up);
             return true;
         }
         match self.rpl.route(datagram.destination) {
             Some(Route::Up(parent)) if Some(parent) != failed => {
+                self.withdraw_parts(frame);
                 self.send_anew(world, frame, Some(parent));
                 true
             }
@@ -71,9 +85,27 @@ impl Mote {
         }
     }
 
+    /// The other parts of the datagram of a frame do not go where that has failed.
+    fn withdraw_parts(&mut self, failed: &Queued) {
+        let Content::Lowpan(LowpanRepr::First(part) | LowpanRepr::Next(part)) =
+            &failed.frame.content
+        else {
+            return;
+        };
+        let others = self.mac.take_where(|other| match &other.frame.content {
+            Content::Lowpan(LowpanRepr::First(other_part) | LowpanRepr::Next(other_part)) => {
+                other.destination() == failed.destination() && other_part.tag == part.tag
+            }
+            _ => false,
+        });
+        for other in &others {
+            self.tally.drop_frame(DropReason::Withdrawn, other.has_arrived);
+        }
+    }
+
     /// Sends the datagram of a frame as if it had come just now. It has one hop less to go.
     fn send_anew(&mut self, world: &mut World<'_>, frame: &Queued, next_hop: Option<Eui64>) {
-        let Some(datagram) = whole(frame) else { return };
+        let Some(datagram) = self.held(world, frame) else { return };
         let mut datagram = datagram.clone();
         datagram.route = None;
         datagram.rpi = None;

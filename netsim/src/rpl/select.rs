@@ -112,7 +112,9 @@ impl Rpl {
         let hop = configuration.min_hop_rank_increase;
         let rank = objective.rank_via(dio.rank, &neighbour.etx, hop)?;
         let is_fading = self.config.handover.is_some_and(|handover| neighbour.is_fading(&handover));
-        let rank = if is_fading { rank.saturating_add(hop).min(INFINITE_RANK - 1) } else { rank };
+        // A hop farther, and behind whoever is as near with a signal that holds.
+        let penalty = if is_fading { hop.saturating_add(1) } else { 0 };
+        let rank = rank.saturating_add(penalty).min(INFINITE_RANK - 1);
         let is_newer = match &self.dodag {
             Some(dodag) if dodag.id == dio.dodag_id => {
                 match lollipop::compare(dio.version, dodag.version) {

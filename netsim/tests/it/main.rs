@@ -17,6 +17,7 @@ mod independence;
 mod invariants;
 mod mesh_snapshot;
 mod model;
+mod oracle;
 mod pinned;
 mod pinned_mesh;
 mod refusals;

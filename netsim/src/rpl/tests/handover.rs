@@ -63,6 +63,20 @@ fn a_fading_parent_is_kept_where_there_is_no_other() {
 }
 
 #[test]
+fn of_two_ways_that_are_as_long_with_what_fading_costs_the_one_that_holds_is_taken() {
+    let mut bench = Bench::mote(moving());
+    bench.hear(1, &dio_of(0, 768));
+    beacon(&mut bench, 2, 0, -50.0);
+    assert_eq!(bench.rpl.parent(), Some(mote(2)));
+    for _ in 0..3 {
+        beacon(&mut bench, 2, 0, -80.0);
+        beacon(&mut bench, 3, 1, -50.0);
+        bench.pass(SECOND_NS);
+    }
+    assert_eq!(bench.rpl.parent(), Some(mote(3)));
+}
+
+#[test]
 fn a_neighbour_that_says_that_it_has_no_way_is_no_parent() {
     let mut bench = Bench::mote(moving());
     bench.hear(1, &dio_of(0, 768));

@@ -148,15 +148,19 @@ fn of_two_motes_in_one_slot_the_one_heard_last_is_announced() {
 }
 
 #[test]
-fn who_has_not_been_heard_for_eight_slotframes_is_forgotten() {
-    let (mut bench, own) = settled(1);
-    hear(&mut bench, 20, (own + 1) % 10, &[(own, 1)]);
-    for _ in 0..7 {
+fn who_has_not_been_heard_for_as_many_slotframes_as_are_set_is_forgotten() {
+    for (key, n) in [("", 8), ("\nforget_slotframes = 3", 3)] {
+        let mut bench = Bench::start(&built(&format!("{TEXT}{key}"), 9), 1);
+        (0..4).for_each(|_| bench.pass_time());
+        let own = sotdma(&bench).slot().unwrap();
+        hear(&mut bench, 20, (own + 1) % 10, &[(own, 1)]);
+        for _ in 1..n {
+            bench.pass_time();
+            assert_eq!(said(&bench, own).taken.len(), 1);
+        }
         bench.pass_time();
-        assert_eq!(said(&bench, own).taken.len(), 1);
+        assert!(said(&bench, own).taken.is_empty());
     }
-    bench.pass_time();
-    assert!(said(&bench, own).taken.is_empty());
 }
 
 #[test]

@@ -1,0 +1,47 @@
+//! No scheduling function but a bound: who sends in which slot is decided in one place, by somebody who knows everything.
+
+use super::{Config, Configured, Context, Entry, PayloadCells, SchedulingFunction};
+use proto::config::{Variant, typed};
+use serde::{Deserialize, Serialize};
+
+/// `kind = "oracle"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "oracle",
+        doc: "Not a protocol but a bound: a central scheduler that knows all positions and queues decides in each slot who sends \
+              what to whom. No beacons, no joining, no routing messages, no headers of routing.",
+        fields: &[],
+    },
+    payload_cells: PayloadCells::None,
+    build: |table, _| Some(Config::new(typed::<OracleConfig>(table))),
+};
+
+/// A network whose slots are shared out in one place. The scheduler itself is the mesh's: `mesh/oracle.rs`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct OracleConfig {}
+
+/// What a mote decides on: nothing.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Oracle {}
+
+impl Configured for OracleConfig {
+    type OfMote = Oracle;
+
+    fn create(&self, _mote: u32) -> Oracle {
+        Oracle {}
+    }
+}
+
+impl SchedulingFunction for Oracle {
+    fn start(&mut self, _cx: &mut Context<'_>) {}
+
+    fn stop(&mut self) {}
+
+    fn slotframe_slots(&self) -> u16 {
+        1
+    }
+
+    fn minimal_cell(&self) -> Option<u16> {
+        None
+    }
+}
