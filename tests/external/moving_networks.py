@@ -1,6 +1,7 @@
 """How much of what motes should have sent arrives where they move: the table of docs/network.md, "Motes that move".
 
     target/external/venv/bin/python tests/external/moving_networks.py --seeds 5 --jobs 2 --journal moving.jsonl
+    target/external/venv/bin/python tests/external/moving_networks.py --function msf orchestra --journal functions.jsonl
 
 What is expected is computed here, from the configuration alone: each sender has one packet in ten seconds, all the time.
 A journal that exists is continued.
@@ -10,6 +11,7 @@ import argparse
 import concurrent.futures
 import json
 import os
+import re
 import shutil
 import statistics
 import subprocess
@@ -24,15 +26,37 @@ CASES = {
     "routers-1": 20, "routers-2": 20, "routers-5": 20, "crowd-100-1": 100, "crowd-300-1": 300, "downward-1": 20,
     "routers-0": 20, "downward-0": 20, "crowd-100-0": 100, "crowd-300-0": 300,
 }  # fmt: skip
+# Of each function, [netsim.sf] in place of that of the configuration; the other keys are kept.
+FUNCTIONS = {
+    "as-configured": None,
+    "minimal": 'kind = "minimal"',
+    "msf": 'kind = "msf"',
+    "rrsf": 'kind = "rrsf"\nshared_slots = 16',
+    "orchestra": 'kind = "orchestra"',
+    "sotdma-shared": 'kind = "sotdma"\nslotframe_slots = 97\nshared_slots = 32\nforget_slotframes = 3',
+    "oracle": 'kind = "oracle"',
+}
 WARM_UP_S, END_S, PERIOD_S = 1800, 5400, 10
 
 
-def measure(case, seed, settings):
+def configured(case, function, folder):
+    """The configuration of a case, with another scheduling function."""
+    path = ROOT / "configs" / "mobility" / f"{case}.toml"
+    if FUNCTIONS[function] is None:
+        return path
+    text, n = re.subn(r"\[netsim\.sf\]\n(?:[^\[\n].*\n)*", f"[netsim.sf]\n{FUNCTIONS[function]}\n", path.read_text())
+    assert n == 1, "one table of the scheduling function"
+    changed = folder / path.name
+    changed.write_text(text.replace('file = "', f'file = "{path.parent}/'))
+    return changed
+
+
+def measure(case, seed, function, settings):
     """One run: delivered / expected, latency (s), energy (mC a mote and hour) and when the network had formed."""
     program = os.environ.get("ORCHESTRATOR") or ROOT / "target" / "release" / "orchestrator"
     folder = Path(tempfile.mkdtemp(prefix="moving-"))
     try:
-        config = ROOT / "configs" / "mobility" / f"{case}.toml"
+        config = configured(case, function, folder)
         command = [program, "run", config, "--seed", str(seed), "--out", folder, "--threads", "1"]
         for setting in settings:
             command += ["--set", setting]
@@ -50,9 +74,9 @@ def measure(case, seed, settings):
         motes = pq.read_table(run / "motes.parquet", columns=["step", "mote", "is_root", "charge_uc", "up_ns", "first_ready_ns"]).to_pylist()
         last = max(row["step"] for row in motes)
         motes = [row for row in motes if row["step"] == last and not row["is_root"]]
-        ready_s = [row["first_ready_ns"] / 1e9 for row in motes if row["first_ready_ns"]]
+        ready_s = [row["first_ready_ns"] / 1e9 for row in motes if row["first_ready_ns"] is not None]
         return {
-            "case": case, "seed": seed, "settings": settings,
+            "case": case, "seed": seed, "function": function, "settings": settings,
             "ratio": len(delivered) / (CASES[case] * (END_S - WARM_UP_S) / PERIOD_S),
             "median_latency_s": statistics.median(latencies_s) if latencies_s else None,
             "p95_latency_s": sorted(latencies_s)[int(0.95 * len(latencies_s))] if latencies_s else None,
@@ -75,7 +99,7 @@ def summary(rows):
     formed = over("formed_s", 0)
     n_formed = sum(row["formed_s"] is not None for row in rows)
     formed += "" if n_formed == len(rows) else f", {n_formed} of {len(rows)}"
-    return f"| `{rows[0]['case']}` | {over('ratio', 3)} | {over('median_latency_s', 1)} | {over('p95_latency_s', 1)} | {over('mean_current_ma', 1)} | {formed} |"
+    return f"| `{rows[0]['case']}` | `{rows[0]['function']}` | {over('ratio', 3)} | {over('median_latency_s', 1)} | {over('p95_latency_s', 1)} | {over('mean_current_ma', 1)} | {formed} |"
 
 
 def main():
@@ -83,23 +107,26 @@ def main():
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--cases", nargs="*", choices=CASES, default=list(CASES))
+    parser.add_argument("--function", nargs="*", choices=FUNCTIONS, default=["as-configured"], dest="functions")
     parser.add_argument("--set", action="append", default=[], dest="settings", metavar="KEY=VALUE")
     parser.add_argument("--journal", type=Path, required=True)
     asked = parser.parse_args()
     done = [json.loads(line) for line in asked.journal.read_text().splitlines()] if asked.journal.exists() else []
     done = [row for row in done if row["settings"] == asked.settings]
-    known = {(row["case"], row["seed"]) for row in done}
-    todo = [(case, seed) for seed in range(1, asked.seeds + 1) for case in asked.cases if (case, seed) not in known]
+    known = {(row["case"], row["seed"], row["function"]) for row in done}
+    wanted = [(case, seed, function) for seed in range(1, asked.seeds + 1) for function in asked.functions for case in asked.cases]
+    todo = [one for one in wanted if one not in known]
     with concurrent.futures.ThreadPoolExecutor(asked.jobs) as pool:
-        runs = [pool.submit(measure, case, seed, asked.settings) for case, seed in todo]
+        runs = [pool.submit(measure, *one, asked.settings) for one in todo]
         for run in concurrent.futures.as_completed(runs):
             done.append(run.result())
             with asked.journal.open("a") as journal:
                 journal.write(json.dumps(run.result()) + "\n")
-    for case in asked.cases:
-        rows = [row for row in done if row["case"] == case]
-        if rows:
-            print(summary(rows))
+    for function in asked.functions:
+        for case in asked.cases:
+            rows = [row for row in done if (row["case"], row["function"]) == (case, function)]
+            if rows:
+                print(summary(rows))
 
 
 if __name__ == "__main__":

@@ -259,7 +259,7 @@ pub(super) fn build(
         max_drift_ppm: keys.max_drift_ppm,
         crystal_hz: keys.crystal_hz,
         pending_bit: keys.pending_bit,
-        bursts_over_background: false,
+        bursts_beside_everyone: false,
     };
     (config, effects)
 }

@@ -60,7 +60,8 @@ pub(super) const SPEC: TableSpec = TableSpec {
         Field {
             key: "bursts",
             doc: "Whether a mote sends on to the same neighbour in the slots that follow, as with mac.pending_bit, also where these are slots \
-                  in which motes of rrsf or sotdma only listen for everyone: on the channel of the first frame, beside what others send there.",
+                  in which all contend, or in which motes of rrsf or sotdma only listen for everyone: on the channel of the first frame, \
+                  beside what others send there.",
             kind: Kind::Bool,
             default: Default::Bool(false),
         },

@@ -184,7 +184,7 @@ pub(super) fn build(
     let (mobility, handover) = mobility::build(&keys.mobility, given, &roots, problems);
     rpl.handover = handover;
     mac.pending_bit |= mobility.bursts;
-    mac.bursts_over_background = mobility.bursts;
+    mac.bursts_beside_everyone = mobility.bursts;
     let join = admission::build(&keys.join);
     if join.secure && !rpl.advertises && roots.len() + 1 < given.agent_count {
         warnings.push(format!(

@@ -322,11 +322,14 @@ impl Schedule {
         })
     }
 
-    /// Whether there is no cell in an absolute slot. `beside_background`: nor none but a slotframe's background.
+    /// Whether there is no cell in an absolute slot. `beside_everyone`: nor none but those in which all contend, and a slotframe's
+    /// background.
     #[must_use]
-    pub fn is_free(&self, asn: u64, beside_background: bool) -> bool {
-        if beside_background {
-            self.frames.iter().all(|frame| frame.cells_at(asn).is_empty())
+    pub fn is_free(&self, asn: u64, beside_everyone: bool) -> bool {
+        if beside_everyone {
+            self.frames
+                .iter()
+                .all(|frame| frame.cells_at(asn).iter().all(|cell| cell.options.shared))
         } else {
             self.cells_at(asn).next().is_none()
         }

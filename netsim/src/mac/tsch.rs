@@ -70,6 +70,11 @@ struct Beacons {
     is_due: bool,
 }
 
+/// What the pending bit announced has precedence in a slot in which all contend, or listen for everyone.
+fn follows_beside_everyone(config: &Config, schedule: &Schedule, asn: u64) -> bool {
+    config.bursts_beside_everyone && schedule.is_free(asn, true)
+}
+
 impl Tsch {
     /// The MAC of a mote that is switched off.
     #[must_use]
@@ -259,8 +264,11 @@ impl Tsch {
             if at < asn || sends_to.is_some() {
                 self.extra = None;
             }
+            if at == asn && sends_to.is_none() && follows_beside_everyone(config, schedule, asn) {
+                return None;
+            }
             if let (true, Some(neighbour)) = (at == asn, sends_to)
-                && schedule.is_free(asn, config.bursts_over_background)
+                && schedule.is_free(asn, config.bursts_beside_everyone)
             {
                 let place =
                     self.queue.iter().position(|queued| queued.destination() == Some(neighbour))?;
@@ -325,7 +333,7 @@ impl Tsch {
         self.in_flight = true;
         let pending = config.pending_bit
             && frame.destination().is_some_and(|to| self.queue.waits_for(to))
-            && schedule.is_free(asn + 1, config.bursts_over_background);
+            && schedule.is_free(asn + 1, config.bursts_beside_everyone);
         frame.frame.pending = pending;
         Transmission { at, channel, outgoing: Outgoing::Frame(frame), pending }
     }
@@ -356,12 +364,13 @@ impl Tsch {
                 let at = schedule.listens(asn);
                 let follows =
                     self.extra.filter(|extra| extra.asn == asn && extra.sends_to.is_none());
-                let gives_way = config.bursts_over_background && schedule.is_free(asn, true);
                 match (at, follows) {
-                    (Some(_), Some(extra)) if gives_way => Some(Listening {
-                        is_scheduled: true,
-                        ..Listening::synchronised(None, extra.channel)
-                    }),
+                    (Some(_), Some(extra)) if follows_beside_everyone(config, schedule, asn) => {
+                        Some(Listening {
+                            is_scheduled: true,
+                            ..Listening::synchronised(None, extra.channel)
+                        })
+                    }
                     (Some(at), _) => {
                         let channel = channel_of(config, asn, at.cell.channel);
                         Some(Listening::synchronised(Some(at), channel))

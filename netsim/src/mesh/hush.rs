@@ -161,7 +161,7 @@ mod tests {
             max_drift_ppm: 0.0,
             crystal_hz: 32_768,
             pending_bit: false,
-            bursts_over_background: false,
+            bursts_beside_everyone: false,
             contends_as_peer: false,
         }
     }

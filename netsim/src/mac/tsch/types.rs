@@ -53,8 +53,8 @@ pub struct Config {
     pub crystal_hz: u32,
     /// A frame announces that another for the same neighbour follows in the next slot.
     pub pending_bit: bool,
-    /// It does so, too, where the next slot has a slotframe's background, in which motes listen for everyone.
-    pub bursts_over_background: bool,
+    /// It does so, too, where in the next slot all contend, or listen for everyone: in shared cells and a slotframe's background.
+    pub bursts_beside_everyone: bool,
 }
 
 impl Config {

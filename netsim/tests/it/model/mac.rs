@@ -234,7 +234,7 @@ fn config(dice: &mut Dice) -> Config {
         max_drift_ppm: 0.0,
         crystal_hz: 32_768,
         pending_bit: pick(&[0, 1]) == 1,
-        bursts_over_background: false,
+        bursts_beside_everyone: false,
         contends_as_peer: false,
     }
 }

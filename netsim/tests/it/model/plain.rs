@@ -344,10 +344,10 @@ impl Plain {
                 Some(Listening { mote, at: None, channel, scans: true })
             } else if node.mac.is_synced() {
                 let follows = node.mac.follows_at(asn) == Some(asn);
-                let is_idle =
-                    node.schedule.slotframes().iter().all(|one| one.cells_at(asn).is_empty());
+                let mut cells = node.schedule.slotframes().iter().flat_map(|one| one.cells_at(asn));
+                let is_idle = cells.all(|cell| cell.options.shared);
                 match first_to_receive(&node.schedule, asn) {
-                    Some(at) if !(follows && is_idle && mac.bursts_over_background) => {
+                    Some(at) if !(follows && is_idle && mac.bursts_beside_everyone) => {
                         let channel = channel_of(mac, asn, at.cell.channel);
                         Some(Listening { mote, at: Some(at), channel, scans: false })
                     }
