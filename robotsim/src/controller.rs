@@ -4,6 +4,7 @@
 //! its mote stands in the network, and gives a command for the period that begins. It keeps nothing between steps. To add one: write its file, and add
 //! its entry to the list.
 
+pub(crate) mod active_connectivity;
 mod boids;
 mod circle_formation;
 mod consensus;
@@ -18,11 +19,11 @@ mod olfati_saber;
 mod random_jump;
 mod random_waypoint;
 
-use crate::context::Context;
+use crate::context::{Context, field};
 use crate::dynamics::{Command, norm};
 use crate::exploration::{Settings as ExplorationSettings, State as Exploration};
 use crate::knowledge::Knowledge;
-use proto::config::{Problem, Registered, TableSpec, Tag, Variant, Variants};
+use proto::config::{Kind, Problem, Registered, TableSpec, Tag, Variant, Variants};
 use proto::rng::Draws;
 use proto::types::{AgentStates, MoteStates};
 use rayon::prelude::*;
@@ -48,8 +49,16 @@ pub(crate) const BUILT_IN: &[Entry] = &[
 ];
 
 /// Description of `[robotsim.controller]`.
-pub(crate) const SPEC: TableSpec =
-    TableSpec { doc: "The control law of the robots.", fields: &[], tag: Some(&TAG) };
+pub(crate) const SPEC: TableSpec = TableSpec {
+    doc: "The control law of the robots.",
+    fields: &[field(
+        active_connectivity::KEY,
+        "Motion that keeps the link to the routing parent.",
+        Kind::Table(&active_connectivity::SPEC),
+        proto::config::Default::Absent,
+    )],
+    tag: Some(&TAG),
+};
 
 /// The key that selects a controller.
 pub(crate) const TAG: Tag =

@@ -2,6 +2,7 @@
 
 use crate::catalogue::Catalogue;
 use crate::context::{Context, field};
+use crate::controller::active_connectivity::{self, ActiveConnectivity};
 use crate::controller::{self, Controller, Team};
 use crate::dynamics::contacts::Contacts;
 use crate::dynamics::effect::only::refuse_measured;
@@ -148,6 +149,8 @@ pub(crate) fn build(
         let table = subtable(table, index, "controller", &group.controller);
         let kind = catalogue.controllers.selected(table, &controller::TAG);
         let controller = kind.and_then(|kind| (kind.build)(table, &context, &mut own));
+        let controller = controller.map(|controller| ActiveConnectivity::around(controller, table));
+        let keeps_links = table.contains_key(active_connectivity::KEY);
         let jumping = kind.filter(|kind| kind.demands.jumps).map(|kind| kind.variant.name);
         if let (Some(name), true) = (jumping, contacts.is_some()) {
             let message = format!(
@@ -170,6 +173,10 @@ pub(crate) fn build(
                 )
             };
             own.push(Problem::new(join(&context.path, "kind"), message));
+        }
+        if let (Some(name), true) = (jumping, keeps_links) {
+            let message = format!("does not apply to {name}, whose robots do not move but jump");
+            own.push(Problem::new(join(&context.path, active_connectivity::KEY), message));
         }
         // What groups share is wrong once.
         own.retain(|problem| !unread.contains(&problem.path) && !problems.contains(problem));
