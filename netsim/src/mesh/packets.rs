@@ -151,6 +151,12 @@ impl<R: Copy> Packets<R> {
         self.n_created[kind as usize]
     }
 
+    /// Whether a packet has not ended. Those that are not counted never do.
+    #[must_use]
+    pub fn goes_on(&self, id: u64) -> bool {
+        id == 0 || self.on_their_way.contains_key(&id)
+    }
+
     /// Those that have not ended, by number.
     pub fn on_their_way(&self) -> impl Iterator<Item = &Packet> {
         self.on_their_way.values()
@@ -182,6 +188,7 @@ mod tests {
         assert!(packets.deliver(a, 9, 2).is_none());
         packets.lose(a, 9, 'x');
         assert_eq!((packets.late(), packets.on_their_way().count()), (1, 2));
+        assert_eq!([0, a, b].map(|id| packets.goes_on(id)), [true, false, true]);
         packets.lose(b, 9, 'y');
         assert_eq!(packets.counts(), [3, 1, 1, 1]);
         let ended = packets.take_ended();

@@ -18,16 +18,17 @@ fn whole(frame: &Queued) -> Option<&Datagram> {
 }
 
 impl Mote {
-    /// The datagram of a frame, where the mote has all of it: it came whole, was put together here, or was made here.
+    /// The datagram of a frame, where the mote has all of it, and the next hop no part: it came whole, was put together here, or was
+    /// made here, and the frame is its first. Parts that had gone on would be given up where they are.
     fn held<'a>(&self, world: &World<'_>, frame: &'a Queued) -> Option<&'a Datagram> {
-        let Content::Lowpan(LowpanRepr::First(part) | LowpanRepr::Next(part)) =
-            &frame.frame.content
-        else {
+        let Content::Lowpan(LowpanRepr::First(part)) = &frame.frame.content else {
             return whole(frame);
         };
         let is_put_together = world.settings.lowpan.mode == Mode::PerHopReassembly;
         let is_own = part.datagram.source == self.address.global();
-        (is_put_together || is_own).then_some(&*part.datagram)
+        // Where another part was dropped here, the datagram was given up.
+        let is_whole = (is_put_together || is_own) && world.packets.goes_on(frame.packet);
+        is_whole.then_some(&*part.datagram)
     }
 
     /// A new parent: what waits for another neighbour on its way up goes through this one.
@@ -87,13 +88,9 @@ impl Mote {
 
     /// The other parts of the datagram of a frame do not go where that has failed.
     fn withdraw_parts(&mut self, failed: &Queued) {
-        let Content::Lowpan(LowpanRepr::First(part) | LowpanRepr::Next(part)) =
-            &failed.frame.content
-        else {
-            return;
-        };
+        let Content::Lowpan(LowpanRepr::First(part)) = &failed.frame.content else { return };
         let others = self.mac.take_where(|other| match &other.frame.content {
-            Content::Lowpan(LowpanRepr::First(other_part) | LowpanRepr::Next(other_part)) => {
+            Content::Lowpan(LowpanRepr::Next(other_part)) => {
                 other.destination() == failed.destination() && other_part.tag == part.tag
             }
             _ => false,
