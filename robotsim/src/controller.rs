@@ -22,7 +22,7 @@ mod random_waypoint;
 use crate::context::{Context, field};
 use crate::dynamics::{Command, norm};
 use crate::exploration::{Settings as ExplorationSettings, State as Exploration};
-use crate::knowledge::Knowledge;
+use crate::knowledge::{Knowledge, Seen};
 use proto::config::{Kind, Problem, Registered, TableSpec, Tag, Variant, Variants};
 use proto::rng::Draws;
 use proto::types::{AgentStates, MoteStates};
@@ -191,7 +191,48 @@ impl<'a> Links<'a> {
     }
 }
 
+/// How a robot has heard the mote through which it routes.
+#[derive(Clone, Copy, Debug)]
+enum ParentLink {
+    /// It is a root: it has no parent.
+    Root,
+    /// It has heard its parent; where the network has no routing, its strongest neighbour.
+    Heard {
+        /// Received signal strength (dBm).
+        rssi_dbm: f64,
+        /// The parent.
+        to: Seen,
+    },
+    /// It has not joined, or has not heard its parent: its strongest neighbour, if it has heard any.
+    Lost(Option<Seen>),
+}
+
 impl View<'_> {
+    /// A robot's link to its preferred parent in routing.
+    fn parent_link(&self, agent: usize) -> ParentLink {
+        let has_joined = self.links.has_joined(agent).unwrap_or(true);
+        let parent = self.links.parent(agent);
+        if has_joined && parent == Some(None) {
+            return ParentLink::Root;
+        }
+        let (mut best, mut heard_parent): (Option<(f32, Seen)>, _) = (None, None);
+        self.knowledge.for_each_known_to(agent, |seen| {
+            let Some(rssi_dbm) = seen.rssi_dbm else { return };
+            if best.is_none_or(|(most_dbm, _)| most_dbm < rssi_dbm) {
+                best = Some((rssi_dbm, *seen));
+            }
+            if parent == Some(Some(seen.agent)) {
+                heard_parent = Some((rssi_dbm, *seen));
+            }
+        });
+        match if parent.is_some() { heard_parent } else { best } {
+            Some((rssi_dbm, to)) if has_joined => {
+                ParentLink::Heard { rssi_dbm: f64::from(rssi_dbm), to }
+            }
+            _ => ParentLink::Lost(best.map(|(_, seen)| seen)),
+        }
+    }
+
     /// How a robot moved in the step before (m/s).
     fn velocity_mps(&self, agent: usize) -> [f64; 3] {
         let states = self.states;

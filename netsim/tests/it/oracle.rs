@@ -16,9 +16,14 @@ fn recorded(n: usize, config: &str) -> Setup {
     Setup { records: vec![NetRecord::Packets, NetRecord::Statistics], ..setup(n, config) }
 }
 
-/// What ended in each second, and the last output.
-fn run(network: &mut Network, seconds: std::ops::Range<u64>) -> (Vec<[u64; 4]>, NetOutput) {
-    let states = standing_at(&LINE);
+/// Source, hops, outcome and latency (ns) of each packet that ended while the first `n` motes of the line stood there, and the
+/// last output.
+fn run(
+    network: &mut Network,
+    n: usize,
+    seconds: std::ops::Range<u64>,
+) -> (Vec<[u64; 4]>, NetOutput) {
+    let states = standing_at(&LINE[..n]);
     let mut ended = Vec::new();
     let mut last = None;
     for second in seconds {
@@ -41,7 +46,7 @@ fn each_packet_takes_the_shortest_way_a_slot_for_each_hop() {
         "[[app]]\nperiod_s = 3\npayload_bytes = 72",
     );
     let (mut network, _) = started(&recorded(5, &config));
-    let (ended, last) = run(&mut network, 0..60);
+    let (ended, last) = run(&mut network, 5, 0..60);
     assert_eq!(last.formation.expect("a full network").formed_ns, Some(10_000_000));
     let count = |source: u64| ended.iter().filter(|packet| packet[0] == source).count();
     for source in 1..5 {
@@ -66,14 +71,10 @@ fn over_a_link_of_probability_p_the_attempts_are_geometric() {
         "[[app]]\nsenders = [1]\nperiod_s = 1\npayload_bytes = 40",
     );
     let (mut network, _) = started(&recorded(2, &config));
-    let states = standing_at(&LINE[..2]);
+    let (ended, _) = run(&mut network, 2, 0..4000);
     let mut of_attempts = [0.0; 64];
-    for second in 0..4000 {
-        let output = interval(&mut network, &states, second * NS_PER_S, (second + 1) * NS_PER_S);
-        let packets = output.packets.expect("packets are recorded");
-        for (ended_ns, created_ns) in packets.ended_ns.iter().zip(&packets.created_ns) {
-            of_attempts[((ended_ns - created_ns) / 10_000_000) as usize] += 1.0;
-        }
+    for [_, _, _, latency_ns] in ended {
+        of_attempts[(latency_ns / 10_000_000) as usize] += 1.0;
     }
     // The distance is the width of the well.
     let p = (-0.5_f64).exp();
@@ -93,7 +94,7 @@ fn a_datagram_of_several_frames_arrives_when_the_last_of_them_does() {
         "[[app]]\nsenders = [4]\nperiod_s = 2\npayload_bytes = 300",
     );
     let (mut network, _) = started(&recorded(5, &config));
-    let (ended, _) = run(&mut network, 0..40);
+    let (ended, _) = run(&mut network, 5, 0..40);
     assert!(18 <= ended.len());
     // Four hops with four frames each: 300 bytes, and less than a hundred to a frame.
     for [_, hops, outcome, latency_ns] in ended {
@@ -109,11 +110,11 @@ fn saved_with_packets_on_their_way_it_goes_on() {
         "[[app]]\nperiod_s = 0.2\npayload_bytes = 200",
     );
     let (mut network, _) = started(&recorded(5, &config));
-    run(&mut network, 0..5);
+    run(&mut network, 5, 0..5);
     let saved = network.snapshot();
     let mut twin = Network::default();
     twin.restore(&saved).expect("what was just saved");
-    assert_eq!(run(&mut network, 5..10).0, run(&mut twin, 5..10).0);
+    assert_eq!(run(&mut network, 5, 5..10).0, run(&mut twin, 5, 5..10).0);
     assert!(network.snapshot() == twin.snapshot());
 }
 

@@ -1,9 +1,8 @@
 //! Robots that keep in touch while they do something else: an option of every controller.
 
-use super::{Controller, ExplorationSettings, View, add, scaled, sub};
+use super::{Controller, ExplorationSettings, ParentLink, View, add, scaled, sub};
 use crate::context::field;
 use crate::dynamics::{Command, norm};
-use crate::knowledge::Seen;
 use proto::config::{Default, Kind, Range, TableSpec, typed};
 use serde::Deserialize;
 
@@ -76,26 +75,10 @@ impl ActiveConnectivity {
 
     /// A velocity as the link allows it.
     fn allowed(&self, view: &View<'_>, agent: usize, velocity_mps: [f64; 3]) -> [f64; 3] {
-        let links = &view.links;
-        let has_joined = links.has_joined(agent).unwrap_or(true);
-        let parent = links.parent(agent);
-        if has_joined && parent == Some(None) {
-            return velocity_mps;
-        }
         let own_m = view.states.position_m(agent);
-        let (mut best, mut heard_parent): (Option<(f32, Seen)>, _) = (None, None);
-        view.knowledge.for_each_known_to(agent, |seen| {
-            let Some(rssi_dbm) = seen.rssi_dbm else { return };
-            if best.is_none_or(|(most_dbm, _)| most_dbm < rssi_dbm) {
-                best = Some((rssi_dbm, *seen));
-            }
-            if parent == Some(Some(seen.agent)) {
-                heard_parent = Some((rssi_dbm, *seen));
-            }
-        });
-        let link = if parent.is_some() { heard_parent } else { best };
-        match (link, best) {
-            (Some((rssi_dbm, to)), _) if has_joined => {
+        match view.parent_link(agent) {
+            ParentLink::Root | ParentLink::Lost(None) => velocity_mps,
+            ParentLink::Heard { rssi_dbm, to } => {
                 let away = sub(own_m, to.motion.position_m);
                 let distance_m = norm(away);
                 if distance_m == 0.0 {
@@ -103,11 +86,11 @@ impl ActiveConnectivity {
                 }
                 let unit = scaled(away, 1.0 / distance_m);
                 let away_mps: f64 = velocity_mps.iter().zip(unit).map(|(v, e)| v * e).sum();
-                let above_db = f64::from(rssi_dbm) - self.keys.rssi_floor_dbm;
+                let above_db = rssi_dbm - self.keys.rssi_floor_dbm;
                 let share = (above_db / self.keys.rssi_margin_db).clamp(-1.0, 1.0);
                 add(velocity_mps, scaled(unit, (share - 1.0) * away_mps.max(0.0)))
             }
-            (_, Some((_, to))) => {
+            ParentLink::Lost(Some(to)) => {
                 let way = sub(to.motion.position_m, own_m);
                 let length_m = norm(way);
                 if length_m == 0.0 {
@@ -115,7 +98,6 @@ impl ActiveConnectivity {
                 }
                 scaled(way, norm(velocity_mps) / length_m)
             }
-            (_, None) => velocity_mps,
         }
     }
 }
@@ -170,7 +152,8 @@ mod tests {
         }
     }
 
-    /// What robot 0, at x = 10, is told, which hears robots 1 at x = 0 and 2 at x = 12 so strongly and wants this.
+    /// The command of robot 0 at x = 10, whose own controller gives `wanted`. It hears robot 1 at x = 0 and robot 2 at x = 12 with
+    /// these signal strengths.
     fn told(wanted: Command, rssi_dbm: [f32; 2], parent: u32, joined: bool) -> Command {
         let mut states = AgentStates::at_origin(3);
         states.x_m = vec![10.0, 0.0, 12.0];

@@ -1,9 +1,8 @@
 //! Robots that spread as far as their links hold.
 
-use super::{Controller, Demands, Entry, Goal, View, add, norm, scaled, sub};
+use super::{Controller, Demands, Entry, Goal, ParentLink, View, add, norm, scaled, sub};
 use crate::context::{Context, field};
 use crate::dynamics::Command;
-use crate::knowledge::Seen;
 use proto::config::{Default, Kind, Problem, Range, Variant, typed};
 use serde::Deserialize;
 
@@ -89,44 +88,36 @@ impl Controller for Dispersion {
     }
 
     fn command(&self, view: &View<'_>, agent: usize) -> Command {
-        let links = &view.links;
-        let has_joined = links.has_joined(agent).unwrap_or(true);
-        let parent = links.parent(agent);
-        if has_joined && parent == Some(None) {
-            return Command::Velocity([0.0; 3]);
-        }
         let own_m = view.states.position_m(agent);
-        let mut away = [0.0; 3];
-        let (mut best, mut heard_parent): (Option<(f32, Seen)>, _) = (None, None);
-        view.knowledge.for_each_known_to(agent, |seen| {
-            let apart = sub(own_m, seen.motion.position_m);
-            let distance_m = norm(apart);
-            if distance_m != 0.0 {
-                away = add(away, scaled(apart, 1.0 / (distance_m * distance_m)));
-            }
-            let Some(rssi_dbm) = seen.rssi_dbm else { return };
-            if best.is_none_or(|(most_dbm, _)| most_dbm < rssi_dbm) {
-                best = Some((rssi_dbm, *seen));
-            }
-            if parent == Some(Some(seen.agent)) {
-                heard_parent = Some((rssi_dbm, *seen));
-            }
-        });
-        let link = if parent.is_some() { heard_parent } else { best };
-        match (link, best) {
-            (Some((rssi_dbm, to)), _) if has_joined => {
-                let above_db = f64::from(rssi_dbm) - self.rssi_floor_dbm;
+        match view.parent_link(agent) {
+            ParentLink::Root => Command::Velocity([0.0; 3]),
+            ParentLink::Heard { rssi_dbm, to } => {
+                let above_db = rssi_dbm - self.rssi_floor_dbm;
                 let share = (above_db / self.rssi_margin_db).clamp(-1.0, 1.0);
                 if 0.0 <= share {
-                    self.along(away, share)
+                    self.along(away_from_others(view, agent), share)
                 } else {
                     self.along(sub(to.motion.position_m, own_m), -share)
                 }
             }
-            (_, Some((_, to))) => self.along(sub(to.motion.position_m, own_m), 1.0),
-            (_, None) => self.along(scaled(own_m, -1.0), 1.0),
+            ParentLink::Lost(Some(to)) => self.along(sub(to.motion.position_m, own_m), 1.0),
+            ParentLink::Lost(None) => self.along(scaled(own_m, -1.0), 1.0),
         }
     }
+}
+
+/// Σ_j (x_i − x_j) / d_ij² over those a robot knows of.
+fn away_from_others(view: &View<'_>, agent: usize) -> [f64; 3] {
+    let own_m = view.states.position_m(agent);
+    let mut away = [0.0; 3];
+    view.knowledge.for_each_known_to(agent, |seen| {
+        let apart = sub(own_m, seen.motion.position_m);
+        let distance_m = norm(apart);
+        if distance_m != 0.0 {
+            away = add(away, scaled(apart, 1.0 / (distance_m * distance_m)));
+        }
+    });
+    away
 }
 
 #[cfg(test)]
