@@ -253,7 +253,7 @@ impl Mote {
             self.mac.start_root(world.now_ns);
             self.begin_synced(world, None);
         } else {
-            self.mac.scan();
+            self.mac.scan(&world.settings.mac);
             self.tally.start_scanning(world.asn);
         }
         self.pump(world);

@@ -260,6 +260,7 @@ pub(super) fn build(
         crystal_hz: keys.crystal_hz,
         pending_bit: keys.pending_bit,
         bursts_beside_everyone: false,
+        scans_hopping: false,
     };
     (config, effects)
 }

@@ -45,7 +45,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "handover_s",
-            doc: "How far ahead that trend is followed (s).",
+            doc: "How far ahead that trend is followed (s); without handover_dbm it has no influence.",
             kind: Kind::Number(Range::closed(0.0, 60.0)),
             default: Default::Number(2.0),
         },
@@ -62,6 +62,15 @@ pub(super) const SPEC: TableSpec = TableSpec {
             doc: "Whether a mote sends on to the same neighbour in the slots that follow, as with mac.pending_bit, also where these are slots \
                   in which all contend, or in which motes of rrsf or sotdma only listen for everyone: on the channel of the first frame, \
                   beside what others send there.",
+            kind: Kind::Bool,
+            default: Default::Bool(false),
+        },
+        Field {
+            key: "scan_hopping",
+            doc: "Whether a mote that has lost synchronisation scans on the channel that beacons have in each slot, channel offset 0, not on \
+                  one channel for mac.scan_dwell_s: its own clock tells the slot for a while (62 s at 40 ppm and 10 ms). It hears the \
+                  next beacon in reach, where a mote on one of 16 channels hears every sixteenth. Beacons of orchestra on another \
+                  sf.eb_channel are found only after that while.",
             kind: Kind::Bool,
             default: Default::Bool(false),
         },
@@ -87,6 +96,7 @@ struct Keys {
     handover_s: f64,
     reroute: bool,
     bursts: bool,
+    scan_hopping: bool,
     keep_admission: bool,
 }
 
@@ -101,6 +111,8 @@ pub struct Mobility {
     pub reroute: bool,
     /// Frames for one neighbour follow each other where everyone only listens.
     pub bursts: bool,
+    /// Who has lost synchronisation scans where beacons are expected.
+    pub scan_hopping: bool,
     /// Admission outlives synchronisation.
     pub keep_admission: bool,
 }
@@ -136,6 +148,7 @@ pub(super) fn build(
         time_from_beacons: keys.time_from_beacons,
         reroute: keys.reroute,
         bursts: keys.bursts,
+        scan_hopping: keys.scan_hopping,
         keep_admission: keys.keep_admission,
     };
     let handover = keys.rank_from_beacons.then(|| Handover {

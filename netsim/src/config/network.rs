@@ -185,6 +185,7 @@ pub(super) fn build(
     rpl.handover = handover;
     mac.pending_bit |= mobility.bursts;
     mac.bursts_beside_everyone = mobility.bursts;
+    mac.scans_hopping = mobility.scan_hopping;
     let join = admission::build(&keys.join);
     if join.secure && !rpl.advertises && roots.len() + 1 < given.agent_count {
         warnings.push(format!(
@@ -194,6 +195,17 @@ pub(super) fn build(
             key_path("rpl.routes_down"),
             key_path("join.secure"),
             key_path("rpl.routes_down"),
+        ));
+    }
+    if mobility.keep_admission && !join.secure {
+        let (key, needs) = (key_path("mobility.keep_admission"), key_path("join.secure"));
+        warnings
+            .push(format!("{key}: changes nothing: with {needs} = false nobody needs admission"));
+    }
+    if 1 < given.agent_count && mobility.leaves.len() + roots.len() == given.agent_count {
+        let key = key_path("mobility.leaves");
+        warnings.push(format!(
+            "{key}: all motes but roots are leaves: only those that hear a root take part"
         ));
     }
     let (Some(sf), Some(addresses), true) = (scheduling, addresses, problems.len() == n_before)

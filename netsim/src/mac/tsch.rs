@@ -6,7 +6,7 @@ mod timekeeping;
 mod types;
 mod waiting;
 
-pub use channel::{channel_of, scan_channel};
+pub use channel::{BEACON_CHANNEL_OFFSET, channel_of, scan_channel};
 pub use types::{Config, Done, Due, FrameHandling, Listening, Outgoing, State, Transmission};
 
 use super::backoff::Backoff;
@@ -44,6 +44,8 @@ pub struct Tsch {
     patience_ns: u64,
     /// Whether it has kept time since it was switched on.
     had_time: bool,
+    /// A scanning mote that lost its time still knows which slot it is until then (ns).
+    knows_slot_until_ns: u64,
     /// When the time source was heard for which the next keep-alive was drawn (ns).
     drawn_for_ns: Option<u64>,
     queue: Queue,
@@ -93,6 +95,7 @@ impl Tsch {
             clock,
             patience_ns: config.desynchronise_ns,
             had_time: false,
+            knows_slot_until_ns: 0,
             drawn_for_ns: None,
             queue: Queue::new(config.queue_capacity),
             in_flight: false,
@@ -153,7 +156,13 @@ impl Tsch {
     }
 
     /// Looks for a network: after it was switched on, or lost synchronisation. The frames that waited are returned.
-    pub fn scan(&mut self) -> Vec<Queued> {
+    pub fn scan(&mut self, config: &Config) -> Vec<Queued> {
+        self.knows_slot_until_ns = match self.state {
+            State::Synced { heard_ns, .. } if config.scans_hopping => {
+                heard_ns.saturating_add(config.knows_slot_for_ns())
+            }
+            _ => 0,
+        };
         let frames = self.reset();
         self.state = State::Scanning { heard: Vec::new(), decide_ns: None };
         frames
@@ -357,7 +366,7 @@ impl Tsch {
         match &self.state {
             State::Off => None,
             State::Scanning { .. } => {
-                let channel = scan_channel(config, seed, self.mote, asn);
+                let channel = self.scans_on(config, seed, asn);
                 Some(Listening { scans: true, ..Listening::synchronised(None, channel) })
             }
             State::Synced { .. } => {
@@ -380,6 +389,16 @@ impl Tsch {
                     }
                 }
             }
+        }
+    }
+
+    /// The channel on which it listens in a slot while it looks for a network.
+    #[must_use]
+    pub fn scans_on(&self, config: &Config, seed: u64, asn: u64) -> u8 {
+        if asn * config.slot_ns < self.knows_slot_until_ns {
+            channel_of(config, asn, BEACON_CHANNEL_OFFSET)
+        } else {
+            scan_channel(config, seed, self.mote, asn)
         }
     }
 

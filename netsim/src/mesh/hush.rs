@@ -162,6 +162,7 @@ mod tests {
             crystal_hz: 32_768,
             pending_bit: false,
             bursts_beside_everyone: false,
+            scans_hopping: false,
             contends_as_peer: false,
         }
     }
@@ -179,7 +180,7 @@ mod tests {
         for (mac, _) in &mut motes[..4] {
             mac.start_root(0);
         }
-        motes[4].0.scan();
+        motes[4].0.scan(&config);
         for (mote, (mac, schedule)) in (0..).zip(&mut motes) {
             // Mote 3's slotframes are longer than those of the others.
             let slots = if mote == 3 { 131 } else { 101 };

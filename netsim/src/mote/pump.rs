@@ -260,7 +260,7 @@ impl Mote {
     /// Loses synchronisation: begins anew.
     pub(super) fn desynchronise(&mut self, world: &mut World<'_>) {
         self.tally.n_desynchronised += 1;
-        let frames = self.mac.scan();
+        let frames = self.mac.scan(&world.settings.mac);
         self.leave(world, frames, DropReason::Desynchronised);
         self.tally.start_scanning(world.effective_asn);
     }

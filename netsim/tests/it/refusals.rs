@@ -116,6 +116,19 @@ fn admission_beyond_one_hop_without_routes_down_is_warned_of() {
 }
 
 #[test]
+fn settings_of_motes_that_move_which_change_nothing_or_shut_all_out_are_warned_of() {
+    let warnings = |mobility: &str| {
+        let config = format!("mode = \"6tisch\"\n{mobility}");
+        started(&setup(3, &config)).1.warnings.join("\n")
+    };
+    let insecure = "[join]\nsecure = false\n[mobility]\nkeep_admission = true\n";
+    insta::assert_snapshot!(warnings(insecure), @"netsim.mobility.keep_admission: changes nothing: with netsim.join.secure = false nobody needs admission");
+    assert_eq!(warnings("[mobility]\nkeep_admission = true\n"), "");
+    insta::assert_snapshot!(warnings("[mobility]\nleaves = [1, 2]\n"), @"netsim.mobility.leaves: all motes but roots are leaves: only those that hear a root take part");
+    assert_eq!(warnings("[mobility]\nleaves = [2]\n"), "");
+}
+
+#[test]
 fn the_effective_configuration_is_complete_and_means_the_same() {
     let (_, start) = started(&setup(10, ""));
     insta::assert_snapshot!(start.effective.to_string(), @r#"

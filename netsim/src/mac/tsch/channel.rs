@@ -3,6 +3,9 @@
 use super::Config;
 use proto::rng::{Draws, Purpose};
 
+/// The channel offset on which beacons are expected: of the minimal cell (RFC 8180, § 4.1), and Orchestra's by default.
+pub const BEACON_CHANNEL_OFFSET: u16 = 0;
+
 /// The channel of a cell in a slot: IEEE Std 802.15.4-2015, 6.2.6.3.
 #[inline]
 #[must_use]

@@ -55,9 +55,20 @@ pub struct Config {
     pub pending_bit: bool,
     /// It does so, too, where in the next slot all contend, or listen for everyone: in shared cells and a slotframe's background.
     pub bursts_beside_everyone: bool,
+    /// A mote that has lost its time source scans on the channel of [`BEACON_CHANNEL_OFFSET`] in each slot, as long as it knows which
+    /// slot it is.
+    ///
+    /// [`BEACON_CHANNEL_OFFSET`]: super::channel::BEACON_CHANNEL_OFFSET
+    pub scans_hopping: bool,
 }
 
 impl Config {
+    /// How long after it was corrected a clock is less than half a slot off that of another mote (ns).
+    pub(super) fn knows_slot_for_ns(&self) -> u64 {
+        // Each of the two may be off by the greatest rate error. Without one they always agree.
+        (self.slot_ns as f64 / 2.0 / (2.0 * self.max_drift_ppm * 1e-6)) as u64
+    }
+
     /// After how long without its time source a mote asks for it that is lost `desynchronise_ns` after it was heard (ns). The
     /// ratio of the two is always the same.
     pub(super) fn keep_alive_within(&self, desynchronise_ns: u64) -> u64 {

@@ -170,7 +170,7 @@ fn with_the_simulators_rule_a_mote_counts_the_neighbours_it_had_before_it_lost_t
             mac.handle_frame(&config, from, None, Some(1), 1, 0);
         }
         assert_eq!(mac.neighbours().len(), 2);
-        mac.scan();
+        mac.scan(&config);
         assert_eq!(mac.neighbours().len(), if is_on { 2 } else { 0 });
     }
 }

@@ -3,7 +3,8 @@
 use super::bench::{
     Bench, EAGER, FULL, LINE, NO_KEEP_ALIVES, SLOT_NS, What, line, own_cells, settings,
 };
-use netsim::mac::tsch::{Config, Due, State, Tsch};
+use netsim::mac::Schedule;
+use netsim::mac::tsch::{Config, Due, State, Tsch, channel_of};
 use netsim::wire::Eui64;
 use proto::types::MoteOrder;
 use std::collections::BTreeSet;
@@ -49,7 +50,7 @@ fn t11_the_lower_join_metric_wins_and_lists_are_emptied() {
     let config = settings("").mac;
     for metrics in [[100, 1], [1, 100]] {
         let mut mac = Tsch::new(&config, Eui64::of_mote(9), 9, false, 1);
-        mac.scan();
+        mac.scan(&config);
         assert_eq!(mac.handle_beacon(&config, Eui64::of_mote(3), metrics[0], 0), None);
         // The same neighbour again is no second one.
         assert_eq!(mac.handle_beacon(&config, Eui64::of_mote(3), metrics[0], 5), None);
@@ -89,6 +90,36 @@ fn t12_a_mote_without_a_way_to_the_root_keeps_nobodys_time_and_looks_for_a_netwo
     root.start_root(0);
     root.lose_time_source(&config);
     assert_eq!(root.handle_timeout(&config, 100 * config.desynchronise_ns), None);
+}
+
+#[test]
+fn a_mote_that_lost_its_time_follows_the_channels_of_beacons_for_as_long_as_its_clock_tells_the_slot()
+ {
+    let mut config = settings("").mac;
+    (config.scans_hopping, config.max_drift_ppm) = (true, 40.0);
+    let schedule = Schedule::new();
+    let mut mac = Tsch::new(&config, Eui64::of_mote(1), 1, false, 1);
+    let follows = |mac: &Tsch, slots: std::ops::Range<u64>| {
+        let heard = |asn| mac.listening(&config, &schedule, 1, asn).unwrap().channel;
+        slots.clone().filter(|&asn| heard(asn) == channel_of(&config, asn, 0)).count()
+    };
+    mac.scan(&config);
+    // One of sixteen channels, each for a second: some of ten thousand slots agree, far from all.
+    assert!((300..1_200).contains(&follows(&mac, 0..10_000)), "{}", follows(&mac, 0..10_000));
+    mac.synchronise(&config, Eui64::of_mote(0), 0, 10_000 * SLOT_NS);
+    mac.scan(&config);
+    // Half a slot of 10 ms over twice 40 ppm: 62.5 s, or 6,250 slots.
+    assert_eq!(follows(&mac, 10_000..16_250), 6_250);
+    assert!(follows(&mac, 16_250..26_250) < 1_200);
+    let config = Config { scans_hopping: false, ..config.clone() };
+    mac.synchronise(&config, Eui64::of_mote(0), 0, 10_000 * SLOT_NS);
+    mac.scan(&config);
+    let heard = |asn| mac.listening(&config, &schedule, 1, asn).unwrap().channel;
+    assert!(
+        10_000
+            < (10_000..20_000).filter(|&asn| heard(asn) != channel_of(&config, asn, 0)).count()
+                + 1_200
+    );
 }
 
 #[test]

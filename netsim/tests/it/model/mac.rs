@@ -235,6 +235,7 @@ fn config(dice: &mut Dice) -> Config {
         crystal_hz: 32_768,
         pending_bit: pick(&[0, 1]) == 1,
         bursts_beside_everyone: false,
+        scans_hopping: false,
         contends_as_peer: false,
     }
 }

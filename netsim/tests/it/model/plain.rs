@@ -8,7 +8,7 @@ use netsim::catalogue::Catalogue;
 use netsim::config::Config;
 use netsim::energy::{SlotUse, Usage};
 use netsim::lowpan::DropReason;
-use netsim::mac::tsch::{Outgoing, Transmission, channel_of, scan_channel};
+use netsim::mac::tsch::{Outgoing, Transmission, channel_of};
 use netsim::mac::{CellRef, Schedule};
 use netsim::medium::jam::{Jam, Jams};
 use netsim::medium::slot::timing::{
@@ -340,7 +340,7 @@ impl Plain {
                 continue;
             }
             let ours = if node.mac.is_scanning() {
-                let channel = scan_channel(mac, self.seed, mote, asn);
+                let channel = node.mac.scans_on(mac, self.seed, asn);
                 Some(Listening { mote, at: None, channel, scans: true })
             } else if node.mac.is_synced() {
                 let follows = node.mac.follows_at(asn) == Some(asn);

@@ -26,7 +26,7 @@ pub(crate) const FUNCTIONS: [&str; 9] = [
     "kind = \"rrsf\"\n[compat]\nshared_slot_0 = true",
     "kind = \"sotdma\"\nslotframe_slots = 20\nshared_slots = 4",
     "kind = \"sotdma\"\nslotframe_slots = 20\nshared_slots = 4\nunicast = \"own\"\n[mobility]\ntime_from_beacons = true\n\
-     rank_from_beacons = true\nhandover_dbm = -60.0\nreroute = true\nbursts = true\nkeep_admission = true",
+     rank_from_beacons = true\nhandover_dbm = -60.0\nreroute = true\nbursts = true\nscan_hopping = true\nkeep_admission = true",
     "kind = \"orchestra\"\ncommon_slots = 7\nunicast_slots = 11\nrules = [\"unicast-non-storing\", \"default-common\"]\n\
      [mobility]\nrank_from_beacons = true\nreroute = true",
 ];
