@@ -36,6 +36,8 @@ FUNCTIONS = {
     "sotdma-shared": 'kind = "sotdma"\nslotframe_slots = 97\nshared_slots = 32\nforget_slotframes = 3',
     "oracle": 'kind = "oracle"',
 }
+# 97.5 % quantiles of Student's t, from one degree of freedom.
+T_975 = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262]
 WARM_UP_S, END_S, PERIOD_S = 1800, 5400, 10
 
 
@@ -89,6 +91,14 @@ def measure(case, seed, function, settings):
         shutil.rmtree(folder, ignore_errors=True)
 
 
+def interval(values):
+    """95 % interval of the mean by Student's t."""
+    if not 2 <= len(values) <= len(T_975) + 1:
+        return "–"
+    half = T_975[len(values) - 2] * statistics.stdev(values) / len(values) ** 0.5
+    return f"{statistics.mean(values) - half:.3f} to {statistics.mean(values) + half:.3f}"
+
+
 def summary(rows):
     def over(key, digits):
         values = [row[key] for row in rows if row[key] is not None]
@@ -99,7 +109,7 @@ def summary(rows):
     formed = over("formed_s", 0)
     n_formed = sum(row["formed_s"] is not None for row in rows)
     formed += "" if n_formed == len(rows) else f", {n_formed} of {len(rows)}"
-    return f"| `{rows[0]['case']}` | `{rows[0]['function']}` | {over('ratio', 3)} | {over('median_latency_s', 1)} | {over('p95_latency_s', 1)} | {over('mean_current_ma', 1)} | {formed} |"
+    return f"| `{rows[0]['case']}` | `{rows[0]['function']}` | {over('ratio', 3)} | {interval([row['ratio'] for row in rows])} | {over('median_latency_s', 1)} | {over('p95_latency_s', 1)} | {over('mean_current_ma', 1)} | {formed} |"
 
 
 def main():
