@@ -1,0 +1,121 @@
+"""Robot swarms that communicate over a radio mesh: run experiments, and find the physics that a model lacks.
+
+    import murmuration
+
+    run = murmuration.run("flocking.toml", seed=3, netsim__phy__propagation="friis")
+    run.summary["task"], run.steps, run.plot()
+
+Configurations are files or dictionaries of the same form; docs/configuration.md lists their keys. Settings override keys, two
+underscores in place of a dot. What is wrong with an input is raised as `InvalidInput`, with the program's text.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from murmuration._answers import Answer, Run, Sweep
+from murmuration._files import Config, config_file, settings, table_file
+from murmuration._program import InvalidInput, MurmurationError, call, program
+
+__all__ = [
+    "Answer", "InvalidInput", "MurmurationError", "Run", "Sweep",
+    "compare", "diagnose", "extend", "power", "program", "run", "simulate", "sweep",
+]  # fmt: skip
+
+
+def run(
+    config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", threads: int | None = None,
+    robotsim: str | None = None, netsim: str | None = None, replace: bool = False, **overrides: Any,
+) -> Run:  # fmt: skip
+    """Runs an experiment and records it in a subfolder of `out`.
+
+    `robotsim` and `netsim` are URLs of simulators to use in place of the built-in ones. `replace` replaces an earlier result
+    of another configuration; without it the new one gets a folder beside it.
+    """
+    options = [*_seed(seed), *_option("--threads", threads), *_option("--robotsim", robotsim), *_option("--netsim", netsim)]
+    options += ["--replace"] if replace else []
+    with config_file(config) as path:
+        printed = call(["run", path, "--out", out, *options, *settings(overrides)])
+    return Run(_folder(printed), printed)
+
+
+def sweep(
+    config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", jobs: int | None = None, restart: bool = False,
+    **overrides: Any,
+) -> Sweep:  # fmt: skip
+    """Runs an experiment under the settings and seeds of its section [sweep]; goes on with trials that are in `out` already."""
+    options = [*_seed(seed), *_option("--jobs", jobs), *(["--restart"] if restart else [])]
+    with config_file(config) as path:
+        printed = call(["sweep", path, "--out", out, *options, *settings(overrides)])
+    return Sweep(_folder(printed), printed)
+
+
+def compare(config: Config, data: Any, seed: int | None = None, **overrides: Any) -> Answer:
+    """Measures how large the error of a model is on measurements, and under which conditions. `data`: a file or a data frame."""
+    return _about("compare", config, data, _seed(seed), overrides)
+
+
+def diagnose(config: Config, data: Any, seed: int | None = None, *, budget_s: float | None = None, **overrides: Any) -> Answer:
+    """Finds the physical effects that a model lacks, from measurements. `budget_s` limits the time it may take."""
+    return _about("diagnose", config, data, [*_seed(seed), *_option("--budget", budget_s)], overrides)
+
+
+def extend(
+    config: Config, data: Any, output: str | os.PathLike[str], *, effect: str | None = None, all: bool = False,  # noqa: A002
+    seed: int | None = None, **overrides: Any,
+) -> Answer:  # fmt: skip
+    """Fits a missing effect to measurements and writes the configuration with it to `output`."""
+    options = [*_seed(seed), *_option("--effect", effect), *(["--all"] if all else []), "--output", os.fspath(output)]
+    return _about("extend", config, data, options, overrides)
+
+
+def simulate(
+    config: Config, like: Any, output: str | os.PathLike[str], seed: int | None = None, **overrides: Any
+) -> Answer:  # fmt: skip
+    """Simulates a measurement campaign with the times, places and commands of `like`, and writes it to `output` (CSV)."""
+    with config_file(config) as path, table_file(like) as table:
+        return _answer(["simulate", path, "--like", table, "--output", output, *_seed(seed), *settings(overrides)])
+
+
+def power(
+    config: Config, like: Any, effect: str, *, campaigns: int | None = None, seed: int | None = None, **overrides: Any
+) -> Answer:  # fmt: skip
+    """Estimates how large an effect must be for a campaign like `like` to detect it."""
+    options = ["--effect", effect, *_option("--campaigns", campaigns), *_seed(seed)]
+    with config_file(config) as path, table_file(like) as table:
+        return _answer(["power", path, "--like", table, *options, *settings(overrides)])
+
+
+def _about(command: str, config: Config, data: Any, options: list[str], overrides: dict[str, Any]) -> Answer:
+    with contextlib.ExitStack() as stack:
+        path = stack.enter_context(config_file(config))
+        table = stack.enter_context(table_file(data))
+        return _answer([command, path, "--data", table, *options, *settings(overrides)])
+
+
+def _answer(arguments: list[Any]) -> Answer:
+    with tempfile.TemporaryDirectory(prefix="murmuration-") as folder:
+        file = Path(folder) / "answer.json"
+        printed = call([*arguments, "--json", file])
+        return Answer(json.loads(file.read_text()), printed)
+
+
+def _folder(printed: str) -> Path:
+    found = re.findall(r"^results in (.+)$", printed, flags=re.MULTILINE)
+    if not found:
+        raise MurmurationError(f"the program named no folder of results:\n{printed}")
+    return Path(found[-1])
+
+
+def _seed(seed: int | None) -> list[str]:
+    return _option("--seed", seed)
+
+
+def _option(name: str, value: Any) -> list[str]:
+    return [] if value is None else [name, str(value)]

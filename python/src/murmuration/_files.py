@@ -1,0 +1,84 @@
+"""Configurations and tables on their way to the program: files as they are, dictionaries and data frames through a temporary file."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from murmuration._program import MurmurationError
+
+Config = str | os.PathLike[str] | Mapping[str, Any]
+
+
+@contextlib.contextmanager
+def config_file(config: Config) -> Iterator[Path]:
+    """The file of a configuration. Files that a dictionary names are relative to the working directory."""
+    if not isinstance(config, Mapping):
+        yield Path(config)
+        return
+    # In the working directory, because the program takes the paths in it as relative to the file.
+    handle, name = tempfile.mkstemp(prefix=".murmuration-", suffix=".toml", dir=os.getcwd())
+    path = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            tomli_w.dump(_plain(config), file)
+        yield path
+    except MurmurationError as error:
+        # Lines of a file that nobody wrote: the dictionary is what they stand for.
+        raise type(error)(str(error).replace(name, "the configuration")) from None
+    finally:
+        path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def table_file(table: Any) -> Iterator[Path]:
+    """The file of a table of measurements: a path, or a data frame of polars or pandas."""
+    if isinstance(table, (str, os.PathLike)):
+        yield Path(table)
+        return
+    with tempfile.TemporaryDirectory(prefix="murmuration-") as folder:
+        path = Path(folder) / "data.csv"
+        if hasattr(table, "write_csv"):
+            table.write_csv(path)
+        elif hasattr(table, "to_csv"):
+            table.to_csv(path, index=False)
+        else:
+            raise TypeError(f"data must be a path or a data frame of polars or pandas, got {type(table).__name__}")
+        yield path
+
+
+def settings(overrides: Mapping[str, Any]) -> list[str]:
+    """Options that override keys. Two underscores in a name stand for the dot between tables."""
+    options = []
+    for name, value in overrides.items():
+        options += ["--set", f"{name.replace('__', '.')}={_toml_value(value)}"]
+    return options
+
+
+def _toml_value(value: Any) -> str:
+    """A value as TOML writes it on one line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{json.dumps(str(key))} = {_toml_value(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml_value(item) for item in value) + "]"
+    return tomli_w.dumps({"value": _plain(value)}).removeprefix("value = ").strip()
+
+
+def _plain(value: Any) -> Any:
+    """Without numpy: its numbers and arrays become Python's."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items() if item is not None}
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return value

@@ -1,0 +1,202 @@
+"""What both kinds of simulator share: the order of steps, repeated requests, digests, sessions, and the server."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import struct
+import sys
+import traceback
+from collections.abc import Iterator
+from concurrent import futures
+from typing import Any
+
+import grpc
+import numpy as np
+
+from murmuration._contract import common_pb2
+
+# The longest text of an error: details travel in HTTP/2 headers, which many clients limit to 16 KiB.
+LONGEST_ERROR = 8_000
+# More receivers times transmissions than this are no deliveries of a swarm (bytes of a matrix of one byte each).
+MOST_PAIRS = 1 << 30
+
+
+class Refused(Exception):
+    """A request that is not taken, with the status that says why."""
+
+    def __init__(self, status: grpc.StatusCode, text: str) -> None:
+        super().__init__(text)
+        self.status = status
+
+
+def invalid(text: str) -> Refused:
+    return Refused(grpc.StatusCode.INVALID_ARGUMENT, text)
+
+
+def not_now(text: str) -> Refused:
+    return Refused(grpc.StatusCode.FAILED_PRECONDITION, text)
+
+
+class Stepper:
+    """Keeps the order of steps for one simulator. Subclasses compute a step in `advance` and say what its digest covers."""
+
+    def __init__(self) -> None:
+        self.step: int | None = None
+        self.time_ns = 0
+        self._asked: bytes | None = None
+        self._reply: Any = None
+        self._digest = b""
+
+    def begin(self) -> None:
+        self.step, self.time_ns, self._asked, self._reply, self._digest = 0, 0, None, None, b""
+
+    def advance(self, request: Any) -> tuple[Any, bytes]:
+        """The reply to a step that may follow, and the bytes of which the digest is made."""
+        raise NotImplementedError
+
+    def take(self, request: Any) -> Any:
+        """A step: the next one, or the latest again."""
+        if self.step is None:
+            raise not_now("step: Configure comes first")
+        content = request.SerializeToString(deterministic=True)
+        if self._reply is not None and request.step == self.step:
+            if content != self._asked:
+                raise not_now(f"step {request.step} was taken with other content")
+            return self._reply
+        if request.step != self.step + 1:
+            raise not_now(f"step {request.step} cannot follow step {self.step}")
+        if request.until_ns <= self.time_ns:
+            raise not_now(f"until_ns {request.until_ns} must be later than {self.time_ns}")
+        if request.confirmed_digest and request.confirmed_digest != self._digest:
+            raise not_now(f"confirmed_digest is not the digest of step {self.step}")
+        reply, covered = self.advance(request)
+        self.step, self.time_ns = request.step, request.until_ns
+        self._digest = hashlib.sha256(covered).digest()
+        reply.step, reply.time_ns, reply.digest = self.step, self.time_ns, self._digest
+        self._asked, self._reply = content, reply
+        return reply
+
+    def stands(self, response: Any) -> Any:
+        """Where it stands, as the answer to Barrier."""
+        if self._reply is None:
+            raise not_now("step: none was taken yet")
+        response.step, response.time_ns, response.digest = self.step, self.time_ns, self._digest
+        return response
+
+
+def answered(context: grpc.ServicerContext, work: Any, *arguments: Any) -> Any:
+    """Calls `work`; what goes wrong becomes a status with a text, and a fault of user code shows its traceback."""
+    try:
+        return work(*arguments)
+    except Refused as refused:
+        context.abort(refused.status, str(refused)[:LONGEST_ERROR])
+    except Exception:
+        text = traceback.format_exc()
+        print(text, file=sys.stderr, flush=True)
+        context.abort(grpc.StatusCode.INTERNAL, text[-LONGEST_ERROR:])
+
+
+def session(context: grpc.ServicerContext, requests: Iterator[Any], step: Any, barrier: Any, response: Any) -> Iterator[Any]:
+    """Steps and barriers over one stream, each answered as the single call would be."""
+    for request in requests:
+        which = request.WhichOneof("request")
+        if which == "step":
+            yield response(step=answered(context, step, request.step))
+        elif which == "barrier":
+            yield response(barrier=answered(context, barrier, request.barrier))
+        else:
+            context.abort(grpc.StatusCode.INVALID_ARGUMENT, "request: neither step nor barrier is set")
+
+
+def digest_bytes(step: int, time_ns: int, states: Any, deliveries: Any | None) -> bytes:
+    """What the digest of common.proto is made of."""
+    text = struct.pack("<2Q", step, time_ns) + states.alive
+    for column in (states.x_m, states.y_m, states.z_m):
+        text += np.asarray(column, dtype="<f8").tobytes()
+    if deliveries is None:
+        return text
+    air = deliveries.transmissions
+    text += np.asarray(air.sender, dtype="<u4").tobytes()
+    text += np.asarray(air.sent_ns, dtype="<u8").tobytes()
+    text += np.asarray(air.end_ns, dtype="<u8").tobytes()
+    text += np.asarray(air.payloads.length_bytes, dtype="<u4").tobytes()
+    text += air.payloads.data
+    text += np.asarray(deliveries.heard_end, dtype="<u4").tobytes()
+    text += np.asarray(deliveries.heard, dtype="<u4").tobytes()
+    return text + deliveries.heard_bitmap
+
+
+def bitmap(flags: np.ndarray) -> bytes:
+    """Flags as a bitmap, least significant bit first."""
+    return np.packbits(np.asarray(flags, dtype=bool), bitorder="little").tobytes()
+
+
+def flags(text: bytes, n: int, name: str) -> np.ndarray:
+    """A bitmap of `n` entries."""
+    if len(text) != (n + 7) // 8:
+        raise invalid(f"{name}: must have {(n + 7) // 8} bytes for {n} agents, got {len(text)}")
+    return np.unpackbits(np.frombuffer(text, dtype=np.uint8), count=n, bitorder="little").astype(bool)
+
+
+def pairs(deliveries: Any, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Receivers and transmissions of all deliveries to `n` agents, in the order of the contract: by receiver, then transmission."""
+    n_sent = len(deliveries.transmissions.sender)
+    ends = np.asarray(deliveries.heard_end, dtype=np.int64)
+    heard = np.asarray(deliveries.heard, dtype=np.int64)
+    if deliveries.heard_bitmap:
+        width = (n_sent + 7) // 8
+        if len(deliveries.heard_bitmap) != n * width or len(heard) or len(ends):
+            raise invalid(f"heard_bitmap: must be alone and have {n} rows of {width} bytes, got {len(deliveries.heard_bitmap)} bytes")
+        if n * n_sent > MOST_PAIRS:
+            raise Refused(grpc.StatusCode.RESOURCE_EXHAUSTED, f"heard_bitmap: {n} receivers of {n_sent} transmissions are too many")
+        rows = np.frombuffer(deliveries.heard_bitmap, dtype=np.uint8).reshape(n, width)
+        if n_sent % 8 and np.any(rows[:, -1] >> (n_sent % 8)):
+            raise invalid(f"heard_bitmap: names transmissions beyond the {n_sent} there are")
+        matrix = np.unpackbits(rows, axis=1, count=n_sent, bitorder="little")
+        receivers, transmissions = np.nonzero(matrix)
+        return receivers, transmissions
+    if len(ends) == 0 and len(heard) == 0:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    if len(ends) != n or np.any(np.diff(ends, prepend=0) < 0) or ends[-1] != len(heard):
+        raise invalid(f"heard_end: must have {n} ascending entries, the last of them {len(heard)}")
+    if np.any(heard >= n_sent):
+        raise invalid(f"heard: must be less than {n_sent}, the number of transmissions, got {heard.max()}")
+    return np.repeat(np.arange(n), np.diff(ends, prepend=0)), heard
+
+
+def agent_states(positions_m: np.ndarray, velocities_mps: np.ndarray, headings_rad: np.ndarray | None, alive: np.ndarray) -> Any:
+    """The message that says where all agents are."""
+    states = common_pb2.AgentStates(alive=bitmap(alive))
+    for name, column in zip(("x_m", "y_m", "z_m"), positions_m.T):
+        getattr(states, name).extend(column.tolist())
+    for name, column in zip(("vx_mps", "vy_mps", "vz_mps"), velocities_mps.T):
+        getattr(states, name).extend(column.tolist())
+    if headings_rad is not None:
+        states.heading_rad.extend(np.asarray(headings_rad, dtype=float).tolist())
+    return states
+
+
+def serve(register: Any, servicer: Any, address: str | None, *, block: bool) -> grpc.Server:
+    """Serves until the process ends. `address`: else that of MURMURATION_LISTEN, else any free port of this machine."""
+    address = address or os.environ.get("MURMURATION_LISTEN") or "127.0.0.1:0"
+    is_local = address.startswith("unix:") or address.rsplit(":", 1)[0] in ("127.0.0.1", "localhost", "[::1]")
+    if not is_local:
+        raise ValueError(f"address must be of this machine, 127.0.0.1:PORT, [::1]:PORT or unix:PATH, got {address}")
+    # Describe is answered while a step runs.
+    limits = [("grpc.max_receive_message_length", 1 << 28), ("grpc.max_send_message_length", 1 << 28)]
+    server = grpc.server(futures.ThreadPoolExecutor(max_workers=4), options=limits)
+    register(servicer, server)
+    port = server.add_insecure_port(address)
+    if port == 0:
+        raise OSError(f"cannot listen on {address}")
+    server.start()
+    shown = address if address.startswith("unix:") else f"{address.rsplit(':', 1)[0]}:{port}"
+    server.murmuration_address = shown
+    print(f"listening on {shown}", flush=True)
+    if block:
+        try:
+            server.wait_for_termination()
+        except KeyboardInterrupt:
+            server.stop(None)
+    return server

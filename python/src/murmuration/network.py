@@ -1,0 +1,166 @@
+"""A network of your own: say who hears whom.
+
+    import numpy
+    import murmuration.network
+
+    class Disk(murmuration.network.Network):
+        def step(self, dt_s, position_m, says):
+            away_m = numpy.linalg.norm(position_m[:, None] - position_m, axis=2)
+            return away_m <= self.config.get("radius_m", 20.0)
+
+    murmuration.network.serve(Disk(), "127.0.0.1:50051")
+"""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import grpc
+import numpy as np
+
+from murmuration import _serving
+from murmuration._contract import common_pb2, netsim_pb2, netsim_pb2_grpc
+
+
+class Network:
+    """Base class of a network simulator. Override `step`, and `reset` where there is anything to begin.
+
+    Every robot that says something sends it once a period, from its beginning to its end. Everything random must come from
+    the seed of `reset`: then the same seed gives the same recording.
+    """
+
+    name: str | None = None
+    """Name in messages and records; else that of the class."""
+    version = "1"
+    """Version in records."""
+
+    config: dict[str, Any] = {}
+    """The section [netsim] of the experiment, before `reset` is called."""
+    site: dict[str, Any] = {}
+    """The section [site]: walls, obstacles, ground."""
+    time_s = 0.0
+    """Time of the experiment at the beginning of the present step (s)."""
+    rssi_dbm: np.ndarray | None = None
+    """Received signal strength (dBm) by receiver and sender, if `step` sets it."""
+
+    def reset(self, seed: int, n: int) -> None:
+        """Begins an experiment with `n` robots."""
+
+    def step(self, dt_s: float, position_m: np.ndarray, says: np.ndarray) -> np.ndarray:
+        """Who hears whom while the robots are at `position_m` (n rows of x, y, z): a matrix of truth values by receiver and sender.
+
+        `says` tells which robots say anything; others, and a robot's own words, are heard by nobody whatever the matrix has.
+        """
+        raise NotImplementedError
+
+
+class _Service(_serving.Stepper, netsim_pb2_grpc.NetSimServiceServicer):
+    """Serves `Network` as the contract has it."""
+
+    def __init__(self, network: Network) -> None:
+        super().__init__()
+        self.network = network
+
+    def Describe(self, request: Any, context: Any) -> Any:
+        name = self.network.name or type(self.network).__name__
+        return netsim_pb2.NetSimServiceDescribeResponse(
+            name=name, version=self.network.version, contract_version=1, session=True,
+            columns=[common_pb2.DELIVERY_COLUMN_RSSI_DBM],
+        )  # fmt: skip
+
+    def Configure(self, request: Any, context: Any) -> Any:
+        return _serving.answered(context, self._configure, request)
+
+    def Step(self, request: Any, context: Any) -> Any:
+        return _serving.answered(context, self.take, request)
+
+    def Barrier(self, request: Any, context: Any) -> Any:
+        return _serving.answered(context, self._barrier, request)
+
+    def Session(self, requests: Any, context: Any) -> Any:
+        return _serving.session(context, requests, self.take, self._barrier, netsim_pb2.NetSimServiceSessionResponse)
+
+    def _barrier(self, request: Any) -> Any:
+        return self.stands(netsim_pb2.NetSimServiceBarrierResponse())
+
+    def _configure(self, request: Any) -> Any:
+        if request.agent_count < 1:
+            raise _serving.invalid("agent_count: must be at least 1, got 0")
+        if request.coupling not in (common_pb2.COUPLING_UNSPECIFIED, common_pb2.COUPLING_SEQUENTIAL):
+            raise _serving.invalid('coupling: only sequential is served; set experiment.coupling = "sequential"')
+        try:
+            config, site = tomllib.loads(request.config_toml), tomllib.loads(request.site_toml)
+        except tomllib.TOMLDecodeError as error:
+            raise _serving.invalid(f"config_toml: {error}") from None
+        self.step = None
+        self.n = request.agent_count
+        self.wants_rssi = common_pb2.DELIVERY_COLUMN_RSSI_DBM in request.columns
+        self.delivered = None
+        network = self.network
+        network.config, network.site, network.time_s, network.rssi_dbm = config, site, 0.0, None
+        network.reset(request.seed, self.n)
+        self.begin()
+        return netsim_pb2.NetSimServiceConfigureResponse(motes=self._motes())
+
+    def advance(self, request: Any) -> tuple[Any, bytes]:
+        position_m, alive = self._positions(request.states)
+        lengths = np.asarray(request.payloads.length_bytes, dtype=np.int64)
+        data = request.payloads.data
+        if len(lengths) not in (0, self.n) or lengths.sum() != len(data):
+            raise _serving.invalid(f"payloads: must be one for each of {self.n} agents, and as long as their lengths say")
+        says = alive & (lengths > 0) if len(lengths) else np.zeros(self.n, dtype=bool)
+        heard = np.array(self.network.step((request.until_ns - self.time_ns) / 1e9, position_m, says.copy()), dtype=bool)
+        if heard.shape != (self.n, self.n):
+            raise ValueError(f"step must return a matrix of shape ({self.n}, {self.n}), got {heard.shape}")
+        self.network.time_s = request.until_ns / 1e9
+        np.fill_diagonal(heard, False)
+        heard = heard[:, says] & alive[:, None]
+        deliveries = self._deliveries(request, heard, says, lengths)
+        reply = netsim_pb2.NetSimServiceStepResponse(deliveries=deliveries, motes=self._motes())
+        covered = _serving.digest_bytes(request.step, request.until_ns, request.states, self.delivered)
+        self.delivered = deliveries
+        return reply, covered
+
+    def _positions(self, states: Any) -> tuple[np.ndarray, np.ndarray]:
+        columns = [np.asarray(column, dtype=float) for column in (states.x_m, states.y_m, states.z_m)]
+        if any(len(column) != self.n for column in columns):
+            raise _serving.invalid(f"states: x_m, y_m and z_m must have {self.n} entries each")
+        position_m = np.column_stack(columns)
+        alive = _serving.flags(states.alive, self.n, "states.alive")
+        if not np.all(np.isfinite(position_m)):
+            raise _serving.invalid("states: positions must be finite")
+        return position_m, alive
+
+    def _deliveries(self, request: Any, heard: np.ndarray, says: np.ndarray, lengths: np.ndarray) -> Any:
+        senders = np.flatnonzero(says)
+        ends = np.cumsum(lengths)
+        said = b"".join(request.payloads.data[ends[robot] - lengths[robot] : ends[robot]] for robot in senders)
+        payloads = common_pb2.Payloads(length_bytes=[int(lengths[robot]) for robot in senders], data=said)
+        air = common_pb2.Transmissions(
+            sender=senders.tolist(), sent_ns=[self.time_ns] * len(senders), end_ns=[request.until_ns] * len(senders), payloads=payloads
+        )
+        deliveries = common_pb2.Deliveries(transmissions=air)
+        if len(senders) == 0:
+            return deliveries
+        width = (len(senders) + 7) // 8
+        if 4 * (self.n + heard.sum()) < self.n * width:
+            deliveries.heard_end.extend(np.cumsum(heard.sum(axis=1)).tolist())
+            deliveries.heard.extend(np.nonzero(heard)[1].tolist())
+        else:
+            deliveries.heard_bitmap = np.packbits(heard, axis=1, bitorder="little").tobytes()
+        if self.wants_rssi and self.network.rssi_dbm is not None:
+            deliveries.rssi_dbm.extend(np.asarray(self.network.rssi_dbm, dtype=float)[:, senders][heard].tolist())
+        return deliveries
+
+    def _motes(self) -> Any:
+        return common_pb2.MoteStates(alive=_serving.bitmap(np.ones(self.n, dtype=bool)))
+
+
+def serve(network: Network, address: str | None = None, *, block: bool = True) -> grpc.Server:
+    """Serves a network at `address`, 127.0.0.1:PORT or unix:PATH, until Ctrl-C.
+
+    Without an address it listens where MURMURATION_LISTEN says, else at a free port, and prints which. With `block=False`
+    it returns the server at once.
+    """
+    return _serving.serve(netsim_pb2_grpc.add_NetSimServiceServicer_to_server, _Service(network), address, block=block)

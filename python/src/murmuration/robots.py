@@ -1,0 +1,256 @@
+"""A robot simulator of your own: say where robots start and how they move, by what they heard.
+
+    import murmuration.robots
+
+    class Gather(murmuration.robots.Robots):
+        def reset(self, seed, n):
+            self.position_m = numpy.random.default_rng(seed).uniform(-6, 6, (n, 2))
+            return self.position_m
+
+        def step(self, dt_s, heard):
+            self.position_m += 0.1 * dt_s * (heard.mean_position_m(self.position_m) - self.position_m)
+            return self.position_m
+
+    murmuration.robots.serve(Gather(), "127.0.0.1:50061")
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from typing import Any
+
+import grpc
+import numpy as np
+
+from murmuration import _serving
+from murmuration._contract import common_pb2, robotsim_pb2, robotsim_pb2_grpc
+
+# What a robot says unless `payloads` is overridden: position and velocity, six little-endian f64.
+STATE_BYTES = 48
+
+
+@dataclasses.dataclass(frozen=True)
+class Heard:
+    """What all robots heard since the last step: one entry for each delivery, by receiver and then by sender's time.
+
+    Positions and velocities are those of the senders' payloads. A class with `payloads` of its own finds the bytes in
+    `payload`, and `position_m` and `velocity_mps` are not numbers.
+    """
+
+    n: int
+    """Number of robots."""
+    receiver: np.ndarray
+    """Who heard it."""
+    sender: np.ndarray
+    """Who said it."""
+    position_m: np.ndarray
+    """Where the sender was (m): one row of x, y, z for each delivery."""
+    velocity_mps: np.ndarray
+    """How the sender moved (m/s): one row for each delivery."""
+    age_s: np.ndarray
+    """How long ago its transmission began (s)."""
+    rssi_dbm: np.ndarray
+    """Received signal strength (dBm); not a number where the network does not tell."""
+    payload: list[bytes]
+    """What was said."""
+
+    def of(self, robot: int) -> Heard:
+        """What one robot heard."""
+        first, last = np.searchsorted(self.receiver, [robot, robot + 1])
+        own = slice(first, last)
+        columns = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "n"}
+        short = {name: column[own] for name, column in columns.items()}
+        return Heard(n=self.n, **short)
+
+    def count(self) -> np.ndarray:
+        """How many transmissions each robot heard."""
+        return np.bincount(self.receiver, minlength=self.n)
+
+    def mean_position_m(self, otherwise_m: np.ndarray) -> np.ndarray:
+        """Mean of the positions that each robot heard, as wide as `otherwise_m`, which holds for a robot that heard nobody."""
+        otherwise_m = np.asarray(otherwise_m, dtype=float)
+        total, counts = np.zeros_like(otherwise_m), self.count()
+        np.add.at(total, self.receiver, self.position_m[:, : otherwise_m.shape[1]])
+        mean = total / np.maximum(counts, 1)[:, None]
+        return np.where(counts[:, None] > 0, mean, otherwise_m)
+
+
+class Robots:
+    """Base class of a robot simulator. Override `reset` and `step`.
+
+    Everything random must come from the seed of `reset`: then the same seed gives the same recording.
+    """
+
+    name: str | None = None
+    """Name in messages and records; else that of the class."""
+    version = "1"
+    """Version in records."""
+
+    config: dict[str, Any] = {}
+    """The section [robotsim] of the experiment, before `reset` is called."""
+    site: dict[str, Any] = {}
+    """The section [site]: walls, obstacles, ground."""
+    time_s = 0.0
+    """Time of the experiment at the beginning of the present step (s)."""
+    task_complete = False
+    """Set to true when the task is done."""
+    heading_rad: np.ndarray | None = None
+    """Direction that each body faces (rad, from x towards y), if bodies have one."""
+
+    def reset(self, seed: int, n: int) -> np.ndarray:
+        """Begins an experiment with `n` robots; returns their positions (m), n rows of x, y or x, y, z."""
+        raise NotImplementedError
+
+    def step(self, dt_s: float, heard: Heard) -> np.ndarray:
+        """Moves all robots for `dt_s` seconds, who have just heard `heard`; returns their positions (m)."""
+        raise NotImplementedError
+
+    def payloads(self) -> list[bytes] | None:
+        """What each robot says from now on; `None`: its position and velocity."""
+        return None
+
+    def figures(self) -> dict[str, float]:
+        """How far the task is: names in lower case with the unit as suffix. Those of the last step are in summary.json."""
+        return {}
+
+
+class _Service(_serving.Stepper, robotsim_pb2_grpc.RobotSimServiceServicer):
+    """Serves `Robots` as the contract has it."""
+
+    def __init__(self, robots: Robots) -> None:
+        super().__init__()
+        self.robots = robots
+
+    def Describe(self, request: Any, context: Any) -> Any:
+        name = self.robots.name or type(self.robots).__name__
+        return robotsim_pb2.RobotSimServiceDescribeResponse(
+            name=name, version=self.robots.version, contract_version=1, session=True, hold=True
+        )
+
+    def Configure(self, request: Any, context: Any) -> Any:
+        return _serving.answered(context, self._configure, request)
+
+    def Step(self, request: Any, context: Any) -> Any:
+        return _serving.answered(context, self.take, request)
+
+    def Barrier(self, request: Any, context: Any) -> Any:
+        return _serving.answered(context, self._barrier, request)
+
+    def Session(self, requests: Any, context: Any) -> Any:
+        response = robotsim_pb2.RobotSimServiceSessionResponse
+        return _serving.session(context, requests, self.take, self._barrier, response)
+
+    def _barrier(self, request: Any) -> Any:
+        return self.stands(robotsim_pb2.RobotSimServiceBarrierResponse())
+
+    def _configure(self, request: Any) -> Any:
+        if request.agent_count < 1:
+            raise _serving.invalid("agent_count: must be at least 1, got 0")
+        if request.coupling not in (common_pb2.COUPLING_UNSPECIFIED, common_pb2.COUPLING_SEQUENTIAL):
+            raise _serving.invalid('coupling: only sequential is served; set experiment.coupling = "sequential"')
+        try:
+            config, site = tomllib.loads(request.config_toml), tomllib.loads(request.site_toml)
+        except tomllib.TOMLDecodeError as error:
+            raise _serving.invalid(f"config_toml: {error}") from None
+        self.step = None
+        self.n = request.agent_count
+        robots = self.robots
+        robots.config, robots.site, robots.time_s = config, site, 0.0
+        robots.task_complete, robots.heading_rad = False, None
+        self.positions_m = self._checked(robots.reset(request.seed, self.n), "reset")
+        self.velocities_mps = np.zeros((self.n, 3))
+        self._says_state = True
+        self.begin()
+        columns = [common_pb2.DELIVERY_COLUMN_RSSI_DBM]
+        return robotsim_pb2.RobotSimServiceConfigureResponse(states=self._states(), columns=columns)
+
+    def advance(self, request: Any) -> tuple[Any, bytes]:
+        deliveries = request.deliveries if request.HasField("deliveries") else None
+        heard = self._heard(deliveries)
+        dt_s = (request.until_ns - self.time_ns) / 1e9
+        robots = self.robots
+        if request.hold:
+            self.velocities_mps = np.zeros((self.n, 3))
+        else:
+            before_m = self.positions_m
+            self.positions_m = self._checked(robots.step(dt_s, heard), "step")
+            self.velocities_mps = (self.positions_m - before_m) / dt_s
+        robots.time_s = request.until_ns / 1e9
+        states = self._states()
+        figures = [common_pb2.TaskFigure(name=name, value=float(value)) for name, value in robots.figures().items()]
+        reply = robotsim_pb2.RobotSimServiceStepResponse(
+            states=states, payloads=self._payloads(), held=request.hold,
+            task_complete=bool(robots.task_complete) and not request.hold, figures=figures,
+        )
+        return reply, _serving.digest_bytes(request.step, request.until_ns, states, deliveries)
+
+    def _checked(self, positions: Any, call: str) -> np.ndarray:
+        """Positions of all robots with three columns, a copy of what user code holds."""
+        positions_m = np.array(positions, dtype=float)
+        if positions_m.ndim != 2 or positions_m.shape[0] != self.n or positions_m.shape[1] not in (2, 3):
+            raise ValueError(f"{call} must return positions of shape ({self.n}, 2) or ({self.n}, 3), got {positions_m.shape}")
+        if not np.all(np.isfinite(positions_m)):
+            robot = int(np.flatnonzero(~np.isfinite(positions_m).all(axis=1))[0])
+            raise ValueError(f"{call} must return finite positions, got {positions_m[robot]} for robot {robot}")
+        if positions_m.shape[1] == 2:
+            positions_m = np.column_stack([positions_m, np.zeros(self.n)])
+        return positions_m
+
+    def _states(self) -> Any:
+        headings = self.robots.heading_rad
+        if headings is not None and len(headings) != self.n:
+            raise ValueError(f"heading_rad must have {self.n} entries, got {len(headings)}")
+        return _serving.agent_states(self.positions_m, self.velocities_mps, headings, np.ones(self.n, dtype=bool))
+
+    def _payloads(self) -> Any:
+        said = self.robots.payloads()
+        self._says_state = said is None
+        if said is None:
+            data = np.column_stack([self.positions_m, self.velocities_mps]).astype("<f8").tobytes()
+            return common_pb2.Payloads(length_bytes=[STATE_BYTES] * self.n, data=data)
+        if len(said) != self.n:
+            raise ValueError(f"payloads must return one for each of {self.n} robots, got {len(said)}")
+        return common_pb2.Payloads(length_bytes=[len(one) for one in said], data=b"".join(said))
+
+    def _heard(self, deliveries: Any | None) -> Heard:
+        none = np.zeros(0)
+        if deliveries is None:
+            nobody = np.zeros(0, dtype=np.int64)
+            return Heard(self.n, nobody, nobody, none.reshape(0, 3), none.reshape(0, 3), none, none, [])
+        air = deliveries.transmissions
+        senders = np.asarray(air.sender, dtype=np.int64)
+        sent_ns = np.asarray(air.sent_ns, dtype=np.int64)
+        lengths = np.asarray(air.payloads.length_bytes, dtype=np.int64)
+        data = air.payloads.data
+        if not len(senders) == len(sent_ns) == len(air.end_ns) == len(lengths) or lengths.sum() != len(data):
+            raise _serving.invalid("transmissions: columns and payloads must agree in length")
+        receivers, which = _serving.pairs(deliveries, self.n)
+        ends = np.cumsum(lengths)
+        each = [data[end - length : end] for end, length in zip(ends.tolist(), lengths.tolist())]
+        rssi_dbm = np.asarray(deliveries.rssi_dbm, dtype=float)
+        if len(rssi_dbm) not in (0, len(which)):
+            raise _serving.invalid(f"rssi_dbm: must have {len(which)} entries, got {len(rssi_dbm)}")
+        if len(rssi_dbm) == 0:
+            rssi_dbm = np.full(len(which), np.nan)
+        states = np.full((len(senders), 6), np.nan)
+        if self._says_state:
+            # Robots that say where they are hear nothing else: what has another form is of no use to them.
+            of_form = lengths == STATE_BYTES
+            text = b"".join(each[place] for place in np.flatnonzero(of_form).tolist())
+            states[of_form] = np.frombuffer(text, dtype="<f8").reshape(-1, 6)
+            kept = of_form[which]
+            receivers, which, rssi_dbm = receivers[kept], which[kept], rssi_dbm[kept]
+        states = states[which]
+        age_s = (self.time_ns - sent_ns[which]) / 1e9
+        said = [each[place] for place in which.tolist()]
+        return Heard(self.n, receivers, senders[which], states[:, :3], states[:, 3:], age_s, rssi_dbm, said)
+
+
+def serve(robots: Robots, address: str | None = None, *, block: bool = True) -> grpc.Server:
+    """Serves a robot simulator at `address`, 127.0.0.1:PORT or unix:PATH, until Ctrl-C.
+
+    Without an address it listens where MURMURATION_LISTEN says, else at a free port, and prints which. With `block=False`
+    it returns the server at once.
+    """
+    return _serving.serve(robotsim_pb2_grpc.add_RobotSimServiceServicer_to_server, _Service(robots), address, block=block)

@@ -1,0 +1,267 @@
+"""The package as its users have it: run against whatever `import murmuration` finds."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import murmuration
+from murmuration import network, robots
+from murmuration._contract import common_pb2
+from murmuration._serving import Refused, pairs
+
+CONFIG = {
+    "experiment": {"name": "small", "seed": 1, "duration_s": 2.0, "agents": 5, "control_period": {"rate_hz": 10.0}},
+    "robotsim": {"scenario": {"kind": "line"}, "controller": {"kind": "flocking", "flock_radius_m": 10.0}},
+    "netsim": {"phy": {"propagation": "unit-disk", "radius_m": 20.0}},
+    "output": {"report": False},
+}
+
+GATHER = """
+import sys, numpy, murmuration.robots
+
+class Gather(murmuration.robots.Robots):
+    def reset(self, seed, n):
+        self.position_m = numpy.random.default_rng(seed).uniform(-6, 6, (n, 2))
+        return self.position_m
+
+    def step(self, dt_s, heard):
+        if self.config.get("fails_at_s", numpy.inf) <= self.time_s:
+            raise RuntimeError("a wheel came off")
+        way_m = heard.mean_position_m(self.position_m) - self.position_m
+        away_m = numpy.linalg.norm(way_m, axis=1, keepdims=True)
+        self.position_m += way_m * numpy.clip(away_m - 1, 0, dt_s) / numpy.maximum(away_m, 1e-9)
+        return self.position_m
+
+murmuration.robots.serve(Gather())
+"""
+
+DISK = """
+import numpy, murmuration.network
+
+class Disk(murmuration.network.Network):
+    def step(self, dt_s, position_m, says):
+        away_m = numpy.linalg.norm(position_m[:, None] - position_m, axis=2)
+        self.rssi_dbm = -40.0 - away_m
+        return away_m <= self.config["radius_m"]
+
+murmuration.network.serve(Disk())
+"""
+
+
+@pytest.fixture
+def serving(tmp_path):
+    """Starts programs that serve a simulator; gives their URLs, and ends them."""
+    children = []
+
+    def start(text):
+        path = tmp_path / f"served_{len(children)}.py"
+        path.write_text(textwrap.dedent(text))
+        child = subprocess.Popen([sys.executable, path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        children.append(child)
+        said = child.stdout.readline()
+        assert said.startswith("listening on 127.0.0.1:"), said + child.stderr.read()
+        return "http://" + said.split()[-1], child
+
+    yield start
+    for child in children:
+        child.kill()
+        child.wait()
+
+
+def test_a_dictionary_runs_and_gives_tables(tmp_path):
+    run = murmuration.run(CONFIG, seed=7, out=tmp_path, netsim__phy__radius_m=15.0)
+    assert run.summary["seed"] == 7 and run.summary["agent_count"] == 5
+    assert "radius_m = 15.0" in (run.folder / "config.toml").read_text()
+    assert {"agent", "x_m", "y_m"} <= set(run.steps.columns)
+    assert len(run.steps) == 5 * len(set(run.steps["step"].to_list()))
+    assert "frames delivered" in run.printed and "frames delivered" in run._repr_html_()
+
+
+def test_a_file_and_the_same_dictionary_give_the_same_run(tmp_path):
+    import tomli_w
+
+    path = tmp_path / "small.toml"
+    path.write_text(tomli_w.dumps(CONFIG))
+    one = murmuration.run(path, out=tmp_path / "one")
+    other = murmuration.run(CONFIG, out=tmp_path / "other")
+    assert one.summary["final_digest"] == other.summary["final_digest"]
+
+
+def test_invalid_input_is_an_exception_with_the_text_of_the_program(tmp_path):
+    with pytest.raises(murmuration.InvalidInput) as error:
+        murmuration.run(CONFIG, out=tmp_path, netsim__phy__propagaton="friis", experiment__duration_s=-1.0)
+    assert "is not a known key (nearest valid: propagation)" in str(error.value)
+    assert "duration_s" in str(error.value)
+    assert str(error.value).startswith("error: the configuration")
+    assert [path.name for path in tmp_path.iterdir()] == ["work"]
+    assert not list(Path.cwd().iterdir())
+
+
+def test_a_table_that_a_run_did_not_leave_is_named(tmp_path):
+    run = murmuration.run(CONFIG, out=tmp_path)
+    with pytest.raises(FileNotFoundError, match=r"packets\.parquet is not there"):
+        run.packets
+
+
+def test_a_sweep_has_its_trials(tmp_path):
+    sweep = murmuration.sweep({**CONFIG, "sweep": {"seeds": 2, "vary": {"netsim.phy.radius_m": [5.0, 20.0]}}}, out=tmp_path)
+    assert len(sweep.trials) == 4
+
+
+def test_the_loop_of_measurements_takes_data_frames(tmp_path):
+    polars = pytest.importorskip("polars")
+    rng = np.random.default_rng(5)
+    n = 400
+    distance_m = rng.uniform(2.0, 60.0, n)
+    # Free space at 2.4 GHz with 6 dB of loss that the model does not have.
+    rssi_dbm = -40.2 - 20.0 * np.log10(distance_m) - 6.0 + rng.normal(0.0, 1.0, n)
+    zero = np.zeros(n)
+    data = polars.DataFrame({
+        "time_s": np.arange(n) * 1.0, "tx": np.zeros(n, dtype=int), "rx": np.ones(n, dtype=int),
+        "tx_x_m": zero, "tx_y_m": zero, "rx_x_m": distance_m, "rx_y_m": zero, "rssi_dbm": rssi_dbm, "received": np.ones(n, dtype=int),
+    })  # fmt: skip
+    model = {**CONFIG, "netsim": {"phy": {"propagation": "friis"}}}
+    compared = murmuration.compare(model, data)
+    assert "rssi" in json.dumps(compared.content) and compared._repr_html_().startswith("<pre>")
+    found = murmuration.diagnose(model, data)
+    assert found["verdict"] == "missing-effects" and found["missing"] == ["system-gain"]
+    output = tmp_path / "campaign.csv"
+    murmuration.simulate(model, data, output, seed=3)
+    assert output.read_text().count("\n") == n + 1
+
+
+def test_ctrl_c_ends_the_program_as_well(tmp_path):
+    script = tmp_path / "long.py"
+    script.write_text(f"import murmuration\nmurmuration.run({CONFIG!r}, out={str(tmp_path)!r}, experiment__duration_s=1e6)\n")
+    child = subprocess.Popen([sys.executable, script], stderr=subprocess.PIPE, text=True, start_new_session=True)
+    children = Path(f"/proc/{child.pid}/task/{child.pid}/children")
+    deadline = time.monotonic() + 30
+    while not children.read_text().split() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    grandchild = children.read_text().split()[0]
+    time.sleep(0.5)
+    # As a notebook does it: this process alone is told.
+    os.kill(child.pid, signal.SIGINT)
+    assert "KeyboardInterrupt" in child.communicate(timeout=30)[1]
+    assert not Path(f"/proc/{grandchild}").exists()
+
+
+def test_robots_and_network_of_ones_own_keep_the_contract(serving):
+    for side, text in (("robotsim", GATHER), ("netsim", DISK)):
+        url, _ = serving(text)
+        command = [murmuration.program(), "conformance", side, url]
+        if side == "netsim":
+            config = Path("radius.toml").resolve()
+            config.write_text("radius_m = 20.0\n")
+            command += ["--config", config]
+        answer = subprocess.run(command, capture_output=True, text=True)
+        assert answer.returncode == 0, answer.stdout + answer.stderr
+        assert "0 failed" in answer.stdout and "lax" not in answer.stdout, answer.stdout
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_of_its_own(tmp_path, monkeypatch):
+    folder = tmp_path / "work"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+
+
+EXTERNAL = {
+    "experiment": {"name": "external", "seed": 1, "duration_s": 5.0, "agents": 8, "control_period": {"rate_hz": 10.0}},
+    "netsim": {"phy": {"propagation": "unit-disk", "radius_m": 8.0}},
+}
+
+
+def test_a_network_of_ones_own_equals_the_built_in_one(serving, tmp_path):
+    robots_url, _ = serving(GATHER)
+    network_url, _ = serving(DISK)
+    own = {**EXTERNAL, "netsim": {"radius_m": 8.0}}
+    one = murmuration.run(EXTERNAL, out=tmp_path / "one", robotsim=robots_url)
+    other = murmuration.run(own, out=tmp_path / "other", robotsim=robots_url, netsim=network_url)
+    for run in (one, other):
+        assert run.summary["steps"] == 50
+    first, second = (run.steps.select(["step", "agent", "x_m", "y_m"]).to_numpy() for run in (one, other))
+    # The order of transmissions changes the last bits of sums.
+    assert np.allclose(first, second, rtol=0, atol=1e-9)
+    again = murmuration.run(own, out=tmp_path / "again", robotsim=robots_url, netsim=network_url)
+    assert again.summary["final_digest"] == other.summary["final_digest"]
+
+
+def test_a_fault_of_user_code_shows_its_traceback(serving, tmp_path):
+    url, child = serving(GATHER)
+    with pytest.raises(murmuration.MurmurationError) as error:
+        murmuration.run({**EXTERNAL, "robotsim": {"fails_at_s": 1.0}}, out=tmp_path, robotsim=url)
+    assert 'raise RuntimeError("a wheel came off")' in str(error.value)
+    # It can be asked again.
+    assert murmuration.run(EXTERNAL, out=tmp_path, robotsim=url).summary["steps"] == 50
+
+
+class Two(robots.Robots):
+    positions = np.zeros((2, 2))
+
+    def reset(self, seed, n):
+        return self.positions
+
+
+@pytest.mark.parametrize(
+    "positions, text",
+    [
+        (np.zeros((3, 2)), "reset must return positions of shape (2, 2) or (2, 3), got (3, 2)"),
+        (np.zeros((2, 4)), "reset must return positions of shape (2, 2) or (2, 3), got (2, 4)"),
+        (np.array([[0.0, 0.0], [np.nan, 1.0]]), "for robot 1"),
+    ],
+)
+def test_positions_of_the_wrong_form_are_named(positions, text):
+    service = robots._Service(Two())
+    service.robots.positions = positions
+    with pytest.raises(ValueError, match=re.escape(text)):
+        service._configure(robots.robotsim_pb2.RobotSimServiceConfigureRequest(seed=1, agent_count=2))
+
+
+def deliveries(n_sent, **columns):
+    air = common_pb2.Transmissions(sender=range(n_sent), sent_ns=[0] * n_sent, end_ns=[1] * n_sent)
+    return common_pb2.Deliveries(transmissions=air, **columns)
+
+
+def test_lists_and_bitmaps_say_the_same():
+    rng = np.random.default_rng(1)
+    for n, n_sent in ((1, 1), (3, 8), (5, 9), (7, 30)):
+        matrix = rng.random((n, n_sent)) < 0.4
+        ends = np.cumsum(matrix.sum(axis=1)).tolist()
+        lists = deliveries(n_sent, heard_end=ends, heard=np.nonzero(matrix)[1].tolist())
+        bits = deliveries(n_sent, heard_bitmap=np.packbits(matrix, axis=1, bitorder="little").tobytes())
+        for one in (lists, bits):
+            receivers, heard = pairs(one, n)
+            again = np.zeros_like(matrix)
+            again[receivers, heard] = True
+            assert np.array_equal(again, matrix)
+
+
+@pytest.mark.parametrize(
+    "columns, text",
+    [
+        ({"heard_end": [1, 2], "heard": [0, 5]}, "heard: must be less than 3"),
+        ({"heard_end": [2, 1], "heard": [0]}, "heard_end"),
+        ({"heard_end": [1], "heard": [0]}, "heard_end"),
+        ({"heard_bitmap": b"\x01"}, "heard_bitmap"),
+        ({"heard_bitmap": b"\x01\x08"}, "beyond the 3"),
+    ],
+)
+def test_deliveries_that_contradict_themselves_are_refused(columns, text):
+    with pytest.raises(Refused, match=text):
+        pairs(deliveries(3, **columns), 2)
+
+
+def test_only_this_machine_is_listened_on():
+    for serve, simulator in ((robots.serve, Two()), (network.serve, network.Network())):
+        with pytest.raises(ValueError, match="must be of this machine"):
+            serve(simulator, "0.0.0.0:50061")
