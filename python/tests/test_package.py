@@ -16,7 +16,7 @@ import pytest
 import murmuration
 from murmuration import network, robots
 from murmuration._contract import common_pb2
-from murmuration._serving import Refused, pairs
+from murmuration._serving import Columns, Refused
 
 CONFIG = {
     "experiment": {"name": "small", "seed": 1, "duration_s": 2.0, "agents": 5, "control_period": {"rate_hz": 10.0}},
@@ -228,7 +228,8 @@ def test_positions_of_the_wrong_form_are_named(positions, text):
 
 
 def deliveries(n_sent, **columns):
-    air = common_pb2.Transmissions(sender=range(n_sent), sent_ns=[0] * n_sent, end_ns=[1] * n_sent)
+    air = common_pb2.Transmissions(sender=range(n_sent), sent_ns=[0] * n_sent, end_ns=[1] * n_sent,
+                                      payloads=common_pb2.Payloads(length_bytes=[0] * n_sent))
     return common_pb2.Deliveries(transmissions=air, **columns)
 
 
@@ -240,7 +241,7 @@ def test_lists_and_bitmaps_say_the_same():
         lists = deliveries(n_sent, heard_end=ends, heard=np.nonzero(matrix)[1].tolist())
         bits = deliveries(n_sent, heard_bitmap=np.packbits(matrix, axis=1, bitorder="little").tobytes())
         for one in (lists, bits):
-            receivers, heard = pairs(one, n)
+            receivers, heard = Columns(one).pairs(n)
             again = np.zeros_like(matrix)
             again[receivers, heard] = True
             assert np.array_equal(again, matrix)
@@ -258,7 +259,7 @@ def test_lists_and_bitmaps_say_the_same():
 )
 def test_deliveries_that_contradict_themselves_are_refused(columns, text):
     with pytest.raises(Refused, match=text):
-        pairs(deliveries(3, **columns), 2)
+        Columns(deliveries(3, **columns)).pairs(2)
 
 
 def test_only_this_machine_is_listened_on():

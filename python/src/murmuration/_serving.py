@@ -44,7 +44,7 @@ class Stepper:
     def __init__(self) -> None:
         self.step: int | None = None
         self.time_ns = 0
-        self._asked: bytes | None = None
+        self._asked: Any = None
         self._reply: Any = None
         self._digest = b""
 
@@ -59,9 +59,8 @@ class Stepper:
         """A step: the next one, or the latest again."""
         if self.step is None:
             raise not_now("step: Configure comes first")
-        content = request.SerializeToString(deterministic=True)
         if self._reply is not None and request.step == self.step:
-            if content != self._asked:
+            if request != self._asked:
                 raise not_now(f"step {request.step} was taken with other content")
             return self._reply
         if request.step != self.step + 1:
@@ -74,7 +73,7 @@ class Stepper:
         self.step, self.time_ns = request.step, request.until_ns
         self._digest = hashlib.sha256(covered).digest()
         reply.step, reply.time_ns, reply.digest = self.step, self.time_ns, self._digest
-        self._asked, self._reply = content, reply
+        self._asked, self._reply = request, reply
         return reply
 
     def stands(self, response: Any) -> Any:
@@ -109,22 +108,61 @@ def session(context: grpc.ServicerContext, requests: Iterator[Any], step: Any, b
             context.abort(grpc.StatusCode.INVALID_ARGUMENT, "request: neither step nor barrier is set")
 
 
-def digest_bytes(step: int, time_ns: int, states: Any, deliveries: Any | None) -> bytes:
+class Columns:
+    """The columns of deliveries as arrays, each made once."""
+
+    def __init__(self, deliveries: Any) -> None:
+        air = deliveries.transmissions
+        self.sender = np.array(air.sender, dtype="<u4")
+        self.sent_ns = np.array(air.sent_ns, dtype="<u8")
+        self.end_ns = np.array(air.end_ns, dtype="<u8")
+        self.length_bytes = np.array(air.payloads.length_bytes, dtype="<u4")
+        self.data = air.payloads.data
+        self.heard_end = np.array(deliveries.heard_end, dtype="<u4")
+        self.heard = np.array(deliveries.heard, dtype="<u4")
+        self.heard_bitmap = deliveries.heard_bitmap
+        n_sent = len(self.sender)
+        if not n_sent == len(self.sent_ns) == len(self.end_ns) == len(self.length_bytes):
+            raise invalid("transmissions: all columns must have the same length")
+        if self.length_bytes.sum(dtype=np.int64) != len(self.data):
+            raise invalid(f"transmissions.payloads: must have as many bytes as length_bytes says, got {len(self.data)}")
+
+    def pairs(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """Receivers and transmissions of all deliveries to `n` agents, in the order of the contract: by receiver, then transmission."""
+        n_sent, bits = len(self.sender), self.heard_bitmap
+        ends, heard = self.heard_end.astype(np.int64), self.heard.astype(np.int64)
+        if bits:
+            width = (n_sent + 7) // 8
+            if len(bits) != n * width or len(heard) or len(ends):
+                raise invalid(f"heard_bitmap: must be alone and have {n} rows of {width} bytes, got {len(bits)} bytes")
+            if n * n_sent > MOST_PAIRS:
+                raise Refused(grpc.StatusCode.RESOURCE_EXHAUSTED, f"heard_bitmap: {n} receivers of {n_sent} transmissions are too many")
+            rows = np.frombuffer(bits, dtype=np.uint8).reshape(n, width)
+            if n_sent % 8 and np.any(rows[:, -1] >> (n_sent % 8)):
+                raise invalid(f"heard_bitmap: names transmissions beyond the {n_sent} there are")
+            receivers, transmissions = np.nonzero(np.unpackbits(rows, axis=1, count=n_sent, bitorder="little"))
+            return receivers, transmissions
+        if len(ends) == 0 and len(heard) == 0:
+            return ends, heard
+        lengths = np.diff(ends, prepend=0)
+        if len(ends) != n or np.any(lengths < 0) or ends[-1] != len(heard):
+            raise invalid(f"heard_end: must have {n} ascending entries, the last of them {len(heard)}")
+        if np.any(heard >= n_sent):
+            raise invalid(f"heard: must be less than {n_sent}, the number of transmissions, got {heard.max()}")
+        return np.repeat(np.arange(n), lengths), heard
+
+    def covered(self) -> bytes:
+        """What a digest has of them."""
+        return b"".join((
+            self.sender.tobytes(), self.sent_ns.tobytes(), self.end_ns.tobytes(), self.length_bytes.tobytes(), self.data,
+            self.heard_end.tobytes(), self.heard.tobytes(), self.heard_bitmap,
+        ))  # fmt: skip
+
+
+def digest_bytes(step: int, time_ns: int, alive: bytes, position_m: np.ndarray, deliveries: Columns | None) -> bytes:
     """What the digest of common.proto is made of."""
-    text = struct.pack("<2Q", step, time_ns) + states.alive
-    for column in (states.x_m, states.y_m, states.z_m):
-        text += np.asarray(column, dtype="<f8").tobytes()
-    if deliveries is None:
-        return text
-    air = deliveries.transmissions
-    text += np.asarray(air.sender, dtype="<u4").tobytes()
-    text += np.asarray(air.sent_ns, dtype="<u8").tobytes()
-    text += np.asarray(air.end_ns, dtype="<u8").tobytes()
-    text += np.asarray(air.payloads.length_bytes, dtype="<u4").tobytes()
-    text += air.payloads.data
-    text += np.asarray(deliveries.heard_end, dtype="<u4").tobytes()
-    text += np.asarray(deliveries.heard, dtype="<u4").tobytes()
-    return text + deliveries.heard_bitmap
+    text = struct.pack("<2Q", step, time_ns) + alive + np.ascontiguousarray(position_m.T, dtype="<f8").tobytes()
+    return text if deliveries is None else text + deliveries.covered()
 
 
 def bitmap(flags: np.ndarray) -> bytes:
@@ -137,32 +175,6 @@ def flags(text: bytes, n: int, name: str) -> np.ndarray:
     if len(text) != (n + 7) // 8:
         raise invalid(f"{name}: must have {(n + 7) // 8} bytes for {n} agents, got {len(text)}")
     return np.unpackbits(np.frombuffer(text, dtype=np.uint8), count=n, bitorder="little").astype(bool)
-
-
-def pairs(deliveries: Any, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Receivers and transmissions of all deliveries to `n` agents, in the order of the contract: by receiver, then transmission."""
-    n_sent = len(deliveries.transmissions.sender)
-    ends = np.asarray(deliveries.heard_end, dtype=np.int64)
-    heard = np.asarray(deliveries.heard, dtype=np.int64)
-    if deliveries.heard_bitmap:
-        width = (n_sent + 7) // 8
-        if len(deliveries.heard_bitmap) != n * width or len(heard) or len(ends):
-            raise invalid(f"heard_bitmap: must be alone and have {n} rows of {width} bytes, got {len(deliveries.heard_bitmap)} bytes")
-        if n * n_sent > MOST_PAIRS:
-            raise Refused(grpc.StatusCode.RESOURCE_EXHAUSTED, f"heard_bitmap: {n} receivers of {n_sent} transmissions are too many")
-        rows = np.frombuffer(deliveries.heard_bitmap, dtype=np.uint8).reshape(n, width)
-        if n_sent % 8 and np.any(rows[:, -1] >> (n_sent % 8)):
-            raise invalid(f"heard_bitmap: names transmissions beyond the {n_sent} there are")
-        matrix = np.unpackbits(rows, axis=1, count=n_sent, bitorder="little")
-        receivers, transmissions = np.nonzero(matrix)
-        return receivers, transmissions
-    if len(ends) == 0 and len(heard) == 0:
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    if len(ends) != n or np.any(np.diff(ends, prepend=0) < 0) or ends[-1] != len(heard):
-        raise invalid(f"heard_end: must have {n} ascending entries, the last of them {len(heard)}")
-    if np.any(heard >= n_sent):
-        raise invalid(f"heard: must be less than {n_sent}, the number of transmissions, got {heard.max()}")
-    return np.repeat(np.arange(n), np.diff(ends, prepend=0)), heard
 
 
 def agent_states(positions_m: np.ndarray, velocities_mps: np.ndarray, headings_rad: np.ndarray | None, alive: np.ndarray) -> Any:

@@ -118,8 +118,8 @@ class _Service(_serving.Stepper, netsim_pb2_grpc.NetSimServiceServicer):
         heard = heard[:, says] & alive[:, None]
         deliveries = self._deliveries(request, heard, says, lengths)
         reply = netsim_pb2.NetSimServiceStepResponse(deliveries=deliveries, motes=self._motes())
-        covered = _serving.digest_bytes(request.step, request.until_ns, request.states, self.delivered)
-        self.delivered = deliveries
+        covered = _serving.digest_bytes(request.step, request.until_ns, request.states.alive, position_m, self.delivered)
+        self.delivered = _serving.Columns(deliveries)
         return reply, covered
 
     def _positions(self, states: Any) -> tuple[np.ndarray, np.ndarray]:

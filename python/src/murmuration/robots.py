@@ -53,7 +53,7 @@ class Heard:
     rssi_dbm: np.ndarray
     """Received signal strength (dBm); not a number where the network does not tell."""
     payload: list[bytes]
-    """What was said."""
+    """What was said; empty where robots say their position and velocity."""
 
     def of(self, robot: int) -> Heard:
         """What one robot heard."""
@@ -166,8 +166,8 @@ class _Service(_serving.Stepper, robotsim_pb2_grpc.RobotSimServiceServicer):
         return robotsim_pb2.RobotSimServiceConfigureResponse(states=self._states(), columns=columns)
 
     def advance(self, request: Any) -> tuple[Any, bytes]:
-        deliveries = request.deliveries if request.HasField("deliveries") else None
-        heard = self._heard(deliveries)
+        columns = _serving.Columns(request.deliveries) if request.HasField("deliveries") else None
+        heard = self._heard(columns, np.array(request.deliveries.rssi_dbm, dtype=float))
         dt_s = (request.until_ns - self.time_ns) / 1e9
         robots = self.robots
         if request.hold:
@@ -183,7 +183,7 @@ class _Service(_serving.Stepper, robotsim_pb2_grpc.RobotSimServiceServicer):
             states=states, payloads=self._payloads(), held=request.hold,
             task_complete=bool(robots.task_complete) and not request.hold, figures=figures,
         )
-        return reply, _serving.digest_bytes(request.step, request.until_ns, states, deliveries)
+        return reply, _serving.digest_bytes(request.step, request.until_ns, states.alive, self.positions_m, columns)
 
     def _checked(self, positions: Any, call: str) -> np.ndarray:
         """Positions of all robots with three columns, a copy of what user code holds."""
@@ -213,38 +213,34 @@ class _Service(_serving.Stepper, robotsim_pb2_grpc.RobotSimServiceServicer):
             raise ValueError(f"payloads must return one for each of {self.n} robots, got {len(said)}")
         return common_pb2.Payloads(length_bytes=[len(one) for one in said], data=b"".join(said))
 
-    def _heard(self, deliveries: Any | None) -> Heard:
-        none = np.zeros(0)
-        if deliveries is None:
-            nobody = np.zeros(0, dtype=np.int64)
+    def _heard(self, columns: _serving.Columns | None, rssi_dbm: np.ndarray) -> Heard:
+        if columns is None:
+            nobody, none = np.zeros(0, dtype=np.int64), np.zeros(0)
             return Heard(self.n, nobody, nobody, none.reshape(0, 3), none.reshape(0, 3), none, none, [])
-        air = deliveries.transmissions
-        senders = np.asarray(air.sender, dtype=np.int64)
-        sent_ns = np.asarray(air.sent_ns, dtype=np.int64)
-        lengths = np.asarray(air.payloads.length_bytes, dtype=np.int64)
-        data = air.payloads.data
-        if not len(senders) == len(sent_ns) == len(air.end_ns) == len(lengths) or lengths.sum() != len(data):
-            raise _serving.invalid("transmissions: columns and payloads must agree in length")
-        receivers, which = _serving.pairs(deliveries, self.n)
-        ends = np.cumsum(lengths)
-        each = [data[end - length : end] for end, length in zip(ends.tolist(), lengths.tolist())]
-        rssi_dbm = np.asarray(deliveries.rssi_dbm, dtype=float)
+        receivers, which = columns.pairs(self.n)
         if len(rssi_dbm) not in (0, len(which)):
             raise _serving.invalid(f"rssi_dbm: must have {len(which)} entries, got {len(rssi_dbm)}")
         if len(rssi_dbm) == 0:
             rssi_dbm = np.full(len(which), np.nan)
-        states = np.full((len(senders), 6), np.nan)
-        if self._says_state:
+        lengths, data, said = columns.length_bytes, columns.data, []
+        if not self._says_state:
+            ends = np.cumsum(lengths, dtype=np.int64).tolist()
+            each = [data[end - length : end] for end, length in zip(ends, lengths.tolist())]
+            said, states = [each[place] for place in which.tolist()], np.full((len(which), 6), np.nan)
+        elif np.all(lengths == STATE_BYTES):
+            states = np.frombuffer(data, dtype="<f8").reshape(-1, 6)[which]
+        else:
             # Robots that say where they are hear nothing else: what has another form is of no use to them.
             of_form = lengths == STATE_BYTES
-            text = b"".join(each[place] for place in np.flatnonzero(of_form).tolist())
-            states[of_form] = np.frombuffer(text, dtype="<f8").reshape(-1, 6)
+            all_bytes = np.frombuffer(data, dtype=np.uint8)[np.repeat(of_form, lengths)]
+            states = np.full((len(lengths), 6), np.nan)
+            states[of_form] = np.frombuffer(all_bytes.tobytes(), dtype="<f8").reshape(-1, 6)
             kept = of_form[which]
             receivers, which, rssi_dbm = receivers[kept], which[kept], rssi_dbm[kept]
-        states = states[which]
-        age_s = (self.time_ns - sent_ns[which]) / 1e9
-        said = [each[place] for place in which.tolist()]
-        return Heard(self.n, receivers, senders[which], states[:, :3], states[:, 3:], age_s, rssi_dbm, said)
+            states = states[which]
+        age_s = (self.time_ns - columns.sent_ns.astype(np.int64)[which]) / 1e9
+        senders = columns.sender.astype(np.int64)[which]
+        return Heard(self.n, receivers, senders, states[:, :3], states[:, 3:], age_s, rssi_dbm, said)
 
 
 def serve(robots: Robots, address: str | None = None, *, block: bool = True) -> grpc.Server:
