@@ -95,8 +95,13 @@ fn assert_is_complete(dir: &Path, folder: &Path) {
     assert!(verified.status.success(), "{}", tests::said(&verified));
 }
 
-/// Two kinds are checked here and run elsewhere: networks by the next test, and the one whose robots are a program in another
-/// language by tests/external.
+/// Whether one side is a program in another language.
+fn has_program_of_its_own(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("external-"))
+}
+
+/// Two kinds are checked here and run elsewhere: networks by the next test, and those with a program in another language by
+/// tests/external.
 #[test]
 fn each_is_good_and_leaves_a_record_that_verifies() {
     let folder = tests::folder();
@@ -106,7 +111,7 @@ fn each_is_good_and_leaves_a_record_that_verifies() {
         assert!(checked.status.success(), "{}", tests::said(&checked));
         if is_sweep(&path) {
             swept(&path, folder.path());
-        } else if !is_network(&path) && !config.ends_with("external-robots.toml") {
+        } else if !is_network(&path) && !has_program_of_its_own(&path) {
             let dir = tests::run(&path, folder.path(), &shortened(&path));
             assert_is_complete(&dir, folder.path());
         }

@@ -1,0 +1,83 @@
+"""Simulators in Python that come as examples: they keep the contract, and do what they say."""
+
+import sys
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from conftest import ROOT, only_directory, program, succeed
+from hosts import Server
+
+ROBOTS = ROOT / "robotsim/examples/python"
+NETWORKS = ROOT / "netsim/examples/python"
+LINES = 75
+
+
+def serving(example, tmp_path_factory, address):
+    log = tmp_path_factory.mktemp(example.stem) / "log"
+    package = f"PYTHONPATH={ROOT / 'python/src'}"
+    return Server(["env", package, sys.executable, example, address], log, cwd="/")
+
+
+@pytest.fixture(scope="module")
+def wheeled(tmp_path_factory):
+    """MuJoCo's robots, running: their address."""
+    with serving(ROBOTS / "mujoco_swarm.py", tmp_path_factory, "127.0.0.1:0") as server:
+        yield server.address
+
+
+@pytest.fixture(scope="module")
+def disk(tmp_path_factory):
+    """The network of about sixty lines, running: its address."""
+    with serving(NETWORKS / "minimal.py", tmp_path_factory, "0") as server:
+        yield server.address
+
+
+def run(config, out, *options):
+    succeed([program("orchestrator"), "run", ROOT / "configs" / config, "--out", out, *options])
+    return only_directory(out)
+
+
+
+def test_both_keep_the_contract(wheeled, disk):
+    for side, address in (("robotsim", wheeled), ("netsim", disk)):
+        said = succeed([program("orchestrator"), "conformance", side, f"http://{address}"])
+        assert "0 failed" in said and "BROKEN" not in said, said
+
+
+def test_the_network_is_short_and_equals_the_built_in_one(disk, tmp_path):
+    code = [line for line in (NETWORKS / "minimal.py").read_text().splitlines() if line.strip()]
+    assert len(code) <= LINES, f"{len(code)} lines that are not blank"
+    own = run("external-network.toml", tmp_path / "own", "--netsim", f"http://{disk}")
+    text = (ROOT / "configs/external-network.toml").read_text()
+    built_in = tmp_path / "built-in.toml"
+    built_in.write_text(text[: text.index("[netsim]")] + '[netsim.phy]\npropagation = "unit-disk"\nradius_m = 8.0\n')
+    ours = run(built_in, tmp_path / "ours")
+    columns = ["step", "agent", "n_heard"]
+    heard = [pq.read_table(folder / "steps.parquet", columns=columns).to_pydict() for folder in (own, ours)]
+    assert heard[0] == heard[1]
+    places = [
+        np.array([pq.read_table(folder / "steps.parquet")[axis].to_numpy() for axis in ("x_m", "y_m")]) for folder in (own, ours)
+    ]
+    # The order of transmissions may change the last bits of sums.
+    assert np.abs(places[0] - places[1]).max() < 1e-6
+
+
+@pytest.mark.parametrize("network", ["propagation-only", "6tisch"])
+def test_wheeled_robots_turn_the_same_way_over_both_networks(wheeled, tmp_path, network):
+    options = ["--robotsim", f"http://{wheeled}", "--set", "experiment.duration_s=20.0", "--set", f"netsim.mode={network}"]
+    if network == "6tisch":
+        options += ["--set", "netsim.sf.kind=rrsf"]
+    table = pq.read_table(run("external-robots.toml", tmp_path, *options) / "steps.parquet")
+    step, heading_rad = table["step"].to_numpy(), table["heading_rad"].to_numpy()
+
+    def order(at):
+        """Length of the mean of all directions: 1 where all agree."""
+        return abs(np.exp(1j * heading_rad[step == at]).mean())
+
+    # They begin with directions at random; the engine's wheels stay on the ground.
+    assert order(step.min()) < 0.8 and 0.95 < order(step.max())
+    speed_mps = np.hypot(*(table[axis].to_numpy()[step == step.max()] for axis in ("vx_mps", "vy_mps")))
+    assert np.all((0.3 < speed_mps) & (speed_mps < 0.6)), speed_mps
+    z_m = table["z_m"].to_numpy()
+    assert np.all(np.abs(z_m - 0.05) < 0.01)
