@@ -27,6 +27,13 @@ def wheeled(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def gathering(tmp_path_factory):
+    """The robots over the package, running: their address."""
+    with serving(ROBOTS / "gather.py", tmp_path_factory, "127.0.0.1:0") as server:
+        yield server.address
+
+
+@pytest.fixture(scope="module")
 def disk(tmp_path_factory):
     """The network of about sixty lines, running: its address."""
     with serving(NETWORKS / "minimal.py", tmp_path_factory, "0") as server:
@@ -39,8 +46,8 @@ def run(config, out, *options):
 
 
 
-def test_both_keep_the_contract(wheeled, disk):
-    for side, address in (("robotsim", wheeled), ("netsim", disk)):
+def test_all_keep_the_contract(wheeled, gathering, disk):
+    for side, address in (("robotsim", wheeled), ("robotsim", gathering), ("netsim", disk)):
         said = succeed([program("orchestrator"), "conformance", side, f"http://{address}"])
         assert "0 failed" in said and "BROKEN" not in said, said
 
@@ -61,6 +68,14 @@ def test_the_network_is_short_and_equals_the_built_in_one(disk, tmp_path):
     ]
     # The order of transmissions may change the last bits of sums.
     assert np.abs(places[0] - places[1]).max() < 1e-6
+
+
+def test_gathering_robots_come_together(gathering, tmp_path):
+    table = pq.read_table(run("external-robots.toml", tmp_path, "--robotsim", f"http://{gathering}") / "steps.parquet")
+    step = table["step"].to_numpy()
+    spread_m = [np.hypot(*(np.std(table[axis].to_numpy()[step == at]) for axis in ("x_m", "y_m"))) for at in (step.min(), step.max())]
+    # A disk of 1 m around the middle, or less; they begin in a square of 12 m.
+    assert 3.0 < spread_m[0] and spread_m[1] < 1.2, spread_m
 
 
 @pytest.mark.parametrize("network", ["propagation-only", "6tisch"])
