@@ -2,21 +2,26 @@
 //! table.
 //!
 //! `OUT/<name>/trials.jsonl` holds a line for each finished trial, so a sweep resumes even after a crash. The table, the summary
-//! and the report are made from those lines once all trials are finished.
+//! and the report are made from those lines once all trials are finished. A shard runs some of the trials and has a journal of
+//! its own; [`merge()`] makes the table from the journals of all shards.
 
 mod design;
 pub(crate) mod figures;
 mod journal;
+mod merge;
 mod plan;
 mod report;
 mod results;
 mod setting_figures;
+mod shard;
 pub(crate) mod statistics;
 pub mod sweep_summary;
 pub(crate) mod table;
 mod worker;
 
 pub use journal::JournalError;
+pub use merge::{MergeReport, merge};
+pub use shard::{Shard, ShardError};
 
 use crate::console::{self, ProgressDisplay};
 use crate::disk_space;
@@ -51,6 +56,8 @@ pub struct SweepOptions {
     pub jobs: Option<usize>,
     /// Forget the trials that are done.
     pub restart: bool,
+    /// The command that runs this sweep, without `--shard`, `--merge` and the like. Messages add these to it.
+    pub command: String,
 }
 
 /// Why a sweep did not come to its end.
@@ -73,6 +80,9 @@ pub enum SweepError {
     /// The folder holds something else.
     #[error("{} exists and is not the folder of a sweep; choose another folder with --out, or another experiment.name", .0.display())]
     Foreign(PathBuf),
+    /// A shard cannot be run, or shards cannot be merged.
+    #[error(transparent)]
+    Shard(#[from] ShardError),
     /// The journal cannot be kept.
     #[error(transparent)]
     Journal(#[from] JournalError),
@@ -106,6 +116,7 @@ impl SweepError {
         match self {
             Self::Refused(_) | Self::Foreign(_) | Self::Space(_) | Self::Jobs { .. } => 2,
             Self::Journal(JournalError::Lock(RecordError::Locked { .. })) => 2,
+            Self::Shard(error) => error.exit_status(),
             Self::Run { error, .. } => error.exit_status(),
             Self::Journal(_) | Self::Record(_) | Self::Interrupted { .. } => 1,
         }
@@ -165,32 +176,118 @@ pub fn check(path: &Path, overrides: &Overrides) -> Result<(usize, usize, Vec<St
 pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
     let begun = Instant::now();
     let plan = plan::load(&options.config, &options.overrides)?;
-    let jobs = jobs(options, &plan)?;
+    let FinishedTrials { dir, rows, n_before, jobs, work } = run_trials(options, &plan, None)?;
+    let wall_s = begun.elapsed().as_secs_f64();
+    let (n_now, n_starts) = (rows.len() - n_before, work.n_starts);
+    let done = FinishedSweep { plan: &plan, rows: &rows, jobs, n_now, n_starts, wall_s };
+    let (summary, text) = results::write(&dir, &done)?;
+    let (n_trials, failed) = (plan.n_trials(), work.failed);
+    let ended = format!("{n_trials} trials, {} of them failed, {n_now} run now", failed.len());
+    options.start.run_log.end(&ended);
+    Ok(SweepReport { dir, summary, text, n_trials, n_before, failed, n_starts, wall_s })
+}
+
+/// A shard that came to its end.
+#[derive(Debug)]
+pub struct ShardReport {
+    /// Name of the sweep.
+    pub name: String,
+    /// The journal of the shard.
+    pub journal: PathBuf,
+    /// Trials of the shard.
+    pub n_trials: usize,
+    /// Trials of the whole sweep.
+    pub n_of_sweep: usize,
+    /// Trials of the shard that were done before.
+    pub n_before: usize,
+    /// Trials that failed, twice each, and why.
+    pub failed: Vec<(String, String)>,
+    /// How often a pair of simulators was started.
+    pub n_starts: u64,
+    /// Real time (s).
+    pub wall_s: f64,
+}
+
+/// Runs the trials of one shard, or what is left of them. Writes their journal, and no table.
+///
+/// # Errors
+///
+/// See [`SweepError`].
+pub fn run_shard(options: &SweepOptions, shard: Shard) -> Result<ShardReport, SweepError> {
+    let begun = Instant::now();
+    let plan = plan::load(&options.config, &options.overrides)?;
+    let FinishedTrials { dir, rows, n_before, work, .. } = run_trials(options, &plan, Some(shard))?;
+    let (n_trials, failed) = (rows.len(), work.failed);
+    let n_now = n_trials - n_before;
+    options.start.run_log.end(&format!(
+        "shard {shard}: {n_trials} trials, {} of them failed, {n_now} run now",
+        failed.len()
+    ));
+    Ok(ShardReport {
+        journal: dir.join(shard.journal_name()),
+        n_trials,
+        n_of_sweep: plan.n_trials(),
+        n_before,
+        failed,
+        n_starts: work.n_starts,
+        wall_s: begun.elapsed().as_secs_f64(),
+        name: plan.name,
+    })
+}
+
+/// Trials that are all done: those of a sweep, or of a shard.
+struct FinishedTrials {
+    dir: PathBuf,
+    rows: BTreeMap<SweepTrial, TrialRow>,
+    n_before: usize,
+    jobs: usize,
+    work: WorkSummary,
+}
+
+/// Runs the trials of a sweep, or of one shard of it, that are not in its journal.
+fn run_trials(
+    options: &SweepOptions,
+    plan: &SweepPlan,
+    shard: Option<Shard>,
+) -> Result<FinishedTrials, SweepError> {
+    let jobs = jobs(options, plan)?;
+    let (trials, journal_name) = selected(plan, shard)?;
     for warning in &plan.warnings {
         console::warn(warning);
     }
     let dir = options.out.join(&plan.name);
-    let has_journal = dir.join(JOURNAL_FILE).exists();
-    let is_empty = || std::fs::read_dir(&dir).is_ok_and(|mut entries| entries.next().is_none());
-    if dir.exists() && !has_journal && !is_empty() {
-        return Err(SweepError::Foreign(dir));
-    }
+    check_folder(&dir, shard)?;
     std::fs::create_dir_all(&dir)
         .map_err(|source| RecordError::Create { path: dir.clone(), source })?;
-    let (mut journal, known) = Journal::open(&dir, JOURNAL_FILE, options.restart)?;
-    results::begin(&dir, &plan)?;
+    let (mut journal, known) = Journal::open(&dir, &journal_name, options.restart)?;
     let log = &options.start.run_log;
+    match shard {
+        None => {
+            results::write_config(&dir, plan)?;
+            results::remove_partial_runs(&dir, |_| true)?;
+        }
+        Some(_) => {
+            merge::check_journal(plan, &dir.join(&journal_name), &known.rows)?;
+            // Other shards may be running.
+            let own: BTreeSet<String> = trials.iter().map(|&t| plan.trial_name(t)).collect();
+            results::remove_partial_runs(&dir, |name| own.contains(name))?;
+        }
+    }
     log.open(&dir)?;
-    log.add("orchestrator", &format!("sweep of {} trials, {jobs} at a time", plan.n_trials()));
+    let part = shard.map(|shard| format!("shard {shard} of a ")).unwrap_or_default();
+    log.add(
+        "orchestrator",
+        &format!("{part}sweep of {} trials, {jobs} at a time", plan.n_trials()),
+    );
     for warning in &known.warnings {
         console::warn(warning);
     }
     let program = program(&options.start.executable)?;
     let mut rows: BTreeMap<SweepTrial, TrialRow> = BTreeMap::new();
-    for trial in plan.trials() {
+    for &trial in &trials {
         // One that failed is tried again.
         if let Some(row) = known.rows.get(&plan.key(trial)).filter(|row| !row.has_failed())
-            && (!plan.keeps(trial) || results::is_kept(&dir, &plan, trial, row))
+            && (!plan.keeps(trial) || results::is_kept(&dir, plan, trial, row))
         {
             rows.insert(trial, row.clone());
         }
@@ -202,12 +299,13 @@ pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
             "{n_other} trials were run by another build of this program; --restart runs them again"
         ));
     }
-    let left: Vec<SweepTrial> = plan.trials().filter(|t| !rows.contains_key(t)).collect();
-    disk_space::fits(least_bytes(&plan, &left)?, &options.out).map_err(SweepError::Space)?;
-    let queue = TrialQueue::new(&plan, left.into_iter());
+    let left: Vec<SweepTrial> =
+        trials.iter().copied().filter(|trial| !rows.contains_key(trial)).collect();
+    disk_space::fits(least_bytes(plan, &left)?, &options.out).map_err(SweepError::Space)?;
+    let queue = TrialQueue::new(plan, left.into_iter());
     let mut account = WorkSummary::default();
     if !queue.is_empty() {
-        let work = Work { plan: &plan, dir: &dir, start: &options.start, program: &program };
+        let work = Work { plan, dir: &dir, start: &options.start, program: &program };
         account = std::thread::scope(|scope| {
             let (said, inbox) = channel();
             for _ in 0..jobs.min(queue.len()) {
@@ -216,37 +314,58 @@ pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
                 scope.spawn(move || worker::work(work, queue, &said));
             }
             drop(said);
-            collect(&plan, &queue, &inbox, &mut journal, &mut rows)
+            collect(plan, trials.len(), &queue, &inbox, &mut journal, &mut rows)
         })?;
     }
     if let Some(signal) = account.interrupted {
         log.end(&format!("stopped by {signal} after {} trials", rows.len()));
-        return Err(SweepError::Interrupted { signal, done: rows.len(), n: plan.n_trials() });
+        return Err(SweepError::Interrupted { signal, done: rows.len(), n: trials.len() });
     }
-    let wall_s = begun.elapsed().as_secs_f64();
-    let (n_now, n_starts) = (rows.len() - n_before, account.n_starts);
-    let done = FinishedSweep { plan: &plan, rows: &rows, jobs, n_now, n_starts, wall_s };
-    let (summary, text) = results::write(&dir, &done)?;
-    let (n_trials, failed) = (plan.n_trials(), account.failed);
-    log.end(&format!("{n_trials} trials, {} of them failed, {n_now} run now", failed.len()));
-    Ok(SweepReport { dir, summary, text, n_trials, n_before, failed, n_starts, wall_s })
+    Ok(FinishedTrials { dir, rows, n_before, jobs, work: account })
 }
 
-/// Estimates the time and space of the trials of a sweep that have not been run.
+/// The trials of a sweep, or of one shard of it, and the name of their journal.
+fn selected(
+    plan: &SweepPlan,
+    shard: Option<Shard>,
+) -> Result<(Vec<SweepTrial>, String), ShardError> {
+    match shard {
+        Some(shard) => Ok((shard.trials(plan)?, shard.journal_name())),
+        None => Ok((plan.trials().collect(), JOURNAL_FILE.to_owned())),
+    }
+}
+
+/// Refuses a folder that holds something else, or shards that were split otherwise or were not merged.
+fn check_folder(dir: &Path, shard: Option<Shard>) -> Result<(), SweepError> {
+    if shard::is_foreign(dir)? {
+        return Err(SweepError::Foreign(dir.to_owned()));
+    }
+    match shard {
+        Some(shard) => shard::check_count(dir, shard)?,
+        None if !dir.join(JOURNAL_FILE).exists() && !shard::shards_in(dir)?.is_empty() => {
+            return Err(ShardError::Unmerged(dir.to_owned()).into());
+        }
+        None => {}
+    }
+    Ok(())
+}
+
+/// Estimates the time and space of the trials of a sweep, or of one shard of it, that have not been run.
 ///
 /// # Errors
 ///
 /// The sweep cannot be run, or its longest trial fails in its first steps.
-pub async fn dry_run(options: &SweepOptions) -> Result<DryRun, SweepError> {
+pub async fn dry_run(options: &SweepOptions, shard: Option<Shard>) -> Result<DryRun, SweepError> {
     let plan = plan::load(&options.config, &options.overrides)?;
     let jobs = jobs(options, &plan)?;
+    let (trials, journal_name) = selected(&plan, shard)?;
     let done = if options.restart {
         BTreeSet::new()
     } else {
-        journal::keys(&options.out.join(&plan.name).join(JOURNAL_FILE))
+        journal::keys(&options.out.join(&plan.name).join(journal_name))
     };
     let trials: Vec<SweepTrial> =
-        plan.trials().filter(|trial| !done.contains(&plan.key(*trial))).collect();
+        trials.into_iter().filter(|trial| !done.contains(&plan.key(*trial))).collect();
     // The longest trial is measured, the others are taken to be shorter in proportion.
     let longest = trials.iter().copied().max_by(|&a, &b| plan.effort(a).total_cmp(&plan.effort(b)));
     let longest = longest.or_else(|| plan.trials().next());
@@ -319,12 +438,13 @@ struct WorkSummary {
 /// Takes what the workers say until they are gone.
 fn collect(
     plan: &SweepPlan,
+    n_trials: usize,
     queue: &TrialQueue,
     inbox: &Receiver<Said>,
     journal: &mut Journal,
     rows: &mut BTreeMap<SweepTrial, TrialRow>,
 ) -> Result<WorkSummary, SweepError> {
-    let mut progress = ProgressDisplay::new(plan.n_trials() as u64);
+    let mut progress = ProgressDisplay::new(n_trials as u64);
     let n_before = rows.len();
     let mut account = WorkSummary::default();
     let mut result = Ok(());
@@ -343,8 +463,8 @@ fn collect(
                 }
                 rows.insert(trial, *row);
                 let done = rows.len();
-                let (n, n_now) = (plan.n_trials(), done - n_before);
-                progress.trials(done as u64, n as u64, n_now as u64);
+                let n_now = done - n_before;
+                progress.trials(done as u64, n_trials as u64, n_now as u64);
             }
             Said::Fatal(trial, error) => {
                 queue.close();

@@ -47,6 +47,7 @@ mod results;
 mod resuming;
 mod robot_headings;
 mod schemas;
+mod shards;
 mod simulate;
 mod solids;
 mod sweeps;

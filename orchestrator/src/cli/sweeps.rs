@@ -4,7 +4,7 @@ use super::{Failure, FileArgs, check_place, on_runtime, write_json};
 use crate::compare_runs;
 use crate::console::{say, warn};
 use crate::run::StartOptions;
-use crate::sweep::{self, SweepError, SweepOptions};
+use crate::sweep::{self, Shard, SweepError, SweepOptions, SweepReport};
 use clap::Args;
 use numbers::format::count_of;
 use std::path::PathBuf;
@@ -29,6 +29,53 @@ pub(super) struct SweepArgs {
     /// Estimate time, memory and disk space of the trials that are left, and leave nothing
     #[arg(long)]
     dry_run: bool,
+    /// Run only shard I of N, one of N disjoint parts of the trials, as in 2/3; for sweeps on several machines. Writes no table:
+    /// --merge does once all shards are finished
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
+    /// Run no trials: check that all shards are finished, and write the table, the summary and the report of the whole sweep
+    #[arg(long, conflicts_with_all = ["shard", "jobs", "threads", "restart", "dry_run"])]
+    merge: bool,
+}
+
+/// Options that choose what a sweep runs and how: name, and whether a value follows. The command that messages show has none of
+/// them.
+const WORK_OPTIONS: [(&str, bool); 7] = [
+    ("--shard", true),
+    ("--merge", false),
+    ("--jobs", true),
+    ("--threads", true),
+    ("--restart", false),
+    ("--dry-run", false),
+    ("--json", true),
+];
+
+/// The command of these arguments, without [`WORK_OPTIONS`], as a shell takes it.
+fn base_command(arguments: impl Iterator<Item = String>) -> String {
+    let mut words = vec!["orchestrator".to_owned()];
+    let mut arguments = arguments.skip(1);
+    while let Some(argument) = arguments.next() {
+        let name = argument.split('=').next().unwrap_or_default();
+        match WORK_OPTIONS.iter().find(|(option, _)| *option == name) {
+            Some((_, has_value)) => {
+                if *has_value && !argument.contains('=') {
+                    arguments.next();
+                }
+            }
+            None => words.push(quoted(&argument)),
+        }
+    }
+    words.join(" ")
+}
+
+/// A word for a shell, in quotation marks where it needs them.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
 }
 
 /// `orchestrator sweep`.
@@ -43,32 +90,55 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
         start: StartOptions { is_busy: true, ..start },
         jobs: args.jobs.map(usize::from),
         restart: args.restart,
+        command: base_command(std::env::args_os().map(|word| word.to_string_lossy().into_owned())),
     };
-    let failed =
-        |error: SweepError| Failure { status: error.exit_status(), text: error.to_string() };
     if args.dry_run {
-        let dry = on_runtime(sweep::dry_run(&options))?.map_err(failed)?;
+        let dry = on_runtime(sweep::dry_run(&options, args.shard))?.map_err(failed)?;
         for warning in &dry.warnings {
             warn(warning);
         }
         say(dry.text());
         return write_json(args.file.json.as_deref(), &dry);
     }
-    let report = sweep::sweep(&options).map_err(failed)?;
-    for warning in &report.summary.warnings {
-        warn(warning);
+    if let Some(shard) = args.shard {
+        if args.file.json.is_some() {
+            return Err(Failure::request(
+                "--json: a shard has no results of the sweep; use --json with --merge, or --dry-run",
+            ));
+        }
+        return run_shard(&options, shard);
     }
+    if args.merge {
+        let merged = sweep::merge(&options).map_err(failed)?;
+        let shards: Vec<String> =
+            merged.failed_shards.iter().map(|shard| format!("--shard {shard}")).collect();
+        let retry = format!("Run {} again to retry them, then --merge", shards.join(", "));
+        let done = format!(" of {} merged", count_of(merged.n_shards.into(), "shard"));
+        return show(&merged.sweep, &done, &retry, args);
+    }
+    let report = sweep::sweep(&options).map_err(failed)?;
     let before = match report.n_before {
         0 => String::new(),
         n => format!(", {n} of them finished earlier"),
     };
-    say(format!(
-        "{}: {}{before} in {:.1} s, {} of simulators started",
-        report.summary.name,
-        count_of(report.n_trials as u64, "trial"),
+    let done = format!(
+        "{before} in {:.1} s, {} of simulators started",
         report.wall_s,
         count_of(report.n_starts, "pair")
-    ));
+    );
+    show(&report, &done, "Run the same command again to retry them", args)
+}
+
+fn failed(error: SweepError) -> Failure {
+    Failure { status: error.exit_status(), text: error.to_string() }
+}
+
+/// Shows the results of a whole sweep: what was done, and what to do about trials that failed.
+fn show(report: &SweepReport, done: &str, retry: &str, args: &SweepArgs) -> Result<(), Failure> {
+    for warning in &report.summary.warnings {
+        warn(warning);
+    }
+    say(format!("{}: {}{done}", report.summary.name, count_of(report.n_trials as u64, "trial")));
     say(&report.text);
     say(format!("results in {}", report.dir.display()));
     say(format!("open {}", report.dir.join("report.html").display()));
@@ -77,7 +147,34 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
         return Ok(());
     }
     Err(Failure::work(format!(
-        "{} of {} trials failed; the table has all others. Run the same command again to retry them",
+        "{} of {} trials failed; the table has all others. {retry}",
+        report.failed.len(),
+        report.n_trials
+    )))
+}
+
+/// Runs one shard of a sweep.
+fn run_shard(options: &SweepOptions, shard: Shard) -> Result<(), Failure> {
+    let report = sweep::run_shard(options, shard).map_err(failed)?;
+    let before = match report.n_before {
+        0 => String::new(),
+        n => format!(", {n} of them finished earlier"),
+    };
+    say(format!(
+        "{}: shard {shard} has {} of {}{before}; {:.1} s, {} of simulators started",
+        report.name,
+        report.n_trials,
+        count_of(report.n_of_sweep as u64, "trial"),
+        report.wall_s,
+        count_of(report.n_starts, "pair")
+    ));
+    say(format!("journal in {}", report.journal.display()));
+    say(format!("once all shards are finished, run {} --merge", options.command));
+    if report.failed.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::work(format!(
+        "{} of {} trials of the shard failed. Run the same command again to retry them",
         report.failed.len(),
         report.n_trials
     )))
@@ -102,4 +199,22 @@ pub(super) fn compare_runs(args: &CompareRunsArgs) -> Result<(), Failure> {
     }
     say(compare_runs::words::text(&changes));
     write_json(args.json.as_deref(), &changes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_in_messages_is_the_one_that_was_given_without_what_it_runs() {
+        let command = |text: &str| base_command(text.split('|').map(str::to_owned));
+        assert_eq!(
+            command("/bin/orchestrator|sweep|s.toml|--merge|--out|a b|--set=x.y=[1, 2]"),
+            "orchestrator sweep s.toml --out 'a b' '--set=x.y=[1, 2]'"
+        );
+        assert_eq!(
+            command("o|sweep|--shard=1/3|it's.toml|--jobs|2|--restart|--seed|4"),
+            "orchestrator sweep 'it'\\''s.toml' --seed 4"
+        );
+    }
 }

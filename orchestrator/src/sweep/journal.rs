@@ -4,6 +4,7 @@
 //! last line is no line, and is cut off. Each line ends with a checksum of what is before it. A line that cannot be read, or
 //! was changed, is moved to a file of its own, and its trial is run again.
 
+use super::JOURNAL_FILE;
 use metrics::figures::FiguresByName;
 use proto::bounds::JOURNAL_BYTES;
 use proto::digest::hex;
@@ -14,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
-use std::io::Write as _;
+use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 /// What came of a trial.
@@ -46,6 +47,14 @@ impl TrialRow {
     /// Whether it failed, twice: there are no figures.
     pub(super) fn has_failed(&self) -> bool {
         self.status == FAILED
+    }
+
+    /// Whether another run of the same trial had the same result, whatever program ran it and how long it took.
+    pub(super) fn has_same_result(&self, other: &Self) -> bool {
+        let result = |row: &Self| {
+            (row.key.clone(), row.status.clone(), row.reason.clone(), row.digest.clone())
+        };
+        result(self) == result(other) && self.values == other.values
     }
 }
 
@@ -128,9 +137,87 @@ fn read(line: &[u8]) -> Line {
     }
 }
 
+/// The lines of a journal that was read.
+#[derive(Default)]
+struct Lines<'a> {
+    /// Lines with their rows.
+    good: Vec<(&'a [u8], TrialRow)>,
+    /// Lines that cannot be used: their number, from 1, the line, and why.
+    damaged: Vec<(usize, &'a [u8], String)>,
+    /// Number of good lines without a checksum, of earlier versions.
+    n_unchecked: usize,
+}
+
+/// Length of the whole lines of a journal (bytes): without the line that was being written when a program was killed.
+fn whole_length(bytes: &[u8]) -> usize {
+    bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1)
+}
+
+/// Reads whole lines.
+fn lines(bytes: &[u8]) -> Lines<'_> {
+    let found: Vec<(usize, &[u8], Line)> = (1..)
+        .zip(bytes.split(|&byte| byte == b'\n'))
+        .filter(|(_, line)| !line.is_empty())
+        .map(|(number, line)| (number, line, read(line)))
+        .collect();
+    // A program that gives its lines checksums gives them to all.
+    let with_checksums: BTreeSet<String> = found
+        .iter()
+        .filter_map(|(_, _, line)| match line {
+            Line::Row(row) => Some(row.program.clone()),
+            Line::Unchecked(_) | Line::Damaged(_) => None,
+        })
+        .collect();
+    let mut lines = Lines::default();
+    for (number, line, found) in found {
+        match found {
+            Line::Row(row) => lines.good.push((line, row)),
+            Line::Unchecked(row) if with_checksums.contains(&row.program) => {
+                lines.damaged.push((number, line, "its checksum is missing".to_owned()));
+            }
+            Line::Unchecked(row) => {
+                lines.n_unchecked += 1;
+                lines.good.push((line, row));
+            }
+            Line::Damaged(reason) => {
+                lines.damaged.push((number, line, format!("is damaged ({reason})")));
+            }
+        }
+    }
+    lines
+}
+
+/// That lines have no checksum; none: all have one.
+fn unchecked(path: &Path, n: usize) -> Option<String> {
+    (n != 0).then(|| {
+        format!(
+            "{}: lines without a checksum, of an earlier version of this program: {n}; they are used unchecked, --restart runs \
+             their trials again",
+            path.display()
+        )
+    })
+}
+
+/// Reads the journal of a shard without changing it: all its rows, and what the user should know, a sentence each. A damaged
+/// line counts as missing.
+///
+/// # Errors
+///
+/// The file cannot be read.
+pub(super) fn read_rows(path: &Path) -> Result<(Vec<TrialRow>, Vec<String>), JournalError> {
+    let bytes = read_file(&JOURNAL_BYTES, path)
+        .map_err(|source| JournalError::File { path: path.to_owned(), source })?;
+    let Lines { good, damaged, n_unchecked } = lines(&bytes[..whole_length(&bytes)]);
+    let warnings = damaged.iter().map(|(number, _, problem)| {
+        format!("{}:{number}: {problem}; its trial counts as missing", path.display())
+    });
+    let warnings = warnings.chain(unchecked(path, n_unchecked)).collect();
+    Ok((good.into_iter().map(|(_, row)| row).collect(), warnings))
+}
+
 impl Journal {
     /// Locks the folder of the sweep, `dir`, and opens the journal of this name in it, or begins one. `anew`: what it holds is
-    /// forgotten.
+    /// forgotten. The journal of a shard, which has another name than that of the whole sweep, locks itself alone.
     ///
     /// # Errors
     ///
@@ -140,10 +227,8 @@ impl Journal {
         name: &str,
         anew: bool,
     ) -> Result<(Self, JournalContent), JournalError> {
-        let parent = dir.parent().filter(|parent| !parent.as_os_str().is_empty());
-        let folder = dir.file_name().unwrap_or_default().to_string_lossy();
-        let lock = ResultLock::take(parent.unwrap_or(Path::new(".")), &folder)?;
         let path = dir.join(name);
+        let lock = lock(dir, name)?;
         let failed = |source| JournalError::File { path: path.clone(), source };
         let mut file = OpenOptions::new()
             .read(true)
@@ -156,64 +241,24 @@ impl Journal {
             file.set_len(0).map_err(failed)?;
         }
         let bytes = JOURNAL_BYTES.read(&mut file).map_err(failed)?;
-        let whole = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |newline| newline + 1);
+        let whole = whole_length(&bytes);
         file.set_len(whole as u64).map_err(failed)?;
+        let Lines { good, damaged, n_unchecked } = lines(&bytes[..whole]);
+        let damaged_file = name.replace(".jsonl", ".damaged");
         let mut content = JournalContent::default();
-        let (mut good, mut damaged): (Vec<&[u8]>, Vec<&[u8]>) = (Vec::new(), Vec::new());
-        let mut n_unchecked = 0;
-        let lines: Vec<(usize, &[u8], Line)> = bytes[..whole]
-            .split(|&byte| byte == b'\n')
-            .enumerate()
-            .filter(|(_, line)| !line.is_empty())
-            .map(|(index, line)| (index, line, read(line)))
-            .collect();
-        // A program that gives its lines checksums gives them to all.
-        let with_checksums: BTreeSet<String> = lines
-            .iter()
-            .filter_map(|(_, _, line)| match line {
-                Line::Row(row) => Some(row.program.clone()),
-                Line::Unchecked(_) | Line::Damaged(_) => None,
-            })
-            .collect();
-        for (index, line, found) in lines {
-            let row = match found {
-                Line::Row(row) => Ok(row),
-                Line::Unchecked(row) if with_checksums.contains(&row.program) => {
-                    Err("its checksum is missing".to_owned())
-                }
-                Line::Unchecked(row) => {
-                    n_unchecked += 1;
-                    Ok(row)
-                }
-                Line::Damaged(reason) => Err(format!("is damaged ({reason})")),
-            };
-            let row = match row {
-                Ok(row) => row,
-                Err(problem) => {
-                    content.warnings.push(format!(
-                        "{}:{}: {problem}; its trial is run again, the line is in {DAMAGED_FILE}",
-                        path.display(),
-                        index + 1
-                    ));
-                    damaged.push(line);
-                    continue;
-                }
-            };
-            good.push(line);
-            content.rows.insert(row.key.clone(), row);
-        }
-        if n_unchecked != 0 {
+        for (number, _, problem) in &damaged {
             content.warnings.push(format!(
-                "{}: lines without a checksum, of an earlier version of this program: {n_unchecked}; they are used unchecked, \
-                 --restart runs their trials again",
-                path.display()
+                "{}:{number}: {problem}; its trial is run again, the line is in {damaged_file}",
+                path.display(),
             ));
         }
+        content.warnings.extend(unchecked(&path, n_unchecked));
         if !damaged.is_empty() {
-            set_apart(&dir.join(DAMAGED_FILE), &damaged).map_err(failed)?;
+            set_apart(&dir.join(damaged_file), damaged.iter().map(|(_, line, _)| *line))
+                .map_err(failed)?;
             // The journal without them, whole at any moment.
             let draft = dir.join(format!(".{name}"));
-            let lines = good.iter().flat_map(|line| [line, &b"\n"[..]].concat());
+            let lines = good.iter().flat_map(|(line, _)| [line, &b"\n"[..]].concat());
             let lines: Vec<u8> = lines.collect();
             let replaced = fs::write(&draft, lines)
                 .and_then(|()| File::open(&draft)?.sync_all())
@@ -221,6 +266,7 @@ impl Journal {
                 .and_then(|()| OpenOptions::new().append(true).open(&path));
             file = replaced.map_err(failed)?;
         }
+        content.rows = good.into_iter().map(|(_, row)| (row.key.clone(), row)).collect();
         Ok((Self { path: path.clone(), file, _lock: lock }, content))
     }
 
@@ -235,6 +281,40 @@ impl Journal {
         self.file.write_all(format!("{line}\n").as_bytes()).map_err(failed)?;
         self.file.sync_data().map_err(failed)
     }
+
+    /// Adds many rows, and brings them to the disk together.
+    ///
+    /// # Errors
+    ///
+    /// The disk is full, or the like.
+    pub(super) fn add_all<'a>(
+        &mut self,
+        rows: impl Iterator<Item = &'a TrialRow>,
+    ) -> Result<(), JournalError> {
+        let failed = |source| JournalError::File { path: self.path.clone(), source };
+        let mut file = BufWriter::new(&mut self.file);
+        for row in rows {
+            let line = written(row).map_err(|error| failed(error.into()))?;
+            writeln!(file, "{line}").map_err(failed)?;
+        }
+        file.flush().map_err(failed)?;
+        drop(file);
+        self.file.sync_data().map_err(failed)
+    }
+}
+
+/// Locks a journal. The lock lies beside the folder of the sweep, `dir`, so that it stays where it is if the folder is copied.
+fn lock(dir: &Path, name: &str) -> Result<ResultLock, RecordError> {
+    let parent = dir.parent().filter(|parent| !parent.as_os_str().is_empty());
+    let parent = parent.unwrap_or(Path::new("."));
+    let folder = dir.file_name().unwrap_or_default().to_string_lossy();
+    if name == JOURNAL_FILE {
+        return ResultLock::take(parent, &folder);
+    }
+    ResultLock::take(parent, &format!("{folder}.{name}")).map_err(|error| match error {
+        RecordError::Locked { holder, .. } => RecordError::Locked { path: dir.join(name), holder },
+        error => error,
+    })
 }
 
 /// The keys of trials in a journal that need not be run again, without a look at who writes it; none where it cannot be read.
@@ -247,10 +327,8 @@ pub(super) fn keys(path: &Path) -> BTreeSet<String> {
     rows.collect()
 }
 
-/// Lines of a journal that cannot be read, beside it.
-const DAMAGED_FILE: &str = "trials.damaged";
-
-fn set_apart(path: &Path, lines: &[&[u8]]) -> std::io::Result<()> {
+/// Adds lines of a journal that cannot be read to a file beside it.
+fn set_apart<'a>(path: &Path, lines: impl Iterator<Item = &'a [u8]>) -> std::io::Result<()> {
     let mut file = OpenOptions::new().append(true).create(true).open(path)?;
     for line in lines {
         file.write_all(&[line, &b"\n"[..]].concat())?;
@@ -317,6 +395,21 @@ mod tests {
     }
 
     #[test]
+    fn journals_of_shards_are_locked_one_by_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = folder.path().join("s");
+        fs::create_dir(&dir).unwrap();
+        let open = |name: &str| Journal::open(&dir, name, false);
+        let journals = ["trials-1-of-2.jsonl", "trials-2-of-2.jsonl", "trials.jsonl"];
+        let held: Vec<_> = journals.map(|name| open(name).unwrap()).into();
+        let Err(error) = open("trials-2-of-2.jsonl") else { panic!("it is locked") };
+        let locked = format!("{} is being written by process", dir.join(journals[1]).display());
+        assert!(error.to_string().contains(&locked), "{error}");
+        drop(held);
+        assert!(open("trials-2-of-2.jsonl").is_ok());
+    }
+
+    #[test]
     fn an_edited_line_costs_its_trial_alone() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trials.jsonl");
@@ -342,7 +435,7 @@ mod tests {
         let (_, content) = open(false);
         assert_eq!(content.rows.keys().collect::<Vec<_>>(), ["a", "b", "d"]);
         assert!(content.warnings.is_empty(), "{:?}", content.warnings);
-        let apart = std::fs::read_to_string(folder.path().join(DAMAGED_FILE)).unwrap();
+        let apart = std::fs::read_to_string(folder.path().join("trials.damaged")).unwrap();
         assert_eq!(apart.lines().collect::<Vec<_>>(), lines[1..3]);
         assert!(open(true).1.rows.is_empty());
     }

@@ -39,14 +39,24 @@ pub(super) fn is_kept(dir: &Path, plan: &SweepPlan, trial: SweepTrial, row: &Tri
     RunSummary::read(&run).is_ok_and(|summary| summary.final_digest == row.digest)
 }
 
-/// Writes the sweep's file, and removes what a program that was killed has left of a run.
-pub(super) fn begin(dir: &Path, plan: &SweepPlan) -> Result<(), RecordError> {
-    write_whole(dir, "sweep.toml", plan.written.as_bytes())?;
+/// Writes the sweep's file.
+pub(super) fn write_config(dir: &Path, plan: &SweepPlan) -> Result<(), RecordError> {
+    write_whole(dir, "sweep.toml", plan.written.as_bytes())
+}
+
+/// Removes what a program that was killed has left of runs, of trials whose name `is_own` accepts.
+pub(super) fn remove_partial_runs(
+    dir: &Path,
+    is_own: impl Fn(&str) -> bool,
+) -> Result<(), RecordError> {
     let runs = kept_runs(dir);
     let Ok(entries) = fs::read_dir(&runs) else { return Ok(()) };
     for entry in entries.flatten() {
-        let is_partial = entry.file_name().to_string_lossy().starts_with('.');
-        if is_partial {
+        let name = entry.file_name();
+        let name = name.to_string_lossy();
+        // As in `.setting-0-seed-1.partial-4711`.
+        let of_trial = name.strip_prefix('.').and_then(|name| name.split('.').next());
+        if of_trial.is_some_and(&is_own) {
             let path = entry.path();
             let removed =
                 if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
