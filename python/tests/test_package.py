@@ -134,6 +134,10 @@ def test_the_loop_of_measurements_takes_data_frames(tmp_path):
     assert "rssi" in json.dumps(compared.content) and compared._repr_html_().startswith("<pre>")
     found = murmuration.diagnose(model, data)
     assert found["verdict"] == "missing-effects" and found["missing"] == ["system-gain"]
+    extended = tmp_path / "extended.toml"
+    murmuration.extend(model, data, extended, effect="system-gain")
+    assert 'kind = "system-gain"' in extended.read_text()
+    assert murmuration.power(model, data, "system-gain", campaigns=2).content
     output = tmp_path / "campaign.csv"
     murmuration.simulate(model, data, output, seed=3)
     assert output.read_text().count("\n") == n + 1
