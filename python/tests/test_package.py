@@ -118,7 +118,8 @@ def test_a_sweep_has_its_trials(tmp_path):
 
 
 def test_the_loop_of_measurements_takes_data_frames(tmp_path):
-    polars = pytest.importorskip("polars")
+    import polars
+
     rng = np.random.default_rng(5)
     n = 400
     distance_m = rng.uniform(2.0, 60.0, n)
@@ -153,7 +154,7 @@ def test_ctrl_c_ends_the_program_as_well(tmp_path):
         time.sleep(0.05)
     grandchild = children.read_text().split()[0]
     time.sleep(0.5)
-    # As a notebook does it: this process alone is told.
+    # A notebook interrupts its own process only, not the processes it has started.
     os.kill(child.pid, signal.SIGINT)
     assert "KeyboardInterrupt" in child.communicate(timeout=30)[1]
     assert not Path(f"/proc/{grandchild}").exists()
@@ -209,6 +210,35 @@ def test_a_fault_of_user_code_shows_its_traceback(serving, tmp_path):
     assert murmuration.run(EXTERNAL, out=tmp_path, robotsim=url).summary["steps"] == 50
 
 
+TELLS = """
+import numpy, murmuration.robots
+
+class Tells(murmuration.robots.Robots):
+    def reset(self, seed, n):
+        self.n, self.words = n, set()
+        return numpy.column_stack([numpy.arange(n), numpy.zeros(n)])
+
+    def step(self, dt_s, heard):
+        self.words |= set(heard.payload)
+        self.task_complete = len(self.words) == self.n
+        return numpy.column_stack([numpy.arange(self.n), numpy.zeros(self.n)])
+
+    def payloads(self):
+        return [b"I am %d" % robot for robot in range(self.n)]
+
+    def figures(self):
+        return {"words": len(self.words)}
+
+murmuration.robots.serve(Tells())
+"""
+
+
+def test_payloads_and_figures_of_ones_own_arrive(serving, tmp_path):
+    url, _ = serving(TELLS)
+    run = murmuration.run(EXTERNAL, out=tmp_path, robotsim=url)
+    assert run.summary["task"]["words"] == 8 and run.summary["task"]["complete"]
+
+
 class Two(robots.Robots):
     positions = np.zeros((2, 2))
 
@@ -226,7 +256,7 @@ class Two(robots.Robots):
 )
 def test_positions_of_the_wrong_form_are_named(positions, text):
     service = robots._Service(Two())
-    service.robots.positions = positions
+    service.simulator.positions = positions
     with pytest.raises(ValueError, match=re.escape(text)):
         service._configure(robots.robotsim_pb2.RobotSimServiceConfigureRequest(seed=1, agent_count=2))
 

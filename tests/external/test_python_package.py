@@ -71,12 +71,8 @@ def test_its_stubs_are_those_of_the_contract(tmp_path):
         assert protoc.main(["protoc", f"-I{ROOT / 'proto'}", f"--descriptor_set_out={output}", str(ROOT / "proto" / file)]) == 0
         (wanted,) = descriptor_pb2.FileDescriptorSet.FromString(output.read_bytes()).file
         without_json_names(wanted.message_type)
-        text = f"""
-            import sys
-            from murmuration._contract import {name}_pb2
-            sys.stdout.buffer.write({name}_pb2.DESCRIPTOR.serialized_pb)
-        """
-        command = [sys.executable, "-c", "\n".join(line.strip() for line in text.splitlines())]
+        text = f"import sys; from murmuration._contract import {name}_pb2 as p; sys.stdout.buffer.write(p.DESCRIPTOR.serialized_pb)"
+        command = [sys.executable, "-c", text]
         variables = {**os.environ, "PYTHONPATH": str(folder.parents[1])}
         answer = subprocess.run(command, capture_output=True, env=variables, check=True)
         assert descriptor_pb2.FileDescriptorProto.FromString(answer.stdout) == wanted, f"run python/make_stubs.sh: {file} has changed"

@@ -1,4 +1,4 @@
-"""What both kinds of simulator share: the order of steps, repeated requests, digests, sessions, and the server."""
+"""What both kinds of simulator share: the calls of the contract, the form of requests, digests, and the server."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import hashlib
 import os
 import struct
 import sys
+import tomllib
 import traceback
 from collections.abc import Iterator
 from concurrent import futures
@@ -38,24 +39,74 @@ def not_now(text: str) -> Refused:
     return Refused(grpc.StatusCode.FAILED_PRECONDITION, text)
 
 
-class Stepper:
-    """Keeps the order of steps for one simulator. Subclasses compute a step in `advance` and say what its digest covers."""
+class Service:
+    """What both kinds of simulator do as the contract has it: begin an experiment, keep the order of steps, say where they stand.
 
-    def __init__(self) -> None:
+    Subclasses serve one class of users: they set the two types of response, and override `start` and `advance`.
+    """
+
+    BARRIER_RESPONSE: Any
+    SESSION_RESPONSE: Any
+
+    def __init__(self, simulator: Any) -> None:
+        self.simulator = simulator
+        self.n = 0
         self.step: int | None = None
         self.time_ns = 0
         self._asked: Any = None
         self._reply: Any = None
         self._digest = b""
 
-    def begin(self) -> None:
-        self.step, self.time_ns, self._asked, self._reply, self._digest = 0, 0, None, None, b""
+    def start(self, request: Any) -> Any:
+        """Begins an experiment with `n` agents; returns the reply to Configure."""
+        raise NotImplementedError
 
-    def advance(self, request: Any) -> tuple[Any, bytes]:
+    def advance(self, request: Any, dt_s: float) -> tuple[Any, bytes]:
         """The reply to a step that may follow, and the bytes of which the digest is made."""
         raise NotImplementedError
 
-    def take(self, request: Any) -> Any:
+    def identity(self) -> dict[str, Any]:
+        """What every answer to Describe says."""
+        simulator = self.simulator
+        name = simulator.name or type(simulator).__name__
+        return {"name": name, "version": simulator.version, "contract_version": 1, "session": True}
+
+    def Configure(self, request: Any, context: Any) -> Any:
+        return answered(context, self._configure, request)
+
+    def Step(self, request: Any, context: Any) -> Any:
+        return answered(context, self._step, request)
+
+    def Barrier(self, request: Any, context: Any) -> Any:
+        return answered(context, self._barrier, request)
+
+    def Session(self, requests: Iterator[Any], context: Any) -> Iterator[Any]:
+        for request in requests:
+            which = request.WhichOneof("request")
+            if which == "step":
+                yield self.SESSION_RESPONSE(step=self.Step(request.step, context))
+            elif which == "barrier":
+                yield self.SESSION_RESPONSE(barrier=self.Barrier(request.barrier, context))
+            else:
+                context.abort(grpc.StatusCode.INVALID_ARGUMENT, "request: neither step nor barrier is set")
+
+    def _configure(self, request: Any) -> Any:
+        if request.agent_count < 1:
+            raise invalid("agent_count: must be at least 1, got 0")
+        if request.coupling not in (common_pb2.COUPLING_UNSPECIFIED, common_pb2.COUPLING_SEQUENTIAL):
+            raise invalid('coupling: only sequential is served; set experiment.coupling = "sequential"')
+        try:
+            config, site = tomllib.loads(request.config_toml), tomllib.loads(request.site_toml)
+        except tomllib.TOMLDecodeError as error:
+            raise invalid(f"config_toml: {error}") from None
+        # Not configured until `start` has succeeded.
+        self.step, self.n = None, request.agent_count
+        self.simulator.config, self.simulator.site, self.simulator.time_s = config, site, 0.0
+        reply = self.start(request)
+        self.step, self.time_ns, self._asked, self._reply, self._digest = 0, 0, None, None, b""
+        return reply
+
+    def _step(self, request: Any) -> Any:
         """A step: the next one, or the latest again."""
         if self.step is None:
             raise not_now("step: Configure comes first")
@@ -69,43 +120,30 @@ class Stepper:
             raise not_now(f"until_ns {request.until_ns} must be later than {self.time_ns}")
         if request.confirmed_digest and request.confirmed_digest != self._digest:
             raise not_now(f"confirmed_digest is not the digest of step {self.step}")
-        reply, covered = self.advance(request)
+        reply, covered = self.advance(request, (request.until_ns - self.time_ns) / 1e9)
         self.step, self.time_ns = request.step, request.until_ns
+        self.simulator.time_s = self.time_ns / 1e9
         self._digest = hashlib.sha256(covered).digest()
         reply.step, reply.time_ns, reply.digest = self.step, self.time_ns, self._digest
         self._asked, self._reply = request, reply
         return reply
 
-    def stands(self, response: Any) -> Any:
-        """Where it stands, as the answer to Barrier."""
+    def _barrier(self, request: Any) -> Any:
         if self._reply is None:
             raise not_now("step: none was taken yet")
-        response.step, response.time_ns, response.digest = self.step, self.time_ns, self._digest
-        return response
+        return self.BARRIER_RESPONSE(step=self.step, time_ns=self.time_ns, digest=self._digest)
 
 
-def answered(context: grpc.ServicerContext, work: Any, *arguments: Any) -> Any:
+def answered(context: grpc.ServicerContext, work: Any, request: Any) -> Any:
     """Calls `work`; what goes wrong becomes a status with a text, and a fault of user code shows its traceback."""
     try:
-        return work(*arguments)
+        return work(request)
     except Refused as refused:
         context.abort(refused.status, str(refused)[:LONGEST_ERROR])
     except Exception:
         text = traceback.format_exc()
         print(text, file=sys.stderr, flush=True)
         context.abort(grpc.StatusCode.INTERNAL, text[-LONGEST_ERROR:])
-
-
-def session(context: grpc.ServicerContext, requests: Iterator[Any], step: Any, barrier: Any, response: Any) -> Iterator[Any]:
-    """Steps and barriers over one stream, each answered as the single call would be."""
-    for request in requests:
-        which = request.WhichOneof("request")
-        if which == "step":
-            yield response(step=answered(context, step, request.step))
-        elif which == "barrier":
-            yield response(barrier=answered(context, barrier, request.barrier))
-        else:
-            context.abort(grpc.StatusCode.INVALID_ARGUMENT, "request: neither step nor barrier is set")
 
 
 class Columns:
@@ -165,9 +203,9 @@ def digest_bytes(step: int, time_ns: int, alive: bytes, position_m: np.ndarray, 
     return text if deliveries is None else text + deliveries.covered()
 
 
-def bitmap(flags: np.ndarray) -> bytes:
-    """Flags as a bitmap, least significant bit first."""
-    return np.packbits(np.asarray(flags, dtype=bool), bitorder="little").tobytes()
+def all_alive(n: int) -> bytes:
+    """The bitmap of `n` agents that all exist."""
+    return np.packbits(np.ones(n, dtype=bool), bitorder="little").tobytes()
 
 
 def flags(text: bytes, n: int, name: str) -> np.ndarray:
@@ -177,9 +215,9 @@ def flags(text: bytes, n: int, name: str) -> np.ndarray:
     return np.unpackbits(np.frombuffer(text, dtype=np.uint8), count=n, bitorder="little").astype(bool)
 
 
-def agent_states(positions_m: np.ndarray, velocities_mps: np.ndarray, headings_rad: np.ndarray | None, alive: np.ndarray) -> Any:
-    """The message that says where all agents are."""
-    states = common_pb2.AgentStates(alive=bitmap(alive))
+def agent_states(positions_m: np.ndarray, velocities_mps: np.ndarray, headings_rad: np.ndarray | None) -> Any:
+    """The message that says where all agents are, all of them alive."""
+    states = common_pb2.AgentStates(alive=all_alive(len(positions_m)))
     for name, column in zip(("x_m", "y_m", "z_m"), positions_m.T):
         getattr(states, name).extend(column.tolist())
     for name, column in zip(("vx_mps", "vy_mps", "vz_mps"), velocities_mps.T):

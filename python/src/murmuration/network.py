@@ -13,7 +13,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from typing import Any
 
 import grpc
@@ -55,65 +54,33 @@ class Network:
         raise NotImplementedError
 
 
-class _Service(_serving.Stepper, netsim_pb2_grpc.NetSimServiceServicer):
+class _Service(_serving.Service, netsim_pb2_grpc.NetSimServiceServicer):
     """Serves `Network` as the contract has it."""
 
-    def __init__(self, network: Network) -> None:
-        super().__init__()
-        self.network = network
+    BARRIER_RESPONSE = netsim_pb2.NetSimServiceBarrierResponse
+    SESSION_RESPONSE = netsim_pb2.NetSimServiceSessionResponse
 
     def Describe(self, request: Any, context: Any) -> Any:
-        name = self.network.name or type(self.network).__name__
-        return netsim_pb2.NetSimServiceDescribeResponse(
-            name=name, version=self.network.version, contract_version=1, session=True,
-            columns=[common_pb2.DELIVERY_COLUMN_RSSI_DBM],
-        )  # fmt: skip
+        columns = [common_pb2.DELIVERY_COLUMN_RSSI_DBM]
+        return netsim_pb2.NetSimServiceDescribeResponse(**self.identity(), columns=columns)
 
-    def Configure(self, request: Any, context: Any) -> Any:
-        return _serving.answered(context, self._configure, request)
-
-    def Step(self, request: Any, context: Any) -> Any:
-        return _serving.answered(context, self.take, request)
-
-    def Barrier(self, request: Any, context: Any) -> Any:
-        return _serving.answered(context, self._barrier, request)
-
-    def Session(self, requests: Any, context: Any) -> Any:
-        return _serving.session(context, requests, self.take, self._barrier, netsim_pb2.NetSimServiceSessionResponse)
-
-    def _barrier(self, request: Any) -> Any:
-        return self.stands(netsim_pb2.NetSimServiceBarrierResponse())
-
-    def _configure(self, request: Any) -> Any:
-        if request.agent_count < 1:
-            raise _serving.invalid("agent_count: must be at least 1, got 0")
-        if request.coupling not in (common_pb2.COUPLING_UNSPECIFIED, common_pb2.COUPLING_SEQUENTIAL):
-            raise _serving.invalid('coupling: only sequential is served; set experiment.coupling = "sequential"')
-        try:
-            config, site = tomllib.loads(request.config_toml), tomllib.loads(request.site_toml)
-        except tomllib.TOMLDecodeError as error:
-            raise _serving.invalid(f"config_toml: {error}") from None
-        self.step = None
-        self.n = request.agent_count
+    def start(self, request: Any) -> Any:
         self.wants_rssi = common_pb2.DELIVERY_COLUMN_RSSI_DBM in request.columns
-        self.delivered = None
-        network = self.network
-        network.config, network.site, network.time_s, network.rssi_dbm = config, site, 0.0, None
-        network.reset(request.seed, self.n)
-        self.begin()
+        self.delivered: _serving.Columns | None = None
+        self.simulator.rssi_dbm = None
+        self.simulator.reset(request.seed, self.n)
         return netsim_pb2.NetSimServiceConfigureResponse(motes=self._motes())
 
-    def advance(self, request: Any) -> tuple[Any, bytes]:
+    def advance(self, request: Any, dt_s: float) -> tuple[Any, bytes]:
         position_m, alive = self._positions(request.states)
         lengths = np.asarray(request.payloads.length_bytes, dtype=np.int64)
         data = request.payloads.data
         if len(lengths) not in (0, self.n) or lengths.sum() != len(data):
             raise _serving.invalid(f"payloads: must be one for each of {self.n} agents, and as long as their lengths say")
         says = alive & (lengths > 0) if len(lengths) else np.zeros(self.n, dtype=bool)
-        heard = np.array(self.network.step((request.until_ns - self.time_ns) / 1e9, position_m, says.copy()), dtype=bool)
+        heard = np.array(self.simulator.step(dt_s, position_m, says.copy()), dtype=bool)
         if heard.shape != (self.n, self.n):
             raise ValueError(f"step must return a matrix of shape ({self.n}, {self.n}), got {heard.shape}")
-        self.network.time_s = request.until_ns / 1e9
         np.fill_diagonal(heard, False)
         heard = heard[:, says] & alive[:, None]
         deliveries = self._deliveries(request, heard, says, lengths)
@@ -149,12 +116,12 @@ class _Service(_serving.Stepper, netsim_pb2_grpc.NetSimServiceServicer):
             deliveries.heard.extend(np.nonzero(heard)[1].tolist())
         else:
             deliveries.heard_bitmap = np.packbits(heard, axis=1, bitorder="little").tobytes()
-        if self.wants_rssi and self.network.rssi_dbm is not None:
-            deliveries.rssi_dbm.extend(np.asarray(self.network.rssi_dbm, dtype=float)[:, senders][heard].tolist())
+        if self.wants_rssi and self.simulator.rssi_dbm is not None:
+            deliveries.rssi_dbm.extend(np.asarray(self.simulator.rssi_dbm, dtype=float)[:, senders][heard].tolist())
         return deliveries
 
     def _motes(self) -> Any:
-        return common_pb2.MoteStates(alive=_serving.bitmap(np.ones(self.n, dtype=bool)))
+        return common_pb2.MoteStates(alive=_serving.all_alive(self.n))
 
 
 def serve(network: Network, address: str | None = None, *, block: bool = True) -> grpc.Server:

@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from typing import Any
 
 import grpc
@@ -115,74 +114,40 @@ class Robots:
         return {}
 
 
-class _Service(_serving.Stepper, robotsim_pb2_grpc.RobotSimServiceServicer):
+class _Service(_serving.Service, robotsim_pb2_grpc.RobotSimServiceServicer):
     """Serves `Robots` as the contract has it."""
 
-    def __init__(self, robots: Robots) -> None:
-        super().__init__()
-        self.robots = robots
+    BARRIER_RESPONSE = robotsim_pb2.RobotSimServiceBarrierResponse
+    SESSION_RESPONSE = robotsim_pb2.RobotSimServiceSessionResponse
 
     def Describe(self, request: Any, context: Any) -> Any:
-        name = self.robots.name or type(self.robots).__name__
-        return robotsim_pb2.RobotSimServiceDescribeResponse(
-            name=name, version=self.robots.version, contract_version=1, session=True, hold=True
-        )
+        return robotsim_pb2.RobotSimServiceDescribeResponse(**self.identity(), hold=True)
 
-    def Configure(self, request: Any, context: Any) -> Any:
-        return _serving.answered(context, self._configure, request)
-
-    def Step(self, request: Any, context: Any) -> Any:
-        return _serving.answered(context, self.take, request)
-
-    def Barrier(self, request: Any, context: Any) -> Any:
-        return _serving.answered(context, self._barrier, request)
-
-    def Session(self, requests: Any, context: Any) -> Any:
-        response = robotsim_pb2.RobotSimServiceSessionResponse
-        return _serving.session(context, requests, self.take, self._barrier, response)
-
-    def _barrier(self, request: Any) -> Any:
-        return self.stands(robotsim_pb2.RobotSimServiceBarrierResponse())
-
-    def _configure(self, request: Any) -> Any:
-        if request.agent_count < 1:
-            raise _serving.invalid("agent_count: must be at least 1, got 0")
-        if request.coupling not in (common_pb2.COUPLING_UNSPECIFIED, common_pb2.COUPLING_SEQUENTIAL):
-            raise _serving.invalid('coupling: only sequential is served; set experiment.coupling = "sequential"')
-        try:
-            config, site = tomllib.loads(request.config_toml), tomllib.loads(request.site_toml)
-        except tomllib.TOMLDecodeError as error:
-            raise _serving.invalid(f"config_toml: {error}") from None
-        self.step = None
-        self.n = request.agent_count
-        robots = self.robots
-        robots.config, robots.site, robots.time_s = config, site, 0.0
+    def start(self, request: Any) -> Any:
+        robots = self.simulator
         robots.task_complete, robots.heading_rad = False, None
         self.positions_m = self._checked(robots.reset(request.seed, self.n), "reset")
         self.velocities_mps = np.zeros((self.n, 3))
         self._says_state = True
-        self.begin()
         columns = [common_pb2.DELIVERY_COLUMN_RSSI_DBM]
         return robotsim_pb2.RobotSimServiceConfigureResponse(states=self._states(), columns=columns)
 
-    def advance(self, request: Any) -> tuple[Any, bytes]:
+    def advance(self, request: Any, dt_s: float) -> tuple[Any, bytes]:
         columns = _serving.Columns(request.deliveries) if request.HasField("deliveries") else None
         heard = self._heard(columns, np.array(request.deliveries.rssi_dbm, dtype=float))
-        dt_s = (request.until_ns - self.time_ns) / 1e9
-        robots = self.robots
+        robots = self.simulator
         if request.hold:
             self.velocities_mps = np.zeros((self.n, 3))
         else:
             before_m = self.positions_m
             self.positions_m = self._checked(robots.step(dt_s, heard), "step")
             self.velocities_mps = (self.positions_m - before_m) / dt_s
-        robots.time_s = request.until_ns / 1e9
         states = self._states()
         figures = [common_pb2.TaskFigure(name=name, value=float(value)) for name, value in robots.figures().items()]
         reply = robotsim_pb2.RobotSimServiceStepResponse(
             states=states, payloads=self._payloads(), held=request.hold,
             task_complete=bool(robots.task_complete) and not request.hold, figures=figures,
-        )
+        )  # fmt: skip
         return reply, _serving.digest_bytes(request.step, request.until_ns, states.alive, self.positions_m, columns)
 
     def _checked(self, positions: Any, call: str) -> np.ndarray:
@@ -198,13 +163,13 @@ class _Service(_serving.Stepper, robotsim_pb2_grpc.RobotSimServiceServicer):
         return positions_m
 
     def _states(self) -> Any:
-        headings = self.robots.heading_rad
+        headings = self.simulator.heading_rad
         if headings is not None and len(headings) != self.n:
             raise ValueError(f"heading_rad must have {self.n} entries, got {len(headings)}")
-        return _serving.agent_states(self.positions_m, self.velocities_mps, headings, np.ones(self.n, dtype=bool))
+        return _serving.agent_states(self.positions_m, self.velocities_mps, headings)
 
     def _payloads(self) -> Any:
-        said = self.robots.payloads()
+        said = self.simulator.payloads()
         self._says_state = said is None
         if said is None:
             data = np.column_stack([self.positions_m, self.velocities_mps]).astype("<f8").tobytes()

@@ -45,7 +45,7 @@ class Wheeled(murmuration.robots.Robots):
         self.data = mujoco.MjData(self.model)
         self.body = np.array([self.model.body(f"robot{i}").id for i in range(n)])
         self.model.body_mass[self.body] *= self.config.get("mass_kg", 1.5) / 1.5
-        self.substep = 0.0
+        self.steps_due = 0.0
         mujoco.mj_forward(self.model, self.data)
         return self.positions()
 
@@ -54,10 +54,10 @@ class Wheeled(murmuration.robots.Robots):
         speed_mps = self.config.get("speed_mps", 0.5)
         wheels_mps = np.column_stack([speed_mps - turning * TRACK_M / 2, speed_mps + turning * TRACK_M / 2])
         self.data.ctrl[:] = (wheels_mps / WHEEL_RADIUS_M).ravel()
-        # A period need not be a multiple of the engine's timestep: what is left over is made up for later.
-        self.substep += dt_s / TIMESTEP_S
-        mujoco.mj_step(self.model, self.data, nstep=int(self.substep))
-        self.substep -= int(self.substep)
+        # A control period need not be a multiple of MuJoCo's timestep: the fraction is carried over to the next period.
+        self.steps_due += dt_s / TIMESTEP_S
+        mujoco.mj_step(self.model, self.data, nstep=int(self.steps_due))
+        self.steps_due -= int(self.steps_due)
         if self.data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number:
             raise ArithmeticError("the simulation of MuJoCo has become unstable")
         return self.positions()
