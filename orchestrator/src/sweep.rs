@@ -208,7 +208,7 @@ pub struct ShardReport {
     pub wall_s: f64,
 }
 
-/// Runs the trials of one shard, or what is left of them. Writes their journal, and no table.
+/// Runs those trials of one shard that have no row in its journal yet. Writes no table.
 ///
 /// # Errors
 ///

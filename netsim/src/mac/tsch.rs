@@ -6,7 +6,7 @@ mod timekeeping;
 mod types;
 mod waiting;
 
-pub use channel::{BEACON_CHANNEL_OFFSET, channel_of, scan_channel};
+pub use channel::channel_of;
 pub use types::{Config, Done, Due, FrameHandling, Listening, Outgoing, State, Transmission};
 
 use super::backoff::Backoff;
@@ -17,6 +17,7 @@ use super::ration::Ration;
 use super::schedule::{CellKind, CellRef, Schedule};
 use crate::dice::Dice;
 use crate::wire::Eui64;
+use channel::{BEACON_CHANNEL_OFFSET, scan_channel};
 use proto::rng::Purpose;
 use serde::{Deserialize, Serialize};
 

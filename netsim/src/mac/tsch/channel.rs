@@ -4,7 +4,7 @@ use super::Config;
 use proto::rng::{Draws, Purpose};
 
 /// The channel offset on which beacons are expected: of the minimal cell (RFC 8180, § 4.1), and Orchestra's by default.
-pub const BEACON_CHANNEL_OFFSET: u16 = 0;
+pub(super) const BEACON_CHANNEL_OFFSET: u16 = 0;
 
 /// The channel of a cell in a slot: IEEE Std 802.15.4-2015, 6.2.6.3.
 #[inline]
@@ -16,7 +16,7 @@ pub fn channel_of(config: &Config, asn: u64, channel_offset: u16) -> u8 {
 
 /// The channel on which a scanning mote listens: another one at random after each dwell.
 #[must_use]
-pub fn scan_channel(config: &Config, seed: u64, mote: u32, asn: u64) -> u8 {
+pub(super) fn scan_channel(config: &Config, seed: u64, mote: u32, asn: u64) -> u8 {
     let dwell = asn / u64::from(config.scan_dwell_slots);
     let word = Draws::new(seed, Purpose::Scan).words(u64::from(mote), dwell, 0)[0];
     let sequence = &config.hopping_sequence;

@@ -55,10 +55,8 @@ pub struct Config {
     pub pending_bit: bool,
     /// It does so, too, where in the next slot all contend, or listen for everyone: in shared cells and a slotframe's background.
     pub bursts_beside_everyone: bool,
-    /// A mote that has lost its time source scans on the channel of [`BEACON_CHANNEL_OFFSET`] in each slot, as long as it knows which
-    /// slot it is.
-    ///
-    /// [`BEACON_CHANNEL_OFFSET`]: super::channel::BEACON_CHANNEL_OFFSET
+    /// A mote that has lost its time source scans on the channel that beacons have in each slot, as long as it knows which slot it
+    /// is.
     pub scans_hopping: bool,
 }
 
