@@ -207,15 +207,15 @@ def compare(ns3, own, csv_rows, periods):
     theirs = noise(csv_rows, "ns-3", ns3, ns3_config(), SNR_DB, periods)
     figures["noise, ns-3"] = theirs
     for case, reception, x_db in (
-        ("same noise, 65 bytes", o_qpsk(), SNR_DB),
-        ("same noise, 59 bytes", o_qpsk(frame_bytes=PSDU_BYTES), SNR_DB),
-        ("noise of −105 dBm, 65 bytes", o_qpsk(-105.0), SNR_DB - 105.0 - NOISE_DBM),
-        ("`table`", 'kind = "table"', SNR_DB - 94.0 - NOISE_DBM),
+        ("same noise and length", o_qpsk(), SNR_DB),
+        ("without PHY header", o_qpsk(frame_bytes=PSDU_BYTES), SNR_DB),
+        ("default noise of `o-qpsk`", o_qpsk(-105.0), SNR_DB - 105.0 - NOISE_DBM),
+        ("default curve, `table`", 'kind = "table"', SNR_DB - 94.0 - NOISE_DBM),
     ):
         ours = noise(csv_rows, f"netsim, {case}", own, own_config(reception), x_db, periods)
         figures[f"noise, {case}"] = ours
         difference = minus(f"{ours.half_db - theirs.half_db:+.2f} dB")
-        rows.append([f"SNR at which half arrive (dB), netsim: {case}", theirs.text(), ours.text(), difference])
+        rows.append([f"SNR at which half arrive (dB): {case}", theirs.text(), ours.text(), difference])
 
     # Interference: receivers between two senders, 20 m apart, far above the noise.
     nearer_m = [20.0 / (1 + 10 ** (sir_db / (10 * EXPONENT))) for sir_db in SIR_DB]
@@ -237,7 +237,7 @@ def compare(ns3, own, csv_rows, periods):
         for stronger_db in (0.5, 1.0, 2.0, 3.0):
             (k, n), (own_k, own_n) = figures["interference, ns-3"].stronger(stronger_db), ours.stronger(stronger_db)
             difference = minus(f"{own_k / own_n - k / n:+.3f}")
-            what = f"stronger of two frames by {stronger_db:g} dB: received, netsim: rejection {rejection_db:g} dB"
+            what = f"received, {stronger_db:g} dB stronger: rejection of {rejection_db:g} dB"
             rows.append([what, share_text(k, n), share_text(own_k, own_n), difference])
     return rows, figures
 
@@ -360,7 +360,7 @@ def main():
     rows, figures = measure(options.ns3, options.orchestrator, options.output, options.periods)
     for row in rows:
         print("|", " | ".join(row), "|")
-    z = worst_z(figures["noise, ns-3"].share, figures["noise, same noise, 65 bytes"].share, options.periods)
+    z = worst_z(figures["noise, ns-3"].share, figures["noise, same noise and length"].share, options.periods)
     print(f"largest difference of the {len(SNR_DB)} points under the same noise: {z:.1f} standard errors")
     k, n = figures["interference, ns-3, interferer ends first"].of_sender(0, -8.0)
     print(f"ns-3, frame of 133 bytes, the first 27 beside one 8 dB stronger: {k} of {n} received")
