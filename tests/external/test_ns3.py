@@ -129,8 +129,13 @@ def test_where_ns3_differs_it_differs_as_documented(compared):
 
 
 def test_the_documentation_has_these_figures(compared):
-    _, rows, _, output = compared
+    compare, rows, figures, output = compared
     page = (ROOT / "docs/validation.md").read_text()
+    z = compare.worst_z(figures["noise, ns-3"].share, figures["noise, same noise and length"].share, compare.PERIODS)
+    assert f"at most {z:.1f} standard errors" in page
+    default = figures["interference, netsim, rejection 3 dB"]
+    half_db = compare.crossing(compare.SIR_DB, default.counts.sum(axis=0), 2 * default.sent)[0]
+    assert f"from {half_db:.1f} dB on" in page
     missing = [row for row in ("| " + " | ".join(cells) + " |" for cells in rows) if row not in page]
     assert not missing, missing
     assert len(output.read_text().splitlines()) > 500
