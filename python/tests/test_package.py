@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import re
 import signal
 import subprocess
@@ -14,8 +15,8 @@ import numpy as np
 import pytest
 
 import murmuration
-from murmuration import network, robots
-from murmuration._contract import common_pb2
+from murmuration import _digest, network, robots
+from murmuration._contract import common_pb2, robotsim_pb2
 from murmuration._serving import Columns, Refused
 
 CONFIG = {
@@ -237,6 +238,126 @@ def test_payloads_and_figures_of_ones_own_arrive(serving, tmp_path):
     url, _ = serving(TELLS)
     run = murmuration.run(EXTERNAL, out=tmp_path, robotsim=url)
     assert run.summary["task"]["words"] == 8 and run.summary["task"]["complete"]
+
+
+def test_the_full_digest_is_that_of_the_worked_example():
+    """common.proto states both digests."""
+    begin = robotsim_pb2.RobotSimServiceConfigureRequest(
+        seed=7, agent_count=2, step_ns=100_000_000, coupling=common_pb2.COUPLING_SEQUENTIAL, config_toml="a = 1"
+    )
+    states = common_pb2.AgentStates(alive=b"\x03", x_m=[0.0, 1.5], y_m=[0.0, -2.0], z_m=[0.0, 0.0])
+    start = _digest.robots_start(begin, robotsim_pb2.RobotSimServiceConfigureResponse(states=states))
+    assert start.hex() == "8fd3c53194e1883b21b3469f8265fe35b3a881a51f823d5f6dc1ffb9c9b87435"
+    reply = robotsim_pb2.RobotSimServiceStepResponse(
+        step=1, time_ns=100_000_000, states=states, payloads=common_pb2.Payloads(length_bytes=[0, 0])
+    )
+    digest = _digest.robots_step(start, robotsim_pb2.RobotSimServiceStepRequest(step=1, until_ns=100_000_000), reply, 2)
+    assert digest.hex() == "c75d951f98d6a67057b618cabf70595cc4cee49eea6d1b30beae0e99a80d94e3"
+
+
+class Drifting(robots.Robots):
+    """Every robot drifts by a random amount in each step, and predicts arcs."""
+
+    def reset(self, seed, n):
+        self.random = np.random.default_rng(seed)
+        self.position_m = self.random.uniform(-1, 1, (n, 2))
+        self.heading_rad = np.zeros(n)
+        return self.position_m
+
+    def step(self, dt_s, heard):
+        self.position_m += self.random.normal(0, dt_s, self.position_m.shape)
+        self.heading_rad = self.heading_rad + dt_s
+        return self.position_m
+
+    def predict(self, window):
+        if window.commands != "speed and yaw rate":
+            raise robots.Unsupported(f"these robots execute speed and yaw rate, not {window.commands}")
+        heading_rad = window.heading_rad + np.cumsum(window.command[:, 1] * window.duration_s)
+        way_m = window.config.get("scale", 1.0) * window.command[:, 0] * window.duration_s
+        steps_m = way_m[:, None] * np.column_stack([np.cos(heading_rad), np.sin(heading_rad)])
+        return window.position_m[:2] + np.cumsum(steps_m, axis=0), heading_rad
+
+    def snapshot(self):
+        return pickle.dumps((self.random, self.position_m))
+
+    def restore(self, state):
+        self.random, self.position_m = pickle.loads(state)
+
+
+def steps(service, first, last):
+    """Replies to steps of 0.1 s, as bytes."""
+    requests = (robotsim_pb2.RobotSimServiceStepRequest(step=k, until_ns=k * 100_000_000) for k in range(first, last + 1))
+    return [service._step(request).SerializeToString() for request in requests]
+
+
+@pytest.mark.parametrize("full_digest", [False, True])
+def test_a_restored_simulator_goes_on_as_if_it_had_never_stopped(full_digest):
+    begin = robotsim_pb2.RobotSimServiceConfigureRequest(seed=5, agent_count=3, config_toml="a = 2", full_digest=full_digest)
+    one, other = robots._Service(Drifting()), robots._Service(Drifting())
+    one._configure(begin)
+    steps(one, 1, 4)
+    state = one._snapshot(None).state
+    restored = other._restore(robotsim_pb2.RobotSimServiceRestoreRequest(state=state))
+    assert (restored.step, restored.time_ns) == (4, 400_000_000)
+    assert other.simulator.config == {"a": 2} and other.simulator.time_s == 0.4
+    # The latest step may be repeated, and all others follow.
+    assert steps(one, 4, 9) == steps(other, 4, 9)
+    spoilt = state[:50] + bytes([state[50] ^ 1]) + state[51:]
+    for bad in (b"", b"x" * 100, spoilt):
+        with pytest.raises(Refused, match="damaged"):
+            other._restore(robotsim_pb2.RobotSimServiceRestoreRequest(state=bad))
+    other.simulator.version = "2"
+    with pytest.raises(Refused, match=re.escape("Drifting 1', but this is 'murmuration-python/1 Drifting 2'")):
+        other._restore(robotsim_pb2.RobotSimServiceRestoreRequest(state=state))
+
+
+def test_what_a_class_does_not_have_is_not_announced():
+    for simulator, has in ((Drifting(), True), (Two(), False)):
+        said = robots._Service(simulator).Describe(None, None)
+        assert (said.predictions, said.snapshots, said.full_digest) == (has, has, True)
+
+    class Half(Two):
+        def snapshot(self):
+            return b""
+
+    with pytest.raises(ValueError, match="Half must have both snapshot and restore"):
+        robots._Service(Half()).Describe(None, None)
+
+
+def window(**fields):
+    columns = {"duration_ns": [500_000_000] * 2, "command_first": [1.0, 2.0], "command_second": [0.0] * 2, "command_third": [0.0] * 2}
+    return robotsim_pb2.PredictionWindow(**{"agent": 4, "z_m": 0.5, **columns, **fields})
+
+
+def predicted(*windows, kind=2, config=""):
+    request = robotsim_pb2.RobotSimServicePredictRequest(command_kind=kind, config_toml=config, windows=windows)
+    return robots._Service(Drifting())._predict(request).windows
+
+
+def test_windows_are_predicted_as_the_class_says():
+    straight, turned = predicted(window(), window(heading_rad=np.pi / 2), config="scale = 0.5")
+    assert straight.agent == 4 and list(straight.x_m) == [0.25, 0.75] and list(straight.z_m) == [0.5, 0.5]
+    assert np.allclose(turned.y_m, [0.25, 0.75], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "windows, options, text",
+    [
+        ([window()], {"kind": 1}, "these robots execute speed and yaw rate, not velocity"),
+        ([window()], {"kind": 7}, "command_kind: must be 1, 2 or 3, got 7"),
+        ([window()], {"config": "a ="}, "config_toml: "),
+        ([], {}, "windows: must have at least 1 entry"),
+        ([window(), window(x_m=np.nan)], {}, "windows[1]: numbers must be finite"),
+        ([window(command_first=[1.0])], {}, "must have 2 entries each"),
+        ([window(duration_ns=[1, 0])], {}, "windows[0].duration_ns"),
+        ([window(start_ns=2 * 10**18)], {}, "windows[0].start_ns"),
+        ([window(duration_ns=[10**14, 1])], {}, "windows: must last at most"),
+        ([window(duration_ns=[1] * 20_001)], {}, "windows: must have at most 20000 commands, got 20001"),
+    ],
+)
+def test_requests_to_predict_that_make_no_sense_are_refused(windows, options, text):
+    with pytest.raises(Refused, match=re.escape(text)):
+        predicted(*windows, **options)
 
 
 class Two(robots.Robots):

@@ -8,7 +8,7 @@ import struct
 import sys
 import tomllib
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent import futures
 from typing import Any
 
@@ -42,11 +42,21 @@ def not_now(text: str) -> Refused:
 class Service:
     """What both kinds of simulator do as the contract has it: begin an experiment, keep the order of steps, say where they stand.
 
-    Subclasses serve one class of users: they set the two types of response, and override `start` and `advance`.
+    Subclasses serve one class of users: they set the types of messages and the rules of the full digest, and override `start`,
+    `advance`, `kept` and `resume`.
     """
 
+    BASE: type
+    """The class whose methods users override."""
+    CONFIGURE_REQUEST: Any
+    STEP_REQUEST: Any
+    STEP_RESPONSE: Any
     BARRIER_RESPONSE: Any
     SESSION_RESPONSE: Any
+    SNAPSHOT_RESPONSE: Any
+    RESTORE_RESPONSE: Any
+    START_DIGEST: Callable[[Any, Any], bytes]
+    STEP_DIGEST: Callable[[bytes, Any, Any, int], bytes]
 
     def __init__(self, simulator: Any) -> None:
         self.simulator = simulator
@@ -56,20 +66,46 @@ class Service:
         self._asked: Any = None
         self._reply: Any = None
         self._digest = b""
+        self._configured: Any = None
+        # ROBOTS' START or NETWORK'S START of the full digest; empty where the short one was asked for.
+        self._start_digest = b""
 
     def start(self, request: Any) -> Any:
         """Begins an experiment with `n` agents; returns the reply to Configure."""
         raise NotImplementedError
 
     def advance(self, request: Any, dt_s: float) -> tuple[Any, bytes]:
-        """The reply to a step that may follow, and the bytes of which the digest is made."""
+        """The reply to a step that may follow, and the bytes of which the short digest is made."""
+        raise NotImplementedError
+
+    def kept(self) -> list[bytes]:
+        """What a snapshot has beside the user's state, requests and replies."""
+        raise NotImplementedError
+
+    def resume(self, kept: list[bytes]) -> None:
+        """Puts back what `kept` returned, after `start` and after the latest reply was put back."""
         raise NotImplementedError
 
     def identity(self) -> dict[str, Any]:
         """What every answer to Describe says."""
         simulator = self.simulator
         name = simulator.name or type(simulator).__name__
-        return {"name": name, "version": simulator.version, "contract_version": 1, "session": True}
+        said = {"name": name, "version": simulator.version, "contract_version": 1, "session": True, "full_digest": True}
+        return {**said, "snapshots": self.has_snapshots()}
+
+    def has_snapshots(self) -> bool:
+        """Whether the user's class has `snapshot` and `restore`.
+
+        Raises: ValueError if it has one of them alone.
+        """
+        has = [self.overrides(name) for name in ("snapshot", "restore")]
+        if has[0] != has[1]:
+            raise ValueError(f"{type(self.simulator).__name__} must have both snapshot and restore, or none of them")
+        return has[0]
+
+    def overrides(self, name: str) -> bool:
+        """Whether the user's class has a method of its own in place of the base class's."""
+        return getattr(type(self.simulator), name) is not getattr(self.BASE, name)
 
     def Configure(self, request: Any, context: Any) -> Any:
         return answered(context, self._configure, request)
@@ -79,6 +115,12 @@ class Service:
 
     def Barrier(self, request: Any, context: Any) -> Any:
         return answered(context, self._barrier, request)
+
+    def Snapshot(self, request: Any, context: Any) -> Any:
+        return answered(context, self._snapshot, request)
+
+    def Restore(self, request: Any, context: Any) -> Any:
+        return answered(context, self._restore, request)
 
     def Session(self, requests: Iterator[Any], context: Any) -> Iterator[Any]:
         for request in requests:
@@ -95,15 +137,14 @@ class Service:
             raise invalid("agent_count: must be at least 1, got 0")
         if request.coupling not in (common_pb2.COUPLING_UNSPECIFIED, common_pb2.COUPLING_SEQUENTIAL):
             raise invalid('coupling: only sequential is served; set experiment.coupling = "sequential"')
-        try:
-            config, site = tomllib.loads(request.config_toml), tomllib.loads(request.site_toml)
-        except tomllib.TOMLDecodeError as error:
-            raise invalid(f"config_toml: {error}") from None
+        config, site = sections(request)
         # Not configured until `start` has succeeded.
         self.step, self.n = None, request.agent_count
         self.simulator.config, self.simulator.site, self.simulator.time_s = config, site, 0.0
         reply = self.start(request)
+        self._start_digest = self.START_DIGEST(request, reply) if request.full_digest else b""
         self.step, self.time_ns, self._asked, self._reply, self._digest = 0, 0, None, None, b""
+        self._configured = request
         return reply
 
     def _step(self, request: Any) -> Any:
@@ -123,8 +164,12 @@ class Service:
         reply, covered = self.advance(request, (request.until_ns - self.time_ns) / 1e9)
         self.step, self.time_ns = request.step, request.until_ns
         self.simulator.time_s = self.time_ns / 1e9
-        self._digest = hashlib.sha256(covered).digest()
-        reply.step, reply.time_ns, reply.digest = self.step, self.time_ns, self._digest
+        reply.step, reply.time_ns = self.step, self.time_ns
+        if self._start_digest:
+            self._digest = self.STEP_DIGEST(self._start_digest, request, reply, self.n)
+        else:
+            self._digest = hashlib.sha256(covered).digest()
+        reply.digest = self._digest
         self._asked, self._reply = request, reply
         return reply
 
@@ -132,6 +177,75 @@ class Service:
         if self._reply is None:
             raise not_now("step: none was taken yet")
         return self.BARRIER_RESPONSE(step=self.step, time_ns=self.time_ns, digest=self._digest)
+
+    def _snapshot(self, request: Any) -> Any:
+        if not self.has_snapshots():
+            raise Refused(grpc.StatusCode.UNIMPLEMENTED, "snapshots are not announced")
+        if self.step is None:
+            raise not_now("step: Configure comes first")
+        latest = [b"", b""] if self._reply is None else [self._asked.SerializeToString(), self._reply.SerializeToString()]
+        state = self.simulator.snapshot()
+        if not isinstance(state, bytes):
+            raise TypeError(f"snapshot must return bytes, got {type(state).__name__}")
+        parts = [self._configured.SerializeToString(), self._start_digest, *latest, state, *self.kept()]
+        return self.SNAPSHOT_RESPONSE(state=sealed(self._version(), parts))
+
+    def _restore(self, request: Any) -> Any:
+        if not self.has_snapshots():
+            raise Refused(grpc.StatusCode.UNIMPLEMENTED, "snapshots are not announced")
+        configured, start_digest, asked, reply, state, *kept = opened(self._version(), request.state)
+        self._configure(self.CONFIGURE_REQUEST.FromString(configured))
+        # Not configured until all is put back.
+        self.step, step, self._start_digest = None, 0, start_digest
+        if reply:
+            self._asked, self._reply = self.STEP_REQUEST.FromString(asked), self.STEP_RESPONSE.FromString(reply)
+            step, self.time_ns, self._digest = self._reply.step, self._reply.time_ns, self._reply.digest
+        self.simulator.time_s = self.time_ns / 1e9
+        self.resume(kept)
+        self.simulator.restore(state)
+        self.step = step
+        return self.RESTORE_RESPONSE(step=self.step, time_ns=self.time_ns)
+
+    def _version(self) -> str:
+        """What a snapshot is valid for."""
+        said = self.identity()
+        return f"murmuration-python/1 {said['name']} {said['version']}"
+
+
+def sealed(version: str, parts: list[bytes]) -> bytes:
+    """A snapshot: version and parts, each after its length (u64), then SHA-256 of all that."""
+    text = b"".join(struct.pack("<Q", len(part)) + part for part in (version.encode(), *parts))
+    return text + hashlib.sha256(text).digest()
+
+
+def opened(version: str, state: bytes) -> list[bytes]:
+    """The parts of a snapshot of that version.
+
+    Raises: Refused if it is damaged, or of another simulator or version.
+    """
+    text, check = state[:-32], state[-32:]
+    if len(state) < 40 or hashlib.sha256(text).digest() != check:
+        raise invalid("state: is damaged, or not a snapshot of this simulator")
+    parts, at = [], 0
+    while at < len(text):
+        (length,) = struct.unpack_from("<Q", text, at)
+        parts.append(text[at + 8 : at + 8 + length])
+        at += 8 + length
+    found = parts[0].decode(errors="replace")
+    if found != version:
+        raise invalid(f"state: is of {found[:200]!r}, but this is {version!r}")
+    return parts[1:]
+
+
+def sections(request: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The user's own section and [site] of a request."""
+    read = []
+    for name in ("config_toml", "site_toml"):
+        try:
+            read.append(tomllib.loads(getattr(request, name)))
+        except tomllib.TOMLDecodeError as error:
+            raise invalid(f"{name}: {error}") from None
+    return read[0], read[1]
 
 
 def answered(context: grpc.ServicerContext, work: Any, request: Any) -> Any:

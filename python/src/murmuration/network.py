@@ -18,7 +18,7 @@ from typing import Any
 import grpc
 import numpy as np
 
-from murmuration import _serving
+from murmuration import _digest, _serving
 from murmuration._contract import common_pb2, netsim_pb2, netsim_pb2_grpc
 
 
@@ -53,12 +53,28 @@ class Network:
         """
         raise NotImplementedError
 
+    def snapshot(self) -> bytes:
+        """All that has changed since `reset`, for long runs that go on after a failure. Optional, together with `restore`."""
+        raise NotImplementedError
+
+    def restore(self, state: bytes) -> None:
+        """Puts back what `snapshot` returned; `reset` has been called before with the seed of that experiment."""
+        raise NotImplementedError
+
 
 class _Service(_serving.Service, netsim_pb2_grpc.NetSimServiceServicer):
     """Serves `Network` as the contract has it."""
 
+    BASE = Network
+    CONFIGURE_REQUEST = netsim_pb2.NetSimServiceConfigureRequest
+    STEP_REQUEST = netsim_pb2.NetSimServiceStepRequest
+    STEP_RESPONSE = netsim_pb2.NetSimServiceStepResponse
     BARRIER_RESPONSE = netsim_pb2.NetSimServiceBarrierResponse
     SESSION_RESPONSE = netsim_pb2.NetSimServiceSessionResponse
+    SNAPSHOT_RESPONSE = netsim_pb2.NetSimServiceSnapshotResponse
+    RESTORE_RESPONSE = netsim_pb2.NetSimServiceRestoreResponse
+    START_DIGEST = staticmethod(_digest.network_start)
+    STEP_DIGEST = staticmethod(_digest.network_step)
 
     def Describe(self, request: Any, context: Any) -> Any:
         columns = [common_pb2.DELIVERY_COLUMN_RSSI_DBM]
@@ -88,6 +104,12 @@ class _Service(_serving.Service, netsim_pb2_grpc.NetSimServiceServicer):
         covered = _serving.digest_bytes(request.step, request.until_ns, request.states.alive, position_m, self.delivered)
         self.delivered = _serving.Columns(deliveries)
         return reply, covered
+
+    def kept(self) -> list[bytes]:
+        return []
+
+    def resume(self, kept: list[bytes]) -> None:
+        self.delivered = None if self._reply is None else _serving.Columns(self._reply.deliveries)
 
     def _positions(self, states: Any) -> tuple[np.ndarray, np.ndarray]:
         columns = [np.asarray(column, dtype=float) for column in (states.x_m, states.y_m, states.z_m)]

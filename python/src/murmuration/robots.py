@@ -17,12 +17,13 @@
 from __future__ import annotations
 
 import dataclasses
+import threading
 from typing import Any
 
 import grpc
 import numpy as np
 
-from murmuration import _serving
+from murmuration import _digest, _serving
 from murmuration._contract import common_pb2, robotsim_pb2, robotsim_pb2_grpc
 
 # What a robot says unless `payloads` is overridden: position and velocity, six little-endian f64.
@@ -75,6 +76,54 @@ class Heard:
         return np.where(counts[:, None] > 0, mean, otherwise_m)
 
 
+class Unsupported(_serving.Refused):
+    """Raise it in `reset` or `predict` for a configuration or for commands that your robots do not execute.
+
+    The user is shown its text, and the run or the comparison ends.
+    """
+
+    def __init__(self, text: str) -> None:
+        super().__init__(grpc.StatusCode.INVALID_ARGUMENT, text)
+
+
+# Names of what a recorded robot was commanded, by the contract's numbers.
+COMMANDS = {
+    robotsim_pb2.MOTION_COMMAND_KIND_VELOCITY: "velocity",
+    robotsim_pb2.MOTION_COMMAND_KIND_SPEED_AND_YAW_RATE: "speed and yaw rate",
+    robotsim_pb2.MOTION_COMMAND_KIND_SPEED_AND_STEERING: "speed and steering",
+}
+# Most commands and most time (ns) of all windows of a request.
+MOST_COMMANDS, MOST_TIME_NS = 20_000, 100_000_000_000_000
+LATEST_START_NS, LARGEST_NUMBER = 10**18, 1e12
+
+
+@dataclasses.dataclass(frozen=True)
+class Window:
+    """A recorded robot that starts in a known state and executes known commands, one after the other."""
+
+    robot: int
+    """Its number in the recording."""
+    start_s: float
+    """Time of the experiment at which it starts (s)."""
+    position_m: np.ndarray
+    """Where it starts (m): x, y, z."""
+    heading_rad: float
+    """Which way it faces at the start (rad, from x towards y); 0 where that was not measured."""
+    velocity_mps: np.ndarray | None
+    """How it moves at the start (m/s), or `None`: it has executed the first command for long."""
+    commands: str
+    """What the columns of `command` are: "velocity" (m/s: east, north, up), "speed and yaw rate" (m/s, rad/s, 0) or
+    "speed and steering" (m/s, rad, 0)."""
+    duration_s: np.ndarray
+    """How long each command holds (s)."""
+    command: np.ndarray
+    """One row of three numbers for each command."""
+    config: dict[str, Any]
+    """The section [robotsim] that is compared."""
+    site: dict[str, Any]
+    """The section [site]."""
+
+
 class Robots:
     """Base class of a robot simulator. Override `reset` and `step`.
 
@@ -113,15 +162,50 @@ class Robots:
         """How far the task is: names in lower case with the unit as suffix. Those of the last step are in summary.json."""
         return {}
 
+    def predict(self, window: Window) -> tuple[np.ndarray, np.ndarray | None]:
+        """Where the robot of a window gets to: positions (m) and headings (rad) at the end of each of its commands.
+
+        Optional: with it `compare`, `diagnose` and `extend` hold this simulator against recorded tracks (`--robotsim URL`).
+        Positions are rows of x, y or x, y, z. Headings may be `None` where commands are velocities. The same window must give
+        the same answer at any time: it may depend on nothing but the window, and must leave the running experiment as it is.
+
+        Raises: Unsupported for a configuration or for commands that these robots do not execute.
+        """
+        raise NotImplementedError
+
+    def snapshot(self) -> bytes:
+        """All that has changed since `reset`, for long runs that go on after a failure. Optional, together with `restore`."""
+        raise NotImplementedError
+
+    def restore(self, state: bytes) -> None:
+        """Puts back what `snapshot` returned; `reset` has been called before with the seed and number of that experiment."""
+        raise NotImplementedError
+
 
 class _Service(_serving.Service, robotsim_pb2_grpc.RobotSimServiceServicer):
     """Serves `Robots` as the contract has it."""
 
+    BASE = Robots
+    CONFIGURE_REQUEST = robotsim_pb2.RobotSimServiceConfigureRequest
+    STEP_REQUEST = robotsim_pb2.RobotSimServiceStepRequest
+    STEP_RESPONSE = robotsim_pb2.RobotSimServiceStepResponse
     BARRIER_RESPONSE = robotsim_pb2.RobotSimServiceBarrierResponse
     SESSION_RESPONSE = robotsim_pb2.RobotSimServiceSessionResponse
+    SNAPSHOT_RESPONSE = robotsim_pb2.RobotSimServiceSnapshotResponse
+    RESTORE_RESPONSE = robotsim_pb2.RobotSimServiceRestoreResponse
+    START_DIGEST = staticmethod(_digest.robots_start)
+    STEP_DIGEST = staticmethod(_digest.robots_step)
+
+    def __init__(self, robots: Robots) -> None:
+        super().__init__(robots)
+        self._predicting = threading.Lock()
 
     def Describe(self, request: Any, context: Any) -> Any:
-        return robotsim_pb2.RobotSimServiceDescribeResponse(**self.identity(), hold=True)
+        predictions = self.overrides("predict")
+        return robotsim_pb2.RobotSimServiceDescribeResponse(**self.identity(), hold=True, predictions=predictions)
+
+    def Predict(self, request: Any, context: Any) -> Any:
+        return _serving.answered(context, self._predict, request)
 
     def start(self, request: Any) -> Any:
         robots = self.simulator
@@ -149,6 +233,46 @@ class _Service(_serving.Service, robotsim_pb2_grpc.RobotSimServiceServicer):
             task_complete=bool(robots.task_complete) and not request.hold, figures=figures,
         )  # fmt: skip
         return reply, _serving.digest_bytes(request.step, request.until_ns, states.alive, self.positions_m, columns)
+
+    def kept(self) -> list[bytes]:
+        robots = self.simulator
+        headings = b"" if robots.heading_rad is None else np.asarray(robots.heading_rad, dtype="<f8").tobytes()
+        flags = bytes([self._says_state, bool(robots.task_complete), robots.heading_rad is not None])
+        return [self.positions_m.astype("<f8").tobytes(), self.velocities_mps.astype("<f8").tobytes(), headings, flags]
+
+    def resume(self, kept: list[bytes]) -> None:
+        positions, velocities, headings, flags = kept
+        self.positions_m = np.frombuffer(positions, dtype="<f8").reshape(self.n, 3).copy()
+        self.velocities_mps = np.frombuffer(velocities, dtype="<f8").reshape(self.n, 3).copy()
+        self._says_state, self.simulator.task_complete = bool(flags[0]), bool(flags[1])
+        self.simulator.heading_rad = np.frombuffer(headings, dtype="<f8").copy() if flags[2] else None
+
+    def _predict(self, request: Any) -> Any:
+        """Asks `predict` for one window after the other."""
+        if not self.overrides("predict"):
+            raise _serving.Refused(grpc.StatusCode.UNIMPLEMENTED, "predictions are not announced")
+        windows = _windows(request)
+        with self._predicting:
+            predicted = [self._predicted(window, agent) for window, agent in zip(windows, request.windows)]
+        return robotsim_pb2.RobotSimServicePredictResponse(windows=predicted)
+
+    def _predicted(self, window: Window, message: Any) -> Any:
+        position_m, heading_rad = self.simulator.predict(window)
+        n = len(window.command)
+        position_m = np.array(position_m, dtype=float)
+        if position_m.ndim != 2 or position_m.shape[0] != n or position_m.shape[1] not in (2, 3):
+            raise ValueError(f"predict must return positions of shape ({n}, 2) or ({n}, 3), got {position_m.shape}")
+        if position_m.shape[1] == 2:
+            position_m = np.column_stack([position_m, np.full(n, window.position_m[2])])
+        if heading_rad is None and window.commands != "velocity":
+            raise ValueError(f"predict must return headings for commands of {window.commands}, got None")
+        headings = np.zeros(0) if heading_rad is None else np.array(heading_rad, dtype=float)
+        if heading_rad is not None and headings.shape != (n,):
+            raise ValueError(f"predict must return {n} headings, got shape {headings.shape}")
+        if not (np.all(np.isfinite(position_m)) and np.all(np.isfinite(headings))):
+            raise ValueError(f"predict must return finite numbers, for robot {window.robot} from {window.start_s} s on it did not")
+        x_m, y_m, z_m = position_m.T.tolist()
+        return robotsim_pb2.PredictedWindow(agent=message.agent, x_m=x_m, y_m=y_m, z_m=z_m, heading_rad=headings.tolist())
 
     def _checked(self, positions: Any, call: str) -> np.ndarray:
         """Positions of all robots with three columns, a copy of what user code holds."""
@@ -206,6 +330,45 @@ class _Service(_serving.Service, robotsim_pb2_grpc.RobotSimServiceServicer):
         age_s = (self.time_ns - columns.sent_ns.astype(np.int64)[which]) / 1e9
         senders = columns.sender.astype(np.int64)[which]
         return Heard(self.n, receivers, senders, states[:, :3], states[:, 3:], age_s, rssi_dbm, said)
+
+
+def _windows(request: Any) -> list[Window]:
+    """The windows of a request to predict, in its order."""
+    n_commands = sum(len(window.duration_ns) for window in request.windows)
+    if n_commands > MOST_COMMANDS:
+        raise _serving.Refused(grpc.StatusCode.RESOURCE_EXHAUSTED, f"windows: must have at most {MOST_COMMANDS} commands, got {n_commands}")
+    time_ns = sum(sum(window.duration_ns) for window in request.windows)
+    if time_ns > MOST_TIME_NS:
+        raise _serving.Refused(grpc.StatusCode.RESOURCE_EXHAUSTED, f"windows: must last at most {MOST_TIME_NS} ns, got {time_ns} ns")
+    if request.command_kind not in COMMANDS:
+        raise _serving.invalid(f"command_kind: must be 1, 2 or 3, got {request.command_kind}")
+    if not request.windows:
+        raise _serving.invalid("windows: must have at least 1 entry, got 0")
+    config, site = _serving.sections(request)
+    return [_window(message, index, COMMANDS[request.command_kind], config, site) for index, message in enumerate(request.windows)]
+
+
+def _window(message: Any, index: int, commands: str, config: dict[str, Any], site: dict[str, Any]) -> Window:
+    durations_ns = np.array(message.duration_ns, dtype=np.uint64)
+    if len(durations_ns) == 0 or np.any(durations_ns == 0):
+        raise _serving.invalid(f"windows[{index}].duration_ns: must have at least one entry, all at least 1")
+    columns = [message.command_first, message.command_second, message.command_third]
+    if any(len(column) != len(durations_ns) for column in columns):
+        raise _serving.invalid(f"windows[{index}]: command_first, _second and _third must have {len(durations_ns)} entries each")
+    if message.start_ns > LATEST_START_NS:
+        raise _serving.invalid(f"windows[{index}].start_ns: must be at most {LATEST_START_NS}, got {message.start_ns}")
+    position_m = np.array([message.x_m, message.y_m, message.z_m])
+    command = np.array(columns, dtype=float).T
+    velocity = message.velocity
+    velocity_mps = np.array([velocity.vx_mps, velocity.vy_mps, velocity.vz_mps]) if message.HasField("velocity") else None
+    numbers = [position_m, [message.heading_rad], command.ravel(), [] if velocity_mps is None else velocity_mps]
+    # Not a number is not smaller than anything.
+    if not np.all(np.abs(np.concatenate(numbers)) <= LARGEST_NUMBER):
+        raise _serving.invalid(f"windows[{index}]: numbers must be finite and at most {LARGEST_NUMBER:.0e} in magnitude")
+    return Window(
+        robot=message.agent, start_s=message.start_ns / 1e9, position_m=position_m, heading_rad=message.heading_rad,
+        velocity_mps=velocity_mps, commands=commands, duration_s=durations_ns / 1e9, command=command, config=config, site=site,
+    )  # fmt: skip
 
 
 def serve(robots: Robots, address: str | None = None, *, block: bool = True) -> grpc.Server:
