@@ -1,16 +1,15 @@
 """Diagnoses campaigns whose robots were simulated by MuJoCo, each with three hidden effects, and counts what is named.
 
-    mujoco_loop.py --out FOLDER [--seeds 20] [--robots rover,platform]
+    mujoco_loop.py --out FOLDER [--seeds 1-20] [--robots rover,platform] [--models built-in,truth,nominal]
 
-Each campaign is diagnosed three times: against the built-in unicycle or point mass, against MuJoCo without what is hidden, and
-against MuJoCo with it (both served by mujoco_truth.py). FOLDER/found.jsonl has a line per campaign, written when it is done; a
-second call goes on where the first one ended. At its end the table of docs/validation.md is printed.
+Each campaign is diagnosed against the built-in unicycle or point mass, against MuJoCo with what is hidden, and against MuJoCo
+without it (both served by mujoco_truth.py). Every answer is kept in FOLDER; a second call goes on where the first one ended. At
+its end the tables of docs/validation.md are printed, of all campaigns in FOLDER.
 """
 
 import argparse
 import json
 import sys
-import time
 from collections import Counter
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from mujoco_truth import Truth, drawn, tracks
 # speed times yaw rate, read from the state of MuJoCo).
 OWN = {"rover": {"actuator-lag", "actuator-lag (turn)", "yaw-coupling"}, "platform": {"actuator-lag"}}
 BODY = {"rover": "unicycle", "platform": "point-mass"}
+MODELS = ("built-in", "truth", "nominal")
 # Longest time that a diagnosis may take (s), on a machine that does other work, too.
 DEADLINE_S = 3000
 
@@ -40,8 +40,10 @@ def write(folder, truth, seed):
 
 
 def diagnosed(folder, model, *more):
-    """The answer of `diagnose` to the campaign in a folder."""
+    """The answer of `diagnose` to the campaign in a folder, that of an earlier call if there is one."""
     answer = f"{model}.json"
+    if (folder / answer).exists() and (kept := json.loads((folder / answer).read_text()))["complete"]:
+        return kept
     command = [program("orchestrator"), "diagnose", f"{model}.toml", "--data", "data.csv", "--json", answer, *more]
     succeed(command, deadline_s=DEADLINE_S, cwd=folder)
     return json.loads((folder / answer).read_text())
@@ -60,7 +62,7 @@ def judged(answer, truth, own):
     for name in answer["missing"]:
         kind = "right" if name in says else "tied" if ties.get(name, set()) & says else "wrong"
         found[kind].append(name)
-    named = set(found["right"]).union(*(ties.get(name, set()) for name in found["right"] + found["tied"]))
+    named = set(found["right"]).union(*(ties[name] for name in found["tied"]))
     missed = [key for key, names in truth.names.items() if key != truth.outside and not names & named]
     structure = [one["covariate"] for one in answer["unexplained"]]
     return {"verdict": answer["verdict"], **found, "missed": missed, "structure": structure, "sentence": answer["sentence"]}
@@ -75,59 +77,59 @@ def outcome(found):
     return "some found" if found["right"] or found["tied"] else "cannot tell"
 
 
-def campaign(robot, seed, folder, url):
-    """Everything about one campaign."""
-    truth = drawn(robot, seed)
-    write(folder, truth, seed)
-    found = {"robot": robot, "seed": seed, "hidden": truth.hidden, "outside": truth.outside}
-    for model, own, more in (("built-in", OWN[robot], ()), ("truth", set(), ("--robotsim", url)), ("nominal", set(), ("--robotsim", url))):
-        begun_s = time.monotonic()
-        found[model] = judged(diagnosed(folder, model, *more), truth, own)
-        found[model]["wall_s"] = round(time.monotonic() - begun_s, 1)
-    return found
+def read(folder):
+    """What was found in the campaigns of a folder, by robot and seed."""
+    lines = []
+    for robot, own in OWN.items():
+        places = sorted(folder.glob(f"{robot}-*"), key=lambda place: int(place.name.rsplit("-")[-1]))
+        for place in places:
+            truth = drawn(robot, int(place.name.rsplit("-")[-1]))
+            line = {"robot": robot, "name": place.name, "hidden": truth.hidden, "outside": truth.outside}
+            for model in MODELS:
+                if (place / f"{model}.json").exists():
+                    line[model] = judged(json.loads((place / f"{model}.json").read_text()), truth, own if model == "built-in" else set())
+            lines.append(line)
+    return lines
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--seeds", default="1-20")
     parser.add_argument("--robots", default="rover,platform")
+    parser.add_argument("--models", default=",".join(MODELS))
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    kept = options.out / "found.jsonl"
-    lines = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
-    done = {(line["robot"], line["seed"]) for line in lines}
+    first, last = map(int, options.seeds.split("-"))
     with served(options.out / "server.log") as server:
-        for seed in range(1, options.seeds + 1):
+        for seed in range(first, last + 1):
             for robot in options.robots.split(","):
-                if (robot, seed) in done:
-                    continue
                 folder = options.out / f"{robot}-{seed}"
                 folder.mkdir(exist_ok=True)
-                lines.append(campaign(robot, seed, folder, f"http://{server.address}"))
-                with kept.open("a") as file:
-                    file.write(json.dumps(lines[-1]) + "\n")
-    print_table(lines)
+                write(folder, drawn(robot, seed), seed)
+                for model in options.models.split(","):
+                    diagnosed(folder, model, *(() if model == "built-in" else ("--robotsim", f"http://{server.address}")))
+    print_tables(read(options.out))
 
 
-def print_table(lines):
-    """Counts of outcomes, by robot and model, and every campaign in which something wrong was named."""
+def print_tables(lines):
+    """Counts of outcomes, by robot and model, and each campaign with what was named."""
     print("| robot | held against | campaigns | all found | some found | cannot tell | falsely certain |")
     print("|---|---|---|---|---|---|---|")
     for robot in OWN:
-        own = [line for line in lines if line["robot"] == robot]
         for model in ("built-in", "nominal"):
-            counts = Counter(outcome(line[model]) for line in own)
-            cells = " | ".join(str(counts[kind]) for kind in ("all found", "some found", "cannot tell", "falsely certain"))
-            print(f"| {robot} | {model} | {len(own)} | {cells} |")
-        quiet = sum(not line["truth"]["right"] + line["truth"]["tied"] + line["truth"]["wrong"] for line in own)
-        clean = sum(line["truth"]["verdict"] in ("nothing-missing", "nothing-found") for line in own)
-        print(f"{robot}, held against the truth: no effect named in {quiet} of {len(own)}, nothing significant at all in {clean}")
+            found = [outcome(line[model]) for line in lines if line["robot"] == robot and model in line]
+            cells = " | ".join(str(found.count(kind)) for kind in ("all found", "some found", "cannot tell", "falsely certain"))
+            print(f"| {robot} | {model} | {len(found)} | {cells} |")
+        verdicts = Counter(line["truth"]["verdict"] for line in lines if line["robot"] == robot and "truth" in line)
+        print(f"{robot}, held against the truth: {dict(verdicts)}")
     for line in lines:
-        for model in ("built-in", "nominal", "truth"):
-            found = line[model]
-            if found["wrong"] or (model == "truth" and found["verdict"] not in ("nothing-missing", "nothing-found")):
-                print(f"{line['robot']} {line['seed']} {line['hidden']} {model}: {found['sentence']}")
+        hidden = ", ".join(f"{key} {size}" for key, size in line["hidden"].items())
+        print(f"{line['name']} ({hidden}; outside: {line['outside']})")
+        for model in MODELS:
+            if model in line:
+                found = line[model]
+                print(f"  {model}: {outcome(found) if model != 'truth' else ''}; wrong {found['wrong']}: {found['sentence']}")
 
 
 if __name__ == "__main__":

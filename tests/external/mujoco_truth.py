@@ -63,7 +63,7 @@ PLATFORM = """
   <worldbody>
     <body name="robot">
       <joint name="x" type="slide" axis="{cos} {sin} 0" damping="{damping_x}" frictionloss="{rubbing}" stiffness="{stiffness}"/>
-      <joint name="y" type="slide" axis="-{sin} {cos} 0" damping="{damping_y}" frictionloss="{rubbing}" stiffness="{stiffness}"/>
+      <joint name="y" type="slide" axis="{minus_sin} {cos} 0" damping="{damping_y}" frictionloss="{rubbing}" stiffness="{stiffness}"/>
       <geom type="cylinder" size="0.15 0.1" mass="{chassis_kg}"/>
       <site name="marker"/>
       {load}
@@ -209,7 +209,7 @@ class Robot:
             axes_rad = get("axes_rad", 0.0)
             drag = get("bearing_drag", 0.0) * kv
             text = PLATFORM.format(
-                **settings, cos=math.cos(axes_rad), sin=math.sin(axes_rad), damping_x=drag, damping_y=drag + get("weak_axis", 0.0) * kv,
+                **settings, cos=math.cos(axes_rad), sin=math.sin(axes_rad), minus_sin=-math.sin(axes_rad), damping_x=drag, damping_y=drag + get("weak_axis", 0.0) * kv,
                 rubbing=get("rubbing_n", 0.0), stiffness=get("stiffness_npm", 0.0),
                 motor_left=MOTOR.format(joint="x", **motors), motor_right=MOTOR.format(joint="y", **motors),
             )  # fmt: skip

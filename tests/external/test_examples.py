@@ -1,5 +1,6 @@
 """Simulators in Python that come as examples: they keep the contract, and do what they say."""
 
+import json
 import sys
 
 import numpy as np
@@ -27,6 +28,13 @@ def wheeled(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def flying(tmp_path_factory):
+    """PyBullet's robots, running: their address."""
+    with serving(ROBOTS / "pybullet_swarm.py", tmp_path_factory, "127.0.0.1:0") as server:
+        yield server.address
+
+
+@pytest.fixture(scope="module")
 def gathering(tmp_path_factory):
     """The robots over the package, running: their address."""
     with serving(ROBOTS / "gather.py", tmp_path_factory, "127.0.0.1:0") as server:
@@ -45,11 +53,17 @@ def run(config, out, *options):
     return only_directory(out)
 
 
-
-def test_all_keep_the_contract(wheeled, gathering, disk):
-    for side, address in (("robotsim", wheeled), ("robotsim", gathering), ("netsim", disk)):
+def test_all_keep_the_contract(wheeled, flying, gathering, disk):
+    for side, address in (("robotsim", wheeled), ("robotsim", flying), ("robotsim", gathering), ("netsim", disk)):
         said = succeed([program("orchestrator"), "conformance", side, f"http://{address}"])
         assert "0 failed" in said and "BROKEN" not in said, said
+
+
+def test_the_robots_of_mujoco_announce_predictions_and_keep_what_they_promise_of_them(wheeled, flying):
+    kept = {address: succeed([program("orchestrator"), "conformance", "robotsim", f"http://{address}"]) for address in (wheeled, flying)}
+    assert kept[wheeled].count("kept    Predict ") == 2 and "kept    when asked for the full digest" in kept[wheeled]
+    # What a class does not override is not announced.
+    assert kept[flying].count("–       Predict ") == 2
 
 
 def test_the_network_is_short_and_equals_the_built_in_one(disk, tmp_path):
@@ -78,11 +92,38 @@ def test_gathering_robots_come_together(gathering, tmp_path):
     assert 3.0 < spread_m[0] and spread_m[1] < 1.2, spread_m
 
 
+def over(network):
+    """Options of a run over a network, of 20 s."""
+    options = ["--set", "experiment.duration_s=20.0", "--set", f"netsim.mode={network}"]
+    return [*options, "--set", "netsim.sf.kind=rrsf"] if network == "6tisch" else options
+
+
+@pytest.mark.parametrize("network", ["propagation-only", "6tisch"])
+def test_quadrotors_agree_on_a_height_by_what_they_hear(flying, tmp_path, network):
+    folder = run("external-robots.toml", tmp_path / "heard", "--robotsim", f"http://{flying}", *over(network))
+    heard = heights_m(folder)
+    assert heard[0].std() > 1.0 and heard[-1].std() < 0.05, heard[-1]
+    # To the mean, which each finds by itself.
+    assert abs(heard[-1].mean() - heard[0].mean()) < 0.2
+    summary = json.loads((folder / "summary.json").read_text())
+    assert abs(summary["task"]["height_spread_m"] - heard[-1].std()) < 1e-9 and summary["task"]["contacts"] == 0
+
+
+def test_quadrotors_that_hear_nobody_hover_where_they_are(flying, tmp_path):
+    options = ["--robotsim", f"http://{flying}", "--set", "netsim.phy.radius_m=0.1"]
+    unheard = heights_m(run("external-robots.toml", tmp_path, *options))
+    assert np.abs(unheard - unheard[0]).max() < 0.01
+
+
+def heights_m(folder):
+    """Heights of the robots of a run, a row for each step."""
+    table = pq.read_table(folder / "steps.parquet", columns=["step", "agent", "z_m"]).sort_by([("step", "ascending"), ("agent", "ascending")])
+    return table["z_m"].to_numpy().reshape(-1, len(set(table["agent"].to_pylist())))
+
+
 @pytest.mark.parametrize("network", ["propagation-only", "6tisch"])
 def test_wheeled_robots_turn_the_same_way_over_both_networks(wheeled, tmp_path, network):
-    options = ["--robotsim", f"http://{wheeled}", "--set", "experiment.duration_s=20.0", "--set", f"netsim.mode={network}"]
-    if network == "6tisch":
-        options += ["--set", "netsim.sf.kind=rrsf"]
+    options = ["--robotsim", f"http://{wheeled}", *over(network)]
     table = pq.read_table(run("external-robots.toml", tmp_path, *options) / "steps.parquet")
     step, heading_rad = table["step"].to_numpy(), table["heading_rad"].to_numpy()
 
