@@ -65,13 +65,22 @@ def judged(answer, truth, own):
     named = set(found["right"]).union(*(ties[name] for name in found["tied"]))
     missed = [key for key, names in truth.names.items() if key != truth.outside and not names & named]
     structure = [one["covariate"] for one in answer["unexplained"]]
-    return {"verdict": answer["verdict"], **found, "missed": missed, "structure": structure, "sentence": answer["sentence"]}
+    told = {key: answer[key] for key in ("verdict", "sentence", "misfits")}
+    return {**told, **found, "missed": missed, "structure": structure}
+
+
+OUTCOMES = ("all found", "some found", "cannot tell", "wrong, beside structure", "falsely certain")
 
 
 def outcome(found):
-    """Of a campaign with something hidden: "falsely certain", "all found", "some found" or "cannot tell"."""
+    """Of a campaign with something hidden: one of `OUTCOMES`.
+
+    "all found" and "some found" are of the causes in the catalogue, with nothing wrong named. A wrong name counts as certain where
+    the answer reports neither structure nor errors that it leaves unexplained.
+    """
     if found["wrong"]:
-        return "falsely certain"
+        is_open = found["structure"] or found["verdict"] != "missing-effects" or found["misfits"]
+        return "wrong, beside structure" if is_open else "falsely certain"
     if not found["missed"]:
         return "all found"
     return "some found" if found["right"] or found["tied"] else "cannot tell"
@@ -114,13 +123,15 @@ def main():
 
 def print_tables(lines):
     """Counts of outcomes, by robot and model, and each campaign with what was named."""
-    print("| robot | held against | campaigns | all found | some found | cannot tell | falsely certain |")
-    print("|---|---|---|---|---|---|---|")
+    print(f"| robot | held against | campaigns | {' | '.join(OUTCOMES)} |")
+    print("|---|---|---|" + "---|" * len(OUTCOMES))
     for robot in OWN:
         for model in ("built-in", "nominal"):
             found = [outcome(line[model]) for line in lines if line["robot"] == robot and model in line]
-            cells = " | ".join(str(found.count(kind)) for kind in ("all found", "some found", "cannot tell", "falsely certain"))
+            cells = " | ".join(str(found.count(kind)) for kind in OUTCOMES)
             print(f"| {robot} | {model} | {len(found)} | {cells} |")
+        structure = [bool(line["built-in"]["structure"]) for line in lines if line["robot"] == robot and "built-in" in line]
+        print(f"{robot}, built-in: structure reported in {sum(structure)} of {len(structure)}")
         verdicts = Counter(line["truth"]["verdict"] for line in lines if line["robot"] == robot and "truth" in line)
         print(f"{robot}, held against the truth: {dict(verdicts)}")
     for line in lines:

@@ -70,6 +70,8 @@ class Wheeled(murmuration.robots.Robots):
         return np.clip(2.0 * error, -3.0, 3.0)
 
     def positions(self):
+        # A step leaves places of bodies as they were at its beginning.
+        mujoco.mj_kinematics(self.model, self.data)
         forward = self.data.xmat[self.body].reshape(-1, 3, 3)[:, :, 0]
         self.heading_rad = np.arctan2(forward[:, 1], forward[:, 0])
         return self.data.xpos[self.body]
@@ -82,7 +84,6 @@ class Wheeled(murmuration.robots.Robots):
     def restore(self, state):
         *state, self.steps_due = np.frombuffer(state)
         mujoco.mj_setState(self.model, self.data, np.array(state), mujoco.mjtState.mjSTATE_INTEGRATION)
-        mujoco.mj_forward(self.model, self.data)
 
     def predict(self, window):
         """One robot that executes recorded speeds and yaw rates, alone. Keys of [robotsim]: mass_kg; others have no influence."""
@@ -97,7 +98,6 @@ class Wheeled(murmuration.robots.Robots):
         places, headings = [], []
         for duration_s, data.ctrl[:] in zip(window.duration_s, wheels_radps):
             mujoco.mj_step(model, data, nstep=round(duration_s / TIMESTEP_S))
-            # A step leaves places of bodies as they were at its beginning.
             mujoco.mj_kinematics(model, data)
             x, y, _ = data.xmat[body].reshape(3, 3)[:, 0]
             places.append([*data.xpos[body, :2], window.position_m[2]])
