@@ -39,14 +39,19 @@ def write(folder, truth, seed):
     (folder / "truth.toml").write_text(truth.toml())
 
 
+def answered(folder, model):
+    """The complete answer that an earlier call left, or `None`."""
+    path = folder / f"{model}.json"
+    answer = json.loads(path.read_text()) if path.exists() else {"complete": False}
+    return answer if answer["complete"] else None
+
+
 def diagnosed(folder, model, *more):
     """The answer of `diagnose` to the campaign in a folder, that of an earlier call if there is one."""
-    answer = f"{model}.json"
-    if (folder / answer).exists() and (kept := json.loads((folder / answer).read_text()))["complete"]:
-        return kept
-    command = [program("orchestrator"), "diagnose", f"{model}.toml", "--data", "data.csv", "--json", answer, *more]
-    succeed(command, deadline_s=DEADLINE_S, cwd=folder)
-    return json.loads((folder / answer).read_text())
+    if answered(folder, model) is None:
+        command = [program("orchestrator"), "diagnose", f"{model}.toml", "--data", "data.csv", "--json", f"{model}.json", *more]
+        succeed(command, deadline_s=DEADLINE_S, cwd=folder)
+    return json.loads((folder / f"{model}.json").read_text())
 
 
 def judged(answer, truth, own):
@@ -69,18 +74,18 @@ def judged(answer, truth, own):
     return {**told, **found, "missed": missed, "structure": structure}
 
 
-OUTCOMES = ("all found", "some found", "cannot tell", "wrong, beside structure", "falsely certain")
+OUTCOMES = ("all found", "some found", "cannot tell", "uncertain", "falsely certain")
 
 
 def outcome(found):
     """Of a campaign with something hidden: one of `OUTCOMES`.
 
-    "all found" and "some found" are of the causes in the catalogue, with nothing wrong named. A wrong name counts as certain where
-    the answer reports neither structure nor errors that it leaves unexplained.
+    "all found" and "some found" are of the causes in the catalogue, with nothing wrong named. With a wrong name an answer is
+    uncertain if it also reports structure or errors that no effect explains, and falsely certain otherwise.
     """
     if found["wrong"]:
         is_open = found["structure"] or found["verdict"] != "missing-effects" or found["misfits"]
-        return "wrong, beside structure" if is_open else "falsely certain"
+        return "uncertain" if is_open else "falsely certain"
     if not found["missed"]:
         return "all found"
     return "some found" if found["right"] or found["tied"] else "cannot tell"
@@ -95,8 +100,9 @@ def read(folder):
             truth = drawn(robot, int(place.name.rsplit("-")[-1]))
             line = {"robot": robot, "name": place.name, "hidden": truth.hidden, "outside": truth.outside}
             for model in MODELS:
-                if (place / f"{model}.json").exists():
-                    line[model] = judged(json.loads((place / f"{model}.json").read_text()), truth, own if model == "built-in" else set())
+                answer = answered(place, model)
+                if answer:
+                    line[model] = judged(answer, truth, own if model == "built-in" else set())
             lines.append(line)
     return lines
 
