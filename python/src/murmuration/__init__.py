@@ -7,6 +7,8 @@
 
 Configurations are files or dictionaries of the same form; docs/configuration.md lists their keys. Settings override keys, two
 underscores in place of a dot. What is wrong with an input is raised as `InvalidInput`, with the program's text.
+
+`progress`: by default, commands show their progress in a notebook and on a terminal; False never, True elsewhere, too.
 """
 
 from __future__ import annotations
@@ -19,19 +21,21 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from murmuration import export, importers
 from murmuration._answers import Answer, Run, Sweep
 from murmuration._files import Config, config_file, settings, table_file
 from murmuration._program import InvalidInput, MurmurationError, call, program
 
 __all__ = [
     "Answer", "InvalidInput", "MurmurationError", "Run", "Sweep",
-    "compare", "diagnose", "extend", "power", "program", "run", "simulate", "sweep",
+    "compare", "diagnose", "export", "extend", "importers", "power", "program", "run", "simulate", "sweep",
 ]  # fmt: skip
 
 
 def run(
     config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", threads: int | None = None,
-    robotsim: str | None = None, netsim: str | None = None, replace: bool = False, **overrides: Any,
+    robotsim: str | None = None, netsim: str | None = None, replace: bool = False,
+    progress: bool | None = None, **overrides: Any,
 ) -> Run:  # fmt: skip
     """Runs an experiment and records it in a subfolder of `out`.
 
@@ -41,68 +45,77 @@ def run(
     options = [*_seed(seed), *_option("--threads", threads), *_option("--robotsim", robotsim), *_option("--netsim", netsim)]
     options += ["--replace"] if replace else []
     with config_file(config) as path:
-        printed = call(["run", path, "--out", out, *options, *settings(overrides)])
+        printed = call(["run", path, "--out", out, *options, *settings(overrides)], progress)
     return Run(_folder(printed), printed)
 
 
 def sweep(
     config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", jobs: int | None = None, restart: bool = False,
-    **overrides: Any,
+    progress: bool | None = None, **overrides: Any,
 ) -> Sweep:  # fmt: skip
     """Runs an experiment under the settings and seeds of its section [sweep]; goes on with trials that are in `out` already."""
     options = [*_seed(seed), *_option("--jobs", jobs), *(["--restart"] if restart else [])]
     with config_file(config) as path:
-        printed = call(["sweep", path, "--out", out, *options, *settings(overrides)])
+        printed = call(["sweep", path, "--out", out, *options, *settings(overrides)], progress)
     return Sweep(_folder(printed), printed)
 
 
-def compare(config: Config, data: Any, seed: int | None = None, **overrides: Any) -> Answer:
+def compare(
+    config: Config, data: Any, seed: int | None = None, *, progress: bool | None = None, **overrides: Any
+) -> Answer:  # fmt: skip
     """Measures how large the error of a model is on measurements, and under which conditions. `data`: a file or a data frame."""
-    return _about("compare", config, data, _seed(seed), overrides)
+    return _about("compare", config, data, _seed(seed), overrides, progress)
 
 
-def diagnose(config: Config, data: Any, seed: int | None = None, *, budget_s: float | None = None, **overrides: Any) -> Answer:
+def diagnose(
+    config: Config, data: Any, seed: int | None = None, *, budget_s: float | None = None,
+    progress: bool | None = None, **overrides: Any,
+) -> Answer:  # fmt: skip
     """Finds the physical effects that a model lacks, from measurements. `budget_s` limits the time it may take."""
-    return _about("diagnose", config, data, [*_seed(seed), *_option("--budget", budget_s)], overrides)
+    return _about("diagnose", config, data, [*_seed(seed), *_option("--budget", budget_s)], overrides, progress)
 
 
 def extend(
     config: Config, data: Any, output: str | os.PathLike[str], *, effect: str | None = None, all: bool = False,  # noqa: A002
-    seed: int | None = None, **overrides: Any,
+    seed: int | None = None, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Fits a missing effect to measurements and writes the configuration with it to `output`."""
     options = [*_seed(seed), *_option("--effect", effect), *(["--all"] if all else []), "--output", os.fspath(output)]
-    return _about("extend", config, data, options, overrides)
+    return _about("extend", config, data, options, overrides, progress)
 
 
 def simulate(
-    config: Config, like: Any, output: str | os.PathLike[str], seed: int | None = None, **overrides: Any
+    config: Config, like: Any, output: str | os.PathLike[str], seed: int | None = None, *,
+    progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Simulates a measurement campaign with the times, places and commands of `like`, and writes it to `output` (CSV)."""
     with config_file(config) as path, table_file(like) as table:
-        return _answer(["simulate", path, "--like", table, "--output", output, *_seed(seed), *settings(overrides)])
+        return _answer(["simulate", path, "--like", table, "--output", output, *_seed(seed), *settings(overrides)], progress)
 
 
 def power(
-    config: Config, like: Any, effect: str, *, campaigns: int | None = None, seed: int | None = None, **overrides: Any
+    config: Config, like: Any, effect: str, *, campaigns: int | None = None, seed: int | None = None,
+    progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Estimates how large an effect must be for a campaign like `like` to detect it."""
     options = ["--effect", effect, *_option("--campaigns", campaigns), *_seed(seed)]
     with config_file(config) as path, table_file(like) as table:
-        return _answer(["power", path, "--like", table, *options, *settings(overrides)])
+        return _answer(["power", path, "--like", table, *options, *settings(overrides)], progress)
 
 
-def _about(command: str, config: Config, data: Any, options: list[str], overrides: dict[str, Any]) -> Answer:
+def _about(
+    command: str, config: Config, data: Any, options: list[str], overrides: dict[str, Any], progress: bool | None
+) -> Answer:  # fmt: skip
     with contextlib.ExitStack() as stack:
         path = stack.enter_context(config_file(config))
         table = stack.enter_context(table_file(data))
-        return _answer([command, path, "--data", table, *options, *settings(overrides)])
+        return _answer([command, path, "--data", table, *options, *settings(overrides)], progress)
 
 
-def _answer(arguments: list[Any]) -> Answer:
+def _answer(arguments: list[Any], progress: bool | None) -> Answer:
     with tempfile.TemporaryDirectory(prefix="murmuration-") as folder:
         file = Path(folder) / "answer.json"
-        printed = call([*arguments, "--json", file])
+        printed = call([*arguments, "--json", file], progress)
         return Answer(json.loads(file.read_text()), printed)
 
 

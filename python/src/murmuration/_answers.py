@@ -2,29 +2,66 @@
 
 from __future__ import annotations
 
+import contextlib
+import difflib
 import functools
 import html
+import importlib
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy
+
 
 def read_table(path: Path) -> Any:
     """A Parquet file as a data frame of polars, or of pandas where polars is not installed."""
-    if not path.is_file():
-        raise FileNotFoundError(f"{path} is not there: the configuration's section [output] says which tables a run leaves")
+    _check_table(path)
+    library = _table_library()
+    return library.read_parquet(path)
+
+
+def scan_table(path: Path) -> Any:
+    """A Parquet file as a lazy frame of polars, which reads the columns and rows that a query needs."""
+    _check_table(path)
     try:
         import polars
     except ImportError:
-        pass
-    else:
-        return polars.read_parquet(path)
+        raise ImportError("lazy tables need polars: pip install polars") from None
+    return polars.scan_parquet(path)
+
+
+def table_of(columns: Mapping[str, Any]) -> Any:
+    """A data frame of polars, or of pandas where polars is not installed, from its columns."""
+    return _table_library().DataFrame(dict(columns))
+
+
+def _table_library() -> Any:
+    """polars, or pandas where polars is not installed."""
+    for name in ("polars", "pandas"):
+        with contextlib.suppress(ImportError):
+            return importlib.import_module(name)
+    raise ImportError("tables need polars or pandas: pip install polars")
+
+
+def _check_table(path: Path) -> None:
+    """Raises an error that names the tables that are there, if this one is not."""
+    if path.is_file():
+        return
+    there = ", ".join(sorted(file.stem for file in path.parent.glob("*.parquet")))
+    raise FileNotFoundError(
+        f"{path} is not there: the configuration's section [output] says which tables a run leaves. This one left: {there or 'none'}"
+    )
+
+
+def _axes(axes: Any) -> Any:
+    """The axes to draw on: those given, or new ones."""
     try:
-        import pandas
+        from matplotlib import pyplot
     except ImportError:
-        raise ImportError("tables need polars or pandas: pip install polars") from None
-    return pandas.read_parquet(path)
+        raise ImportError("plot needs matplotlib: pip install matplotlib") from None
+    return pyplot.subplots()[1] if axes is None else axes
 
 
 class Run:
@@ -64,6 +101,10 @@ class Run:
         """Every packet and what became of it. Only a run with mode = "6tisch" has this table."""
         return read_table(self.folder / "packets.parquet")
 
+    def scan(self, table: str) -> Any:
+        """A table as a lazy frame of polars, for tables that are larger than the memory: `run.scan("links").filter(…).collect()`."""
+        return scan_table(self.folder / f"{table}.parquet")
+
     @property
     def report(self) -> Path:
         """The page about the run."""
@@ -71,12 +112,7 @@ class Run:
 
     def plot(self, *, axes: Any = None) -> Any:
         """Draws the way of each agent, seen from above; returns the axes. Needs matplotlib."""
-        try:
-            from matplotlib import pyplot
-        except ImportError:
-            raise ImportError("plot needs matplotlib: pip install matplotlib") from None
-        if axes is None:
-            axes = pyplot.subplots()[1]
+        axes = _axes(axes)
         columns = {name: self.steps[name].to_numpy() for name in ("agent", "x_m", "y_m")}
         for agent in sorted(set(columns["agent"].tolist())):
             own = columns["agent"] == agent
@@ -106,6 +142,28 @@ class Sweep:
     def trials(self) -> Any:
         """One row for each trial: its settings, its seed and its figures."""
         return read_table(self.folder / "trials.parquet")
+
+    def scan(self, table: str = "trials") -> Any:
+        """A table as a lazy frame of polars."""
+        return scan_table(self.folder / f"{table}.parquet")
+
+    def plot(self, x: str, y: str, *, axes: Any = None) -> Any:
+        """Draws a figure of all trials over a setting, with the mean at each value; returns the axes. Needs matplotlib.
+
+        `x` and `y` are columns of `trials`, for instance `netsim.phy.radius_m` and `network.delivery_ratio`.
+        """
+        for name in (x, y):
+            if name not in self.trials.columns:
+                near = difflib.get_close_matches(name, self.trials.columns, n=3, cutoff=0.0)
+                raise ValueError(f"the trials have no column {name}; the nearest are {', '.join(near)}")
+        axes = _axes(axes)
+        settings, figures = (self.trials[name].to_numpy() for name in (x, y))
+        axes.plot(settings, figures, ".", alpha=0.5)
+        values = sorted(set(settings.tolist()))
+        axes.plot(values, [numpy.nanmean(figures[settings == value].astype(float)) for value in values], "-")
+        axes.set_xlabel(x)
+        axes.set_ylabel(y)
+        return axes
 
     @property
     def report(self) -> Path:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
+import queue
 import shutil
 import subprocess
 import sys
 import sysconfig
+import threading
 from collections.abc import Sequence
 from pathlib import Path
+from typing import IO
+
+from murmuration import _progress
 
 
 class MurmurationError(RuntimeError):
@@ -38,23 +43,60 @@ def program() -> Path:
     return Path(found)
 
 
-def call(arguments: Sequence[str | os.PathLike[str]]) -> str:
-    """Runs the program and returns what it printed. Ctrl-C ends the program as well."""
-    command = [str(program()), *(os.fspath(argument) for argument in arguments)]
+def call(arguments: Sequence[str | os.PathLike[str]], progress: bool | None = None) -> str:
+    """Runs the program and returns what it printed. Ctrl-C ends the program as well.
+
+    `progress`: see `_progress.display_for`.
+    """
+    display = _progress.display_for(str(arguments[0]), progress)
+    command = [str(program()), *(os.fspath(argument) for argument in _progress.with_search_log(arguments))]
     with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
         try:
-            printed, said = child.communicate()
+            printed, said = _follow(child, display)
         except BaseException:
             # In a terminal Ctrl-C reaches the program, too; in a notebook it reaches this process alone.
             child.terminate()
             child.wait()
             raise
+        finally:
+            display.close()
     if child.returncode != 0:
         kind = InvalidInput if child.returncode == 2 else MurmurationError
         raise kind(said.strip() or printed.strip() or f"{' '.join(command)} ended with exit status {child.returncode}")
     if said.strip():
         print(said.strip(), file=sys.stderr)
     return printed
+
+
+def _follow(child: subprocess.Popen[str], display: _progress.Display) -> tuple[str, str]:
+    """What the program prints on standard output and on standard error until it ends, without the progress, which is shown."""
+    lines: queue.SimpleQueue[tuple[int, str | None]] = queue.SimpleQueue()
+
+    def read(stream: IO[str], number: int) -> None:
+        for line in stream:
+            lines.put((number, line))
+        lines.put((number, None))
+
+    texts: tuple[list[str], list[str]] = ([], [])
+    for number, stream in enumerate((child.stdout, child.stderr)):
+        assert stream is not None
+        threading.Thread(target=read, args=(stream, number), daemon=True).start()
+    n_open = len(texts)
+    while n_open:
+        try:
+            number, line = lines.get(timeout=_progress.DRAW_EVERY_S)
+        except queue.Empty:
+            display.tick()
+            continue
+        reported = _progress.read_line(line) if line is not None and number == 1 else None
+        if line is None:
+            n_open -= 1
+        elif reported is not None:
+            display.update(reported)
+        else:
+            texts[number].append(line)
+    child.wait()
+    return "".join(texts[0]), "".join(texts[1])
 
 
 def main() -> None:
