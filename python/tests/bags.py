@@ -16,6 +16,7 @@ for store in (ROS1, ROS2):
     store.register(get_types_from_msg(stamped, "ackermann_msgs/msg/AckermannDriveStamped"))
 
 START_NS = 1_700_000_000_250_000_000
+START_S = 1_700_000_000.25
 
 
 @dataclass

@@ -392,7 +392,7 @@ def _usable(what: str, series: Series, how: _How, left_out: list[str]) -> _Sampl
     is_late = is_finite & (times_ns < before_ns)
     if is_late.any():
         first = int(np.argmax(is_late))
-        step = f"from {before_ns[first] / 1e9:.9g} to {times_ns[first] / 1e9:.9g} s"
+        step = f"by {(before_ns[first] - times_ns[first]) / 1e9:.3f} s, to {times_ns[first] / 1e9:.3f} s"
         reasons.append(f"times that go back in {int(is_late.sum())} of {is_late.size} messages, first in message {first} ({step})")
     if reasons and how.bad == "raise":
         raise BagError(f"{what}: {'; '.join(reasons)}. bad=\"drop\" leaves such messages out" + (' and time="recorded" takes the times of the bag' if is_late.any() else ""))

@@ -1,0 +1,96 @@
+"""Tables of runs and sweeps: polars, pandas, lazy; and their pictures."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import murmuration
+
+CONFIG = {
+    "experiment": {"name": "small", "seed": 1, "duration_s": 2.0, "agents": 5, "control_period": {"rate_hz": 10.0}},
+    "robotsim": {"scenario": {"kind": "line"}, "controller": {"kind": "flocking", "flock_radius_m": 10.0}},
+    "netsim": {"phy": {"propagation": "unit-disk", "radius_m": 20.0}},
+    "output": {"report": False},
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("tables")
+
+
+@pytest.fixture(scope="module")
+def run(folder):
+    return murmuration.run(CONFIG, out=folder)
+
+
+@pytest.fixture(scope="module")
+def sweep(folder):
+    return murmuration.sweep({**CONFIG, "sweep": {"seeds": 2, "vary": {"netsim.phy.radius_m": [1.0, 5.0, 20.0]}}}, out=folder / "sweeps")
+
+
+@pytest.fixture(autouse=True)
+def without_a_screen(monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+
+
+def test_tables_are_of_pandas_where_there_is_no_polars(run, monkeypatch):
+    import pandas
+
+    tables = {name: getattr(run, name) for name in ("steps", "links", "motes")}
+    monkeypatch.setitem(sys.modules, "polars", None)
+    again = murmuration.Run(run.folder)
+    for name, wanted in tables.items():
+        table = getattr(again, name)
+        assert isinstance(table, pandas.DataFrame) and list(table.columns) == wanted.columns
+    assert np.array_equal(again.steps["x_m"].to_numpy(), run.steps["x_m"].to_numpy())
+    with pytest.raises(ImportError, match="lazy tables need polars"):
+        again.scan("steps")
+    assert len(again.plot().lines) == 10
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match="tables need polars or pandas: pip install polars"):
+        murmuration.Run(run.folder).steps
+
+
+def test_lazy_tables_give_what_whole_ones_give(run, sweep):
+    import polars
+
+    lazy = run.scan("steps")
+    assert isinstance(lazy, polars.LazyFrame)
+    one = lazy.filter(polars.col("agent") == 3).select("time_ns", "x_m").collect()
+    assert one.equals(run.steps.filter(polars.col("agent") == 3).select("time_ns", "x_m")) and len(one) > 10
+    assert sweep.scan().select(polars.len()).collect().item() == 6
+    with pytest.raises(FileNotFoundError, match=r"step\.parquet is not there.*This one left: links, motes, steps"):
+        run.scan("step")
+
+
+def test_the_ways_of_robots_are_drawn(run):
+    axes = run.plot()
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_title()) == ("x (m)", "y (m)", "small")
+    for agent in range(5):
+        way, end = axes.lines[2 * agent : 2 * agent + 2]
+        own = run.steps.filter(run.steps["agent"] == agent)
+        assert np.array_equal(way.get_xydata(), own.select("x_m", "y_m").to_numpy())
+        assert np.array_equal(end.get_xydata(), own.select("x_m", "y_m").to_numpy()[-1:])
+    from matplotlib import pyplot
+
+    own_axes = pyplot.figure().add_subplot()
+    assert run.plot(axes=own_axes) is own_axes
+
+
+def test_a_figure_of_a_sweep_is_drawn_over_a_setting(sweep, monkeypatch):
+    figure = "network.delivery_ratio"
+    axes = sweep.plot("netsim.phy.radius_m", figure)
+    dots, means = axes.lines
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("netsim.phy.radius_m", figure)
+    assert len(dots.get_xdata()) == 6 and means.get_xdata().tolist() == [1.0, 5.0, 20.0]
+    table = sweep.trials
+    for radius_m, mean in means.get_xydata():
+        own = table.filter(table["netsim.phy.radius_m"] == radius_m)[figure]
+        assert mean == pytest.approx(own.mean())
+    with pytest.raises(ValueError, match="the trials have no column netsim.phy.radius; the nearest are netsim.phy.radius_m"):
+        sweep.plot("netsim.phy.radius", figure)
+    monkeypatch.setitem(sys.modules, "polars", None)
+    again = murmuration.Sweep(sweep.folder)
+    assert np.array_equal(again.plot("netsim.phy.radius_m", figure).lines[1].get_xydata(), means.get_xydata())
