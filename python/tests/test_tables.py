@@ -82,15 +82,17 @@ def test_the_ways_of_robots_are_drawn(run):
 def test_a_figure_of_a_sweep_is_drawn_over_a_setting(sweep, monkeypatch):
     figure = "network.delivery_ratio"
     axes = sweep.plot("netsim.phy.radius_m", figure)
-    dots, means = axes.lines
+    means, dots = axes.lines
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("netsim.phy.radius_m", figure)
     assert len(dots.get_xdata()) == 6 and means.get_xdata().tolist() == [1.0, 5.0, 20.0]
     table = sweep.trials
     for radius_m, mean in means.get_xydata():
         own = table.filter(table["netsim.phy.radius_m"] == radius_m)[figure]
         assert mean == pytest.approx(own.mean())
+    grouped = sweep.plot("experiment.seed", figure, by="netsim.phy.radius_m")
+    assert [text.get_text() for text in grouped.get_legend().get_texts()] == ["1.0", "5.0", "20.0"] and len(grouped.lines) == 6
     with pytest.raises(ValueError, match="the trials have no column netsim.phy.radius; the nearest are netsim.phy.radius_m"):
         sweep.plot("netsim.phy.radius", figure)
     monkeypatch.setitem(sys.modules, "polars", None)
     again = murmuration.Sweep(sweep.folder)
-    assert np.array_equal(again.plot("netsim.phy.radius_m", figure).lines[1].get_xydata(), means.get_xydata())
+    assert np.array_equal(again.plot("netsim.phy.radius_m", figure).lines[0].get_xydata(), means.get_xydata())

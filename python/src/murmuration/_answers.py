@@ -147,22 +147,29 @@ class Sweep:
         """A table as a lazy frame of polars."""
         return scan_table(self.folder / f"{table}.parquet")
 
-    def plot(self, x: str, y: str, *, axes: Any = None) -> Any:
-        """Draws a figure of all trials over a setting, with the mean at each value; returns the axes. Needs matplotlib.
+    def plot(self, x: str, y: str, *, by: str | None = None, axes: Any = None) -> Any:
+        """Draws a figure of all trials over a setting, a dot for each, and the mean at each value; returns the axes. Needs matplotlib.
 
-        `x` and `y` are columns of `trials`, for instance `netsim.phy.radius_m` and `network.delivery_ratio`.
+        `x`, `y` and `by` are columns of `trials`, for instance `netsim.phy.radius_m` and `network.delivery_ratio`. Each value of
+        `by`, for instance `case`, gets a colour.
         """
-        for name in (x, y):
+        for name in (x, y, *([] if by is None else [by])):
             if name not in self.trials.columns:
                 near = difflib.get_close_matches(name, self.trials.columns, n=3, cutoff=0.0)
                 raise ValueError(f"the trials have no column {name}; the nearest are {', '.join(near)}")
         axes = _axes(axes)
-        settings, figures = (self.trials[name].to_numpy() for name in (x, y))
-        axes.plot(settings, figures, ".", alpha=0.5)
-        values = sorted(set(settings.tolist()))
-        axes.plot(values, [numpy.nanmean(figures[settings == value].astype(float)) for value in values], "-")
+        settings, figures = self.trials[x].to_numpy(), self.trials[y].to_numpy().astype(float)
+        groups = numpy.full(len(settings), "") if by is None else self.trials[by].to_numpy()
+        for group in dict.fromkeys(groups.tolist()):
+            own = groups == group
+            values = sorted(set(settings[own].tolist()))
+            means = [numpy.nanmean(figures[own & (settings == value)]) for value in values]
+            (line,) = axes.plot(values, means, "-", label=group)
+            axes.plot(settings[own], figures[own], ".", alpha=0.5, color=line.get_color())
         axes.set_xlabel(x)
         axes.set_ylabel(y)
+        if by is not None:
+            axes.legend(title=by)
         return axes
 
     @property
