@@ -371,3 +371,22 @@ def test_mappings_are_refused_with_the_text_of_the_program(tmp_path):
     with pytest.raises(murmuration.InvalidInput, match='nearest valid: "robots"'):
         importers.convert({"table": "robot", "input": [{"files": "a.csv", "columns": {}}]})
     assert not list(tmp_path.iterdir())
+
+
+def test_packet_logs_become_packets_and_links(tmp_path):
+    """A log as the root of an OpenWSN network prints it: two packets over one hop, one that arrived twice, a line that is damaged."""
+
+    def line(arrived, created, sequence, hops):
+        asn = [[number >> 8 * byte & 0xFF for byte in range(5)] for number in (arrived, created)]
+        given = [hops[-1][0], *asn[0], *asn[1], sequence & 0xFF, sequence >> 8, 0]
+        own = given + [number for hop in hops for number in hop]
+        return f"{own + [0] * (38 - len(own))}\t0:00:01.5\n"
+
+    first = line(258, 200, 3, [(7, 3, 26, 84)])
+    (tmp_path / "root.log").write_text(first + line(458, 400, 5, [(7, 2, 11, 60)]) + first + "[1, 2]\n")
+    log = {"files": tmp_path / "root.log", "format": "openwsn-packets"}
+    packets = importers.convert({"table": "packets", "input": [log]})
+    names = ("time_s", "received_s", "source", "destination", "sequence", "hops")
+    assert columns_of(packets, *names).tolist() == [[3.0, 3.87, 7, 1, 3, 1], [6.0, 6.87, 7, 1, 5, 1]]
+    with_lost = importers.convert({"table": "packets", "lost_from_gaps": True, "input": [log]})
+    assert sorted(with_lost["sequence"].to_list()) == [3, 4, 5] and with_lost["received_s"].null_count() == 1
