@@ -115,6 +115,9 @@ def test_cars_and_localization_beside_odometry(tmp_path):
     frame = importers.read_bag(path, {"car": {"pose": "/pf/pose", "command": "/drive"}})
     assert np.allclose(columns_of(frame, "x_m", "heading_rad", "cmd_speed_mps")[-1], [9.8, 3.0, 2.0])
     assert np.allclose(frame["cmd_steer_rad"].to_numpy(), 0.1)
+    without_commands = BagWriter()
+    without_commands.messages = [one for one in bag.messages if one[1] != "/drive"]
+    assert "which topics of" in refusal(without_commands.write(tmp_path / "without"))
     unstamped = BagWriter()
     unstamped.messages = [one for one in bag.messages if one[1] == "/pf/pose"]
     unstamped.add_drive("/drive", START_NS, 2.0, 0.1, stamped=False)

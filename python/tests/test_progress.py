@@ -62,7 +62,8 @@ def test_lines_of_the_program_are_progress(line, share):
 
 
 @pytest.mark.parametrize(
-    "line", ["warning: 3 of 12 trials failed\n", "note: step 1/2  is a name\n", " INFO netsim::mac: 3 of 4 trials\n", "results in runs/a\n", "\n"]
+    "line",
+    ["warning: 3 of 12 trials failed\n", "note: step 1/2  is a name\n", " INFO netsim::mac: 3 of 4 trials\n", "results in runs/a\n", "\n"],
 )
 def test_other_lines_are_not(line):
     assert _progress.read_line(line) is None

@@ -14,13 +14,16 @@ def package(monkeypatch):
     monkeypatch.setenv("MURMURATION_PROGRAM", program("orchestrator"))
 
 
+def n_pictures(notebook):
+    return sum("image/png" in output.get("data", {}) for cell in notebook.cells for output in cell.get("outputs", []))
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_it_executes_and_prints_what_it_shows(path, tmp_path):
     shown = nbformat.read(path, as_version=4)
     executed = execute(path, tmp_path)
     assert texts(executed) == texts(shown), "run tests/external/notebooks.py: the outputs have changed"
-    pictures = [sum("image/png" in output.get("data", {}) for cell in one.cells for output in cell.get("outputs", [])) for one in (executed, shown)]
-    assert pictures[0] == pictures[1] > 0
+    assert n_pictures(executed) == n_pictures(shown) > 0
 
 
 def test_there_is_one_for_each_way_to_begin():

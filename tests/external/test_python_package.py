@@ -1,8 +1,10 @@
 """The Python package: its wheel is built, installed where there is no Rust, and its own tests are run against it."""
 
+import json
 import os
 import subprocess
 import sys
+import time
 import venv
 from pathlib import Path
 
@@ -40,6 +42,23 @@ def test_both_commands_are_the_program(installed, tmp_path):
     scripts, variables = installed
     versions = {call(scripts / name, "--version", env=variables, cwd=tmp_path) for name in ("murmuration", "orchestrator")}
     assert len(versions) == 1
+
+
+def test_a_newcomer_has_the_first_figure_within_two_minutes(installed, tmp_path):
+    """The first notebook, without Rust and without a checkout beside it."""
+    scripts, variables = installed
+    call(scripts / "pip", "install", "-q", "--disable-pip-version-check", "ipykernel", "nbclient")
+    notebook = tmp_path / "first-run.ipynb"
+    cells = json.loads((ROOT / "docs" / "notebooks" / "first-run.ipynb").read_text())
+    for cell in cells["cells"]:
+        if cell["cell_type"] == "code":
+            cell["outputs"] = []
+    notebook.write_text(json.dumps(cells))
+    begun_s = time.monotonic()
+    call(scripts / "jupyter", "execute", "--inplace", notebook, env=variables, cwd=tmp_path)
+    took_s = time.monotonic() - begun_s
+    assert "image/png" in notebook.read_text()
+    assert took_s < 120, took_s
 
 
 @pytest.mark.parametrize("protobuf", ["4.25.9", "5.29.6", "6.33.5"])

@@ -241,7 +241,8 @@ def _topics_of(bag: Bag, robots: Robots | None, problems: list[str]) -> dict[str
             except BagError as error:
                 problems.append(f"robot {name}: {error}")
         elif not isinstance(own, Mapping) or "pose" not in own or set(own) - {"pose", "command", "frame"}:
-            problems.append(f"robot {name}: must be a namespace or a mapping with pose, command and frame (the last two optional), got {own!r}")
+            form = "a namespace or a mapping with pose, command and frame (the last two optional)"
+            problems.append(f"robot {name}: must be {form}, got {own!r}")
         else:
             topics[name] = {part: str(topic) for part, topic in own.items() if topic is not None}
     return topics
@@ -274,7 +275,8 @@ def _find_robots(bag: Bag) -> dict[str, dict[str, str]]:
         poses = sorted(frames)
     if not poses:
         raise BagError(f"{bag.path} has no topic with poses ({', '.join(POSES)}){_listing(bag)}")
-    grouped = _by_namespace(poses, commands)
+    # A child frame may be the name of a robot; a topic is below its namespace.
+    grouped = _by_namespace(poses, commands, 0 if frames else 1)
     if grouped is None:
         form = '{"car": {"pose": "/odom", "command": "/cmd_vel"}}'
         raise BagError(f"which topics of {bag.path} belong together? Name them, robots={form}:{_listing(bag)}")
@@ -284,12 +286,15 @@ def _find_robots(bag: Bag) -> dict[str, dict[str, str]]:
     }  # fmt: skip
 
 
-def _by_namespace(poses: list[str], commands: list[str]) -> dict[str, tuple[str, str | None]] | None:
-    """For each robot the topics of its poses and commands, by the shortest namespaces that tell all robots apart; None where none do."""
+def _by_namespace(poses: list[str], commands: list[str], n_below: int) -> dict[str, tuple[str, str | None]] | None:
+    """For each robot the topics of its poses and commands, by the shortest namespaces that tell all robots apart; None where none do.
+
+    `n_below`: parts that the name of a topic of poses has below its namespace, at least.
+    """
     if len(poses) == 1 and len(commands) <= 1:
         return {"robot": (poses[0], commands[0] if commands else None)}
     parts = {name: name.strip("/").split("/") for name in (*poses, *commands)}
-    for depth in range(1, max(map(len, parts.values())) + 1):
+    for depth in range(1, min(len(parts[pose]) for pose in poses) - n_below + 1):
         keys = [tuple(parts[pose][:depth]) for pose in poses]
         own = [[command for command in commands if tuple(parts[command][:depth]) == key] for key in keys]
         is_told_apart = len(set(keys)) == len(poses) and all(len(some) <= 1 for some in own)
@@ -314,7 +319,8 @@ def _track(
         kind, commands = None, None
     else:
         topic = own["command"]
-        kind = "speed and steering angle" if types[topic] in ACKERMANN else "speed and yaw rate" if how.twist == "unicycle" else "velocity"
+        of_twist = "speed and yaw rate" if how.twist == "unicycle" else "velocity"
+        kind = "speed and steering angle" if types[topic] in ACKERMANN else of_twist
         if not series[topic]:
             raise BagError(f"{topic} ({who}) holds no command")
         commands = _usable(f"{topic} ({who})", series[topic][""], how, left_out)
@@ -347,7 +353,8 @@ def _track(
         raise BagError(_no_overlap(own, who, times_ns, commands.times_ns, how))
     if not has_command.all():
         n_without = int((~has_command).sum())
-        left_out.append(f"{who}: {n_without} of {has_command.size} rows without a command on {own['command']} in the {how.within_ns / 1e9:g} s before")
+        before = f"on {own['command']} in the {how.within_ns / 1e9:g} s before"
+        left_out.append(f"{who}: {n_without} of {has_command.size} rows without a command {before}")
     held = commands.values[last]
     if kind == "speed and steering angle":
         columns |= {"cmd_speed_mps": held[:, 0], "cmd_steer_rad": held[:, 1]}
@@ -374,8 +381,8 @@ def _of_frame(own: Mapping[str, str], children: Mapping[str, Series], kind: str)
     if not frame and len(children) == 1:
         return next(iter(children.values()))
     near = difflib.get_close_matches(frame, children, n=1, cutoff=0.0)
-    wrong = f"{own['pose']} has no child frame {frame}; the nearest is {near[0]}" if frame and near else f"{own['pose']} needs frame, the child frame of the robot"
-    raise BagError(f"{wrong}. Its child frames: {', '.join(sorted(children))}")
+    wrong = f"has no child frame {frame}; the nearest is {near[0]}" if frame and near else "needs frame, the child frame of the robot"
+    raise BagError(f"{own['pose']} {wrong}. Its child frames: {', '.join(sorted(children))}")
 
 
 def _usable(what: str, series: Series, how: _How, left_out: list[str]) -> _Samples:
@@ -386,7 +393,8 @@ def _usable(what: str, series: Series, how: _How, left_out: list[str]) -> _Sampl
     is_finite = np.isfinite(series.values).all(axis=1)
     if not is_finite.all():
         first = int(np.argmin(is_finite))
-        reasons.append(f"numbers that are not finite in {int((~is_finite).sum())} of {is_finite.size} messages, first in message {first}")
+        n_bad = int((~is_finite).sum())
+        reasons.append(f"numbers that are not finite in {n_bad} of {is_finite.size} messages, first in message {first}")
     latest_ns = np.maximum.accumulate(np.where(is_finite, times_ns, np.iinfo(np.int64).min))
     before_ns = np.concatenate([[np.iinfo(np.int64).min], latest_ns[:-1]])
     is_late = is_finite & (times_ns < before_ns)
@@ -395,7 +403,8 @@ def _usable(what: str, series: Series, how: _How, left_out: list[str]) -> _Sampl
         step = f"by {(before_ns[first] - times_ns[first]) / 1e9:.3f} s, to {times_ns[first] / 1e9:.3f} s"
         reasons.append(f"times that go back in {int(is_late.sum())} of {is_late.size} messages, first in message {first} ({step})")
     if reasons and how.bad == "raise":
-        raise BagError(f"{what}: {'; '.join(reasons)}. bad=\"drop\" leaves such messages out" + (' and time="recorded" takes the times of the bag' if is_late.any() else ""))
+        fixes = 'bad="drop" leaves such messages out' + (', time="recorded" takes the times of the bag' if is_late.any() else "")
+        raise BagError(f"{what}: {'; '.join(reasons)}. {fixes}")
     # Of messages with equal times the first.
     is_twice = is_finite & (times_ns == before_ns)
     if is_twice.any():
@@ -457,7 +466,8 @@ def _at_rate(times_ns: Any, place_m: Any, heading_rad: Any, rate_hz: float, with
 def _no_overlap(own: Mapping[str, str], who: str, poses_ns: Any, commands_ns: Any, how: _How) -> str:
     """The error where no pose has a command."""
     spans = [f"{times[0] / 1e9:.3f} to {times[-1] / 1e9:.3f} s" for times in (poses_ns, commands_ns)]
-    text = f"{who}: no pose of {own['pose']} ({spans[0]}) has a command of {own['command']} ({spans[1]}) in the {how.within_ns / 1e9:g} s before"
+    pose, command = f"{own['pose']} ({spans[0]})", f"{own['command']} ({spans[1]})"
+    text = f"{who}: no pose of {pose} has a command of {command} in the {how.within_ns / 1e9:g} s before"
     if how.time == "header":
         text += '; if headers and the bag have different clocks, time="recorded" takes all times from the bag'
     return text
