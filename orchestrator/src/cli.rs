@@ -35,8 +35,10 @@ use crate::effects;
 use crate::run::StartOptions;
 use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
 use clap::{Args, Parser, Subcommand};
+use drive::peer::become_command;
 use experiment::{Overrides, Tls};
 use proto_host::{ServeArgs, init_logging_to, serve_network, serve_robots};
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -99,6 +101,9 @@ enum Command {
     Power(power::PowerArgs),
     /// Measure the speed of the simulators
     Bench(BenchArgs),
+    /// Become a command that ends with its parent process
+    #[command(hide = true)]
+    Become(BecomeArgs),
     /// Serve the network simulator
     #[command(hide = true)]
     Netsim(ServeOptions),
@@ -169,6 +174,30 @@ impl OverrideArgs {
             ..Overrides::default()
         }
     }
+}
+
+/// Whether programs of the experiment file may be run.
+#[derive(Args)]
+struct AllowArgs {
+    /// Run the programs that the experiment file names in [robotsim] command and [netsim] command. Give it only for files
+    /// that you trust
+    #[arg(long)]
+    allow_command: bool,
+}
+
+impl AllowArgs {
+    fn over(&self, start: StartOptions) -> StartOptions {
+        StartOptions { allow_command: self.allow_command, ..start }
+    }
+}
+
+#[derive(Args)]
+struct BecomeArgs {
+    /// Number of the parent process
+    parent: u32,
+    /// The command
+    #[arg(last = true, required = true)]
+    words: Vec<OsString>,
 }
 
 #[derive(Args)]
@@ -308,6 +337,12 @@ pub fn main() -> ExitCode {
                 &options.args(cli.log, cli.log_json),
             ));
         }
+        Command::Become(args) => {
+            let error = become_command(args.parent, &args.words);
+            let program = args.words.first().cloned().unwrap_or_default();
+            complain(format!("{}: {error}", program.display()));
+            return ExitCode::from(127);
+        }
         command => init_logging_to(&cli.log, cli.log_json, || LoggedStderr)
             .map_err(Failure::request)
             .and_then(|()| dispatch(command, &cli.log, cli.log_json)),
@@ -336,6 +371,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         let executable = std::env::current_exe().map_err(Failure::work)?;
         Ok(StartOptions {
             executable,
+            allow_command: false,
             threads,
             log: log.to_owned(),
             log_json,
@@ -383,7 +419,9 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
             let table = on_runtime(bench::bench(&options, &mut print))?.map_err(Failure::work)?;
             write_json(args.json.as_deref(), &table.answer())
         }
-        Command::Netsim(_) | Command::Robotsim(_) => unreachable!("served in main"),
+        Command::Become(_) | Command::Netsim(_) | Command::Robotsim(_) => {
+            unreachable!("served in main")
+        }
     }
 }
 

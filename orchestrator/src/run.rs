@@ -11,7 +11,8 @@ mod start;
 mod trial;
 
 pub use recover::{Reproduction, ResumeOptions, recover, reproduce, resume};
-pub use start::{Processes, StartOptions, Started, start};
+pub(crate) use start::commands;
+pub use start::{Processes, StartOptions, Started, permitted, start};
 pub use trial::{Sides, TrialPlan, TrialResult};
 
 use crate::disk_space;
@@ -212,6 +213,7 @@ fn side_status(error: &SideError) -> u8 {
         SideError::Unreachable { .. }
         | SideError::NotASimulator { .. }
         | SideError::Certificate { .. }
+        | SideError::Command { .. }
         | SideError::Unacceptable { .. }
         | SideError::Cannot { .. } => 2,
         SideError::Start { .. }
@@ -264,6 +266,7 @@ pub async fn run(
     audience: &mut impl Audience,
 ) -> Result<RunReport, RunError> {
     let plan = experiment::load(&options.config, &options.overrides)?;
+    permitted(&plan, &options.start)?;
     disk_space::fits(disk_space::least_bytes(&plan), &options.out).map_err(RunError::Space)?;
     if let Some(warning) = disk_space::fits_if_ended_early(&plan, &options.out) {
         audience.warn(&warning);

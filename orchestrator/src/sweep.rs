@@ -250,6 +250,7 @@ fn run_trials(
     plan: &SweepPlan,
     shard: Option<Shard>,
 ) -> Result<FinishedTrials, SweepError> {
+    permitted(options, plan)?;
     let jobs = jobs(options, plan)?;
     let (trials, journal_name) = selected(plan, shard)?;
     for warning in &plan.warnings {
@@ -324,6 +325,14 @@ fn run_trials(
     Ok(FinishedTrials { dir, rows, n_before, jobs, work: account })
 }
 
+/// Refuses commands of the experiment file unless they are allowed.
+fn permitted(options: &SweepOptions, plan: &SweepPlan) -> Result<(), Refusal> {
+    match &plan.commands {
+        Some(refusal) if !options.start.allow_command => Err(refusal.clone()),
+        _ => Ok(()),
+    }
+}
+
 /// The trials of a sweep, or of one shard of it, and the name of their journal.
 fn selected(
     plan: &SweepPlan,
@@ -357,6 +366,7 @@ fn check_folder(dir: &Path, shard: Option<Shard>) -> Result<(), SweepError> {
 /// The sweep cannot be run, or its longest trial fails in its first steps.
 pub async fn dry_run(options: &SweepOptions, shard: Option<Shard>) -> Result<DryRun, SweepError> {
     let plan = plan::load(&options.config, &options.overrides)?;
+    permitted(options, &plan)?;
     let jobs = jobs(options, &plan)?;
     let (trials, journal_name) = selected(&plan, shard)?;
     let done = if options.restart {

@@ -202,6 +202,78 @@ def test_a_network_of_ones_own_equals_the_built_in_one(serving, tmp_path):
     assert again.summary["final_digest"] == other.summary["final_digest"]
 
 
+def by_command(text, **own):
+    """A configuration whose robots are this program."""
+    Path("my_robots.py").write_text(textwrap.dedent(text))
+    return {**EXTERNAL, "robotsim": {"command": ["python", "my_robots.py"], **own}}
+
+
+def test_a_configuration_starts_its_simulator_only_if_that_is_allowed(serving, tmp_path):
+    url, _ = serving(GATHER)
+    config = by_command(GATHER)
+    with pytest.raises(murmuration.InvalidInput, match="python my_robots.py") as error:
+        murmuration.run(config, out=tmp_path / "refused")
+    assert "with allow_command=True" in str(error.value) and not (tmp_path / "refused").exists()
+    started = murmuration.run(config, out=tmp_path / "started", allow_command=True)
+    reached = murmuration.run(EXTERNAL, out=tmp_path / "reached", robotsim=url)
+    for table in ("steps.parquet", "links.parquet"):
+        assert (started.folder / table).read_bytes() == (reached.folder / table).read_bytes()
+    assert started.summary["final_digest"] == reached.summary["final_digest"]
+
+
+def test_a_sweep_starts_a_simulator_for_each_job(tmp_path):
+    text = f"import os\nopen('started', 'a').write(f'{{os.getpid()}}\\n')\n{GATHER}"
+    config = {**by_command(text), "sweep": {"seeds": 4}, "experiment": {**EXTERNAL["experiment"], "duration_s": 1.0}}
+    one = murmuration.sweep(config, out=tmp_path / "one", jobs=1, allow_command=True)
+    two = murmuration.sweep(config, out=tmp_path / "two", jobs=2, allow_command=True)
+    assert one.trials.equals(two.trials) and len(one.trials) == 4
+    pids = Path("started").read_text().split()
+    assert len(pids) == 3 and not any(Path(f"/proc/{pid}").exists() for pid in pids)
+
+
+FAILS = {
+    "raise RuntimeError('a wheel came off')": ["failed in step 2", "line 6, in step", "RuntimeError: a wheel came off"],
+    "sys.exit('out of battery')": ["failed in step 2", "SystemExit: out of battery"],
+    "os.kill(os.getpid(), signal.SIGSEGV)": ["ended during step 2: killed by SIGSEGV", "Segmentation fault", "line 6 in step"],
+    "os._exit(9)": ["ended during step 2: exit status 9"],
+}
+
+
+@pytest.mark.parametrize("fault", FAILS)
+def test_a_fault_of_a_started_simulator_shows_its_traceback(fault, tmp_path):
+    text = f"""
+    import os, signal, sys, numpy, murmuration.robots
+    class Faulty(murmuration.robots.Robots):
+        def reset(self, seed, n): return numpy.zeros((n, 2))
+        def step(self, dt_s, heard):
+            if self.time_s > 0: {fault}
+            return numpy.zeros((heard.n, 2))
+    murmuration.robots.serve(Faulty(), "127.0.0.1:1")
+    """
+    with pytest.raises(murmuration.MurmurationError) as error:
+        murmuration.run(by_command(text), out=tmp_path, allow_command=True)
+    for expected in FAILS[fault]:
+        assert expected in str(error.value), str(error.value)
+
+
+def test_a_program_that_cannot_be_imported_shows_why(tmp_path):
+    with pytest.raises(murmuration.MurmurationError, match="ended before it served") as error:
+        murmuration.run(by_command("import numpie"), out=tmp_path, allow_command=True)
+    assert "exit status 1" in str(error.value) and "No module named 'numpie'" in str(error.value)
+
+
+def test_a_simulator_ends_when_its_standard_input_closes(tmp_path):
+    path = tmp_path / "gather.py"
+    path.write_text(GATHER)
+    variables = {**os.environ, "MURMURATION_LISTEN": f"unix:{tmp_path}/socket", "MURMURATION_EXIT_WITH_STDIN": "1"}
+    child = subprocess.Popen([sys.executable, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=variables)
+    deadline = time.monotonic() + 30
+    while not (tmp_path / "socket").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert child.poll() is None
+    assert child.communicate(timeout=10)[0] == b"" and child.returncode == 0
+
+
 def test_a_fault_of_user_code_shows_its_traceback(serving, tmp_path):
     url, child = serving(GATHER)
     with pytest.raises(murmuration.MurmurationError) as error:

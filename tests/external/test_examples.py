@@ -1,7 +1,9 @@
 """Simulators in Python that come as examples: they keep the contract, and do what they say."""
 
 import json
+import os
 import sys
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -119,6 +121,42 @@ def heights_m(folder):
     """Heights of the robots of a run, a row for each step."""
     table = pq.read_table(folder / "steps.parquet", columns=["step", "agent", "z_m"]).sort_by([("step", "ascending"), ("agent", "ascending")])
     return table["z_m"].to_numpy().reshape(-1, len(set(table["agent"].to_pylist())))
+def by_command(*words):
+    """The program with the package and this Python first on the path, as where the wheel is installed."""
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    command = ["env", f"PYTHONPATH={ROOT / 'python/src'}", f"PATH={path}", program("orchestrator"), *words]
+    return [*command, "--allow-command"]
+
+
+def test_robots_started_by_command_leave_the_recording_of_those_at_a_url(gathering, tmp_path):
+    started, reached = tmp_path / "started", tmp_path / "reached"
+    config = ROOT / "configs/python-robots.toml"
+    succeed(by_command("run", config, "--out", started), cwd=tmp_path)
+    by_url = run("python-robots.toml", reached, "--robotsim", f"http://{gathering}")
+    for table in ("steps.parquet", "links.parquet", "summary.json"):
+        assert (only_directory(started) / table).read_bytes() == (by_url / table).read_bytes(), table
+
+
+def test_minimal_simulators_are_started_by_command_as_well(disk, tmp_path):
+    by_url = run("external-network.toml", tmp_path / "reached", "--netsim", f"http://{disk}")
+    text = (ROOT / "configs/external-network.toml").read_text()
+    own = tmp_path / "own.toml"
+    own.write_text(text.replace('url = "http://127.0.0.1:50051"', f'command = ["python3", "{NETWORKS / "minimal.py"}"]'))
+    succeed(by_command("run", own, "--out", tmp_path / "started"), cwd=tmp_path)
+    started = only_directory(tmp_path / "started")
+    assert (started / "steps.parquet").read_bytes() == (by_url / "steps.parquet").read_bytes()
+
+
+def test_a_sweep_of_robots_in_python_does_not_depend_on_the_number_of_jobs(tmp_path):
+    config = tmp_path / "swept.toml"
+    text = (ROOT / "configs/python-robots.toml").read_text()
+    text = text.replace("../robotsim/examples/python/gather.py", str(ROBOTS / "gather.py")).replace("duration_s = 10.0", "duration_s = 2.0")
+    config.write_text(text + '\n[sweep]\nseeds = 3\n[sweep.vary]\nnetsim.phy.radius_m = [4.0, 8.0]\n')
+    for jobs in ("1", "2"):
+        said = succeed(by_command("sweep", config, "--jobs", jobs, "--out", tmp_path / jobs), cwd=tmp_path)
+        assert f"{jobs} pair" in said, said
+    one, two = (only_directory(tmp_path / jobs) / "trials.parquet" for jobs in ("1", "2"))
+    assert one.read_bytes() == two.read_bytes()
 
 
 @pytest.mark.parametrize("network", ["propagation-only", "6tisch"])

@@ -97,7 +97,8 @@ fn assert_is_complete(dir: &Path, folder: &Path) {
 
 /// Whether one side is a program in another language.
 fn has_program_of_its_own(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("external-"))
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    ["external-", "python-"].iter().any(|kind| name.starts_with(kind))
 }
 
 /// Two kinds are checked here and run elsewhere: networks by the next test, and those with a program in another language by

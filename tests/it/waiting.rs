@@ -175,8 +175,9 @@ fn what_a_side_cannot_do_is_refused_with_what_could_be_done_instead() {
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     assert!(
         stderr(&output).contains(
-            "robotsim: robotsim does not support hold, so its robots cannot wait until the network has formed; set \
-             experiment.start = \"at-once\" to let them start during formation"
+            "robotsim: robotsim does not announce hold in Describe, so its robots cannot wait until the network has formed. \
+             Announce hold, and let robots stand still in steps with hold (docs/own-simulator.md), or set experiment.start = \
+             \"at-once\" to let them start during formation"
         ),
         "{}",
         said(&output)

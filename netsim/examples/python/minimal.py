@@ -1,5 +1,5 @@
 """A complete network: robots hear each other within radius_m, and nothing is lost. minimal.py [PORT]"""
-import hashlib, math, struct, sys, tempfile, tomllib
+import hashlib, math, os, struct, sys, tempfile, tomllib
 from concurrent import futures
 from pathlib import Path
 import grpc
@@ -65,7 +65,8 @@ class Disk(service.NetSimServiceServicer):
 if __name__ == "__main__":
     server = grpc.server(futures.ThreadPoolExecutor(max_workers=2))  # Describe is answered while a Step runs
     service.add_NetSimServiceServicer_to_server(Disk(), server)
-    port = server.add_insecure_port(f"127.0.0.1:{sys.argv[1] if sys.argv[1:] else 50051}")
+    address = os.environ.get("MURMURATION_LISTEN", f"127.0.0.1:{sys.argv[1] if sys.argv[1:] else 50051}")
+    port = server.add_insecure_port(address)
     server.start()
-    print(f"listening on 127.0.0.1:{port}", flush=True)
+    print("listening on", address if address.startswith("unix:") else f"127.0.0.1:{port}", flush=True)
     server.wait_for_termination()

@@ -221,8 +221,9 @@ pub fn starts(
     };
     if start == Start::WhenFormed && !robots.hold {
         let what = format!(
-            "{} does not support hold, so its robots cannot wait until the network has formed; set experiment.start = \
-             \"at-once\" to let them start during formation",
+            "{} does not announce hold in Describe, so its robots cannot wait until the network has formed. Announce hold, \
+             and let robots stand still in steps with hold (docs/own-simulator.md), or set experiment.start = \"at-once\" \
+             to let them start during formation",
             robots.name
         );
         return Err(cannot(RobotSide::SIDE, what));

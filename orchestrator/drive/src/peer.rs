@@ -6,11 +6,14 @@
 //! | `in_process` | [`InProcess`]: a simulator of this process, called directly |
 //! | `predict` | recorded motion, predicted by a robot simulator |
 //! | `side` | what both are to whoever drives them |
+//! | `process` | a simulator that runs as a child process of this one |
+//! | `command` | a simulator that a command of the experiment file starts |
 //! | `channel` | how a connection is opened, and with which certificates |
 //! | `service` | the generated clients behind one face, and the border between their messages and values |
 
 mod awake;
 mod channel;
+mod command;
 mod error;
 mod in_process;
 mod predict;
@@ -18,6 +21,7 @@ mod process;
 mod service;
 mod side;
 
+pub use command::become_command;
 pub use error::SideError;
 pub use in_process::{InProcess, ready};
 pub use predict::PredictionConfig;
@@ -107,11 +111,11 @@ pub async fn connect<S: Service>(
     Ok((client, described))
 }
 
+/// A connection, a client over it, and what the side says of itself.
+type Connected<S> = (Channel, <S as Service>::Client, Described);
+
 /// As [`connect`], with the channel.
-async fn open<S: Service>(
-    url: &str,
-    tls: Option<&Tls>,
-) -> Result<(Channel, S::Client, Described), SideError> {
+async fn open<S: Service>(url: &str, tls: Option<&Tls>) -> Result<Connected<S>, SideError> {
     let channel = channel(S::SIDE, url, tls).await?;
     let client = S::client(channel.clone());
     let described = tokio::time::timeout(SETUP, S::describe(client.clone()))
@@ -135,20 +139,19 @@ impl<S: Service> Remote<S> {
     ///
     /// It cannot be started or reached, is no simulator of this kind, speaks another version, or cannot do what is asked.
     pub async fn connect(reach: &Reach) -> Result<Self, SideError> {
-        let (url, mut child) = match &reach.url {
-            Some(url) => (url.clone(), None),
-            None => {
-                let (url, child) = ChildProcess::start(S::SIDE, &reach.launch).await?;
-                (url, Some(child))
+        let (url, child, (channel, client, described)) = match (&reach.url, &reach.launch.command) {
+            (Some(url), _) => (url.clone(), None, open::<S>(url, reach.tls.as_ref()).await?),
+            (None, Some(command)) => {
+                let (url, child, connected) = command::start::<S>(command, &reach.launch).await?;
+                (url, Some(child), connected)
             }
-        };
-        let connected = open::<S>(&url, reach.tls.as_ref()).await;
-        let (channel, client, described) = match (connected, &mut child) {
-            (Ok(connected), _) => connected,
-            (Err(error), Some(child)) => {
-                return Err(child.explain(S::SIDE, "starting", error).await);
+            (None, None) => {
+                let (url, mut child) = ChildProcess::start(S::SIDE, &reach.launch).await?;
+                match open::<S>(&url, reach.tls.as_ref()).await {
+                    Ok(connected) => (url, Some(child), connected),
+                    Err(error) => return Err(child.explain(S::SIDE, "starting", error).await),
+                }
             }
-            (Err(error), None) => return Err(error),
         };
         if described.contract_version != proto_messages::CONTRACT_VERSION {
             return Err(SideError::Cannot {

@@ -4,6 +4,7 @@ mod control;
 mod keys;
 pub mod output;
 mod overrides;
+mod reach;
 mod sides;
 pub mod sweep;
 pub mod timeline;
@@ -13,7 +14,8 @@ pub use keys::{EXPERIMENT, WITHOUT_EFFECT};
 pub use output::OutputConfig;
 pub use overrides::Overrides;
 pub use overrides::opened;
-pub use sides::{SideConfig, URL};
+pub use reach::{REACH, SideCommand, quoted};
+pub use sides::SideConfig;
 pub use timeline::Timeline;
 
 use proto::bounds::CONFIGURATION_BYTES;
@@ -174,16 +176,18 @@ pub fn of_tree(
 /// The JSON Schema of an experiment file.
 #[must_use]
 pub fn schema() -> serde_json::Value {
-    let section = |spec: &TableSpec, lists: &Lists, with_url: bool| {
+    let section = |spec: &TableSpec, lists: &Lists, with_reach: bool| {
         let mut schema = config::json_schema(spec, lists);
-        if with_url {
-            let url = serde_json::json!({ "type": "string", "description": URL.doc });
+        if with_reach {
+            let reach = reach_properties();
             let tables = match schema.get_mut("oneOf").and_then(|tables| tables.as_array_mut()) {
                 Some(tables) => tables.iter_mut().collect(),
                 None => vec![&mut schema],
             };
             for table in tables {
-                table["properties"]["url"] = url.clone();
+                if let Some(properties) = table["properties"].as_object_mut() {
+                    properties.extend(reach.clone());
+                }
             }
         }
         schema
@@ -216,13 +220,19 @@ pub fn schema() -> serde_json::Value {
     })
 }
 
-/// The schema of a section that a simulator elsewhere reads.
+/// The schemas of the keys that say how a simulator is reached.
+fn reach_properties() -> serde_json::Map<String, serde_json::Value> {
+    let schema = config::json_schema(&REACH, &Lists::NONE);
+    schema["properties"].as_object().cloned().unwrap_or_default()
+}
+
+/// The schema of a section that another simulator reads.
 fn foreign(what: &str) -> serde_json::Value {
     serde_json::json!({
         "type": "object",
-        "description": format!("Keys of a {what} simulator that runs elsewhere; it checks them itself."),
-        "properties": { "url": { "type": "string", "description": URL.doc } },
-        "required": ["url"],
+        "description": format!("Keys of a {what} simulator of your own; it checks them itself."),
+        "properties": reach_properties(),
+        "oneOf": [{ "required": ["url"] }, { "required": ["command"] }],
     })
 }
 
@@ -294,7 +304,7 @@ fn plan(
     );
     let robots = robotsim::catalogue::Catalogue::built_in();
     let network = netsim::catalogue::Catalogue::built_in();
-    if overrides.netsim_url.is_none() && section("netsim").get(URL.key).is_none() {
+    if overrides.netsim_url.is_none() && !reach::is_foreign(section("netsim")) {
         timeline.check_orders(netsim::config::commands(section("netsim"), network), problems);
         timeline.check_added(&netsim::config::absent(section("netsim"), network), problems);
     }

@@ -1,28 +1,22 @@
 //! The sections of the two simulators: read here, judged by the simulator itself if it is ours to start.
 
+use super::reach::{self, SideCommand};
 use bytes::Bytes;
 use proto::bounds::NAMED_FILE_BYTES;
-use proto::config::{self, Default, Field, FileReference, Kind, Node, Problem, Value};
+use proto::config::{self, FileReference, Node, Problem, Value};
 use proto::side::Setup;
 use proto::site::Site;
 use proto::types::Experiment;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// The key of `[netsim]` and `[robotsim]` that is the orchestrator's.
-pub const URL: Field = Field {
-    key: "url",
-    doc: "URL of a running simulator: http://HOST:PORT, or https:// with [experiment.tls]. Absent: the orchestrator starts \
-          one.",
-    kind: Kind::Text,
-    default: Default::Absent,
-};
-
 /// One side's section.
 #[derive(Clone, Debug)]
 pub struct SideConfig {
     /// Where it runs already; `None`: it is started here.
     pub url: Option<String>,
+    /// What starts it here; `None`: it is the one that comes with this program, or runs already.
+    pub command: Option<SideCommand>,
     /// Its section without the orchestrator's keys, as written, as TOML text.
     pub toml: String,
     /// The same with defaults filled in, if it is a valid section of the simulator that comes with this program: what
@@ -32,8 +26,16 @@ pub struct SideConfig {
     pub files: BTreeMap<String, Bytes>,
     /// Where those files are: path of the key, absolute path of the file.
     pub places: Vec<(String, String)>,
-    /// The URL that the file itself gives.
-    pub written_url: Option<String>,
+    /// The orchestrator's own keys of the section, as they are recorded.
+    pub written_reach: toml::Table,
+}
+
+impl SideConfig {
+    /// Whether it is another simulator than the one that comes with this program: it checks its own configuration.
+    #[must_use]
+    pub fn is_foreign(&self) -> bool {
+        self.url.is_some() || self.command.is_some()
+    }
 }
 
 /// Reads both sections, collecting problems.
@@ -61,26 +63,12 @@ impl Sides<'_> {
         check: impl Fn(&Setup) -> Result<(toml::Table, Vec<String>), Vec<Problem>>,
     ) -> (SideConfig, Vec<String>) {
         let mut own = node.clone();
-        let written_url = own.take(URL.key);
         if !matches!(own.value, Value::Table(_)) {
             self.problems.push(Problem::new(path, "must be a table").value(node.show()));
             own = Node::empty_table();
         }
-        let in_file = match written_url.as_ref().map(|node| &node.value) {
-            Some(Value::Text(url)) => Some(url.clone()),
-            _ => None,
-        };
-        let url = match (url_override, written_url.map(|node| (node.show(), node.value))) {
-            (Some(url), _) => self.url(&format!("--{path}"), url),
-            (None, Some((_, Value::Text(url)))) => self.url(&format!("{path}.url"), &url),
-            (None, Some((shown, _))) => {
-                self.problems.push(
-                    Problem::new(format!("{path}.url"), "must be a text in quotes").value(shown),
-                );
-                None
-            }
-            (None, None) => None,
-        };
+        let reach = reach::take(&mut own, path, url_override, self.base, self.problems);
+        let is_foreign = reach.url.is_some() || reach.command.is_some();
         let mut contents = BTreeMap::new();
         let mut places = Vec::new();
         for reference in files(&own, path) {
@@ -135,12 +123,12 @@ impl Sides<'_> {
             match check(&setup) {
                 Ok((effective, found)) => {
                     effective_toml = Some(effective.to_string());
-                    if url.is_none() {
+                    if !is_foreign {
                         warnings = found;
                     }
                 }
                 // A simulator elsewhere judges for itself.
-                Err(_) if url.is_some() => {}
+                Err(_) if is_foreign => {}
                 Err(found) => {
                     // A file that is missing was reported above; what its stand-in lacks is no news.
                     let reported: BTreeSet<String> =
@@ -148,28 +136,20 @@ impl Sides<'_> {
                     self.problems.extend(found.into_iter().filter(|p| !reported.contains(&p.path)));
                 }
             }
-        } else if url.is_none() {
+        } else if !is_foreign {
             keys(&own, path, self.problems);
         }
         let toml = own.to_toml().as_table().map(toml::Table::to_string).unwrap_or_default();
-        (
-            SideConfig { url, toml, effective_toml, files: contents, places, written_url: in_file },
-            warnings,
-        )
-    }
-
-    fn url(&mut self, path: &str, url: &str) -> Option<String> {
-        let host = url.strip_prefix("http://").or_else(|| url.strip_prefix("https://"));
-        if host.is_some_and(|host| !host.is_empty()) && url.parse::<http::Uri>().is_ok() {
-            return Some(url.to_owned());
-        }
-        let mut problem = Problem::new(path, "must be http://HOST:PORT or https://HOST:PORT")
-            .value(format!("{url:?}"));
-        if host.is_none() && !url.contains("://") && !url.is_empty() {
-            problem = problem.nearest(format!("\"http://{url}\""));
-        }
-        self.problems.push(problem);
-        None
+        let side = SideConfig {
+            url: reach.url,
+            command: reach.command,
+            toml,
+            effective_toml,
+            files: contents,
+            places,
+            written_reach: reach.written,
+        };
+        (side, warnings)
     }
 }
 
@@ -181,7 +161,7 @@ pub(super) fn check_messages(
     problems: &mut Vec<Problem>,
 ) {
     let effective = |side: &SideConfig| {
-        let text = side.effective_toml.as_ref().filter(|_| side.url.is_none())?;
+        let text = side.effective_toml.as_ref().filter(|_| !side.is_foreign())?;
         toml::from_str::<toml::Table>(text).ok()
     };
     let (Some(robots), Some(network)) = (effective(robotsim), effective(netsim)) else { return };

@@ -534,9 +534,10 @@ pub(super) struct ResimulatedStep<'a> {
 /// Refuses simulators elsewhere.
 fn has_both_sides(plan: &Plan) -> Result<(), ResimulationError> {
     for (name, side) in [("netsim", &plan.netsim), ("robotsim", &plan.robotsim)] {
-        if side.url.is_some() {
+        if side.is_foreign() {
+            let key = if side.url.is_some() { "url" } else { "command" };
             return Err(ResimulationError::Unfit(format!(
-                "{name}.url: must be absent, because measured packets are re-simulated in this program and not by a remote \
+                "{name}.{key}: must be absent, because measured packets are re-simulated in this program and not by another \
                  simulator"
             )));
         }

@@ -89,6 +89,12 @@ fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
                 "[{section}] is not checked: the simulator at {url} checks it when the experiment runs"
             ));
         }
+        if let Some(command) = &side.command {
+            say(format!(
+                "[{section}] is not checked: the simulator that {} starts checks it when the experiment runs",
+                command.shown()
+            ));
+        }
     }
     let found = ExperimentCheck {
         schema: CHECK_SCHEMA,

@@ -4,7 +4,7 @@ use super::stop::Stopper;
 use super::{Failure, TlsArgs, on_runtime};
 use clap::Args;
 use drive::peer::{Launch, Peer as _, PredictionConfig, Reach, Remote, RobotSide, SideError};
-use experiment::{Tls, Transport};
+use experiment::{REACH, Tls, Transport};
 use measure::config::Compared;
 use measure::robots::{self, RobotSamples};
 use measure::table::DataTable;
@@ -172,6 +172,7 @@ impl ForeignArgs {
             // Nothing is started.
             launch: Launch {
                 executable: PathBuf::new(),
+                command: None,
                 threads: None,
                 log: String::new(),
                 log_json: false,
@@ -202,7 +203,9 @@ fn prediction_config(config: &Compared) -> PredictionConfig {
     };
     let mut robotsim = config.tree.get("robotsim").cloned();
     if let Some(robotsim) = &mut robotsim {
-        robotsim.take("url");
+        for key in REACH.fields.iter().map(|field| field.key) {
+            robotsim.take(key);
+        }
     }
     PredictionConfig {
         site_toml: text(config.tree.get("site")),

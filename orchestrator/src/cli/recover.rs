@@ -1,6 +1,6 @@
 //! `orchestrator recover` and `orchestrator reproduce`.
 
-use super::{Failure, StartOptions, TlsArgs, check_place, on_runtime, write_json};
+use super::{AllowArgs, Failure, StartOptions, TlsArgs, check_place, on_runtime, write_json};
 use crate::console::{Screen, say};
 use crate::run::{self, Reproduction};
 use clap::Args;
@@ -28,6 +28,8 @@ pub(super) struct ReproduceArgs {
     robotsim: Option<String>,
     #[command(flatten)]
     tls: TlsArgs,
+    #[command(flatten)]
+    allow: AllowArgs,
     /// Keep what the run leaves in this folder [default: a temporary one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -72,6 +74,7 @@ pub(super) fn reproduce(args: &ReproduceArgs, start: StartOptions) -> Result<(),
         ..Overrides::default()
     };
     let screen = &mut Screen::default();
+    let start = args.allow.over(start);
     let answer = on_runtime(run::reproduce(&args.run, out, &start, &overrides, screen))?
         .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
     write_json(args.json.as_deref(), &answer)?;

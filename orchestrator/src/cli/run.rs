@@ -1,7 +1,7 @@
 //! `orchestrator run`.
 
 use super::replay::Serving;
-use super::{Failure, OverrideArgs, check_place, on_runtime, write_json};
+use super::{AllowArgs, Failure, OverrideArgs, check_place, on_runtime, write_json};
 use crate::console::{HeldScreen, Screen, say, warn};
 use crate::dry_run::DryRun;
 use crate::run::run_answer::RunAnswer;
@@ -36,6 +36,8 @@ pub(super) struct RunArgs {
     /// Number of threads per simulator; results do not depend on it [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(super) threads: Option<u16>,
+    #[command(flatten)]
+    allow: AllowArgs,
     /// Replace an earlier result of another configuration or seed. Without it the result gets a folder of its own next to
     /// that one. A run that does not complete never replaces a complete result
     #[arg(long)]
@@ -66,6 +68,7 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     if let Some(path) = &args.json {
         check_place("--json", path)?;
     }
+    let start = args.allow.over(start);
     let config = args.config.clone().unwrap_or_default();
     if args.dry_run {
         return dry_run(args, &config, &start);

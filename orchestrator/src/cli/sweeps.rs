@@ -1,11 +1,12 @@
 //! The commands that run many experiments.
 
-use super::{Failure, FileArgs, check_place, on_runtime, write_json};
+use super::{AllowArgs, Failure, FileArgs, check_place, on_runtime, write_json};
 use crate::compare_runs;
 use crate::console::{say, warn};
 use crate::run::StartOptions;
 use crate::sweep::{self, Shard, SweepError, SweepOptions, SweepReport};
 use clap::Args;
+use experiment::quoted;
 use numbers::format::count_of;
 use std::path::PathBuf;
 
@@ -33,6 +34,8 @@ pub(super) struct SweepArgs {
     /// --merge does once all shards are finished
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
+    #[command(flatten)]
+    allow: AllowArgs,
     /// Run no trials: check that all shards are finished, and write the table, the summary and the report of the whole sweep
     #[arg(long, conflicts_with_all = ["shard", "jobs", "threads", "restart", "dry_run"])]
     merge: bool,
@@ -68,16 +71,6 @@ fn base_command(arguments: impl Iterator<Item = String>) -> String {
     words.join(" ")
 }
 
-/// A word for a shell, in quotation marks where it needs them.
-fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "-_./=:,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', "'\\''"))
-    }
-}
-
 /// `orchestrator sweep`.
 pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure> {
     if let Some(path) = &args.file.json {
@@ -87,7 +80,7 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
         config: args.file.config.clone(),
         overrides: args.file.change.overrides(),
         out: args.out.clone(),
-        start: StartOptions { is_busy: true, ..start },
+        start: args.allow.over(StartOptions { is_busy: true, ..start }),
         jobs: args.jobs.map(usize::from),
         restart: args.restart,
         command: base_command(std::env::args_os().map(|word| word.to_string_lossy().into_owned())),

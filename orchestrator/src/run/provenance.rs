@@ -1,7 +1,7 @@
 //! Where a result comes from: everything that is outside the promise of identical bytes.
 
 use super::start::{SideIdentity, StartOptions};
-use experiment::Plan;
+use experiment::{Plan, SideConfig};
 use proto::types::seconds;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
@@ -19,15 +19,20 @@ impl Provenance {
         )]
         let now = SystemTime::now();
         let unix_s = now.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-        let side = |side: &SideIdentity| {
-            json!({
+        let side = |side: &SideIdentity, config: &SideConfig| {
+            let mut value = json!({
                 "name": side.name,
                 "version": side.version,
                 "url": side.url,
                 "started_here": side.is_child,
                 "transport": if side.streams { "stream" } else { "unary" },
                 "digest": if side.is_compared_whole { "whole exchange" } else { "positions and deliveries" },
-            })
+            });
+            if let Some(command) = &config.command {
+                value["command"] = json!(command.words);
+                value["working_directory"] = json!(command.folder);
+            }
+            value
         };
         let files: Vec<Value> = plan
             .robotsim
@@ -39,8 +44,8 @@ impl Provenance {
         let value = json!({
             "schema": "provenance/1",
             "orchestrator": { "version": env!("CARGO_PKG_VERSION"), "contract_version": proto_messages::CONTRACT_VERSION },
-            "robotsim": side(sides[0]),
-            "netsim": side(sides[1]),
+            "robotsim": side(sides[0], &plan.robotsim),
+            "netsim": side(sides[1], &plan.netsim),
             "command_line": std::env::args().collect::<Vec<_>>(),
             "config_file": { "path": plan.path, "sha256": sha256(plan.text.as_bytes()) },
             "files": files,

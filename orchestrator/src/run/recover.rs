@@ -3,7 +3,7 @@
 use super::attempt::{Attempt, Begun, Origin, plan_of, recorded_plan};
 use super::course::carry_out;
 use super::interrupt::Interrupt;
-use super::start::{StartOptions, connect, header, ready_with};
+use super::start::{StartOptions, connect, header, permitted, ready_with};
 use super::{Audience, RunError, RunReport, provenance};
 use drive::{ConfigureRequests, Wanted};
 use experiment::{Overrides, Start};
@@ -59,6 +59,7 @@ pub async fn resume(
     overrides.netsim_url = overrides.netsim_url.or(network_url);
     let step = checkpoint.step;
     let (plan, _) = plan_of(dir, &mut leftover, &overrides)?;
+    permitted(&plan, &options.start)?;
     options.start.run_log.add("orchestrator", &provenance::opening(&plan));
     let mut origin = Origin::new(out_of(dir), options.replace);
     let attempt = Attempt::go_on(&plan, &options.start, &origin, dir, &mut interrupt).await?;

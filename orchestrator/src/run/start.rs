@@ -22,6 +22,8 @@ use std::time::Duration;
 pub struct StartOptions {
     /// The executable that serves either side as a subcommand.
     pub executable: PathBuf,
+    /// Commands of the experiment file may be run.
+    pub allow_command: bool,
     /// Threads of each side; `None`: one per core.
     pub threads: Option<u16>,
     /// Log filter.
@@ -101,21 +103,54 @@ pub async fn start(
     ready(plan, robots, network, wanted).await
 }
 
+/// Refuses commands of the experiment file unless they are allowed.
+///
+/// # Errors
+///
+/// Each command, with what it would run.
+pub fn permitted(plan: &Plan, options: &StartOptions) -> Result<(), Refusal> {
+    match commands(plan) {
+        Some(refusal) if !options.allow_command => Err(refusal),
+        _ => Ok(()),
+    }
+}
+
+/// What a plan is refused with whose commands are not allowed; `None`: it has none.
+pub(crate) fn commands(plan: &Plan) -> Option<Refusal> {
+    let sides = [(RobotSide::SIDE, &plan.robotsim), (NetworkSide::SIDE, &plan.netsim)];
+    let problems: Vec<Problem> = sides
+        .into_iter()
+        .filter_map(|(side, config)| {
+            let command = config.command.as_ref()?;
+            let message = format!(
+                "would run this program on your machine, in the folder {}: {}\n    Nothing was run. If you trust the file, \
+                 allow its commands with --allow-command",
+                command.folder.display(),
+                command.shown()
+            );
+            Some(Problem::new(format!("{side}.command"), message))
+        })
+        .collect();
+    (!problems.is_empty()).then(|| Refusal::new(&plan.path, &plan.text, &plan.tree, problems))
+}
+
 /// Starts both sides where the plan does not say that they run already, and connects to them.
 pub(super) async fn connect(
     plan: &Plan,
     options: &StartOptions,
 ) -> Result<(Remote<RobotSide>, Remote<NetworkSide>), RunError> {
+    permitted(plan, options)?;
     let run_log = options.run_log.clone();
     let lines = LineSink::new(move |side, line| run_log.add(side, line));
-    let reach = |url: &Option<String>| Reach {
-        url: url.clone(),
+    let reach = |side: &SideConfig| Reach {
+        url: side.url.clone(),
         tls: plan.tls.clone(),
         transport: plan.transport,
         step_deadline: Duration::from_secs_f64(plan.step_deadline_s),
         is_busy: options.is_busy,
         launch: Launch {
             executable: options.executable.clone(),
+            command: side.command.clone(),
             threads: options.threads,
             log: options.log.clone(),
             log_json: options.log_json,
@@ -123,7 +158,7 @@ pub(super) async fn connect(
             lines: Some(lines.clone()),
         },
     };
-    let (robots_reach, network_reach) = (reach(&plan.robotsim.url), reach(&plan.netsim.url));
+    let (robots_reach, network_reach) = (reach(&plan.robotsim), reach(&plan.netsim));
     let (robots, network) = tokio::join!(
         Remote::<RobotSide>::connect(&robots_reach),
         Remote::<NetworkSide>::connect(&network_reach)
@@ -328,7 +363,7 @@ pub(super) fn header(plan: &Plan, exchange: &Configured, start: Start) -> RunHea
 fn effective(reply: &str, side: &SideConfig) -> toml::Table {
     let text = if reply.is_empty() { &side.toml } else { reply };
     let mut table = toml::Table::new();
-    table.extend(side.written_url.clone().map(|url| ("url".to_owned(), url.into())));
+    table.extend(side.written_reach.clone());
     table.extend(toml::from_str::<toml::Table>(text).unwrap_or_default());
     table
 }

@@ -6,7 +6,7 @@ use super::start::{Processes, StartOptions, Started, connect, ready};
 use super::{RunError, ended_by, record_of};
 use drive::peer::{NetworkSide, Peer as _, Remote, RobotSide};
 use drive::{Driver, Failure, Observer, Schedule, Stopped, Taken, Wanted};
-use experiment::{Plan, Tls, Transport};
+use experiment::{Plan, SideCommand, Tls, Transport};
 use record::run_summary::RunSummary;
 use record::{Ending, Measurer, RecordError, Recorder, ReplacePolicy, Reservation};
 use report;
@@ -25,6 +25,7 @@ pub struct Sides {
 #[derive(Clone, Debug, PartialEq)]
 struct Connection {
     urls: [Option<String>; 2],
+    commands: [Option<SideCommand>; 2],
     tls: Option<Tls>,
     transport: Transport,
     step_deadline_s: f64,
@@ -35,6 +36,7 @@ impl Connection {
     fn from_plan(plan: &Plan) -> Self {
         Self {
             urls: [plan.robotsim.url.clone(), plan.netsim.url.clone()],
+            commands: [plan.robotsim.command.clone(), plan.netsim.command.clone()],
             tls: plan.tls.clone(),
             transport: plan.transport,
             step_deadline_s: plan.step_deadline_s,

@@ -1,6 +1,7 @@
 //! A sweep that has been read and checked: its settings, its trials, and what identifies each.
 
 use super::design::{self, Setting};
+use crate::run;
 use experiment::sweep::{self as spec, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
 use experiment::{Overrides, Plan};
 use proto::config::Refusal;
@@ -36,6 +37,8 @@ pub(crate) struct SweepPlan {
     efforts: Vec<f64>,
     /// A side runs elsewhere: its URL.
     pub(crate) elsewhere: Option<String>,
+    /// What it is refused with if its commands are not allowed; `None`: it has none.
+    pub(crate) commands: Option<Refusal>,
     /// What should be checked before the results are trusted.
     pub(crate) warnings: Vec<String>,
 }
@@ -87,6 +90,7 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
             Ok(CheckedSetting {
                 identity: identity(&plan),
                 effort: effort(&plan),
+                commands: run::commands(&plan),
                 name: plan.name,
                 elsewhere: plan.robotsim.url.or(plan.netsim.url),
                 warnings: plan.warnings,
@@ -104,6 +108,13 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
     }
     if let Some(refusal) = refusal {
         return Err(refusal);
+    }
+    let mut commands: Option<Refusal> = None;
+    for found in good.iter_mut().filter_map(|checked| checked.commands.take()) {
+        match &mut commands {
+            None => commands = Some(found),
+            Some(commands) => commands.merge(found),
+        }
     }
     let mut warnings: Vec<String> = Vec::new();
     for warning in good.iter().flat_map(|checked| &checked.warnings) {
@@ -123,6 +134,7 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
         elsewhere: good.iter().find_map(|checked| checked.elsewhere.clone()),
         identities: good.iter().map(|checked| checked.identity.clone()).collect(),
         efforts: good.iter().map(|checked| checked.effort).collect(),
+        commands,
         warnings,
         text,
     })
@@ -133,6 +145,7 @@ struct CheckedSetting {
     effort: f64,
     name: String,
     elsewhere: Option<String>,
+    commands: Option<Refusal>,
     warnings: Vec<String>,
 }
 
@@ -211,6 +224,10 @@ fn identity(plan: &Plan) -> String {
         hash.update(b"\0side\0");
         hash.update(side.effective_toml.as_ref().unwrap_or(&side.toml));
         hash.update(side.url.as_deref().unwrap_or_default());
+        for word in side.command.iter().flat_map(|command| &command.words) {
+            hash.update(b"\0word\0");
+            hash.update(word);
+        }
         for (path, content) in &side.files {
             hash.update(path);
             hash.update(Sha256::digest(content));

@@ -34,16 +34,17 @@ __all__ = [
 
 def run(
     config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", threads: int | None = None,
-    robotsim: str | None = None, netsim: str | None = None, replace: bool = False,
+    robotsim: str | None = None, netsim: str | None = None, replace: bool = False, allow_command: bool = False,
     progress: bool | None = None, **overrides: Any,
 ) -> Run:  # fmt: skip
     """Runs an experiment and records it in a subfolder of `out`.
 
-    `robotsim` and `netsim` are URLs of simulators to use in place of the built-in ones. `replace` replaces an earlier result
-    of another configuration; without it the new one gets a folder beside it.
+    `robotsim` and `netsim` are URLs of simulators to use in place of the built-in ones. `allow_command` allows the configuration
+    to start simulators by `command`: give it only for configurations that you trust. `replace` replaces an earlier result of
+    another configuration; without it the new one gets a folder beside it.
     """
     options = [*_seed(seed), *_option("--threads", threads), *_option("--robotsim", robotsim), *_option("--netsim", netsim)]
-    options += ["--replace"] if replace else []
+    options += [*_flag("--replace", replace), *_flag("--allow-command", allow_command)]
     with config_file(config) as path:
         printed = call(["run", path, "--out", out, *options, *settings(overrides)], progress)
     return Run(_folder(printed), printed)
@@ -51,10 +52,13 @@ def run(
 
 def sweep(
     config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", jobs: int | None = None, restart: bool = False,
-    progress: bool | None = None, **overrides: Any,
+    allow_command: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Sweep:  # fmt: skip
-    """Runs an experiment under the settings and seeds of its section [sweep]; goes on with trials that are in `out` already."""
-    options = [*_seed(seed), *_option("--jobs", jobs), *(["--restart"] if restart else [])]
+    """Runs an experiment under the settings and seeds of its section [sweep]; goes on with trials that are in `out` already.
+
+    `allow_command` is that of `run`; each of the `jobs` trials that run at a time has simulators of its own.
+    """
+    options = [*_seed(seed), *_option("--jobs", jobs), *_flag("--restart", restart), *_flag("--allow-command", allow_command)]
     with config_file(config) as path:
         printed = call(["sweep", path, "--out", out, *options, *settings(overrides)], progress)
     return Sweep(_folder(printed), printed)
@@ -80,7 +84,7 @@ def extend(
     seed: int | None = None, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Fits a missing effect to measurements and writes the configuration with it to `output`."""
-    options = [*_seed(seed), *_option("--effect", effect), *(["--all"] if all else []), "--output", os.fspath(output)]
+    options = [*_seed(seed), *_option("--effect", effect), *_flag("--all", all), "--output", os.fspath(output)]
     return _about("extend", config, data, options, overrides, progress)
 
 
@@ -132,3 +136,7 @@ def _seed(seed: int | None) -> list[str]:
 
 def _option(name: str, value: Any) -> list[str]:
     return [] if value is None else [name, str(value)]
+
+
+def _flag(name: str, is_given: bool) -> list[str]:
+    return [name] if is_given else []

@@ -46,11 +46,14 @@ def program() -> Path:
 def call(arguments: Sequence[str | os.PathLike[str]], progress: bool | None = None) -> str:
     """Runs the program and returns what it printed. Ctrl-C ends the program as well.
 
-    `progress`: see `_progress.display_for`.
+    `progress`: see `_progress.display_for`. A `python` that the program starts is the one that runs this, since its folder
+    comes first on the path.
     """
     display = _progress.display_for(str(arguments[0]), progress)
     command = [str(program()), *(os.fspath(argument) for argument in _progress.with_search_log(arguments))]
-    with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
+    streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, env={**os.environ, "PATH": path}, text=True, **streams) as child:
         try:
             printed, said = _follow(child, display)
         except BaseException:
@@ -62,7 +65,8 @@ def call(arguments: Sequence[str | os.PathLike[str]], progress: bool | None = No
             display.close()
     if child.returncode != 0:
         kind = InvalidInput if child.returncode == 2 else MurmurationError
-        raise kind(said.strip() or printed.strip() or f"{' '.join(command)} ended with exit status {child.returncode}")
+        said = said.strip().replace("with --allow-command", "with allow_command=True")
+        raise kind(said or printed.strip() or f"{' '.join(command)} ended with exit status {child.returncode}")
     if said.strip():
         print(said.strip(), file=sys.stderr)
     return printed

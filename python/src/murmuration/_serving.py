@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import faulthandler
 import hashlib
 import os
 import struct
 import sys
+import threading
+import time
 import tomllib
 import traceback
 from collections.abc import Callable, Iterator
@@ -21,6 +24,12 @@ from murmuration._contract import common_pb2
 LONGEST_ERROR = 8_000
 # More receivers times transmissions than this are no deliveries of a swarm (bytes of a matrix of one byte each).
 MOST_PAIRS = 1 << 30
+# Where to listen: set by the orchestrator for the command of an experiment file, or by a user.
+LISTEN = "MURMURATION_LISTEN"
+# Set by the orchestrator: standard input closes when the process is to end.
+EXIT_WITH_STDIN = "MURMURATION_EXIT_WITH_STDIN"
+# How long the program may take to end by itself after that (s).
+ENDS_WITHIN_S = 1.0
 
 
 class Refused(Exception):
@@ -254,7 +263,7 @@ def answered(context: grpc.ServicerContext, work: Any, request: Any) -> Any:
         return work(request)
     except Refused as refused:
         context.abort(refused.status, str(refused)[:LONGEST_ERROR])
-    except Exception:
+    except (Exception, SystemExit):
         text = traceback.format_exc()
         print(text, file=sys.stderr, flush=True)
         context.abort(grpc.StatusCode.INTERNAL, text[-LONGEST_ERROR:])
@@ -342,8 +351,8 @@ def agent_states(positions_m: np.ndarray, velocities_mps: np.ndarray, headings_r
 
 
 def serve(register: Any, servicer: Any, address: str | None, *, block: bool) -> grpc.Server:
-    """Serves until the process ends. `address`: else that of MURMURATION_LISTEN, else any free port of this machine."""
-    address = address or os.environ.get("MURMURATION_LISTEN") or "127.0.0.1:0"
+    """Serves until the process ends: where MURMURATION_LISTEN says, else at `address`, else at any free port of this machine."""
+    address = os.environ.get(LISTEN) or address or "127.0.0.1:0"
     is_local = address.startswith("unix:") or address.rsplit(":", 1)[0] in ("127.0.0.1", "localhost", "[::1]")
     if not is_local:
         raise ValueError(f"address must be of this machine, 127.0.0.1:PORT, [::1]:PORT or unix:PATH, got {address}")
@@ -357,10 +366,30 @@ def serve(register: Any, servicer: Any, address: str | None, *, block: bool) -> 
     server.start()
     shown = address if address.startswith("unix:") else f"{address.rsplit(':', 1)[0]}:{port}"
     server.murmuration_address = shown
-    print(f"listening on {shown}", flush=True)
+    if EXIT_WITH_STDIN in os.environ:
+        serve_as_child(server)
+    else:
+        print(f"listening on {shown}", flush=True)
     if block:
         try:
             server.wait_for_termination()
         except KeyboardInterrupt:
             server.stop(None)
     return server
+
+
+def serve_as_child(server: grpc.Server) -> None:
+    """What a process does that the orchestrator has started: it ends with it, prints lines as they come, and names the line of a crash."""
+    # A crash in compiled code, such as that of a physics engine, has no traceback otherwise.
+    faulthandler.enable()
+    if hasattr(sys.stdout, "reconfigure"):
+        sys.stdout.reconfigure(line_buffering=True)
+
+    def watch() -> None:
+        while os.read(0, 4096):
+            pass
+        server.stop(None)
+        time.sleep(ENDS_WITHIN_S)
+        os._exit(0)
+
+    threading.Thread(target=watch, daemon=True, name="standard input").start()

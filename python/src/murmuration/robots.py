@@ -374,7 +374,8 @@ def _window(message: Any, index: int, commands: str, config: dict[str, Any], sit
 def serve(robots: Robots, address: str | None = None, *, block: bool = True) -> grpc.Server:
     """Serves a robot simulator at `address`, 127.0.0.1:PORT or unix:PATH, until Ctrl-C.
 
-    Without an address it listens where MURMURATION_LISTEN says, else at a free port, and prints which. With `block=False`
-    it returns the server at once.
+    The variable MURMURATION_LISTEN takes precedence over `address`: the orchestrator sets it when `command` of an experiment
+    file starts the program, and then ends the program with the run. Without either it listens at a free port, and prints
+    which. With `block=False` it returns the server at once.
     """
     return _serving.serve(robotsim_pb2_grpc.add_RobotSimServiceServicer_to_server, _Service(robots), address, block=block)

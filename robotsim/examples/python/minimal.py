@@ -1,5 +1,5 @@
 """A complete robot simulator: robots that drive to within 1 m of the middle of those they heard. minimal.py [PORT]"""
-import hashlib, math, random, struct, sys, tempfile
+import hashlib, math, os, random, struct, sys, tempfile
 from concurrent import futures
 from pathlib import Path
 import grpc
@@ -69,9 +69,10 @@ class Robots(service.RobotSimServiceServicer):
 def serve(robots):
     server = grpc.server(futures.ThreadPoolExecutor(max_workers=2))  # Describe is answered while a Step runs
     service.add_RobotSimServiceServicer_to_server(robots, server)
-    port = server.add_insecure_port(f"127.0.0.1:{sys.argv[1] if sys.argv[1:] else 50061}")
+    address = os.environ.get("MURMURATION_LISTEN", f"127.0.0.1:{sys.argv[1] if sys.argv[1:] else 50061}")
+    port = server.add_insecure_port(address)
     server.start()
-    print(f"listening on 127.0.0.1:{port}", flush=True)
+    print("listening on", address if address.startswith("unix:") else f"127.0.0.1:{port}", flush=True)
     server.wait_for_termination()
 
 if __name__ == "__main__":

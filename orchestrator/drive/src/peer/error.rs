@@ -3,7 +3,7 @@
 use proto::config::Problem;
 use std::path::PathBuf;
 use std::time::Duration;
-use tonic::Status;
+use tonic::{Code, Status};
 
 /// A failure of one side. All of them end the experiment.
 #[derive(Debug, thiserror::Error)]
@@ -17,6 +17,14 @@ pub enum SideError {
         /// Which side.
         side: &'static str,
         /// Why.
+        reason: String,
+    },
+    /// The command that is to start it cannot be run.
+    #[error("{side}.command: {reason}")]
+    Command {
+        /// Which side.
+        side: &'static str,
+        /// Why not.
         reason: String,
     },
     /// Nothing listens there, or not for us.
@@ -56,7 +64,7 @@ pub enum SideError {
         what: String,
     },
     /// Its process ended.
-    #[error("{side}: the process ended during {doing}: {how}")]
+    #[error("{side}: the process ended during {doing}: {how}{said}")]
     Exited {
         /// Which side.
         side: &'static str,
@@ -64,6 +72,8 @@ pub enum SideError {
         doing: String,
         /// Exit status or signal.
         how: String,
+        /// The last lines that it wrote, on lines of their own; empty unless a command had started it.
+        said: String,
     },
     /// The connection broke.
     #[error("{side}: the connection to {url} was lost during {doing}: {reason}")]
@@ -108,8 +118,8 @@ pub enum SideError {
         /// Everything that is wrong with it. Paths begin with `site`, or below the side's own section.
         problems: Vec<Problem>,
     },
-    /// It refused a request.
-    #[error("{side}: refused {doing}: {} ({:?})", status.message(), status.code())]
+    /// It refused a request, or failed in it.
+    #[error("{side}: {} {doing}: {} ({:?})", refused_or_failed(status), status.message().trim_end(), status.code())]
     Refused {
         /// Which side.
         side: &'static str,
@@ -178,4 +188,9 @@ pub enum SideError {
         /// Its digest.
         got: String,
     },
+}
+
+/// A fault of its own is no refusal.
+fn refused_or_failed(status: &Status) -> &'static str {
+    if status.code() == Code::Internal { "failed in" } else { "refused" }
 }

@@ -1,30 +1,40 @@
 //! A side that runs as a child process of this one.
 
 use super::SideError;
+use super::command::{BECOME, EXIT_WITH_STDIN, LISTEN};
+use experiment::SideCommand;
+use nix::sys::signal::{Signal, killpg};
+use nix::unistd::Pid;
+use std::collections::VecDeque;
 use std::fmt;
 use std::fs::{File, Permissions};
 use std::io::{BufRead as _, Read as _, Write as _};
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{ExitStatus, Stdio};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tokio::io::{AsyncBufReadExt as _, BufReader};
-use tokio::process::{Child, ChildStderr, ChildStdin, Command};
+use tokio::process::{Child, ChildStdin, Command};
 
 /// How long a child may take until it listens.
 const START: Duration = Duration::from_secs(10);
 /// How long a child may take to end by itself.
 const STOP: Duration = Duration::from_secs(2);
+/// How long the last lines of a child that has ended are waited for. Processes that it left behind may hold them open.
+const LAST_LINES: Duration = Duration::from_millis(500);
 
 /// How children are started.
 #[derive(Clone, Debug)]
 pub struct Launch {
-    /// The executable, which takes the side's name as its subcommand.
+    /// The executable, which takes the side's name as its subcommand, and `become`.
     pub executable: PathBuf,
+    /// What is started instead of the simulator in the executable.
+    pub command: Option<SideCommand>,
     /// Threads for physics and dynamics; `None`: one per core.
     pub threads: Option<u16>,
     /// Log filter.
@@ -73,16 +83,20 @@ impl fmt::Debug for LineSink {
     }
 }
 
-/// A running child. Killed if dropped.
+/// A running child. Killed if dropped, with all its process group.
 pub(super) struct ChildProcess {
     child: Child,
+    /// Its process group, which a command may have filled; `None`: it starts no others.
+    group: Option<Pid>,
     /// Closing it ends the child. Held here, since waiting for a [`Child`] closes what that holds.
     stdin: Option<ChildStdin>,
     orders: Option<Orders>,
     /// Where its socket is: nobody else may enter.
     _folder: TempDir,
-    /// Passes its lines on until it has ended.
-    lines: Option<JoinHandle<()>>,
+    /// Pass its lines on until it has ended.
+    lines: Vec<JoinHandle<()>>,
+    /// The last lines that a command wrote to standard error.
+    tail: Tail,
 }
 
 impl ChildProcess {
@@ -122,7 +136,9 @@ impl ChildProcess {
             .spawn()
             .map_err(|error| failed(format!("{}: {error}", launch.executable.display())))?;
         let stderr = launch.lines.clone().zip(child.stderr.take());
-        let passing_on = stderr.and_then(|(sink, stderr)| pass_on(side, stderr, sink).ok());
+        let passing_on = stderr.and_then(|(sink, stderr)| {
+            pass_on(side, stderr.into_owned_fd().ok()?, Some(sink), Tail::default()).ok()
+        });
         let stdout =
             child.stdout.take().ok_or_else(|| failed("it has no standard output".to_owned()))?;
         let mut lines = BufReader::new(stdout).lines();
@@ -133,7 +149,15 @@ impl ChildProcess {
             })?
             .map_err(|error| failed(error.to_string()))?;
         let stdin = child.stdin.take();
-        let mut process = Self { child, stdin, orders: None, _folder: folder, lines: passing_on };
+        let mut process = Self {
+            child,
+            group: None,
+            stdin,
+            orders: None,
+            _folder: folder,
+            lines: passing_on.into_iter().collect(),
+            tail: Tail::default(),
+        };
         let Some(line) = line else {
             let ended = failed("it ended before it listened".to_owned());
             return Err(process.explain(side, "starting", ended).await);
@@ -148,6 +172,58 @@ impl ChildProcess {
             process.orders = Some(Orders { url: url.clone(), token });
         }
         Ok((url, process))
+    }
+
+    /// Starts a command, whose program is the file `program`. Returns the path of the socket at which it is to listen.
+    pub(super) fn of_command(
+        side: &'static str,
+        command: &SideCommand,
+        program: &Path,
+        launch: &Launch,
+    ) -> Result<(PathBuf, Self), SideError> {
+        let failed = |reason: String| SideError::Start { side, reason };
+        let folder = private_folder()
+            .map_err(|error| failed(format!("no folder for its socket: {error}")))?;
+        let socket = folder.path().join(side);
+        let mut child = Command::new(&launch.executable)
+            .args([BECOME, &std::process::id().to_string(), "--"])
+            .arg(program)
+            .args(command.words.iter().skip(1))
+            .current_dir(&command.folder)
+            .env(LISTEN, format!("unix:{}", socket.display()))
+            .env(EXIT_WITH_STDIN, "1")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .process_group(0)
+            .kill_on_drop(true)
+            .spawn()
+            .map_err(|error| failed(format!("{}: {error}", launch.executable.display())))?;
+        let group = child.id().map(|id| Pid::from_raw(id.cast_signed()));
+        let tail = Tail::default();
+        let stderr = child.stderr.take().and_then(|stderr| stderr.into_owned_fd().ok());
+        let stdout = child.stdout.take().and_then(|stdout| stdout.into_owned_fd().ok());
+        let lines = [(stderr, tail.clone()), (stdout, Tail::default())]
+            .into_iter()
+            .filter_map(|(from, tail)| pass_on(side, from?, launch.lines.clone(), tail).ok())
+            .collect();
+        let stdin = child.stdin.take();
+        let process = Self { child, group, stdin, orders: None, _folder: folder, lines, tail };
+        Ok((socket, process))
+    }
+
+    /// How it has ended, if it has.
+    pub(super) fn has_ended(&mut self) -> Option<String> {
+        let status = self.child.try_wait().ok()??;
+        Some(how(status))
+    }
+
+    /// The last lines that a command wrote to standard error, to be put after a message. Complete if it has ended.
+    pub(super) async fn said(&mut self) -> String {
+        if self.child.id().is_none() {
+            self.read_to_end().await;
+        }
+        self.tail.shown()
     }
 
     pub(super) fn orders(&self) -> Option<&Orders> {
@@ -168,30 +244,49 @@ impl ChildProcess {
         // The connection breaks a moment before the process can be reaped.
         match tokio::time::timeout(Duration::from_millis(500), self.child.wait()).await {
             Ok(Ok(status)) => {
-                self.read_to_end();
-                SideError::Exited { side, doing: doing.to_owned(), how: how(status) }
+                let (how, said) = (how(status), self.said().await);
+                SideError::Exited { side, doing: doing.to_owned(), how, said }
             }
             _ => error,
         }
     }
 
-    /// Asks it to end by closing its standard input; kills it if it does not.
+    /// Asks it to end by closing its standard input, and a command by SIGTERM, too; kills it if it does not.
     pub(super) async fn stop(mut self) {
         drop(self.stdin.take());
+        self.signal_group(Signal::SIGTERM);
         if tokio::time::timeout(STOP, self.child.wait()).await.is_err()
             && let Err(error) = self.child.kill().await
         {
             tracing::warn!(%error, "cannot kill a child process");
             return;
         }
-        self.read_to_end();
+        self.read_to_end().await;
     }
 
-    /// Waits for the last lines of a child that has ended.
-    fn read_to_end(&mut self) {
-        if let Some(lines) = self.lines.take() {
-            let _ = lines.join();
+    /// Waits for the last lines of a child that has ended. Those whom it has left behind are killed: they would hold them open.
+    async fn read_to_end(&mut self) {
+        self.signal_group(Signal::SIGKILL);
+        let begun = Instant::now();
+        let lasts = |lines: &[JoinHandle<()>]| lines.iter().any(|thread| !thread.is_finished());
+        while lasts(&self.lines) && begun.elapsed() < LAST_LINES {
+            tokio::time::sleep(Duration::from_millis(2)).await;
         }
+        self.lines.clear();
+    }
+
+    /// Sends a signal to all processes of a command. The number of the group stays theirs until the last has ended, and is not
+    /// given to another for long after.
+    fn signal_group(&self, signal: Signal) {
+        if let Some(group) = self.group {
+            let _ = killpg(group, signal);
+        }
+    }
+}
+
+impl Drop for ChildProcess {
+    fn drop(&mut self) {
+        self.signal_group(Signal::SIGKILL);
     }
 }
 
@@ -230,24 +325,63 @@ fn new_token(path: &Path) -> std::io::Result<String> {
 /// A line is passed on in pieces of at most so many bytes.
 const MOST_LINE_BYTES: u64 = 1 << 16;
 
-/// Passes on what a child writes to standard error: to this program's, and line by line to `sink`.
+/// The last lines of a command are kept up to so many bytes.
+const MOST_TAIL_BYTES: usize = 8000;
+
+/// The last lines that a process wrote.
+#[derive(Clone, Default)]
+struct Tail(Arc<Mutex<VecDeque<String>>>);
+
+impl Tail {
+    fn add(&self, line: &str) {
+        let mut lines = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        lines.push_back(line.to_owned());
+        let mut n_bytes: usize = lines.iter().map(String::len).sum();
+        while MOST_TAIL_BYTES < n_bytes && 1 < lines.len() {
+            n_bytes -= lines.pop_front().map_or(0, |line| line.len());
+        }
+    }
+
+    /// To be put after a message; empty if there are none.
+    fn shown(&self) -> String {
+        let lines = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let texts: Vec<String> = lines
+            .iter()
+            .map(|line| line.chars().take(MOST_TAIL_BYTES).collect::<String>())
+            .map(|line| format!("\n  {line}"))
+            .collect();
+        if texts.is_empty() {
+            String::new()
+        } else {
+            format!("\nits last lines on standard error:{}", texts.concat())
+        }
+    }
+}
+
+/// Passes on what a child writes: to this program's standard error, and line by line to `sink` and `tail`.
 fn pass_on(
     side: &'static str,
-    stderr: ChildStderr,
-    sink: LineSink,
+    from: OwnedFd,
+    sink: Option<LineSink>,
+    tail: Tail,
 ) -> std::io::Result<JoinHandle<()>> {
-    let mut stderr = std::io::BufReader::new(File::from(stderr.into_owned_fd()?));
+    let mut from = std::io::BufReader::new(File::from(from));
     let work = move || {
         let mut line = Vec::new();
         loop {
             line.clear();
-            let mut reader = stderr.by_ref().take(MOST_LINE_BYTES);
+            let mut reader = from.by_ref().take(MOST_LINE_BYTES);
             if matches!(reader.read_until(b'\n', &mut line), Ok(0) | Err(_)) {
                 return;
             }
             // That nobody reads it is no reason to stop.
             let _ = std::io::stderr().write_all(&line);
-            (sink.0)(side, String::from_utf8_lossy(&line).trim_end());
+            let text = String::from_utf8_lossy(&line);
+            let text = text.trim_end();
+            tail.add(text);
+            if let Some(sink) = &sink {
+                (sink.0)(side, text);
+            }
         }
     };
     std::thread::Builder::new().name(format!("{side}: lines")).spawn(work)
@@ -278,6 +412,7 @@ mod tests {
         std::fs::set_permissions(&executable, std::fs::Permissions::from_mode(0o755)).unwrap();
         let launch = Launch {
             executable,
+            command: None,
             threads: None,
             log: "warn".to_owned(),
             log_json: false,

@@ -1,0 +1,293 @@
+//! Simulators that a command of the experiment file starts.
+
+use nix::errno::Errno;
+use nix::sys::signal::kill;
+use nix::unistd::Pid;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+use tests::Server;
+use tests::recording::assert_same;
+
+const EXPERIMENT: &str = "[experiment]\nname = \"c\"\nseed = 3\nduration_s = 2.0\nagents = 8\n\
+    [robotsim.scenario]\nkind = \"disc\"\ndensity_per_m2 = 0.1\n\
+    [robotsim.controller]\nkind = \"flocking\"\nflock_radius_m = 10.0\n\
+    [netsim.phy]\npropagation = \"full\"\n";
+
+const SWEEP: &str =
+    "[sweep]\nseeds = 3\n[sweep.vary]\nrobotsim.controller.flock_radius_m = [5.0, 20.0]\n";
+
+/// What a simulator of one's own says when it dies.
+const LAST_WORDS: &str = "Traceback: a wheel came off";
+
+/// The script of a side: the built-in simulator, as a program that knows nothing but the variable.
+fn serve(side: &str) -> String {
+    let program = tests::executable("orchestrator");
+    format!("'{}' {side} --listen \"$MURMURATION_LISTEN\"", program.display())
+}
+
+/// Options that give a side a script as its command.
+fn set(side: &str, script: &str) -> [String; 2] {
+    ["--set".to_owned(), format!("{side}.command={}", list(&["sh", "-c", script]))]
+}
+
+fn list(words: &[&str]) -> String {
+    format!("[{}]", words.iter().map(|word| format!("{word:?}")).collect::<Vec<_>>().join(", "))
+}
+
+fn written(folder: &Path, more: &str) -> PathBuf {
+    let path = folder.join("c.toml");
+    std::fs::write(&path, format!("{EXPERIMENT}{more}")).unwrap();
+    path
+}
+
+fn asked(folder: &Path, args: &[&str], more: &[String]) -> Output {
+    let args: Vec<&str> = args.iter().copied().chain(more.iter().map(String::as_str)).collect();
+    tests::orchestrator(&args, folder)
+}
+
+fn started(folder: &Path, more: &[String]) -> Child {
+    Command::new(tests::executable("orchestrator"))
+        .args(["run", "c.toml", "--allow-command", "--set", "experiment.duration_s=1e7"])
+        .args(more)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+fn until(what: &str, is_so: impl Fn() -> bool) {
+    let begun = Instant::now();
+    while !is_so() {
+        assert!(begun.elapsed() < Duration::from_secs(20), "{what}");
+        std::thread::park_timeout(Duration::from_millis(10));
+    }
+}
+
+fn until_recording(folder: &Path) {
+    until("nothing is recorded", || {
+        std::fs::read_dir(folder.join("runs")).is_ok_and(|mut entries| {
+            entries.any(|entry| entry.unwrap().path().join("run.mcap").exists())
+        })
+    });
+    std::thread::park_timeout(Duration::from_millis(300));
+}
+
+/// Numbers that scripts have written to a file, one a line.
+fn pids(path: &Path) -> Vec<Pid> {
+    let text = std::fs::read_to_string(path).unwrap();
+    text.lines().map(|line| Pid::from_raw(line.parse().unwrap())).collect()
+}
+
+fn is_gone(pid: Pid) -> bool {
+    let state = std::fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    kill(pid, None) == Err(Errno::ESRCH) || state.contains("State:\tZ")
+}
+
+#[test]
+fn a_command_gives_the_recording_of_the_built_in_simulator() {
+    let folder = tests::folder();
+    let config = written(folder.path(), "");
+    let built_in = tests::run(&config, &folder.path().join("built-in"), &[]);
+    let both =
+        [set("robotsim", &format!("exec {}", serve("robotsim"))), set("netsim", &serve("netsim"))];
+    let more: Vec<&str> = both.iter().flatten().map(String::as_str).collect();
+    let more = [&["--allow-command"], &more[..]].concat();
+    let own = tests::run(&config, &folder.path().join("own"), &more);
+    assert_same(&built_in, &own);
+    let provenance = std::fs::read_to_string(own.join("provenance.json")).unwrap();
+    let provenance: serde_json::Value = serde_json::from_str(&provenance).unwrap();
+    assert_eq!(provenance["robotsim"]["started_here"], true);
+    assert_eq!(provenance["robotsim"]["command"][0], "sh");
+    // The record's own configuration has the command, and where it ran.
+    let kept = own.join("config.toml");
+    let again = tests::run(&kept, &folder.path().join("again"), &["--allow-command"]);
+    assert_same(&own, &again);
+    let own = own.to_str().unwrap();
+    let refused = asked(folder.path(), &["reproduce", own], &[]);
+    assert_eq!(refused.status.code(), Some(2), "{}", tests::said(&refused));
+    assert!(tests::said(&refused).contains("--allow-command"), "{}", tests::said(&refused));
+    let reproduced = asked(folder.path(), &["reproduce", own, "--allow-command"], &[]);
+    assert!(reproduced.status.success(), "{}", tests::said(&reproduced));
+}
+
+#[test]
+fn a_file_runs_no_program_unless_it_is_allowed_to() {
+    let folder = tests::folder();
+    written(folder.path(), "");
+    let mark = folder.path().join("ran");
+    let command = set("robotsim", &format!("touch {}", mark.display()));
+    for args in [&["run", "c.toml"][..], &["run", "c.toml", "--dry-run"]] {
+        let refused = asked(folder.path(), args, &command);
+        let said = tests::said(&refused);
+        assert_eq!(refused.status.code(), Some(2), "{said}");
+        assert!(said.contains(&format!("sh -c 'touch {}'", mark.display())), "{said}");
+        assert!(said.contains("robotsim.command") && said.contains("--allow-command"), "{said}");
+    }
+    let checked = asked(folder.path(), &["check", "c.toml"], &command);
+    assert!(checked.status.success(), "{}", tests::said(&checked));
+    assert!(
+        tests::said(&checked).contains("[robotsim] is not checked"),
+        "{}",
+        tests::said(&checked)
+    );
+    written(folder.path(), SWEEP);
+    for args in [
+        &["sweep", "c.toml"][..],
+        &["sweep", "c.toml", "--dry-run"],
+        &["sweep", "c.toml", "--shard", "1/2"],
+    ] {
+        let refused = asked(folder.path(), args, &command);
+        assert_eq!(refused.status.code(), Some(2), "{}", tests::said(&refused));
+        assert!(tests::said(&refused).contains("--allow-command"), "{}", tests::said(&refused));
+    }
+    assert!(asked(folder.path(), &["check", "c.toml"], &command).status.success());
+    assert!(!mark.exists(), "the command ran");
+    assert!(!folder.path().join("runs").exists(), "something was written");
+    // What is refused is what would run.
+    let failed = asked(folder.path(), &["sweep", "c.toml", "--allow-command"], &command);
+    assert_eq!(failed.status.code(), Some(1), "{}", tests::said(&failed));
+    assert!(mark.exists(), "the command did not run");
+}
+
+#[test]
+fn a_url_of_the_command_line_replaces_the_command() {
+    let folder = tests::folder();
+    let config = written(folder.path(), "");
+    let server = Server::start("robotsim", &[]).unwrap();
+    let [option, command] = set("robotsim", "exit 1");
+    let more = [&option, &command, "--robotsim", &server.url];
+    tests::run(&config, &folder.path().join("runs"), &more);
+    let both = [option, command, "--set".to_owned(), format!("robotsim.url={:?}", server.url)];
+    let refused = asked(folder.path(), &["check", "c.toml"], &both);
+    assert_eq!(refused.status.code(), Some(2), "{}", tests::said(&refused));
+    let expected = "robotsim.command: cannot be given together with robotsim.url";
+    assert!(tests::said(&refused).contains(expected), "{}", tests::said(&refused));
+}
+
+#[test]
+fn a_command_that_cannot_serve_is_named_before_the_first_step() {
+    let folder = tests::folder();
+    written(folder.path(), "");
+    let words = |words: &[&str]| ["--set".to_owned(), format!("robotsim.command={}", list(words))];
+    let failed = |status: i32, more: &[String], expected: &[&str]| {
+        let output = asked(folder.path(), &["run", "c.toml", "--allow-command"], more);
+        let said = tests::said(&output);
+        assert_eq!(output.status.code(), Some(status), "{said}");
+        for text in expected {
+            assert!(said.contains(text), "{text}: {said}");
+        }
+        assert!(!folder.path().join("runs/c").exists(), "something was recorded");
+    };
+    let missing = ["error: robotsim.command: the program \"no-such-program\" is in no folder of"];
+    failed(2, &words(&["no-such-program"]), &missing);
+    failed(2, &words(&["./no-such-program"]), &["no-such-program does not exist"]);
+    failed(2, &words(&["./c.toml"]), &["is not executable"]);
+    let elsewhere = ["--set".to_owned(), "robotsim.working_directory=nowhere".to_owned()];
+    failed(2, &[&words(&["sh"])[..], &elsewhere].concat(), &["/nowhere, which does not exist"]);
+    let dies = set("robotsim", &format!("echo '{LAST_WORDS}' >&2; exit 3"));
+    failed(1, &dies, &["ended before it served", "exit status 3", &format!("\n  {LAST_WORDS}")]);
+    let network = set("robotsim", &format!("exec {}", serve("netsim")));
+    failed(2, &network, &["is a gRPC server without this service, not a robotsim"]);
+}
+
+#[test]
+fn a_relative_program_and_its_folder_are_found_from_the_file() {
+    let folder = tests::folder();
+    let inner = folder.path().join("inner/sims");
+    std::fs::create_dir_all(&inner).unwrap();
+    std::fs::write(inner.join("start.sh"), format!("exec {}\n", serve("robotsim"))).unwrap();
+    let keys = "[robotsim]\ncommand = [\"sh\", \"start.sh\"]\nworking_directory = \"sims\"\n[robotsim.scenario]";
+    let config = folder.path().join("inner/c.toml");
+    std::fs::write(&config, EXPERIMENT.replace("[robotsim.scenario]", keys)).unwrap();
+    // From another folder.
+    tests::run(&config, &folder.path().join("out"), &["--allow-command"]);
+}
+
+#[test]
+fn a_sweep_starts_a_command_for_each_job_and_gives_the_table_of_the_built_in_simulator() {
+    let folder = tests::folder();
+    written(folder.path(), SWEEP);
+    let swept = |out: &str, more: &[String]| -> Vec<u8> {
+        let output = asked(folder.path(), &["sweep", "c.toml", "--out", out], more);
+        assert!(output.status.success(), "{}", tests::said(&output));
+        std::fs::read(folder.path().join(out).join("c/trials.parquet")).unwrap()
+    };
+    let jobs = |n: &str| {
+        let script = format!("echo $$ >> started-{n}; exec {}", serve("robotsim"));
+        let more = ["--allow-command", "--jobs", n].map(str::to_owned);
+        [&more[..], &set("robotsim", &script)].concat()
+    };
+    let built_in = swept("built-in", &[]);
+    assert!(built_in == swept("one", &jobs("1")), "another table than the built-in simulator's");
+    assert!(built_in == swept("two", &jobs("2")), "another table with two jobs");
+    assert_eq!(pids(&folder.path().join("started-1")).len(), 1);
+    let of_two = pids(&folder.path().join("started-2"));
+    assert_eq!(of_two.len(), 2);
+    for pid in of_two {
+        until("a command outlived the sweep", || is_gone(pid));
+    }
+}
+
+/// A script whose simulator runs beside another process, which nobody ends but the orchestrator.
+fn with_a_companion() -> String {
+    format!("sleep 1000 & echo $! >> pids; echo $$ >> pids; exec {}", serve("robotsim"))
+}
+
+#[test]
+fn all_that_a_command_has_started_ends_with_the_run() {
+    let folder = tests::folder();
+    written(folder.path(), "");
+    let more = set("robotsim", &with_a_companion());
+    let output = asked(folder.path(), &["run", "c.toml", "--allow-command"], &more);
+    assert!(output.status.success(), "{}", tests::said(&output));
+    let run = started(folder.path(), &more);
+    until_recording(folder.path());
+    let interrupt = Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap();
+    assert!(interrupt.success());
+    let output = run.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", tests::said(&output));
+    assert!(tests::said(&output).contains("interrupted after step"), "{}", tests::said(&output));
+    let pids = pids(&folder.path().join("pids"));
+    assert_eq!(pids.len(), 4);
+    for pid in pids {
+        until("a process of the command is left", || is_gone(pid));
+    }
+}
+
+#[test]
+fn a_command_does_not_outlive_a_killed_orchestrator() {
+    let folder = tests::folder();
+    written(folder.path(), "");
+    // It does not look at its standard input.
+    let script = format!("echo $$ >> pids; exec {} < /dev/null", serve("robotsim"));
+    let mut run = started(folder.path(), &set("robotsim", &script));
+    until_recording(folder.path());
+    let pids = pids(&folder.path().join("pids"));
+    assert!(!is_gone(pids[0]));
+    run.kill().unwrap();
+    run.wait().unwrap();
+    until("the command outlived the orchestrator", || is_gone(pids[0]));
+}
+
+#[test]
+fn a_command_that_dies_shows_its_status_and_its_last_lines() {
+    let folder = tests::folder();
+    written(folder.path(), "");
+    let script =
+        format!("{} & echo $! > pids; wait $!; echo '{LAST_WORDS}' >&2; exit 7", serve("robotsim"));
+    let run = started(folder.path(), &set("robotsim", &script));
+    until_recording(folder.path());
+    let simulator = pids(&folder.path().join("pids"))[0].to_string();
+    assert!(Command::new("kill").args(["-KILL", &simulator]).status().unwrap().success());
+    let output = run.wait_with_output().unwrap();
+    let said = tests::said(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("robotsim: the process ended during step"), "{said}");
+    assert!(said.contains("exit status 7"), "{said}");
+    assert!(said.contains(&format!("its last lines on standard error:\n  {LAST_WORDS}")), "{said}");
+    let log = std::fs::read_to_string(folder.path().join("runs/c/run.log")).unwrap();
+    assert!(log.contains(LAST_WORDS), "{log}");
+}
