@@ -267,6 +267,7 @@ impl ChildProcess {
     /// Waits for the last lines of a child that has ended. Those whom it has left behind are killed: they would hold them open.
     async fn read_to_end(&mut self) {
         self.signal_group(Signal::SIGKILL);
+        self.group = None;
         let begun = Instant::now();
         let lasts = |lines: &[JoinHandle<()>]| lines.iter().any(|thread| !thread.is_finished());
         while lasts(&self.lines) && begun.elapsed() < LAST_LINES {
@@ -275,8 +276,8 @@ impl ChildProcess {
         self.lines.clear();
     }
 
-    /// Sends a signal to all processes of a command. The number of the group stays theirs until the last has ended, and is not
-    /// given to another for long after.
+    /// Sends a signal to all processes of a command that lives, or has just ended: the number of its group is not given to
+    /// another so soon.
     fn signal_group(&self, signal: Signal) {
         if let Some(group) = self.group {
             let _ = killpg(group, signal);
