@@ -157,7 +157,9 @@ fn a_url_of_the_command_line_replaces_the_command() {
     let server = Server::start("robotsim", &[]).unwrap();
     let [option, command] = set("robotsim", "exit 1");
     let more = [option.as_str(), command.as_str(), "--robotsim", server.url.as_str()];
-    tests::run(&config, &folder.path().join("runs"), &more);
+    let run = tests::run(&config, &folder.path().join("runs"), &more);
+    let kept = std::fs::read_to_string(run.join("config.toml")).unwrap();
+    assert!(kept.contains("command = [\"sh\""), "{kept}");
     let both = [option, command, "--set".to_owned(), format!("robotsim.url={:?}", server.url)];
     let refused = asked(folder.path(), &["check", "c.toml"], &both);
     assert_eq!(refused.status.code(), Some(2), "{}", tests::said(&refused));
@@ -201,7 +203,9 @@ fn a_relative_program_and_its_folder_are_found_from_the_file() {
     let config = folder.path().join("inner/c.toml");
     std::fs::write(&config, EXPERIMENT.replace("[robotsim.scenario]", keys)).unwrap();
     // From another folder.
-    tests::run(&config, &folder.path().join("out"), &["--allow-command"]);
+    let run = tests::run(&config, &folder.path().join("out"), &["--allow-command"]);
+    let kept = std::fs::read_to_string(run.join("config.toml")).unwrap();
+    assert!(kept.contains(&format!("working_directory = {inner:?}")), "{kept}");
 }
 
 #[test]
