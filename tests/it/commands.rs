@@ -288,8 +288,8 @@ fn a_command_that_dies_shows_its_status_and_its_last_lines() {
     let said = tests::said(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(said.contains("robotsim: the process ended during step"), "{said}");
-    assert!(said.contains("exit status 7"), "{said}");
-    assert!(said.contains(&format!("its last lines on standard error:\n  {LAST_WORDS}")), "{said}");
+    assert!(said.contains("exit status 7\nits last lines on standard error:\n"), "{said}");
+    assert!(said.contains(&format!("\n  {LAST_WORDS}")), "{said}");
     let log = std::fs::read_to_string(folder.path().join("runs/c/run.log")).unwrap();
     assert!(log.contains(LAST_WORDS), "{log}");
 }
