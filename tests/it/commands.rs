@@ -243,7 +243,8 @@ fn all_that_a_command_has_started_ends_with_the_run() {
     let folder = tests::folder();
     written(folder.path(), "");
     let more = set("robotsim", &with_a_companion());
-    let output = asked(folder.path(), &["run", "c.toml", "--allow-command"], &more);
+    let complete = ["run", "c.toml", "--allow-command", "--out", "complete"];
+    let output = asked(folder.path(), &complete, &more);
     assert!(output.status.success(), "{}", tests::said(&output));
     let run = started(folder.path(), &more);
     until_recording(folder.path());
