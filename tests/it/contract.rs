@@ -303,7 +303,7 @@ async fn a_restored_state_continues_as_if_never_stopped() {
     let state =
         robots.snapshot(v1::RobotSimServiceSnapshotRequest {}).await.unwrap().into_inner().state;
     let restored = elsewhere
-        .restore(v1::RobotSimServiceRestoreRequest { state: state.clone() })
+        .restore(v1::RobotSimServiceRestoreRequest { state: state.clone(), seed: None })
         .await
         .unwrap()
         .into_inner();
@@ -312,7 +312,8 @@ async fn a_restored_state_continues_as_if_never_stopped() {
         let went_on = robots.step(robots_step(step)).await.unwrap().into_inner();
         assert_eq!(elsewhere.step(robots_step(step)).await.unwrap().into_inner(), went_on);
     }
-    let torn = v1::RobotSimServiceRestoreRequest { state: state.slice(..state.len() / 2) };
+    let torn =
+        v1::RobotSimServiceRestoreRequest { state: state.slice(..state.len() / 2), seed: None };
     assert_refused(elsewhere.restore(torn).await, Code::InvalidArgument, "is not a snapshot");
     elsewhere.step(robots_step(8)).await.expect("a refused restore changes nothing");
 
@@ -324,7 +325,7 @@ async fn a_restored_state_continues_as_if_never_stopped() {
     }
     let state =
         network.snapshot(v1::NetSimServiceSnapshotRequest {}).await.unwrap().into_inner().state;
-    network_elsewhere.restore(v1::NetSimServiceRestoreRequest { state }).await.unwrap();
+    network_elsewhere.restore(v1::NetSimServiceRestoreRequest { state, seed: None }).await.unwrap();
     for step in 4..8 {
         let went_on = network.step(network_step(step)).await.unwrap().into_inner();
         assert_eq!(network_elsewhere.step(network_step(step)).await.unwrap().into_inner(), went_on);

@@ -243,7 +243,7 @@ impl<S: Service> Remote<S> {
         self.digest = Bytes::new();
         self.n_agents = request.experiment.agent_count;
         self.start = request.full_digest.then(|| S::start_digest(request, start));
-        let call = S::restore(self.client.clone(), state);
+        let call = S::restore(self.client.clone(), state, None);
         let (step, got_ns) = self.wait(DOING.to_owned(), call).await?;
         if step != after {
             return Err(SideError::WrongStep { side: S::SIDE, expected: after, got: step });

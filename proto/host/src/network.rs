@@ -63,6 +63,7 @@ impl<S: NetSimulator> NetHost<S> {
             }),
             session: true,
             snapshots: true,
+            reseed: false,
             commands: S::commands()
                 .iter()
                 .map(|&kind| v1::MoteCommandKind::from(kind).into())
@@ -276,6 +277,9 @@ impl<S: NetSimulator> Lifecycle<S> {
         &mut self,
         request: &v1::NetSimServiceRestoreRequest,
     ) -> Result<v1::NetSimServiceRestoreResponse, Status> {
+        if request.seed.is_some() {
+            return Err(Status::invalid_argument("seed: `reseed` is not announced"));
+        }
         let &Ledger { step, time_ns, .. } =
             self.restored(&request.state, &version::<S>(), S::restore)?;
         Ok(v1::NetSimServiceRestoreResponse { step, time_ns })

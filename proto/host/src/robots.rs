@@ -64,6 +64,7 @@ impl<S: RobotSimulator> RobotHost<S> {
             }),
             session: true,
             snapshots: true,
+            reseed: false,
             commands: true,
             parallel: true,
             config_schema_json: self.config_schema_json.to_string(),
@@ -247,6 +248,9 @@ impl<S: RobotSimulator> Lifecycle<S> {
         &mut self,
         request: &v1::RobotSimServiceRestoreRequest,
     ) -> Result<v1::RobotSimServiceRestoreResponse, Status> {
+        if request.seed.is_some() {
+            return Err(Status::invalid_argument("seed: `reseed` is not announced"));
+        }
         let &Ledger { step, time_ns, .. } =
             self.restored(&request.state, &version::<S>(), S::restore)?;
         Ok(v1::RobotSimServiceRestoreResponse { step, time_ns })

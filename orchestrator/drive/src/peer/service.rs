@@ -62,10 +62,11 @@ pub trait Service: Side {
     ) -> impl Future<Output = Reply<Streaming<Self::SessionResponse>>> + Send;
     /// `Snapshot`.
     fn snapshot(client: Self::Client) -> impl Future<Output = Reply<Bytes>> + Send;
-    /// `Restore`. Returns the step and the time (ns) that it says to stand at.
+    /// `Restore`, with another seed if one is given. Returns the step and the time (ns) that it says to stand at.
     fn restore(
         client: Self::Client,
         state: Bytes,
+        seed: Option<u64>,
     ) -> impl Future<Output = Reply<(u64, u64)>> + Send;
     /// A step as a call within a session.
     fn session_step(request: Self::StepRequest) -> Self::SessionRequest;
@@ -159,8 +160,12 @@ macro_rules! service {
                 Ok(client.snapshot(v1::$snapshot {}).await?.into_inner().state)
             }
 
-            async fn restore(mut client: Self::Client, state: Bytes) -> Reply<(u64, u64)> {
-                let reply = client.restore(v1::$restore { state }).await?.into_inner();
+            async fn restore(
+                mut client: Self::Client,
+                state: Bytes,
+                seed: Option<u64>,
+            ) -> Reply<(u64, u64)> {
+                let reply = client.restore(v1::$restore { state, seed }).await?.into_inner();
                 Ok((reply.step, reply.time_ns))
             }
 
@@ -251,6 +256,7 @@ service!(
         contract_version: d.contract_version,
         session: d.session,
         snapshots: d.snapshots,
+        reseed: d.reseed,
         parallel: d.parallel,
         stop_at_first_delivery: false,
         commands: d.commands,
@@ -288,6 +294,7 @@ service!(
         contract_version: d.contract_version,
         session: d.session,
         snapshots: d.snapshots,
+        reseed: d.reseed,
         parallel: d.parallel,
         stop_at_first_delivery: d.stop_at_first_delivery,
         commands: false,

@@ -110,6 +110,8 @@ pub struct Described {
     pub session: bool,
     /// Snapshots are served.
     pub snapshots: bool,
+    /// A snapshot can be restored with another seed.
+    pub reseed: bool,
     /// Parallel and event coupling are understood.
     pub parallel: bool,
     /// Steps can end at the first delivery. Network only.

@@ -238,7 +238,7 @@ class NetSimServiceDescribeRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class NetSimServiceDescribeResponse(_message.Message):
-    __slots__ = ("name", "version", "contract_version", "limits", "session", "snapshots", "commands", "parallel", "stop_at_first_delivery", "columns", "config_schema_json", "records", "full_digest")
+    __slots__ = ("name", "version", "contract_version", "limits", "session", "snapshots", "commands", "parallel", "stop_at_first_delivery", "columns", "config_schema_json", "records", "full_digest", "reseed")
     NAME_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
     CONTRACT_VERSION_FIELD_NUMBER: _ClassVar[int]
@@ -252,6 +252,7 @@ class NetSimServiceDescribeResponse(_message.Message):
     CONFIG_SCHEMA_JSON_FIELD_NUMBER: _ClassVar[int]
     RECORDS_FIELD_NUMBER: _ClassVar[int]
     FULL_DIGEST_FIELD_NUMBER: _ClassVar[int]
+    RESEED_FIELD_NUMBER: _ClassVar[int]
     name: str
     version: str
     contract_version: int
@@ -265,7 +266,8 @@ class NetSimServiceDescribeResponse(_message.Message):
     config_schema_json: str
     records: _containers.RepeatedScalarFieldContainer[NetRecord]
     full_digest: bool
-    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ..., contract_version: _Optional[int] = ..., limits: _Optional[_Union[_common_pb2.Limits, _Mapping]] = ..., session: bool = ..., snapshots: bool = ..., commands: _Optional[_Iterable[_Union[MoteCommandKind, str]]] = ..., parallel: bool = ..., stop_at_first_delivery: bool = ..., columns: _Optional[_Iterable[_Union[_common_pb2.DeliveryColumn, str]]] = ..., config_schema_json: _Optional[str] = ..., records: _Optional[_Iterable[_Union[NetRecord, str]]] = ..., full_digest: bool = ...) -> None: ...
+    reseed: bool
+    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ..., contract_version: _Optional[int] = ..., limits: _Optional[_Union[_common_pb2.Limits, _Mapping]] = ..., session: bool = ..., snapshots: bool = ..., commands: _Optional[_Iterable[_Union[MoteCommandKind, str]]] = ..., parallel: bool = ..., stop_at_first_delivery: bool = ..., columns: _Optional[_Iterable[_Union[_common_pb2.DeliveryColumn, str]]] = ..., config_schema_json: _Optional[str] = ..., records: _Optional[_Iterable[_Union[NetRecord, str]]] = ..., full_digest: bool = ..., reseed: bool = ...) -> None: ...
 
 class NetSimServiceConfigureRequest(_message.Message):
     __slots__ = ("seed", "agent_count", "step_ns", "coupling", "site_toml", "config_toml", "columns", "files", "records", "full_digest")
@@ -408,10 +410,12 @@ class NetSimServiceSnapshotResponse(_message.Message):
     def __init__(self, state: _Optional[bytes] = ...) -> None: ...
 
 class NetSimServiceRestoreRequest(_message.Message):
-    __slots__ = ("state",)
+    __slots__ = ("state", "seed")
     STATE_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
     state: bytes
-    def __init__(self, state: _Optional[bytes] = ...) -> None: ...
+    seed: int
+    def __init__(self, state: _Optional[bytes] = ..., seed: _Optional[int] = ...) -> None: ...
 
 class NetSimServiceRestoreResponse(_message.Message):
     __slots__ = ("step", "time_ns")

@@ -105,7 +105,7 @@ class NetSimServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Restore(self, request, context):
-        """Optional (`snapshots`): puts a state back. Needs no Configure before it.
+        """Optional (`snapshots`): puts a state back. Needs no Configure before it. Optional (`reseed`): with another seed.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -23,7 +23,7 @@ class RobotSimServiceDescribeRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class RobotSimServiceDescribeResponse(_message.Message):
-    __slots__ = ("name", "version", "contract_version", "limits", "session", "snapshots", "commands", "parallel", "config_schema_json", "hold", "full_digest", "predictions")
+    __slots__ = ("name", "version", "contract_version", "limits", "session", "snapshots", "commands", "parallel", "config_schema_json", "hold", "full_digest", "predictions", "reseed")
     NAME_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
     CONTRACT_VERSION_FIELD_NUMBER: _ClassVar[int]
@@ -36,6 +36,7 @@ class RobotSimServiceDescribeResponse(_message.Message):
     HOLD_FIELD_NUMBER: _ClassVar[int]
     FULL_DIGEST_FIELD_NUMBER: _ClassVar[int]
     PREDICTIONS_FIELD_NUMBER: _ClassVar[int]
+    RESEED_FIELD_NUMBER: _ClassVar[int]
     name: str
     version: str
     contract_version: int
@@ -48,7 +49,8 @@ class RobotSimServiceDescribeResponse(_message.Message):
     hold: bool
     full_digest: bool
     predictions: bool
-    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ..., contract_version: _Optional[int] = ..., limits: _Optional[_Union[_common_pb2.Limits, _Mapping]] = ..., session: bool = ..., snapshots: bool = ..., commands: bool = ..., parallel: bool = ..., config_schema_json: _Optional[str] = ..., hold: bool = ..., full_digest: bool = ..., predictions: bool = ...) -> None: ...
+    reseed: bool
+    def __init__(self, name: _Optional[str] = ..., version: _Optional[str] = ..., contract_version: _Optional[int] = ..., limits: _Optional[_Union[_common_pb2.Limits, _Mapping]] = ..., session: bool = ..., snapshots: bool = ..., commands: bool = ..., parallel: bool = ..., config_schema_json: _Optional[str] = ..., hold: bool = ..., full_digest: bool = ..., predictions: bool = ..., reseed: bool = ...) -> None: ...
 
 class RobotSimServiceConfigureRequest(_message.Message):
     __slots__ = ("seed", "agent_count", "step_ns", "coupling", "site_toml", "config_toml", "files", "full_digest")
@@ -175,10 +177,12 @@ class RobotSimServiceSnapshotResponse(_message.Message):
     def __init__(self, state: _Optional[bytes] = ...) -> None: ...
 
 class RobotSimServiceRestoreRequest(_message.Message):
-    __slots__ = ("state",)
+    __slots__ = ("state", "seed")
     STATE_FIELD_NUMBER: _ClassVar[int]
+    SEED_FIELD_NUMBER: _ClassVar[int]
     state: bytes
-    def __init__(self, state: _Optional[bytes] = ...) -> None: ...
+    seed: int
+    def __init__(self, state: _Optional[bytes] = ..., seed: _Optional[int] = ...) -> None: ...
 
 class RobotSimServiceRestoreResponse(_message.Message):
     __slots__ = ("step", "time_ns")
