@@ -244,4 +244,8 @@ impl NetSimulator for Forming {
     fn restore(&mut self, state: &[u8]) -> Result<(), NotASnapshot> {
         self.inner.restore(state)
     }
+
+    fn reseed(&mut self, seed: u64) {
+        self.inner.reseed(seed);
+    }
 }

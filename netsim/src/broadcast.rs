@@ -9,6 +9,7 @@ use crate::medium::{Air, Filters, Frame, Radios, reading, resolve};
 use crate::phy::link::{Covariates, Scene};
 use crate::phy::nearest::Grid;
 use crate::phy::propagation::Reach;
+use crate::phy::scatter::Seeds;
 use crate::place::{self, Place};
 use proto::side::{NetInput, NetOutput};
 use proto::site::Site;
@@ -21,6 +22,7 @@ use proto::types::{
 #[derive(Debug)]
 pub struct Broadcast {
     experiment: Experiment,
+    seeds: Seeds,
     columns: Vec<DeliveryColumn>,
     config: Config,
     filters: Filters,
@@ -66,7 +68,21 @@ impl Broadcast {
     ) -> Self {
         let filters = Filters::for_channels(&config.model, &config.hopping_sequence);
         let reach = farthest(&config);
-        Self { experiment, columns, config, filters, reach, place, grid: Grid::default() }
+        Self {
+            seeds: experiment.seed.into(),
+            experiment,
+            columns,
+            config,
+            filters,
+            reach,
+            place,
+            grid: Grid::default(),
+        }
+    }
+
+    /// Draws of periods and frames come from another seed from here on. Lasting scatter keeps the experiment's.
+    pub fn reseed(&mut self, seed: u64) {
+        self.seeds.passing = seed;
     }
 
     /// What changes as time goes on.
@@ -161,7 +177,7 @@ impl Broadcast {
         let air = Air {
             model: &self.config.model,
             filters: &self.filters,
-            seed: self.experiment.seed,
+            seeds: self.seeds,
             period_ns: batch.period_ns,
             radios: &radios,
             scene: &scene,

@@ -20,6 +20,11 @@ impl Dice {
         Self { seed, purpose, mote, n_drawn: 0 }
     }
 
+    /// From the next number on, the numbers that another seed has at the same places of the stream.
+    pub fn reseed(&mut self, seed: u64) {
+        self.seed = seed;
+    }
+
     /// The next 64 random bits of the stream.
     pub fn word(&mut self) -> u64 {
         let k = self.n_drawn;

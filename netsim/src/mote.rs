@@ -174,6 +174,13 @@ impl MoteDice {
             lowpan: dice_for(Purpose::Lowpan),
         }
     }
+
+    fn reseed(&mut self, seed: u64) {
+        let Self { scheduling, routing, join, application, lowpan } = self;
+        for dice in [scheduling, routing, join, application, lowpan] {
+            dice.reseed(seed);
+        }
+    }
 }
 
 impl Mote {
@@ -222,6 +229,12 @@ impl Mote {
             n_reboots_drawn: 0,
             cells_known: CellsKnown::default(),
         }
+    }
+
+    /// Draws by another seed from here on. What was drawn before, such as the rate of its clock, stays.
+    pub fn reseed(&mut self, seed: u64) {
+        self.dice.reseed(seed);
+        self.mac.reseed(seed);
     }
 
     /// Is switched on: a root begins its network, any other mote looks for one.

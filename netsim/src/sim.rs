@@ -31,6 +31,8 @@ impl Network {
 #[derive(Debug)]
 struct Running {
     origin: Origin,
+    /// Seed of the draws to come: the experiment's, unless there is another one since.
+    seed: u64,
     mode: Mode,
 }
 
@@ -58,6 +60,7 @@ struct Origin {
 struct Snapshot {
     version: String,
     origin: Origin,
+    seed: u64,
     state: State,
 }
 
@@ -144,6 +147,13 @@ impl Mode {
         }
     }
 
+    fn reseed(&mut self, seed: u64) {
+        match self {
+            Self::PropagationOnly(broadcast) => broadcast.reseed(seed),
+            Self::Mesh(mesh) => mesh.reseed(seed),
+        }
+    }
+
     fn state(&self) -> State {
         match self {
             Self::PropagationOnly(broadcast) => {
@@ -227,7 +237,7 @@ impl NetSimulator for Network {
         let (config, effective, warnings) = config::read(setup, &self.catalogue)?;
         let origin = Origin::new(setup, &effective);
         let mode = Mode::begin(config, origin.clone());
-        let running = Running { origin, mode };
+        let running = Running { origin, seed: setup.experiment.seed, mode };
         let start = running.start(effective, warnings);
         self.running = Some(running);
         Ok(start)
@@ -246,6 +256,7 @@ impl NetSimulator for Network {
         let snapshot = Snapshot {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             origin: running.origin.clone(),
+            seed: running.seed,
             state: running.mode.state(),
         };
         postcard::to_stdvec(&snapshot).expect("plain data in memory")
@@ -255,7 +266,7 @@ impl NetSimulator for Network {
         let wrong = |reason: String| NotASnapshot(reason);
         let (snapshot, rest): (Snapshot, _) =
             postcard::take_from_bytes(state).map_err(|error| wrong(error.to_string()))?;
-        let Snapshot { version, origin, state } = snapshot;
+        let Snapshot { version, origin, seed, state } = snapshot;
         if version != env!("CARGO_PKG_VERSION") {
             return Err(wrong(format!("made by version {version}")));
         }
@@ -266,9 +277,16 @@ impl NetSimulator for Network {
             let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
             wrong(problems.join("; "))
         })?;
-        let mode = Mode::resume(config, origin.clone(), state)
+        let mut mode = Mode::resume(config, origin.clone(), state)
             .ok_or_else(|| wrong("of another number of agents".to_owned()))?;
-        self.running = Some(Running { origin, mode });
+        mode.reseed(seed);
+        self.running = Some(Running { origin, seed, mode });
         Ok(())
+    }
+
+    fn reseed(&mut self, seed: u64) {
+        let running = self.running.as_mut().expect("configured or restored before it is reseeded");
+        running.seed = seed;
+        running.mode.reseed(seed);
     }
 }

@@ -248,6 +248,12 @@ impl RobotSimulator for Swarm {
         self.running = state.map(resume).transpose()?;
         Ok(())
     }
+
+    fn reseed(&mut self, seed: u64) {
+        if let Some(running) = &mut self.running {
+            running.state.seed = seed;
+        }
+    }
 }
 
 impl Running {

@@ -112,6 +112,11 @@ impl Tsch {
         }
     }
 
+    /// Draws by another seed from here on.
+    pub fn reseed(&mut self, seed: u64) {
+        self.dice.reseed(seed);
+    }
+
     /// Synchronisation of the mote.
     #[must_use]
     pub fn state(&self) -> &State {

@@ -3,7 +3,7 @@
 use super::filter::Filters;
 use crate::phy::link::{End, Scene, distance_squared_m2};
 use crate::phy::model::{LinkBudget, Model};
-use crate::phy::scatter::{Moment, PairBlock};
+use crate::phy::scatter::{Moment, PairBlock, Seeds};
 
 /// A frame on the air.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,8 +57,8 @@ pub struct Air<'a> {
     pub model: &'a Model,
     /// Filters of the model, which decide many links without computing their power.
     pub filters: &'a Filters,
-    /// Seed of the experiment.
-    pub seed: u64,
+    /// Seeds of the experiment.
+    pub seeds: Seeds,
     /// Begin of the control period (ns).
     pub period_ns: u64,
     /// The motes' radios, and the frames on the air.
@@ -94,7 +94,7 @@ impl Air<'_> {
     #[must_use]
     pub fn pair(&self, a: usize, b: usize) -> PairState {
         let id = &self.radios.id;
-        let block = PairBlock::new(self.seed, id[a], id[b], self.period_ns);
+        let block = PairBlock::new(self.seeds, id[a], id[b], self.period_ns);
         PairState { block, shared_db: None }
     }
 
@@ -103,7 +103,7 @@ impl Air<'_> {
     #[must_use]
     pub fn drawn_pair(&self, a: usize, b: usize, words: [u64; 4]) -> PairState {
         let id = &self.radios.id;
-        let block = PairBlock::drawn(self.seed, id[a], id[b], self.period_ns, words);
+        let block = PairBlock::drawn(self.seeds, id[a], id[b], self.period_ns, words);
         PairState { block, shared_db: None }
     }
 

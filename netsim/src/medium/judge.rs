@@ -155,7 +155,7 @@ impl<'a> Judge<'a> {
             *other_id = id[q as usize];
             *pair = unordered_link(id[p], *other_id);
         }
-        draw_blocks(self.air.seed, &pairs[..n], self.air.period_ns, words);
+        draw_blocks(self.air.seeds, &pairs[..n], self.air.period_ns, words);
 
         let is_directed =
             matches!(self.variation, Variation::Directed(_) | Variation::OtherDirected);

@@ -30,7 +30,7 @@ use crate::phy::link::{Covariates, End, Scene};
 use crate::phy::model::Model;
 use crate::phy::nearest::{Grid, Nearest};
 use crate::phy::propagation::Reach;
-use crate::phy::scatter::{Moment, PairBlock, Renewal, Scatter};
+use crate::phy::scatter::{Moment, PairBlock, Renewal, Scatter, Seeds};
 use budgets::Budgets;
 use proto::site::Site;
 use proto::types::Covariate;
@@ -41,7 +41,7 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub struct Links {
     model: Arc<Model>,
-    seed: u64,
+    seeds: Seeds,
     reach: Reach,
     floor_dbm: f64,
     /// Scatter that lasts while nobody moves, and scatter that does not.
@@ -83,12 +83,22 @@ impl Place {
 }
 
 impl Links {
+    /// Draws of periods and frames come from another seed from here on.
+    pub fn reseed(&mut self, seed: u64) {
+        self.seeds.passing = seed;
+    }
+
     /// Links of nobody yet.
     ///
     /// * `channels`: those in use, 11 to 26.
     /// * `horizon_dbm`: frames that arrive with less do not disturb; `None`: those too weak to be received do not.
     #[must_use]
-    pub fn new(model: Arc<Model>, seed: u64, channels: &[u8], horizon_dbm: Option<f64>) -> Self {
+    pub fn new(
+        model: Arc<Model>,
+        seeds: impl Into<Seeds>,
+        channels: &[u8],
+        horizon_dbm: Option<f64>,
+    ) -> Self {
         let floor_dbm = model.floor_dbm();
         let floor_dbm = horizon_dbm.map_or(floor_dbm, |dbm| dbm.min(floor_dbm));
         let farthest = |channel: u8| model.reach_of(floor_dbm, Some(channel));
@@ -104,7 +114,7 @@ impl Links {
             budgets: is_plain.then(Budgets::default),
             reach: reach.unwrap_or_else(|| model.reach_of(floor_dbm, None)),
             model,
-            seed,
+            seeds: seeds.into(),
             floor_dbm,
             lasting,
             passing,
@@ -212,7 +222,7 @@ impl Links {
         }
         let on_air = OnAir {
             model: &self.model,
-            seed: self.seed,
+            seeds: self.seeds,
             place,
             scene: &scene,
             lasting: &self.lasting,
@@ -256,7 +266,7 @@ impl Paths for Links {
 /// A frame on the air and all that decides what of it arrives.
 struct OnAir<'a> {
     model: &'a Model,
-    seed: u64,
+    seeds: Seeds,
     place: &'a Place,
     scene: &'a Scene<'a>,
     lasting: &'a [Scatter],
@@ -340,7 +350,7 @@ impl OnAir<'_> {
     /// Sum of the scatter (dB) that lasts while nobody moves.
     fn lasting_db(&self, to: usize) -> f64 {
         let (sender, receiver) = (self.place.ends[self.from].id, self.place.ends[to].id);
-        let mut block = PairBlock::new(self.seed, sender, receiver, self.place.period_ns);
+        let mut block = PairBlock::new(self.seeds, sender, receiver, self.place.period_ns);
         let at = self.moment(to);
         let value_db = |scatter: &Scatter| scatter.value_db(&mut block, sender, receiver, at);
         self.lasting.iter().map(value_db).sum()
@@ -357,7 +367,7 @@ impl OnAir<'_> {
             | Renewal::Place { .. }
             | Renewal::Time { .. } => self.place.period_ns,
         };
-        let mut block = PairBlock::new(self.seed, sender, receiver, time_ns);
+        let mut block = PairBlock::new(self.seeds, sender, receiver, time_ns);
         scatter.value_db(&mut block, sender, receiver, self.moment(to))
     }
 }

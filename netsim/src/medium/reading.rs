@@ -103,7 +103,7 @@ fn of_receiver(air: &Air<'_>, receiver: usize, frames: &[usize], read: &mut Vec<
         for (pair, &frame) in pairs.iter_mut().zip(frames) {
             *pair = unordered_link(radios.id[receiver], radios.id[frame]);
         }
-        draw_blocks(air.seed, &pairs[..frames.len()], air.period_ns, &mut words);
+        draw_blocks(air.seeds, &pairs[..frames.len()], air.period_ns, &mut words);
     }
     // Where nothing but distance and frequency counts, one description serves all links.
     let is_isotropic = air.model.is_isotropic();

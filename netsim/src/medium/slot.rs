@@ -79,6 +79,11 @@ impl SlotMedium {
         }
     }
 
+    /// Draws by another seed from here on.
+    pub fn reseed(&mut self, seed: u64) {
+        self.seed = seed;
+    }
+
     /// What each listener receives, in their order. A mote that transmits does not hear. A mote listens at most once.
     pub fn resolve<P: Paths + ?Sized>(
         &mut self,

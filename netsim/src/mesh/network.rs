@@ -67,6 +67,8 @@ pub struct HeardOf {
 #[derive(Debug)]
 pub struct Mesh {
     pub(super) experiment: Experiment,
+    /// Seed of the draws to come: that of the experiment, unless there is another one since.
+    pub(super) seed: u64,
     pub(super) columns: Vec<DeliveryColumn>,
     pub(super) records: Vec<NetRecord>,
     pub(super) config: Config,
@@ -162,6 +164,7 @@ impl Mesh {
         let frames = FrameLog::new(records.contains(&NetRecord::Frames));
         let has_oracle = settings.sf.as_kind::<OracleConfig>().is_some();
         Self {
+            seed: experiment.seed,
             experiment,
             columns,
             records,
@@ -181,6 +184,14 @@ impl Mesh {
             has_oracle,
             ways: Ways::default(),
         }
+    }
+
+    /// Draws by another seed from here on. Lasting scatter keeps the experiment's.
+    pub fn reseed(&mut self, seed: u64) {
+        self.seed = seed;
+        self.medium.reseed(seed);
+        self.links.reseed(seed);
+        self.state.motes.iter_mut().for_each(|mote| mote.reseed(seed));
     }
 
     /// What changes as time goes on.
@@ -276,7 +287,7 @@ impl Mesh {
             settings: &self.settings,
             addresses: &self.addresses,
             packets: &mut self.state.packets,
-            seed: self.experiment.seed,
+            seed: self.seed,
             asn,
             effective_asn: asn,
             now_ns: asn * self.config.slot_ns,

@@ -157,7 +157,7 @@ impl Mesh {
     fn find_listeners(&mut self, asn: u64) {
         let stamp = asn + 1;
         let now_ns = asn * self.config.slot_ns;
-        let Self { scratch, state, links, settings, experiment, listening_cache, .. } = self;
+        let Self { scratch, state, links, settings, seed, listening_cache, .. } = self;
         let Scratch { sending, on_air, seen, listeners, heard, .. } = scratch;
         on_air.clear();
         listeners.clear();
@@ -199,7 +199,7 @@ impl Mesh {
                     Known::Unknown | Known::Listens(_) => {
                         let node = &state.motes[mote as usize];
                         let mac = &settings.mac;
-                        match node.mac.listening(mac, &node.schedule, experiment.seed, asn) {
+                        match node.mac.listening(mac, &node.schedule, *seed, asn) {
                             Some(listening) => listening,
                             None => {
                                 seen[mote as usize] = stamp;
@@ -427,19 +427,13 @@ impl Mesh {
             self.capture.ack(asn, begins_ns, sent.transmission.channel, &ack);
         }
         let slot = Slot { asn, begins_ns: now_ns };
-        let Self { scratch, links, medium, settings, experiment, .. } = self;
+        let Self { scratch, links, medium, settings, seed, .. } = self;
         let verdicts = medium.acknowledge(links, slot, &scratch.on_air, &scratch.answers);
         for (answer, verdict) in scratch.answers.iter().zip(verdicts) {
             let is_heard = matches!(verdict, Reception::Received { .. });
             let sent = &mut sending[answer.transmission as usize];
             sent.acknowledged = is_heard
-                && !loses_acknowledgment(
-                    settings,
-                    experiment.seed,
-                    answer.receiver,
-                    sent.sender,
-                    asn,
-                );
+                && !loses_acknowledgment(settings, *seed, answer.receiver, sent.sender, asn);
         }
     }
 

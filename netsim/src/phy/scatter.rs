@@ -5,7 +5,23 @@
 //! which a simulation advances.
 
 use proto::rng::{Draws, Purpose, normal, ordered_link, uniform, unordered_link};
+use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
+
+/// The seeds of an experiment: one, unless it was restored with another one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Seeds {
+    /// Of what holds for the whole experiment: contributions that last, or that vary with the place or slowly with time.
+    pub lasting: u64,
+    /// Of what is drawn for a control period, a frame or a slot, and of the motes' own draws.
+    pub passing: u64,
+}
+
+impl From<u64> for Seeds {
+    fn from(seed: u64) -> Self {
+        Self { lasting: seed, passing: seed }
+    }
+}
 
 /// Distribution of a contribution (dB) about the mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,7 +122,7 @@ pub struct Moment {
 /// and levels that are redrawn each period or frame. One block of the generator serves them all, drawn when first asked.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PairBlock {
-    seed: u64,
+    seeds: Seeds,
     pair: u64,
     period_ns: u64,
     is_drawn: bool,
@@ -117,15 +133,16 @@ impl PairBlock {
     /// The block of motes `a` and `b` in the period that begins at `period_ns`.
     #[inline]
     #[must_use]
-    pub fn new(seed: u64, a: u32, b: u32, period_ns: u64) -> Self {
-        Self { seed, pair: unordered_link(a, b), period_ns, is_drawn: false, words: [0; 4] }
+    pub fn new(seeds: impl Into<Seeds>, a: u32, b: u32, period_ns: u64) -> Self {
+        let (seeds, pair) = (seeds.into(), unordered_link(a, b));
+        Self { seeds, pair, period_ns, is_drawn: false, words: [0; 4] }
     }
 
     /// As [`PairBlock::new`], where the words have been drawn already: see [`draw_blocks`].
     #[inline]
     #[must_use]
-    pub fn drawn(seed: u64, a: u32, b: u32, period_ns: u64, words: [u64; 4]) -> Self {
-        Self { words, is_drawn: true, ..Self::new(seed, a, b, period_ns) }
+    pub fn drawn(seeds: Seeds, a: u32, b: u32, period_ns: u64, words: [u64; 4]) -> Self {
+        Self { words, is_drawn: true, ..Self::new(seeds, a, b, period_ns) }
     }
 
     /// Uniform in [0, 1): a frame is received if this is less than its probability.
@@ -147,7 +164,7 @@ impl PairBlock {
     #[inline]
     pub fn words(&mut self) -> [u64; 4] {
         if !self.is_drawn {
-            let draws = Draws::new(self.seed, Purpose::Reception);
+            let draws = Draws::new(self.seeds.passing, Purpose::Reception);
             self.words = draws.words(self.pair, self.period_ns, 0);
             self.is_drawn = true;
         }
@@ -156,8 +173,8 @@ impl PairBlock {
 }
 
 /// The words of many blocks at once. `pairs`: as [`unordered_link`] names them.
-pub fn draw_blocks(seed: u64, pairs: &[u64], period_ns: u64, words: &mut [[u64; 4]]) {
-    Draws::new(seed, Purpose::Reception).words_of(pairs, period_ns, 0, words);
+pub fn draw_blocks(seeds: Seeds, pairs: &[u64], period_ns: u64, words: &mut [[u64; 4]]) {
+    Draws::new(seeds.passing, Purpose::Reception).words_of(pairs, period_ns, 0, words);
 }
 
 /// Which word of a [`PairBlock`] is the level of the period, or of the frame from the lower number; the next one is that
@@ -244,7 +261,7 @@ impl Scatter {
         match self.law {
             Law::Uniform { span_db } => span_db * (self.level(block, sender, receiver, at) - 0.5),
             Law::Normal { sd_db } => {
-                sd_db * self.deviate(block.seed, sender, receiver, at).clamp(-CLIP_SD, CLIP_SD)
+                sd_db * self.deviate(block.seeds, sender, receiver, at).clamp(-CLIP_SD, CLIP_SD)
             }
             Law::Rician { k_factor_db } => {
                 let entity = self.entity(sender, receiver);
@@ -256,12 +273,12 @@ impl Scatter {
                     Renewal::Period => at.period_ns,
                     Renewal::Frame => at.sent_ns,
                 };
-                let draws = Draws::new(block.seed, self.purpose);
+                let draws = self.draws(block.seeds);
                 let [a, b, ..] = draws.words(entity, time, u64::from(self.ordinal) << 32);
                 Waves::from_k_factor(k_factor_db).power_db(a, b)
             }
             Law::Nodes { tx_sd_db, rx_sd_db } => {
-                let draws = Draws::new(block.seed, self.purpose);
+                let draws = self.draws(block.seeds);
                 let k = u64::from(self.ordinal) << 32;
                 let offset_sd = |node: u32, k: u64| {
                     draws.normal(u64::from(node), 0, k).clamp(-CLIP_SD, CLIP_SD)
@@ -300,10 +317,23 @@ impl Scatter {
             | Renewal::Coherence { .. }
             | Renewal::Place { .. }
             | Renewal::Time { .. } => {
-                let z = self.deviate(block.seed, sender, receiver, at);
+                let z = self.deviate(block.seeds, sender, receiver, at);
                 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
             }
         }
+    }
+
+    /// Its draws: what lasts, or varies with the place or slowly with time, keeps the seed that the experiment began with.
+    #[inline]
+    fn draws(&self, seeds: Seeds) -> Draws {
+        let seed = match self.renewal {
+            Renewal::Period | Renewal::Frame => seeds.passing,
+            Renewal::Frozen
+            | Renewal::Coherence { .. }
+            | Renewal::Place { .. }
+            | Renewal::Time { .. } => seeds.lasting,
+        };
+        Draws::new(seed, self.purpose)
     }
 
     /// Whose draws they are.
@@ -319,9 +349,9 @@ impl Scatter {
     }
 
     /// A standard normal number.
-    fn deviate(&self, seed: u64, sender: u32, receiver: u32, at: Moment) -> f64 {
+    fn deviate(&self, seeds: Seeds, sender: u32, receiver: u32, at: Moment) -> f64 {
         let entity = self.entity(sender, receiver);
-        let draws = Draws::new(seed, self.purpose);
+        let draws = self.draws(seeds);
         let k = u64::from(self.ordinal) << 32;
         match self.renewal {
             Renewal::Frozen => draws.normal(entity, 0, k),

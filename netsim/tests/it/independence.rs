@@ -222,7 +222,7 @@ fn plainly(
     let air = Air {
         model: &config.model,
         filters: &Filters::default(),
-        seed: setup.experiment.seed,
+        seeds: setup.experiment.seed.into(),
         period_ns,
         radios: &radios,
         scene: &scene,

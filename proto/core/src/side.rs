@@ -128,6 +128,10 @@ pub trait RobotSimulator: Send + 'static {
     ///
     /// Bytes that are no such state; the simulator is then as it was.
     fn restore(&mut self, state: &[u8]) -> Result<(), NotASnapshot>;
+
+    /// Draws by another seed from here on. What was drawn once for the whole experiment stays. Called only after `configure` or
+    /// `restore`.
+    fn reseed(&mut self, seed: u64);
 }
 
 /// Where the network begins.
@@ -242,4 +246,8 @@ pub trait NetSimulator: Send + 'static {
     ///
     /// Bytes that are no such state; the simulator is then as it was.
     fn restore(&mut self, state: &[u8]) -> Result<(), NotASnapshot>;
+
+    /// Draws by another seed from here on. What was drawn once for the whole experiment stays. Called only after `configure` or
+    /// `restore`.
+    fn reseed(&mut self, seed: u64);
 }

@@ -63,7 +63,7 @@ impl<S: NetSimulator> NetHost<S> {
             }),
             session: true,
             snapshots: true,
-            reseed: false,
+            reseed: true,
             commands: S::commands()
                 .iter()
                 .map(|&kind| v1::MoteCommandKind::from(kind).into())
@@ -277,11 +277,14 @@ impl<S: NetSimulator> Lifecycle<S> {
         &mut self,
         request: &v1::NetSimServiceRestoreRequest,
     ) -> Result<v1::NetSimServiceRestoreResponse, Status> {
-        if request.seed.is_some() {
-            return Err(Status::invalid_argument("seed: `reseed` is not announced"));
-        }
         let &Ledger { step, time_ns, .. } =
-            self.restored(&request.state, &version::<S>(), S::restore)?;
+            self.restored(&request.state, &version::<S>(), |simulator, state| {
+                simulator.restore(state)?;
+                if let Some(seed) = request.seed {
+                    simulator.reseed(seed);
+                }
+                Ok(())
+            })?;
         Ok(v1::NetSimServiceRestoreResponse { step, time_ns })
     }
 }

@@ -64,7 +64,7 @@ impl<S: RobotSimulator> RobotHost<S> {
             }),
             session: true,
             snapshots: true,
-            reseed: false,
+            reseed: true,
             commands: true,
             parallel: true,
             config_schema_json: self.config_schema_json.to_string(),
@@ -248,11 +248,14 @@ impl<S: RobotSimulator> Lifecycle<S> {
         &mut self,
         request: &v1::RobotSimServiceRestoreRequest,
     ) -> Result<v1::RobotSimServiceRestoreResponse, Status> {
-        if request.seed.is_some() {
-            return Err(Status::invalid_argument("seed: `reseed` is not announced"));
-        }
         let &Ledger { step, time_ns, .. } =
-            self.restored(&request.state, &version::<S>(), S::restore)?;
+            self.restored(&request.state, &version::<S>(), |simulator, state| {
+                simulator.restore(state)?;
+                if let Some(seed) = request.seed {
+                    simulator.reseed(seed);
+                }
+                Ok(())
+            })?;
         Ok(v1::RobotSimServiceRestoreResponse { step, time_ns })
     }
 }
