@@ -43,6 +43,8 @@ pub enum Fault {
     OtherVersion,
     /// It keeps no snapshots, which is no fault.
     NoSnapshots,
+    /// It announces that it can be restored with another seed, and keeps the one that it had.
+    IgnoresSeed,
     /// Robots that do not announce that they can stand still.
     CannotHold,
     /// Robots that in step 3 move although they were told to stand still.
@@ -198,6 +200,7 @@ macro_rules! faulty {
                 }
                 if self.fault == Fault::NoSnapshots {
                     reply.get_mut().snapshots = false;
+                    reply.get_mut().reseed = false;
                 }
                 if self.fault == Fault::CannotHold {
                     let $describe_hold = reply.get_mut();
@@ -264,6 +267,7 @@ macro_rules! faulty {
                     Fault::WrongDigest
                     | Fault::OtherVersion
                     | Fault::NoSnapshots
+                    | Fault::IgnoresSeed
                     | Fault::LesserDigest
                     | Fault::FalseDigest
                     | Fault::CannotHold
@@ -308,8 +312,11 @@ macro_rules! faulty {
 
             async fn restore(
                 &self,
-                request: Request<v1::$restore>,
+                mut request: Request<v1::$restore>,
             ) -> Result<Response<v1::$restored>, Status> {
+                if self.fault == Fault::IgnoresSeed {
+                    request.get_mut().seed = None;
+                }
                 self.inner.restore(request).await
             }
 

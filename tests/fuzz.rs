@@ -15,6 +15,7 @@ use measure::table::DataTable;
 use network::tracks::Tracks;
 use orchestrator::check;
 use proto::side::{NetSimulator as _, RobotSimulator as _};
+use record::formed::FormedNetwork;
 use std::path::{Path, PathBuf};
 use study::choices::Choices;
 
@@ -32,6 +33,7 @@ pub const TARGETS: &[Target] = &[
     Target { name: "configuration", run: configuration },
     Target { name: "convert", run: logs },
     Target { name: "csv", run: table },
+    Target { name: "formed", run: formed },
     Target { name: "gzip", run: table },
     Target { name: "k7", run: k7 },
     Target { name: "network_restore", run: network_restore },
@@ -127,6 +129,15 @@ fn verify(bytes: &[u8]) {
     write("run.mcap", bytes);
     let report = record::verify::verify(folder.path()).expect("it is the folder of a run");
     assert!(report.steps < 1 << 20, "a file of this size cannot hold so many steps");
+}
+
+/// What a formed network holds after its checksum, which is made right.
+fn formed(bytes: &[u8]) {
+    let path = Path::new("formed");
+    if let Ok(formed) = FormedNetwork::of_bytes(path, &FormedNetwork::sealed(bytes)) {
+        let again = FormedNetwork::of_bytes(path, &formed.to_bytes()).expect("it was just written");
+        assert_eq!(again.steps.len(), formed.steps.len());
+    }
 }
 
 /// The state of a network simulator, as its service stores it.

@@ -311,7 +311,7 @@ async fn measure(
     options: &BenchOptions,
 ) -> Result<BenchCell, RunError> {
     let plan = plan(agents, model, robots, mode)?;
-    let started = start(&plan, &options.start, Wanted::Nothing).await?;
+    let started = start(&plan, &options.start, Wanted::Nothing, None).await?;
     let mut coupled = started.coupled;
     let folder = temporary_folder()?;
     let mut recorder = None;
@@ -410,7 +410,7 @@ async fn steps(
 /// over, whatever is handed over.
 async fn exchange_ms(options: &BenchOptions) -> Result<f64, RunError> {
     let plan = plan(1, BenchModel::Full, RobotMotion::Jumping, Mode::Sequential)?;
-    let mut coupled = start(&plan, &options.start, Wanted::Nothing).await?.coupled;
+    let mut coupled = start(&plan, &options.start, Wanted::Nothing, None).await?.coupled;
     let times_ms = exchanges(&plan, &mut coupled).await;
     coupled.stop().await;
     let mut times_ms = times_ms?;

@@ -2,6 +2,7 @@
 
 mod predictions;
 mod probe;
+mod reseed;
 
 use drive::peer::{Described, SideError, Standing, connect};
 use experiment::Tls;
@@ -48,6 +49,8 @@ pub enum ContractVerdict {
     Broken(String),
     /// The simulator accepts what it should refuse. The orchestrator never sends that, but a mistake of users would go unnoticed.
     Lax(String),
+    /// The configuration does not show whether the simulator keeps it.
+    Undecided(String),
     /// The promise is optional, and the simulator does not announce it.
     NotAnnounced,
 }
@@ -99,7 +102,7 @@ pub struct ConformanceAnswer<'a> {
 struct FindingAnswer<'a> {
     /// The promise.
     promise: &'static str,
-    /// `kept`, `broken`, `lax` (accepted what should be refused) or `not-announced` (an option that the simulator does not offer).
+    /// `kept`, `broken`, `lax` (accepted what should be refused), `undecided` (the configuration does not show it) or `not-announced` (an option that the simulator does not offer).
     verdict: &'static str,
     /// What happened instead; null where the promise is kept.
     reason: Option<&'a str>,
@@ -111,6 +114,7 @@ impl<'a> FindingAnswer<'a> {
             ContractVerdict::Kept => ("kept", None),
             ContractVerdict::Broken(reason) => ("broken", Some(reason.as_str())),
             ContractVerdict::Lax(reason) => ("lax", Some(reason.as_str())),
+            ContractVerdict::Undecided(reason) => ("undecided", Some(reason.as_str())),
             ContractVerdict::NotAnnounced => ("not-announced", None),
         };
         Self { promise: finding.promise, verdict, reason }
@@ -127,6 +131,9 @@ impl fmt::Display for Conformance {
                 }
                 ContractVerdict::Lax(reason) => {
                     writeln!(f, "  lax     {}: {reason}", finding.promise)?
+                }
+                ContractVerdict::Undecided(reason) => {
+                    writeln!(f, "  ?       {}: {reason}", finding.promise)?
                 }
                 ContractVerdict::NotAnnounced => {
                     writeln!(f, "  –       {}: not announced", finding.promise)?
@@ -239,6 +246,8 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
     }
     let predictions = S::predictions(&session, &described).await;
     findings.extend(predictions.into_iter().map(|(promise, verdict)| Finding { promise, verdict }));
+    let snapshots = reseed::judged(&session, &described).await;
+    findings.extend(snapshots.into_iter().map(|(promise, verdict)| Finding { promise, verdict }));
     // Last: both begin other experiments.
     let whole = if described.full_digest {
         let result = session.compares_everything(&described).await;

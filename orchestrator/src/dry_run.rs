@@ -5,7 +5,7 @@
 //! space is known.
 
 use crate::disk_space::{bytes, free_bytes, least_bytes, n_steps, size_of};
-use crate::run::{RunError, StartOptions, record_of, start};
+use crate::run::{FormedFiles, RunError, StartOptions, record_of, start};
 use drive::{Driver, Failure, Observer, Schedule, Taken, Uninterrupted, Wanted};
 use experiment::Plan;
 use numbers::format::{count, count_of};
@@ -158,10 +158,12 @@ impl FirstSteps {
         let folder = tempfile::tempdir().map_err(|source| {
             record_failed(RecordError::Create { path: std::env::temp_dir(), source })
         })?;
-        let started = start(plan, options, Wanted::Record).await?;
+        let formed = FormedFiles::default().open(&mut plan.clone())?;
+        let started = start(plan, options, Wanted::Record, formed.as_deref()).await?;
         let mut coupled = started.coupled;
         let recorder = Recorder::create(folder.path(), started.header).and_then(|mut recorder| {
             recorder.configured(started.exchange)?;
+            started.formed_steps.into_iter().try_for_each(|step| recorder.step(step))?;
             Ok(recorder)
         });
         let recorder = match recorder {
@@ -173,7 +175,8 @@ impl FirstSteps {
         };
         let mut measuring = Measuring { recorder, n: 0, begun: Instant::now(), is_forming: false };
         let driver =
-            Driver::new(Schedule::from_plan(plan, started.waits), &started.records, &mut coupled);
+            Driver::new(Schedule::from_plan(plan, started.waits), &started.records, &mut coupled)
+                .after(started.past);
         let driven = driver.drive(&mut measuring, &mut Uninterrupted, &mut ()).await;
         let wall_s = measuring.begun.elapsed().as_secs_f64();
         let memory_bytes = memory_bytes();

@@ -9,11 +9,13 @@ mod recover;
 pub mod run_answer;
 mod start;
 mod trial;
+mod warm_start;
 
 pub use recover::{Reproduction, ResumeOptions, recover, reproduce, resume};
 pub(crate) use start::commands;
 pub use start::{Processes, StartOptions, Started, permitted, start};
 pub use trial::{Sides, TrialPlan, TrialResult};
+pub(crate) use warm_start::{FormedFile, FormedFiles};
 
 use crate::disk_space;
 use crate::watch::Watch;
@@ -29,10 +31,11 @@ use record::leftover::LeftoverError;
 use record::{
     Ending, Finished, KeptReason, RecordError, ReplacePolicy, Reservation, Status, StepRecord,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use view::live::{LiveFeed, LiveRun, Pace};
 use view::server::{RunSource, Shown};
+use warm_start::FormedSaver;
 
 /// What to run and where to put it.
 #[derive(Clone)]
@@ -49,6 +52,8 @@ pub struct RunOptions {
     pub start: StartOptions,
     /// Where it is shown while it lasts.
     pub live: Option<LiveView>,
+    /// The file in which the network is saved once it has formed.
+    pub save_formed: Option<PathBuf>,
 }
 
 /// Where a run is shown while it lasts.
@@ -105,6 +110,14 @@ pub enum RunError {
         account: String,
         /// What was recorded.
         kept: Box<Finished>,
+    },
+    /// The formed network cannot be saved. Nothing was run.
+    #[error("--save-formed {}: {reason}", path.display())]
+    NotSaved {
+        /// Where it was to go.
+        path: PathBuf,
+        /// Why not.
+        reason: String,
     },
     /// Someone stopped it before the first step.
     #[error("stopped by {signal} before the first step; nothing was recorded")]
@@ -192,6 +205,7 @@ impl RunError {
     pub fn exit_status(&self) -> u8 {
         match self {
             Self::Refused(_)
+            | Self::NotSaved { .. }
             | Self::Space(_)
             | Self::Leftover { .. }
             | Self::NoCheckpoint { .. }
@@ -265,8 +279,16 @@ pub async fn run(
     options: &RunOptions,
     audience: &mut impl Audience,
 ) -> Result<RunReport, RunError> {
-    let plan = experiment::load(&options.config, &options.overrides)?;
+    let mut plan = experiment::load(&options.config, &options.overrides)?;
     permitted(&plan, &options.start)?;
+    let formed = FormedFiles::default().open(&mut plan)?;
+    let plan = plan;
+    let save_formed = options.save_formed.as_deref();
+    if let (Some(path), Some(_)) = (save_formed, &formed) {
+        let reason =
+            "the experiment itself starts from a formed network; leave out experiment.warm_start";
+        return Err(not_saved(path, reason));
+    }
     disk_space::fits(disk_space::least_bytes(&plan), &options.out).map_err(RunError::Space)?;
     if let Some(warning) = disk_space::fits_if_ended_early(&plan, &options.out) {
         audience.warn(&warning);
@@ -286,19 +308,37 @@ pub async fn run(
     log.add("orchestrator", &provenance::opening(&plan));
     let started = tokio::select! {
         biased;
-        started = start(&plan, &options.start, Wanted::Record) => started,
+        started = start(&plan, &options.start, Wanted::Record, formed.as_deref()) => started,
         // What was started ends with the future that holds it.
         signal = interrupt.first() => Err(RunError::Interrupted { signal }),
     };
     let begun = Begun { reservation, replace: options.replace, log: log.clone(), before: None };
     let started = started?;
-    let shown = options.live.as_ref().map(|live| live.begin(&plan.name, &started.exchange));
+    if let Some(path) = save_formed
+        && let Err(error) = can_save(path, &started)
+    {
+        started.coupled.stop().await;
+        return Err(error);
+    }
+    let saver = save_formed.map(|path| {
+        let exchange = started.exchange.clone();
+        FormedSaver::new(path.to_owned(), &started.robots, &started.network, exchange)
+    });
+    let shown = options.live.as_ref().map(|live| {
+        let mut exchange = started.exchange.clone();
+        // Where the network had formed with another one.
+        exchange.robots_request.experiment.seed = plan.experiment.seed;
+        live.begin(&plan.name, &exchange)
+    });
     let shown = shown.transpose().unwrap_or_else(|error| {
         audience.warn(&format!("the run cannot be shown while it lasts: {error}"));
         None
     });
     // The terminal is drawn on until the run has ended.
-    let (feed, _watch) = shown.map_or((None, None), |(feed, watch)| (Some(feed), watch));
+    let (mut feed, _watch) = shown.map_or((None, None), |(feed, watch)| (Some(feed), watch));
+    if let Some(feed) = &mut feed {
+        started.formed_steps.iter().for_each(|step| feed.step(step));
+    }
     // Not before there is something to see.
     let url = options.live.as_ref().and_then(|live| live.url.as_ref());
     if let (Some(url), Some(_)) = (url, &feed) {
@@ -306,8 +346,28 @@ pub async fn run(
     }
     let mut attempt = Attempt::begin(&plan, begun, started).await?;
     attempt.recording.live = feed;
+    attempt.recording.saver = saver;
     let origin = Origin::new(options.out.clone(), options.replace);
     carry_out(&plan, &options.start, attempt, origin, interrupt, audience).await
+}
+
+/// Refuses to save a network that never forms, or of simulators that cannot be put back.
+fn can_save(path: &Path, started: &Started) -> Result<(), RunError> {
+    if !started.waits {
+        let reason = "the robots of this experiment do not wait until the network has formed; set experiment.start = \
+                      \"when-formed\" and netsim.mode = \"6tisch\"";
+        return Err(not_saved(path, reason));
+    }
+    for side in [&started.robots, &started.network] {
+        if !side.snapshots {
+            return Err(not_saved(path, format!("{} does not support snapshots", side.name)));
+        }
+    }
+    Ok(())
+}
+
+fn not_saved(path: &Path, reason: impl Into<String>) -> RunError {
+    RunError::NotSaved { path: path.to_owned(), reason: reason.into() }
 }
 
 /// How an experiment ends that is not driven to its end.

@@ -3,13 +3,21 @@
 use super::corpus;
 use super::services::{Call, frame};
 use crate::campaign::{Campaign, Layout};
+use bytes::Bytes;
+use drive::coupling::{Coupled, StepPlan};
+use drive::peer::{InProcess, NetworkSide, Peer, RobotSide, ready};
+use drive::{ConfigureRequests, Wanted, configure};
+use experiment::Overrides;
 use proto::config;
 use proto::side::{NetInput, NetSimulator as _, RobotSimulator as _, Setup};
 use proto::site::Site;
 use proto::types::{AgentStates, Coupling, Experiment, Payloads};
 use proto_messages::v1;
+use record::StepRecord;
+use record::formed::{FormedNetwork, SimulatorVersion};
 use std::collections::BTreeMap;
 use std::io::Write as _;
+use std::path::Path;
 
 /// Agents of the experiments in the corpora.
 const AGENTS: u32 = 3;
@@ -44,6 +52,7 @@ pub fn write() -> anyhow::Result<()> {
         Ok(state) => put("robots_restore", "flocking", &state)?,
         Err(problems) => anyhow::bail!("robots: {problems:?}"),
     }
+    put("formed", "two-motes", &formed_network()?)?;
     let csv = Campaign::link(3, &Layout::standard(), &[], 60).csv;
     put("csv", "links", csv.as_bytes())?;
     let gzip = |text: &[u8]| -> std::io::Result<Vec<u8>> {
@@ -107,6 +116,47 @@ fn robots_snapshot() -> Result<Vec<u8>, Problems> {
     let mut swarm = robotsim::sim::Swarm::default();
     swarm.configure(&setup(ROBOTS))?;
     Ok(swarm.snapshot())
+}
+
+/// The content of a formed network after its checksum: two motes, two steps, and states that no simulator made.
+fn formed_network() -> anyhow::Result<Vec<u8>> {
+    const TEXT: &str = "[experiment]\nname = \"f\"\nseed = 1\nduration_s = 1.0\nagents = 2\n\
+        [robotsim]\nscenario.kind = \"line\"\ncontroller.kind = \"hold\"\n\
+        [netsim]\nmode = \"6tisch\"\nphy.propagation = \"full\"\n";
+    let path = Path::new("experiment.toml");
+    let plan = experiment::read(path, TEXT.to_owned(), &Overrides::default())?;
+    let mut robots = InProcess::robots(robotsim::sim::Swarm::default());
+    let mut network = InProcess::network(netsim::sim::Network::default());
+    let asked = ConfigureRequests::from_plan(
+        &plan,
+        Peer::<RobotSide>::described(&robots),
+        Peer::<NetworkSide>::described(&network),
+        Wanted::Measures,
+    );
+    let configured = ready(configure(asked, &mut robots, &mut network))?;
+    let step_ns = plan.experiment.step_ns;
+    let (start, network_start) = (&configured.robots_start, &configured.network_start);
+    let mut coupled = Coupled::new(robots, network, plan.experiment, start, network_start);
+    let mut steps = Vec::new();
+    for step in 1..3 {
+        let plan = StepPlan { until_ns: step * step_ns, hold: true, ..StepPlan::default() };
+        let outcome = ready(coupled.advance(plan))?;
+        let digest = outcome.digest();
+        let (robots, network) = (outcome.robots, outcome.network);
+        let time_ns = outcome.time_ns;
+        steps.push(StepRecord { step, time_ns, robots, network, commands: Vec::new(), digest });
+    }
+    let named = |name: &str| SimulatorVersion { name: name.to_owned(), version: "1".to_owned() };
+    let formed = FormedNetwork {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        robots: named("robots"),
+        network: named("network"),
+        configured,
+        steps,
+        robots_state: Bytes::from_static(b"robots"),
+        network_state: Bytes::from_static(b"network"),
+    };
+    Ok(formed.to_bytes().split_off(FormedNetwork::HEADER_BYTES))
 }
 
 fn network_calls(toml: &str) -> Vec<u8> {

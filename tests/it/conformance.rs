@@ -18,7 +18,8 @@ fn ask(side: &str, url: &str, config: &str) -> (Option<i32>, Vec<(String, String
     (output.status.code(), findings.map(|f| (text(&f["promise"]), text(&f["verdict"]))).collect())
 }
 
-const ROBOTS: &str = "[scenario]\nkind = \"disc\"\ndensity_per_m2 = 0.1\n[controller]\nkind = \"flocking\"\nflock_radius_m = 10.0\n";
+const ROBOTS: &str = "[scenario]\nkind = \"disc\"\ndensity_per_m2 = 0.1\n[controller]\nkind = \"flocking\"\nflock_radius_m = 10.0\n\
+    [[dynamics.effect]]\nkind = \"localization\"\nsd_m = 0.1\n";
 const NETWORK: &str = "[phy]\npropagation = \"experimental-randomness\"\n";
 
 #[test]
@@ -55,6 +56,24 @@ fn what_is_wrong_with_others_is_found() {
     let (status, findings) = ask("netsim", &Faulty::network(Fault::OtherVersion).url, NETWORK);
     assert_eq!(status, Some(1), "{findings:?}");
     assert_eq!(findings[0].1, "broken");
+}
+
+#[test]
+fn a_seed_that_is_ignored_is_found() {
+    for (side, url, config) in [
+        ("robotsim", Faulty::robots(Fault::IgnoresSeed).url, ROBOTS),
+        ("netsim", Faulty::network(Fault::IgnoresSeed).url, NETWORK),
+    ] {
+        let (status, findings) = ask(side, &url, config);
+        assert_eq!(status, Some(0), "{side}: {findings:?}");
+        let other: Vec<_> = findings.iter().filter(|(_, verdict)| verdict != "kept").collect();
+        assert_eq!(other.len(), 1, "{side}: {findings:?}");
+        assert!(other[0].0.starts_with("a snapshot restored with another seed"), "{other:?}");
+        assert_eq!(other[0].1, "undecided");
+    }
+    let (_, findings) = ask("netsim", &Faulty::network(Fault::NoSnapshots).url, NETWORK);
+    let not_announced = findings.iter().filter(|(_, verdict)| verdict == "not-announced").count();
+    assert_eq!(not_announced, 2, "{findings:?}");
 }
 
 #[test]

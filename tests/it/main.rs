@@ -57,3 +57,4 @@ mod tidy;
 mod tls;
 mod viewing;
 mod waiting;
+mod warm_start;

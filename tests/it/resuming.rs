@@ -52,7 +52,7 @@ fn started(arguments: &[String], folder: &Path) -> Child {
 }
 
 /// Folders of unfinished runs.
-fn unfinished(out: &Path) -> Vec<PathBuf> {
+pub(super) fn unfinished(out: &Path) -> Vec<PathBuf> {
     let Ok(entries) = std::fs::read_dir(out) else { return Vec::new() };
     let paths = entries.map(|entry| entry.unwrap().path());
     paths.filter(|path| path.to_str().unwrap().contains(".partial-")).collect()
@@ -72,7 +72,7 @@ fn with_checkpoint(out: &Path) -> PathBuf {
 }
 
 /// A run killed with SIGKILL after its first checkpoint. Returns the folder that it left.
-fn killed(arguments: &[String], folder: &Path, out: &str) -> PathBuf {
+pub(super) fn killed(arguments: &[String], folder: &Path, out: &str) -> PathBuf {
     let mut run = started(arguments, folder);
     let left = with_checkpoint(&folder.join(out));
     run.kill().unwrap();

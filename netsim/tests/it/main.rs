@@ -21,5 +21,6 @@ mod oracle;
 mod pinned;
 mod pinned_mesh;
 mod refusals;
+mod reseeding;
 mod snapshot;
 mod sotdma;

@@ -40,6 +40,24 @@ pub trait Observer {
     /// The experiment ends with it.
     fn step(&mut self, taken: Taken) -> Result<(), Self::Error>;
 
+    /// Whether both sides' states are wanted, now that the network has formed and the robots start.
+    fn wants_formed(&mut self) -> bool {
+        false
+    }
+
+    /// Takes both sides' states where the network has formed; `None` of a side that keeps no snapshots.
+    ///
+    /// # Errors
+    ///
+    /// The experiment ends with it.
+    fn formed(
+        &mut self,
+        _robots: Option<Bytes>,
+        _network: Option<Bytes>,
+    ) -> Result<(), Self::Error> {
+        Ok(())
+    }
+
     /// Whether both sides' states are wanted, after the step just taken.
     fn wants_checkpoint(&mut self) -> bool {
         false
@@ -269,6 +287,14 @@ impl<'a, R: Peer<RobotSide>, N: Peer<NetworkSide>> Driver<'a, R, N> {
             audience.progress.end();
             if let Some(signal) = stopped? {
                 return Ok(Stopped::Interrupted(signal));
+            }
+            if audience.observer.wants_formed() {
+                let [robots, network] = tokio::select! {
+                    biased;
+                    states = self.coupled.snapshots() => states?,
+                    signal = audience.interrupts.lasting() => return Ok(Stopped::Interrupted(signal)),
+                };
+                audience.observer.formed(robots, network).map_err(Failure::Observer)?;
             }
         }
         let stopped = self.run(&mut audience).await;

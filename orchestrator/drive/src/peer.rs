@@ -224,7 +224,7 @@ impl<S: Service> Remote<S> {
     }
 
     /// Puts back a state that it gave as a snapshot after step `after`, which ended at `time_ns`, in place of configuring it.
-    /// `request` and `start` are what configured the experiment.
+    /// `request` and `start` are what configured the experiment. With a `seed`, later draws come from it.
     ///
     /// # Errors
     ///
@@ -232,6 +232,7 @@ impl<S: Service> Remote<S> {
     pub async fn restore(
         &mut self,
         state: Bytes,
+        seed: Option<u64>,
         request: &ConfigureRequest,
         start: &S::Start,
         (after, time_ns): (u64, u64),
@@ -243,7 +244,7 @@ impl<S: Service> Remote<S> {
         self.digest = Bytes::new();
         self.n_agents = request.experiment.agent_count;
         self.start = request.full_digest.then(|| S::start_digest(request, start));
-        let call = S::restore(self.client.clone(), state, None);
+        let call = S::restore(self.client.clone(), state, seed);
         let (step, got_ns) = self.wait(DOING.to_owned(), call).await?;
         if step != after {
             return Err(SideError::WrongStep { side: S::SIDE, expected: after, got: step });

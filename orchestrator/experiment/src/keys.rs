@@ -4,8 +4,16 @@ use super::control;
 use proto::config::{Choice, Default, Field, Kind, Range, TableSpec};
 
 /// Keys of `[experiment]` on which no result depends.
-pub const WITHOUT_EFFECT: [&str; 6] =
-    ["transport", "tls", "step_deadline_s", "checkpoint_every_s", "restarts", "reconnect_limit_s"];
+pub const WITHOUT_EFFECT: [&str; 7] = [
+    "transport",
+    "tls",
+    "step_deadline_s",
+    "checkpoint_every_s",
+    "restarts",
+    "reconnect_limit_s",
+    // What the file holds has an effect: warm_start_sha256.
+    "warm_start",
+];
 
 /// Description of `[experiment]`.
 pub const EXPERIMENT: TableSpec = TableSpec {
@@ -91,6 +99,20 @@ pub const EXPERIMENT: TableSpec = TableSpec {
                   and lists the missing motes with the reason.",
             kind: Kind::Number(Range::above(0.0, 1e9)),
             default: Default::Number(3600.0),
+        },
+        Field {
+            key: "warm_start",
+            doc: "Path of a formed network that orchestrator run --save-formed wrote, relative to this file. The run starts from \
+                  it instead of forming the network: positions, shadowing and clock rates are those of the file, all later \
+                  random draws come from seed.",
+            kind: Kind::Text,
+            default: Default::Absent,
+        },
+        Field {
+            key: "warm_start_sha256",
+            doc: "SHA-256 of the file of warm_start, in hexadecimal: a run from another file is refused. Runs record it.",
+            kind: Kind::Text,
+            default: Default::Absent,
         },
         Field {
             key: "stop_when_complete",

@@ -8,6 +8,7 @@ mod reach;
 mod sides;
 pub mod sweep;
 pub mod timeline;
+mod warm_start;
 
 pub use control::ControlPeriod;
 pub use keys::{EXPERIMENT, WITHOUT_EFFECT};
@@ -17,6 +18,7 @@ pub use overrides::opened;
 pub use reach::{REACH, SideCommand, quoted};
 pub use sides::SideConfig;
 pub use timeline::Timeline;
+pub use warm_start::WarmStart;
 
 use proto::bounds::CONFIGURATION_BYTES;
 use proto::config::{self, Lists, Node, Problem, Refusal, TableSpec, Value};
@@ -87,6 +89,8 @@ pub struct Plan {
     pub duration_ns: u64,
     /// When the robots start; `None`: when the network has formed, if it has anything to form.
     pub start: Option<Start>,
+    /// The formed network that the run starts from; `None`: it begins with motes that are switched on.
+    pub warm_start: Option<WarmStart>,
     /// Simulated time within which a network that robots wait for must have formed (ns).
     pub formation_limit_ns: u64,
     /// Faults and traffic.
@@ -358,11 +362,13 @@ fn plan(
         },
     );
     sides::check_messages(&robotsim.0, &netsim.0, problems);
+    let mut recorded = experiment_table.clone();
+    let warm_start = WarmStart::read(&mut recorded, base, &netsim.0, problems);
     if !problems.is_empty() {
         return None;
     }
     let mut effective = toml::Table::new();
-    effective.insert("experiment".to_owned(), experiment_table.clone().into());
+    effective.insert("experiment".to_owned(), recorded.into());
     effective.insert("site".to_owned(), site_table.clone().into());
     effective.extend(timeline_tables.map(|tables| ("timeline".to_owned(), tables)));
     effective.insert("output".to_owned(), output_table.into());
@@ -379,6 +385,7 @@ fn plan(
             Some("at-once") => Some(Start::AtOnce),
             _ => None,
         },
+        warm_start,
         formation_limit_ns: ns("formation_limit_s")?,
         timeline,
         stop_when_complete: experiment_table.get("stop_when_complete")?.as_bool()?,

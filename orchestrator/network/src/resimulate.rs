@@ -533,6 +533,12 @@ pub(super) struct ResimulatedStep<'a> {
 
 /// Refuses simulators elsewhere.
 fn has_both_sides(plan: &Plan) -> Result<(), ResimulationError> {
+    if plan.warm_start.is_some() {
+        return Err(ResimulationError::Unfit(
+            "experiment.warm_start: must be absent, because a measurement is re-simulated from where its network was switched on"
+                .to_owned(),
+        ));
+    }
     for (name, side) in [("netsim", &plan.netsim), ("robotsim", &plan.robotsim)] {
         if side.is_foreign() {
             let key = if side.url.is_some() { "url" } else { "command" };

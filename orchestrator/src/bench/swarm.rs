@@ -92,7 +92,7 @@ pub(super) async fn bench(
     let mut cells = Vec::new();
     for &row in rows {
         let plan = plan(row.agents)?;
-        let started = start(&plan, &options.start, Wanted::Record).await?;
+        let started = start(&plan, &options.start, Wanted::Record, None).await?;
         let folder = temporary_folder()?;
         let path = folder.path().join("record");
         let mut coupled = started.coupled;

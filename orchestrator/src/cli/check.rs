@@ -5,6 +5,7 @@ use super::inputs::print_account;
 use super::{Failure, OverrideArgs, inputs, write_json};
 use crate::check::{self, CHECK_SCHEMA, ExperimentCheck, SweepCheck, packet_check};
 use crate::console::{say, warn};
+use crate::run::FormedFiles;
 use crate::sweep;
 use clap::Args;
 use measure::packets;
@@ -71,7 +72,8 @@ fn check_sweep(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
 }
 
 fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
-    let plan = experiment::load(config, &args.change.overrides()).map_err(Failure::request)?;
+    let mut plan = experiment::load(config, &args.change.overrides()).map_err(Failure::request)?;
+    FormedFiles::default().open(&mut plan).map_err(Failure::request)?;
     let n_steps = plan.duration_ns.div_ceil(plan.experiment.step_ns);
     for warning in &plan.warnings {
         warn(warning);

@@ -1,7 +1,7 @@
 //! `orchestrator run`.
 
 use super::replay::Serving;
-use super::{AllowArgs, Failure, OverrideArgs, check_place, on_runtime, write_json};
+use super::{AllowArgs, Failure, OverrideArgs, check_place, is_stdout, on_runtime, write_json};
 use crate::console::{HeldScreen, Screen, say, warn};
 use crate::dry_run::DryRun;
 use crate::run::run_answer::RunAnswer;
@@ -27,6 +27,9 @@ pub(super) struct RunArgs {
     /// Go on with a run that was killed, from its latest checkpoint: give its folder, OUT/.NAME.partial-PID
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["config", "set", "seed", "out", "dry_run"])]
     resume: Option<PathBuf>,
+    /// Save the network in this file once it has formed. Runs and sweeps with experiment.warm_start = "FILE" start from there
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["dry_run", "resume"])]
+    save_formed: Option<PathBuf>,
     /// Write the results as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -68,6 +71,12 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     if let Some(path) = &args.json {
         check_place("--json", path)?;
     }
+    if let Some(path) = &args.save_formed {
+        if is_stdout(path) {
+            return Err(Failure::request("--save-formed -: give the path of a file"));
+        }
+        check_place("--save-formed", path)?;
+    }
     let start = args.allow.over(start);
     let config = args.config.clone().unwrap_or_default();
     if args.dry_run {
@@ -101,7 +110,8 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
         }
         None => {
             let out = args.out.clone();
-            let options = RunOptions { config, overrides, out, replace, start, live };
+            let save_formed = args.save_formed.clone();
+            let options = RunOptions { config, overrides, out, replace, start, live, save_formed };
             if args.watch {
                 let mut held = HeldScreen::default();
                 let report = on_runtime(run::run(&options, &mut held))?;

@@ -5,6 +5,7 @@ use super::start::{
     Processes, SideIdentity, StartOptions, Started, connect, header, identity, orders, ready_with,
     side,
 };
+use super::warm_start::{FormedFiles, FormedSaver};
 use super::{RunError, record_of};
 use bytes::Bytes;
 use drive::coupling::{Coupled, Position};
@@ -84,24 +85,34 @@ impl Attempt {
         started: Started,
     ) -> Result<Self, RunError> {
         let Started {
-            coupled,
+            mut coupled,
             exchange,
             header,
             waits,
             records,
+            formed_steps,
+            past,
             robots,
             network,
             warnings,
             orders,
         } = started;
-        let recorder = begun.recorder(header).and_then(|mut recorder| {
+        let urls = urls(&robots, &network);
+        let is_warm = !formed_steps.is_empty();
+        let recording = begun.recorder(header).and_then(|mut recorder| {
             recorder.configured(exchange)?;
-            Ok(recorder)
+            let mut recording = Recording::new(recorder, plan, urls);
+            for step in formed_steps {
+                recording.record(step)?;
+            }
+            Ok(recording)
         });
-        match recorder {
-            Ok(recorder) => {
-                let recording = Recording::new(recorder, plan, urls(&robots, &network));
-                let past = Past::default();
+        match recording {
+            Ok(mut recording) => {
+                if is_warm && let Err(error) = recording.store(&mut coupled).await {
+                    coupled.stop().await;
+                    return Err(error);
+                }
                 Ok(Self {
                     coupled,
                     recording,
@@ -159,9 +170,16 @@ impl Attempt {
                     robots: exchange.robots_request,
                     network: exchange.network_request,
                 };
+                // The plan has its checksum: the file is the one that the run started from.
+                let formed = FormedFiles::default().open(&mut plan.clone())?;
+                let wanted = Wanted::Record;
+                let formed = formed.as_deref();
                 let started =
-                    ready_with(plan, robots, network, Wanted::Record, Some(asked)).await?;
+                    ready_with(plan, robots, network, wanted, Some(asked), formed).await?;
                 let mut attempt = Self::begin(plan, begun, started).await?;
+                for _ in 0..attempt.recording.step {
+                    leftover.next_step();
+                }
                 attempt.recording.expected = Some(leftover);
                 Ok(attempt)
             }
@@ -221,9 +239,12 @@ async fn restored(
         let at = (last.step, last.time_ns);
         let [state, network_state] = end.states.clone();
         let Configured { robots_request, robots_start, network_request, network_start } = &exchange;
-        robots.restore(state.clone(), robots_request, robots_start, at).await.map_err(side)?;
+        robots
+            .restore(state.clone(), None, robots_request, robots_start, at)
+            .await
+            .map_err(side)?;
         network
-            .restore(network_state.clone(), network_request, network_start, at)
+            .restore(network_state.clone(), None, network_request, network_start, at)
             .await
             .map_err(side)?;
         let states =
@@ -403,6 +424,8 @@ pub(super) struct Recording {
     step: u64,
     /// Where it is shown while it lasts.
     pub(super) live: Option<LiveFeed>,
+    /// Saves the network once it has formed.
+    pub(super) saver: Option<FormedSaver>,
 }
 
 impl Recording {
@@ -417,15 +440,23 @@ impl Recording {
             latest: None,
             step: 0,
             live: None,
+            saver: None,
         }
     }
-}
 
-impl Observer for Recording {
-    type Error = RecordError;
+    /// Stores a checkpoint before the first step of its own, if it stores any: the states of a run that starts from a formed
+    /// network draw from its own seed, so the run can go on without the file.
+    async fn store(&mut self, coupled: &mut Processes) -> Result<(), RunError> {
+        if self.every.is_none() {
+            return Ok(());
+        }
+        let [robots, network] = coupled.snapshots().await.map_err(side)?;
+        self.checkpoint(robots, network)
+            .map_err(|error| RunError::Record { error, before_start: true })
+    }
 
-    fn step(&mut self, taken: Taken) -> Result<(), RecordError> {
-        let record = record_of(taken);
+    /// Records a step.
+    fn record(&mut self, record: StepRecord) -> Result<(), RecordError> {
         self.step = record.step;
         match self.expected.as_mut().map(Leftover::next_step) {
             Some(Some(expected)) if expected.digest != record.digest => {
@@ -437,7 +468,29 @@ impl Observer for Recording {
         if let Some(live) = &mut self.live {
             live.step(&record);
         }
+        if let Some(saver) = &mut self.saver {
+            saver.step(&record);
+        }
         self.recorder.step(record)
+    }
+}
+
+impl Observer for Recording {
+    type Error = RecordError;
+
+    fn step(&mut self, taken: Taken) -> Result<(), RecordError> {
+        self.record(record_of(taken))
+    }
+
+    fn wants_formed(&mut self) -> bool {
+        self.saver.as_ref().is_some_and(|saver| !saver.is_saved())
+    }
+
+    fn formed(&mut self, robots: Option<Bytes>, network: Option<Bytes>) -> Result<(), RecordError> {
+        match (&mut self.saver, robots, network) {
+            (Some(saver), Some(robots), Some(network)) => saver.save(robots, network),
+            _ => Ok(()),
+        }
     }
 
     fn may_go_on(&mut self, time_ns: u64) -> bool {

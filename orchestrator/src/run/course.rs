@@ -59,6 +59,7 @@ pub(super) async fn carry_out(
             audience.warn(&loss);
             let dir = recording.recorder.path();
             let live = recording.live.take();
+            let saver = recording.saver.take();
             drop(recording);
             let next = Attempt::go_on(plan, start, &origin, &dir, &mut interrupt).await;
             attempt = next.map_err(|error| RunError::NotResumed {
@@ -66,6 +67,7 @@ pub(super) async fn carry_out(
                 dir: dir.clone(),
             })?;
             attempt.recording.live = live;
+            attempt.recording.saver = saver;
             origin.left.push(dir);
             origin.resumed.push(step);
             continue;
@@ -79,6 +81,12 @@ pub(super) async fn carry_out(
             Err(failure) => (ended_by(&failure), Some(failure)),
         };
         let interrupted = ending.status == Status::Interrupted;
+        if let Some(saver) = recording.saver.as_ref().filter(|saver| !saver.is_saved()) {
+            audience.warn(&format!(
+                "--save-formed: {} was not written, since the network had not formed when the run ended",
+                saver.path().display()
+            ));
+        }
         let reason = ending.reason.iter().map(|reason| format!(": {reason}")).collect::<String>();
         log.end(&format!("{} after step {n_steps}{reason}", ending.status.name()));
         let wall_s = begun.elapsed().as_secs_f64();

@@ -4,6 +4,7 @@ use super::attempt::{Attempt, Begun, Origin, plan_of, recorded_plan};
 use super::course::carry_out;
 use super::interrupt::Interrupt;
 use super::start::{StartOptions, connect, header, permitted, ready_with};
+use super::warm_start::FormedFiles;
 use super::{Audience, RunError, RunReport, provenance};
 use drive::{ConfigureRequests, Wanted};
 use experiment::{Overrides, Start};
@@ -98,8 +99,9 @@ pub fn recover(dir: &Path) -> Result<Finished, RunError> {
     let mut leftover = Leftover::open(dir).map_err(unusable)?;
     let (plan, exchange) = plan_of(dir, &mut leftover, &Overrides::default())?;
     let recorded = &exchange.robots_request.experiment;
-    if (recorded.seed, recorded.agent_count) != (plan.experiment.seed, plan.experiment.agent_count)
-    {
+    // A run that started from a formed network recorded the seed with which that had formed.
+    let is_same_seed = plan.warm_start.is_some() || recorded.seed == plan.experiment.seed;
+    if !is_same_seed || recorded.agent_count != plan.experiment.agent_count {
         let reason = format!(
             "its config.toml was changed: seed {}, {} agents; recorded are seed {}, {} agents. Put back what was recorded",
             plan.experiment.seed, plan.experiment.agent_count, recorded.seed, recorded.agent_count
@@ -189,12 +191,15 @@ pub async fn reproduce(
     let Some(exchange) = exchange else {
         return Err(not_complete("it ended before both sides were configured".to_owned()));
     };
-    let plan = recorded_plan(&run.join("config.toml"), &exchange, overrides)?;
+    let mut plan = recorded_plan(&run.join("config.toml"), &exchange, overrides)?;
+    let formed = FormedFiles::default().open(&mut plan)?;
     let interrupt = Interrupt::listen();
     let (robots, network) = connect(&plan, start).await?;
     let asked =
         ConfigureRequests { robots: exchange.robots_request, network: exchange.network_request };
-    let started = ready_with(&plan, robots, network, Wanted::Record, Some(asked)).await?;
+    let wanted = Wanted::Record;
+    let started =
+        ready_with(&plan, robots, network, wanted, Some(asked), formed.as_deref()).await?;
     let reservation = Reservation::new(out, &plan.name)
         .map_err(|error| RunError::Record { error, before_start: true })?;
     let replace = ReplacePolicy::SameExperiment;

@@ -1,20 +1,22 @@
 //! Starting, connecting and configuring both sides of a run.
 
 use super::RunError;
-use drive::coupling::Coupled;
+use super::warm_start::{FormedFile, Placed};
+use drive::coupling::{Coupled, Position};
 use drive::peer::{
     Launch, LineSink, NetworkSide, Orders, Peer, Reach, Remote, RobotSide, Service, Side as _,
     SideError,
 };
-use drive::{self, ConfigureRequests, Unfit, Wanted};
+use drive::{self, ConfigureRequests, Past, Unfit, Wanted};
 use experiment::{EXPERIMENT, Plan, SideConfig, Start};
 use proto::config::{Node, Problem, Refusal, Value};
 use proto::exchange::Configured;
 use proto::types::NetRecord;
 use record::run_log::RunLog;
-use record::{RunHeader, is_column_of_motes};
+use record::{RunHeader, StepRecord, is_column_of_motes};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// How the sides are started.
@@ -51,6 +53,10 @@ pub struct Started {
     pub waits: bool,
     /// What the network keeps for the record.
     pub records: Vec<NetRecord>,
+    /// The steps that a formed network took before: they are recorded first.
+    pub formed_steps: Vec<StepRecord>,
+    /// What a driver has to know of those.
+    pub past: Past,
     /// Name, version, URL and transport of the robots.
     pub robots: SideIdentity,
     /// Name, version, URL and transport of the network.
@@ -74,6 +80,8 @@ pub struct SideIdentity {
     pub is_child: bool,
     /// Steps cross in one stream.
     pub streams: bool,
+    /// It serves snapshots.
+    pub snapshots: bool,
     /// Its digests cover the whole exchange.
     pub is_compared_whole: bool,
 }
@@ -85,11 +93,12 @@ pub(super) fn identity<S: Service>(peer: &Remote<S>) -> SideIdentity {
         url: peer.url().to_owned(),
         is_child: peer.is_child(),
         streams: peer.streams(),
+        snapshots: peer.described().snapshots,
         is_compared_whole: peer.start_digest().is_some(),
     }
 }
 
-/// Starts, connects and configures both sides.
+/// Starts, connects and configures both sides, or puts them where a network has formed.
 ///
 /// # Errors
 ///
@@ -98,9 +107,10 @@ pub async fn start(
     plan: &Plan,
     options: &StartOptions,
     wanted: Wanted,
+    formed: Option<&FormedFile>,
 ) -> Result<Started, RunError> {
     let (robots, network) = connect(plan, options).await?;
-    ready(plan, robots, network, wanted).await
+    ready(plan, robots, network, wanted, formed).await
 }
 
 /// Refuses commands of the experiment file unless they are allowed.
@@ -179,14 +189,15 @@ pub(super) async fn connect(
     }
 }
 
-/// Configures both sides, whatever they ran before. If that fails they are stopped.
+/// Configures both sides, whatever they ran before, or puts them where a network has formed. If that fails they are stopped.
 pub(super) async fn ready(
     plan: &Plan,
     robots: Remote<RobotSide>,
     network: Remote<NetworkSide>,
     wanted: Wanted,
+    formed: Option<&FormedFile>,
 ) -> Result<Started, RunError> {
-    ready_with(plan, robots, network, wanted, None).await
+    ready_with(plan, robots, network, wanted, None, formed).await
 }
 
 /// As [`ready`], asking both sides what is given, if it is, instead of what the plan says.
@@ -196,9 +207,19 @@ pub(super) async fn ready_with(
     mut network: Remote<NetworkSide>,
     wanted: Wanted,
     asked: Option<ConfigureRequests>,
+    formed: Option<&FormedFile>,
 ) -> Result<Started, RunError> {
-    match configure(plan, &mut robots, &mut network, wanted, asked).await {
-        Ok((exchange, start)) => {
+    let placed = match formed {
+        Some(formed) => place(plan, &mut robots, &mut network, wanted, formed).await,
+        None => configure(plan, &mut robots, &mut network, wanted, asked).await.map(
+            |(exchange, start)| {
+                let (steps, past) = (Vec::new(), Past::default());
+                (Placed { exchange, steps, past }, start)
+            },
+        ),
+    };
+    match placed {
+        Ok((Placed { exchange, steps, past }, start)) => {
             let identities = (identity(&robots), identity(&network));
             let mut warnings = warnings(plan, &exchange, wanted);
             warnings.extend(not_compared(RobotSide::SIDE, &identities.0));
@@ -213,12 +234,25 @@ pub(super) async fn ready_with(
                 &exchange.robots_start,
                 &exchange.network_start,
             );
+            let coupled = match steps.last() {
+                Some(StepRecord { step, time_ns, robots, network, .. }) => {
+                    coupled.after(&Position {
+                        step: *step,
+                        time_ns: *time_ns,
+                        robots: Arc::clone(robots),
+                        network: Arc::clone(network),
+                    })
+                }
+                None => coupled,
+            };
             Ok(Started {
                 coupled,
                 exchange,
                 header,
                 waits: start == Start::WhenFormed,
                 records,
+                formed_steps: steps,
+                past,
                 robots: identities.0,
                 network: identities.1,
                 warnings,
@@ -249,12 +283,7 @@ async fn configure(
     wanted: Wanted,
     asked: Option<ConfigureRequests>,
 ) -> Result<(Configured, Start), RunError> {
-    drive::announced(plan, robots.described(), network.described(), wanted).map_err(|unfit| {
-        match unfit {
-            Unfit::Plan(refusal) => RunError::Refused(*refusal),
-            Unfit::Side(error) => side(error),
-        }
-    })?;
+    announced(plan, robots, network, wanted)?;
     let asked = asked.unwrap_or_else(|| {
         ConfigureRequests::from_plan(plan, robots.described(), network.described(), wanted)
     });
@@ -274,6 +303,34 @@ async fn configure(
         return Err(side(SideError::Garbage { side: NetworkSide::SIDE, doing, reason }));
     }
     Ok((exchange, start))
+}
+
+/// Makes sure that both sides announce what the plan asks of them.
+fn announced(
+    plan: &Plan,
+    robots: &Remote<RobotSide>,
+    network: &Remote<NetworkSide>,
+    wanted: Wanted,
+) -> Result<(), RunError> {
+    drive::announced(plan, robots.described(), network.described(), wanted).map_err(|unfit| {
+        match unfit {
+            Unfit::Plan(refusal) => RunError::Refused(*refusal),
+            Unfit::Side(error) => side(error),
+        }
+    })
+}
+
+/// Puts both sides where a network has formed.
+async fn place(
+    plan: &Plan,
+    robots: &mut Remote<RobotSide>,
+    network: &mut Remote<NetworkSide>,
+    wanted: Wanted,
+    formed: &FormedFile,
+) -> Result<(Placed, Start), RunError> {
+    announced(plan, robots, network, wanted)?;
+    let start = drive::starts(plan, robots.described(), network.described(), true).map_err(side)?;
+    Ok((formed.place(plan, robots, network, wanted).await?, start))
 }
 
 /// What should be checked before the results are trusted: what the plan says, and what the network adds.

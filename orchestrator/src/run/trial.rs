@@ -3,12 +3,13 @@
 use super::interrupt::Interrupt;
 use super::provenance::opening;
 use super::start::{Processes, StartOptions, Started, connect, ready};
+use super::warm_start::FormedFiles;
 use super::{RunError, ended_by, record_of};
 use drive::peer::{NetworkSide, Peer as _, Remote, RobotSide};
 use drive::{Driver, Failure, Observer, Schedule, Stopped, Taken, Wanted};
 use experiment::{Plan, SideCommand, Tls, Transport};
 use record::run_summary::RunSummary;
-use record::{Ending, Measurer, RecordError, Recorder, ReplacePolicy, Reservation};
+use record::{Ending, Measurer, RecordError, Recorder, ReplacePolicy, Reservation, StepRecord};
 use report;
 use serde_json::Value;
 use std::path::Path;
@@ -19,6 +20,7 @@ pub struct Sides {
     interrupt: Interrupt,
     peers: Option<(Connection, Remote<RobotSide>, Remote<NetworkSide>)>,
     n_starts: u64,
+    formed: FormedFiles,
 }
 
 /// What a connection depends on.
@@ -64,13 +66,13 @@ pub struct TrialResult {
 }
 
 impl Sides {
-    /// Nothing is started yet. Within a runtime only: signals are listened for from here on.
+    /// Nothing is started yet. `formed`: files that trials may start from. Within a runtime only: signals are listened for from here on.
     #[must_use]
-    pub fn new(options: StartOptions) -> Self {
+    pub(crate) fn new(options: StartOptions, formed: FormedFiles) -> Self {
         // The simulators of each have a log of their own: of the trial that they are in.
         let run_log = options.run_log.within();
         let options = StartOptions { run_log, ..options };
-        Self { options, interrupt: Interrupt::listen(), peers: None, n_starts: 0 }
+        Self { options, interrupt: Interrupt::listen(), peers: None, n_starts: 0, formed }
     }
 
     /// How often simulators were started or connected to.
@@ -89,6 +91,9 @@ impl Sides {
         let log = self.options.run_log.clone();
         log.close();
         log.add("orchestrator", &opening(trial.plan));
+        let mut plan = trial.plan.clone();
+        let formed = self.formed.open(&mut plan)?;
+        let trial = &TrialPlan { plan: &plan, ..*trial };
         let reached = Connection::from_plan(trial.plan);
         let (robots, network) = match self.peers.take() {
             Some((now, robots, network)) if now == reached => (robots, network),
@@ -101,8 +106,8 @@ impl Sides {
             }
         };
         let wanted = if trial.keep_in.is_some() { Wanted::Record } else { Wanted::Measures };
-        let Started { mut coupled, exchange, header, waits, records, .. } =
-            ready(trial.plan, robots, network, wanted).await?;
+        let Started { mut coupled, exchange, header, waits, records, formed_steps, past, .. } =
+            ready(trial.plan, robots, network, wanted, formed.as_deref()).await?;
         let sink = match trial.keep_in {
             Some(out) => Reservation::new(out, &header.name)
                 // What a trial left before is of an earlier form of the sweep.
@@ -116,6 +121,10 @@ impl Sides {
                 Measurer::new(header, exchange).map(|measurer| Sink::Measure(Box::new(measurer)))
             }
         };
+        let sink = sink.and_then(|mut sink| {
+            formed_steps.into_iter().try_for_each(|step| sink.record(step))?;
+            Ok(sink)
+        });
         let mut sink = match sink {
             Ok(sink) => sink,
             Err(error) => {
@@ -123,7 +132,8 @@ impl Sides {
                 return Err(RunError::Record { error, before_start: true });
             }
         };
-        let driver = Driver::new(Schedule::from_plan(trial.plan, waits), &records, &mut coupled);
+        let driver =
+            Driver::new(Schedule::from_plan(trial.plan, waits), &records, &mut coupled).after(past);
         let stopped = match driver.drive(&mut sink, &mut self.interrupt, &mut ()).await {
             Ok(Stopped::Complete) => {
                 coupled.confirm().await.map(|()| Stopped::Complete).map_err(Failure::Side)
@@ -181,14 +191,18 @@ impl Observer for Sink {
     type Error = RecordError;
 
     fn step(&mut self, taken: Taken) -> Result<(), RecordError> {
-        match self {
-            Self::Record(recorder) => recorder.step(record_of(taken)),
-            Self::Measure(measurer) => measurer.step(record_of(taken)),
-        }
+        self.record(record_of(taken))
     }
 }
 
 impl Sink {
+    fn record(&mut self, step: StepRecord) -> Result<(), RecordError> {
+        match self {
+            Self::Record(recorder) => recorder.step(step),
+            Self::Measure(measurer) => measurer.step(step),
+        }
+    }
+
     fn finish(self, ending: &Ending) -> Result<RunSummary, RecordError> {
         match self {
             Self::Record(recorder) => {

@@ -1,7 +1,7 @@
 //! A sweep that has been read and checked: its settings, its trials, and what identifies each.
 
 use super::design::{self, Setting};
-use crate::run;
+use crate::run::{self, FormedFiles};
 use experiment::sweep::{self as spec, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
 use experiment::{Overrides, Plan};
 use proto::config::Refusal;
@@ -41,6 +41,8 @@ pub(crate) struct SweepPlan {
     pub(crate) commands: Option<Refusal>,
     /// What should be checked before the results are trusted.
     pub(crate) warnings: Vec<String>,
+    /// Formed networks that trials start from.
+    pub(crate) formed: FormedFiles,
 }
 
 /// A trial: a setting with a seed.
@@ -83,10 +85,12 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
         Seeds::These(seeds) => seeds.clone(),
     };
     let settings = design::settings(&sweep, seed);
+    let formed = FormedFiles::default();
     let checked: Vec<Result<CheckedSetting, Refusal>> = settings
         .par_iter()
         .map(|setting| {
-            let plan = plan_of(path, &text, &base, overrides, setting)?;
+            let mut plan = plan_of(path, &text, &base, overrides, setting)?;
+            formed.open(&mut plan)?;
             Ok(CheckedSetting {
                 identity: identity(&plan),
                 effort: effort(&plan),
@@ -136,6 +140,7 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
         efforts: good.iter().map(|checked| checked.effort).collect(),
         commands,
         warnings,
+        formed,
         text,
     })
 }

@@ -76,7 +76,7 @@ pub(super) fn work(work: &Work<'_>, queue: &TrialQueue, said: &Sender<Said>) {
 }
 
 async fn trials(work: &Work<'_>, queue: &TrialQueue, said: &Sender<Said>) -> u64 {
-    let mut sides = Sides::new(work.start.clone());
+    let mut sides = Sides::new(work.start.clone(), work.plan.formed.clone());
     while let Some(trial) = queue.take() {
         let mut begun = Instant::now();
         let mut result = one(work, &mut sides, trial).await;

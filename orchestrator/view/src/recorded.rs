@@ -14,6 +14,7 @@ use record::StepRecord;
 use record::periods::Periods;
 use record::random_access::Recording;
 use record::read::ReadError;
+use record::run_summary::RunSummary;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -55,10 +56,13 @@ impl RecordedRun {
     pub fn open(dir: &Path) -> Result<Self, ReadError> {
         let recording = Recording::open(dir)?;
         let name = dir.file_name().map(|name| name.to_string_lossy().into_owned());
+        let configured = run_of(&name.unwrap_or_default(), recording.configured());
         let run = view::Run {
+            // A run that started from a formed network was configured with the seed with which that had formed.
+            seed: RunSummary::read(dir).map_or(configured.seed, |summary| summary.seed),
             end_ns: recording.end_ns(),
             step_count: recording.n_steps(),
-            ..run_of(&name.unwrap_or_default(), recording.configured())
+            ..configured
         };
         Ok(Self { recording, run, scan: Mutex::default() })
     }

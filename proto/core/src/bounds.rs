@@ -51,6 +51,8 @@ pub const DESCRIPTION_BYTES: Bound =
     Bound { what: "size of a file that describes a result (bytes)", most: 256 << 20 };
 /// Size of the state of an interrupted run.
 pub const CHECKPOINT_BYTES: Bound = Bound { what: "size of a checkpoint (bytes)", most: 8 << 30 };
+/// Size of a formed network that a run starts from.
+pub const FORMED_BYTES: Bound = Bound { what: "size of a formed network (bytes)", most: 2 << 30 };
 /// Size of the journal of a sweep.
 pub const JOURNAL_BYTES: Bound =
     Bound { what: "size of the journal of a sweep (bytes)", most: 8 << 30 };
@@ -65,7 +67,7 @@ pub const PACKET_TIME_S: Bound = Bound { what: "time of a packet (s)", most: 604
 pub const LATENCY_S: Bound = Bound { what: "latency of a packet (s)", most: 3600 };
 
 /// All of them.
-pub const ALL: [Bound; 20] = [
+pub const ALL: [Bound; 21] = [
     CONFIGURATION_BYTES,
     CONFIGURATION_VALUES,
     TABLE_KEYS,
@@ -81,6 +83,7 @@ pub const ALL: [Bound; 20] = [
     RECORDING_BYTES,
     DESCRIPTION_BYTES,
     CHECKPOINT_BYTES,
+    FORMED_BYTES,
     JOURNAL_BYTES,
     LOCK_BYTES,
     CERTIFICATE_BYTES,

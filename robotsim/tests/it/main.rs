@@ -18,5 +18,6 @@ mod extension;
 mod flocking;
 mod groups;
 mod line_formation;
+mod reseeding;
 mod rigid;
 mod swarm;

@@ -1,0 +1,243 @@
+//! A formed network in a file of its own: what a run was until its network had formed, and both sides' states there.
+//!
+//! The file begins with a magic number and the SHA-256 of what follows: the version of the program as a postcard text, then a
+//! postcard record with the states and with the messages of every step, as `run.mcap` would hold them. A run that starts from
+//! the file records those steps as its own first ones, so that its results have the same shape as those of any other run.
+
+use super::bounded::read_file;
+use super::log::{StoredMessage, Topic};
+use super::read::{ReadError, RunReader};
+use super::{StepRecord, values};
+use bytes::Bytes;
+use prost::Message;
+use proto::bounds::FORMED_BYTES;
+use proto::digest;
+use proto::exchange::Configured;
+use proto_messages::v1;
+use serde::{Deserialize, Serialize};
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// A network that has formed, and everything that a run needs to start from it.
+#[derive(Clone, Debug)]
+pub struct FormedNetwork {
+    /// The version of the program that wrote it.
+    pub version: String,
+    /// Name and version of the robot simulator.
+    pub robots: SimulatorVersion,
+    /// Name and version of the network simulator.
+    pub network: SimulatorVersion,
+    /// How both sides were configured.
+    pub configured: Configured,
+    /// Every step until the network had formed, from step 1 on.
+    pub steps: Vec<StepRecord>,
+    /// The robots' state after the last of these steps.
+    pub robots_state: Bytes,
+    /// The network's state after the last of these steps.
+    pub network_state: Bytes,
+}
+
+/// Who took a snapshot: it can be restored by the same simulator of the same version alone.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SimulatorVersion {
+    /// Its name, as it describes itself.
+    pub name: String,
+    /// Its version, as it describes itself.
+    pub version: String,
+}
+
+/// Why a file is no formed network that this program can use.
+#[derive(Debug, thiserror::Error)]
+pub enum FormedError {
+    /// The file cannot be read.
+    #[error("cannot be read: {source}")]
+    Read {
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file is something else.
+    #[error("is not a formed network; write one with orchestrator run --save-formed")]
+    Foreign,
+    /// Another version wrote it: snapshots hold for one version.
+    #[error("was written by version {version} of the program; this is version {}. Form the network again with --save-formed",
+        env!("CARGO_PKG_VERSION"))]
+    Version {
+        /// The version that wrote it.
+        version: String,
+    },
+    /// The file was cut off or changed.
+    #[error("is damaged: {reason}; form the network again with --save-formed")]
+    Damaged {
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+/// What the file holds after its version.
+#[derive(Serialize, Deserialize)]
+struct Stored {
+    robots: SimulatorVersion,
+    network: SimulatorVersion,
+    robots_state: Bytes,
+    network_state: Bytes,
+    /// How both sides were configured, then the steps.
+    messages: Vec<StoredMessage>,
+}
+
+/// What every such file begins with; the last byte is the format.
+const MAGIC: [u8; 8] = *b"murmfrm\x01";
+
+impl FormedNetwork {
+    /// Length of what comes before the checksummed content.
+    pub const HEADER_BYTES: usize = MAGIC.len() + 32;
+
+    /// Writes the file at `path` as a whole: whoever reads it finds the one that was there before, or this one. Returns its
+    /// SHA-256.
+    ///
+    /// # Errors
+    ///
+    /// No permission, no space.
+    pub fn write(&self, path: &Path) -> std::io::Result<String> {
+        let content = self.to_bytes();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let unfinished = path.with_file_name(format!(".{name}.new-{}", std::process::id()));
+        let write = || -> std::io::Result<()> {
+            let mut file = File::create(&unfinished)?;
+            file.write_all(&content)?;
+            file.sync_all()?;
+            fs::rename(&unfinished, path)
+        };
+        write().inspect_err(|_| drop(fs::remove_file(&unfinished)))?;
+        Ok(digest::hex(&digest::of_bytes(&content)))
+    }
+
+    /// The content of the file.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let stored = Stored {
+            robots: self.robots.clone(),
+            network: self.network.clone(),
+            robots_state: self.robots_state.clone(),
+            network_state: self.network_state.clone(),
+            messages: self.messages(),
+        };
+        Self::sealed(&postcard::to_stdvec(&(&self.version, stored)).expect("plain data in memory"))
+    }
+
+    /// A file with this content: magic number and checksum before it.
+    #[must_use]
+    pub fn sealed(content: &[u8]) -> Vec<u8> {
+        [&MAGIC[..], &digest::of_bytes(content), content].concat()
+    }
+
+    /// Reads a file. Returns its SHA-256 as well, in hexadecimal.
+    ///
+    /// # Errors
+    ///
+    /// See [`FormedError`].
+    pub fn read(path: &Path) -> Result<(Self, String), FormedError> {
+        let content =
+            read_file(&FORMED_BYTES, path).map_err(|source| FormedError::Read { source })?;
+        let formed = Self::of_bytes(path, &content)?;
+        Ok((formed, digest::hex(&digest::of_bytes(&content))))
+    }
+
+    /// Reads the content of a file. `path` is for messages.
+    ///
+    /// # Errors
+    ///
+    /// See [`FormedError`].
+    pub fn of_bytes(path: &Path, content: &[u8]) -> Result<Self, FormedError> {
+        let damaged = |reason: String| FormedError::Damaged { reason };
+        let rest = content.strip_prefix(&MAGIC).ok_or(FormedError::Foreign)?;
+        let rest = match rest.split_at_checked(32) {
+            Some((checksum, rest)) if checksum == digest::of_bytes(rest) => rest,
+            _ => return Err(damaged("its checksum is wrong".to_owned())),
+        };
+        let wrong = |error: postcard::Error| damaged(error.to_string());
+        let (version, rest): (String, _) = postcard::take_from_bytes(rest).map_err(wrong)?;
+        if version != env!("CARGO_PKG_VERSION") {
+            return Err(FormedError::Version { version });
+        }
+        let (stored, rest): (Stored, _) = postcard::take_from_bytes(rest).map_err(wrong)?;
+        if !rest.is_empty() {
+            return Err(damaged(format!("{} bytes too many", rest.len())));
+        }
+        let Stored { robots, network, robots_state, network_state, messages } = stored;
+        let (configured, steps) = exchanged(path.to_owned(), messages).map_err(damaged)?;
+        Ok(Self { version, robots, network, configured, steps, robots_state, network_state })
+    }
+
+    fn messages(&self) -> Vec<StoredMessage> {
+        let message = |topic: Topic, bytes: Vec<u8>| (topic as u8, bytes);
+        let Configured { robots_request, robots_start, network_request, network_start } =
+            &self.configured;
+        let mut messages = vec![
+            message(
+                Topic::RobotConfigureRequest,
+                v1::RobotSimServiceConfigureRequest::from(robots_request).encode_to_vec(),
+            ),
+            message(
+                Topic::RobotConfigureResponse,
+                v1::RobotSimServiceConfigureResponse::from(robots_start).encode_to_vec(),
+            ),
+            message(
+                Topic::NetConfigureRequest,
+                v1::NetSimServiceConfigureRequest::from(network_request).encode_to_vec(),
+            ),
+            message(
+                Topic::NetConfigureResponse,
+                v1::NetSimServiceConfigureResponse::from(network_start).encode_to_vec(),
+            ),
+        ];
+        for record in &self.steps {
+            let StepRecord { step, time_ns, robots, network, commands, digest } = record;
+            if !commands.is_empty() {
+                let commands = commands.iter().cloned().map(Into::into).collect();
+                let request = v1::NetSimServiceCommandRequest { commands };
+                messages.push(message(Topic::NetCommand, request.encode_to_vec()));
+            }
+            let reply = v1::RobotSimServiceStepResponse::from(&**robots);
+            messages.push(message(Topic::RobotStep, reply.encode_to_vec()));
+            let reply = v1::NetSimServiceStepResponse::from(&**network);
+            messages.push(message(Topic::NetStep, reply.encode_to_vec()));
+            let barrier = v1::RobotSimServiceBarrierResponse {
+                step: *step,
+                time_ns: *time_ns,
+                digest: digest.to_vec().into(),
+            };
+            messages.push(message(Topic::Barrier, barrier.encode_to_vec()));
+        }
+        messages
+    }
+}
+
+/// The configuration and the steps of stored messages.
+fn exchanged(
+    path: PathBuf,
+    messages: Vec<StoredMessage>,
+) -> Result<(Configured, Vec<StepRecord>), String> {
+    let text = |error: ReadError| error.to_string();
+    let mut named = Vec::with_capacity(messages.len());
+    for (topic, data) in messages {
+        let known = Topic::ALL.get(usize::from(topic));
+        named.push((*known.ok_or_else(|| format!("topic {topic} is unknown"))?, data));
+    }
+    let mut reader = RunReader::stored(path, named).map_err(text)?;
+    let Some(recorded) = reader.configured().cloned() else {
+        return Err("it does not say how both sides were configured".to_owned());
+    };
+    let n_agents = recorded.robot_request.agent_count as usize;
+    let configured = values::configured(recorded).map_err(|invalid| invalid.to_string())?;
+    let mut steps: Vec<StepRecord> = Vec::new();
+    while let Some(step) = reader.next_step().map_err(text)? {
+        let step = values::step(step, n_agents).map_err(|invalid| invalid.to_string())?;
+        let expected = steps.len() as u64 + 1;
+        if step.step != expected {
+            return Err(format!("step {} stands where step {expected} belongs", step.step));
+        }
+        steps.push(step);
+    }
+    Ok((configured, steps))
+}
