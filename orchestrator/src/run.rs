@@ -15,7 +15,7 @@ pub use recover::{Reproduction, ResumeOptions, recover, reproduce, resume};
 pub(crate) use start::commands;
 pub use start::{Processes, StartOptions, Started, permitted, start};
 pub use trial::{Sides, TrialPlan, TrialResult};
-pub(crate) use warm_start::{FormedFile, FormedFiles};
+pub use warm_start::{FormedFile, FormedFiles};
 
 use crate::disk_space;
 use crate::watch::Watch;

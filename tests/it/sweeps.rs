@@ -41,7 +41,7 @@ pub(super) fn rows(table: &Path) -> Vec<BTreeMap<String, Field>> {
         .collect()
 }
 
-fn number(row: &BTreeMap<String, Field>, column: &str) -> f64 {
+pub(super) fn number(row: &BTreeMap<String, Field>, column: &str) -> f64 {
     match &row[column] {
         Field::Double(number) => *number,
         Field::ULong(number) => *number as f64,

@@ -1,9 +1,11 @@
 //! Runs and sweeps that start from a formed network.
 
 use crate::resuming::{killed, unfinished};
+use crate::sweeps::{number, rows};
+use parquet::record::Field;
 use proto::rng::{Draws, Purpose};
 use record::formed::{FormedError, FormedNetwork};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use tests::fake::{Fault, Faulty};
@@ -251,23 +253,25 @@ fn trials_of_a_sweep_start_from_it_each_with_its_own_seed() {
     let table =
         |out: &str| std::fs::read(folder.path().join(out).join("w/trials.parquet")).unwrap();
     assert!(table("a") == table("b"));
-    let rows = crate::sweeps::rows(&folder.path().join("a/w/trials.parquet"));
+    let rows = rows(&folder.path().join("a/w/trials.parquet"));
     assert_eq!(rows.len(), 6);
-    let column = |name: &str| -> BTreeSet<String> {
-        rows.iter().map(|row| format!("{:?}", row[name])).collect()
+    let column = |name: &str| -> BTreeSet<u64> {
+        rows.iter().map(|row| number(row, name).to_bits()).collect()
     };
-    assert_eq!(column("formed_s").len(), 1, "{:?}", column("formed_s"));
+    assert_eq!(column("kpis.formation.formed_s").len(), 1);
+    assert_eq!(column("kpis.delivery.latency_s.mean").len(), 6);
     // Each row is that of a run of its own.
-    let run = warm(folder.path(), "run", &["--seed", "6"]);
-    let of_run = summary(&run);
-    let row = rows
-        .iter()
-        .find(|row| {
-            format!("{:?}", row["seed"]).contains('6') && format!("{row:?}").contains("20.0")
-        })
-        .unwrap();
-    let transmissions = of_run["network"]["transmissions"].as_u64().unwrap();
-    assert!(format!("{:?}", row["transmissions"]).contains(&transmissions.to_string()), "{row:?}");
+    let of_run = summary(&warm(folder.path(), "run", &["--seed", "6"]));
+    let is_same = |row: &&BTreeMap<String, Field>| {
+        number(row, "experiment.seed") == 6.0 && number(row, "experiment.duration_s") == 20.0
+    };
+    let row = rows.iter().find(is_same).unwrap();
+    for figure in ["/kpis/delivery/ratio", "/kpis/delivery/latency_s/mean", "/task/flock_speed_mps"]
+    {
+        let name = figure[1..].replace('/', ".");
+        let expected = of_run.pointer(figure).unwrap().as_f64().unwrap();
+        assert_eq!(number(row, &name).to_bits(), expected.to_bits(), "{name}");
+    }
     sweep("seeds = 2\n[sweep.vary]\nnetsim.phy.exponent = [3.0, 2.8]\n");
     let said = refused(&["sweep", "s.toml"], folder.path());
     assert!(said.contains("netsim.phy.exponent: must be 3.0"), "{said}");

@@ -68,7 +68,7 @@ pub struct TrialResult {
 impl Sides {
     /// Nothing is started yet. `formed`: files that trials may start from. Within a runtime only: signals are listened for from here on.
     #[must_use]
-    pub(crate) fn new(options: StartOptions, formed: FormedFiles) -> Self {
+    pub fn new(options: StartOptions, formed: FormedFiles) -> Self {
         // The simulators of each have a log of their own: of the trial that they are in.
         let run_log = options.run_log.within();
         let options = StartOptions { run_log, ..options };

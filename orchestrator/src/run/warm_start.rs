@@ -16,13 +16,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Files of formed networks that have been read, so that each of many trials need not read its own.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct FormedFiles {
+pub struct FormedFiles {
     read: Arc<Mutex<BTreeMap<PathBuf, Arc<FormedFile>>>>,
 }
 
 /// A file of a formed network.
 #[derive(Debug)]
-pub(crate) struct FormedFile {
+pub struct FormedFile {
     formed: FormedNetwork,
     /// In lower-case hexadecimal.
     sha256: String,
@@ -34,7 +34,7 @@ impl FormedFiles {
     /// # Errors
     ///
     /// A file that cannot be used, or everything in which the plan differs from the experiment that formed the network.
-    pub(crate) fn open(&self, plan: &mut Plan) -> Result<Option<Arc<FormedFile>>, Refusal> {
+    pub fn open(&self, plan: &mut Plan) -> Result<Option<Arc<FormedFile>>, Refusal> {
         let Some(warm_start) = plan.warm_start.clone() else { return Ok(None) };
         let refused = |problems| Refusal::new(&plan.path, &plan.text, &plan.tree, problems);
         let path = &warm_start.path;
@@ -108,6 +108,11 @@ fn differences(plan: &Plan, path: &Path, formed: &Configured, problems: &mut Vec
     compare.side("netsim", &plan.netsim, network_request, &network_start.effective_toml);
 }
 
+/// A section that travels as text.
+fn parsed(text: &str) -> toml::Table {
+    text.parse().unwrap_or_default()
+}
+
 /// A comparison with the configuration under which a network formed.
 struct Comparison<'a> {
     file: String,
@@ -118,9 +123,14 @@ impl Comparison<'_> {
     /// Compares a side's section: as it was written, or with its defaults filled in.
     fn side(&mut self, path: &str, ours: &SideConfig, theirs: &ConfigureRequest, effective: &str) {
         let effective = if effective.is_empty() { &theirs.config_toml } else { effective };
-        match &ours.effective_toml {
-            Some(filled_in) => self.tables(path, filled_in, effective),
-            None => self.tables(path, &ours.toml, &theirs.config_toml),
+        let filled_in = ours.effective_toml.as_ref().unwrap_or(&ours.toml);
+        let is_same = [filled_in, &ours.toml].into_iter().any(|ours| {
+            [effective, &theirs.config_toml]
+                .into_iter()
+                .any(|theirs| parsed(ours) == parsed(theirs))
+        });
+        if !is_same {
+            self.tables(path, filled_in, effective);
         }
         let names: BTreeSet<&String> = ours.files.keys().chain(theirs.files.keys()).collect();
         for name in names {
@@ -138,7 +148,6 @@ impl Comparison<'_> {
     }
 
     fn tables(&mut self, path: &str, ours: &str, theirs: &str) {
-        let parsed = |text: &str| text.parse::<toml::Table>().unwrap_or_default();
         self.values(
             path,
             Some(&toml::Value::Table(parsed(ours))),
