@@ -135,7 +135,7 @@ fn everything_that_differs_from_the_experiment_that_formed_it_is_listed() {
         "netsim.phy.exponent=2.5",
         "netsim.sf.kind=\"orchestra\"",
         "robotsim.controller.flock_radius_m=20.0",
-        "site.ground_z_m=1.0",
+        "site.wall=[{ from_m = [1.0, 1.0], to_m = [4.0, 1.0] }]",
     ];
     let sets = sets.iter().flat_map(|&set| ["--set", set]);
     let args: Vec<&str> = ["run", "w.toml"].into_iter().chain(sets).collect();
@@ -143,9 +143,9 @@ fn everything_that_differs_from_the_experiment_that_formed_it_is_listed() {
     for key in [
         "experiment.control_period: must be 1 s",
         "netsim.phy.exponent: must be 3.0",
-        "netsim.sf",
+        "netsim.sf.kind: must be \"msf\"",
         "robotsim.controller.flock_radius_m: must be 30.0",
-        "site.ground_z_m",
+        "site.wall",
     ] {
         assert!(said.contains(key), "{key}: {said}");
     }

@@ -2,7 +2,7 @@
 
 use super::RunError;
 use super::start::{SideIdentity, side};
-use drive::peer::{Described, NetworkSide, Remote, RobotSide, Side as _, SideError};
+use drive::peer::{Described, NetworkSide, Peer as _, Remote, RobotSide, Side as _, SideError};
 use drive::{ConfigureRequests, Past, Wanted};
 use experiment::{Plan, SideConfig};
 use proto::config::{Problem, Refusal, join};
@@ -160,6 +160,12 @@ impl Comparison<'_> {
         match (ours, theirs) {
             (ours, theirs) if ours == theirs => {}
             (Some(Table(ours)), Some(Table(theirs))) => {
+                // Where another kind is chosen, all of its keys are others.
+                let chosen = |key: &&str| matches!((ours.get(*key), theirs.get(*key)), (Some(a), Some(b)) if a != b);
+                if let Some(key) = ["kind", "mode"].into_iter().find(chosen) {
+                    self.values(&join(path, key), ours.get(key), theirs.get(key));
+                    return;
+                }
                 let keys: BTreeSet<&String> = ours.keys().chain(theirs.keys()).collect();
                 for key in keys {
                     self.values(&join(path, key), ours.get(key), theirs.get(key));
@@ -181,11 +187,10 @@ impl Comparison<'_> {
                     None => format!("must not be set: the network in {} formed without", self.file),
                 };
                 let problem = Problem::new(path, message);
-                let problem = match ours {
+                self.problems.push(match ours {
                     Some(ours) => problem.value(ours),
-                    None => problem.value("nothing"),
-                };
-                self.problems.push(problem);
+                    None => problem,
+                });
             }
         }
     }
