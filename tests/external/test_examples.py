@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -175,3 +176,17 @@ def test_wheeled_robots_turn_the_same_way_over_both_networks(wheeled, tmp_path, 
     assert np.all((0.3 < speed_mps) & (speed_mps < 0.6)), speed_mps
     z_m = table["z_m"].to_numpy()
     assert np.all(np.abs(z_m - 0.05) < 0.01)
+
+
+def test_what_is_learnt_under_one_radio_is_flown_under_both(tmp_path):
+    """Seconds of training teach little: that it works, and that the same seed gives the same table."""
+    variables = {**os.environ, "PYTHONPATH": str(ROOT / "python/src"), "MURMURATION_PROGRAM": program("orchestrator")}
+    command = [sys.executable, ROOT / "robotsim/examples/python/train_flocking.py", "--quick"]
+    said, again = (succeed(command, deadline_s=600, env=variables, cwd=tmp_path) for _ in range(2))
+    assert said == again
+    lines = said.splitlines()
+    assert [line.split(":")[0] for line in lines[:2]] == ["trained under perfect", "trained under 6tisch"]
+    for line in lines[-2:]:
+        cells = re.findall(r"(-?\d+\.\d+) \((-?\d+\.\d+) to (-?\d+\.\d+)\)", line)
+        assert len(cells) == 2 and all(float(low) <= float(mean) <= float(high) for mean, low, high in cells), said
+    assert not list(tmp_path.iterdir())

@@ -28,7 +28,7 @@ def installed(tmp_path_factory):
     (wheel,) = folder.glob("murmuration_sim-*.whl")
     venv.create(folder / "venv", with_pip=True)
     scripts = folder / "venv" / "bin"
-    call(scripts / "pip", "install", "-q", "--disable-pip-version-check", f"{wheel}[polars,pandas,plot,rosbags]", "pytest")
+    call(scripts / "pip", "install", "-q", "--disable-pip-version-check", f"{wheel}[polars,pandas,plot,rosbags,env]", "pytest")
     return scripts, {"PATH": f"{scripts}:/usr/bin:/bin", "HOME": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
 
 
@@ -66,7 +66,7 @@ def test_its_stubs_import_under_older_versions_of_protobuf(installed, tmp_path, 
     _, variables = installed
     where = tmp_path / "older"
     call(sys.executable, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-deps", "--target", where, f"protobuf=={protobuf}")
-    text = f"import google.protobuf as p; assert p.__version__ == {protobuf!r}, p.__version__; import murmuration.robots, murmuration.network"
+    text = f"import google.protobuf as p; assert p.__version__ == {protobuf!r}, p.__version__; import murmuration.robots, murmuration.network, murmuration.radio"
     call(installed[0] / "python", "-c", text, env={**variables, "PYTHONPATH": str(where)}, cwd=tmp_path)
 
 

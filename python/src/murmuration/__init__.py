@@ -19,7 +19,7 @@ import os
 import re
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from murmuration import export, importers
 from murmuration._answers import Answer, Run, Sweep
@@ -27,9 +27,21 @@ from murmuration._files import Config, config_file, settings, table_file
 from murmuration._program import InvalidInput, MurmurationError, call, program
 
 __all__ = [
-    "Answer", "InvalidInput", "MurmurationError", "Run", "Sweep",
+    "Answer", "InvalidInput", "MurmurationError", "Radio", "Run", "Sweep",
     "compare", "diagnose", "export", "extend", "importers", "power", "program", "run", "simulate", "sweep",
 ]  # fmt: skip
+
+if TYPE_CHECKING:
+    from murmuration.radio import Radio
+
+
+def __getattr__(name: str) -> Any:
+    # Runs and sweeps need neither gRPC nor numpy, which take a while to import.
+    if name == "Radio":
+        from murmuration.radio import Radio
+
+        return Radio
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def run(
@@ -44,9 +56,13 @@ def run(
     another configuration; without it the new one gets a folder beside it.
     """
     options = [*_seed(seed), *_option("--threads", threads), *_option("--robotsim", robotsim), *_option("--netsim", netsim)]
-    options += [*_flag("--replace", replace), *_flag("--allow-command", allow_command)]
+    options += [*_flag("--replace", replace), *_flag("--allow-command", allow_command), "--out", os.fspath(out)]
+    return _run(config, options, overrides, progress=progress)
+
+
+def _run(config: Config, options: list[str], overrides: dict[str, Any], *, progress: bool | None = None, quiet: bool = False) -> Run:
     with config_file(config) as path:
-        printed = call(["run", path, "--out", out, *options, *settings(overrides)], progress)
+        printed = call(["run", path, *options, *settings(overrides)], progress, quiet=quiet)
     return Run(_folder(printed), printed)
 
 

@@ -28,7 +28,7 @@ def config_file(config: Config) -> Iterator[Path]:
     path = Path(name)
     try:
         with os.fdopen(handle, "wb") as file:
-            tomli_w.dump(_plain(config), file)
+            tomli_w.dump(plain(config), file)
         yield path
     except MurmurationError as error:
         # Lines of a file that nobody wrote: the dictionary is what they stand for.
@@ -68,17 +68,17 @@ def _toml_value(value: Any) -> str:
         return "{ " + ", ".join(f"{json.dumps(str(key))} = {_toml_value(item)}" for key, item in value.items()) + " }"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(_toml_value(item) for item in value) + "]"
-    return tomli_w.dumps({"value": _plain(value)}).removeprefix("value = ").strip()
+    return tomli_w.dumps({"value": plain(value)}).removeprefix("value = ").strip()
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Without numpy: its numbers and arrays become Python's."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items() if item is not None}
+        return {str(key): plain(item) for key, item in value.items() if item is not None}
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     return value

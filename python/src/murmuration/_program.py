@@ -43,10 +43,10 @@ def program() -> Path:
     return Path(found)
 
 
-def call(arguments: Sequence[str | os.PathLike[str]], progress: bool | None = None) -> str:
+def call(arguments: Sequence[str | os.PathLike[str]], progress: bool | None = None, *, quiet: bool = False) -> str:
     """Runs the program and returns what it printed. Ctrl-C ends the program as well.
 
-    `progress`: see `_progress.display_for`. A `python` that the program starts is the one that runs this, since its folder
+    With `quiet`, warnings are not passed on. `progress`: see `_progress.display_for`. A `python` that the program starts is the one that runs this, since its folder
     comes first on the path.
     """
     display = _progress.display_for(str(arguments[0]), progress)
@@ -67,7 +67,7 @@ def call(arguments: Sequence[str | os.PathLike[str]], progress: bool | None = No
         kind = InvalidInput if child.returncode == 2 else MurmurationError
         said = said.strip().replace("with --allow-command", "with allow_command=True")
         raise kind(said or printed.strip() or f"{' '.join(command)} ended with exit status {child.returncode}")
-    if said.strip():
+    if said.strip() and not quiet:
         print(said.strip(), file=sys.stderr)
     return printed
 

@@ -285,7 +285,7 @@ class Columns:
         n_sent = len(self.sender)
         if not n_sent == len(self.sent_ns) == len(self.end_ns) == len(self.length_bytes):
             raise invalid("transmissions: all columns must have the same length")
-        if self.length_bytes.sum(dtype=np.int64) != len(self.data):
+        if np.add.reduce(self.length_bytes, dtype=np.int64) != len(self.data):
             raise invalid(f"transmissions.payloads: must have as many bytes as length_bytes says, got {len(self.data)}")
 
     def pairs(self, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -350,8 +350,11 @@ def agent_states(positions_m: np.ndarray, velocities_mps: np.ndarray, headings_r
     return states
 
 
-def serve(register: Any, servicer: Any, address: str | None, *, block: bool) -> grpc.Server:
-    """Serves until the process ends: where MURMURATION_LISTEN says, else at `address`, else at any free port of this machine."""
+def serve(register: Any, servicer: Any, address: str | None, *, block: bool, quiet: bool = False) -> grpc.Server:
+    """Serves until the process ends: where MURMURATION_LISTEN says, else at `address`, else at any free port of this machine.
+
+    It prints where it listens, unless it is to be `quiet`.
+    """
     address = os.environ.get(LISTEN) or address or "127.0.0.1:0"
     is_local = address.startswith("unix:") or address.rsplit(":", 1)[0] in ("127.0.0.1", "localhost", "[::1]")
     if not is_local:
@@ -368,7 +371,7 @@ def serve(register: Any, servicer: Any, address: str | None, *, block: bool) -> 
     server.murmuration_address = shown
     if EXIT_WITH_STDIN in os.environ:
         serve_as_child(server)
-    else:
+    elif not quiet:
         print(f"listening on {shown}", flush=True)
     if block:
         try:

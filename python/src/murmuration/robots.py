@@ -28,6 +28,8 @@ from murmuration._contract import common_pb2, robotsim_pb2, robotsim_pb2_grpc
 
 # What a robot says unless `payloads` is overridden: position and velocity, six little-endian f64.
 STATE_BYTES = 48
+# No agent, in columns that name one.
+NOBODY = 0xFFFFFFFF
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,6 +126,81 @@ class Window:
     """The section [site]."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Motes:
+    """How the motes of all robots stand in the network. Each column has one entry for each robot."""
+
+    alive: np.ndarray
+    """Whose radio works."""
+    synced: np.ndarray
+    """Who is synchronised; all of those whose radio works where the network has no such state."""
+    joined: np.ndarray
+    """Who has joined; all of those whose radio works where the network has no such state."""
+    rank: np.ndarray | None
+    """Routing rank (RFC 6550); `None` where the network has no routing."""
+    parent: np.ndarray | None
+    """Preferred parent, -1 where there is none; `None` where the network has no routing."""
+    queue_length: np.ndarray | None
+    """Packets waiting; `None` where the network has no queues."""
+
+
+def mote_states(motes: Any, n: int) -> Motes:
+    """The motes' states of a message of the contract."""
+    alive = _serving.flags(motes.alive, n, "motes.alive")
+    synced = _serving.flags(motes.synced, n, "motes.synced") if motes.synced else alive
+    joined = _serving.flags(motes.joined, n, "motes.joined") if motes.joined else alive
+    columns = {}
+    for name, kind in (("rank", "<u4"), ("parent", "<u4"), ("queue_length", "<u4")):
+        column = np.array(getattr(motes, name), dtype=kind).astype(np.int64)
+        if len(column) not in (0, n):
+            raise _serving.invalid(f"motes.{name}: must have {n} entries, got {len(column)}")
+        columns[name] = column if len(column) else None
+    if columns["parent"] is not None:
+        columns["parent"][columns["parent"] == NOBODY] = -1
+    return Motes(alive, synced, joined, **columns)
+
+
+def decoded(n: int, columns: _serving.Columns | None, rssi_dbm: Any, now_ns: int, *, says_state: bool) -> Heard:
+    """What `n` robots heard, from the columns of a message of the contract; ages are those at `now_ns`.
+
+    With `says_state` payloads are positions and velocities, and others are left out.
+    """
+    if columns is None or len(columns.sender) == 0:
+        nobody, none = np.zeros(0, dtype=np.int64), np.zeros(0)
+        return Heard(n, nobody, nobody, none.reshape(0, 3), none.reshape(0, 3), none, none, [])
+    receivers, which = columns.pairs(n)
+    strength_dbm = np.array(rssi_dbm, dtype=float)
+    if len(strength_dbm) not in (0, len(which)):
+        raise _serving.invalid(f"rssi_dbm: must have {len(which)} entries, got {len(strength_dbm)}")
+    if len(strength_dbm) == 0:
+        strength_dbm = np.full(len(which), np.nan)
+    lengths, data, said = columns.length_bytes, columns.data, []
+    if not says_state:
+        ends = np.cumsum(lengths, dtype=np.int64).tolist()
+        each = [data[end - length : end] for end, length in zip(ends, lengths.tolist())]
+        said, states = [each[place] for place in which.tolist()], np.full((len(which), 6), np.nan)
+    elif len(data) == STATE_BYTES * len(lengths) and np.all(lengths == STATE_BYTES):
+        states = np.frombuffer(data, dtype="<f8").reshape(-1, 6).take(which, axis=0)
+    else:
+        # Robots that say where they are hear nothing else: what has another form is of no use to them.
+        of_form = lengths == STATE_BYTES
+        all_bytes = np.frombuffer(data, dtype=np.uint8)[np.repeat(of_form, lengths)]
+        states = np.full((len(lengths), 6), np.nan)
+        states[of_form] = np.frombuffer(all_bytes.tobytes(), dtype="<f8").reshape(-1, 6)
+        kept = of_form[which]
+        receivers, which, strength_dbm = receivers[kept], which[kept], strength_dbm[kept]
+        states = states[which]
+    age_s = (now_ns - columns.sent_ns.astype(np.int64)[which]) / 1e9
+    senders = columns.sender.astype(np.int64)[which]
+    return Heard(n, receivers, senders, states[:, :3], states[:, 3:], age_s, strength_dbm, said)
+
+
+def said_states(positions_m: np.ndarray, velocities_mps: np.ndarray) -> Any:
+    """Payloads in which all robots say their position and velocity (three columns each)."""
+    data = np.hstack([positions_m, velocities_mps]).astype("<f8", copy=False).tobytes()
+    return common_pb2.Payloads(length_bytes=[STATE_BYTES] * len(positions_m), data=data)
+
+
 class Robots:
     """Base class of a robot simulator. Override `reset` and `step`.
 
@@ -143,6 +220,8 @@ class Robots:
     """Time of the experiment at the beginning of the present step (s)."""
     task_complete = False
     """Set to true when the task is done."""
+    motes: Motes | None = None
+    """How the motes stood in the network when the present step began; `None` in the first step, and where the network does not tell."""
     heading_rad: np.ndarray | None = None
     """Direction that each body faces (rad, from x towards y), if bodies have one."""
 
@@ -209,7 +288,7 @@ class _Service(_serving.Service, robotsim_pb2_grpc.RobotSimServiceServicer):
 
     def start(self, request: Any) -> Any:
         robots = self.simulator
-        robots.task_complete, robots.heading_rad = False, None
+        robots.task_complete, robots.heading_rad, robots.motes = False, None, None
         self.positions_m = self._checked(robots.reset(request.seed, self.n), "reset")
         self.velocities_mps = np.zeros((self.n, 3))
         self._says_state = True
@@ -218,11 +297,12 @@ class _Service(_serving.Service, robotsim_pb2_grpc.RobotSimServiceServicer):
 
     def advance(self, request: Any, dt_s: float) -> tuple[Any, bytes]:
         columns = _serving.Columns(request.deliveries) if request.HasField("deliveries") else None
-        heard = self._heard(columns, np.array(request.deliveries.rssi_dbm, dtype=float))
         robots = self.simulator
         if request.hold:
             self.velocities_mps = np.zeros((self.n, 3))
         else:
+            heard = decoded(self.n, columns, request.deliveries.rssi_dbm, self.time_ns, says_state=self._says_state)
+            robots.motes = mote_states(request.motes, self.n) if request.HasField("motes") else None
             before_m = self.positions_m
             self.positions_m = self._checked(robots.step(dt_s, heard), "step")
             self.velocities_mps = (self.positions_m - before_m) / dt_s
@@ -296,40 +376,10 @@ class _Service(_serving.Service, robotsim_pb2_grpc.RobotSimServiceServicer):
         said = self.simulator.payloads()
         self._says_state = said is None
         if said is None:
-            data = np.column_stack([self.positions_m, self.velocities_mps]).astype("<f8").tobytes()
-            return common_pb2.Payloads(length_bytes=[STATE_BYTES] * self.n, data=data)
+            return said_states(self.positions_m, self.velocities_mps)
         if len(said) != self.n:
             raise ValueError(f"payloads must return one for each of {self.n} robots, got {len(said)}")
         return common_pb2.Payloads(length_bytes=[len(one) for one in said], data=b"".join(said))
-
-    def _heard(self, columns: _serving.Columns | None, rssi_dbm: np.ndarray) -> Heard:
-        if columns is None:
-            nobody, none = np.zeros(0, dtype=np.int64), np.zeros(0)
-            return Heard(self.n, nobody, nobody, none.reshape(0, 3), none.reshape(0, 3), none, none, [])
-        receivers, which = columns.pairs(self.n)
-        if len(rssi_dbm) not in (0, len(which)):
-            raise _serving.invalid(f"rssi_dbm: must have {len(which)} entries, got {len(rssi_dbm)}")
-        if len(rssi_dbm) == 0:
-            rssi_dbm = np.full(len(which), np.nan)
-        lengths, data, said = columns.length_bytes, columns.data, []
-        if not self._says_state:
-            ends = np.cumsum(lengths, dtype=np.int64).tolist()
-            each = [data[end - length : end] for end, length in zip(ends, lengths.tolist())]
-            said, states = [each[place] for place in which.tolist()], np.full((len(which), 6), np.nan)
-        elif np.all(lengths == STATE_BYTES):
-            states = np.frombuffer(data, dtype="<f8").reshape(-1, 6)[which]
-        else:
-            # Robots that say where they are hear nothing else: what has another form is of no use to them.
-            of_form = lengths == STATE_BYTES
-            all_bytes = np.frombuffer(data, dtype=np.uint8)[np.repeat(of_form, lengths)]
-            states = np.full((len(lengths), 6), np.nan)
-            states[of_form] = np.frombuffer(all_bytes.tobytes(), dtype="<f8").reshape(-1, 6)
-            kept = of_form[which]
-            receivers, which, rssi_dbm = receivers[kept], which[kept], rssi_dbm[kept]
-            states = states[which]
-        age_s = (self.time_ns - columns.sent_ns.astype(np.int64)[which]) / 1e9
-        senders = columns.sender.astype(np.int64)[which]
-        return Heard(self.n, receivers, senders, states[:, :3], states[:, 3:], age_s, rssi_dbm, said)
 
 
 def _windows(request: Any) -> list[Window]:
