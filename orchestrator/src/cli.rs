@@ -37,7 +37,7 @@ use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_wh
 use clap::{Args, Parser, Subcommand};
 use drive::peer::become_command;
 use experiment::{Overrides, Tls};
-use proto_host::{ServeArgs, init_logging_to, serve_network, serve_robots};
+use proto_host::{ServeArgs, init_logging_to, serve_network, serve_robots, use_threads};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -367,6 +367,7 @@ fn served(result: Result<(), proto_host::ServeError>) -> ExitCode {
 }
 
 fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> {
+    use_threads(None);
     let start = |threads| -> Result<StartOptions, Failure> {
         let executable = std::env::current_exe().map_err(Failure::work)?;
         Ok(StartOptions {

@@ -38,7 +38,7 @@ static IS_ANSWER_ON_STDOUT: AtomicBool = AtomicBool::new(false);
 
 /// Leaves standard output to the answer of a command, if an option says so.
 pub fn leave_stdout_to_answers(arguments: impl Iterator<Item = OsString>) {
-    const OPTIONS: [&str; 4] = ["--json", "--report", "--output", "--svg"];
+    const OPTIONS: [&str; 5] = ["--json", "--report", "--output", "--svg", "--emit-to"];
     let mut value_is_next = false;
     for argument in arguments {
         let text = argument.to_string_lossy();
@@ -69,6 +69,12 @@ pub fn complain(error: impl Display) {
 pub fn warn(warning: impl Display) {
     run_log().add("orchestrator", &format!("warning: {warning}"));
     let _ = writeln!(std::io::stderr(), "warning: {warning}");
+}
+
+/// Something that happened, on standard error.
+pub fn note(text: impl Display) {
+    run_log().add("orchestrator", &text.to_string());
+    let _ = writeln!(std::io::stderr(), "{text}");
 }
 
 /// A run as a person sees it: its warnings, and how far it is.
@@ -188,6 +194,30 @@ impl ProgressDisplay {
         let rate = n_now as f64 / self.begun.elapsed().as_secs_f64();
         let left_s = n.saturating_sub(done) as f64 / rate;
         self.show(done, format!("{done} of {n} trials  {rate:.1} a second  {left_s:.0} s left"));
+    }
+
+    /// `done` of `n` trials are done on other machines, `n_now` of them since this began; `activity` says what tasks are doing.
+    pub fn shards(&mut self, done: u64, n: u64, n_now: u64, activity: &str) {
+        let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };
+        if self.shown.elapsed() < every || activity.is_empty() {
+            return;
+        }
+        self.shown = Instant::now();
+        let rate = n_now as f64 / self.begun.elapsed().as_secs_f64();
+        let left_s = n.saturating_sub(done) as f64 / rate;
+        let speed = match n_now {
+            0 => String::new(),
+            _ => format!("  {rate:.1} a second  {left_s:.0} s left"),
+        };
+        self.show(done, format!("{done} of {n} trials{speed}  ({activity})"));
+    }
+
+    /// Writes to standard error while the bar is away.
+    pub fn aside(&self, write: impl FnOnce()) {
+        match &self.bar {
+            Some(bar) => bar.suspend(write),
+            None => write(),
+        }
     }
 
     /// `done` of `n` frames of a video are drawn.

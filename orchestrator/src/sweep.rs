@@ -3,9 +3,10 @@
 //!
 //! `OUT/<name>/trials.jsonl` holds a line for each finished trial, so a sweep resumes even after a crash. The table, the summary
 //! and the report are made from those lines once all trials are finished. A shard runs some of the trials and has a journal of
-//! its own; [`merge()`] makes the table from the journals of all shards.
+//! its own; [`merge()`] makes the table from the journals of all shards. [`engine`] has the shards run by a batch system.
 
 mod design;
+pub(crate) mod engine;
 pub(crate) mod figures;
 mod journal;
 mod merge;
@@ -19,6 +20,7 @@ pub mod sweep_summary;
 pub(crate) mod table;
 mod worker;
 
+pub use engine::{EngineError, EngineOptions, EngineReport};
 pub use journal::JournalError;
 pub use merge::{MergeReport, merge};
 pub use shard::{Shard, ShardError};
@@ -28,7 +30,7 @@ use crate::disk_space;
 use crate::dry_run::{DryRun, JOURNAL_LINE_BYTES};
 use crate::run::{RunError, StartOptions};
 use experiment::Overrides;
-use journal::{Journal, TrialRow};
+use journal::{Journal, JournalContent, TrialRow};
 use plan::{SweepPlan, SweepTrial};
 use proto::config::Refusal;
 use record::RecordError;
@@ -37,7 +39,7 @@ use sha2::{Digest as _, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use sweep_summary::SweepSummary;
 use worker::{Said, TrialQueue};
 
@@ -56,8 +58,18 @@ pub struct SweepOptions {
     pub jobs: Option<usize>,
     /// Forget the trials that are done.
     pub restart: bool,
+    /// How long a program waits for another one that writes the same journal, if need be.
+    pub lock_wait: Duration,
+    /// Arguments of the command that runs this sweep, without `--shard`, `--merge` and the like, each quoted for a shell.
+    pub arguments: Vec<String>,
+}
+
+impl SweepOptions {
     /// The command that runs this sweep, without `--shard`, `--merge` and the like. Messages add these to it.
-    pub command: String,
+    #[must_use]
+    pub fn command(&self) -> String {
+        format!("orchestrator {}", self.arguments.join(" "))
+    }
 }
 
 /// Why a sweep did not come to its end.
@@ -83,6 +95,9 @@ pub enum SweepError {
     /// A shard cannot be run, or shards cannot be merged.
     #[error(transparent)]
     Shard(#[from] ShardError),
+    /// A batch system did not run all shards.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
     /// The journal cannot be kept.
     #[error(transparent)]
     Journal(#[from] JournalError),
@@ -116,7 +131,9 @@ impl SweepError {
         match self {
             Self::Refused(_) | Self::Foreign(_) | Self::Space(_) | Self::Jobs { .. } => 2,
             Self::Journal(JournalError::Lock(RecordError::Locked { .. })) => 2,
+            Self::Record(RecordError::Locked { .. }) => 2,
             Self::Shard(error) => error.exit_status(),
+            Self::Engine(error) => error.exit_status(),
             Self::Run { error, .. } => error.exit_status(),
             Self::Journal(_) | Self::Record(_) | Self::Interrupted { .. } => 1,
         }
@@ -260,7 +277,7 @@ fn run_trials(
     check_folder(&dir, shard)?;
     std::fs::create_dir_all(&dir)
         .map_err(|source| RecordError::Create { path: dir.clone(), source })?;
-    let (mut journal, known) = Journal::open(&dir, &journal_name, options.restart)?;
+    let (mut journal, known) = open_journal(options, &dir, &journal_name)?;
     let log = &options.start.run_log;
     match shard {
         None => {
@@ -330,6 +347,28 @@ fn permitted(options: &SweepOptions, plan: &SweepPlan) -> Result<(), Refusal> {
     match &plan.commands {
         Some(refusal) if !options.start.allow_command => Err(refusal.clone()),
         _ => Ok(()),
+    }
+}
+
+/// How often a journal that another program holds is tried again.
+const LOCK_EVERY: Duration = Duration::from_secs(1);
+
+/// Opens a journal, once no other program holds it, if that is soon enough.
+fn open_journal(
+    options: &SweepOptions,
+    dir: &Path,
+    name: &str,
+) -> Result<(Journal, JournalContent), JournalError> {
+    let begun = Instant::now();
+    loop {
+        match Journal::open(dir, name, options.restart) {
+            Err(JournalError::Lock(RecordError::Locked { .. }))
+                if begun.elapsed() < options.lock_wait =>
+            {
+                std::thread::sleep(LOCK_EVERY);
+            }
+            opened => return opened,
+        }
     }
 }
 
@@ -502,7 +541,7 @@ fn jobs(options: &SweepOptions, plan: &SweepPlan) -> Result<usize, SweepError> {
         (Some(_), _) => Ok(1),
         (None, Some(jobs)) => Ok(jobs),
         // In each trial one of its three processes works at a time.
-        (None, None) => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
+        (None, None) => Ok(proto_host::cores()),
     }
 }
 

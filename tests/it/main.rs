@@ -10,6 +10,7 @@ mod between;
 mod breaking_input;
 mod catalogue;
 mod choices;
+mod clusters;
 mod commands;
 mod configs;
 mod conformance;

@@ -1,5 +1,9 @@
 //! The `[sweep]` section: what varies, and how often.
 
+mod engines;
+
+pub use engines::{HyperQueueOptions, SlurmOptions};
+
 use proto::config::{
     self, Choice, Default, Field, Kind, Lists, Node, Problem, Range as Within, TableSpec, Value,
     join,
@@ -83,6 +87,18 @@ pub const SPEC: TableSpec = TableSpec {
             kind: Kind::List { of: &Kind::Text, min: 1, max: 100 },
             default: Default::Absent,
         },
+        Field {
+            key: "slurm",
+            doc: engines::SLURM.doc,
+            kind: Kind::Table(&engines::SLURM),
+            default: Default::Table,
+        },
+        Field {
+            key: "hyperqueue",
+            doc: engines::HYPERQUEUE.doc,
+            kind: Kind::Table(&engines::HYPERQUEUE),
+            default: Default::Table,
+        },
     ],
     tag: None,
 };
@@ -144,6 +160,10 @@ pub struct Sweep {
     pub keep: Keep,
     /// What the report shows, if it is said.
     pub metrics: Option<Vec<String>>,
+    /// What `--engine slurm` asks for.
+    pub slurm: SlurmOptions,
+    /// What `--engine hyperqueue` asks for.
+    pub hyperqueue: HyperQueueOptions,
 }
 
 /// The seeds under which every setting is run.
@@ -204,6 +224,12 @@ pub fn read(node: &Node, problems: &mut Vec<Problem>) -> Sweep {
     let table = config::check(node, KEY, &SPEC, &Lists::NONE, problems).table;
     let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
     let text = |key: &str| table.get(key).and_then(toml::Value::as_str);
+    let section = |key: &str| table.get(key).and_then(toml::Value::as_table);
+    let (no_keys, slurm, hyperqueue) =
+        (toml::Table::new(), section("slurm"), section("hyperqueue"));
+    for (key, section) in [("slurm", slurm), ("hyperqueue", hyperqueue)] {
+        engines::check_texts(section.unwrap_or(&no_keys), &join(KEY, key), problems);
+    }
     let texts = |key: &str| {
         let list = table.get(key)?.as_array()?;
         Some(list.iter().filter_map(|text| text.as_str().map(str::to_owned)).collect())
@@ -249,6 +275,8 @@ pub fn read(node: &Node, problems: &mut Vec<Problem>) -> Sweep {
             _ => Keep::None,
         },
         metrics: texts("metrics"),
+        slurm: config::typed(slurm.unwrap_or(&no_keys)),
+        hyperqueue: config::typed(hyperqueue.unwrap_or(&no_keys)),
     }
 }
 

@@ -1,14 +1,18 @@
 //! The commands that run many experiments.
 
-use super::{AllowArgs, Failure, FileArgs, check_place, on_runtime, write_json};
+use super::{
+    AllowArgs, Failure, FileArgs, check_place, is_stdout, on_runtime, write_json, write_whole,
+};
 use crate::compare_runs;
 use crate::console::{say, warn};
 use crate::run::StartOptions;
-use crate::sweep::{self, Shard, SweepError, SweepOptions, SweepReport};
+use crate::sweep::engine::{self, EngineOptions, EngineReport, quoted};
+use crate::sweep::{self, MergeReport, Shard, SweepError, SweepOptions, SweepReport};
 use clap::Args;
-use experiment::quoted;
+use clap::builder::PossibleValuesParser;
 use numbers::format::count_of;
 use std::path::PathBuf;
+use std::time::Duration;
 
 #[derive(Args)]
 pub(super) struct SweepArgs {
@@ -39,11 +43,47 @@ pub(super) struct SweepArgs {
     /// Run no trials: check that all shards are finished, and write the table, the summary and the report of the whole sweep
     #[arg(long, conflicts_with_all = ["shard", "jobs", "threads", "restart", "dry_run"])]
     merge: bool,
+    /// Run the shards as tasks of this batch system, as [sweep.slurm] or [sweep.hyperqueue] asks. With slurm, follow them, submit
+    /// lost ones again and merge; the same command follows jobs that are there. With hyperqueue, only submit. All machines must
+    /// share the folder of results
+    #[arg(
+        long,
+        value_name = "NAME",
+        conflicts_with_all = ["shard", "merge", "restart", "dry_run"],
+        value_parser = PossibleValuesParser::new(engine::names())
+    )]
+    engine: Option<String>,
+    /// Number of shards, one per task of the batch system [default: one per trial, at most 100]
+    #[arg(long, value_name = "N", requires = "engine", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    shards: Option<u32>,
+    /// Write what would be submitted to standard output, or to --emit-to; submit nothing and leave nothing else
+    #[arg(long, value_name = "WHAT", requires = "engine", conflicts_with = "json")]
+    emit: Option<Emit>,
+    /// File for --emit; - for standard output
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "emit",
+        default_value = "-",
+        hide_default_value = true
+    )]
+    emit_to: PathBuf,
+    /// Wait up to S seconds if another program writes the journal of this shard, for instance a task on a machine that has just
+    /// failed
+    #[arg(long, value_name = "S", requires = "shard", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=86_400))]
+    wait_for_lock: u32,
+}
+
+/// What `--emit` writes.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Emit {
+    /// The job script
+    Script,
 }
 
 /// Options that choose what a sweep runs and how: name, and whether a value follows. The command that messages show has none of
 /// them.
-const WORK_OPTIONS: [(&str, bool); 7] = [
+const WORK_OPTIONS: [(&str, bool); 12] = [
     ("--shard", true),
     ("--merge", false),
     ("--jobs", true),
@@ -51,11 +91,16 @@ const WORK_OPTIONS: [(&str, bool); 7] = [
     ("--restart", false),
     ("--dry-run", false),
     ("--json", true),
+    ("--engine", true),
+    ("--shards", true),
+    ("--emit", true),
+    ("--emit-to", true),
+    ("--wait-for-lock", true),
 ];
 
-/// The command of these arguments, without [`WORK_OPTIONS`], as a shell takes it.
-fn base_command(arguments: impl Iterator<Item = String>) -> String {
-    let mut words = vec!["orchestrator".to_owned()];
+/// The arguments of the program without its name and without [`WORK_OPTIONS`], as a shell takes them.
+fn base_arguments(arguments: impl Iterator<Item = String>) -> Vec<String> {
+    let mut words = Vec::new();
     let mut arguments = arguments.skip(1);
     while let Some(argument) = arguments.next() {
         let name = argument.split('=').next().unwrap_or_default();
@@ -68,7 +113,7 @@ fn base_command(arguments: impl Iterator<Item = String>) -> String {
             None => words.push(quoted(&argument)),
         }
     }
-    words.join(" ")
+    words
 }
 
 /// `orchestrator sweep`.
@@ -83,8 +128,17 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
         start: args.allow.over(StartOptions { is_busy: true, ..start }),
         jobs: args.jobs.map(usize::from),
         restart: args.restart,
-        command: base_command(std::env::args_os().map(|word| word.to_string_lossy().into_owned())),
+        lock_wait: Duration::from_secs(args.wait_for_lock.into()),
+        arguments: base_arguments(
+            std::env::args_os().map(|word| word.to_string_lossy().into_owned()),
+        ),
     };
+    let of_engine = args.engine.as_deref();
+    if let Some(of_engine) =
+        of_engine.and_then(|name| EngineOptions::new(name, args.shards, args.threads))
+    {
+        return run_engine(&options, of_engine, args);
+    }
     if args.dry_run {
         let dry = on_runtime(sweep::dry_run(&options, args.shard))?.map_err(failed)?;
         for warning in &dry.warnings {
@@ -106,8 +160,7 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
         let shards: Vec<String> =
             merged.failed_shards.iter().map(|shard| format!("--shard {shard}")).collect();
         let retry = format!("Run {} again to retry them, then --merge", shards.join(", "));
-        let done = format!(" of {} merged", count_of(merged.n_shards.into(), "shard"));
-        return show(&merged.sweep, &done, &retry, args);
+        return show_merged(&merged, &retry, args);
     }
     let report = sweep::sweep(&options).map_err(failed)?;
     let before = match report.n_before {
@@ -120,6 +173,38 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
         count_of(report.n_starts, "pair")
     );
     show(&report, &done, "Run the same command again to retry them", args)
+}
+
+/// Runs the shards of a sweep by a batch system, or writes the script that would.
+fn run_engine(
+    options: &SweepOptions,
+    of_engine: EngineOptions,
+    args: &SweepArgs,
+) -> Result<(), Failure> {
+    if args.emit.is_some() {
+        if !is_stdout(&args.emit_to) {
+            check_place("--emit-to", &args.emit_to)?;
+        }
+        let script = engine::emit(options, of_engine).map_err(failed)?;
+        return write_whole("--emit-to", &args.emit_to, script);
+    }
+    match engine::run(options, of_engine).map_err(failed)? {
+        EngineReport::Merged(merged) => {
+            show_merged(&merged, "Run the same command again to retry them", args)
+        }
+        EngineReport::Submitted(next) => {
+            if args.file.json.is_some() {
+                warn("--json: there are no results of the sweep yet; use --json with --merge");
+            }
+            say(next);
+            Ok(())
+        }
+    }
+}
+
+fn show_merged(merged: &MergeReport, retry: &str, args: &SweepArgs) -> Result<(), Failure> {
+    let done = format!(" of {} merged", count_of(merged.n_shards.into(), "shard"));
+    show(&merged.sweep, &done, retry, args)
 }
 
 fn failed(error: SweepError) -> Failure {
@@ -162,7 +247,7 @@ fn run_shard(options: &SweepOptions, shard: Shard) -> Result<(), Failure> {
         count_of(report.n_starts, "pair")
     ));
     say(format!("journal in {}", report.journal.display()));
-    say(format!("once all shards are finished, run {} --merge", options.command));
+    say(format!("once all shards are finished, run {} --merge", options.command()));
     if report.failed.is_empty() {
         return Ok(());
     }
@@ -200,14 +285,18 @@ mod tests {
 
     #[test]
     fn the_command_in_messages_is_the_one_that_was_given_without_what_it_runs() {
-        let command = |text: &str| base_command(text.split('|').map(str::to_owned));
+        let command = |text: &str| base_arguments(text.split('|').map(str::to_owned)).join(" ");
         assert_eq!(
             command("/bin/orchestrator|sweep|s.toml|--merge|--out|a b|--set=x.y=[1, 2]"),
-            "orchestrator sweep s.toml --out 'a b' '--set=x.y=[1, 2]'"
+            "sweep s.toml --out 'a b' '--set=x.y=[1, 2]'"
         );
         assert_eq!(
             command("o|sweep|--shard=1/3|it's.toml|--jobs|2|--restart|--seed|4"),
-            "orchestrator sweep 'it'\\''s.toml' --seed 4"
+            "sweep 'it'\\''s.toml' --seed 4"
+        );
+        assert_eq!(
+            command("o|sweep|--engine=slurm|s.toml|--shards|8|--emit|script"),
+            "sweep s.toml"
         );
     }
 }

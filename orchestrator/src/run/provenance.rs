@@ -52,7 +52,7 @@ impl Provenance {
             "host": std::fs::read_to_string("/proc/sys/kernel/hostname").map(|name| name.trim().to_owned()).ok(),
             "os": std::env::consts::OS,
             "architecture": std::env::consts::ARCH,
-            "cores": std::thread::available_parallelism().map_or(1, usize::from),
+            "cores": proto_host::cores(),
             "threads": start.threads,
             "started_unix_s": unix_s,
         });

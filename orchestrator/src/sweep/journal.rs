@@ -317,6 +317,17 @@ fn lock(dir: &Path, name: &str) -> Result<ResultLock, RecordError> {
     })
 }
 
+/// What came of the trials in a piece of a journal that begins with a line: the key of each, and whether it failed. With the length
+/// of its whole lines (bytes). Lines that cannot be read are passed over.
+pub(super) fn outcomes(bytes: &[u8]) -> (Vec<(String, bool)>, usize) {
+    let whole = whole_length(bytes);
+    let rows = bytes[..whole].split(|&byte| byte == b'\n').filter_map(|line| match read(line) {
+        Line::Row(row) | Line::Unchecked(row) => Some((row.has_failed(), row.key)),
+        Line::Damaged(_) => None,
+    });
+    (rows.map(|(has_failed, key)| (key, has_failed)).collect(), whole)
+}
+
 /// The keys of trials in a journal that need not be run again, without a look at who writes it; none where it cannot be read.
 pub(super) fn keys(path: &Path) -> BTreeSet<String> {
     let bytes = read_file(&JOURNAL_BYTES, path).unwrap_or_default();

@@ -43,11 +43,11 @@ pub fn merge(options: &SweepOptions) -> Result<MergeReport, SweepError> {
     let dir = options.out.join(&plan.name);
     let shards = shard::shards_in(&dir)?;
     let Some(n_shards) = shards.first().map(|shard| shard.count()) else {
-        return Err(ShardError::NoShards { dir, command: options.command.clone() }.into());
+        return Err(ShardError::NoShards { dir, command: options.command() }.into());
     };
     let found = read_all(&plan, &dir, &shards)?;
     let owners = shard::owners(&plan, n_shards);
-    if let Some(missing) = missing(&plan, &dir, &shards, &owners, &found, &options.command) {
+    if let Some(missing) = missing(&plan, &dir, &shards, &owners, &found, &options.command()) {
         return Err(ShardError::Missing(missing).into());
     }
     let (mut journal, known) = Journal::open(&dir, JOURNAL_FILE, false)?;

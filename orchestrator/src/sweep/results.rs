@@ -247,7 +247,7 @@ fn provenance(done: &FinishedSweep<'_>) -> Value {
         "programs": programs,
         "command_line": std::env::args().collect::<Vec<_>>(),
         "config_file": plan.path,
-        "cores": std::thread::available_parallelism().map_or(1, usize::from),
+        "cores": proto_host::cores(),
         "jobs": jobs,
         "trials_now": n_now,
         "simulator_pairs_started": n_starts,

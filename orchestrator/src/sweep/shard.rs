@@ -138,6 +138,11 @@ impl Shard {
         is_valid.then_some(Self { index, count })
     }
 
+    /// Number of the shard, from 1.
+    pub(super) fn index(self) -> u32 {
+        self.index
+    }
+
     /// Number of shards of the sweep.
     pub(super) fn count(self) -> u32 {
         self.count
@@ -220,15 +225,20 @@ fn overlapping<'a>(dir: &Path, shards: impl Iterator<Item = &'a Shard>) -> Shard
     ShardError::Overlapping { dir: dir.to_owned(), journals: journals.join(", ") }
 }
 
-/// Whether a folder holds something, but no journal of a sweep.
+/// Whether a folder holds something, but neither a journal of a sweep nor what an engine leaves before there is one.
 ///
 /// # Errors
 ///
 /// See [`shards_in`].
 pub(super) fn is_foreign(dir: &Path) -> Result<bool, ShardError> {
     // In this order: the journal is the first file that a sweep makes.
-    let holds_something =
-        fs::read_dir(dir).map_or_else(|_| dir.exists(), |mut entries| entries.next().is_some());
+    let is_of_engine = |entry: &fs::DirEntry| entry.file_name() == super::engine::FOLDER;
+    let holds_something = fs::read_dir(dir).map_or_else(
+        |_| dir.exists(),
+        |mut entries| {
+            entries.any(|entry| entry.is_err() || entry.is_ok_and(|entry| !is_of_engine(&entry)))
+        },
+    );
     let has_no_journal = !dir.join(JOURNAL_FILE).exists();
     Ok(holds_something && has_no_journal && (!dir.is_dir() || shards_in(dir)?.is_empty()))
 }

@@ -56,6 +56,9 @@ pub const FORMED_BYTES: Bound = Bound { what: "size of a formed network (bytes)"
 /// Size of the journal of a sweep.
 pub const JOURNAL_BYTES: Bound =
     Bound { what: "size of the journal of a sweep (bytes)", most: 8 << 30 };
+/// What a command of a batch system prints, or the log of one of its tasks.
+pub const COMMAND_BYTES: Bound =
+    Bound { what: "output of a command of a batch system (bytes)", most: 256 << 20 };
 /// Size of a file that says who writes a result.
 pub const LOCK_BYTES: Bound = Bound { what: "size of a lock (bytes)", most: 64 << 10 };
 /// Size of a file of certificates, or of a key.
@@ -85,6 +88,7 @@ pub const ALL: [Bound; 21] = [
     CHECKPOINT_BYTES,
     FORMED_BYTES,
     JOURNAL_BYTES,
+    COMMAND_BYTES,
     LOCK_BYTES,
     CERTIFICATE_BYTES,
     PACKET_TIME_S,

@@ -5,6 +5,7 @@
 //! [`serve_robots`] and [`serve_network`] put such a service on a listening socket together with health and reflection.
 
 pub mod codec;
+mod cores;
 mod lifecycle;
 mod network;
 mod orders;
@@ -13,6 +14,7 @@ mod robots;
 mod serve;
 mod snapshot;
 
+pub use cores::{cores, use_threads};
 pub use network::NetHost;
 pub use orders::{OrdersFromOutside, bearer};
 pub use robots::RobotHost;

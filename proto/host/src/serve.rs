@@ -6,6 +6,7 @@ use super::{
 };
 use crate::services::net_sim_service_server::NetSimServiceServer;
 use crate::services::robot_sim_service_server::RobotSimServiceServer;
+use crate::use_threads;
 use proto::side::{NetSimulator, RobotSimulator};
 use proto_messages::FILE_DESCRIPTOR_SET;
 use std::fmt;
@@ -237,10 +238,7 @@ fn serve(
         }
         _ => {}
     }
-    if let Some(threads) = args.threads {
-        // Fails only if a pool exists already, which then serves.
-        let _ = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
-    }
+    use_threads(args.threads);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()

@@ -22,8 +22,7 @@ pub(super) struct Awake {
 impl Awake {
     /// `is_busy`: other work waits for the processor. Where there is but one, the side itself does.
     pub(super) fn new(is_busy: bool) -> Self {
-        let n_processors = std::thread::available_parallelism().map_or(1, usize::from);
-        Self { is_allowed: !is_busy && 1 < n_processors, expected: AT_FIRST }
+        Self { is_allowed: !is_busy && 1 < proto_host::cores(), expected: AT_FIRST }
     }
 
     /// How long the next answer is to be waited for awake.
