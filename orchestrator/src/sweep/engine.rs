@@ -316,7 +316,7 @@ pub enum EngineReport {
 /// # Errors
 ///
 /// The sweep cannot be run.
-pub fn emit(options: &SweepOptions, of_engine: EngineOptions) -> Result<String, SweepError> {
+pub(crate) fn emit(options: &SweepOptions, of_engine: EngineOptions) -> Result<String, SweepError> {
     let plan = plan::load(&options.config, &options.overrides)?;
     let dir = options.out.join(&plan.name);
     let n_shards = n_shards(&plan, &dir, of_engine.shards, None)?;
@@ -329,7 +329,10 @@ pub fn emit(options: &SweepOptions, of_engine: EngineOptions) -> Result<String, 
 /// # Errors
 ///
 /// See [`EngineError`] and [`SweepError`].
-pub fn run(options: &SweepOptions, of_engine: EngineOptions) -> Result<EngineReport, SweepError> {
+pub(crate) fn run(
+    options: &SweepOptions,
+    of_engine: EngineOptions,
+) -> Result<EngineReport, SweepError> {
     let plan = plan::load(&options.config, &options.overrides)?;
     for warning in &plan.warnings {
         console::warn(warning);
