@@ -70,7 +70,7 @@ pub const PACKET_TIME_S: Bound = Bound { what: "time of a packet (s)", most: 604
 pub const LATENCY_S: Bound = Bound { what: "latency of a packet (s)", most: 3600 };
 
 /// All of them.
-pub const ALL: [Bound; 21] = [
+pub const ALL: [Bound; 22] = [
     CONFIGURATION_BYTES,
     CONFIGURATION_VALUES,
     TABLE_KEYS,
