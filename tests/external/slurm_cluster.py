@@ -122,6 +122,12 @@ class Cluster:
             daemon.kill()
             daemon.wait()
 
+    def stop(self, name):
+        """Ends a daemon in order: the controller saves what it knows of its jobs."""
+        daemon = self.daemons.pop(name)
+        daemon.terminate()
+        daemon.wait(timeout=START_DEADLINE_S)
+
     def fail(self, node):
         """The machine fails: its daemon and everything that runs on it end at once, and nobody is told."""
         self.kill(node)

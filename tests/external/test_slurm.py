@@ -132,7 +132,7 @@ def test_the_same_command_follows_jobs_that_an_interrupted_one_left(tmp_path, cl
     # The controller is away for a while; tasks go on without it.
     process = sweep.start("--engine", "slurm")
     n_rows = sweep.n_rows()
-    cluster.kill("controller")
+    cluster.stop("controller")
     sweep.wait_for_rows(n_rows + 3, process)
     time.sleep(3)
     cluster.start("controller")
