@@ -152,13 +152,13 @@ class Stage:
 
     def pages_beside(self):
         """The table of contents of the pages below `files/`."""
-        lines = ["", "---", "", "- [Files of the repository](files/index.md)"]
+        lines = ["", "# Files", "", "- [Files of the repository](files/list.md)"]
         beside = sorted(path for path in self.staged if page_of(path).startswith("files/"))
         listed = set(self.contents())
         for path in beside:
             if page_of(path) not in listed:
                 lines.append(f"  - [{self.title(path)}]({page_of(path)})")
-        self.write("files/index.md", "# Files of the repository\n\nThe guide links to these files.\n\n" + "\n".join(
+        self.write("files/list.md", "# Files of the repository\n\nThe guide links to these files.\n\n" + "\n".join(
             f"- [{self.title(path)}]({posixpath.relpath(page_of(path), 'files')})" for path in beside) + "\n")
         return "\n".join(lines) + "\n"
 
@@ -178,8 +178,8 @@ class Stage:
             name = page_of(f"docs/{page.name}")
             if name != "SUMMARY.md" and listed.count(name) != 1:
                 raise Broken(f"docs/SUMMARY.md lists {page.name} {listed.count(name)} times; list it once")
-        with (self.folder / "SUMMARY.md").open("a", encoding="utf-8") as summary:
-            summary.write(self.pages_beside())
+        before, rule, after = (self.folder / "SUMMARY.md").read_text(encoding="utf-8").rpartition("\n---\n")
+        self.write("SUMMARY.md", before + self.pages_beside() + rule + after)
         for name in ("book.toml", "site.css"):
             shutil.copyfile(docs / name, self.folder / name)
 
