@@ -24,6 +24,8 @@ LANGUAGES = {
     ".cc": "cpp", ".csv": "text", ".json": "json", ".proto": "protobuf", ".py": "python", ".rs": "rust", ".sh": "sh",
     ".toml": "toml", ".ts": "typescript", ".txt": "text", "": "text",
 }
+# A link with the name of a page as its text.
+NAMED_LINK = re.compile(r"\[([a-z0-9-]+\.md)\]\(((?:[^)\s#]*/)?\1)(#[^)\s]*)?\)")
 LINK = re.compile(r"(\]\()([^)\s]+)(\))")
 FENCE = re.compile(r"^(```+|~~~+)")
 URL = re.compile(r"^[a-z][a-z0-9+.-]*:", re.IGNORECASE)
@@ -58,6 +60,8 @@ class Stage:
         self.folder = folder
         self.waiting = []
         self.staged = set()
+        summary = (REPOSITORY / "docs" / "SUMMARY.md").read_text(encoding="utf-8")
+        self.titles = {target: text for text, target in re.findall(r"\[([^\]]+)\]\(([^)]+)\)", summary)}
 
     def write(self, place, text):
         target = self.folder / place
@@ -75,6 +79,11 @@ class Stage:
         self.want(goal)
         return posixpath.relpath(page_of(goal), posixpath.dirname(page) or ".") + hash_mark + anchor
 
+    def titled(self, path, found):
+        """A link to a page of the guide by its title, in place of its file's name."""
+        goal = posixpath.relpath(posixpath.normpath(posixpath.join(posixpath.dirname(path), found[2])), "docs")
+        return f"[{self.titles.get(goal, found[1])}]({found[2]}{found[3] or ''})"
+
     def want(self, path):
         if path not in self.staged:
             self.staged.add(path)
@@ -87,8 +96,9 @@ class Stage:
             mark = FENCE.match(line.strip())
             if fence is None and not mark:
                 # Every second part is code.
-                parts = re.split(r"(`+[^`]*`+(?!\]))", line)
+                parts = re.split(r"(`+[^`]*`+)", line)
                 for place in range(0, len(parts), 2):
+                    parts[place] = NAMED_LINK.sub(lambda found: self.titled(path, found), parts[place])
                     parts[place] = LINK.sub(lambda found: found[1] + self.link(path, page, found[2]) + found[3], parts[place])
                 line = "".join(parts)
             elif mark:
