@@ -2,6 +2,8 @@
 
 import os
 import re
+import sys
+from pathlib import Path
 
 from conftest import PROGRAMS, ROOT, program, succeed
 
@@ -16,8 +18,9 @@ def numbers(line):
 
 
 def test_the_files_of_the_tutorial_print_the_numbers_of_the_page(tmp_path):
+    path = f"{Path(sys.executable).parent}:{PROGRAMS}:{os.environ['PATH']}"
     environment = {
-        **os.environ, "PATH": f"{PROGRAMS}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT / "python" / "src"),
+        **os.environ, "PATH": path, "PYTHONPATH": str(ROOT / "python" / "src"),
         "MURMURATION_PROGRAM": program("orchestrator"), "PYTHONDONTWRITEBYTECODE": "1",
     }  # fmt: skip
     text, n_commands, n_numbers = PAGE.read_text(encoding="utf-8"), 0, 0

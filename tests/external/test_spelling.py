@@ -1,16 +1,18 @@
 """Spelling: are there known misspellings in the README, the guide, the Python package, or the help texts?"""
 
 import subprocess
+import sys
 
 from conftest import ROOT, program, succeed
 
 IGNORED = ROOT / "tests" / "external" / "spelling_ignored.txt"
+SKIPPED = "*.csv,*.gz,*.k7,*.png,*.svg,*_pb2*,*.ipynb"
 READ = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs", "python", "configs", "tests/external/README.md"]
 
 
 def misspelt(*arguments):
     done = subprocess.run(
-        ["codespell", "--ignore-words", IGNORED, "--skip", "*.csv,*.gz,*.k7,*.png,*.svg,*_pb2*,*.ipynb,*/target/*", *arguments],
+        [sys.executable, "-m", "codespell_lib", "--ignore-words", IGNORED, "--skip", SKIPPED, *arguments],
         capture_output=True, text=True, check=False, cwd=ROOT,
     )  # fmt: skip
     return done.stdout + done.stderr
