@@ -200,12 +200,11 @@ def build(out, mdbook):
         Stage(Path(folder)).all()
         if out.exists():
             shutil.rmtree(out)
-        done = subprocess.run(
-            [mdbook, "build", folder, "--dest-dir", str(out)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+        command = [mdbook, "build", folder, "--dest-dir", str(out)]
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
     if done.returncode != 0:
         raise Broken(done.stdout)
-    for name in ("book.toml",):
-        (out / name).unlink(missing_ok=True)
+    (out / "book.toml").unlink(missing_ok=True)
     return done.stdout
 
 
