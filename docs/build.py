@@ -199,6 +199,9 @@ def build(out, mdbook):
     with tempfile.TemporaryDirectory() as folder:
         Stage(Path(folder)).all()
         if out.exists():
+            # Only an earlier site is replaced.
+            if any(out.iterdir()) and not ((out / "toc.html").is_file() and (out / "print.html").is_file()):
+                raise Broken(f"{out} is not empty and is no earlier site: choose another folder")
             shutil.rmtree(out)
         command = [mdbook, "build", folder, "--dest-dir", str(out)]
         done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
