@@ -196,23 +196,6 @@ def test_the_simulator_ends_with_a_killed_python(tmp_path):
     assert not (Path(folder) / "netsim").exists()
 
 
-def test_steps_of_megabytes_are_those_that_grpcio_makes():
-    """Messages longer than a frame and than the first windows of HTTP/2, and many of them."""
-    n = 40
-    said = [bytes([robot]) * (30_000 + robot) for robot in range(n)]
-    heard = []
-    for fast in (True, False):
-        with Radio({"phy": {"propagation": "full"}}, n=n, seed=1, period_s=0.4) as radio:
-            if not fast:
-                radio._child._call_fast = lambda name, message: None
-            for _ in range(3):
-                heard.append(radio.step(0.4, places(n), said))
-            assert (radio._child._channel is None) == fast
-    for one in heard:
-        assert len(one.receiver) == n * (n - 1) and np.array_equal(one.rssi_dbm, heard[0].rssi_dbm)
-        assert all(payload == said[sender] for payload, sender in zip(one.payload, one.sender))
-
-
 def test_a_network_that_does_not_form_names_the_missing_motes():
     with Radio({**MESH, "phy": {"propagation": "unit-disk", "radius_m": 5.0}}, n=3, seed=1, period_s=0.03) as radio:
         assert not radio.formed
