@@ -7,12 +7,15 @@ mod check;
 mod choice;
 mod convert;
 mod corrected;
+mod docs;
 mod export;
 mod foreign;
 mod formula;
+mod help;
 mod inputs;
 mod measured;
 mod measured_args;
+mod new;
 mod packets;
 mod pictures;
 mod power;
@@ -23,6 +26,7 @@ mod residuals;
 mod run;
 mod schema;
 mod search_log;
+mod shell;
 mod simulate;
 mod stop;
 mod sweeps;
@@ -34,9 +38,10 @@ use crate::console::{LoggedStderr, complain, leave_stdout_to_answers, run_log, s
 use crate::effects;
 use crate::run::StartOptions;
 use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, FromArgMatches as _, Parser, Subcommand};
 use drive::peer::become_command;
-use experiment::{Overrides, Tls};
+use experiment::{Overrides, Tls, set_program_name};
+pub use help::command;
 use proto_host::{ServeArgs, init_logging_to, serve_network, serve_robots, use_threads};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -44,10 +49,10 @@ use std::process::ExitCode;
 
 /// Simulate robot swarms that communicate over a radio mesh, and find missing physics from measurements
 ///
-/// The orchestrator runs a robot simulator and a network simulator as separate processes and keeps them in step. Exit
+/// The program runs a robot simulator and a network simulator as separate processes and keeps them in step. Exit
 /// status: 0 success; 1 the command failed while it worked; 2 the request or its input is invalid.
 #[derive(Parser)]
-#[command(name = "orchestrator", version)]
+#[command(version)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -61,25 +66,39 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Write a starter experiment with comments
+    ///
+    /// Makes a folder with an experiment file that runs as it is. Its comments explain the keys, and end with what to
+    /// try next. Kinds about measurements come with a table of measurements and a model that lacks an effect.
+    New(new::NewArgs),
+    /// Open the documentation in a browser
+    ///
+    /// The site is found beside the installed program, in the folder that the environment variable MURMURATION_DOCS
+    /// names, or in target/book of a checkout of the source.
+    Docs(docs::DocsArgs),
     /// Run an experiment and record it
     Run(run::RunArgs),
-    /// Make a result of a run that was killed, from what it had recorded
+    /// Make results from the recording of a run that was killed
     Recover(recover::RecoverArgs),
-    /// Run a recorded experiment again, from its own folder, and compare all files
+    /// Run a recorded experiment again and compare all files
     Reproduce(recover::ReproduceArgs),
-    /// Show a recorded run in a browser, or write it as one page that opens anywhere
+    /// Show a recorded run in a browser, or write it as one HTML page
     Replay(replay::ReplayArgs),
-    /// Draw a recorded run, the swarm seen from above: a picture of one moment (SVG, PNG), or a video (MP4, WebM, GIF)
+    /// Draw a recorded run from above: a picture or a video
+    ///
+    /// Give --at and --output for a picture of one moment (SVG or PNG), or --video for a video (MP4, WebM or GIF).
     Render(render::RenderArgs),
-    /// Write a recorded run as CSV tables or as a bag of ROS 2
+    /// Write a recorded run as CSV tables or as a ROS 2 bag
     Export(export::ExportArgs),
-    /// Run one experiment under many settings and seeds, as the section [sweep] of the file says
+    /// Run one experiment under many settings and seeds
+    ///
+    /// The section [sweep] of the experiment file lists the settings and the number of seeds.
     Sweep(sweeps::SweepArgs),
     /// Compare the results of two runs or of two sweeps
     CompareRuns(sweeps::CompareRunsArgs),
-    /// Check an experiment file without running it, or measurements without fitting a model
+    /// Check an experiment file or measurements, and run or fit nothing
     Check(check::CheckArgs),
-    /// Print the JSON Schema of experiment files, or with --of that of an answer
+    /// Print the JSON Schema of experiment files, mapping files or answers
     Schema(schema::SchemaArgs),
     /// List the physical effects, or explain one
     Effects(EffectsArgs),
@@ -87,7 +106,9 @@ enum Command {
     Verify(VerifyArgs),
     /// Test whether a running simulator conforms to the contract
     Conformance(ConformanceArgs),
-    /// Convert logs to a table of measurements, as a mapping file says
+    /// Convert logs to a table of measurements
+    ///
+    /// A mapping file names the logs, and which of their columns fill the columns of the table.
     Convert(convert::ConvertArgs),
     /// Measure how large a model's error is, and under which conditions
     Compare(measured::CompareArgs),
@@ -101,6 +122,12 @@ enum Command {
     Power(power::PowerArgs),
     /// Measure the speed of the simulators
     Bench(BenchArgs),
+    /// Print the completions of a shell
+    ///
+    /// For bash: save the output as ~/.local/share/bash-completion/completions/NAME, with NAME the name of this program.
+    Completions(shell::CompletionsArgs),
+    /// Write manual pages to a folder
+    Man(shell::ManArgs),
     /// Become a command that ends with its parent process
     #[command(hide = true)]
     Become(BecomeArgs),
@@ -322,8 +349,11 @@ impl Failure {
 /// Runs the program.
 #[must_use]
 pub fn main() -> ExitCode {
-    leave_stdout_to_answers(std::env::args_os().skip(1));
-    let cli = Cli::parse();
+    let mut arguments = std::env::args_os();
+    set_program_name(arguments.next().as_deref());
+    leave_stdout_to_answers(arguments);
+    let matches = command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let result = match cli.command {
         Command::Netsim(options) => {
             return served(serve_network(
@@ -381,6 +411,10 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         })
     };
     match command {
+        Command::New(args) => new::new(&args),
+        Command::Docs(args) => docs::docs(&args),
+        Command::Completions(args) => shell::completions(&args),
+        Command::Man(args) => shell::man(&args),
         Command::Run(args) => run::run(&args, start(args.threads)?),
         Command::Recover(args) => recover::recover(&args),
         Command::Reproduce(args) => recover::reproduce(&args, start(args.threads)?),

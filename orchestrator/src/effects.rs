@@ -10,6 +10,7 @@ use numbers::format::trimmed;
 pub use page::page;
 pub use picture::Picture;
 
+use experiment::program_name;
 use proto::config::{Default, Field, Kind, Tag, Variant, most_similar};
 use proto::effect::{About, CONSTANT, Fit, Level};
 use schemars::JsonSchema;
@@ -77,7 +78,7 @@ pub fn find(name: &str) -> Result<Vec<Listed>, String> {
     }
     let nearest = most_similar(name, all.iter().map(|effect| effect.variant.name));
     let nearest = nearest.map(|known| format!("; did you mean {known}?")).unwrap_or_default();
-    Err(format!("unknown effect {name:?}{nearest}\n`orchestrator effects` lists all effects"))
+    Err(format!("unknown effect {name:?}{nearest}\n`{} effects` lists all effects", program_name()))
 }
 
 /// The table of all effects, for people.
@@ -103,7 +104,7 @@ pub fn table() -> String {
         let needs = format!("needs {}", effect.needs().join("; "));
         let _ = writeln!(text, "{}", wrapped(&needs, &indent));
     }
-    let _ = write!(text, "\n`orchestrator effects NAME` explains an effect.");
+    let _ = write!(text, "\n`{} effects NAME` explains an effect.", program_name());
     text
 }
 

@@ -57,7 +57,7 @@ pub enum ExportError {
         path: PathBuf,
     },
     /// Something stands where the export is to go.
-    #[error("{} exists: give another --output, or remove it", path.display())]
+    #[error("{} exists: give another --out, or remove it", path.display())]
     Exists {
         /// What is there.
         path: PathBuf,

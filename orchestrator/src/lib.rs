@@ -10,6 +10,7 @@
 //! | [`mod@compare_runs`] | what changed from one run, or one sweep, to another |
 //! | [`mod@check`] | what a file of measurements holds, and which effects it can show |
 //! | [`mod@dry_run`] | what a run or a sweep would take |
+//! | [`starters`] | the experiments that `new` writes |
 //! | [`mod@export`] | a run in the formats of other programs |
 //! | [`effects`] | the catalogue of physical effects |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
@@ -28,5 +29,6 @@ pub mod dry_run;
 pub mod effects;
 pub mod export;
 pub mod run;
+pub mod starters;
 pub mod sweep;
 pub mod watch;

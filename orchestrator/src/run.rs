@@ -23,7 +23,7 @@ use attempt::{Attempt, Begun, Origin};
 use course::carry_out;
 use drive::peer::SideError;
 use drive::{Failure, ProgressObserver, Taken, Wanted};
-use experiment::Overrides;
+use experiment::{Overrides, program_name};
 use interrupt::Interrupt;
 use proto::config::Refusal;
 use proto::exchange::Configured;
@@ -134,7 +134,7 @@ pub enum RunError {
     /// A killed run left no checkpoint.
     #[error(
         "{} holds no checkpoint, so the run cannot go on from there: run the experiment again, or keep what was recorded \
-         with orchestrator recover {}", dir.display(), dir.display()
+         with {} recover {}", dir.display(), program_name(), dir.display()
     )]
     NoCheckpoint {
         /// Its folder.
@@ -158,8 +158,8 @@ pub enum RunError {
     },
     /// A run that lost a side could not go on.
     #[error(
-        "{error}\nwhat was recorded is in {}; go on from its checkpoint with orchestrator run --resume {}, or keep what \
-         was recorded with orchestrator recover {}", dir.display(), dir.display(), dir.display()
+        "{error}\nwhat was recorded is in {dir}; go on from its checkpoint with {program} run --resume {dir}, or keep what \
+         was recorded with {program} recover {dir}", dir = dir.display(), program = program_name()
     )]
     NotResumed {
         /// Why not.
@@ -300,8 +300,9 @@ pub async fn run(
     for leftover in reservation.leftovers() {
         let leftover = leftover.display();
         audience.warn(&format!(
-            "{leftover} is left by an earlier run that did not end; orchestrator run --resume {leftover} goes on with it, \
-             orchestrator recover {leftover} makes results of it"
+            "{leftover} is left by an earlier run that did not end; {program} run --resume {leftover} goes on with it, \
+             {program} recover {leftover} makes results of it",
+            program = program_name()
         ));
     }
     let log = &options.start.run_log;

@@ -68,7 +68,7 @@ impl SweepOptions {
     /// The command that runs this sweep, without `--shard`, `--merge` and the like. Messages add these to it.
     #[must_use]
     pub fn command(&self) -> String {
-        format!("orchestrator {}", self.arguments.join(" "))
+        format!("{} {}", experiment::program_name(), self.arguments.join(" "))
     }
 }
 

@@ -4,6 +4,7 @@ mod control;
 mod keys;
 pub mod output;
 mod overrides;
+mod program;
 mod reach;
 mod sides;
 pub mod sweep;
@@ -15,6 +16,7 @@ pub use keys::{EXPERIMENT, WITHOUT_EFFECT};
 pub use output::OutputConfig;
 pub use overrides::Overrides;
 pub use overrides::opened;
+pub use program::{program_name, set_program_name};
 pub use reach::{REACH, SideCommand, quoted};
 pub use sides::SideConfig;
 pub use timeline::Timeline;
@@ -256,7 +258,10 @@ fn plan(
                 if key == sweep::KEY {
                     problems.push(Problem::new(
                         key,
-                        "defines a sweep of many experiments; run it with orchestrator sweep",
+                        format!(
+                            "defines a sweep of many experiments; run it with {} sweep",
+                            program_name()
+                        ),
                     ));
                     continue;
                 }
@@ -457,13 +462,17 @@ pub fn tls_of(experiment: &toml::Table, base: &Path, problems: &mut Vec<Problem>
     Some(Tls { ca: path("ca")?, identity })
 }
 
-fn is_file_name(name: &str) -> bool {
+/// Whether a text can name an experiment: letters, digits, `-`, `_` and `.`, at most 100, not starting with `.`.
+#[must_use]
+pub fn is_file_name(name: &str) -> bool {
     !name.starts_with('.')
         && name.len() <= 100
         && name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.'))
 }
 
-fn as_file_name(name: &str) -> String {
+/// The most similar text that can name an experiment; may be empty.
+#[must_use]
+pub fn as_file_name(name: &str) -> String {
     let replaced: String = name
         .trim_start_matches('.')
         .chars()

@@ -57,7 +57,10 @@ pub enum FormedError {
         source: std::io::Error,
     },
     /// The file is something else.
-    #[error("is not a formed network; write one with orchestrator run --save-formed")]
+    #[error(
+        "is not a formed network; write one with {} run --save-formed",
+        experiment::program_name()
+    )]
     Foreign,
     /// Another version wrote it: snapshots hold for one version.
     #[error("was written by version {version} of the program; this is version {}. Form the network again with --save-formed",

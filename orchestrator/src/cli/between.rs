@@ -29,8 +29,8 @@ use study::{COMMON, Study};
 /// Two campaigns in place of one.
 #[derive(Args)]
 pub(super) struct BetweenArgs {
-    /// Find what changed between two campaigns of the same site or robots: fit the model to A, and list which changes of it
-    /// are needed to predict B. Links and robots only
+    /// Find what changed between two campaigns of the same site or robots: fit the model to A, and list the changes
+    /// that are needed to predict B. Links and robots only
     #[arg(
         long,
         num_args = 2,

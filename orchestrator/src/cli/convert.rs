@@ -15,9 +15,9 @@ pub(super) struct ConvertArgs {
     /// The mapping file (TOML): which logs there are, and which of their columns fill those of the table
     mapping: PathBuf,
     /// Write the table to this file (.csv, .csv.gz or .parquet) [default: the mapping's name, ending in .csv]
-    #[arg(long, value_name = "FILE", alias = "output")]
-    out: Option<PathBuf>,
-    /// Replace the file of --out if it exists
+    #[arg(long, value_name = "FILE", alias = "out")]
+    output: Option<PathBuf>,
+    /// Replace the file of --output if it exists
     #[arg(long)]
     replace: bool,
     /// Write what was read, written and rejected as JSON to this file; - for standard output
@@ -27,10 +27,10 @@ pub(super) struct ConvertArgs {
 
 /// `orchestrator convert`.
 pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
-    let out = args.out.clone().unwrap_or_else(|| args.mapping.with_extension("csv"));
+    let out = args.output.clone().unwrap_or_else(|| args.mapping.with_extension("csv"));
     let format = OutputFormat::of_path(&out).ok_or_else(|| {
         Failure::request(format!(
-            "--out {}: the file name must end in .csv, .csv.gz or .parquet; use {}.csv",
+            "--output {}: the file name must end in .csv, .csv.gz or .parquet; use {}.csv",
             out.display(),
             out.with_extension("").display()
         ))
@@ -38,7 +38,7 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
     if out.exists() && !args.replace {
         return Err(Failure::request(exists(&out)));
     }
-    check_place("--out", &out)?;
+    check_place("--output", &out)?;
     let mapping = Mapping::read(&args.mapping).map_err(Failure::request)?;
     let converted = ::convert::convert(&mapping).map_err(|error| match error {
         ConvertError::Mapping(refusal) => Failure::request(refusal),
@@ -46,11 +46,12 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
     })?;
     let mut logs = converted.answer.inputs.iter().flat_map(|input| &input.files);
     if logs.any(|log| is_same(Path::new(log), &out)) {
-        let text = format!("--out {}: is one of the logs; give another name", out.display());
+        let text = format!("--output {}: is one of the logs; give another name", out.display());
         return Err(Failure::request(text));
     }
-    let failed = |error: std::io::Error| Failure::work(format!("--out {}: {error}", out.display()));
-    let file = place_for("--out", &out).map_err(Failure::work)?;
+    let failed =
+        |error: std::io::Error| Failure::work(format!("--output {}: {error}", out.display()));
+    let file = place_for("--output", &out).map_err(Failure::work)?;
     output::write(&converted.table, format, file.as_file()).map_err(failed)?;
     let written = if args.replace { file.persist(&out) } else { file.persist_noclobber(&out) };
     written.map_err(|error| match error.error.kind() {
@@ -66,7 +67,7 @@ fn is_same(log: &Path, out: &Path) -> bool {
 }
 
 fn exists(out: &Path) -> String {
-    format!("--out {}: the file exists; give another name, or --replace", out.display())
+    format!("--output {}: the file exists; give another name, or --replace", out.display())
 }
 
 fn print(out: &Path, answer: &Conversion) {

@@ -14,13 +14,13 @@ pub(super) struct ExportArgs {
     #[arg(long, value_name = "FORMAT")]
     format: ExportFormat,
     /// Folder to write; it must not exist [default: RUN-FORMAT, next to the run]
-    #[arg(long, value_name = "DIR")]
-    output: Option<PathBuf>,
+    #[arg(long, value_name = "DIR", alias = "output")]
+    out: Option<PathBuf>,
 }
 
 /// Writes a run in the format of another program.
 pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
-    let output = args.output.clone().unwrap_or_else(|| {
+    let output = args.out.clone().unwrap_or_else(|| {
         let name = args.run.file_name().unwrap_or_default().to_string_lossy().into_owned();
         args.run.with_file_name(format!("{name}-{}", args.format.name()))
     });

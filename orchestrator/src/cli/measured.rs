@@ -63,7 +63,7 @@ pub(super) struct CompareArgs {
 pub(super) struct ExtendArgs {
     #[command(flatten)]
     data: DataArgs,
-    /// Name of the effect to add; `orchestrator effects` lists them. Repeatable
+    /// Name of the effect to add; the command `effects` lists them. Repeatable
     #[arg(long, value_name = "NAME", required_unless_present_any = ["all", "formula"])]
     effect: Vec<String>,
     /// Run diagnose and add every effect that it accepts
@@ -74,7 +74,7 @@ pub(super) struct ExtendArgs {
     /// Write the extended configuration to this file (TOML); - for standard output
     #[arg(long, value_name = "FILE")]
     output: PathBuf,
-    /// Where --all is stopped before its search ends, by Ctrl-C or --budget: add the effects that it accepted until then
+    /// If Ctrl-C or --budget stops the search of --all early: add the effects that it has accepted so far
     #[arg(long, requires = "all")]
     partial: bool,
     #[command(flatten)]

@@ -163,7 +163,8 @@ impl AnswerArgs {
         let set: String = data.set().iter().map(|key| format!(" --set '{key}'")).collect();
         let report = self.report.as_deref().map(Path::display);
         format!(
-            "orchestrator {verb} {} {files}{set}{choices} --report {}",
+            "{} {verb} {} {files}{set}{choices} --report {}",
+            experiment::program_name(),
             data.config.display(),
             report.map_or_else(String::new, |report| report.to_string())
         )

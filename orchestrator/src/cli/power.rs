@@ -13,7 +13,7 @@ use std::path::PathBuf;
 pub(super) struct PowerArgs {
     /// The configuration (TOML): the model without the effect
     config: PathBuf,
-    /// Measurements to use as a template: each simulated campaign has their rows
+    /// Measurements to use as a template: every simulated campaign has the same rows
     #[arg(long, value_name = "FILE")]
     like: PathBuf,
     /// Name of the effect to detect

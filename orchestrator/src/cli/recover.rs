@@ -11,7 +11,7 @@ use std::path::PathBuf;
 pub(super) struct RecoverArgs {
     /// Folder of a run that was killed: OUT/.NAME.partial-PID
     folder: PathBuf,
-    /// Write the summary as JSON to this file
+    /// Write the summary as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -30,13 +30,13 @@ pub(super) struct ReproduceArgs {
     tls: TlsArgs,
     #[command(flatten)]
     allow: AllowArgs,
-    /// Keep what the run leaves in this folder [default: a temporary one]
+    /// Keep the results of the new run in this folder [default: a temporary one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Number of threads per simulator; results do not depend on it [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(super) threads: Option<u16>,
-    /// Write the comparison as JSON to this file
+    /// Write the comparison as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }

@@ -24,19 +24,19 @@ use view::recorded::RecordedRun;
 pub(super) struct RenderArgs {
     /// Folder of a recorded run
     run: PathBuf,
-    /// Draw the picture of this simulated time (s): of the last step that is not after it
+    /// Draw a picture of the last step at or before this simulated time (s)
     #[arg(long, value_name = "S", requires = "output", allow_negative_numbers = true, value_parser = time_s)]
     at: Option<f64>,
     /// Write the picture to this file, which ends in .svg or .png
     #[arg(long, value_name = "FILE", requires = "at")]
     output: Option<PathBuf>,
-    /// Write what is drawn as JSON to this file: positions of robots in metres, links, trails; - for standard output
+    /// Write the drawn positions (m), links and trails as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE", requires = "at")]
     json: Option<PathBuf>,
     /// Write a video to this file, which ends in .mp4, .webm (both need ffmpeg) or .gif
     #[arg(long, value_name = "FILE")]
     video: Option<PathBuf>,
-    /// Simulated seconds that a second of the video shows
+    /// Simulated seconds per second of the video
     #[arg(long, value_name = "FACTOR", requires = "video", default_value_t = 1.0, allow_negative_numbers = true, value_parser = speed)]
     speed: f64,
     /// Frames per second of the video: 1 to 60, for .gif at most 50
@@ -48,16 +48,17 @@ pub(super) struct RenderArgs {
     /// End the video at this simulated time (s) [default: the end of the run]
     #[arg(long, value_name = "S", requires = "video", allow_negative_numbers = true, value_parser = time_s)]
     until: Option<f64>,
-    /// What colours links
+    /// Quantity that the colour of links shows
     #[arg(long, value_name = "BY", default_value = "delivery")]
     links: LinksBy,
     /// Keep this robot in the middle
     #[arg(long, value_name = "ROBOT")]
     follow: Option<u32>,
-    /// Show at least this many metres around the robot that is followed [default: as far as the others ever are from it]
+    /// Show at least this many metres around the followed robot [default: the largest distance of any other robot
+    /// from it]
     #[arg(long, value_name = "M", requires = "follow", allow_negative_numbers = true, value_parser = span_m)]
     span: Option<f64>,
-    /// Also draw the places that `diagnose --json` has estimated
+    /// Also draw the places that an answer of `diagnose --json` estimates
     #[arg(long, value_name = "FILE")]
     diagnosis: Option<PathBuf>,
     /// Width and height in pixels, from 320x240 to 4096x4096
@@ -71,9 +72,9 @@ pub(super) struct RenderArgs {
 /// What colours links.
 #[derive(Clone, Copy, ValueEnum)]
 enum LinksBy {
-    /// The received signal strength of the last frame that was delivered, from -100 to -50 dBm
+    /// Received signal strength of the last delivered frame, from -100 to -50 dBm
     Rssi,
-    /// The share of the sender's broadcast frames that was delivered
+    /// Share of the sender's broadcast frames that were delivered
     Delivery,
     /// Draw no links
     None,

@@ -16,24 +16,25 @@ use view::server::{RunSource, Server, Shown};
 pub(super) struct ReplayArgs {
     /// Folder of a recorded run
     run: PathBuf,
-    /// Folder of a second run, to compare both side by side in the same time
+    /// Folder of a second run, to show both side by side at the same simulated time
     #[arg(long, value_name = "RUN")]
     with: Option<PathBuf>,
-    /// Also show an answer that `diagnose --json` or `compare --json` wrote: its verdict, its scores, and on the map the
-    /// places that it has estimated
+    /// Also show an answer of `diagnose --json` or `compare --json`: its verdict, its scores and, on the map, the
+    /// places that it estimates
     #[arg(long, value_name = "FILE")]
     diagnosis: Option<PathBuf>,
-    /// With --diagnosis: also show the residuals that the same command wrote with --residuals, on the map and over what was
-    /// measured beside
+    /// With --diagnosis: also show the residuals that the same command wrote with --residuals, on the map and over
+    /// each covariate
     #[arg(long, value_name = "FILE", requires = "diagnosis")]
     residuals: Option<PathBuf>,
-    /// Write one page that holds the recording and opens without a server, instead of serving it; - for standard output
+    /// Write one HTML page that contains the recording and needs no server; - for standard output
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Largest size of that page, from 1 to 500; of a longer recording it holds one frame of every so many steps
+    /// Largest size of that page (MB), from 1 to 500. If the recording is longer, the page skips frames at regular
+    /// intervals
     #[arg(long, value_name = "MB", default_value_t = 20, requires = "output", value_parser = clap::value_parser!(u16).range(1..=500))]
     max_size: u16,
-    /// Port of the page [default: any that is free]
+    /// Port of the page [default: any free port]
     #[arg(long, value_name = "PORT", conflicts_with = "output")]
     port: Option<u16>,
 }

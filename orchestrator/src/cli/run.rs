@@ -24,13 +24,13 @@ pub(super) struct RunArgs {
     config: Option<PathBuf>,
     #[command(flatten)]
     change: OverrideArgs,
-    /// Go on with a run that was killed, from its latest checkpoint: give its folder, OUT/.NAME.partial-PID
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["config", "set", "seed", "out", "dry_run"])]
+    /// Continue a run that was killed, from its latest checkpoint; give its folder, OUT/.NAME.partial-PID
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["config", "set", "seed", "out", "dry_run"])]
     resume: Option<PathBuf>,
     /// Save the network in this file once it has formed. Runs and sweeps with experiment.warm_start = "FILE" start from there
     #[arg(long, value_name = "FILE", conflicts_with_all = ["dry_run", "resume"])]
     save_formed: Option<PathBuf>,
-    /// Write the results as JSON to this file
+    /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// Folder for results; the run is recorded in a subfolder with the experiment's name
@@ -45,7 +45,8 @@ pub(super) struct RunArgs {
     /// that one. A run that does not complete never replaces a complete result
     #[arg(long)]
     replace: bool,
-    /// Show the run in a browser while it lasts, and replay it there afterwards until Ctrl-C: prints the address of a page on this machine
+    /// Show the run in a browser while it lasts: prints the address of a page on this machine. Afterwards the page
+    /// replays the run, until Ctrl-C
     #[arg(long, conflicts_with_all = ["dry_run", "resume"])]
     live: bool,
     /// Draw the swarm and its key figures in this terminal while the run lasts
@@ -54,13 +55,13 @@ pub(super) struct RunArgs {
     /// Let the page pause the run and take single steps
     #[arg(long, requires = "live")]
     live_control: bool,
-    /// Slow the run down to at most so many simulated seconds per second, with --live or --watch
+    /// With --live or --watch: slow the run down to at most X simulated seconds per second
     #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = live_speed)]
     live_speed: Option<f64>,
-    /// Port of the page [default: any that is free]
+    /// Port of the page [default: any free port]
     #[arg(long, value_name = "PORT", requires = "live")]
     port: Option<u16>,
-    /// Estimate time, memory and disk space from the first steps, and leave nothing
+    /// Estimate time, memory and disk space from the first steps, and write nothing
     #[arg(long)]
     dry_run: bool,
 }

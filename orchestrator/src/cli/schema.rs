@@ -36,7 +36,8 @@ use serde_json::{Value, json};
 /// What has a schema: experiment files, mapping files, and each answer by the command that gives it.
 #[derive(Args)]
 pub(super) struct SchemaArgs {
-    /// What the schema is of: experiment, mapping (the file of `convert`), or an answer by the command that gives it: `run` and `sweep` also write it as summary.json
+    /// Print the schema of this file or answer: experiment, mapping (the file of `convert`), or the command that
+    /// writes the answer with --json. `run` and `sweep` also write theirs as summary.json
     #[arg(
         long,
         value_name = "NAME",

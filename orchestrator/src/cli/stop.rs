@@ -18,8 +18,8 @@ const LONGEST_S: f64 = 365.0 * 86_400.0;
 /// How long a search may take.
 #[derive(Args, Clone, Copy)]
 pub(super) struct BudgetArgs {
-    /// Stop after this wall time (s), and print what was found until then. Such a partial answer depends on the speed of
-    /// the machine [default: no limit]
+    /// Stop after this wall time (s), and print the partial answer. It depends on the speed of the machine [default:
+    /// no limit]
     #[arg(long, value_name = "S", value_parser = budget_s)]
     budget: Option<f64>,
 }

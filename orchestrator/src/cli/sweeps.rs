@@ -18,8 +18,8 @@ use std::time::Duration;
 pub(super) struct SweepArgs {
     #[command(flatten)]
     file: FileArgs,
-    /// Folder for results; the sweep is recorded in a subfolder with the experiment's name, and resumes if trials are found
-    /// there
+    /// Folder for results; the sweep is recorded in a subfolder with the experiment's name, and resumes if that has
+    /// finished trials
     #[arg(long, alias = "output", value_name = "DIR", default_value = "runs")]
     out: PathBuf,
     /// Number of trials that run at the same time [default: one per core]
@@ -31,11 +31,11 @@ pub(super) struct SweepArgs {
     /// Discard finished trials and run all of them again
     #[arg(long)]
     restart: bool,
-    /// Estimate time, memory and disk space of the trials that are left, and leave nothing
+    /// Estimate time, memory and disk space of the remaining trials, and write nothing
     #[arg(long)]
     dry_run: bool,
-    /// Run only shard I of N, one of N disjoint parts of the trials, as in 2/3; for sweeps on several machines. Writes no table:
-    /// --merge does once all shards are finished
+    /// Run only shard I of N disjoint parts of the trials, as in 2/3; for sweeps on several machines. Once all shards
+    /// are finished, run the sweep with --merge to write the table
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
     #[command(flatten)]
@@ -43,9 +43,9 @@ pub(super) struct SweepArgs {
     /// Run no trials: check that all shards are finished, and write the table, the summary and the report of the whole sweep
     #[arg(long, conflicts_with_all = ["shard", "jobs", "threads", "restart", "dry_run"])]
     merge: bool,
-    /// Run the shards as tasks of this batch system, as [sweep.slurm] or [sweep.hyperqueue] asks. With slurm, follow them, submit
-    /// lost ones again and merge; the same command follows jobs that are there. With hyperqueue, only submit. All machines must
-    /// share the folder of results
+    /// Run the shards as tasks of this batch system, with the resources that [sweep.slurm] or [sweep.hyperqueue]
+    /// requests. With slurm, the command follows the tasks, resubmits lost ones and merges the results; if jobs exist
+    /// already, it follows them. With hyperqueue, it only submits. All machines must share the folder of results
     #[arg(
         long,
         value_name = "NAME",
@@ -56,7 +56,7 @@ pub(super) struct SweepArgs {
     /// Number of shards, one per task of the batch system [default: one per trial, at most 100]
     #[arg(long, value_name = "N", requires = "engine", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     shards: Option<u32>,
-    /// Write what would be submitted to standard output, or to --emit-to; submit nothing and leave nothing else
+    /// Print what would be submitted, or write it to --emit-to; submit nothing
     #[arg(long, value_name = "WHAT", requires = "engine", conflicts_with = "json")]
     emit: Option<Emit>,
     /// File for --emit; - for standard output

@@ -67,7 +67,10 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
     let Some(section) = base.take(spec::KEY) else {
         problems.push(Problem::new(
             "",
-            "has no section [sweep], so there is nothing to vary; use orchestrator run for a single experiment",
+            format!(
+                "has no section [sweep], so there is nothing to vary; use {} run for a single experiment",
+                experiment::program_name()
+            ),
         ));
         return refused(problems);
     };

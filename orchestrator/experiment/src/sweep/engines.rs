@@ -199,7 +199,7 @@ fn check_option(text: &str, path: &str, problems: &mut Vec<Problem>) {
         let message = "must be an option of sbatch, as \"--name\" or \"--name=value\"";
         problems.push(Problem::new(path, message).value(format!("{text:?}")));
     } else if let Some((_, instead)) = RESERVED.iter().find(|(reserved, _)| *reserved == name) {
-        let message = format!("is set by orchestrator sweep; use {instead}");
+        let message = format!("is set by {} sweep; use {instead}", crate::program_name());
         problems.push(Problem::new(path, message).value(format!("{text:?}")));
     }
 }

@@ -1,0 +1,72 @@
+//! `new`: writes a starter experiment.
+
+use super::Failure;
+use crate::console::say;
+use crate::starters::StarterKind;
+use clap::Args;
+use experiment::{as_file_name, is_file_name, program_name, quoted};
+use std::path::{Path, PathBuf};
+
+#[derive(Args)]
+pub(super) struct NewArgs {
+    /// Folder to make. Its last part is the name of the experiment: letters, digits, '-', '_' and '.'
+    name: PathBuf,
+    /// What the experiment is about
+    #[arg(long, value_name = "KIND", default_value = "flocking")]
+    kind: StarterKind,
+}
+
+/// Writes the starter, or nothing.
+pub(super) fn new(args: &NewArgs) -> Result<(), Failure> {
+    let folder = &args.name;
+    let name = checked_name(folder)?;
+    if folder.symlink_metadata().is_ok() {
+        let text = format!("{}: exists already; give another name", folder.display());
+        return Err(Failure::request(text));
+    }
+    let files = args.kind.files(&name, program_name()).map_err(Failure::work)?;
+    let failed = |error: std::io::Error| Failure::work(format!("{}: {error}", folder.display()));
+    let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty());
+    let parent = parent.unwrap_or(Path::new("."));
+    if !parent.is_dir() {
+        return Err(Failure::request(format!(
+            "{}: the folder {} does not exist; make it first",
+            folder.display(),
+            parent.display()
+        )));
+    }
+    // Beside its place, so that a failure leaves no half of it.
+    let made = tempfile::Builder::new().prefix(".new-").tempdir_in(parent).map_err(failed)?;
+    let inner = made.path().join(&name);
+    std::fs::create_dir(&inner).map_err(failed)?;
+    for file in &files {
+        std::fs::write(inner.join(file.name), &file.text).map_err(failed)?;
+    }
+    std::fs::rename(&inner, folder).map_err(failed)?;
+    let shown = |path: &Path| quoted(&path.to_string_lossy());
+    let names: Vec<&str> = files.iter().map(|file| file.name).collect();
+    say(format!("made {}: {}", shown(folder), names.join(", ")));
+    say(format!("\nNext:\n  cd {}", shown(folder)));
+    for command in args.kind.next_commands() {
+        say(format!("  {} {command}", program_name()));
+    }
+    say(format!(
+        "\nThe comments in {} explain the keys, and list what to try after that.",
+        names[0]
+    ));
+    Ok(())
+}
+
+/// The name of the experiment, if it can be one.
+fn checked_name(folder: &Path) -> Result<String, Failure> {
+    let last = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    if is_file_name(&last) && !last.is_empty() {
+        return Ok(last);
+    }
+    let nearest = as_file_name(&last);
+    let hint = if nearest.is_empty() { "my-swarm" } else { &nearest };
+    Err(Failure::request(format!(
+        "{:?}: the name must be 1 to 100 letters, digits, '-', '_' or '.', not starting with '.'; use {hint}",
+        folder.display().to_string()
+    )))
+}
