@@ -1,4 +1,4 @@
-//! The command line, under the name that users type.
+//! The command line, under the name that users type. `main.rs` is the same under the name of the crate.
 
 use orchestrator::cli;
 use std::process::ExitCode;

@@ -38,9 +38,6 @@ const MISSING_FROM_LINKS: &str = "\n# The effect that model.toml lacks.\n[[netsi
 /// The effect that the starter's model of robots lacks.
 const MISSING_FROM_ROBOTS: &str = "\n# The effect that model.toml lacks.\n[[robotsim.dynamics.effect]]\nkind = \"wind\"\nvelocity_mps = [0.06, -0.04, 0.0]\n";
 
-/// Noise of simulated RSSI readings: standard deviation (dB).
-const READING_SD_DB: f64 = 2.0;
-
 /// Seed of the simulated measurements.
 const SEED: u64 = 1;
 
@@ -69,19 +66,17 @@ impl StarterKind {
                 MISSING_FROM_LINKS,
                 "links.csv",
                 &links_template(),
-                Some(READING_SD_DB),
             )?,
             Self::MeasuredRobots => measured(
                 &text(include_str!("starters/measured-robots.toml")),
                 MISSING_FROM_ROBOTS,
                 "tracks.csv",
                 &tracks_template(),
-                None,
             )?,
         })
     }
 
-    /// The files of measurements and the model, if the starter is about measurements.
+    /// The file of measurements, if the starter is about measurements.
     fn data(self) -> Option<&'static str> {
         match self {
             Self::MeasuredLinks => Some("links.csv"),
@@ -108,21 +103,19 @@ fn measured(
     missing: &str,
     data: &'static str,
     template: &str,
-    noise: Option<f64>,
 ) -> Result<Vec<StarterFile>, String> {
     // The comments that come before the first section and after the last one belong to the model alone.
     let sections = model.split_once("\n\n").map_or(model, |(_, sections)| sections);
     let sections = sections.split("@EFFECT@").next().unwrap_or_default();
     let truth = format!(
-        "# The model that made {data}: model.toml with the effect that it lacks.\n\n{sections}{}",
-        missing
+        "# The model that made {data}: model.toml with the effect that it lacks.\n\n{sections}{missing}"
     );
     let config = Compared::of_text(Path::new("truth.toml"), truth.clone(), &[])
         .map_err(|refusal| refusal.to_string())?;
     let table = DataTable::of_csv(Path::new(data), template.as_bytes())
         .map_err(|refusal| refusal.to_string())?;
     let simulated =
-        simulate::simulate(&config, &table, SEED, noise).map_err(|refusal| refusal.to_string())?;
+        simulate::simulate(&config, &table, SEED, None).map_err(|refusal| refusal.to_string())?;
     Ok(vec![
         StarterFile { name: "model.toml", text: model.replace("@EFFECT@", "") },
         StarterFile { name: data, text: simulated.to_csv() },
@@ -174,7 +167,7 @@ fn tracks_template() -> String {
     const SIDES_MPS: [[f64; 2]; 6] =
         [[1.0, 0.0], [0.3, 0.5], [-0.4, 0.7], [-0.8, 0.0], [-0.3, -0.5], [0.2, -0.7]];
     const PERIOD_S: f64 = 0.2;
-    const SAMPLES: u32 = 600;
+    const SAMPLES: u32 = 250;
     let mut csv = "time_s,agent,x_m,y_m,z_m,cmd_vx_mps,cmd_vy_mps\n".to_owned();
     for agent in 0..4_u32 {
         let [mut x_m, mut y_m] = [f64::from(agent) * 8.0, 0.0];

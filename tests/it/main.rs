@@ -27,6 +27,7 @@ mod faults;
 mod flocking;
 mod formation;
 mod formula;
+mod front_door;
 mod fuzz_corpora;
 mod given_rssi;
 mod interrupts;

@@ -63,7 +63,7 @@ fn our_own_simulator_elsewhere_gives_the_answers_of_our_own_dynamics() {
         slipping(folder.path(), drive, more);
         let own = answer(folder.path(), "compare", &[]);
         let other = answer(folder.path(), "compare", &["--robotsim", &server.url]);
-        assert_eq!(other["predicted_by"], "robotsim 0.1.0");
+        assert_eq!(other["predicted_by"], "robotsim 0.2.0");
         let mut found = Vec::new();
         numbers(String::new(), &own, &other, &mut found);
         assert!(30 < found.len(), "{found:?}");

@@ -253,7 +253,7 @@ fn a_result_has_a_log_of_its_run() {
     complete(folder.path(), &["--log", "info"]);
     let log = std::fs::read_to_string(folder.path().join("runs/e/run.log")).unwrap();
     for part in [
-        "orchestrator: orchestrator 0.1.0 runs e with seed 3",
+        "orchestrator: orchestrator 0.2.0 runs e with seed 3",
         "netsim: ",
         "step 10 of ",
         "complete after step ",

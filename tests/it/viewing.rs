@@ -76,7 +76,7 @@ fn an_export_goes_next_to_the_run_and_replaces_nothing() {
         let output = orchestrator(&["export", "runs/e", "--format", format], here);
         assert!(output.status.success(), "{}", said(&output));
         assert!(here.join(format!("runs/e-{format}")).is_dir());
-        refused(&["export", "runs/e", "--format", format], here, &["exists", "--output"]);
+        refused(&["export", "runs/e", "--format", format], here, &["exists", "--out"]);
     }
     let steps = std::fs::read_to_string(here.join("runs/e-csv/steps.csv")).unwrap();
     let n_steps = record::verify(&here.join("runs/e")).unwrap().steps as usize;

@@ -106,4 +106,5 @@ def _follow(child: subprocess.Popen[str], display: _progress.Display) -> tuple[s
 def main() -> None:
     """The command `murmuration`: becomes the program."""
     path = program()
-    os.execv(path, [str(path), *sys.argv[1:]])
+    # Messages of the program name the command that was typed.
+    os.execv(path, ["murmuration", *sys.argv[1:]])

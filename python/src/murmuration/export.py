@@ -33,5 +33,5 @@ def csv(run: Recorded, output: str | os.PathLike[str] | None = None) -> Path:
 def _export(run: Recorded, form: str, output: str | os.PathLike[str] | None) -> Path:
     folder = Path(run.folder if isinstance(run, Run) else run)
     target = folder.with_name(f"{folder.name}-{form}") if output is None else Path(output)
-    call(["export", folder, "--format", form, "--output", target])
+    call(["export", folder, "--format", form, "--out", target])
     return target

@@ -158,7 +158,7 @@ def convert(mapping: Config) -> Any:
             mapping = {**mapping, "input": [_with_file(stack, one) for one in mapping.get("input", [])]}
         path = stack.enter_context(config_file(mapping))
         output = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="murmuration-"))) / "table.parquet"
-        call(["convert", path, "--out", output])
+        call(["convert", path, "--output", output])
         return read_table(output)
 
 
