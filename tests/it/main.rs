@@ -41,6 +41,7 @@ mod packets_split;
 mod plain_numbers;
 mod power;
 mod predictions;
+mod prose;
 mod quadrotors;
 mod reference;
 mod refusals;
