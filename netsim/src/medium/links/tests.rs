@@ -95,7 +95,7 @@ fn nobody_hears_himself_or_who_is_off() {
 }
 
 #[test]
-fn c2_frozen_levels_stay_over_100_slots_whoever_moves_and_are_the_same_in_both_directions() {
+fn c2_frozen_links_stay_over_100_slots_even_if_motes_move_and_are_the_same_in_both_directions() {
     let randomness = ExperimentalRandomness { radio: RADIO, redraw: Redraw::Frozen };
     let mut places = [[0.0; 2], [20.0, 0.0], [0.0, 30.0]];
     let mut links = placed(model(randomness, vec![]), &places);

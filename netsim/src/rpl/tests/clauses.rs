@@ -183,7 +183,7 @@ fn rfc6550_8_2_2_4_the_bound_on_rank_holds_over_a_time_outside() {
 }
 
 #[test]
-fn rfc6550_8_2_2_5_who_leaves_poisons_and_again_whoever_has_not_heard_it() {
+fn rfc6550_8_2_2_5_a_mote_that_leaves_poisons_and_repeats_it_for_neighbours_that_missed_it() {
     let mut bench = joined(Bench::perfect());
     bench.hear(2, &dio_of(0, 1024));
     bench.sent();
