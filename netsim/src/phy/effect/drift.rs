@@ -44,7 +44,7 @@ pub const ENTRY: Entry = Entry {
         fields: FIELDS,
     },
     about: About {
-        mechanism: "Gain of the common electronics, supply voltage, weather and the crowd at a site change over minutes and hours, for all links at once. Without such a covariate, it appears as a common offset that drifts in time.",
+        mechanism: "Gain of the common electronics, supply voltage, weather and the crowd at a site change over minutes and hours, for all links at once. Where no covariate records this, it shows as a level that wanders.",
         equation: "RSSI' = RSSI + X(t), X ~ N(0, sd_db^2), the same for all links; correlation e^(-time / correlation_s)",
         source: "G. E. Uhlenbeck, L. S. Ornstein, Physical Review 36 (1930) 823 (the process); C. A. Boano et al., IEEE Trans. Industrial Informatics 6 (2010) 451 (levels of an outdoor network that follow the day).",
         validity: "One level for all links, whatever moves. Where a measured covariate follows the same course, that is the better cause. Clipped at 5 sd.",
