@@ -96,7 +96,7 @@ enum Command {
     Sweep(sweeps::SweepArgs),
     /// Compare the results of two runs or of two sweeps
     CompareRuns(sweeps::CompareRunsArgs),
-    /// Check an experiment file or measurements, and run or fit nothing
+    /// Check an experiment file, or measurements, before you use it
     Check(check::CheckArgs),
     /// Print the JSON Schema of experiment files, mapping files or answers
     Schema(schema::SchemaArgs),

@@ -119,7 +119,7 @@ fn a_starter_overwrites_nothing_and_its_errors_name_the_fix() {
     };
     refused(&["taken"], &["taken: exists already; give another name"]);
     refused(&["my swarm"], &["letters, digits", "use my-swarm"]);
-    refused(&[".."], &["use my-swarm"]);
+    refused(&[".."], &["use experiment"]);
     refused(&["nowhere/x"], &["the folder nowhere does not exist"]);
     refused(&["x", "--kind", "floking"], &["'flocking'", "measured-robots"]);
     let entries: Vec<_> = std::fs::read_dir(dir.path()).unwrap().collect();

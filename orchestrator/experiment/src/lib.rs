@@ -470,7 +470,7 @@ pub fn is_file_name(name: &str) -> bool {
         && name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.'))
 }
 
-/// The most similar text that can name an experiment; may be empty.
+/// The most similar text that can name an experiment; `experiment` if there is none.
 #[must_use]
 pub fn as_file_name(name: &str) -> String {
     let replaced: String = name

@@ -12,7 +12,7 @@ pub(super) struct NewArgs {
     /// Folder to make. Its last part is the name of the experiment: letters, digits, '-', '_' and '.'
     name: PathBuf,
     /// What the experiment is about
-    #[arg(long, value_name = "KIND", default_value = "flocking")]
+    #[arg(long, value_name = "KIND", value_enum, default_value_t = StarterKind::Flocking)]
     kind: StarterKind,
 }
 
@@ -63,10 +63,9 @@ fn checked_name(folder: &Path) -> Result<String, Failure> {
     if is_file_name(&last) && !last.is_empty() {
         return Ok(last);
     }
-    let nearest = as_file_name(&last);
-    let hint = if nearest.is_empty() { "my-swarm" } else { &nearest };
     Err(Failure::request(format!(
-        "{:?}: the name must be 1 to 100 letters, digits, '-', '_' or '.', not starting with '.'; use {hint}",
-        folder.display().to_string()
+        "{:?}: the name must be 1 to 100 letters, digits, '-', '_' or '.', not starting with '.'; use {}",
+        folder.display().to_string(),
+        as_file_name(&last)
     )))
 }
