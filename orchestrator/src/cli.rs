@@ -42,7 +42,9 @@ use clap::{Args, FromArgMatches as _, Parser, Subcommand};
 use drive::peer::become_command;
 use experiment::{Overrides, Tls, set_program_name};
 pub use help::command;
-use proto_host::{ServeArgs, init_logging_to, serve_network, serve_robots, use_threads};
+use proto_host::{
+    ServeArgs, ServeOptions, init_logging_to, serve_network, serve_robots, use_threads,
+};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -131,11 +133,9 @@ enum Command {
     /// Become a command that ends with its parent process
     #[command(hide = true)]
     Become(BecomeArgs),
-    /// Serve the network simulator
-    #[command(hide = true)]
+    /// Serve the network simulator, for runs that have its URL
     Netsim(ServeOptions),
-    /// Serve the robot simulator
-    #[command(hide = true)]
+    /// Serve the robot simulator, for runs that have its URL
     Robotsim(ServeOptions),
 }
 
@@ -297,39 +297,6 @@ struct BenchArgs {
     json: Option<PathBuf>,
 }
 
-/// As [`ServeArgs`], whose log options are global here.
-#[derive(Args)]
-struct ServeOptions {
-    #[arg(long, default_value = "127.0.0.1:0")]
-    listen: proto_host::Listen,
-    #[arg(long)]
-    threads: Option<u16>,
-    #[arg(long)]
-    require_token: Option<PathBuf>,
-    #[arg(long)]
-    refuse_orders: bool,
-    #[arg(long)]
-    exit_with_parent: bool,
-}
-
-impl ServeOptions {
-    fn args(self, log: String, log_json: bool) -> ServeArgs {
-        ServeArgs {
-            listen: self.listen,
-            tls_cert: None,
-            tls_key: None,
-            tls_client_ca: None,
-            insecure_no_tls: false,
-            require_token: self.require_token,
-            refuse_orders: self.refuse_orders,
-            threads: self.threads,
-            log,
-            log_json,
-            exit_with_parent: self.exit_with_parent,
-        }
-    }
-}
-
 /// Something went wrong: what to say and how to exit.
 struct Failure {
     status: u8,
@@ -358,13 +325,13 @@ pub fn main() -> ExitCode {
         Command::Netsim(options) => {
             return served(serve_network(
                 netsim::sim::Network::default(),
-                &options.args(cli.log, cli.log_json),
+                &ServeArgs { options, log: cli.log, log_json: cli.log_json },
             ));
         }
         Command::Robotsim(options) => {
             return served(serve_robots(
                 robotsim::sim::Swarm::default(),
-                &options.args(cli.log, cli.log_json),
+                &ServeArgs { options, log: cli.log, log_json: cli.log_json },
             ));
         }
         Command::Become(args) => {

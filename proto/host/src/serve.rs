@@ -12,7 +12,7 @@ use proto_messages::FILE_DESCRIPTOR_SET;
 use std::fmt;
 use std::io::{IsTerminal as _, Read as _, Write as _};
 use std::net::SocketAddr;
-use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
@@ -55,9 +55,23 @@ impl fmt::Display for Listen {
     }
 }
 
-/// How a simulator is served. The same for both.
+/// The command line of a simulator's own program. The same for both.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ServeArgs {
+    /// How the simulator is served.
+    #[command(flatten)]
+    pub options: ServeOptions,
+    /// Set the log level: error, warn, info, debug, trace, or a filter such as netsim=debug
+    #[arg(long, value_name = "FILTER", default_value = "warn")]
+    pub log: String,
+    /// Log as JSON, one object per line
+    #[arg(long)]
+    pub log_json: bool,
+}
+
+/// How a simulator is served, without logging, which a program may have options of its own for.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ServeOptions {
     /// Address and port to listen on, or unix:PATH; with port 0 the system chooses a free port
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:0")]
     pub listen: Listen,
@@ -82,12 +96,6 @@ pub struct ServeArgs {
     /// Number of threads; results do not depend on it [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: Option<u16>,
-    /// Set the log level: error, warn, info, debug, trace, or a filter such as netsim=debug
-    #[arg(long, value_name = "FILTER", default_value = "warn")]
-    pub log: String,
-    /// Log as JSON, one object per line
-    #[arg(long)]
-    pub log_json: bool,
     /// Exit when standard input closes, that is, when the parent process ends
     #[arg(long, hide = true)]
     pub exit_with_parent: bool,
@@ -161,7 +169,7 @@ pub enum ServeError {
 ///
 /// See [`ServeError`].
 pub fn serve_robots<S: RobotSimulator>(simulator: S, args: &ServeArgs) -> Result<(), ServeError> {
-    let host = RobotHost::new(simulator).with_orders(orders(args)?);
+    let host = RobotHost::new(simulator).with_orders(orders(&args.options)?);
     let service = RobotSimServiceServer::new(host)
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
@@ -177,7 +185,7 @@ pub fn serve_robots<S: RobotSimulator>(simulator: S, args: &ServeArgs) -> Result
 ///
 /// See [`ServeError`].
 pub fn serve_network<S: NetSimulator>(simulator: S, args: &ServeArgs) -> Result<(), ServeError> {
-    let host = NetHost::new(simulator).with_orders(orders(args)?);
+    let host = NetHost::new(simulator).with_orders(orders(&args.options)?);
     let service = NetSimServiceServer::new(host)
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
@@ -226,6 +234,7 @@ fn serve(
     add: impl FnOnce(&mut RoutesBuilder),
 ) -> Result<(), ServeError> {
     init_logging(&args.log, args.log_json)?;
+    let args = &args.options;
     let tls = tls_config(args)?;
     match &args.listen {
         Listen::Tcp(address)
@@ -345,7 +354,7 @@ fn announce(simulator: &str, url: &str) {
 }
 
 /// Who may give orders from outside.
-fn orders(args: &ServeArgs) -> Result<OrdersFromOutside, ServeError> {
+fn orders(args: &ServeOptions) -> Result<OrdersFromOutside, ServeError> {
     const OPTION: &str = "--require-token";
     if args.refuse_orders {
         return Ok(OrdersFromOutside::Nobody);
@@ -408,7 +417,7 @@ pub fn ignores_hangup() -> bool {
     ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).is_some_and(|m| m & 1 == 1)
 }
 
-fn tls_config(args: &ServeArgs) -> Result<Option<ServerTlsConfig>, ServeError> {
+fn tls_config(args: &ServeOptions) -> Result<Option<ServerTlsConfig>, ServeError> {
     let (Some(cert), Some(key)) = (&args.tls_cert, &args.tls_key) else { return Ok(None) };
     let identity = Identity::from_pem(read("--tls-cert", cert)?, read_secret("--tls-key", key)?);
     let mut tls = ServerTlsConfig::new().identity(identity).timeout(Duration::from_secs(10));
@@ -426,11 +435,14 @@ fn read(option: &'static str, path: &Path) -> Result<Vec<u8>, ServeError> {
     })
 }
 
-/// A file that nobody but its owner may read.
+/// A file that nobody but its owner may read, or also the group of root.
 fn read_secret(option: &'static str, path: &Path) -> Result<Vec<u8>, ServeError> {
     let content = read(option, path)?;
-    let mode = std::fs::metadata(path).map_or(0, |metadata| metadata.permissions().mode()) & 0o777;
-    if mode & 0o077 == 0 {
+    let (mode, owner) = std::fs::metadata(path)
+        .map_or((0, 0), |metadata| (metadata.permissions().mode() & 0o777, metadata.uid()));
+    // systemd grants a service's user its credentials by an access list, which shows as readable by the group, root's.
+    let allowed = if owner == 0 { 0o040 } else { 0 };
+    if mode & 0o077 & !allowed == 0 {
         return Ok(content);
     }
     Err(ServeError::Readable { option, path: path.to_owned(), mode })
