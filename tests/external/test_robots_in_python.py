@@ -31,7 +31,7 @@ def test_the_files_of_the_tutorial_print_the_numbers_of_the_page(tmp_path):
             before = text[: block.start()].rstrip().rpartition("\n\n")[2]
             names = re.findall(rf"`(\w+\.{'py' if kind == 'python' else 'toml'})`", before)
             (tmp_path / names[-1]).write_text(body, encoding="utf-8")
-        if kind == "console":
+        if kind == "text":
             command, *lines = body.splitlines()
             printed = succeed(command.removeprefix("$ ").split(), cwd=tmp_path, env=environment)
             n_commands += 1

@@ -71,6 +71,8 @@ const GROUPS: [(&str, &[CommandHelp]); 6] = [
         "Connect your own simulator",
         &[
             ("conformance", "conformance robotsim http://127.0.0.1:5000", &["run", "schema"]),
+            ("netsim", "netsim --listen 127.0.0.1:50051", &["robotsim", "run"]),
+            ("robotsim", "robotsim --listen 127.0.0.1:50061", &["netsim", "run"]),
             ("schema", "schema --of diagnose", &["check", "docs"]),
         ],
     ),
