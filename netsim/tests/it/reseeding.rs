@@ -9,7 +9,7 @@ use proto::types::DeliveryColumn;
 /// A network in the state of a snapshot, with another seed if one is given.
 fn restored(saved: &[u8], seed: Option<u64>) -> Network {
     let mut network = Network::default();
-    network.restore(saved).unwrap();
+    network.restore(saved).expect("the snapshot is of this network");
     if let Some(seed) = seed {
         network.reseed(seed);
     }

@@ -28,7 +28,7 @@ fn a_swarm_goes_on_with_its_own_seed_and_differs_with_another() {
         let with = |seed: Option<u64>| {
             let mut other = Air::new(&setup, |_, _, _, _| true);
             other.swarm = Swarm::default();
-            other.swarm.restore(&saved).unwrap();
+            other.swarm.restore(&saved).expect("the snapshot is of this swarm");
             if let Some(seed) = seed {
                 other.swarm.reseed(seed);
             }
