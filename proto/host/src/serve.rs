@@ -12,7 +12,7 @@ use proto_messages::FILE_DESCRIPTOR_SET;
 use std::fmt;
 use std::io::{IsTerminal as _, Read as _, Write as _};
 use std::net::SocketAddr;
-use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
@@ -435,14 +435,11 @@ fn read(option: &'static str, path: &Path) -> Result<Vec<u8>, ServeError> {
     })
 }
 
-/// A file that nobody but its owner may read, or also the group of root.
+/// A file that nobody but its owner may read.
 fn read_secret(option: &'static str, path: &Path) -> Result<Vec<u8>, ServeError> {
     let content = read(option, path)?;
-    let (mode, owner) = std::fs::metadata(path)
-        .map_or((0, 0), |metadata| (metadata.permissions().mode() & 0o777, metadata.uid()));
-    // systemd grants a service's user its credentials by an access list, which shows as readable by the group, root's.
-    let allowed = if owner == 0 { 0o040 } else { 0 };
-    if mode & 0o077 & !allowed == 0 {
+    let mode = std::fs::metadata(path).map_or(0, |metadata| metadata.permissions().mode()) & 0o777;
+    if mode & 0o077 == 0 {
         return Ok(content);
     }
     Err(ServeError::Readable { option, path: path.to_owned(), mode })
