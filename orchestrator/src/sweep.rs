@@ -3,7 +3,7 @@
 //!
 //! `OUT/<name>/trials.jsonl` holds a line for each finished trial, so a sweep resumes even after a crash. The table, the summary
 //! and the report are made from those lines once all trials are finished. A shard runs some of the trials and has a journal of
-//! its own; [`merge()`] makes the table from the journals of all shards. [`engine`] has the shards run by a batch system.
+//! its own; [`merge()`] makes the table from the journals of all shards. `engine` has the shards run by a batch system.
 
 mod design;
 pub(crate) mod engine;

@@ -138,10 +138,11 @@ fn sentences(text: &str) -> Vec<String> {
         let ends = word.trim_end_matches(['"', ')', '”']).ends_with(['.', '!', '?']);
         let goes_on = ["al.", "e.g.", "i.e.", "cf.", "vs.", "Fig.", "Eq.", "Sec.", "No."]
             .iter()
-            .any(|abbreviation| word.ends_with(abbreviation))
-            || words
-                .get(index + 1)
-                .is_some_and(|next| next.starts_with(char::is_lowercase) && *next != "code");
+            .any(|abbreviation| word.trim_start_matches('(') == *abbreviation)
+            || words.get(index + 1).is_some_and(|next| {
+                next.starts_with(char::is_lowercase)
+                    && next.trim_end_matches(|c: char| !c.is_alphanumeric()) != "code"
+            });
         if ends && !goes_on {
             sentences.push(std::mem::take(&mut sentence).join(" "));
         }
