@@ -122,7 +122,7 @@ class Stage:
             shutil.copyfile(source, target)
         else:
             text = source.read_text(encoding="utf-8")
-            language = LANGUAGES[source.suffix]
+            language = LANGUAGES.get(source.suffix, "text")
             self.write(page, f"# {path}\n\n``````{language}\n{text.rstrip()}\n``````\n")
 
     def folder_page(self, path, page):
