@@ -85,6 +85,22 @@ pub fn orchestrator(args: &[&str], folder: &Path) -> Output {
         .expect("the orchestrator starts")
 }
 
+/// Starts a program in a folder, without input, and keeps what it prints.
+///
+/// # Panics
+///
+/// If it cannot be started.
+#[must_use]
+pub fn spawn(command: &mut Command, folder: &Path) -> Child {
+    command
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts")
+}
+
 /// Runs an experiment that must succeed; returns the folder of its results.
 ///
 /// # Panics

@@ -129,7 +129,7 @@ class Cluster:
         daemon.wait(timeout=START_DEADLINE_S)
 
     def fail(self, node):
-        """The machine fails: its daemon and everything that runs on it end at once, and nobody is told."""
+        """The machine fails: its daemon and everything that runs on it end at once, without a message to the controller."""
         self.kill(node)
         self.kill_jobs(lambda name: name == node)
 

@@ -1,7 +1,7 @@
 //! Simulators that a command of the experiment file starts.
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Output};
 use std::time::{Duration, Instant};
 use tests::Server;
 use tests::recording::assert_same;
@@ -44,15 +44,11 @@ fn asked(folder: &Path, args: &[&str], more: &[String]) -> Output {
 }
 
 fn started(folder: &Path, more: &[String]) -> Child {
-    Command::new(tests::executable("orchestrator"))
+    let mut command = Command::new(tests::executable("orchestrator"));
+    command
         .args(["run", "c.toml", "--allow-command", "--set", "experiment.duration_s=1e7"])
-        .args(more)
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
+        .args(more);
+    tests::spawn(&mut command, folder)
 }
 
 fn until(what: &str, is_so: impl Fn() -> bool) {

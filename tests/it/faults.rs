@@ -1,7 +1,7 @@
 //! A side that ends, crashes, hangs or lies ends the run within seconds, with one message that names it.
 
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 use tests::fake::{Fault, Faulty};
 
@@ -26,16 +26,9 @@ fn endless(folder: &Path) -> std::path::PathBuf {
 }
 
 fn start(folder: &Path, args: &[&str]) -> Child {
-    Command::new(tests::executable("orchestrator"))
-        .arg("run")
-        .arg(endless(folder))
-        .args(args)
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
+    let mut command = Command::new(tests::executable("orchestrator"));
+    command.arg("run").arg(endless(folder)).args(args);
+    tests::spawn(&mut command, folder)
 }
 
 /// Waits for the end, at most `deadline`.

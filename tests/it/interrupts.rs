@@ -2,20 +2,13 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 use tests::campaign::{Campaign, Hidden, Layout, Size};
 
 /// The orchestrator with these arguments, whatever it says kept.
 fn started(args: &[&str], folder: &Path) -> Child {
-    Command::new(tests::executable("orchestrator"))
-        .args(args)
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
+    tests::spawn(Command::new(tests::executable("orchestrator")).args(args), folder)
 }
 
 /// A run of the flocking example.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 use tests::fake::{Fault, Faulty};
-use tests::{orchestrator, said};
+use tests::{orchestrator, said, spawn};
 
 const EXPERIMENT: &str = "[experiment]\nname = \"e\"\nseed = 3\nduration_s = 2.0\nagents = 4\n\
     [robotsim.scenario]\nkind = \"line\"\n[robotsim.controller]\nkind = \"random-jump\"\n\
@@ -30,16 +30,6 @@ fn complete(folder: &Path, args: &[&str]) -> String {
     let output = run(folder, args);
     assert!(output.status.success(), "{}", said(&output));
     said(&output)
-}
-
-fn spawn(command: &mut Command, folder: &Path) -> Child {
-    command
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
 }
 
 /// A run that lasts until it is stopped, once it records.

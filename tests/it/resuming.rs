@@ -1,7 +1,7 @@
 //! Runs that are killed, or lose a simulator, end with the recording of a run to which nothing happened.
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 use tests::Server;
 use tests::fake::{Fault, Faulty};
@@ -41,14 +41,7 @@ fn finished(arguments: &[String], folder: &Path) -> String {
 }
 
 fn started(arguments: &[String], folder: &Path) -> Child {
-    Command::new(tests::executable("orchestrator"))
-        .args(arguments)
-        .current_dir(folder)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap()
+    tests::spawn(Command::new(tests::executable("orchestrator")).args(arguments), folder)
 }
 
 /// Folders of unfinished runs.

@@ -11,7 +11,7 @@
 //! | `channel` | how a connection is opened, and with which certificates |
 //! | `service` | the generated clients behind one face, and the border between their messages and values |
 
-mod awake;
+mod busy_wait;
 mod channel;
 mod command;
 mod error;
@@ -29,7 +29,7 @@ pub use process::{Launch, LineSink, Orders};
 pub use service::Service;
 pub use side::{Described, NetworkSide, Peer, RobotSide, Side, Standing};
 
-use awake::Awake;
+use busy_wait::BusyWait;
 use bytes::Bytes;
 use channel::channel;
 use experiment::{Tls, Transport};
@@ -66,7 +66,7 @@ pub struct Remote<S: Service> {
     session: Option<Session<S>>,
     streams: bool,
     step_deadline: Duration,
-    awake: Awake,
+    busy_wait: BusyWait,
     n_agents: usize,
     /// See [`Peer::start_digest`].
     start: Option<Digest>,
@@ -175,7 +175,7 @@ impl<S: Service> Remote<S> {
         }
         let streams = described.session && reach.transport != Transport::Unary;
         let step_deadline = reach.step_deadline;
-        let awake = Awake::new(reach.is_busy);
+        let busy_wait = BusyWait::new(reach.is_busy);
         Ok(Self {
             url,
             client,
@@ -185,7 +185,7 @@ impl<S: Service> Remote<S> {
             session: None,
             streams,
             step_deadline,
-            awake,
+            busy_wait,
             n_agents: 0,
             start: None,
             digest: Bytes::new(),
@@ -297,13 +297,13 @@ impl<S: Service> Remote<S> {
         let early = tokio::select! {
             biased;
             result = &mut call => Some(result),
-            () = self.awake.stay() => None,
+            () = self.busy_wait.stay() => None,
         };
         let soon = match early {
             Some(result) => Ok(result),
             None => tokio::time::timeout(PATIENCE, &mut call).await,
         };
-        self.awake.saw(asked.elapsed());
+        self.busy_wait.saw(asked.elapsed());
         if let Ok(result) = soon {
             return self.explain(doing, result).await;
         }

@@ -170,15 +170,7 @@ impl ForeignArgs {
             step_deadline: Duration::from_secs_f64(step_deadline_s.clamp(1.0, 86_400.0)),
             is_busy: false,
             // Nothing is started.
-            launch: Launch {
-                executable: PathBuf::new(),
-                command: None,
-                threads: None,
-                log: String::new(),
-                log_json: false,
-                accept_commands: false,
-                lines: None,
-            },
+            launch: Launch::new(PathBuf::new()),
         })
     }
 }

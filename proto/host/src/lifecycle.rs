@@ -322,13 +322,18 @@ impl<S, A: Active> Lifecycle<S, A> {
         &mut self,
         state: &[u8],
         version: &str,
+        seed: Option<u64>,
         restore: impl FnOnce(&mut S, &[u8]) -> Result<(), NotASnapshot>,
+        reseed: impl FnOnce(&mut S, u64),
     ) -> Result<&Ledger, Status> {
         let refuse = |error: NotASnapshot| Status::invalid_argument(error.to_string());
         let state = snapshot::open(version, state).map_err(refuse)?;
         let frozen: Frozen<A> =
             postcard::from_bytes(state).map_err(|error| refuse(NotASnapshot(error.to_string())))?;
         restore(&mut self.simulator, &frozen.simulator).map_err(refuse)?;
+        if let Some(seed) = seed {
+            reseed(&mut self.simulator, seed);
+        }
         Ok(self.active.insert(frozen.active).ledger())
     }
 

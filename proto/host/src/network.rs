@@ -278,13 +278,7 @@ impl<S: NetSimulator> Lifecycle<S> {
         request: &v1::NetSimServiceRestoreRequest,
     ) -> Result<v1::NetSimServiceRestoreResponse, Status> {
         let &Ledger { step, time_ns, .. } =
-            self.restored(&request.state, &version::<S>(), |simulator, state| {
-                simulator.restore(state)?;
-                if let Some(seed) = request.seed {
-                    simulator.reseed(seed);
-                }
-                Ok(())
-            })?;
+            self.restored(&request.state, &version::<S>(), request.seed, S::restore, S::reseed)?;
         Ok(v1::NetSimServiceRestoreResponse { step, time_ns })
     }
 }

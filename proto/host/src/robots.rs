@@ -249,13 +249,7 @@ impl<S: RobotSimulator> Lifecycle<S> {
         request: &v1::RobotSimServiceRestoreRequest,
     ) -> Result<v1::RobotSimServiceRestoreResponse, Status> {
         let &Ledger { step, time_ns, .. } =
-            self.restored(&request.state, &version::<S>(), |simulator, state| {
-                simulator.restore(state)?;
-                if let Some(seed) = request.seed {
-                    simulator.reseed(seed);
-                }
-                Ok(())
-            })?;
+            self.restored(&request.state, &version::<S>(), request.seed, S::restore, S::reseed)?;
         Ok(v1::RobotSimServiceRestoreResponse { step, time_ns })
     }
 }

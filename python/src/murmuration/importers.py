@@ -201,7 +201,7 @@ class _Samples:
 
 
 def _tracks(bag: Bag, robots: Robots | None, how: _How, problems: list[str], left_out: list[str]) -> dict[str, _Track]:
-    """The robots of a bag. What is wrong is added to `problems`, what is left out to `left_out`."""
+    """The robots of a bag. Errors are added to `problems`, ignored topics and messages to `left_out`."""
     topics = _topics_of(bag, robots, problems)
     wanted: dict[str, dict[str, str]] = {}
     for name, own in topics.items():

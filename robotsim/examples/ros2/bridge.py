@@ -1,7 +1,7 @@
 """Robots that live in ROS 2 as a robot simulator of Murmuration: everything but ROS itself. node.py has that.
 
-In each step a robot is told what it heard, given a velocity if the bridge has a control law, and the simulation that moves it
-runs for the period. Then its pose is read from its odometry.
+In each step the bridge publishes what each robot heard, and its velocity if the bridge has a control law, and lets the simulation
+that moves the robots run for the period. Then it reads their poses from their odometry.
 """
 
 import dataclasses

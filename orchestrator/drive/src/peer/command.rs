@@ -156,15 +156,7 @@ mod tests {
         std::fs::set_permissions(&executable, Permissions::from_mode(0o755)).unwrap();
         let words = ["sh", "-c", script].map(str::to_owned).to_vec();
         let command = SideCommand { words, folder: folder.path().to_owned() };
-        let launch = Launch {
-            executable,
-            command: None,
-            threads: None,
-            log: String::new(),
-            log_json: false,
-            accept_commands: false,
-            lines: None,
-        };
+        let launch = Launch::new(executable);
         (command, launch, folder)
     }
 

@@ -47,6 +47,22 @@ pub struct Launch {
     pub lines: Option<LineSink>,
 }
 
+impl Launch {
+    /// The simulator in this executable, on all cores, with warnings alone, without orders.
+    #[must_use]
+    pub fn new(executable: PathBuf) -> Self {
+        Self {
+            executable,
+            command: None,
+            threads: None,
+            log: "warn".to_owned(),
+            log_json: false,
+            accept_commands: false,
+            lines: None,
+        }
+    }
+}
+
 /// Where and how other programs may give orders to a child.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Orders {
@@ -411,15 +427,7 @@ mod tests {
         let script = "#!/bin/sh\necho side listening on http://127.0.0.1:1\nexec cat >/dev/null\n";
         std::fs::write(&executable, script).unwrap();
         std::fs::set_permissions(&executable, std::fs::Permissions::from_mode(0o755)).unwrap();
-        let launch = Launch {
-            executable,
-            command: None,
-            threads: None,
-            log: "warn".to_owned(),
-            log_json: false,
-            accept_commands: false,
-            lines: None,
-        };
+        let launch = Launch::new(executable);
         let (url, mut child) = ChildProcess::start("netsim", &launch).await.unwrap();
         assert_eq!(url, "http://127.0.0.1:1");
         let said = SideError::Cannot { side: "netsim", what: "its own words".to_owned() };

@@ -63,6 +63,23 @@ pub enum CommandError {
     },
 }
 
+/// The number of a job, in what a program printed when the job was submitted to it.
+///
+/// # Errors
+///
+/// [`CommandError::Output`] if it is no number.
+pub(super) fn job_number(
+    program: &str,
+    printed: &str,
+    number: &str,
+) -> Result<String, CommandError> {
+    let number = number.trim();
+    if number.is_empty() || !number.bytes().all(|byte| byte.is_ascii_digit()) {
+        return Err(CommandError::Output { program: program.to_owned(), text: printed.to_owned() });
+    }
+    Ok(number.to_owned())
+}
+
 /// Runs a command and returns what it prints. It hears no Ctrl-C, which is for this program alone. `stop`: it is killed once that
 /// is set.
 ///

@@ -2,7 +2,7 @@
 //!
 //! Shards are submitted and not followed: HyperQueue itself starts the tasks of a lost worker again.
 
-use super::command::{CommandError, output};
+use super::command::{CommandError, job_number, output};
 use super::script::ShardScript;
 use super::{Engine, Queue};
 use crate::sweep::plan::SweepPlan;
@@ -42,11 +42,7 @@ impl Engine for HyperQueue {
     fn submit(&self, script: &Path) -> Result<String, CommandError> {
         let script = script.to_string_lossy();
         let said = output("hq", &["--output-mode=quiet", "submit", &script], None)?;
-        let id = said.trim();
-        if id.is_empty() || !id.bytes().all(|byte| byte.is_ascii_digit()) {
-            return Err(CommandError::Output { program: "hq".to_owned(), text: said });
-        }
-        Ok(id.to_owned())
+        job_number("hq", &said, &said)
     }
 
     fn cancel_command(&self, jobs: &[String]) -> String {

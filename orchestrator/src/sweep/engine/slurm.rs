@@ -3,7 +3,7 @@
 //! Slurm does not requeue tasks of these jobs by itself (`--no-requeue`): a lost shard is submitted again by [`super::follow`], which
 //! counts and names the losses.
 
-use super::command::{CommandError, output};
+use super::command::{CommandError, job_number, output};
 use super::script::{ShardScript, quoted};
 use super::stop::StopSignal;
 use super::{Engine, Queue, Task, TaskState};
@@ -73,11 +73,7 @@ impl Engine for Slurm {
     fn submit(&self, script: &Path) -> Result<String, CommandError> {
         let said = output("sbatch", &["--parsable", &script.to_string_lossy()], None)?;
         // `job`, or `job;cluster`.
-        let id = said.trim().split(';').next().unwrap_or_default();
-        if id.is_empty() || !id.bytes().all(|byte| byte.is_ascii_digit()) {
-            return Err(CommandError::Output { program: "sbatch".to_owned(), text: said });
-        }
-        Ok(id.to_owned())
+        job_number("sbatch", &said, said.split(';').next().unwrap_or_default())
     }
 
     fn cancel_command(&self, jobs: &[String]) -> String {

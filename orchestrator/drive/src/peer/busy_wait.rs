@@ -1,31 +1,31 @@
-//! Waiting awake: most answers come within microseconds, and to fall asleep and be woken can take longer than that.
+//! Busy-waiting: most answers come within microseconds, and to block and be woken can take longer than that.
 
 use std::time::{Duration, Instant};
 
-/// The longest wait that is spent awake: one that the processor pays for in vain loses no more than this.
+/// The longest busy-wait. One in vain costs no more processor time than this.
 const LONGEST: Duration = Duration::from_millis(1);
 /// What the first answer is expected to take.
 const AT_FIRST: Duration = Duration::from_micros(100);
-/// An answer is waited for awake until it is late by this factor.
+/// A busy-wait ends when the answer takes this many times as long as expected.
 const LATE: u32 = 3;
 /// Latest answers that the expectation looks back on.
 const MEMORY: u32 = 8;
 
-/// How long to wait awake for answers of one side: as long as they have been coming soon, and no longer.
+/// How long to busy-wait for answers of one side: as long as its answers have been coming soon.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Awake {
+pub(super) struct BusyWait {
     /// The processor has nothing else to do.
     is_allowed: bool,
     expected: Duration,
 }
 
-impl Awake {
+impl BusyWait {
     /// `is_busy`: other work waits for the processor. Where there is but one, the side itself does.
     pub(super) fn new(is_busy: bool) -> Self {
         Self { is_allowed: !is_busy && 1 < proto_host::cores(), expected: AT_FIRST }
     }
 
-    /// How long the next answer is to be waited for awake.
+    /// How long to busy-wait for the next answer.
     fn limit(self) -> Duration {
         let limit = self.expected * LATE;
         if self.is_allowed && limit <= LONGEST { limit } else { Duration::ZERO }
@@ -55,15 +55,15 @@ mod tests {
     const LATER: Duration = Duration::from_secs(2);
 
     fn after(answers: &[(usize, Duration)]) -> Duration {
-        let mut awake = Awake { is_allowed: true, expected: AT_FIRST };
+        let mut busy_wait = BusyWait { is_allowed: true, expected: AT_FIRST };
         for &(n, took) in answers {
-            (0..n).for_each(|_| awake.saw(took));
+            (0..n).for_each(|_| busy_wait.saw(took));
         }
-        awake.limit()
+        busy_wait.limit()
     }
 
     #[test]
-    fn answers_are_waited_for_awake_while_they_come_soon() {
+    fn answers_that_come_soon_are_busy_waited_for() {
         assert_eq!(after(&[]), AT_FIRST * LATE);
         let limit = after(&[(100, SOON)]);
         assert!((SOON * 2..SOON * 4).contains(&limit), "{limit:?}");
@@ -72,8 +72,8 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_awake_while_other_work_waits() {
-        let awake = Awake::new(true);
-        assert_eq!(awake.limit(), Duration::ZERO);
+    fn nobody_busy_waits_while_other_work_waits() {
+        let busy_wait = BusyWait::new(true);
+        assert_eq!(busy_wait.limit(), Duration::ZERO);
     }
 }
