@@ -174,9 +174,11 @@ NETWORKS = {
 
 @functools.cache
 def capture_of(name, folder):
-    """Runs a network and returns the path of its capture."""
+    """Runs a network in a folder of its own and returns the path of its capture. Networks run beside each other."""
+    own = folder / name
+    own.mkdir()
     positions = "".join(f"{mote},{x_m},{y_m}\n" for mote, (x_m, y_m) in enumerate(TREE_M))
-    (folder / "tree.csv").write_text(f"agent,x_m,y_m\n{positions}")
-    (folder / f"{name}.toml").write_text(NETWORKS[name].toml(name))
-    succeed([program("orchestrator"), "run", folder / f"{name}.toml", "--out", folder / name])
-    return only_directory(folder / name) / "radio.pcap"
+    (own / "tree.csv").write_text(f"agent,x_m,y_m\n{positions}")
+    (own / f"{name}.toml").write_text(NETWORKS[name].toml(name))
+    succeed([program("orchestrator"), "run", own / f"{name}.toml", "--out", own / "runs"])
+    return only_directory(own / "runs") / "radio.pcap"
