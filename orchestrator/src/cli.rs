@@ -7,6 +7,7 @@ mod check;
 mod choice;
 mod convert;
 mod corrected;
+mod demo;
 mod docs;
 mod export;
 mod foreign;
@@ -73,6 +74,12 @@ enum Command {
     /// Makes a folder with an experiment file that runs as it is. Its comments explain the keys, and end with what to
     /// try next. Kinds about measurements come with a table of measurements and a model that lacks an effect.
     New(new::NewArgs),
+    /// Find a hidden effect in simulated measurements, from start to end
+    ///
+    /// Simulates measurements in which an effect is hidden, compares a model with them, diagnoses which effect the model
+    /// lacks, extends the model, and runs a swarm under both. A page tells it with pictures. The diagnosis is a process
+    /// of its own, which reads the model and the measurements only.
+    Demo(demo::DemoArgs),
     /// Open the documentation in a browser
     ///
     /// The site is found beside the installed program, in the folder that the environment variable MURMURATION_DOCS
@@ -379,6 +386,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
     };
     match command {
         Command::New(args) => new::new(&args),
+        Command::Demo(args) => demo::run(&args),
         Command::Docs(args) => docs::docs(&args),
         Command::Completions(args) => shell::completions(&args),
         Command::Man(args) => shell::man(&args),

@@ -11,6 +11,8 @@
 //! | [`mod@check`] | what a file of measurements holds, and which effects it can show |
 //! | [`mod@dry_run`] | what a run or a sweep would take |
 //! | [`starters`] | the experiments that `new` writes |
+//! | [`campaign`] | templates of measurement campaigns |
+//! | [`mod@demo`] | the loop from measurements to a better model, on a hidden effect |
 //! | [`mod@export`] | a run in the formats of other programs |
 //! | [`effects`] | the catalogue of physical effects |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
@@ -19,11 +21,13 @@
 //! | [`console`] | what a person reads while it works |
 
 pub mod bench;
+pub mod campaign;
 pub mod check;
 pub mod cli;
 pub mod compare_runs;
 pub mod conformance;
 pub mod console;
+pub mod demo;
 mod disk_space;
 pub mod dry_run;
 pub mod effects;

@@ -1,9 +1,9 @@
 //! Starter experiments: what `new` writes.
 
+use crate::campaign::{LinkCampaign, TrackCampaign};
 use diagnose::simulate;
 use measure::config::Compared;
 use measure::table::DataTable;
-use std::fmt::Write as _;
 use std::path::Path;
 
 /// What a starter is about.
@@ -65,13 +65,13 @@ impl StarterKind {
                 &text(include_str!("starters/measured-links.toml")),
                 MISSING_FROM_LINKS,
                 "links.csv",
-                &links_template(),
+                &LINKS.template(),
             )?,
             Self::MeasuredRobots => measured(
                 &text(include_str!("starters/measured-robots.toml")),
                 MISSING_FROM_ROBOTS,
                 "tracks.csv",
-                &tracks_template(),
+                &TRACKS.template(),
             )?,
         })
     }
@@ -123,12 +123,9 @@ fn measured(
     ])
 }
 
-/// Number of rows of measured links.
-const LINK_ROWS: u32 = 3000;
-
-/// Frames of twelve stationary motes during one hour: their instants, ends and channels. The readings are placeholders.
-fn links_template() -> String {
-    const MOTES_M: [[f64; 2]; 12] = [
+/// Frames of twelve stationary motes during one hour.
+const LINKS: LinkCampaign = LinkCampaign {
+    motes_m: &[
         [2.0, 3.0],
         [9.0, 1.5],
         [20.0, 4.0],
@@ -141,44 +138,16 @@ fn links_template() -> String {
         [17.0, 19.0],
         [27.0, 23.0],
         [36.0, 18.0],
-    ];
-    let mut csv =
-        "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,received\n"
-            .to_owned();
-    let n_motes = MOTES_M.len() as u32;
-    for row in 0..LINK_ROWS {
-        let (round, tx) = (row / n_motes, row % n_motes);
-        let rx = (tx + 1 + round % (n_motes - 1)) % n_motes;
-        let channel = 11 + (row * 7 + round) % 16;
-        let [[tx_x_m, tx_y_m], [rx_x_m, rx_y_m]] =
-            [tx, rx].map(|mote| MOTES_M.get(mote as usize).copied().unwrap_or_default());
-        let (time_s, rssi_dbm) = (f64::from(row) * 1.2, -60 - (row % 20) as i32);
-        let _ = writeln!(
-            csv,
-            "{time_s:.1},{tx},{rx},{channel},{tx_x_m},{tx_y_m},1,{rx_x_m},{rx_y_m},1,{rssi_dbm},1"
-        );
-    }
-    csv
-}
+    ],
+    rows: 3000,
+    period_s: 1.2,
+    temperature_c: None,
+};
 
-/// Tracks of four robots that each drive along a polygon with a corner every 4 s. The positions are placeholders.
-fn tracks_template() -> String {
-    // Velocities (m/s) along a hexagon, each side at its own speed.
-    const SIDES_MPS: [[f64; 2]; 6] =
-        [[1.0, 0.0], [0.3, 0.5], [-0.4, 0.7], [-0.8, 0.0], [-0.3, -0.5], [0.2, -0.7]];
-    const PERIOD_S: f64 = 0.2;
-    const SAMPLES: u32 = 250;
-    let mut csv = "time_s,agent,x_m,y_m,z_m,cmd_vx_mps,cmd_vy_mps\n".to_owned();
-    for agent in 0..4_u32 {
-        let [mut x_m, mut y_m] = [f64::from(agent) * 8.0, 0.0];
-        for sample in 0..SAMPLES {
-            let side = (sample / 20 + agent) as usize % SIDES_MPS.len();
-            let [vx_mps, vy_mps] = SIDES_MPS.get(side).copied().unwrap_or_default();
-            let time_s = f64::from(sample) * PERIOD_S;
-            let _ = writeln!(csv, "{time_s:.1},{agent},{x_m:.3},{y_m:.3},0,{vx_mps},{vy_mps}");
-            x_m += vx_mps * PERIOD_S;
-            y_m += vy_mps * PERIOD_S;
-        }
-    }
-    csv
-}
+/// Tracks of four robots.
+const TRACKS: TrackCampaign = TrackCampaign {
+    sides_mps: [[1.0, 0.0], [0.3, 0.5], [-0.4, 0.7], [-0.8, 0.0], [-0.3, -0.5], [0.2, -0.7]],
+    start_m: [0.0, 0.0],
+    robots: 4,
+    samples: 250,
+};

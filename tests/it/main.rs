@@ -17,6 +17,7 @@ mod conformance;
 mod contract;
 mod convert;
 mod corruption;
+mod demo;
 mod dependencies;
 mod determinism;
 mod diagnosis;

@@ -78,7 +78,7 @@ fn sample(mark: &str) -> Markup {
     match mark {
         "band" => path("M0,1H26V11H0Z"),
         ends if ends.starts_with("end ") => path("M13,6h0"),
-        "span" => path("M0,1H26V11H0Z"),
+        "span" | "foliage" => path("M0,1H26V11H0Z"),
         "start" | "end" | "mote" => path("M13,6h0"),
         "dot" | "dot after" => path("M5,8h0M10,4h0M15,7h0M20,5h0"),
         "interval" => html! {

@@ -11,6 +11,7 @@ pub mod measured;
 mod motes;
 pub mod packets;
 mod player;
+pub mod story;
 pub mod svg;
 mod top;
 

@@ -30,11 +30,17 @@ pub(super) fn docs(args: &DocsArgs) -> Result<(), Failure> {
         say(page.display());
         return Ok(());
     }
+    open(&page);
+    Ok(())
+}
+
+/// Opens a page in a browser, or prints where it is.
+pub(super) fn open(page: &Path) {
     let browser = std::env::var_os("BROWSER").filter(|browser| !browser.is_empty());
     let openers = browser.into_iter().chain(OPENERS.map(OsString::from));
     let is_open = openers.into_iter().any(|opener| {
         let mut command = Command::new(opener);
-        command.arg(&page).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command.arg(page).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         command.status().is_ok_and(|status| status.success())
     });
     if is_open {
@@ -42,7 +48,6 @@ pub(super) fn docs(args: &DocsArgs) -> Result<(), Failure> {
     } else {
         say(format!("no browser could be started; open {}", page.display()));
     }
-    Ok(())
 }
 
 /// The first page of the site.

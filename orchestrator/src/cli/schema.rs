@@ -8,6 +8,7 @@ use crate::check::{ExperimentCheck, SweepCheck};
 use crate::compare_runs::runs_comparison::RunsComparison;
 use crate::conformance::ConformanceAnswer;
 use crate::console::say;
+use crate::demo::demo_answer::DemoAnswer;
 use crate::dry_run::DryRun;
 use crate::effects::EffectsAnswer;
 use crate::run::Reproduction;
@@ -56,7 +57,7 @@ const MAPPING: &str = "mapping";
 type OfType = fn(&mut SchemaGenerator) -> Schema;
 
 /// The answers: the command that gives it, and the types that it may have.
-const ANSWERS: [(&str, &[OfType]); 16] = [
+const ANSWERS: [(&str, &[OfType]); 17] = [
     ("bench", &[SchemaGenerator::subschema_for::<BenchAnswer>]),
     (
         "check",
@@ -78,6 +79,7 @@ const ANSWERS: [(&str, &[OfType]); 16] = [
     ("compare-runs", &[SchemaGenerator::subschema_for::<RunsComparison>]),
     ("conformance", &[SchemaGenerator::subschema_for::<ConformanceAnswer<'static>>]),
     ("convert", &[SchemaGenerator::subschema_for::<Conversion>]),
+    ("demo", &[SchemaGenerator::subschema_for::<DemoAnswer>]),
     (
         "diagnose",
         &[

@@ -72,6 +72,8 @@ pub enum Purpose {
     Drift = 29,
     /// The value of `link-drift`. Entity: unordered link.
     LinkDrift = 30,
+    /// Which effect `demo` hides, and how large it is. Entity: 0 of the effect, else which of its numbers.
+    Demo = 31,
 }
 
 /// The draws of one purpose under one seed.
