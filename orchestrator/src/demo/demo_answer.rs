@@ -185,7 +185,8 @@ mod tests {
 
     #[test]
     fn a_verdict_is_right_only_if_it_names_what_was_hidden_and_nothing_else() {
-        let [name, other] = [&names()[0], &names()[1]].map(String::as_str);
+        let names = names();
+        let [name, other] = [&names[0], &names[1]].map(String::as_str);
         let hidden = draw(1, Some(name)).unwrap();
         let outcome = |verdict: &str, accepted: &[(&str, &[&str])], is_hidden: bool| {
             Outcome::of(&diagnosis(verdict, accepted), hidden.as_ref().filter(|_| is_hidden))
