@@ -508,8 +508,8 @@ struct RowAnswer {
 fn heading() -> String {
     format!(
         "Wall time per control step (ms), both processes and gRPC included. Robots that jump at random:\n\
-         square of 10 m, for the disk a disc of 0.22 per m²; those that heed whom they hear (boids, olfati-saber)\n\
-         begin there and act at 10 Hz, measured from their 10th second. BotNet: robots that jump, one process, no\n\
+         square of 10 m, for the disk a disc of 0.22 per m²; robots that react to their neighbours (boids, olfati-saber)\n\
+         start there and act at 10 Hz, measured from their 10th second. BotNet: robots that jump, one process, no\n\
          RPC, measured elsewhere on a 2-core machine (10 m square for all models); paper: as printed, for full.\n\n\
          {:>6}  {:<24} {:<13} {:<22} {:>9} {:>9} {:>9} {:>8} {:>8}  times faster",
         "agents", "model", "controller", "mode", "median", "90 %", "to reach", "BotNet", "paper"

@@ -186,16 +186,16 @@ fn kept_text(kept: &Option<Box<Finished>>) -> String {
 /// What to say if an earlier result kept the place of a new one.
 fn next_to(finished: &Finished) -> Option<String> {
     let kept = finished.kept.as_ref()?;
-    Some(format!(
-        "{} keeps its result, since {}; the result of this run is in {}{}",
-        kept.dir.display(),
-        kept.reason,
-        finished.dir.display(),
-        if kept.reason == KeptReason::Incomplete {
-            ""
-        } else {
-            " (--replace would replace the former)"
+    let (earlier, new) = (kept.dir.display(), finished.dir.display());
+    let hint = match kept.reason {
+        KeptReason::Incomplete => String::new(),
+        KeptReason::OtherSeed(_) | KeptReason::OtherConfiguration => {
+            format!("; to replace {earlier} instead, give --replace")
         }
+    };
+    Some(format!(
+        "{earlier} was not replaced: {}. The result of this run is in {new}{hint}",
+        kept.reason
     ))
 }
 

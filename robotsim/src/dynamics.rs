@@ -142,7 +142,7 @@ const VARIANTS: &[Variant] = &[
             ),
             field(
                 "thrust_cap_weights",
-                "Maximum thrust per weight.",
+                "Maximum thrust, as a multiple of the robot's weight.",
                 Kind::Number(Range::above(1.0, 100.0)),
                 Default::Number(2.0),
             ),

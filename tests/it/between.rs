@@ -372,7 +372,7 @@ fn what_cannot_be_compared_is_refused_with_the_reason() {
         assert!(said(&output).contains(expected), "{args:?}: {}", said(&output));
     };
     refused(&["--between", "a.csv", "b.csv"], "give two files of the same kind");
-    refused(&["--between", "a.csv", "a.csv", "--data", "a.csv"], "cannot be used with");
+    refused(&["--between", "a.csv", "a.csv", "--data", "a.csv"], "give either --data FILE");
     refused(&["--between", "a.csv", "a.csv", "--fit-runs", "1"], "cannot be used with");
     refused(&["--between", "a.csv"], "2 values required");
     refused(&[], "--data <FILE>");

@@ -186,7 +186,7 @@ fn a_command_that_cannot_serve_is_named_before_the_first_step() {
     let dies = set("robotsim", &format!("echo '{LAST_WORDS}' >&2; exit 3"));
     failed(1, &dies, &["ended before it served", "exit status 3", &format!("\n  {LAST_WORDS}")]);
     let network = set("robotsim", &format!("exec {}", serve("netsim")));
-    failed(2, &network, &["is a gRPC server without this service, not a robotsim"]);
+    failed(2, &network, &["is not a robotsim: it speaks gRPC, but does not have this service"]);
 }
 
 #[test]

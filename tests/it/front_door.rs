@@ -86,10 +86,15 @@ fn what_starters_suggest_is_valid() {
         assert!(!starter.contains('@'), "{starter}");
         let (_, next) = starter.split_once("# What to try next:\n").unwrap();
         let mut n_commands = 0;
-        for line in next.lines().filter_map(|line| line.strip_prefix("#   ")) {
-            // Two or more spaces separate a command from its explanation.
-            let (command, explanation) = line.split_once("  ").unwrap();
-            assert!(!explanation.trim().is_empty(), "{line}");
+        let mut explanation = "";
+        for line in next.lines() {
+            let Some(command) = line.strip_prefix("#   ") else {
+                explanation = line;
+                continue;
+            };
+            // The explanation is the line above.
+            assert!(explanation.len() > 3 && explanation.ends_with(':'), "{line}");
+            explanation = "";
             assert_parses(command);
             n_commands += 1;
             // The changes that it suggests make a valid experiment.

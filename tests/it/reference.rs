@@ -91,11 +91,7 @@ fn table(
         let (tag, choice) = schema["properties"].as_object().unwrap().iter().next().unwrap();
         let common =
             |key: &String| variants.iter().all(|variant| variant["properties"].get(key).is_some());
-        let _ = write!(
-            page,
-            "\n`{tag}` decides which further keys there are. {}\n",
-            text(&choice["description"])
-        );
+        let _ = write!(page, "\n{}\n", selection(tag, &text(&choice["description"])));
         let _ = writeln!(page, "\n| `{tag}` | meaning | keys of its own |\n|---|---|---|");
         for variant in variants {
             let keys: Vec<String> = keys(variant)
@@ -134,6 +130,13 @@ fn table(
             done.push(heading);
         }
     }
+}
+
+/// What a tag selects, from its description: "The effect." or "The format. Further sentences."
+fn selection(tag: &str, doc: &str) -> String {
+    let (selected, rest) = doc.split_once(". ").unwrap_or((doc.trim_end_matches('.'), ""));
+    let selected = selected.strip_prefix("The ").unwrap_or(selected);
+    format!("`{tag}` selects the {selected}; each has its own keys. {rest}").trim_end().to_owned()
 }
 
 fn rows(

@@ -77,7 +77,7 @@ fn an_interrupted_rerun_does_not_replace_a_complete_result() {
     signal("-TERM", rerun.id());
     let output = rerun.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-    let warning = "warning: runs/e keeps its result, since this run is not complete; the result of this run is in runs/e-2";
+    let warning = "warning: runs/e was not replaced: this run is not complete. The result of this run is in runs/e-2";
     assert!(said(&output).contains(warning), "{}", said(&output));
     assert_eq!(std::fs::read(folder.path().join("runs/e/run.mcap")).unwrap(), before);
     assert_eq!(json(folder.path().join("runs/e-2/summary.json"))["status"], "interrupted");
@@ -91,7 +91,7 @@ fn a_failed_rerun_does_not_replace_a_complete_result() {
     let network = Faulty::network(Fault::WrongStep);
     let output = run(folder.path(), &["--netsim", &network.url]);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-    assert!(said(&output).contains("runs/e keeps its result"), "{}", said(&output));
+    assert!(said(&output).contains("runs/e was not replaced"), "{}", said(&output));
     assert_eq!(json(folder.path().join("runs/e/summary.json"))["status"], "complete");
     assert_eq!(json(folder.path().join("runs/e-2/summary.json"))["status"], "failed");
 }
@@ -101,8 +101,8 @@ fn another_seed_does_not_replace_a_result_without_being_asked() {
     let folder = folder("");
     complete(folder.path(), &[]);
     let text = complete(folder.path(), &["--seed", "4", "--json", "a.json"]);
-    assert!(text.contains("warning: runs/e keeps its result, since it is the result of seed 3"));
-    assert!(text.contains("runs/e-2 (--replace"), "{text}");
+    assert!(text.contains("warning: runs/e was not replaced: it is the result of seed 3. "));
+    assert!(text.contains("runs/e-2; to replace runs/e instead, give --replace"), "{text}");
     let answer = json(folder.path().join("a.json"));
     assert_eq!(answer["folder"], "runs/e-2");
     assert_eq!(answer["kept_folder"], "runs/e");

@@ -48,7 +48,7 @@ pub const SPEC: TableSpec = TableSpec {
 
 const TAG: Tag = Tag {
     key: "kind",
-    doc: "When packets are sent.",
+    doc: "The traffic pattern.",
     default: Some(PERIODIC.name),
     variants: Variants::Fixed(&[PERIODIC, BURST]),
 };

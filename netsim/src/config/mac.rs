@@ -56,8 +56,9 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "rejoin_wait_s",
-            doc: "The same wait (s) of a mote that has lost its time and rejoins, if that is shorter. RFC 8180, § 6.2, has an \
-                  upper limit only; Contiki-NG and OpenWSN follow the first beacon. 16: one period of beacons.",
+            doc: "The same wait (s) for a mote that rejoins after a loss of synchronisation, at most beacon_wait_s. RFC \
+                  8180, § 6.2, has an upper limit only; Contiki-NG and OpenWSN follow the first beacon. 16: one beacon \
+                  period.",
             kind: Kind::Number(Range::closed(0.0, 1e5)),
             default: Default::Number(16.0),
         },
@@ -82,16 +83,17 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "desynchronise_s",
-            doc: "Synchronisation timeout (s): a mote that has not heard its time source for this long scans for beacons; one \
-                  that knows its clock waits longer (max_keep_alive_s, max_free_run_s). 17.5: clocks of 30 ppm in opposite directions are then off by the guard time, 1.1 ms.",
+            doc: "Synchronisation timeout (s): a mote that has not heard its time source for this long scans for beacons; \
+                  one that has estimated its clock's drift waits longer (max_keep_alive_s, max_free_run_s). 17.5: clocks of \
+                  30 ppm in opposite directions are then off by the guard time, 1.1 ms.",
             kind: Kind::Number(Range::above(0.0, 1e6)),
             default: Default::Number(17.5),
         },
         Field {
             key: "adaptive_synchronization",
-            doc: "Whether a mote learns how fast its clock is against that of its time source, compensates that, and waits \
-                  longer with keep-alives where the clock then holds for longer (Chang et al., Computer Networks 76, 2015, \
-                  as in Contiki-NG and OpenWSN). Off with compat.shared_slot_0.",
+            doc: "Whether a mote estimates its clock's drift relative to its time source, compensates for it, and sends \
+                  keep-alives less often if the corrected clock stays accurate for longer (Chang et al., Computer Networks \
+                  76, 2015, as in Contiki-NG and OpenWSN). Off with compat.shared_slot_0.",
             kind: Kind::Bool,
             default: Default::Bool(true),
         },
@@ -105,15 +107,16 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "max_free_run_s",
-            doc: "Maximum time (s) that a mote without a parent keeps time by its own clock, with adaptive_synchronization: it \
-                  scans for beacons when its clock is no longer known to hold, and after desynchronise_s at the earliest. \
-                  300: a root that was off for less finds its motes synchronised.",
+            doc: "Maximum time (s) that a mote without a parent keeps time by its own clock, with adaptive_synchronization: \
+                  it scans once its clock's estimated error is too large, at the earliest after desynchronise_s. 300: after \
+                  a shorter outage of the root, its motes are still synchronised.",
             kind: Kind::Number(Range::closed(0.0, 1e5)),
             default: Default::Number(300.0),
         },
         Field {
             key: "max_drift_ppm",
-            doc: "Maximum clock drift (ppm); each mote's drift is uniform up to it. 0: clocks that run right, though each correction of one is to the nearest tick of mac.crystal_hz.",
+            doc: "Maximum clock drift (ppm); each mote's drift is uniform up to it. 0: exact clocks; corrections are still \
+                  rounded to a tick of mac.crystal_hz.",
             kind: Kind::Number(Range::closed(0.0, 1e4)),
             default: Default::Number(30.0),
         },

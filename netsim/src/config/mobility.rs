@@ -8,12 +8,12 @@ use serde::Deserialize;
 
 /// Description of `[netsim.mobility]`.
 pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "What motes that move do beyond the standards. All is off by default.",
+    doc: "Extensions of the standards for mobile motes. All are off by default.",
     fields: &[
         Field {
             key: "leaves",
-            doc: "Motes that take part in routing as leaves (RFC 6550, § 8.5): nobody routes or joins through them. For motes that move \
-                  among routers that stand.",
+            doc: "Motes that take part in routing as leaves (RFC 6550, § 8.5): other motes neither route nor join through \
+                  them. For mobile motes among stationary routers.",
             kind: Kind::List {
                 of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
                 min: 0,
@@ -23,23 +23,24 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "time_from_beacons",
-            doc: "Whether a mote takes time from the beacons of every neighbour that is nearer to the root than itself, not from \
-                  its time source alone: it then loses synchronisation only where it hears nobody.",
+            doc: "Whether a mote synchronises to the beacons of every neighbour that is nearer to the root than itself, not \
+                  of its time source alone: it then loses synchronisation only if it hears no such neighbour.",
             kind: Kind::Bool,
             default: Default::Bool(false),
         },
         Field {
             key: "rank_from_beacons",
-            doc: "Whether the join metric of a beacon, the rank of its sender in whole hops (RFC 8180, § 6.1), counts as a DIO: \
-                  parents are then chosen by what was heard last, and left for any that is better by a hop.",
+            doc: "Whether the join metric of a beacon, the rank of its sender in whole hops (RFC 8180, § 6.1), counts as a \
+                  DIO: a mote then chooses its parent by the latest beacons, and changes to any neighbour that is a hop \
+                  better.",
             kind: Kind::Bool,
             default: Default::Bool(false),
         },
         Field {
             key: "handover_dbm",
-            doc: "A neighbour whose RSSI will be below this (dBm) within handover_s, as the trend of its beacons has it, counts as a hop \
-                  farther from the root: a parent is left before the link breaks (as in mRPL and MobiRPL). Requires \
-                  rank_from_beacons. Absent: signal strength decides between equal ranks only.",
+            doc: "A neighbour whose RSSI will be below this (dBm) within handover_s, according to the trend of its beacons, \
+                  counts as a hop farther from the root, so a mote leaves a parent before the link breaks (as in mRPL and \
+                  MobiRPL). Requires rank_from_beacons. Absent: signal strength decides between equal ranks only.",
             kind: Kind::Number(Range::closed(-200.0, 100.0)),
             default: Default::Absent,
         },
@@ -59,18 +60,18 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "bursts",
-            doc: "Whether a mote sends on to the same neighbour in the slots that follow, as with mac.pending_bit, also where these are slots \
-                  in which all contend, or in which motes of rrsf or sotdma only listen for everyone: on the channel of the first frame, \
-                  beside what others send there.",
+            doc: "Whether a mote sends further frames to the same neighbour in the following slots (as mac.pending_bit), \
+                  including shared slots and slots in which motes of rrsf or sotdma only listen. It uses the channel of the \
+                  first frame.",
             kind: Kind::Bool,
             default: Default::Bool(false),
         },
         Field {
             key: "scan_hopping",
-            doc: "Whether a mote that has lost synchronisation scans on the channel that beacons have in each slot, channel offset 0, not on \
-                  one channel for mac.scan_dwell_s: its own clock tells the slot for a while (62 s at 40 ppm and 10 ms). It hears the \
-                  next beacon in reach, where a mote on one of 16 channels hears every sixteenth. Beacons of orchestra on another \
-                  sf.eb_channel are found only after that while.",
+            doc: "Whether a mote that has lost synchronisation scans the channel of channel offset 0 in each slot, not one \
+                  channel for mac.scan_dwell_s: its clock still gives the slot number for 62 s (at 40 ppm and 10 ms). It \
+                  then hears the next beacon in range, not one in sixteen. Beacons of orchestra with another sf.eb_channel \
+                  are heard only after that time.",
             kind: Kind::Bool,
             default: Default::Bool(false),
         },

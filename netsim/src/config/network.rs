@@ -43,7 +43,7 @@ pub(super) const FIELDS: &[Field] = &[
     Field { key: "rpl", doc: "Routing.", kind: Kind::Table(&rpl::SPEC), default: Default::Table },
     Field {
         key: "mobility",
-        doc: "Motes that move.",
+        doc: "Extensions of the standards for mobile motes.",
         kind: Kind::Table(&mobility::SPEC),
         default: Default::Table,
     },

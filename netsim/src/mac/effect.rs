@@ -81,7 +81,7 @@ pub const SPEC: TableSpec = TableSpec {
 
 /// The key that selects an effect.
 pub const TAG: Tag =
-    Tag { key: "kind", doc: "Which effect.", default: None, variants: Variants::List(LIST) };
+    Tag { key: "kind", doc: "The effect.", default: None, variants: Variants::List(LIST) };
 
 /// An effect that can be configured.
 #[derive(Debug)]
@@ -120,7 +120,7 @@ pub(crate) const BUILT_IN: &[Entry] = &[
 /// The key with the motes that an effect concerns, whose numbers [`build`] checks.
 pub const MOTES: Field = Field {
     key: "motes",
-    doc: "Numbers of the affected motes. Absent: all.",
+    doc: "Numbers of the affected motes. Absent: all; for node-reboots all except the roots.",
     kind: Kind::List {
         of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
         min: 1,

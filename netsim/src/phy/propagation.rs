@@ -208,7 +208,7 @@ pub const TAG: Tag = Tag {
 /// Key of connectivity models: what every received frame reads.
 const RSSI_FIELD: Field = Field {
     key: "rssi_dbm",
-    doc: "RSSI reading of every frame (dBm). Absent: that of Friis. It does not affect reception.",
+    doc: "RSSI reading of every frame (dBm). Absent: computed by the Friis equation. It does not affect reception.",
     kind: Kind::Number(Range::closed(-200.0, 100.0)),
     default: Default::Absent,
 };

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "oracle",
-        doc: "Not a protocol but a bound: a central scheduler that knows all positions and queues decides in each slot who sends \
-              what to whom. No beacons, no joining, no routing messages, no headers of routing.",
+        doc: "An upper bound for protocols: a central scheduler that knows all positions and queues assigns each slot. There \
+              are no beacons, joining, routing messages or routing headers.",
         fields: &[],
     },
     payload_cells: PayloadCells::None,

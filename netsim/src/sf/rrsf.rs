@@ -105,9 +105,9 @@ impl Configured for RrsfConfig {
         let takes_s = n_frames * slotframe_s;
         (self.shared_slots == 0 && LONG_FORMATION_S < takes_s).then(|| {
             format!(
-                "{} = {:?} gives a root one frame in {slotframe_s} s: to admit all motes and to acknowledge their routes takes \
-                 it {takes_s:.0} s at least, and most requests go unanswered; join.secure = false and rpl.dao_ack = false spare \
-                 it that",
+                "{} = {:?} gives a root one frame in {slotframe_s} s: admitting all motes and acknowledging their routes \
+                 takes at least {takes_s:.0} s, and most requests stay unanswered; set join.secure = false and rpl.dao_ack = \
+                 false",
                 join(network.path, TAG.key),
                 ENTRY.variant.name,
             )

@@ -35,12 +35,12 @@ pub const ENTRY: Entry = Entry {
                 kind: Kind::Choice(&[
                     Choice {
                         name: "shared",
-                        doc: "In the shared slots, so that they never take the place of what is for everyone.",
+                        doc: "In the shared slots, so they never displace broadcast frames.",
                     },
                     Choice {
                         name: "own",
-                        doc: "In its own slot as well, without contention, in turn with what is for everyone: for networks in which \
-                              routing and data matter more than the robots' payloads.",
+                        doc: "In its own slot as well, without contention, alternating with broadcast frames: for networks \
+                              in which routing and data matter more than the robots' payloads.",
                     },
                 ]),
                 default: Default::Text("shared"),
@@ -155,7 +155,7 @@ struct Neighbour {
 /// Where a neighbour hears neither of two motes because their frames collide there, both check their slots (rule 3): as soon as
 /// one is silent, the neighbour hears and announces the other (rule 2).
 ///
-/// Unicast frames go out in the shared slots, so that they never take the place of what is for everyone; or, if so configured, in the
+/// Unicast frames go out in the shared slots, so that they never displace broadcast frames; or, if so configured, in the
 /// own slot as well.
 ///
 /// # Model

@@ -163,9 +163,9 @@ pub(crate) const SOURCE_SPEC: TableSpec = TableSpec {
 
 /// The keys of `columns`.
 pub(crate) const COLUMNS_SPEC: TableSpec = TableSpec {
-    doc: "What the columns of the table are filled from: the name of a column of the log, a number that is the same in every row, \
-          a table with column and unit, or a list of columns: [seconds, nanoseconds] for a time, and a quaternion [x, y, z, w] for a \
-          heading.",
+    doc: "Source of each column of the table: the name of a column of the log, a number that is the same in every row, a \
+          table with column and unit, or a list of columns: [seconds, nanoseconds] for a time, and a quaternion [x, y, z, w] \
+          for a heading.",
     fields: &[
         key(
             "run",

@@ -515,13 +515,18 @@ fn not_a_simulator(side: &'static str, url: &str, tls: Option<&Tls>, status: &St
         };
     }
     let found = match status.code() {
-        Code::Unimplemented => "a gRPC server without this service".to_owned(),
+        Code::Unimplemented => "it speaks gRPC, but does not have this service".to_owned(),
         Code::Unavailable => {
             return SideError::Unreachable { side, url: url.to_owned(), reason: cause(status) };
         }
         _ => {
             tracing::debug!(%status, "what it said");
-            "not a gRPC server".to_owned()
+            let hint = if url.starts_with("http://") {
+                "; if it uses TLS, write https instead of http"
+            } else {
+                ""
+            };
+            format!("it does not speak gRPC{hint}")
         }
     };
     SideError::NotASimulator { side, url: url.to_owned(), found }

@@ -110,7 +110,8 @@ pub const EXPERIMENT: TableSpec = TableSpec {
         },
         Field {
             key: "warm_start_sha256",
-            doc: "SHA-256 of the file of warm_start, in hexadecimal: a run from another file is refused. Runs record it.",
+            doc: "SHA-256 of the file of warm_start, in hexadecimal: the program refuses another file. A run from a formed \
+                  network writes this key to its config.toml.",
             kind: Kind::Text,
             default: Default::Absent,
         },
@@ -151,14 +152,15 @@ pub const EXPERIMENT: TableSpec = TableSpec {
         },
         Field {
             key: "checkpoint_every_s",
-            doc: "Interval of checkpoints (s of real time); 0: none. After a failure the run goes on from the latest one. \
+            doc: "Interval of checkpoints (s of real time); 0: none. After a failure the run continues from the latest one. \
                   Requires output.mcap. Results do not depend on it.",
             kind: Kind::Number(Range::closed(0.0, 1e6)),
             default: Default::Number(60.0),
         },
         Field {
             key: "restarts",
-            doc: "How often a run goes on from its latest checkpoint when a simulator died or was lost; 0: it fails instead.",
+            doc: "How often a run continues from its latest checkpoint when a simulator died or was lost; 0: it fails \
+                  instead.",
             kind: Kind::Integer { min: 0, max: 1000 },
             default: Default::Integer(3),
         },

@@ -205,7 +205,7 @@ pub const SPEC: TableSpec = TableSpec {
     ],
     tag: Some(&Tag {
         key: "links",
-        doc: "Which links links.parquet holds. A link is a transmission and a potential receiver.",
+        doc: "The links that links.parquet holds. A link is a transmission and a potential receiver.",
         default: Some("heard"),
         variants: Variants::Fixed(LINKS),
     }),

@@ -71,12 +71,12 @@ pub const SPEC: TableSpec = TableSpec {
             key: "keep",
             doc: "Which trials keep the complete recording of their run, in addition to their row in the table.",
             kind: Kind::Choice(&[
-                Choice { name: "none", doc: "Of none." },
+                Choice { name: "none", doc: "No trial." },
                 Choice {
                     name: "first-seed",
                     doc: "The trial of each setting with the first seed.",
                 },
-                Choice { name: "all", doc: "Of all." },
+                Choice { name: "all", doc: "All trials." },
             ]),
             default: Default::Text("none"),
         },

@@ -18,7 +18,7 @@ pub const SPEC: TableSpec = TableSpec {
     }],
     tag: Some(&Tag {
         key: "order",
-        doc: "What happens.",
+        doc: "The event.",
         default: None,
         variants: Variants::Fixed(&[
             Variant { name: "kill", doc: "The radio of a mote fails.", fields: &[MOTES] },

@@ -35,7 +35,7 @@ pub(super) struct BetweenArgs {
         long,
         num_args = 2,
         value_names = ["A", "B"],
-        conflicts_with_all = ["data", "split", "fit_runs", "score_runs", "given_rssi"]
+        conflicts_with_all = ["split", "fit_runs", "score_runs", "given_rssi"]
     )]
     between: Option<Vec<PathBuf>>,
 }
@@ -44,6 +44,19 @@ impl BetweenArgs {
     /// Whether two campaigns are to be compared.
     pub(super) fn is_asked(&self) -> bool {
         self.between.is_some()
+    }
+
+    /// Refuses `--data` beside `--between`. Clap's own message names the conflict, but not the choice.
+    pub(super) fn refuse_data(&self, data: Option<&Path>) -> Result<(), Failure> {
+        match data {
+            Some(data) if self.is_asked() => Err(Failure::request(format!(
+                "{}: does not apply with --data {}; give either --data FILE to diagnose one file, or --between A B to \
+                 compare two",
+                self.words(),
+                data.display()
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// The option, as it would be typed.

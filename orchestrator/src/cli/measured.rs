@@ -312,6 +312,7 @@ fn extend_with<S: Study>(
 /// `orchestrator diagnose`.
 pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
     let DiagnoseArgs { answer: args, budget, between } = args;
+    between.refuse_data(args.data.data.as_deref())?;
     args.check_places()?;
     let stopper = Stopper::listen(*budget)?;
     let stop = stopper.flag();

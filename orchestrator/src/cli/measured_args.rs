@@ -102,11 +102,12 @@ impl DataArgs {
 pub(super) struct AnswerArgs {
     #[command(flatten)]
     pub(super) data: DataArgs,
-    /// Write the results as a page with plots (one HTML file, which needs no internet connection); - for standard output
+    /// Write the results as a page with plots (one HTML file, which needs no internet connection); - for standard output. Not
+    /// with --given-rssi
     #[arg(long, value_name = "FILE")]
     pub(super) report: Option<PathBuf>,
     /// Links and robots only: write each row's residual, with and without the effects found, as CSV to this file; `replay
-    /// --residuals` shows it on the map of a run; - for standard output
+    /// --residuals` shows it on the map of a run; - for standard output. Not with --given-rssi
     #[arg(long, value_name = "FILE")]
     pub(super) residuals: Option<PathBuf>,
     #[command(flatten)]

@@ -30,8 +30,8 @@ pub(super) struct ReplayArgs {
     /// Write one HTML page that contains the recording and needs no server; - for standard output
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Largest size of that page (MB), from 1 to 500. If the recording is longer, the page skips frames at regular
-    /// intervals
+    /// With --output: largest size of the HTML page (MB), from 1 to 500. If the recording is larger, the page skips frames
+    /// at regular intervals
     #[arg(long, value_name = "MB", default_value_t = 20, requires = "output", value_parser = clap::value_parser!(u16).range(1..=500))]
     max_size: u16,
     /// Port of the page [default: any free port]

@@ -33,7 +33,8 @@ pub(super) struct RunArgs {
     /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Folder for results; the run is recorded in a subfolder with the experiment's name
+    /// Folder for results, relative to the current folder, not to the experiment file; the run is recorded in a subfolder
+    /// with the experiment's name
     #[arg(long, value_name = "DIR", default_value = "runs")]
     out: PathBuf,
     /// Number of threads per simulator; results do not depend on it [default: one per core]

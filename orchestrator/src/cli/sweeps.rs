@@ -18,8 +18,8 @@ use std::time::Duration;
 pub(super) struct SweepArgs {
     #[command(flatten)]
     file: FileArgs,
-    /// Folder for results; the sweep is recorded in a subfolder with the experiment's name, and resumes if that has
-    /// finished trials
+    /// Folder for results, relative to the current folder, not to the experiment file; the sweep is recorded in a subfolder
+    /// with the experiment's name, and resumes if that has finished trials
     #[arg(long, alias = "output", value_name = "DIR", default_value = "runs")]
     out: PathBuf,
     /// Number of trials that run at the same time [default: one per core]

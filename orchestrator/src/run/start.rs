@@ -357,8 +357,8 @@ fn warnings(plan: &Plan, exchange: &Configured, wanted: Wanted) -> Vec<String> {
 fn not_compared(side: &str, identity: &SideIdentity) -> Option<String> {
     (!identity.is_compared_whole).then(|| {
         format!(
-            "{side}: {} does not announce full_digest: only positions and deliveries are compared after each step. A change on the \
-             way of velocities, headings, received times, RSSI, hops, motes, orders or records would not be noticed",
+            "{side}: {} does not announce full_digest: only positions and deliveries are compared after each step. A change \
+             in transit of velocities, headings, received times, RSSI, hops, motes, orders or records is not detected",
             identity.name
         )
     })

@@ -67,7 +67,7 @@ const WALL: TableSpec = TableSpec {
         },
         Field {
             key: "material",
-            doc: "Material: a name that effects refer to.",
+            doc: "Material, for effects that act only on walls of one material.",
             kind: Kind::Text,
             default: Default::Absent,
         },
@@ -104,7 +104,7 @@ const OBSTACLE: TableSpec = TableSpec {
         },
         Field {
             key: "material",
-            doc: "Material: a name that effects refer to.",
+            doc: "Material. No built-in effect depends on the material of obstacles.",
             kind: Kind::Text,
             default: Default::Absent,
         },

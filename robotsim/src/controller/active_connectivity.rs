@@ -22,7 +22,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         ),
         field(
             "rssi_margin_db",
-            "Margin above the floor (dB) from which a robot moves as its controller wants.",
+            "Margin (dB): if the parent's signal exceeds the floor by at least this, the controller moves the robot freely.",
             Kind::Number(Range::above(0.0, 1e4)),
             Default::Number(6.0),
         ),

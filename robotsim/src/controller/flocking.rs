@@ -52,7 +52,7 @@ pub(super) const ENTRY: Entry = Entry {
             ),
             field(
                 "leaderless",
-                "No leader: the flock must emerge by itself. leader_velocity_mps and leader_weight are unused.",
+                "No robot leads; all follow the law. leader_velocity_mps and leader_weight are unused.",
                 Kind::Bool,
                 Default::Bool(false),
             ),

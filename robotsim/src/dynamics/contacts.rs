@@ -12,7 +12,7 @@ pub(crate) const SPEC: TableSpec = TableSpec {
     fields: &[],
     tag: Some(&Tag {
         key: "kind",
-        doc: "What happens.",
+        doc: "The response to contacts.",
         default: None,
         variants: Variants::Fixed(VARIANTS),
     }),
@@ -30,7 +30,7 @@ const VARIANTS: &[Variant] = &[
               `[site]` are solid.",
         fields: &[field(
             "restitution",
-            "Coefficient of restitution of bodies with inertia: speed after a contact per speed before it.",
+            "Coefficient of restitution of bodies with inertia: ratio of the speed after a contact to that before.",
             Kind::Number(Range::closed(0.0, 1.0)),
             Default::Number(0.0),
         )],

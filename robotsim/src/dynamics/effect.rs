@@ -152,7 +152,7 @@ pub const SPEC: TableSpec = TableSpec {
 
 /// The key that selects an effect.
 pub const TAG: Tag =
-    Tag { key: "kind", doc: "Which effect.", default: None, variants: Variants::List(LIST) };
+    Tag { key: "kind", doc: "The effect.", default: None, variants: Variants::List(LIST) };
 
 /// An effect that can be configured.
 #[derive(Debug)]

@@ -67,7 +67,7 @@ pub(super) const FIELDS: &[Field] = &[
     ),
     field(
         "restitution",
-        "Coefficient of restitution: speed after a contact per speed before it.",
+        "Coefficient of restitution: ratio of the speed after a contact to that before.",
         Kind::Number(Range::closed(0.0, 1.0)),
         Absent::Number(0.0),
     ),

@@ -27,8 +27,8 @@ pub const ENTRY: Entry = Entry {
                    |offset of sender - offset of receiver| <= macTsRxWait / 2",
         source: "IEEE Std 802.15.4-2015, 8.4.3.3 (macTsRxWait); D. Stanislowski et al., Adaptive synchronization in IEEE802.15.4e \
                  networks, IEEE Trans. Ind. Inf. 10(1), 2014.",
-        validity: "The drift is constant and independent of temperature, so motes learn and compensate it where they hear \
-                   their time source often enough (netsim.mac.adaptive_synchronization). A root's clock is the reference. \
+        validity: "The drift is constant and independent of temperature, so motes that hear their time source often enough \
+                   estimate and compensate it (netsim.mac.adaptive_synchronization). A root's clock is the reference. \
                    Requires keep_alive_s other than 0.",
         trace: "Losses some seconds after the last frame between two motes, motes that lose synchronisation and rejoin, \
                 and join times with a long tail.",

@@ -48,13 +48,13 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "cos",
-                doc: "Fourier: coefficients (dB) of the cosine of once, twice, … the bearing.",
+                doc: "Fourier: coefficients (dB) of cos(b), cos(2b), …, with the bearing b.",
                 kind: COEFFICIENTS,
                 default: Default::Absent,
             },
             Field {
                 key: "sin",
-                doc: "Fourier: as cos, for the sines.",
+                doc: "Fourier: coefficients (dB) of sin(b), sin(2b), …, with the bearing b.",
                 kind: COEFFICIENTS,
                 default: Default::Absent,
             },
@@ -177,7 +177,7 @@ pub enum Shape {
     },
     /// An upright half-wave dipole.
     Dipole,
-    /// Coefficients (dB) of once, twice, … the bearing.
+    /// Coefficients (dB) of the bearing, twice the bearing, ….
     Fourier {
         /// Of cosines.
         cos: Vec<f64>,

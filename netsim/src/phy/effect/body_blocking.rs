@@ -21,7 +21,8 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "blocker_radius_m",
-                doc: "Radius of a body around its antenna (m). 0.5 covers the first Fresnel zone of links of 8 m.",
+                doc: "Radius of a body around its antenna (m). 0.5: the radius of the first Fresnel zone in the middle of a \
+                      link of 8 m.",
                 kind: Kind::Number(Range::above(0.0, 100.0)),
                 default: Default::Number(0.5),
             },

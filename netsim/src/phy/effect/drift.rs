@@ -1,4 +1,4 @@
-//! All links drift together.
+//! An offset of the received power that is common to all links and drifts.
 
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::scatter::{Law, Renewal, Scatter};
@@ -7,7 +7,7 @@ use proto::effect::{About, Fit, Level, Need, Parameter, Role};
 use proto::rng::Purpose;
 use serde::Deserialize;
 
-/// Keys of what drifts.
+/// Keys of a drift.
 pub(super) const FIELDS: &[Field] = &[
     Field {
         key: "sd_db",
@@ -23,7 +23,7 @@ pub(super) const FIELDS: &[Field] = &[
     },
 ];
 
-/// What is fitted of them.
+/// Parameters of a drift that are fitted.
 pub(super) const PARAMETERS: &[Parameter] = &[
     Parameter { key: "sd_db", unit: "dB", min: 0.0, max: 20.0, starts: &[1.0], step: 0.1 },
     Parameter {
@@ -40,15 +40,17 @@ pub(super) const PARAMETERS: &[Parameter] = &[
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "drift",
-        doc: "A level that all links share and that changes slowly in time.",
+        doc: "An offset of the received power that is common to all links and changes slowly in time.",
         fields: FIELDS,
     },
     about: About {
-        mechanism: "Gain of the common electronics, supply voltage, weather and the crowd at a site change over minutes and hours, for all links at once. Where no covariate records this, it shows as a level that wanders.",
+        mechanism: "Gain of the common electronics, supply voltage, weather and the crowd at a site change over minutes and \
+                    hours, for all links at once. Without a covariate for it, it appears as an offset that varies slowly.",
         equation: "RSSI' = RSSI + X(t), X ~ N(0, sd_db^2), the same for all links; correlation e^(-time / correlation_s)",
         source: "G. E. Uhlenbeck, L. S. Ornstein, Physical Review 36 (1930) 823 (the process); C. A. Boano et al., IEEE Trans. Industrial Informatics 6 (2010) 451 (levels of an outdoor network that follow the day).",
-        validity: "One level for all links, whatever moves. Where a measured covariate follows the same course, that is the better cause. Clipped at 5 sd.",
-        trace: "Errors of all links that are alike within minutes, and that no covariate explains.",
+        validity: "One offset for all links, regardless of motion. If a measured covariate varies in the same way, prefer it \
+                   as the cause. Clipped at 5 sd.",
+        trace: "Errors that are correlated across all links for minutes, and that no covariate explains.",
         needs: &[Need::Readings, Need::Time],
         example: "sd_db = 1.5\ncorrelation_s = 300.0\n",
     },
@@ -71,7 +73,7 @@ pub(super) struct Keys {
     pub(super) correlation_s: f64,
 }
 
-/// A level of all links that wanders.
+/// An offset of the received power that is common to all links and changes slowly in time.
 ///
 /// # Model
 ///

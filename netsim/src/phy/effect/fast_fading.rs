@@ -26,10 +26,10 @@ pub const ENTRY: Entry = Entry {
         equation: "RSSI' = RSSI + 10 log10 |sqrt(K/(K+1)) + sqrt(1/(K+1)) g|^2, g complex normal with E|g|^2 = 1, K = 10^(k_factor_db \
                    / 10)",
         source: "S. O. Rice, Mathematical analysis of random noise, Bell System Technical Journal 24 (1945) 46; Rappaport, § 5.6.",
-        validity: "Independent from frame to frame, in both directions and on all channels; constant within a frame. Mean \
-                   power stays, so the mean in dB falls, by 2.51 dB for Rayleigh: this is aliased with system-gain. Fades \
-                   are limited to -60 dB.",
-        trace: "Scatter that is skewed towards weak frames, with a constant mean.",
+        validity: "Independent from frame to frame, in both directions and on all channels; constant within a frame. The \
+                   mean power is unchanged, so the mean in dB falls, by 2.51 dB for Rayleigh fading: this is aliased with \
+                   system-gain. Fades are limited to -60 dB.",
+        trace: "Residuals skewed towards weak frames, with a constant mean.",
         needs: &[Need::Readings],
         example: "k_factor_db = 3.0\n",
     },

@@ -38,22 +38,22 @@ pub const ENTRY: Entry = Entry {
             },
             Field {
                 key: "limit_db",
-                doc: "Limit of the expression's absolute value (dB); larger values are clipped. The range of links follows \
-                      from it, so a tight limit makes runs fast.",
+                doc: "Limit of the expression's absolute value (dB); larger values are clipped. It also bounds the range of \
+                      links, so a small limit makes runs faster.",
                 kind: Kind::Number(Range::closed(0.0, 200.0)),
                 default: Default::Number(40.0),
             },
         ],
     },
     about: About {
-        mechanism: "Anything that the catalogue lacks: an expression of distance, frequency, positions, time, headings and \
+        mechanism: "For effects outside the catalogue: an expression of distance, frequency, positions, time, headings and \
                     any column of the measurements, with named parameters.",
         equation: "RSSI' = RSSI + expression (mean), curve(RSSI - expression) (noise), P(received)' = P(received) (1 - expression) \
                    (loss)",
         source: "User-defined. diagnose writes formulas for unexplained structure in this form.",
-        validity: "That of the expression. It adds nothing if a name has no value or the result is not a number. Results \
+        validity: "As valid as the expression. It adds nothing if a name has no value or the result is not a number. Results \
                    are clipped to limit_db, and loss probabilities to 0 to 1.",
-        trace: "As written: an error over the covariates of the expression.",
+        trace: "An error that depends on the covariates of the expression.",
         needs: &[Need::Readings],
         example: "expression = \"-a * max(temperature_c - onset_c, 0)\"\ntarget = \"mean\"\n\
          parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\

@@ -70,7 +70,7 @@ pub const ENTRY: Entry = Entry {
         mechanism: "While a WiFi station transmits, 100 times as strong and over four channels at once, frames on these \
                     channels are lost. The RSSI of received frames does not change.",
         equation: "P(received)' = P(received) * (1 - duty) where |f - centre_mhz| <= width_mhz / 2, from_s <= t < to_s, and \
-                   RSSI < power_dbm + sir_threshold_db where these are given",
+                   RSSI < power_dbm + sir_threshold_db if these keys are set",
         source: "M. Petrova et al., Performance study of IEEE 802.15.4 using measurements and simulations, WCNC 2006; width: \
                  IEEE Std 802.11-2020, § 15 (22 MHz).",
         validity: "Losses are independent between frames and of the frame length; WiFi bursts are not modelled. Frames \

@@ -1,4 +1,4 @@
-//! Every link drifts by itself.
+//! An offset of each link that drifts.
 
 use super::drift::{FIELDS, Keys, PARAMETERS};
 use super::{Effect, Entry, UNCHECKED};
@@ -11,15 +11,17 @@ use proto::rng::Purpose;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "link-drift",
-        doc: "A level of each link, the same in both directions, that changes slowly in time.",
+        doc: "An offset of each link, the same in both directions, that changes slowly in time.",
         fields: FIELDS,
     },
     about: About {
-        mechanism: "People, doors and vehicles come and go, and plants move, near some links and not near others: the level of a link between nodes that stand still wanders over minutes.",
+        mechanism: "People, doors and vehicles come and go, and plants move, near some links and not near others: the \
+                    received power of a link between stationary nodes varies over minutes.",
         equation: "RSSI' = RSSI + X(t), X ~ N(0, sd_db^2) per unordered pair; correlation e^(-time / correlation_s)",
         source: "G. E. Uhlenbeck, L. S. Ornstein, Physical Review 36 (1930) 823 (the process); N. Patwari, J. Wilson, RF sensor networks for device-free localization, Proceedings of the IEEE 98 (2010) 1961 (people change links near them).",
         validity: "Links are independent of each other, although real neighbouring links share obstacles. Clipped at 5 sd.",
-        trace: "Errors of one link that are alike within minutes, in both directions, and unlike those of other links.",
+        trace: "Errors of one link that are correlated for minutes and in both directions, but not with those of other \
+                links.",
         needs: &[Need::Readings, Need::Time, Need::Still],
         example: "sd_db = 3.0\ncorrelation_s = 300.0\n",
     },
@@ -36,7 +38,7 @@ pub const ENTRY: Entry = Entry {
     },
 };
 
-/// A level of each link that wanders.
+/// An offset of each link that changes slowly in time.
 ///
 /// # Model
 ///

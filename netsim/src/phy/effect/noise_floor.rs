@@ -13,7 +13,7 @@ pub const ENTRY: Entry = Entry {
         doc: "The noise differs from that of the reception curve: the curve shifts, the RSSI does not.",
         fields: &[Field {
             key: "shift_db",
-            doc: "Shift (dB): how much stronger frames must be to be received as well.",
+            doc: "Shift (dB): the RSSI at which a frame is received with the same probability rises by this.",
             kind: Kind::Number(Range::closed(-60.0, 60.0)),
             default: Default::Required,
         }],

@@ -11,7 +11,7 @@ use serde::Deserialize;
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "path-loss-exponent",
-        doc: "The path-loss exponent differs from that of the base model, such as the 2 of free space.",
+        doc: "The path-loss exponent differs from that of the base model, for example from 2, that of free space.",
         fields: &[
             Field {
                 key: "exponent",

@@ -14,7 +14,8 @@ pub const ENTRY: Entry = Entry {
         fields: &[
             Field {
                 key: "db_per_c",
-                doc: "Change of a link per degree by which both its ends warm up (dB per degree C). Measured: -0.1 to -0.2.",
+                doc: "Change of the received power if both ends warm up by one degree (dB per degree C). Measured: -0.1 to \
+                      -0.2.",
                 kind: Kind::Number(Range::closed(-5.0, 5.0)),
                 default: Default::Required,
             },

@@ -31,8 +31,8 @@ pub const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "start",
-            doc: "From when times count: a date, an epoch time (s), or \"as-written\". By default, dates and epoch times count from the \
-                  first row of each run, or from the start that the log states; smaller times stay as they are.",
+            doc: "Origin of times: a date, an epoch time (s), or \"as-written\". By default, dates and epoch times count \
+                  from the first row of each run, or from the start that the log states; smaller times stay as they are.",
             kind: Kind::Either(&[Kind::Number(Range::ANY), Kind::Text]),
             default: Default::Absent,
         },
@@ -85,7 +85,7 @@ const INPUT_SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "columns",
-            doc: "What the columns of the table are filled from.",
+            doc: "Source of each column of the table.",
             kind: Kind::Table(&COLUMNS_SPEC),
             default: Default::Table,
         },
@@ -128,7 +128,7 @@ const INPUT_SPEC: TableSpec = TableSpec {
     ],
     tag: Some(&Tag {
         key: "format",
-        doc: "Format of the log.",
+        doc: "The format of the log.",
         default: Some("csv"),
         variants: Variants::List(FORMATS),
     }),

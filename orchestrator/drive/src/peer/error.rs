@@ -38,7 +38,7 @@ pub enum SideError {
         reason: String,
     },
     /// Something else listens there.
-    #[error("{side}: the server at {url} is {found}, not a {side}")]
+    #[error("{side}: the server at {url} is not a {side}: {found}")]
     NotASimulator {
         /// Which side.
         side: &'static str,

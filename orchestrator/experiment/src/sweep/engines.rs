@@ -38,7 +38,7 @@ pub(super) const SLURM: TableSpec = TableSpec {
         CPUS,
         Field {
             key: "max_running",
-            doc: "Most tasks that run at the same time (sbatch --array=…%N). Absent: no limit.",
+            doc: "Maximum number of tasks at the same time (sbatch --array=…%N). Absent: no limit.",
             kind: Kind::Integer { min: 1, max: 1_000_000 },
             default: Default::Absent,
         },
@@ -112,7 +112,7 @@ pub struct SlurmOptions {
     pub memory_mib: Option<u32>,
     /// CPUs of a task.
     pub cpus_per_task: u32,
-    /// Most tasks that run at the same time.
+    /// Maximum number of tasks at the same time.
     pub max_running: Option<u32>,
     /// How often a lost shard is submitted again.
     pub max_resubmissions: u32,

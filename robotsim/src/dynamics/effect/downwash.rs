@@ -13,7 +13,7 @@ pub(super) const ENTRY: Entry = Entry {
         fields: &[
             Field {
                 key: "gain",
-                doc: "g (m/s): drift speed at zero distance. Negative: robots attract each other.",
+                doc: "Drift speed at zero distance (m/s). Negative: robots attract each other.",
                 kind: Kind::Number(Range::closed(-1e3, 1e3)),
                 default: Default::Required,
             },

@@ -37,14 +37,14 @@ pub(super) const ENTRY: Entry = Entry {
         ],
     },
     about: About {
-        mechanism: "Anything that the catalogue lacks: an expression of time, position, velocity, heading and any column \
-                    of the measurements, with named parameters.",
+        mechanism: "For effects outside the catalogue: an expression of time, position, velocity, heading and any column of \
+                    the measurements, with named parameters.",
         equation: "v = u + expression * direction",
         source: "The user's.",
-        validity: "That of the expression. It adds nothing if a name has no value or the result is not a number. Results \
+        validity: "As valid as the expression. It adds nothing if a name has no value or the result is not a number. Results \
                    are clipped to limit_mps. Columns of measurements have values in comparisons and fits only; in a run, \
                    only names that describe the robot do.",
-        trace: "As written: an error over the covariates of the expression.",
+        trace: "An error that depends on the covariates of the expression.",
         needs: &[],
         example: "expression = \"-a * max(speed_mps - onset_mps, 0)\"\ntarget = \"ahead\"\n\
          parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\

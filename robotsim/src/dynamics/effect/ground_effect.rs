@@ -5,7 +5,7 @@ use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter};
 use serde::Deserialize;
 
-/// Lower than so many rotor radii the gain stays what it is there.
+/// Height (rotor radii) below which the gain is constant.
 const LEAST_RADII: f64 = 0.5;
 
 /// `kind = "ground-effect"`.
@@ -16,13 +16,13 @@ pub(super) const ENTRY: Entry = Entry {
         fields: &[
             Field {
                 key: "rotor_radius_m",
-                doc: "R: radius of the rotor (m); of several rotors, of the one that has the same effect.",
+                doc: "Radius of the rotor (m); for several rotors, of one rotor with the same effect.",
                 kind: Kind::Number(Range::closed(0.0, 100.0)),
                 default: Default::Required,
             },
             Field {
                 key: "ground_m",
-                doc: "Height of the ground, and of the rotor above the measured position taken off it (m).",
+                doc: "Height of the ground minus the height of the rotor above the measured position (m).",
                 kind: Kind::Number(Range::PLACE),
                 default: Default::Number(0.0),
             },
@@ -32,7 +32,8 @@ pub(super) const ENTRY: Entry = Entry {
         mechanism: "The ground slows the air that a rotor throws down, so that the same power gives more thrust close above it.",
         equation: "a' = gain (a + g e_z) - g e_z, gain = 1 / (1 - (rotor_radius_m / (4 (z - ground_m)))^2)",
         source: "I. C. Cheeseman and W. E. Bennett, The effect of the ground on a helicopter rotor in forward flight, ARC R&M 3021, 1955.",
-        validity: "Hover and slow flight over level ground. Below half a rotor radius the gain stays 4/3, which it is there. One rotor; several close to each other gain more.",
+        validity: "Hover and slow flight over level ground. Below half a rotor radius the gain is constant, 4/3. One rotor; \
+                   several close to each other gain more.",
         trace: "An upward error close above the ground, and none two rotor diameters above it.",
         needs: &[Need::ThrustCommands],
         example: "rotor_radius_m = 0.2\n",
@@ -70,11 +71,11 @@ pub(super) const ENTRY: Entry = Entry {
 /// # Arguments
 ///
 /// * `rotor_radius_m` R: radius of the rotor (m), not negative.
-/// * `ground_m`: where z begins (m): the height of the ground less that of the rotor above the measured position.
+/// * `ground_m`: the height of the ground minus the height of the rotor above the measured position (m).
 ///
 /// # Validity
 ///
-/// Hover and slow flight of one rotor over level ground; `[site]`'s terrain does not count. The law has a pole at z = R / 4; below z = R / 2 the gain stays 4/3, which it is there. It acts on
+/// Hover and slow flight of one rotor over level ground; `[site]`'s terrain does not count. The law has a pole at z = R / 4; below z = R / 2 the gain is constant, 4/3. It acts on
 /// bodies that are asked for an acceleration and on no others. Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 struct GroundEffect {

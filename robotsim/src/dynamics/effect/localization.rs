@@ -25,7 +25,7 @@ pub(super) const ENTRY: Entry = Entry {
             },
             Field {
                 key: "scale",
-                doc: "Measured per true coordinate, from the origin.",
+                doc: "Ratio of measured to true coordinates, from the origin.",
                 kind: Kind::Number(Range::above(0.0, 10.0)),
                 default: Default::Number(1.0),
             },
@@ -37,7 +37,7 @@ pub(super) const ENTRY: Entry = Entry {
         equation: "measured(t) = scale * x(t - delay_s) + N(0, sd_m^2)",
         source: "Definition.",
         validity: "Noise is independent between steps. A constant bias is not identifiable. In data, the scale is aliased \
-                   with slip and the delay with dead-time, which are tried instead; the noise is part of every model.",
+                   with slip and the delay with dead-time, which diagnose tests instead; every model estimates the noise.",
         trace: "An error that is present from the start of the window and does not grow over it.",
         needs: &[],
         example: "sd_m = 0.02\n",

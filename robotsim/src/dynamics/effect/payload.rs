@@ -9,17 +9,18 @@ use serde::Deserialize;
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
         name: "payload-mass",
-        doc: "A load that commands do not account for.",
+        doc: "The robot carries a load that its commands do not take into account.",
         fields: &[
             Field {
                 key: "payload_kg",
-                doc: "Mass beside the assumed one (kg). Negative: the robot is lighter than assumed; it must weigh something.",
+                doc: "Mass in addition to the assumed one (kg). Negative: the robot is lighter than assumed; its total mass \
+                      must be positive.",
                 kind: Kind::Number(Range::closed(-1e6, 1e6)),
                 default: Default::Required,
             },
             Field {
                 key: "mass_kg",
-                doc: "Mass that commands account for (kg). `diagnose` takes it from robotsim.dynamics.mass_kg.",
+                doc: "Mass that the commands assume (kg). `diagnose` takes it from robotsim.dynamics.mass_kg.",
                 kind: Kind::Number(Range::above(0.0, 1e6)),
                 default: Default::Required,
             },
@@ -62,7 +63,7 @@ pub(super) const ENTRY: Entry = Entry {
     build: |table| Some(Box::new(typed::<Payload>(table))),
 };
 
-/// A mass that commands do not account for.
+/// A mass that commands do not take into account.
 ///
 /// # Model
 ///

@@ -25,7 +25,7 @@ pub(super) const ENTRY: Entry = Entry {
             },
             Field {
                 key: "scale",
-                doc: "Speed inside the disc per speed outside.",
+                doc: "Ratio of the speed inside the disc to that outside.",
                 kind: Kind::Number(Range::closed(0.0, 10.0)),
                 default: Default::Required,
             },

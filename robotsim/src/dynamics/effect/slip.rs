@@ -13,7 +13,7 @@ pub(super) const ENTRY: Entry = Entry {
         fields: &[
             Field {
                 key: "scale",
-                doc: "Executed per commanded velocity.",
+                doc: "Ratio of executed to commanded velocity; with on = \"turn\", of the yaw rate or steering angle.",
                 kind: Kind::Number(Range::closed(0.0, 10.0)),
                 default: Default::Required,
             },

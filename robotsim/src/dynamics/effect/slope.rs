@@ -12,7 +12,7 @@ pub(super) const ENTRY: Entry = Entry {
         doc: "A downhill drift in proportion to the slope of site.terrain.",
         fields: &[Field {
             key: "gain",
-            doc: "k: drift (m/s) on a slope of 1 m per metre.",
+            doc: "Drift (m/s) on a slope of 1 m per metre.",
             kind: Kind::Number(Range::closed(-1e3, 1e3)),
             default: Default::Required,
         }],
@@ -21,7 +21,7 @@ pub(super) const ENTRY: Entry = Entry {
         mechanism: "On a slope, gravity pulls robots downhill, and their drives compensate only partly.",
         equation: "v = u - gain * grad h",
         source: "A linearised balance of weight and drive force; the general form of effects that depend on the position.",
-        validity: "Small slopes and drives that yield in proportion. Without terrain the ground is level.",
+        validity: "Small slopes, and a drift in proportion to the slope. Without terrain the ground is level.",
         trace: "A downhill error that depends only on the position.",
         needs: &[Need::Terrain, Need::VelocityCommands],
         example: "gain = 0.5\n",

@@ -12,7 +12,7 @@ pub(super) const ENTRY: Entry = Entry {
         doc: "The thrust is a constant fraction of the commanded thrust.",
         fields: &[Field {
             key: "scale",
-            doc: "Executed per commanded thrust.",
+            doc: "Ratio of executed to commanded thrust.",
             kind: Kind::Number(Range::closed(0.0, 10.0)),
             default: Default::Required,
         }],
@@ -21,7 +21,7 @@ pub(super) const ENTRY: Entry = Entry {
         mechanism: "The thrust curve of the rotors is miscalibrated, the battery is low, the air is thin, or the mass is not the assumed one.",
         equation: "a' = scale (a + g e_z) - g e_z of a quadrotor, a' = scale a of other bodies",
         source: "Thrust k omega^2 with another k than assumed: R. Mahony, V. Kumar and P. Corke, Multirotor aerial vehicles, IEEE Robotics and Automation Magazine 19 (2012) 20, eq. 5.",
-        validity: "One fraction at all thrusts. A mass that is not the assumed one has the same signature: see payload.",
+        validity: "One fraction at all thrusts. A mass that is not the assumed one has the same signature: see payload-mass.",
         trace: "A vertical error at hover that grows with the square of time, and an error along each acceleration.",
         needs: &[Need::ThrustCommands],
         example: "scale = 0.95\n",

@@ -12,14 +12,14 @@ pub(super) const ENTRY: Entry = Entry {
         doc: "The body is slower in turns, in proportion to the yaw rate.",
         fields: &[Field {
             key: "gain",
-            doc: "g (s/rad): fraction of the speed that is lost per yaw rate.",
+            doc: "Fraction of the speed that is lost per unit of yaw rate (s/rad).",
             kind: Kind::Number(Range::closed(0.0, 10.0)),
             default: Default::Required,
         }],
     },
     about: About {
-        mechanism: "In a turn, wheels slip and scrub sideways, and motors carry the load of turning beside that of driving. Both \
-                    cost speed.",
+        mechanism: "In a turn, wheels slip and scrub sideways, and motors must turn the robot as well as drive it. Both \
+                    reduce the speed.",
         equation: "v = u * max(0, 1 - gain * |omega|)",
         source: "A phenomenological law, of first order in the yaw rate. Slip of wheels and tracks in turns: A. Mandow et al., Experimental kinematics for wheeled skid-steer mobile robots, IROS 2007.",
         validity: "Moderate yaw rates, one ground. The yaw rate of a unicycle is not changed; a car turns on the same arc, more \

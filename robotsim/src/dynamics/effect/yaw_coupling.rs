@@ -12,8 +12,8 @@ pub(super) const ENTRY: Entry = Entry {
         doc: "The body moves sideways in turns.",
         fields: &[Field {
             key: "gain",
-            doc: "g (s): sideways velocity per product of speed and yaw rate, positive towards the inside of the turn, \
-                  negative outwards.",
+            doc: "Sideways velocity per product of speed and yaw rate (s), positive towards the inside of the turn, negative \
+                  outwards.",
             kind: Kind::Number(Range::closed(-10.0, 10.0)),
             default: Default::Required,
         }],
