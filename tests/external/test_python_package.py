@@ -63,6 +63,28 @@ def test_a_newcomer_has_the_first_figure_within_two_minutes(installed, tmp_path)
     assert took_s < 120, took_s
 
 
+def test_a_newcomer_without_rust_installs_runs_and_sees_the_demo_within_five_minutes(installed, tmp_path):
+    scripts, variables = installed
+    (wheel,) = scripts.parents[1].glob("murmuration_sim-*.whl")
+    begun_s = time.monotonic()
+    venv.create(tmp_path / "own", with_pip=True)
+    own = tmp_path / "own" / "bin"
+    call(own / "pip", "install", "-q", "--disable-pip-version-check", wheel)
+    variables = {**variables, "PATH": f"{own}:/usr/bin:/bin"}
+
+    def murmuration(*words):
+        return call(own / "murmuration", *words, env=variables, cwd=tmp_path)
+
+    made = murmuration("new", "my-swarm")
+    assert "murmuration run experiment.toml" in made
+    murmuration("run", "my-swarm/experiment.toml")
+    murmuration("demo")
+    took_s = time.monotonic() - begun_s
+    assert (tmp_path / "runs" / "my-swarm" / "report.html").stat().st_size > 0
+    assert "wall-attenuation" in (tmp_path / "demo" / "story.html").read_text()
+    assert took_s < 300, took_s
+
+
 @pytest.mark.parametrize("protobuf", ["4.25.9", "5.29.6", "6.33.5"])
 def test_its_stubs_import_under_older_versions_of_protobuf(installed, tmp_path, protobuf):
     _, variables = installed
