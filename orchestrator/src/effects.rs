@@ -7,6 +7,7 @@ mod page;
 mod picture;
 
 use numbers::format::trimmed;
+use numbers::quantity;
 pub use page::page;
 pub use picture::Picture;
 
@@ -231,23 +232,10 @@ impl Listed {
 
     /// A parameter's unit: as the fit names it, or as its key ends.
     fn unit(&self, key: &str) -> Option<&'static str> {
-        const UNITS: [(&str, &str); 11] = [
-            ("_dbm", "dBm"),
-            ("_db", "dB"),
-            ("_mps", "m/s"),
-            ("_mhz", "MHz"),
-            ("_rad", "rad"),
-            ("_radps", "rad/s"),
-            ("_ms", "ms"),
-            ("_m", "m"),
-            ("_s", "s"),
-            ("_kg", "kg"),
-            ("_c", "°C"),
-        ];
         let fitted = self.fit.parameters.iter().find(|parameter| parameter.key == key);
         match fitted {
             Some(parameter) => Some(parameter.unit).filter(|unit| !["", "1"].contains(unit)),
-            None => UNITS.iter().find(|(end, _)| key.ends_with(end)).map(|&(_, unit)| unit),
+            None => quantity::unit(key),
         }
     }
 

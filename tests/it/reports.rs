@@ -9,7 +9,7 @@ fn the_same_command_writes_the_same_page() {
     let hidden = [(Hidden::Temperature, Size::Clear)];
     let links = Campaign::link(1, &Layout::standard(), &hidden, 2000);
     for (name, campaign, parts) in [
-        ("links", links, ["Reception, as configured", "Error over temperature_c", "On the map"]),
+        ("links", links, ["Reception, as configured", "Error over temperature", "On the map"]),
         ("robots", robots, ["Error against horizon", "along the motion", "On the map"]),
     ] {
         let data = format!("{name}.csv");

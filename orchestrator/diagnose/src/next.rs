@@ -5,6 +5,7 @@ use super::diagnosis::NextMeasurement;
 use super::ladder::{Ladder, Search};
 use numbers::format::trimmed;
 use numbers::power::integer_power;
+use numbers::quantity;
 use study::{COMMON, Estimate, PredictionDifference, Study};
 
 /// Bins of a covariate.
@@ -36,26 +37,6 @@ const NOT_CHOSEN: [&str; 5] =
     ["time_s", "rssi_dbm", "predicted_rssi_dbm", "measured_speed_mps", "log10_distance"];
 /// Numbers of nodes: one of them can be chosen, a range of them means nothing.
 const NUMBERS_OF_NODES: [&str; 2] = ["transmitter", "receiver"];
-
-/// Units by the last part of a covariate's name.
-const UNITS: [(&str, &str); 16] = [
-    ("m", "m"),
-    ("mm", "mm"),
-    ("s", "s"),
-    ("h", "h"),
-    ("c", "°C"),
-    ("pct", "%"),
-    ("db", "dB"),
-    ("dbm", "dBm"),
-    ("hz", "Hz"),
-    ("mhz", "MHz"),
-    ("rad", "rad"),
-    ("deg", "°"),
-    ("mps", "m/s"),
-    ("radps", "rad/s"),
-    ("v", "V"),
-    ("hpa", "hPa"),
-];
 
 /// The tenth of the rows, by one covariate that a person can choose, in which two models differ most.
 #[must_use]
@@ -186,9 +167,8 @@ fn measurement<S: Study>(
 
 /// Where to measure, and what for, in words.
 fn sentence(aim: &str, at: &Condition, unit: &str) -> String {
-    let ends = at.covariate.rsplit_once('_').map_or("", |(_, last)| last);
-    let of_covariate = UNITS.iter().find(|(suffix, _)| *suffix == ends);
-    let of_covariate = of_covariate.map_or_else(String::new, |(_, unit)| format!(" {unit}"));
+    let of_covariate = quantity::unit(&at.covariate);
+    let of_covariate = of_covariate.map_or_else(String::new, |unit| format!(" {unit}"));
     let [from, to] = [at.from, at.to].map(|end| trimmed(end, DECIMALS));
     let range = if at.from < at.to { format!("from {from} to {to}") } else { from };
     format!(

@@ -4,5 +4,6 @@
 
 pub mod format;
 pub mod power;
+pub mod quantity;
 pub mod statistics;
 pub mod ticks;

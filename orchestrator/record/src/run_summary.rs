@@ -119,9 +119,9 @@ pub struct TaskSummary {
     pub controller: Option<String>,
     /// Whether the robots regarded their task as done.
     pub complete: bool,
-    /// First step at which they did.
+    /// First step at which the robots regarded their task as done.
     pub completed_at_step: Option<u64>,
-    /// Time of that step (s).
+    /// Time from when the robots started until they first regarded their task as done (s).
     pub completed_after_s: Option<f64>,
     /// Further figures by name: those of every swarm, those of the controller, and those that the robot simulator reports.
     #[serde(flatten)]

@@ -208,6 +208,18 @@ fn notes_on(changes: &[Change]) -> Markup {
     }
 }
 
+/// A probability; one that is too small to be written is not 0.
+fn p_in_words(p_value: f64) -> String {
+    if p_value < LEAST_P {
+        format!("p < {LEAST_P:.0e}")
+    } else {
+        format!("p = {}", number(p_value))
+    }
+}
+
+/// Smaller probabilities are not told apart.
+const LEAST_P: f64 = 1e-6;
+
 /// The errors without and with the changes.
 fn errors(contents: &BetweenPage<'_>) -> Option<Markup> {
     let Between { error, error_unit: unit, .. } = contents.answer;
@@ -229,12 +241,12 @@ fn errors(contents: &BetweenPage<'_>) -> Option<Markup> {
         .collect();
     let title = "Root mean squared error";
     let look = format!(
-        "Does the model of A predict B as well as A? Chance alone gives as great a change of the error with p = {}{}.",
-        number(error.p_value),
+        "Does the model of A predict B as well as A? Chance alone gives as great a change of the error with {}{}.",
+        p_in_words(error.p_value),
         error.p_value_new_places.map_or_else(String::new, |p_value| {
             format!(
-                "; where A is predicted at held-out places, as B has new ones, with p = {}",
-                number(p_value)
+                "; where A is predicted at held-out places, as B has new ones, with {}",
+                p_in_words(p_value)
             )
         })
     );

@@ -82,9 +82,10 @@ fn trajectories(measures: &Measures) -> Figure {
             [low.min(point[axis]), high.max(point[axis])]
         })
     };
-    let (x, y, height) = equal_scales(span(0), span(1), WIDE);
+    let width = map_width(span(0), span(1));
+    let (x, y, height) = equal_scales(span(0), span(1), width);
     let n = starts.len();
-    let mut chart = Chart::new(x, y, WIDE, height);
+    let mut chart = Chart::new(x, y, width, height);
     if MANY < n {
         // Many agents need finer marks.
         chart = chart.with_class("many");
@@ -138,8 +139,16 @@ fn trajectories(measures: &Measures) -> Figure {
         key.push(("wall", "walls and obstacles".into()));
     }
     let svg = chart.finish("trajectories", "Trajectories", &sentence);
-    Figure { title: "Trajectories", sentence, key, svg, is_wide: true }
+    Figure { title: "Trajectories", sentence, key, svg, is_wide: width == WIDE }
 }
+
+/// The width of a map: that of the page only if what there is to show is much longer from west to east than from south to north.
+pub(super) fn map_width([x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> f64 {
+    if LEAST_WIDE * (y1 - y0) < x1 - x0 { WIDE } else { HALF }
+}
+
+/// A map of so many times its height is as wide as the page.
+const LEAST_WIDE: f64 = 1.7;
 
 /// Axes of the same scale around what there is to show, and the height of their chart.
 pub(super) fn equal_scales(
@@ -321,8 +330,12 @@ fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
     let top = (if shows_all { others.max(greatest) } else { greatest }).max(1.0) * 1.12;
     let time = TaskTime::new(measures, false);
     let x = time.axis();
-    let mut chart =
-        Chart::new(x, Axis::new("neighbours heard", 0.0, top).integer_ticks(), HALF, HALF_HEIGHT);
+    let mut chart = Chart::new(
+        x,
+        Axis::new("neighbours heard (count)", 0.0, top).integer_ticks(),
+        HALF,
+        HALF_HEIGHT,
+    );
     if shows_all {
         chart.level(others, "all others");
     }
@@ -362,8 +375,8 @@ fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
 fn delivery(measures: &Measures, bins: &[DistanceBin]) -> Figure {
     let end_m = bins.last().map_or(1.0, |bin| bin.to_m);
     let x = Axis::new("distance between sender and receiver (m)", 0.0, end_m);
-    let y = Axis::new("delivered", 0.0, 1.03).percent();
-    let mut chart = Chart::new(x, y, WIDE, 290.0);
+    let y = Axis::new("share delivered (%)", 0.0, 1.03).percent();
+    let mut chart = Chart::new(x, y, HALF, HALF_HEIGHT);
     let middle = |bin: &DistanceBin| (bin.from_m + bin.to_m) / 2.0;
     // A gap where nobody was at that distance.
     for neighbours in bins.windows(2).filter(|pair| (pair[1].from_m - pair[0].to_m).abs() < 1e-6) {
@@ -398,7 +411,7 @@ fn delivery(measures: &Measures, bins: &[DistanceBin]) -> Figure {
         "share delivered, with the 95 % interval (Wilson) for independent attempts".into(),
     )];
     let svg = chart.finish("delivery", "Delivery against distance", &sentence);
-    Figure { title: "Delivery against distance", sentence, key, svg, is_wide: true }
+    Figure { title: "Delivery against distance", sentence, key, svg, is_wide: false }
 }
 
 /// Consecutive steps drawn as one point.
@@ -437,7 +450,7 @@ pub(super) const WIDE: f64 = 1110.0;
 /// Width of a picture across half of it.
 pub(super) const HALF: f64 = 540.0;
 /// Height of such a picture.
-pub(super) const HALF_HEIGHT: f64 = 300.0;
+pub(super) const HALF_HEIGHT: f64 = 312.0;
 
 #[cfg(test)]
 mod tests {

@@ -58,8 +58,24 @@ pub fn figure(title: &str, words: &Markup, key: &Markup, svg: &Markup, is_wide: 
     html! {
         figure class=[is_wide.then_some("wide")] {
             figcaption { h3 { (title) } (words) }
-            ul.key { (key) }
+            @if !key.0.is_empty() { ul.key { (key) } }
             div.plot { (svg) }
+        }
+    }
+}
+
+/// A picture of several panels under its question and its words. `id`: where links on the page lead.
+pub fn figure_of(
+    id: &str,
+    question: &str,
+    words: &Markup,
+    panels: &Markup,
+    is_wide: bool,
+) -> Markup {
+    html! {
+        figure id=(id) class=[is_wide.then_some("wide")] {
+            figcaption { h3 { (question) } (words) }
+            (panels)
         }
     }
 }
@@ -80,7 +96,7 @@ fn sample(mark: &str) -> Markup {
         ends if ends.starts_with("end ") => path("M13,6h0"),
         "span" | "foliage" => path("M0,1H26V11H0Z"),
         "start" | "end" | "mote" => path("M13,6h0"),
-        "dot" | "dot after" => path("M5,8h0M10,4h0M15,7h0M20,5h0"),
+        "dot" | "dot after" | "trial" => path("M5,8h0M10,4h0M15,7h0M20,5h0"),
         "interval" => html! {
             g.interval { path d="M13,1V11M10,1h6M10,11h6" {} circle cx="13" cy="6" r="3" {} }
         },

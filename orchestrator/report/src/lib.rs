@@ -14,6 +14,7 @@ mod player;
 pub mod story;
 pub mod svg;
 mod top;
+mod verdict;
 
 use maud::{Markup, html};
 use record::{FinishedRun, TRUTH_BASELINE};
@@ -24,9 +25,10 @@ type Section = fn(&FinishedRun<'_>) -> Option<Markup>;
 /// The page from top to bottom.
 const SECTIONS: &[Section] = &[
     top::heading,
+    verdict::section,
     top::notices,
-    player::section,
     top::tiles,
+    player::section,
     figures::section,
     motes::section,
     details::facts,

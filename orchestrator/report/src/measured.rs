@@ -138,6 +138,12 @@ impl MeasuredPage<'_> {
         }
     }
 
+    /// Whether it is known of some frames that they were lost.
+    fn knows_losses(&self) -> bool {
+        let MeasuredRows::Links(links) = &self.rows else { return false };
+        links.frames.iter().any(|[sent, got]| got.is_finite() && got < sent)
+    }
+
     fn is_link(&self) -> bool {
         matches!(self.rows, MeasuredRows::Links(_))
     }

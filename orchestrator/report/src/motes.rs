@@ -251,13 +251,19 @@ impl Figures<'_> {
                     format!("{time} {unit}")
                 },
             ),
-            figure(
-                "ended here",
-                "frames and datagrams of any kind that ended here without arriving",
-                ended,
-                &integer,
-            ),
-            MoteColumn { heading: "why", doc: "how many of them for which reason", cells: why },
+            MoteColumn {
+                heading: "ended here",
+                doc: "frames and datagrams of any kind that ended here without arriving: how many for which reason",
+                cells: ended
+                    .into_iter()
+                    .zip(why)
+                    .map(|(n, why)| match n {
+                        None => dash(),
+                        Some(_) if why.is_empty() => "0".to_owned(),
+                        Some(_) => why,
+                    })
+                    .collect(),
+            },
         ]
     }
 
@@ -365,7 +371,7 @@ mod tests {
         assert!(
             row("0 root").contains("<td>0 root</td><td>0</td><td>–</td><td>512</td><td>0</td>")
         );
-        assert!(row("3").contains("<td>3</td><td>2 no_route, 1 max_retries</td>"), "{}", row("3"));
+        assert!(row("3").contains("<td>2 no_route, 1 max_retries</td>"), "{}", row("3"));
         assert!(row("7").contains("<td>7</td><td>–</td><td>0</td>"), "{}", row("7"));
         assert!(!page.contains(">latency (s)<") && !page.contains("latency, longest"), "{page}");
         assert!(!page.contains("NaN") && !page.contains("inf"));

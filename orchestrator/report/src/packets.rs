@@ -11,7 +11,8 @@ use network::comparison::{Kpi, MoteDelivery, NetworkComparison};
 use network::diagnosis::NetworkDiagnosis;
 use network::error_split::{NetworkErrorSplit, PartOfFigure};
 use network::task::comparison::{TaskComparison, TaskErrorSplit};
-use numbers::format::{capitalised, count, number, with_unit};
+use numbers::format::{capitalised, count, number, percent, with_unit};
+use numbers::quantity;
 use serde::Serialize;
 
 /// An answer about a network or a swarm's task.
@@ -127,8 +128,16 @@ fn heading(contents: &PacketsPage<'_>) -> Option<Markup> {
                 be one of the model's."
             }
         }
-        p.verdict { (capitalised(answer.sentence())) }
+        p.verdict { (capitalised(&in_words(answer.sentence(), answer.kpis()))) }
     })
+}
+
+/// A sentence with what figures are in place of their names in the answer.
+fn in_words(sentence: &str, kpis: &[Kpi]) -> String {
+    let mut names: Vec<&Kpi> = kpis.iter().filter(|kpi| kpi.name.contains('_')).collect();
+    // A name may begin another.
+    names.sort_by_key(|kpi| std::cmp::Reverse(kpi.name.len()));
+    names.into_iter().fold(sentence.to_owned(), |words, kpi| words.replace(kpi.name, kpi.doc))
 }
 
 fn notices(contents: &PacketsPage<'_>) -> Option<Markup> {
@@ -179,7 +188,9 @@ fn ties(contents: &PacketsPage<'_>) -> Option<Markup> {
 fn all_figures(contents: &PacketsPage<'_>) -> Option<Markup> {
     let with = contents.diagnosis().and_then(|diagnosis| diagnosis.kpis_with.as_deref());
     let with = with.unwrap_or_default();
-    let range = |kpi: &Kpi| format!("{} to {}", number(kpi.model.low), number(kpi.model.high));
+    let range = |kpi: &Kpi| {
+        format!("{} to {}", value_of(kpi, kpi.model.low), value_of(kpi, kpi.model.high))
+    };
     Some(html! {
         h2 { "All figures" }
         table {
@@ -196,7 +207,7 @@ fn all_figures(contents: &PacketsPage<'_>) -> Option<Markup> {
                 tr {
                     td { (kpi.name) }
                     td { (kpi.doc) }
-                    (number_cell(number(kpi.measured)))
+                    (number_cell(value_of(kpi, kpi.measured)))
                     (number_cell(range(kpi)))
                     @if let Some(with) = with.get(k) { (number_cell(range(with))) }
                     td { (kpi.unit) }
@@ -323,6 +334,16 @@ fn bounds(values: &[f64]) -> Option<[f64; 2]> {
     (low <= high).then_some([low - room, high + room])
 }
 
+/// Whether a figure is a share of packets, which people read in per cent.
+fn is_share(kpi: &Kpi) -> bool {
+    kpi.unit.is_empty() && kpi.doc.starts_with("share of ")
+}
+
+/// A value of a figure, without its unit.
+fn value_of(kpi: &Kpi, value: f64) -> String {
+    if is_share(kpi) && value.is_finite() { percent(value) } else { number(value) }
+}
+
 fn kpi(kpi: &Kpi) -> Option<Picture> {
     let Kpi { name, unit, doc, measured, .. } = *kpi;
     if !measured.is_finite() {
@@ -333,23 +354,30 @@ fn kpi(kpi: &Kpi) -> Option<Picture> {
     seeds.sort_by(f64::total_cmp);
     let all: Vec<f64> = seeds.iter().copied().chain([measured]).collect();
     let [low, high] = bounds(&all)?;
-    let label = if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") };
-    let x = Axis::new("seeds, by this figure", -0.5, seeds.len() as f64 - 0.5).integer_ticks();
-    let mut chart = half(x, Axis::new(&label, low, high));
-    chart.dots("dot", seeds.iter().enumerate().map(|(k, &value)| [k as f64, value]));
+    let is_share = is_share(kpi);
+    let value = |value: f64| with_unit(&value_of(kpi, value), unit);
+    let label =
+        quantity::with_unit(&quantity::words(name), Some(if is_share { "%" } else { unit }));
+    let x = Axis::new("seeds, from least to greatest (rank)", -0.5, seeds.len() as f64 - 0.5)
+        .integer_ticks();
+    let y = Axis::new(&label, low, high);
+    let mut chart = half(x, if is_share { y.percent() } else { y });
+    chart.dots("trial", seeds.iter().enumerate().map(|(k, &value)| [k as f64, value]));
     chart.level(measured, "measured");
     let below = seeds.iter().filter(|&&value| value < measured).count();
-    let sentence = format!(
-        "Measured {} {unit}; {below} of {} seeds lie below.",
-        number(measured),
-        seeds.len()
-    );
-    let svg = chart.finish(name, name, &sentence);
+    let sentence =
+        format!("Measured {}; {below} of {} seeds lie below.", value(measured), seeds.len());
+    let title = capitalised(doc);
+    let svg = chart.finish(name, &title, &sentence);
     Some(Picture {
-        title: name.to_owned(),
+        title,
         look: sentence,
-        means: format!("It is {doc}."),
-        key: vec![("dot", "seeds".to_owned())],
+        means: format!(
+            "90 % of the seeds of the model lie from {} to {}.",
+            value(kpi.model.low),
+            value(kpi.model.high)
+        ),
+        key: vec![("trial", "a seed of the model".to_owned())],
         svg,
         is_wide: false,
     })
@@ -360,8 +388,8 @@ fn delivery(motes: &[MoteDelivery]) -> Option<Picture> {
     if motes.is_empty() {
         return None;
     }
-    let x = Axis::new("mote", -0.5, motes.len() as f64 - 0.5).named(&names);
-    let y = Axis::new("delivery", 0.0, 1.02).percent();
+    let x = Axis::new("mote (number)", -0.5, motes.len() as f64 - 0.5).named(&names);
+    let y = Axis::new("share delivered (%)", 0.0, 1.02).percent();
     let mut chart = Chart::new(x, y, 2.0 * HALF, super::figures::HALF_HEIGHT);
     for (k, mote) in motes.iter().enumerate() {
         let model = &mote.model;

@@ -7,6 +7,7 @@
 //! data of paths are written here.
 
 use maud::{Markup, PreEscaped, Render, html};
+use numbers::format::shortest;
 use numbers::ticks;
 use std::fmt::Write as _;
 
@@ -35,12 +36,16 @@ pub struct Axis {
     least_step: f64,
     /// Words at 0, 1, 2, … in place of numbers.
     names: Vec<String>,
+    /// Numbers that have ticks in place of round ones.
+    marked: Vec<f64>,
 }
 
 impl Axis {
-    /// An axis from `min` to `max`, or to one more where that is no further.
+    /// An axis from `min` to `max`, or further where these are too close to be told apart.
     pub fn new(label: &str, min: f64, max: f64) -> Self {
-        let max = if min < max { max } else { min + 1.0 };
+        // Ends that no label could tell apart.
+        let least = 1e-9 * min.abs().max(max.abs());
+        let max = if least < max - min { max } else { min + min.abs().max(1.0) };
         Self {
             label: label.to_owned(),
             min,
@@ -48,6 +53,7 @@ impl Axis {
             is_percent: false,
             least_step: 0.0,
             names: Vec::new(),
+            marked: Vec::new(),
         }
     }
 
@@ -69,6 +75,14 @@ impl Axis {
         self
     }
 
+    /// The same with ticks at these numbers, as far as there is room for them.
+    pub fn ticks_at(mut self, numbers: &[f64]) -> Self {
+        self.marked = numbers.to_vec();
+        self.marked.sort_by(f64::total_cmp);
+        self.marked.dedup();
+        self
+    }
+
     /// Distance between ticks if there are to be about `n`.
     fn step(&self, n: f64) -> f64 {
         ticks::round_step(((self.max - self.min) / n).max(self.least_step))
@@ -79,7 +93,16 @@ impl Axis {
         if !self.names.is_empty() {
             return (0..self.names.len()).map(|name| name as f64).collect();
         }
+        if !self.marked.is_empty() {
+            return self.marked.clone();
+        }
         ticks::ticks(self.min, self.max, self.step(n))
+    }
+
+    /// The words at whole numbers in lines, where each number has so many pixels.
+    fn wrapped_names(&self, slot: f64) -> Vec<Vec<String>> {
+        let most = ((slot - 6.0) / LETTER).max(3.0) as usize;
+        self.names.iter().map(|name| wrapped(name, most)).collect()
     }
 
     fn tick_label(&self, tick: f64, step: f64) -> String {
@@ -88,6 +111,9 @@ impl Axis {
         }
         if self.is_percent {
             return format!("{:.0} %", 100.0 * tick);
+        }
+        if !self.marked.is_empty() {
+            return shortest(tick);
         }
         ticks::tick_label(tick, step)
     }
@@ -99,18 +125,27 @@ pub struct Chart {
     y: Axis,
     width: f64,
     height: f64,
+    /// Room below the plane, for ticks and the label.
+    bottom: f64,
     /// Class of the whole picture.
     class: Option<&'static str>,
+    /// Areas that words beside points cover: left, top, right, bottom.
+    taken: Vec<[f64; 4]>,
     body: Markup,
     /// What lies above everything else.
     over: Markup,
 }
 
 impl Chart {
-    /// An empty chart of this size, in pixels at its natural size.
+    /// An empty chart of this size, in pixels at its natural size. It is higher if names along its axis take several lines.
     pub fn new(x: Axis, y: Axis, width: f64, height: f64) -> Self {
         let (body, over) = (Markup::default(), Markup::default());
-        let mut chart = Self { x, y, width, height, class: None, body, over };
+        let lines = x.wrapped_names((width - LEFT - RIGHT) / (x.max - x.min));
+        let n_lines = lines.iter().map(Vec::len).max().unwrap_or(1);
+        let bottom = BOTTOM + LINE * (n_lines.max(1) - 1) as f64;
+        let height = height + bottom - BOTTOM;
+        let (class, taken) = (None, Vec::new());
+        let mut chart = Self { x, y, width, height, bottom, class, taken, body, over };
         chart.axes();
         chart
     }
@@ -277,6 +312,9 @@ impl Chart {
         let to_the_left = self.width - RIGHT - 60.0 < x;
         let (x, anchor) = if to_the_left { (x - 8.0, "end") } else { (x + 8.0, "start") };
         let y = (y - 7.0).max(TOP + 10.0);
+        let length = DIGIT * 1.2 * text.chars().count() as f64;
+        let left = if to_the_left { x - length } else { x };
+        self.taken.push([left, y - 11.0, left + length, y + 3.0]);
         self.draw(&html! {
             text class=(class) x=(Px(x)) y=(Px(y)) text-anchor=(anchor) { (text) }
         });
@@ -284,7 +322,8 @@ impl Chart {
 
     /// Numbers beside points, each where it covers no other; those for which there is no room are left out.
     pub fn numbers(&mut self, points: impl IntoIterator<Item = (usize, [f64; 2])>) {
-        let mut taken: Vec<[f64; 4]> = Vec::new();
+        let mut taken = self.taken.clone();
+        let most = MAX_NUMBERS + taken.len();
         let mut texts = Markup::default();
         for (number, point) in points {
             let text = number.to_string();
@@ -296,7 +335,7 @@ impl Chart {
             let overlaps = |other: &[f64; 4]| {
                 area[0] < other[2] && other[0] < area[2] && area[1] < other[3] && other[1] < area[3]
             };
-            if taken.len() < MAX_NUMBERS && !taken.iter().any(overlaps) {
+            if taken.len() < most && !taken.iter().any(overlaps) {
                 taken.push(area);
                 html! { text x=(Px(left)) y=(Px(y + 4.0)) { (text) } }.render_to(&mut texts.0);
             }
@@ -364,7 +403,7 @@ impl Chart {
         let share = |axis: &Axis, value: f64| (value - axis.min) / (axis.max - axis.min);
         [
             LEFT + share(&self.x, x) * (self.width - LEFT - RIGHT),
-            self.height - BOTTOM - share(&self.y, y) * (self.height - TOP - BOTTOM),
+            self.height - self.bottom - share(&self.y, y) * (self.height - TOP - self.bottom),
         ]
     }
 
@@ -406,18 +445,39 @@ impl Chart {
 
     fn axes(&mut self) {
         let n_x = (self.width - LEFT - RIGHT) / 80.0;
-        let n_y = ((self.height - TOP - BOTTOM) / 45.0).max(2.0);
+        let n_x = n_x.max(3.0);
+        let n_y = ((self.height - TOP - self.bottom) / 45.0).max(2.0);
         let [left, bottom] = self.place([self.x.min, self.y.min]);
         let [right, top] = self.place([self.x.max, self.y.max]);
         let ticks = |axis: &Axis, n: f64| -> Vec<(f64, String)> {
             let step = axis.step(n);
             axis.ticks(n).into_iter().map(|tick| (tick, axis.tick_label(tick, step))).collect()
         };
+        let slot = (right - left) / (self.x.max - self.x.min);
+        let names = self.x.wrapped_names(slot);
+        let mut free_x = f64::NEG_INFINITY;
+        let mut x_ticks: Vec<(f64, Vec<String>)> = Vec::new();
+        for (place, (tick, label)) in ticks(&self.x, n_x).into_iter().enumerate() {
+            let [x, _] = self.place([tick, self.y.min]);
+            let half = text_width(&label) / 2.0;
+            let named = names.get(place).cloned();
+            // Of numbers that stand too close the first has its label.
+            if named.is_some() || free_x <= x - half {
+                free_x = x + half + 6.0;
+                x_ticks.push((tick, named.unwrap_or_else(|| vec![label])));
+            }
+        }
+        let middle = |label: &str| {
+            // Above the room of the plane only if it needs that of the whole picture.
+            if text_width(label) <= right - left { (left + right) / 2.0 } else { self.width / 2.0 }
+        };
         self.draw(&html! {
-            @for (tick, label) in ticks(&self.x, n_x) {
-                @let [x, _] = self.place([tick, self.y.min]);
+            @for (tick, lines) in &x_ticks {
+                @let [x, _] = self.place([*tick, self.y.min]);
                 path.grid d=(format_args!("M{x:.1},{top:.1}V{bottom:.1}")) {}
-                text.tick x=(Px(x)) y=(Px(bottom + 17.0)) text-anchor="middle" { (label) }
+                @for (number, line) in lines.iter().enumerate() {
+                    text.tick x=(Px(x)) y=(Px(bottom + 17.0 + LINE * number as f64)) text-anchor="middle" { (line) }
+                }
             }
             @for (tick, label) in ticks(&self.y, n_y) {
                 @let [_, y] = self.place([self.x.min, tick]);
@@ -425,22 +485,53 @@ impl Chart {
                 text.tick x=(Px(left - 7.0)) y=(Px(y + 4.0)) text-anchor="end" { (label) }
             }
             path.axis d=(format_args!("M{left:.1},{top:.1}V{bottom:.1}H{right:.1}")) {}
-            text.axis-label x=(Px((left + right) / 2.0)) y=(Px(self.height - 6.0)) text-anchor="middle" {
-                (self.x.label)
-            }
-            text.axis-label transform={ "translate(14," (Px((top + bottom) / 2.0)) ")rotate(-90)" } text-anchor="middle" {
-                (self.y.label)
-            }
+            text.axis-label x=(Px(middle(&self.x.label))) y=(Px(self.height - 6.0)) text-anchor="middle"
+                textLength=[fitted(&self.x.label, self.width)] { (self.x.label) }
+            text.axis-label x="2" y="15"
+                textLength=[fitted(&self.y.label, self.width)] { (self.y.label) }
         });
     }
+}
+
+/// About how long a text of the size of ticks and labels is.
+fn text_width(text: &str) -> f64 {
+    LETTER * text.chars().count() as f64
+}
+
+/// The length that a label is drawn with, if it is else longer than the picture is wide.
+fn fitted(label: &str, width: f64) -> Option<Px> {
+    (width - 4.0 < text_width(label)).then_some(Px(width - 4.0))
+}
+
+/// A name in lines of at most `most` letters, broken at spaces and hyphens, and within words only where nothing else helps.
+fn wrapped(name: &str, most: usize) -> Vec<String> {
+    let mut lines: Vec<String> = vec![String::new()];
+    for word in name.split_inclusive([' ', '-']) {
+        let letters: Vec<char> = word.chars().collect();
+        for piece in letters.chunks(most) {
+            let piece: String = piece.iter().collect();
+            match lines.last_mut() {
+                Some(line) if line.chars().count() + piece.trim_end().chars().count() <= most => {
+                    line.push_str(&piece);
+                }
+                _ => lines.push(piece),
+            }
+        }
+    }
+    lines.retain(|line| !line.trim().is_empty());
+    lines.iter().map(|line| line.trim_end().to_owned()).collect()
 }
 
 /// Width of a digit of a number beside a point, and most such numbers in a picture.
 const DIGIT: f64 = 6.5;
 const MAX_NUMBERS: usize = 250;
-const LEFT: f64 = 62.0;
-const RIGHT: f64 = 16.0;
-const TOP: f64 = 12.0;
+/// About the width of a letter of a tick or a label, and the height of a line of them.
+const LETTER: f64 = 7.0;
+const LINE: f64 = 14.0;
+const LEFT: f64 = 56.0;
+const RIGHT: f64 = 24.0;
+/// Room above the plane: the label of the axis at its left stands there, where it can be read without turning the head.
+const TOP: f64 = 28.0;
 const BOTTOM: f64 = 44.0;
 
 #[cfg(test)]
@@ -457,9 +548,28 @@ mod tests {
     }
 
     #[test]
+    fn names_are_broken_into_lines_that_fit() {
+        assert_eq!(wrapped("experimental-randomness", 13), ["experimental-", "randomness"]);
+        assert_eq!(
+            wrapped("two groups, the one between lost", 12),
+            ["two groups,", "the one", "between lost"]
+        );
+        assert_eq!(wrapped("abcdefgh", 5), ["abcde", "fgh"]);
+        assert_eq!(fitted("north (m)", 500.0).map(|px| px.0), None);
+        assert_eq!(fitted(&"n".repeat(100), 500.0).map(|px| px.0), Some(496.0));
+    }
+
+    #[test]
+    fn an_axis_of_one_value_has_ends_that_labels_tell_apart() {
+        let axis = Axis::new("", 1.0, 1.0 + 1e-12);
+        assert_eq!((axis.min, axis.max), (1.0, 2.0));
+        assert_eq!((Axis::new("", 0.0, 0.0).max, Axis::new("", -3.0, -3.0).max), (1.0, 0.0));
+    }
+
+    #[test]
     fn numbers_are_left_out_where_they_would_cover_each_other() {
         let axis = || Axis::new("", 0.0, 100.0);
-        let mut chart = Chart::new(axis(), axis(), 578.0, 556.0);
+        let mut chart = Chart::new(axis(), axis(), 580.0, 572.0);
         chart.numbers([(7, [50.0, 50.0]), (8, [50.1, 50.0]), (9, [20.0, 50.0])]);
         let picture = chart.finish("", "", "").into_string();
         assert!(picture.contains(">7</text>") && picture.contains(">9</text>"));
@@ -469,8 +579,8 @@ mod tests {
     #[test]
     fn a_path_breaks_where_there_is_nothing_and_reaches_its_last_point() {
         let axis = || Axis::new("", 0.0, 100.0);
-        let chart = Chart::new(axis(), axis(), 178.0, 156.0);
+        let chart = Chart::new(axis(), axis(), 180.0, 172.0);
         let points = [Some([0.0, 0.0]), None, Some([50.0, 50.0]), Some([50.1, 50.0])];
-        assert_eq!(chart.path(points), "M62.0,112.0M112.0,62.0L112.1,62.0");
+        assert_eq!(chart.path(points), "M56.0,128.0M106.0,78.0L106.1,78.0");
     }
 }

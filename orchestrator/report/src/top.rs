@@ -5,7 +5,7 @@ use super::layout::{self, with_unit};
 use maud::{Markup, html};
 use metrics::kpi::kpi_summary::{DeliveredOfExpected, KpiSummary};
 use metrics::task::Goal;
-use numbers::format::{count, number, percent, shortest, years};
+use numbers::format::{count, count_of, number, percent, shortest, years};
 use proto::types::Coupling;
 use record::run_summary::RunSummary;
 use record::{FinishedRun, Status, TRUTH_BASELINE};
@@ -22,14 +22,14 @@ pub(super) fn heading(contents: &FinishedRun<'_>) -> Option<Markup> {
                 @if is_truth(contents) { span.badge.alert { (TRUTH_BASELINE) } }
             }
             p.lead {
-                @if let Some(controller) = controller { (controller) ", " }
-                (count(u64::from(header.agent_count))) " agents, "
+                @if let Some(controller) = controller { "Controller " (controller) ", " }
+                (count_of(u64::from(header.agent_count), "robot")) ", "
                 (count(summary.steps)) " steps of "
                 @if header.coupling == Coupling::Event { "at most " }
                 (shortest(header.step_ns as f64 / 1e9)) " s, "
                 (shortest(summary.simulated_s)) " s simulated"
                 @if let Some(started_s) = started_s {
-                    ", the first " (shortest(started_s)) " of them without the robots"
+                    ", the first " (shortest(started_s)) " s of them before the robots start"
                 }
                 ", " (coupling_in_words(header.coupling)) " coupling, seed " (header.seed) "."
             }

@@ -1,27 +1,57 @@
-//! The page of a sweep: every figure against what varies, each trial as a point beside the median and its interval.
+//! The page of a sweep: a picture for each figure, which answers how the figure depends on what varies. Each trial is a point
+//! beside the median and its interval.
+
+mod factors;
+mod first_screen;
+mod names;
+mod panels;
 
 use super::plan::SweepPlan;
 use super::setting_figures::SettingFigures;
 use super::statistics::{FEWEST, SampleSummary};
 use super::sweep_summary::SweepSummary;
+use factors::{Factor, View, describe, views};
 use maud::{Markup, html};
-use numbers::format::{count, number, percent, shortest};
-use proto::config::Value as Written;
-use report::layout::{self, key_entry, listing, number_cell};
-use report::svg::{Axis, Chart};
+use names::{Catalogue, Name};
+use numbers::format::{count, count_of, number, percent};
+use numbers::quantity;
+use numbers::statistics::mean;
+use record::ColumnKind;
+use report::layout::{self, listing, number_cell};
 
 /// What goes into the page.
 struct SweepPage<'a> {
     plan: &'a SweepPlan,
-    figures: &'a [SettingFigures<'a>],
     summary: &'a SweepSummary,
+    factors: Vec<Factor>,
+    views: Vec<View>,
+    metrics: Vec<MetricFigures<'a>>,
+}
+
+/// A figure, and what the page says of it.
+struct MetricFigures<'a> {
+    figures: &'a SettingFigures<'a>,
+    name: Name,
+    /// What identifies its pictures on the page, but for the number of the view.
+    id: String,
+    /// The share of the variance of all trials that seeds do not explain, 0 to 1; `None` with one seed.
+    between_settings: Option<f64>,
 }
 
 /// A section of the page, or none where there is nothing to show in it.
 type Section = fn(&SweepPage<'_>) -> Option<Markup>;
 
 /// The page from top to bottom.
-const SECTIONS: &[Section] = &[heading, notices, pictures, in_numbers, again];
+const SECTIONS: &[Section] = &[
+    heading,
+    first_screen::verdict,
+    notices,
+    first_screen::at_a_glance,
+    pictures,
+    first_screen::what_varies,
+    in_numbers,
+    again,
+];
 
 /// The page.
 pub(super) fn page(
@@ -29,9 +59,104 @@ pub(super) fn page(
     figures: &[SettingFigures<'_>],
     summary: &SweepSummary,
 ) -> String {
-    let contents = SweepPage { plan, figures, summary };
+    let catalogue = Catalogue::of_program();
+    let factors = factors::factors(plan, &catalogue);
+    let views = views(&factors, plan.settings.len());
+    let metrics = figures.iter().enumerate().map(|(place, figures)| MetricFigures {
+        figures,
+        name: catalogue.figure(&figures.column.name),
+        id: format!("figure-{place}"),
+        between_settings: between_settings(&figures.values),
+    });
+    let metrics = metrics.collect();
+    let contents = SweepPage { plan, summary, factors, views, metrics };
     let sections = SECTIONS.iter().filter_map(|section| section(&contents));
     layout::page(&plan.name, "", &html! { @for section in sections { (section) } })
+}
+
+/// The share of the variance of all trials that seeds do not explain, 0 to 1 (ε², Kelley 1935): 0 on average of a figure on which
+/// settings have no influence. `None`: no setting has two trials, or all trials are alike.
+fn between_settings(values: &[Vec<f64>]) -> Option<f64> {
+    let all = || values.iter().flatten().copied();
+    let n = all().count();
+    let n_settings = values.iter().filter(|values| !values.is_empty()).count();
+    let squares = |values: &mut dyn Iterator<Item = f64>, middle: f64| {
+        values.map(|value| (value - middle) * (value - middle)).sum::<f64>()
+    };
+    let total = squares(&mut all(), mean(all()));
+    if n <= n_settings || total <= 0.0 {
+        return None;
+    }
+    let within = values.iter().filter(|values| !values.is_empty());
+    let within =
+        within.map(|v| squares(&mut v.iter().copied(), mean(v.iter().copied()))).sum::<f64>();
+    let per_degree = [within / (n - n_settings) as f64, total / (n - 1) as f64];
+    Some((1.0 - per_degree[0] / per_degree[1]).clamp(0.0, 1.0))
+}
+
+/// With a smaller share of its variance between settings, a figure is not among those to look at first.
+const LEAST_BETWEEN: f64 = 0.1;
+
+impl MetricFigures<'_> {
+    /// Words and unit, as an axis shows them.
+    fn label(&self) -> String {
+        if self.figures.is_share() {
+            return quantity::with_unit(&self.name.words, Some("share of trials"));
+        }
+        if self.is_count() {
+            return quantity::with_unit(&self.name.words, Some("count"));
+        }
+        self.name.label()
+    }
+
+    fn is_ratio(&self) -> bool {
+        self.figures.column.name.ends_with("ratio")
+    }
+
+    fn is_count(&self) -> bool {
+        self.figures.column.kind == ColumnKind::U64 && self.name.unit.is_none()
+    }
+
+    /// The median of a setting, or its share of trials.
+    fn middle(&self, setting: usize) -> Option<f64> {
+        let spread = self.figures.spreads[setting].as_ref()?;
+        Some(if self.figures.is_share() { spread.mean } else { spread.median })
+    }
+
+    /// The value that all trials have, but for what rounding does.
+    fn constant(&self) -> Option<f64> {
+        let values = || self.figures.values.iter().flatten().copied();
+        let [low, high] =
+            [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
+        (low <= high && high - low <= 1e-9 * low.abs().max(high.abs())).then_some(low)
+    }
+
+    /// The settings with the least and the greatest median.
+    fn ends(&self) -> [Option<(usize, f64)>; 2] {
+        let known = || {
+            (0..self.figures.values.len())
+                .filter_map(|setting| Some((setting, self.middle(setting)?)))
+        };
+        [
+            known().min_by(|a, b| a.1.total_cmp(&b.1)),
+            known().rev().max_by(|a, b| a.1.total_cmp(&b.1)),
+        ]
+    }
+
+    /// The factor that explains most of the variance between settings, and its share.
+    fn strongest<'f>(&self, factors: &'f [Factor]) -> Option<(&'f Factor, f64)> {
+        let values: Vec<Option<f64>> =
+            (0..self.figures.values.len()).map(|setting| self.middle(setting)).collect();
+        let shares = factors.iter().filter_map(|factor| Some((factor, factor.explains(&values)?)));
+        shares.max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// Whether settings differ by more than seeds let expect.
+    fn differs_between_settings(&self) -> bool {
+        self.constant().is_none()
+            && 1 < self.figures.values.len()
+            && self.between_settings.is_none_or(|share| LEAST_BETWEEN < share)
+    }
 }
 
 fn heading(contents: &SweepPage<'_>) -> Option<Markup> {
@@ -40,8 +165,10 @@ fn heading(contents: &SweepPage<'_>) -> Option<Markup> {
         header {
             h1 { (plan.name) }
             p.lead {
-                (count(plan.settings.len() as u64)) " settings, " (count(plan.seeds.len() as u64)) " seeds each, "
-                (count(plan.n_trials() as u64)) " trials. Every setting was run with the same seeds."
+                (count_of(plan.settings.len() as u64, "setting")) ", each with "
+                @if plan.seeds.len() == 1 { "one seed." } @else {
+                    "the same " (count(plan.seeds.len() as u64)) " seeds: " (count(plan.n_trials() as u64)) " trials."
+                }
             }
         }
     })
@@ -52,29 +179,49 @@ fn notices(contents: &SweepPage<'_>) -> Option<Markup> {
 }
 
 fn pictures(contents: &SweepPage<'_>) -> Option<Markup> {
-    let SweepPage { plan, figures, .. } = contents;
-    let views = views(plan);
-    let pairs = figures.iter().enumerate().flat_map(|(number, figures)| {
-        views.iter().enumerate().map(move |(place, view)| (number, figures, place, view))
+    let SweepPage { factors, views, metrics, .. } = contents;
+    let pairs = metrics.iter().flat_map(|metric| {
+        views.iter().enumerate().map(move |(place, view)| (metric, place, view))
     });
+    let pictures: Vec<Markup> = pairs
+        .filter_map(|(metric, place, view)| {
+            panels::picture(view, factors, metric, &format!("{}-{place}", metric.id))
+        })
+        .collect();
+    let constant: Vec<String> = metrics
+        .iter()
+        .filter_map(|metric| {
+            Some(format!("{} {}", metric.label(), shown_value(metric, metric.constant()?)))
+        })
+        .collect();
+    let has_panels = views.iter().any(|view| 1 < view.panels.len());
+    let has_ranges = factors.iter().any(|factor| factor.is_range);
     Some(html! {
-        p {
-            "Points are trials. Beside them stands the median of each setting; the bar is where it lies with 95 % confidence \
-             (percentile bootstrap, " (FEWEST) " trials or more)."
-        }
-        div.figures {
-            @for (number, figures, place, view) in pairs {
-                @if let Some(figure) = figure(plan, view, figures, &format!("figure-{number}-{place}")) { (figure) }
+        h2 { "Pictures" }
+        @if !pictures.is_empty() {
+            p {
+                strong { "How to read the pictures. " }
+                "Each picture answers one question. Small points are trials; the large dot beside them is the median of a setting, and \
+                 its bar is the 95 % confidence interval (percentile bootstrap, of " (FEWEST) " trials or more)."
+                @if has_panels { " Panels of a picture share their axes." }
+                @if has_panels && !has_ranges { " Pale lines repeat the other panels for comparison." }
             }
+            div.figures { @for picture in &pictures { (picture) } }
+        }
+        @if !constant.is_empty() {
+            p { "The same in all trials, hence without a picture: " (constant.join("; ")) "." }
         }
     })
 }
 
 fn in_numbers(contents: &SweepPage<'_>) -> Option<Markup> {
-    Some(html! {
+    let metrics = contents.metrics.iter().filter(|metric| metric.constant().is_none());
+    let tables: Vec<Markup> = metrics.map(|metric| table(contents, metric)).collect();
+    let section = html! {
         h2 { "In numbers" }
-        @for figures in contents.figures { (table(contents.plan, figures)) }
-    })
+        @for table in &tables { (table) }
+    };
+    (!tables.is_empty()).then_some(section)
 }
 
 fn again(contents: &SweepPage<'_>) -> Option<Markup> {
@@ -92,203 +239,9 @@ fn again(contents: &SweepPage<'_>) -> Option<Markup> {
     })
 }
 
-/// What a picture has along its axis, and what its lines stand for.
-struct PlotLayout {
-    /// What the axis shows.
-    label: String,
-    /// Place of each setting along the axis.
-    places: Vec<f64>,
-    /// Words at whole numbers, where the places have names.
-    names: Option<Vec<String>>,
-    /// Line of each setting.
-    series: Vec<usize>,
-    /// Name of each line.
-    lines: Vec<String>,
-    /// Medians are joined: places are few, and each line has one setting at each.
-    is_joined: bool,
-}
-
-/// More lines than this cannot be distinguished.
-const MOST_LINES: usize = 8;
-
-fn views(plan: &SweepPlan) -> Vec<PlotLayout> {
-    let mut views: Vec<PlotLayout> =
-        plan.sweep.ranges.iter().filter_map(|(key, _)| along(plan, key, true)).collect();
-    if views.is_empty() {
-        // The list with most values; of equals the first, and numbers before words.
-        let mut best: Option<(usize, bool, &str)> = None;
-        for (key, values) in &plan.sweep.lists {
-            let are_numbers = values.iter().all(|value| as_number(&value.value).is_some());
-            let rank = (values.len(), are_numbers);
-            if 1 < values.len() && best.is_none_or(|(n, numbers, _)| (n, numbers) < rank) {
-                best = Some((rank.0, rank.1, key));
-            }
-        }
-        views.extend(best.and_then(|(_, _, key)| along(plan, key, false)));
-    }
-    if views.is_empty() {
-        views.push(one_by_one(plan));
-    }
-    views
-}
-
-fn as_number(value: &Written) -> Option<f64> {
-    match value {
-        Written::Integer(n) => Some(*n as f64),
-        Written::Number(number) => Some(*number),
-        _ => None,
-    }
-}
-
-/// The settings along one key. `None`: the rest makes too many lines.
-fn along(plan: &SweepPlan, key: &str, is_range: bool) -> Option<PlotLayout> {
-    let is_sampled = |name: &str| plan.sweep.ranges.iter().any(|(range, _)| range == name);
-    let mut names: Vec<String> = Vec::new();
-    let mut lines: Vec<String> = Vec::new();
-    let (mut ranks, mut numbers, mut series) = (Vec::new(), Vec::new(), Vec::new());
-    for setting in &plan.settings {
-        let value = &setting.get(key)?.value;
-        let name = match value {
-            Written::Text(text) => text.clone(),
-            other => as_number(other).map_or_else(
-                || setting.get(key).map(|node| node.show().into_owned()).unwrap_or_default(),
-                shortest,
-            ),
-        };
-        let place = |list: &mut Vec<String>, word: String| {
-            list.iter().position(|known| *known == word).unwrap_or_else(|| {
-                list.push(word);
-                list.len() - 1
-            })
-        };
-        ranks.push(place(&mut names, name) as f64);
-        numbers.push(as_number(value));
-        let mut rest = setting.clone();
-        rest.values.drain(..rest.n_of_case);
-        rest.n_of_case = 0;
-        rest.values.retain(|(name, _)| name != key && !is_sampled(name));
-        let word = if rest.case.is_none() && rest.values.is_empty() {
-            String::new()
-        } else {
-            rest.describe()
-        };
-        series.push(place(&mut lines, word));
-    }
-    if MOST_LINES < lines.len() {
-        return None;
-    }
-    let numbers: Option<Vec<f64>> = numbers.into_iter().collect();
-    let is_even = |numbers: &[f64]| {
-        let low = numbers.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = numbers.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        is_range || low <= 0.0 || high <= 20.0 * low
-    };
-    let (places, names) = match numbers {
-        Some(numbers) if is_even(&numbers) => (numbers, None),
-        // Names, or numbers too far apart for one scale.
-        _ => (ranks, Some(names)),
-    };
-    let label = key.to_owned();
-    Some(PlotLayout { label, places, names, series, lines, is_joined: !is_range })
-}
-
-/// The settings side by side.
-fn one_by_one(plan: &SweepPlan) -> PlotLayout {
-    let n = plan.settings.len();
-    let cases: Option<Vec<String>> =
-        plan.settings.iter().map(|setting| setting.case.clone()).collect();
-    let is_by_case = plan.sweep.lists.is_empty() && n <= 12;
-    PlotLayout {
-        label: if is_by_case { "case" } else { "setting" }.to_owned(),
-        places: (0..n).map(|number| number as f64).collect(),
-        names: cases.filter(|_| is_by_case),
-        series: vec![0; n],
-        lines: vec![String::new()],
-        is_joined: false,
-    }
-}
-
-const WIDTH: f64 = 560.0;
-const HEIGHT: f64 = 330.0;
-
-/// A figure of the trials against what varies, `None` where no trial has it.
-fn figure(
-    plan: &SweepPlan,
-    view: &PlotLayout,
-    figures: &SettingFigures<'_>,
-    id: &str,
-) -> Option<Markup> {
-    let ends = |values: &mut dyn Iterator<Item = f64>| {
-        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)])
-    };
-    let [low, high] = ends(&mut figures.values.iter().flatten().copied());
-    if high < low {
-        return None;
-    }
-    let [left, right] = ends(&mut view.places.iter().copied());
-    let name = &figures.column.name;
-    let x = match &view.names {
-        Some(names) => Axis::new(&view.label, -0.5, names.len() as f64 - 0.5).named(names),
-        None => {
-            let margin = 0.06 * (right - left);
-            Axis::new(&view.label, left - margin, right + margin)
-        }
-    };
-    let is_share = figures.is_share() || name.ends_with("ratio");
-    let low = if 0.0 <= low && low < 0.6 * high { 0.0 } else { low };
-    let margin = 0.05 * (high - low);
-    let floor = if low == 0.0 { 0.0 } else { low - margin };
-    let mut y = Axis::new(name, floor, (high + margin).max(floor + 1e-9));
-    if is_share {
-        y = y.percent();
-    }
-    // Lines stand side by side: within half the room of a name, or so little beside the number that it is not mistaken.
-    let (width, share) = match &view.names {
-        Some(names) => (names.len() as f64, 0.5 / names.len() as f64),
-        None => (right - left, 0.03),
-    };
-    let step = (share / (1.6 * view.lines.len() as f64)).min(0.012) * width.max(f64::MIN_POSITIVE);
-    let mut chart = Chart::new(x, y, WIDTH, HEIGHT);
-    for line in 0..view.lines.len() {
-        let shift = (line as f64 - (view.lines.len() - 1) as f64 / 2.0) * 1.6 * step;
-        chart.group(&series(line), |chart| {
-            let mut medians = Vec::new();
-            for number in (0..plan.settings.len()).filter(|&number| view.series[number] == line) {
-                let place = view.places[number] + shift;
-                // A share has no points: all would lie at 0 or 1.
-                if !figures.is_share() {
-                    let values = &figures.values[number];
-                    chart.dots("trial", values.iter().map(|&value| [place - 0.8 * step, value]));
-                }
-                let Some(spread) = &figures.spreads[number] else { continue };
-                let middle = if figures.is_share() { spread.mean } else { spread.median };
-                medians.push([place + 0.5 * step, middle]);
-                let title =
-                    format!("{}: {}", plan.settings[number].describe(), shown(figures, number));
-                let interval = spread.interval_95.filter(|_| !figures.is_share());
-                let interval = interval.unwrap_or([middle, middle]);
-                chart.interval(place + 0.5 * step, middle, interval, &title);
-            }
-            if view.is_joined {
-                medians.sort_by(|a, b| a[0].total_cmp(&b[0]));
-                chart.line("line", medians.into_iter().map(Some));
-            }
-        });
-    }
-    let words = if figures.is_share() { "Share of trials" } else { "Trials and median" };
-    let sentence = format!("{words}: {name} against {}.", view.label);
-    let words = html! { p { (sentence) } };
-    let key = html! {
-        @for (line, words) in view.lines.iter().enumerate().filter(|(_, words)| !words.is_empty()) {
-            (key_entry("line", Some(&series(line)), words))
-        }
-    };
-    Some(layout::figure(name, &words, &key, &chart.finish(id, name, &sentence), false))
-}
-
-/// The class of a line and all its marks.
-fn series(line: usize) -> String {
-    format!("series-{line}")
+/// A value of a figure as people read it.
+fn shown_value(metric: &MetricFigures<'_>, value: f64) -> String {
+    if metric.figures.is_share() || metric.is_ratio() { percent(value) } else { number(value) }
 }
 
 /// Median and interval, or share, of a setting in words.
@@ -304,7 +257,9 @@ fn shown(figures: &SettingFigures<'_>, number_of_setting: usize) -> String {
     format!("{}{interval}, {} trials", number(spread.median), spread.n)
 }
 
-fn table(plan: &SweepPlan, figures: &SettingFigures<'_>) -> Markup {
+fn table(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> Markup {
+    let SweepPage { plan, factors, .. } = contents;
+    let figures = metric.figures;
     let headings: &[&str] = if figures.is_share() {
         &["share"]
     } else {
@@ -312,25 +267,25 @@ fn table(plan: &SweepPlan, figures: &SettingFigures<'_>) -> Markup {
     };
     html! {
         details {
-            summary { (figures.column.name) }
-            table {
+            summary { (metric.label()) }
+            div.scroll { table {
                 tr {
                     th.n { "setting" }
                     th {}
                     th.n { "trials" }
                     @for heading in headings { th.n { (heading) } }
                 }
-                @for (setting, (words, spread)) in plan.settings.iter().zip(&figures.spreads).enumerate() {
+                @for (setting, spread) in (0..plan.settings.len()).zip(&figures.spreads) {
                     tr {
                         (number_cell(setting))
-                        td { (words.describe()) }
+                        td { (describe(factors, setting)) }
                         (number_cell(spread.as_ref().map_or(0, |spread| spread.n)))
                         @if let Some(spread) = spread {
                             @for cell in cells(spread, figures.is_share()) { (number_cell(cell)) }
                         }
                     }
                 }
-            }
+            } }
         }
     }
 }

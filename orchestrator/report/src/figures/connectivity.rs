@@ -1,6 +1,6 @@
 //! Who heard whom: in the last period of a run, and in each one before it for those who ask.
 
-use super::plan::{between, plan};
+use super::plan::{between, plan, plan_width};
 use super::{Figure, HALF, WIDE, dots_by_group};
 use maud::{Markup, html};
 use metrics::Measures;
@@ -13,8 +13,11 @@ pub(super) fn figure(measures: &Measures) -> Option<Figure> {
     let mut periods = measures.hearing.periods();
     // Without protocols there is no network to be connected.
     measures.kpis.heard_links.as_ref()?;
+    // Where nobody was heard there is nothing to draw.
+    periods.retain(|period| !period.pairs.is_empty());
     let last = periods.pop().filter(|last| !last.places.is_empty())?;
-    let mut chart = plan(&last.places, WIDE);
+    let width = plan_width(&last.places);
+    let mut chart = plan(&last.places, width);
     let thinned = links(&mut chart, &last, MAX_LINES);
     let motes = || last.places.iter().enumerate();
     let mut key = dots_by_group(&mut chart, &measures.task, "mote", motes());
@@ -39,7 +42,7 @@ pub(super) fn figure(measures: &Measures) -> Option<Figure> {
     }
     let svg = chart.finish("connectivity", "Connectivity", &sentence);
     let svg = html! { (svg) (earlier(measures, &periods)) };
-    Some(Figure { title: "Connectivity", sentence, key, svg, is_wide: true })
+    Some(Figure { title: "Connectivity", sentence, key, svg, is_wide: width == WIDE })
 }
 
 /// The periods before the last, each to be opened.

@@ -1,7 +1,7 @@
 //! Pictures of a network with protocols: who hears whom, the routing graph, the schedule, delivery and latency. Each is
 //! there only if the network said what it shows.
 
-use super::plan::{Places, between, plan};
+use super::plan::{Places, between, plan, plan_width};
 use super::{Figure, HALF, HALF_HEIGHT, TaskTime, WIDE, connectivity, dots_by_group};
 use crate::svg::{Axis, Chart};
 use metrics::{Kpis, Measures};
@@ -36,7 +36,8 @@ fn routing_graph(measures: &Measures, places: &Places) -> Option<Figure> {
         .enumerate()
         .map(|(mote, place)| place.filter(|_| kpis.motes.alive.get(mote)))
         .collect();
-    let mut chart = plan(&living, WIDE);
+    let width = plan_width(&living);
+    let mut chart = plan(&living, width);
     chart.segments(
         "link",
         (0..).zip(parents).filter_map(|(mote, &parent)| between(&living, mote, parent)),
@@ -65,7 +66,7 @@ fn routing_graph(measures: &Measures, places: &Places) -> Option<Figure> {
     );
     key.extend([("start", "mote without".into()), ("link", "to the parent".into())]);
     let svg = chart.finish("routing", "Routing graph", &sentence);
-    Some(Figure { title: "Routing graph", sentence, key, svg, is_wide: true })
+    Some(Figure { title: "Routing graph", sentence, key, svg, is_wide: width == WIDE })
 }
 
 /// How many parents there are on the way up from each mote; `None` on a way that never ends.
@@ -135,8 +136,8 @@ fn schedules(kpis: &Kpis) -> Vec<Figure> {
 
 fn slotframe(handle: u32, used: &Used) -> Figure {
     let n_channels = used.places.keys().map(|&(_, channel)| channel + 1).max().unwrap_or(1);
-    let x = Axis::new("slot offset", 0.0, f64::from(used.n_slots)).integer_ticks();
-    let y = Axis::new("channel offset", 0.0, f64::from(n_channels)).integer_ticks();
+    let x = Axis::new("slot offset (slots)", 0.0, f64::from(used.n_slots)).integer_ticks();
+    let y = Axis::new("channel offset (channels)", 0.0, f64::from(n_channels)).integer_ticks();
     let plane_height = (15.0 * f64::from(n_channels)).clamp(60.0, 240.0);
     let mut chart = Chart::new(x, y, WIDE, Chart::with_plane_height(plane_height));
     let places = |wanted: std::ops::RangeInclusive<u64>| {
@@ -197,8 +198,12 @@ fn delivery_over_time(measures: &Measures) -> Option<Figure> {
     let before = timeline.bins.iter().enumerate().take_while(|&(bin, _)| middle_s(bin) < start_s);
     let shows_before = before.into_iter().any(|(_, ended)| *ended != [0, 0]);
     let time = TaskTime::new(measures, shows_before);
-    let mut chart =
-        Chart::new(time.axis(), Axis::new("delivered", 0.0, 1.03).percent(), HALF, HALF_HEIGHT);
+    let mut chart = Chart::new(
+        time.axis(),
+        Axis::new("share delivered (%)", 0.0, 1.03).percent(),
+        HALF,
+        HALF_HEIGHT,
+    );
     chart.line(
         "line",
         timeline.bins.iter().enumerate().map(|(bin, &[delivered, dropped])| {
@@ -225,7 +230,8 @@ fn latency(kpis: &Kpis) -> Option<Figure> {
     };
     let ascending = latencies_s.ascending();
     let x = Axis::new("from creation to delivery (s)", 0.0, p99.max(1e-3) * 1.1);
-    let mut chart = Chart::new(x, Axis::new("packets", 0.0, 1.03).percent(), HALF, HALF_HEIGHT);
+    let mut chart =
+        Chart::new(x, Axis::new("share of packets (%)", 0.0, 1.03).percent(), HALF, HALF_HEIGHT);
     let n = ascending.len();
     let every = n.div_ceil(MAX_POINTS);
     let points = (0..n).step_by(every).map(|i| [ascending[i], (i + 1) as f64 / n as f64]);

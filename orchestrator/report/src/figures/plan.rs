@@ -1,19 +1,26 @@
 //! Plans on which motes stand and lines between them are drawn.
 
-use super::equal_scales;
+use super::{equal_scales, map_width};
 use crate::svg::Chart;
 
 /// Where the motes are; `None` for those that do not exist.
 pub(super) type Places = [Option<[f64; 2]>];
 
+/// From where to where places are along an axis.
+fn span(places: &Places, axis: usize) -> [f64; 2] {
+    places.iter().flatten().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| {
+        [low.min(place[axis]), high.max(place[axis])]
+    })
+}
+
+/// The width of a plan of all motes.
+pub(super) fn plan_width(places: &Places) -> f64 {
+    map_width(span(places, 0), span(places, 1))
+}
+
 /// A plan of all motes, on which lines between them are drawn.
 pub(super) fn plan(places: &Places, width: f64) -> Chart {
-    let span = |axis: usize| {
-        places.iter().flatten().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| {
-            [low.min(place[axis]), high.max(place[axis])]
-        })
-    };
-    let (x, y, height) = equal_scales(span(0), span(1), width);
+    let (x, y, height) = equal_scales(span(places, 0), span(places, 1), width);
     Chart::new(x, y, width, height)
 }
 

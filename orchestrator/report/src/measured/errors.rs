@@ -9,6 +9,7 @@ use diagnose::compare;
 use maud::Markup;
 use metrics::DistanceBin;
 use numbers::format::{capitalised, number, percent};
+use numbers::quantity;
 use numbers::statistics::mean;
 use std::collections::BTreeSet;
 use study::view::RowPredictions;
@@ -68,9 +69,10 @@ type Ranked<'a> = (bool, f64, &'a (String, Vec<f64>));
 /// The errors against what was predicted, and over the covariates that explain most of them.
 pub(super) fn by_covariate(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let intro = "A model that is right errs alike everywhere. A bend or a slope over something is physics that the model lacks, or \
-                 something that goes along with it: look for the strongest, the others may be its shadows. Bars are 90 % intervals \
-                 of a mean, as if rows were independent.";
-    figures("Where the model errs", intro, &over_covariates(contents))
+                 something that goes along with it: look for the strongest, the others may be its shadows. Dots are rows; lines \
+                 are means of rows with similar values, with 90 % intervals as if rows were independent.";
+    let intro = format!("{intro}{}", drawn(contents.before.predicted.len()));
+    figures("Where the model errs", &intro, &over_covariates(contents))
 }
 
 fn over_covariates(contents: &MeasuredPage<'_>) -> Vec<Picture> {
@@ -108,7 +110,7 @@ fn over(contents: &MeasuredPage<'_>, name: &str, values: &[f64], share: f64) -> 
     let spread = quantiles(before.iter().copied(), &[0.02, 0.98])?;
     let top = spread[1].abs().max(spread[0].abs()).max(1e-6);
     let mut chart = half(
-        Axis::new(name, edges[0], edges[edges.len() - 1]),
+        Axis::new(&quantity::label(name), edges[0], edges[edges.len() - 1]),
         Axis::new(&format!("measured less predicted ({unit})"), -top, top),
     );
     chart.dots(
@@ -135,16 +137,9 @@ fn over(contents: &MeasuredPage<'_>, name: &str, values: &[f64], share: f64) -> 
         let greatest = points.iter().map(|p| p.mean.abs()).fold(0.0, f64::max);
         ends.push(format!("{} {unit} {label}", number(greatest)));
     }
-    let title = format!("Error over {name}");
-    let look = format!(
-        "Does the line leave zero? Its greatest distance from there is {}.",
-        ends.join(", ")
-    );
-    let means = format!(
-        "This covariate alone explains {} of the error variance of the model as configured.{}",
-        percent(share),
-        drawn(values.len())
-    );
+    let title = format!("Error over {}", quantity::words(name));
+    let look = format!("Greatest mean error: {}.", ends.join(", "));
+    let means = format!("It explains {} of the error variance as configured.", percent(share));
     let svg = chart.finish(&format!("over-{}", name.replace(['^', ':', ' '], "-")), &title, &look);
     Some(Picture { title, look, means, key, svg, is_wide: false })
 }
@@ -182,9 +177,8 @@ fn against(contents: &MeasuredPage<'_>) -> Picture {
     chart.segments("zero", [[[low, low], [high, high]]]);
     let title = "Predicted against measured".to_owned();
     let look = format!(
-        "Do the dots lie along the diagonal, and how far from it? {}{}",
-        capitalised(&biases(contents)),
-        drawn(contents.before.predicted.len())
+        "Do the dots lie along the diagonal, and how far from it? {}",
+        capitalised(&biases(contents))
     );
     let means = "A cloud beside the diagonal is a constant error, a tilted one a wrong dependence on strength, several clouds \
                  several kinds of links. Frames that were lost are not here, but count in every score."
@@ -243,11 +237,8 @@ fn around(contents: &MeasuredPage<'_>) -> Picture {
     }
     chart.segments("zero", [[[-top, 0.0], [top, 0.0]], [[0.0, -top], [0.0, top]]]);
     let title = "Predicted against measured".to_owned();
-    let look = format!(
-        "Is the cloud round, and about the middle? Along the motion: {}{}",
-        biases(contents),
-        drawn(contents.before.predicted.len())
-    );
+    let look =
+        format!("Is the cloud round, and about the middle? Along the motion: {}", biases(contents));
     let means = "A cloud to the left is a robot that gets less far than the model says, one above or below is one that drifts \
                  sideways; a long cloud errs the more the faster the robot is, or the more it turns."
         .to_owned();
@@ -257,19 +248,24 @@ fn around(contents: &MeasuredPage<'_>) -> Picture {
 
 /// Whether predicted distributions are right.
 pub(super) fn of_distributions(contents: &MeasuredPage<'_>) -> Option<Markup> {
-    let intro = "A model predicts a distribution, not a number: how strong, how likely to be received, how far off.";
-    figures("Does it know what it does not know?", intro, &distributions(contents))
+    let mut intro =
+        "A model predicts a distribution, not a number: how strong, how likely to be received, how far off.".to_owned();
+    if contents.knows_losses() {
+        intro += " In pictures of reception, the line should run through the dots. Dots below it on the right, where signals are \
+                  strong, are frames lost by something else than weakness (interference, motion). Dots beside the slope: the \
+                  receiver needs more, or less, than the model says. Intervals are of 95 % (Wilson), as if frames were \
+                  independent.";
+    }
+    figures("Does it know what it does not know?", &intro, &distributions(contents))
 }
 
 fn distributions(contents: &MeasuredPage<'_>) -> Vec<Picture> {
     let mut pictures = vec![pit(contents)];
     match &contents.rows {
         MeasuredRows::Links(links) => {
-            let measured: Vec<[f64; 2]> = links.frames.clone();
-            let is_known = measured.iter().any(|[sent, got]| got.is_finite() && got < sent);
-            if is_known {
+            if contents.knows_losses() {
                 for (class, label, view) in contents.views() {
-                    pictures.extend(reception(class, label, view, &measured));
+                    pictures.extend(reception(class, label, view, &links.frames));
                 }
             }
         }
@@ -350,8 +346,8 @@ fn pit(contents: &MeasuredPage<'_>) -> Picture {
     }
     let top = histograms.iter().flat_map(|(.., bars)| bars).copied().fold(1.6, f64::max);
     let mut chart = half(
-        Axis::new("place in the predicted distribution", 0.0, 1.0),
-        Axis::new("rows, relative to even", 0.0, 1.05 * top.min(6.0)),
+        Axis::new("quantile of the predicted distribution (%)", 0.0, 1.0).percent(),
+        Axis::new("rows, relative to an even spread (ratio)", 0.0, 1.05 * top.min(6.0)),
     );
     let mut key = Vec::new();
     for (class, label, bars) in &histograms {
@@ -407,8 +403,8 @@ fn reception(
         }
     }
     let mut chart = half(
-        Axis::new("predicted level at the receiver (dBm)", edges[0], edges[edges.len() - 1]),
-        Axis::new("received", 0.0, 1.03).percent(),
+        Axis::new("predicted received signal strength (dBm)", edges[0], edges[edges.len() - 1]),
+        Axis::new("share received (%)", 0.0, 1.03).percent(),
     );
     let (mut worst, mut line) = (0.0f64, Vec::new());
     for [n, level, got, passes] in sums.into_iter().filter(|sum| 0.0 < sum[0]) {
@@ -428,13 +424,10 @@ fn reception(
     chart.line(class, line);
     let title = format!("Reception, {label}");
     let look = format!(
-        "Does the line run through the dots? Where it misses most, predicted and measured differ by {} points.",
+        "Where the line misses most, predicted and measured differ by {} percentage points.",
         number(100.0 * worst)
     );
-    let means = "Dots below the line on the right, where signals are strong: frames are lost by something else than weakness \
-                 (interference, motion). Dots beside the slope: the receiver needs more, or less, than the model says. Intervals \
-                 are of 95 % (Wilson), as if frames were independent."
-        .to_owned();
+    let means = format!("Shares of frames received, {label}.");
     let key = vec![(class, "predicted".to_owned()), ("interval", "measured".to_owned())];
     let svg = chart.finish(&format!("reception-{class}"), &title, &look);
     Some(Picture { title, look, means, key, svg, is_wide: false })

@@ -66,7 +66,8 @@ pub(crate) fn bars(id: &str, title: &str, alternative: &str, rows: &[Bar]) -> Ma
 pub(super) fn section(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let pictures = pictures(contents.answer.diagnosis()?, contents.unit());
     let intro = "Effects are added one at a time, each time the one that makes the model predict best what it has not seen, until \
-                 none does beyond chance.";
+                 none does beyond chance. Each bar is a model with one effect more, fitted anew with all before it; all scores are \
+                 of data that were left out. What no effect takes away is noise, or physics that is not in the catalogue.";
     figures("Which effects are missing", intro, &pictures)
 }
 
@@ -74,20 +75,24 @@ fn pictures(diagnosis: &Diagnosis, unit: &str) -> Vec<Picture> {
     let rungs = &diagnosis.ladder;
     let losses = |rung: &Rung| rung.reception_log_loss;
     let mut pictures: Vec<Picture> = Vec::new();
-    pictures.extend(fall(rungs, "rmse", |rung| rung.rmse, "Error", unit));
-    let title = "Log loss of reception";
-    pictures.extend(fall(rungs, "reception_log_loss", losses, title, "nats a frame"));
+    let means = "Root mean square of what was measured less what was predicted.";
+    pictures.extend(fall(rungs, "rmse", |rung| rung.rmse, ["Error", means], unit));
+    let words = [
+        "Log loss of reception",
+        "How surprised the model is by frames that were received or lost.",
+    ];
+    pictures.extend(fall(rungs, "reception_log_loss", losses, words, "nats a frame"));
     pictures.extend(gained(rungs));
     pictures.extend(candidates(diagnosis));
     pictures
 }
 
-/// How an error falls from rung to rung; `key`: its name in the answer.
+/// How an error falls from rung to rung; `key`: its name in the answer; `title`, `means`: what it is.
 fn fall(
     rungs: &[Rung],
     key: &str,
     error: fn(&Rung) -> f64,
-    title: &str,
+    [title, means]: [&str; 2],
     unit: &str,
 ) -> Option<Picture> {
     let values: Vec<f64> = rungs.iter().map(error).collect();
@@ -115,14 +120,12 @@ fn fall(
         )
     } else {
         format!(
-            "How much shorter does each effect make the bar? From {} to {} {unit} on data that were left out.",
+            "How much shorter does each effect make the bar? From {} to {} {unit}.",
             number(first),
             number(last)
         )
     };
-    let means = "Each bar is a model with one effect more, fitted anew with all before it. What no effect takes away is noise, or \
-                 physics that is not in the catalogue."
-        .to_owned();
+    let means = means.to_owned();
     let svg = bars(&format!("ladder-{key}"), &title, &look, &rows);
     Some(Picture { title, look, means, key: Vec::new(), svg, is_wide: false })
 }

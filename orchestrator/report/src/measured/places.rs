@@ -1,7 +1,7 @@
 //! The map of the site with the model's error in each place.
 
 use super::{LinkRows, MeasuredPage, MeasuredRows, Picture, RobotRows, figures};
-use crate::figures::{WIDE, equal_scales};
+use crate::figures::{WIDE, equal_scales, map_width};
 use crate::svg::Chart;
 use maud::Markup;
 use numbers::format::number;
@@ -65,7 +65,17 @@ fn span(points: impl Iterator<Item = [f64; 2]>) -> Option<[[f64; 2]; 2]> {
 
 /// Errors where they were made.
 pub(super) fn maps(contents: &MeasuredPage<'_>) -> Option<Markup> {
-    figures("On the map", "", &maps_of_models(contents))
+    let intro = if contents.is_link() {
+        "Do colours lie together? Lines are links between motes that stand still, dots places of motes that move, coloured by the mean \
+         of what was measured less what was predicted. Orange lines that cross in one place are something in the way there. All links \
+         of one mote in one colour are that mote. Colours that change with length are a wrong exponent; a mixture without order is \
+         shadowing, or noise."
+    } else {
+        "Do colours lie together? Lines are measured tracks; dots are places, coloured by how much farther robots got in a window that \
+         began there than predicted. One colour in one place is the ground there, or a wind; one colour in one direction a wind or a \
+         slope; one colour everywhere is slip or a wrong scale."
+    };
+    figures("On the map", intro, &maps_of_models(contents))
 }
 
 fn maps_of_models(contents: &MeasuredPage<'_>) -> Vec<Picture> {
@@ -124,8 +134,9 @@ fn map(
     [x, y]: [[f64; 2]; 2],
 ) -> Picture {
     let side_m = (x[1] - x[0]).max(y[1] - y[0]) / SPOTS;
-    let (x, y, height) = equal_scales(x, y, WIDE);
-    let mut chart = Chart::new(x, y, WIDE, height);
+    let width = map_width(x, y);
+    let (x, y, height) = equal_scales(x, y, width);
+    let mut chart = Chart::new(x, y, width, height);
     let site = contents.site;
     let walls: Vec<_> = site.wall.iter().map(|wall| [wall.from_m, wall.to_m]).collect();
     let discs: Vec<_> = site.obstacle.iter().map(|disc| (disc.centre_m, disc.radius_m)).collect();
@@ -190,27 +201,13 @@ fn map(
     }
     let title = format!("Errors on the map, {label}");
     let unit = contents.unit();
-    let what = if contents.is_link() {
-        "Lines are links between motes that stand still, dots places of motes that move, coloured by the mean of what was \
-         measured less what was predicted"
-    } else {
-        "Lines are measured tracks; dots are places, coloured by how much farther robots got in a window that began there than \
-         predicted"
-    };
-    let look = format!(
-        "Do colours lie together? {what}; strong colours are beyond {} {unit}, the noise of the model as configured.",
+    let look = format!("Mean errors in each place, {label}.");
+    let means = format!(
+        "Strong colours are beyond {} {unit}, the noise of the model as configured.",
         number(scale)
     );
-    let means = if contents.is_link() {
-        "Orange lines that cross in one place are something in the way there. All links of one mote in one colour are that mote. \
-         Colours that change with length are a wrong exponent; a mixture without order is shadowing, or noise."
-    } else {
-        "One colour in one place is the ground there, or a wind; one colour in one direction a wind or a slope; one colour \
-         everywhere is slip or a wrong scale."
-    }
-    .to_owned();
     let svg = chart.finish(&format!("map-{class_name}"), &title, &look);
-    Picture { title, look, means, key, svg, is_wide: true }
+    Picture { title, look, means, key, svg, is_wide: width == WIDE }
 }
 
 /// A link on the map with its mean error.

@@ -6,6 +6,7 @@ use diagnose::diagnosis::{Rung, Structure};
 use maud::{Markup, html};
 use measure::account::DataAccount;
 use numbers::format::{capitalised, count, number, number_within, percent};
+use numbers::quantity;
 use proto::effect::CONSTANT;
 use study::LOSS_CURVE;
 
@@ -23,11 +24,49 @@ pub(super) fn heading(contents: &MeasuredPage<'_>) -> Option<Markup> {
                 }
             }
         }
-        @if let Some(diagnosis) = contents.answer.diagnosis() {
-            p.verdict { (capitalised(&diagnosis.sentence)) }
-        }
+        p.verdict { (verdict(contents)) }
     })
 }
+
+/// What was found, and where to look.
+fn verdict(contents: &MeasuredPage<'_>) -> Markup {
+    if let Some(diagnosis) = contents.answer.diagnosis() {
+        let ends = diagnosis.ladder.first().zip(diagnosis.ladder.last());
+        let ends = ends.filter(|(first, last)| last.rmse < first.rmse);
+        return html! {
+            (capitalised(&diagnosis.sentence))
+            @if let Some((first, last)) = ends {
+                ". The error falls from " (number(first.rmse)) " to " (number(last.rmse)) " " (contents.unit())
+                ": look first at “Error, effect by effect”."
+            }
+        };
+    }
+    let scores = contents.answer.comparison().map(|comparison| &comparison.scores);
+    let score =
+        |key: &str| scores.and_then(|scores| scores.get(key)).copied().filter(|it| it.is_finite());
+    let keys = if contents.is_link() { ["rmse_db", "bias_db"] } else { ["rmse_m", "bias_m"] };
+    let [rmse, bias] = keys.map(score);
+    let unit = contents.unit();
+    let (higher, lower) =
+        if contents.is_link() { ("above", "below") } else { ("ahead of", "behind") };
+    let side = |bias: f64| if bias < 0.0 { lower } else { higher };
+    let places = contents.answer.comparison().map_or(&[][..], |comparison| &comparison.places);
+    let known = places.iter().filter(|place| place.explained.is_finite() && place.p_value < LEVEL);
+    let strongest = known.max_by(|a, b| a.explained.total_cmp(&b.explained));
+    html! {
+        @if let Some(rmse) = rmse { "The model errs by " (number(rmse)) " " (unit) " (root mean square). " }
+        @if let Some(bias) = bias {
+            "Measurements are " (number(bias.abs())) " " (unit) " " (side(bias)) " it on average. "
+        }
+        @if let Some(place) = strongest {
+            "Look first at the error over " (quantity::words(&place.covariate)) ", which explains "
+            (percent(place.explained)) " of its variance."
+        } @else { "The error depends on no covariate significantly." }
+    }
+}
+
+/// A covariate with a greater probability by chance is not named.
+const LEVEL: f64 = 0.005;
 
 pub(super) fn notices(contents: &MeasuredPage<'_>) -> Option<Markup> {
     notices_of(contents.answer.account())
@@ -104,6 +143,7 @@ pub(super) fn parameters(contents: &MeasuredPage<'_>) -> Option<Markup> {
     diagnosis.accepted().next()?;
     // An effect and what to mind about it stand in its first row alone.
     let first = |k: usize, words| if k == 0 { words } else { "" };
+    let has_warning = diagnosis.accepted().any(|candidate| candidate.warning.is_some());
     Some(html! {
         h2 { "Their parameters" }
         p {
@@ -118,12 +158,12 @@ pub(super) fn parameters(contents: &MeasuredPage<'_>) -> Option<Markup> {
                 th.n { "value" }
                 th.n { "90 % interval" }
                 th { "unit" }
-                th { "mind" }
+                @if has_warning { th { "warning" } }
             }
             @for candidate in diagnosis.accepted() {
                 @let (name, warning) = (candidate.effect.as_str(), candidate.warning.as_deref().unwrap_or_default());
                 @if candidate.parameters.is_empty() {
-                    tr { td { (name) } td colspan="4" { (curve_in_words(name)) } td { (warning) } }
+                    tr { td { (name) } td colspan="4" { (curve_in_words(name)) } @if has_warning { td { (warning) } } }
                 }
                 @for (k, (key, parameter)) in candidate.parameters.iter().enumerate() {
                     @let [value, low, high] = [parameter.value, parameter.low, parameter.high].map(known);
@@ -134,7 +174,7 @@ pub(super) fn parameters(contents: &MeasuredPage<'_>) -> Option<Markup> {
                         (number_cell(value))
                         (number_cell(format!("{low} to {high}")))
                         td { (parameter.unit) }
-                        td { (first(k, warning)) }
+                        @if has_warning { td { (first(k, warning)) } }
                     }
                 }
             }

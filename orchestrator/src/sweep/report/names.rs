@@ -1,0 +1,201 @@
+//! What the page calls keys and figures. Words and units come from the names themselves, explanations from the descriptions that
+//! check configurations and make the schema of `summary.json`.
+
+use network::task::figures::FIGURES;
+use numbers::format::capitalised;
+use numbers::quantity;
+use record::run_summary::RunSummary;
+use schemars::generate::SchemaSettings;
+use serde_json::Value;
+
+/// How people call a key or a figure.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Name {
+    /// In a few words, without a capital letter.
+    pub(super) words: String,
+    /// Its unit.
+    pub(super) unit: Option<&'static str>,
+    /// What it is, in one sentence or more, where that is known.
+    pub(super) explanation: Option<String>,
+}
+
+impl Name {
+    /// Words and unit, as an axis shows them.
+    pub(super) fn label(&self) -> String {
+        quantity::with_unit(&self.words, self.unit)
+    }
+}
+
+/// The descriptions that names are looked up in.
+pub(super) struct Catalogue {
+    experiment: Value,
+    summary: Value,
+}
+
+impl Catalogue {
+    /// That of this program.
+    pub(super) fn of_program() -> Self {
+        let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
+        let summary = generator.into_root_schema_for::<RunSummary>();
+        Self { experiment: experiment::schema(), summary: summary.to_value() }
+    }
+
+    /// The name of a key of the configuration. `config`: the configuration that it is a key of, which decides between keys of the
+    /// same name.
+    pub(super) fn key(&self, key: &str, config: &toml::Table) -> Name {
+        let config = toml::Value::Table(config.clone());
+        let path: Vec<&str> = key.split('.').map(without_index).collect();
+        let found = find(&self.experiment, &self.experiment, &path, Some(&config));
+        let explanation = found.and_then(explanation);
+        let last = path.last().copied().unwrap_or(key);
+        let short = explanation.as_deref().and_then(short_name);
+        let words = short.unwrap_or_else(|| {
+            let words = quantity::words(last);
+            // One word alone, such as `law`, does not say whose.
+            let table = path.iter().rev().nth(1).filter(|_| !words.contains(' '));
+            table.map_or_else(
+                || words.clone(),
+                |table| format!("{} {words}", quantity::words(table)),
+            )
+        });
+        Name { words, unit: quantity::unit(last), explanation }
+    }
+
+    /// The name of a figure of a run: its path in `summary.json`.
+    pub(super) fn figure(&self, figure: &str) -> Name {
+        let path: Vec<&str> = figure.split('.').collect();
+        let last = path.last().copied().unwrap_or(figure);
+        let known = FIGURES.iter().find(|known| path.len() == 2 && known.name == last);
+        let explanation = known
+            .map(|known| capitalised(known.doc))
+            .or_else(|| find(&self.summary, &self.summary, &path, None).and_then(explanation));
+        let unit = path.iter().rev().find_map(|part| quantity::unit(part));
+        Name { words: words_of_path(&path), unit, explanation }
+    }
+}
+
+/// A part of a path without the number of an entry: `effect` of `effect[0]`.
+fn without_index(part: &str) -> &str {
+    part.split('[').next().unwrap_or(part)
+}
+
+fn explanation(schema: &Value) -> Option<String> {
+    schema.get("description")?.as_str().map(str::to_owned)
+}
+
+/// The schema of what lies at a path below another.
+fn find<'a>(
+    root: &'a Value,
+    schema: &'a Value,
+    path: &[&str],
+    config: Option<&toml::Value>,
+) -> Option<&'a Value> {
+    let Some((&first, rest)) = path.split_first() else { return Some(schema) };
+    if let Some(name) = schema.get("$ref").and_then(Value::as_str) {
+        return find(root, root.pointer(name.strip_prefix('#')?)?, path, config);
+    }
+    if let Some(items) = schema.get("items") {
+        let entry = config.and_then(|config| config.as_array()?.first());
+        return find(root, items, path, entry);
+    }
+    let alternatives = ["oneOf", "anyOf"].iter().filter_map(|any| schema.get(any)?.as_array());
+    let mut alternatives: Vec<&Value> = alternatives.flatten().collect();
+    // The alternative that the configuration has chosen comes first.
+    alternatives.sort_by_key(|alternative| !is_chosen(alternative, config));
+    let own = schema.get("properties").and_then(|properties| properties.get(first));
+    let own = own.and_then(|property| {
+        find(root, property, rest, config.and_then(|config| config.get(first)))
+    });
+    own.or_else(|| alternatives.into_iter().find_map(|other| find(root, other, path, config)))
+}
+
+/// Whether a table is of the kind that this alternative describes.
+fn is_chosen(alternative: &Value, config: Option<&toml::Value>) -> bool {
+    let Some(properties) = alternative.get("properties").and_then(Value::as_object) else {
+        return false;
+    };
+    properties.iter().any(|(key, property)| {
+        let chosen = config.and_then(|config| config.get(key)?.as_str());
+        property.get("const").and_then(Value::as_str).is_some_and(|kind| chosen == Some(kind))
+    })
+}
+
+/// Most words of a description that are a name.
+const MOST_WORDS: usize = 4;
+
+/// The beginning of a description, if it can stand for the key: `number of robots` of "Number of robots, each with a radio."
+fn short_name(description: &str) -> Option<String> {
+    let end = description.find([',', ';', ':', '.', '(']).unwrap_or(description.len());
+    let phrase = description[..end].trim();
+    let phrase = ["The ", "A ", "An ", "Its "]
+        .iter()
+        .find_map(|article| phrase.strip_prefix(article))
+        .unwrap_or(phrase);
+    let is_plain =
+        phrase.chars().all(|letter| letter.is_ascii_alphabetic() || " -'".contains(letter));
+    let n_words = phrase.split_whitespace().count();
+    if !is_plain || !(2..=MOST_WORDS).contains(&n_words) {
+        return None;
+    }
+    let mut letters = phrase.chars();
+    let first = letters.next()?;
+    // What is written in capitals stays so: `RSSI reading`.
+    let is_acronym = letters.clone().next().is_some_and(char::is_uppercase);
+    let first = if is_acronym { first.to_string() } else { first.to_lowercase().to_string() };
+    Some(first + letters.as_str())
+}
+
+/// Statistics, which stand before what they are of.
+const STATISTICS: [&str; 6] = ["min", "mean", "median", "p95", "p99", "max"];
+
+/// The words of a path in `summary.json`, without its section and without parts that the next one repeats.
+fn words_of_path(path: &[&str]) -> String {
+    let parts = if 1 < path.len() { &path[1..] } else { path };
+    let mut words: Vec<String> = parts.iter().map(|part| quantity::words(part)).collect();
+    let stem = |word: &str| word.chars().take(4).collect::<String>();
+    let is_kept: Vec<bool> = (0..words.len())
+        .map(|part| words.get(part + 1).is_none_or(|next| stem(next) != stem(&words[part])))
+        .collect();
+    let mut is_kept = is_kept.into_iter();
+    words.retain(|_| is_kept.next().unwrap_or(true));
+    if words.last().is_some_and(|last| STATISTICS.contains(&last.as_str())) {
+        words.rotate_right(1);
+    }
+    words.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_are_called_as_their_descriptions_begin_or_as_they_are_spelt() {
+        let config: toml::Table = toml::from_str(
+            "[robotsim.controller]\nkind = \"flocking\"\n[robotsim.scenario]\nkind = \"line\"\n",
+        )
+        .unwrap();
+        let catalogue = Catalogue::of_program();
+        let name = |key: &str| catalogue.key(key, &config).label();
+        assert_eq!(name("experiment.agents"), "number of robots");
+        assert_eq!(name("robotsim.controller.flock_radius_m"), "flock radius (m)");
+        assert_eq!(name("robotsim.scenario.spacing_m"), "spacing along the line (m)");
+        assert_eq!(name("robotsim.controller.law"), "controller law");
+        // Of a simulator of a stranger nothing is known.
+        assert_eq!(name("robotsim.wings.flap_rate_hz"), "flap rate (Hz)");
+        assert!(catalogue.key("robotsim.wings.flap_rate_hz", &config).explanation.is_none());
+    }
+
+    #[test]
+    fn figures_are_called_by_their_path_and_explained_by_the_schema() {
+        let catalogue = Catalogue::of_program();
+        let name = |figure: &str| catalogue.figure(figure).label();
+        assert_eq!(name("task.flock_speed_mps"), "flock speed (m/s)");
+        assert_eq!(name("kpis.delivery.latency_s.median"), "median delivery latency (s)");
+        assert_eq!(name("kpis.formation.formed_s"), "formed (s)");
+        assert_eq!(name("kpis.delivery.ratio"), "delivery ratio");
+        for figure in ["task.flock_speed_mps", "network.delivery_ratio", "kpis.formation.formed_s"]
+        {
+            assert!(catalogue.figure(figure).explanation.is_some(), "{figure}");
+        }
+    }
+}
