@@ -140,13 +140,14 @@ fn filled(template: &str, seed: u64, robots: u32, data: &str) -> String {
 fn truth_text(model: &str, hidden: Option<&HiddenEffect>) -> String {
     let (_, sections) = model.split_once("\n\n").unwrap_or_default();
     let sections = sections.replace("name = \"model\"", "name = \"truth\"");
-    let effect = match hidden {
-        Some(hidden) => format!("\n# The effect that {MODEL_FILE} lacks.\n{}", hidden.section()),
-        None => String::new(),
+    let (made, effect) = match hidden {
+        Some(hidden) => (
+            format!("{MODEL_FILE} with the hidden effect"),
+            format!("\n# The effect that {MODEL_FILE} lacks.\n{}", hidden.section()),
+        ),
+        None => (format!("{MODEL_FILE} as it is; nothing was hidden"), String::new()),
     };
-    format!(
-        "# What made the measurements: {MODEL_FILE} with the hidden effect.\n\n{sections}{effect}"
-    )
+    format!("# What made the measurements: {made}.\n\n{sections}{effect}")
 }
 
 /// A demo under way.
@@ -216,17 +217,22 @@ impl Demo<'_> {
         };
         let model = filled(MODEL, seed, robots, data);
         let truth = truth_text(&model, hidden);
-        let n_rows = self.measure(&truth, data, &template)?;
+        let (n_rows, n_received) = self.measure(&truth, data, &template)?;
         self.write(MODEL_FILE, &model)?;
         let rows = match measured {
             Measured::Links => {
-                format!("{} frames between {} motes", count(n_rows as u64), LINKS.motes_m.len())
+                let frames = count(n_rows as u64);
+                let received = count(n_received as u64);
+                format!(
+                    "{frames} frames between {} motes, {received} received",
+                    LINKS.motes_m.len()
+                )
             }
             Measured::Robots => {
                 format!("{} positions of {} robots", count(n_rows as u64), TRACKS.robots)
             }
         };
-        report(format!("1. {data}: {rows} ({what}); seed {seed} chose what is hidden in them"));
+        report(format!("1. {data}: {rows} ({what}). Seed {seed} chose what is hidden in them"));
 
         self.command(
             &["compare", MODEL_FILE, "--data", data],
@@ -264,19 +270,34 @@ impl Demo<'_> {
         }
 
         self.write(TRUTH_FILE, &truth)?;
+        self.command(&["compare", TRUTH_FILE, "--data", data], &[("--json", "truth.json")]).await?;
+        let noise = self.answer::<ComparisonAnswer>("truth.json")?.error();
         let swarms = self.swarms(hidden.is_some(), after.is_some()).await?;
+        let floor_mps = swarms.first().map_or(0.0, |(swarm, _)| swarm.flock_speed_floor_mps);
+        let leader_mps = swarms.first().map_or(0.0, |(swarm, _)| swarm.leader_speed_mps);
         let speeds: Vec<String> = swarms
             .iter()
             .map(|(swarm, _)| {
                 format!("{} m/s with {}.toml", number(swarm.flock_speed_mps), swarm.model)
             })
             .collect();
-        report(format!("5. the flock follows its leader at {}", speeds.join(", ")));
+        report(format!(
+            "5. flock speed (leader {} m/s; {} m/s if no robot follows): {}",
+            number(leader_mps),
+            number(floor_mps),
+            speeds.join(", ")
+        ));
 
         let outcome = Outcome::of(&diagnosis, hidden);
         let kind = hidden.map(|hidden| hidden.kind.clone());
         let estimates = estimates(&diagnosis, hidden);
         let accepted = diagnosis.accepted().map(|candidate| candidate.effect.clone()).collect();
+        let mut indistinguishable: Vec<String> = diagnosis
+            .accepted()
+            .flat_map(|candidate| candidate.indistinguishable_from.clone())
+            .collect();
+        indistinguishable.sort();
+        indistinguishable.dedup();
         let answer = DemoAnswer {
             schema: SCHEMA,
             seed,
@@ -284,6 +305,7 @@ impl Demo<'_> {
             outcome,
             sentence: diagnosis.sentence.clone(),
             accepted,
+            indistinguishable,
             error: before,
             error_extended: after.flatten(),
             estimates,
@@ -300,6 +322,7 @@ impl Demo<'_> {
             data,
             measured: rows,
             unit,
+            noise,
             commands: &self.commands,
             pictures: swarms.into_iter().map(|(_, pictures)| pictures).collect(),
         };
@@ -308,8 +331,13 @@ impl Demo<'_> {
         Ok(answer)
     }
 
-    /// Writes the measurements, and returns their number.
-    fn measure(&self, truth: &str, data: &str, template: &str) -> Result<usize, DemoError> {
+    /// Writes the measurements. Returns the number of rows, and of those with a reading.
+    fn measure(
+        &self,
+        truth: &str,
+        data: &str,
+        template: &str,
+    ) -> Result<(usize, usize), DemoError> {
         let simulation = |refusal: String| DemoError::Simulation(refusal);
         let config = Compared::of_text(Path::new(TRUTH_FILE), truth.to_owned(), &[])
             .map_err(|refusal| simulation(refusal.to_string()))?;
@@ -318,7 +346,11 @@ impl Demo<'_> {
         let simulated = simulate::simulate(&config, &table, self.options.seed, None)
             .map_err(|refusal| simulation(refusal.to_string()))?;
         self.write(data, &simulated.to_csv())?;
-        Ok(simulated.n_rows())
+        let received = simulated.names.iter().position(|name| name == "received");
+        let n_received = received.map_or(simulated.n_rows(), |column| {
+            simulated.columns[column].iter().filter(|&&received| 0.0 < received).count()
+        });
+        Ok((simulated.n_rows(), n_received))
     }
 
     /// Adds the effects that were accepted, and returns the error of the extended model. None if no effect was accepted.
@@ -370,6 +402,7 @@ impl Demo<'_> {
                     model,
                     flock_speed_mps: summary.task.flock_speed_mps,
                     leader_speed_mps: summary.task.leader_speed_mps,
+                    flock_speed_floor_mps: summary.task.flock_speed_floor_mps,
                     delivery_ratio: summary.network.delivery_ratio,
                 },
                 pictures,
@@ -391,6 +424,7 @@ impl Demo<'_> {
         let failed = |source| file_error(&self.options.program, source);
         let errors = tempfile::tempfile().map_err(failed)?;
         let mut child = tokio::process::Command::new(&self.options.program)
+            .arg0(program_name())
             .args(words)
             .current_dir(self.folder)
             .stdin(Stdio::null())

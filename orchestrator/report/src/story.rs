@@ -5,7 +5,7 @@ mod pictures;
 use super::layout;
 use super::measured::STYLE;
 use maud::{Markup, html};
-use numbers::format::{count, number, number_within};
+use numbers::format::{number, number_within, shortest};
 use proto::site::Site;
 
 /// Rules of this page beside those of pages about measurements.
@@ -22,12 +22,14 @@ pub struct Story<'a> {
     pub measured: String,
     /// Unit of errors: dB or m.
     pub unit: &'a str,
-    /// The error that the noise of the measurements alone causes: root mean square, in that unit.
+    /// The error of the true model, which is noise: root mean square, in that unit.
     pub noise: f64,
     /// The site of the model.
     pub site: &'a Site,
     /// The measured rows.
     pub rows: Vec<StoryRow>,
+    /// Of links: by how much readings lie above the model as configured, alike on all rows (dB), if that is significant.
+    pub offset: Option<f64>,
     /// The covariate that explains most of the error of the model as configured.
     pub symptom: Option<Symptom>,
     /// Held-out error of the model as configured, and with each effect that was accepted.
@@ -119,6 +121,8 @@ pub struct StorySwarm {
     pub flock_speed_mps: f64,
     /// Speed of the leader (m/s).
     pub leader_speed_mps: f64,
+    /// The flock speed if no robot follows (m/s).
+    pub floor_mps: f64,
     /// The share of frames that were delivered.
     pub delivery_ratio: f64,
     /// The swarm at the end, on light and on dark ground: addresses of pictures.
@@ -140,7 +144,32 @@ impl Story<'_> {
     fn error(&self, value: f64) -> String {
         format!("{} {}", number(value), self.unit)
     }
+
+    /// What the missing effect does to the swarm, in a sentence.
+    fn consequence(&self) -> String {
+        let [first, .., last] = self.swarms.as_slice() else { return String::new() };
+        let speed = |swarm: &StorySwarm| format!("{} m/s", number(swarm.flock_speed_mps));
+        let change_mps = (last.flock_speed_mps - first.flock_speed_mps).abs();
+        if change_mps < NO_CHANGE * first.leader_speed_mps {
+            return format!(
+                "Here the effect hardly changes the swarm: {} without it, {} with it.",
+                speed(first),
+                speed(last)
+            );
+        }
+        format!(
+            "The model predicts a flock speed of {}, and in truth it is {}. The leader drives {} m/s; if no robot followed, the \
+             flock speed would be {} m/s.",
+            speed(first),
+            speed(last),
+            number(first.leader_speed_mps),
+            number(first.floor_mps)
+        )
+    }
 }
+
+/// A change of the flock speed below this share of the leader's speed is no change.
+const NO_CHANGE: f64 = 0.1;
 
 /// A section of the page.
 type Section = fn(&Story<'_>) -> Markup;
@@ -168,11 +197,7 @@ fn heading(story: &Story<'_>) -> Markup {
     };
     let speeds: Vec<String> =
         story.swarms.iter().map(|swarm| number(swarm.flock_speed_mps)).collect();
-    let mut tiles = vec![
-        ("Hidden", html! { (story.hidden) }),
-        ("Verdict of the diagnosis", html! { (story.sentence) }),
-        ("Error of the model", error),
-    ];
+    let mut tiles = vec![("Error of the model", error)];
     if !speeds.is_empty() {
         let name = match (story.swarms.len(), after) {
             (3, _) => "Speed of the flock: model, extended model, truth",
@@ -185,11 +210,10 @@ fn heading(story: &Story<'_>) -> Markup {
     html! {
         h1 { "Which physics is missing from this model?" }
         p.lead {
-            @if story.is_hidden { "An effect was hidden in simulated measurements" } @else { "Nothing was hidden in simulated measurements" }
-            " (seed " (story.seed) "). The diagnosis ran in a process of its own. It read the model and the measurements, and nothing \
+            "Seed " (story.seed) " chose an effect, or none, and simulated measurements with it. The diagnosis ran in a process of its own. It read the model and the measurements, and nothing \
              else."
         }
-        p.verdict.wrong[!story.is_right] { (story.outcome) }
+        p.verdict { "The diagnosis: " b { (story.sentence) } ". Section 6 shows what was hidden, and whether that is right." }
         div.story-tiles { (layout::tiles(tiles)) }
     }
 }
@@ -204,13 +228,8 @@ fn measurements(story: &Story<'_>) -> Markup {
         h2 { "1. The measurements" }
         p {
             code { (story.data_file) } " holds " (story.measured) ". "
-            "Their noise alone causes an error of about " (story.error(story.noise)) "; no model gets below that. "
-            @if story.is_hidden {
-                "The measurements come from the model plus the hidden effect. So this is the easy case: the catalogue has the true \
-                 effect, and everything else in the model is right."
-            } @else {
-                "The measurements come from the model itself, so nothing is missing from it."
-            }
+            "The true model, which made them, has an error of " (story.error(story.noise)) ", which is noise. "
+            "This is the easy case: the catalogue has the true effect, and everything else in the model is right."
         }
     }
 }
@@ -222,13 +241,17 @@ fn comparison(story: &Story<'_>) -> Markup {
         (command(story, "compare"))
         p {
             @if let Some(before) = before {
-                "The error of the model is " b { (story.error(before)) } ". The noise alone would make it " (story.error(story.noise)) ". "
+                "The error of the model is " b { (story.error(before)) } "; that of the true model is " (story.error(story.noise)) ". "
+            }
+            @if let Some(offset) = story.offset {
+                "Readings lie " (number(offset.abs())) " dB " (if offset < 0.0 { "below" } else { "above" })
+                " the model on average, lost frames considered. "
             }
             @if let Some(symptom) = &story.symptom {
                 "The error depends most on " code { (symptom.name) } ", which explains "
                 (numbers::format::percent(symptom.explained)) " of its variance. That is a symptom, and not yet the cause."
             } @else {
-                "It depends on no covariate."
+                "No covariate explains a significant part of it."
             }
         }
         div.figures { (pictures::errors(story)) }
@@ -272,8 +295,8 @@ fn swarms(story: &Story<'_>) -> Markup {
     html! {
         h2 { "5. What it does to the swarm" }
         p {
-            "A flock follows its leader round the corner of a building. Each robot knows only what the radio delivers. \
-             The same swarm ran for 25 s under each model."
+            "A leader drives round the corner of a building, and the other robots follow it if they hear it. Each robot knows only \
+             what the radio delivers. The run lasts 25 s. " (story.consequence())
         }
         div.swarms {
             @for swarm in &story.swarms {
@@ -296,12 +319,12 @@ fn swarms(story: &Story<'_>) -> Markup {
 
 fn reveal(story: &Story<'_>) -> Markup {
     let value = |value: Option<f64>, unit: &str| match value {
-        Some(value) => format!("{} {unit}", number(value)).trim_end().to_owned(),
+        Some(value) => format!("{} {unit}", shortest(value)).trim_end().to_owned(),
         None => "–".to_owned(),
     };
     html! {
         h2 { "6. What was hidden" }
-        p { (story.outcome) }
+        p.verdict.wrong[!story.is_right] { (story.outcome) }
         @if !story.parameters.is_empty() {
             table {
                 thead { tr { th { "effect" } th { "parameter" } th.n { "hidden" } th.n { "estimate" } th.n { "90 % interval" } } }
@@ -319,8 +342,8 @@ fn reveal(story: &Story<'_>) -> Markup {
                 }
             }
         }
-        p.means {
-            "A 90 % interval misses the true value in one demo of ten. docs/demo.md states how often the diagnosis is right."
+        @if !story.parameters.is_empty() {
+            p.means { "A 90 % interval may miss the true value in one case of ten." }
         }
     }
 }
@@ -328,12 +351,12 @@ fn reveal(story: &Story<'_>) -> Markup {
 fn next(story: &Story<'_>) -> Markup {
     html! {
         h2 { "Try it yourself" }
-        p { "These commands, in this folder, make the same files again:" }
+        p { "These are the commands of this demo. They run in this folder:" }
         (layout::listing(&story.commands.join("\n")))
         p { "What to try next:" }
         (layout::listing(&story.next.join("\n")))
         details {
-            summary { (count(story.files.len() as u64)) " files lie beside this page" }
+            summary { "Files in this folder" }
             table.facts {
                 @for (name, content) in &story.files { tr { th { code { (name) } } td { (content) } } }
             }

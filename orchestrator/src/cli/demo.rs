@@ -1,10 +1,10 @@
 //! `demo`: the loop from measurements to a better model, on a hidden effect.
 
 use super::{Failure, check_place, on_runtime, write_json};
-use crate::console::{note, say};
+use crate::console::say;
 use crate::demo::{DemoError, DemoOptions, demo};
 use clap::Args;
-use numbers::format::number_within;
+use numbers::format::{number_within, shortest};
 use std::path::{Path, PathBuf};
 
 /// The folder of a demo, if no other is asked for.
@@ -50,20 +50,19 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         robots: args.robots,
         folder,
     };
-    note("Which physics is missing from a model? This takes about ten seconds");
     let mut report = |line: String| say(line);
     let answer = on_runtime(demo(&options, &mut report))?.map_err(|error| match error {
         DemoError::Request(_) => Failure::request(error),
         _ => Failure::work(error),
     })?;
     say("");
-    say(answer.outcome.sentence(answer.hidden.as_deref()));
+    say(answer.outcome_sentence());
     for estimate in &answer.estimates {
         let shown = |value: f64| number_within(value, (estimate.high - estimate.low) / 2.0);
         let text = format!(
             "  {}: hidden {}, estimated {} (90 %: {} to {}) {}",
             estimate.name,
-            estimate.hidden,
+            shortest(estimate.hidden),
             shown(estimate.value),
             shown(estimate.low),
             shown(estimate.high),

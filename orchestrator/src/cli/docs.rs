@@ -72,7 +72,7 @@ fn first_page() -> Result<PathBuf, Failure> {
     }
     let looked: String = places.iter().map(|page| format!("\n  {}", page.display())).collect();
     Err(Failure::work(format!(
-        "the documentation site is not installed. Looked for:{looked}\nIn a checkout of the source, `mdbook build docs` builds \
+        "the documentation site is not installed. Looked for:{looked}\nIn a checkout of the source, `python3 docs/build.py` builds \
          it in target/book. The pages are also readable there as they are, beginning with docs/README.md. If the site is \
          elsewhere, name its folder in {VARIABLE}"
     )))

@@ -7,8 +7,17 @@ use serde::Deserialize;
 #[derive(Deserialize)]
 pub(super) struct ComparisonAnswer {
     pub(super) scores: IndexMap<String, Option<f64>>,
+    /// By how much readings lie above the model (dB), alike on all rows.
+    #[serde(default)]
+    pub(super) offset_db: Option<OffsetAnswer>,
     #[serde(rename = "where")]
     pub(super) places: Vec<PlaceAnswer>,
+}
+
+/// A constant error of all rows.
+#[derive(Deserialize)]
+pub(super) struct OffsetAnswer {
+    pub(super) value: f64,
 }
 
 /// A covariate, and how much of the error it explains.
@@ -82,6 +91,7 @@ pub(super) struct RunSummaryAnswer {
 pub(super) struct TaskAnswer {
     pub(super) flock_speed_mps: f64,
     pub(super) leader_speed_mps: f64,
+    pub(super) flock_speed_floor_mps: f64,
 }
 
 #[derive(Deserialize)]

@@ -27,6 +27,8 @@ pub struct DemoAnswer {
     pub sentence: String,
     /// Names of the effects that were accepted.
     pub accepted: Vec<String>,
+    /// Names of the effects that these data do not distinguish from an accepted one.
+    pub indistinguishable: Vec<String>,
     /// Root mean squared error of the model (dB or m).
     pub error: Option<f64>,
     /// The same of the extended model; null if there is none.
@@ -67,6 +69,8 @@ pub struct SwarmResult {
     pub flock_speed_mps: f64,
     /// Speed of the leader (m/s).
     pub leader_speed_mps: f64,
+    /// The flock speed if no robot follows (m/s).
+    pub flock_speed_floor_mps: f64,
     /// The share of frames that were delivered.
     pub delivery_ratio: f64,
 }
@@ -123,38 +127,42 @@ impl Outcome {
     pub fn is_right(self) -> bool {
         matches!(self, Self::Named | Self::OneOfSeveral | Self::NothingHidden)
     }
+}
 
-    /// In a sentence. `hidden`: name of the hidden effect, if any.
+impl DemoAnswer {
+    /// How the verdict compares with what was hidden, in words.
     #[must_use]
-    pub fn sentence(self, hidden: Option<&str>) -> String {
-        let hidden = hidden.unwrap_or("none");
-        match self {
-            Self::Named => {
+    pub fn outcome_sentence(&self) -> String {
+        let hidden = self.hidden.as_deref().unwrap_or("none");
+        let tied = self.indistinguishable.join(", ");
+        match self.outcome {
+            Outcome::Named => {
                 format!("Right: the hidden effect was {hidden}, and the diagnosis named it.")
             }
-            Self::OneOfSeveral => format!(
-                "Right, but not unique: the hidden effect was {hidden}. The diagnosis names it among effects that these data do not \
-                 distinguish."
+            Outcome::OneOfSeveral => format!(
+                "Right, but not unique: the hidden effect was {hidden}. The diagnosis named {}, and lists as indistinguishable on \
+                 these data: {tied}.",
+                self.accepted.join(", ")
             ),
-            Self::NothingHidden => {
+            Outcome::NothingHidden => {
                 "Right: no effect was hidden, and the diagnosis named none.".to_owned()
             }
-            Self::Unnamed => format!(
+            Outcome::Unnamed => format!(
                 "Undecided: the hidden effect was {hidden}. The diagnosis states that something is missing, and names no effect."
             ),
-            Self::Missed => {
+            Outcome::Missed => {
                 format!(
                     "Missed: the hidden effect was {hidden}. The diagnosis found nothing missing."
                 )
             }
-            Self::AmongOthers => format!(
+            Outcome::AmongOthers => format!(
                 "Partly wrong: the hidden effect was {hidden}. The diagnosis named it, and another effect that was not hidden."
             ),
-            Self::Wrong if hidden == "none" => {
+            Outcome::Wrong if self.hidden.is_none() => {
                 "Wrong: no effect was hidden, and the diagnosis reports that something is missing."
                     .to_owned()
             }
-            Self::Wrong => {
+            Outcome::Wrong => {
                 format!("Wrong: the hidden effect was {hidden}. The diagnosis named another one.")
             }
         }

@@ -9,8 +9,6 @@ use base64::engine::general_purpose::STANDARD;
 use experiment::program_name;
 use measure::config::Compared;
 use measure::table::DataTable;
-use numbers::power::square;
-use numbers::statistics::mean_ignoring_nan;
 use report::story::{Story, StoryCandidate, StoryParameter, StoryRow, StorySwarm, Symptom, page};
 use std::path::Path;
 
@@ -34,6 +32,8 @@ pub(super) struct Told<'a> {
     pub(super) measured: String,
     /// Unit of errors.
     pub(super) unit: &'static str,
+    /// The error of the true model, if it is known.
+    pub(super) noise: Option<f64>,
     pub(super) commands: &'a [String],
     /// The swarm under each model, on light and on dark ground (SVG).
     pub(super) pictures: Vec<[String; 2]>,
@@ -68,8 +68,6 @@ impl Told<'_> {
                 error_with_effects: with_effects.map(|errors| errors[row]),
             })
             .collect();
-        let noises = column(&format!("sd_{unit}"))?.iter().filter(|sd| sd.is_finite());
-        let noise = mean_ignoring_nan(noises.map(|sd| square(*sd))).sqrt();
         let config = Compared::of_text(&folder.join("model.toml"), model.to_owned(), &[])
             .map_err(|refusal| unreadable(refusal.to_string()))?;
         let Self { answer, diagnosis, .. } = self;
@@ -78,7 +76,7 @@ impl Told<'_> {
             data_file: self.data,
             measured: self.measured.clone(),
             unit: self.unit,
-            noise,
+            noise: self.noise.unwrap_or(0.0),
             site: &config.site,
             rows,
             symptom: self.symptom(&table),
@@ -89,7 +87,8 @@ impl Told<'_> {
                 .collect(),
             candidates: self.candidates(),
             sentence: diagnosis.sentence.clone(),
-            outcome: answer.outcome.sentence(answer.hidden.as_deref()),
+            offset: self.comparison.offset_db.as_ref().map(|offset| offset.value),
+            outcome: answer.outcome_sentence(),
             is_right: answer.outcome.is_right(),
             is_hidden: answer.hidden.is_some(),
             hidden: answer.hidden.clone().unwrap_or_else(|| "no effect".to_owned()),
@@ -107,6 +106,7 @@ impl Told<'_> {
                     },
                     flock_speed_mps: swarm.flock_speed_mps,
                     leader_speed_mps: swarm.leader_speed_mps,
+                    floor_mps: swarm.flock_speed_floor_mps,
                     delivery_ratio: swarm.delivery_ratio,
                     pictures: [&pictures[0], &pictures[1]].map(|svg| address(svg)),
                 })
@@ -191,10 +191,10 @@ impl Told<'_> {
         let kind = if data == "links.csv" { "measured-links" } else { "measured-robots" };
         let mut next = vec![
             format!("{program} demo --seed {}", self.answer.seed + 1),
-            format!("{program} demo --effect none"),
             format!("{program} new my-{kind} --kind {kind}"),
         ];
         if let Some(hidden) = &self.answer.hidden {
+            next.push(format!("{program} demo --effect none"));
             next.insert(0, format!("{program} effects {hidden}"));
         }
         next
@@ -210,16 +210,25 @@ fn address(svg: &str) -> String {
 fn files(data: &str, is_extended: bool) -> Vec<(String, &'static str)> {
     let mut files = vec![
         (data.to_owned(), "the measurements"),
-        ("model.toml".to_owned(), "the model, a complete experiment"),
-        ("comparison.html".to_owned(), "the model against the measurements"),
-        ("diagnosis.html".to_owned(), "the diagnosis, with all candidates"),
+        (
+            "model.toml".to_owned(),
+            "the model, a complete experiment; model-light.svg and model-dark.svg show its swarm at the end",
+        ),
+        ("comparison.html, comparison.json".to_owned(), "the model compared with the measurements"),
+        ("diagnosis.html, diagnosis.json".to_owned(), "the diagnosis, with all candidates"),
         ("residuals.csv".to_owned(), "the error of each row"),
-        ("truth.toml".to_owned(), "what made the measurements"),
+        (
+            "truth.toml".to_owned(),
+            "what made the measurements; truth.json is its comparison with them",
+        ),
         ("runs/".to_owned(), "the recorded runs of the swarm, each with its report.html"),
         (PAGE_FILE.to_owned(), "this page"),
     ];
     if is_extended {
-        files.push(("better.toml".to_owned(), "the extended model"));
+        files.push((
+            "better.toml, better.json".to_owned(),
+            "the extended model, and its comparison with the measurements",
+        ));
     }
     files
 }

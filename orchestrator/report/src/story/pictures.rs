@@ -22,8 +22,14 @@ const CLASSES: [(&str, &str); 5] = [
     ("pair high2", "far more"),
 ];
 
-/// The class of a mean error, in standard deviations of the noise.
-fn class(mean: f64) -> usize {
+/// The class of links without a reading.
+const SILENT: &str = "silent";
+/// A mean error of fewer standard errors than this counts as none.
+const CLEAR: f64 = 2.0;
+
+/// The class of a mean error of so many rows, in standard deviations of the noise.
+fn class(mean: f64, n: f64) -> usize {
+    let mean = if mean.abs() * n.sqrt() < CLEAR { 0.0 } else { mean };
     [-1.0, -1.0 / 3.0, 1.0 / 3.0, 1.0].iter().filter(|&&edge| edge < mean).count()
 }
 
@@ -59,16 +65,22 @@ fn map(story: &Story<'_>) -> (Markup, f64) {
     }
     // Rows between the same two places, in either direction.
     let mut groups: BTreeMap<[u64; 4], ([[f64; 2]; 2], f64, f64)> = BTreeMap::new();
-    for row in story.rows.iter().filter(|row| row.error.is_finite()) {
+    for row in &story.rows {
         let mut ends = row.ends;
         ends.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
         let [[x0, y0], [x1, y1]] = ends;
         let group = groups.entry([x0, y0, x1, y1].map(f64::to_bits)).or_insert((ends, 0.0, 0.0));
-        group.1 += 1.0;
-        group.2 += row.error;
+        if row.error.is_finite() {
+            group.1 += 1.0;
+            group.2 += row.error;
+        }
     }
+    let silent = groups.values().filter(|(_, n, _)| *n == 0.0);
+    chart.segments(SILENT, silent.map(|(ends, ..)| *ends));
+    let known: Vec<_> = groups.values().filter(|(_, n, _)| 0.0 < *n).collect();
     for (number, (name, _)) in CLASSES.iter().enumerate() {
-        let of_class = groups.values().filter(|(_, n, sum)| class(sum / n / story.noise) == number);
+        let of_class =
+            known.iter().filter(|(_, n, sum)| class(sum / n / story.noise, *n) == number);
         chart.segments(name, of_class.map(|(ends, ..)| *ends));
     }
     chart.site("story-plane", &walls, &[]);
@@ -81,6 +93,9 @@ fn map(story: &Story<'_>) -> (Markup, f64) {
     chart.dots("mote", motes.values().copied());
     chart.numbers(motes.iter().map(|(mote, place)| (*mote as usize, *place)));
     let mut key: Vec<(&str, &str)> = CLASSES.to_vec();
+    if known.len() < groups.len() {
+        key.push((SILENT, "no frame received"));
+    }
     key.push(("wall", "wall"));
     if !foliage.is_empty() {
         key.push(("foliage", "foliage"));
@@ -89,7 +104,8 @@ fn map(story: &Story<'_>) -> (Markup, f64) {
         key.push(("mote", "mote"));
     }
     let words = if story.unit == "dB" {
-        "Lines are links, coloured by the mean of measured less predicted signal strength."
+        "Lines are links, coloured by the mean of measured less predicted signal strength. Only received frames count, so links at the \
+         limit look stronger than they are."
     } else {
         "Lines are windows of measured tracks, coloured by how much farther the robot moved than predicted."
     };
@@ -111,6 +127,8 @@ fn over_symptom(story: &Story<'_>, height: f64) -> Option<Markup> {
         rows.iter().map(|&row| value(row)).sum::<f64>() / rows.len() as f64
     };
     let bins: Vec<&[usize]> = order.chunks(order.len().div_ceil(BINS)).collect();
+    let half = |rows: &[usize]| 1.645 * story.noise / (rows.len() as f64).sqrt();
+    let halves: Vec<f64> = bins.iter().map(|rows| half(rows)).collect();
     let line = |error: &dyn Fn(usize) -> f64| -> Vec<[f64; 2]> {
         bins.iter()
             .map(|rows| [mean(rows, &|row| symptom.values[row]), mean(rows, error)])
@@ -129,16 +147,22 @@ fn over_symptom(story: &Story<'_>, height: f64) -> Option<Markup> {
     );
     chart.segments("zero", [[[first, 0.0], [last, 0.0]]]);
     chart.line("before", before.iter().map(|&point| Some(point)));
+    let whiskers = |points: &[[f64; 2]]| -> Vec<[[f64; 2]; 2]> {
+        let pairs = points.iter().zip(&halves).filter(|([_, y], _)| y.is_finite());
+        pairs.map(|(&[x, y], half)| [[x, y - half], [x, y + half]]).collect()
+    };
+    chart.segments("before whisker", whiskers(&before));
     chart.dots("point before", before.iter().copied());
     let mut key = vec![("before", "model as configured")];
     if has_after {
         let known = |point: &[f64; 2]| point[1].is_finite();
         chart.line("after", after.iter().map(|point| Some(*point).filter(known)));
+        chart.segments("after whisker", whiskers(&after));
         chart.dots("point after", after.iter().copied().filter(known));
         key.push(("after", "extended model"));
     }
     let title = format!("Mean error over {}", symptom.name);
-    let words = "A right model has a mean error of zero everywhere.";
+    let words = "A right model has a mean error of zero everywhere, up to noise (bars: 90 %) and to the loss of weak frames.";
     Some(figure(&title, words, &key, &chart.finish("story-symptom", &title, words)))
 }
 
@@ -157,13 +181,13 @@ pub(super) fn ladder(story: &Story<'_>) -> Markup {
         })
         .collect();
     rows.push(Bar {
-        label: "noise alone".to_owned(),
+        label: "the true model".to_owned(),
         value: story.noise,
         half: 0.0,
         class: "none",
         text: story.error(story.noise),
     });
-    let words = "Root mean squared error on held-out rows. No model gets below the noise.";
+    let words = "Root mean squared error on held-out rows. The error of the true model is noise.";
     figure("Error, effect by effect", words, &[], &bars("story-ladder", "Error", words, &rows))
 }
 
@@ -182,8 +206,7 @@ pub(super) fn candidates(story: &Story<'_>) -> Option<Markup> {
             text: number(candidate.gain),
         })
         .collect();
-    let words = "Gain in held-out log score (nats per row) with its 90 % interval. An accepted effect: when it was added. The \
-                 others: on top of it.";
+    let words = "Gain in held-out log score (nats per row) with its 90 % interval. Accepted effects: the gain when they were added. Others: the gain on top of these.";
     let key = [("bar after", "accepted"), ("bar none", "not accepted")];
     let svg = bars("story-candidates", "Gain of candidates", words, &rows);
     (!rows.is_empty()).then(|| figure("Gain of candidates", words, &key, &svg))
