@@ -139,7 +139,7 @@ fn trajectories(measures: &Measures) -> Figure {
         key.push(("wall", "walls and obstacles".into()));
     }
     let svg = chart.finish("trajectories", "Trajectories", &sentence);
-    Figure { title: "Trajectories", sentence, key, svg, is_wide: width == WIDE }
+    Figure { title: "Trajectories", sentence, key, svg, is_wide: HALF < width }
 }
 
 /// The width of a map: that of the page only if what there is to show is much longer from west to east than from south to north.

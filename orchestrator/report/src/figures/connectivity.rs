@@ -1,7 +1,7 @@
 //! Who heard whom: in the last period of a run, and in each one before it for those who ask.
 
 use super::plan::{between, plan, plan_width};
-use super::{Figure, HALF, WIDE, dots_by_group};
+use super::{Figure, HALF, dots_by_group};
 use maud::{Markup, html};
 use metrics::Measures;
 use metrics::hearing::HeardPeriod;
@@ -42,7 +42,7 @@ pub(super) fn figure(measures: &Measures) -> Option<Figure> {
     }
     let svg = chart.finish("connectivity", "Connectivity", &sentence);
     let svg = html! { (svg) (earlier(measures, &periods)) };
-    Some(Figure { title: "Connectivity", sentence, key, svg, is_wide: width == WIDE })
+    Some(Figure { title: "Connectivity", sentence, key, svg, is_wide: HALF < width })
 }
 
 /// The periods before the last, each to be opened.

@@ -66,7 +66,7 @@ fn routing_graph(measures: &Measures, places: &Places) -> Option<Figure> {
     );
     key.extend([("start", "mote without".into()), ("link", "to the parent".into())]);
     let svg = chart.finish("routing", "Routing graph", &sentence);
-    Some(Figure { title: "Routing graph", sentence, key, svg, is_wide: width == WIDE })
+    Some(Figure { title: "Routing graph", sentence, key, svg, is_wide: HALF < width })
 }
 
 /// How many parents there are on the way up from each mote; `None` on a way that never ends.

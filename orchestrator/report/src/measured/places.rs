@@ -1,7 +1,7 @@
 //! The map of the site with the model's error in each place.
 
 use super::{LinkRows, MeasuredPage, MeasuredRows, Picture, RobotRows, figures};
-use crate::figures::{WIDE, equal_scales, map_width};
+use crate::figures::{HALF, equal_scales, map_width};
 use crate::svg::Chart;
 use maud::Markup;
 use numbers::format::number;
@@ -207,7 +207,7 @@ fn map(
         number(scale)
     );
     let svg = chart.finish(&format!("map-{class_name}"), &title, &look);
-    Picture { title, look, means, key, svg, is_wide: width == WIDE }
+    Picture { title, look, means, key, svg, is_wide: HALF < width }
 }
 
 /// A link on the map with its mean error.
