@@ -303,7 +303,7 @@ fn the_documentation_is_found_or_its_place_is_named() {
     let print = ["docs", "--print"];
     let missing = ask(dir.path(), None, &print);
     assert_eq!(missing.status.code(), Some(1), "{}", tests::said(&missing));
-    assert!(tests::said(&missing).contains("mdbook build docs"), "{}", tests::said(&missing));
+    assert!(tests::said(&missing).contains("python3 docs/build.py"), "{}", tests::said(&missing));
     let site = |folder: &Path| {
         std::fs::create_dir_all(folder).unwrap();
         let page = folder.join("index.html");
