@@ -9,6 +9,7 @@ mod mac;
 pub mod mobility;
 mod network;
 mod rpl;
+mod security;
 mod swarm;
 
 use crate::catalogue::Catalogue;

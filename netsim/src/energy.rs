@@ -7,6 +7,7 @@
 //! [`Model::ByLength`] is a regression on the CC2650 (TSCH-Sim), where longer frames cost more. Neither knows what the
 //! processor and sensors take, nor what a sleeping mote leaks.
 
+use crate::wire::security::OVERHEAD;
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 
@@ -179,6 +180,10 @@ pub struct Usage {
     pub rx_broadcast: Frames,
     /// Frames received that were for somebody else, or destroyed.
     pub overheard: Frames,
+    /// Secured acknowledgments sent.
+    pub secured_acks_sent: u64,
+    /// Secured acknowledgments received.
+    pub secured_acks_received: u64,
 }
 
 /// Times of the default timeslot that decide how long a radio is on: IEEE Std 802.15.4-2015, 8.4.3.3 (macTsRxWait,
@@ -228,6 +233,8 @@ impl Usage {
             rx_unicast: self.rx_unicast.since(earlier.rx_unicast),
             rx_broadcast: self.rx_broadcast.since(earlier.rx_broadcast),
             overheard: self.overheard.since(earlier.overheard),
+            secured_acks_sent: self.secured_acks_sent - earlier.secured_acks_sent,
+            secured_acks_received: self.secured_acks_received - earlier.secured_acks_received,
         }
     }
 
@@ -255,10 +262,17 @@ impl Usage {
         self.rx_unicast.and(self.rx_broadcast).and(self.overheard)
     }
 
-    /// Charge (µC) in slots of `slot_ns`, which matters to scanning only. Sleep takes none.
+    /// Bytes by which secured acknowledgments were longer than others: sent, and received.
+    fn ack_security_bytes(&self) -> [u64; 2] {
+        [self.secured_acks_sent, self.secured_acks_received].map(|acks| acks * OVERHEAD as u64)
+    }
+
+    /// Charge (µC) in slots of `slot_ns`, which matters to scanning only. Sleep takes none. A slot with a frame includes its
+    /// acknowledgment; by length, the bytes by which a secured one is longer are charged as those of frames.
     #[must_use]
     pub fn charge_uc(&self, model: Model, slot_ns: u64) -> f64 {
         let table = model.table();
+        let [acks_sent, acks_received] = self.ack_security_bytes();
         let scan_uc = table.scan_uc * (slot_ns as f64 / STATED_SLOT_NS as f64);
         table.idle_listen_uc * self.idle_listen as f64
             + scan_uc * self.scan as f64
@@ -266,10 +280,12 @@ impl Usage {
             + table.tx_broadcast.charge_uc(self.tx_broadcast)
             + table.rx_unicast.charge_uc(self.rx_unicast)
             + table.rx_broadcast.charge_uc(self.rx_broadcast.and(self.overheard))
+            + table.tx_unicast.per_byte_uc * acks_sent as f64
+            + table.rx_unicast.per_byte_uc * acks_received as f64
     }
 
-    /// How long the radio was on (ns), in slots of `slot_ns` and with acknowledgments of `ack_bytes` (PSDU); see
-    /// [`on_time`]. A frame begins in the middle of the guard time: clocks deviate to either side.
+    /// How long the radio was on (ns), in slots of `slot_ns` and with acknowledgments of `ack_bytes` (PSDU, security apart);
+    /// see [`on_time`]. A frame begins in the middle of the guard time: clocks deviate to either side.
     #[must_use]
     pub fn radio_on_ns(&self, slot_ns: u64, ack_bytes: u16) -> u64 {
         use on_time::*;
@@ -285,6 +301,7 @@ impl Usage {
             + air_ns(received)
             + received.n * (RX_WAIT_NS / 2)
             + self.rx_unicast.n * ack_ns
+            + self.ack_security_bytes().iter().sum::<u64>() * BYTE_NS
     }
 }
 

@@ -6,8 +6,9 @@
 //! | [`proxy`] | a mote that passes requests and responses on, and remembers nothing | § 7 |
 //! | [`registrar`] | the root, which admits | § 8.1.2 |
 //!
-//! What is not there: OSCORE, so that who asks is believed and nothing is encrypted; later changes of parameters (§ 8.2) and
-//! of keys. Keys have an index but no meaning: frames are not secured.
+//! In a secured network messages are protected by OSCORE (§ 7.3), and the response brings the link-layer keys. In other
+//! networks who asks is believed, nothing is encrypted, and the key of the response is zeros. What is not there: later
+//! changes of parameters (§ 8.2) and of keys.
 
 pub mod pledge;
 pub mod proxy;
@@ -20,6 +21,7 @@ pub use registrar::Registrar;
 use crate::wire::cojp::CojpRepr;
 use crate::wire::datagram::{UdpRepr, Upper};
 use crate::wire::frame::NETWORK_PAN;
+use crate::wire::security::Keys;
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
@@ -50,6 +52,17 @@ pub struct Config {
     /// How much of it a proxy with a join rate forwards at once (CoAP bytes). `None`: what comes together in 10 s, over which
     /// § 7.2 would have the rate measured, and one message at least.
     pub join_burst_bytes: Option<u32>,
+    /// How the network is secured; `None`: it is not.
+    pub security: Option<Security>,
+}
+
+/// What secures a network.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Security {
+    /// Link-layer keys, which the registrar gives to motes as it admits them.
+    pub keys: Keys,
+    /// From which the keys follow that pledges share with the registrar ([`crate::wire::oscore::pre_shared_key`]).
+    pub join_key: [u8; 16],
 }
 
 impl Default for Config {
@@ -62,6 +75,7 @@ impl Default for Config {
             max_retransmit: 4,
             join_rate_bytes_s: None,
             join_burst_bytes: None,
+            security: None,
         }
     }
 }

@@ -8,6 +8,7 @@
 //! | [`up`] | from a received frame to the layer it is for |
 //! | [`pump`] | what the layers have to say to each other after something happened |
 //! | [`tally`] | what is counted of a mote |
+//! | `security` | which frames are secured, and which are taken |
 //! | `reroute` | another way for datagrams whose way has failed |
 //! | `timer` | the first of several timers |
 
@@ -17,6 +18,7 @@ pub mod down;
 pub mod ports;
 pub mod pump;
 mod reroute;
+mod security;
 pub mod tally;
 pub(crate) mod timer;
 pub mod up;
@@ -386,7 +388,12 @@ impl Mote {
     /// The beacon it sends in a slot (RFC 8180, § 4.5). `ids`: of the template that times slots, and of the sequence of
     /// channels.
     #[must_use]
-    pub fn beacon(&self, asn: u64, [timeslot_id, hopping_sequence_id]: [u8; 2]) -> FrameRepr {
+    pub fn beacon(
+        &self,
+        settings: &Settings,
+        asn: u64,
+        [timeslot_id, hopping_sequence_id]: [u8; 2],
+    ) -> FrameRepr {
         let slotframes = self.sf.minimal_cell().map(|slots| BeaconSlotframe {
             handle: 0,
             slots,
@@ -401,6 +408,7 @@ impl Mote {
             sequence: self.mac.beacon_sequence(),
             ack_request: false,
             pending: false,
+            security: self.beacon_security(settings),
             slots: None,
             content: Content::Beacon(BeaconRepr {
                 asn,

@@ -10,17 +10,22 @@
 //! | [`fragment`] | fragments of them | RFC 4944, § 5.3 |
 //! | [`rpl`] | RPL control messages | RFC 6550, § 6 |
 //! | [`cojp`] | join requests and responses | RFC 9031, § 8 |
+//! | [`security`] | keys, encryption and authentication of frames | IEEE Std 802.15.4-2015, clause 9; RFC 8180, § 4.6 |
+//! | [`oscore`] | encryption and authentication of join messages | RFC 8613 |
 //! | [`tap`] | captures of frames | pcap, link type 283 |
 //!
 //! Each `…Repr` has `buffer_len`, `emit` and `parse`; a [`datagram::Datagram`], whose form depends on the hop, has
-//! `compressed_len`. A simulation moves the values and asks for their lengths; bytes are made where traffic is captured. Link-layer security is off: no frame carries an auxiliary security header or a MIC.
+//! `compressed_len`. A simulation moves the values and asks for their lengths; bytes are made where traffic is captured. A frame says
+//! how it is secured; without `[netsim.security]` no frame is.
 
 pub mod address;
 pub mod cojp;
 pub mod datagram;
 pub mod fragment;
 pub mod frame;
+pub mod oscore;
 pub mod rpl;
+pub mod security;
 mod sink;
 pub mod sixp;
 pub mod slots;

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from audited_networks import Network
+from audited_networks import MOTES, Network
 from dissection import ACK, BEACON, DATA, PAYLOADS, SLOT_NS, TX_OFFSET_NS, dissect
+from unsecured import Secured, oscore_contexts
 
 # macTsTxAckDelay (IEEE Std 802.15.4-2015, 8.4.3.3.1), and O-QPSK at 2.4 GHz: a byte, bytes before the PSDU.
 TX_ACK_DELAY_NS = 1_000_000
@@ -17,14 +18,16 @@ PHY_HEADER_BYTES = 6
 
 FIELDS = """
 frame.time_epoch wpan-tap.asn wpan-tap.ch_num wpan-tap.data_length wpan.frame_type wpan.version wpan.fcs_ok wpan.seq_no
-wpan.seqno_suppression wpan.security wpan.ack_request wpan.pan_id_compression wpan.dst_addr_mode wpan.src_addr_mode
+wpan.seqno_suppression wpan.security wpan.aux_sec.sec_level wpan.aux_sec.key_id_mode wpan.aux_sec.key_index
+wpan.aux_sec.frame_counter_suppression wpan.aux_sec.asn_in_nonce wpan.mic wpan.ack_request wpan.pan_id_compression wpan.dst_addr_mode wpan.src_addr_mode
 wpan.dst_pan wpan.src_pan wpan.dst16 wpan.dst64 wpan.src64 wpan.header_ie.id wpan.header_ie.time_correction.value
 wpan.payload_ie.id wpan.mlme.ie.id wpan.tsch.asn wpan.tsch.join_metric wpan.tsch.slotframe_num wpan.tsch.timeslot.id
 wpan.tsch.link_options wpan.tsch.hopping_sequence_id wpan.6top_version wpan.6top_type wpan.6top_code wpan.6top_sfid
 wpan.6top_seqnum wpan.6top_metadata wpan.6top_cell_options wpan.6top_num_cells wpan.6top_cell_slot_offset
 wpan.6top_channel_offset 6lowpan.frag.size 6lowpan.6loRH.bitO 6lowpan.6loRH.bitR 6lowpan.6loRH.bitF 6lowpan.6loRH.bitK
 6lowpan.sender.rank 6lowpan.rpl.instance 6lowpan.rhhop.limit 6lowpan.rhtype ipv6.tclass.dscp ipv6.src ipv6.dst ipv6.hlim ipv6.nxt udp.srcport
-udp.dstport udp.length udp.checksum udp.checksum.status coap.code coap.mid coap.token coap.type icmpv6.type icmpv6.code
+udp.dstport udp.length udp.checksum udp.checksum.status coap.code coap.mid coap.token coap.type oscore.code
+oscore.opt.uri_path oscore.tag icmpv6.type icmpv6.code
 icmpv6.checksum icmpv6.checksum.status icmpv6.rpl.dio.rank icmpv6.rpl.dio.version icmpv6.rpl.dio.instance
 icmpv6.rpl.dio.flag.g icmpv6.rpl.dio.flag.mop icmpv6.rpl.dio.dtsn icmpv6.rpl.dio.dagid icmpv6.rpl.opt.type
 icmpv6.rpl.opt.config.flag icmpv6.rpl.opt.config.ocp icmpv6.rpl.opt.config.min_hop_rank_inc
@@ -52,10 +55,12 @@ def mote_of_ip(text):
 class Frame:
     """A frame as dissected. `frame[field]`: the list of values of a field; empty if the frame does not have it."""
 
-    def __init__(self, number, fields, record):
+    def __init__(self, number, fields, record, secured=None):
         self.number = number
         self.fields = fields
+        # Without its security, if it has any.
         self.record = record
+        self.mic_is_right = secured is None or secured.is_right
         self.time_ns = int(fields["frame.time_epoch"][0].replace(".", ""))
         self.asn = int(fields["wpan-tap.asn"][0])
         self.channel = int(fields["wpan-tap.ch_num"][0])
@@ -85,6 +90,10 @@ class Frame:
     @property
     def is_ack(self):
         return self.kind == ACK
+
+    @property
+    def is_secured(self):
+        return self["wpan.security"] == ["1"]
 
     @property
     def deviation_ns(self):
@@ -208,12 +217,15 @@ class Capture:
 def read_capture(network, path):
     """Dissects a capture."""
     records = split(path.read_bytes())
-    whole = list(reassembled(records, network.payload_bytes))
+    sent = {}
+    secured = [Secured(record, sent) for record in records]
+    whole = list(reassembled([of.legible for of in secured], network.payload_bytes))
     glued = path.with_name("glued.pcap")
     glued.write_bytes(path.read_bytes()[:24] + b"".join(records) + b"".join(record for _, record in whole))
-    rows = dissect(glued, *FIELDS, more=PAYLOADS)
+    contexts = oscore_contexts(range(1, MOTES)) if network.secured else []
+    rows = dissect(glued, *FIELDS, more=[*PAYLOADS, *contexts])
     assert len(rows) == len(records) + len(whole), path
-    frames = [Frame(at + 1, rows[at], record) for at, record in enumerate(records)]
+    frames = [Frame(at + 1, rows[at], of.legible, of) for at, of in enumerate(secured)]
     put_together = [Frame(number, row, record) for (number, record), row in zip(whole, rows[len(records) :], strict=True)]
     unbroken = [frame for frame in frames if frame.has_datagram and not frame["6lowpan.frag.size"]]
     datagrams = sorted([*unbroken, *put_together], key=lambda frame: (frame.time_ns, frame.number))

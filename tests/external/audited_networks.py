@@ -58,6 +58,7 @@ class Network:
     mac: str = ""
     rpl: str = ""
     storing: bool = False
+    secured: bool = False
     place: str = LINE
     period_s: float = 30.0
     payload_bytes: int = 30
@@ -96,6 +97,7 @@ transport = "none"
 {self.sf}
 {self.place}
 {PEERS.format(period_s=self.period_s, payload_bytes=self.payload_bytes)}
+{"[netsim.security]" if self.secured else ""}
 {self.tables}
 [output]
 pcap = true
@@ -145,6 +147,8 @@ NETWORKS = {
     "minimal-storing": Network('kind = "minimal"', storing=True, place=TREE),
     "minimal-mrhof": Network('kind = "minimal"', rpl='objective = "mrhof"'),
     "msf": Network(MSF),
+    "msf-secured": Network(MSF, secured=True),
+    "msf-secured-fragments": Network(MSF, secured=True, payload_bytes=200, period_s=40.0),
     "msf-storing": Network(MSF, storing=True, place=TREE),
     "msf-relocating": Network(RESTLESS_MSF, tables=LOST_ACKS, stands=False, period_s=60.0, duration_s=1500.0),
     "msf-restless": Network(MSF, tables=COMES_AND_GOES, place=LOSSY, stands=False, duration_s=700.0),
@@ -153,6 +157,7 @@ NETWORKS = {
         MSF, payload_bytes=200, period_s=40.0, tables='[netsim.lowpan]\nfragmentation = "per-hop"\nreassembly_buffers = 4'
     ),
     "orchestra": Network(ORCHESTRA),
+    "orchestra-secured": Network(ORCHESTRA, secured=True),
     "orchestra-root": Network(
         f'{ORCHESTRA}\nrules = ["eb-per-time-source", "special-for-root", "unicast-non-storing", "default-common"]'
     ),

@@ -4,7 +4,7 @@ from collections import Counter, defaultdict
 
 from audited_frames import TX_ACK_DELAY_NS, expect_none, faults_of
 from audited_networks import HOPPING_SEQUENCE, MOTES
-from dissection import GOOD, SLOT_NS
+from dissection import ACK, BEACON, DATA, GOOD, SLOT_NS
 
 ROOT = 0
 # Severities of Wireshark's expert information: chats and notes are less (retransmitted CoAP is a note).
@@ -18,8 +18,19 @@ def test_every_network_formed(audited):
 # What every frame has.
 
 
+# Acknowledgments do not name their sender, from whose address the nonce is made: Wireshark verifies none that is secured.
+NAMELESS = "No extended source address - can't decrypt"
+# To a pledge, whose token is empty: Wireshark finds no request for the response.
+WITHOUT_TOKEN = "Partial IV not found - can't decrypt"
+POST, CHANGED = ["2"], ["68"]
+
+
 def test_every_frame_dissects_without_malformation_or_warning(audited):
     def is_right(frame):
+        if frame.is_ack and frame.is_secured and frame["_ws.expert.message"] == [NAMELESS]:
+            return not frame["_ws.malformed"]
+        if audited.network.secured and frame["coap.code"] == CHANGED and not frame["coap.token"]:
+            return not frame["_ws.malformed"] and WITHOUT_TOKEN in frame["_ws.expert.message"]
         return not frame["_ws.malformed"] and all(int(level) < WARNING for level in frame["_ws.expert.severity"])
 
     frames = [*audited.frames, *(frame for frame in audited.datagrams if frame not in audited.frames)]
@@ -38,12 +49,90 @@ def test_frames_have_no_more_than_127_bytes(audited):
     faults_of(audited, audited.frames, lambda frame: frame.psdu_bytes <= 127, lambda frame: f"{frame.psdu_bytes} bytes")
 
 
-def test_frames_are_of_version_2_without_security_and_numbered(audited):
-    # IEEE Std 802.15.4-2015, 7.2.1; docs/network.md: link-layer security is off.
+def test_frames_are_of_version_2_and_numbered(audited):
+    # IEEE Std 802.15.4-2015, 7.2.1.
     def is_right(frame):
-        return (frame["wpan.version"], frame["wpan.security"], frame["wpan.seqno_suppression"]) == (["2"], ["0"], ["0"])
+        return (frame["wpan.version"], frame["wpan.seqno_suppression"]) == (["2"], ["0"])
 
-    faults_of(audited, audited.frames, is_right, lambda frame: f"{frame['wpan.version']} {frame['wpan.security']}")
+    faults_of(audited, audited.frames, is_right, lambda frame: f"{frame['wpan.version']} {frame['wpan.seqno_suppression']}")
+
+
+# Security.
+
+
+def test_only_frames_of_secured_networks_are_secured(audited):
+    # docs/network.md: link-layer security is off by default.
+    if not audited.network.secured:
+        faults_of(audited, audited.frames, lambda frame: not frame.is_secured, lambda frame: "secured")
+        return
+    n = Counter((frame.kind, frame.is_secured) for frame in audited.frames)
+    assert n[BEACON, True] >= 200 and n[BEACON, False] == 0, n
+    # Join messages on the link, and their acknowledgments: a request and a response for each mote but the root.
+    assert n[DATA, True] >= 200 and n[DATA, False] >= 2 * (MOTES - 1), n
+    assert n[ACK, True] >= 200 and n[ACK, False] >= 2 * (MOTES - 1), n
+
+
+def test_security_headers_are_those_of_rfc_8180(audited):
+    # RFC 8180, section 4.6: K1 authenticates beacons (level 1), K2 encrypts and authenticates all else (level 5). IEEE Std
+    # 802.15.4-2015, 9.4: key identifier mode 1, the frame counter suppressed, the ASN in the nonce.
+    def is_right(frame):
+        level, index = ("0x01", "0x01") if frame.is_beacon else ("0x05", "0x02")
+        return (
+            frame["wpan.aux_sec.sec_level"] == [level]
+            and frame["wpan.aux_sec.key_index"] == [index]
+            and frame["wpan.aux_sec.key_id_mode"] == ["0x01"]
+            and frame["wpan.aux_sec.frame_counter_suppression"] == ["1"]
+            and frame["wpan.aux_sec.asn_in_nonce"] == ["1"]
+            and len(frame["wpan.mic"]) == 1
+        )
+
+    faults_of(audited, secured(audited), is_right, lambda frame: f"level {frame['wpan.aux_sec.sec_level']}", least(audited))
+
+
+def test_message_integrity_codes_are_right(audited):
+    # OpenSSL's AES, keys, sender and slot: all secured frames, acknowledgments among them.
+    faults_of(audited, secured(audited), lambda frame: frame.mic_is_right, lambda frame: "MIC", least(audited))
+
+
+def test_unsecured_frames_of_secured_networks_are_those_of_pledges_and_their_proxies(audited):
+    # RFC 9031, section 5. A pledge becomes a mote with keys once: what it sends is not secured before, and secured after.
+    if not audited.network.secured:
+        return
+    first_secured = {}
+    for frame in audited.frames:
+        if frame.is_data and frame.is_secured:
+            first_secured.setdefault(frame.source, frame.time_ns)
+    unsecured = [frame for frame in audited.frames if frame.is_data and not frame.is_secured]
+
+    def is_right(frame):
+        return frame["udp.dstport"] == ["5683"] or frame.time_ns < first_secured[frame.source]
+
+    faults_of(audited, unsecured, is_right, lambda frame: f"{frame['udp.dstport']}", 2 * (MOTES - 1))
+    answered = [(ack, frame) for ack, frame in audited.answered if frame]
+    unlike = (audited.says(ack, "not secured as its frame") for ack, frame in answered if ack.is_secured != frame.is_secured)
+    expect_none(unlike, len(answered), 200)
+
+
+def test_join_messages_of_secured_networks_are_protected_by_oscore(audited):
+    # RFC 9031, section 8.1; RFC 8613: Wireshark decrypts what it finds the context and the request of.
+    messages = [frame for frame in audited.datagrams if frame["coap.code"] and (frame["coap.code"] == POST or frame["coap.token"])]
+
+    def is_right(frame):
+        path = ["j"] if frame["coap.code"] == POST else []
+        protected = (frame["coap.code"], path, 1)
+        expected = protected if audited.network.secured else ([], [], 0)
+        return (frame["oscore.code"], frame["oscore.opt.uri_path"], len(frame["oscore.tag"])) == expected
+
+    faults_of(audited, messages, is_right, lambda frame: f"{frame['coap.code']}: {frame['oscore.code']}", 2 * (MOTES - 1))
+
+
+def secured(audited):
+    return [frame for frame in audited.frames if frame.is_secured]
+
+
+def least(audited):
+    """How many frames an audit of secured frames must find."""
+    return 1000 if audited.network.secured else 0
 
 
 def test_addresses_and_pan_identifiers_are_compressed_as_table_7_2_says(audited):

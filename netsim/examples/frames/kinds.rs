@@ -7,6 +7,7 @@ use netsim::wire::frame::{
     BeaconRepr, BeaconSlotframe, Content, FrameRepr, NETWORK_PAN, payload_room,
 };
 use netsim::wire::rpl::{DaoAckRepr, DaoRepr, DioRepr, DisRepr, DodagConfiguration, RplMessage};
+use netsim::wire::security::FrameSecurity;
 use netsim::wire::sixp::{
     AnswerContent, CellOptions, CellRequest, ReturnCode, SixpAnswer, SixpBody, SixpCell, SixpRepr,
     SixpRequest,
@@ -47,6 +48,7 @@ fn frame(from: u32, to: Option<u32>, content: Content) -> FrameRepr {
         sequence: 1,
         ack_request: to.is_some(),
         pending: false,
+        security: FrameSecurity::Unsecured,
         slots: None,
         content,
     }
@@ -173,6 +175,7 @@ fn join() -> [FrameRepr; 4] {
         pledge,
         proxy_state,
         key_index: 1,
+        keys: None,
         join_rate_bytes_s: None,
     };
     let coap = |message: CojpRepr, datagram: Datagram| Datagram {
@@ -222,7 +225,7 @@ fn data() -> Vec<FrameRepr> {
         unfragmented(1, None, everyone),
     ];
     for datagram in [udp(1, 0, 200), up(udp(2, 0, 200))] {
-        let room = payload_room(Some(Eui64::of_mote(0)));
+        let room = payload_room(Some(Eui64::of_mote(0)), FrameSecurity::Unsecured);
         let tag = datagram.rpi.map_or(1, |_| 2);
         let fragments = Arc::new(datagram).fragment(tag, room).unwrap_or_default();
         for fragment in fragments {

@@ -7,6 +7,7 @@ mod kinds;
 
 use netsim::wire::Eui64;
 use netsim::wire::frame::AckRepr;
+use netsim::wire::security::FrameSecurity;
 use netsim::wire::tap;
 use std::io::{self, Write};
 
@@ -23,5 +24,5 @@ fn main() -> io::Result<()> {
 }
 
 fn ack(destination: Eui64, sequence: u8) -> AckRepr {
-    AckRepr { destination, sequence, time_correction_us: -31 }
+    AckRepr { destination, sequence, time_correction_us: -31, security: FrameSecurity::Unsecured }
 }

@@ -1,7 +1,7 @@
 //! The keys of `mode = "6tisch"`.
 
 use super::compat::{self, Compat};
-use super::{admission, energy, lowpan, mac, mobility, rpl, swarm};
+use super::{admission, energy, lowpan, mac, mobility, rpl, security, swarm};
 use crate::app;
 use crate::catalogue::Catalogue;
 use crate::mac::effect;
@@ -60,6 +60,12 @@ pub(super) const FIELDS: &[Field] = &[
         default: Default::Table,
     },
     Field {
+        key: "security",
+        doc: "Security of frames and of admission. Absent: nothing is secured.",
+        kind: Kind::Table(&security::SPEC),
+        default: Default::Absent,
+    },
+    Field {
         key: "app",
         doc: "Applications: packets that motes send in addition to the robots' payloads.",
         kind: Kind::Tables(&app::config::SPEC),
@@ -113,6 +119,7 @@ struct Keys {
     mobility: toml::Table,
     lowpan: toml::Table,
     join: toml::Table,
+    security: Option<toml::Table>,
     #[serde(default)]
     app: Vec<toml::Table>,
     swarm: toml::Table,
@@ -186,7 +193,9 @@ pub(super) fn build(
     mac.pending_bit |= mobility.bursts;
     mac.bursts_beside_everyone = mobility.bursts;
     mac.scans_hopping = mobility.scan_hopping;
-    let join = admission::build(&keys.join);
+    let mut join = admission::build(&keys.join);
+    join.security =
+        security::build(keys.security.as_ref(), &key_path("security"), compat, problems);
     if join.secure && !rpl.advertises && roots.len() + 1 < given.agent_count {
         warnings.push(format!(
             "{}: without routes down the registrar's answers reach only motes that hear a root and join through it; \

@@ -4,6 +4,7 @@ use super::{Config, Outgoing};
 use crate::dice::Dice;
 use crate::wire::Eui64;
 use crate::wire::cojp::CojpRepr;
+use crate::wire::oscore::Context;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -29,6 +30,9 @@ enum State {
         proxy: Eui64,
         /// Of the request, the same for all repetitions: a late response to any of them counts.
         message_id: u16,
+        /// Sender sequence number of the first request. Each repetition has the next one: the registrar does not answer a
+        /// number twice (RFC 8613, § 7.4).
+        first_sequence: u32,
         /// Requests sent.
         n_sent: u8,
         /// How long it waits after the last one (ns).
@@ -47,6 +51,9 @@ pub struct Pledge {
     own: Eui64,
     state: State,
     outgoing: Option<Outgoing>,
+    /// Sender sequence number of the next request under OSCORE. It is never used again, not after a restart either
+    /// (RFC 9031, § 7.3.1).
+    sequence: u32,
     /// The join rate from the registrar.
     join_rate_bytes_s: Option<u32>,
     events: VecDeque<Event>,
@@ -57,7 +64,15 @@ impl Pledge {
     #[must_use]
     pub fn new(config: Config, own: Eui64) -> Self {
         let (state, outgoing, join_rate_bytes_s) = (State::Idle, None, None);
-        Self { config, own, state, outgoing, join_rate_bytes_s, events: VecDeque::new() }
+        Self {
+            config,
+            own,
+            state,
+            outgoing,
+            sequence: 0,
+            join_rate_bytes_s,
+            events: VecDeque::new(),
+        }
     }
 
     /// A mote that needs not ask: a root.
@@ -87,7 +102,9 @@ impl Pledge {
         let timeout_ns = dice.duration_ns(timeout_min_ns, timeout_max_ns);
         let message_id = dice.word() as u16;
         let until_ns = now_ns + timeout_ns;
-        self.state = State::Waiting { proxy, message_id, n_sent: 1, timeout_ns, until_ns };
+        let first_sequence = self.sequence;
+        self.state =
+            State::Waiting { proxy, message_id, first_sequence, n_sent: 1, timeout_ns, until_ns };
         self.request(proxy, message_id);
     }
 
@@ -100,13 +117,30 @@ impl Pledge {
 
     /// A response has come. Only one to the request that is open admits.
     pub fn handle_response(&mut self, response: &CojpRepr) {
-        let State::Waiting { message_id: open, .. } = self.state else { return };
-        let CojpRepr::Response { message_id, pledge, proxy_state: None, join_rate_bytes_s, .. } =
-            *response
+        let State::Waiting { message_id: open, first_sequence, .. } = self.state else { return };
+        let unprotected = self.config.security.map(|security| {
+            let context = Context::of_pledge(&security.join_key, self.own);
+            response.unprotect_response(&context, first_sequence..self.sequence, self.own)
+        });
+        let response = match &unprotected {
+            None => response,
+            Some(Some(response)) => response,
+            // Not authentic.
+            Some(None) => return,
+        };
+        let CojpRepr::Response {
+            message_id,
+            pledge,
+            proxy_state: None,
+            join_rate_bytes_s,
+            keys,
+            ..
+        } = *response
         else {
             return;
         };
-        if message_id == open && pledge == self.own {
+        let brings_keys = keys == self.config.security.map(|security| security.keys);
+        if message_id == open && pledge == self.own && brings_keys {
             self.state = State::Joined;
             self.outgoing = None;
             self.join_rate_bytes_s = join_rate_bytes_s;
@@ -142,7 +176,8 @@ impl Pledge {
 
     /// The response has not come in time: ask again and wait twice as long, or give up.
     pub fn handle_timeout(&mut self, now_ns: u64) {
-        let State::Waiting { proxy, message_id, n_sent, timeout_ns, until_ns } = &mut self.state
+        let State::Waiting { proxy, message_id, n_sent, timeout_ns, until_ns, .. } =
+            &mut self.state
         else {
             return;
         };
@@ -173,8 +208,13 @@ impl Pledge {
 
     fn request(&mut self, proxy: Eui64, message_id: u16) {
         let network_id = self.config.network_id;
-        let message =
+        let mut message =
             CojpRepr::Request { message_id, pledge: self.own, proxy_state: None, network_id };
+        if let Some(security) = self.config.security {
+            let context = Context::of_pledge(&security.join_key, self.own);
+            message = message.protect(&context, self.sequence);
+            self.sequence += 1;
+        }
         let (source, destination) = (self.own.link_local(), proxy.link_local());
         self.outgoing = Some(Outgoing { source, destination, dscp: 0, message });
     }

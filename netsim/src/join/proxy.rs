@@ -45,19 +45,26 @@ impl Proxy {
         root: Option<Ipv6Addr>,
         now_ns: u64,
     ) -> Result<Outgoing, DropReason> {
-        let CojpRepr::Request { message_id, pledge, proxy_state: None, network_id } = *request
-        else {
-            return Err(DropReason::Malformed);
-        };
         if !source.is_unicast_link_local() {
             return Err(DropReason::Malformed);
         }
-        if network_id != self.config.network_id {
-            return Err(DropReason::JoinDenied);
+        let mut message = request.clone();
+        let proxy_state = match &mut message {
+            // Only the registrar reads for which network a protected one is.
+            CojpRepr::ProtectedRequest { proxy_state, .. } => proxy_state,
+            CojpRepr::Request { network_id, .. } if *network_id != self.config.network_id => {
+                return Err(DropReason::JoinDenied);
+            }
+            CojpRepr::Request { proxy_state, .. } => proxy_state,
+            CojpRepr::Response { .. } | CojpRepr::ProtectedResponse { .. } => {
+                return Err(DropReason::Malformed);
+            }
+        };
+        if proxy_state.is_some() {
+            return Err(DropReason::Malformed);
         }
+        *proxy_state = Some(Eui64::of_ip(source));
         let destination = root.ok_or(DropReason::NoRoute)?;
-        let proxy_state = Some(Eui64::of_ip(source));
-        let message = CojpRepr::Request { message_id, pledge, proxy_state, network_id };
         self.spend(message.buffer_len(), now_ns)?;
         Ok(Outgoing { source: self.own.global(), destination, dscp: code_points::AF43, message })
     }
@@ -68,19 +75,13 @@ impl Proxy {
     ///
     /// It is no response for a pledge on the link.
     pub fn handle_response(&self, response: &CojpRepr) -> Result<Outgoing, DropReason> {
-        let CojpRepr::Response {
-            message_id,
-            pledge,
-            proxy_state: Some(to),
-            key_index,
-            join_rate_bytes_s,
-        } = *response
+        let mut message = response.clone();
+        let (CojpRepr::Response { proxy_state, .. }
+        | CojpRepr::ProtectedResponse { proxy_state, .. }) = &mut message
         else {
             return Err(DropReason::Malformed);
         };
-        let proxy_state = None;
-        let message =
-            CojpRepr::Response { message_id, pledge, proxy_state, key_index, join_rate_bytes_s };
+        let to = proxy_state.take().ok_or(DropReason::Malformed)?;
         let (source, destination) = (self.own.link_local(), to.link_local());
         Ok(Outgoing { source, destination, dscp: 0, message })
     }

@@ -147,6 +147,7 @@ fn only_the_response_to_the_open_request_admits() {
         pledge,
         proxy_state,
         key_index: 1,
+        keys: None,
         join_rate_bytes_s: None,
     };
     pledge.handle_response(&response(0, mote(5), None));
@@ -361,4 +362,85 @@ proptest! {
         let copy: Pledge = postcard::from_bytes(&bytes).unwrap();
         prop_assert_eq!(&copy, &pledge);
     }
+}
+
+const SECURED: Config = Config {
+    secure: true,
+    network_id: crate::wire::frame::NETWORK_PAN,
+    timeout_min_ns: 10_000_000_000,
+    timeout_max_ns: 15_000_000_000,
+    max_retransmit: 4,
+    join_rate_bytes_s: None,
+    join_burst_bytes: None,
+    security: Some(Security { keys: Keys { k1: [1; 16], k2: [2; 16] }, join_key: [3; 16] }),
+};
+
+#[test]
+fn in_a_secured_network_only_pledge_and_registrar_read_what_they_say() {
+    let mut pledge = Pledge::new(SECURED, mote(5));
+    let mut proxy = Proxy::new(SECURED, mote(1));
+    let mut registrar = Registrar::new(SECURED, mote(0), vec![]);
+    pledge.start(mote(1), 0, &mut dice(5));
+    let first = pledge.poll_transmit().unwrap();
+    assert!(matches!(first.message, CojpRepr::ProtectedRequest { sequence: 0, .. }));
+    // The first request is lost; a repetition has another number.
+    pledge.handle_timeout(pledge.poll_timeout().unwrap());
+    let second = pledge.poll_transmit().unwrap();
+    let CojpRepr::ProtectedRequest { sequence: 1, pledge: named, .. } = second.message else {
+        panic!("{second:?}")
+    };
+    assert_eq!(named, mote(5));
+    let passed =
+        proxy.handle_request(second.source, &second.message, Some(root()), 4_000_000_000).unwrap();
+    let answer = registrar.handle_request(passed.source, &passed.message, 0).unwrap();
+    assert!(matches!(answer.message, CojpRepr::ProtectedResponse { .. }));
+    // Said again, it is a replay.
+    let again = registrar.handle_request(passed.source, &passed.message, 0);
+    assert_eq!(again.unwrap_err(), DropReason::Duplicate);
+    let answer = proxy.handle_response(&answer.message).unwrap();
+    assert_eq!(answer.destination, mote(5).link_local());
+    let mut changed = answer.message.clone();
+    let CojpRepr::ProtectedResponse { ciphertext, .. } = &mut changed else { panic!() };
+    ciphertext[0] ^= 1;
+    pledge.handle_response(&changed);
+    assert!(!pledge.is_joined());
+    pledge.handle_response(&answer.message);
+    assert!(pledge.is_joined());
+    // A late answer to the first request changes nothing.
+    assert!(registrar.handle_request(first.source, &first.message, 0).is_ok());
+}
+
+#[test]
+fn in_a_secured_network_what_is_not_protected_admits_nobody() {
+    let mut registrar = Registrar::new(SECURED, mote(0), vec![]);
+    let mut open = Pledge::new(Config::default(), mote(5));
+    open.start(mote(0), 0, &mut dice(5));
+    let request = open.poll_transmit().unwrap();
+    let refused = registrar.handle_request(request.source, &request.message, 0);
+    assert_eq!(refused.unwrap_err(), DropReason::JoinDenied);
+    // Nor does the key of somebody else.
+    let other = Security { join_key: [4; 16], ..SECURED.security.unwrap() };
+    let mut stranger = Pledge::new(Config { security: Some(other), ..SECURED }, mote(5));
+    stranger.start(mote(0), 0, &mut dice(5));
+    let request = stranger.poll_transmit().unwrap();
+    let refused = registrar.handle_request(request.source, &request.message, 0);
+    assert_eq!(refused.unwrap_err(), DropReason::JoinDenied);
+    assert_eq!(registrar.n_admitted(), 0);
+
+    let mut pledge = Pledge::new(SECURED, mote(5));
+    pledge.start(mote(0), 0, &mut dice(5));
+    let CojpRepr::ProtectedRequest { message_id, .. } = pledge.poll_transmit().unwrap().message
+    else {
+        panic!()
+    };
+    let (proxy_state, keys) = (None, Some(SECURED.security.unwrap().keys));
+    pledge.handle_response(&CojpRepr::Response {
+        message_id,
+        pledge: mote(5),
+        proxy_state,
+        key_index: 1,
+        keys,
+        join_rate_bytes_s: None,
+    });
+    assert!(!pledge.is_joined());
 }

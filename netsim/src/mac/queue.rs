@@ -263,6 +263,7 @@ mod tests {
     use super::Priority::{Data, ForwardedRequest, Join, Routing, Sixp, Time};
     use super::*;
     use crate::wire::datagram::{Datagram, UdpRepr};
+    use crate::wire::security::FrameSecurity;
 
     fn frame(packet: u64, priority: Priority) -> Queued {
         Queued {
@@ -272,6 +273,7 @@ mod tests {
                 sequence: 0,
                 ack_request: true,
                 pending: false,
+                security: FrameSecurity::Unsecured,
                 slots: None,
                 content: Content::KeepAlive,
             },

@@ -1,6 +1,8 @@
 //! The radio's traffic as records of a capture file.
 
+use crate::wire::Eui64;
 use crate::wire::frame::{AckRepr, FrameRepr};
+use crate::wire::security::Keys;
 use crate::wire::tap;
 use bytes::Bytes;
 
@@ -8,6 +10,8 @@ use bytes::Bytes;
 #[derive(Clone, Debug, Default)]
 pub struct Capture {
     wanted: bool,
+    /// What frames are secured with, in a secured network: captures have the octets that are on the air.
+    keys: Option<Keys>,
     records: Vec<u8>,
     /// What was sent in this slot, each record with its time (ns).
     slot: Vec<(u64, Vec<u8>)>,
@@ -16,21 +20,29 @@ pub struct Capture {
 impl Capture {
     /// Captures, or not.
     #[must_use]
-    pub fn new(wanted: bool) -> Self {
-        Self { wanted, ..Self::default() }
+    pub fn new(wanted: bool, keys: Option<Keys>) -> Self {
+        Self { wanted, keys, ..Self::default() }
     }
 
     /// A frame was sent, whose first symbol was on the air at `begins_ns` (true time).
     pub fn frame(&mut self, asn: u64, begins_ns: u64, channel: u8, frame: &FrameRepr) {
         if self.wanted {
-            self.record(asn, begins_ns, channel, &frame.to_vec());
+            let psdu = match &self.keys {
+                Some(keys) => frame.to_secured_vec(keys, asn),
+                None => frame.to_vec(),
+            };
+            self.record(asn, begins_ns, channel, &psdu);
         }
     }
 
-    /// An acknowledgment was sent.
-    pub fn ack(&mut self, asn: u64, begins_ns: u64, channel: u8, ack: &AckRepr) {
+    /// An acknowledgment was sent by `source`.
+    pub fn ack(&mut self, asn: u64, begins_ns: u64, channel: u8, source: Eui64, ack: &AckRepr) {
         if self.wanted {
-            self.record(asn, begins_ns, channel, &ack.to_vec());
+            let psdu = match &self.keys {
+                Some(keys) => ack.to_secured_vec(keys, source, asn),
+                None => ack.to_vec(),
+            };
+            self.record(asn, begins_ns, channel, &psdu);
         }
     }
 
@@ -53,15 +65,16 @@ impl Capture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::Eui64;
+    use crate::wire::security::FrameSecurity;
 
     #[test]
     fn what_is_sent_in_a_slot_is_in_the_order_in_which_it_began() {
-        let mut capture = Capture::new(true);
+        let mut capture = Capture::new(true, None);
         for (destination, begins_ns) in [(1, 77_376_000), (2, 74_272_000), (3, 75_232_000)] {
-            let ack =
-                AckRepr { destination: Eui64(destination), sequence: 0, time_correction_us: 0 };
-            capture.ack(7, begins_ns, 15, &ack);
+            let destination = Eui64(destination);
+            let security = FrameSecurity::Unsecured;
+            let ack = AckRepr { destination, sequence: 0, time_correction_us: 0, security };
+            capture.ack(7, begins_ns, 15, Eui64::of_mote(0), &ack);
         }
         assert_eq!(capture.take().len(), 0);
         capture.end_slot();

@@ -160,7 +160,8 @@ impl Mesh {
         {
             links = links.without_levels();
         }
-        let capture = Capture::new(records.contains(&NetRecord::Capture));
+        let keys = settings.join.security.map(|security| security.keys);
+        let capture = Capture::new(records.contains(&NetRecord::Capture), keys);
         let frames = FrameLog::new(records.contains(&NetRecord::Frames));
         let has_oracle = settings.sf.as_kind::<OracleConfig>().is_some();
         Self {

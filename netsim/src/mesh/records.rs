@@ -12,7 +12,7 @@ use proto::types::{
     self, Bitmap, Formation, HeardLinks, MoteStates, MoteStatistics, NetRecord, Schedule, Statistic,
 };
 
-/// Length of an enhanced acknowledgment (PSDU, bytes): 64-bit destination and a time correction.
+/// Length of an enhanced acknowledgment that is not secured (PSDU, bytes): 64-bit destination and a time correction.
 pub const ACK_BYTES: u16 = 19;
 
 impl Mesh {
@@ -188,6 +188,9 @@ impl Mesh {
             first("first_joined_ns", &|mote| mote.tally.first_joined_ns),
             first("first_ready_ns", &|mote| mote.tally.first_ready_ns),
         ];
+        if self.settings.is_secured() {
+            columns.push(count("security_drops", "frames", &|mote| mote.tally.n_insecure));
+        }
         if self.settings.battery_deaths {
             columns
                 .push(count("battery_empty", "", &|mote| u64::from(self.is_empty(mote.id, asn))));

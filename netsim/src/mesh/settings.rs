@@ -15,6 +15,7 @@ use crate::wire::Eui64;
 use crate::wire::datagram::{Datagram, Upper};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr, MAX_PSDU, payload_room};
+use crate::wire::security::FrameSecurity;
 
 /// Settings of the network, the same for all motes, as checked from the configuration.
 #[derive(Clone, Debug)]
@@ -110,14 +111,30 @@ impl Settings {
         bytes.clamp(LEAST_PSDU, MAX_PSDU) as u16
     }
 
+    /// Whether frames are secured.
+    #[inline]
+    #[must_use]
+    pub fn is_secured(&self) -> bool {
+        self.join.security.is_some()
+    }
+
     /// Room (bytes) for a datagram, or a part of it, in a frame.
     #[must_use]
-    pub fn room(&self, datagram: &Datagram, next_hop: Option<Eui64>) -> usize {
+    pub fn room(
+        &self,
+        datagram: &Datagram,
+        next_hop: Option<Eui64>,
+        security: FrameSecurity,
+    ) -> usize {
         let is_short = match &datagram.upper {
             Upper::Udp(udp) => udp.payload.len() <= PEER_FRAME_BYTES,
             Upper::Rpl(_) => true,
         };
-        if self.compat.no_frame_overhead && is_short { usize::MAX } else { payload_room(next_hop) }
+        if self.compat.no_frame_overhead && is_short {
+            usize::MAX
+        } else {
+            payload_room(next_hop, security)
+        }
     }
 
     /// Slots of a control period that is one slotframe.

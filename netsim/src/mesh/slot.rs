@@ -114,7 +114,7 @@ impl Mesh {
             };
             let (beacon, psdu_bytes) = match &mut transmission.outgoing {
                 Outgoing::Beacon => {
-                    let mut beacon = node.beacon(asn, self.config.announced_ids());
+                    let mut beacon = node.beacon(&self.settings, asn, self.config.announced_ids());
                     let bytes = announce(&mut beacon);
                     let bytes = bytes.unwrap_or_else(|| self.settings.psdu_bytes(&beacon));
                     (Some(beacon), bytes)
@@ -328,6 +328,11 @@ impl Mesh {
         let received_ns = at_ns(asn, self.config.slot_ns, on_air.ends_ns())
             .clamp(now_ns, now_ns + self.config.slot_ns - 1);
         self.note_heard(mote, sent.sender, rssi_dbm);
+        let node = &mut self.state.motes[mote as usize];
+        if !node.takes(&self.settings, sent.frame()) {
+            node.tally.n_insecure += 1;
+            return self.note_use(mote, listening, SlotUse::Overhear { bytes });
+        }
         if let (Some(payload), false) = (sent.payload, listening.scans) {
             // The swarm's payload for everyone: nothing above the MAC changes but what the robot knows.
             let frame = sent.frame();
@@ -400,10 +405,14 @@ impl Mesh {
             }
             sent.answered_by = Some(mote);
             sent.correction_ns = expected_ns - on_air.starts_ns;
+            let security = sent.frame().security;
+            if security.is_secured() {
+                self.state.motes[mote as usize].tally.usage.secured_acks_sent += 1;
+            }
             self.scratch.answers.push(Acknowledgment {
                 transmission: index,
                 receiver: mote,
-                psdu_bytes: ACK_BYTES,
+                psdu_bytes: ACK_BYTES + security.overhead() as u16,
             });
         }
     }
@@ -421,10 +430,12 @@ impl Mesh {
                 destination: frame.source,
                 sequence: frame.sequence,
                 time_correction_us: (sent.correction_ns / 1000).clamp(-2048, 2047) as i16,
+                security: frame.security,
             };
             let on_air = &self.scratch.on_air[answer.transmission as usize];
             let begins_ns = at_ns(asn, self.config.slot_ns, on_air.ends_ns() + TX_ACK_DELAY_NS);
-            self.capture.ack(asn, begins_ns, sent.transmission.channel, &ack);
+            let source = self.addresses.eui64(answer.receiver);
+            self.capture.ack(asn, begins_ns, sent.transmission.channel, source, &ack);
         }
         let slot = Slot { asn, begins_ns: now_ns };
         let Self { scratch, links, medium, settings, seed, .. } = self;
@@ -439,6 +450,7 @@ impl Mesh {
 
     /// What became of a transmission.
     fn finish(&mut self, sent: Sending, asn: u64) {
+        let is_secured = sent.frame().security.is_secured();
         let Sending { sender, transmission, psdu_bytes: bytes, answered_by, acknowledged, .. } =
             sent;
         let now_ns = asn * self.config.slot_ns;
@@ -456,6 +468,7 @@ impl Mesh {
         node.mac.spend_airtime(bytes, now_ns);
         node.tally.n_tx += 1;
         node.tally.n_retransmissions += u64::from(is_retransmission);
+        node.tally.usage.secured_acks_received += u64::from(acknowledged && is_secured);
         node.tally.usage.count(if is_unicast {
             node.tally.n_tx_unicast += 1;
             node.tally.n_tx_acked += u64::from(acknowledged);

@@ -75,27 +75,32 @@ impl Mote {
         let hops = hops_of(datagram);
         let (now_ns, received_ns) = (world.now_ns, world.received_ns);
         let answer = match &message {
-            CojpRepr::Request { pledge, .. } => match &mut self.registrar {
-                Some(registrar) => {
-                    let answer = registrar.handle_request(datagram.source, &message, now_ns);
-                    answer.map(|answer| {
-                        world.packets.deliver(datagram.packet, received_ns, hops);
-                        let packet = self.begin_join(world, *pledge, &answer);
-                        (answer, packet)
-                    })
+            CojpRepr::Request { pledge, .. } | CojpRepr::ProtectedRequest { pledge, .. } => {
+                match &mut self.registrar {
+                    Some(registrar) => {
+                        let answer = registrar.handle_request(datagram.source, &message, now_ns);
+                        answer.map(|answer| {
+                            world.packets.deliver(datagram.packet, received_ns, hops);
+                            let packet = self.begin_join(world, *pledge, &answer);
+                            (answer, packet)
+                        })
+                    }
+                    None if self.joined => {
+                        let root = self.rpl.dodag_id();
+                        let passed =
+                            self.proxy.handle_request(datagram.source, &message, root, now_ns);
+                        passed.map(|passed| Self::pass_on(world, datagram.packet, passed, hops))
+                    }
+                    None => Err(DropReason::NotJoined),
                 }
-                None if self.joined => {
-                    let root = self.rpl.dodag_id();
-                    let passed = self.proxy.handle_request(datagram.source, &message, root, now_ns);
-                    passed.map(|passed| Self::pass_on(world, datagram.packet, passed, hops))
-                }
-                None => Err(DropReason::NotJoined),
-            },
-            CojpRepr::Response { proxy_state: Some(_), .. } => {
+            }
+            CojpRepr::Response { proxy_state: Some(_), .. }
+            | CojpRepr::ProtectedResponse { proxy_state: Some(_), .. } => {
                 let passed = self.proxy.handle_response(&message);
                 passed.map(|passed| Self::pass_on(world, datagram.packet, passed, hops))
             }
-            CojpRepr::Response { proxy_state: None, .. } => {
+            CojpRepr::Response { proxy_state: None, .. }
+            | CojpRepr::ProtectedResponse { proxy_state: None, .. } => {
                 world.packets.deliver(datagram.packet, received_ns, hops);
                 self.pledge.handle_response(&message);
                 return;

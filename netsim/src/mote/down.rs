@@ -121,7 +121,8 @@ impl Mote {
         next_hop: Option<Eui64>,
     ) {
         let packet = datagram.packet;
-        let room = world.settings.room(&datagram, next_hop);
+        let security = self.datagram_security(world.settings, &datagram);
+        let room = world.settings.room(&datagram, next_hop, security);
         match self.lowpan.send(Arc::new(datagram), next_hop, room) {
             Ok(parts) => {
                 for part in parts {
@@ -203,7 +204,8 @@ impl Mote {
             route: None,
             upper,
         };
-        let room = settings.room(&datagram, Some(to));
+        let security = self.datagram_security(settings, &datagram);
+        let room = settings.room(&datagram, Some(to), security);
         let parts = self.lowpan.send(Arc::new(datagram), Some(to), room)?;
         let length = |part| {
             settings.psdu_bytes(&FrameRepr {
@@ -212,6 +214,7 @@ impl Mote {
                 sequence: 0,
                 ack_request: true,
                 pending: false,
+                security,
                 slots: None,
                 content: Content::Lowpan(part),
             })
@@ -278,6 +281,7 @@ impl Mote {
             sequence: 0,
             ack_request: destination.is_some(),
             pending: false,
+            security: self.content_security(world.settings, &content),
             slots: None,
             content,
         };

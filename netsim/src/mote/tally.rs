@@ -20,6 +20,8 @@ pub struct Tally {
     pub n_retransmissions: u64,
     /// Frames received, whether new or repeated.
     pub n_rx: u64,
+    /// Those of them that were dropped because they were not secured by a key that the mote has.
+    pub n_insecure: u64,
     /// Packets dropped because the queue was full.
     pub n_queue_drops: u64,
     /// Payloads of the swarm that a newer one replaced before they were sent.

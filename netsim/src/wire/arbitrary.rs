@@ -6,6 +6,7 @@ use super::datagram::{Datagram, RpiRepr, SourceRoute, UdpRepr, Upper};
 use super::fragment::LowpanRepr;
 use super::frame::{AckRepr, BeaconRepr, BeaconSlotframe, Content, FrameRepr};
 use super::rpl::{DaoAckRepr, DaoRepr, DioRepr, DisRepr, DodagConfiguration, RplMessage};
+use super::security::{FrameSecurity, Keys};
 use super::sixp::{
     AnswerContent, CellOptions, CellRequest, ReturnCode, SixpAnswer, SixpBody, SixpCell, SixpRepr,
     SixpRequest,
@@ -179,15 +180,37 @@ pub(crate) fn rpl() -> impl Strategy<Value = RplMessage> {
 
 pub(crate) fn cojp() -> impl Strategy<Value = CojpRepr> {
     let rate = option::of((any::<u32>(), 0..32).prop_map(|(rate, shift)| rate >> shift));
-    (any::<(bool, bool)>(), any::<(u16, u16, u8)>(), eui64(), rate).prop_map(
-        |((is_request, is_proxied), (message_id, network_id, key_index), pledge, rate)| {
+    let keys = option::of(any::<([u8; 16], [u8; 16])>());
+    (any::<(bool, bool)>(), any::<(u16, u16, u8)>(), eui64(), (rate, keys)).prop_map(
+        |((is_request, is_proxied), (message_id, network_id, key_index), pledge, (rate, keys))| {
             let pledge = Eui64(pledge.0 & !(1 << 56));
             let proxy_state = is_proxied.then_some(pledge);
             if is_request {
                 CojpRepr::Request { message_id, pledge, proxy_state, network_id }
             } else {
-                let join_rate_bytes_s = rate;
-                CojpRepr::Response { message_id, pledge, proxy_state, key_index, join_rate_bytes_s }
+                CojpRepr::Response {
+                    message_id,
+                    pledge,
+                    proxy_state,
+                    key_index: if keys.is_some() { 1 } else { key_index },
+                    keys: keys.map(|(k1, k2)| Keys { k1, k2 }),
+                    join_rate_bytes_s: rate,
+                }
+            }
+        },
+    )
+}
+
+pub(crate) fn protected_cojp() -> impl Strategy<Value = CojpRepr> {
+    let sequence = (any::<u32>(), 0..32).prop_map(|(sequence, shift)| sequence >> shift);
+    (any::<(bool, bool, u16)>(), eui64(), sequence, vec(any::<u8>(), 0..64)).prop_map(
+        |((is_request, is_proxied, message_id), pledge, sequence, ciphertext)| {
+            let pledge = Eui64(pledge.0 & !(1 << 56));
+            let proxy_state = is_proxied.then_some(pledge);
+            if is_request {
+                CojpRepr::ProtectedRequest { message_id, pledge, sequence, proxy_state, ciphertext }
+            } else {
+                CojpRepr::ProtectedResponse { message_id, proxy_state, ciphertext }
             }
         },
     )
@@ -278,20 +301,33 @@ pub(crate) fn frame() -> impl Strategy<Value = (FrameRepr, Option<Ipv6Addr>)> {
         },
     );
     let link = prop_oneof![
-        (beacon, eui64(), option::of(eui64())).prop_map(|(c, s, d)| (c, s, d, None)),
-        (sixp(), eui64(), option::of(eui64())).prop_map(|(c, s, d)| (Content::Sixp(c), s, d, None)),
-        (eui64(), option::of(eui64())).prop_map(|(s, d)| (Content::KeepAlive, s, d, None)),
-        datagram(80).prop_map(|(datagram, source, destination)| {
-            let root = datagram.route.as_ref().map(|route| route.root);
-            let content = Content::Lowpan(LowpanRepr::Whole(Arc::new(datagram)));
-            (content, source, destination, root)
-        }),
+        (beacon, eui64(), option::of(eui64())).prop_map(|(c, s, d)| (c, s, d, None)).boxed(),
+        (sixp(), eui64(), option::of(eui64()))
+            .prop_map(|(c, s, d)| (Content::Sixp(c), s, d, None))
+            .boxed(),
+        (eui64(), option::of(eui64())).prop_map(|(s, d)| (Content::KeepAlive, s, d, None)).boxed(),
+        datagram(80)
+            .prop_map(|(datagram, source, destination)| {
+                let root = datagram.route.as_ref().map(|route| route.root);
+                let content = Content::Lowpan(LowpanRepr::Whole(Arc::new(datagram)));
+                (content, source, destination, root)
+            })
+            .boxed(),
     ];
     (link, any::<(u8, bool, bool)>(), option::of(slots())).prop_map(
         |((content, source, destination, root), (sequence, ack_request, pending), slots)| {
             let slots = slots.map(Box::new);
-            let frame =
-                FrameRepr { source, destination, sequence, ack_request, pending, slots, content };
+            let security = FrameSecurity::Unsecured;
+            let frame = FrameRepr {
+                source,
+                destination,
+                sequence,
+                ack_request,
+                pending,
+                security,
+                slots,
+                content,
+            };
             (frame, root)
         },
     )
@@ -299,6 +335,7 @@ pub(crate) fn frame() -> impl Strategy<Value = (FrameRepr, Option<Ipv6Addr>)> {
 
 pub(crate) fn ack() -> impl Strategy<Value = AckRepr> {
     (eui64(), any::<u8>(), -2048_i16..2048).prop_map(|(destination, sequence, correction)| {
-        AckRepr { destination, sequence, time_correction_us: correction }
+        let security = FrameSecurity::Unsecured;
+        AckRepr { destination, sequence, time_correction_us: correction, security }
     })
 }

@@ -4,10 +4,11 @@ mod bytes;
 mod parse;
 
 pub use bytes::{MAX_PSDU, NETWORK_PAN, fcs, payload_room};
-pub use parse::Envelope;
+pub use parse::{Envelope, unsecure};
 
 use super::address::Eui64;
 use super::fragment::LowpanRepr;
+use super::security::FrameSecurity;
 use super::sixp::SixpRepr;
 use super::slots::SlotsRepr;
 use serde::{Deserialize, Serialize};
@@ -25,6 +26,8 @@ pub struct FrameRepr {
     pub ack_request: bool,
     /// Whether another frame follows in the next slot (the pending bit).
     pub pending: bool,
+    /// How it is secured.
+    pub security: FrameSecurity,
     /// What it announces of slots, in an information element.
     pub slots: Option<Box<SlotsRepr>>,
     /// Contents of the frame, by kind.
@@ -91,6 +94,8 @@ pub struct AckRepr {
     /// When the frame was expected, less when it came (µs), −2048 to 2047: what its sender adds to its time (IEEE Std
     /// 802.15.4-2015, 6.5.4.2).
     pub time_correction_us: i16,
+    /// How it is secured: as the frame that it answers (IEEE Std 802.15.4-2015, 6.7.4.2).
+    pub security: FrameSecurity,
 }
 
 #[cfg(test)]

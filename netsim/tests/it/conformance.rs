@@ -14,4 +14,5 @@ mod medium;
 mod msf;
 mod peers;
 mod routing;
+mod security;
 mod standing;

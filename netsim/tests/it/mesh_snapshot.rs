@@ -38,10 +38,23 @@ fn scenarios(seconds: u64) -> impl Iterator<Item = Scenario> {
     })
 }
 
+/// Every scheduling function in a secured network.
+fn secured(seconds: u64) -> impl Iterator<Item = Scenario> {
+    let of_functions = (2000..).zip(FUNCTIONS).map(move |(seed, function)| {
+        Scenario::draw(function, RADIOS[0], Spice::NONE, seed, seconds)
+    });
+    // Secured frames have headers.
+    let with_headers = of_functions.filter(|of| !of.config.contains("no_frame_overhead = true"));
+    with_headers.map(|mut scenario| {
+        scenario.config.push_str("[security]\n");
+        scenario
+    })
+}
+
 #[test]
 fn restored_at_any_slot_and_continued_equals_never_having_stopped() {
     let mut n_midst = [0; 3];
-    for mut scenario in scenarios(24) {
+    for mut scenario in scenarios(24).chain(secured(24)) {
         scenario.config.push_str(BURDENS);
         let mut dice = Dice::new(scenario.seed, Purpose::Scenario, 9);
         let mut network = scenario.network();

@@ -4,6 +4,7 @@ use super::{AckRepr, BeaconRepr, Content, FrameRepr};
 use crate::wire::Eui64;
 use crate::wire::datagram::Hop;
 use crate::wire::fragment::Payload;
+use crate::wire::security::{FrameSecurity, Keys};
 use crate::wire::sink::{Put, Sink, length_of, write};
 
 /// Greatest length of a PSDU (bytes), FCS included (11.3: aMaxPhyPacketSize).
@@ -51,53 +52,88 @@ pub(super) const SIXTOP: u8 = 0xc9;
 
 /// Bytes left for a 6LoWPAN payload in a data frame to one mote, or to everyone.
 #[must_use]
-pub fn payload_room(destination: Option<Eui64>) -> usize {
+pub fn payload_room(destination: Option<Eui64>, security: FrameSecurity) -> usize {
     let addresses = if destination.is_some() { 8 } else { 2 } + 8;
-    MAX_PSDU - FCS_LEN - (2 + 1 + 2 + addresses)
+    MAX_PSDU - FCS_LEN - (2 + 1 + 2 + addresses) - security.overhead()
 }
 
 impl FrameRepr {
-    /// Length (bytes) of the PSDU, FCS included.
+    /// Length (bytes) of the PSDU, MIC and FCS included.
     #[must_use]
     pub fn buffer_len(&self) -> usize {
-        length_of(self) + FCS_LEN
+        length_of(self) + self.security.mic_len() + FCS_LEN
     }
 
-    /// Writes the PSDU to the beginning of `bytes`, which must have room for [`Self::buffer_len`].
+    /// Writes the PSDU to the beginning of `bytes`, which must have room for [`Self::buffer_len`]. Without keys, the content
+    /// of a secured frame is legible and its MIC is zero.
     pub fn emit(&self, bytes: &mut [u8]) {
-        let end = write(self, bytes);
+        let end = write_with_mic(self, self.security, bytes);
         put_fcs(bytes, end);
     }
 
-    /// The PSDU.
+    /// The PSDU as [`Self::emit`] writes it.
     #[must_use]
     pub fn to_vec(&self) -> Vec<u8> {
         let mut bytes = vec![0; self.buffer_len()];
         self.emit(&mut bytes);
         bytes
+    }
+
+    /// The PSDU as it is sent in a slot, encrypted and authenticated as its security has it.
+    #[must_use]
+    pub fn to_secured_vec(&self, keys: &Keys, asn: u64) -> Vec<u8> {
+        let mut bytes = vec![0; self.buffer_len()];
+        let end = write_with_mic(self, self.security, &mut bytes);
+        let header_len = length_of(&Header(self));
+        keys.secure(&mut bytes[..end], header_len, self.security, self.source, asn);
+        put_fcs(&mut bytes, end);
+        bytes
+    }
+
+    fn has_elements(&self) -> bool {
+        self.slots.is_some() || matches!(self.content, Content::Beacon(_) | Content::Sixp(_))
     }
 }
 
 impl AckRepr {
-    /// Length (bytes) of the PSDU, FCS included.
+    /// Length (bytes) of the PSDU, MIC and FCS included.
     #[must_use]
     pub fn buffer_len(&self) -> usize {
-        length_of(self) + FCS_LEN
+        length_of(self) + self.security.mic_len() + FCS_LEN
     }
 
-    /// Writes the PSDU to the beginning of `bytes`, which must have room for [`Self::buffer_len`].
+    /// Writes the PSDU to the beginning of `bytes`, which must have room for [`Self::buffer_len`]. Without keys, the MIC of
+    /// a secured acknowledgment is zero.
     pub fn emit(&self, bytes: &mut [u8]) {
-        let end = write(self, bytes);
+        let end = write_with_mic(self, self.security, bytes);
         put_fcs(bytes, end);
     }
 
-    /// The PSDU.
+    /// The PSDU as [`Self::emit`] writes it.
     #[must_use]
     pub fn to_vec(&self) -> Vec<u8> {
         let mut bytes = vec![0; self.buffer_len()];
         self.emit(&mut bytes);
         bytes
     }
+
+    /// The PSDU as `source` sends it in a slot, authenticated as its security has it: there is nothing to encrypt.
+    #[must_use]
+    pub fn to_secured_vec(&self, keys: &Keys, source: Eui64, asn: u64) -> Vec<u8> {
+        let mut bytes = vec![0; self.buffer_len()];
+        let end = write_with_mic(self, self.security, &mut bytes);
+        keys.secure(&mut bytes[..end], length_of(self), self.security, source, asn);
+        put_fcs(&mut bytes, end);
+        bytes
+    }
+}
+
+/// Writes a frame and leaves room for its MIC; returns how many bytes both take.
+fn write_with_mic(message: &impl Put, security: FrameSecurity, bytes: &mut [u8]) -> usize {
+    let mic_at = write(message, bytes);
+    let end = mic_at + security.mic_len();
+    bytes[mic_at..end].fill(0);
+    end
 }
 
 fn put_fcs(bytes: &mut [u8], end: usize) {
@@ -118,37 +154,58 @@ pub fn fcs(bytes: &[u8]) -> u16 {
     crc
 }
 
-/// Everything but the FCS.
+/// Everything but MIC and FCS.
 impl Put for FrameRepr {
     fn put<S: Sink>(&self, sink: &mut S) {
-        let kind = if matches!(self.content, Content::Beacon(_)) { BEACON } else { DATA };
-        let has_elements =
-            self.slots.is_some() || matches!(self.content, Content::Beacon(_) | Content::Sixp(_));
+        Header(self).put(sink);
+        Body(self).put(sink);
+    }
+}
+
+/// The MAC header, which is never encrypted: to the end of the header information elements.
+struct Header<'a>(&'a FrameRepr);
+
+impl Put for Header<'_> {
+    fn put<S: Sink>(&self, sink: &mut S) {
+        let frame = self.0;
+        let kind = if matches!(frame.content, Content::Beacon(_)) { BEACON } else { DATA };
+        let has_elements = frame.has_elements();
         let flag = |set: bool, flag: u16| if set { flag } else { 0 };
         // Table 7-2: the destination's PAN identifier is there, the source's is not.
-        let addressing = match self.destination {
+        let addressing = match frame.destination {
             Some(_) => EXTENDED << DESTINATION,
             None => SHORT << DESTINATION | PAN_COMPRESSION,
         };
         sink.put_u16_le(
-            kind | flag(self.pending, PENDING)
-                | flag(self.ack_request, ACK_REQUEST)
+            kind | flag(frame.security.is_secured(), SECURED)
+                | flag(frame.pending, PENDING)
+                | flag(frame.ack_request, ACK_REQUEST)
                 | flag(has_elements, ELEMENTS)
                 | addressing
                 | 2 << VERSION
                 | EXTENDED << SOURCE,
         );
-        sink.put_u8(self.sequence);
+        sink.put_u8(frame.sequence);
         sink.put_u16_le(NETWORK_PAN);
-        match self.destination {
+        match frame.destination {
             Some(destination) => put_address(destination, sink),
             None => sink.put_u16_le(BROADCAST),
         }
-        put_address(self.source, sink);
+        put_address(frame.source, sink);
+        frame.security.put(sink);
         if has_elements {
             put_header_element(TERMINATION_1, 0, sink);
         }
-        match &self.content {
+    }
+}
+
+/// Payload information elements and payload.
+struct Body<'a>(&'a FrameRepr);
+
+impl Put for Body<'_> {
+    fn put<S: Sink>(&self, sink: &mut S) {
+        let frame = self.0;
+        match &frame.content {
             Content::KeepAlive | Content::Lowpan(_) => {}
             Content::Beacon(beacon) => {
                 put_payload_element(MLME, length_of(beacon), sink);
@@ -160,26 +217,28 @@ impl Put for FrameRepr {
                 message.put(sink);
             }
         }
-        if let Some(slots) = &self.slots {
+        if let Some(slots) = &frame.slots {
             put_payload_element(VENDOR, length_of(&**slots), sink);
             slots.put(sink);
         }
-        if let Content::Lowpan(payload) = &self.content {
-            if has_elements {
+        if let Content::Lowpan(payload) = &frame.content {
+            if frame.has_elements() {
                 put_payload_element(PAYLOAD_TERMINATION, 0, sink);
             }
-            Payload(payload, Hop::Between(self.source, self.destination)).put(sink);
+            Payload(payload, Hop::Between(frame.source, frame.destination)).put(sink);
         }
     }
 }
 
-/// Everything but the FCS.
+/// Everything but MIC and FCS.
 impl Put for AckRepr {
     fn put<S: Sink>(&self, sink: &mut S) {
-        sink.put_u16_le(ACK | ELEMENTS | EXTENDED << DESTINATION | 2 << VERSION);
+        let secured = if self.security.is_secured() { SECURED } else { 0 };
+        sink.put_u16_le(ACK | secured | ELEMENTS | EXTENDED << DESTINATION | 2 << VERSION);
         sink.put_u8(self.sequence);
         sink.put_u16_le(NETWORK_PAN);
         put_address(self.destination, sink);
+        self.security.put(sink);
         // 7.4.2.7: twelve bits, two's complement; bit 15, not set, would refuse the frame.
         put_header_element(TIME_CORRECTION, 2, sink);
         sink.put_u16_le(self.time_correction_us.clamp(-2048, 2047) as u16 & 0xfff);

@@ -9,6 +9,7 @@ use super::bytes::{
 use super::{AckRepr, BeaconRepr, BeaconSlotframe, Content, FrameRepr};
 use crate::wire::datagram::Datagram;
 use crate::wire::fragment::{FragmentHeader, LowpanRepr};
+use crate::wire::security::{FrameSecurity, HEADER_LEN, Keys, MIC_LEN};
 use crate::wire::sink::ByteReader;
 use crate::wire::sixp::SixpRepr;
 use crate::wire::slots::SlotsRepr;
@@ -40,7 +41,7 @@ impl<'a> Envelope<'a> {
     /// Takes a PSDU apart.
     ///
     /// # Errors
-    /// A wrong FCS; frames that are secured, of another version or network, or addressed in a way that
+    /// A wrong FCS; frames that are secured ([`unsecure`] comes first), of another version or network, or addressed in a way that
     /// [`FrameRepr::to_vec`] and [`AckRepr::to_vec`] do not use.
     pub fn parse(psdu: &'a [u8]) -> Result<Self, Malformed> {
         let end = psdu.len().saturating_sub(FCS_LEN);
@@ -48,24 +49,10 @@ impl<'a> Envelope<'a> {
             return Err(Malformed { what: "wrong frame check sequence", at: end });
         }
         let mut reader = ByteReader::new(&psdu[..end]);
-        let control = reader.u16_le()?;
-        if control >> VERSION & 3 != 2 || control & (SECURED | NO_SEQUENCE) != 0 {
-            return Err(Malformed { what: "not version 2, without security, numbered", at: 0 });
+        let Addressing { control, sequence, destination, source } = Addressing::parse(&mut reader)?;
+        if control & SECURED != 0 {
+            return Err(Malformed { what: "secured", at: 0 });
         }
-        let sequence = reader.u8()?;
-        if reader.u16_le()? != NETWORK_PAN {
-            return Err(Malformed { what: "of another network", at: 3 });
-        }
-        let destination = match (control >> DESTINATION & 3, control & PAN_COMPRESSION) {
-            (EXTENDED, 0) => Some(Eui64(reader.u64_le()?)),
-            (SHORT, PAN_COMPRESSION) if reader.u16_le()? == BROADCAST => None,
-            _ => return Err(reader.malformed("addressed otherwise")),
-        };
-        let source = match control >> SOURCE & 3 {
-            EXTENDED => Some(Eui64(reader.u64_le()?)),
-            0 => None,
-            _ => return Err(reader.malformed("a short source address")),
-        };
         let (mut time_correction_us, mut element, mut vendor) = (None, None, None);
         if control & ELEMENTS != 0 {
             let payload_follows = parse_header_elements(&mut reader, &mut time_correction_us)?;
@@ -89,6 +76,82 @@ impl<'a> Envelope<'a> {
     fn kind(&self) -> u16 {
         self.control & 7
     }
+}
+
+/// What a frame begins with.
+struct Addressing {
+    control: u16,
+    sequence: u8,
+    destination: Option<Eui64>,
+    source: Option<Eui64>,
+}
+
+impl Addressing {
+    fn parse(reader: &mut ByteReader<'_>) -> Result<Self, Malformed> {
+        let control = reader.u16_le()?;
+        if control >> VERSION & 3 != 2 || control & NO_SEQUENCE != 0 {
+            return Err(Malformed { what: "not version 2, numbered", at: 0 });
+        }
+        let sequence = reader.u8()?;
+        if reader.u16_le()? != NETWORK_PAN {
+            return Err(Malformed { what: "of another network", at: 3 });
+        }
+        let destination = match (control >> DESTINATION & 3, control & PAN_COMPRESSION) {
+            (EXTENDED, 0) => Some(Eui64(reader.u64_le()?)),
+            (SHORT, PAN_COMPRESSION) if reader.u16_le()? == BROADCAST => None,
+            _ => return Err(reader.malformed("addressed otherwise")),
+        };
+        let source = match control >> SOURCE & 3 {
+            EXTENDED => Some(Eui64(reader.u64_le()?)),
+            0 => None,
+            _ => return Err(reader.malformed("a short source address")),
+        };
+        Ok(Self { control, sequence, destination, source })
+    }
+}
+
+/// The frame that a secured PSDU carries, without auxiliary security header and MIC: what [`Envelope::parse`] takes apart.
+/// Frames that are not secured stay as they are. `answered`: who was asked for an acknowledgment, which does not name its
+/// sender.
+///
+/// # Errors
+/// A wrong FCS or MIC; another security than RFC 8180's.
+pub fn unsecure(
+    psdu: &[u8],
+    keys: &Keys,
+    asn: u64,
+    answered: Option<Eui64>,
+) -> Result<(Vec<u8>, FrameSecurity), Malformed> {
+    let end = psdu.len().saturating_sub(FCS_LEN);
+    if psdu.len() < FCS_LEN || fcs(&psdu[..end]).to_le_bytes() != psdu[end..] {
+        return Err(Malformed { what: "wrong frame check sequence", at: end });
+    }
+    let mut reader = ByteReader::new(&psdu[..end]);
+    let Addressing { control, source, .. } = Addressing::parse(&mut reader)?;
+    if control & SECURED == 0 {
+        return Ok((psdu.to_vec(), FrameSecurity::Unsecured));
+    }
+    let nameless = Malformed { what: "no source address", at: 0 };
+    let source = source.or(answered).ok_or(nameless)?;
+    let header_at = end - reader.remaining();
+    let security = FrameSecurity::parse(&mut reader)?;
+    let Some(len) = reader.remaining().checked_sub(MIC_LEN) else {
+        return Err(reader.malformed("it ends too early"));
+    };
+    let before_mic = reader.take(len)?;
+    let mut reader = ByteReader::new(before_mic);
+    if control & ELEMENTS != 0 {
+        parse_header_elements(&mut reader, &mut None)?;
+    }
+    let header_len = end - MIC_LEN - reader.remaining();
+    let mut frame = psdu[..end].to_vec();
+    let legible = keys.unsecure(&mut frame, header_len, security, source, asn)?;
+    let mut plain = (control & !SECURED).to_le_bytes().to_vec();
+    plain.extend_from_slice(&legible[2..header_at]);
+    plain.extend_from_slice(&legible[header_at + HEADER_LEN..]);
+    let fcs = fcs(&plain).to_le_bytes();
+    plain.extend_from_slice(&fcs);
+    Ok((plain, security))
 }
 
 /// Returns whether payload information elements follow.
@@ -166,7 +229,8 @@ impl FrameRepr {
         let slots = envelope.vendor.map(SlotsRepr::parse).transpose()?.flatten().map(Box::new);
         let ack_request = control & ACK_REQUEST != 0;
         let pending = control & PENDING != 0;
-        Ok(Self { source, destination, sequence, ack_request, pending, slots, content })
+        let security = FrameSecurity::Unsecured;
+        Ok(Self { source, destination, sequence, ack_request, pending, security, slots, content })
     }
 }
 
@@ -180,7 +244,8 @@ impl AckRepr {
         let otherwise = Malformed { what: "not an enhanced acknowledgment", at: 0 };
         match (envelope.kind(), envelope.destination, envelope.time_correction_us) {
             (ACK, Some(destination), Some(time_correction_us)) => {
-                Ok(Self { destination, sequence: envelope.sequence, time_correction_us })
+                let (sequence, security) = (envelope.sequence, FrameSecurity::Unsecured);
+                Ok(Self { destination, sequence, time_correction_us, security })
             }
             _ => Err(otherwise),
         }

@@ -2,12 +2,51 @@ use super::*;
 use crate::wire::arbitrary;
 use crate::wire::datagram::{Datagram, Upper};
 use crate::wire::rpl::{DisRepr, RplMessage};
+use crate::wire::security::{FrameSecurity, Keys};
 use crate::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRepr};
 use crate::wire::slots::SlotSet;
 use proptest::prelude::*;
 use std::sync::Arc;
 
 proptest! {
+    #[test]
+    fn what_was_secured_is_read_by_whoever_has_the_key_and_the_time(
+        (plain, root) in arbitrary::frame(),
+        k1 in any::<bool>(),
+        asn in 0_u64..1 << 40,
+        flip in any::<prop::sample::Index>(),
+    ) {
+        let security = if k1 { FrameSecurity::K1 } else { FrameSecurity::K2 };
+        let frame = FrameRepr { security, ..plain.clone() };
+        let bytes = frame.to_secured_vec(&KEYS, asn);
+        prop_assert_eq!(bytes.len(), plain.buffer_len() + security.overhead());
+        let (read, found) = unsecure(&bytes, &KEYS, asn, None).unwrap();
+        prop_assert_eq!(found, security);
+        prop_assert_eq!(FrameRepr::parse(&read, root), Ok(plain));
+        let others = Keys { k1: KEYS.k2, k2: KEYS.k1 };
+        prop_assert!(unsecure(&bytes, &others, asn, None).is_err());
+        prop_assert!(unsecure(&bytes, &KEYS, asn ^ 1, None).is_err());
+        let mut changed = bytes.clone();
+        let end = changed.len() - 2;
+        changed[flip.index(end)] ^= 1;
+        let fcs = fcs(&changed[..end]).to_le_bytes();
+        changed[end..].copy_from_slice(&fcs);
+        // A frame whose security bit was flipped is one that is not secured.
+        let unsecured = unsecure(&changed, &KEYS, asn, None);
+        let found = unsecured.map(|(_, security)| security);
+        prop_assert!(!matches!(found, Ok(FrameSecurity::K1 | FrameSecurity::K2)), "{:?}", found);
+    }
+
+    #[test]
+    fn an_acknowledgment_is_read_with_the_address_of_its_sender(ack in arbitrary::ack(), asn in 0_u64..1 << 40) {
+        let (own, security) = (Eui64::of_mote(3), FrameSecurity::K2);
+        let bytes = AckRepr { security, ..ack }.to_secured_vec(&KEYS, own, asn);
+        let (read, found) = unsecure(&bytes, &KEYS, asn, Some(own)).unwrap();
+        prop_assert_eq!((AckRepr::parse(&read), found), (Ok(ack), security));
+        prop_assert!(unsecure(&bytes, &KEYS, asn, Some(Eui64::of_mote(4))).is_err());
+        prop_assert!(unsecure(&bytes, &KEYS, asn, None).is_err());
+    }
+
     #[test]
     fn what_was_written_is_read((frame, root) in arbitrary::frame()) {
         let bytes = frame.to_vec();
@@ -52,6 +91,7 @@ fn frame(destination: Option<Eui64>, content: Content) -> FrameRepr {
         sequence: 9,
         ack_request: false,
         pending: false,
+        security: FrameSecurity::Unsecured,
         slots: None,
         content,
     }
@@ -136,7 +176,8 @@ fn ieee802154_7_4_1_what_is_announced_of_slots_ends_before_the_payload() {
 #[test]
 fn ieee802154_7_4_2_7_a_time_correction_has_twelve_bits() {
     let destination = Eui64::of_mote(1);
-    let ack = AckRepr { destination, sequence: 9, time_correction_us: -2 };
+    let security = FrameSecurity::Unsecured;
+    let ack = AckRepr { destination, sequence: 9, time_correction_us: -2, security };
     let expected = [0x02, 0x2e, 9, 0xcd, 0xab, 1, 0, 0, 0, 0, 0, 0, 2, 0x02, 0x0f, 0xfe, 0x0f];
     assert_eq!(ack.to_vec()[..17], expected);
     assert_eq!(ack.buffer_len(), 19);
@@ -145,17 +186,49 @@ fn ieee802154_7_4_2_7_a_time_correction_has_twelve_bits() {
 #[test]
 fn a_frame_full_to_its_room_has_127_bytes() {
     for destination in [None, Some(Eui64::of_mote(2))] {
-        let empty = frame(destination, Content::KeepAlive).buffer_len();
-        assert_eq!(empty + payload_room(destination), MAX_PSDU);
+        for security in [FrameSecurity::Unsecured, FrameSecurity::K2] {
+            let empty = FrameRepr { security, ..frame(destination, Content::KeepAlive) };
+            let room = payload_room(destination, security);
+            assert_eq!(empty.buffer_len() + room, MAX_PSDU);
+        }
     }
 }
 
 #[test]
 fn a_secured_frame_is_refused() {
-    let mut bytes = frame(None, Content::KeepAlive).to_vec();
-    bytes[0] |= 8;
-    let end = bytes.len() - 2;
-    let fcs = fcs(&bytes[..end]).to_le_bytes();
-    bytes[end..].copy_from_slice(&fcs);
-    assert_eq!(FrameRepr::parse(&bytes, None).unwrap_err().at, 0);
+    let security = FrameSecurity::K2;
+    let bytes = FrameRepr { security, ..frame(None, Content::KeepAlive) }.to_vec();
+    assert_eq!(FrameRepr::parse(&bytes, None).unwrap_err().what, "secured");
+}
+
+const KEYS: Keys = Keys { k1: *b"6TiSCH minimal15", k2: [7; 16] };
+
+#[test]
+fn ieee802154_9_4_the_security_header_follows_the_addresses() {
+    let plain = frame(Some(Eui64::of_mote(2)), Content::KeepAlive);
+    let bytes = FrameRepr { security: FrameSecurity::K2, ..plain.clone() }.to_secured_vec(&KEYS, 5);
+    assert_eq!(bytes.len(), plain.buffer_len() + 6);
+    assert_eq!(bytes[..2], [0x09, 0xec]);
+    assert_eq!(bytes[2..21], plain.to_vec()[2..21]);
+    assert_eq!(bytes[21..23], [0x6d, 2]);
+    let destination = Eui64::of_mote(1);
+    let security = FrameSecurity::K2;
+    let ack = AckRepr { destination, sequence: 9, time_correction_us: -2, security };
+    let bytes = ack.to_secured_vec(&KEYS, Eui64::of_mote(2), 5);
+    assert_eq!(bytes.len(), 25);
+    assert_eq!(bytes[13..19], [0x6d, 2, 0x02, 0x0f, 0xfe, 0x0f]);
+}
+
+#[test]
+fn a_beacon_stays_legible_and_another_frame_does_not() {
+    let slots = SlotsRepr { n_slots: 8, taken: SlotSet::default(), first: 0, tags: vec![1] };
+    for (security, is_legible) in [(FrameSecurity::K1, true), (FrameSecurity::K2, false)] {
+        let slots = Some(Box::new(slots.clone()));
+        let frame = FrameRepr { security, slots, ..frame(None, Content::KeepAlive) };
+        let (plain, secured) = (frame.to_vec(), frame.to_secured_vec(&KEYS, 5));
+        // To the termination of the header elements.
+        assert_eq!(plain[..19], secured[..19]);
+        let end = plain.len() - 6;
+        assert_eq!(plain[19..end] == secured[19..end], is_legible, "{security:?}");
+    }
 }

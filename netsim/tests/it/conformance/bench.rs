@@ -9,8 +9,9 @@ use netsim::mote::Mote;
 use netsim::wire::Eui64;
 use netsim::wire::datagram::Upper;
 use netsim::wire::fragment::{FragmentHeader, LowpanRepr};
-use netsim::wire::frame::{AckRepr, Content, Envelope, FrameRepr};
+use netsim::wire::frame::{AckRepr, Content, Envelope, FrameRepr, unsecure};
 use netsim::wire::rpl::RplMessage;
+use netsim::wire::security::{FrameSecurity, Keys};
 use netsim::wire::sixp::SixpRepr;
 use proto::side::{NetInput, NetOutput, Setup};
 use proto::types::{AgentStates, MoteCommand, MoteOrder, NetRecord};
@@ -58,11 +59,16 @@ pub(super) struct OnAir {
     /// `None`: everyone.
     pub(super) destination: Option<u32>,
     pub(super) sequence: u8,
+    /// Length of the PSDU (bytes).
+    pub(super) psdu_bytes: usize,
+    pub(super) security: FrameSecurity,
     pub(super) what: What,
     /// Whether somebody sent an acknowledgment.
     pub(super) answered: bool,
     /// The time correction (µs) in the acknowledgment.
     pub(super) correction_us: Option<i16>,
+    /// How the acknowledgment was secured.
+    pub(super) ack_security: Option<FrameSecurity>,
 }
 
 /// A packet whose way has ended.
@@ -298,18 +304,24 @@ impl Bench {
     /// No frame is longer than 127 bytes, aMaxPhyPacketSize (IEEE Std 802.15.4-2015, 11.3).
     fn note_frame(&mut self, asn: u64, begins_ns: u64, channel: u8, psdu: &[u8]) {
         assert!(psdu.len() <= 127, "{} bytes at {asn}", psdu.len());
-        if let Ok(ack) = AckRepr::parse(psdu) {
-            let to = self.number(ack.destination);
-            let answered = self
-                .frames
-                .iter_mut()
-                .rev()
-                .take_while(|frame| frame.asn == asn)
-                .find(|frame| frame.source == to && frame.sequence == ack.sequence);
-            let answered = answered.expect("an acknowledgment follows its frame");
-            (answered.answered, answered.correction_us) = (true, Some(ack.time_correction_us));
-            return;
+        let keys = self.mesh.settings().join.security.map(|security| security.keys);
+        let in_slot = |frame: &&mut OnAir| frame.asn == asn;
+        for frame in self.frames.iter_mut().rev().take_while(in_slot) {
+            // An acknowledgment does not name its sender: only whom it answers.
+            let answering = frame.destination.map(Eui64::of_mote);
+            let Some((ack, security)) = legible(psdu, keys, asn, answering) else { continue };
+            if let Ok(ack) = AckRepr::parse(&ack)
+                && ack.destination == Eui64::of_mote(frame.source)
+                && ack.sequence == frame.sequence
+            {
+                (frame.answered, frame.correction_us) = (true, Some(ack.time_correction_us));
+                frame.ack_security = Some(security);
+                return;
+            }
         }
+        let psdu_bytes = psdu.len();
+        let (psdu, security) = legible(psdu, keys, asn, None).expect("a frame of this network");
+        let psdu = &psdu[..];
         let envelope = Envelope::parse(psdu).expect("a frame of this network");
         let source = self.number(envelope.source.expect("frames but acknowledgments name it"));
         let destination = envelope.destination.map(|to| self.number(to));
@@ -323,10 +335,26 @@ impl Bench {
             source,
             destination,
             sequence,
+            psdu_bytes,
+            security,
             what,
             answered,
             correction_us: None,
+            ack_security: None,
         });
+    }
+}
+
+/// A frame as whoever has the keys reads it, and how it was secured.
+fn legible(
+    psdu: &[u8],
+    keys: Option<Keys>,
+    asn: u64,
+    answering: Option<Eui64>,
+) -> Option<(Vec<u8>, FrameSecurity)> {
+    match keys {
+        Some(keys) => unsecure(psdu, &keys, asn, answering).ok(),
+        None => Some((psdu.to_vec(), FrameSecurity::Unsecured)),
     }
 }
 

@@ -6,6 +6,7 @@ use netsim::mac::tsch::{Done, Outgoing, Tsch};
 use netsim::mac::{Cell, CellOptions, Schedule};
 use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
+use netsim::wire::security::FrameSecurity;
 use proto::types::MoteOrder;
 
 /// The minimal cell once in 101 slots, as the vectors have it.
@@ -183,6 +184,7 @@ fn frame_to(neighbour: Eui64, packet: u64) -> Queued {
             sequence: 0,
             ack_request: true,
             pending: false,
+            security: FrameSecurity::Unsecured,
             slots: None,
             content: Content::KeepAlive,
         },

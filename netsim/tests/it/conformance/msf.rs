@@ -15,6 +15,7 @@ use netsim::wire::Eui64;
 use netsim::wire::datagram::{Datagram, UdpRepr, Upper, code_points};
 use netsim::wire::fragment::LowpanRepr;
 use netsim::wire::frame::{Content, FrameRepr};
+use netsim::wire::security::FrameSecurity;
 use netsim::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRepr, SixpRequest};
 use proto::types::MoteOrder;
 
@@ -256,6 +257,7 @@ impl Lone<'_> {
             sequence: self.sequence,
             ack_request: true,
             pending: false,
+            security: FrameSecurity::Unsecured,
             slots: None,
             content,
         };

@@ -7,6 +7,7 @@ use netsim::mac::tsch::{Config, Done, Outgoing, Transmission};
 use netsim::mac::{Cell, CellKind, CellOptions, CellRef, Schedule, Tsch};
 use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
+use netsim::wire::security::FrameSecurity;
 use proptest::prelude::*;
 use proto::rng::Purpose;
 use std::collections::BTreeMap;
@@ -355,6 +356,7 @@ impl Pair {
                 sequence: 0,
                 ack_request: to.is_some(),
                 pending: false,
+                security: FrameSecurity::Unsecured,
                 slots: None,
                 content: Content::KeepAlive,
             },

@@ -314,7 +314,7 @@ impl Plain {
             let transmission = node.mac.poll_slot(&self.settings.mac, &node.schedule, asn);
             let Some(transmission) = transmission else { continue };
             let mut frame = match &transmission.outgoing {
-                Outgoing::Beacon => node.beacon(asn, [0, 0]),
+                Outgoing::Beacon => node.beacon(&self.settings, asn, [0, 0]),
                 Outgoing::Frame(queued) => queued.frame.clone(),
             };
             if let (Some(at), None) = (&transmission.at, frame.destination) {
