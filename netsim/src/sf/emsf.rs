@@ -6,7 +6,7 @@
 use super::msf::policy::Policy;
 use super::msf::{self, Msf, MsfConfig};
 use super::{Config, Configured, Entry, PayloadCells};
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Default, Field, Kind, Problem, Range, Variant, join};
 use serde::{Deserialize, Serialize};
 
 const QUANTILE: Field = Field {
@@ -16,21 +16,15 @@ const QUANTILE: Field = Field {
     default: Default::Number(0.9),
 };
 
-/// Keys of MSF that decide when a cell is added or deleted, which EMSF replaces.
-const LIMITS: [&str; 2] = ["lim_numcellsused_high", "lim_numcellsused_low"];
+/// The key of MSF that decides when a cell is added, which EMSF replaces, and its place among them.
+const LIMIT: (&str, usize) = ("lim_numcellsused_high", 2);
 
-/// Places of [`LIMITS`] among the keys of MSF.
-const FIRST_LIMIT: usize = 2;
-
-const N_FIELDS: usize = msf::FIELDS.len() - LIMITS.len() + 1;
-
-/// The keys of MSF without its limits, and EMSF's own.
+/// The keys of MSF without that limit, and EMSF's own.
 const FIELDS: &[Field] = &{
-    let mut fields = [QUANTILE; N_FIELDS];
+    let mut fields = [QUANTILE; msf::FIELDS.len()];
     let mut place = 0;
-    while place + 1 < N_FIELDS {
-        let skipped = if place < FIRST_LIMIT { 0 } else { LIMITS.len() };
-        fields[place] = msf::FIELDS[place + skipped];
+    while place + 1 < fields.len() {
+        fields[place] = msf::FIELDS[if place < LIMIT.1 { place } else { place + 1 }];
         place += 1;
     }
     fields
@@ -46,8 +40,16 @@ pub const ENTRY: Entry = Entry {
     },
     payload_cells: PayloadCells::Shared,
     build: |table, context| {
+        let number = |key: &str| table.get(key).and_then(toml::Value::as_integer);
+        let (low, most) = (number("lim_numcellsused_low")?, number("max_num_cells")?);
+        if most < low {
+            let path = join(context.path, "lim_numcellsused_low");
+            let message = format!("must be at most max_num_cells, {most}");
+            context.problems.push(Problem::new(path, message).value(low).nearest(most));
+            return None;
+        }
         let mut keys = table.clone();
-        keys.extend(LIMITS.map(|key| (key.to_owned(), toml::Value::Integer(0))));
+        keys.insert(LIMIT.0.to_owned(), toml::Value::Integer(most));
         let msf = msf::read(&keys, context)?;
         let quantile = table.get("quantile").and_then(toml::Value::as_float)?;
         Some(Config::new(EmsfConfig { msf, quantile }))
@@ -57,7 +59,7 @@ pub const ENTRY: Entry = Entry {
 /// Keys of `[netsim.sf]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EmsfConfig {
-    /// Those of MSF. Its limits of use are 0 and have no influence.
+    /// Those of MSF. Its upper limit of use has no influence.
     pub msf: MsfConfig,
     /// Probability that the cells suffice for the frames of a slotframe: 0.5 to 0.9999.
     pub quantile: f64,
@@ -77,14 +79,15 @@ impl Configured for EmsfConfig {
 ///
 /// The frames of a slotframe are a Poisson variable. Its rate λ is the number of frames per slotframe since the cells were last
 /// judged. The mote wants the least number n of cells with P(X ≤ n) of at least the key `quantile`. It asks for all that
-/// are missing in one request, and gives back all that are too many in another.
+/// are missing in one request. Where fewer cells were used than LIM_NUMCELLSUSED_LOW (RFC 9033, § 5.1) it gives back, in one
+/// request, all that are too many: chance alone brings no cell back and forth.
 ///
 /// # Validity
 ///
 /// The abstract of the paper states the Poisson process, the prediction of the cells that will be needed, and its purpose: fewer
 /// negotiations, less delay, shorter queues. The full text was not available to check against. The estimator of the rate
-/// (frames that used cells since the last judgement, at the interval of RFC 9033), the quantile and its default are this
-/// simulator's.
+/// (frames that used cells since the last judgement, at the interval of RFC 9033), the quantile with its default, and the condition
+/// of deletion are this simulator's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Forecast {
     /// Probability that the cells suffice for the frames of a slotframe.
@@ -112,7 +115,8 @@ impl Policy for Forecast {
         let needed = poisson_quantile(rate, self.quantile, config.slotframe_slots);
         // The autonomous cell is enough for one.
         let wanted = if least == 0 && needed <= 1 { 0 } else { needed.max(least) };
-        (wanted.saturating_sub(own), own.saturating_sub(wanted))
+        let is_idle = used < u64::from(config.lim_numcellsused_low);
+        (wanted.saturating_sub(own), if is_idle { own.saturating_sub(wanted) } else { 0 })
     }
 }
 
