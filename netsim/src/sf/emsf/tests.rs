@@ -76,13 +76,11 @@ fn network(n_per_slotframe: u32, seed: u64) -> Network<Forecast> {
 }
 
 #[test]
-fn three_frames_a_slotframe_get_their_cells_in_a_few_requests_on_which_both_ends_agree() {
+fn three_frames_a_slotframe_get_cells_on_which_both_ends_agree_and_that_go_several_at_once() {
     let mut network = network(3, 1);
     // P(X <= 5) = 0.916 for mean 3. More where the frames that waited were sent.
     let (tx, rx) = negotiated(&network, 1, 0);
     assert!((5..=9).contains(&tx) && rx == 0, "{tx} {rx}");
-    let n_added = requests(&network, 1, "ADD");
-    assert!(n_added < usize::from(tx), "{n_added} requests for {tx} cells");
     network.run_until(|network| network.is_quiet());
     network.assert_agreement();
     // With the traffic gone all but one go, several at a time.
