@@ -6,9 +6,12 @@
 //! |---|---|---|
 //! | [`minimal`] | one cell for everything | RFC 8180 |
 //! | [`msf`] | cells negotiated with the parent | RFC 9033 |
+//! | [`llsf`] | the same, placed one after the other along a way | Chang et al., DCOSS 2016 |
+//! | [`emsf`] | the same, as many as a Poisson process needs | after Hamza and Kaddoum, WCNC 2019 |
 //! | [`rrsf`] | one slot for every mote | BotNet |
 //! | [`sotdma`] | slots taken where nobody within two hops has them | this simulator |
 //! | [`orchestra`] | cells that follow from addresses | Duquennoy et al., SenSys 2015; Contiki-NG |
+//! | [`alice`] | cells of links, elsewhere in every slotframe | Kim et al., IPSN 2019 |
 //! | [`static_schedule`] | cells as they are configured | |
 //! | [`oracle`] | whom to send to is decided in one place: a bound | this simulator |
 //!
@@ -17,6 +20,9 @@
 //! [`SchedulingFunction::handle_time_source`] with the neighbour whose beacon it has followed, then
 //! [`SchedulingFunction::handle_beacon`] with that beacon. With that it can join: nothing else is learned from beacons.
 
+pub mod alice;
+pub mod emsf;
+pub mod llsf;
 pub mod minimal;
 pub mod msf;
 pub mod oracle;
@@ -24,6 +30,7 @@ pub mod orchestra;
 pub mod rrsf;
 pub mod sotdma;
 pub mod static_schedule;
+pub mod testing;
 
 use crate::dice::Dice;
 use crate::mac::{CellRef, Schedule};
@@ -209,6 +216,12 @@ pub trait SchedulingFunction: Stored {
     fn slotframe_of(&self, _traffic: Traffic) -> Option<u8> {
         None
     }
+
+    /// Whether a frame for `neighbour` that waits for a cell of `slotframe` is dropped. Asked for all waiting frames when
+    /// parents or children have changed; frames that stay are then given their slotframe anew.
+    fn abandons(&self, _slotframe: u8, _neighbour: Eui64) -> bool {
+        false
+    }
 }
 
 /// What a scheduling function may need to be configured.
@@ -224,6 +237,8 @@ pub struct BuildContext<'a> {
     pub roots: &'a [u32],
     /// Whether slot 0 of the round robin is everybody's, as in BotNet: `netsim.compat.shared_slot_0`.
     pub shared_slot_0: bool,
+    /// Whether motes store routes and so know their children: `netsim.rpl.mode = "storing"`.
+    pub stores_routes: bool,
     /// Link-layer addresses of motes.
     pub address: fn(u32) -> Eui64,
     /// What is found wrong.
@@ -461,9 +476,12 @@ pub(crate) const LIST: &str = "netsim.sf";
 pub(crate) const BUILT_IN: &[Entry] = &[
     minimal::ENTRY,
     msf::ENTRY,
+    llsf::ENTRY,
+    emsf::ENTRY,
     rrsf::ENTRY,
     sotdma::ENTRY,
     orchestra::ENTRY,
+    alice::ENTRY,
     static_schedule::ENTRY,
     oracle::ENTRY,
 ];
@@ -497,9 +515,6 @@ const fn slots_field(
 const MAX_SLOTS: u16 = u16::MAX - 1;
 
 #[cfg(test)]
-mod testing;
-
-#[cfg(test)]
 mod tests {
     use super::testing::{Bench, built};
     use super::*;
@@ -507,11 +522,14 @@ mod tests {
     const OF_EACH_KIND: &[&str] = &[
         "kind = \"minimal\"",
         "kind = \"msf\"",
+        "kind = \"llsf\"",
+        "kind = \"emsf\"\nquantile = 0.99",
         "kind = \"rrsf\"\nshared_slots = 2",
         "kind = \"rrsf\" # compat.shared_slot_0",
         "kind = \"sotdma\"",
         "kind = \"orchestra\"",
         "kind = \"orchestra\"\nrules = [\"eb-per-time-source\", \"unicast-storing\", \"special-for-root\", \"default-common\"]",
+        "kind = \"alice\" # storing",
         "kind = \"static\"\nslotframe_slots = 3\n[[cell]]\nslot = 1\nfrom = \"any\"\nto = \"all\"\nadvertising = true",
     ];
 

@@ -9,8 +9,8 @@ use proto::types::{AgentStates, Coupling, Experiment, NS_PER_S, NetRecord, Paylo
 use std::collections::BTreeMap;
 
 /// The scheduling functions.
-pub(crate) const SCHEDULERS: [&str; 6] =
-    ["minimal", "msf", "rrsf", "sotdma", "orchestra", "static"];
+pub(crate) const SCHEDULERS: [&str; 9] =
+    ["minimal", "msf", "llsf", "emsf", "rrsf", "sotdma", "orchestra", "alice", "static"];
 
 /// The propagation models, with the keys of `[netsim.phy]`. `trace` replays what was measured, whatever the line.
 pub(crate) const MODELS: [(&str, &str); 8] = [
@@ -41,7 +41,11 @@ const PERIOD_NS: u64 = 100_000_000;
 
 impl Case<'_> {
     fn config(&self) -> String {
-        let cells = if self.scheduler == "static" { self.static_cells() } else { String::new() };
+        let cells = match self.scheduler {
+            "static" => self.static_cells(),
+            "alice" => "[rpl]\nmode = \"storing\"\n".to_owned(),
+            _ => String::new(),
+        };
         format!(
             "mode = \"6tisch\"\n[phy]\n{}\n[swarm]\ntransport = \"none\"\n[sf]\nkind = \"{}\"\n{cells}",
             self.model, self.scheduler

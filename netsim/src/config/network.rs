@@ -162,6 +162,7 @@ pub(super) fn build(
         n_channels: given.hopping_sequence.len() as u16,
         roots: &roots,
         shared_slot_0: compat.shared_slot_0,
+        stores_routes: rpl::stores_routes(&keys.rpl),
         address: Eui64::of_mote,
         problems: Vec::new(),
         warnings: Vec::new(),

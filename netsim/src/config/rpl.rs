@@ -190,6 +190,11 @@ enum ObjectiveKey {
     Mrhof,
 }
 
+/// Whether motes store routes, by the checked table of `[netsim.rpl]`.
+pub(super) fn stores_routes(table: &toml::Table) -> bool {
+    table.get("mode").and_then(toml::Value::as_str) == Some("storing")
+}
+
 /// Makes the settings of the checked table.
 pub(super) fn build(table: &toml::Table, compat: Compat) -> Config {
     let keys: Keys = typed(table);

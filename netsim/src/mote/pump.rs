@@ -120,7 +120,15 @@ impl Mote {
             | rpl::Event::LocalRepair
             | rpl::Event::TrickleReset => return,
         }
-        // The cells that frames waited for may be others now.
+        // The cells that frames waited for may be others now, or none.
+        let Self { mac, sf, .. } = self;
+        let abandoned = mac.take_where(|queued| {
+            let (to, slotframe) = (queued.destination(), queued.slotframe);
+            to.zip(slotframe).is_some_and(|(to, slotframe)| sf.abandons(slotframe, to))
+        });
+        for frame in abandoned {
+            self.discard(world, frame, DropReason::NoTxCells);
+        }
         let Self { mac, sf, .. } = self;
         mac.place_anew(|queued| {
             sf.slotframe_of(queued.destination().map_or(Traffic::Broadcast, Traffic::Unicast))

@@ -6,6 +6,7 @@
 //! | `cells` | autonomous and negotiated cells, candidates | § 3, § 8 |
 //! | [`hash`] | where autonomous cells lie | § 3, appendix A |
 //! | `initiate` | requests to the parent, errors | § 4.6, § 5, § 12 |
+//! | [`policy`] | what functions that negotiate like MSF decide otherwise | |
 //! | `respond` | requests of others | § 8 |
 //! | `usage` | used and elapsed cells | § 5.1 |
 
@@ -13,11 +14,12 @@ mod cells;
 mod config;
 pub mod hash;
 mod initiate;
+pub mod policy;
 mod respond;
 mod usage;
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 
 use super::{Configured, Context, SchedulingFunction, Traffic};
 use crate::mac::{Cell, CellOptions, CellRef};
@@ -27,7 +29,9 @@ use crate::wire::Eui64;
 use crate::wire::datagram::code_points;
 use crate::wire::sixp::{SixpCell, SixpRequest};
 use cells::Cells;
-pub use config::{ENTRY, MsfConfig};
+pub(super) use config::read;
+pub use config::{ENTRY, FIELDS, MsfConfig};
+use policy::{Policy, Rfc9033};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use usage::Usage;
@@ -47,10 +51,11 @@ const SIGNIFICANT_FRAMES: u32 = 256;
 /// MSF of one mote.
 ///
 /// Cells with the parent are asked for; cells with children are granted. Whatever is to be asked is remembered here and sent
-/// one after the other, as 6P allows one transaction with a neighbour at a time.
+/// one after the other, as 6P allows one transaction with a neighbour at a time. `P` decides how many cells, and where.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Msf {
+pub struct Msf<P = Rfc9033> {
     config: MsfConfig,
+    policy: P,
     parent: Option<Eui64>,
     tx: Box<Usage>,
     rx: Box<Usage>,
@@ -96,8 +101,17 @@ impl Msf {
     /// The scheduling function of a mote.
     #[must_use]
     pub fn new(config: &MsfConfig, _mote: u32) -> Self {
+        Self::with_policy(config, Rfc9033)
+    }
+}
+
+impl<P: Policy> Msf<P> {
+    /// The scheduling function of a mote, with a policy other than the standard's.
+    #[must_use]
+    pub fn with_policy(config: &MsfConfig, policy: P) -> Self {
         Self {
             config: config.clone(),
+            policy,
             parent: None,
             tx: Box::default(),
             rx: Box::default(),
@@ -147,10 +161,6 @@ impl Msf {
     fn adapt(&mut self, cx: &mut Context<'_>) {
         let Some(parent) = self.parent else { return };
         let most = self.config.max_num_cells;
-        let (high, low) = (
-            u64::from(self.config.lim_numcellsused_high),
-            u64::from(self.config.lim_numcellsused_low),
-        );
         // Wishes of last time that could not be sent yet are not repeated.
         let is_settled = self.missing == Cells::default() && !cx.sixtop.is_busy(parent);
         let own = cells::count(cx.schedule, parent);
@@ -158,16 +168,14 @@ impl Msf {
             let used = self.tx.used();
             self.tx.restart(cx.asn, most);
             if is_settled {
-                self.missing.tx = u16::from(high < used);
-                self.spare.tx = u16::from(used < low && 1 < own.tx);
+                (self.missing.tx, self.spare.tx) = self.policy.judge(&self.config, used, own.tx, 1);
             }
         }
         if self.rx.due_asn().is_some_and(|asn| asn <= cx.asn) {
             let used = self.rx.used();
             self.rx.restart(cx.asn, most);
             if is_settled {
-                self.missing.rx = u16::from(high < used);
-                self.spare.rx = u16::from(used < low && 0 < own.rx);
+                (self.missing.rx, self.spare.rx) = self.policy.judge(&self.config, used, own.rx, 0);
             }
         }
         self.find_due(cx);
@@ -215,7 +223,7 @@ impl Msf {
     }
 }
 
-impl SchedulingFunction for Msf {
+impl<P: Policy> SchedulingFunction for Msf<P> {
     fn start(&mut self, cx: &mut Context<'_>) {
         let slots = self.config.slotframe_slots;
         cx.schedule.add_slotframe(AUTONOMOUS, slots);
@@ -228,7 +236,7 @@ impl SchedulingFunction for Msf {
     }
 
     fn stop(&mut self) {
-        *self = Self::new(&self.config, 0);
+        *self = Self::with_policy(&self.config, self.policy.clone());
     }
 
     fn slotframe_slots(&self) -> u16 {

@@ -4,6 +4,7 @@
 
 use crate::harness::STEP_NS;
 use crate::model::scenario::{FUNCTIONS, RADIOS, Scenario, Spice};
+use netsim::lowpan::DropReason;
 use netsim::mesh::network::Mesh;
 use netsim::mote::Mote;
 use proto::side::NetOutput;
@@ -285,6 +286,36 @@ fn what_always_holds_of_motes_that_move_with_slots_of_their_own() {
 #[test]
 fn what_always_holds_of_motes_that_move_under_orchestra() {
     what_always_holds(FUNCTIONS[8], 9_000_000);
+}
+
+#[test]
+fn what_always_holds_under_alice() {
+    what_always_holds(FUNCTIONS[9], 10_000_000);
+}
+
+#[test]
+fn alice_drops_frames_for_motes_that_are_no_relatives_any_more_unless_told_otherwise() {
+    let dropped = |function: &str| -> u64 {
+        let counts = (0..40).map(|seed| {
+            let scenario = Scenario::draw(function, RADIOS[2], Spice::ALL, 13_000_000 + seed, 45);
+            let mesh = run(&scenario, |_, _| {});
+            let motes = mesh.state().motes.iter();
+            motes.map(|mote| mote.tally.dropped(DropReason::NoTxCells)).sum::<u64>()
+        });
+        counts.sum()
+    };
+    assert!(0 < dropped(FUNCTIONS[9]));
+    assert_eq!(dropped(&format!("{}\nearly_packet_drop = false", FUNCTIONS[9])), 0);
+}
+
+#[test]
+fn what_always_holds_under_llsf() {
+    what_always_holds(FUNCTIONS[10], 11_000_000);
+}
+
+#[test]
+fn what_always_holds_under_emsf() {
+    what_always_holds(FUNCTIONS[11], 12_000_000);
 }
 
 #[test]

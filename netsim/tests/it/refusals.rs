@@ -219,7 +219,7 @@ fn a_round_robin_whose_root_cannot_answer_everybody_is_warned_of() {
 #[test]
 fn a_scheduling_function_that_is_none_is_one_problem() {
     let config = "mode = \"6tisch\"\nsf.kind = \"msff\"\nswarm.transport = \"own-cell\"\n";
-    insta::assert_snapshot!(refusal_of(config), @r#"netsim.sf.kind: must be one of "minimal", "msf", "rrsf", "sotdma", "orchestra", "static", "oracle", got "msff" (nearest valid: "msf")"#);
+    insta::assert_snapshot!(refusal_of(config), @r#"netsim.sf.kind: must be one of "minimal", "msf", "llsf", "emsf", "rrsf", "sotdma", "orchestra", "alice", "static", "oracle", got "msff" (nearest valid: "msf")"#);
 }
 
 #[test]

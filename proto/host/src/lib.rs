@@ -19,8 +19,8 @@ pub use network::NetHost;
 pub use orders::{OrdersFromOutside, bearer};
 pub use robots::RobotHost;
 pub use serve::{
-    Listen, ServeArgs, ServeError, ServeOptions, ignores_hangup, init_logging, init_logging_to,
-    serve_network, serve_robots,
+    LISTEN_VARIABLE, Listen, ServeArgs, ServeError, ServeOptions, ignores_hangup, init_logging,
+    init_logging_to, serve_network, serve_robots,
 };
 
 /// The services of `cosim/v1`: a client and a server of each. Their documentation is in the `.proto` files.

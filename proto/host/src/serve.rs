@@ -46,6 +46,21 @@ impl FromStr for Listen {
     }
 }
 
+/// Names where a simulator listens that a `command` of an experiment file has started.
+pub const LISTEN_VARIABLE: &str = "MURMURATION_LISTEN";
+
+impl Default for Listen {
+    /// Where [`LISTEN_VARIABLE`] says; if it is absent, a free port of this machine. What cannot be read ends the program, as a
+    /// wrong option does.
+    fn default() -> Self {
+        let text = std::env::var(LISTEN_VARIABLE).unwrap_or_else(|_| "127.0.0.1:0".to_owned());
+        text.parse().unwrap_or_else(|reason| {
+            let message = format!("{LISTEN_VARIABLE}: {reason}, got {text:?}\n");
+            clap::Error::raw(clap::error::ErrorKind::ValueValidation, message).exit()
+        })
+    }
+}
+
 impl fmt::Display for Listen {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -73,7 +88,7 @@ pub struct ServeArgs {
 #[derive(Clone, Debug, clap::Args)]
 pub struct ServeOptions {
     /// Address and port to listen on, or unix:PATH; with port 0 the system chooses a free port
-    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:0")]
+    #[arg(long, value_name = "ADDR", default_value_t)]
     pub listen: Listen,
     /// Certificate chain of this server (PEM); required on other than loopback addresses
     #[arg(long, value_name = "FILE", requires = "tls_key")]

@@ -1,5 +1,6 @@
 //! Negotiated and autonomous cells of a mote.
 
+use super::policy::Policy;
 use super::{AUTONOMOUS, Msf, NEGOTIATED, hash};
 use crate::mac::{Cell, CellOptions, Schedule};
 use crate::sf::Context;
@@ -86,15 +87,20 @@ pub(super) fn has_all(
     })
 }
 
-impl Msf {
-    /// Cells for a list of candidates (§ 8): slots at random among the free ones, each once, channels at random. Fewer than
+impl<P: Policy> Msf<P> {
+    /// Cells for a list of candidates (§ 8): free slots as the policy orders them, each once, channels at random. Fewer than
     /// asked for if there are no more.
-    pub(super) fn candidates(&self, cx: &mut Context<'_>, n: usize) -> Vec<SixpCell> {
+    pub(super) fn candidates(
+        &self,
+        cx: &mut Context<'_>,
+        options: CellOptions,
+        n: usize,
+    ) -> Vec<SixpCell> {
         let slots = cx.schedule.slotframe(NEGOTIATED).map_or(0, |frame| frame.slots());
         let mut free: Vec<u16> = (1..slots)
             .filter(|&slot| is_free(cx.schedule, slot) && !cx.sixtop.is_locked(slot))
             .collect();
-        cx.dice.shuffle(&mut free);
+        self.policy.order_candidates(cx, self.parent, options, &mut free);
         free.truncate(n);
         let n_channels = u64::from(cx.n_channels);
         free.into_iter()

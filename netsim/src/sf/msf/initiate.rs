@@ -1,6 +1,7 @@
 //! What a mote asks its parent for, and what it makes of the answers: RFC 9033, § 4.6, § 5, § 12.
 
 use super::cells::{self, Cells};
+use super::policy::Policy;
 use super::{Msf, seconds};
 use crate::mac::CellOptions;
 use crate::sf::Context;
@@ -13,7 +14,7 @@ use crate::wire::sixp::{
 /// Cells asked for, moved or offered for deletion in one request.
 const BATCH: usize = 5;
 
-impl Msf {
+impl<P: Policy> Msf<P> {
     /// Sends whatever is to be asked next and may be asked now.
     pub(super) fn drive(&mut self, cx: &mut Context<'_>) {
         let pending: Vec<Eui64> = self.clears.keys().copied().collect();
@@ -41,9 +42,9 @@ impl Msf {
         } else if !self.to_relocate.is_empty() {
             self.ask_to_relocate(cx, parent);
         } else if self.spare.tx != 0 {
-            self.ask_to_delete(cx, parent, CellOptions::TX);
+            self.ask_to_delete(cx, parent, CellOptions::TX, self.spare.tx);
         } else if self.spare.rx != 0 {
-            self.ask_to_delete(cx, parent, CellOptions::RX);
+            self.ask_to_delete(cx, parent, CellOptions::RX, self.spare.rx);
         }
     }
 
@@ -60,7 +61,7 @@ impl Msf {
     fn ask_to_add(&mut self, cx: &mut Context<'_>, parent: Eui64, options: CellOptions, n: u16) {
         let n = usize::from(n).min(BATCH);
         let listed = (n + BATCH - 1).max(usize::from(self.config.candidate_cells));
-        let offered = self.candidates(cx, listed);
+        let offered = self.candidates(cx, options, listed);
         let n = n.min(offered.len());
         if n == 0 {
             return self.handle_full(cx, parent, options);
@@ -98,7 +99,7 @@ impl Msf {
             return;
         }
         let listed = (n + BATCH - 1).max(usize::from(self.config.candidate_cells));
-        let candidates = self.candidates(cx, listed);
+        let candidates = self.candidates(cx, CellOptions::TX, listed);
         let n = n.min(candidates.len());
         if n == 0 {
             self.n_full += 1;
@@ -113,7 +114,7 @@ impl Msf {
         self.ask(cx, parent, what);
     }
 
-    fn ask_to_delete(&mut self, cx: &mut Context<'_>, parent: Eui64, options: CellOptions) {
+    fn ask_to_delete(&mut self, cx: &mut Context<'_>, parent: Eui64, options: CellOptions, n: u16) {
         let mut own: Vec<SixpCell> = cells::negotiated(cx.schedule, parent)
             .filter(|cell| cell.options == options)
             .map(cells::place)
@@ -124,10 +125,11 @@ impl Msf {
             self.spare = Cells::default();
             return;
         }
-        cx.dice.shuffle(&mut own);
+        let n = usize::from(n).min(BATCH).min(own.len() - least);
+        self.policy.order_spare(cx, parent, options, n, &mut own);
         own.truncate(BATCH);
         let options = request::bitmap(options);
-        let body = CellRequest { metadata: 0, options, num_cells: 1, cells: own };
+        let body = CellRequest { metadata: 0, options, num_cells: n as u8, cells: own };
         self.ask(cx, parent, SixpRequest::Delete(body));
     }
 
@@ -173,7 +175,7 @@ impl Msf {
                 if let Some(options) = request::options_there(body.options) {
                     cells::remove(cx.schedule, peer, options, agreed);
                     if is_parent {
-                        self.settle_spare(options);
+                        self.settle_spare(options, agreed.len());
                     }
                 }
                 is_sound
@@ -245,11 +247,11 @@ impl Msf {
         true
     }
 
-    /// One of the cells that were too many has gone.
-    fn settle_spare(&mut self, options: CellOptions) {
+    /// Some of the cells that were too many have gone. If the parent keeps all, one fewer is asked for.
+    fn settle_spare(&mut self, options: CellOptions, n: usize) {
         let spare =
             if options == CellOptions::TX { &mut self.spare.tx } else { &mut self.spare.rx };
-        *spare = spare.saturating_sub(1);
+        *spare = spare.saturating_sub(n.max(1) as u16);
     }
 
     /// A request of ours came to nothing.

@@ -1,5 +1,6 @@
 //! What a mote does when its neighbours ask: RFC 9033, § 8; RFC 8480, § 3.3.
 
+use super::policy::Policy;
 use super::{Msf, NEGOTIATED, cells};
 use crate::sf::Context;
 use crate::sixtop::{query, request};
@@ -8,7 +9,7 @@ use crate::wire::sixp::{
     AnswerContent, CellRequest, ReturnCode, SixpAnswer, SixpCell, SixpRequest,
 };
 
-impl Msf {
+impl<P: Policy> Msf<P> {
     /// Answers a request.
     pub(super) fn answer(&mut self, cx: &mut Context<'_>, peer: Eui64, asked: &SixpRequest) {
         if self.is_quarantined(peer) {
@@ -55,7 +56,7 @@ impl Msf {
         cx.sixtop.respond(peer, answer, cx.now_ns);
     }
 
-    /// Of the cells offered, at most `n` that are free here, at random. None: RC_SUCCESS with an empty list (RFC 8480,
+    /// Of the cells offered, at most `n` that are free here, as the policy orders them. None: RC_SUCCESS with an empty list (RFC 8480,
     /// § 3.3.1), or RC_ERR_LOCKED where another transaction holds one that would do (§ 3.4.3).
     fn choose(&mut self, cx: &mut Context<'_>, offered: &[SixpCell], n: usize) -> SixpAnswer {
         let is_free = |cell: &&SixpCell| {
@@ -67,7 +68,7 @@ impl Msf {
         if usable.is_empty() && !free.is_empty() && n != 0 {
             return refusal(ReturnCode::ErrorLocked);
         }
-        cx.dice.shuffle(&mut usable);
+        self.policy.order_grants(cx, &mut usable);
         // One cell a slot, whatever the list says.
         let mut chosen: Vec<SixpCell> = Vec::new();
         for cell in usable {

@@ -1,7 +1,7 @@
 //! Motes with MSF, 6P and schedules, without radio: the vectors M1 to M12.
 
 mod errors;
-mod harness;
+pub(in crate::sf) mod harness;
 mod losses;
 
 use super::*;
@@ -10,12 +10,16 @@ use crate::wire::sixp::{ReturnCode, SixpBody};
 use harness::Network;
 
 /// Cells of 6P's own making.
-fn negotiated(network: &Network, mote: usize, peer: usize) -> (u16, u16) {
+pub(in crate::sf) fn negotiated<P: Policy>(
+    network: &Network<P>,
+    mote: usize,
+    peer: usize,
+) -> (u16, u16) {
     let Cells { tx, rx } = cells::count(&network.motes[mote].schedule, network.address(peer));
     (tx, rx)
 }
 
-fn requests(network: &Network, from: usize, name: &str) -> usize {
+pub(in crate::sf) fn requests<P: Policy>(network: &Network<P>, from: usize, name: &str) -> usize {
     network.sent.iter().filter(|(sender, what)| *sender == from && what == name).count()
 }
 
@@ -171,7 +175,7 @@ fn m6_a_full_schedule_is_noticed_once_for_add_and_once_for_relocate() {
 fn m7_a_slotframe_of_two_slots_has_no_candidates() {
     let config = MsfConfig { slotframe_slots: 2, ..MsfConfig::default() };
     let mut network = Network::new(2, config);
-    network.tell(1, |msf, cx| assert_eq!(msf.candidates(cx, 5), []));
+    network.tell(1, |msf, cx| assert_eq!(msf.candidates(cx, CellOptions::TX, 5), []));
     network.set_parent(1, Some(0));
     network.run(1000);
     assert_eq!(network.sent, []);
@@ -302,7 +306,7 @@ fn rfc9033_8_candidates_avoid_the_first_slot_and_every_cell_of_the_mote() {
         let own = hash::autonomous_cell(cx.own, 7, 16).0;
         let root = hash::autonomous_cell(Eui64::of_mote(0), 7, 16).0;
         let mut slots: Vec<u16> =
-            msf.candidates(cx, 9).iter().map(|candidate| candidate.slot).collect();
+            msf.candidates(cx, CellOptions::TX, 9).iter().map(|candidate| candidate.slot).collect();
         slots.sort_unstable();
         let expected: Vec<u16> = (1..7).filter(|slot| ![5, own, root].contains(slot)).collect();
         assert_eq!(slots, expected);

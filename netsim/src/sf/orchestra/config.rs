@@ -213,6 +213,25 @@ impl OrchestraConfig {
         self.unicast_channel_min + (self.hash(receiver) % n) as u16
     }
 
+    /// Warns of motes that have all their cells in common.
+    pub(in crate::sf) fn warn_of_equal_motes(&self, context: &mut BuildContext<'_>) {
+        let mut hashes = BTreeSet::new();
+        let addresses = (0..context.agent_count as u32).map(context.address);
+        let n_same = addresses.filter(|&address| !hashes.insert(self.hash(address))).count();
+        if n_same != 0 {
+            let key = join(context.path, "hash");
+            context.warnings.push(format!(
+                "{key}: {n_same} of {} motes have all their cells in common with another one{}",
+                context.agent_count,
+                if self.hash == Hash::LastOctet {
+                    "; \"last-two-octets\" tells them apart"
+                } else {
+                    ""
+                }
+            ));
+        }
+    }
+
     /// The handle of a rule's slotframe, if the rule is in force.
     #[must_use]
     pub fn handle_of(&self, rule: Rule) -> Option<u8> {
@@ -289,23 +308,10 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> 
         is_collision_free: false,
         hash: keys.hash,
     };
-    let addresses = (0..context.agent_count as u32).map(context.address);
+    let mut addresses = (0..context.agent_count as u32).map(context.address);
     let mut taken = BTreeSet::new();
     config.is_collision_free = context.agent_count <= usize::from(unicast_active_slots)
-        && addresses.clone().all(|address| taken.insert(config.unicast_slot(address)));
-    let mut hashes = BTreeSet::new();
-    let n_same = addresses.filter(|&address| !hashes.insert(config.hash(address))).count();
-    if n_same != 0 {
-        let key = join(context.path, "hash");
-        context.warnings.push(format!(
-            "{key}: {n_same} of {} motes have all their cells in common with another one{}",
-            context.agent_count,
-            if config.hash == Hash::LastOctet {
-                "; \"last-two-octets\" tells them apart"
-            } else {
-                ""
-            }
-        ));
-    }
+        && addresses.all(|address| taken.insert(config.unicast_slot(address)));
+    config.warn_of_equal_motes(context);
     Some(Config::new(config))
 }

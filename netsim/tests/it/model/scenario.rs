@@ -13,7 +13,7 @@ use proto::types::{
 };
 
 /// Scheduling functions, with settings under which small networks form soon.
-pub(crate) const FUNCTIONS: [&str; 9] = [
+pub(crate) const FUNCTIONS: [&str; 12] = [
     "kind = \"minimal\"\nslotframe_slots = 11",
     "kind = \"msf\"\nslotframe_slots = 23",
     "kind = \"rrsf\"\nshared_slots = 3",
@@ -29,6 +29,9 @@ pub(crate) const FUNCTIONS: [&str; 9] = [
      rank_from_beacons = true\nhandover_dbm = -60.0\nreroute = true\nbursts = true\nscan_hopping = true\nkeep_admission = true",
     "kind = \"orchestra\"\ncommon_slots = 7\nunicast_slots = 11\nrules = [\"unicast-non-storing\", \"default-common\"]\n\
      [mobility]\nrank_from_beacons = true\nreroute = true",
+    "kind = \"alice\"\neb_slots = 41\ncommon_slots = 7\nunicast_slots = 11",
+    "kind = \"llsf\"\nslotframe_slots = 23\nmax_num_cells = 20\nlim_numcellsused_high = 12\nlim_numcellsused_low = 4",
+    "kind = \"emsf\"\nslotframe_slots = 23\nmax_num_cells = 20\nlim_numcellsused_low = 4",
 ];
 
 /// Radios: everyone hears everyone, only near ones, some by chance, some by power.
@@ -265,11 +268,15 @@ fn config(function: &str, radio: &str, n: usize, dice: &mut Dice) -> String {
         "keep_alive_s = 0\nmax_drift_ppm = 0",
     ]);
     let rpl = pick(&["", "mode = \"storing\"", "objective = \"mrhof\"", "dao_ack = false"]);
+    // Its cells are those of parents and children.
+    let rpl = if function.contains("alice") { "mode = \"storing\"".to_owned() } else { rpl };
     let lowpan = pick(&["", "fragmentation = \"per-hop\"", "discard_after_last = true"]);
     let energy = pick(&["per-slot", "by-length"]);
     let own_cell = if function.contains("minimal\"")
         || function.contains("msf")
         || function.contains("orchestra")
+        || function.contains("alice")
+        || function.contains("llsf")
     {
         "broadcast-slotframe"
     } else {

@@ -11,16 +11,16 @@ use std::collections::VecDeque;
 const SLOT_NS: u64 = 10_000_000;
 const MAX_ATTEMPTS: u8 = 6;
 
-pub(super) struct Mote {
-    pub(super) own: Eui64,
-    pub(super) msf: Msf,
-    pub(super) sixtop: Sixtop,
-    pub(super) schedule: Schedule,
-    pub(super) unusable: Vec<Eui64>,
+pub(in crate::sf) struct Mote<P = Rfc9033> {
+    pub(in crate::sf) own: Eui64,
+    pub(in crate::sf) msf: Msf<P>,
+    pub(in crate::sf) sixtop: Sixtop,
+    pub(in crate::sf) schedule: Schedule,
+    pub(in crate::sf) unusable: Vec<Eui64>,
     /// Why requests of this mote failed.
-    pub(super) failures: Vec<Failure>,
+    pub(in crate::sf) failures: Vec<Failure>,
     /// How often it was notified that both ends differ.
-    pub(super) n_inconsistent: u32,
+    pub(in crate::sf) n_inconsistent: u32,
     is_root: bool,
     parent: Option<Eui64>,
     dice: Dice,
@@ -36,34 +36,41 @@ struct Frame {
     n_attempts: u8,
 }
 
-pub(super) struct Network {
-    pub(super) motes: Vec<Mote>,
-    pub(super) asn: u64,
+pub(in crate::sf) struct Network<P = Rfc9033> {
+    pub(in crate::sf) motes: Vec<Mote<P>>,
+    pub(in crate::sf) asn: u64,
     /// Requests that were given to the MAC: by whom, what.
-    pub(super) sent: Vec<(usize, String)>,
+    pub(in crate::sf) sent: Vec<(usize, String)>,
     /// A mote that does not listen in a slot.
-    pub(super) deaf: Option<(usize, u16)>,
+    pub(in crate::sf) deaf: Option<(usize, u16)>,
     /// A mote that acknowledges 6P messages and does nothing with them.
-    pub(super) mute: Option<usize>,
+    pub(in crate::sf) mute: Option<usize>,
     /// A mote that is switched off.
-    pub(super) gone: Option<usize>,
+    pub(in crate::sf) gone: Option<usize>,
     /// Probability that a frame is lost, and that an acknowledgment is.
-    pub(super) loss: (f64, f64),
+    pub(in crate::sf) loss: (f64, f64),
     dice: Dice,
     codes: Vec<(usize, ReturnCode)>,
 }
 
 impl Network {
     /// Motes that are synchronised; mote 0 is the root.
-    pub(super) fn new(n: u32, config: MsfConfig) -> Self {
+    pub(in crate::sf) fn new(n: u32, config: MsfConfig) -> Self {
         Self::with_seed(n, config, 1)
     }
 
-    pub(super) fn with_seed(n: u32, config: MsfConfig, seed: u64) -> Self {
+    pub(in crate::sf) fn with_seed(n: u32, config: MsfConfig, seed: u64) -> Self {
+        Self::with_policy(n, config, seed, Rfc9033)
+    }
+}
+
+impl<P: Policy> Network<P> {
+    /// Motes of another policy than RFC 9033's.
+    pub(in crate::sf) fn with_policy(n: u32, config: MsfConfig, seed: u64, policy: P) -> Self {
         let slotframe_ns = u64::from(config.slotframe_slots) * SLOT_NS;
         let mote = |number: u32| Mote {
             own: Eui64::of_mote(number),
-            msf: Msf::new(&config, number),
+            msf: Msf::with_policy(&config, policy.clone()),
             sixtop: Sixtop::new(sixtop::Config {
                 sfid: SFID,
                 slotframe_ns,
@@ -97,46 +104,50 @@ impl Network {
         network
     }
 
-    pub(super) fn address(&self, mote: usize) -> Eui64 {
+    pub(in crate::sf) fn address(&self, mote: usize) -> Eui64 {
         self.motes[mote].own
     }
 
-    pub(super) fn now_ns(&self) -> u64 {
+    pub(in crate::sf) fn now_ns(&self) -> u64 {
         self.asn * SLOT_NS
     }
 
-    pub(super) fn queue_len(&self, mote: usize) -> usize {
+    pub(in crate::sf) fn queue_len(&self, mote: usize) -> usize {
         self.motes[mote].queue.len()
     }
 
-    pub(super) fn set_parent(&mut self, mote: usize, parent: Option<usize>) {
+    pub(in crate::sf) fn set_parent(&mut self, mote: usize, parent: Option<usize>) {
         let old = self.motes[mote].parent;
         self.motes[mote].parent = parent.map(|parent| self.address(parent));
         self.tell(mote, |msf, cx| msf.handle_parent(cx, old));
     }
 
-    pub(super) fn is_ready(&mut self, mote: usize) -> bool {
+    pub(in crate::sf) fn is_ready(&mut self, mote: usize) -> bool {
         let mut is_ready = false;
         self.tell(mote, |msf, cx| is_ready = msf.is_ready(cx));
         is_ready
     }
 
     /// Tells a mote's MSF something, and lets what follows from it happen.
-    pub(super) fn tell(&mut self, mote: usize, what: impl FnOnce(&mut Msf, &mut Context<'_>)) {
+    pub(in crate::sf) fn tell(
+        &mut self,
+        mote: usize,
+        what: impl FnOnce(&mut Msf<P>, &mut Context<'_>),
+    ) {
         let (asn, now_ns) = (self.asn, self.now_ns());
         self.motes[mote].tell(asn, now_ns, what);
         self.pump(mote);
     }
 
     /// Queues a data frame.
-    pub(super) fn send_data(&mut self, from: usize, to: usize) {
+    pub(in crate::sf) fn send_data(&mut self, from: usize, to: usize) {
         let to = self.address(to);
         self.motes[from].queue.push_back(Frame { to, message: None, n_attempts: 0 });
         self.update_queue(from, to);
     }
 
     /// A request of one mote, heard at once by another.
-    pub(super) fn ask(&mut self, from: usize, to: usize, what: SixpRequest) {
+    pub(in crate::sf) fn ask(&mut self, from: usize, to: usize, what: SixpRequest) {
         let seqnum = self.motes[to].sixtop.seqnum(self.address(from));
         let body = SixpBody::Request(what);
         let message = SixpRepr { version: 0, sfid: SFID, seqnum, body };
@@ -146,17 +157,17 @@ impl Network {
     }
 
     /// What a mote answered last.
-    pub(super) fn last_code(&self, mote: usize) -> Option<ReturnCode> {
+    pub(in crate::sf) fn last_code(&self, mote: usize) -> Option<ReturnCode> {
         self.codes.iter().rev().find(|(sender, _)| *sender == mote).map(|&(_, code)| code)
     }
 
-    pub(super) fn run(&mut self, n_slots: u64) {
+    pub(in crate::sf) fn run(&mut self, n_slots: u64) {
         for _ in 0..n_slots {
             self.slot();
         }
     }
 
-    pub(super) fn run_until(&mut self, mut is_done: impl FnMut(&mut Self) -> bool) {
+    pub(in crate::sf) fn run_until(&mut self, mut is_done: impl FnMut(&mut Self) -> bool) {
         for _ in 0..20_000 {
             if is_done(self) {
                 return;
@@ -167,7 +178,7 @@ impl Network {
     }
 
     /// Nothing is open, waits, or is wanted.
-    pub(super) fn is_quiet(&self) -> bool {
+    pub(in crate::sf) fn is_quiet(&self) -> bool {
         self.motes.iter().all(|mote| {
             let is_open = self.motes.iter().any(|other| mote.sixtop.is_busy(other.own));
             let has_wishes = mote.msf.missing != Cells::default()
@@ -178,8 +189,8 @@ impl Network {
     }
 
     /// Whether each cell has its counterpart.
-    pub(super) fn agrees(&self) -> bool {
-        let cells_of = |mote: &Mote, peer: Eui64, options: CellOptions| -> Vec<SixpCell> {
+    pub(in crate::sf) fn agrees(&self) -> bool {
+        let cells_of = |mote: &Mote<P>, peer: Eui64, options: CellOptions| -> Vec<SixpCell> {
             let cells = cells::negotiated(&mote.schedule, peer);
             cells.filter(|cell| cell.options == options).map(cells::place).collect()
         };
@@ -191,7 +202,7 @@ impl Network {
     }
 
     #[track_caller]
-    pub(super) fn assert_agreement(&self) {
+    pub(in crate::sf) fn assert_agreement(&self) {
         assert!(self.agrees());
         for mote in &self.motes {
             assert_eq!(mote.sixtop.locked().count(), 0);
@@ -349,8 +360,8 @@ impl Network {
     }
 }
 
-impl Mote {
-    fn tell(&mut self, asn: u64, now_ns: u64, what: impl FnOnce(&mut Msf, &mut Context<'_>)) {
+impl<P: Policy> Mote<P> {
+    fn tell(&mut self, asn: u64, now_ns: u64, what: impl FnOnce(&mut Msf<P>, &mut Context<'_>)) {
         let mut cx = Context {
             own: self.own,
             is_root: self.is_root,
