@@ -22,6 +22,9 @@ const CLASSES: [(&str, &str); 5] = [
     ("pair high2", "far more"),
 ];
 
+/// Rows between the same two places: the places (m), the number of readings, and the sum of their errors.
+type Group = ([[f64; 2]; 2], f64, f64);
+
 /// The class of links without a reading.
 const SILENT: &str = "silent";
 /// A mean error of fewer standard errors than this counts as none.
@@ -64,7 +67,7 @@ fn map(story: &Story<'_>) -> (Markup, f64) {
         chart.line("foliage", area.iter().chain(area.first()).map(|&corner| Some(corner)));
     }
     // Rows between the same two places, in either direction.
-    let mut groups: BTreeMap<[u64; 4], ([[f64; 2]; 2], f64, f64)> = BTreeMap::new();
+    let mut groups: BTreeMap<[u64; 4], Group> = BTreeMap::new();
     for row in &story.rows {
         let mut ends = row.ends;
         ends.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
