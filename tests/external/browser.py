@@ -1,6 +1,7 @@
 """Opens one page in headless Chromium over the DevTools pipe and notes everything it asks for and complains about."""
 
 import base64
+import fcntl
 import json
 import os
 import select
@@ -31,9 +32,9 @@ def visit(url, profile_dir, width_px=1200, dark=False, expressions=None):
     the given JavaScript expressions, by name."""
     to_read, to_write = os.pipe()
     from_read, from_write = os.pipe()
-    # Chromium speaks on file descriptors 3 and 4. The shell moves them there.
-    # Duplicated high first: one of the ends may itself be number 3 or 4.
-    shell = f'exec 20<&{to_read} 21>&{from_write}; exec 3<&20 4>&21; exec chromium "$@"'
+    # Chromium speaks on file descriptors 3 and 4. The shell moves them there, from numbers that lie above both.
+    to_read, from_write = moved_up(to_read), moved_up(from_write)
+    shell = f'exec 3<&{to_read} 4>&{from_write}; exec chromium "$@"'
     browser = subprocess.Popen(
         ["bash", "-c", shell, "chromium", *FLAGS, f"--user-data-dir={profile_dir}", "about:blank"],
         pass_fds=(to_read, from_write),
@@ -50,6 +51,13 @@ def visit(url, profile_dir, width_px=1200, dark=False, expressions=None):
     finally:
         os.killpg(browser.pid, signal.SIGKILL)
         browser.wait()
+
+
+def moved_up(descriptor):
+    """The same end of a pipe under a number that the shell uses for nothing else, whatever else is open."""
+    moved = fcntl.fcntl(descriptor, fcntl.F_DUPFD, 300)
+    os.close(descriptor)
+    return moved
 
 
 class Devtools:
