@@ -10,6 +10,7 @@ pub mod mobility;
 mod network;
 mod rpl;
 mod security;
+mod standard;
 mod swarm;
 
 use crate::catalogue::Catalogue;
@@ -18,6 +19,7 @@ use crate::mesh::settings::Settings;
 use crate::phy::interference::{self, Interference};
 use crate::phy::model::Model;
 use crate::phy::propagation::{self, BuildContext, Family, Radio};
+use crate::phy::standard::CHOICES;
 use crate::phy::{effect, reception};
 use bytes::Bytes;
 use proto::config::{
@@ -44,10 +46,10 @@ pub const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "hopping_sequence",
-            doc: "Hopping sequence: IEEE 802.15.4 channels by absolute slot number. Absent: 16, 17, 23, 18, 26, 15, 25, \
-                  22, 19, 11, 12, 13, 24, 14, 20, 21 with mode = \"6tisch\" or a trace; otherwise frames have no channel \
-                  and are sent on carrier_hz.",
-            kind: Kind::List { of: &Kind::Integer { min: 11, max: 26 }, min: 1, max: 512 },
+            doc: "Hopping sequence: channels of phy.standard by absolute slot number, 11 to 26 at 2.4 GHz. Absent: 16, 17, \
+                  23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21, or as many channels of another band, with mode = \
+                  \"6tisch\" or a trace; otherwise frames have no channel and are sent on carrier_hz.",
+            kind: Kind::List { of: &Kind::Integer { min: 0, max: 128 }, min: 1, max: 512 },
             default: Default::Absent,
         },
         Field {
@@ -88,6 +90,12 @@ pub const PHY: TableSpec = TableSpec {
     doc: "The radio.",
     fields: &[
         Field {
+            key: "standard",
+            doc: "The physical layer of IEEE 802.15.4: channels, bit rate, noise. Absent: o-qpsk-2450.",
+            kind: Kind::Choice(&CHOICES),
+            default: Default::Absent,
+        },
+        Field {
             key: "tx_power_dbm",
             doc: "Transmit power (dBm).",
             kind: Kind::Number(Range::closed(-100.0, 60.0)),
@@ -107,7 +115,8 @@ pub const PHY: TableSpec = TableSpec {
         },
         Field {
             key: "carrier_hz",
-            doc: "Carrier frequency (Hz) if no channel is known. The 6TiSCH simulator has 2.4e9.",
+            doc: "Carrier frequency (Hz) if no channel is known. The 6TiSCH simulator has 2.4e9. Not \
+                  written: the middle of the band with another phy.standard.",
             kind: Kind::Number(Range::closed(1e6, 1e12)),
             default: Default::Number(2.44e9),
         },
@@ -243,12 +252,16 @@ pub fn slotframe_slots(config: &Node, agent_count: usize, catalogue: &Catalogue)
     if !keys.has_protocols() {
         return agent_count as u64;
     }
+    let physical = standard::of(&keys.phy);
     let given = network::Given {
         table: &table,
         path: "",
         agent_count,
         slot_ns: 1,
-        hopping_sequence: &keys.hopping_sequence.unwrap_or_else(|| HOPPING_SEQUENCE.to_vec()),
+        hopping_sequence: &keys
+            .hopping_sequence
+            .unwrap_or_else(|| physical.standard.hopping_sequence.to_vec()),
+        airtime: physical.standard.airtime,
         catalogue,
     };
     network::build(&given, &mut Vec::new(), &mut Vec::new())
@@ -309,7 +322,11 @@ pub fn read(
 ) -> Result<(Config, toml::Table, Vec<String>), Vec<Problem>> {
     let mut problems = Vec::new();
     let lists = catalogue.lists();
-    let table = check(&setup.config, &setup.path, &SPEC, &lists, &mut problems).table;
+    let mut table = check(&setup.config, &setup.path, &SPEC, &lists, &mut problems).table;
+    if let Some(phy) = table.get_mut("phy").and_then(toml::Value::as_table_mut) {
+        let path = join(&setup.path, "phy");
+        standard::apply(phy, setup.config.get("phy"), &path, catalogue, &mut problems);
+    }
     let keys: Keys = typed(&table);
     let key_path = |key: &str| join(&setup.path, key);
 
@@ -346,19 +363,17 @@ pub fn read(
     let phy: PhyKeys = typed(&keys.phy);
     let base = catalogue.propagation.selected(&keys.phy, &propagation::TAG);
     let is_recording = base.is_some_and(|base| base.family == Family::Recording);
-    if is_network && !is_refused && slot_ns < network::LEAST_SLOT_NS {
-        let message = format!(
-            "must be at least {} s with mode = {MODE_6TISCH:?}, the duration of the longest frame and its acknowledgment",
-            seconds(network::LEAST_SLOT_NS)
-        );
-        problems
-            .push(Problem::new(key_path("slot_duration_s"), message).value(slot_s).nearest(0.01));
+    let physical = standard::of(&keys.phy);
+    if is_network && !is_refused {
+        let path = key_path("slot_duration_s");
+        problems.extend(standard::check_slot(physical, slot_ns, step_ns, &path));
     }
     let hopping_sequence: Vec<u8> = match keys.hopping_sequence {
         Some(channels) => channels,
-        None if is_recording || is_network => HOPPING_SEQUENCE.to_vec(),
+        None if is_recording || is_network => physical.standard.hopping_sequence.to_vec(),
         None => Vec::new(),
     };
+    standard::check_channels(&hopping_sequence, physical, &setup.path, &mut problems);
     let phy_path = key_path("phy");
     let mut context = BuildContext {
         path: &phy_path,
@@ -383,6 +398,7 @@ pub fn read(
             agent_count,
             slot_ns: slot_ns.max(1),
             hopping_sequence: &hopping_sequence,
+            airtime: physical.standard.airtime,
             catalogue,
         };
         network::build(&given, &mut problems, &mut warnings)
@@ -429,7 +445,8 @@ pub fn read_phy(
     catalogue: &Catalogue,
 ) -> Result<(Model, toml::Table), Vec<Problem>> {
     let mut problems = Vec::new();
-    let table = check(node, path, &PHY, &catalogue.lists(), &mut problems).table;
+    let mut table = check(node, path, &PHY, &catalogue.lists(), &mut problems).table;
+    standard::apply(&mut table, Some(node), path, catalogue, &mut problems);
     let keys: PhyKeys = typed(&table);
     let mut context = BuildContext {
         path,
@@ -463,14 +480,15 @@ fn model_of(
     let curve = reception::build(&keys.reception, &path, &catalogue.reception, problems);
     effect::check(&keys.effect, &join(context.path, "effect"), &catalogue.effects, problems);
     let effects = effect::build(&keys.effect, &catalogue.effects);
-    Some(Model::new(
+    let model = Model::new(
         propagation?,
         effects,
         curve?,
         context.radio,
         keys.min_distance_m,
         keys.noise_sd_db,
-    ))
+    );
+    Some(model.with_channels(standard::of(table).standard.channels))
 }
 
 /// Keys that are written, other than they would be anyway, but decide nothing.

@@ -3,10 +3,11 @@
 //! A mote only counts: so many slots of each kind, so many bytes. Charge, radio-on time and lifetime follow from the totals,
 //! once, so that they are exact and cost nothing while slots run.
 //!
-//! Two models. [`Model::PerSlot`] is the 6TiSCH simulator's table, one charge per kind of slot whatever the frame's length.
-//! [`Model::ByLength`] is a regression on the CC2650 (TSCH-Sim), where longer frames cost more. Neither knows what the
-//! processor and sensors take, nor what a sleeping mote leaks.
+//! Three models. [`Model::PerSlot`] is the 6TiSCH simulator's table, one charge per kind of slot whatever the frame's length.
+//! [`Model::ByLength`] is a regression on the CC2650 (TSCH-Sim), where longer frames cost more. [`Model::ByTime`] is the
+//! only one for other physical layers than 2.4 GHz. None knows what the processor and sensors take, nor what a sleeping mote leaks.
 
+use crate::medium::slot::timing::Airtime;
 use crate::wire::security::OVERHEAD;
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
@@ -50,14 +51,22 @@ pub enum SlotUse {
 }
 
 /// How charge is computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Model {
     /// One charge per kind of slot: the 6TiSCH simulator's table.
     #[default]
     PerSlot,
     /// By the length of frames: TSCH-Sim's regression on the CC2650.
     ByLength,
+    /// By the time in which the radio sends and in which it listens, whatever the physical layer.
+    ByTime {
+        /// Current while it sends (mA).
+        tx_ma: f64,
+        /// Current while it listens (mA).
+        rx_ma: f64,
+        /// How long frames are on the air.
+        airtime: Airtime,
+    },
 }
 
 /// Charge of a slot with a frame: `per_byte_uc` · bytes + `base_uc`.
@@ -118,10 +127,11 @@ const BY_LENGTH: Table = Table {
 };
 
 impl Model {
-    fn table(self) -> &'static Table {
+    fn table(self) -> Option<&'static Table> {
         match self {
-            Self::PerSlot => &PER_SLOT,
-            Self::ByLength => &BY_LENGTH,
+            Self::PerSlot => Some(&PER_SLOT),
+            Self::ByLength => Some(&BY_LENGTH),
+            Self::ByTime { .. } => None,
         }
     }
 
@@ -187,8 +197,7 @@ pub struct Usage {
 }
 
 /// Times of the default timeslot that decide how long a radio is on: IEEE Std 802.15.4-2015, 8.4.3.3 (macTsRxWait,
-/// macTsRxAckDelay, macTsTxAckDelay, macTsAckWait), and the 2450 MHz O-QPSK PHY's 32 µs per byte after six bytes of
-/// preamble, delimiter and length.
+/// macTsRxAckDelay, macTsTxAckDelay, macTsAckWait).
 pub mod on_time {
     /// A listener waits so long for a frame to begin (ns).
     pub const RX_WAIT_NS: u64 = 2_200_000;
@@ -198,10 +207,6 @@ pub mod on_time {
     pub const TX_ACK_DELAY_NS: u64 = 1_000_000;
     /// A sender waits so long for an acknowledgment to begin (ns).
     pub const ACK_WAIT_NS: u64 = 400_000;
-    /// A byte on the air (ns).
-    pub const BYTE_NS: u64 = 32_000;
-    /// Preamble, delimiter and length in front of a PSDU (bytes).
-    pub const PHY_HEADER_BYTES: u64 = 6;
 }
 
 impl Usage {
@@ -271,7 +276,12 @@ impl Usage {
     /// acknowledgment; by length, the bytes by which a secured one is longer are charged as those of frames.
     #[must_use]
     pub fn charge_uc(&self, model: Model, slot_ns: u64) -> f64 {
-        let table = model.table();
+        if let Model::ByTime { tx_ma, rx_ma, airtime } = model {
+            let sending_ns = self.sending_ns(ACK_BYTES, &airtime);
+            let listening_ns = self.radio_on_ns(slot_ns, ACK_BYTES, &airtime) - sending_ns;
+            return 1e-6 * (tx_ma * sending_ns as f64 + rx_ma * listening_ns as f64);
+        }
+        let table = model.table().unwrap_or(&PER_SLOT);
         let [acks_sent, acks_received] = self.ack_security_bytes();
         let scan_uc = table.scan_uc * (slot_ns as f64 / STATED_SLOT_NS as f64);
         table.idle_listen_uc * self.idle_listen as f64
@@ -284,13 +294,22 @@ impl Usage {
             + table.rx_unicast.per_byte_uc * acks_received as f64
     }
 
-    /// How long the radio was on (ns), in slots of `slot_ns` and with acknowledgments of `ack_bytes` (PSDU, security apart);
-    /// see [`on_time`]. A frame begins in the middle of the guard time: clocks deviate to either side.
+    /// How long the radio sent (ns): frames, and acknowledgments of `ack_bytes` (PSDU, security apart).
     #[must_use]
-    pub fn radio_on_ns(&self, slot_ns: u64, ack_bytes: u16) -> u64 {
+    pub fn sending_ns(&self, ack_bytes: u16, airtime: &Airtime) -> u64 {
+        let [ack_security_bytes, _] = self.ack_security_bytes();
+        on_air_ns(self.sent(), airtime)
+            + self.rx_unicast.n * airtime.of(ack_bytes).unsigned_abs()
+            + ack_security_bytes * airtime.byte_ns.unsigned_abs()
+    }
+
+    /// How long the radio was on (ns), in slots of `slot_ns` with acknowledgments of `ack_bytes` (PSDU, security apart) and
+    /// frames of a physical layer; see [`on_time`]. A frame begins in the middle of the guard time: clocks deviate to either side.
+    #[must_use]
+    pub fn radio_on_ns(&self, slot_ns: u64, ack_bytes: u16, airtime: &Airtime) -> u64 {
         use on_time::*;
-        let air_ns = |frames: Frames| (PHY_HEADER_BYTES * frames.n + frames.bytes) * BYTE_NS;
-        let ack_ns = (PHY_HEADER_BYTES + u64::from(ack_bytes)) * BYTE_NS;
+        let air_ns = |frames: Frames| on_air_ns(frames, airtime);
+        let ack_ns = airtime.of(ack_bytes).unsigned_abs();
         let sent = self.sent();
         let received = self.received();
         self.idle_listen * RX_WAIT_NS
@@ -301,9 +320,17 @@ impl Usage {
             + air_ns(received)
             + received.n * (RX_WAIT_NS / 2)
             + self.rx_unicast.n * ack_ns
-            + self.ack_security_bytes().iter().sum::<u64>() * BYTE_NS
+            + self.ack_security_bytes().iter().sum::<u64>() * airtime.byte_ns.unsigned_abs()
     }
 }
+
+/// How long frames of a physical layer are on the air (ns).
+fn on_air_ns(frames: Frames, airtime: &Airtime) -> u64 {
+    airtime.header_ns.unsigned_abs() * frames.n + airtime.byte_ns.unsigned_abs() * frames.bytes
+}
+
+/// Length of an enhanced acknowledgment that is not secured (PSDU, bytes): 64-bit destination and a time correction.
+pub const ACK_BYTES: u16 = 19;
 
 /// Share of `elapsed_ns` in which the radio was on, 0 to 1. `None` if no time has passed.
 #[must_use]

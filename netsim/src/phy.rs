@@ -9,6 +9,7 @@
 //! | [`reception`] | from power to the probability of reception, one file per curve |
 //! | [`interference`] | what frames that are on the air together do to each other, one file per rule |
 //! | [`model`] | all of these together: [`Model::evaluate`] |
+//! | [`standard`] | physical layers: bands, channels, bit rates, one file each |
 //! | [`sight`] | what stands between two antennas |
 //! | [`nearest`] | who is near whom |
 //! | `memo` | values kept for arguments that return |
@@ -27,6 +28,7 @@ pub mod propagation;
 pub mod reception;
 pub mod scatter;
 pub mod sight;
+pub mod standard;
 
 pub use link::{Covariates, End, Link, Scene};
 pub use model::{LinkBudget, Model};

@@ -1,6 +1,7 @@
 //! `[netsim.energy]`.
 
 use crate::energy::{BATTERY_AA_MAH, Model};
+use crate::medium::slot::timing::Airtime;
 use proto::config::{Choice, Default, Field, Kind, Range, TableSpec, typed};
 use serde::Deserialize;
 
@@ -20,8 +21,24 @@ pub(super) const SPEC: TableSpec = TableSpec {
                     name: "by-length",
                     doc: "By frame length: TSCH-Sim's regression for the CC2650.",
                 },
+                Choice {
+                    name: "by-time",
+                    doc: "By the time in which the radio sends and listens, for any phy.standard.",
+                },
             ]),
             default: Default::Text("per-slot"),
+        },
+        Field {
+            key: "tx_ma",
+            doc: "Current while the radio sends (mA), with model = \"by-time\". Absent: 24, the CC2538 at 0 dBm.",
+            kind: Kind::Number(Range::closed(0.0, 1e4)),
+            default: Default::Absent,
+        },
+        Field {
+            key: "rx_ma",
+            doc: "Current while the radio listens (mA), with model = \"by-time\". Absent: 20, the CC2538.",
+            kind: Kind::Number(Range::closed(0.0, 1e4)),
+            default: Default::Absent,
         },
         Field {
             key: "battery_mah",
@@ -44,6 +61,8 @@ pub(super) const SPEC: TableSpec = TableSpec {
 #[derive(Deserialize)]
 struct Keys {
     model: ModelKey,
+    tx_ma: Option<f64>,
+    rx_ma: Option<f64>,
     battery_mah: f64,
     #[serde(default)]
     deaths: bool,
@@ -55,14 +74,19 @@ struct Keys {
 enum ModelKey {
     PerSlot,
     ByLength,
+    ByTime,
 }
 
 /// Makes the model, the battery (mAh) and whether an empty one kills, of the checked table.
-pub(super) fn build(table: &toml::Table) -> (Model, f64, bool) {
+pub(super) fn build(table: &toml::Table, airtime: Airtime) -> (Model, f64, bool) {
     let keys: Keys = typed(table);
     let model = match keys.model {
         ModelKey::PerSlot => Model::PerSlot,
         ModelKey::ByLength => Model::ByLength,
+        ModelKey::ByTime => {
+            let (tx_ma, rx_ma) = (keys.tx_ma.unwrap_or(24.0), keys.rx_ma.unwrap_or(20.0));
+            Model::ByTime { tx_ma, rx_ma, airtime }
+        }
     };
     (model, keys.battery_mah, keys.deaths)
 }

@@ -2,6 +2,7 @@
 
 use crate::mac::effect;
 use crate::mac::tsch::Config;
+use crate::medium::slot::timing::Airtime;
 use proto::config::{Default, Field, Kind, Problem, Range, Registry, TableSpec, join, typed};
 use proto::types::NS_PER_S;
 use serde::Deserialize;
@@ -176,6 +177,8 @@ pub(super) struct Surroundings<'a> {
     pub(super) slot_ns: u64,
     /// Channels by absolute slot number.
     pub(super) hopping_sequence: &'a [u8],
+    /// How long frames are on the air.
+    pub(super) airtime: Airtime,
     /// Probability of a beacon in an idle cell, where that decides.
     pub(super) beacon_probability: Option<f64>,
     /// Whether motes contend as in the 6TiSCH simulator.
@@ -241,6 +244,7 @@ pub(super) fn build(
     let config = Config {
         slot_ns: given.slot_ns,
         hopping_sequence: given.hopping_sequence.to_vec(),
+        airtime: given.airtime,
         queue_capacity: Some(keys.queue_frames).filter(|&frames| frames != 0),
         max_retries: Some(keys.max_retries),
         min_exponent: min,

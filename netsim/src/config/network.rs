@@ -4,8 +4,9 @@ use super::compat::{self, Compat};
 use super::{admission, energy, lowpan, mac, mobility, rpl, security, swarm};
 use crate::app;
 use crate::catalogue::Catalogue;
+use crate::energy::Model;
 use crate::mac::effect;
-use crate::medium::slot::timing;
+use crate::medium::slot::timing::Airtime;
 use crate::mesh::addresses::Addresses;
 use crate::mesh::settings::Settings;
 use crate::sf;
@@ -103,6 +104,8 @@ pub(super) struct Given<'a> {
     pub(super) slot_ns: u64,
     /// Channels by absolute slot number.
     pub(super) hopping_sequence: &'a [u8],
+    /// How long frames are on the air.
+    pub(super) airtime: Airtime,
     /// What there is to choose from.
     pub(super) catalogue: &'a Catalogue,
 }
@@ -148,6 +151,7 @@ pub(super) fn build(
         path: &mac_path,
         slot_ns: given.slot_ns,
         hopping_sequence: given.hopping_sequence,
+        airtime: given.airtime,
         beacon_probability: compat.eb_rule.then_some(BEACON_PROBABILITY),
         contends_as_peer: compat.shared_slot_0,
         agent_count: given.agent_count,
@@ -187,7 +191,13 @@ pub(super) fn build(
         let path = key_path(&format!("app[{index}]"));
         apps.extend(app::Spec::read(table, &path, given.agent_count as u32, problems));
     }
-    let (energy, battery_mah, battery_deaths) = energy::build(&keys.energy);
+    let (energy, battery_mah, battery_deaths) = energy::build(&keys.energy, given.airtime);
+    if given.airtime != Airtime::O_QPSK_2450 && !matches!(energy, Model::ByTime { .. }) {
+        warnings.push(format!(
+            "{}: the charges of this model are those of 2.4 GHz radios: set it to \"by-time\" with another phy.standard",
+            key_path("energy.model")
+        ));
+    }
     let mut rpl = rpl::build(&keys.rpl, compat);
     let (mobility, handover) = mobility::build(&keys.mobility, given, &roots, problems);
     rpl.handover = handover;
@@ -259,11 +269,6 @@ pub(super) fn build(
 
 /// Frames that wait before an acknowledgment where queues have no limit.
 const QUEUE_FRAMES: u16 = 10;
-
-/// From the begin of a slot to the end of the longest acknowledgment of the longest frame (ns).
-pub(super) const LEAST_SLOT_NS: u64 =
-    (timing::TX_OFFSET_NS + timing::MAX_TX_NS + timing::TX_ACK_DELAY_NS + timing::MAX_ACK_NS)
-        as u64;
 
 fn roots(listed: Option<&[u32]>, given: &Given<'_>, problems: &mut Vec<Problem>) -> Vec<u32> {
     let Some(listed) = listed else { return vec![0] };

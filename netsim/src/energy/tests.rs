@@ -8,6 +8,26 @@ fn close(a: f64, b: f64) -> bool {
 }
 
 #[test]
+fn charge_by_time_is_current_times_the_time_of_sending_and_listening() {
+    // A frame of 100 bytes at 50 kbit/s lasts 108 · 0.16 ms, its acknowledgment of 19 bytes 27 · 0.16 ms.
+    let airtime = Airtime::of_bytes(160_000, 6, 8);
+    let model = Model::ByTime { tx_ma: 30.0, rx_ma: 20.0, airtime };
+    let (frame_ms, ack_ms) = (108.0 * 0.16, 27.0 * 0.16);
+    let charge_uc = |slot| model.charge_uc(slot, 50_000_000);
+    for (slot, expected_uc) in [
+        (SlotUse::Sleep, 0.0),
+        (SlotUse::IdleListen, 20.0 * 2.2),
+        (SlotUse::Scan, 20.0 * 50.0),
+        (SlotUse::TxBroadcast { bytes: 100 }, 30.0 * frame_ms),
+        (SlotUse::TxUnicast { bytes: 100, acked: true }, 30.0 * frame_ms + 20.0 * (0.2 + ack_ms)),
+        (SlotUse::RxBroadcast { bytes: 100 }, 20.0 * (1.1 + frame_ms)),
+        (SlotUse::RxUnicast { bytes: 100 }, 20.0 * (1.1 + frame_ms) + 30.0 * ack_ms),
+    ] {
+        assert!(close(charge_uc(slot), expected_uc), "{slot:?}: {}", charge_uc(slot));
+    }
+}
+
+#[test]
 fn charge_per_slot_is_the_table_of_the_6tisch_simulator() {
     let bytes = 90;
     for (slot, charge_uc) in [
@@ -85,7 +105,7 @@ fn the_radio_is_on_for_the_frame_the_guard_time_and_the_acknowledgment() {
     let on = |slot| {
         let mut usage = Usage::default();
         usage.count(slot);
-        usage.radio_on_ns(SLOT_NS, 19)
+        usage.radio_on_ns(SLOT_NS, 19, &Airtime::O_QPSK_2450)
     };
     let (frame_ns, ack_ns) = ((6 + 127) * 32_000, (6 + 19) * 32_000);
     let bytes = 127;
@@ -134,7 +154,7 @@ proptest! {
             let since = usage.since(&earlier);
             prop_assert!(close(since.charge_uc(model, SLOT_NS), one_by_one_uc));
             prop_assert_eq!(usage.slots(), slots.len() as u64);
-            prop_assert!(usage.radio_on_ns(SLOT_NS, 19) <= usage.slots() * SLOT_NS);
+            prop_assert!(usage.radio_on_ns(SLOT_NS, 19, &Airtime::O_QPSK_2450) <= usage.slots() * SLOT_NS);
         }
     }
 }

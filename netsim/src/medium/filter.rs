@@ -12,7 +12,7 @@ use crate::phy::propagation::{Reach, Reception};
 /// Filters of a model, for frames without and with a known channel.
 #[derive(Clone, Debug, Default)]
 pub struct Filters {
-    /// Without a channel, then channels 11 to 26.
+    /// Without a channel, then channels by number.
     by_channel: Vec<Option<Filter>>,
 }
 
@@ -20,7 +20,7 @@ impl Filters {
     /// Filters for frames on these channels, and for frames without one.
     #[must_use]
     pub fn for_channels(model: &Model, channels: &[u8]) -> Self {
-        let mut by_channel = vec![None; 17];
+        let mut by_channel = vec![None; 257];
         by_channel[0] = Filter::for_channel(model, None);
         for &channel in channels {
             by_channel[place(Some(channel))] = Filter::for_channel(model, Some(channel));
@@ -37,7 +37,7 @@ impl Filters {
 }
 
 fn place(channel: Option<u8>) -> usize {
-    channel.map_or(0, |channel| usize::from(channel) - 10)
+    channel.map_or(0, |channel| usize::from(channel) + 1)
 }
 
 /// Bounds on the fate of links over the square of their distance.

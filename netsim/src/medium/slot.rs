@@ -46,7 +46,7 @@ use crate::phy::interference::Rule;
 use lock::{Locker, ReceiverOutcome};
 use pairing::{Ear, Emission, Pairing};
 use proto::rng::Purpose;
-use timing::{TX_ACK_DELAY_NS, airtime_ns};
+use timing::{Airtime, TX_ACK_DELAY_NS};
 
 /// Resolves slots.
 #[derive(Debug)]
@@ -54,6 +54,7 @@ pub struct SlotMedium {
     seed: u64,
     rule: Box<dyn Rule>,
     perfect_acks: bool,
+    airtime: Airtime,
     pairing: Pairing,
     locker: Locker,
     emissions: Vec<Emission>,
@@ -70,13 +71,20 @@ impl SlotMedium {
             seed,
             rule,
             perfect_acks,
+            airtime: Airtime::O_QPSK_2450,
             pairing: Pairing::default(),
-            locker: Locker::default(),
+            locker: Locker::new(Airtime::O_QPSK_2450),
             emissions: Vec::new(),
             ears: Vec::new(),
             ear_of_acknowledgment: Vec::new(),
             receptions: Vec::new(),
         }
+    }
+
+    /// The same medium with frames of another physical layer than 2.4 GHz O-QPSK.
+    #[must_use]
+    pub fn with_airtime(self, airtime: Airtime) -> Self {
+        Self { airtime, locker: Locker::new(airtime), ..self }
     }
 
     /// Draws by another seed from here on.
@@ -97,7 +105,9 @@ impl SlotMedium {
             return &self.receptions;
         }
         self.emissions.clear();
-        self.emissions.extend(on_air.iter().zip(0..).map(|(frame, number)| data(frame, number)));
+        let airtime = self.airtime;
+        let frames = on_air.iter().zip(0..);
+        self.emissions.extend(frames.map(|(frame, number)| data(frame, number, &airtime)));
         self.ears.clear();
         self.ears.extend(listening.iter().map(Ear::of_frames));
         self.pairing.pair(paths, slot.begins_ns, &self.emissions, &mut self.ears);
@@ -131,7 +141,7 @@ impl SlotMedium {
         listening: &[Listening],
     ) {
         let OnAir { sender, channel, .. } = *frame;
-        let begins_ns = data(frame, 0).begins_ns;
+        let begins_ns = frame.begins_ns();
         let is_sent = paths.is_on(sender);
         self.receptions.clear();
         self.receptions.extend(listening.iter().map(|ear| {
@@ -199,13 +209,13 @@ impl SlotMedium {
         self.ear_of_acknowledgment.clear();
         let mut opens_first_ns = i64::MAX;
         for (acknowledgment, number) in acknowledgments.iter().zip(0..) {
-            let frame = data(&on_air[acknowledgment.transmission as usize], 0);
+            let frame = data(&on_air[acknowledgment.transmission as usize], 0, &self.airtime);
             let begins_ns = frame.ends_ns + TX_ACK_DELAY_NS;
             self.emissions.push(Emission {
                 sender: acknowledgment.receiver,
                 channel: frame.channel,
                 begins_ns,
-                ends_ns: begins_ns + airtime_ns(acknowledgment.psdu_bytes),
+                ends_ns: begins_ns + self.airtime.of(acknowledgment.psdu_bytes),
                 purpose: Purpose::SlotAcknowledgment,
                 number,
             });
@@ -221,7 +231,8 @@ impl SlotMedium {
                 self.ears.push(awaiting);
             }
         }
-        let frames = on_air.iter().zip(0..).map(|(frame, number)| data(frame, number));
+        let airtime = self.airtime;
+        let frames = on_air.iter().zip(0..).map(|(frame, number)| data(frame, number, &airtime));
         self.emissions.extend(frames.filter(|frame| opens_first_ns < frame.ends_ns));
     }
 
@@ -235,12 +246,12 @@ impl SlotMedium {
     }
 }
 
-fn data(frame: &OnAir, number: u32) -> Emission {
+fn data(frame: &OnAir, number: u32, airtime: &Airtime) -> Emission {
     Emission {
         sender: frame.sender,
         channel: frame.channel,
         begins_ns: frame.begins_ns(),
-        ends_ns: frame.ends_ns(),
+        ends_ns: frame.ends_ns(airtime),
         purpose: Purpose::SlotReception,
         number,
     }

@@ -12,6 +12,8 @@ pub struct Capture {
     wanted: bool,
     /// What frames are secured with, in a secured network: captures have the octets that are on the air.
     keys: Option<Keys>,
+    /// Channel page of the physical layer.
+    page: u8,
     records: Vec<u8>,
     /// What was sent in this slot, each record with its time (ns).
     slot: Vec<(u64, Vec<u8>)>,
@@ -22,6 +24,12 @@ impl Capture {
     #[must_use]
     pub fn new(wanted: bool, keys: Option<Keys>) -> Self {
         Self { wanted, keys, ..Self::default() }
+    }
+
+    /// The same for a physical layer of another channel page than 0.
+    #[must_use]
+    pub fn on_page(self, page: u8) -> Self {
+        Self { page, ..self }
     }
 
     /// A frame was sent, whose first symbol was on the air at `begins_ns` (true time).
@@ -47,7 +55,8 @@ impl Capture {
     }
 
     fn record(&mut self, asn: u64, begins_ns: u64, channel: u8, psdu: &[u8]) {
-        self.slot.push((begins_ns, tap::record(begins_ns, channel.into(), None, asn, psdu)));
+        let channel = (channel.into(), self.page);
+        self.slot.push((begins_ns, tap::record(begins_ns, channel, None, asn, psdu)));
     }
 
     /// Nothing more is sent in the slot: what was is put in the order in which it began.

@@ -137,12 +137,14 @@ impl ListeningCache {
 mod tests {
     use super::*;
     use crate::mac::tsch::{Config, Listening, channel_of};
+    use crate::medium::slot::timing::Airtime;
     use crate::wire::Eui64;
 
     fn config() -> Config {
         Config {
             slot_ns: 10_000_000,
             hopping_sequence: vec![11, 12, 13],
+            airtime: Airtime::O_QPSK_2450,
             queue_capacity: None,
             max_retries: None,
             min_exponent: 1,

@@ -148,7 +148,8 @@ impl Mesh {
         state: State,
     ) -> Self {
         let rule = config.interference.take().expect("an interference rule is configured");
-        let medium = SlotMedium::new(experiment.seed, rule.rule, settings.compat.perfect_acks);
+        let medium = SlotMedium::new(experiment.seed, rule.rule, settings.compat.perfect_acks)
+            .with_airtime(settings.mac.airtime);
         let n = experiment.agent_count;
         let mut links = Links::new(
             Arc::clone(&config.model),
@@ -161,7 +162,8 @@ impl Mesh {
             links = links.without_levels();
         }
         let keys = settings.join.security.map(|security| security.keys);
-        let capture = Capture::new(records.contains(&NetRecord::Capture), keys);
+        let page = config.model.channels.page;
+        let capture = Capture::new(records.contains(&NetRecord::Capture), keys).on_page(page);
         let frames = FrameLog::new(records.contains(&NetRecord::Frames));
         let has_oracle = settings.sf.as_kind::<OracleConfig>().is_some();
         Self {

@@ -23,7 +23,7 @@ use crate::energy::SlotUse;
 use crate::lowpan::DropReason;
 use crate::mac::tsch::channel_of;
 use crate::medium::links::Links;
-use crate::medium::slot::timing::airtime_ns;
+use crate::medium::slot::timing::Airtime;
 use crate::medium::slot::{Listening, OnAir, Paths as _, Reception, Sent, Slot};
 use crate::mote::Brought;
 use bytes::Bytes;
@@ -108,6 +108,7 @@ impl Ways {
 struct Probe {
     channel: u8,
     at_ns: u64,
+    airtime: Airtime,
 }
 
 /// Of each mote, from whom it receives, and how many transmissions that takes.
@@ -116,7 +117,7 @@ fn incoming(links: &mut Links, n: u32, at: Probe) -> Vec<Vec<(u32, u64)>> {
     let mut arrivals = Vec::new();
     for sender in 0..n {
         let receivers = links.neighbours(sender).map_or_else(|| (0..n).collect(), <[u32]>::to_vec);
-        let end_ns = at.at_ns + airtime_ns(127).unsigned_abs();
+        let end_ns = at.at_ns + at.airtime.of(127).unsigned_abs();
         let sent = Sent { sender, channel: at.channel, sent_ns: at.at_ns, end_ns };
         arrivals.clear();
         links.arrivals(sent, &receivers, &mut arrivals);
@@ -249,7 +250,8 @@ impl Mesh {
     /// Cost of the way from a mote to another, and the next hop.
     fn way(&mut self, mote: u32, destination: u32, asn: u64) -> (u64, u32) {
         let channel = self.config.hopping_sequence[0];
-        let at = Probe { channel, at_ns: asn * self.config.slot_ns };
+        let airtime = self.settings.mac.airtime;
+        let at = Probe { channel, at_ns: asn * self.config.slot_ns, airtime };
         let n = self.experiment.agent_count as u32;
         self.ways.to(&mut self.links, n, destination, at)[mote as usize]
     }
@@ -323,7 +325,12 @@ impl Mesh {
             self.count_hop(hop, received.is_some());
             if let Some(rssi_dbm) = received {
                 self.note_heard(hop.to, hop.from, rssi_dbm);
-                self.pass_on(hop, slot.begins_ns.saturating_add_signed(on_air.ends_ns()), rssi_dbm);
+                self.pass_on(
+                    hop,
+                    slot.begins_ns
+                        .saturating_add_signed(on_air.ends_ns(&self.settings.mac.airtime)),
+                    rssi_dbm,
+                );
             }
         }
     }

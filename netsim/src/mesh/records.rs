@@ -2,7 +2,7 @@
 
 use super::network::{HeardOf, Mesh};
 use super::packets::PacketKind;
-use crate::energy;
+use crate::energy::{self, ACK_BYTES};
 use crate::lowpan::DropReason;
 use crate::mac::CellKind;
 use crate::mote::{Lack, Mote};
@@ -11,9 +11,6 @@ use proto::side::{NetInput, NetOutput};
 use proto::types::{
     self, Bitmap, Formation, HeardLinks, MoteStates, MoteStatistics, NetRecord, Schedule, Statistic,
 };
-
-/// Length of an enhanced acknowledgment that is not secured (PSDU, bytes): 64-bit destination and a time correction.
-pub const ACK_BYTES: u16 = 19;
 
 impl Mesh {
     /// The reply to a step that has come to `time_ns`.
@@ -138,6 +135,7 @@ impl Mesh {
         let slot_ns = self.config.slot_ns;
         let asn = time_ns.div_ceil(slot_ns);
         let model = self.settings.energy;
+        let airtime = self.settings.mac.airtime;
         let usages: Vec<energy::Usage> = self
             .state
             .motes
@@ -171,7 +169,9 @@ impl Mesh {
             all("battery_mah", "mAh", vec![self.settings.battery_mah; motes.len()]),
             used("charge_uc", "uC", &|usage| usage.charge_uc(model, slot_ns)),
             count("up_ns", "ns", &|mote| mote.tally.slots_on(asn) * slot_ns),
-            used("radio_on_ns", "ns", &|usage| usage.radio_on_ns(slot_ns, ACK_BYTES) as f64),
+            used("radio_on_ns", "ns", &|usage| {
+                usage.radio_on_ns(slot_ns, ACK_BYTES, &airtime) as f64
+            }),
             count("tx_frames", "frames", &|mote| mote.tally.n_tx),
             count("rx_frames", "frames", &|mote| mote.tally.n_rx),
             count("tx_unicast", "frames", &|mote| mote.tally.n_tx_unicast),

@@ -3,10 +3,9 @@
 use super::hush::Known;
 use super::inbox::Sent;
 use super::network::Mesh;
-use super::records::ACK_BYTES;
 use super::scratch::{Scratch, Sending};
 use super::settings::Settings;
-use crate::energy::SlotUse;
+use crate::energy::{ACK_BYTES, SlotUse};
 use crate::mac::tsch::{Listening, Outgoing, channel_of};
 use crate::medium::slot::timing::TX_ACK_DELAY_NS;
 use crate::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
@@ -325,8 +324,9 @@ impl Mesh {
         let on_air = self.scratch.on_air[index as usize];
         let source_ns = on_air.starts_ns;
         // Within the slot, however far off a clock is that scanning motes hear all the same.
-        let received_ns = at_ns(asn, self.config.slot_ns, on_air.ends_ns())
-            .clamp(now_ns, now_ns + self.config.slot_ns - 1);
+        let received_ns =
+            at_ns(asn, self.config.slot_ns, on_air.ends_ns(&self.settings.mac.airtime))
+                .clamp(now_ns, now_ns + self.config.slot_ns - 1);
         self.note_heard(mote, sent.sender, rssi_dbm);
         let node = &mut self.state.motes[mote as usize];
         if !node.takes(&self.settings, sent.frame()) {
@@ -433,7 +433,11 @@ impl Mesh {
                 security: frame.security,
             };
             let on_air = &self.scratch.on_air[answer.transmission as usize];
-            let begins_ns = at_ns(asn, self.config.slot_ns, on_air.ends_ns() + TX_ACK_DELAY_NS);
+            let begins_ns = at_ns(
+                asn,
+                self.config.slot_ns,
+                on_air.ends_ns(&self.settings.mac.airtime) + TX_ACK_DELAY_NS,
+            );
             let source = self.addresses.eui64(answer.receiver);
             self.capture.ack(asn, begins_ns, sent.transmission.channel, source, &ack);
         }
@@ -463,9 +467,10 @@ impl Mesh {
             Outgoing::Frame(queued) => (queued.destination().is_some(), 1 < queued.n_attempts),
         };
         let at = transmission.at;
+        let airtime_ns = self.settings.mac.airtime.of(bytes).unsigned_abs();
         let (node, mut world) = self.mote_and_world(sender, asn);
         world.effective_asn = asn + 1;
-        node.mac.spend_airtime(bytes, now_ns);
+        node.mac.spend_airtime(airtime_ns, now_ns);
         node.tally.n_tx += 1;
         node.tally.n_retransmissions += u64::from(is_retransmission);
         node.tally.usage.secured_acks_received += u64::from(acknowledged && is_secured);

@@ -5,6 +5,7 @@
 //! connectivity model, has given already. So the factor compares reception under noise and interference with reception
 //! under noise, is 1 where nobody interferes, and noise is counted once.
 
+pub mod fsk;
 pub mod o_qpsk;
 pub mod table;
 
@@ -102,7 +103,7 @@ impl Registered for Entry {
 pub(crate) const LIST: &str = "netsim.phy.interference";
 
 /// The rules that are built in.
-pub(crate) const BUILT_IN: &[Entry] = &[o_qpsk::ENTRY, table::ENTRY];
+pub(crate) const BUILT_IN: &[Entry] = &[o_qpsk::ENTRY, table::ENTRY, fsk::ENTRY];
 
 /// Makes interference of a checked table. `None`: the rule is none that is known, which the check has reported.
 #[must_use]

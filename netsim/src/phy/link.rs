@@ -5,6 +5,7 @@
 
 pub use super::end::{End, distance_squared_m2};
 use super::nearest::{Grid, Nearest};
+use super::standard::o_qpsk_2450;
 use proto::site::Site;
 use proto::types::Covariate;
 
@@ -15,7 +16,7 @@ pub const SPEED_OF_LIGHT_MPS: f64 = 299_792_458.0;
 /// (IEEE Std 802.15.4-2006, § 6.1.2.1).
 #[must_use]
 pub fn channel_hz(channel: u8) -> f64 {
-    (2405.0 + 5.0 * (f64::from(channel) - 11.0)) * 1e6
+    o_qpsk_2450::CHANNELS.centre_hz(channel)
 }
 
 /// Numbers beside the geometry: temperature, battery, whatever a file or a robot simulator brings.

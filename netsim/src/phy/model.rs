@@ -1,10 +1,11 @@
 //! The radio as configured: a base model, effects, a reception curve; and what they together say about a link.
 
 use super::effect::Effect;
-use super::link::{End, Link, Scene, channel_hz};
+use super::link::{End, Link, Scene};
 use super::propagation::{FREE_SPACE_EXPONENT, Prediction, Propagation, Radio, Reach, Reception};
 use super::reception::Curve;
 use super::scatter::{Law, Renewal, Scatter};
+use super::standard::{ChannelPlan, o_qpsk_2450};
 use proto::effect::FromModel;
 use proto::rng::Purpose;
 
@@ -36,6 +37,8 @@ pub struct Model {
     pub radio: Radio,
     /// Distances below this (m) count as this.
     pub min_distance_m: f64,
+    /// Channels of the physical layer, and their frequencies.
+    pub channels: ChannelPlan,
     /// First what both directions of a link share, then the rest, then what acts on some links only.
     scatters: Vec<Scatter>,
     n_symmetric: usize,
@@ -76,10 +79,32 @@ impl Model {
                 scatters.push(scatter);
             }
         }
-        Self { propagation, effects, curve, radio, min_distance_m, scatters, n_symmetric, limited }
+        let channels = o_qpsk_2450::CHANNELS;
+        Self {
+            propagation,
+            effects,
+            curve,
+            radio,
+            min_distance_m,
+            channels,
+            scatters,
+            n_symmetric,
+            limited,
+        }
     }
 
-    /// Describes a link. `channel`: 11 to 26, if it is known.
+    /// The same radio with the channels of another physical layer than 2.4 GHz O-QPSK.
+    #[must_use]
+    pub fn with_channels(mut self, channels: ChannelPlan) -> Self {
+        for scatter in &mut self.scatters {
+            if let Renewal::Place { channels: of_scatter, .. } = &mut scatter.renewal {
+                *of_scatter = channels;
+            }
+        }
+        Self { channels, ..self }
+    }
+
+    /// Describes a link. `channel`: its number, if it is known.
     #[inline]
     #[must_use]
     pub fn link<'a>(
@@ -104,7 +129,7 @@ impl Model {
     /// Frequency (Hz) of a channel, or of the carrier where no channel is known.
     #[must_use]
     pub fn frequency_hz(&self, channel: Option<u8>) -> f64 {
-        channel.map_or(self.radio.carrier_hz, channel_hz)
+        channel.map_or(self.radio.carrier_hz, |channel| self.channels.centre_hz(channel))
     }
 
     /// What the radio makes of a link at its mean level. [`Model::scatters`] says how it varies about that.

@@ -2,6 +2,7 @@
 //!
 //! One file per curve, one list: `BUILT_IN`.
 
+pub mod fsk;
 pub mod o_qpsk;
 pub mod table;
 
@@ -56,7 +57,7 @@ impl Registered for Entry {
 pub(crate) const LIST: &str = "netsim.phy.reception";
 
 /// The curves that are built in.
-pub(crate) const BUILT_IN: &[Entry] = &[table::ENTRY, o_qpsk::ENTRY];
+pub(crate) const BUILT_IN: &[Entry] = &[table::ENTRY, o_qpsk::ENTRY, fsk::ENTRY];
 
 /// Makes the curve of a checked table.
 pub fn build(

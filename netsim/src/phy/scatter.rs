@@ -4,6 +4,7 @@
 //! is stored per link, so a link's values depend neither on other links, nor on how many there are, nor on the steps in
 //! which a simulation advances.
 
+use super::standard::ChannelPlan;
 use proto::rng::{Draws, Purpose, normal, ordered_link, uniform, unordered_link};
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
@@ -80,6 +81,8 @@ pub enum Renewal {
         length_m: f64,
         /// Difference in frequency (Hz) over which the correlation falls to 1/e.
         coherence_hz: f64,
+        /// Channels of the physical layer.
+        channels: ChannelPlan,
     },
     /// As time passes: correlation e^(−Δ/length) over the time Δ between the begins of control periods.
     Time {
@@ -358,10 +361,11 @@ impl Scatter {
             Renewal::Period => draws.normal(entity, at.period_ns, k),
             Renewal::Frame => draws.normal(entity, at.sent_ns, k),
             Renewal::Coherence { length_m } => gauss_markov(draws, entity, k, at.way_m / length_m),
-            Renewal::Place { length_m, coherence_hz } => {
+            Renewal::Place { length_m, coherence_hz, channels } => {
                 let place = (at.way_m / length_m) as u64;
-                let rho = libm::exp(-CHANNEL_SPACING_HZ / coherence_hz);
-                let step = at.channel.map_or(0, |channel| u64::from(channel.saturating_sub(11)));
+                let rho = libm::exp(-channels.spacing_hz / coherence_hz);
+                let first = channels.first;
+                let step = at.channel.map_or(0, |channel| u64::from(channel.saturating_sub(first)));
                 over_channels(draws, entity, place, k, rho, step)
             }
             Renewal::Time { length_s, .. } => {
@@ -370,9 +374,6 @@ impl Scatter {
         }
     }
 }
-
-/// Distance between neighbouring IEEE 802.15.4 channels (Hz).
-const CHANNEL_SPACING_HZ: f64 = 5e6;
 
 /// A stationary Gauss–Markov sequence over channels: zero mean, unit variance, correlation ρ from one to the next. Its
 /// value on the channel after so many steps from the lowest.
@@ -500,6 +501,7 @@ const SPAN_LENGTHS: f64 = 16.0;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::phy::standard::o_qpsk_2450::CHANNELS;
 
     fn correlation(pairs: &[(f64, f64)]) -> f64 {
         let n = pairs.len() as f64;
@@ -571,7 +573,7 @@ mod tests {
     #[test]
     fn both_ends_share_what_is_symmetric_and_nothing_else() {
         let at = Moment { period_ns: 7, sent_ns: 9, way_m: 3.0, channel: None };
-        let place = Renewal::Place { length_m: 0.06, coherence_hz: 5e6 };
+        let place = Renewal::Place { length_m: 0.06, coherence_hz: 5e6, channels: CHANNELS };
         let coherence = Renewal::Coherence { length_m: 1.0 };
         for renewal in [Renewal::Frozen, Renewal::Period, Renewal::Frame, coherence, place] {
             for (law, purpose) in [

@@ -182,6 +182,23 @@ fn is_within(point: [f64; 2], polygon: &[[f64; 2]]) -> bool {
     within
 }
 
+/// The angle in the plane (rad, from −π to π) between the sender's heading, or its direction of motion if no heading is known,
+/// and the direction of the receiver. `None`: neither is known, or the receiver is straight above or below.
+#[must_use]
+pub fn off_heading_rad(link: &Link<'_>) -> Option<f64> {
+    let motion = link
+        .sender
+        .velocity_mps
+        .filter(|velocity| velocity[0] != 0.0 || velocity[1] != 0.0)
+        .map(|velocity| libm::atan2(velocity[1], velocity[0]));
+    let heading_rad = link.sender.heading_rad.or(motion)?;
+    let [x, y] = [0, 1].map(|axis| link.receiver.position_m[axis] - link.sender.position_m[axis]);
+    if x == 0.0 && y == 0.0 {
+        return None;
+    }
+    Some(libm::remainder(libm::atan2(y, x) - heading_rad, std::f64::consts::TAU))
+}
+
 /// Whether a body of another agent, a ball of this radius around its antenna, touches the direct path.
 #[must_use]
 pub fn is_blocked_by_body(link: &Link<'_>, body_radius_m: f64) -> bool {

@@ -16,8 +16,6 @@ const START_OF_FRAME: u16 = 5;
 const ASN: u16 = 7;
 /// FCS of 16 bits.
 const FCS_16: u8 = 1;
-/// Channel page of O-QPSK at 2.4 GHz (IEEE Std 802.15.4-2015, 10.1.2).
-const PAGE: u8 = 0;
 
 /// What a capture begins with.
 #[must_use]
@@ -32,16 +30,22 @@ pub fn file_header() -> [u8; 24] {
 }
 
 /// One frame of a capture: the PSDU with its FCS, when its first symbol was on the air (ns of simulated time), on which
-/// channel (11 to 26) and in which slot; and how strongly it was received, if it was a receiver that captured it.
+/// channel of which channel page (IEEE Std 802.15.4-2015, 10.1.2) and in which slot; and how strongly it was received, if it was a receiver that captured it.
 #[must_use]
-pub fn record(time_ns: u64, channel: u16, rssi_dbm: Option<f32>, asn: u64, psdu: &[u8]) -> Vec<u8> {
+pub fn record(
+    time_ns: u64,
+    (channel, page): (u16, u8),
+    rssi_dbm: Option<f32>,
+    asn: u64,
+    psdu: &[u8],
+) -> Vec<u8> {
     let mut fields = Vec::with_capacity(64);
     put_field(&mut fields, FCS_TYPE, &[FCS_16]);
     if let Some(rssi_dbm) = rssi_dbm {
         put_field(&mut fields, RSS, &rssi_dbm.to_le_bytes());
     }
     let [low, high] = channel.to_le_bytes();
-    put_field(&mut fields, CHANNEL, &[low, high, PAGE]);
+    put_field(&mut fields, CHANNEL, &[low, high, page]);
     put_field(&mut fields, START_OF_FRAME, &time_ns.to_le_bytes());
     put_field(&mut fields, ASN, &asn.to_le_bytes());
 
@@ -74,7 +78,7 @@ mod tests {
     #[test]
     fn a_record_is_as_long_as_it_says_and_ends_with_the_frame() {
         let psdu = [1, 2, 3];
-        let record = record(3_000_000_007, 26, Some(-90.0), 300, &psdu);
+        let record = record(3_000_000_007, (26, 0), Some(-90.0), 300, &psdu);
         assert_eq!(record[..8], [3, 0, 0, 0, 7, 0, 0, 0]);
         assert_eq!(record[8..12], ((record.len() - 16) as u32).to_le_bytes());
         assert_eq!(record[8..12], record[12..16]);
@@ -91,7 +95,7 @@ mod tests {
 
     #[test]
     fn frames_that_nobody_received_have_no_strength() {
-        let with = record(0, 11, Some(-50.0), 0, &[]).len();
-        assert_eq!(record(0, 11, None, 0, &[]).len(), with - 8);
+        let with = record(0, (11, 0), Some(-50.0), 0, &[]).len();
+        assert_eq!(record(0, (11, 0), None, 0, &[]).len(), with - 8);
     }
 }

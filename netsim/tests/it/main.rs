@@ -24,3 +24,4 @@ mod refusals;
 mod reseeding;
 mod snapshot;
 mod sotdma;
+mod standards;

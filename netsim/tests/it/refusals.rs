@@ -34,12 +34,11 @@ fn every_problem_is_named_at_once() {
         .0;
     assert!(kinds.contains("\"hidden-obstacle\", \"interference\""), "{kinds}");
     insta::assert_snapshot!(refusal_of(config).replace(kinds, "the kinds of effects"), @r#"
-    netsim.hopping_sequence[1]: must be a whole number from 11 to 26, got 27 (nearest valid: 26)
     netsim.phy.radius_m: is missing: must be a number, greater than 0 and at most 10000000
     netsim.phy.tx_power_dbm: must be a number, from -100 to 60, got "high"
     netsim.phy.carrier_hz: must be a finite number, from 1000000 to 1000000000000, got NaN
     netsim.phy.min_distance_m: must be from 0.001 to 1000, got -0.1 (nearest valid: 0.001)
-    netsim.phy.reception.kind: must be one of "table", "o-qpsk", got "o-qpks" (nearest valid: "o-qpsk")
+    netsim.phy.reception.kind: must be one of "table", "o-qpsk", "fsk", got "o-qpks" (nearest valid: "o-qpsk")
     netsim.phy.effect[0].sd_db: is missing: must be a number, from 0 to 20
     netsim.phy.effect[1].kind: is missing: one of the kinds of effects
     netsim.phy.effect[2].gain_db: must be from -100 to 100, got 1000 (nearest valid: 100)
@@ -49,6 +48,7 @@ fn every_problem_is_named_at_once() {
     netsim.slot_duration_s: must divide the control period, 0.1 s, into a whole number of slots, got 0.03 (nearest valid: 0.025)
     netsim.absent[1]: must be the number of a mote, 0 to 9, got 10 (nearest valid: 9)
     netsim.absent[2]: must not be listed twice, got 3
+    netsim.hopping_sequence[1]: must be a channel of phy.standard = "o-qpsk-2450", a whole number from 11 to 26, got 27 (nearest valid: 26)
     "#);
 }
 

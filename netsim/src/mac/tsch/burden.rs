@@ -3,7 +3,6 @@
 use super::Tsch;
 use crate::mac::effect::Burden;
 use crate::mac::ration::Ration;
-use crate::medium::slot::timing::airtime_ns;
 use proto::rng::{Draws, Purpose};
 
 impl Tsch {
@@ -22,11 +21,11 @@ impl Tsch {
         self
     }
 
-    /// A frame of this length was on the air.
+    /// A frame was on the air for so long.
     #[inline]
-    pub fn spend_airtime(&mut self, psdu_bytes: u16, now_ns: u64) {
+    pub fn spend_airtime(&mut self, airtime_ns: u64, now_ns: u64) {
         if let Some(ration) = &mut self.ration {
-            ration.spend(airtime_ns(psdu_bytes).unsigned_abs(), now_ns);
+            ration.spend(airtime_ns, now_ns);
         }
     }
 

@@ -2,6 +2,7 @@
 
 use crate::mac::queue::Queued;
 use crate::mac::schedule::CellRef;
+use crate::medium::slot::timing::Airtime;
 use crate::wire::Eui64;
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +13,8 @@ pub struct Config {
     pub slot_ns: u64,
     /// Channels by absolute slot number and channel offset.
     pub hopping_sequence: Vec<u8>,
+    /// How long frames are on the air.
+    pub airtime: Airtime,
     /// Frames that may wait (macMaxQueue); `None`: any number.
     pub queue_capacity: Option<u16>,
     /// Attempts after the first (macMaxFrameRetries); `None`: any number.

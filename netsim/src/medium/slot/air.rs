@@ -1,6 +1,6 @@
 //! What is on the air, who listens, and what arrives where.
 
-use super::timing::{RX_OFFSET_NS, RX_WAIT_NS, TX_OFFSET_NS, airtime_ns};
+use super::timing::{Airtime, RX_OFFSET_NS, RX_WAIT_NS, TX_OFFSET_NS};
 use serde::{Deserialize, Serialize};
 
 /// Which slot.
@@ -34,8 +34,8 @@ impl OnAir {
 
     /// When its last symbol has been on the air (ns after the slot's true begin).
     #[must_use]
-    pub fn ends_ns(&self) -> i64 {
-        self.begins_ns() + airtime_ns(self.psdu_bytes)
+    pub fn ends_ns(&self, airtime: &Airtime) -> i64 {
+        self.begins_ns() + airtime.of(self.psdu_bytes)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::air::Arrival;
 use super::pairing::{Ear, Emission};
-use super::timing::SYNCHRONISATION_NS;
+use super::timing::Airtime;
 use crate::phy::interference::Rule;
 use proto::rng::{Draws, Purpose, ordered_link};
 
@@ -37,24 +37,32 @@ impl Candidate {
     }
 
     /// Probability that its synchronisation header is detected, noise alone: the header's share of the frame.
-    fn header_probability(&self) -> f64 {
+    fn header_probability(&self, synchronisation_ns: i64) -> f64 {
         let probability = self.arrival.reception_probability;
         if probability <= 0.0 || 1.0 <= probability {
             return probability;
         }
-        libm::pow(probability, SYNCHRONISATION_NS as f64 / self.frame_ns() as f64)
+        libm::pow(probability, synchronisation_ns as f64 / self.frame_ns() as f64)
     }
 }
 
 /// Room for the frames that arrive at one receiver.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Locker {
+    /// The part of a frame by which a receiver notices it (ns).
+    synchronisation_ns: i64,
     candidates: Vec<Candidate>,
     /// Time, candidate, and whether it begins, of what changes the interference.
     changes: Vec<(i64, u32, bool)>,
 }
 
 impl Locker {
+    /// For frames of a physical layer.
+    pub(super) fn new(airtime: Airtime) -> Self {
+        let synchronisation_ns = airtime.synchronisation_ns;
+        Self { synchronisation_ns, candidates: Vec::new(), changes: Vec::new() }
+    }
+
     /// What becomes of a receiver at which `heard` arrives. Draws: by seed and absolute slot number.
     pub(super) fn outcome(
         &mut self,
@@ -74,7 +82,7 @@ impl Locker {
         let Some(first) = heard.next() else { return ReceiverOutcome::Idle };
         let Some(second) = heard.next() else {
             return if begins_in_time(&first) {
-                alone(&first, draw)
+                alone(&first, self.synchronisation_ns, draw)
             } else {
                 ReceiverOutcome::Idle
             };
@@ -102,7 +110,7 @@ impl Locker {
             }
             if let Some(locked) = locked {
                 let before = &self.candidates[locked];
-                let is_late = before.begins_ns + SYNCHRONISATION_NS <= frame.begins_ns;
+                let is_late = before.begins_ns + self.synchronisation_ns <= frame.begins_ns;
                 if is_late {
                     break;
                 }
@@ -110,11 +118,11 @@ impl Locker {
                     continue;
                 }
             }
-            let probability = frame.header_probability();
+            let probability = frame.header_probability(self.synchronisation_ns);
             let u = draw(&frame);
             if u < probability
                 && (!rule.hides_preambles() || {
-                    let header_ends_ns = frame.begins_ns + SYNCHRONISATION_NS;
+                    let header_ends_ns = frame.begins_ns + self.synchronisation_ns;
                     self.survives(rule, i, header_ends_ns, u, probability)
                 })
             {
@@ -140,7 +148,7 @@ impl Locker {
         u: f64,
         probability: f64,
     ) -> bool {
-        let Self { candidates, changes } = self;
+        let Self { candidates, changes, .. } = self;
         let frame = candidates[which];
         let (mut n_active, mut interference_mw) = (0, 0.0);
         changes.clear();
@@ -206,7 +214,11 @@ fn candidate(emissions: &[Emission], emission: usize, arrival: Arrival) -> Candi
 
 /// Nobody interferes.
 #[inline]
-fn alone(frame: &Candidate, draw: impl Fn(&Candidate) -> f64) -> ReceiverOutcome {
+fn alone(
+    frame: &Candidate,
+    synchronisation_ns: i64,
+    draw: impl Fn(&Candidate) -> f64,
+) -> ReceiverOutcome {
     let probability = frame.arrival.reception_probability;
     if 1.0 <= probability {
         return received(frame, true);
@@ -214,7 +226,7 @@ fn alone(frame: &Candidate, draw: impl Fn(&Candidate) -> f64) -> ReceiverOutcome
     let u = draw(frame);
     if u < probability {
         received(frame, true)
-    } else if u < frame.header_probability() {
+    } else if u < frame.header_probability(synchronisation_ns) {
         received(frame, false)
     } else {
         ReceiverOutcome::Idle

@@ -1,4 +1,7 @@
-//! When things happen within a slot: the default timeslot template of IEEE Std 802.15.4-2015, 8.4.3.3.3, for 2.4 GHz.
+//! When things happen within a slot: the default timeslot template of IEEE Std 802.15.4-2015, 8.4.3.3.3, for 2.4 GHz, and how long
+//! frames of other physical layers last.
+
+use serde::{Deserialize, Serialize};
 
 /// From the begin of the slot to the begin of a frame (ns): macTsTxOffset.
 pub const TX_OFFSET_NS: i64 = 2_120_000;
@@ -24,11 +27,58 @@ pub const PHY_HEADER_BYTES: i64 = 6;
 /// The synchronisation header (ns): preamble and start of frame.
 pub const SYNCHRONISATION_NS: i64 = 5 * BYTE_NS;
 
-/// How long a frame of so many bytes, header and check sequence of the MAC included, is on the air (ns).
+/// How long a frame of 2.4 GHz of so many bytes, header and check sequence of the MAC included, is on the air (ns).
 #[inline]
 #[must_use]
 pub fn airtime_ns(psdu_bytes: u16) -> i64 {
-    (PHY_HEADER_BYTES + i64::from(psdu_bytes)) * BYTE_NS
+    Airtime::O_QPSK_2450.of(psdu_bytes)
+}
+
+/// How long frames of a physical layer are on the air.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Airtime {
+    /// A byte lasts so long (ns).
+    pub byte_ns: i64,
+    /// The physical layer before a frame (ns): preamble, start of frame, header.
+    pub header_ns: i64,
+    /// The part of it by which a receiver notices the frame (ns): preamble and start of frame.
+    pub synchronisation_ns: i64,
+}
+
+/// Bytes of the longest acknowledgment (PSDU): macTsMaxAck at 2.4 GHz.
+const MAX_ACK_BYTES: u16 = 69;
+
+impl Airtime {
+    /// 2.4 GHz O-QPSK.
+    pub const O_QPSK_2450: Self = Self {
+        byte_ns: BYTE_NS,
+        header_ns: PHY_HEADER_BYTES * BYTE_NS,
+        synchronisation_ns: SYNCHRONISATION_NS,
+    };
+
+    /// A physical layer with so many bytes before each frame, the first of them for synchronisation.
+    #[must_use]
+    pub const fn of_bytes(byte_ns: i64, synchronisation_bytes: i64, header_bytes: i64) -> Self {
+        Self {
+            byte_ns,
+            header_ns: header_bytes * byte_ns,
+            synchronisation_ns: synchronisation_bytes * byte_ns,
+        }
+    }
+
+    /// How long a frame of so many bytes, header and check sequence of the MAC included, is on the air (ns).
+    #[inline]
+    #[must_use]
+    pub const fn of(&self, psdu_bytes: u16) -> i64 {
+        self.header_ns + psdu_bytes as i64 * self.byte_ns
+    }
+
+    /// From the begin of a slot to the end of the longest acknowledgment of the longest frame (ns).
+    #[must_use]
+    pub const fn least_slot_ns(&self) -> u64 {
+        let longest_ns = self.of(crate::wire::frame::MAX_PSDU as u16);
+        (TX_OFFSET_NS + longest_ns + TX_ACK_DELAY_NS + self.of(MAX_ACK_BYTES)) as u64
+    }
 }
 
 #[cfg(test)]
@@ -50,5 +100,6 @@ mod tests {
     fn the_longest_frame_and_its_acknowledgment_take_9_776_ms_of_10() {
         let last_ns = TX_OFFSET_NS + MAX_TX_NS + TX_ACK_DELAY_NS + MAX_ACK_NS;
         assert_eq!(last_ns, 9_776_000);
+        assert_eq!(Airtime::O_QPSK_2450.least_slot_ns(), 9_776_000);
     }
 }

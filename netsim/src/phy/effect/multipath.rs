@@ -3,6 +3,7 @@
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::link::SPEED_OF_LIGHT_MPS;
 use crate::phy::scatter::{Law, Renewal, Scatter};
+use crate::phy::standard::o_qpsk_2450::CHANNELS;
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::{About, Fit, Level, Need, Parameter, Role};
 use proto::rng::Purpose;
@@ -113,7 +114,11 @@ impl Effect for Multipath {
     fn scatter(&self) -> Option<Scatter> {
         Some(Scatter {
             law: Law::Normal { sd_db: self.sd_db },
-            renewal: Renewal::Place { length_m: PLACE_M, coherence_hz: self.coherence_hz },
+            renewal: Renewal::Place {
+                length_m: PLACE_M,
+                coherence_hz: self.coherence_hz,
+                channels: CHANNELS,
+            },
             purpose: Purpose::Multipath,
             ordinal: self.ordinal,
             directed: false,

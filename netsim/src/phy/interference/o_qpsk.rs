@@ -22,11 +22,19 @@ pub const ENTRY: Entry = Entry {
                 kind: Kind::Number(Range::closed(-10.0, 40.0)),
                 default: Default::Number(3.0),
             },
+            Field {
+                key: "bit_rate_bps",
+                doc: "Bit rate (bit/s). Absent: 250000, that of 2.4 GHz.",
+                kind: Kind::Number(Range::closed(1e2, 1e9)),
+                default: Default::Absent,
+            },
         ],
     },
     build: |table| {
         let keys: Keys = typed(table);
-        Some(Box::new(OQpsk::new(keys.noise_floor_dbm, keys.co_channel_rejection_db)))
+        let rule = OQpsk::new(keys.noise_floor_dbm, keys.co_channel_rejection_db);
+        let bit_ns = keys.bit_rate_bps.map_or(rule.bit_ns, |bps| 1e9 / bps);
+        Some(Box::new(OQpsk { bit_ns, ..rule }))
     },
 };
 
@@ -34,13 +42,14 @@ pub const ENTRY: Entry = Entry {
 struct Keys {
     noise_floor_dbm: f64,
     co_channel_rejection_db: f64,
+    bit_rate_bps: Option<f64>,
 }
 
 /// Interference by the bit error rate.
 ///
 /// # Model
 ///
-/// With the bit error rate BER of [`bit_error_rate`], over n disturbed bits (4 µs each):
+/// With the bit error rate BER of [`bit_error_rate`], over n disturbed bits (4 µs each at 250 kbit/s):
 ///
 /// ```text
 /// factor = ((1 − BER(S / (N + w I))) / (1 − BER(S / N)))^n
@@ -60,6 +69,7 @@ pub struct OQpsk {
     noise_mw: f64,
     weight: f64,
     capture_db: f64,
+    bit_ns: f64,
 }
 
 /// A bit lasts so long (ns): 250 kb/s.
@@ -103,6 +113,7 @@ impl OQpsk {
             noise_mw: milliwatts(noise_floor_dbm),
             weight: milliwatts(co_channel_rejection_db) / high,
             capture_db: co_channel_rejection_db,
+            bit_ns: BIT_NS,
         }
     }
 }
@@ -125,7 +136,7 @@ impl Rule for OQpsk {
         let snr = signal_mw / self.noise_mw;
         let quiet = if CERTAIN <= snr { 0.0 } else { log_right(snr) };
         let per_bit = log_right(sinr) - quiet;
-        libm::exp(stretch_ns as f64 / BIT_NS * per_bit).min(1.0)
+        libm::exp(stretch_ns as f64 / self.bit_ns * per_bit).min(1.0)
     }
 
     fn capture_db(&self) -> f64 {

@@ -6,7 +6,7 @@ use super::{
     Reception,
 };
 use crate::phy::link::{Link, Scene};
-use crate::phy::sight::{Path, is_blocked_by_body, prepare_bodies};
+use crate::phy::sight::{Path, is_blocked_by_body, off_heading_rad, prepare_bodies};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
@@ -104,18 +104,7 @@ impl LineOfSight {
 
 /// Whether the receiver lies within the sender's field of view. Straight above or below it does.
 fn is_in_view(link: &Link<'_>, angle_rad: f64) -> bool {
-    let motion = link
-        .sender
-        .velocity_mps
-        .filter(|velocity| velocity[0] != 0.0 || velocity[1] != 0.0)
-        .map(|velocity| libm::atan2(velocity[1], velocity[0]));
-    let Some(heading_rad) = link.sender.heading_rad.or(motion) else { return true };
-    let [x, y] = [0, 1].map(|axis| link.receiver.position_m[axis] - link.sender.position_m[axis]);
-    if x == 0.0 && y == 0.0 {
-        return true;
-    }
-    let off_rad = libm::remainder(libm::atan2(y, x) - heading_rad, std::f64::consts::TAU);
-    off_rad.abs() <= 0.5 * angle_rad
+    off_heading_rad(link).is_none_or(|off_rad| off_rad.abs() <= 0.5 * angle_rad)
 }
 
 impl Propagation for LineOfSight {

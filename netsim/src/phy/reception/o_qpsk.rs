@@ -94,7 +94,7 @@ pub struct OQpsk {
 /// SINR (dB) from which on no bit is wrong.
 const CERTAIN_DB: f64 = 12.0;
 /// Probability that counts as 0.
-const NEVER: f64 = 1e-12;
+pub(super) const NEVER: f64 = 1e-12;
 
 impl OQpsk {
     /// Reception of frames of `frame_bytes` over `noise_floor_dbm`.

@@ -1,6 +1,7 @@
 //! Secured networks: RFC 8180, § 4.6; RFC 9031, § 5.
 
 use super::bench::{Bench, EAGER, FULL, LINE, OnAir, SLOT_NS, What, line, trace};
+use netsim::medium::slot::timing::Airtime;
 use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity::{K1, K2, Unsecured};
@@ -133,10 +134,10 @@ fn six_bytes_less_fit_a_frame() {
 fn secured_acknowledgments_keep_the_radio_on_for_six_bytes_more() {
     let radio_on_ns = |bench: &Bench| {
         let mut usage = bench.mote(1).tally.usage;
-        let with = usage.radio_on_ns(SLOT_NS, 19);
+        let with = usage.radio_on_ns(SLOT_NS, 19, &Airtime::O_QPSK_2450);
         let acks = usage.secured_acks_sent + usage.secured_acks_received;
         (usage.secured_acks_sent, usage.secured_acks_received) = (0, 0);
-        (acks, with - usage.radio_on_ns(SLOT_NS, 19))
+        (acks, with - usage.radio_on_ns(SLOT_NS, 19, &Airtime::O_QPSK_2450))
     };
     let mut bench = Bench::new(&line(2), &format!("{FULL}{EAGER}{SECURED}"));
     bench.form();

@@ -5,6 +5,7 @@ use netsim::dice::Dice;
 use netsim::mac::queue::{Priority, Queued, SWARM_HANDLE};
 use netsim::mac::tsch::{Config, Done, Outgoing, Transmission};
 use netsim::mac::{Cell, CellKind, CellOptions, CellRef, Schedule, Tsch};
+use netsim::medium::slot::timing::Airtime;
 use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity;
@@ -217,6 +218,7 @@ fn config(dice: &mut Dice) -> Config {
     Config {
         slot_ns: SLOT_NS,
         hopping_sequence: (11..=26).take(usize::from(pick(&[1, 4, 16]))).collect(),
+        airtime: Airtime::O_QPSK_2450,
         queue_capacity: Some(pick(&[0, 2, 5, 10])).filter(|&frames| frames != 0),
         max_retries: Some(pick(&[0, 1, 3, 99])).filter(|&retries| retries != 99),
         min_exponent: pick(&[0, 1, 2]) as u8,

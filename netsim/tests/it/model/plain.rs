@@ -6,6 +6,7 @@ use super::scenario::Scenario;
 use crate::harness::STEP_NS;
 use netsim::catalogue::Catalogue;
 use netsim::config::Config;
+use netsim::energy::ACK_BYTES;
 use netsim::energy::{SlotUse, Usage};
 use netsim::lowpan::DropReason;
 use netsim::mac::tsch::{Outgoing, Transmission, channel_of};
@@ -16,7 +17,6 @@ use netsim::medium::slot::timing::{
 };
 use netsim::mesh::addresses::Addresses;
 use netsim::mesh::packets::{PacketKind, Packets};
-use netsim::mesh::records::ACK_BYTES;
 use netsim::mesh::settings::{Settings, Transport};
 use netsim::mote::ports::SWARM_PORT;
 use netsim::mote::up::Arrived;
