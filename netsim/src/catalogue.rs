@@ -2,6 +2,7 @@
 
 use crate::mac::effect as mac_effect;
 use crate::phy::{effect, interference, propagation, reception};
+use crate::second;
 use crate::sf;
 use proto::config::{Lists, Registry};
 use std::sync::LazyLock;
@@ -34,6 +35,8 @@ pub struct Catalogue {
     pub mac_effects: Registry<mac_effect::Entry>,
     /// `netsim.sf`: scheduling functions.
     pub scheduling_functions: Registry<sf::Entry>,
+    /// `netsim.second_medium`: broadcast media beside the main network.
+    pub second_media: Registry<second::Entry>,
 }
 
 static BUILT_IN: LazyLock<Catalogue> = LazyLock::new(Catalogue::default);
@@ -55,6 +58,7 @@ impl Catalogue {
             .with(effect::LIST, &self.effects)
             .with(mac_effect::LIST, &self.mac_effects)
             .with(sf::LIST, &self.scheduling_functions)
+            .with(second::LIST, &self.second_media)
     }
 }
 
@@ -67,6 +71,7 @@ impl Default for Catalogue {
             effects: Registry::new(effect::BUILT_IN),
             mac_effects: Registry::new(mac_effect::BUILT_IN),
             scheduling_functions: Registry::new(sf::BUILT_IN),
+            second_media: Registry::new(second::BUILT_IN),
         }
     }
 }

@@ -21,6 +21,7 @@ use crate::phy::model::Model;
 use crate::phy::propagation::{self, BuildContext, Family, Radio};
 use crate::phy::standard::CHOICES;
 use crate::phy::{effect, reception};
+use crate::second;
 use bytes::Bytes;
 use proto::config::{
     Default, Field, FileReference, Kind, Lists, Node, Problem, Range, TableSpec, Tag, Variant,
@@ -63,6 +64,12 @@ pub const SPEC: TableSpec = TableSpec {
             default: Default::Absent,
         },
         Field { key: "phy", doc: "The radio.", kind: Kind::Table(&PHY), default: Default::Table },
+        Field {
+            key: "second_medium",
+            doc: "A broadcast medium beside the main network, which can carry the robots' payloads. Absent: there is none.",
+            kind: Kind::Table(&second::SPEC),
+            default: Default::Absent,
+        },
     ],
     tag: Some(&Tag {
         key: "mode",
@@ -185,6 +192,8 @@ pub struct Config {
     pub interference: Option<Interference>,
     /// The protocols, if there are any.
     pub network: Option<Box<(Settings, Addresses)>>,
+    /// The broadcast medium beside the main network, if there is one.
+    pub second: Option<second::Config>,
 }
 
 /// Length of a slot by the standard's template (ns).
@@ -209,6 +218,7 @@ struct Keys {
     #[serde(default)]
     absent: Vec<u32>,
     phy: toml::Table,
+    second_medium: Option<toml::Table>,
 }
 
 impl Keys {
@@ -409,6 +419,15 @@ pub fn read(
         let message = "must not list every root, because motes need a root to join a network";
         problems.push(Problem::new(key_path("absent"), message).value(format!("{absent:?}")));
     }
+    let second = keys.second_medium.as_ref().and_then(|table| {
+        let mut context = second::BuildContext {
+            path: &key_path("second_medium"),
+            agent_count,
+            step_ns,
+            problems: &mut problems,
+        };
+        second::build(table, &catalogue.second_media, &mut context)
+    });
     let (Some(model), Some(base), Some(interference), true) =
         (model, base, interference, problems.is_empty())
     else {
@@ -425,6 +444,7 @@ pub fn read(
         model: Arc::new(model),
         interference: Some(interference),
         network: network.flatten().map(Box::new),
+        second,
     };
     Ok((config, table, warnings))
 }

@@ -5,6 +5,7 @@
 //! | [`phy`] | radio physics: one file per effect, pure functions of a described link |
 //! | [`medium`] | that physics asked for every link that may matter, fast and with the same result |
 //! | [`broadcast`] | propagation only: every payload is broadcast once in every control period |
+//! | [`second`] | a broadcast medium beside the main network |
 //! | [`sim`] | the simulator as the shell sees it |
 //! | [`catalogue`] | what can be chosen by name in it: the lists of effects, models and scheduling functions |
 //! | [`config`] | the `[netsim]` section |
@@ -37,6 +38,7 @@ pub mod mote;
 pub mod phy;
 pub mod place;
 pub mod rpl;
+pub mod second;
 pub mod sf;
 pub mod sim;
 pub mod sixtop;

@@ -5,6 +5,7 @@ use crate::catalogue::Catalogue;
 use crate::config::{self, Config, SPEC};
 use crate::mesh::network::Mesh;
 use crate::place::Place;
+use crate::second::{self, Second};
 use crate::wire::tap;
 use bytes::Bytes;
 use proto::config::{Node, Problem, Value, json_schema};
@@ -34,6 +35,8 @@ struct Running {
     /// Seed of the draws to come: the experiment's, unless there is another one since.
     seed: u64,
     mode: Mode,
+    /// The broadcast medium beside the main network, if there is one.
+    second: Option<Box<Second>>,
 }
 
 /// What is simulated: `netsim.mode`.
@@ -62,6 +65,7 @@ struct Snapshot {
     origin: Origin,
     seed: u64,
     state: State,
+    second: Option<second::State>,
 }
 
 /// What changes as time goes on.
@@ -102,6 +106,18 @@ impl Origin {
             columns: self.columns.clone(),
             records: self.records.clone(),
         })
+    }
+}
+
+impl Origin {
+    /// The second medium at time 0, if there is one; then the main network fills in what it takes to join both.
+    fn take_second(&mut self, config: &mut Config) -> Option<Box<Second>> {
+        let second = config.second.take()?;
+        let columns = self.columns.clone();
+        self.columns = Second::main_columns(&columns);
+        let place = (&config.absent[..], self.site.clone());
+        let height_m = config.antenna_height_m;
+        Some(Box::new(Second::new(&self.experiment, second, columns, height_m, place)))
     }
 }
 
@@ -234,10 +250,12 @@ impl NetSimulator for Network {
     }
 
     fn configure(&mut self, setup: &Setup) -> Result<NetStart, Vec<Problem>> {
-        let (config, effective, warnings) = config::read(setup, &self.catalogue)?;
+        let (mut config, effective, warnings) = config::read(setup, &self.catalogue)?;
         let origin = Origin::new(setup, &effective);
-        let mode = Mode::begin(config, origin.clone());
-        let running = Running { origin, seed: setup.experiment.seed, mode };
+        let mut of_main = origin.clone();
+        let second = of_main.take_second(&mut config);
+        let mode = Mode::begin(config, of_main);
+        let running = Running { origin, seed: setup.experiment.seed, mode, second };
         let start = running.start(effective, warnings);
         self.running = Some(running);
         Ok(start)
@@ -245,9 +263,14 @@ impl NetSimulator for Network {
 
     fn step(&mut self, input: &NetInput<'_>) -> NetOutput {
         let running = self.running.as_mut().expect("configured before it is stepped");
-        match &mut running.mode {
+        let mode = &mut running.mode;
+        let mut main = |input: &NetInput<'_>| match mode {
             Mode::PropagationOnly(broadcast) => broadcast.step(input),
             Mode::Mesh(mesh) => mesh.step(input),
+        };
+        match &mut running.second {
+            None => main(input),
+            Some(second) => second.step(input, main),
         }
     }
 
@@ -258,6 +281,7 @@ impl NetSimulator for Network {
             origin: running.origin.clone(),
             seed: running.seed,
             state: running.mode.state(),
+            second: running.second.as_ref().map(|second| second.state()),
         };
         postcard::to_stdvec(&snapshot).expect("plain data in memory")
     }
@@ -266,21 +290,32 @@ impl NetSimulator for Network {
         let wrong = |reason: String| NotASnapshot(reason);
         let (snapshot, rest): (Snapshot, _) =
             postcard::take_from_bytes(state).map_err(|error| wrong(error.to_string()))?;
-        let Snapshot { version, origin, seed, state } = snapshot;
+        let Snapshot { version, origin, seed, state, second: second_state } = snapshot;
         if version != env!("CARGO_PKG_VERSION") {
             return Err(wrong(format!("made by version {version}")));
         }
         if !rest.is_empty() {
             return Err(wrong("longer than a snapshot".to_owned()));
         }
-        let (config, ..) = config::read(&origin.setup()?, &self.catalogue).map_err(|problems| {
-            let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
-            wrong(problems.join("; "))
-        })?;
-        let mut mode = Mode::resume(config, origin.clone(), state)
+        let (mut config, ..) =
+            config::read(&origin.setup()?, &self.catalogue).map_err(|problems| {
+                let problems: Vec<String> = problems.iter().map(ToString::to_string).collect();
+                wrong(problems.join("; "))
+            })?;
+        let mut of_main = origin.clone();
+        let second = match (of_main.take_second(&mut config), second_state) {
+            (None, None) => None,
+            (Some(second), Some(state)) => {
+                let resumed = second.resumed(state);
+                let another = || wrong("of another second medium".to_owned());
+                Some(Box::new(resumed.ok_or_else(another)?))
+            }
+            _ => return Err(wrong("of another second medium".to_owned())),
+        };
+        let mode = Mode::resume(config, of_main, state)
             .ok_or_else(|| wrong("of another number of agents".to_owned()))?;
-        mode.reseed(seed);
-        self.running = Some(Running { origin, seed, mode });
+        self.running = Some(Running { origin, seed, mode, second });
+        self.reseed(seed);
         Ok(())
     }
 
@@ -288,5 +323,8 @@ impl NetSimulator for Network {
         let running = self.running.as_mut().expect("configured or restored before it is reseeded");
         running.seed = seed;
         running.mode.reseed(seed);
+        if let Some(second) = &mut running.second {
+            second.reseed(seed);
+        }
     }
 }

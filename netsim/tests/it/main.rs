@@ -22,6 +22,7 @@ mod pinned;
 mod pinned_mesh;
 mod refusals;
 mod reseeding;
+mod second_medium;
 mod snapshot;
 mod sotdma;
 mod standards;

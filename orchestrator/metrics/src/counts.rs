@@ -1,6 +1,21 @@
 //! How many heard, and were heard, in a period.
 
-use proto::types::{Deliveries, Heard};
+use proto::types::{Deliveries, Heard, Medium};
+
+/// How many deliveries a second medium carried; `None`: the network has none.
+#[must_use]
+pub fn by_second_medium(deliveries: &Deliveries) -> Option<u64> {
+    let media = &deliveries.medium;
+    let n = media.iter().filter(|&&medium| medium == Medium::Second).count() as u64;
+    (!media.is_empty()).then_some(n)
+}
+
+/// Adds a count to a sum, as far as it is known.
+pub fn add_known(sum: &mut Option<u64>, count: Option<u64>) {
+    if let Some(count) = count {
+        *sum = Some(sum.unwrap_or(0) + count);
+    }
+}
 
 /// Counts over the deliveries of a period. An agent's own transmissions do not count as heard by itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! What a run shows: measured step by step, so that no run is too long.
 
-use super::counts::was_heard_by;
+use super::counts::{add_known, by_second_medium, was_heard_by};
 use super::distances::{DistanceBin, Distances};
 use super::hearing::{Hearing, works};
 use super::kpi::Kpis;
@@ -50,6 +50,8 @@ pub struct Measures {
     pub deliveries: u64,
     /// Deliveries of unicast messages. The network reports these only if they arrive, so the number of attempts is unknown.
     pub unicast_deliveries: u64,
+    /// Deliveries that a second medium carried, if the network states by which medium they came.
+    pub second_medium_deliveries: Option<u64>,
     /// Fewer than all receivers were looked at for [`Measures::by_distance`].
     pub is_distance_sampled: bool,
     distances: Distances,
@@ -123,6 +125,7 @@ impl Measures {
             attempts: 0,
             deliveries: 0,
             unicast_deliveries: 0,
+            second_medium_deliveries: None,
             is_distance_sampled: false,
             distances: Distances::default(),
             delay_ns: 0,
@@ -393,6 +396,7 @@ impl Measures {
         let n_alive = alive.count() as u64;
         self.transmissions += sent.len() as u64;
         self.sent_bytes += sent.payloads.data().len() as u64;
+        add_known(&mut self.second_medium_deliveries, by_second_medium(period.deliveries));
         for (index, &sender) in sent.sender.iter().enumerate() {
             let n_received = u64::from(period.counts.receivers[index]);
             if sent.destination(index).is_some() {

@@ -151,6 +151,9 @@ pub struct NetworkSummary {
     pub delivery_ratio: Option<f64>,
     /// Deliveries of what was for one agent alone.
     pub unicast_deliveries: u64,
+    /// Deliveries that a second medium carried; absent without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second_medium_deliveries: Option<u64>,
     /// Mean time from a transmission's first bit to its delivery (s).
     pub mean_delay_s: Option<f64>,
     /// Mean age of what was heard when robots act on it (s).

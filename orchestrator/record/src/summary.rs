@@ -166,6 +166,7 @@ fn network(measures: &Measures) -> NetworkSummary {
         deliveries: measures.deliveries,
         delivery_ratio: measures.delivery_ratio(),
         unicast_deliveries: measures.unicast_deliveries,
+        second_medium_deliveries: measures.second_medium_deliveries,
         mean_delay_s: measures.mean_delay_s(),
         mean_age_s: measures.mean_age_s(),
         mean_neighbours_heard: measures.mean_neighbours(),

@@ -74,6 +74,12 @@ pub enum Purpose {
     LinkDrift = 30,
     /// Which effect `demo` hides, and how large it is. Entity: 0 of the effect, else which of its numbers.
     Demo = 31,
+    /// Whether a frame of the second medium is lost. Entity: ordered link; time: begin of the frame.
+    SecondMediumLoss = 60,
+    /// Back-off of the second medium. Entity: mote; time: which of its back-offs.
+    SecondMediumBackoff = 61,
+    /// When in a control period a robot hands its payload to the second medium. Entity: mote.
+    SecondMediumPhase = 62,
 }
 
 /// The draws of one purpose under one seed.

@@ -329,6 +329,8 @@ pub enum Medium {
     Radio,
     /// Nothing: the ideal baseline.
     Truth,
+    /// A broadcast medium beside the radio mesh.
+    Second,
 }
 
 /// A column of [`Deliveries`] that is filled in only on request.

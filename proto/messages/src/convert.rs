@@ -184,6 +184,7 @@ fn deliveries_of(message: v1::Deliveries, n_agents: usize) -> Result<Deliveries>
             .into_iter()
             .map(|medium| match v1::Medium::try_from(medium) {
                 Ok(v1::Medium::Truth) => Medium::Truth,
+                Ok(v1::Medium::Second) => Medium::Second,
                 _ => Medium::Radio,
             })
             .collect(),

@@ -221,6 +221,7 @@ pub(super) fn deliveries(deliveries: Option<&Deliveries>) -> [Digest; 3] {
         u32::to_le_bytes(match medium {
             Medium::Radio => 1,
             Medium::Truth => 2,
+            Medium::Second => 3,
         })
     });
     [sent.end(), receptions.end(), links.end()]

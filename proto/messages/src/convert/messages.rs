@@ -60,6 +60,7 @@ impl From<Deliveries> for v1::Deliveries {
                 .map(|medium| match medium {
                     Medium::Radio => v1::Medium::Radio.into(),
                     Medium::Truth => v1::Medium::Truth.into(),
+                    Medium::Second => v1::Medium::Second.into(),
                 })
                 .collect(),
         }

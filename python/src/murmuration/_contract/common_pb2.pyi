@@ -18,6 +18,7 @@ class Medium(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     MEDIUM_UNSPECIFIED: _ClassVar[Medium]
     MEDIUM_RADIO: _ClassVar[Medium]
     MEDIUM_TRUTH: _ClassVar[Medium]
+    MEDIUM_SECOND: _ClassVar[Medium]
 
 class DeliveryColumn(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -33,6 +34,7 @@ COUPLING_EVENT: Coupling
 MEDIUM_UNSPECIFIED: Medium
 MEDIUM_RADIO: Medium
 MEDIUM_TRUTH: Medium
+MEDIUM_SECOND: Medium
 DELIVERY_COLUMN_UNSPECIFIED: DeliveryColumn
 DELIVERY_COLUMN_RECEIVED_NS: DeliveryColumn
 DELIVERY_COLUMN_RSSI_DBM: DeliveryColumn

@@ -1,0 +1,237 @@
+//! Broadcast frames of WiFi: contention by DCF, without acknowledgments.
+
+use super::around::{Around, Reach};
+use super::carried::Carried;
+use super::{BuildContext, Entry, SecondMedium, problem};
+use dcf::{Dcf, Timing};
+use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
+use proto::rng::{Draws, Purpose};
+use proto::types::NS_PER_S;
+use serde::Deserialize;
+
+pub mod dcf;
+
+/// `kind = "wifi-broadcast"`.
+pub const ENTRY: Entry = Entry {
+    variant: Variant {
+        name: "wifi-broadcast",
+        doc: "Broadcast frames of WiFi: stations contend by DCF (IEEE Std 802.11-2016, 10.3), without acknowledgments.",
+        fields: &[
+            Field {
+                key: "range_m",
+                doc: "Maximum distance (m), itself included, at which an undisturbed frame is received.",
+                kind: Kind::Number(Range::LENGTH),
+                default: Default::Number(50.0),
+            },
+            Field {
+                key: "carrier_sense_m",
+                doc: "Maximum distance (m) at which a transmission is sensed, and at which it destroys another frame. Absent: \
+                      twice range_m.",
+                kind: Kind::Number(Range::LENGTH),
+                default: Default::Absent,
+            },
+            Field {
+                key: "walls_block",
+                doc: "Whether walls and obstacles of [site] block frames and carrier sense.",
+                kind: Kind::Bool,
+                default: Default::Bool(false),
+            },
+            Field {
+                key: "bit_rate_bps",
+                doc: "Bit rate of broadcast frames (bit/s). 1e6: the lowest basic rate at 2.4 GHz.",
+                kind: Kind::Number(Range::closed(1e3, 1e10)),
+                default: Default::Number(1e6),
+            },
+            Field {
+                key: "preamble_s",
+                doc: "Duration of preamble and PHY header (s). 192e-6: the long one of DSSS.",
+                kind: Kind::Number(Range::closed(0.0, 0.1)),
+                default: Default::Number(192e-6),
+            },
+            Field {
+                key: "overhead_bytes",
+                doc: "Bytes of headers and checksum with each payload. 64: MAC 28, LLC and SNAP 8, IPv4 20, UDP 8.",
+                kind: Kind::Integer { min: 0, max: 65_535 },
+                default: Default::Integer(64),
+            },
+            Field {
+                key: "contention_window",
+                doc: "Size W of the contention window: back-off is drawn from 0 to W - 1 slots. 16: aCWmin 15 of ERP. It never \
+                      grows, because broadcast frames are not repeated.",
+                kind: Kind::Integer { min: 1, max: 65_536 },
+                default: Default::Integer(16),
+            },
+            Field {
+                key: "slot_s",
+                doc: "Slot time (s).",
+                kind: Kind::Number(Range::closed(1e-6, 1e-3)),
+                default: Default::Number(20e-6),
+            },
+            Field {
+                key: "difs_s",
+                doc: "Idle time (s) before the back-off counts. 50e-6: SIFS and two slots.",
+                kind: Kind::Number(Range::closed(1e-6, 1e-2)),
+                default: Default::Number(50e-6),
+            },
+            Field {
+                key: "phase",
+                doc: "When in a control period robots hand over their payloads.",
+                kind: Kind::Choice(&[
+                    Choice {
+                        name: "random",
+                        doc: "Each at its own constant time, drawn uniformly.",
+                    },
+                    Choice {
+                        name: "aligned",
+                        doc: "All at the beginning, which makes frames collide.",
+                    },
+                ]),
+                default: Default::Text("random"),
+            },
+            Field {
+                key: "sensitivity_dbm",
+                doc: "Received power at the maximum distance (dBm), for the RSSI reading only.",
+                kind: Kind::Number(Range::closed(-200.0, 100.0)),
+                default: Default::Number(-82.0),
+            },
+        ],
+    },
+    build,
+};
+
+#[derive(Deserialize)]
+struct Keys {
+    range_m: f64,
+    carrier_sense_m: Option<f64>,
+    walls_block: bool,
+    bit_rate_bps: f64,
+    preamble_s: f64,
+    overhead_bytes: u32,
+    contention_window: u32,
+    slot_s: f64,
+    difs_s: f64,
+    phase: Phase,
+    sensitivity_dbm: f64,
+}
+
+/// When in a control period robots hand over their payloads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Phase {
+    Random,
+    Aligned,
+}
+
+/// Broadcast frames of WiFi.
+///
+/// # Model
+///
+/// Every robot is a station with a queue of one payload, where a new one replaces the old one. Contention is simulated event by
+/// event: [`Dcf`]. A frame lasts its preamble and 8 (overhead + payload) / bit rate. Robots within `range_m` receive it unless
+/// they send, or sense another transmission while it lasts. Hidden stations follow from the geometry.
+///
+/// # Validity
+///
+/// No fading, no capture, no EIFS after destroyed frames, no propagation delay, no beacons or other traffic. Who reaches whom is
+/// decided where robots are when the frame begins.
+#[derive(Clone, Debug)]
+pub struct WifiBroadcast {
+    range: Reach,
+    sense: Reach,
+    phase: Phase,
+    dcf: Dcf,
+}
+
+fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn SecondMedium>> {
+    let keys: Keys = typed(table);
+    let sense_m = keys.carrier_sense_m.unwrap_or(2.0 * keys.range_m);
+    if sense_m < keys.range_m {
+        let message = format!("must be at least range_m, {}", keys.range_m);
+        let problem = problem(context, "carrier_sense_m", message);
+        context.problems.push(problem.value(sense_m).nearest(keys.range_m));
+        return None;
+    }
+    let ns = |seconds: f64| (seconds * NS_PER_S as f64).round() as u64;
+    let timing = Timing {
+        slot_ns: ns(keys.slot_s),
+        difs_ns: ns(keys.difs_s),
+        preamble_ns: ns(keys.preamble_s),
+        bit_ns: NS_PER_S as f64 / keys.bit_rate_bps,
+        overhead_bytes: keys.overhead_bytes,
+        window: keys.contention_window,
+    };
+    let range = Reach {
+        range_m: keys.range_m,
+        half_angle_rad: None,
+        walls_block: keys.walls_block,
+        body_radius_m: None,
+        edge_dbm: keys.sensitivity_dbm,
+    };
+    Some(Box::new(WifiBroadcast {
+        range,
+        sense: Reach { range_m: sense_m, ..range },
+        phase: keys.phase,
+        dcf: Dcf::new(timing, context.agent_count),
+    }))
+}
+
+/// Robots that sense a transmission, and those that may receive it.
+fn heard_by(
+    (sense, range): (&Reach, &Reach),
+    around: &Around<'_>,
+    scene: (&crate::phy::Scene<'_>, &crate::phy::nearest::Grid),
+    sender: u32,
+) -> dcf::HeardBy {
+    let Some(sender) = around.end(sender) else { return dcf::HeardBy::default() };
+    let sensed = sense.receivers(around, scene, sender);
+    let received = sensed
+        .iter()
+        .filter_map(|&(id, _)| {
+            let power_dbm = range.power_dbm(scene.0, sender, around.end(id)?)?;
+            Some((id, power_dbm as f32))
+        })
+        .collect();
+    dcf::HeardBy { sensed: sensed.into_iter().map(|(id, _)| id).collect(), received }
+}
+
+impl SecondMedium for WifiBroadcast {
+    fn carry(&mut self, around: &Around<'_>, from_ns: u64, until_ns: u64, carried: &mut Carried) {
+        let (scene, grid) = (around.scene(false), around.grid(self.sense.range_m));
+        let period_ns = from_ns / around.step_ns * around.step_ns;
+        let draws = Draws::new(around.seed, Purpose::SecondMediumPhase);
+        let phase_ns = |id: u32| match self.phase {
+            Phase::Aligned => 0,
+            Phase::Random => {
+                // Less than the period, because draws are less than 1.
+                (draws.uniform(id.into(), 0, 0) * around.step_ns as f64) as u64
+            }
+        };
+        let mut arrivals = Vec::new();
+        for id in 0..around.agent_count() as u32 {
+            let at_ns = period_ns + phase_ns(id);
+            if !around.is_on(id) {
+                self.dcf.silence(id);
+            } else if (from_ns..until_ns).contains(&at_ns)
+                && let Some(payload) = around.payload(id)
+            {
+                arrivals.push((at_ns, id, payload));
+            }
+        }
+        arrivals.sort_unstable_by_key(|&(at_ns, id, _)| (at_ns, id));
+        let (sense, range) = (self.sense, self.range);
+        let mut heard_by = |id| heard_by((&sense, &range), around, (&scene, &grid), id);
+        self.dcf.run(arrivals, until_ns, around.seed, &mut heard_by, carried);
+    }
+
+    fn boxed(&self) -> Box<dyn SecondMedium> {
+        Box::new(self.clone())
+    }
+
+    fn state(&self) -> Vec<u8> {
+        self.dcf.state()
+    }
+
+    fn resume(&mut self, state: &[u8]) -> bool {
+        self.dcf.resume(state)
+    }
+}

@@ -1,0 +1,314 @@
+//! The distributed coordination function of IEEE 802.11 for broadcast frames, event by event.
+//!
+//! # Model
+//!
+//! IEEE Std 802.11-2016, 10.3.4. A station senses whether the medium is busy. Its back-off counts down by one for every slot in
+//! which the medium has been idle, from DIFS after the medium became idle on; it stops while the medium is busy and goes on with
+//! the same value. At 0 the station sends what it has. After each of its frames it draws a new back-off from 0 to W − 1, whether
+//! or not another frame waits. A frame that finds the medium idle for DIFS or longer and the back-off over is sent at once; if
+//! the medium is not idle, the station draws a back-off first. Broadcast frames are neither acknowledged nor repeated, so the
+//! window stays W.
+//!
+//! # Validity
+//!
+//! A station senses another one from the instant after that one begins: two collide only if they begin at the same instant, or
+//! do not sense each other.
+
+use crate::second::carried::{Carried, CarriedFrame};
+use bytes::Bytes;
+use proto::rng::{Draws, Purpose};
+use serde::{Deserialize, Serialize};
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+/// Times and sizes of DCF.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timing {
+    /// Slot time (ns).
+    pub slot_ns: u64,
+    /// Idle time before the back-off counts (ns).
+    pub difs_ns: u64,
+    /// Duration of preamble and PHY header (ns).
+    pub preamble_ns: u64,
+    /// Duration of a bit (ns).
+    pub bit_ns: f64,
+    /// Bytes of headers and checksum with each payload.
+    pub overhead_bytes: u32,
+    /// Size of the contention window.
+    pub window: u32,
+}
+
+impl Timing {
+    /// Duration of the frame of a payload (ns), at least 1.
+    #[must_use]
+    pub fn airtime_ns(&self, payload_bytes: usize) -> u64 {
+        let bits = 8.0 * (f64::from(self.overhead_bytes) + payload_bytes as f64);
+        (self.preamble_ns + (bits * self.bit_ns).round() as u64).max(1)
+    }
+}
+
+/// Whom a transmission concerns.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HeardBy {
+    /// Stations that sense it, without the sender.
+    pub sensed: Vec<u32>,
+    /// Those of them that receive it if nothing disturbs it, with the power (dBm).
+    pub received: Vec<(u32, f32)>,
+}
+
+/// Stations, and what is on the air.
+#[derive(Clone, Debug)]
+pub struct Dcf {
+    timing: Timing,
+    state: State,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct State {
+    stations: Vec<Station>,
+    on_air: Vec<OnAir>,
+    /// Number of the next transmission.
+    next: u64,
+}
+
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Station {
+    /// Slots of back-off that were left when the medium last became busy.
+    backoff: u64,
+    /// Back-offs drawn so far.
+    n_drawn: u64,
+    /// When the medium became idle the last time (ns); `None`: it has never been busy, and no back-off was drawn.
+    idle_since_ns: Option<u64>,
+    /// Transmissions that it senses, its own among them.
+    n_sensed: u32,
+    /// What waits, and since when (ns).
+    waiting: Option<(u64, Bytes)>,
+    /// Number of the transmission that it receives, so far undisturbed.
+    receives: Option<u64>,
+    /// Grows when the planned begin of its frame is no longer right.
+    version: u64,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct OnAir {
+    number: u64,
+    sender: u32,
+    sent_ns: u64,
+    end_ns: u64,
+    payload: Bytes,
+    sensed: Vec<u32>,
+    received: Vec<(u32, f32)>,
+}
+
+/// What happens next. Of what happens at the same time frames end first, then payloads arrive, then frames begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Event {
+    End { number: u64 },
+    Arrival { place: usize },
+    Begin { station: u32, version: u64 },
+}
+
+type Events = BinaryHeap<Reverse<(u64, Event)>>;
+
+impl Dcf {
+    /// Stations on an idle medium, with nothing to send and no back-off.
+    #[must_use]
+    pub fn new(timing: Timing, n_stations: usize) -> Self {
+        let stations = vec![Station::default(); n_stations];
+        Self { timing, state: State { stations, on_air: Vec::new(), next: 0 } }
+    }
+
+    /// All that changes with time.
+    #[must_use]
+    pub fn state(&self) -> Vec<u8> {
+        postcard::to_stdvec(&self.state).expect("plain data in memory")
+    }
+
+    /// Puts a state back. `false`: it is one of another number of stations.
+    pub fn resume(&mut self, state: &[u8]) -> bool {
+        let n = self.state.stations.len();
+        let exists = |id: u32| (id as usize) < n;
+        let Ok(state) = postcard::from_bytes::<State>(state) else { return false };
+        let fits = state.stations.len() == n
+            && state.on_air.iter().all(|frame| {
+                exists(frame.sender)
+                    && frame.sensed.iter().all(|&id| exists(id))
+                    && frame.received.iter().all(|&(id, _)| exists(id))
+            });
+        if fits {
+            self.state = state;
+        }
+        fits
+    }
+
+    /// A station is off: it has nothing to send and receives nothing.
+    pub fn silence(&mut self, station: u32) {
+        let station = &mut self.state.stations[station as usize];
+        station.waiting = None;
+        station.receives = None;
+    }
+
+    /// Runs to `until_ns`: frames begin before it and end by it. `arrivals`: payloads by time and station, ascending, all before
+    /// `until_ns`.
+    pub fn run(
+        &mut self,
+        arrivals: Vec<(u64, u32, Bytes)>,
+        until_ns: u64,
+        seed: u64,
+        heard_by: &mut dyn FnMut(u32) -> HeardBy,
+        carried: &mut Carried,
+    ) {
+        let draws = Draws::new(seed, Purpose::SecondMediumBackoff);
+        let mut events = Events::new();
+        for (place, &(at_ns, ..)) in arrivals.iter().enumerate() {
+            events.push(Reverse((at_ns, Event::Arrival { place })));
+        }
+        for frame in &self.state.on_air {
+            events.push(Reverse((frame.end_ns, Event::End { number: frame.number })));
+        }
+        for station in 0..self.state.stations.len() as u32 {
+            self.plan(station, &mut events);
+        }
+        let mut beginning = Vec::new();
+        while let Some(&Reverse((now_ns, event))) = events.peek() {
+            let is_end = matches!(event, Event::End { .. });
+            if until_ns < now_ns || (until_ns == now_ns && !is_end) {
+                break;
+            }
+            events.pop();
+            match event {
+                Event::End { number } => self.end(number, draws, &mut events, carried),
+                Event::Arrival { place } => {
+                    let (at_ns, station, payload) = arrivals[place].clone();
+                    self.arrive(station, at_ns, payload, draws, &mut events);
+                }
+                Event::Begin { station, version } => {
+                    if self.state.stations[station as usize].version == version {
+                        beginning.push(station);
+                    }
+                    let is_last = !matches!(
+                        events.peek(),
+                        Some(&Reverse((next_ns, Event::Begin { .. }))) if next_ns == now_ns
+                    );
+                    if is_last && !beginning.is_empty() {
+                        self.begin(&beginning, now_ns, heard_by, &mut events);
+                        beginning.clear();
+                    }
+                }
+            }
+        }
+    }
+
+    /// Plans the begin of a station's frame, if it has one and the medium is idle.
+    fn plan(&mut self, id: u32, events: &mut Events) {
+        let station = &mut self.state.stations[id as usize];
+        station.version += 1;
+        let (Some((arrived_ns, _)), 0) = (&station.waiting, station.n_sensed) else { return };
+        let wait_ns = self.timing.difs_ns + station.backoff * self.timing.slot_ns;
+        let over_ns = station.idle_since_ns.map_or(0, |since_ns| since_ns + wait_ns);
+        let begin = Event::Begin { station: id, version: station.version };
+        events.push(Reverse((over_ns.max(*arrived_ns), begin)));
+    }
+
+    fn draw(&mut self, id: u32, draws: Draws) {
+        let station = &mut self.state.stations[id as usize];
+        let drawn = draws.uniform(id.into(), station.n_drawn, 0);
+        station.backoff = (drawn * f64::from(self.timing.window)) as u64;
+        station.n_drawn += 1;
+    }
+
+    /// A payload arrives; one that waits is replaced.
+    fn arrive(&mut self, id: u32, at_ns: u64, payload: Bytes, draws: Draws, events: &mut Events) {
+        let difs_ns = self.timing.difs_ns;
+        let station = &mut self.state.stations[id as usize];
+        if let Some((_, waiting)) = &mut station.waiting {
+            *waiting = payload;
+            return;
+        }
+        station.waiting = Some((at_ns, payload));
+        let is_idle = station.n_sensed == 0
+            && station.idle_since_ns.is_none_or(|since_ns| since_ns + difs_ns <= at_ns);
+        if station.backoff == 0 && !is_idle {
+            self.draw(id, draws);
+        }
+        self.plan(id, events);
+    }
+
+    /// The medium becomes busy for a station, or busier.
+    fn sense(&mut self, id: u32, now_ns: u64) {
+        let timing = self.timing;
+        let station = &mut self.state.stations[id as usize];
+        if station.n_sensed == 0 {
+            let counts_from_ns = station.idle_since_ns.map_or(now_ns, |ns| ns + timing.difs_ns);
+            let n_idle = now_ns.saturating_sub(counts_from_ns) / timing.slot_ns;
+            station.backoff = station.backoff.saturating_sub(n_idle);
+            station.version += 1;
+        }
+        station.n_sensed += 1;
+    }
+
+    /// Frames of these stations begin.
+    fn begin(
+        &mut self,
+        senders: &[u32],
+        now_ns: u64,
+        heard_by: &mut dyn FnMut(u32) -> HeardBy,
+        events: &mut Events,
+    ) {
+        let mut begun = Vec::with_capacity(senders.len());
+        for &sender in senders {
+            let station = &mut self.state.stations[sender as usize];
+            let Some((_, payload)) = station.waiting.take() else { continue };
+            station.receives = None;
+            self.sense(sender, now_ns);
+            begun.push((sender, payload));
+        }
+        for (sender, payload) in begun {
+            let HeardBy { sensed, received } = heard_by(sender);
+            let number = self.state.next;
+            self.state.next += 1;
+            let mut possible = received.iter().map(|&(id, _)| id).peekable();
+            for &id in &sensed {
+                while possible.next_if(|&other| other < id).is_some() {}
+                let is_in_range = possible.peek() == Some(&id);
+                let station = &mut self.state.stations[id as usize];
+                let is_free = station.n_sensed == 0;
+                station.receives = (is_free && is_in_range).then_some(number);
+                self.sense(id, now_ns);
+            }
+            let end_ns = now_ns + self.timing.airtime_ns(payload.len());
+            events.push(Reverse((end_ns, Event::End { number })));
+            let sent_ns = now_ns;
+            let frame = OnAir { number, sender, sent_ns, end_ns, payload, sensed, received };
+            self.state.on_air.push(frame);
+        }
+    }
+
+    /// A frame ends.
+    fn end(&mut self, number: u64, draws: Draws, events: &mut Events, carried: &mut Carried) {
+        let on_air = &mut self.state.on_air;
+        let Some(place) = on_air.iter().position(|frame| frame.number == number) else { return };
+        let frame = on_air.swap_remove(place);
+        let stations = &mut self.state.stations;
+        let mut receivers = frame.received;
+        receivers.retain(|&(id, _)| stations[id as usize].receives == Some(number));
+        self.draw(frame.sender, draws);
+        for id in frame.sensed.iter().copied().chain([frame.sender]) {
+            let station = &mut self.state.stations[id as usize];
+            if station.receives == Some(number) {
+                station.receives = None;
+            }
+            station.n_sensed -= 1;
+            if station.n_sensed == 0 {
+                station.idle_since_ns = Some(frame.end_ns);
+                self.plan(id, events);
+            }
+        }
+        let (sender, sent_ns, end_ns) = (frame.sender, frame.sent_ns, frame.end_ns);
+        let payload = frame.payload;
+        carried.frames.push(CarriedFrame { sender, sent_ns, end_ns, payload, receivers });
+    }
+}
+
+#[cfg(test)]
+mod tests;
