@@ -87,10 +87,17 @@ fn table(
     }
     let mut inner = Vec::new();
     if let Some(variants) = schema["oneOf"].as_array() {
-        // The keys of every variant, then those of one at a time.
+        // The keys of one variant at a time, then those of every variant that have the same values in all.
         let (tag, choice) = schema["properties"].as_object().unwrap().iter().next().unwrap();
-        let common =
-            |key: &String| variants.iter().all(|variant| variant["properties"].get(key).is_some());
+        let values = |variant: &Value, key: &String| {
+            let mut values = variant["properties"].get(key)?.clone();
+            values.as_object_mut()?.remove("description");
+            Some(values)
+        };
+        let common = |key: &String| {
+            let first = values(&variants[0], key);
+            first.is_some() && variants.iter().all(|variant| values(variant, key) == first)
+        };
         let _ = write!(page, "\n{}\n", selection(tag, &text(&choice["description"])));
         let _ = writeln!(page, "\n| `{tag}` | meaning | keys of its own |\n|---|---|---|");
         for variant in variants {
