@@ -144,6 +144,7 @@ pub(super) fn build(
     let addresses = addresses(&keys.eui64, given, problems);
 
     let mac_path = key_path("mac");
+    let sf_path = key_path("sf");
     let surroundings = mac::Surroundings {
         path: &mac_path,
         slot_ns: given.slot_ns,
@@ -151,11 +152,11 @@ pub(super) fn build(
         beacon_probability: compat.eb_rule.then_some(BEACON_PROBABILITY),
         contends_as_peer: compat.shared_slot_0,
         agent_count: given.agent_count,
-        effects: &given.catalogue.mac_effects,
+        sf: (&keys.sf, &sf_path),
+        catalogue: given.catalogue,
     };
     let (mut mac, effects) = mac::build(&keys.mac, &surroundings, problems);
     let burdens = effect::burdens(&effects, given.agent_count, &roots);
-    let sf_path = key_path("sf");
     let mut context = sf::BuildContext {
         path: &sf_path,
         agent_count: given.agent_count,

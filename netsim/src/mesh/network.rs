@@ -163,6 +163,7 @@ impl Mesh {
         let keys = settings.join.security.map(|security| security.keys);
         let capture = Capture::new(records.contains(&NetRecord::Capture), keys);
         let frames = FrameLog::new(records.contains(&NetRecord::Frames));
+        let has_blacklists = settings.mac.blacklist.is_some();
         let has_oracle = settings.sf.as_kind::<OracleConfig>().is_some();
         Self {
             seed: experiment.seed,
@@ -180,7 +181,7 @@ impl Mesh {
             frames,
             scratch: Scratch::new(n),
             due_ns: vec![0; n],
-            listening_cache: ListeningCache::new(n),
+            listening_cache: ListeningCache::new(n, has_blacklists),
             readiness_changed: true,
             has_oracle,
             ways: Ways::default(),

@@ -74,6 +74,9 @@ pub enum Purpose {
     LinkDrift = 30,
     /// Which effect `demo` hides, and how large it is. Entity: 0 of the effect, else which of its numbers.
     Demo = 31,
+    /// Whether a link follows the plain hopping sequence. Entity: ordered link, by its addresses; time: ASN. Of seed 0, since both
+    /// ends must know it.
+    BlacklistExploration = 55,
 }
 
 /// The draws of one purpose under one seed.

@@ -1,5 +1,6 @@
 //! What goes into the MAC of a mote, and what comes out.
 
+use crate::mac::blacklist;
 use crate::mac::queue::Queued;
 use crate::mac::schedule::CellRef;
 use crate::wire::Eui64;
@@ -12,6 +13,8 @@ pub struct Config {
     pub slot_ns: u64,
     /// Channels by absolute slot number and channel offset.
     pub hopping_sequence: Vec<u8>,
+    /// How links blacklist channels; `None`: they do not.
+    pub blacklist: Option<blacklist::Config>,
     /// Frames that may wait (macMaxQueue); `None`: any number.
     pub queue_capacity: Option<u16>,
     /// Attempts after the first (macMaxFrameRetries); `None`: any number.

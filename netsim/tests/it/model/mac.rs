@@ -215,6 +215,7 @@ fn goes(frame: &Waiting, at: &CellRef, schedule: &Schedule) -> bool {
 fn config(dice: &mut Dice) -> Config {
     let mut pick = |choices: &[u16]| choices[dice.below(choices.len() as u64) as usize];
     Config {
+        blacklist: None,
         slot_ns: SLOT_NS,
         hopping_sequence: (11..=26).take(usize::from(pick(&[1, 4, 16]))).collect(),
         queue_capacity: Some(pick(&[0, 2, 5, 10])).filter(|&frames| frames != 0),
@@ -358,6 +359,7 @@ impl Pair {
                 pending: false,
                 security: FrameSecurity::Unsecured,
                 slots: None,
+                blacklist: None,
                 content: Content::KeepAlive,
             },
             priority: frame.priority,
