@@ -21,6 +21,7 @@ frame.time_epoch wpan-tap.asn wpan-tap.ch_num wpan-tap.data_length wpan.frame_ty
 wpan.seqno_suppression wpan.security wpan.aux_sec.sec_level wpan.aux_sec.key_id_mode wpan.aux_sec.key_index
 wpan.aux_sec.frame_counter_suppression wpan.aux_sec.asn_in_nonce wpan.mic wpan.ack_request wpan.pan_id_compression wpan.dst_addr_mode wpan.src_addr_mode
 wpan.dst_pan wpan.src_pan wpan.dst16 wpan.dst64 wpan.src64 wpan.header_ie.id wpan.header_ie.time_correction.value
+wpan.header_ie.vendor_specific.vendor_oui wpan.header_ie.vendor_specific.content
 wpan.payload_ie.id wpan.mlme.ie.id wpan.tsch.asn wpan.tsch.join_metric wpan.tsch.slotframe_num wpan.tsch.timeslot.id
 wpan.tsch.link_options wpan.tsch.hopping_sequence_id wpan.6top_version wpan.6top_type wpan.6top_code wpan.6top_sfid
 wpan.6top_seqnum wpan.6top_metadata wpan.6top_cell_options wpan.6top_num_cells wpan.6top_cell_slot_offset

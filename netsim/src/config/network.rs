@@ -4,7 +4,7 @@ use super::compat::{self, Compat};
 use super::{admission, energy, lowpan, mac, mobility, rpl, security, swarm};
 use crate::app;
 use crate::catalogue::Catalogue;
-use crate::mac::effect;
+use crate::mac::{blacklist, effect};
 use crate::medium::slot::timing;
 use crate::mesh::addresses::Addresses;
 use crate::mesh::settings::Settings;
@@ -172,6 +172,10 @@ pub(super) fn build(
     let scheduling = function.and_then(|function| (function.build)(&keys.sf, &mut context));
     problems.append(&mut context.problems);
     warnings.append(&mut context.warnings);
+    if mac.blacklist.is_some() && scheduling.as_ref().is_some_and(|sf| !sf.has_dedicated_cells()) {
+        let path = join(&mac_path, "blacklist");
+        problems.push(blacklist::undedicated((&keys.sf, &sf_path), &path));
+    }
 
     let swarm_path = key_path("swarm");
     let mut swarm = swarm::Given {

@@ -5,14 +5,15 @@
 //! # Model
 //!
 //! The sender of a link keeps an estimate of the packet delivery ratio of each channel, from the acknowledgments of the frames
-//! that it sends in dedicated cells. A rule turns the estimates into a blacklist. The sender offers a new blacklist in a
-//! vendor-specific header information element of its frames; it is in force at the receiver once a frame with it is received, and
-//! at the sender once that frame is acknowledged. In a dedicated cell of channel offset c both ends then use the first of the
+//! that it sends in dedicated cells. A rule turns the estimates into a blacklist. As long as the receiver is not known to have it,
+//! frames carry it in a vendor-specific header information element. It is in force at the receiver once a frame with it is received,
+//! and at the sender once that frame is acknowledged. In a dedicated cell of channel offset c both ends then use the first of the
 //! `offsets` channel offsets c, c + `spacing`, c + 2 `spacing`, … whose channel is not blacklisted, and the last of them if all are.
 //!
 //! In a fraction `explore` of a link's cells, chosen by a hash of the absolute slot number and of both addresses, both ends follow
 //! the plain hopping sequence, and the frame carries the blacklist. There the ends always meet, so that a disagreement ends:
-//! no protocol can exclude one, since the receiver cannot know whether its acknowledgment arrived.
+//! no protocol can exclude one, since the receiver cannot know whether its acknowledgment arrived. After `max_failures` and one more
+//! in a row the sender, too, follows the plain sequence until it has agreed anew with the receiver; it keeps its estimates.
 //!
 //! Beacons, broadcast frames, shared cells and cells after a pending bit are not affected.
 
@@ -98,9 +99,6 @@ const NONE: Entry = Entry {
     build: |_, _, _, _| None,
 };
 
-/// The scheduling functions whose dedicated cells name the neighbour at both ends.
-const WITH_DEDICATED_CELLS: [&str; 2] = ["msf", "static"];
-
 /// The key `offsets`, which every rule has.
 pub const OFFSETS: Field = Field {
     key: "offsets",
@@ -140,7 +138,7 @@ pub struct Config {
     pub spacing: u16,
     /// Fraction of cells that follow the plain hopping sequence.
     pub explore: f64,
-    /// After more failures than this in a row the sender begins anew.
+    /// After more failures than this in a row the sender follows the plain hopping sequence until a blacklist is acknowledged.
     pub max_failures: u8,
 }
 
@@ -197,19 +195,21 @@ pub fn build(
     let channels = hopping_sequence.iter().fold(0, |set, &channel| set | set_of(channel));
     let entry = known.selected(table, &TAG)?;
     let config = (entry.build)(table, channels, path, problems)?;
-    let kind = sf.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
-    if !WITH_DEDICATED_CELLS.contains(&kind) {
-        let message = format!(
-            "requires dedicated cells that both ends know: set {sf_path}.kind to \"{}\"",
-            WITH_DEDICATED_CELLS.join("\" or \"")
-        );
-        let kind = table.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
-        problems.push(Problem::new(format!("{path}.kind"), message).value(kind).nearest("none"));
-    }
-    if kind == "static" {
+    if sf.get("kind").and_then(toml::Value::as_str) == Some("static") {
         check_cells(sf, path, sf_path, problems);
     }
     Some(config)
+}
+
+/// What is wrong with a scheduling function without dedicated cells where `[netsim.mac.blacklist]`, at `path`, is set. `sf`: the
+/// checked table of the scheduling function, at `sf_path`.
+pub fn undedicated((sf, sf_path): (&toml::Table, &str), path: &str) -> Problem {
+    let kind = sf.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
+    let message = format!(
+        "has no dedicated cells that both ends of a link know, which {path} requires: set it to \"msf\", \"llsf\", \"emsf\" or \
+         \"static\""
+    );
+    Problem::new(format!("{sf_path}.kind"), message).value(kind).nearest("msf")
 }
 
 /// The cells of a static schedule, as far as they must be the same at both ends.

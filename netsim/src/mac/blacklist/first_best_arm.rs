@@ -51,7 +51,7 @@ pub const ENTRY: Entry = Entry {
     },
 };
 
-/// Failures in a row after which MABO-TSCH's implementation takes the ends to disagree.
+/// Failures in a row after which the ends are taken to disagree.
 const MAX_FAILURES: u8 = 15;
 
 #[derive(Deserialize)]
@@ -69,7 +69,7 @@ struct Keys {
 ///
 /// The estimate of a channel begins at 100 and becomes (100 − w) q / 100 + w after an acknowledged transmission, (100 − w) q / 100
 /// after another, in integers. The `arms` channels with the greatest estimates are used; of equal ones those that are in
-/// use already, then those with lower numbers.
+/// use already, then those with lower numbers. Until a transmission has failed all are.
 ///
 /// # Source
 ///
@@ -81,7 +81,7 @@ struct Keys {
 ///
 /// There the receiver estimates, counts every dedicated cell in which it hears nothing as a failure, which takes saturated
 /// cells, and sends the list in each acknowledgment. Here the sender does, which knows in which cells it has sent; so does the
-/// authors' own simulator. There a central scheduler assigns each receiver the channel offsets to choose from, three to five of
+/// authors' own simulator. There channels are blacklisted before any transmission has failed. There a central scheduler assigns each receiver the channel offsets to choose from, three to five of
 /// them at distances of five on the authors' traces; here they follow that of the cell at fixed distances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FirstBestArm {
@@ -103,6 +103,9 @@ impl FirstBestArm {
         channels: ChannelSet,
         current: ChannelSet,
     ) -> ChannelSet {
+        if quality.iter().all(|&estimate| estimate == 100) {
+            return 0;
+        }
         let mut order: [u8; N_CHANNELS] = std::array::from_fn(|place| place as u8);
         let is_in = |set: ChannelSet, place: u8| set & 1 << place != 0;
         order.sort_by_key(|&place| {

@@ -23,8 +23,8 @@ struct Link {
     agreed: ChannelSet,
     /// The receiver is known to have it.
     is_confirmed: bool,
-    /// The blacklist that goes with every frame until one of them is acknowledged.
-    offered: Option<ChannelSet>,
+    /// The blacklist that frames carry, as the rule has it now.
+    wanted: ChannelSet,
     /// Failures since the last acknowledgment.
     n_failures: u8,
 }
@@ -34,7 +34,7 @@ impl Link {
         quality: [100; N_CHANNELS],
         agreed: 0,
         is_confirmed: false,
-        offered: None,
+        wanted: 0,
         n_failures: 0,
     };
 }
@@ -94,11 +94,9 @@ impl Blacklists {
     #[must_use]
     pub fn offer(&self, config: &Config, own: Eui64, to: Eui64, asn: u64) -> Option<ChannelSet> {
         let link = self.sends.get(&to)?;
-        if link.offered.is_some() {
-            return link.offered;
-        }
-        let is_due = !link.is_confirmed || explores(config, own, to, asn);
-        is_due.then_some(link.agreed)
+        let is_due =
+            link.wanted != link.agreed || !link.is_confirmed || explores(config, own, to, asn);
+        is_due.then_some(link.wanted)
     }
 
     /// What became of a frame that was sent in a dedicated cell. `carried`: the blacklist in it.
@@ -118,18 +116,18 @@ impl Blacklists {
             if let Some(blacklist) = carried {
                 link.agreed = blacklist;
                 link.is_confirmed = true;
-                link.offered = None;
             }
-        } else if config.max_failures <= link.n_failures {
-            *link = Link::NEW;
-            return;
         } else {
+            // Whether the receiver has taken it over is unknown.
+            link.is_confirmed &= carried.is_none_or(|blacklist| blacklist == link.agreed);
             link.n_failures += 1;
+            if config.max_failures < link.n_failures {
+                link.n_failures = 0;
+                link.agreed = 0;
+                link.is_confirmed = false;
+            }
         }
-        if link.offered.is_none() {
-            let best = config.rule.blacklist(&link.quality, config.channels, link.agreed);
-            link.offered = Some(best).filter(|&best| best != link.agreed);
-        }
+        link.wanted = config.rule.blacklist(&link.quality, config.channels, link.wanted);
     }
 
     /// A frame from a neighbour, for us alone, carried its blacklist.
@@ -146,6 +144,12 @@ impl Blacklists {
     #[must_use]
     pub fn of_sender(&self, to: Eui64) -> ChannelSet {
         self.sends.get(&to).map_or(0, |link| link.agreed)
+    }
+
+    /// The estimated packet delivery ratio (hundredths) of a channel for frames to a neighbour, once one was sent.
+    #[must_use]
+    pub fn quality(&self, to: Eui64, channel: u8) -> Option<u8> {
+        self.sends.get(&to).map(|link| link.quality[place_of(channel)])
     }
 
     /// The blacklist in force for frames from a neighbour.

@@ -87,7 +87,7 @@ fn fates() -> impl Strategy<Value = Vec<Fate>> {
 }
 
 proptest! {
-    /// The sender begins anew after 16 failures in a row, and is then back on the plain sequence by itself.
+    /// After 16 failures in a row the sender is back on the plain sequence by itself.
     #[test]
     fn without_lost_acknowledgments_both_ends_are_always_on_the_same_channel(
         fates in fates(), first in 0_u64..1 << 40, slots in 1_u64..200, arms in 1_u8..16,
@@ -124,8 +124,7 @@ proptest! {
             if fate == Fate::Acknowledged && carries {
                 prop_assert!(pair.agree());
             }
-            // A disagreement is known to the sender, whose frames say what it wants until one is acknowledged; after 16
-            // failures it begins anew.
+            // A disagreement is known to the sender, whose frames say what it wants until one is acknowledged.
             if !pair.agree() {
                 prop_assert!(pair.ends[0].offer(&pair.config, from, to, asn + 1).is_some());
             }
@@ -155,10 +154,10 @@ fn with_a_fraction_of_channels_jammed_delivery_rises_to_one_but_for_exploration(
         let off = delivery(Config { explore: 1.0, ..config(arms) }, jammed, n, 0);
         assert!((off - (1.0 - p)).abs() < 1e-9, "{off}");
         // Of the cells that explore a fraction p is lost; all others are on clean channels.
-        let on = delivery(Config { explore, ..config(arms) }, jammed, n, 200);
+        let on = delivery(Config { explore, ..config(arms) }, jammed, n, 5000);
         let expected = 1.0 - explore * p;
         // Three standard errors of the number of exploring cells.
-        let tolerance = 3.0 * (explore * p * (1.0 - explore * p) / n as f64).sqrt();
+        let tolerance = 3.0 * (explore * p * (1.0 - explore * p) / (n - 5000) as f64).sqrt();
         assert!((on - expected).abs() < tolerance, "{on} instead of {expected}");
     }
 }
@@ -184,6 +183,9 @@ fn a_channel_that_has_become_clean_is_used_again() {
 fn the_best_channels_are_used_and_of_equal_ones_those_in_use() {
     let rule = FirstBestArm { arms: 2, weight: 20 };
     let mut quality = [100; N_CHANNELS];
+    // Nothing was lost yet.
+    assert_eq!(rule.blacklist(&quality, u16::MAX, 0), 0);
+    quality[5] = 80;
     assert_eq!(rule.blacklist(&quality, u16::MAX, 0), !0b11);
     // Channels 20 and 21 are in use.
     let current = !(0b11 << 9);
@@ -191,7 +193,7 @@ fn the_best_channels_are_used_and_of_equal_ones_those_in_use() {
     quality[9] = 99;
     assert_eq!(rule.blacklist(&quality, u16::MAX, current), !(1 << 10 | 1));
     // Only channels of the hopping sequence.
-    assert_eq!(rule.blacklist(&quality, 0b1110_0000, 0), 0b1000_0000);
+    assert_eq!(rule.blacklist(&quality, 0b1110_0000, 0), 0b0010_0000);
     // Integers, as in the authors' implementation: 80 after a failure, then 84.
     assert_eq!(
         [(100, false), (80, true), (96, true), (0, false)].map(|(q, a)| rule.learn(q, a)),

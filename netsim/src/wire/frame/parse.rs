@@ -29,8 +29,8 @@ pub struct Envelope<'a> {
     pub source: Option<Eui64>,
     /// Time correction (µs), if it has one.
     time_correction_us: Option<i16>,
-    /// Channels that the link skips, if it says so.
-    blacklist: Option<u16>,
+    /// Channels that the link from its sender skips, if it says so; bit 0 is channel 11.
+    pub blacklist: Option<u16>,
     /// First payload information element that is no vendor's: group and content.
     element: Option<(u16, &'a [u8])>,
     /// Content of the first vendor-specific one.
