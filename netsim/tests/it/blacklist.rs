@@ -7,7 +7,6 @@ use proto::types::{EVERYONE, FrameOutcome, Frames, NetRecord};
 
 /// Sensors around a root, each with a dedicated cell; the WiFi networks 1, 6 and 11, and noise on the whole band.
 fn star(n: usize, blacklist: &str, noise: f64, wifi: f64) -> String {
-    use std::fmt::Write as _;
     let mut text = format!(
         "mode = \"6tisch\"\n[mac]\nkeep_alive_s = 0\nmax_drift_ppm = 0\n{blacklist}\n[phy]\npropagation = \"unit-disk\"\nradius_m = 20\n\
          [rpl]\nroutes_down = false\nobjective = \"mrhof\"\nmax_failures = 1000\n[compat]\nperfect_acks = true\n[join]\nsecure = false\n[swarm]\ntransport = \"none\"\n\
@@ -16,22 +15,18 @@ fn star(n: usize, blacklist: &str, noise: f64, wifi: f64) -> String {
     for (centre, width, duty) in
         [(2440, 80, noise), (2412, 22, wifi), (2437, 22, wifi), (2462, 22, wifi)]
     {
-        writeln!(
-            text,
-            "[[phy.effect]]\nkind = \"interference\"\ncentre_mhz = {centre}\nwidth_mhz = {width}\nduty = {duty}"
-        )
-        .unwrap();
+        text += &format!(
+            "[[phy.effect]]\nkind = \"interference\"\ncentre_mhz = {centre}\nwidth_mhz = {width}\nduty = {duty}\n"
+        );
     }
     text.push_str("[sf]\nkind = \"static\"\nslotframe_slots = 101\n");
     text.push_str("[[sf.cell]]\nslot = 0\nfrom = \"any\"\nto = \"all\"\nadvertising = true\n");
     for mote in 1..n {
         let slot = 7 * mote;
-        writeln!(
-            text,
-            "[[sf.cell]]\nslot = {slot}\nchannel = {}\nfrom = {mote}\nto = 0",
+        text += &format!(
+            "[[sf.cell]]\nslot = {slot}\nchannel = {}\nfrom = {mote}\nto = 0\n",
             mote % 16
-        )
-        .unwrap();
+        );
     }
     text
 }
@@ -50,9 +45,11 @@ struct Count {
 impl Count {
     fn add(&mut self, frames: &Frames, from_ns: u64) {
         for frame in (0..frames.len()).filter(|&frame| from_ns <= frames.sent_ns[frame]) {
-            let is_dedicated = frames.destination[frame] != EVERYONE
-                && frames.channel_offset[frame] != u32::MAX
-                && frames.sent_ns[frame] / 10_000_000 % 101 != 0;
+            // Slot 0 is everybody's.
+            let slot = frames.sent_ns[frame] / 10_000_000 % 101;
+            let is_dedicated = slot != 0
+                && frames.destination[frame] != EVERYONE
+                && frames.channel_offset[frame] != u32::MAX;
             if is_dedicated {
                 self.n_sent += 1;
                 self.n_arrived += u64::from(frames.outcome[frame] != FrameOutcome::Lost);
@@ -74,7 +71,7 @@ fn run(n: usize, config: &str, seed: u64, seconds: u64, from_s: u64) -> Count {
     setup.experiment.step_ns = 1_000_000_000;
     setup.records = vec![NetRecord::Frames];
     let mut network = Network::default();
-    network.configure(&setup).unwrap();
+    network.configure(&setup).expect("a valid configuration");
     let states = standing_at(&vec![(0.0, 0.0); n]);
     let mut count = Count::default();
     for second in 0..seconds {
