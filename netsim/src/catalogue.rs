@@ -1,5 +1,6 @@
 //! What can be chosen by name in `[netsim]`: the simulator's lists, as one value that is passed to it.
 
+use crate::mac::blacklist;
 use crate::mac::effect as mac_effect;
 use crate::phy::{effect, interference, propagation, reception};
 use crate::second;
@@ -33,6 +34,8 @@ pub struct Catalogue {
     pub effects: Registry<effect::Entry>,
     /// `[[netsim.mac.effect]]`: effects on what motes do.
     pub mac_effects: Registry<mac_effect::Entry>,
+    /// `netsim.mac.blacklist`: rules by which links blacklist channels.
+    pub blacklists: Registry<blacklist::Entry>,
     /// `netsim.sf`: scheduling functions.
     pub scheduling_functions: Registry<sf::Entry>,
     /// `netsim.second_medium`: broadcast media beside the main network.
@@ -57,6 +60,7 @@ impl Catalogue {
             .with(interference::LIST, &self.interference)
             .with(effect::LIST, &self.effects)
             .with(mac_effect::LIST, &self.mac_effects)
+            .with(blacklist::LIST, &self.blacklists)
             .with(sf::LIST, &self.scheduling_functions)
             .with(second::LIST, &self.second_media)
     }
@@ -70,6 +74,7 @@ impl Default for Catalogue {
             interference: Registry::new(interference::BUILT_IN),
             effects: Registry::new(effect::BUILT_IN),
             mac_effects: Registry::new(mac_effect::BUILT_IN),
+            blacklists: Registry::new(blacklist::BUILT_IN),
             scheduling_functions: Registry::new(sf::BUILT_IN),
             second_media: Registry::new(second::BUILT_IN),
         }

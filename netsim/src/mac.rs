@@ -6,12 +6,14 @@
 //! | [`schedule`] | slotframes and cells |
 //! | [`queue`] | frames that wait |
 //! | [`backoff`] | waiting after a failure in a shared cell |
+//! | [`blacklist`] | channels that a link skips |
 //! | [`neighbours`] | whom a mote has heard; duplicates |
 //! | [`clock`] | drift and correction |
 //! | [`effect`] | what burdens motes beyond what the protocols expect |
 //! | [`ration`] | airtime that is rationed |
 
 pub mod backoff;
+pub mod blacklist;
 pub mod clock;
 pub mod effect;
 pub mod neighbours;

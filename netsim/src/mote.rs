@@ -410,6 +410,7 @@ impl Mote {
             pending: false,
             security: self.beacon_security(settings),
             slots: None,
+            blacklist: None,
             content: Content::Beacon(BeaconRepr {
                 asn,
                 join_metric,

@@ -299,6 +299,12 @@ pub trait Configured: Debug + Send + Sync + 'static {
     /// The scheduling function of a mote, before it starts.
     fn create(&self, mote: u32) -> Self::OfMote;
 
+    /// Whether motes have dedicated cells, in which one mote alone sends to one other and which name the neighbour at both ends.
+    /// Both ends of a link agree on the channel of such cells only: `netsim.mac.blacklist`.
+    fn has_dedicated_cells(&self) -> bool {
+        false
+    }
+
     /// What should be checked before the results of a network of this configuration are trusted, if anything.
     fn advice(&self, _network: &Formation<'_>) -> Option<String> {
         None
@@ -328,6 +334,7 @@ pub struct Config(Arc<dyn AnyConfigured>);
 trait AnyConfigured: Any + Debug + Send + Sync {
     fn create(&self, mote: u32) -> Box<dyn SchedulingFunction>;
     fn read(&self, saved: &[u8]) -> Option<Box<dyn SchedulingFunction>>;
+    fn has_dedicated_cells(&self) -> bool;
     fn advice(&self, network: &Formation<'_>) -> Option<String>;
 }
 
@@ -339,6 +346,10 @@ impl<C: Configured> AnyConfigured for C {
     fn read(&self, saved: &[u8]) -> Option<Box<dyn SchedulingFunction>> {
         let (sf, rest): (C::OfMote, _) = postcard::take_from_bytes(saved).ok()?;
         rest.is_empty().then(|| Box::new(sf) as Box<dyn SchedulingFunction>)
+    }
+
+    fn has_dedicated_cells(&self) -> bool {
+        Configured::has_dedicated_cells(self)
     }
 
     fn advice(&self, network: &Formation<'_>) -> Option<String> {
@@ -369,6 +380,12 @@ impl Config {
     #[must_use]
     pub fn slotframe_slots(&self) -> u16 {
         self.0.create(0).slotframe_slots()
+    }
+
+    /// Whether motes have dedicated cells that both ends know.
+    #[must_use]
+    pub fn has_dedicated_cells(&self) -> bool {
+        self.0.has_dedicated_cells()
     }
 
     /// What should be checked before the results of a network are trusted, if anything.

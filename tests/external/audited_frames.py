@@ -21,6 +21,7 @@ frame.time_epoch wpan-tap.asn wpan-tap.ch_num wpan-tap.data_length wpan.frame_ty
 wpan.seqno_suppression wpan.security wpan.aux_sec.sec_level wpan.aux_sec.key_id_mode wpan.aux_sec.key_index
 wpan.aux_sec.frame_counter_suppression wpan.aux_sec.asn_in_nonce wpan.mic wpan.ack_request wpan.pan_id_compression wpan.dst_addr_mode wpan.src_addr_mode
 wpan.dst_pan wpan.src_pan wpan.dst16 wpan.dst64 wpan.src64 wpan.header_ie.id wpan.header_ie.time_correction.value
+wpan.header_ie.vendor_specific.vendor_oui wpan.header_ie.vendor_specific.content
 wpan.payload_ie.id wpan.mlme.ie.id wpan.tsch.asn wpan.tsch.join_metric wpan.tsch.slotframe_num wpan.tsch.timeslot.id
 wpan.tsch.link_options wpan.tsch.hopping_sequence_id wpan.6top_version wpan.6top_type wpan.6top_code wpan.6top_sfid
 wpan.6top_seqnum wpan.6top_metadata wpan.6top_cell_options wpan.6top_num_cells wpan.6top_cell_slot_offset
@@ -156,7 +157,12 @@ class Frame:
     def source_route(self):
         """The motes of its source route header, next one first (RFC 8138, section 5): each address relative to the one before
         it, the first to the root's, which is fd00::1:0."""
-        octets = self.record[16 + int.from_bytes(self.record[18:20], "little") + MAC_HEADER_BYTES :]
+        octets = self.record[16 + int.from_bytes(self.record[18:20], "little") :]
+        header_bytes = MAC_HEADER_BYTES
+        # A link's blacklist (9 octets, with the end of the header elements), if information elements are present.
+        if octets[1] & 0x02:
+            header_bytes += BLACKLIST_BYTES
+        octets = octets[header_bytes:]
         hops, at, address = [], 1, bytes.fromhex("fd000000000000000000000000010000")
         # Page 1, then critical routing headers of types 0 to 4.
         while octets[0] == 0xF1 and octets[at] >> 5 == 0b100 and octets[at + 1] <= 4:
@@ -245,6 +251,8 @@ def split(octets):
 
 # Frame control, sequence number, PAN, two long addresses.
 MAC_HEADER_BYTES = 2 + 1 + 2 + 8 + 8
+# Vendor-specific header element with the channels that a link skips, and header termination 2.
+BLACKLIST_BYTES = 2 + 3 + 2 + 2
 # Where the type of the frame check sequence stands in a record.
 FCS_TYPE_AT = 16 + 8
 

@@ -136,6 +136,9 @@ destination = "root"
 period_s = 0.4
 payload_bytes = 10
 """
+# Two of the four channels, 17 and 23, lose half of the frames, and links skip them.
+BLACKLIST = 'blacklist = { kind = "mabo-first-best-arm", arms = 2, offsets = 4, spacing = 1 }'
+WIFI = "".join(f'[[netsim.phy.effect]]\nkind = "interference"\ncentre_mhz = {centre}\nduty = 0.5\n' for centre in (2437.0, 2462.0))
 COMES_AND_GOES = "".join(
     f'[[timeline]]\nat_s = {at_s}\norder = "{order}"\nmotes = {mote}\n'
     for mote, gone_s, back_s in ((1, 400.0, 430.0), (2, 490.0, 530.0), (5, 600.0, 640.0))
@@ -176,6 +179,10 @@ NETWORKS = {
     "sotdma-storing": Network('kind = "sotdma"\nslotframe_slots = 32', storing=True, place=TREE),
     "static": Network(static_schedule(LINE_LINKS)),
     "static-storing": Network(static_schedule(TREE_LINKS), storing=True, place=TREE),
+    "msf-blacklists": Network(MSF, tables=WIFI, mac=BLACKLIST, stands=False),
+    "static-secured-blacklists": Network(
+        static_schedule(TREE_LINKS), tables=WIFI, mac=BLACKLIST, place=TREE, stands=False, secured=True
+    ),
     "exact-clocks": Network('kind = "minimal"', mac="max_drift_ppm = 0.0\ncrystal_hz = 1_000_000_000"),
 }
 

@@ -247,6 +247,29 @@ def test_beacons_follow_the_hopping_sequence(audited):
     faults_of(audited, audited.beacons, is_right, lambda frame: f"channel {frame.channel}", 200)
 
 
+
+def test_blacklists_are_vendor_specific_header_elements_of_unicast_frames(audited):
+    # IEEE Std 802.15.4-2015, 7.4.2.2. docs/network.md: three octets for the vendor, then a bit for each channel that the link skips.
+    skips = "blacklist" in audited.network.mac
+    frames = [frame for frame in audited.frames if frame["wpan.header_ie.vendor_specific.content"]]
+    assert skips or not frames, f"{len(frames)} frames"
+    if not skips:
+        return
+    channels = sum(1 << channel - 11 for channel in HOPPING_SEQUENCE)
+
+    def blacklist(frame):
+        return int.from_bytes(bytes.fromhex(frame["wpan.header_ie.vendor_specific.content"][0].replace(":", "")), "little")
+
+    def is_right(frame):
+        n = blacklist(frame).bit_count()
+        is_for_one = frame.is_data and frame.destination is not None
+        return is_for_one and frame["wpan.header_ie.id"][0] == "0x0000" and n in (0, 2) and blacklist(frame) & ~channels == 0
+
+    faults_of(audited, frames, is_right, lambda frame: f"{frame['wpan.header_ie.id']}, {blacklist(frame):#06x}", 50)
+    # Lists are offered until one is acknowledged, and are not in every frame.
+    assert len(frames) < len(audited.acks), f"{len(frames)} of {len(audited.acks)}"
+
+
 # Time.
 
 

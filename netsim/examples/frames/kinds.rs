@@ -26,6 +26,7 @@ pub(crate) fn frames() -> Vec<FrameRepr> {
     frames.extend(join());
     frames.extend(data());
     frames.extend(announcements());
+    frames.extend(blacklists());
     frames
 }
 
@@ -41,6 +42,16 @@ fn announcements() -> impl Iterator<Item = FrameRepr> {
     })
 }
 
+/// A frame with nothing else in it, a 6P message and a datagram, each with the channels that its link skips.
+fn blacklists() -> impl Iterator<Item = FrameRepr> {
+    let said = data().into_iter().find(|frame| frame.destination.is_some());
+    let contents = sixp().take(1).map(Content::Sixp).chain(said.map(|frame| frame.content));
+    [Content::KeepAlive]
+        .into_iter()
+        .chain(contents)
+        .map(|content| FrameRepr { blacklist: Some(0x0ff3), ..frame(2, Some(0), content) })
+}
+
 fn frame(from: u32, to: Option<u32>, content: Content) -> FrameRepr {
     FrameRepr {
         source: Eui64::of_mote(from),
@@ -50,6 +61,7 @@ fn frame(from: u32, to: Option<u32>, content: Content) -> FrameRepr {
         pending: false,
         security: FrameSecurity::Unsecured,
         slots: None,
+        blacklist: None,
         content,
     }
 }

@@ -1,9 +1,10 @@
 //! `[netsim.mac]`.
 
-use crate::mac::effect;
+use crate::catalogue::Catalogue;
 use crate::mac::tsch::Config;
+use crate::mac::{blacklist, effect};
 use crate::medium::slot::timing::Airtime;
-use proto::config::{Default, Field, Kind, Problem, Range, Registry, TableSpec, join, typed};
+use proto::config::{Default, Field, Kind, Problem, Range, TableSpec, join, typed};
 use proto::types::NS_PER_S;
 use serde::Deserialize;
 
@@ -135,6 +136,12 @@ pub(super) const SPEC: TableSpec = TableSpec {
             default: Default::Bool(false),
         },
         Field {
+            key: "blacklist",
+            doc: "Channel blacklisting.",
+            kind: Kind::Table(&blacklist::SPEC),
+            default: Default::Table,
+        },
+        Field {
             key: "effect",
             doc: "Effects on the behaviour of motes; `orchestrator effects` lists them.",
             kind: Kind::Tables(&effect::SPEC),
@@ -165,6 +172,7 @@ struct Keys {
     max_drift_ppm: f64,
     crystal_hz: u32,
     pending_bit: bool,
+    blacklist: toml::Table,
     #[serde(default)]
     effect: Vec<toml::Table>,
 }
@@ -185,8 +193,10 @@ pub(super) struct Surroundings<'a> {
     pub(super) contends_as_peer: bool,
     /// Capacity of the experiment.
     pub(super) agent_count: usize,
-    /// What effects there are.
-    pub(super) effects: &'a Registry<effect::Entry>,
+    /// The checked table of the scheduling function, and its path.
+    pub(super) sf: (&'a toml::Table, &'a str),
+    /// What there is to choose from.
+    pub(super) catalogue: &'a Catalogue,
 }
 
 /// Makes the MAC's settings of the checked table, and the effects on what motes do.
@@ -238,13 +248,22 @@ pub(super) fn build(
         &join(path, "effect"),
         given.agent_count,
         is_time_kept,
-        given.effects,
+        &given.catalogue.mac_effects,
+        problems,
+    );
+    let blacklist = blacklist::build(
+        &keys.blacklist,
+        &join(path, "blacklist"),
+        given.hopping_sequence,
+        given.sf,
+        &given.catalogue.blacklists,
         problems,
     );
     let config = Config {
         slot_ns: given.slot_ns,
         hopping_sequence: given.hopping_sequence.to_vec(),
         airtime: given.airtime,
+        blacklist,
         queue_capacity: Some(keys.queue_frames).filter(|&frames| frames != 0),
         max_retries: Some(keys.max_retries),
         min_exponent: min,

@@ -5,7 +5,7 @@ use super::{admission, energy, lowpan, mac, mobility, rpl, security, swarm};
 use crate::app;
 use crate::catalogue::Catalogue;
 use crate::energy::Model;
-use crate::mac::effect;
+use crate::mac::{blacklist, effect};
 use crate::medium::slot::timing::Airtime;
 use crate::mesh::addresses::Addresses;
 use crate::mesh::settings::Settings;
@@ -147,6 +147,7 @@ pub(super) fn build(
     let addresses = addresses(&keys.eui64, given, problems);
 
     let mac_path = key_path("mac");
+    let sf_path = key_path("sf");
     let surroundings = mac::Surroundings {
         path: &mac_path,
         slot_ns: given.slot_ns,
@@ -155,11 +156,11 @@ pub(super) fn build(
         beacon_probability: compat.eb_rule.then_some(BEACON_PROBABILITY),
         contends_as_peer: compat.shared_slot_0,
         agent_count: given.agent_count,
-        effects: &given.catalogue.mac_effects,
+        sf: (&keys.sf, &sf_path),
+        catalogue: given.catalogue,
     };
     let (mut mac, effects) = mac::build(&keys.mac, &surroundings, problems);
     let burdens = effect::burdens(&effects, given.agent_count, &roots);
-    let sf_path = key_path("sf");
     let mut context = sf::BuildContext {
         path: &sf_path,
         agent_count: given.agent_count,
@@ -175,6 +176,10 @@ pub(super) fn build(
     let scheduling = function.and_then(|function| (function.build)(&keys.sf, &mut context));
     problems.append(&mut context.problems);
     warnings.append(&mut context.warnings);
+    if mac.blacklist.is_some() && scheduling.as_ref().is_some_and(|sf| !sf.has_dedicated_cells()) {
+        let path = join(&mac_path, "blacklist");
+        problems.push(blacklist::undedicated((&keys.sf, &sf_path), &path));
+    }
 
     let swarm_path = key_path("swarm");
     let mut swarm = swarm::Given {

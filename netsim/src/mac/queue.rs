@@ -275,6 +275,7 @@ mod tests {
                 pending: false,
                 security: FrameSecurity::Unsecured,
                 slots: None,
+                blacklist: None,
                 content: Content::KeepAlive,
             },
             priority,

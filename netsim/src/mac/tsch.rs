@@ -1,15 +1,18 @@
 //! The MAC of one mote: scanning, beacons, synchronisation, which frame goes in which cell, acknowledgments and retries.
 
+mod blacklisting;
 mod burden;
 mod channel;
+mod listening;
 mod timekeeping;
 mod types;
 mod waiting;
 
-pub use channel::channel_of;
+pub use channel::{channel_at, channel_of};
 pub use types::{Config, Done, Due, FrameHandling, Listening, Outgoing, State, Transmission};
 
 use super::backoff::Backoff;
+use super::blacklist::Blacklists;
 use super::clock::Clock;
 use super::neighbours::Neighbours;
 use super::queue::{Queue, Queued, may_use};
@@ -17,7 +20,6 @@ use super::ration::Ration;
 use super::schedule::{CellKind, CellRef, Schedule};
 use crate::dice::Dice;
 use crate::wire::Eui64;
-use channel::{BEACON_CHANNEL_OFFSET, scan_channel};
 use proto::rng::Purpose;
 use serde::{Deserialize, Serialize};
 
@@ -62,6 +64,7 @@ pub struct Tsch {
     beacons: Beacons,
     extra: Option<Extra>,
     ration: Option<Ration>,
+    blacklists: Blacklists,
     dice: Dice,
 }
 
@@ -108,6 +111,7 @@ impl Tsch {
             beacons: Beacons::default(),
             extra: None,
             ration: None,
+            blacklists: Blacklists::default(),
             dice,
         }
     }
@@ -190,6 +194,7 @@ impl Tsch {
         }
         self.beacons = Beacons::default();
         self.extra = None;
+        self.blacklists.forget();
         self.queue.take_where(|_| true)
     }
 
@@ -296,7 +301,7 @@ impl Tsch {
         for frame in schedule.slotframes() {
             for cell in frame.cells_at(asn).iter().filter(|cell| cell.options.tx) {
                 let at = CellRef { handle: frame.handle, cell: *cell };
-                let channel = channel_of(config, asn, cell.channel);
+                let channel = self.channel_in(config, cell, asn);
                 if cell.kind != CellKind::Normal && self.beacon_goes(config) {
                     self.beacons.is_due = false;
                     let outgoing = Outgoing::Beacon;
@@ -350,62 +355,8 @@ impl Tsch {
             && frame.destination().is_some_and(|to| self.queue.waits_for(to))
             && schedule.is_free(asn + 1, config.bursts_beside_everyone);
         frame.frame.pending = pending;
+        self.offer_blacklist(config, asn, at.as_ref(), &mut frame);
         Transmission { at, channel, outgoing: Outgoing::Frame(frame), pending }
-    }
-
-    /// Whether it listens where its schedule says so, and nowhere else.
-    #[must_use]
-    pub fn follows_schedule(&self) -> bool {
-        self.is_synced() && self.extra.is_none()
-    }
-
-    /// How it listens in this slot, if it does and does not transmit.
-    #[inline]
-    #[must_use]
-    pub fn listening(
-        &self,
-        config: &Config,
-        schedule: &Schedule,
-        seed: u64,
-        asn: u64,
-    ) -> Option<Listening> {
-        match &self.state {
-            State::Off => None,
-            State::Scanning { .. } => {
-                let channel = self.scans_on(config, seed, asn);
-                Some(Listening { scans: true, ..Listening::synchronised(None, channel) })
-            }
-            State::Synced { .. } => {
-                let at = schedule.listens(asn);
-                let follows =
-                    self.extra.filter(|extra| extra.asn == asn && extra.sends_to.is_none());
-                match (at, follows) {
-                    (Some(_), Some(extra)) if follows_beside_everyone(config, schedule, asn) => {
-                        Some(Listening {
-                            is_scheduled: true,
-                            ..Listening::synchronised(None, extra.channel)
-                        })
-                    }
-                    (Some(at), _) => {
-                        let channel = channel_of(config, asn, at.cell.channel);
-                        Some(Listening::synchronised(Some(at), channel))
-                    }
-                    (None, follows) => {
-                        follows.map(|extra| Listening::synchronised(None, extra.channel))
-                    }
-                }
-            }
-        }
-    }
-
-    /// The channel on which it listens in a slot while it looks for a network.
-    #[must_use]
-    pub fn scans_on(&self, config: &Config, seed: u64, asn: u64) -> u8 {
-        if asn * config.slot_ns < self.knows_slot_until_ns {
-            channel_of(config, asn, BEACON_CHANNEL_OFFSET)
-        } else {
-            scan_channel(config, seed, self.mote, asn)
-        }
     }
 
     /// A frame was heard that is of no use, but for knowing that its sender is there.
@@ -503,6 +454,7 @@ impl Tsch {
         };
         self.in_flight = false;
         let Some(destination) = frame.destination() else { return Done::Broadcast(Some(frame)) };
+        self.learn_channel(config, at.as_ref(), channel, &frame, acknowledged);
         let is_shared = at.is_some_and(|at| at.cell.options.shared);
         if acknowledged {
             if is_shared || !self.queue.waits_for(destination) {

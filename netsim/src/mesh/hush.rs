@@ -1,5 +1,6 @@
 //! In which slots each mote listens, cached as bits in one array, so that most motes of a slot need not be asked.
 
+use crate::mac::blacklist::is_dedicated;
 use crate::mac::{Cell, CellOptions, CellRef, Schedule, Tsch};
 
 /// By mote, the slots of its slotframe in which it listens. Computed from the motes' schedules when they change, and invalid
@@ -22,6 +23,8 @@ pub(super) struct ListeningCache {
     channels: Vec<u8>,
     /// The absolute slot number asked for last, and its offset in the slotframe.
     latest: (u64, usize),
+    /// Links blacklist channels: the offset of a dedicated cell does not tell its channel.
+    has_blacklists: bool,
 }
 
 /// What the cache says of a mote in a slot.
@@ -43,7 +46,7 @@ const LONGEST: u16 = 8192;
 const ASK: u8 = u8::MAX;
 
 impl ListeningCache {
-    pub(super) fn new(n: usize) -> Self {
+    pub(super) fn new(n: usize, has_blacklists: bool) -> Self {
         Self {
             holds_for: vec![0; n],
             is_known: vec![false; n],
@@ -53,6 +56,7 @@ impl ListeningCache {
             words: 0,
             channels: Vec::new(),
             latest: (0, 0),
+            has_blacklists,
         }
     }
 
@@ -92,6 +96,7 @@ impl ListeningCache {
             if listens[slot / 64] & 1 << (slot % 64) != 0 {
                 // All slotframes are as long as each other: a slot offset is an absolute slot.
                 let at = schedule.listens(slot as u64);
+                let at = at.filter(|at| !self.has_blacklists || !is_dedicated(&at.cell));
                 *channel = at.and_then(|at| at.cell.channel.try_into().ok()).unwrap_or(ASK);
             }
         }
@@ -145,6 +150,7 @@ mod tests {
             slot_ns: 10_000_000,
             hopping_sequence: vec![11, 12, 13],
             airtime: Airtime::O_QPSK_2450,
+            blacklist: None,
             queue_capacity: None,
             max_retries: None,
             min_exponent: 1,
@@ -172,7 +178,7 @@ mod tests {
     #[test]
     fn what_is_known_is_true_and_of_those_noted_it_is_known_who_is_silent_or_in_the_background() {
         let config = config();
-        let mut cache = ListeningCache::new(5);
+        let mut cache = ListeningCache::new(5, false);
         let mut motes: Vec<(Tsch, Schedule)> = (0..5)
             .map(|mote| {
                 let mac = Tsch::new(&config, Eui64::of_mote(mote), mote, true, 1);

@@ -165,6 +165,7 @@ impl Mesh {
         let page = config.model.channels.page;
         let capture = Capture::new(records.contains(&NetRecord::Capture), keys).on_page(page);
         let frames = FrameLog::new(records.contains(&NetRecord::Frames));
+        let has_blacklists = settings.mac.blacklist.is_some();
         let has_oracle = settings.sf.as_kind::<OracleConfig>().is_some();
         Self {
             seed: experiment.seed,
@@ -182,7 +183,7 @@ impl Mesh {
             frames,
             scratch: Scratch::new(n),
             due_ns: vec![0; n],
-            listening_cache: ListeningCache::new(n),
+            listening_cache: ListeningCache::new(n, has_blacklists),
             readiness_changed: true,
             has_oracle,
             ways: Ways::default(),

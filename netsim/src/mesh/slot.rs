@@ -134,7 +134,11 @@ impl Mesh {
                             destination: None,
                         }));
                     }
-                    (None, queued.psdu_bytes)
+                    let bytes = match queued.frame.blacklist {
+                        Some(_) => self.settings.psdu_bytes(&queued.frame),
+                        None => queued.psdu_bytes,
+                    };
+                    (None, bytes)
                 }
             };
             self.scratch.sending.push(Sending {

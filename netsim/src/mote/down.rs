@@ -216,6 +216,7 @@ impl Mote {
                 pending: false,
                 security,
                 slots: None,
+                blacklist: None,
                 content: Content::Lowpan(part),
             })
         };
@@ -283,6 +284,7 @@ impl Mote {
             pending: false,
             security: self.content_security(world.settings, &content),
             slots: None,
+            blacklist: None,
             content,
         };
         let frame = Queued {

@@ -68,6 +68,9 @@ impl Mote {
             self.with_sf(world, |sf, cx| sf.handle_received(cx, at, from, dscp));
             self.handle_announcement(world, at, frame);
         }
+        if let (true, Some(blacklist)) = (verdict.acknowledge, frame.blacklist) {
+            self.mac.receive_blacklist(from, blacklist);
+        }
         if verdict.acknowledge && frame.pending {
             self.mac.follow(world.asn, arrived.channel);
         }

@@ -71,6 +71,10 @@ impl Configured for EmsfConfig {
     fn create(&self, _mote: u32) -> Msf<Forecast> {
         Msf::with_policy(&self.msf, Forecast { quantile: self.quantile })
     }
+
+    fn has_dedicated_cells(&self) -> bool {
+        true
+    }
 }
 
 /// EMSF's choice of the number of cells.

@@ -34,6 +34,10 @@ impl Configured for LlsfConfig {
     fn create(&self, _mote: u32) -> Msf<DaisyChain> {
         Msf::with_policy(&self.0, DaisyChain)
     }
+
+    fn has_dedicated_cells(&self) -> bool {
+        true
+    }
 }
 
 /// LLSF's choice of slots: the cells of a way follow one another like a daisy chain.

@@ -95,6 +95,10 @@ impl Configured for MsfConfig {
     fn create(&self, mote: u32) -> Msf {
         Msf::new(self, mote)
     }
+
+    fn has_dedicated_cells(&self) -> bool {
+        true
+    }
 }
 
 impl Msf {

@@ -293,6 +293,10 @@ impl Configured for StaticConfig {
     fn create(&self, mote: u32) -> StaticSchedule {
         StaticSchedule::new(self, mote)
     }
+
+    fn has_dedicated_cells(&self) -> bool {
+        true
+    }
 }
 
 impl StaticSchedule {

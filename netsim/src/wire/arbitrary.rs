@@ -314,8 +314,12 @@ pub(crate) fn frame() -> impl Strategy<Value = (FrameRepr, Option<Ipv6Addr>)> {
             })
             .boxed(),
     ];
-    (link, any::<(u8, bool, bool)>(), option::of(slots())).prop_map(
-        |((content, source, destination, root), (sequence, ack_request, pending), slots)| {
+    (link, any::<(u8, bool, bool, Option<u16>)>(), option::of(slots())).prop_map(
+        |(
+            (content, source, destination, root),
+            (sequence, ack_request, pending, blacklist),
+            slots,
+        )| {
             let slots = slots.map(Box::new);
             let security = FrameSecurity::Unsecured;
             let frame = FrameRepr {
@@ -326,6 +330,7 @@ pub(crate) fn frame() -> impl Strategy<Value = (FrameRepr, Option<Ipv6Addr>)> {
                 pending,
                 security,
                 slots,
+                blacklist,
                 content,
             };
             (frame, root)

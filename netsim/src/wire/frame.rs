@@ -30,6 +30,8 @@ pub struct FrameRepr {
     pub security: FrameSecurity,
     /// What it announces of slots, in an information element.
     pub slots: Option<Box<SlotsRepr>>,
+    /// Channels that the link from its sender skips, in an information element; bit 0 is channel 11.
+    pub blacklist: Option<u16>,
     /// Contents of the frame, by kind.
     pub content: Content,
 }

@@ -3,6 +3,7 @@
 
 mod application;
 mod bench;
+mod blacklist;
 mod doc;
 mod effects;
 mod fragments;

@@ -6,6 +6,7 @@
 )]
 
 mod batteries;
+mod blacklist;
 mod broadcast;
 mod conformance;
 mod crowds;

@@ -74,6 +74,9 @@ pub enum Purpose {
     LinkDrift = 30,
     /// Which effect `demo` hides, and how large it is. Entity: 0 of the effect, else which of its numbers.
     Demo = 31,
+    /// Whether a link follows the plain hopping sequence. Entity: ordered link, by its addresses; time: ASN. Of seed 0, since both
+    /// ends must know it.
+    BlacklistExploration = 55,
     /// Whether a frame of the second medium is lost. Entity: ordered link; time: begin of the frame.
     SecondMediumLoss = 60,
     /// Back-off of the second medium. Entity: mote; time: which of its back-offs.

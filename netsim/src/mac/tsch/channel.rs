@@ -10,7 +10,13 @@ pub(super) const BEACON_CHANNEL_OFFSET: u16 = 0;
 #[inline]
 #[must_use]
 pub fn channel_of(config: &Config, asn: u64, channel_offset: u16) -> u8 {
-    let sequence = &config.hopping_sequence;
+    channel_at(&config.hopping_sequence, asn, channel_offset)
+}
+
+/// The same, of a hopping sequence.
+#[inline]
+#[must_use]
+pub fn channel_at(sequence: &[u8], asn: u64, channel_offset: u16) -> u8 {
     sequence[((asn + u64::from(channel_offset)) % sequence.len() as u64) as usize]
 }
 

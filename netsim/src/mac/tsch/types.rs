@@ -1,5 +1,6 @@
 //! What goes into the MAC of a mote, and what comes out.
 
+use crate::mac::blacklist;
 use crate::mac::queue::Queued;
 use crate::mac::schedule::CellRef;
 use crate::medium::slot::timing::Airtime;
@@ -15,6 +16,8 @@ pub struct Config {
     pub hopping_sequence: Vec<u8>,
     /// How long frames are on the air.
     pub airtime: Airtime,
+    /// How links blacklist channels; `None`: they do not.
+    pub blacklist: Option<blacklist::Config>,
     /// Frames that may wait (macMaxQueue); `None`: any number.
     pub queue_capacity: Option<u16>,
     /// Attempts after the first (macMaxFrameRetries); `None`: any number.

@@ -6,6 +6,7 @@ use crate::wire::datagram::Hop;
 use crate::wire::fragment::Payload;
 use crate::wire::security::{FrameSecurity, Keys};
 use crate::wire::sink::{Put, Sink, length_of, write};
+use crate::wire::slots::OUI;
 
 /// Greatest length of a PSDU (bytes), FCS included (11.3: aMaxPhyPacketSize).
 pub const MAX_PSDU: usize = 127;
@@ -33,7 +34,9 @@ pub(super) const SOURCE: u16 = 14;
 pub(super) const SHORT: u16 = 2;
 pub(super) const EXTENDED: u16 = 3;
 
-/// Header information elements (7.4.2): time correction; end of the headers, payload elements follow.
+/// Header information elements (7.4.2): vendor-specific, here the blacklist of a link; time correction; end of the header elements,
+/// before payload elements (1) or before the payload (2).
+pub(super) const VENDOR_HEADER: u16 = 0;
 pub(super) const TIME_CORRECTION: u16 = 0x1e;
 pub(super) const TERMINATION_1: u16 = 0x7e;
 pub(super) const TERMINATION_2: u16 = 0x7f;
@@ -90,7 +93,7 @@ impl FrameRepr {
         bytes
     }
 
-    fn has_elements(&self) -> bool {
+    fn has_payload_elements(&self) -> bool {
         self.slots.is_some() || matches!(self.content, Content::Beacon(_) | Content::Sixp(_))
     }
 }
@@ -169,7 +172,8 @@ impl Put for Header<'_> {
     fn put<S: Sink>(&self, sink: &mut S) {
         let frame = self.0;
         let kind = if matches!(frame.content, Content::Beacon(_)) { BEACON } else { DATA };
-        let has_elements = frame.has_elements();
+        let has_payload_elements = frame.has_payload_elements();
+        let has_elements = has_payload_elements || frame.blacklist.is_some();
         let flag = |set: bool, flag: u16| if set { flag } else { 0 };
         // Table 7-2: the destination's PAN identifier is there, the source's is not.
         let addressing = match frame.destination {
@@ -193,8 +197,15 @@ impl Put for Header<'_> {
         }
         put_address(frame.source, sink);
         frame.security.put(sink);
-        if has_elements {
+        if let Some(blacklist) = frame.blacklist {
+            put_header_element(VENDOR_HEADER, 5, sink);
+            sink.put(&OUI.to_le_bytes()[..3]);
+            sink.put_u16_le(blacklist);
+        }
+        if has_payload_elements {
             put_header_element(TERMINATION_1, 0, sink);
+        } else if has_elements && matches!(frame.content, Content::Lowpan(_)) {
+            put_header_element(TERMINATION_2, 0, sink);
         }
     }
 }
@@ -222,7 +233,7 @@ impl Put for Body<'_> {
             slots.put(sink);
         }
         if let Content::Lowpan(payload) = &frame.content {
-            if frame.has_elements() {
+            if frame.has_payload_elements() {
                 put_payload_element(PAYLOAD_TERMINATION, 0, sink);
             }
             Payload(payload, Hop::Between(frame.source, frame.destination)).put(sink);

@@ -4,7 +4,7 @@ use super::bytes::{
     ACK, ACK_REQUEST, BEACON, BROADCAST, CHANNEL_HOPPING, DATA, DESTINATION, ELEMENTS, EXTENDED,
     FCS_LEN, IETF, MLME, NETWORK_PAN, NO_SEQUENCE, PAN_COMPRESSION, PAYLOAD_TERMINATION, PENDING,
     SECURED, SHORT, SIXTOP, SLOTFRAME_AND_LINK, SOURCE, TERMINATION_1, TERMINATION_2,
-    TIME_CORRECTION, TIMESLOT, TSCH_SYNCHRONIZATION, VENDOR, VERSION, fcs,
+    TIME_CORRECTION, TIMESLOT, TSCH_SYNCHRONIZATION, VENDOR, VENDOR_HEADER, VERSION, fcs,
 };
 use super::{AckRepr, BeaconRepr, BeaconSlotframe, Content, FrameRepr};
 use crate::wire::datagram::Datagram;
@@ -12,7 +12,7 @@ use crate::wire::fragment::{FragmentHeader, LowpanRepr};
 use crate::wire::security::{FrameSecurity, HEADER_LEN, Keys, MIC_LEN};
 use crate::wire::sink::ByteReader;
 use crate::wire::sixp::SixpRepr;
-use crate::wire::slots::SlotsRepr;
+use crate::wire::slots::{OUI, SlotsRepr};
 use crate::wire::{Eui64, Malformed};
 use std::net::Ipv6Addr;
 use std::sync::Arc;
@@ -29,6 +29,8 @@ pub struct Envelope<'a> {
     pub source: Option<Eui64>,
     /// Time correction (µs), if it has one.
     time_correction_us: Option<i16>,
+    /// Channels that the link from its sender skips, if it says so; bit 0 is channel 11.
+    pub blacklist: Option<u16>,
     /// First payload information element that is no vendor's: group and content.
     element: Option<(u16, &'a [u8])>,
     /// Content of the first vendor-specific one.
@@ -53,10 +55,10 @@ impl<'a> Envelope<'a> {
         if control & SECURED != 0 {
             return Err(Malformed { what: "secured", at: 0 });
         }
-        let (mut time_correction_us, mut element, mut vendor) = (None, None, None);
+        let (mut header, mut element, mut vendor) = (HeaderElements::default(), None, None);
         if control & ELEMENTS != 0 {
-            let payload_follows = parse_header_elements(&mut reader, &mut time_correction_us)?;
-            if payload_follows {
+            header = parse_header_elements(&mut reader)?;
+            if header.payload_follows {
                 (element, vendor) = parse_payload_elements(&mut reader)?;
             }
         }
@@ -66,7 +68,8 @@ impl<'a> Envelope<'a> {
             sequence,
             destination,
             source,
-            time_correction_us,
+            time_correction_us: header.time_correction_us,
+            blacklist: header.blacklist,
             element,
             vendor,
             payload,
@@ -141,7 +144,7 @@ pub fn unsecure(
     let before_mic = reader.take(len)?;
     let mut reader = ByteReader::new(before_mic);
     if control & ELEMENTS != 0 {
-        parse_header_elements(&mut reader, &mut None)?;
+        parse_header_elements(&mut reader)?;
     }
     let header_len = end - MIC_LEN - reader.remaining();
     let mut frame = psdu[..end].to_vec();
@@ -154,11 +157,17 @@ pub fn unsecure(
     Ok((plain, security))
 }
 
-/// Returns whether payload information elements follow.
-fn parse_header_elements(
-    reader: &mut ByteReader<'_>,
-    time_correction_us: &mut Option<i16>,
-) -> Result<bool, Malformed> {
+/// What the header information elements say.
+#[derive(Clone, Copy, Debug, Default)]
+struct HeaderElements {
+    time_correction_us: Option<i16>,
+    blacklist: Option<u16>,
+    /// Whether payload information elements follow.
+    payload_follows: bool,
+}
+
+fn parse_header_elements(reader: &mut ByteReader<'_>) -> Result<HeaderElements, Malformed> {
+    let mut found = HeaderElements::default();
     while !reader.is_empty() {
         let descriptor = reader.u16_le()?;
         if descriptor >> 15 != 0 {
@@ -166,15 +175,18 @@ fn parse_header_elements(
         }
         let mut content = ByteReader::new(reader.take(usize::from(descriptor & 0x7f))?);
         match descriptor >> 7 & 0xff {
-            TERMINATION_1 => return Ok(true),
-            TERMINATION_2 => return Ok(false),
+            TERMINATION_1 => return Ok(HeaderElements { payload_follows: true, ..found }),
+            TERMINATION_2 => return Ok(found),
             TIME_CORRECTION => {
-                *time_correction_us = Some((content.u16_le()? << 4).cast_signed() >> 4);
+                found.time_correction_us = Some((content.u16_le()? << 4).cast_signed() >> 4);
+            }
+            VENDOR_HEADER if content.take(3)? == &OUI.to_le_bytes()[..3] => {
+                found.blacklist = Some(content.u16_le()?);
             }
             _ => {}
         }
     }
-    Ok(false)
+    Ok(found)
 }
 
 /// The first payload information element that is no vendor's, and the first one that is.
@@ -230,7 +242,18 @@ impl FrameRepr {
         let ack_request = control & ACK_REQUEST != 0;
         let pending = control & PENDING != 0;
         let security = FrameSecurity::Unsecured;
-        Ok(Self { source, destination, sequence, ack_request, pending, security, slots, content })
+        let blacklist = envelope.blacklist;
+        Ok(Self {
+            source,
+            destination,
+            sequence,
+            ack_request,
+            pending,
+            security,
+            slots,
+            blacklist,
+            content,
+        })
     }
 }
 

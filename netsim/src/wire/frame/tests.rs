@@ -93,6 +93,7 @@ fn frame(destination: Option<Eui64>, content: Content) -> FrameRepr {
         pending: false,
         security: FrameSecurity::Unsecured,
         slots: None,
+        blacklist: None,
         content,
     }
 }
@@ -231,4 +232,41 @@ fn a_beacon_stays_legible_and_another_frame_does_not() {
         let end = plain.len() - 6;
         assert_eq!(plain[19..end] == secured[19..end], is_legible, "{security:?}");
     }
+}
+
+#[test]
+fn ieee802154_7_4_2_a_blacklist_is_a_vendor_specific_header_element() {
+    let destination = Some(Eui64::of_mote(2));
+    let of = |content| FrameRepr { blacklist: Some(0x8001), ..frame(destination, content) };
+    // Element 0 of five octets: the vendor, then channels 11 and 26.
+    let element = [0x05, 0x00, 0x00, 0x00, 0x02, 0x01, 0x80];
+    let alone = of(Content::KeepAlive);
+    assert_eq!(alone.to_vec()[21..28], element);
+    assert_eq!(alone.buffer_len(), frame(destination, Content::KeepAlive).buffer_len() + 7);
+    // A payload without payload elements follows header termination 2.
+    let dis = Upper::Rpl(RplMessage::Dis(DisRepr {}));
+    let datagram = Datagram {
+        packet: 0,
+        source: Eui64::of_mote(1).link_local(),
+        destination: Eui64::of_mote(2).link_local(),
+        dscp: 0,
+        hop_limit: 64,
+        rpi: None,
+        route: None,
+        upper: dis,
+    };
+    let content = Content::Lowpan(LowpanRepr::Whole(Arc::new(datagram)));
+    let without = frame(destination, content.clone());
+    let with = of(content);
+    assert_eq!(with.to_vec()[21..28], element);
+    assert_eq!(with.to_vec()[28..30], [0x80, 0x3f]);
+    assert_eq!(with.buffer_len(), without.buffer_len() + 9);
+    assert_eq!(FrameRepr::parse(&with.to_vec(), None), Ok(with));
+    // Another vendor's element is passed over.
+    let mut bytes = alone.to_vec();
+    bytes[23] = 1;
+    let end = bytes.len() - 2;
+    let fcs = fcs(&bytes[..end]).to_le_bytes();
+    bytes[end..].copy_from_slice(&fcs);
+    assert_eq!(FrameRepr::parse(&bytes, None).unwrap().blacklist, None);
 }

@@ -62,6 +62,8 @@ pub(super) struct OnAir {
     /// Length of the PSDU (bytes).
     pub(super) psdu_bytes: usize,
     pub(super) security: FrameSecurity,
+    /// The channels that its link skips, if it says so.
+    pub(super) blacklist: Option<u16>,
     pub(super) what: What,
     /// Whether somebody sent an acknowledgment.
     pub(super) answered: bool,
@@ -337,6 +339,7 @@ impl Bench {
             sequence,
             psdu_bytes,
             security,
+            blacklist: envelope.blacklist,
             what,
             answered,
             correction_us: None,

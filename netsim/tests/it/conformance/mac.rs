@@ -186,6 +186,7 @@ fn frame_to(neighbour: Eui64, packet: u64) -> Queued {
             pending: false,
             security: FrameSecurity::Unsecured,
             slots: None,
+            blacklist: None,
             content: Content::KeepAlive,
         },
         priority: Priority::Data,

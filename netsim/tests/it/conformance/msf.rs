@@ -259,6 +259,7 @@ impl Lone<'_> {
             pending: false,
             security: FrameSecurity::Unsecured,
             slots: None,
+            blacklist: None,
             content,
         };
         self.does(|mote, world| {

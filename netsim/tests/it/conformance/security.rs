@@ -70,6 +70,7 @@ fn a_mote_takes_what_it_has_the_key_for_and_motes_with_keys_exempt_join_traffic(
         pending: false,
         security,
         slots: None,
+        blacklist: None,
         content: Content::KeepAlive,
     };
     let (root, pledge) = (bench.mote(0), bench.mote(1));

@@ -216,6 +216,7 @@ fn goes(frame: &Waiting, at: &CellRef, schedule: &Schedule) -> bool {
 fn config(dice: &mut Dice) -> Config {
     let mut pick = |choices: &[u16]| choices[dice.below(choices.len() as u64) as usize];
     Config {
+        blacklist: None,
         slot_ns: SLOT_NS,
         hopping_sequence: (11..=26).take(usize::from(pick(&[1, 4, 16]))).collect(),
         airtime: Airtime::O_QPSK_2450,
@@ -360,6 +361,7 @@ impl Pair {
                 pending: false,
                 security: FrameSecurity::Unsecured,
                 slots: None,
+                blacklist: None,
                 content: Content::KeepAlive,
             },
             priority: frame.priority,
