@@ -16,3 +16,4 @@ mod peers;
 mod routing;
 mod security;
 mod standing;
+mod traffic;
