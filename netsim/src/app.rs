@@ -1,18 +1,40 @@
-//! Applications: what motes send of their own accord.
+//! Applications: the traffic that motes generate.
 //!
 //! | module | what |
 //! |---|---|
-//! | [`config`] | `[[netsim.app]]` |
+//! | [`config`] | `[[netsim.app]]`, and the one list of kinds |
+//! | [`sender`] | what one-way kinds share: senders, destination, payload |
+//! | [`periodic`], [`burst`], [`poisson`], [`event`] | one-way kinds |
+//! | [`exchange`] | confirmable CoAP messages and their retransmission |
+//! | [`coap`], [`download`] | kinds with requests and responses |
+//! | [`stream`] | random draws of one application |
 //!
-//! An application is a machine that says when it sends what; addresses, routes and frames are the mote's business. It sends
-//! only while the mote may ([`App::set_ready`]): packets that would fall in the time before do not exist.
+//! An application is a state machine that decides when it sends what; the mote handles addresses, routes and frames. An
+//! application sends only while the mote is ready ([`App::set_ready`]): packets that would fall in the time before do not exist.
+//!
+//! A new kind is one file that implements [`Traffic`] and [`Kind`], and one line in [`config`].
 
+pub mod burst;
+pub mod coap;
 pub mod config;
+pub mod download;
+pub mod event;
+pub mod exchange;
+pub mod periodic;
+pub mod poisson;
+pub mod sender;
+pub mod stream;
 
-pub use config::{Pattern, Peer, Spec};
+pub use config::{Machine, Spec};
+pub use event::Events;
+pub use sender::{Peer, Sender};
 
 use crate::dice::Dice;
+use crate::lowpan::DropReason;
+use crate::mesh::packets::Packets;
+use crate::wire::coap::CoapRepr;
 use bytes::Bytes;
+use proto::config::{Problem, Variant};
 use serde::{Deserialize, Serialize};
 
 /// For whom a packet is.
@@ -24,150 +46,237 @@ pub enum Destination {
     Mote(u32),
 }
 
+/// What a packet carries.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// Payload of a one-way application.
+    Counted {
+        /// Length of the UDP payload (bytes).
+        payload_bytes: u16,
+        /// How many packets the application sent before.
+        counter: u32,
+    },
+    /// A CoAP message.
+    Coap(Bytes),
+}
+
 /// A packet to be sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Packet {
     /// Destination of the packet.
     pub destination: Destination,
-    /// Length of its UDP payload (bytes).
-    pub payload_bytes: u16,
-    /// How many this application has sent before.
-    pub counter: u32,
-    /// When it came into being (ns).
+    /// What it carries.
+    pub content: Content,
+    /// When it was created (ns).
     pub created_ns: u64,
 }
 
 impl Packet {
-    /// UDP payload: the counter, most significant byte first, then zeros; cut to its length.
+    /// UDP payload: a CoAP message; or the counter, most significant byte first, then zeros, cut to its length.
     #[must_use]
     pub fn payload(&self) -> Bytes {
-        let mut bytes = self.counter.to_be_bytes().to_vec();
-        bytes.resize(usize::from(self.payload_bytes), 0);
-        Bytes::from(bytes)
+        match &self.content {
+            Content::Coap(message) => message.clone(),
+            Content::Counted { payload_bytes, counter } => {
+                let mut bytes = counter.to_be_bytes().to_vec();
+                bytes.resize(usize::from(*payload_bytes), 0);
+                Bytes::from(bytes)
+            }
+        }
     }
+}
+
+/// The mote that runs an application.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Host {
+    /// Number of the mote.
+    pub mote: u32,
+    /// Whether it is a root.
+    pub is_root: bool,
+    /// Number of the first root.
+    pub first_root: u32,
+    /// Motes in the network.
+    pub n_motes: u32,
+    /// Length of a slot (ns).
+    pub slot_ns: u64,
+    /// Number of the application in the configuration.
+    pub app: u32,
+    /// Number of applications in the configuration.
+    pub n_apps: u32,
+    /// Seed of the random draws.
+    pub seed: u64,
+}
+
+/// What an application may use when something happens.
+pub struct Context<'a> {
+    /// The time (ns).
+    pub now_ns: u64,
+    /// When the message that is being handled had arrived in full (ns).
+    pub received_ns: u64,
+    /// Draws that all applications of the mote share, in sequence.
+    pub dice: &'a mut Dice,
+    /// Packets from end to end, among them exchanges and downloads.
+    pub packets: &'a mut Packets<DropReason>,
+    /// Whether the mote has a route to another mote.
+    pub reaches: &'a dyn Fn(u32) -> bool,
+}
+
+impl std::fmt::Debug for Context<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Context").field("now_ns", &self.now_ns).finish_non_exhaustive()
+    }
+}
+
+/// What an application does with a CoAP message.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Heard {
+    /// It is for another application.
+    NotMine,
+    /// It is for this one, which may send an answer or the next request.
+    Taken(Option<Packet>),
+}
+
+/// Numbers of CoAP messages: requests that a mote sent as a client, and duplicates that it received as a server.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Counters {
+    /// Requests of `coap`, without repetitions.
+    pub requests: u64,
+    /// Repetitions of them.
+    pub retransmissions: u64,
+    /// Requests of `coap` that had been answered before.
+    pub duplicates: u64,
+    /// Requests for a block of `download`, without repetitions.
+    pub blocks: u64,
+    /// Repetitions of them.
+    pub block_retransmissions: u64,
+    /// Requests of `download` that had been answered before.
+    pub block_duplicates: u64,
+}
+
+/// How an application of one kind behaves on one mote. Messages and events concern few kinds: the others ignore them.
+pub trait Traffic {
+    /// The mote may send from now on, or no longer. Calling it again with the same value changes nothing.
+    fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>);
+
+    /// When the application wants to act next (ns).
+    fn poll_timeout(&self) -> Option<u64>;
+
+    /// Time has come to `cx.now_ns`. One packet per call: ask until the next time lies ahead or there is none.
+    fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet>;
+
+    /// An event of this application concerns the mote.
+    fn handle_event(&mut self, _at_ns: u64) {}
+
+    /// A CoAP message of mote `from` arrived over so many hops.
+    fn handle_message(
+        &mut self,
+        _from: u32,
+        _hops: u32,
+        _message: &CoapRepr,
+        _cx: &mut Context<'_>,
+    ) -> Heard {
+        Heard::NotMine
+    }
+
+    /// The mote was switched off or rebooted: what it kept in memory is lost.
+    fn reset(&mut self, _cx: &mut Context<'_>) {}
+
+    /// Draws by another seed from here on.
+    fn reseed(&mut self, _seed: u64) {}
+
+    /// CoAP messages so far.
+    fn counters(&self) -> Counters {
+        Counters::default()
+    }
+}
+
+/// Where keys of an application are read, and what is wrong with them.
+#[derive(Debug)]
+pub struct Reading<'a> {
+    /// The checked table.
+    pub table: &'a toml::Table,
+    /// Its path.
+    pub path: &'a str,
+    /// Motes in the network.
+    pub n_motes: u32,
+    /// Problems found so far.
+    pub problems: &'a mut Vec<Problem>,
+}
+
+impl Reading<'_> {
+    /// A number of a mote that exists; otherwise a problem with `key`.
+    pub fn mote(&mut self, key: &str, number: u32) -> Option<u32> {
+        let valid = Some(number).filter(|&mote| mote < self.n_motes);
+        if valid.is_none() {
+            let last = self.n_motes.saturating_sub(1);
+            let message = format!("must be the number of a mote, 0 to {last}");
+            let path = proto::config::join(self.path, key);
+            self.problems.push(Problem::new(path, message).value(number).nearest(last));
+        }
+        valid
+    }
+
+    /// The numbers of a list that are those of motes; otherwise problems with entries of `key`.
+    pub fn motes(&mut self, key: &str, numbers: Vec<u32>) -> Vec<u32> {
+        let motes = numbers.into_iter().enumerate();
+        motes.filter_map(|(index, number)| self.mote(&format!("{key}[{index}]"), number)).collect()
+    }
+}
+
+/// A kind of traffic: what the configuration says of it.
+pub trait Kind: Traffic + Sized {
+    /// Its name and its keys.
+    const VARIANT: Variant;
+
+    /// Reads the checked keys.
+    fn read(reading: &mut Reading<'_>) -> Option<Self>;
+
+    /// The application as one mote runs it; `None`: the mote takes no part.
+    fn assigned(&self, host: &Host) -> Option<Self>;
 }
 
 /// One application of one mote.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct App {
-    pattern: Pattern,
-    peer: Peer,
-    payload_bytes: u16,
-    own: u32,
-    n_motes: u32,
-    slot_ns: u64,
-    counter: u32,
-    /// The mote to which the next packet of [`Peer::All`] goes.
-    turn: u32,
-    phase: Phase,
-}
-
-/// What an application waits for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Phase {
-    /// For the mote to be ready.
-    Stopped,
-    /// For the next packet's time (ns).
-    Waiting { next_ns: u64 },
-    /// For nothing: its packets are sent.
-    Done,
+    /// Number of the application in the configuration.
+    pub number: u32,
+    machine: Machine,
 }
 
 impl App {
-    /// The application that `spec` gives mote `own` of `n_motes`; none if it is not among the senders or would send to itself
-    /// only.
+    /// The application that `spec` gives a mote; none if the mote takes no part in it.
     #[must_use]
-    pub fn new(spec: &Spec, own: u32, is_root: bool, n_motes: u32, slot_ns: u64) -> Option<Self> {
-        let has_somebody = match spec.peer {
-            Peer::Root => !is_root,
-            Peer::Mote(mote) => mote != own,
-            Peer::Random | Peer::All => 2 <= n_motes,
-        };
-        let sends = spec.senders.as_ref().is_none_or(|senders| senders.contains(&own));
-        (sends && has_somebody).then_some(Self {
-            pattern: spec.pattern,
-            peer: spec.peer,
-            payload_bytes: spec.payload_bytes,
-            own,
-            n_motes,
-            slot_ns,
-            counter: 0,
-            turn: 0,
-            phase: Phase::Stopped,
-        })
+    pub fn new(spec: &Spec, host: &Host) -> Option<Self> {
+        let machine = spec.machine.assigned(host)?;
+        Some(Self { number: host.app, machine })
     }
 
-    /// The mote may send from now on, or no longer. Saying the same again changes nothing.
-    ///
-    /// Periodic packets begin a slot and a random part of a period later, anew each time: motes that become ready together do
-    /// not send together. A burst comes its time after the mote has become ready and is not repeated once it has begun.
-    pub fn set_ready(&mut self, is_ready: bool, now_ns: u64, dice: &mut Dice) {
-        match (self.phase, is_ready) {
-            (Phase::Stopped, true) => {
-                let next_ns = match self.pattern {
-                    Pattern::Periodic { period_ns, .. } => {
-                        now_ns + self.slot_ns + dice.below(period_ns)
-                    }
-                    Pattern::Burst { after_ns, .. } => now_ns + after_ns,
-                };
-                self.phase = Phase::Waiting { next_ns };
-            }
-            (Phase::Waiting { .. }, false) => self.phase = Phase::Stopped,
-            (Phase::Stopped, false) | (Phase::Waiting { .. }, true) | (Phase::Done, _) => {}
-        }
+    /// Its state machine.
+    pub fn machine(&mut self) -> &mut dyn Traffic {
+        self.machine.traffic_mut()
     }
 
-    /// When the next packet is due (ns).
+    /// As [`Traffic::set_ready`].
+    pub fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>) {
+        self.machine().set_ready(is_ready, cx);
+    }
+
+    /// As [`Traffic::poll_timeout`].
     #[must_use]
     pub fn poll_timeout(&self) -> Option<u64> {
-        match self.phase {
-            Phase::Waiting { next_ns } => Some(next_ns),
-            Phase::Stopped | Phase::Done => None,
-        }
+        self.machine.traffic().poll_timeout()
     }
 
-    /// The packet that is due, if one is. Of a burst, one per call: ask until the time lies ahead or there is none.
-    pub fn handle_timeout(&mut self, now_ns: u64, dice: &mut Dice) -> Option<Packet> {
-        let Phase::Waiting { next_ns } = self.phase else { return None };
-        if now_ns < next_ns {
-            return None;
-        }
-        let packet = Packet {
-            destination: self.next_destination(dice),
-            payload_bytes: self.payload_bytes,
-            counter: self.counter,
-            created_ns: now_ns,
-        };
-        self.counter += 1;
-        self.phase = match self.pattern {
-            Pattern::Periodic { period_ns, jitter_ns } => {
-                let pause_ns = dice.duration_ns(period_ns - jitter_ns, period_ns + jitter_ns);
-                // From when it was due, so that slots of any length leave the period as it is; but never a backlog.
-                Phase::Waiting { next_ns: (next_ns + pause_ns).max(now_ns) }
-            }
-            Pattern::Burst { n_packets, .. } if self.counter < n_packets => self.phase,
-            Pattern::Burst { .. } => Phase::Done,
-        };
-        Some(packet)
+    /// As [`Traffic::handle_timeout`], if it is due.
+    pub fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
+        let is_due = self.poll_timeout().is_some_and(|due_ns| due_ns <= cx.now_ns);
+        if is_due { self.machine().handle_timeout(cx) } else { None }
     }
 
-    fn next_destination(&mut self, dice: &mut Dice) -> Destination {
-        match self.peer {
-            Peer::Root => Destination::Root,
-            Peer::Mote(mote) => Destination::Mote(mote),
-            Peer::Random => {
-                let other = dice.below(u64::from(self.n_motes) - 1) as u32;
-                Destination::Mote(if other < self.own { other } else { other + 1 })
-            }
-            Peer::All => {
-                if self.turn == self.own {
-                    self.turn = (self.turn + 1) % self.n_motes;
-                }
-                let mote = self.turn;
-                self.turn = (self.turn + 1) % self.n_motes;
-                Destination::Mote(mote)
-            }
-        }
+    /// As [`Traffic::counters`].
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        self.machine.traffic().counters()
     }
 }
 

@@ -11,6 +11,7 @@
 //! | `security` | which frames are secured, and which are taken |
 //! | `reroute` | another way for datagrams whose way has failed |
 //! | `timer` | the first of several timers |
+//! | `traffic` | what passes between a mote and its applications |
 
 mod admission;
 mod announce;
@@ -21,9 +22,10 @@ mod reroute;
 mod security;
 pub mod tally;
 pub(crate) mod timer;
+mod traffic;
 pub mod up;
 
-use crate::app::App;
+use crate::app::{App, Host};
 use crate::dice::Dice;
 use crate::join::{Pledge, Proxy, Registrar};
 use crate::lowpan::{DropReason, Lowpan};
@@ -197,12 +199,18 @@ impl Mote {
     ) -> Self {
         let address = addresses.eui64(mote);
         let is_root = settings.roots.contains(&mote);
-        let slot_ns = settings.mac.slot_ns;
-        let apps = settings
-            .apps
-            .iter()
-            .filter_map(|spec| App::new(spec, mote, is_root, n_motes, slot_ns))
-            .collect();
+        let host = |app: u32| Host {
+            mote,
+            is_root,
+            first_root: settings.roots.first().copied().unwrap_or_default(),
+            n_motes,
+            slot_ns: settings.mac.slot_ns,
+            app,
+            n_apps: settings.apps.len() as u32,
+            seed,
+        };
+        let apps = (0..).zip(&settings.apps);
+        let apps = apps.filter_map(|(app, spec)| App::new(spec, &host(app))).collect();
         let mut dice = MoteDice::new(seed, mote);
         Self {
             id: mote,
@@ -237,6 +245,7 @@ impl Mote {
     pub fn reseed(&mut self, seed: u64) {
         self.dice.reseed(seed);
         self.mac.reseed(seed);
+        self.apps.iter_mut().for_each(|app| app.machine().reseed(seed));
     }
 
     /// Is switched on: a root begins its network, any other mote looks for one.
@@ -256,9 +265,7 @@ impl Mote {
         for first in [first_synced_ns, first_joined_ns, first_ready_ns] {
             *first = first.or(at_ns);
         }
-        for app in &mut self.apps {
-            app.set_ready(true, world.now_ns, &mut self.dice.application);
-        }
+        self.set_apps_ready(world, true);
     }
 
     /// Begins with nothing.
@@ -380,8 +387,9 @@ impl Mote {
         *world.readiness_changed |= std::mem::take(&mut self.ready);
         self.wants_sync = None;
         self.unusable.clear();
-        for app in &mut self.apps {
-            app.set_ready(false, world.now_ns, &mut self.dice.application);
+        self.set_apps_ready(world, false);
+        if reason == DropReason::Killed {
+            self.reset_apps(world);
         }
     }
 

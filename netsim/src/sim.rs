@@ -148,7 +148,10 @@ impl Mode {
                 Box::new(Broadcast::with_place(experiment, config, columns, *place)),
             )),
             (Some(network), State::Mesh(mut state))
-                if state.place.is_of(n) && state.motes.len() == n && state.waiting.is_of(n) =>
+                if state.place.is_of(n)
+                    && state.motes.len() == n
+                    && state.waiting.is_of(n)
+                    && state.events.is_of(&network.0.apps) =>
             {
                 let (settings, addresses) = *network;
                 if !state.motes.iter_mut().all(|mote| mote.sf.resume(&settings.sf)) {

@@ -9,6 +9,7 @@
 //! | [`datagram`] | IPv6 datagrams and their compressed form | RFC 6282, RFC 8138 |
 //! | [`fragment`] | fragments of them | RFC 4944, § 5.3 |
 //! | [`rpl`] | RPL control messages | RFC 6550, § 6 |
+//! | [`coap`] | CoAP messages of applications | RFC 7252, RFC 7959 |
 //! | [`cojp`] | join requests and responses | RFC 9031, § 8 |
 //! | [`security`] | keys, encryption and authentication of frames | IEEE Std 802.15.4-2015, clause 9; RFC 8180, § 4.6 |
 //! | [`oscore`] | encryption and authentication of join messages | RFC 8613 |
@@ -19,6 +20,7 @@
 //! how it is secured; without `[netsim.security]` no frame is.
 
 pub mod address;
+pub mod coap;
 pub mod cojp;
 pub mod datagram;
 pub mod fragment;

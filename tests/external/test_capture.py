@@ -117,8 +117,9 @@ def test_rpl_messages_of_every_kind_with_right_checksums(capture):
 
 def test_join_messages_go_to_j_at_6tisch_arpa(capture):
     frames = dissect(capture, "coap.code", "coap.opt.uri_path", "coap.opt.uri_host", "coap.opt.proxy_scheme",
-                     "coap.token", "udp.checksum.status")  # fmt: skip
-    messages = [frame for frame in frames if frame["coap.code"]]
+                     "coap.token", "coap.type", "udp.checksum.status")  # fmt: skip
+    non_confirmable = ["1"]
+    messages = [frame for frame in frames if frame["coap.type"] == non_confirmable]
     assert all(frame["udp.checksum.status"] == [GOOD] for frame in messages)
     post, changed = ["2"], ["68"]
     assert [frame["coap.code"] for frame in messages] == [post, post, changed, changed]
@@ -127,6 +128,31 @@ def test_join_messages_go_to_j_at_6tisch_arpa(capture):
     assert [frame["coap.opt.proxy_scheme"] for frame in messages[:2]] == [["coap"], []]
     assert messages[0]["coap.token"] == messages[3]["coap.token"] != messages[1]["coap.token"]
     assert messages[1]["coap.token"] == messages[2]["coap.token"]
+
+
+def test_coap_exchanges_and_blocks_are_what_rfc_7252_and_7959_say(capture):
+    frames = dissect(capture, "coap.type", "coap.code", "coap.mid", "coap.token", "coap.opt.uri_path", "coap.opt.block_number",
+                     "coap.opt.block_mflag", "coap.opt.block_size", "coap.payload_length", "udp.srcport", "udp.dstport",
+                     "udp.checksum.status", "ipv6.src", "ipv6.dst")  # fmt: skip
+    confirmable, acknowledgment = ["0"], ["2"]
+    messages = [frame for frame in frames if frame["coap.type"] in (confirmable, acknowledgment)]
+    assert all(frame["udp.checksum.status"] == [GOOD] for frame in messages)
+    assert all(frame["udp.srcport"] == frame["udp.dstport"] == ["5683"] for frame in messages)
+    get, content = ["1"], ["69"]
+    assert [frame["coap.code"] for frame in messages] == [get, content] * 3
+    assert [frame["coap.type"] for frame in messages] == [confirmable, acknowledgment] * 3
+    assert [frame["coap.opt.uri_path"] for frame in messages[::2]] == [["s0"], ["f1"], ["f1"]]
+    for request, response in zip(messages[::2], messages[1::2]):
+        assert request["coap.mid"] == response["coap.mid"]
+        assert request["coap.token"] == response["coap.token"]
+        assert (request["ipv6.src"], request["ipv6.dst"]) == (response["ipv6.dst"], response["ipv6.src"])
+    assert messages[0]["coap.mid"] == ["32052"]
+    assert messages[1]["coap.payload_length"] == ["16"]
+    assert [frame["coap.opt.block_number"] for frame in messages[2:]] == [["0"], ["0"], ["1"], ["1"]]
+    assert [frame["coap.opt.block_mflag"] for frame in messages[3::2]] in ([["1"], ["0"]], [["True"], ["False"]])
+    assert all(frame["coap.opt.block_size"][0] == "2" for frame in messages[2:])
+    # Wireshark puts the blocks of 64 and 16 bytes together.
+    assert messages[5]["coap.payload_length"] == ["80"]
 
 
 def test_addresses_that_were_left_out_are_found_again(capture):

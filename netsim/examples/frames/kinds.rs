@@ -1,5 +1,6 @@
 //! One frame of every kind.
 
+use netsim::wire::coap::{Block, CoapRepr, Code};
 use netsim::wire::cojp::CojpRepr;
 use netsim::wire::datagram::{Datagram, RpiRepr, SourceRoute, UdpRepr, Upper, code_points};
 use netsim::wire::fragment::LowpanRepr;
@@ -27,7 +28,47 @@ pub(crate) fn frames() -> Vec<FrameRepr> {
     frames.extend(data());
     frames.extend(announcements());
     frames.extend(blacklists());
+    frames.extend(exchanges());
     frames
+}
+
+/// The root asks mote 1, which answers; mote 2 downloads 80 bytes in two blocks.
+fn exchanges() -> impl Iterator<Item = FrameRepr> {
+    let sent = |message: CoapRepr, datagram: Datagram| Datagram {
+        upper: Upper::Udp(UdpRepr {
+            source_port: 5683,
+            destination_port: 5683,
+            payload: message.to_vec().into(),
+        }),
+        ..datagram
+    };
+    let get =
+        CoapRepr { message_id: 0x7d34, token: 5.into(), ..CoapRepr::request(Code::GET, "s0") };
+    let content = CoapRepr { payload: vec![0; 16].into(), ..get.response(Code::CONTENT) };
+    let asked = [
+        unfragmented(0, Some(1), sent(get, Datagram { rpi: rpi(true, 256), ..udp(0, 1, 0) })),
+        unfragmented(1, Some(0), sent(content, Datagram { rpi: rpi(false, 800), ..udp(1, 0, 0) })),
+    ];
+    let blocks = (0..2_u32).flat_map(move |number| {
+        let get = CoapRepr {
+            message_id: number as u16,
+            token: (0x0100_0000 + number).into(),
+            block2: Some(Block { number, more: false, szx: 2 }),
+            ..CoapRepr::request(Code::GET, "f1")
+        };
+        let content = CoapRepr {
+            block2: Some(Block { number, more: number == 0, szx: 2 }),
+            size2: (number == 0).then_some(80),
+            payload: vec![7; if number == 0 { 64 } else { 16 }].into(),
+            ..get.response(Code::CONTENT)
+        };
+        let route = down(udp(0, 2, 0), &[2]);
+        [
+            unfragmented(1, Some(0), sent(get, Datagram { hop_limit: 63, ..up(udp(2, 0, 0)) })),
+            unfragmented(1, Some(2), sent(content, Datagram { hop_limit: 63, ..route })),
+        ]
+    });
+    asked.into_iter().chain(blocks)
 }
 
 /// A beacon, a frame with nothing else in it, and a datagram, each with what mote 2 knows of slots.

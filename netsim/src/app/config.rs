@@ -1,180 +1,86 @@
-//! `[[netsim.app]]`: who sends how much to whom.
+//! `[[netsim.app]]`: who sends how much to whom, and the one list of kinds.
 
-use proto::config::{
-    Choice, Default, Field, Kind, Problem, Range, TableSpec, Tag, Variant, Variants, join, typed,
-};
-use proto::types::NS_PER_S;
+use super::burst::Burst;
+use super::coap::Coap;
+use super::download::Download;
+use super::event::Event;
+use super::periodic::Periodic;
+use super::poisson::Poisson;
+use super::{Host, Kind, Reading, Traffic};
+use proto::config::{Problem, TableSpec, Tag, Variant, Variants};
 use serde::{Deserialize, Serialize};
+
+/// Makes of the list of kinds the enumeration of their state machines, and what depends on the kind.
+macro_rules! kinds {
+    ($($kind:ident),+ $(,)?) => {
+        /// The state machine of an application, by kind.
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+        pub enum Machine {
+            $(
+                #[doc = concat!("[`", stringify!($kind), "`].")]
+                $kind($kind),
+            )+
+        }
+
+        /// The kinds and their keys.
+        const VARIANTS: &[Variant] = &[$(<$kind as Kind>::VARIANT),+];
+
+        impl Machine {
+            fn read(kind: &str, reading: &mut Reading<'_>) -> Option<Self> {
+                $(
+                    if kind == <$kind as Kind>::VARIANT.name {
+                        return $kind::read(reading).map(Self::$kind);
+                    }
+                )+
+                None
+            }
+
+            /// The same as one mote runs it; `None`: the mote takes no part.
+            pub(super) fn assigned(&self, host: &Host) -> Option<Self> {
+                match self {
+                    $(Self::$kind(kind) => kind.assigned(host).map(Self::$kind),)+
+                }
+            }
+
+            /// How it behaves.
+            pub(super) fn traffic(&self) -> &dyn Traffic {
+                match self {
+                    $(Self::$kind(kind) => kind,)+
+                }
+            }
+
+            /// How it behaves.
+            pub(super) fn traffic_mut(&mut self) -> &mut dyn Traffic {
+                match self {
+                    $(Self::$kind(kind) => kind,)+
+                }
+            }
+        }
+    };
+}
+
+// The kinds of traffic: each is a file of this folder.
+kinds!(Periodic, Burst, Poisson, Event, Coap, Download);
 
 /// Description of `[[netsim.app]]`.
 pub const SPEC: TableSpec = TableSpec {
     doc: "An application that generates packets at motes.",
-    fields: &[
-        Field {
-            key: "senders",
-            doc: "The motes that send.",
-            kind: Kind::Either(&[
-                Kind::Choice(&[Choice { name: "all", doc: "All motes that have a destination." }]),
-                Kind::List {
-                    of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
-                    min: 1,
-                    max: usize::MAX,
-                },
-            ]),
-            default: Default::Text("all"),
-        },
-        Field {
-            key: "destination",
-            doc: "The destination: one of these, or the number of a mote.",
-            kind: Kind::Either(&[
-                Kind::Choice(&[
-                    Choice { name: "root", doc: "The root of the sender's DODAG." },
-                    Choice { name: "peers", doc: "A random other mote for each packet." },
-                    Choice { name: "all", doc: "All other motes in turn." },
-                ]),
-                Kind::Integer { min: 0, max: u32::MAX as i64 },
-            ]),
-            default: Default::Text("root"),
-        },
-        Field {
-            key: "payload_bytes",
-            doc: "UDP payload of a packet. With headers it must stay below the minimum MTU of IPv6, 1280 bytes.",
-            kind: Kind::Integer { min: 1, max: MAX_PAYLOAD_BYTES },
-            default: Default::Integer(30),
-        },
-    ],
+    fields: &[],
     tag: Some(&TAG),
 };
 
 const TAG: Tag = Tag {
     key: "kind",
     doc: "The traffic pattern.",
-    default: Some(PERIODIC.name),
-    variants: Variants::Fixed(&[PERIODIC, BURST]),
+    default: Some(<Periodic as Kind>::VARIANT.name),
+    variants: Variants::Fixed(VARIANTS),
 };
-
-const PERIODIC: Variant = Variant {
-    name: "periodic",
-    doc: "Periodically, from the time at which the mote may send.",
-    fields: &[
-        Field {
-            key: "period_s",
-            doc: "Mean time between two packets of a mote (s). 60: the 6TiSCH simulator.",
-            kind: Kind::Number(Range::closed(1e-3, 1e6)),
-            default: Default::Number(60.0),
-        },
-        Field {
-            key: "jitter",
-            doc: "Jitter: each interval is uniform within this fraction of period_s to either side. 0.05: the 6TiSCH \
-                  simulator.",
-            kind: Kind::Number(Range::closed(0.0, 0.99)),
-            default: Default::Number(0.05),
-        },
-    ],
-};
-
-const BURST: Variant = Variant {
-    name: "burst",
-    doc: "One burst of packets.",
-    fields: &[
-        Field {
-            key: "at_s",
-            doc: "Delay after the time at which the mote may send (s).",
-            kind: Kind::Number(Range::closed(0.0, 1e6)),
-            default: Default::Required,
-        },
-        Field {
-            key: "n_packets",
-            doc: "How many.",
-            kind: Kind::Integer { min: 1, max: 10_000 },
-            default: Default::Integer(1),
-        },
-    ],
-};
-
-/// Longest UDP payload (bytes).
-const MAX_PAYLOAD_BYTES: i64 = 1000;
-
-/// When packets are sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Pattern {
-    /// Again and again.
-    Periodic {
-        /// Mean time between two packets (ns).
-        period_ns: u64,
-        /// Each such time is drawn uniformly, so far (ns) to either side; less than the period.
-        jitter_ns: u64,
-    },
-    /// Several at once, once.
-    Burst {
-        /// So long (ns) after the mote may send.
-        after_ns: u64,
-        /// How many; at least 1.
-        n_packets: u32,
-    },
-}
-
-/// To whom packets are sent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Peer {
-    /// The root of the sender's DODAG.
-    Root,
-    /// A mote.
-    Mote(u32),
-    /// Another mote, drawn for each packet.
-    Random,
-    /// Every other mote in turn: from a root, traffic down the network.
-    All,
-}
 
 /// An application as configured.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Spec {
-    /// When packets are made: the pattern in time.
-    pub pattern: Pattern,
-    /// Destination of the packets.
-    pub peer: Peer,
-    /// UDP payload (bytes).
-    pub payload_bytes: u16,
-    /// By whom; `None`: by all that have somebody to send to.
-    pub senders: Option<Vec<u32>>,
-}
-
-/// Keys of one table, those of the pattern apart.
-#[derive(Deserialize)]
-struct Keys {
-    senders: Senders,
-    destination: Destination,
-    payload_bytes: u16,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Senders {
-    Listed(Vec<u32>),
-    All(serde::de::IgnoredAny),
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Destination {
-    Mote(u32),
-    Named(Named),
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum Named {
-    Root,
-    Peers,
-    All,
-}
-
-#[derive(Deserialize)]
-#[serde(tag = "kind", rename_all = "lowercase")]
-enum PatternKeys {
-    Periodic { period_s: f64, jitter: f64 },
-    Burst { at_s: f64, n_packets: u32 },
+    /// Its state machine, not assigned to a mote.
+    pub machine: Machine,
 }
 
 impl Spec {
@@ -186,46 +92,35 @@ impl Spec {
         problems: &mut Vec<Problem>,
     ) -> Option<Self> {
         let before = problems.len();
-        let keys: Keys = typed(table);
-        let ns = |duration_s: f64| (duration_s * NS_PER_S as f64).round() as u64;
-        let mut mote = |key: String, number: u32| {
-            let valid = Some(number).filter(|&mote| mote < n_motes);
-            if valid.is_none() {
-                let last = n_motes.saturating_sub(1);
-                let message = format!("must be the number of a mote, 0 to {last}");
-                problems.push(Problem::new(key, message).value(number).nearest(last));
-            }
-            valid
-        };
-
-        let peer = match keys.destination {
-            Destination::Mote(number) => mote(join(path, "destination"), number).map(Peer::Mote),
-            Destination::Named(Named::Peers) => Some(Peer::Random),
-            Destination::Named(Named::All) => Some(Peer::All),
-            Destination::Named(Named::Root) => Some(Peer::Root),
-        };
-        let senders = match keys.senders {
-            Senders::Listed(list) => {
-                let motes = list.into_iter().enumerate().filter_map(|(index, number)| {
-                    mote(join(path, &format!("senders[{index}]")), number)
-                });
-                Some(motes.collect())
-            }
-            Senders::All(_) => None,
-        };
-        let pattern = table.contains_key(TAG.key).then(|| typed::<PatternKeys>(table));
-        let pattern = match pattern? {
-            PatternKeys::Burst { at_s, n_packets } => {
-                Pattern::Burst { after_ns: ns(at_s), n_packets }
-            }
-            PatternKeys::Periodic { period_s, jitter } => {
-                let period_ns = ns(period_s);
-                Pattern::Periodic { period_ns, jitter_ns: (period_ns as f64 * jitter) as u64 }
-            }
-        };
+        let kind = table.get(TAG.key)?.as_str()?;
+        let mut reading = Reading { table, path, n_motes, problems };
+        let machine = Machine::read(kind, &mut reading);
         if problems.len() != before {
             return None;
         }
-        Some(Self { pattern, peer: peer?, payload_bytes: keys.payload_bytes, senders })
+        machine.map(|machine| Self { machine })
+    }
+
+    /// The motes with which the first root exchanges messages, if they are named, each with the key that names it.
+    #[must_use]
+    pub fn other_ends(&self) -> Vec<(String, u32)> {
+        match &self.machine {
+            Machine::Coap(coap) => {
+                coap.one_server().map(|mote| ("servers".to_owned(), mote)).into_iter().collect()
+            }
+            Machine::Download(download) => {
+                let targets = download.targets().iter().enumerate();
+                targets.map(|(index, &mote)| (format!("targets[{index}]"), mote)).collect()
+            }
+            Machine::Periodic(_) | Machine::Burst(_) | Machine::Poisson(_) | Machine::Event(_) => {
+                Vec::new()
+            }
+        }
+    }
+
+    /// Whether motes exchange CoAP messages.
+    #[must_use]
+    pub fn is_coap(&self) -> bool {
+        matches!(self.machine, Machine::Coap(_) | Machine::Download(_))
     }
 }

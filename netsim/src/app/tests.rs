@@ -1,75 +1,109 @@
 use super::*;
+use crate::wire::coap::{Block, Code, Type};
 use proptest::prelude::*;
-use proto::config::{Default, Field, Kind, Lists, Node, Problem, TableSpec, check, parse};
+use proto::config::{Default, Field, Lists, Node, TableSpec, check, parse};
 use proto::rng::Purpose;
 use proto::types::NS_PER_S;
 
+mod exchanges;
+mod random;
+
 const SLOT_NS: u64 = 10_000_000;
 
-fn dice(mote: u32) -> Dice {
-    Dice::new(7, Purpose::Application, mote)
+/// The surroundings of an application: draws of its mote, and the account of packets.
+pub(super) struct World {
+    pub(super) dice: Dice,
+    pub(super) packets: Packets<DropReason>,
 }
 
-fn spec(pattern: Pattern, peer: Peer) -> Spec {
-    Spec { pattern, peer, payload_bytes: 90, senders: None }
+impl World {
+    pub(super) fn of(mote: u32) -> Self {
+        Self { dice: Dice::new(7, Purpose::Application, mote), packets: Packets::default() }
+    }
+
+    pub(super) fn at(&mut self, now_ns: u64) -> Context<'_> {
+        let reaches = &|_| true;
+        let Self { dice, packets } = self;
+        Context { now_ns, received_ns: now_ns, dice, packets, reaches }
+    }
 }
 
-fn periodic(period_s: u64, jitter_ns: u64) -> Pattern {
-    Pattern::Periodic { period_ns: period_s * NS_PER_S, jitter_ns }
+fn sender(peer: Peer) -> Sender {
+    Sender::new(None, peer, 90)
+}
+
+fn periodic(peer: Peer, period_s: u64, jitter_ns: u64) -> Spec {
+    let machine = periodic::Periodic::new(sender(peer), period_s * NS_PER_S, jitter_ns);
+    Spec { machine: Machine::Periodic(machine) }
+}
+
+pub(super) fn host(mote: u32, is_root: bool, n_motes: u32) -> Host {
+    let slot_ns = SLOT_NS;
+    Host { mote, is_root, first_root: 0, n_motes, slot_ns, app: 0, n_apps: 1, seed: 7 }
+}
+
+pub(super) fn app(spec: &Spec, mote: u32, is_root: bool, n_motes: u32) -> App {
+    App::new(spec, &host(mote, is_root, n_motes)).unwrap()
 }
 
 /// All packets until a time, the application being asked at the times it names.
-fn run(app: &mut App, until_ns: u64, dice: &mut Dice) -> Vec<Packet> {
+pub(super) fn run(app: &mut App, until_ns: u64, world: &mut World) -> Vec<Packet> {
     let mut packets = Vec::new();
     while let Some(due_ns) = app.poll_timeout().filter(|&due_ns| due_ns < until_ns) {
-        assert_eq!(app.handle_timeout(due_ns.saturating_sub(1), dice), None);
-        packets.push(app.handle_timeout(due_ns, dice).unwrap());
+        assert_eq!(app.handle_timeout(&mut world.at(due_ns.saturating_sub(1))), None);
+        packets.extend(app.handle_timeout(&mut world.at(due_ns)));
     }
     packets
 }
 
+fn counter(packet: &Packet) -> u32 {
+    match packet.content {
+        Content::Counted { counter, .. } => counter,
+        Content::Coap(_) => panic!("a one-way packet"),
+    }
+}
+
 #[test]
 fn p1_a_burst_of_two_is_exactly_two_packets() {
-    let mut dice = dice(1);
-    let pattern = Pattern::Burst { after_ns: NS_PER_S, n_packets: 2 };
-    let mut app = App::new(&spec(pattern, Peer::Root), 1, false, 2, SLOT_NS).unwrap();
+    let mut world = World::of(1);
+    let burst = burst::Burst::new(sender(Peer::Root), NS_PER_S, 2);
+    let mut app = app(&Spec { machine: Machine::Burst(burst) }, 1, false, 2);
     assert_eq!(app.poll_timeout(), None);
-    app.set_ready(true, 5 * NS_PER_S, &mut dice);
-    let packets = run(&mut app, 1000 * NS_PER_S, &mut dice);
+    app.set_ready(true, &mut world.at(5 * NS_PER_S));
+    let packets = run(&mut app, 1000 * NS_PER_S, &mut world);
     assert_eq!(packets.len(), 2);
     assert!(packets.iter().all(|packet| packet.created_ns == 6 * NS_PER_S));
-    assert_eq!(packets.iter().map(|packet| packet.counter).collect::<Vec<_>>(), [0, 1]);
-    app.set_ready(false, 1000 * NS_PER_S, &mut dice);
-    app.set_ready(true, 1001 * NS_PER_S, &mut dice);
-    assert_eq!(run(&mut app, 2000 * NS_PER_S, &mut dice), []);
+    assert_eq!(packets.iter().map(counter).collect::<Vec<_>>(), [0, 1]);
+    app.set_ready(false, &mut world.at(1000 * NS_PER_S));
+    app.set_ready(true, &mut world.at(1001 * NS_PER_S));
+    assert_eq!(run(&mut app, 2000 * NS_PER_S, &mut world), []);
 }
 
 /// P2 asks for more than none; the period says how many.
 #[test]
 fn p2_a_period_of_2_s_over_1000_slotframes_is_a_packet_every_2_s() {
-    let mut dice = dice(1);
-    let pattern = periodic(2, NS_PER_S / 10);
-    let mut app = App::new(&spec(pattern, Peer::Root), 1, false, 2, SLOT_NS).unwrap();
-    app.set_ready(true, 0, &mut dice);
+    let mut world = World::of(1);
+    let mut app = app(&periodic(Peer::Root, 2, NS_PER_S / 10), 1, false, 2);
+    app.set_ready(true, &mut world.at(0));
     let duration_ns = 1000 * 101 * SLOT_NS;
-    let n = run(&mut app, duration_ns, &mut dice).len() as u64;
+    let n = run(&mut app, duration_ns, &mut world).len() as u64;
     // 1010 s / 2 s, the first after up to 2 s, and 505 times ±0.1 s at random: a standard deviation of 1.3 s.
     assert!((501..=508).contains(&n), "{n}");
 }
 
 #[test]
 fn a_mote_that_may_not_send_makes_no_packets_and_begins_anew_afterwards() {
-    let mut dice = dice(3);
-    let mut app = App::new(&spec(periodic(10, 0), Peer::Root), 3, false, 4, SLOT_NS).unwrap();
-    app.set_ready(true, 0, &mut dice);
-    assert!(!run(&mut app, 100 * NS_PER_S, &mut dice).is_empty());
-    app.set_ready(false, 100 * NS_PER_S, &mut dice);
+    let mut world = World::of(3);
+    let mut app = app(&periodic(Peer::Root, 10, 0), 3, false, 4);
+    app.set_ready(true, &mut world.at(0));
+    assert!(!run(&mut app, 100 * NS_PER_S, &mut world).is_empty());
+    app.set_ready(false, &mut world.at(100 * NS_PER_S));
     assert_eq!(app.poll_timeout(), None);
-    assert_eq!(app.handle_timeout(500 * NS_PER_S, &mut dice), None);
-    app.set_ready(true, 500 * NS_PER_S, &mut dice);
+    assert_eq!(app.handle_timeout(&mut world.at(500 * NS_PER_S)), None);
+    app.set_ready(true, &mut world.at(500 * NS_PER_S));
     let first_ns = app.poll_timeout().unwrap();
     assert!((500 * NS_PER_S + SLOT_NS..510 * NS_PER_S + SLOT_NS).contains(&first_ns));
-    app.set_ready(true, 501 * NS_PER_S, &mut dice);
+    app.set_ready(true, &mut world.at(501 * NS_PER_S));
     assert_eq!(app.poll_timeout(), Some(first_ns));
 }
 
@@ -77,9 +111,8 @@ fn a_mote_that_may_not_send_makes_no_packets_and_begins_anew_afterwards() {
 fn motes_that_become_ready_together_send_at_different_times() {
     let mut firsts: Vec<u64> = (1..50)
         .map(|mote| {
-            let mut app =
-                App::new(&spec(periodic(60, 0), Peer::Root), mote, false, 50, SLOT_NS).unwrap();
-            app.set_ready(true, 0, &mut dice(mote));
+            let mut app = app(&periodic(Peer::Root, 60, 0), mote, false, 50);
+            app.set_ready(true, &mut World::of(mote).at(0));
             app.poll_timeout().unwrap()
         })
         .collect();
@@ -90,34 +123,35 @@ fn motes_that_become_ready_together_send_at_different_times() {
 
 #[test]
 fn nobody_sends_to_itself() {
-    let pattern = periodic(1, 0);
-    let new = |peer, own, is_root, n| App::new(&spec(pattern, peer), own, is_root, n, SLOT_NS);
+    let new = |peer, own, is_root, n| App::new(&periodic(peer, 1, 0), &host(own, is_root, n));
     assert!(new(Peer::Root, 0, true, 5).is_none());
     assert!(new(Peer::Mote(3), 3, false, 5).is_none());
     assert!(new(Peer::All, 0, true, 1).is_none());
     assert!(new(Peer::Random, 0, true, 1).is_none());
-    let listed = Spec { senders: Some(vec![2]), ..spec(pattern, Peer::Root) };
-    assert!(App::new(&listed, 1, false, 5, SLOT_NS).is_none());
-    assert!(App::new(&listed, 2, false, 5, SLOT_NS).is_some());
+    let listed = Sender::new(Some(vec![2]), Peer::Root, 90);
+    let machine = Machine::Periodic(periodic::Periodic::new(listed, NS_PER_S, 0));
+    let listed = Spec { machine };
+    assert!(App::new(&listed, &host(1, false, 5)).is_none());
+    assert!(App::new(&listed, &host(2, false, 5)).is_some());
 }
 
 #[test]
 fn a_root_that_sends_to_all_reaches_everybody_in_turn() {
-    let mut dice = dice(2);
-    let mut app = App::new(&spec(periodic(1, 0), Peer::All), 2, true, 5, SLOT_NS).unwrap();
-    app.set_ready(true, 0, &mut dice);
-    let packets = run(&mut app, 9 * NS_PER_S, &mut dice);
+    let mut world = World::of(2);
+    let mut app = app(&periodic(Peer::All, 1, 0), 2, true, 5);
+    app.set_ready(true, &mut world.at(0));
+    let packets = run(&mut app, 9 * NS_PER_S, &mut world);
     let to: Vec<_> = packets.iter().map(|packet| packet.destination).collect();
     assert_eq!(to[..8], [0, 1, 3, 4, 0, 1, 3, 4].map(Destination::Mote));
 }
 
 #[test]
 fn random_peers_are_all_the_others_equally_often() {
-    let mut dice = dice(1);
-    let mut app = App::new(&spec(periodic(1, 0), Peer::Random), 1, false, 4, SLOT_NS).unwrap();
-    app.set_ready(true, 0, &mut dice);
+    let mut world = World::of(1);
+    let mut app = app(&periodic(Peer::Random, 1, 0), 1, false, 4);
+    app.set_ready(true, &mut world.at(0));
     let mut counts = [0u32; 4];
-    for packet in run(&mut app, 3001 * NS_PER_S, &mut dice) {
+    for packet in run(&mut app, 3001 * NS_PER_S, &mut world) {
         let Destination::Mote(mote) = packet.destination else { unreachable!() };
         counts[mote as usize] += 1;
     }
@@ -132,8 +166,7 @@ fn random_peers_are_all_the_others_equally_often() {
 fn a_payload_has_its_length_and_begins_with_the_counter() {
     let packet = |payload_bytes| Packet {
         destination: Destination::Root,
-        payload_bytes,
-        counter: 258,
+        content: Content::Counted { payload_bytes, counter: 258 },
         created_ns: 0,
     };
     assert_eq!(packet(6).payload()[..], [0, 0, 1, 2, 0, 0]);
@@ -149,11 +182,11 @@ proptest! {
     ) {
         let period_ns = period_ms * 1_000_000;
         let jitter_ns = (period_ns as f64 * jitter) as u64;
-        let mut dice = dice(mote);
-        let pattern = Pattern::Periodic { period_ns, jitter_ns };
-        let mut app = App::new(&spec(pattern, Peer::Root), mote, false, 100, SLOT_NS).unwrap();
-        app.set_ready(true, 0, &mut dice);
-        let packets = run(&mut app, 50 * period_ns, &mut dice);
+        let mut world = World::of(mote);
+        let machine = periodic::Periodic::new(sender(Peer::Root), period_ns, jitter_ns);
+        let mut app = app(&Spec { machine: Machine::Periodic(machine) }, mote, false, 100);
+        app.set_ready(true, &mut world.at(0));
+        let packets = run(&mut app, 50 * period_ns, &mut world);
         for pair in packets.windows(2) {
             let pause_ns = pair[1].created_ns - pair[0].created_ns;
             prop_assert!(period_ns - jitter_ns <= pause_ns && pause_ns <= period_ns + jitter_ns);
@@ -163,18 +196,21 @@ proptest! {
 
     #[test]
     fn a_copy_from_bytes_sends_the_same(steps in 0usize..20) {
-        let mut dice = dice(5);
-        let pattern = periodic(3, NS_PER_S);
-        let mut app = App::new(&spec(pattern, Peer::Random), 5, false, 9, SLOT_NS).unwrap();
-        app.set_ready(true, 0, &mut dice);
-        for _ in 0..steps {
-            app.handle_timeout(app.poll_timeout().unwrap(), &mut dice);
+        let poisson = poisson::Poisson::new(sender(Peer::Random), 3 * NS_PER_S);
+        for spec in [periodic(Peer::Random, 3, NS_PER_S), Spec { machine: Machine::Poisson(poisson) }] {
+            let mut world = World::of(5);
+            let mut app = app(&spec, 5, false, 9);
+            app.set_ready(true, &mut world.at(0));
+            for _ in 0..steps {
+                app.handle_timeout(&mut world.at(app.poll_timeout().unwrap()));
+            }
+            let bytes = postcard::to_allocvec(&(&app, &world.dice, &world.packets)).unwrap();
+            let (mut app_2, dice, packets): (App, Dice, Packets<DropReason>) = postcard::from_bytes(&bytes).unwrap();
+            let mut world_2 = World { dice, packets };
+            let until_ns = 200 * NS_PER_S;
+            prop_assert_eq!(run(&mut app, until_ns, &mut world), run(&mut app_2, until_ns, &mut world_2));
+            prop_assert_eq!(app, app_2);
         }
-        let bytes = postcard::to_allocvec(&(&app, &dice)).unwrap();
-        let (mut app_2, mut dice_2): (App, Dice) = postcard::from_bytes(&bytes).unwrap();
-        let until_ns = 200 * NS_PER_S;
-        prop_assert_eq!(run(&mut app, until_ns, &mut dice), run(&mut app_2, until_ns, &mut dice_2));
-        prop_assert_eq!(app, app_2);
     }
 }
 
@@ -183,7 +219,7 @@ const APPS: TableSpec = TableSpec {
     fields: &[Field {
         key: "app",
         doc: "Applications.",
-        kind: Kind::Tables(&config::SPEC),
+        kind: proto::config::Kind::Tables(&config::SPEC),
         default: Default::Absent,
     }],
     tag: None,
@@ -210,30 +246,53 @@ fn a_configuration_says_who_sends_when_to_whom() {
     let (specs, problems) = read(
         "[[app]]\n\
          [[app]]\nkind = \"periodic\"\nperiod_s = 2\njitter = 0.5\ndestination = 4\nsenders = [1, 2]\n\
-         [[app]]\nkind = \"burst\"\nat_s = 3.5\nn_packets = 7\ndestination = \"all\"\npayload_bytes = 180\n",
+         [[app]]\nkind = \"burst\"\nat_s = 3.5\nn_packets = 7\ndestination = \"all\"\npayload_bytes = 180\n\
+         [[app]]\nkind = \"poisson\"\nmean_interval_s = 0.5\n\
+         [[app]]\nkind = \"event\"\nat_s = [2, 1]\nplace_m = [3, 4]\nradius_m = 5\nn_packets = 2\n\
+         [[app]]\nkind = \"coap\"\nservers = 3\ninterval = \"exponential\"\n\
+         [[app]]\nkind = \"download\"\ntargets = [7, 2]\n",
     );
     assert_eq!(problems, []);
     let expected = [
-        Spec {
-            pattern: periodic(60, 3 * NS_PER_S),
-            peer: Peer::Root,
-            payload_bytes: 30,
-            senders: None,
-        },
-        Spec {
-            pattern: periodic(2, NS_PER_S),
-            peer: Peer::Mote(4),
-            payload_bytes: 30,
-            senders: Some(vec![1, 2]),
-        },
-        Spec {
-            pattern: Pattern::Burst { after_ns: 3_500_000_000, n_packets: 7 },
-            peer: Peer::All,
-            payload_bytes: 180,
-            senders: None,
-        },
+        Machine::Periodic(periodic::Periodic::new(
+            Sender::new(None, Peer::Root, 30),
+            60 * NS_PER_S,
+            3 * NS_PER_S,
+        )),
+        Machine::Periodic(periodic::Periodic::new(
+            Sender::new(Some(vec![1, 2]), Peer::Mote(4), 30),
+            2 * NS_PER_S,
+            NS_PER_S,
+        )),
+        Machine::Burst(burst::Burst::new(Sender::new(None, Peer::All, 180), 3_500_000_000, 7)),
+        Machine::Poisson(poisson::Poisson::new(Sender::new(None, Peer::Root, 30), NS_PER_S / 2)),
+        Machine::Event(event::Event::new(
+            Sender::new(None, Peer::Root, 30),
+            Some((
+                event::Times::Listed(vec![NS_PER_S, 2 * NS_PER_S]),
+                event::Area { place_m: Some([3.0, 4.0]), radius_m: Some(5.0) },
+            )),
+            2,
+            NS_PER_S,
+        )),
+        Machine::Coap(coap::Coap::new(coap::Settings {
+            servers: coap::Servers::One(3),
+            period_ns: 10 * NS_PER_S,
+            is_poisson: true,
+            response_bytes: 16,
+            timers: exchanges::TIMERS,
+        })),
+        Machine::Download(download::Download::new(
+            download::Settings {
+                after_ns: 0,
+                size_bytes: 10_000,
+                szx: 2,
+                timers: exchanges::TIMERS,
+            },
+            Some(vec![7, 2]),
+        )),
     ];
-    assert_eq!(specs, expected.map(Some));
+    assert_eq!(specs, expected.map(|machine| Some(Spec { machine })));
 }
 
 #[test]
@@ -242,4 +301,23 @@ fn motes_that_do_not_exist_are_refused_by_name() {
     assert_eq!(specs, [None]);
     let paths: Vec<_> = problems.iter().map(|problem| problem.path.as_str()).collect();
     assert_eq!(paths, ["netsim.app[0].destination", "netsim.app[0].senders[1]"]);
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_the_nearest_choice() {
+    let (specs, problems) = read(
+        "[[app]]\nkind = \"download\"\nblock_bytes = 100\n\
+         [[app]]\nkind = \"event\"\nat_s = [1]\nmean_interval_s = 5\n\
+         [[app]]\nkind = \"coap\"\nservers = 10\n",
+    );
+    assert_eq!(specs, [None, None, None]);
+    let texts: Vec<_> = problems.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        texts,
+        [
+            "netsim.app[0].block_bytes: must be a power of two from 16 to 1024, got 100 (nearest valid: 128)",
+            "netsim.app[1].mean_interval_s: must be absent where at_s lists the times of the events, got 5",
+            "netsim.app[2].servers: must be the number of a mote, 0 to 9, got 10 (nearest valid: 9)",
+        ]
+    );
 }

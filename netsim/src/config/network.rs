@@ -10,6 +10,7 @@ use crate::medium::slot::timing::Airtime;
 use crate::mesh::addresses::Addresses;
 use crate::mesh::settings::Settings;
 use crate::sf;
+use crate::sf::oracle::OracleConfig;
 use crate::sixtop;
 use crate::wire::Eui64;
 use proto::config::{Default, Field, Kind, Problem, join, typed};
@@ -204,6 +205,8 @@ pub(super) fn build(
         ));
     }
     let mut rpl = rpl::build(&keys.rpl, compat);
+    let has_oracle = scheduling.as_ref().is_some_and(|sf| sf.as_kind::<OracleConfig>().is_some());
+    check_exchanges(&apps, &roots, rpl.advertises, has_oracle, given.path, problems);
     let (mobility, handover) = mobility::build(&keys.mobility, given, &roots, problems);
     rpl.handover = handover;
     mac.pending_bit |= mobility.bursts;
@@ -270,6 +273,37 @@ pub(super) fn build(
         compat,
     };
     Some((settings, addresses))
+}
+
+/// Exchanges between the first root and motes need ways in both directions, and two ends.
+fn check_exchanges(
+    apps: &[app::Spec],
+    roots: &[u32],
+    has_routes_down: bool,
+    has_oracle: bool,
+    path: &str,
+    problems: &mut Vec<Problem>,
+) {
+    let key_path = |key: &str| join(path, key);
+    for (index, spec) in apps.iter().enumerate() {
+        let kind = key_path(&format!("app[{index}].kind"));
+        if spec.is_coap() && !has_routes_down {
+            let key = key_path("rpl.routes_down");
+            let message = format!("needs routes from the root to motes: set {key} = true");
+            problems.push(Problem::new(kind, message));
+        } else if spec.is_coap() && has_oracle {
+            let key = key_path("sf.kind");
+            let message =
+                format!("needs another {key} than \"oracle\", which carries one-way packets only");
+            problems.push(Problem::new(kind, message));
+        }
+        let is_root = |mote| roots.first() == Some(&mote);
+        for (key, mote) in spec.other_ends().into_iter().filter(|&(_, mote)| is_root(mote)) {
+            let path = key_path(&format!("app[{index}].{key}"));
+            let message = "must not be the first root, which is the other end of the exchange";
+            problems.push(Problem::new(path, message).value(mote));
+        }
+    }
 }
 
 /// Frames that wait before an acknowledgment where queues have no limit.

@@ -3,6 +3,7 @@
 use super::schedule::{Cell, CellKind, Schedule};
 use crate::join::ports;
 use crate::wire::Eui64;
+use crate::wire::coap;
 use crate::wire::datagram::{Upper, code_points};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr};
@@ -41,7 +42,12 @@ impl Priority {
             Content::Lowpan(_) if is_latest_only => Self::Routing,
             Content::Lowpan(part) => match &part.datagram().upper {
                 Upper::Rpl(_) => Self::Routing,
-                Upper::Udp(udp) if udp.destination_port != ports::COAP => Self::Data,
+                Upper::Udp(udp)
+                    if udp.destination_port != ports::COAP
+                        || coap::is_application(&udp.payload) =>
+                {
+                    Self::Data
+                }
                 Upper::Udp(_) if content.dscp() == code_points::AF43 => Self::ForwardedRequest,
                 Upper::Udp(_) => Self::Join,
             },

@@ -10,7 +10,7 @@ use super::oracle::{Waiting, Ways};
 use super::packets::Packets;
 use super::scratch::Scratch;
 use super::settings::Settings;
-use crate::app::App;
+use crate::app::{App, Events};
 use crate::config::Config;
 use crate::lowpan::DropReason;
 use crate::medium::jam::Jams;
@@ -42,6 +42,8 @@ pub struct State {
     pub heard: Vec<Vec<HeardOf>>,
     /// What waits where, if one scheduler decides for all; otherwise nothing does.
     pub waiting: Waiting,
+    /// Events that applications report.
+    pub events: Events,
     /// Whether everybody takes part.
     pub formed: Formed,
     /// The first slot that has not been simulated.
@@ -120,6 +122,7 @@ impl Mesh {
                 Vec::new()
             },
             waiting: Waiting::new(n),
+            events: Events::new(&settings.apps, experiment.seed),
             formed: Formed::default(),
             asn: 0,
         };
@@ -255,7 +258,8 @@ impl Mesh {
     /// Runs to slot `end_asn`, which is not simulated. Returns the slot in which somebody heard a payload, where the run
     /// shall stop there.
     fn run(&mut self, end_asn: u64, stop_at_first_delivery: bool) -> Option<u64> {
-        while let Some(asn) = self.state.calendar.next_asn().filter(|&asn| asn < end_asn) {
+        while let Some(asn) = self.next_asn().filter(|&asn| asn < end_asn) {
+            self.occur(asn);
             if self.has_oracle {
                 self.oracle_slot(asn);
             } else {
@@ -266,6 +270,30 @@ impl Mesh {
             }
         }
         None
+    }
+
+    /// The next slot in which something happens: a mote acts, or an event occurs.
+    fn next_asn(&mut self) -> Option<u64> {
+        let acts_asn = self.state.calendar.next_asn();
+        let Some(event_ns) = self.state.events.next_ns() else { return acts_asn };
+        let event_asn = event_ns.div_ceil(self.config.slot_ns);
+        Some(acts_asn.map_or(event_asn, |acts_asn| acts_asn.min(event_asn)))
+    }
+
+    /// Events that have occurred by slot `asn` reach the motes that they concern, where these are now.
+    fn occur(&mut self, asn: u64) {
+        let now_ns = asn * self.config.slot_ns;
+        while let Some(event) = self.state.events.take(now_ns, self.seed) {
+            let concerned = event.concerned(&self.state.place.last_seen_m);
+            for mote in (0..).zip(concerned).filter(|&(_, is)| is).map(|(mote, _)| mote) {
+                let node = &mut self.state.motes[mote as usize];
+                let reports = node.apps.iter_mut().find(|app| app.number == event.app);
+                if let Some(app) = reports.filter(|_| node.tally.on_since_asn.is_some()) {
+                    app.machine().handle_event(event.at_ns);
+                    self.reschedule(mote, asn);
+                }
+            }
+        }
     }
 
     /// Radios stand where the agents are, for the whole step.

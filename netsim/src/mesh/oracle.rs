@@ -221,8 +221,14 @@ impl Mesh {
         for app in 0..self.state.motes[place].apps.len() {
             while self.state.motes[place].apps[app].poll_timeout().is_some_and(|at| at <= now_ns) {
                 let node = &mut self.state.motes[place];
-                let packet = node.apps[app].handle_timeout(now_ns, &mut node.dice.application);
-                let Some(packet) = packet else { continue };
+                let mut context = app::Context {
+                    now_ns,
+                    received_ns: now_ns,
+                    dice: &mut node.dice.application,
+                    packets: &mut self.state.packets,
+                    reaches: &|_| true,
+                };
+                let Some(packet) = node.apps[app].handle_timeout(&mut context) else { continue };
                 let destination = match packet.destination {
                     app::Destination::Mote(mote) => mote,
                     app::Destination::Root => self.nearest_root(mote, asn),

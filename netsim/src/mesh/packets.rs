@@ -14,11 +14,18 @@ pub enum PacketKind {
     Ordered,
     /// A request to be admitted, from the pledge to the registrar, or a response, on its way back.
     Join,
+    /// A CoAP exchange: from the first transmission of the request, by its client, to the response.
+    Exchange,
+    /// A download of a large representation: from its begin to its last block.
+    Download,
 }
 
 impl PacketKind {
     /// All kinds of packets.
-    pub const ALL: [Self; 4] = [Self::Application, Self::Swarm, Self::Ordered, Self::Join];
+    pub const ALL: [Self; 6] =
+        [Self::Application, Self::Swarm, Self::Ordered, Self::Join, Self::Exchange, Self::Download];
+    /// Those of a network without applications that use CoAP.
+    pub const WITHOUT_COAP: [Self; 4] = [Self::Application, Self::Swarm, Self::Ordered, Self::Join];
 
     /// Its name in records.
     #[must_use]
@@ -28,6 +35,8 @@ impl PacketKind {
             Self::Swarm => "swarm",
             Self::Ordered => "ordered",
             Self::Join => "join",
+            Self::Exchange => "exchange",
+            Self::Download => "download",
         }
     }
 }

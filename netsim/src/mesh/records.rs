@@ -2,6 +2,7 @@
 
 use super::network::{HeardOf, Mesh};
 use super::packets::PacketKind;
+use crate::app::Counters;
 use crate::energy::{self, ACK_BYTES};
 use crate::lowpan::DropReason;
 use crate::mac::CellKind;
@@ -106,7 +107,9 @@ impl Mesh {
     fn packets(&mut self) -> types::Packets {
         let mut ended = self.state.packets.take_ended();
         ended.sort_by_key(|ended| (ended.ended_ns, ended.packet.id));
-        let kinds = PacketKind::ALL.map(|kind| types::PacketKind {
+        let kinds: &[PacketKind] =
+            if self.settings.uses_coap() { &PacketKind::ALL } else { &PacketKind::WITHOUT_COAP };
+        let kinds = kinds.iter().map(|&kind| types::PacketKind {
             name: kind.name().to_owned(),
             is_application: kind == PacketKind::Application,
             created: self.state.packets.created(kind),
@@ -124,7 +127,7 @@ impl Mesh {
                 .iter()
                 .map(|ended| ended.lost.map_or(0, |reason| reason.index() as u32 + 1))
                 .collect(),
-            kinds: kinds.to_vec(),
+            kinds: kinds.collect(),
             reasons: DropReason::ALL.map(|reason| reason.name().to_owned()).to_vec(),
         }
     }
@@ -194,6 +197,20 @@ impl Mesh {
         if self.settings.battery_deaths {
             columns
                 .push(count("battery_empty", "", &|mote| u64::from(self.is_empty(mote.id, asn))));
+        }
+        if self.settings.uses_coap() {
+            let sent: Vec<Counters> = motes.iter().map(Mote::coap_counters).collect();
+            let column = |name: &str, value: fn(&Counters) -> u64| {
+                all(name, "messages", sent.iter().map(|sent| value(sent) as f64).collect())
+            };
+            columns.extend([
+                column("coap_requests", |sent| sent.requests),
+                column("coap_retransmissions", |sent| sent.retransmissions),
+                column("coap_duplicates", |sent| sent.duplicates),
+                column("blocks_requested", |sent| sent.blocks),
+                column("blocks_retransmitted", |sent| sent.block_retransmissions),
+                column("blocks_duplicated", |sent| sent.block_duplicates),
+            ]);
         }
         // Payloads that are superseded have a column of their own.
         let reasons = DropReason::ALL

@@ -78,6 +78,12 @@ const PEER_FRAME_BYTES: usize = 90;
 const LEAST_PSDU: usize = 23;
 
 impl Settings {
+    /// Whether applications exchange CoAP messages.
+    #[must_use]
+    pub fn uses_coap(&self) -> bool {
+        self.apps.iter().any(app::Spec::is_coap)
+    }
+
     /// What effects lay on a mote.
     #[inline]
     #[must_use]

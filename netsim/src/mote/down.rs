@@ -3,6 +3,7 @@
 use super::ports::{APPLICATION_PORT, SWARM_PORT};
 use super::{Mote, World};
 use crate::app;
+use crate::join::ports;
 use crate::lowpan::DropReason;
 use crate::mac::queue::{Priority, Queued, SWARM_HANDLE};
 use crate::mesh::packets::PacketKind;
@@ -174,11 +175,11 @@ impl Mote {
         let bytes = payload.len() as u32;
         let kind = PacketKind::Application;
         let id = world.packets.begin(kind, self.id, mote, packet.created_ns, bytes);
-        let upper = Upper::Udp(UdpRepr {
-            source_port: APPLICATION_PORT,
-            destination_port: APPLICATION_PORT,
-            payload,
-        });
+        let port = match packet.content {
+            app::Content::Counted { .. } => APPLICATION_PORT,
+            app::Content::Coap(_) => ports::COAP,
+        };
+        let upper = Upper::Udp(UdpRepr { source_port: port, destination_port: port, payload });
         self.originate(world, to.global(), upper, id);
     }
 

@@ -196,9 +196,7 @@ impl Mote {
         if ready && self.tally.first_ready_ns.is_none() {
             self.tally.first_ready_ns = Some(world.now_ns);
         }
-        for app in &mut self.apps {
-            app.set_ready(ready, world.now_ns, &mut self.dice.application);
-        }
+        self.set_apps_ready(world, ready);
     }
 
     /// The first moment at which some layer wants to act (ns).
@@ -254,14 +252,7 @@ impl Mote {
         if is_due(self.pledge.poll_timeout()) {
             self.pledge.handle_timeout(now_ns);
         }
-        for place in 0..self.apps.len() {
-            while is_due(self.apps[place].poll_timeout()) {
-                let packet = self.apps[place].handle_timeout(now_ns, &mut self.dice.application);
-                if let Some(packet) = packet {
-                    self.send_application(world, &packet);
-                }
-            }
-        }
+        self.run_apps(world);
         self.pump(world);
     }
 

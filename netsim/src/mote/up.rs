@@ -10,6 +10,7 @@ use crate::mac::queue::Queued;
 use crate::mac::tsch::{Done, FrameHandling};
 use crate::rpl;
 use crate::wire::Eui64;
+use crate::wire::coap;
 use crate::wire::datagram::{Datagram, UdpRepr, Upper};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr};
@@ -255,6 +256,9 @@ impl Mote {
                         payload: udp.payload.clone(),
                     });
                 }
+            }
+            ports::COAP if coap::is_application(&udp.payload) => {
+                self.handle_coap(world, datagram, udp);
             }
             ports::COAP => self.handle_join(world, datagram, udp),
             _ => {}

@@ -1,6 +1,7 @@
 //! Any message of every kind, for property tests.
 
 use super::Eui64;
+use super::coap::{Block, CoapRepr, Code, Token, Type};
 use super::cojp::CojpRepr;
 use super::datagram::{Datagram, RpiRepr, SourceRoute, UdpRepr, Upper};
 use super::fragment::LowpanRepr;
@@ -343,4 +344,28 @@ pub(crate) fn ack() -> impl Strategy<Value = AckRepr> {
         let security = FrameSecurity::Unsecured;
         AckRepr { destination, sequence, time_correction_us: correction, security }
     })
+}
+
+pub(crate) fn coap() -> impl Strategy<Value = CoapRepr> {
+    let kind = prop_oneof![Just(Type::Confirmable), Just(Type::Acknowledgment)];
+    let path = "[a-zé0-9/]{0,30}";
+    let token = vec(any::<u8>(), 0..=8).prop_map(|bytes| Token::new(&bytes).unwrap_or_default());
+    let block = (0_u32..1 << 20, any::<bool>(), 0_u8..7).prop_map(|(number, more, szx)| Block {
+        number,
+        more,
+        szx,
+    });
+    let options = (option::of(path), option::of(block), option::of(any::<u32>()));
+    (kind, any::<(u8, u16)>(), token, options, vec(any::<u8>(), 0..40)).prop_map(
+        |(kind, (code, message_id), token, (path, block2, size2), payload)| CoapRepr {
+            kind,
+            code: Code(code),
+            message_id,
+            token,
+            path,
+            block2,
+            size2,
+            payload: payload.into(),
+        },
+    )
 }

@@ -17,3 +17,4 @@ mod peers;
 mod routing;
 mod security;
 mod standing;
+mod traffic;

@@ -96,6 +96,48 @@ fn restored_at_any_slot_and_continued_equals_never_having_stopped() {
     assert!(n_midst.iter().all(|&n| 5 < n), "{n_midst:?}");
 }
 
+/// Every kind of traffic with a state of its own.
+const TRAFFIC: &str = "[[app]]\nkind = \"poisson\"\nmean_interval_s = 3\n\
+    [[app]]\nkind = \"event\"\nmean_interval_s = 4\nradius_m = 20\nn_packets = 3\nspacing_s = 0.3\n\
+    [[app]]\nkind = \"coap\"\nperiod_s = 1\ninterval = \"exponential\"\nservers = \"random\"\n\
+    [[app]]\nkind = \"download\"\nsize_bytes = 500\nblock_bytes = 32\n";
+
+#[test]
+fn traffic_saved_in_its_midst_goes_on_and_does_not_depend_on_the_length_of_steps() {
+    let mut n_created = [0; 6];
+    let open = (300..)
+        .zip(FUNCTIONS.iter().take(4))
+        .map(|(seed, function)| Scenario::draw(function, RADIOS[0], Spice::ALL, seed, 30));
+    for mut scenario in open.chain(secured(30).take(2)) {
+        scenario.config.push_str(TRAFFIC);
+        let mut network = scenario.network();
+        let mut parts = scenario.network();
+        for period in 0..scenario.end_ns / STEP_NS {
+            let (from_ns, until_ns) = (period * STEP_NS, (period + 1) * STEP_NS);
+            let output = scenario.step_network(&mut network, from_ns, until_ns);
+            let mut restored = Network::default();
+            restored.restore(&parts.snapshot()).unwrap();
+            parts = restored;
+            let middle_ns = from_ns + 3 * SLOT_NS;
+            scenario.step_network(&mut parts, from_ns, middle_ns);
+            let again = scenario.step_network(&mut parts, middle_ns, until_ns);
+            assert_eq!(output.statistics, again.statistics, "{period}\n{}", scenario.config);
+            let kinds = output.packets.unwrap().kinds;
+            assert_eq!(kinds, again.packets.unwrap().kinds, "{period}\n{}", scenario.config);
+            if until_ns == scenario.end_ns {
+                n_created.iter_mut().zip(kinds).for_each(|(n, kind)| *n += kind.created);
+            }
+        }
+        // Jams that are over are forgotten at the beginning of a step.
+        for network in [&mut network, &mut parts] {
+            scenario.step_network(network, scenario.end_ns, scenario.end_ns + STEP_NS);
+        }
+        assert!(network.snapshot() == parts.snapshot(), "{}", scenario.config);
+    }
+    // Packets of applications, exchanges, downloads.
+    assert!([n_created[0], n_created[4], n_created[5]].iter().all(|&n| 2 < n), "{n_created:?}");
+}
+
 #[test]
 fn a_step_of_many_slots_equals_as_many_of_one() {
     for scenario in scenarios(20) {

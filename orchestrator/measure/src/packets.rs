@@ -2,6 +2,7 @@
 
 use super::table::DataTable;
 use super::{Rejected, Rejections, TWICE, time_of_day};
+use netsim::mesh::packets::PacketKind;
 use proto::bounds::{LATENCY_S, PACKET_TIME_S};
 use std::collections::BTreeSet;
 
@@ -37,8 +38,10 @@ pub struct MeasuredPackets {
     pub n_rows: usize,
 }
 
-/// The kind of packets that a network sends by itself, to come into being: no application's, and nothing that anybody measured.
-pub const OWN: &str = netsim::mesh::packets::PacketKind::Join.name();
+/// Kinds that nobody measured: packets that a network sends by itself to form, and exchanges and downloads, whose messages are packets
+/// of their own.
+pub const NOT_MEASURED: [&str; 3] =
+    [PacketKind::Join.name(), PacketKind::Exchange.name(), PacketKind::Download.name()];
 
 /// Columns of packets as people write them.
 const COLUMNS: [&str; 4] = ["time_s", "source", "destination", "received_s"];
@@ -101,7 +104,9 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
         .strange
         .iter()
         .filter(|(_, column, text)| {
-            is_of_run && table.names()[*column] == "kind" && text.trim_matches('"') == OWN
+            is_of_run
+                && table.names()[*column] == "kind"
+                && NOT_MEASURED.contains(&text.trim_matches('"'))
         })
         .map(|(row, ..)| *row)
         .collect();

@@ -5,6 +5,9 @@
 //! | delivery ratio | delivered / (delivered + dropped), application packets to one destination; those still on their way at the end count for neither |
 //! | delivered of expected | delivered / packets that every mote should have sent in the time it was alive, joined or not: its time on over the period of each application, and bursts whose time had come; never less than it created. Those on their way count as not delivered |
 //! | latency | from when a packet was created to when it was delivered |
+//! | round trip | of a CoAP exchange: from the first transmission of the request to the arrival of the response |
+//! | success ratio | of exchanges and of downloads: succeeded / (succeeded + failed); those open at the end count for neither |
+//! | goodput | size of a download / time from its begin to its last block |
 //! | in flight | created less delivered and dropped: nothing is lost from the account |
 //! | first join, last join | among motes that joined, roots apart |
 //! | churn | changes of the preferred parent per mote and hour of being on |
@@ -148,6 +151,14 @@ impl Kpis {
             delivery_upward: self.account.delivery(|mote| self.is_root(mote)),
             delivered_of_expected: self.delivered_of_expected(n),
             packets: self.account.by_kind(),
+            exchanges: self.account.exchanges(
+                ["coap_requests", "coap_retransmissions", "coap_duplicates"]
+                    .map(|name| self.sum_of(name, n)),
+            ),
+            downloads: self.account.downloads(
+                ["blocks_requested", "blocks_retransmitted", "blocks_duplicated"]
+                    .map(|name| self.sum_of(name, n)),
+            ),
             routing: self.routing(None, n),
             since_start: self.since_start(n),
             queue_drops: self.queue_drops(n),
@@ -285,11 +296,16 @@ impl Kpis {
     /// What queues did not keep, of all motes, by reason: packets for which there was no room, and robots' payloads in whose
     /// place came a newer one.
     fn queue_drops(&self, n: usize) -> QueueDrops {
-        let sum = |name: &str| {
-            let of_each = self.known_values(name, n, true);
-            (!of_each.is_empty()).then(|| of_each.iter().sum::<f64>())
-        };
-        QueueDrops { txqueue_full: sum("queue_drops"), superseded: sum("payloads_superseded") }
+        QueueDrops {
+            txqueue_full: self.sum_of("queue_drops", n),
+            superseded: self.sum_of("payloads_superseded", n),
+        }
+    }
+
+    /// The sum of a statistic over all motes; `None` where it is unknown.
+    fn sum_of(&self, name: &str, n: usize) -> Option<f64> {
+        let of_each = self.known_values(name, n, true);
+        (!of_each.is_empty()).then(|| of_each.iter().sum::<f64>())
     }
 
     /// What ended at all motes without arriving, by reason; reasons for which nothing did are left out.

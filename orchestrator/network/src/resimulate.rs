@@ -12,7 +12,7 @@ use drive::{
     Wanted, configure,
 };
 use experiment::{Plan, Start};
-use measure::packets::{MeasuredPacket, OWN};
+use measure::packets::{MeasuredPacket, NOT_MEASURED};
 use netsim::sim::Network as BuiltInNetwork;
 use proto::bounds::{LATENCY_S, PACKET_TIME_S};
 use proto::config::Problem;
@@ -580,10 +580,11 @@ fn resend_order(packet: &MeasuredPacket) -> MoteCommand {
     MoteCommand { source: "measured".to_owned(), order }
 }
 
-/// Unicast packets that were delivered or dropped, without those of the network itself.
+/// Unicast packets that were delivered or dropped, without kinds that nobody measured.
 fn ended_packets(packets: &proto::types::Packets) -> impl Iterator<Item = MeasuredPacket> + '_ {
-    let is_own = |i: usize| packets.kinds[packets.kind[i] as usize].name == OWN;
-    let is_meant = move |&i: &usize| packets.destination[i] != u32::MAX && !is_own(i);
+    let kind = |i: usize| packets.kinds[packets.kind[i] as usize].name.as_str();
+    let is_meant =
+        move |&i: &usize| packets.destination[i] != u32::MAX && !NOT_MEASURED.contains(&kind(i));
     (0..packets.len()).filter(is_meant).map(|i| {
         let arrived = packets.outcome[i] == 0;
         let at_s = |ns: u64| ns as f64 * 1e-9;

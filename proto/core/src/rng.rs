@@ -74,6 +74,11 @@ pub enum Purpose {
     LinkDrift = 30,
     /// Which effect `demo` hides, and how large it is. Entity: 0 of the effect, else which of its numbers.
     Demo = 31,
+    /// Times, destinations and timeouts of the traffic kinds that have a stream per application (`poisson`, `coap`, `download`).
+    /// Entity: mote; time: number of the application, or `u64::MAX` for the mote's first CoAP message ID.
+    Traffic = 50,
+    /// Times and places of the events of `event`, the same for all motes. Entity: number of the application; index: the event.
+    TrafficEvent = 51,
     /// Whether a link follows the plain hopping sequence. Entity: ordered link, by its addresses; time: ASN. Of seed 0, since both
     /// ends must know it.
     BlacklistExploration = 55,

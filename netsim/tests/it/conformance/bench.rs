@@ -76,6 +76,7 @@ pub(super) struct OnAir {
 /// A packet whose way has ended.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Ended {
+    pub(super) kind: String,
     pub(super) source: u32,
     pub(super) destination: u32,
     pub(super) created_ns: u64,
@@ -210,9 +211,10 @@ impl Bench {
         self.capture.extend_from_slice(&output.capture);
         let packets = output.packets.as_ref().expect("packets are kept");
         for i in 0..packets.len() {
-            let is_join = packets.kinds[packets.kind[i] as usize].name == "join";
-            let ended = if is_join { &mut self.ended_joins } else { &mut self.ended };
+            let kind = packets.kinds[packets.kind[i] as usize].name.clone();
+            let ended = if kind == "join" { &mut self.ended_joins } else { &mut self.ended };
             ended.push(Ended {
+                kind,
                 source: packets.source[i],
                 destination: packets.destination[i],
                 created_ns: packets.created_ns[i],

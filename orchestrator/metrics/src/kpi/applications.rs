@@ -34,8 +34,19 @@ enum Destination {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 enum Pattern {
-    Periodic { period_s: f64 },
-    Burst { at_s: f64, n_packets: u32 },
+    Periodic {
+        period_s: f64,
+    },
+    Burst {
+        at_s: f64,
+        n_packets: u32,
+    },
+    Poisson {
+        mean_interval_s: f64,
+    },
+    /// Kinds of which the number of packets does not follow from the configuration: as many as were created.
+    #[serde(other)]
+    Other,
 }
 
 impl Applications {
@@ -71,6 +82,8 @@ impl Applications {
         };
         let packets = |application: &Application| match application.pattern {
             Pattern::Periodic { period_s } => on_s / period_s,
+            Pattern::Poisson { mean_interval_s } => on_s / mean_interval_s,
+            Pattern::Other => 0.0,
             Pattern::Burst { at_s, n_packets } if at_s < on_s => f64::from(n_packets),
             Pattern::Burst { .. } => 0.0,
         };
@@ -94,6 +107,10 @@ mod tests {
             [10.0, 10.0, 20.0]
         );
         assert_eq!(expected(2, 40.0), 6.0);
+        let text = "[[app]]\nkind = \"poisson\"\nmean_interval_s = 4.0\nsenders = \"all\"\ndestination = \"root\"\n\
+                    [[app]]\nkind = \"coap\"\nservers = \"in-turn\"\nperiod_s = 2.0\n";
+        let applications = Applications::from_config(text);
+        assert_eq!(applications.expected(1, false, 3, 100.0), 25.0);
         assert!(Applications::from_config("speaks = \"otherwise\"").is_empty());
     }
 }

@@ -20,6 +20,12 @@ pub struct KpiSummary {
     pub delivered_of_expected: Option<DeliveredOfExpected>,
     /// Counts of packets by kind, for instance those of applications; null where they are not recorded.
     pub packets: Option<IndexMap<String, PacketsOfKind>>,
+    /// CoAP exchanges of applications; absent without any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exchanges: Option<Exchanges>,
+    /// Block-wise downloads; absent without any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub downloads: Option<Downloads>,
     /// Changes of preferred parents.
     pub routing: Routing,
     /// The same of the time in which robots were free to move.
@@ -154,6 +160,55 @@ pub struct PacketsOfKind {
     pub in_flight: u64,
     /// Packets dropped, by reason.
     pub drops_by_reason: BTreeMap<String, u64>,
+}
+
+/// How exchanges or downloads ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ExchangeOutcome {
+    /// How many began.
+    pub started: u64,
+    /// How many succeeded.
+    pub succeeded: u64,
+    /// How many failed: a message was retransmitted as often as it may be, or the client was switched off.
+    pub failed: u64,
+    /// How many were open at the end.
+    pub open: u64,
+    /// Succeeded / (succeeded + failed); null if none ended.
+    pub success_ratio: Option<f64>,
+}
+
+/// CoAP exchanges: a confirmable request and its response.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Exchanges {
+    /// How they ended.
+    #[serde(flatten)]
+    pub outcome: ExchangeOutcome,
+    /// From the first transmission of the request to the response; null if none succeeded.
+    pub round_trip_s: Option<Latency>,
+    /// Requests sent, without retransmissions; null where unknown.
+    pub requests: Option<f64>,
+    /// Retransmissions of them.
+    pub retransmissions: Option<f64>,
+    /// Requests that a mote received although it had answered them before.
+    pub duplicates: Option<f64>,
+}
+
+/// Block-wise downloads.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Downloads {
+    /// How they ended.
+    #[serde(flatten)]
+    pub outcome: ExchangeOutcome,
+    /// From the begin of a download to its last block; null if none was completed.
+    pub time_s: Option<Latency>,
+    /// Mean over completed downloads of size / time (bytes per second).
+    pub mean_goodput_bytes_s: Option<f64>,
+    /// Requests for a block sent, without retransmissions; null where unknown.
+    pub blocks: Option<f64>,
+    /// Retransmissions of them.
+    pub retransmissions: Option<f64>,
+    /// Requests that were received although they had been answered before.
+    pub duplicates: Option<f64>,
 }
 
 /// Changes of preferred parents; null where unknown.

@@ -1,6 +1,6 @@
 //! The account of packets: created, delivered, dropped, on their way.
 
-use super::kpi_summary::{Delivery, Latency, PacketsOfKind};
+use super::kpi_summary::{Delivery, Downloads, ExchangeOutcome, Exchanges, Latency, PacketsOfKind};
 use super::samples::{PacketTimeline, Samples};
 use crate::DistanceBin;
 use indexmap::IndexMap;
@@ -14,12 +14,44 @@ pub struct PacketAccount {
     kinds: Vec<PacketKind>,
     /// Delivered, and dropped by reason, of each kind.
     ended: Vec<(u64, BTreeMap<String, u64>)>,
+    /// CoAP exchanges and downloads, as far as there are any.
+    round_trips: RoundTrips,
     /// Application packets to one destination, by source.
     motes: BTreeMap<u32, MotePackets>,
     /// The same by destination: upward traffic is that to roots, which are known only at the end.
     to: BTreeMap<u32, Flow>,
     /// Application packets to one destination that were delivered, and dropped, by when they ended.
     pub over_time: PacketTimeline,
+}
+
+/// Kinds of packets that are a CoAP exchange, and a download, from end to end.
+const EXCHANGE: &str = "exchange";
+const DOWNLOAD: &str = "download";
+
+/// CoAP exchanges and downloads that succeeded.
+#[derive(Clone, Debug, Default)]
+struct RoundTrips {
+    /// Round-trip times (s).
+    exchanges_s: Samples,
+    /// Times to complete (s), and goodput (B/s).
+    downloads_s: Samples,
+    goodput_bytes_s: Samples,
+}
+
+impl RoundTrips {
+    fn add(&mut self, kind: &str, latency_ns: u64, bytes: u32) {
+        let latency_s = seconds(latency_ns);
+        match kind {
+            EXCHANGE => self.exchanges_s.add(latency_s),
+            DOWNLOAD => {
+                self.downloads_s.add(latency_s);
+                if 0.0 < latency_s {
+                    self.goodput_bytes_s.add(f64::from(bytes) / latency_s);
+                }
+            }
+            _ => {}
+        }
+    }
 }
 
 /// Packets to a destination.
@@ -85,7 +117,12 @@ impl PacketAccount {
             let reason = packets.drop_reason(i);
             let (delivered, dropped) = &mut self.ended[kind];
             match reason {
-                None => *delivered += 1,
+                None => {
+                    *delivered += 1;
+                    let latency_ns = packets.ended_ns[i] - packets.created_ns[i];
+                    let name = &self.kinds[kind].name;
+                    self.round_trips.add(name, latency_ns, packets.payload_bytes[i]);
+                }
                 Some(reason) => count(dropped, reason),
             }
             if !self.kinds[kind].is_application || packets.destination[i] == EVERYONE {
@@ -210,6 +247,50 @@ impl PacketAccount {
         (!kinds.is_empty()).then_some(kinds)
     }
 
+    /// CoAP exchanges; the numbers of requests, of their retransmissions and of duplicates that arrived. `None`: there are none.
+    pub fn exchanges(
+        &self,
+        [requests, retransmissions, duplicates]: [Option<f64>; 3],
+    ) -> Option<Exchanges> {
+        let outcome = self.outcome(EXCHANGE)?;
+        let round_trip_s = latency(&self.round_trips.exchanges_s);
+        Some(Exchanges { outcome, round_trip_s, requests, retransmissions, duplicates })
+    }
+
+    /// Downloads; the numbers of requests for blocks, of their retransmissions and of duplicates that arrived. `None`: there are
+    /// none.
+    pub fn downloads(
+        &self,
+        [blocks, retransmissions, duplicates]: [Option<f64>; 3],
+    ) -> Option<Downloads> {
+        let outcome = self.outcome(DOWNLOAD)?;
+        let time_s = latency(&self.round_trips.downloads_s);
+        let mean_goodput_bytes_s = self.round_trips.goodput_bytes_s.mean();
+        Some(Downloads {
+            outcome,
+            time_s,
+            mean_goodput_bytes_s,
+            blocks,
+            retransmissions,
+            duplicates,
+        })
+    }
+
+    fn outcome(&self, name: &str) -> Option<ExchangeOutcome> {
+        let at = self.kinds.iter().position(|kind| kind.name == name && kind.created != 0)?;
+        let (succeeded, reasons) = &self.ended[at];
+        let failed: u64 = reasons.values().sum();
+        let started = self.kinds[at].created;
+        let ended = succeeded + failed;
+        Some(ExchangeOutcome {
+            started,
+            succeeded: *succeeded,
+            failed,
+            open: started.saturating_sub(ended),
+            success_ratio: (ended != 0).then(|| *succeeded as f64 / ended as f64),
+        })
+    }
+
     /// Where the account does not come out even.
     pub fn warnings(&self) -> Vec<String> {
         let kinds = self.kinds.iter().zip(&self.ended);
@@ -225,6 +306,12 @@ impl PacketAccount {
             })
             .collect()
     }
+}
+
+/// Figures of latencies (s); `None` without any.
+fn latency(samples: &Samples) -> Option<Latency> {
+    let [min, median, p95, p99, max] = samples.quantiles([0.0, 0.5, 0.95, 0.99, 1.0]);
+    Some(Latency { min, mean: samples.mean()?, median, p95, p99, max: max? })
 }
 
 fn count(reasons: &mut BTreeMap<String, u64>, reason: &str) {

@@ -149,6 +149,60 @@ fn every_packet_is_delivered_dropped_or_on_its_way() {
 }
 
 #[test]
+fn exchanges_have_round_trips_and_downloads_goodput() {
+    // Two exchanges of 2 s and 4 s, one that failed, one that is open; downloads of 900 B in 9 s and in 3 s.
+    let mut ended = packets(
+        9,
+        &[
+            (0, 1, 0, 2, 1, 0),
+            (0, 2, 1, 5, 1, 0),
+            (0, 2, 6, 68, 0, 2),
+            (0, 1, 0, 9, 1, 0),
+            (0, 2, 9, 12, 1, 0),
+        ],
+    );
+    ended.kind = vec![1, 1, 1, 2, 2];
+    ended.payload_bytes = vec![20, 20, 20, 900, 900];
+    for (name, created) in [("exchange", 4), ("download", 2)] {
+        let kind = PacketKind { name: name.to_owned(), is_application: false, created };
+        ended.kinds.push(kind);
+    }
+    let statistics = statistics(&[
+        ("coap_requests", [4.0, 0.0, 0.0]),
+        ("coap_retransmissions", [5.0, 0.0, 0.0]),
+        ("coap_duplicates", [0.0, 1.0, 2.0]),
+        ("blocks_requested", [0.0, 15.0, 15.0]),
+        ("blocks_retransmitted", [0.0, 1.0, 0.0]),
+        ("blocks_duplicated", [1.0, 0.0, 0.0]),
+    ]);
+    let step = Step { packets: Some(ended), statistics: Some(statistics), ..Step::default() };
+    let summary = json!(run(&[step]).summary());
+    let exchanges = &summary["exchanges"];
+    let counts = |of: &Value| {
+        ["started", "succeeded", "failed", "open"].map(|key| of[key].as_u64().unwrap())
+    };
+    assert_eq!(counts(exchanges), [4, 2, 1, 1]);
+    assert_near(&exchanges["success_ratio"], 2.0 / 3.0);
+    assert_near(&exchanges["round_trip_s"]["mean"], 3.0);
+    assert_near(&exchanges["round_trip_s"]["max"], 4.0);
+    for (key, expected) in [("requests", 4.0), ("retransmissions", 5.0), ("duplicates", 3.0)] {
+        assert_near(&exchanges[key], expected);
+    }
+    let downloads = &summary["downloads"];
+    assert_eq!(counts(downloads), [2, 2, 0, 0]);
+    assert_near(&downloads["time_s"]["median"], 6.0);
+    // The mean of 100 B/s and 300 B/s.
+    assert_near(&downloads["mean_goodput_bytes_s"], 200.0);
+    for (key, expected) in [("blocks", 30.0), ("retransmissions", 1.0), ("duplicates", 1.0)] {
+        assert_near(&downloads[key], expected);
+    }
+    // Without such traffic there is no such figure.
+    let without =
+        json!(run(&[Step { packets: Some(packets(1, &[])), ..Step::default() }]).summary());
+    assert!(without.get("exchanges").is_none() && without.get("downloads").is_none());
+}
+
+#[test]
 fn an_account_that_cannot_be_right_is_warned_of() {
     let two = packets(1, &[(1, 0, 0, 2, 1, 0), (2, 0, 1, 5, 2, 0)]);
     let kpis = run(&[Step { packets: Some(two), ..Step::default() }]);

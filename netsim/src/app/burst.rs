@@ -1,0 +1,88 @@
+//! `burst`: several packets at once, once.
+
+use super::sender::{DESTINATION, PAYLOAD_BYTES, SENDERS, Sender, ns};
+use super::{Context, Host, Packet, Reading, Traffic};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
+use serde::{Deserialize, Serialize};
+
+/// One burst of packets.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Burst {
+    sender: Sender,
+    /// So long (ns) after the mote may send.
+    after_ns: u64,
+    /// At least 1.
+    n_packets: u32,
+    next_ns: Option<u64>,
+}
+
+#[derive(Deserialize)]
+struct Keys {
+    at_s: f64,
+    n_packets: u32,
+}
+
+impl Burst {
+    /// `n_packets` (at least 1), `after_ns` after the mote may send.
+    #[must_use]
+    pub fn new(sender: Sender, after_ns: u64, n_packets: u32) -> Self {
+        Self { sender, after_ns, n_packets, next_ns: None }
+    }
+}
+
+impl super::Kind for Burst {
+    const VARIANT: Variant = Variant {
+        name: "burst",
+        doc: "One burst of packets.",
+        fields: &[
+            Field {
+                key: "at_s",
+                doc: "Delay after the time at which the mote may send (s).",
+                kind: Kind::Number(Range::closed(0.0, 1e6)),
+                default: Default::Required,
+            },
+            Field {
+                key: "n_packets",
+                doc: "How many.",
+                kind: Kind::Integer { min: 1, max: 10_000 },
+                default: Default::Integer(1),
+            },
+            SENDERS,
+            DESTINATION,
+            PAYLOAD_BYTES,
+        ],
+    };
+
+    fn read(reading: &mut Reading<'_>) -> Option<Self> {
+        let Keys { at_s, n_packets } = typed(reading.table);
+        Some(Self::new(Sender::read(reading)?, ns(at_s), n_packets))
+    }
+
+    fn assigned(&self, host: &Host) -> Option<Self> {
+        Some(Self::new(self.sender.assigned(host)?, self.after_ns, self.n_packets))
+    }
+}
+
+impl Traffic for Burst {
+    /// A burst comes its time after the mote has become ready and is not repeated once it has begun.
+    fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>) {
+        self.next_ns = match (is_ready, self.next_ns) {
+            (false, _) => None,
+            (true, Some(next_ns)) => Some(next_ns),
+            (true, None) if self.sender.n_sent() == 0 => Some(cx.now_ns + self.after_ns),
+            (true, None) => None,
+        };
+    }
+
+    fn poll_timeout(&self) -> Option<u64> {
+        self.next_ns
+    }
+
+    fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
+        let packet = self.sender.packet(cx.now_ns, cx.dice);
+        if self.n_packets <= self.sender.n_sent() {
+            self.next_ns = None;
+        }
+        Some(packet)
+    }
+}

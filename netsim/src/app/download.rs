@@ -1,0 +1,469 @@
+//! `download`: a large representation, such as firmware, from the root to motes, block by block (RFC 7959).
+//!
+//! The first root has the representation. It triggers one mote at a time with a confirmable POST. The mote then requests one block
+//! after another with a confirmable GET that has a Block2 option, each once it has the one before (stop-and-wait). The root answers
+//! each with the block, piggybacked; it keeps no state of the transfer but which mote is at it.
+//!
+//! A download of S bytes in blocks of b takes N = ⌈S/b⌉ exchanges. If each takes a round trip R, it takes N R, and its goodput is
+//! at most b/R. It begins when the mote has been triggered, ends with the last block, and fails if a block's request is given up.
+//!
+//! The root goes on to the next mote after it has sent the last block, or after it has heard nothing for MAX_TRANSMIT_WAIT (RFC 7252,
+//! § 4.8.2), within which the mote has given up too.
+
+use super::exchange::{
+    ACK_RANDOM_FACTOR, ACK_TIMEOUT, Answered, Endpoint, Exchange, MAX_RETRANSMIT, Timeout,
+    TimerKeys, Timers, coap_packet,
+};
+use super::sender::{MOTE, ns};
+use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
+use crate::lowpan::DropReason;
+use crate::mesh::packets::PacketKind;
+use crate::wire::coap::{Block, CoapRepr, Code, Type};
+use bytes::Bytes;
+use proto::config::{Choice, Default, Field, Kind, Problem, Range, Variant, join, typed};
+use proto::types::NS_PER_S;
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+
+/// First letters of the paths of the representation and of the trigger; the number of the application follows.
+const FILE: char = 'f';
+const TRIGGER: char = 'u';
+/// How often the root looks for a mote that it has a route to (ns).
+const LOOK_NS: u64 = NS_PER_S;
+/// Greatest SZX: blocks of 1024 bytes (RFC 7959, § 2.2).
+const MAX_SZX: u8 = 6;
+
+/// What is the same for all motes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Settings {
+    /// The first download begins so long (ns) after the root has become ready.
+    pub after_ns: u64,
+    /// Size of the representation (bytes), at least 1.
+    pub size_bytes: u32,
+    /// SZX of its blocks.
+    pub szx: u8,
+    /// Parameters of retransmission.
+    pub timers: Timers,
+}
+
+impl Settings {
+    fn block_bytes(&self) -> u32 {
+        16 << self.szx
+    }
+
+    /// Blocks of the representation: ⌈S/b⌉.
+    #[must_use]
+    pub fn n_blocks(&self) -> u32 {
+        self.size_bytes.div_ceil(self.block_bytes())
+    }
+}
+
+/// What the root does.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+enum Root {
+    /// Nothing yet, or nothing more.
+    Idle,
+    /// Looks for a mote to trigger (ns).
+    Looks(u64),
+    /// Has triggered a mote, which has not answered.
+    Triggers(Exchange),
+    /// A mote downloads; unless something is heard of it before that time (ns), it has given up.
+    Serves(u32, u64),
+}
+
+/// A download at the mote.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Fetch {
+    block: u32,
+    exchange: Option<Exchange>,
+    /// Its number in the account of packets.
+    number: u64,
+    /// The root.
+    server: u32,
+}
+
+/// Block-wise downloads: the server at the first root, a client at all other motes.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Download {
+    settings: Settings,
+    /// Before it is assigned to a mote: who downloads; `None`: all motes but the root.
+    targets: Option<Vec<u32>>,
+    host: Option<Host>,
+    endpoint: Endpoint,
+    is_ready: bool,
+    root: Root,
+    /// Motes that the root has not triggered yet.
+    remaining: VecDeque<u32>,
+    fetch: Option<Fetch>,
+    /// When the mote requests its first block (ns).
+    begins_ns: Option<u64>,
+    /// Requests that the mote has answered.
+    answered: Answered,
+    counters: Counters,
+}
+
+#[derive(Deserialize)]
+struct Keys {
+    targets: TargetsKey,
+    after_s: f64,
+    size_bytes: u32,
+    block_bytes: u32,
+    #[serde(flatten)]
+    timers: TimerKeys,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum TargetsKey {
+    Listed(Vec<u32>),
+    All(serde::de::IgnoredAny),
+}
+
+impl Download {
+    /// A download by these motes in turn (`None`: by all but the root), not assigned to a mote.
+    #[must_use]
+    pub fn new(settings: Settings, targets: Option<Vec<u32>>) -> Self {
+        Self {
+            settings,
+            targets,
+            host: None,
+            endpoint: Endpoint::default(),
+            is_ready: false,
+            root: Root::Idle,
+            remaining: VecDeque::new(),
+            fetch: None,
+            begins_ns: None,
+            answered: Answered::default(),
+            counters: Counters::default(),
+        }
+    }
+
+    /// The motes that download, if they are listed.
+    pub(super) fn targets(&self) -> &[u32] {
+        self.targets.as_deref().unwrap_or_default()
+    }
+
+    fn is_root(&self) -> bool {
+        self.host.is_some_and(|host| host.mote == host.first_root)
+    }
+
+    /// The root triggers the first mote that it has a route to.
+    fn trigger_next(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
+        let Some(place) = self.remaining.iter().position(|&mote| (cx.reaches)(mote)) else {
+            let is_over = self.remaining.is_empty();
+            self.root = if is_over { Root::Idle } else { Root::Looks(cx.now_ns + LOOK_NS) };
+            return None;
+        };
+        let mote = self.remaining.remove(place)?;
+        let post = CoapRepr::request(Code::POST, &self.endpoint.path(TRIGGER));
+        let timers = &self.settings.timers;
+        let (exchange, packet) = Exchange::begin(mote, post, timers, &mut self.endpoint, cx.now_ns);
+        self.root = Root::Triggers(exchange);
+        Some(packet)
+    }
+
+    /// The mote requests the block that it lacks.
+    fn request_block(&mut self, now_ns: u64) -> Option<Packet> {
+        let path = self.endpoint.path(FILE);
+        let fetch = self.fetch.as_mut()?;
+        let block2 = Some(Block { number: fetch.block, more: false, szx: self.settings.szx });
+        let get = CoapRepr { block2, ..CoapRepr::request(Code::GET, &path) };
+        let timers = &self.settings.timers;
+        let (exchange, packet) =
+            Exchange::begin(fetch.server, get, timers, &mut self.endpoint, now_ns);
+        fetch.exchange = Some(exchange);
+        self.counters.blocks += 1;
+        Some(packet)
+    }
+
+    /// The root's answer to a request for a block; `None`: there is no such block.
+    fn block(&self, request: &CoapRepr) -> Option<CoapRepr> {
+        let Block { number, szx, .. } = request.block2?;
+        let first = u64::from(number) * u64::from(self.settings.block_bytes());
+        let size = u64::from(self.settings.size_bytes);
+        if szx != self.settings.szx || size <= first {
+            return None;
+        }
+        let end = size.min(first + u64::from(self.settings.block_bytes()));
+        let payload: Bytes = (first..end).map(octet).collect();
+        let block2 = Some(Block { number, more: end < size, szx });
+        let size2 = (number == 0).then_some(self.settings.size_bytes);
+        Some(CoapRepr { block2, size2, payload, ..request.response(Code::CONTENT) })
+    }
+
+    fn handle_request(&mut self, from: u32, message: &CoapRepr, cx: &mut Context<'_>) -> Heard {
+        let resource = if self.is_root() { FILE } else { TRIGGER };
+        if message.path.as_deref() != Some(&*self.endpoint.path(resource)) {
+            return Heard::NotMine;
+        }
+        if !self.is_ready {
+            return Heard::Taken(None);
+        }
+        let timers = &self.settings.timers;
+        let is_again = self.answered.is_duplicate(from, message, timers, cx.now_ns);
+        self.counters.block_duplicates += u64::from(is_again);
+        let response = if self.is_root() {
+            self.serve(from, message, cx.now_ns)
+        } else {
+            if !is_again {
+                self.begin(from, cx);
+            }
+            Some(message.response(Code::CHANGED))
+        };
+        Heard::Taken(
+            response.map(|response| coap_packet(from, response.to_vec().into(), cx.now_ns)),
+        )
+    }
+
+    /// The root answers a request for a block.
+    fn serve(&mut self, from: u32, request: &CoapRepr, now_ns: u64) -> Option<CoapRepr> {
+        let response = self.block(request)?;
+        if self.serves(from) {
+            let is_last = response.block2.is_some_and(|block| !block.more);
+            self.root = if is_last {
+                Root::Looks(now_ns)
+            } else {
+                Root::Serves(from, now_ns + self.settings.timers.max_transmit_wait_ns())
+            };
+        }
+        Some(response)
+    }
+
+    /// The mote has been triggered by `server`.
+    fn begin(&mut self, server: u32, cx: &mut Context<'_>) {
+        if self.fetch.is_some() {
+            return;
+        }
+        let own = self.host.map_or(0, |host| host.mote);
+        let size_bytes = self.settings.size_bytes;
+        let number = cx.packets.begin(PacketKind::Download, server, own, cx.now_ns, size_bytes);
+        self.fetch = Some(Fetch { block: 0, exchange: None, number, server });
+        self.begins_ns = Some(cx.now_ns);
+    }
+
+    /// Whether the root has triggered this mote: a request of its may outrun the answer to that.
+    fn serves(&self, mote: u32) -> bool {
+        match &self.root {
+            Root::Serves(served, _) => *served == mote,
+            Root::Triggers(exchange) => exchange.peer == mote,
+            Root::Idle | Root::Looks(_) => false,
+        }
+    }
+
+    fn handle_response(
+        &mut self,
+        from: u32,
+        hops: u32,
+        message: &CoapRepr,
+        cx: &mut Context<'_>,
+    ) -> Heard {
+        if let Root::Triggers(exchange) = &self.root
+            && exchange.is_answered_by(from, message)
+        {
+            let until_ns = cx.now_ns + self.settings.timers.max_transmit_wait_ns();
+            self.root = Root::Serves(from, until_ns);
+            return Heard::Taken(None);
+        }
+        let Some(fetch) = &mut self.fetch else { return Heard::NotMine };
+        let is_answered =
+            fetch.exchange.as_ref().is_some_and(|open| open.is_answered_by(from, message));
+        let Some(block) = message.block2.filter(|block| is_answered && block.number == fetch.block)
+        else {
+            return Heard::NotMine;
+        };
+        if block.more {
+            fetch.block += 1;
+            return Heard::Taken(self.request_block(cx.now_ns));
+        }
+        cx.packets.deliver(fetch.number, cx.received_ns, hops);
+        self.fetch = None;
+        Heard::Taken(None)
+    }
+}
+
+/// What stands at a place of the representation.
+fn octet(place: u64) -> u8 {
+    (place ^ place >> 8) as u8
+}
+
+impl super::Kind for Download {
+    const VARIANT: Variant = Variant {
+        name: "download",
+        doc: "Download of a large representation, such as firmware: the first root triggers a mote, which requests block after block \
+              (RFC 7959), each after it has received the one before.",
+        fields: &[
+            Field {
+                key: "targets",
+                doc: "Who downloads.",
+                kind: Kind::Either(&[
+                    Kind::Choice(&[Choice {
+                        name: "all",
+                        doc: "All motes but the root, one after another, as soon as the root has a route to them.",
+                    }]),
+                    Kind::List { of: &MOTE, min: 1, max: usize::MAX },
+                ]),
+                default: Default::Text("all"),
+            },
+            Field {
+                key: "after_s",
+                doc: "The first download begins so long after the root is ready to send (s).",
+                kind: Kind::Number(Range::closed(0.0, 1e6)),
+                default: Default::Number(0.0),
+            },
+            Field {
+                key: "size_bytes",
+                doc: "Size of the representation (bytes).",
+                kind: Kind::Integer { min: 1, max: 1_000_000 },
+                default: Default::Integer(10_000),
+            },
+            Field {
+                key: "block_bytes",
+                doc: "Size of a block (bytes): 16, 32, 64, 128, 256, 512 or 1024 (RFC 7959, section 2.2).",
+                kind: Kind::Integer { min: 16, max: 1024 },
+                default: Default::Integer(64),
+            },
+            ACK_TIMEOUT,
+            ACK_RANDOM_FACTOR,
+            MAX_RETRANSMIT,
+        ],
+    };
+
+    fn read(reading: &mut Reading<'_>) -> Option<Self> {
+        let keys: Keys = typed(reading.table);
+        let szx = (0..=MAX_SZX).find(|szx| 16 << szx == keys.block_bytes);
+        if szx.is_none() {
+            let sizes = (0..=MAX_SZX).map(|szx| 16_u32 << szx);
+            let nearest = sizes.min_by_key(|size| size.abs_diff(keys.block_bytes)).unwrap_or(64);
+            let message = "must be a power of two from 16 to 1024";
+            let problem = Problem::new(join(reading.path, "block_bytes"), message);
+            reading.problems.push(problem.value(keys.block_bytes).nearest(nearest));
+        }
+        let targets = match keys.targets {
+            TargetsKey::Listed(list) => Some(reading.motes("targets", list)),
+            TargetsKey::All(_) => None,
+        };
+        let settings = Settings {
+            after_ns: ns(keys.after_s),
+            size_bytes: keys.size_bytes,
+            szx: szx?,
+            timers: keys.timers.into(),
+        };
+        Some(Self::new(settings, targets))
+    }
+
+    fn assigned(&self, host: &Host) -> Option<Self> {
+        let is_target = |mote: u32| self.targets.as_ref().is_none_or(|list| list.contains(&mote));
+        if host.mote != host.first_root && !is_target(host.mote) {
+            return None;
+        }
+        let mut one = Self {
+            host: Some(*host),
+            endpoint: Endpoint::new(host),
+            ..Self::new(self.settings, None)
+        };
+        if one.is_root() {
+            let others = (0..host.n_motes).filter(|&mote| mote != host.mote);
+            one.remaining =
+                self.targets.as_ref().map_or_else(|| others.collect(), |list| list.clone().into());
+        }
+        Some(one)
+    }
+}
+
+impl Traffic for Download {
+    /// While the mote is not ready, its timers stand still.
+    fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>) {
+        self.is_ready = is_ready;
+        if is_ready && self.root == Root::Idle && !self.remaining.is_empty() {
+            self.root = Root::Looks(cx.now_ns + self.settings.after_ns);
+        }
+    }
+
+    fn poll_timeout(&self) -> Option<u64> {
+        if !self.is_ready {
+            return None;
+        }
+        let of_root = match &self.root {
+            Root::Idle => None,
+            Root::Looks(at_ns) | Root::Serves(_, at_ns) => Some(*at_ns),
+            Root::Triggers(exchange) => Some(exchange.due_ns()),
+        };
+        let open = self.fetch.as_ref().and_then(|fetch| fetch.exchange.as_ref());
+        let of_mote = open.map(Exchange::due_ns);
+        [of_root, of_mote, self.begins_ns].into_iter().flatten().min()
+    }
+
+    fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
+        let now_ns = cx.now_ns;
+        let timers = self.settings.timers;
+        if self.begins_ns.take_if(|at_ns| *at_ns <= now_ns).is_some() {
+            return self.request_block(now_ns);
+        }
+        if let Some(fetch) = &mut self.fetch
+            && let Some(exchange) = &mut fetch.exchange
+            && exchange.due_ns() <= now_ns
+        {
+            return match exchange.handle_timeout(&timers, now_ns) {
+                Timeout::Again(packet) => {
+                    self.counters.block_retransmissions += 1;
+                    Some(packet)
+                }
+                Timeout::GivenUp => {
+                    cx.packets.lose(fetch.number, now_ns, DropReason::MaxRetries);
+                    self.fetch = None;
+                    None
+                }
+            };
+        }
+        match &mut self.root {
+            Root::Idle => None,
+            Root::Looks(_) | Root::Serves(..) => self.trigger_next(cx),
+            Root::Triggers(exchange) => match exchange.handle_timeout(&timers, now_ns) {
+                Timeout::Again(packet) => Some(packet),
+                Timeout::GivenUp => {
+                    // A download that has not begun has failed all the same.
+                    let (own, mote) = (self.host.map_or(0, |host| host.mote), exchange.peer);
+                    let bytes = self.settings.size_bytes;
+                    let number = cx.packets.begin(PacketKind::Download, own, mote, now_ns, bytes);
+                    cx.packets.lose(number, now_ns, DropReason::MaxRetries);
+                    self.root = Root::Looks(now_ns);
+                    None
+                }
+            },
+        }
+    }
+
+    fn handle_message(
+        &mut self,
+        from: u32,
+        hops: u32,
+        message: &CoapRepr,
+        cx: &mut Context<'_>,
+    ) -> Heard {
+        match message.kind {
+            Type::Confirmable => self.handle_request(from, message, cx),
+            Type::Acknowledgment => self.handle_response(from, hops, message, cx),
+        }
+    }
+
+    fn reset(&mut self, cx: &mut Context<'_>) {
+        self.begins_ns = None;
+        self.answered = Answered::default();
+        if let Some(fetch) = self.fetch.take() {
+            cx.packets.lose(fetch.number, cx.now_ns, DropReason::Killed);
+        }
+        if let Root::Triggers(Exchange { peer, .. }) | Root::Serves(peer, _) = self.root {
+            // The root begins anew with the mote that it was at.
+            self.remaining.push_front(peer);
+        }
+        self.root = Root::Idle;
+    }
+
+    fn reseed(&mut self, seed: u64) {
+        self.endpoint.stream.reseed(seed);
+    }
+
+    fn counters(&self) -> Counters {
+        self.counters
+    }
+}

@@ -1,0 +1,237 @@
+//! Confirmable CoAP messages: RFC 7252, § 4.2 (messages that are transmitted reliably), 4.5 (duplicates) and 4.8 (parameters).
+
+use super::sender::ns;
+use super::stream::Stream;
+use super::{Content, Destination, Host, Packet};
+use crate::wire::coap::{CoapRepr, Token};
+use bytes::Bytes;
+use proto::config::{Default, Field, Kind, Range};
+use proto::rng::{Draws, Purpose};
+use proto::types::NS_PER_S;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeSet, VecDeque};
+
+/// `ack_timeout_s`.
+pub const ACK_TIMEOUT: Field = Field {
+    key: "ack_timeout_s",
+    doc: "The first timeout is at least this long (s). 2: ACK_TIMEOUT of RFC 7252, section 4.8.",
+    kind: Kind::Number(Range::closed(1e-2, 1e3)),
+    default: Default::Number(2.0),
+};
+
+/// `ack_random_factor`.
+pub const ACK_RANDOM_FACTOR: Field = Field {
+    key: "ack_random_factor",
+    doc: "The first timeout is uniform from ack_timeout_s to this many times as much. 1.5: ACK_RANDOM_FACTOR of RFC 7252, \
+          section 4.8.",
+    kind: Kind::Number(Range::closed(1.0, 10.0)),
+    default: Default::Number(1.5),
+};
+
+/// `max_retransmit`.
+pub const MAX_RETRANSMIT: Field = Field {
+    key: "max_retransmit",
+    doc: "How often a request is retransmitted, each time after twice the timeout. 4: MAX_RETRANSMIT of RFC 7252, section 4.8.",
+    kind: Kind::Integer { min: 0, max: 16 },
+    default: Default::Integer(4),
+};
+
+/// Parameters of retransmission (RFC 7252, § 4.8).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Timers {
+    /// ACK_TIMEOUT (ns).
+    pub least_ns: u64,
+    /// ACK_TIMEOUT · ACK_RANDOM_FACTOR (ns).
+    pub most_ns: u64,
+    /// MAX_RETRANSMIT.
+    pub max_retransmit: u8,
+}
+
+/// Keys of [`Timers`].
+#[derive(Clone, Copy, Debug, Deserialize)]
+pub(super) struct TimerKeys {
+    ack_timeout_s: f64,
+    ack_random_factor: f64,
+    max_retransmit: u8,
+}
+
+impl From<TimerKeys> for Timers {
+    fn from(keys: TimerKeys) -> Self {
+        let TimerKeys { ack_timeout_s, ack_random_factor, max_retransmit } = keys;
+        let most_ns = ns(ack_timeout_s * ack_random_factor);
+        Self { least_ns: ns(ack_timeout_s), most_ns, max_retransmit }
+    }
+}
+
+impl Timers {
+    /// MAX_TRANSMIT_WAIT (RFC 7252, § 4.8.2): from the first transmission to when the sender gives up, at most (ns). 93 s with the
+    /// RFC's parameters.
+    #[must_use]
+    pub fn max_transmit_wait_ns(&self) -> u64 {
+        self.most_ns * ((1 << (u32::from(self.max_retransmit) + 1)) - 1)
+    }
+
+    /// EXCHANGE_LIFETIME (§ 4.8.2): MAX_TRANSMIT_SPAN + 2 MAX_LATENCY + PROCESSING_DELAY, from the first transmission to when its
+    /// message ID may be used again (ns). 247 s with the RFC's parameters.
+    #[must_use]
+    pub fn exchange_lifetime_ns(&self) -> u64 {
+        let max_transmit_span_ns = self.most_ns * ((1 << u32::from(self.max_retransmit)) - 1);
+        max_transmit_span_ns + 2 * MAX_LATENCY_NS + self.least_ns
+    }
+}
+
+/// MAX_LATENCY (RFC 7252, § 4.8.2; ns): how long a datagram may be on its way.
+const MAX_LATENCY_NS: u64 = 100 * NS_PER_S;
+
+/// Message IDs of the requests that a server has answered within EXCHANGE_LIFETIME: it acts upon a request once, and only answers
+/// its duplicates (RFC 7252, § 4.5).
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Answered {
+    /// Clients and message IDs.
+    known: BTreeSet<(u32, u16)>,
+    /// The same in the order in which they came, with when each is forgotten (ns).
+    ends: VecDeque<(u64, u32, u16)>,
+}
+
+impl Answered {
+    /// Notes a request of mote `from`. Returns whether it is a duplicate of one before.
+    pub fn is_duplicate(
+        &mut self,
+        from: u32,
+        request: &CoapRepr,
+        timers: &Timers,
+        now_ns: u64,
+    ) -> bool {
+        while let Some(&(end_ns, from, id)) = self.ends.front()
+            && end_ns <= now_ns
+        {
+            self.ends.pop_front();
+            self.known.remove(&(from, id));
+        }
+        let is_new = self.known.insert((from, request.message_id));
+        if is_new {
+            let end_ns = now_ns + timers.exchange_lifetime_ns();
+            self.ends.push_back((end_ns, from, request.message_id));
+        }
+        !is_new
+    }
+}
+
+/// One end of CoAP exchanges: an application of a mote. It numbers its messages and its tokens.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Endpoint {
+    /// Number of the application, which is in paths of resources and in tokens.
+    pub app: u32,
+    /// How many applications share the mote's message IDs.
+    n_apps: u32,
+    /// The mote's first message ID: random (RFC 7252, § 4.4).
+    first_id: u16,
+    n_messages: u32,
+    /// Draws of timeouts, and of what else the application draws.
+    pub stream: Stream,
+}
+
+impl Endpoint {
+    /// That of an application of a mote.
+    #[must_use]
+    pub fn new(host: &Host) -> Self {
+        let draws = Draws::new(host.seed, Purpose::Traffic);
+        Self {
+            app: host.app,
+            n_apps: host.n_apps,
+            first_id: draws.words(u64::from(host.mote), u64::MAX, 0)[0] as u16,
+            n_messages: 0,
+            stream: Stream::new(host.seed, host.mote, host.app),
+        }
+    }
+
+    /// The path of one of its resources: a letter, and the number of the application.
+    #[must_use]
+    pub fn path(&self, resource: char) -> String {
+        format!("{resource}{}", self.app)
+    }
+
+    /// A message ID and a token that no other open exchange of the mote has: message IDs of the applications of a mote interleave,
+    /// and the first byte of a token is the application.
+    fn next_ids(&mut self) -> (u16, u32) {
+        let n = self.n_messages;
+        self.n_messages = n.wrapping_add(1);
+        let step = n.wrapping_mul(self.n_apps).wrapping_add(self.app);
+        (self.first_id.wrapping_add(step as u16), self.app << 24 | n & 0x00ff_ffff)
+    }
+}
+
+/// A confirmable message to a mote that has not been answered.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Exchange {
+    /// The other end.
+    pub peer: u32,
+    message: Bytes,
+    message_id: u16,
+    token: u32,
+    due_ns: u64,
+    timeout_ns: u64,
+    n_retransmitted: u8,
+}
+
+/// What a timeout of an [`Exchange`] brings.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Timeout {
+    /// The message again.
+    Again(Packet),
+    /// MAX_RETRANSMIT retransmissions were not answered.
+    GivenUp,
+}
+
+impl Exchange {
+    /// Begins: `request` gets its message ID and its token. Returns the packet to be sent.
+    pub fn begin(
+        peer: u32,
+        request: CoapRepr,
+        timers: &Timers,
+        endpoint: &mut Endpoint,
+        now_ns: u64,
+    ) -> (Self, Packet) {
+        let (message_id, token) = endpoint.next_ids();
+        let timeout_ns = endpoint.stream.duration_ns(timers.least_ns, timers.most_ns);
+        let message: Bytes =
+            CoapRepr { message_id, token: token.into(), ..request }.to_vec().into();
+        let due_ns = now_ns + timeout_ns;
+        let exchange =
+            Self { peer, message, message_id, token, due_ns, timeout_ns, n_retransmitted: 0 };
+        let packet = exchange.packet(now_ns);
+        (exchange, packet)
+    }
+
+    /// When the answer is given up waiting for (ns).
+    #[must_use]
+    pub fn due_ns(&self) -> u64 {
+        self.due_ns
+    }
+
+    /// Whether a message of `from` answers it.
+    #[must_use]
+    pub fn is_answered_by(&self, from: u32, message: &CoapRepr) -> bool {
+        from == self.peer && message.answers(self.message_id, Token::from(self.token))
+    }
+
+    /// The answer has not come in time.
+    pub fn handle_timeout(&mut self, timers: &Timers, now_ns: u64) -> Timeout {
+        if timers.max_retransmit <= self.n_retransmitted {
+            return Timeout::GivenUp;
+        }
+        self.n_retransmitted += 1;
+        self.timeout_ns *= 2;
+        self.due_ns = now_ns + self.timeout_ns;
+        Timeout::Again(self.packet(now_ns))
+    }
+
+    fn packet(&self, created_ns: u64) -> Packet {
+        coap_packet(self.peer, self.message.clone(), created_ns)
+    }
+}
+
+/// A packet with a CoAP message to a mote.
+pub(super) fn coap_packet(to: u32, message: Bytes, created_ns: u64) -> Packet {
+    Packet { destination: Destination::Mote(to), content: Content::Coap(message), created_ns }
+}

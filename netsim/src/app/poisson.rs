@@ -1,0 +1,87 @@
+//! `poisson`: packets at random times.
+//!
+//! Packets of a mote are a Poisson process of rate 1/m: the intervals are independent and exponential, P(T > t) = e^(−t/m), and the
+//! number in a time t has mean and variance t/m. The sum over n motes is a Poisson process of rate n/m. (Kingman, "Poisson
+//! Processes", 1993.)
+
+use super::sender::{DESTINATION, PAYLOAD_BYTES, SENDERS, Sender, ns};
+use super::stream::Stream;
+use super::{Context, Host, Packet, Reading, Traffic};
+use proto::config::{Default, Field, Kind, Range, Variant, typed};
+use serde::{Deserialize, Serialize};
+
+/// Packets at the times of a Poisson process.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Poisson {
+    sender: Sender,
+    mean_ns: u64,
+    stream: Stream,
+    next_ns: Option<u64>,
+}
+
+#[derive(Deserialize)]
+struct Keys {
+    mean_interval_s: f64,
+}
+
+impl Poisson {
+    /// Packets with this mean interval (ns).
+    #[must_use]
+    pub fn new(sender: Sender, mean_ns: u64) -> Self {
+        Self { sender, mean_ns, stream: Stream::default(), next_ns: None }
+    }
+}
+
+impl super::Kind for Poisson {
+    const VARIANT: Variant = Variant {
+        name: "poisson",
+        doc: "A Poisson process: independent exponential intervals, from the time at which the mote may send.",
+        fields: &[
+            Field {
+                key: "mean_interval_s",
+                doc: "Mean time between two packets of a mote (s): the reciprocal of its rate.",
+                kind: Kind::Number(Range::closed(1e-3, 1e6)),
+                default: Default::Number(60.0),
+            },
+            SENDERS,
+            DESTINATION,
+            PAYLOAD_BYTES,
+        ],
+    };
+
+    fn read(reading: &mut Reading<'_>) -> Option<Self> {
+        let Keys { mean_interval_s } = typed(reading.table);
+        Some(Self::new(Sender::read(reading)?, ns(mean_interval_s)))
+    }
+
+    fn assigned(&self, host: &Host) -> Option<Self> {
+        let stream = Stream::new(host.seed, host.mote, host.app);
+        Some(Self { stream, ..Self::new(self.sender.assigned(host)?, self.mean_ns) })
+    }
+}
+
+impl Traffic for Poisson {
+    /// The process has no memory: it begins anew whenever the mote becomes ready.
+    fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>) {
+        self.next_ns = match (is_ready, self.next_ns) {
+            (false, _) => None,
+            (true, Some(next_ns)) => Some(next_ns),
+            (true, None) => Some(cx.now_ns + self.stream.exponential_ns(self.mean_ns)),
+        };
+    }
+
+    fn poll_timeout(&self) -> Option<u64> {
+        self.next_ns
+    }
+
+    /// Several packets may fall into one slot.
+    fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
+        let next_ns = self.next_ns?;
+        self.next_ns = Some(next_ns + self.stream.exponential_ns(self.mean_ns));
+        Some(self.sender.packet(cx.now_ns, cx.dice))
+    }
+
+    fn reseed(&mut self, seed: u64) {
+        self.stream.reseed(seed);
+    }
+}
