@@ -565,8 +565,7 @@ fn all_are_seen(tracks: &Tracks, n_agents: usize) -> Result<(), ResimulationErro
 
 /// The network's section of an experiment, with all defaults.
 fn network_of(plan: &Plan) -> toml::Table {
-    let text = plan.netsim.effective_toml.as_ref().unwrap_or(&plan.netsim.toml);
-    text.parse().unwrap_or_default()
+    plan.netsim.effective_toml.as_ref().unwrap_or(&plan.netsim.toml).parse().unwrap_or_default()
 }
 
 /// The order that makes a mote send a measured packet again.
@@ -583,9 +582,9 @@ fn resend_order(packet: &MeasuredPacket) -> MoteCommand {
 /// Unicast packets that were delivered or dropped, without kinds that nobody measured.
 fn ended_packets(packets: &proto::types::Packets) -> impl Iterator<Item = MeasuredPacket> + '_ {
     let kind = |i: usize| packets.kinds[packets.kind[i] as usize].name.as_str();
-    let is_meant =
-        move |&i: &usize| packets.destination[i] != u32::MAX && !NOT_MEASURED.contains(&kind(i));
-    (0..packets.len()).filter(is_meant).map(|i| {
+    let is_unicast = |&i: &usize| packets.destination[i] != u32::MAX;
+    let is_measured = move |i: &usize| !NOT_MEASURED.contains(&kind(*i));
+    (0..packets.len()).filter(is_unicast).filter(is_measured).map(|i| {
         let arrived = packets.outcome[i] == 0;
         let at_s = |ns: u64| ns as f64 * 1e-9;
         MeasuredPacket {
