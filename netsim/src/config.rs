@@ -383,7 +383,8 @@ pub fn read(
         None if is_recording || is_network => physical.standard.hopping_sequence.to_vec(),
         None => Vec::new(),
     };
-    standard::check_channels(&hopping_sequence, physical, &setup.path, &mut problems);
+    let written = setup.config.get("hopping_sequence");
+    standard::check_channels(written, physical, &setup.path, &mut problems);
     let phy_path = key_path("phy");
     let mut context = BuildContext {
         path: &phy_path,

@@ -49,6 +49,9 @@ fn shortened(path: &Path) -> Vec<&'static str> {
     if text.contains("agents = 500") {
         args.extend(["--set", "experiment.agents=15"]);
     }
+    if text.contains("\nafter_s =") {
+        args.extend(["--set", "netsim.app[0].after_s=0.0"]);
+    }
     match (text.contains("[[timeline]]"), is_network(path)) {
         (true, _) => {}
         // Sensors send once a minute.

@@ -5,7 +5,7 @@ use crate::catalogue::Catalogue;
 use crate::phy::propagation::{self, Family};
 use crate::phy::standard::{self, Entry};
 use crate::phy::{interference, reception};
-use proto::config::{Lists, Node, Problem, TableSpec, check, join, parse};
+use proto::config::{Lists, Node, Problem, TableSpec, Value, check, join, parse};
 use proto::types::seconds;
 
 /// The physical layer of a checked table of `[netsim.phy]`.
@@ -75,23 +75,28 @@ fn filled_in(text: &str, spec: &TableSpec, lists: &Lists) -> toml::Table {
     check(&node, "", spec, lists, &mut Vec::new()).table
 }
 
-/// Reports channels that the physical layer does not have.
+/// Reports written channels that the physical layer does not have, even if others are no channels at all.
 pub(super) fn check_channels(
-    channels: &[u8],
+    written: Option<&Node>,
     entry: &Entry,
     path: &str,
     problems: &mut Vec<Problem>,
 ) {
+    let Some(Value::List(channels)) = written.map(|node| &node.value) else { return };
     let plan = entry.standard.channels;
-    for (index, &channel) in channels.iter().enumerate() {
-        if !plan.contains(channel) {
+    for (index, node) in channels.iter().enumerate() {
+        let Value::Integer(channel) = node.value else { continue };
+        let is_known = u8::try_from(channel).is_ok_and(|channel| plan.contains(channel));
+        // What no physical layer has is reported already.
+        if !is_known && (0..=128).contains(&channel) {
             let (first, last) = (plan.first, plan.last);
             let message = format!(
                 "must be a channel of phy.standard = {:?}, a whole number from {first} to {last}",
                 entry.name
             );
             let problem = Problem::new(join(path, &format!("hopping_sequence[{index}]")), message);
-            problems.push(problem.value(channel).nearest(channel.clamp(first, last)));
+            let nearest = channel.clamp(i64::from(first), i64::from(last));
+            problems.push(problem.value(channel).nearest(nearest));
         }
     }
 }
