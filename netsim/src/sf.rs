@@ -299,8 +299,7 @@ pub trait Configured: Debug + Send + Sync + 'static {
     /// The scheduling function of a mote, before it starts.
     fn create(&self, mote: u32) -> Self::OfMote;
 
-    /// Whether motes have dedicated cells, in which one mote alone sends to one other and which name the neighbour at both ends.
-    /// Both ends of a link agree on the channel of such cells only: `netsim.mac.blacklist`.
+    /// Whether there are cells from one mote alone to one other that name the neighbour at both ends: `netsim.mac.blacklist`.
     fn has_dedicated_cells(&self) -> bool {
         false
     }
