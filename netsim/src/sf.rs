@@ -299,7 +299,7 @@ pub trait Configured: Debug + Send + Sync + 'static {
     /// The scheduling function of a mote, before it starts.
     fn create(&self, mote: u32) -> Self::OfMote;
 
-    /// Whether motes have dedicated cells, of one sender and one receiver, that name the neighbour at both ends: `netsim.mac.blacklist`.
+    /// Whether there are cells from one mote alone to one other that name the neighbour at both ends: `netsim.mac.blacklist`.
     fn has_dedicated_cells(&self) -> bool {
         false
     }

@@ -73,7 +73,8 @@ def test_what_a_link_skips_is_a_vendor_s_and_ends_before_the_payload(capture):
     fields = "wpan.header_ie.id", "wpan.header_ie.vendor_specific.content", "wpan.payload_ie.id", "udp.dstport"
     skipping = [frame for frame in dissect(capture, *fields) if frame["wpan.header_ie.vendor_specific.content"]]
     assert [frame["wpan.header_ie.id"] for frame in skipping] == [["0x0000"], ["0x0000", "0x007e"], ["0x0000", "0x007f"]]
-    assert {frame["wpan.header_ie.vendor_specific.content"][0].replace(":", "") for frame in skipping} == {"f30f"}
+    contents = [frame["wpan.header_ie.vendor_specific.content"][0].replace(":", "") for frame in skipping]
+    assert [bytes.fromhex(content) for content in contents] == 3 * [b"\xf3\x0f"]
     assert skipping[1]["wpan.payload_ie.id"] == ["0x0005"]
     assert skipping[2]["udp.dstport"] == ["61617"]
 

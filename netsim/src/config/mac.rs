@@ -137,7 +137,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "blacklist",
-            doc: "Channel blacklisting.",
+            doc: "Channel blacklisting: per link, channels on which frames are lost are skipped in dedicated cells.",
             kind: Kind::Table(&blacklist::SPEC),
             default: Default::Table,
         },

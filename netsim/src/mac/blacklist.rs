@@ -103,7 +103,7 @@ const NONE: Entry = Entry {
 pub const OFFSETS: Field = Field {
     key: "offsets",
     doc: "Number of channel offsets to choose from, the first being that of the cell. More avoid more channels, but may collide \
-          with cells of other links in the same slot. 3: as MABO-TSCH's scheduler assigns them to most receivers.",
+          with cells of other links in the same slot. 3: as most links have in the schedule of MABO-TSCH's implementation.",
     kind: Kind::Integer { min: 2, max: 512 },
     default: Default::Integer(3),
 };
@@ -111,9 +111,9 @@ pub const OFFSETS: Field = Field {
 /// The key `spacing`, which every rule has.
 pub const SPACING: Field = Field {
     key: "spacing",
-    doc: "Difference between one of these channel offsets and the next. 5: as MABO-TSCH's scheduler assigns them.",
+    doc: "Difference between one of these channel offsets and the next. 7: as in that schedule.",
     kind: Kind::Integer { min: 1, max: 511 },
-    default: Default::Integer(5),
+    default: Default::Integer(7),
 };
 
 /// The key `explore`, which every rule has.

@@ -51,7 +51,7 @@ pub const ENTRY: Entry = Entry {
     },
 };
 
-/// Failures in a row after which the ends are taken to disagree.
+/// Failures in a row after which the ends are taken to disagree: as in MABO-TSCH's implementation.
 const MAX_FAILURES: u8 = 15;
 
 #[derive(Deserialize)]
@@ -81,8 +81,9 @@ struct Keys {
 ///
 /// There the receiver estimates, counts every dedicated cell in which it hears nothing as a failure, which takes saturated
 /// cells, and sends the list in each acknowledgment. Here the sender does, which knows in which cells it has sent; so does the
-/// authors' own simulator. There channels are blacklisted before any transmission has failed. There a central scheduler assigns each receiver the channel offsets to choose from, three to five of
-/// them at distances of five on the authors' traces; here they follow that of the cell at fixed distances.
+/// authors' own simulator. There channels are blacklisted before any transmission has failed. There a central scheduler assigns
+/// each receiver the channel offsets to choose from, most often three at distances of seven in the schedule of the implementation;
+/// here they follow that of the cell at fixed distances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FirstBestArm {
     /// Number of channels that are used.
