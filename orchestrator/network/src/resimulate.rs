@@ -582,9 +582,8 @@ fn resend_order(packet: &MeasuredPacket) -> MoteCommand {
 
 /// Unicast packets that were delivered or dropped, without kinds that nobody measured.
 fn ended_packets(packets: &proto::types::Packets) -> impl Iterator<Item = MeasuredPacket> + '_ {
-    let is_measured =
-        |i: usize| !NOT_MEASURED.contains(&packets.kinds[packets.kind[i] as usize].name.as_str());
-    let is_meant = move |&i: &usize| packets.destination[i] != u32::MAX && is_measured(i);
+    let is_own = |i: usize| NOT_MEASURED.contains(&&*packets.kinds[packets.kind[i] as usize].name);
+    let is_meant = move |&i: &usize| packets.destination[i] != u32::MAX && !is_own(i);
     (0..packets.len()).filter(is_meant).map(|i| {
         let arrived = packets.outcome[i] == 0;
         let at_s = |ns: u64| ns as f64 * 1e-9;
