@@ -297,7 +297,8 @@ fn rfc7252_4_2_losses_retransmissions_duplicates_and_round_trips_are_those_of_in
     assert_eq!(ended.len() as u32, n);
     let n = f64::from(n);
     let q = 1.0 - (1.0 - p) * (1.0 - p);
-    let fails = libm::pow(q, 5.0);
+    let power = |x: f64, n: u32| (0..n).fold(1.0, |product, _| product * x);
+    let fails = power(q, 5);
     let failed = ended.iter().filter(|one| one.lost.is_some()).count() as f64;
     // Four standard errors of each mean, those of counts from their variances.
     let within = |measured: f64, expected: f64, deviation: f64| {
@@ -309,16 +310,15 @@ fn rfc7252_4_2_losses_retransmissions_duplicates_and_round_trips_are_those_of_in
     // At most 4, 4 and 15 · 3 s: half of each range bounds the deviation.
     let counters = apps.each_ref().map(App::counters);
     within(counters[0].retransmissions as f64 / n, transmissions - 1.0, 2.0);
-    let duplicates = transmissions * (1.0 - p) - (1.0 - libm::pow(p, 5.0));
+    let duplicates = transmissions * (1.0 - p) - (1.0 - power(p, 5));
     within(counters[1].duplicates as f64 / n, duplicates, 2.0);
     let succeeded = ended.iter().filter(|one| one.lost.is_none());
     let round_trips_s: Vec<f64> =
         succeeded.map(|one| (one.ended_ns - one.packet.created_ns) as f64 / 1e9).collect();
     let mean_s = round_trips_s.iter().sum::<f64>() / round_trips_s.len() as f64;
-    let waits_s = |k: i32| 2.5 * (libm::exp2(f64::from(k)) - 1.0);
+    let waits_s = |k: u32| 2.5 * (power(2.0, k) - 1.0);
     let expected_s =
-        (0..5).map(|k| libm::pow(q, f64::from(k)) * (1.0 - q) * waits_s(k)).sum::<f64>()
-            / (1.0 - fails);
+        (0..5).map(|k| power(q, k) * (1.0 - q) * waits_s(k)).sum::<f64>() / (1.0 - fails);
     within(mean_s, expected_s + 2.0 * hop_ns as f64 / 1e9, 11.0);
 }
 
