@@ -151,9 +151,9 @@ def test_coap_exchanges_and_blocks_are_what_rfc_7252_and_7959_say(capture):
     assert messages[1]["coap.payload_length"] == ["16"]
     assert [frame["coap.opt.block_number"] for frame in messages[2:]] == [["0"], ["0"], ["1"], ["1"]]
     assert [frame["coap.opt.block_mflag"] for frame in messages[3::2]] in ([["1"], ["0"]], [["True"], ["False"]])
-    assert all(frame["coap.opt.block_size"][0] == "2" for frame in messages[2:])
-    # Wireshark puts the blocks of 64 and 16 bytes together.
-    assert messages[5]["coap.payload_length"] == ["80"]
+    assert all(frame["coap.opt.block_size"][0] == "1" for frame in messages[2:])
+    # Wireshark puts the blocks of 32 and 16 bytes together.
+    assert messages[5]["coap.payload_length"] == ["48"]
 
 
 def test_addresses_that_were_left_out_are_found_again(capture):

@@ -53,13 +53,13 @@ fn exchanges() -> impl Iterator<Item = FrameRepr> {
         let get = CoapRepr {
             message_id: number as u16,
             token: (0x0100_0000 + number).into(),
-            block2: Some(Block { number, more: false, szx: 2 }),
+            block2: Some(Block { number, more: false, szx: 1 }),
             ..CoapRepr::request(Code::GET, "f1")
         };
         let content = CoapRepr {
-            block2: Some(Block { number, more: number == 0, szx: 2 }),
-            size2: (number == 0).then_some(80),
-            payload: vec![7; if number == 0 { 64 } else { 16 }].into(),
+            block2: Some(Block { number, more: number == 0, szx: 1 }),
+            size2: (number == 0).then_some(48),
+            payload: vec![7; if number == 0 { 32 } else { 16 }].into(),
             ..get.response(Code::CONTENT)
         };
         let route = down(udp(0, 2, 0), &[2]);
