@@ -94,7 +94,8 @@ def test_6p_messages_of_every_kind(capture):
     messages = [frame for frame in dissect(capture, *fields) if frame["wpan.6top_type"]]
     kinds = Counter((frame["wpan.6top_type"][0], frame["wpan.6top_code"][0]) for frame in messages)
     requests = {("0x00", f"0x{command:02x}"): 1 for command in range(1, 8)}
-    assert kinds == {**requests, ("0x01", "0x00"): 7, ("0x02", "0x00"): 1}
+    # One ADD more has the blacklist of its link.
+    assert kinds == {**requests, ("0x00", "0x01"): 2, ("0x01", "0x00"): 7, ("0x02", "0x00"): 1}
     add, relocate = messages[0], messages[4]
     assert add["wpan.6top_num_cells"] == ["2"]
     assert [int(slot, 16) for slot in add["wpan.6top_cell_slot_offset"]] == [10, 11, 12, 13, 14]
@@ -168,8 +169,9 @@ def test_addresses_that_were_left_out_are_found_again(capture):
         ("fd00::1", "fd00::3"),
         ("fe80::1", "ff02::1"),
         ("fd00::1", "fd00::1:0"),
-        # The one with an announcement of slots.
+        # The one with an announcement of slots, and the one with the blacklist of its link.
         ("fe80::1", "ff02::1"),
+        ("fd00::1", "fd00::1:0"),
     ]
 
 
