@@ -429,6 +429,8 @@ pub fn read(
         };
         second::build(table, &catalogue.second_media, &mut context)
     });
+    let is_silent = network.iter().flatten().any(|(settings, _)| settings.is_silent());
+    warnings.extend(second.iter().filter_map(|second| second.warning(&setup.path, is_silent)));
     let (Some(model), Some(base), Some(interference), true) =
         (model, base, interference, problems.is_empty())
     else {

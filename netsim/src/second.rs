@@ -125,6 +125,17 @@ pub struct Config {
     pub medium: Box<dyn SecondMedium>,
 }
 
+impl Config {
+    /// What should be checked if the main network carries no payloads (`main_is_silent`).
+    pub(crate) fn warning(&self, path: &str, main_is_silent: bool) -> Option<String> {
+        (self.route == Route::Main && main_is_silent).then(|| {
+            let [payloads, transport] =
+                ["second_medium.payloads", "swarm.transport"].map(|key| join(path, key));
+            format!("nothing carries the robots' payloads: {payloads} = \"main\" and {transport} = \"none\"")
+        })
+    }
+}
+
 #[derive(Deserialize)]
 struct Keys {
     payloads: Route,

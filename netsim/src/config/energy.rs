@@ -2,7 +2,7 @@
 
 use crate::energy::{BATTERY_AA_MAH, Model};
 use crate::medium::slot::timing::Airtime;
-use proto::config::{Choice, Default, Field, Kind, Range, TableSpec, typed};
+use proto::config::{Choice, Default, Field, Kind, Problem, Range, TableSpec, join, typed};
 use serde::Deserialize;
 
 /// Description of `[netsim.energy]`.
@@ -77,8 +77,13 @@ enum ModelKey {
     ByTime,
 }
 
-/// Makes the model, the battery (mAh) and whether an empty one kills, of the checked table.
-pub(super) fn build(table: &toml::Table, airtime: Airtime) -> (Model, f64, bool) {
+/// Makes the model, the battery (mAh) and whether an empty one kills, of the checked table at `path`, or adds problems.
+pub(super) fn build(
+    table: &toml::Table,
+    path: &str,
+    airtime: Airtime,
+    problems: &mut Vec<Problem>,
+) -> (Model, f64, bool) {
     let keys: Keys = typed(table);
     let model = match keys.model {
         ModelKey::PerSlot => Model::PerSlot,
@@ -88,5 +93,11 @@ pub(super) fn build(table: &toml::Table, airtime: Airtime) -> (Model, f64, bool)
             Model::ByTime { tx_ma, rx_ma, airtime }
         }
     };
+    for (key, current_ma) in [("tx_ma", keys.tx_ma), ("rx_ma", keys.rx_ma)] {
+        if let (Some(current_ma), false) = (current_ma, matches!(model, Model::ByTime { .. })) {
+            let message = "does not apply with this model, only with model = \"by-time\"";
+            problems.push(Problem::new(join(path, key), message).value(current_ma));
+        }
+    }
     (model, keys.battery_mah, keys.deaths)
 }

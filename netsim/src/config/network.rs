@@ -197,7 +197,8 @@ pub(super) fn build(
         let path = key_path(&format!("app[{index}]"));
         apps.extend(app::Spec::read(table, &path, given.agent_count as u32, problems));
     }
-    let (energy, battery_mah, battery_deaths) = energy::build(&keys.energy, given.airtime);
+    let (energy, battery_mah, battery_deaths) =
+        energy::build(&keys.energy, &key_path("energy"), given.airtime, problems);
     if given.airtime != Airtime::O_QPSK_2450 && !matches!(energy, Model::ByTime { .. }) {
         warnings.push(format!(
             "{}: the charges of this model are those of 2.4 GHz radios: set it to \"by-time\" with another phy.standard",

@@ -41,7 +41,7 @@ pub(super) fn apply(
         let kind = phy.get(key).and_then(|table| table.get("kind"));
         let is_own = kind == own.get("kind");
         let is_measured = phy.get(key).and_then(|table| table.get("points")).is_some();
-        if decides && !is_own && !is_measured {
+        if decides && kind.is_some() && !is_own && !is_measured {
             let message = format!(
                 "does not apply with standard = {:?}, because it describes receivers of another physical layer",
                 entry.name

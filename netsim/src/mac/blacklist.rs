@@ -198,13 +198,24 @@ pub fn build(
     let beyond = hopping_sequence.iter().find(|&channel| !band.contains(channel));
     if let Some(beyond) = beyond.filter(|_| entry.variant.name != NONE.variant.name) {
         let message = format!(
-            "knows the channels 11 to 26 only, and netsim.hopping_sequence has channel {beyond}"
+            "requires phy.standard = \"o-qpsk-2450\", whose channels are 11 to 26, and netsim.hopping_sequence has \
+             channel {beyond}"
         );
-        let problem = Problem::new(join(path, TAG.key), message).value(entry.variant.name);
-        problems.push(problem.nearest(NONE.variant.name));
+        let quoted = |name: &str| format!("{name:?}");
+        let problem = Problem::new(join(path, TAG.key), message);
+        problems.push(problem.value(quoted(entry.variant.name)).nearest(quoted(NONE.variant.name)));
         return None;
     }
     let config = (entry.build)(table, channels, path, problems)?;
+    let n = hopping_sequence.len().max(1);
+    if usize::from(config.spacing).is_multiple_of(n) && 1 < n {
+        let message = format!(
+            "must not be a multiple of the length of netsim.hopping_sequence, {n}, because all channel offsets then \
+             have the same channel"
+        );
+        let problem = Problem::new(join(path, SPACING.key), message).value(config.spacing);
+        problems.push(problem.nearest(config.spacing - 1));
+    }
     if sf.get("kind").and_then(toml::Value::as_str) == Some("static") {
         check_cells(sf, path, sf_path, problems);
     }
@@ -219,7 +230,7 @@ pub fn undedicated((sf, sf_path): (&toml::Table, &str), path: &str) -> Problem {
         "has no dedicated cells that both ends of a link know, which {path} requires: set it to \"msf\", \"llsf\", \"emsf\" or \
          \"static\""
     );
-    Problem::new(format!("{sf_path}.kind"), message).value(kind).nearest("msf")
+    Problem::new(format!("{sf_path}.kind"), message).value(format!("{kind:?}")).nearest("\"msf\"")
 }
 
 /// The cells of a static schedule, as far as they must be the same at both ends.
@@ -255,7 +266,7 @@ fn check_cells(sf: &toml::Table, path: &str, sf_path: &str, problems: &mut Vec<P
                 format!("{at}.from"),
                 format!("must be \"any\" for a cell to \"all\", because {path} is set"),
             )
-            .nearest("any"),
+            .nearest("\"any\""),
             _ => continue,
         };
         problems.push(problem);

@@ -143,6 +143,12 @@ impl Settings {
         }
     }
 
+    /// Whether the network carries no payloads of the swarm.
+    #[must_use]
+    pub fn is_silent(&self) -> bool {
+        matches!(self.transport, Transport::None)
+    }
+
     /// Slots of a control period that is one slotframe.
     #[must_use]
     pub fn slotframe_slots(&self) -> u16 {

@@ -6,7 +6,7 @@ use super::{BuildContext, Entry, SecondMedium, problem};
 use dcf::{Dcf, Timing};
 use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
 use proto::rng::{Draws, Purpose};
-use proto::types::NS_PER_S;
+use proto::types::{NS_PER_S, seconds};
 use serde::Deserialize;
 
 pub mod dcf;
@@ -160,6 +160,23 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
         overhead_bytes: keys.overhead_bytes,
         window: keys.contention_window,
     };
+    let step_ns = context.step_ns;
+    let header_s = timing.airtime_ns(0) as f64 / NS_PER_S as f64;
+    if step_ns < timing.airtime_ns(0) {
+        let key = if step_ns <= timing.preamble_ns { "preamble_s" } else { "bit_rate_bps" };
+        let message = format!(
+            "makes the headers of a frame last {header_s} s, longer than the control period, {} s",
+            seconds(step_ns)
+        );
+        let problem = problem(context, key, message);
+        let bits = 8.0 * f64::from(keys.overhead_bytes);
+        let spare_s = seconds(step_ns.saturating_sub(timing.preamble_ns));
+        context.problems.push(match key {
+            "preamble_s" => problem.value(keys.preamble_s).nearest(192e-6),
+            _ => problem.value(keys.bit_rate_bps).nearest((bits / spare_s).ceil()),
+        });
+        return None;
+    }
     let range = Reach {
         range_m: keys.range_m,
         half_angle_rad: None,

@@ -156,13 +156,20 @@ fn only_schedules_with_dedicated_cells_at_both_ends_and_fewer_arms_than_channels
     ));
     assert_eq!(
         text,
-        "netsim.mac.blacklist.kind: knows the channels 11 to 26 only, and netsim.hopping_sequence has channel 0, got \
-         mabo-first-best-arm (nearest valid: none)"
+        "netsim.mac.blacklist.kind: requires phy.standard = \"o-qpsk-2450\", whose channels are 11 to 26, and \
+         netsim.hopping_sequence has channel 0, got \"mabo-first-best-arm\" (nearest valid: \"none\")"
+    );
+    let spaced = config.replace("arms = 4", "arms = 2, spacing = 8");
+    let text = refused(&format!("{spaced}[sf]\nkind = \"msf\"\n"));
+    assert_eq!(
+        text,
+        "netsim.mac.blacklist.spacing: must not be a multiple of the length of netsim.hopping_sequence, 4, because all \
+         channel offsets then have the same channel, got 8 (nearest valid: 7)"
     );
     let config = config.replace("arms = 4", "arms = 2");
     let text = refused(&format!("{config}[sf]\nkind = \"minimal\"\n"));
     assert!(text.starts_with("netsim.sf.kind: has no dedicated cells"), "{text}");
-    assert!(text.ends_with("got minimal (nearest valid: msf)"), "{text}");
+    assert!(text.ends_with("got \"minimal\" (nearest valid: \"msf\")"), "{text}");
     for (cell, key) in [
         ("from = 1, to = 0, shared = true", "shared"),
         ("from = \"any\", to = 0, shared = false", "shared"),

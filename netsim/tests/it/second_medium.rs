@@ -247,8 +247,23 @@ fn what_a_second_medium_cannot_be_is_refused_with_the_nearest_valid_value() {
     };
     insta::assert_snapshot!(refusal("kind = \"infrared\"\nbit_rate_bps = 8000"), @"netsim.second_medium.bit_rate_bps: must be at least 8800, so that a slot for the longest payload fits in the control period, 0.1 s, got 8000 (nearest valid: 8800)");
     insta::assert_snapshot!(refusal("kind = \"wifi-broadcast\"\ncarrier_sense_m = 10"), @"netsim.second_medium.carrier_sense_m: must be at least range_m, 50, got 10 (nearest valid: 50)");
+    insta::assert_snapshot!(refusal("kind = \"wifi-broadcast\"\nbit_rate_bps = 1000"), @"netsim.second_medium.bit_rate_bps: makes the headers of a frame last 0.512192 s, longer than the control period, 0.1 s, got 1000 (nearest valid: 5130)");
     insta::assert_snapshot!(refusal("kind = \"infra-red\"\npayloads = \"all\""), @r#"
     netsim.second_medium.kind: must be one of "infrared", "wifi-broadcast", got "infra-red" (nearest valid: "infrared")
     netsim.second_medium.payloads: must be one of "main", "second", "both", got "all"
     "#);
+}
+
+#[test]
+fn payloads_that_nothing_carries_are_warned_of() {
+    let warnings = |payloads: &str| {
+        let config = format!(
+            "mode = \"6tisch\"\n[sf]\nkind = \"minimal\"\n[swarm]\ntransport = \"none\"\n{}",
+            infrared(payloads, "")
+        );
+        started(&setup(3, &config)).1.warnings.join("\n")
+    };
+    let expected = "nothing carries the robots' payloads: netsim.second_medium.payloads = \"main\" and netsim.swarm.transport = \"none\"";
+    assert!(warnings("main").contains(expected), "{}", warnings("main"));
+    assert!(!warnings("second").contains(expected));
 }

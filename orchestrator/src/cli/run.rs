@@ -198,6 +198,12 @@ fn highlights(summary: &RunSummary) -> Vec<String> {
             "{:.1} % of frames delivered, {heard:.1} neighbours heard on average",
             ratio * 100.0
         ));
+        if let Some(second) = network.second_medium_deliveries {
+            lines.push(format!(
+                "{second} of {} deliveries came over the second medium; a payload that both media carry counts as two frames",
+                network.deliveries
+            ));
+        }
     }
     lines
 }
