@@ -53,7 +53,7 @@ fn config(blacklist: &str, is_noisy: bool) -> String {
     text
 }
 
-/// Transmissions to the root in dedicated cells after the first ten minutes.
+/// Transmissions to the root in dedicated cells, from the first on.
 #[derive(Clone, Copy, Debug, Default)]
 struct Count {
     n_sent: u64,

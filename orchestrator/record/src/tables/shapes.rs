@@ -232,7 +232,7 @@ pub(super) const FRAMES: TableShape = TableShape {
         never_null("sent_ns", ColumnKind::U64, "Beginning of the slot in which it was sent (ns)."),
         never_null("sender", ColumnKind::U32, "The mote that sent it."),
         nullable("destination", ColumnKind::U32, "it was a broadcast", "The mote it was for."),
-        never_null("channel", ColumnKind::U32, "IEEE 802.15.4 channel, 11 to 26."),
+        never_null("channel", ColumnKind::U32, "IEEE 802.15.4 channel; 11 to 26 at 2.4 GHz."),
         nullable(
             "channel_offset",
             ColumnKind::U32,
