@@ -349,13 +349,16 @@ impl Mesh {
             datagram.n_failed = if is_received { 0 } else { before.saturating_add(1) };
             before
         });
+        let n_secured_acks = u64::from(is_received && self.settings.join.security.is_some());
         let tally = &mut self.state.motes[from as usize].tally;
+        tally.usage.secured_acks_received += n_secured_acks;
         tally.n_tx += 1;
         tally.n_tx_unicast += 1;
         tally.n_tx_acked += u64::from(is_received);
         tally.n_retransmissions += u64::from(n_failed != 0);
         tally.usage.count(SlotUse::TxUnicast { bytes, acked: is_received });
         let tally = &mut self.state.motes[to as usize].tally;
+        tally.usage.secured_acks_sent += n_secured_acks;
         tally.n_rx += u64::from(is_received);
         tally.usage.count(if is_received {
             SlotUse::RxUnicast { bytes }

@@ -1,8 +1,8 @@
 //! The scheduler that decides for all: what it delivers, how fast, and that a saved one goes on.
 
-use crate::harness::{interval, network, setup, standing_at, started, text};
+use crate::harness::{interval, network, payloads, setup, standing_at, started, text};
 use netsim::sim::Network;
-use proto::side::{NetOutput, NetSimulator as _, Setup};
+use proto::side::{NetInput, NetOutput, NetSimulator as _, Setup};
 use proto::types::{NS_PER_S, NetRecord};
 
 /// A line of five motes, each in reach of the next, the root at one end.
@@ -101,6 +101,37 @@ fn a_datagram_of_several_frames_arrives_when_the_last_of_them_does() {
         assert_eq!((hops, outcome), (4, 0));
         assert!((150_000_000..160_000_000).contains(&latency_ns), "{latency_ns}");
     }
+}
+
+#[test]
+fn with_security_frames_and_acknowledgments_keep_both_radios_on_for_six_bytes_more() {
+    let on_ns = |security: &str| {
+        let config = text_of(
+            "propagation = \"unit-disk\"\nradius_m = 10",
+            &format!("[[app]]\nsenders = [1]\nperiod_s = 1\npayload_bytes = 40\n{security}"),
+        );
+        let (mut network, _) = started(&recorded(2, &config));
+        let (ended, _) = run(&mut network, 2, 0..100);
+        let output = network.step(&NetInput {
+            step: 1,
+            from_ns: 100 * NS_PER_S,
+            until_ns: 100 * NS_PER_S + 100_000_000,
+            states: &standing_at(&LINE[..2]),
+            payloads: &payloads(2),
+            moved_obstacles: &[],
+            commands: &[],
+            stop_at_first_delivery: false,
+            records: &[NetRecord::Statistics],
+        });
+        let columns = output.statistics.expect("statistics are recorded").columns;
+        let column = columns.iter().find(|column| column.name == "radio_on_ns");
+        (ended.len(), column.expect("a column").values.iter().sum::<f64>())
+    };
+    let (n, plain) = on_ns("");
+    let (n_secured, secured) = on_ns("[security]\nenabled = true\n");
+    assert!(80 < n && n == n_secured, "{n} {n_secured}");
+    // A byte lasts 32 µs.
+    assert_eq!(secured - plain, n as f64 * 4.0 * 6.0 * 32_000.0);
 }
 
 #[test]
