@@ -14,6 +14,7 @@
 //! The root goes on to the next mote after it has sent the last block, or after it has heard nothing for MAX_TRANSMIT_WAIT (RFC 7252,
 //! § 4.8.2), within which the mote has given up too.
 
+use super::config::Largest;
 use super::exchange::{
     ACK_RANDOM_FACTOR, ACK_TIMEOUT, Answered, Endpoint, Exchange, MAX_RETRANSMIT, Timeout,
     TimerKeys, Timers, coap_packet,
@@ -21,7 +22,7 @@ use super::exchange::{
 use super::sender::{MOTE, ns};
 use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
 use crate::lowpan::DropReason;
-use crate::wire::coap::{Block, CoapRepr, Code, Type};
+use crate::wire::coap::{Block, CoapRepr, Code, Token, Type};
 use bytes::Bytes;
 use proto::config::{Choice, Default, Field, Kind, Problem, Range, Variant, join, typed};
 use proto::types::NS_PER_S;
@@ -373,6 +374,22 @@ impl super::Kind for Download {
                 self.targets.as_ref().map_or_else(|| others.collect(), |list| list.clone().into());
         }
         Some(one)
+    }
+
+    /// The first block, which states the size of the whole; or the last full one, whose number is greater.
+    fn largest(&self) -> Largest {
+        let Settings { size_bytes, szx, .. } = self.settings;
+        let n_full = size_bytes / self.settings.block_bytes();
+        let blocks = [0, n_full.saturating_sub(1)].into_iter().filter_map(|number| {
+            let block2 = Some(Block { number, more: false, szx });
+            let token = Token::from(0);
+            let get = CoapRepr { block2, token, ..CoapRepr::request(Code::GET, "") };
+            self.block(&get).map(|block| block.to_vec())
+        });
+        let longest = blocks.max_by_key(Vec::len).unwrap_or_default();
+        let packet = coap_packet(0, longest.into(), 0);
+        let (key, value) = ("block_bytes", self.settings.block_bytes());
+        Largest { key, value, packet }
     }
 }
 
