@@ -30,10 +30,14 @@ pub use event::Events;
 pub use sender::{Peer, Sender};
 
 use crate::dice::Dice;
+use crate::join::ports;
 use crate::lowpan::DropReason;
 use crate::mesh::packets::Packets;
+use crate::mote::ports::APPLICATION_PORT;
 use crate::wire::coap::CoapRepr;
+use crate::wire::datagram::UdpRepr;
 use bytes::Bytes;
+use config::Largest;
 use proto::config::{Problem, Variant};
 use serde::{Deserialize, Serialize};
 
@@ -72,6 +76,16 @@ pub struct Packet {
 }
 
 impl Packet {
+    /// What travels in its IPv6 datagram.
+    #[must_use]
+    pub fn udp(&self) -> UdpRepr {
+        let port = match self.content {
+            Content::Counted { .. } => APPLICATION_PORT,
+            Content::Coap(_) => ports::COAP,
+        };
+        UdpRepr { source_port: port, destination_port: port, payload: self.payload() }
+    }
+
     /// UDP payload: a CoAP message; or the counter, most significant byte first, then zeros, cut to its length.
     #[must_use]
     pub fn payload(&self) -> Bytes {
@@ -233,6 +247,9 @@ pub trait Kind: Traffic + Sized {
 
     /// The application as one mote runs it; `None`: the mote takes no part.
     fn assigned(&self, host: &Host) -> Option<Self>;
+
+    /// The largest packet that it sends.
+    fn largest(&self) -> Largest;
 }
 
 /// One application of one mote.

@@ -1,6 +1,7 @@
 //! The `[netsim]` section.
 
 mod admission;
+mod applications;
 pub mod compat;
 mod energy;
 

@@ -124,6 +124,26 @@ impl Iterator for Parts {
 
 impl ExactSizeIterator for Parts {}
 
+/// What a datagram of mote `own` is sent in, to `next_hop` or to everyone: whole if it fits the `room` (bytes) of a frame, otherwise
+/// cut.
+///
+/// # Errors
+///
+/// It is too large for fragments, or its headers for a frame.
+pub(crate) fn parts_of(
+    datagram: Arc<Datagram>,
+    tag: u16,
+    own: Eui64,
+    next_hop: Option<Eui64>,
+    room: usize,
+) -> Result<Parts, DropReason> {
+    if datagram.compressed_len(own, next_hop) <= room {
+        return Ok(Parts { whole: Some(datagram), parts: Vec::new().into_iter() });
+    }
+    let parts = datagram.fragment(tag, room).ok_or(DropReason::TooLarge)?;
+    Ok(Parts { whole: None, parts: parts.into_iter() })
+}
+
 /// Tags are the sender's: a datagram in parts is known by both.
 type Key = (Eui64, u16);
 
@@ -170,12 +190,11 @@ impl Lowpan {
         next_hop: Option<Eui64>,
         room: usize,
     ) -> Result<Parts, DropReason> {
-        if datagram.compressed_len(self.own, next_hop) <= room {
-            return Ok(Parts { whole: Some(datagram), parts: Vec::new().into_iter() });
+        let parts = parts_of(datagram, self.tag, self.own, next_hop, room)?;
+        if parts.whole.is_none() {
+            self.tag = self.tag.wrapping_add(1);
         }
-        let parts = datagram.fragment(self.tag, room).ok_or(DropReason::TooLarge)?;
-        self.tag = self.tag.wrapping_add(1);
-        Ok(Parts { whole: None, parts: parts.into_iter() })
+        Ok(parts)
     }
 
     /// Something has come from a neighbour.

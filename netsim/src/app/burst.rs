@@ -1,5 +1,6 @@
 //! `burst`: several packets at once, once.
 
+use super::config::Largest;
 use super::sender::{DESTINATION, PAYLOAD_BYTES, SENDERS, Sender, ns};
 use super::{Context, Host, Packet, Reading, Traffic};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
@@ -60,6 +61,10 @@ impl super::Kind for Burst {
 
     fn assigned(&self, host: &Host) -> Option<Self> {
         Some(Self::new(self.sender.assigned(host)?, self.after_ns, self.n_packets))
+    }
+
+    fn largest(&self) -> Largest {
+        self.sender.largest()
     }
 }
 

@@ -8,6 +8,7 @@
 //!
 //! An exchange succeeds if its response comes, to whichever transmission. Its round-trip time is that from the first transmission.
 
+use super::config::Largest;
 use super::exchange::{
     ACK_RANDOM_FACTOR, ACK_TIMEOUT, Answered, Endpoint, Exchange, MAX_RETRANSMIT, Timeout,
     TimerKeys, Timers, coap_packet,
@@ -16,7 +17,7 @@ use super::sender::{MAX_PAYLOAD_BYTES, MOTE, ns};
 use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
 use crate::lowpan::DropReason;
 use crate::mesh::packets::PacketKind;
-use crate::wire::coap::{CoapRepr, Code, Type};
+use crate::wire::coap::{CoapRepr, Code, Token, Type};
 use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
 use serde::{Deserialize, Serialize};
 
@@ -168,6 +169,12 @@ impl Coap {
         Some(packet)
     }
 
+    /// The mote's answer to a request.
+    fn response(&self, request: &CoapRepr) -> CoapRepr {
+        let payload = vec![0; usize::from(self.settings.response_bytes)].into();
+        CoapRepr { payload, ..request.response(Code::CONTENT) }
+    }
+
     fn first_due(&self) -> Option<usize> {
         (0..self.open.len()).min_by_key(|&place| self.open[place].0.due_ns())
     }
@@ -243,6 +250,12 @@ impl super::Kind for Coap {
         let endpoint = Endpoint::new(host);
         Some(Self { host: Some(*host), endpoint, is_client, ..Self::new(self.settings) })
     }
+
+    fn largest(&self) -> Largest {
+        let request = CoapRepr { token: Token::from(0), ..CoapRepr::request(Code::GET, "") };
+        let packet = coap_packet(0, self.response(&request).to_vec().into(), 0);
+        Largest { key: "response_bytes", value: self.settings.response_bytes.into(), packet }
+    }
 }
 
 impl Traffic for Coap {
@@ -302,9 +315,8 @@ impl Traffic for Coap {
                 let timers = &self.settings.timers;
                 let is_again = self.answered.is_duplicate(from, message, timers, cx.now_ns);
                 self.counters.duplicates += u64::from(is_again);
-                let payload = vec![0; usize::from(self.settings.response_bytes)].into();
-                let response = CoapRepr { payload, ..message.response(Code::CONTENT) };
-                let answer = coap_packet(from, response.to_vec().into(), cx.now_ns);
+                let answer = self.response(message).to_vec();
+                let answer = coap_packet(from, answer.into(), cx.now_ns);
                 Heard::Taken(Some(answer))
             }
             Type::Acknowledgment => {

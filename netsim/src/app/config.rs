@@ -6,7 +6,7 @@ use super::download::Download;
 use super::event::Event;
 use super::periodic::Periodic;
 use super::poisson::Poisson;
-use super::{Host, Kind, Reading, Traffic};
+use super::{Host, Kind, Packet, Reading, Traffic};
 use proto::config::{Problem, TableSpec, Tag, Variant, Variants};
 use serde::{Deserialize, Serialize};
 
@@ -39,6 +39,12 @@ macro_rules! kinds {
             pub(super) fn assigned(&self, host: &Host) -> Option<Self> {
                 match self {
                     $(Self::$kind(kind) => kind.assigned(host).map(Self::$kind),)+
+                }
+            }
+
+            fn largest(&self) -> Largest {
+                match self {
+                    $(Self::$kind(kind) => kind.largest(),)+
                 }
             }
 
@@ -75,6 +81,17 @@ const TAG: Tag = Tag {
     default: Some(<Periodic as Kind>::VARIANT.name),
     variants: Variants::Fixed(VARIANTS),
 };
+
+/// The largest packet of an application, and what makes it so large.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Largest {
+    /// The key that sets its length.
+    pub key: &'static str,
+    /// The value of the key.
+    pub value: u32,
+    /// The packet; its destination and its time do not matter.
+    pub packet: Packet,
+}
 
 /// An application as configured.
 #[derive(Clone, Debug, PartialEq)]
@@ -116,6 +133,12 @@ impl Spec {
                 Vec::new()
             }
         }
+    }
+
+    /// The largest packet that it sends.
+    #[must_use]
+    pub fn largest(&self) -> Largest {
+        self.machine.largest()
     }
 
     /// Whether motes exchange CoAP messages.

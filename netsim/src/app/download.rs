@@ -7,9 +7,14 @@
 //! A download of S bytes in blocks of b takes N = ⌈S/b⌉ exchanges. If each takes a round trip R, it takes N R, and its goodput is
 //! at most b/R. It begins when the mote has been triggered, ends with the last block, and fails if a block's request is given up.
 //!
+//! A mote downloads once, however often it is triggered; reboots of either end do not change that. If the root gives up a trigger
+//! and the mote has not begun, the download fails: it is counted from the first transmission of the trigger. A mote that gets the
+//! trigger later downloads all the same, but the download has failed, like a packet that arrives after it was taken for lost.
+//!
 //! The root goes on to the next mote after it has sent the last block, or after it has heard nothing for MAX_TRANSMIT_WAIT (RFC 7252,
 //! § 4.8.2), within which the mote has given up too.
 
+use super::config::Largest;
 use super::exchange::{
     ACK_RANDOM_FACTOR, ACK_TIMEOUT, Answered, Endpoint, Exchange, MAX_RETRANSMIT, Timeout,
     TimerKeys, Timers, coap_packet,
@@ -17,8 +22,7 @@ use super::exchange::{
 use super::sender::{MOTE, ns};
 use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
 use crate::lowpan::DropReason;
-use crate::mesh::packets::PacketKind;
-use crate::wire::coap::{Block, CoapRepr, Code, Type};
+use crate::wire::coap::{Block, CoapRepr, Code, Token, Type};
 use bytes::Bytes;
 use proto::config::{Choice, Default, Field, Kind, Problem, Range, Variant, join, typed};
 use proto::types::NS_PER_S;
@@ -65,8 +69,8 @@ enum Root {
     Idle,
     /// Looks for a mote to trigger (ns).
     Looks(u64),
-    /// Has triggered a mote, which has not answered.
-    Triggers(Exchange),
+    /// Has triggered a mote, for the first time then (ns); it has not answered.
+    Triggers(Exchange, u64),
     /// A mote downloads; unless something is heard of it before that time (ns), it has given up.
     Serves(u32, u64),
 }
@@ -95,6 +99,8 @@ pub struct Download {
     /// Motes that the root has not triggered yet.
     remaining: VecDeque<u32>,
     fetch: Option<Fetch>,
+    /// Whether the mote has been triggered: it outlasts a reboot.
+    has_begun: bool,
     /// When the mote requests its first block (ns).
     begins_ns: Option<u64>,
     /// Requests that the mote has answered.
@@ -132,6 +138,7 @@ impl Download {
             root: Root::Idle,
             remaining: VecDeque::new(),
             fetch: None,
+            has_begun: false,
             begins_ns: None,
             answered: Answered::default(),
             counters: Counters::default(),
@@ -158,7 +165,7 @@ impl Download {
         let post = CoapRepr::request(Code::POST, &self.endpoint.path(TRIGGER));
         let timers = &self.settings.timers;
         let (exchange, packet) = Exchange::begin(mote, post, timers, &mut self.endpoint, cx.now_ns);
-        self.root = Root::Triggers(exchange);
+        self.root = Root::Triggers(exchange, cx.now_ns);
         Some(packet)
     }
 
@@ -231,12 +238,12 @@ impl Download {
 
     /// The mote has been triggered by `server`.
     fn begin(&mut self, server: u32, cx: &mut Context<'_>) {
-        if self.fetch.is_some() {
+        if std::mem::replace(&mut self.has_begun, true) {
             return;
         }
         let own = self.host.map_or(0, |host| host.mote);
-        let size_bytes = self.settings.size_bytes;
-        let number = cx.packets.begin(PacketKind::Download, server, own, cx.now_ns, size_bytes);
+        let (app, bytes) = (self.endpoint.app, self.settings.size_bytes);
+        let (number, _) = cx.packets.begin_download(app, server, own, cx.now_ns, bytes);
         self.fetch = Some(Fetch { block: 0, exchange: None, number, server });
         self.begins_ns = Some(cx.now_ns);
     }
@@ -245,7 +252,7 @@ impl Download {
     fn serves(&self, mote: u32) -> bool {
         match &self.root {
             Root::Serves(served, _) => *served == mote,
-            Root::Triggers(exchange) => exchange.peer == mote,
+            Root::Triggers(exchange, _) => exchange.peer == mote,
             Root::Idle | Root::Looks(_) => false,
         }
     }
@@ -257,7 +264,7 @@ impl Download {
         message: &CoapRepr,
         cx: &mut Context<'_>,
     ) -> Heard {
-        if let Root::Triggers(exchange) = &self.root
+        if let Root::Triggers(exchange, _) = &self.root
             && exchange.is_answered_by(from, message)
         {
             let until_ns = cx.now_ns + self.settings.timers.max_transmit_wait_ns();
@@ -368,6 +375,22 @@ impl super::Kind for Download {
         }
         Some(one)
     }
+
+    /// The first block, which states the size of the whole; or the last full one, whose number is greater.
+    fn largest(&self) -> Largest {
+        let Settings { size_bytes, szx, .. } = self.settings;
+        let n_full = size_bytes / self.settings.block_bytes();
+        let blocks = [0, n_full.saturating_sub(1)].into_iter().filter_map(|number| {
+            let block2 = Some(Block { number, more: false, szx });
+            let token = Token::from(0);
+            let get = CoapRepr { block2, token, ..CoapRepr::request(Code::GET, "") };
+            self.block(&get).map(|block| block.to_vec())
+        });
+        let longest = blocks.max_by_key(Vec::len).unwrap_or_default();
+        let packet = coap_packet(0, longest.into(), 0);
+        let (key, value) = ("block_bytes", self.settings.block_bytes());
+        Largest { key, value, packet }
+    }
 }
 
 impl Traffic for Download {
@@ -386,7 +409,7 @@ impl Traffic for Download {
         let of_root = match &self.root {
             Root::Idle => None,
             Root::Looks(at_ns) | Root::Serves(_, at_ns) => Some(*at_ns),
-            Root::Triggers(exchange) => Some(exchange.due_ns()),
+            Root::Triggers(exchange, _) => Some(exchange.due_ns()),
         };
         let open = self.fetch.as_ref().and_then(|fetch| fetch.exchange.as_ref());
         let of_mote = open.map(Exchange::due_ns);
@@ -418,14 +441,17 @@ impl Traffic for Download {
         match &mut self.root {
             Root::Idle => None,
             Root::Looks(_) | Root::Serves(..) => self.trigger_next(cx),
-            Root::Triggers(exchange) => match exchange.handle_timeout(&timers, now_ns) {
+            Root::Triggers(exchange, first_ns) => match exchange.handle_timeout(&timers, now_ns) {
                 Timeout::Again(packet) => Some(packet),
                 Timeout::GivenUp => {
-                    // A download that has not begun has failed all the same.
                     let (own, mote) = (self.host.map_or(0, |host| host.mote), exchange.peer);
-                    let bytes = self.settings.size_bytes;
-                    let number = cx.packets.begin(PacketKind::Download, own, mote, now_ns, bytes);
-                    cx.packets.lose(number, now_ns, DropReason::MaxRetries);
+                    let (app, bytes) = (self.endpoint.app, self.settings.size_bytes);
+                    let (number, is_new) =
+                        cx.packets.begin_download(app, own, mote, *first_ns, bytes);
+                    // One that the mote has begun is the mote's to end.
+                    if is_new {
+                        cx.packets.lose(number, now_ns, DropReason::MaxRetries);
+                    }
                     self.root = Root::Looks(now_ns);
                     None
                 }
@@ -452,9 +478,11 @@ impl Traffic for Download {
         if let Some(fetch) = self.fetch.take() {
             cx.packets.lose(fetch.number, cx.now_ns, DropReason::Killed);
         }
-        if let Root::Triggers(Exchange { peer, .. }) | Root::Serves(peer, _) = self.root {
-            // The root begins anew with the mote that it was at.
-            self.remaining.push_front(peer);
+        // Who has been triggered outlasts a reboot, an exchange does not.
+        match &self.root {
+            Root::Serves(..) => return,
+            Root::Triggers(exchange, _) => self.remaining.push_front(exchange.peer),
+            Root::Idle | Root::Looks(_) => {}
         }
         self.root = Root::Idle;
     }

@@ -5,6 +5,7 @@
 //!
 //! E events whose radius covers k senders each make exactly E k `n_packets` packets, if all are ready for as long.
 
+use super::config::Largest;
 use super::sender::{DESTINATION, PAYLOAD_BYTES, SENDERS, Sender, ns};
 use super::stream::exponential_ns;
 use super::{Context, Host, Machine, Packet, Reading, Spec, Traffic};
@@ -148,6 +149,10 @@ impl super::Kind for Event {
 
     fn assigned(&self, host: &Host) -> Option<Self> {
         Some(Self::new(self.sender.assigned(host)?, None, self.n_packets, self.spacing_ns))
+    }
+
+    fn largest(&self) -> Largest {
+        self.sender.largest()
     }
 }
 

@@ -1,5 +1,6 @@
 //! `periodic`: a packet again and again.
 
+use super::config::Largest;
 use super::sender::{DESTINATION, PAYLOAD_BYTES, SENDERS, Sender, ns};
 use super::{Context, Host, Packet, Reading, Traffic};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
@@ -64,6 +65,10 @@ impl super::Kind for Periodic {
     fn assigned(&self, host: &Host) -> Option<Self> {
         let one = Self::new(self.sender.assigned(host)?, self.period_ns, self.jitter_ns);
         Some(Self { slot_ns: host.slot_ns, ..one })
+    }
+
+    fn largest(&self) -> Largest {
+        self.sender.largest()
     }
 }
 

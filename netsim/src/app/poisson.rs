@@ -4,6 +4,7 @@
 //! number in a time t has mean and variance t/m. The sum over n motes is a Poisson process of rate n/m. (Kingman, "Poisson
 //! Processes", 1993.)
 
+use super::config::Largest;
 use super::sender::{DESTINATION, PAYLOAD_BYTES, SENDERS, Sender, ns};
 use super::stream::Stream;
 use super::{Context, Host, Packet, Reading, Traffic};
@@ -57,6 +58,10 @@ impl super::Kind for Poisson {
     fn assigned(&self, host: &Host) -> Option<Self> {
         let stream = Stream::new(host.seed, host.mote, host.app);
         Some(Self { stream, ..Self::new(self.sender.assigned(host)?, self.mean_ns) })
+    }
+
+    fn largest(&self) -> Largest {
+        self.sender.largest()
     }
 }
 

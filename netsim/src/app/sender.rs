@@ -1,5 +1,6 @@
 //! What one-way kinds of traffic share: who sends, to whom, and how much.
 
+use super::config::Largest;
 use super::{Content, Destination, Host, Packet, Reading};
 use crate::dice::Dice;
 use proto::config::{Choice, Default, Field, Kind, typed};
@@ -140,6 +141,14 @@ impl Sender {
         let sends = self.senders.as_ref().is_none_or(|senders| senders.contains(&host.mote));
         let one = Self::new(None, self.peer, self.payload_bytes);
         (sends && has_somebody).then_some(Self { own: host.mote, n_motes: host.n_motes, ..one })
+    }
+
+    /// The largest packet: all are of one length.
+    pub(super) fn largest(&self) -> Largest {
+        let Self { payload_bytes, .. } = *self;
+        let content = Content::Counted { payload_bytes, counter: 0 };
+        let packet = Packet { destination: Destination::Root, content, created_ns: 0 };
+        Largest { key: PAYLOAD_BYTES.key, value: payload_bytes.into(), packet }
     }
 
     /// How many packets it made.

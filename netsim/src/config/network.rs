@@ -1,7 +1,7 @@
 //! The keys of `mode = "6tisch"`.
 
 use super::compat::{self, Compat};
-use super::{admission, energy, lowpan, mac, mobility, rpl, security, swarm};
+use super::{admission, applications, energy, lowpan, mac, mobility, rpl, security, swarm};
 use crate::app;
 use crate::catalogue::Catalogue;
 use crate::energy::Model;
@@ -192,11 +192,6 @@ pub(super) fn build(
         warnings,
     };
     let transport = swarm::build(&keys.swarm, &mut swarm);
-    let mut apps = Vec::new();
-    for (index, table) in keys.app.iter().enumerate() {
-        let path = key_path(&format!("app[{index}]"));
-        apps.extend(app::Spec::read(table, &path, given.agent_count as u32, problems));
-    }
     let (energy, battery_mah, battery_deaths) =
         energy::build(&keys.energy, &key_path("energy"), given.airtime, problems);
     if given.airtime != Airtime::O_QPSK_2450 && !matches!(energy, Model::ByTime { .. }) {
@@ -207,7 +202,14 @@ pub(super) fn build(
     }
     let mut rpl = rpl::build(&keys.rpl, compat);
     let has_oracle = scheduling.as_ref().is_some_and(|sf| sf.as_kind::<OracleConfig>().is_some());
-    check_exchanges(&apps, &roots, rpl.advertises, has_oracle, given.path, problems);
+    let surroundings = applications::Surroundings {
+        path: given.path,
+        agent_count: given.agent_count,
+        roots: &roots,
+        has_routes_down: rpl.advertises,
+        has_oracle,
+    };
+    let apps = applications::build(&keys.app, &surroundings, problems);
     let (mobility, handover) = mobility::build(&keys.mobility, given, &roots, problems);
     rpl.handover = handover;
     mac.pending_bit |= mobility.bursts;
@@ -273,38 +275,10 @@ pub(super) fn build(
         battery_deaths,
         compat,
     };
-    Some((settings, addresses))
-}
-
-/// Exchanges between the first root and motes need ways in both directions, and two ends.
-fn check_exchanges(
-    apps: &[app::Spec],
-    roots: &[u32],
-    has_routes_down: bool,
-    has_oracle: bool,
-    path: &str,
-    problems: &mut Vec<Problem>,
-) {
-    let key_path = |key: &str| join(path, key);
-    for (index, spec) in apps.iter().enumerate() {
-        let kind = key_path(&format!("app[{index}].kind"));
-        if spec.is_coap() && !has_routes_down {
-            let key = key_path("rpl.routes_down");
-            let message = format!("needs routes from the root to motes: set {key} = true");
-            problems.push(Problem::new(kind, message));
-        } else if spec.is_coap() && has_oracle {
-            let key = key_path("sf.kind");
-            let message =
-                format!("needs another {key} than \"oracle\", which carries one-way packets only");
-            problems.push(Problem::new(kind, message));
-        }
-        let is_root = |mote| roots.first() == Some(&mote);
-        for (key, mote) in spec.other_ends().into_iter().filter(|&(_, mote)| is_root(mote)) {
-            let path = key_path(&format!("app[{index}].{key}"));
-            let message = "must not be the first root, which is the other end of the exchange";
-            problems.push(Problem::new(path, message).value(mote));
-        }
+    if !has_oracle {
+        applications::warn_of_queues(&settings, given.path, warnings);
     }
+    Some((settings, addresses))
 }
 
 /// Frames that wait before an acknowledgment where queues have no limit.

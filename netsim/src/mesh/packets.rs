@@ -86,6 +86,8 @@ pub struct Packets<R> {
     n_late: u64,
     /// By kind.
     n_created: [u64; PacketKind::ALL.len()],
+    /// Numbers of the downloads that have begun, by application and mote: a mote has one of each.
+    downloads: BTreeMap<(u32, u32), u64>,
 }
 
 impl<R> Default for Packets<R> {
@@ -99,6 +101,7 @@ impl<R> Default for Packets<R> {
             n_lost: 0,
             n_late: 0,
             n_created: [0; PacketKind::ALL.len()],
+            downloads: BTreeMap::new(),
         }
     }
 }
@@ -119,6 +122,24 @@ impl<R: Copy> Packets<R> {
         let packet = Packet { id, kind, source, destination, created_ns, bytes, hops_before: 0 };
         self.on_their_way.insert(id, packet);
         id
+    }
+
+    /// The download of an application by a mote, `destination`, sets out, unless it did before: whoever notes it first, there is
+    /// one. Returns its number, and whether it is new.
+    pub fn begin_download(
+        &mut self,
+        app: u32,
+        source: u32,
+        destination: u32,
+        created_ns: u64,
+        bytes: u32,
+    ) -> (u64, bool) {
+        if let Some(&id) = self.downloads.get(&(app, destination)) {
+            return (id, false);
+        }
+        let id = self.begin(PacketKind::Download, source, destination, created_ns, bytes);
+        self.downloads.insert((app, destination), id);
+        (id, true)
     }
 
     /// A packet has arrived. `None`: it has ended before, or is none that is counted.
@@ -207,5 +228,17 @@ mod tests {
         );
         packets.deliver(c, 9, 1);
         assert_eq!(packets.counts(), [3, 2, 1, 0]);
+    }
+
+    #[test]
+    fn a_mote_has_one_download_of_each_application() {
+        let mut packets = Packets::<char>::default();
+        let began = [(0, 3), (0, 4), (1, 3), (0, 3)]
+            .map(|(app, mote)| packets.begin_download(app, 0, mote, 5, 9));
+        assert_eq!(began, [(1, true), (2, true), (3, true), (1, false)]);
+        packets.lose(1, 9, 'x');
+        assert_eq!(packets.begin_download(0, 0, 3, 10, 9), (1, false));
+        assert!(packets.deliver(1, 11, 1).is_none());
+        assert_eq!((packets.created(PacketKind::Download), packets.late()), (3, 1));
     }
 }

@@ -3,7 +3,6 @@
 use super::ports::{APPLICATION_PORT, SWARM_PORT};
 use super::{Mote, World};
 use crate::app;
-use crate::join::ports;
 use crate::lowpan::DropReason;
 use crate::mac::queue::{Priority, Queued, SWARM_HANDLE};
 use crate::mesh::packets::PacketKind;
@@ -171,16 +170,11 @@ impl Mote {
         let Some(to) = to else { return };
         let Some(mote) = world.addresses.mote(to) else { return };
         self.tally.n_created += 1;
-        let payload = packet.payload();
-        let bytes = payload.len() as u32;
+        let udp = packet.udp();
+        let bytes = udp.payload.len() as u32;
         let kind = PacketKind::Application;
         let id = world.packets.begin(kind, self.id, mote, packet.created_ns, bytes);
-        let port = match packet.content {
-            app::Content::Counted { .. } => APPLICATION_PORT,
-            app::Content::Coap(_) => ports::COAP,
-        };
-        let upper = Upper::Udp(UdpRepr { source_port: port, destination_port: port, payload });
-        self.originate(world, to.global(), upper, id);
+        self.originate(world, to.global(), Upper::Udp(udp), id);
     }
 
     /// Lengths of the frames (PSDU, bytes) that carry a payload to a neighbour, without headers of routing.

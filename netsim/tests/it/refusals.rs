@@ -116,6 +116,27 @@ fn admission_beyond_one_hop_without_routes_down_is_warned_of() {
 }
 
 #[test]
+fn applications_whose_frames_no_queue_holds_are_warned_of() {
+    let warnings = |keys: &str| {
+        let config = format!("mode = \"6tisch\"\n{keys}");
+        started(&setup(3, &config)).1.warnings.join("\n")
+    };
+    let apps = "[[app]]\nkind = \"download\"\nblock_bytes = 1024\n[[app]]\nkind = \"coap\"\nresponse_bytes = 1000\n\
+                [[app]]\npayload_bytes = 1000\n";
+    insta::assert_snapshot!(warnings(apps), @"");
+    assert_eq!(warnings(&format!("[mac]\nqueue_frames = 0\n{apps}")), "");
+    assert_eq!(warnings(&format!("[mac]\nqueue_frames = 20\n{apps}")), "");
+    // The representation fits into a block of a fifth of that.
+    assert_eq!(
+        warnings("[[app]]\nkind = \"download\"\nblock_bytes = 1024\nsize_bytes = 200\n"),
+        ""
+    );
+    let small = "[[app]]\nkind = \"download\"\nblock_bytes = 512\n[[app]]\nkind = \"coap\"\nresponse_bytes = 800\n\
+                 [[app]]\npayload_bytes = 800\n";
+    assert_eq!(warnings(small), "");
+}
+
+#[test]
 fn settings_of_motes_that_move_which_change_nothing_or_shut_all_out_are_warned_of() {
     let warnings = |mobility: &str| {
         let config = format!("mode = \"6tisch\"\n{mobility}");

@@ -7,7 +7,7 @@ use crate::dry_run::DryRun;
 use crate::run::run_answer::RunAnswer;
 use crate::run::{self, LiveView, ResumeOptions, RunOptions, RunReport, StartOptions};
 use clap::Args;
-use metrics::kpi::kpi_summary::KpiSummary;
+use metrics::kpi::kpi_summary::{ExchangeOutcome, KpiSummary};
 use proto::types::seconds;
 use record::ReplacePolicy;
 use record::run_summary::{RunSummary, TaskSummary};
@@ -230,6 +230,18 @@ fn of_packets(kpis: &KpiSummary) -> Vec<String> {
             delivery.ratio * 100.0,
             delivery.delivered
         ));
+    }
+    if let Some(exchanges) = &kpis.exchanges {
+        let ExchangeOutcome { succeeded, started, .. } = exchanges.outcome;
+        let round_trip_s = exchanges.round_trip_s.as_ref().and_then(|latency| latency.median);
+        let after = round_trip_s.map(|s| format!(", after {s:.2} s (median)")).unwrap_or_default();
+        lines.push(format!("{succeeded} of {started} exchanges succeeded{after}"));
+    }
+    if let Some(downloads) = &kpis.downloads {
+        let ExchangeOutcome { succeeded, started, .. } = downloads.outcome;
+        let goodput = downloads.mean_goodput_bytes_s;
+        let goodput = goodput.map(|rate| format!(", at {rate:.0} B/s (mean)")).unwrap_or_default();
+        lines.push(format!("{succeeded} of {started} downloads complete{goodput}"));
     }
     lines
 }

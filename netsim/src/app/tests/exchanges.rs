@@ -1,6 +1,7 @@
 //! CoAP exchanges and downloads between a root and motes, message by message.
 
 use super::*;
+use crate::mesh::packets::PacketKind;
 use coap::{Coap, Servers, Settings};
 use download::Download;
 use exchange::Timers;
@@ -353,6 +354,69 @@ fn a_duplicate_of_a_trigger_begins_no_second_download() {
     let answer = give(&mut mote, 0, &sent[0], 5 * NS_PER_S, &mut world);
     assert_eq!(message(&answer.unwrap()).code, Code::CHANGED);
     assert_eq!((mote.poll_timeout(), mote.counters().block_duplicates), (None, 1));
+}
+
+/// The root gives up the trigger: the download has failed, from the first transmission on. The trigger reaches the mote later.
+#[test]
+fn a_trigger_that_arrives_after_it_was_given_up_counts_no_second_download() {
+    let spec = download(16, 0);
+    let mut world = World::of(0);
+    let (sent, [mut root, mut mote]) =
+        transfer(&spec, &mut world, NS_PER_S / 10, u64::MAX, |_| true);
+    let [ended] = &world.packets.take_ended()[..] else { panic!("one download") };
+    let waited_ns = ended.ended_ns - ended.packet.created_ns;
+    assert!((62 * NS_PER_S..=93 * NS_PER_S).contains(&waited_ns));
+
+    let later_ns = 100 * NS_PER_S;
+    give(&mut mote, 0, &sent[0], later_ns, &mut world).unwrap();
+    let get = mote.handle_timeout(&mut world.at(later_ns)).unwrap();
+    let block = give(&mut root, 1, &get, later_ns, &mut world).unwrap();
+    assert_eq!(give(&mut mote, 0, &block, later_ns, &mut world), None);
+    assert_eq!((mote.poll_timeout(), world.packets.take_ended()), (None, vec![]));
+    assert_eq!((world.packets.created(PacketKind::Download), world.packets.late()), (1, 1));
+}
+
+/// The mote has begun and nothing that it sends arrives: both ends give up, and it is one download that failed.
+#[test]
+fn a_download_that_both_ends_give_up_has_failed_once() {
+    let mut world = World::of(0);
+    let is_from_mote = |packet: &Packet| message(packet).code != Code::POST;
+    let (_, apps) = transfer(&download(16, 0), &mut world, NS_PER_S / 10, u64::MAX, is_from_mote);
+    let [ended] = &world.packets.take_ended()[..] else { panic!("one download") };
+    assert_eq!(
+        (ended.packet.created_ns, ended.lost),
+        (NS_PER_S / 10, Some(DropReason::MaxRetries))
+    );
+    assert_eq!(apps[1].counters().block_retransmissions, 4);
+}
+
+/// A reboot of the root while the mote downloads, of the root while it triggers, and of the mote: none begins a second download.
+#[test]
+fn a_reboot_of_either_end_begins_no_second_download() {
+    let reboot = |app: &mut App, now_ns: u64, world: &mut World| {
+        app.set_ready(false, &mut world.at(now_ns));
+        app.machine().reset(&mut world.at(now_ns));
+        app.set_ready(true, &mut world.at(now_ns));
+    };
+    let spec = download(2000, 2);
+    let hop_ns = NS_PER_S / 10;
+    // The second time the root has not heard of the mote yet.
+    for (until_ns, is_triggered_again) in [(NS_PER_S, false), (hop_ns, true)] {
+        let mut world = World::of(0);
+        let (_, [mut root, mut mote]) = transfer(&spec, &mut world, hop_ns, until_ns, |_| false);
+        reboot(&mut root, until_ns, &mut world);
+        let posts = run(&mut root, 1000 * NS_PER_S, &mut world);
+        assert_eq!(!posts.is_empty(), is_triggered_again);
+        reboot(&mut mote, 1000 * NS_PER_S, &mut world);
+        for post in posts {
+            let answer = give(&mut mote, 0, &post, 1000 * NS_PER_S, &mut world).unwrap();
+            assert_eq!(message(&answer).code, Code::CHANGED);
+        }
+        assert_eq!(mote.poll_timeout(), None);
+        let [ended] = &world.packets.take_ended()[..] else { panic!("one download") };
+        assert_eq!(ended.lost, Some(DropReason::Killed));
+        assert_eq!(world.packets.created(PacketKind::Download), 1);
+    }
 }
 
 #[test]

@@ -121,6 +121,30 @@ fn a_download_takes_an_exchange_per_block_and_stop_and_wait_bounds_its_time() {
     assert_eq!([sum(|sent| sent.blocks), sum(|sent| sent.block_retransmissions)], [16, 0]);
 }
 
+/// The root reboots while the mote downloads: there is one download, which the mote ends, and the root triggers nobody again. The
+/// same if the mote reboots.
+#[test]
+fn a_download_in_which_an_end_reboots_is_one_download() {
+    for mote in [0, 1] {
+        let mut bench = two("[[app]]\nkind = \"download\"\nsize_bytes = 3000\nblock_bytes = 64\n");
+        let blocks = |bench: &Bench| {
+            let motes = bench.mesh.state().motes.iter();
+            motes.flat_map(|mote| &mote.apps).map(|app| app.counters().blocks).sum::<u64>()
+        };
+        bench.run_until(101, 100_000, |bench| 20 <= blocks(bench));
+        bench.order(MoteOrder::Kill(mote));
+        bench.run(1010);
+        bench.order(MoteOrder::Revive(mote));
+        bench.run(100_000);
+        let downloads: Vec<&Ended> = of_kind(&bench, "download").collect();
+        let [download] = downloads[..] else { panic!("{downloads:?}") };
+        assert!(download.created_ns < download.ended_ns);
+        let counts =
+            bench.mesh.state().packets.created(netsim::mesh::packets::PacketKind::Download);
+        assert_eq!(counts, 1);
+    }
+}
+
 /// RFC 7252, 4.2: requests to a mote that is off set out 0, t, 3t, 7t and 15t after the first, and the exchange fails after 31t,
 /// 2 s ≤ t ≤ 3 s. Each timeout ends with the slot in which it passes.
 #[test]
@@ -222,7 +246,20 @@ fn exchanges_need_ways_down_and_two_ends() {
     );
     assert_eq!(
         problems("[[app]]\nkind = \"download\"\ntargets = [1, 0]\n"),
-        "netsim.app[0].targets[1]: must not be the first root, which is the other end of the exchange, got 0"
+        "netsim.app[0].targets[1]: must not be the first root, which is the other end of the exchange, got 0 (nearest valid: 2)"
+    );
+    assert_eq!(
+        problems("[[app]]\nkind = \"coap\"\nservers = 0\n"),
+        "netsim.app[0].servers: must not be the first root, which is the other end of the exchange, got 0 (nearest valid: 1)"
+    );
+    assert_eq!(
+        problems("[[app]]\nkind = \"download\"\ntargets = [2, 2]\n"),
+        "netsim.app[0].targets[1]: must not be listed twice, got 2 (nearest valid: 1)"
+    );
+    // There is no other mote.
+    assert_eq!(
+        problems("[[app]]\nkind = \"download\"\ntargets = [2, 1, 2]\n"),
+        "netsim.app[0].targets[2]: must not be listed twice, got 2"
     );
     assert_eq!(
         problems("sf.kind = \"oracle\"\n[[app]]\nkind = \"coap\"\n"),
