@@ -123,7 +123,11 @@ fn applications_whose_frames_no_queue_holds_are_warned_of() {
     };
     let apps = "[[app]]\nkind = \"download\"\nblock_bytes = 1024\n[[app]]\nkind = \"coap\"\nresponse_bytes = 1000\n\
                 [[app]]\npayload_bytes = 1000\n";
-    insta::assert_snapshot!(warnings(apps), @"");
+    insta::assert_snapshot!(warnings(apps), @r"
+    netsim.app[0].block_bytes = 1024: a datagram takes at least 12 frames, more than a queue of netsim.mac.queue_frames = 10 holds, so that none arrives: set a smaller block_bytes, or netsim.mac.queue_frames to 0 or at least 12
+    netsim.app[1].response_bytes = 1000: a datagram takes at least 11 frames, more than a queue of netsim.mac.queue_frames = 10 holds, so that none arrives: set a smaller response_bytes, or netsim.mac.queue_frames to 0 or at least 11
+    netsim.app[2].payload_bytes = 1000: a datagram takes at least 11 frames, more than a queue of netsim.mac.queue_frames = 10 holds, so that none arrives: set a smaller payload_bytes, or netsim.mac.queue_frames to 0 or at least 11
+    ");
     assert_eq!(warnings(&format!("[mac]\nqueue_frames = 0\n{apps}")), "");
     assert_eq!(warnings(&format!("[mac]\nqueue_frames = 20\n{apps}")), "");
     // The representation fits into a block of a fifth of that.

@@ -233,6 +233,27 @@ fn motes_within_the_radius_report_an_event_wherever_they_are_then() {
     assert!(of_kind(&bench, "app").all(|ended| ended.lost.is_none()));
 }
 
+/// A warning is never false: with a queue that is warned of, nothing arrives. With one frame more, all do, where the datagram has no
+/// headers of routing but RPL's packet information, for which its last frame has room.
+#[test]
+fn packets_of_more_frames_than_the_queue_holds_never_arrive() {
+    for (queue_frames, arrives) in [(10, false), (11, true)] {
+        let app = "[[app]]\nkind = \"burst\"\nat_s = 5.0\npayload_bytes = 1000\n";
+        let queue = format!("queue_frames = {queue_frames}\n");
+        let sf = "[sf]\nkind = \"minimal\"\nslotframe_slots = 11\n";
+        let config = format!("{LINE}{EAGER}{EXACT}{queue}{sf}{app}");
+        let setup = super::bench::set_up(2, &config, 1);
+        let (.., warnings) =
+            netsim::config::read(&setup, netsim::catalogue::Catalogue::built_in()).unwrap();
+        assert_eq!(warnings.is_empty(), arrives, "{warnings:?}");
+        let mut bench = Bench::new(&line(2), &config);
+        bench.run_until(101, 200_000, |bench| of_kind(bench, "app").count() == 1);
+        let packet = of_kind(&bench, "app").next().unwrap();
+        let lost = (!arrives).then_some("txqueue_full");
+        assert_eq!(packet.lost.as_deref(), lost);
+    }
+}
+
 #[test]
 fn exchanges_need_ways_down_and_two_ends() {
     let problems = |keys: &str| {
