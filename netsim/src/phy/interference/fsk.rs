@@ -1,7 +1,7 @@
 //! Interference by the bit error rate of binary FSK.
 
 use super::{Entry, Rule, milliwatts};
-use crate::phy::reception::fsk::bit_error_rate;
+use crate::phy::reception::fsk::{BANDWIDTH, BIT_RATE, NOISE_FLOOR, bit_error_rate};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
@@ -12,24 +12,9 @@ pub const ENTRY: Entry = Entry {
         doc: "The bit error rate of 2-FSK, detected without phase, over the signal-to-interference-and-noise ratio, for every \
               bit with interference.",
         fields: &[
-            Field {
-                key: "noise_floor_dbm",
-                doc: "Noise power in the receiver's bandwidth (dBm).",
-                kind: Kind::Number(Range::closed(-200.0, 0.0)),
-                default: Default::Number(-117.0),
-            },
-            Field {
-                key: "bandwidth_hz",
-                doc: "Bandwidth in which that noise is collected (Hz).",
-                kind: Kind::Number(Range::closed(1e2, 1e9)),
-                default: Default::Number(100e3),
-            },
-            Field {
-                key: "bit_rate_bps",
-                doc: "Bit rate (bit/s).",
-                kind: Kind::Number(Range::closed(1e2, 1e9)),
-                default: Default::Number(50e3),
-            },
+            NOISE_FLOOR,
+            BANDWIDTH,
+            BIT_RATE,
             Field {
                 key: "co_channel_rejection_db",
                 doc: "Co-channel rejection (dB): how much stronger a frame of 20 bytes must be than another one on its \

@@ -5,30 +5,39 @@ use super::{Curve, Entry};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use serde::Deserialize;
 
+/// The key `noise_floor_dbm`, which interference has as well.
+pub const NOISE_FLOOR: Field = Field {
+    key: "noise_floor_dbm",
+    doc: "Noise power in the receiver's bandwidth (dBm).",
+    kind: Kind::Number(Range::closed(-200.0, 0.0)),
+    default: Default::Number(-117.0),
+};
+
+/// The key `bandwidth_hz`, which interference has as well.
+pub const BANDWIDTH: Field = Field {
+    key: "bandwidth_hz",
+    doc: "Bandwidth in which that noise is collected (Hz).",
+    kind: Kind::Number(Range::closed(1e2, 1e9)),
+    default: Default::Number(100e3),
+};
+
+/// The key `bit_rate_bps`, which interference has as well.
+pub const BIT_RATE: Field = Field {
+    key: "bit_rate_bps",
+    doc: "Bit rate (bit/s).",
+    kind: Kind::Number(Range::closed(1e2, 1e9)),
+    default: Default::Number(50e3),
+};
+
 /// `kind = "fsk"`.
 pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "fsk",
         doc: "The bit error rate of 2-FSK, detected without phase, over the signal-to-noise ratio, for every bit of the frame.",
         fields: &[
-            Field {
-                key: "noise_floor_dbm",
-                doc: "Noise power in the receiver's bandwidth (dBm).",
-                kind: Kind::Number(Range::closed(-200.0, 0.0)),
-                default: Default::Number(-117.0),
-            },
-            Field {
-                key: "bandwidth_hz",
-                doc: "Bandwidth in which that noise is collected (Hz).",
-                kind: Kind::Number(Range::closed(1e2, 1e9)),
-                default: Default::Number(100e3),
-            },
-            Field {
-                key: "bit_rate_bps",
-                doc: "Bit rate (bit/s).",
-                kind: Kind::Number(Range::closed(1e2, 1e9)),
-                default: Default::Number(50e3),
-            },
+            NOISE_FLOOR,
+            BANDWIDTH,
+            BIT_RATE,
             Field {
                 key: "frame_bytes",
                 doc: "Length of a frame on air (bytes). 127: the longest of 6TiSCH.",
