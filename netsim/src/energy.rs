@@ -127,14 +127,6 @@ const BY_LENGTH: Table = Table {
 };
 
 impl Model {
-    fn table(self) -> Option<&'static Table> {
-        match self {
-            Self::PerSlot => Some(&PER_SLOT),
-            Self::ByLength => Some(&BY_LENGTH),
-            Self::ByTime { .. } => None,
-        }
-    }
-
     /// Charge (µC) of one slot of `slot_ns`. A frame that is not acknowledged costs what an acknowledged one does.
     #[must_use]
     pub fn charge_uc(self, slot: SlotUse, slot_ns: u64) -> f64 {
@@ -276,12 +268,15 @@ impl Usage {
     /// acknowledgment; by length, the bytes by which a secured one is longer are charged as those of frames.
     #[must_use]
     pub fn charge_uc(&self, model: Model, slot_ns: u64) -> f64 {
-        if let Model::ByTime { tx_ma, rx_ma, airtime } = model {
-            let sending_ns = self.sending_ns(ACK_BYTES, &airtime);
-            let listening_ns = self.radio_on_ns(slot_ns, ACK_BYTES, &airtime) - sending_ns;
-            return 1e-6 * (tx_ma * sending_ns as f64 + rx_ma * listening_ns as f64);
-        }
-        let table = model.table().unwrap_or(&PER_SLOT);
+        let table = match model {
+            Model::PerSlot => &PER_SLOT,
+            Model::ByLength => &BY_LENGTH,
+            Model::ByTime { tx_ma, rx_ma, airtime } => {
+                let sending_ns = self.sending_ns(ACK_BYTES, &airtime);
+                let listening_ns = self.radio_on_ns(slot_ns, ACK_BYTES, &airtime) - sending_ns;
+                return 1e-6 * (tx_ma * sending_ns as f64 + rx_ma * listening_ns as f64);
+            }
+        };
         let [acks_sent, acks_received] = self.ack_security_bytes();
         let scan_uc = table.scan_uc * (slot_ns as f64 / STATED_SLOT_NS as f64);
         table.idle_listen_uc * self.idle_listen as f64
