@@ -63,7 +63,7 @@ fn frames_that_begin_at_the_same_instant_are_lost_and_hidden_ones_too() {
 fn val_one_round_of_contention_has_the_closed_form_of_distinct_draws() {
     for (n, window) in [(2u32, 16u32), (6, 16), (11, 16), (6, 32)] {
         let timing = Timing { window, ..TIMING };
-        let n_rounds = 4000;
+        let n_rounds = 20_000;
         let mut n_received = 0.0;
         for seed in 0..n_rounds {
             let mut dcf = Dcf::new(timing, n as usize + 1);
