@@ -1,16 +1,36 @@
 """What the tests share: the built programs, one recorded run, Python modules made from the contract."""
 
+import atexit
 import functools
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAMS = ROOT / (os.environ.get("CARGO_TARGET_DIR") or "target") / "release"
+BUILT = ROOT / (os.environ.get("CARGO_TARGET_DIR") or "target") / "release"
+COPIES = "MURMURATION_TESTED_PROGRAMS"
+
+
+def copies():
+    """The folder with copies of the built programs. A test that builds something, such as the wheel, may move or replace the
+    originals while others run. Workers of pytest inherit the folder of the process that started them."""
+    if COPIES not in os.environ:
+        folder = tempfile.mkdtemp(prefix="murmuration-programs-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        for path in BUILT.glob("*"):
+            if path.is_file() and os.access(path, os.X_OK):
+                shutil.copy2(path, folder)
+        os.environ[COPIES] = folder
+    return Path(os.environ[COPIES])
+
+
+PROGRAMS = copies()
 
 # Real measurements are not part of the repository: the tests that need them run where this variable names their folder.
 REAL = "MURMURATION_DATA"

@@ -5,7 +5,7 @@ from collections import Counter
 
 import pytest
 
-from conftest import PROGRAMS, ROOT, RUN_DEADLINE_S, only_directory, program, succeed
+from conftest import BUILT, ROOT, RUN_DEADLINE_S, only_directory, program, succeed
 from dissection import ACK, BEACON, DATA, GOOD, PAYLOADS, RPL, dissect, troubles
 
 BUILD_DEADLINE_S = 1200
@@ -17,7 +17,7 @@ def capture(tmp_path_factory):
     succeed(build, deadline_s=BUILD_DEADLINE_S, cwd=ROOT)
     path = tmp_path_factory.mktemp("capture") / "frames.pcap"
     with path.open("wb") as out:
-        subprocess.run([PROGRAMS / "examples" / "frames"], stdout=out, check=True, timeout=RUN_DEADLINE_S)
+        subprocess.run([BUILT / "examples" / "frames"], stdout=out, check=True, timeout=RUN_DEADLINE_S)
     return path
 
 

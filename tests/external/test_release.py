@@ -12,17 +12,17 @@ from pathlib import Path
 
 import pytest
 import yaml
-from conftest import ROOT, only_directory, program, succeed
+from conftest import BUILT, ROOT, only_directory, program, succeed
 from recording import same_recording
 
 SIDES = ("netsim", "robotsim")
 VERSION = tomllib.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["version"]
 NAME = f"murmuration-{VERSION}-x86_64-linux"
-BUILT = Path(program("murmuration"))
+TESTED = Path(program("murmuration"))
 
 # The static program, where a maintainer has built it. CI packs the one that every test uses.
-STATIC = BUILT.parents[1] / "x86_64-unknown-linux-musl" / "release" / "murmuration"
-PACKED = STATIC if STATIC.exists() else BUILT
+STATIC = BUILT.parent / "x86_64-unknown-linux-musl" / "release" / "murmuration"
+PACKED = STATIC if STATIC.exists() else TESTED
 
 
 def make(out, *options, epoch="1700000000", **settings):
@@ -84,8 +84,8 @@ def container(unpacked, tmp_path_factory):
     """Runs a command in the container's file system, with nothing mounted but /proc, as a container engine does."""
     root = tmp_path_factory.mktemp("root")
     entry, directory = copied(unpacked, root)
-    if PACKED is BUILT:
-        add_libraries(BUILT, root)
+    if PACKED is TESTED:
+        add_libraries(TESTED, root)
     (root / "proc").mkdir()
 
     def run(*words):

@@ -5,7 +5,7 @@ import os
 import shutil
 
 import pytest
-from conftest import PROGRAMS, ROOT, only_directory, program, succeed
+from conftest import BUILT, ROOT, only_directory, program, succeed
 from hosts import Server
 from recording import by_topic
 
@@ -26,14 +26,14 @@ def crate(tmp_path_factory):
         text = text.replace(f'path = "{path}"', f'path = "{(EXAMPLE / path).resolve()}"')
     manifest.write_text(text)
     shutil.copy(ROOT / "Cargo.lock", folder)
-    environment = {**os.environ, "CARGO_TARGET_DIR": str(PROGRAMS.parent)}
+    environment = {**os.environ, "CARGO_TARGET_DIR": str(BUILT.parent)}
     for verb in ("build", "test"):
         succeed(["cargo", verb, "--release", "--offline", "--quiet"], BUILD_DEADLINE_S, cwd=folder, env=environment)
     return folder
 
 
 def run(crate, out, *words, command=True):
-    given = ["--set", f'netsim.command=["{program("my-netsim")}"]'] if command else []
+    given = ["--set", f'netsim.command=["{BUILT / "my-netsim"}"]'] if command else []
     return [program("orchestrator"), "run", crate / "experiment.toml", *given, "--out", out, *words]
 
 
@@ -58,7 +58,7 @@ def test_the_network_forms_under_the_function_of_the_crate_and_delivers(recorded
 
 
 def test_the_program_by_its_address_gives_the_same_recording(crate, recorded, tmp_path):
-    with Server([program("my-netsim")], tmp_path / "log", cwd="/") as server:
+    with Server([BUILT / "my-netsim"], tmp_path / "log", cwd="/") as server:
         succeed(run(crate, tmp_path / "url", "--netsim", f"http://{server.address}", command=False))
     again = by_topic(only_directory(tmp_path / "url") / "run.mcap")
     first = by_topic(recorded / "run.mcap")
