@@ -24,7 +24,10 @@ def installed(tmp_path_factory):
     """A Python in a fresh environment with the wheel, and the variables of a shell without Rust."""
     folder = tmp_path_factory.mktemp("package")
     maturin = Path(sys.executable).parent / "maturin"
-    call(maturin, "build", "--release", "--locked", "--out", folder, cwd=ROOT / "python")
+    call(maturin, "build", "--release", "--locked", "--out", folder / "built", cwd=ROOT / "python")
+    call(sys.executable, ROOT / "docs" / "build.py", folder / "book")
+    search = {**os.environ, "PATH": f"{maturin.parent}:{os.environ['PATH']}"}
+    call(ROOT / "release" / "add-guide", *(folder / "built").glob("*.whl"), folder / "book", folder, env=search)
     (wheel,) = folder.glob("murmuration_sim-*.whl")
     venv.create(folder / "venv", with_pip=True)
     scripts = folder / "venv" / "bin"
@@ -44,6 +47,12 @@ def test_both_commands_are_the_program(installed, tmp_path):
     said = [call(scripts / name, "--version", env=variables, cwd=tmp_path).split() for name in ("murmuration", "orchestrator")]
     versions = {version for _, version in said}
     assert len(versions) == 1
+
+
+def test_the_guide_comes_with_the_wheel(installed, tmp_path):
+    scripts, variables = installed
+    page = Path(call(scripts / "murmuration", "docs", "--print", env=variables, cwd=tmp_path).strip())
+    assert page.is_relative_to(scripts.parent) and "Murmuration" in page.read_text()
 
 
 def test_a_newcomer_has_the_first_figure_within_two_minutes(installed, tmp_path):
