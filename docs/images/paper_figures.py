@@ -228,7 +228,7 @@ def main():
         if (folder / name / "trials.parquet").exists():
             picture()
         else:
-            print(f"no {folder / name}: orchestrator sweep configs/paper/{name}.toml makes it")
+            print(f"no {folder / name}: murmuration sweep configs/paper/{name}.toml makes it")
 
 
 if __name__ == "__main__":

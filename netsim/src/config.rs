@@ -162,7 +162,7 @@ pub const PHY: TableSpec = TableSpec {
         },
         Field {
             key: "effect",
-            doc: "Physical effects added to the base model; `orchestrator effects` lists them.",
+            doc: "Physical effects added to the base model; `murmuration effects` lists them.",
             kind: Kind::Tables(&effect::SPEC),
             default: Default::Absent,
         },

@@ -74,7 +74,7 @@ pub const SPEC: TableSpec = TableSpec {
         ),
         field(
             "effect",
-            "Physical effects between command and motion; `orchestrator effects` lists them.",
+            "Physical effects between command and motion; `murmuration effects` lists them.",
             Kind::Tables(&effect::SPEC),
             Default::Absent,
         ),

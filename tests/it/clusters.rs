@@ -217,7 +217,7 @@ fn what_a_cluster_cannot_be_asked_for_is_refused_with_its_place() {
         "sweep.slurm.cpus_per_task: must be a whole number from 1 to 65536",
         "sweep.slurm.account: must be one line without control characters",
         "sweep.slurm.options[0]: must be an option of sbatch",
-        "sweep.slurm.options[1]: is set by orchestrator sweep; use --shards of orchestrator sweep",
+        "sweep.slurm.options[1]: is set by orchestrator sweep; use the option --shards",
         "sweep.slurm.commands[0]: must be one line without control characters",
         "sweep.hyperqueue.partition",
     ] {

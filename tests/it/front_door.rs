@@ -250,7 +250,7 @@ fn the_program_calls_itself_by_the_name_that_was_typed() {
         assert!(ran.status.success(), "{}", tests::said(&ran));
     }
     let other = linked(dir.path(), "something-else");
-    assert!(text(&asked(&other, &["--version"], dir.path())).starts_with("orchestrator "));
+    assert!(text(&asked(&other, &["--version"], dir.path())).starts_with("murmuration "));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 """Holds netsim's radio against ns-3's lr-wpan: the same positions, powers and requests go to both.
 
-    python compare.py --ns3 build/ns3-network --orchestrator ../../../target/release/orchestrator --output comparison.csv
+    python compare.py --ns3 build/ns3-network --orchestrator ../../../target/release/murmuration --output comparison.csv
 
 Compared are the RSSI over distance, the share of frames received over the signal-to-noise ratio, and that over the
 signal-to-interference ratio while two robots send at once. Each row of the CSV file is one share, `received` of `sent`, with its

@@ -143,7 +143,7 @@ pub(super) const SPEC: TableSpec = TableSpec {
         },
         Field {
             key: "effect",
-            doc: "Effects on the behaviour of motes; `orchestrator effects` lists them.",
+            doc: "Effects on the behaviour of motes; `murmuration effects` lists them.",
             kind: Kind::Tables(&effect::SPEC),
             default: Default::Absent,
         },

@@ -102,7 +102,7 @@ pub const EXPERIMENT: TableSpec = TableSpec {
         },
         Field {
             key: "warm_start",
-            doc: "Path of a formed network that orchestrator run --save-formed wrote, relative to this file. The run starts from \
+            doc: "Path of a formed network that murmuration run --save-formed wrote, relative to this file. The run starts from \
                   it instead of forming the network: positions, shadowing and clock rates are those of the file, all later \
                   random draws come from seed.",
             kind: Kind::Text,

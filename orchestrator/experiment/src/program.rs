@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 /// The names under which the program is installed. The first one is the default.
-const NAMES: [&str; 2] = ["orchestrator", "murmuration"];
+const NAMES: [&str; 2] = ["murmuration", "orchestrator"];
 
 static NAME: OnceLock<&'static str> = OnceLock::new();
 
@@ -14,7 +14,7 @@ pub fn set_program_name(first_argument: Option<&std::ffi::OsStr>) {
     NAME.get_or_init(|| known.unwrap_or(NAMES[0]));
 }
 
-/// The name that the user called the program by: `orchestrator` or `murmuration`.
+/// The name that the user called the program by: `murmuration` or `orchestrator`.
 #[must_use]
 pub fn program_name() -> &'static str {
     NAME.get().copied().unwrap_or(NAMES[0])

@@ -16,7 +16,7 @@ pub const KEY: &str = "sweep";
 /// Description of `[sweep]`.
 pub const SPEC: TableSpec = TableSpec {
     doc: "A sweep over this experiment: every case with every combination of values and every sample of the ranges, each \
-          with every seed. Run it with `orchestrator sweep`.",
+          with every seed. Run it with `murmuration sweep`.",
     fields: &[
         Field {
             key: "seeds",

@@ -1,4 +1,4 @@
-//! The player at the top of a run's page: the same page that `orchestrator replay` shows, in a frame. It is unpacked when it is opened;
+//! The player at the top of a run's page: the same page that `murmuration replay` shows, in a frame. It is unpacked when it is opened;
 //! without a script there is no player, and nothing else is missing.
 
 use maud::{Markup, PreEscaped, html};
@@ -6,7 +6,7 @@ use record::FinishedRun;
 use view::page;
 use view::recorded::RecordedRun;
 
-/// A recording of more bytes is not read again for its report: `orchestrator replay` shows it.
+/// A recording of more bytes is not read again for its report: `murmuration replay` shows it.
 const MOST_RECORDED_BYTES: u64 = 20_000_000;
 /// The player has at most so many bytes before it is compressed: of a longer recording it holds one frame of every so many steps.
 const MOST_BYTES: usize = 600_000;

@@ -1,4 +1,4 @@
-//! `orchestrator diagnose --between A B`: what changed between two campaigns.
+//! `murmuration diagnose --between A B`: what changed between two campaigns.
 
 use super::Failure;
 use super::inputs::{compared, print_account};

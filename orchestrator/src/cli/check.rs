@@ -1,4 +1,4 @@
-//! `orchestrator check`: an experiment file, or a file of measurements, without running or fitting anything.
+//! `murmuration check`: an experiment file, or a file of measurements, without running or fitting anything.
 
 use super::choice::ChoiceArgs;
 use super::inputs::print_account;
@@ -30,7 +30,7 @@ pub(super) struct CheckArgs {
     json: Option<PathBuf>,
 }
 
-/// `orchestrator check`.
+/// `murmuration check`.
 pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
     match (&args.data, &args.config) {
         (Some(data), _) => check_data(args, data),

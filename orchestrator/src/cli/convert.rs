@@ -1,4 +1,4 @@
-//! `orchestrator convert`: logs become a table of measurements.
+//! `murmuration convert`: logs become a table of measurements.
 
 use super::{Failure, check_place, place_for, write_json};
 use crate::console::{say, warn};
@@ -25,7 +25,7 @@ pub(super) struct ConvertArgs {
     json: Option<PathBuf>,
 }
 
-/// `orchestrator convert`.
+/// `murmuration convert`.
 pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
     let out = args.output.clone().unwrap_or_else(|| args.mapping.with_extension("csv"));
     let format = OutputFormat::of_path(&out).ok_or_else(|| {

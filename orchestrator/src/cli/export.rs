@@ -1,4 +1,4 @@
-//! `orchestrator export`.
+//! `murmuration export`.
 
 use super::Failure;
 use crate::console::say;

@@ -87,7 +87,7 @@ pub(super) struct ExtendArgs {
     resimulation: ResimulationArgs,
 }
 
-/// `orchestrator compare`.
+/// `murmuration compare`.
 pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let CompareArgs { answer: args, links, heard } = args;
     args.check_places()?;
@@ -159,7 +159,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
 const NO_FORMULA: &str = "--formula applies to measured links and robots only: the network has no effect of kind \
                           \"formula\". Use --effect NAME for packets";
 
-/// `orchestrator extend`.
+/// `murmuration extend`.
 pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     let data = &args.data;
     let stopper = Stopper::listen(args.budget)?;
@@ -309,7 +309,7 @@ fn extend_with<S: Study>(
     stopper.require_complete(answer.complete)
 }
 
-/// `orchestrator diagnose`.
+/// `murmuration diagnose`.
 pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
     let DiagnoseArgs { answer: args, budget, between } = args;
     between.refuse_data(args.data.data.as_deref())?;

@@ -134,7 +134,7 @@ impl ResimulationArgs {
     }
 }
 
-/// `orchestrator compare` of packets.
+/// `murmuration compare` of packets.
 pub(super) fn compare(opened: &Opened) -> Result<NetworkComparison, Failure> {
     let Opened { resimulation, packets, account, asked } = opened;
     print_account(account);
@@ -176,7 +176,7 @@ impl Opened {
     }
 }
 
-/// `orchestrator diagnose` of packets.
+/// `murmuration diagnose` of packets.
 pub(super) fn diagnose(opened: &Opened, stopper: &Stopper) -> Result<NetworkDiagnosis, Failure> {
     opened.check_seeds()?;
     let Opened { resimulation, packets, account, asked } = opened;
@@ -201,7 +201,7 @@ pub(super) struct Adding<'a> {
     pub(super) is_partial_wanted: bool,
 }
 
-/// `orchestrator extend` of packets.
+/// `murmuration extend` of packets.
 pub(super) fn extend(
     opened: &Opened,
     adding: &Adding<'_>,

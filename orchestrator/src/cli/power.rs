@@ -1,4 +1,4 @@
-//! `orchestrator power`: how large an effect a campaign would show.
+//! `murmuration power`: how large an effect a campaign would show.
 
 use super::choice::ChoiceArgs;
 use super::search_log::ProgressLine;
@@ -43,7 +43,7 @@ pub(super) struct PowerArgs {
     json: Option<PathBuf>,
 }
 
-/// `orchestrator power`.
+/// `murmuration power`.
 pub(super) fn power(args: &PowerArgs) -> Result<(), Failure> {
     if let Some(path) = &args.json {
         check_place("--json", path)?;

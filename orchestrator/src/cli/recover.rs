@@ -1,4 +1,4 @@
-//! `orchestrator recover` and `orchestrator reproduce`.
+//! `murmuration recover` and `murmuration reproduce`.
 
 use super::{AllowArgs, Failure, StartOptions, TlsArgs, check_place, on_runtime, write_json};
 use crate::console::{Screen, say};

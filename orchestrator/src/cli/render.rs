@@ -1,4 +1,4 @@
-//! `orchestrator render`.
+//! `murmuration render`.
 
 use super::answer_file::Answer;
 use super::{Failure, check_place, on_runtime, place_for, replay, write_json, write_whole};

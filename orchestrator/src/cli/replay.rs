@@ -1,4 +1,4 @@
-//! `orchestrator replay`.
+//! `murmuration replay`.
 
 use super::answer_file::Answer;
 use super::{Failure, check_place, on_runtime, residuals, write_whole};

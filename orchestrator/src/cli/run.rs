@@ -1,4 +1,4 @@
-//! `orchestrator run`.
+//! `murmuration run`.
 
 use super::replay::Serving;
 use super::{AllowArgs, Failure, OverrideArgs, check_place, is_stdout, on_runtime, write_json};
@@ -67,7 +67,7 @@ pub(super) struct RunArgs {
     dry_run: bool,
 }
 
-/// `orchestrator run`.
+/// `murmuration run`.
 pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     // A place that cannot be written is found before the work, not after it.
     if let Some(path) = &args.json {

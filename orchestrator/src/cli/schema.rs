@@ -1,4 +1,4 @@
-//! `orchestrator schema`: the JSON Schema of experiment files, and of the answers that `--json` and `summary.json` hold.
+//! `murmuration schema`: the JSON Schema of experiment files, and of the answers that `--json` and `summary.json` hold.
 
 use super::Failure;
 use crate::bench::BenchAnswer;
@@ -119,7 +119,7 @@ fn names() -> Vec<&'static str> {
     [EXPERIMENT, MAPPING].into_iter().chain(ANSWERS.iter().map(|(name, _)| *name)).collect()
 }
 
-/// `orchestrator schema`.
+/// `murmuration schema`.
 pub(super) fn schema(args: &SchemaArgs) -> Result<(), Failure> {
     if args.of == MAPPING {
         say(format!("{:#}", proto::config::json_schema(&mapping::SPEC, &mapping::lists())));

@@ -1,4 +1,4 @@
-//! `orchestrator simulate`: the campaign that a model would have measured.
+//! `murmuration simulate`: the campaign that a model would have measured.
 
 use super::{Failure, check_place, inputs, is_stdout, on_stdout, place_for, write_json};
 use crate::console::{say, warn};
@@ -31,7 +31,7 @@ pub(super) struct SimulateArgs {
     json: Option<PathBuf>,
 }
 
-/// `orchestrator simulate`.
+/// `murmuration simulate`.
 pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
     let ending = args.output.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     if !["csv", "gz"].contains(&ending) && !is_stdout(&args.output) {

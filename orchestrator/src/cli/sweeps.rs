@@ -116,7 +116,7 @@ fn base_arguments(arguments: impl Iterator<Item = String>) -> Vec<String> {
     words
 }
 
-/// `orchestrator sweep`.
+/// `murmuration sweep`.
 pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure> {
     if let Some(path) = &args.file.json {
         check_place("--json", path)?;
@@ -269,7 +269,7 @@ pub(super) struct CompareRunsArgs {
     json: Option<PathBuf>,
 }
 
-/// `orchestrator compare-runs`.
+/// `murmuration compare-runs`.
 pub(super) fn compare_runs(args: &CompareRunsArgs) -> Result<(), Failure> {
     let changes = compare_runs::compare_runs(&args.a, &args.b).map_err(Failure::request)?;
     for warning in &changes.warnings {

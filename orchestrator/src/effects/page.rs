@@ -9,8 +9,8 @@ pub fn page() -> String {
     let all = all();
     let mut page = String::from(
         "# Physical effects\n\nThe effects that can be added to the simulators' base models, and that `diagnose` tests on \
-         measurements.\nThis page is generated from the lists that the programs use. `orchestrator effects NAME` prints an \
-         effect with a plot, `orchestrator effects --json -` all effects as JSON.\n\nA run and a fit use the same function \
+         measurements.\nThis page is generated from the lists that the programs use. `murmuration effects NAME` prints an \
+         effect with a plot, `murmuration effects --json -` all effects as JSON.\n\nA run and a fit use the same function \
          with the same keys.\nAn effect that is not configured contributes exactly nothing.\nTo write an effect: \
          [adding-an-effect.md](adding-an-effect.md).\nThe base models: [radio.md](radio.md), \
          [robots.md](robots.md).\n\nContributions are in dB and added to the received power, so attenuation is negative. \

@@ -1,4 +1,4 @@
-//! What `orchestrator run --json` writes: the summary of the run, and where its results are.
+//! What `murmuration run --json` writes: the summary of the run, and where its results are.
 
 use super::RunReport;
 use record::run_summary::RunSummary;

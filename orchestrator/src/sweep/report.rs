@@ -231,7 +231,7 @@ fn again(contents: &SweepPage<'_>) -> Option<Markup> {
             "Beside this page, " code { "sweep.toml" } " holds the whole file, and " code { "trials.parquet" } " a row for each \
              trial. The same file gives the same table, byte for byte."
         }
-        (listing("orchestrator sweep sweep.toml --out again"))
+        (listing("murmuration sweep sweep.toml --out again"))
         details {
             summary { "The file" }
             (listing(contents.plan.written.trim_end()))

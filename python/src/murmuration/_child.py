@@ -30,7 +30,7 @@ _SERVICES = {"netsim": "cosim.v1.NetSimService", "robotsim": "cosim.v1.RobotSimS
 
 
 class Child:
-    """`orchestrator netsim` or `orchestrator robotsim`, reached over a Unix socket in a folder that only this user may enter.
+    """`murmuration netsim` or `murmuration robotsim`, reached over a Unix socket in a folder that only this user may enter.
 
     It holds the reading end of a pipe as its standard input and ends when this process does, however that ends.
     """

@@ -405,7 +405,7 @@ def _merged(config: Config, overrides: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _checked(config: Config, overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """What `orchestrator check` says of it; whatever is wrong with it is raised."""
+    """What `murmuration check` says of it; whatever is wrong with it is raised."""
     with config_file(config) as path, tempfile.TemporaryDirectory(prefix="murmuration-") as folder:
         file = Path(folder) / "check.json"
         # Whatever the controller is or lacks: a policy takes its place.

@@ -7,7 +7,7 @@
     murmuration.diagnose("car.toml", drive)
 
 `read_bag` reads bags of ROS 1 and ROS 2 and MCAP files; it needs rosbags: pip install "murmuration-sim[rosbags]".
-`convert` makes tables of CSV files, packet logs, K7 traces and data frames, as `orchestrator convert` does (docs/importing.md).
+`convert` makes tables of CSV files, packet logs, K7 traces and data frames, as `murmuration convert` does (docs/importing.md).
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ __all__ = ["RowsLeftOut", "bag_topics", "convert", "find_robots", "read_bag"]
 Bags = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 Robots = Mapping[Any, "str | Mapping[str, str]"]
 
-# Times from here on (ns) are epoch times: March 1973. `orchestrator convert` has the same limit.
+# Times from here on (ns) are epoch times: March 1973. `murmuration convert` has the same limit.
 _EPOCH_NS = 10**17
-# The order in which tables have their columns, as `orchestrator convert` writes them.
+# The order in which tables have their columns, as `murmuration convert` writes them.
 _ORDER = (
     "run", "time_s", "start_epoch_s", "agent", "x_m", "y_m", "z_m", "heading_rad",
     "cmd_vx_mps", "cmd_vy_mps", "cmd_vz_mps", "cmd_speed_mps", "cmd_yaw_rate_radps", "cmd_steer_rad",
@@ -436,7 +436,7 @@ def _command_frame(kind: str, poses: _Samples, commands: _Samples | None, how: _
 def _headings(quaternions: Any) -> Any:
     """Angles (rad) from +x towards +y to where the x axis of the body points, seen from above; NaN where there is none.
 
-    The rule of `orchestrator convert`: the squared length of the quaternion (x, y, z, w) is 0.8 to 1.25, and the axis not vertical.
+    The rule of `murmuration convert`: the squared length of the quaternion (x, y, z, w) is 0.8 to 1.25, and the axis not vertical.
     """
     x, y, z, w = quaternions.T
     length = x * x + y * y + z * z + w * w

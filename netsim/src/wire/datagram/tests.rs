@@ -199,7 +199,7 @@ fn a_wrong_checksum_is_noticed() {
     assert_eq!(result.unwrap_err().what, "wrong checksum");
 }
 
-/// What the standing networks of `orchestrator bench` send.
+/// What the standing networks of `murmuration bench` send.
 #[test]
 fn a_payload_of_72_bytes_makes_a_datagram_of_90_to_a_root_some_hops_away() {
     let [source, relay, root] = [5, 3, 0].map(Eui64::of_mote);

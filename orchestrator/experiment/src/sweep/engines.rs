@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 /// Description of `[sweep.slurm]`.
 pub(super) const SLURM: TableSpec = TableSpec {
-    doc: "What `orchestrator sweep --engine slurm` asks of Slurm for each task of its job array. Absent keys are left to the \
+    doc: "What `murmuration sweep --engine slurm` asks of Slurm for each task of its job array. Absent keys are left to the \
           defaults of the cluster.",
     fields: &[
         Field {
@@ -68,7 +68,7 @@ pub(super) const SLURM: TableSpec = TableSpec {
 
 /// Description of `[sweep.hyperqueue]`.
 pub(super) const HYPERQUEUE: TableSpec = TableSpec {
-    doc: "What `orchestrator sweep --engine hyperqueue` asks of HyperQueue for each task of its task array.",
+    doc: "What `murmuration sweep --engine hyperqueue` asks of HyperQueue for each task of its task array.",
     fields: &[TIME_LIMIT, CPUS, COMMANDS],
     tag: None,
 };
@@ -143,8 +143,8 @@ pub struct HyperQueueOptions {
 /// Options of sbatch that the program sets, and what to use instead.
 const RESERVED: [(&str, &str); 17] = [
     ("--account", "the key account"),
-    ("--array", "--shards of orchestrator sweep, and the key max_running"),
-    ("--chdir", "the folder in which you run orchestrator sweep"),
+    ("--array", "the option --shards, and the key max_running"),
+    ("--chdir", "the folder in which you run this command"),
     ("--cpus-per-task", "the key cpus_per_task"),
     ("--error", "the log of each task in cluster/, beside the journals"),
     ("--job-name", "experiment.name"),

@@ -88,7 +88,7 @@ fn a_change_is_shown_with_its_intervals_the_errors_and_what_was_ruled_out() {
         }),
         ..quiet()
     };
-    let page = page("<m>.toml", "orchestrator diagnose", &answer);
+    let page = page("<m>.toml", "murmuration diagnose", &answer);
     for part in [
         "<td>nodes = [3]</td>",
         "<td class=\"n\">−6.00</td><td class=\"n\">−6.50 to −5.50</td>",

@@ -35,7 +35,7 @@ fn contents(answer: MeasuredAnswer<'_>, site: &Site, after: Option<RowPrediction
     };
     page(&MeasuredPage {
         config: "<model>.toml".to_owned(),
-        command: "orchestrator compare <model>.toml".to_owned(),
+        command: "murmuration compare <model>.toml".to_owned(),
         answer,
         site,
         rows: MeasuredRows::Links(rows),

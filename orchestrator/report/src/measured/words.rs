@@ -149,7 +149,7 @@ pub(super) fn parameters(contents: &MeasuredPage<'_>) -> Option<Markup> {
         p {
             "As fitted to all rows, with 90 % intervals: a wide interval means that these data determine the parameter \
              poorly. "
-            code { "orchestrator extend" } " writes them into a configuration."
+            code { "murmuration extend" } " writes them into a configuration."
         }
         table {
             tr {
