@@ -129,6 +129,15 @@ def pytest_generate_tests(metafunc):
         metafunc.parametrize("audited", NETWORKS, indirect=True, scope="session")
 
 
+# The files that take longest, the longest first. They begin first, so that no worker of pytest waits for another at the end.
+LONGEST = ("test_real_measurements", "test_python_package", "test_page", "test_scheduling_function", "test_routing_audit", "test_documented")
+
+
+def pytest_collection_modifyitems(items):
+    names = [*LONGEST, None]
+    items.sort(key=lambda item: names.index(item.path.stem if item.path.stem in LONGEST else None))
+
+
 def pytest_configure(config):
     """CI without the real measurements fails before the first test, rather than pass without them."""
     if not HAS_REAL and os.environ.get("CI"):

@@ -2,6 +2,7 @@
 
 use super::{MODE_6TISCH, STANDARD_SLOT_NS};
 use crate::catalogue::Catalogue;
+use crate::phy::model::Model;
 use crate::phy::propagation::{self, Family};
 use crate::phy::standard::{self, Entry};
 use crate::phy::{interference, reception};
@@ -98,6 +99,31 @@ pub(super) fn check_channels(
             let nearest = channel.clamp(i64::from(first), i64::from(last));
             problems.push(problem.value(channel).nearest(nearest));
         }
+    }
+}
+
+/// Warns of effects that act on no channel of the hopping sequence.
+pub(super) fn warn_of_bands(
+    model: &Model,
+    hopping_sequence: &[u8],
+    path: &str,
+    warnings: &mut Vec<String>,
+) {
+    for (index, effect) in model.effects.iter().enumerate() {
+        let Some(band_hz) = effect.band_hz() else { continue };
+        let mut channels =
+            hopping_sequence.iter().map(|&channel| model.frequency_hz(Some(channel)));
+        if channels.any(|frequency_hz| band_hz.contains(&frequency_hz)) {
+            continue;
+        }
+        let why = if hopping_sequence.is_empty() {
+            "frames have no channel; set hopping_sequence".to_owned()
+        } else {
+            let [first, last] = [band_hz.start(), band_hz.end()].map(|hz| hz / 1e6);
+            format!("no channel of the hopping sequence lies between {first} and {last} MHz")
+        };
+        warnings
+            .push(format!("{path}.effect[{index}] ({}) has no influence: {why}", effect.name()));
     }
 }
 

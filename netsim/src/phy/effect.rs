@@ -35,6 +35,7 @@ use super::reception::Curve;
 use super::scatter::Scatter;
 use proto::config::{Problem, Registered, Registry, TableSpec, Tag, Variant, Variants};
 use proto::effect::{About, Fit};
+use std::ops::RangeInclusive;
 
 /// One physical effect. Stateless: everything it depends on is an argument.
 ///
@@ -63,6 +64,11 @@ pub trait Effect: Send + Sync + std::fmt::Debug {
     /// Whether there may be links on which it does not act.
     fn is_limited(&self) -> bool {
         false
+    }
+
+    /// The frequencies of the channels on which it acts (Hz), where they are limited.
+    fn band_hz(&self) -> Option<RangeInclusive<f64>> {
+        None
     }
 
     /// What varies at random about the mean, if anything does.

@@ -48,6 +48,36 @@ fn what_does_not_go_with_a_physical_layer_is_refused_with_the_nearest_valid_valu
 }
 
 #[test]
+fn interference_that_meets_no_channel_is_warned_of() {
+    let warnings = |standard: &str, channels: &str, effect: &str| {
+        let config = format!(
+            "{channels}\n[phy]\nstandard = {standard:?}\n[[phy.effect]]\nkind = \"interference\"\n\
+             duty = 0.5\n{effect}"
+        );
+        started(&setup(3, &config)).1.warnings
+    };
+    let wifi = "centre_mhz = 2437.0";
+    assert_eq!(warnings("o-qpsk-2450", "hopping_sequence = [11, 16]", wifi), Vec::<String>::new());
+    // Channel 26 lies at 2480 MHz.
+    let beside = "netsim.phy.effect[0] (interference) has no influence: no channel of the hopping sequence lies between 2426 and \
+                  2448 MHz";
+    assert_eq!(warnings("o-qpsk-2450", "hopping_sequence = [26]", wifi), [beside]);
+    assert_eq!(warnings("o-qpsk-868", "hopping_sequence = [0]", wifi), [beside]);
+    assert_eq!(
+        warnings(
+            "o-qpsk-868",
+            "hopping_sequence = [0]",
+            &format!("{wifi}\nonly = {{ nodes = [1] }}")
+        ),
+        [beside]
+    );
+    let own_band = "centre_mhz = 868.0\nwidth_mhz = 2.0";
+    assert_eq!(warnings("o-qpsk-868", "hopping_sequence = [0]", own_band), Vec::<String>::new());
+    let without = "netsim.phy.effect[0] (interference) has no influence: frames have no channel; set hopping_sequence";
+    assert_eq!(warnings("o-qpsk-2450", "", wifi), [without]);
+}
+
+#[test]
 fn the_physical_layer_of_today_stated_or_not_is_the_same_network() {
     let stated = |config: &str| started(&setup(3, config)).1.effective;
     let mut with = stated("[phy]\nstandard = \"o-qpsk-2450\"");

@@ -7,6 +7,7 @@
 //! | latency | from when a packet was created to when it was delivered |
 //! | round trip | of a CoAP exchange: from the first transmission of the request to the arrival of the response |
 //! | success ratio | of exchanges and of downloads: succeeded / (succeeded + failed); those open at the end count for neither |
+//! | acknowledged ratio | unicast transmissions whose acknowledgment the sender received / unicast transmissions; each repetition counts |
 //! | goodput | size of a download / time from its begin to its last block |
 //! | in flight | created less delivered and dropped: nothing is lost from the account |
 //! | first join, last join | among motes that joined, roots apart |
@@ -32,7 +33,7 @@ use super::period::Period;
 use indexmap::IndexMap;
 use kpi_summary::{
     DeliveredOfExpected, FormationSummary, JoinTimes, Joining, KpiSummary, QueueDrops, Routing,
-    SinceStart,
+    SinceStart, Transmissions,
 };
 use numbers::format::count_of;
 use proto::types::{Formation, HeardLinks, MoteStates, MoteStatistics, Schedule, seconds};
@@ -159,6 +160,7 @@ impl Kpis {
                 ["blocks_requested", "blocks_retransmitted", "blocks_duplicated"]
                     .map(|name| self.sum_of(name, n)),
             ),
+            transmissions: self.transmissions(n),
             routing: self.routing(None, n),
             since_start: self.since_start(n),
             queue_drops: self.queue_drops(n),
@@ -295,6 +297,13 @@ impl Kpis {
 
     /// What queues did not keep, of all motes, by reason: packets for which there was no room, and robots' payloads in whose
     /// place came a newer one.
+    fn transmissions(&self, n: usize) -> Option<Transmissions> {
+        let [unicast, acknowledged] = ["tx_unicast", "tx_acked"].map(|name| self.sum_of(name, n));
+        let (unicast, acknowledged) =
+            unicast.filter(|&unicast| unicast != 0.0).zip(acknowledged)?;
+        Some(Transmissions { unicast, acknowledged, acknowledged_ratio: acknowledged / unicast })
+    }
+
     fn queue_drops(&self, n: usize) -> QueueDrops {
         QueueDrops {
             txqueue_full: self.sum_of("queue_drops", n),

@@ -3,7 +3,7 @@
 use super::is_truth;
 use super::layout::{self, with_unit};
 use maud::{Markup, html};
-use metrics::kpi::kpi_summary::{DeliveredOfExpected, KpiSummary};
+use metrics::kpi::kpi_summary::{DeliveredOfExpected, ExchangeOutcome, KpiSummary, Transmissions};
 use metrics::task::Goal;
 use numbers::format::{count, count_of, number, percent, shortest, years};
 use proto::types::Coupling;
@@ -61,6 +61,10 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
     let delivery = kpis.and_then(|kpis| kpis.delivery.as_ref());
     let latency_s = delivery.and_then(|delivery| delivery.latency_s.as_ref()?.median);
     let expected = kpis.and_then(|kpis| kpis.delivered_of_expected.as_ref());
+    let transmissions = kpis.and_then(|kpis| kpis.transmissions.as_ref());
+    let exchanges = kpis.and_then(|kpis| kpis.exchanges.as_ref());
+    let round_trip_s = exchanges.and_then(|exchanges| exchanges.round_trip_s.as_ref()?.median);
+    let downloads = kpis.and_then(|kpis| kpis.downloads.as_ref());
     let shown = kpis.and_then(KpiSummary::energy_shown);
     let radio_on = shown.map(|(_, period)| format!("Radio on, {}", period.words()));
     let lifetime = shown.map(|(_, period)| format!("Network lifetime, {}", period.words()));
@@ -95,6 +99,11 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
         ("Mean delay", unit(measures.mean_delay_s().map(|delay_s| 1e3 * delay_s), "ms")),
         ("Network formed after", unit(formation.and_then(|formation| formation.formed_s), "s")),
         ("Packets delivered, of those sent", share(delivery.map(|delivery| delivery.ratio))),
+        ("Transmissions acknowledged", transmissions.map(acknowledged)),
+        ("Exchanges succeeded", exchanges.map(|exchanges| outcome(&exchanges.outcome))),
+        ("Median round trip", unit(round_trip_s, "s")),
+        ("Downloads complete", downloads.map(|downloads| outcome(&downloads.outcome))),
+        ("Mean goodput", unit(downloads.and_then(|of| of.mean_goodput_bytes_s), "B/s")),
     ];
     let last = [
         ("Median latency", unit(latency_s, "s")),
@@ -109,4 +118,14 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
     ];
     let all = first.into_iter().chain(tiles).chain(later).chain(last);
     Some(layout::tiles(all.filter_map(|(name, value)| Some((name, value?)))))
+}
+
+/// How many exchanges or downloads succeeded, of how many.
+fn outcome(outcome: &ExchangeOutcome) -> Markup {
+    with_unit(&count(outcome.succeeded), &format!("of {}", count(outcome.started)))
+}
+
+fn acknowledged(transmissions: &Transmissions) -> Markup {
+    let of_all = format!("of {}", count(transmissions.unicast as u64));
+    with_unit(&percent(transmissions.acknowledged_ratio), &of_all)
 }

@@ -5,6 +5,7 @@ use crate::phy::link::Link;
 use proto::config::{Default, Field, Kind, Problem, Range, Variant, typed};
 use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
 use serde::Deserialize;
+use std::ops::RangeInclusive;
 
 /// `kind = "interference"`.
 pub const ENTRY: Entry = Entry {
@@ -15,7 +16,7 @@ pub const ENTRY: Entry = Entry {
             Field {
                 key: "centre_mhz",
                 doc: "Centre of the band (MHz). WiFi 1, 6, 11: 2412, 2437, 2462.",
-                kind: Kind::Number(Range::closed(2000.0, 3000.0)),
+                kind: Kind::Number(Range::closed(100.0, 10_000.0)),
                 default: Default::Required,
             },
             Field {
@@ -180,6 +181,10 @@ pub struct Interference {
 impl Effect for Interference {
     fn name(&self) -> &'static str {
         ENTRY.variant.name
+    }
+
+    fn band_hz(&self) -> Option<RangeInclusive<f64>> {
+        Some(self.centre_hz - self.half_width_hz..=self.centre_hz + self.half_width_hz)
     }
 
     fn loss(&self, link: &Link<'_>) -> f64 {

@@ -5,6 +5,7 @@ use super::{Curve, Effect, Scatter};
 use crate::phy::link::{Link, Scene};
 use proto::config::{Problem, TableSpec};
 use proto::effect::only::{self, FROM_S, RUNS, UNTIL_S, condition, members};
+use std::ops::RangeInclusive;
 
 /// The key of the nodes that an effect concerns.
 const NODES: &str = "nodes";
@@ -85,6 +86,10 @@ impl Effect for Limited {
 
     fn is_limited(&self) -> bool {
         true
+    }
+
+    fn band_hz(&self) -> Option<RangeInclusive<f64>> {
+        self.effect.band_hz()
     }
 
     fn contribution_db(&self, link: &Link<'_>) -> f64 {

@@ -26,6 +26,9 @@ pub struct KpiSummary {
     /// Block-wise downloads; absent without any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub downloads: Option<Downloads>,
+    /// Unicast frames and their acknowledgments; absent where nothing was sent, or where that is unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub transmissions: Option<Transmissions>,
     /// Changes of preferred parents.
     pub routing: Routing,
     /// The same of the time in which robots were free to move.
@@ -209,6 +212,17 @@ pub struct Downloads {
     pub retransmissions: Option<f64>,
     /// Requests that were received although they had been answered before.
     pub duplicates: Option<f64>,
+}
+
+/// Unicast frames of all motes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Transmissions {
+    /// Transmissions, each repetition counted.
+    pub unicast: f64,
+    /// Those whose acknowledgment the sender received.
+    pub acknowledged: f64,
+    /// Acknowledged / unicast.
+    pub acknowledged_ratio: f64,
 }
 
 /// Changes of preferred parents; null where unknown.

@@ -203,6 +203,21 @@ fn exchanges_have_round_trips_and_downloads_goodput() {
 }
 
 #[test]
+fn transmissions_are_those_of_all_motes_and_absent_where_nothing_was_sent() {
+    let transmissions = |columns: &[(&str, [f64; N])]| {
+        let step = Step { statistics: Some(statistics(columns)), ..Step::default() };
+        json!(run(&[step]).summary()).get("transmissions").cloned()
+    };
+    let sent = transmissions(&[("tx_unicast", [0.0, 6.0, 2.0]), ("tx_acked", [0.0, 3.0, 2.0])]);
+    let expected = json!({ "unicast": 8.0, "acknowledged": 5.0, "acknowledged_ratio": 0.625 });
+    assert_eq!(sent, Some(expected));
+    let silent = [("tx_unicast", [0.0; N]), ("tx_acked", [0.0; N])];
+    assert_eq!(transmissions(&silent), None);
+    assert_eq!(transmissions(&silent[..1]), None);
+    assert_eq!(transmissions(&[("tx_unicast", [1.0; N])]), None);
+}
+
+#[test]
 fn an_account_that_cannot_be_right_is_warned_of() {
     let two = packets(1, &[(1, 0, 0, 2, 1, 0), (2, 0, 1, 5, 2, 0)]);
     let kpis = run(&[Step { packets: Some(two), ..Step::default() }]);
