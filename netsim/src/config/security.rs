@@ -64,7 +64,8 @@ pub(super) fn build(
         let key = parse_key(text);
         if key.is_none() {
             let message = "must be 32 hexadecimal digits: a key of 128 bits";
-            problems.push(Problem::new(join(path, name), message).value(format!("{text:?}")));
+            let given = format!("{text:?}, {} characters", text.chars().count());
+            problems.push(Problem::new(join(path, name), message).value(given));
         }
         key
     };

@@ -266,3 +266,13 @@ fn a_broadcast_slotframe_that_is_not_there_or_too_short_is_warned_of() {
     insta::assert_snapshot!(warnings("swarm.slots = 5\n"), @"netsim.swarm.slots = 5 for 10 motes: several share a slot, and whoever hears two of them receives one at most");
     assert_eq!(warnings("swarm.slots = 10\n"), "");
 }
+
+#[test]
+fn a_key_that_is_none_is_refused_with_its_length() {
+    let config = "mode = \"6tisch\"\n[security]\nk1 = \"00112233\"\nk2 = \"0011223344556677 8899aabbccddeef\"\njoin_key = \"\"\n";
+    insta::assert_snapshot!(refusal_of(config), @r#"
+    netsim.security.k1: must be 32 hexadecimal digits: a key of 128 bits, got "00112233", 8 characters
+    netsim.security.k2: must be 32 hexadecimal digits: a key of 128 bits, got "0011223344556677 8899aabbccddeef", 32 characters
+    netsim.security.join_key: must be 32 hexadecimal digits: a key of 128 bits, got "", 0 characters
+    "#);
+}
