@@ -64,7 +64,7 @@ pub(super) fn build(
         let key = parse_key(text);
         if key.is_none() {
             let message = "must be 32 hexadecimal digits: a key of 128 bits";
-            let given = format!("{text:?}, {} characters", text.chars().count());
+            let given = format!("{text:?} of length {}", text.chars().count());
             problems.push(Problem::new(join(path, name), message).value(given));
         }
         key

@@ -269,10 +269,10 @@ fn a_broadcast_slotframe_that_is_not_there_or_too_short_is_warned_of() {
 
 #[test]
 fn a_key_that_is_none_is_refused_with_its_length() {
-    let config = "mode = \"6tisch\"\n[security]\nk1 = \"00112233\"\nk2 = \"0011223344556677 8899aabbccddeef\"\njoin_key = \"\"\n";
+    let config = "mode = \"6tisch\"\n[security]\nk1 = \"00112233\"\nk2 = \"0011223344556677 8899aabbccddeef\"\njoin_key = \"ü\"\n";
     insta::assert_snapshot!(refusal_of(config), @r#"
-    netsim.security.k1: must be 32 hexadecimal digits: a key of 128 bits, got "00112233", 8 characters
-    netsim.security.k2: must be 32 hexadecimal digits: a key of 128 bits, got "0011223344556677 8899aabbccddeef", 32 characters
-    netsim.security.join_key: must be 32 hexadecimal digits: a key of 128 bits, got "", 0 characters
+    netsim.security.k1: must be 32 hexadecimal digits: a key of 128 bits, got "00112233" of length 8
+    netsim.security.k2: must be 32 hexadecimal digits: a key of 128 bits, got "0011223344556677 8899aabbccddeef" of length 32
+    netsim.security.join_key: must be 32 hexadecimal digits: a key of 128 bits, got "ü" of length 1
     "#);
 }
