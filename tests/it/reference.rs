@@ -33,7 +33,7 @@ fn page(schema: &Value) -> String {
     let mut page = String::from(
         "# Configuration\n\n\
          Every key of an experiment file, its range and its default.\n\
-         This page is made from the descriptions that check the files; `orchestrator schema` prints the same as JSON Schema.\n\n\
+         This page is made from the descriptions that check the files; `murmuration schema` prints the same as JSON Schema.\n\n\
          One TOML file is one experiment.\n\
          Unknown keys, wrong types and impossible values are refused, all of them at once.\n\
          `--set netsim.phy.propagation=friis` overrides any key on the command line, `--seed N` the seed.\n",
@@ -54,9 +54,9 @@ fn page(schema: &Value) -> String {
 fn mapping_page(schema: &Value) -> String {
     let mut page = String::from(
         "# Mapping files\n\n\
-         Every key of the mapping files of `orchestrator convert`, its range and its default; [importing.md](importing.md) shows how to use \
+         Every key of the mapping files of `murmuration convert`, its range and its default; [importing.md](importing.md) shows how to use \
          them.\n\
-         This page is made from the descriptions that check the files; `orchestrator schema --of mapping` prints the same as JSON \
+         This page is made from the descriptions that check the files; `murmuration schema --of mapping` prints the same as JSON \
          Schema.\n",
     );
     let (mut inner, mut seen) = (Vec::new(), Vec::new());
