@@ -439,7 +439,7 @@ pub fn read(
         return Err(problems);
     };
     warnings.extend(without_influence(setup, base, &lists));
-    standard::warn_of_bands(&model, &hopping_sequence, &phy_path, &mut warnings);
+    standard::warn_of_bands(&model, &hopping_sequence, &setup.path, &mut warnings);
     let config = Config {
         slot_ns,
         n_slots: step_ns / slot_ns,

@@ -305,6 +305,28 @@ fn one_experiment_is_no_sweep_and_a_sweep_is_not_one_experiment() {
     ));
 }
 
+#[test]
+fn a_key_that_the_sweep_varies_cannot_be_set_besides() {
+    let folder = tests::folder();
+    experiment(
+        folder.path(),
+        "[sweep]\n[sweep.vary]\nexperiment.agents = [4, 8]\nnetsim.phy.radius_m = { min = 3.0, max = 4.0 }\n",
+    );
+    for command in ["check", "sweep"] {
+        let sets = ["--set", "experiment.agents=5", "--set", "netsim.phy.radius_m=3.5"];
+        let output =
+            tests::orchestrator(&[&[command, "s.toml"][..], &sets].concat(), folder.path());
+        assert_eq!(output.status.code(), Some(2));
+        let said = tests::said(&output);
+        for problem in [
+            "experiment.agents: is varied by [sweep.vary], so --set cannot set it (in --set experiment.agents=5)",
+            "netsim.phy.radius_m: is varied by [sweep.vary], so --set cannot set it (in --set netsim.phy.radius_m=3.5)",
+        ] {
+            assert!(said.contains(problem), "{said}");
+        }
+    }
+}
+
 fn changes(folder: &Path, args: &[&str]) -> String {
     let output = tests::orchestrator(&[&["compare-runs"], args].concat(), folder);
     assert!(output.status.success(), "{}", tests::said(&output));

@@ -117,13 +117,15 @@ pub(super) fn warn_of_bands(
             continue;
         }
         let why = if hopping_sequence.is_empty() {
-            "frames have no channel; set hopping_sequence".to_owned()
+            format!("frames have no channel; set {path}.hopping_sequence")
         } else {
             let [first, last] = [band_hz.start(), band_hz.end()].map(|hz| hz / 1e6);
             format!("no channel of the hopping sequence lies between {first} and {last} MHz")
         };
-        warnings
-            .push(format!("{path}.effect[{index}] ({}) has no influence: {why}", effect.name()));
+        warnings.push(format!(
+            "{path}.phy.effect[{index}] ({}) has no influence: {why}",
+            effect.name()
+        ));
     }
 }
 

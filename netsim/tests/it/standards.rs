@@ -73,7 +73,7 @@ fn interference_that_meets_no_channel_is_warned_of() {
     );
     let own_band = "centre_mhz = 868.0\nwidth_mhz = 2.0";
     assert_eq!(warnings("o-qpsk-868", "hopping_sequence = [0]", own_band), Vec::<String>::new());
-    let without = "netsim.phy.effect[0] (interference) has no influence: frames have no channel; set hopping_sequence";
+    let without = "netsim.phy.effect[0] (interference) has no influence: frames have no channel; set netsim.hopping_sequence";
     assert_eq!(warnings("o-qpsk-2450", "", wifi), [without]);
 }
 

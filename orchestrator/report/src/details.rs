@@ -40,7 +40,7 @@ pub(super) fn again(contents: &FinishedRun<'_>) -> Option<Markup> {
             "Beside this page, " code { "config.toml" } " holds the whole configuration, the seed included. The same configuration \
              and seed give the same messages, tables and summary, byte for byte. In this directory:"
         }
-        (listing("murmuration run config.toml --out again\norchestrator verify ."))
+        (listing("murmuration run config.toml --out again\nmurmuration verify ."))
         details {
             summary { "The configuration" }
             (listing(contents.header.config_toml.trim_end()))

@@ -3,13 +3,18 @@
 
 use maud::{Markup, PreEscaped, html};
 use record::FinishedRun;
-use view::page;
+use view::page::{self, PageError};
 use view::recorded::RecordedRun;
 
 /// A recording of more bytes is not read again for its report: `murmuration replay` shows it.
 const MOST_RECORDED_BYTES: u64 = 20_000_000;
 /// The player has at most so many bytes before it is compressed: of a longer recording it holds one frame of every so many steps.
 const MOST_BYTES: usize = 600_000;
+
+/// Who is told how to see a run that the page does not contain.
+fn elsewhere() -> Markup {
+    html! { p.player { "The run is too long to be played here: " code { "murmuration replay ." } " in this folder plays it." } }
+}
 
 /// Unpacks the player into its frame.
 const OPEN: &str = r#"(() => {
@@ -27,10 +32,14 @@ pub(super) fn section(contents: &FinishedRun<'_>) -> Option<Markup> {
     let recorded = contents.dir.join("run.mcap");
     let n_bytes = std::fs::metadata(recorded).ok()?.len();
     if MOST_RECORDED_BYTES < n_bytes {
-        return None;
+        return Some(elsewhere());
     }
     let run = RecordedRun::open(contents.dir).ok()?.named(&contents.header.name);
-    let packed = page::embedded(run, MOST_BYTES).ok()?;
+    let packed = match page::embedded(run, MOST_BYTES) {
+        Ok(packed) => packed,
+        Err(PageError::TooLarge { .. }) => return Some(elsewhere()),
+        Err(PageError::Read(_)) => return None,
+    };
     Some(html! {
         details #player.player {
             summary { "Play the run" }

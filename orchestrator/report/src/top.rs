@@ -99,14 +99,14 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
         ("Mean delay", unit(measures.mean_delay_s().map(|delay_s| 1e3 * delay_s), "ms")),
         ("Network formed after", unit(formation.and_then(|formation| formation.formed_s), "s")),
         ("Packets delivered, of those sent", share(delivery.map(|delivery| delivery.ratio))),
-        ("Transmissions acknowledged", transmissions.map(acknowledged)),
+    ];
+    let last = [
+        ("Median latency", unit(latency_s, "s")),
+        ("Unicast transmissions acknowledged", transmissions.map(acknowledged)),
         ("Exchanges succeeded", exchanges.map(|exchanges| outcome(&exchanges.outcome))),
         ("Median round trip", unit(round_trip_s, "s")),
         ("Downloads complete", downloads.map(|downloads| outcome(&downloads.outcome))),
         ("Mean goodput", unit(downloads.and_then(|of| of.mean_goodput_bytes_s), "B/s")),
-    ];
-    let last = [
-        ("Median latency", unit(latency_s, "s")),
         (
             radio_on.as_deref().unwrap_or_default(),
             share(energy.and_then(|energy| energy.duty_cycle.mean)),
@@ -126,6 +126,6 @@ fn outcome(outcome: &ExchangeOutcome) -> Markup {
 }
 
 fn acknowledged(transmissions: &Transmissions) -> Markup {
-    let of_all = format!("of {}", count(transmissions.unicast as u64));
+    let of_all = format!("of {}", count(transmissions.unicast));
     with_unit(&percent(transmissions.acknowledged_ratio), &of_all)
 }

@@ -199,10 +199,13 @@ fn highlights(summary: &RunSummary) -> Vec<String> {
             ratio * 100.0
         ));
         if let Some(second) = network.second_medium_deliveries {
-            lines.push(format!(
-                "{second} of {} deliveries came over the second medium; a payload that both media carry counts as two frames",
-                network.deliveries
-            ));
+            let all = network.deliveries;
+            let twice = if (1..all).contains(&second) {
+                "; a payload that both media carry counts as two frames"
+            } else {
+                ""
+            };
+            lines.push(format!("{second} of {all} deliveries came over the second medium{twice}"));
         }
     }
     lines

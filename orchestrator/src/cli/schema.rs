@@ -137,7 +137,7 @@ fn of_answer(name: &str, types: &[OfType]) -> Value {
     let types: Vec<Schema> = types.iter().map(|of_type| of_type(&mut generator)).collect();
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": format!("Answer of orchestrator {name}"),
+        "title": format!("Answer of murmuration {name}"),
         "anyOf": types,
         "$defs": generator.take_definitions(true),
     })

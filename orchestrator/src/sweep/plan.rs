@@ -79,6 +79,7 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
         Some(Node { value: Value::Integer(seed), .. }) => seed.unsigned_abs(),
         _ => 0,
     };
+    overridden(&sweep, overrides, &mut problems);
     limits(&sweep, &mut problems);
     if !problems.is_empty() {
         return refused(problems);
@@ -155,6 +156,22 @@ struct CheckedSetting {
     elsewhere: Option<String>,
     commands: Option<Refusal>,
     warnings: Vec<String>,
+}
+
+/// Keys that the command line sets although the sweep varies them: every trial would replace that value.
+fn overridden(sweep: &Sweep, overrides: &Overrides, problems: &mut Vec<Problem>) {
+    let lists = sweep.lists.iter().map(|(key, _)| key);
+    let varied: Vec<&String> = lists.chain(sweep.ranges.iter().map(|(key, _)| key)).collect();
+    for assignment in &overrides.set {
+        let key = assignment.split('=').next().unwrap_or_default().trim();
+        let is_within = |varied: &str| {
+            key.strip_prefix(varied).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        if varied.iter().any(|varied| is_within(varied)) {
+            let message = "is varied by [sweep.vary], so --set cannot set it";
+            problems.push(Problem::new(key, format!("{message} (in --set {assignment})")));
+        }
+    }
 }
 
 fn limits(sweep: &Sweep, problems: &mut Vec<Problem>) {

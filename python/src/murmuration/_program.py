@@ -35,10 +35,10 @@ def program() -> Path:
     for folder in beside:
         if (folder / "orchestrator").is_file():
             return folder / "orchestrator"
-    found = shutil.which("orchestrator")
+    found = shutil.which("murmuration") or shutil.which("orchestrator")
     if found is None:
         raise MurmurationError(
-            "the program orchestrator is not installed: install the wheel murmuration-sim, or name a program in MURMURATION_PROGRAM"
+            "the program murmuration is not installed: install the wheel murmuration-sim, or name a program in MURMURATION_PROGRAM"
         )
     return Path(found)
 

@@ -189,11 +189,11 @@ pub struct Exchanges {
     /// From the first transmission of the request to the response; null if none succeeded.
     pub round_trip_s: Option<Latency>,
     /// Requests sent, without retransmissions; null where unknown.
-    pub requests: Option<f64>,
+    pub requests: Option<u64>,
     /// Retransmissions of them.
-    pub retransmissions: Option<f64>,
+    pub retransmissions: Option<u64>,
     /// Requests that a mote received although it had answered them before.
-    pub duplicates: Option<f64>,
+    pub duplicates: Option<u64>,
 }
 
 /// Block-wise downloads.
@@ -207,20 +207,20 @@ pub struct Downloads {
     /// Mean over completed downloads of size / time (bytes per second).
     pub mean_goodput_bytes_s: Option<f64>,
     /// Requests for a block sent, without retransmissions; null where unknown.
-    pub blocks: Option<f64>,
+    pub blocks: Option<u64>,
     /// Retransmissions of them.
-    pub retransmissions: Option<f64>,
+    pub retransmissions: Option<u64>,
     /// Requests that were received although they had been answered before.
-    pub duplicates: Option<f64>,
+    pub duplicates: Option<u64>,
 }
 
 /// Unicast frames of all motes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Transmissions {
     /// Transmissions, each repetition counted.
-    pub unicast: f64,
+    pub unicast: u64,
     /// Those whose acknowledgment the sender received.
-    pub acknowledged: f64,
+    pub acknowledged: u64,
     /// Acknowledged / unicast.
     pub acknowledged_ratio: f64,
 }

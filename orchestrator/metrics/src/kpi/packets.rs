@@ -250,7 +250,7 @@ impl PacketAccount {
     /// CoAP exchanges; the numbers of requests, of their retransmissions and of duplicates that arrived. `None`: there are none.
     pub fn exchanges(
         &self,
-        [requests, retransmissions, duplicates]: [Option<f64>; 3],
+        [requests, retransmissions, duplicates]: [Option<u64>; 3],
     ) -> Option<Exchanges> {
         let outcome = self.outcome(EXCHANGE)?;
         let round_trip_s = latency(&self.round_trips.exchanges_s);
@@ -261,7 +261,7 @@ impl PacketAccount {
     /// none.
     pub fn downloads(
         &self,
-        [blocks, retransmissions, duplicates]: [Option<f64>; 3],
+        [blocks, retransmissions, duplicates]: [Option<u64>; 3],
     ) -> Option<Downloads> {
         let outcome = self.outcome(DOWNLOAD)?;
         let time_s = latency(&self.round_trips.downloads_s);

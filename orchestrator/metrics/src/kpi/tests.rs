@@ -209,7 +209,7 @@ fn transmissions_are_those_of_all_motes_and_absent_where_nothing_was_sent() {
         json!(run(&[step]).summary()).get("transmissions").cloned()
     };
     let sent = transmissions(&[("tx_unicast", [0.0, 6.0, 2.0]), ("tx_acked", [0.0, 3.0, 2.0])]);
-    let expected = json!({ "unicast": 8.0, "acknowledged": 5.0, "acknowledged_ratio": 0.625 });
+    let expected = json!({ "unicast": 8, "acknowledged": 5, "acknowledged_ratio": 0.625 });
     assert_eq!(sent, Some(expected));
     let silent = [("tx_unicast", [0.0; N]), ("tx_acked", [0.0; N])];
     assert_eq!(transmissions(&silent), None);
