@@ -134,8 +134,8 @@ LONGEST = ("test_real_measurements", "test_python_package", "test_page", "test_s
 
 
 def pytest_collection_modifyitems(items):
-    names = [*LONGEST, None]
-    items.sort(key=lambda item: names.index(item.path.stem if item.path.stem in LONGEST else None))
+    order = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: order.get(item.path.stem, len(LONGEST)))
 
 
 def pytest_configure(config):

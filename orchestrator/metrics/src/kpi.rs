@@ -154,11 +154,11 @@ impl Kpis {
             packets: self.account.by_kind(),
             exchanges: self.account.exchanges(
                 ["coap_requests", "coap_retransmissions", "coap_duplicates"]
-                    .map(|name| self.count_of(name, n)),
+                    .map(|name| self.counted(name, n)),
             ),
             downloads: self.account.downloads(
                 ["blocks_requested", "blocks_retransmitted", "blocks_duplicated"]
-                    .map(|name| self.count_of(name, n)),
+                    .map(|name| self.counted(name, n)),
             ),
             transmissions: self.transmissions(n),
             routing: self.routing(None, n),
@@ -298,7 +298,7 @@ impl Kpis {
     /// What queues did not keep, of all motes, by reason: packets for which there was no room, and robots' payloads in whose
     /// place came a newer one.
     fn transmissions(&self, n: usize) -> Option<Transmissions> {
-        let [unicast, acknowledged] = ["tx_unicast", "tx_acked"].map(|name| self.count_of(name, n));
+        let [unicast, acknowledged] = ["tx_unicast", "tx_acked"].map(|name| self.counted(name, n));
         let (unicast, acknowledged) = unicast.filter(|&unicast| unicast != 0).zip(acknowledged)?;
         let acknowledged_ratio = acknowledged as f64 / unicast as f64;
         Some(Transmissions { unicast, acknowledged, acknowledged_ratio })
@@ -317,8 +317,8 @@ impl Kpis {
         (!of_each.is_empty()).then(|| of_each.iter().sum::<f64>())
     }
 
-    /// The same of a statistic that counts.
-    fn count_of(&self, name: &str, n: usize) -> Option<u64> {
+    /// The sum of a statistic that counts.
+    fn counted(&self, name: &str, n: usize) -> Option<u64> {
         self.sum_of(name, n).map(|sum| sum as u64)
     }
 

@@ -11,8 +11,8 @@ const MOST_RECORDED_BYTES: u64 = 20_000_000;
 /// The player has at most so many bytes before it is compressed: of a longer recording it holds one frame of every so many steps.
 const MOST_BYTES: usize = 600_000;
 
-/// Who is told how to see a run that the page does not contain.
-fn elsewhere() -> Markup {
+/// The line in place of the player of a run that is too long for the page.
+fn too_long() -> Markup {
     html! { p.player { "The run is too long to be played here: " code { "murmuration replay ." } " in this folder plays it." } }
 }
 
@@ -32,12 +32,12 @@ pub(super) fn section(contents: &FinishedRun<'_>) -> Option<Markup> {
     let recorded = contents.dir.join("run.mcap");
     let n_bytes = std::fs::metadata(recorded).ok()?.len();
     if MOST_RECORDED_BYTES < n_bytes {
-        return Some(elsewhere());
+        return Some(too_long());
     }
     let run = RecordedRun::open(contents.dir).ok()?.named(&contents.header.name);
     let packed = match page::embedded(run, MOST_BYTES) {
         Ok(packed) => packed,
-        Err(PageError::TooLarge { .. }) => return Some(elsewhere()),
+        Err(PageError::TooLarge { .. }) => return Some(too_long()),
         Err(PageError::Read(_)) => return None,
     };
     Some(html! {

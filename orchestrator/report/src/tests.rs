@@ -58,14 +58,12 @@ fn summary(status: Status) -> RunSummary {
 }
 
 fn page_of(summary: &RunSummary) -> String {
+    page_in(Path::new(""), summary)
+}
+
+fn page_in(dir: &Path, summary: &RunSummary) -> String {
     let header = header("a<b");
-    page(&FinishedRun {
-        header: &header,
-        summary,
-        measures: None,
-        provenance: &Value::Null,
-        dir: Path::new(""),
-    })
+    page(&FinishedRun { header: &header, summary, measures: None, provenance: &Value::Null, dir })
 }
 
 #[test]
@@ -94,6 +92,16 @@ fn warnings_and_the_reason_of_a_failure_stand_at_the_top() {
     assert!(place("netsim hangs") < place("<h2>"));
     assert!(place("check the walls") < place("<h2>"));
     assert!(page.contains("badge alert\">failed"));
+}
+
+#[test]
+fn a_run_that_is_too_long_for_the_page_comes_with_the_command_that_plays_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let complete = summary(Status::Complete);
+    assert!(!page_in(dir.path(), &complete).contains("murmuration replay ."));
+    let recording = std::fs::File::create(dir.path().join("run.mcap")).unwrap();
+    recording.set_len(20_000_001).unwrap();
+    assert!(page_in(dir.path(), &complete).contains("murmuration replay ."));
 }
 
 fn recorded(out: &Path, header: RunHeader) -> Finished {

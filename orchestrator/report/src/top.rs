@@ -122,10 +122,14 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
 
 /// How many exchanges or downloads succeeded, of how many.
 fn outcome(outcome: &ExchangeOutcome) -> Markup {
-    with_unit(&count(outcome.succeeded), &format!("of {}", count(outcome.started)))
+    of_all(&count(outcome.succeeded), outcome.started)
 }
 
 fn acknowledged(transmissions: &Transmissions) -> Markup {
-    let of_all = format!("of {}", count(transmissions.unicast));
-    with_unit(&percent(transmissions.acknowledged_ratio), &of_all)
+    of_all(&percent(transmissions.acknowledged_ratio), transmissions.unicast)
+}
+
+/// A figure, of how many.
+fn of_all(figure: &str, n: u64) -> Markup {
+    with_unit(figure, &format!("of {}", count(n)))
 }
