@@ -7,6 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 use tempfile::TempDir;
 
 pub mod alarms;
+pub mod answers;
 pub mod campaign;
 pub mod documented;
 pub mod fake;

@@ -6,7 +6,6 @@ mod between;
 mod check;
 mod choice;
 mod convert;
-mod corrected;
 mod demo;
 mod docs;
 mod export;
@@ -18,7 +17,6 @@ mod measured;
 mod measured_args;
 mod new;
 mod packets;
-mod pictures;
 mod power;
 mod recover;
 mod render;
@@ -40,6 +38,8 @@ use crate::effects;
 use crate::run::StartOptions;
 use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
 use clap::{Args, FromArgMatches as _, Parser, Subcommand};
+use diagnose::DiagnoseError;
+use diagnose::extend::ExtendError;
 use drive::peer::become_command;
 use experiment::{Overrides, Tls, set_program_name};
 pub use help::command;
@@ -305,6 +305,8 @@ struct BenchArgs {
 }
 
 /// Something went wrong: what to say and how to exit.
+#[derive(Debug, thiserror::Error)]
+#[error("{text}")]
 struct Failure {
     status: u8,
     text: String,
@@ -317,6 +319,26 @@ impl Failure {
 
     fn request(error: impl ToString) -> Self {
         Self { status: 2, text: error.to_string() }
+    }
+
+    /// A question about links or robots has no answer: files, choices and names are the user's.
+    fn of_diagnosis(error: DiagnoseError) -> Self {
+        match error {
+            DiagnoseError::Simulator(error) => match error.downcast::<Self>() {
+                Ok(failure) => *failure,
+                Err(error) => Self::work(error),
+            },
+            DiagnoseError::Effect(ExtendError::Nothing)
+            | DiagnoseError::NotExecuted(_)
+            | DiagnoseError::Stopped(_) => Self::work(error),
+            DiagnoseError::Open(_)
+            | DiagnoseError::Choice(_)
+            | DiagnoseError::Formula(_)
+            | DiagnoseError::Effect(_)
+            | DiagnoseError::NotCorrectable(_)
+            | DiagnoseError::CorrectedRobots
+            | DiagnoseError::SimulatorOfLinks => Self::request(error),
+        }
     }
 }
 

@@ -1,30 +1,17 @@
 //! Choices by hand: which rows are used, which are left out together, which campaigns are scored, how far robots are predicted.
 
-use diagnose::compare;
-use diagnose::ladder::Search;
-use diagnose::progress::SearchProgress;
-use measure::account::DataAccount;
-use measure::config::Compared;
+use diagnose::Request;
 use measure::table::DataTable;
 use std::fmt::Write as _;
-use std::path::Path;
 use study::choices::{Choices, SplitBy};
 use study::open;
 use study::{COMMON, Study as _, links::LinkStudy, robots::RobotStudy};
+use tests::answers::{compared, extended, measurements as table, model as config};
 
-const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
 const FRIIS: &str =
     "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = 0.0\nnoise_sd_db = 2.0\n";
 const POINTS: &str = "[robotsim.dynamics]\nkind = \"point-mass\"\n";
 const ROWS: u32 = 1200;
-
-fn config(text: &str) -> Compared {
-    Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap()
-}
-
-fn table(csv: &str) -> DataTable {
-    DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
-}
 
 /// Eight motes that stand, every frame received 5 dB weaker than free space, in two campaigns; in the second `more_db` weaker
 /// still.
@@ -78,8 +65,10 @@ fn condition(text: &str) -> Choices {
     Choices { condition: Some(text.to_owned()), ..Choices::default() }
 }
 
-fn term(study: &impl study::Study, name: &str) -> usize {
-    study.candidates().iter().position(|candidate| candidate.name == name).unwrap()
+/// A number of the first effect of a side in an extended configuration.
+fn number(text: &str, side: &str, section: &str, key: &str) -> f64 {
+    let config: toml::Table = text.parse().unwrap();
+    config[side][section]["effect"][0][key].as_float().unwrap()
 }
 
 #[test]
@@ -109,33 +98,25 @@ fn a_condition_leaves_rows_out_and_the_account_says_how_many() {
 #[test]
 fn campaigns_that_are_scored_are_not_seen_by_the_fit() {
     let choices = Choices { fit_runs: vec![1], score_runs: vec![2], ..Choices::default() };
-    let table = links(3.0);
-    let study = of_links(&table, &choices);
-    let search = Search::new(&study, QUIET);
-    let gain = term(&study, "system-gain");
-    let (estimates, _) = study.estimates(&search.full_fit(&[gain], COMMON, None), gain);
+    let (model, table) = (config(FRIIS), links(3.0));
+    let request = Request::new(&model, &table).with_choices(choices);
+    let gain = extended(&request, &["system-gain"]).unwrap();
+    let gain_db = number(&gain.text, "netsim", "phy", "gain_db");
     // 600 readings with a noise of 2 dB: four standard errors are 0.33 dB.
-    assert!((estimates[0].value + 5.0).abs() < 0.33, "{estimates:?}");
-    let scores = search.held_out_scores(&[gain], COMMON);
-    let is_scored: Vec<bool> = scores.iter().map(|score| !score.log.is_nan()).collect();
-    let expected: Vec<bool> = study.rows.links.rows.iter().map(|row| row.run == 2).collect();
-    assert_eq!(is_scored, expected);
-    // What is left of the second campaign are the 3 dB that the first does not have, and the noise of 2 dB.
-    let found = compare::links(&study, &search, &DataAccount::default());
-    let rmse_db = found.scores["rmse_db"];
-    assert!((rmse_db - 68f64.sqrt()).abs() < 0.2, "as configured, 8 dB off: {found:?}");
-    let after = diagnose::gain::Scores::mean(&scores);
-    assert!((after.rmse - 13f64.sqrt()).abs() < 0.2, "{after:?}");
+    assert!((gain_db + 5.0).abs() < 0.33, "{}", gain.text);
+    // Scored are the rows of the second campaign: 3 dB that the first does not have, and the noise of 2 dB.
+    let rmse_db = compared(&request).scores["rmse_db"];
+    assert!((rmse_db - 68f64.sqrt()).abs() < 0.2, "as configured, 8 dB off: {rmse_db}");
+    assert!((gain.answer.rmse[1] - 13f64.sqrt()).abs() < 0.2, "{:?}", gain.answer);
 
     let choices = Choices { score_runs: vec![5], ..Choices::default() };
-    let study = of_robots(&choices);
-    let search = Search::new(&study, QUIET);
-    let slip = term(&study, "slip");
-    let (estimates, _) = study.estimates(&search.full_fit(&[slip], COMMON, None), slip);
-    assert!((estimates[0].value - 0.9).abs() < 0.001, "{estimates:?}");
-    let scores = diagnose::gain::Scores::mean(&search.held_out_scores(&[slip], COMMON));
+    let (model, table) = (config(POINTS), robots());
+    let request = Request::new(&model, &table).with_choices(choices);
+    let slip = extended(&request, &["slip"]).unwrap();
+    let scale = number(&slip.text, "robotsim", "dynamics", "scale");
+    assert!((scale - 0.9).abs() < 0.001, "{}", slip.text);
     // Windows of 1 s, one in four with a turn in it: a tenth of 1 m/s, of those without.
-    assert!((0.07..0.1).contains(&scores.rmse), "{scores:?}");
+    assert!((0.07..0.1).contains(&slip.answer.rmse[1]), "{:?}", slip.answer);
 }
 
 #[test]
@@ -179,13 +160,13 @@ fn what_is_left_out_together_is_as_chosen() {
 #[test]
 fn windows_are_as_long_as_chosen() {
     let rmse_m = |window_s: f64| {
-        let study = of_robots(&Choices {
+        let choices = Choices {
             window_s: Some(window_s),
             condition: Some("run < 5 and time_s < 0.05".to_owned()),
             ..Choices::default()
-        });
-        let search = Search::new(&study, QUIET);
-        diagnose::gain::Scores::mean(&search.held_out_scores(&[], COMMON)).rmse
+        };
+        let (model, table) = (config(POINTS), robots());
+        compared(&Request::new(&model, &table).with_choices(choices)).scores["rmse_m"]
     };
     // From the begin of each campaign: a tenth of the way at 1 m/s, and noise of 1 mm.
     assert!((rmse_m(1.0) - 0.1).abs() < 0.01, "{}", rmse_m(1.0));

@@ -2,57 +2,25 @@
 
 mod robots;
 
-use diagnose::answer::{self, Measurements};
-use diagnose::compare;
-use diagnose::extend;
-use diagnose::ladder::{Ladder, Search};
-use diagnose::progress::SearchProgress;
-use diagnose::scan;
-use measure::config::Compared;
-use measure::table::DataTable;
+use diagnose::Request;
+use diagnose::diagnosis::Diagnosis;
 use serde_json::Value;
-use std::path::Path;
-use study::Study;
 use study::choices::Choices;
-use study::links::LinkStudy;
-use study::open::{self, DataAccount, Subject};
+use study::open;
+use tests::answers::{self, accepted, measurements, model};
 use tests::campaign::{Campaign, Hidden, Layout, Size};
 
 /// Rows of a campaign …
 const ROWS: usize = 5000;
 /// … and of one in which something of clear size is hidden, which shows in fewer.
 const CLEAR_ROWS: usize = 3000;
-const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
 
-fn opened(folder: &Path, campaign: &Campaign) -> (Compared, LinkStudy, DataAccount) {
-    let config = folder.join("model.toml");
-    let data = folder.join("links.csv");
-    std::fs::write(&data, &campaign.csv).unwrap();
-    let config = Compared::of_text(&config, campaign.config_toml.clone(), &[]).unwrap();
-    let (study, account) =
-        open::links(&config, &DataTable::read(&data).unwrap(), &Choices::default()).unwrap();
-    (config, study, account)
-}
-
-fn names(study: &impl Study, ladder: &Ladder) -> Vec<String> {
-    ladder.accepted.iter().map(|&term| study.candidates()[term].name.clone()).collect()
-}
-
-fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
-    let folder = tempfile::tempdir().unwrap();
-    let (_, study, account) = opened(folder.path(), campaign);
-    let search = Search::new(&study, QUIET);
-    let ladder = search.stepwise_selection();
-    let measurements = Measurements {
-        subject: Subject::Links,
-        error_unit: "dB",
-        searched: None,
-        account: &account,
-    };
-    let left = scan::scan_residuals(&study, &search, &ladder);
-    let found = answer::answer(&study, &search, &ladder, measurements, &left, None);
-    let json = serde_json::to_value(found).unwrap();
-    (names(&study, &ladder), ladder, json)
+/// What is accepted, the answer, and the same as JSON.
+fn diagnosed(campaign: &Campaign) -> (Vec<String>, Diagnosis, Value) {
+    let (model, table) = (model(&campaign.config_toml), measurements(&campaign.csv));
+    let found = answers::diagnosed(&Request::new(&model, &table));
+    let json = serde_json::to_value(&found).unwrap();
+    (accepted(&found), found, json)
 }
 
 fn standard(hidden: &[(Hidden, Size)], seed: u64) -> Campaign {
@@ -111,14 +79,14 @@ const FOUND: [Hidden; 19] = [
 /// more than 5 % above that of the true model, and numbers that lie more than four standard errors from the truth.
 fn faults(
     campaign: &Campaign,
-    (found, ladder, json): &(Vec<String>, Ladder, Value),
+    (found, diagnosis, json): &(Vec<String>, Diagnosis, Value),
 ) -> Vec<String> {
     let effect = campaign.truth[0].effect;
     if found.first().map(String::as_str) != Some(effect) {
         return vec![format!("{effect}: {found:?}")];
     }
     let mut wrong = far_off(campaign, json);
-    let last = ladder.rungs[ladder.rungs.len() - 1].scores;
+    let last = diagnosis.ladder.last().unwrap();
     let oracle = campaign.oracle;
     if 1.05 * oracle.rmse < last.rmse || 1.05 * oracle.crps < last.crps {
         wrong.push(format!("{effect}: {last:?}, {oracle:?}"));
@@ -208,9 +176,7 @@ fn two_effects_are_both_found() {
 #[test]
 fn one_effect_goes_in_place_of_several_that_it_explains() {
     let hidden = [Hidden::TwoRayGround, Hidden::AntennaPattern].map(|kind| (kind, Size::Medium));
-    let (found, ladder, _) = diagnosed(&drawn(&hidden, 1));
-    assert_eq!(found, hidden.map(|(kind, _)| kind.effect()));
-    assert_eq!(ladder.rungs.len(), 3);
+    assert_eq!(diagnosed(&drawn(&hidden, 1)).0, hidden.map(|(kind, _)| kind.effect()));
 }
 
 #[test]
@@ -342,25 +308,35 @@ fn losses_that_are_the_same_everywhere_are_said_to_be() {
 #[test]
 fn extending_brings_the_promised_fall() {
     let campaign = standard(&[(Hidden::Temperature, Size::Clear)], 0);
-    let folder = tempfile::tempdir().unwrap();
-    let (config, study, account) = opened(folder.path(), &campaign);
-    let search = Search::new(&study, QUIET);
-    let term = extend::candidate(&study, "temperature").unwrap();
-    let extended =
-        extend::extend(&config, &account, &study, &search, &[term], "netsim.phy.effect", None)
-            .unwrap();
-    let better = Campaign { config_toml: extended.text.clone(), ..campaign };
-    let again = tempfile::tempdir().unwrap();
-    let (_, study, _) = opened(again.path(), &better);
-    let search = Search::new(&study, QUIET);
-    let rmse = compare::links(&study, &search, &account).scores["rmse_db"];
+    let (plain, table) = (model(&campaign.config_toml), measurements(&campaign.csv));
+    let request = Request::new(&plain, &table);
+    let extended = answers::extended(&request, &["temperature"]).unwrap();
+    let rmse = answers::compared(&Request::new(&model(&extended.text), &table)).scores["rmse_db"];
     let [before, after] = extended.answer.rmse;
     // Fitted to all rows it is a little better on them than held out.
     assert!((rmse - after).abs() < 0.02 * after, "{rmse}: {extended:?}");
     assert!(rmse < 0.8 * before, "{rmse}: {extended:?}");
-    assert!(
-        extend::candidate(&study, "temprature").unwrap_err().to_string().contains("temperature")
-    );
+    let unknown = answers::extended(&request, &["temprature"]).unwrap_err().to_string();
+    assert!(unknown.contains("temperature"), "{unknown}");
+}
+
+/// The example of the crate: a diagnosis from a Rust program.
+#[test]
+fn a_rust_program_gets_an_answer_in_twenty_lines() {
+    let example = tests::repository().join("orchestrator/diagnose/examples/answer.rs");
+    assert!(std::fs::read_to_string(example).unwrap().lines().count() <= 20);
+    let campaign =
+        Campaign::link(0, &Layout::standard(), &[(Hidden::SystemGain, Size::Clear)], 1000);
+    let folder = tests::folder();
+    std::fs::write(folder.path().join("model.toml"), &campaign.config_toml).unwrap();
+    std::fs::write(folder.path().join("links.csv"), &campaign.csv).unwrap();
+    let output = std::process::Command::new(tests::executable("examples/answer"))
+        .args(["model.toml", "links.csv"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", tests::said(&output));
+    assert!(tests::said(&output).starts_with("missing: system-gain"), "{}", tests::said(&output));
 }
 
 #[test]
@@ -377,18 +353,15 @@ fn data_that_cannot_carry_an_answer_are_refused_in_words() {
         (many("-70", "2"), "received is not 0 or 1"),
         (String::new(), "no frame"),
     ];
-    let config = "[netsim.phy]\npropagation = \"friis\"\n".to_owned();
-    let config = Compared::of_text(Path::new("model.toml"), config, &[]).unwrap();
+    let config = model("[netsim.phy]\npropagation = \"friis\"\n");
     for (rows, part) in cases {
-        let table = DataTable::of_csv(Path::new("links.csv"), format!("{header}{rows}").as_bytes());
-        let error =
-            open::links(&config, &table.unwrap(), &Choices::default()).unwrap_err().to_string();
+        let table = measurements(&format!("{header}{rows}"));
+        let error = open::links(&config, &table, &Choices::default()).unwrap_err().to_string();
         assert!(error.contains(part), "{part}: {error}");
     }
     // A handful of rows are used, but carry no verdict.
     let handful: String = (0..12).map(|time| row(time, "-70", "1")).collect();
-    let table = DataTable::of_csv(Path::new("links.csv"), format!("{header}{handful}").as_bytes());
-    let (study, _) = open::links(&config, &table.unwrap(), &Choices::default()).unwrap();
-    let ladder = Search::new(&study, QUIET).stepwise_selection();
-    assert!(ladder.too_little.unwrap().contains("too few independent blocks"));
+    let table = measurements(&format!("{header}{handful}"));
+    let found = answers::diagnosed(&Request::new(&config, &table));
+    assert!(found.too_little.unwrap().contains("too few independent blocks"));
 }

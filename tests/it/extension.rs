@@ -1,8 +1,7 @@
 //! Effects and controllers of a user's own, all in this file: what is added to the catalogues is listed, tried, found and measured by
 //! name nowhere.
 
-use diagnose::ladder::Search;
-use diagnose::progress::SearchProgress;
+use diagnose::Request;
 use diagnose::simulate::simulate;
 use measure::config::{Catalogues, Compared};
 use measure::table::DataTable;
@@ -18,12 +17,10 @@ use robotsim::dynamics::Command;
 use robotsim::dynamics::effect::{self as robots, Situation};
 use serde::Deserialize;
 use std::f64::consts::TAU;
-use std::path::Path;
 use study::choices::Choices;
-use study::{Candidate, Study, open};
+use study::{Candidate, Study as _, open};
+use tests::answers::{accepted_candidate, diagnosed, measurements as table, model, standard_error};
 use tests::campaign::{Campaign, Drive, Fleet, Layout};
-
-const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
 
 /// No curve over time has knots so near each other that it could follow this.
 const PERIOD_S: f64 = 3.1;
@@ -163,12 +160,7 @@ fn catalogues() -> Catalogues {
 }
 
 fn config(text: &str) -> Compared {
-    let config = Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap();
-    config.with_catalogues(catalogues())
-}
-
-fn table(csv: &str) -> DataTable {
-    DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
+    model(text).with_catalogues(catalogues())
 }
 
 /// A campaign that a model would have measured.
@@ -180,16 +172,12 @@ fn named<'a>(candidates: &'a [Candidate], name: &str) -> &'a Candidate {
     candidates.iter().find(|candidate| candidate.name == name).unwrap()
 }
 
-/// What a diagnosis finds, with the first number of each: its value, and its error.
-fn found<S: Study>(study: &S) -> Vec<(String, f64, f64)> {
-    let search = Search::new(study, QUIET);
-    let ladder = search.stepwise_selection();
-    let fit = search.full_fit(&ladder.accepted, study::COMMON, None);
-    let estimate = |&term: &usize| {
-        let first = study.estimates(&fit, term).0.swap_remove(0);
-        (study.candidates()[term].name.clone(), first.value, (first.high - first.low) / 3.29)
-    };
-    ladder.accepted.iter().map(estimate).collect()
+/// A diagnosis finds one effect, and its first number lies within four standard errors of the truth.
+fn assert_found(plain: &str, made: &DataTable, effect: &str, truth: f64) {
+    let found = diagnosed(&Request::new(&config(plain), made));
+    assert_eq!(found.missing, [effect], "{}", found.sentence);
+    let (_, number) = accepted_candidate(&found, 0).parameters.first().unwrap();
+    assert!((number.value - truth).abs() < 4.0 * standard_error(number), "{number:?}");
 }
 
 #[test]
@@ -202,10 +190,7 @@ fn a_radio_effect_of_a_users_own_is_a_candidate_and_found() {
     let (study, _) = open::links(&config(&plain), &made, &Choices::default()).unwrap();
     assert_eq!(named(study.candidates(), "radio-tide").untestable, None);
     assert!(named(study.candidates(), "radio-luck").about.is_some());
-    let found = found(&study);
-    let [(name, value, error)] = &found[..] else { panic!("{found:?}") };
-    assert_eq!(name, "radio-tide");
-    assert!((value - 3.0).abs() < 4.0 * error, "{found:?}");
+    assert_found(&plain, &made, "radio-tide", 3.0);
 }
 
 #[test]
@@ -219,10 +204,7 @@ fn a_robot_effect_of_a_users_own_is_a_candidate_and_found() {
     let made = measured(&truth, &campaign);
     let (study, _) = open::robots(&config(&plain), &made, &Choices::default()).unwrap();
     assert_eq!(named(study.candidates(), "robot-tide").untestable, None);
-    let found = found(&study);
-    let [(name, value, error)] = &found[..] else { panic!("{found:?}") };
-    assert_eq!(name, "robot-tide");
-    assert!((value - 0.3).abs() < 4.0 * error, "{found:?}");
+    assert_found(&plain, &made, "robot-tide", 0.3);
 }
 
 #[test]

@@ -1,25 +1,19 @@
 //! Reception predicted from readings that are given. The rows are made here: by a waterfall and losses of their own, by counting
 //! frame by frame, at levels that follow from nothing.
 
-use diagnose::answer::{self, Measurements};
-use diagnose::compare;
-use diagnose::gain::Scores;
-use diagnose::ladder::Search;
-use diagnose::progress::SearchProgress;
-use diagnose::scan;
-use measure::account::DataAccount;
-use measure::config::Compared;
+use diagnose::Request;
+use diagnose::compare::comparison::Comparison;
 use measure::table::DataTable;
 use serde_json::Value;
 use std::fmt::Write as _;
-use std::path::Path;
+use study::Study as _;
 use study::choices::{ChoiceError, Choices};
 use study::links::LinkStudy;
-use study::open::{self, OpenError, Subject};
-use study::{COMMON, Study as _, links::rows::ModelledLinks};
+use study::links::rows::ModelledLinks;
+use study::open::{self, OpenError};
+use tests::answers::{self, measurements as table, model as config};
 use tests::{folder, orchestrator, said};
 
-const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
 /// Nothing of this is near what was measured: levels are given.
 const FRIIS: &str = "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = -60.0\n";
 const MOTES: u32 = 12;
@@ -84,30 +78,17 @@ fn given() -> Choices {
     Choices { given_rssi: true, ..Choices::default() }
 }
 
-fn table(csv: &str) -> DataTable {
-    DataTable::of_csv(Path::new("links.csv"), csv.as_bytes()).unwrap()
-}
-
-fn config(text: &str) -> Compared {
-    Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap()
-}
-
 fn study(text: &str, table: &DataTable) -> LinkStudy {
     open::links(&config(text), table, &given()).unwrap().0
 }
 
-fn diagnosed(study: &LinkStudy) -> Value {
-    let search = Search::new(study, QUIET);
-    let ladder = search.stepwise_selection();
-    let left = scan::scan_residuals(study, &search, &ladder);
-    let measurements = Measurements {
-        subject: Subject::Links,
-        error_unit: "pdr",
-        searched: None,
-        account: &DataAccount::default(),
-    };
-    let found = answer::answer(study, &search, &ladder, measurements, &left, None);
+fn diagnosed(text: &str, table: &DataTable) -> Value {
+    let found = answers::diagnosed(&Request::new(&config(text), table).with_choices(given()));
     serde_json::to_value(found).unwrap()
+}
+
+fn compared(text: &str, table: &DataTable) -> Comparison {
+    answers::compared(&Request::new(&config(text), table).with_choices(given()))
 }
 
 fn entry<'a>(json: &'a Value, effect: &str) -> &'a Value {
@@ -124,8 +105,7 @@ fn is_near(json: &Value, effect: &str, key: &str, truth: f64) {
 #[test]
 fn a_waterfall_and_losses_on_a_band_are_found_from_readings_that_are_given() {
     let (table, chance) = measured(0.2, 5);
-    let study = study(FRIIS, &table);
-    let found = diagnosed(&study);
+    let found = diagnosed(FRIIS, &table);
     let missing: Vec<&str> =
         found["missing"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
     assert_eq!(missing, ["reception-curve", "interference"], "{}", found["sentence"]);
@@ -148,11 +128,9 @@ fn nothing_is_found_where_the_model_has_the_waterfall() {
     );
     for seed in 1..=4 {
         let (table, chance) = measured(0.0, seed);
-        let study = study(&curve, &table);
-        let found = diagnosed(&study);
+        let found = diagnosed(&curve, &table);
         assert_eq!(found["verdict"], "nothing-missing", "{seed}: {}", found["sentence"]);
-        let search = Search::new(&study, QUIET);
-        let scores = compare::links(&study, &search, &DataAccount::default()).scores;
+        let scores = compared(&curve, &table).scores;
         let rmse = scores["rmse_pdr"];
         // The curve is sampled at steps of 0.1 dB, a frame in a thousand goes against it.
         assert!((rmse / chance.sqrt() - 1.0).abs() < 0.02, "{rmse} {}", chance.sqrt());
@@ -164,14 +142,10 @@ fn nothing_is_found_where_the_model_has_the_waterfall() {
 #[test]
 fn what_changes_readings_is_told_to_be_untestable_and_moves_nothing() {
     let (table, _) = measured(0.2, 7);
-    let [one, other] = [
-        FRIIS,
-        "[netsim.phy]\npropagation = \"log-distance\"\nexponent = 4.0\ntx_power_dbm = 20.0\n",
-    ]
-    .map(|text| study(text, &table));
-    let scores =
-        |study: &LinkStudy| Scores::mean(&Search::new(study, QUIET).held_out_scores(&[], COMMON));
-    assert_eq!(scores(&one), scores(&other));
+    let other =
+        "[netsim.phy]\npropagation = \"log-distance\"\nexponent = 4.0\ntx_power_dbm = 20.0\n";
+    assert_eq!(compared(FRIIS, &table).scores, compared(other, &table).scores);
+    let one = study(FRIIS, &table);
     for candidate in one.candidates() {
         let why = candidate.untestable.as_deref().unwrap_or_default();
         let decides = ["interference", "noise-floor", "reception-curve"];

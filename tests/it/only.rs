@@ -1,9 +1,6 @@
 //! Effects that act on some nodes, robots, runs and times only: in runs of the real processes, and against measurements.
 
-use diagnose::compare;
-use diagnose::ladder::Search;
-use diagnose::progress::SearchProgress;
-use measure::account::DataAccount;
+use diagnose::Request;
 use measure::config::Compared;
 use measure::table::DataTable;
 use netsim::phy::link::channel_hz;
@@ -12,9 +9,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use study::choices::Choices;
 use study::{NotLimited, Study, open};
-use tests::{folder, orchestrator, run, said};
-
-const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
+use tests::{answers, folder, orchestrator, run, said};
 
 /// Four robots on a circle drive east side by side, over a radio that delivers everything.
 const MODEL: &str = r#"
@@ -158,8 +153,7 @@ fn a_comparison_of_links_says_that_a_limited_effect_explains_its_rows_and_no_oth
             "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = 0.0\n\
              [[netsim.phy.effect]]\nkind = \"system-gain\"\ngain_db = -9.0\nonly = {only}\n"
         );
-        let (study, _) = open::links(&config(&text), &data, &Choices::default()).unwrap();
-        compare::links(&study, &Search::new(&study, QUIET), &DataAccount::default()).scores["rmse_db"]
+        answers::compared(&Request::new(&config(&text), &data)).scores["rmse_db"]
     };
     let exact =
         "nodes = [3], runs = [2], from_s = 200, until_s = 700, where = \"temperature_c > 25\"";
@@ -227,8 +221,7 @@ fn a_comparison_of_robots_says_that_a_limited_effect_explains_its_rows_and_no_ot
             "[robotsim.dynamics]\nkind = \"point-mass\"\n\
              [[robotsim.dynamics.effect]]\nkind = \"slip\"\nscale = 0.7\nonly = {only}\n"
         );
-        let (study, _) = open::robots(&config(&text), &data, &Choices::default()).unwrap();
-        compare::robots(&study, &Search::new(&study, QUIET), &DataAccount::default()).scores["rmse_m"]
+        answers::compared(&Request::new(&config(&text), &data)).scores["rmse_m"]
     };
     let exact = "agents = [3], runs = [2], from_s = 10, until_s = 30";
     let explained_m = rmse_m(&format!("{{ {exact} }}"));

@@ -3,13 +3,14 @@
 //! same, that is hidden in place of the effect.
 
 use crate::packets::{resimulation, with};
+use diagnose::Unobserved;
 use experiment::{Overrides, read};
-use measure::account::DataAccount;
 use measure::packets::MeasuredPacket;
 use netsim::phy::reception::table::DUST;
+use network::PacketRequest;
 use network::compare::ComparisonOptions;
+use network::diagnosis::NetworkDiagnosis;
 use network::resimulate::Resimulation;
-use network::search::{NetworkSearch, SearchResult, answer, catalogue};
 use network::spread::LEVEL;
 use proto::rng::{Draws, Purpose};
 use serde_json::Value;
@@ -27,17 +28,21 @@ fn measured(tables: &str, number: u64) -> Vec<MeasuredPacket> {
     truth.packets(&truth.network(), number..number + 1).unwrap().remove(0)
 }
 
-fn diagnosed(packets: &[MeasuredPacket]) -> (SearchResult, Value) {
-    diagnosed_by(&resimulation(&sensors(), None), packets)
+fn diagnosed(packets: Vec<MeasuredPacket>) -> (NetworkDiagnosis, Value) {
+    diagnosed_by(resimulation(&sensors(), None), packets)
 }
 
-fn diagnosed_by(model: &Resimulation, packets: &[MeasuredPacket]) -> (SearchResult, Value) {
-    let asked = ComparisonOptions { seeds: SEEDS, ..ComparisonOptions::default() };
-    let candidates = catalogue();
-    let found =
-        NetworkSearch::new(model, packets, asked, &candidates).stepwise_selection().unwrap();
-    let json = serde_json::to_value(answer(&found, asked, &DataAccount::default())).unwrap();
+fn diagnosed_by(model: Resimulation, packets: Vec<MeasuredPacket>) -> (NetworkDiagnosis, Value) {
+    let options = ComparisonOptions { seeds: SEEDS, ..ComparisonOptions::default() };
+    let request = PacketRequest::new(model, packets, options);
+    let found = network::diagnose(&request, &Unobserved).unwrap().answer;
+    let json = serde_json::to_value(&found).unwrap();
     (found, json)
+}
+
+/// P-values of the packets under the models of a search.
+fn chances(found: &NetworkDiagnosis) -> Vec<f64> {
+    found.ladder.iter().map(|rung| rung.p_value).collect()
 }
 
 /// The interval of an accepted effect's number.
@@ -66,7 +71,7 @@ fn in_two_of_three(is_found_in: impl Fn(u64) -> Result<(), String>) {
 fn lost_acknowledgments_are_found_with_their_part() {
     let effect = "[[netsim.mac.effect]]\nkind = \"ack-loss\"\nprobability = 0.4";
     in_two_of_three(|seed| {
-        let (found, json) = diagnosed(&measured(effect, seed));
+        let (found, json) = diagnosed(measured(effect, seed));
         let sentence = json["sentence"].to_string();
         if json["missing"].as_array().unwrap() != &["ack-loss"] {
             return Err(sentence);
@@ -75,10 +80,10 @@ fn lost_acknowledgments_are_found_with_their_part() {
         // A 90 % interval is 3.3 standard errors wide; within four of them of the truth, as half an hour of one network tells
         // it.
         let four = 4.0 * (high - low) / 3.29;
-        let trial = found.tests.iter().find(|trial| trial.is_accepted).unwrap();
-        let value = trial.fitted.unwrap().value;
+        let trial = found.candidates.iter().find(|trial| trial.accepted).unwrap();
+        let value = trial.parameters["probability"].value;
         let is_near = (value - 0.4).abs() <= four && high - low < 0.3;
-        let chances: Vec<f64> = found.rungs.iter().map(|rung| rung.among.placed.p_value).collect();
+        let chances = chances(&found);
         let is_enough = chances[0] <= 0.01 && LEVEL < chances[1];
         let is_all = json["unexplained"].as_array().unwrap().is_empty();
         if is_near && is_enough && is_all { Ok(()) } else { Err(sentence) }
@@ -87,9 +92,9 @@ fn lost_acknowledgments_are_found_with_their_part() {
 
 #[test]
 fn nothing_is_found_where_nothing_is_hidden() {
-    let (found, json) = diagnosed(&measured("", 1000));
+    let (found, json) = diagnosed(measured("", 1000));
     assert_eq!(json["verdict"], "nothing-missing", "{}", json["sentence"]);
-    assert!(found.accepted.is_empty() && json["missing"].as_array().unwrap().is_empty());
+    assert!(found.missing.is_empty(), "{:?}", found.missing);
 }
 
 /// Six sensors that find the network within seconds, over a quarter of an hour.
@@ -127,15 +132,16 @@ fn is_found_in(
 ) -> Result<(), String> {
     let truth = small_resimulation(truth);
     let packets = truth.packets(&truth.network(), seed..seed + 1).unwrap().remove(0);
-    let (found, json) = diagnosed_by(&small_resimulation(model), &packets);
+    let (found, json) = diagnosed_by(small_resimulation(model), packets);
     let sentence = &json["sentence"];
-    let trial = |name: &str| found.tests.iter().find(|it| it.candidate.name == name).unwrap();
-    let fitted = trial(effect).fitted.ok_or_else(|| format!("{effect} not fitted, {sentence}"))?;
-    let [low, high] = fitted.interval;
-    let chances: Vec<f64> = found.rungs.iter().map(|rung| rung.among.placed.p_value).collect();
+    let trial = |name: &str| found.candidates.iter().find(|it| it.effect == name).unwrap();
+    let fitted = trial(effect).parameters.get(key);
+    let fitted = fitted.ok_or_else(|| format!("{effect} not fitted, {sentence}"))?;
+    let [low, high] = [fitted.low, fitted.high];
+    let chances = chances(&found);
     let is_named = json["verdict"] == "missing-effects"
         && json["missing"].as_array().unwrap() == &[first]
-        && (effect == first || trial(first).ties.contains(&effect));
+        && (effect == first || trial(first).indistinguishable_from.contains(&effect));
     let is_covered = low <= value && value <= high && high < 8.0 * low;
     let is_enough = chances[0] <= LEVEL && chances.get(1).is_some_and(|&chance| LEVEL < chance);
     if is_named && is_covered && is_enough {

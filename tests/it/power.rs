@@ -1,41 +1,36 @@
 //! How large an effect a campaign would show.
 
-use diagnose::power::answer::{self, Size};
-use diagnose::power::{Question, power};
+use diagnose::power::answer::{self, Power, Size};
+use diagnose::power::{PowerError, Question};
+use diagnose::{Request, Unobserved};
 use measure::config::Compared;
 use measure::table::DataTable;
-use std::path::Path;
 use study::choices::{Choices, SplitBy};
+use tests::answers::{measurements, model};
 use tests::campaign::{Campaign, Drive, Fleet, Layout};
 
-const QUIET: &(dyn Fn(&str) + Sync) = &|_| {};
-
-static ALL_ROWS: Choices = Choices::NONE;
-
 fn asked(effect: &str) -> Question<'_> {
-    Question {
-        effect,
-        with: &[],
-        vary: None,
-        campaigns: 6,
-        seed: 1,
-        set: &[],
-        choices: &ALL_ROWS,
-        stop: None,
-    }
+    Question { effect, with: &[], vary: None, campaigns: 6, seed: 1 }
+}
+
+fn power(
+    (config, table): &(Compared, DataTable),
+    choices: &Choices,
+    question: &Question<'_>,
+) -> Result<Power, PowerError> {
+    let request = Request::new(config, table).with_choices(choices.clone());
+    diagnose::power(&request, question, &Unobserved)
 }
 
 fn files(n_rows: usize) -> (Compared, DataTable) {
     let campaign = Campaign::link(4, &Layout::standard(), &[], n_rows);
-    let config = Compared::of_text(Path::new("model.toml"), campaign.config_toml, &[]).unwrap();
-    (config, DataTable::of_csv(Path::new("links.csv"), campaign.csv.as_bytes()).unwrap())
+    (model(&campaign.config_toml), measurements(&campaign.csv))
 }
 
 #[test]
 fn a_larger_campaign_shows_a_smaller_effect() {
     let value = |n_rows: usize| {
-        let (config, table) = files(n_rows);
-        let found = power(&config, &table, &asked("temperature"), QUIET).unwrap();
+        let found = power(&files(n_rows), &Choices::NONE, &asked("temperature")).unwrap();
         let text = answer::text(&found);
         assert_eq!((found.neutral, found.parameter.as_str()), (0.0, "db_per_c"), "{found:?}");
         assert!(text.contains("with a power of 80 %"), "{text}");
@@ -55,9 +50,9 @@ fn a_larger_campaign_shows_a_smaller_effect() {
 
 #[test]
 fn what_these_data_cannot_show_is_said_at_once() {
-    let (config, table) = files(1000);
+    let files = files(1000);
     let refusal =
-        |question: &Question<'_>| power(&config, &table, question, QUIET).unwrap_err().to_string();
+        |question: &Question<'_>| power(&files, &Choices::NONE, question).unwrap_err().to_string();
     let text = refusal(&asked("vegetation"));
     assert!(text.contains("needs foliage in [site]"), "{text}");
     let text = refusal(&asked("temprature"));
@@ -71,14 +66,12 @@ fn what_these_data_cannot_show_is_said_at_once() {
 
 #[test]
 fn what_is_chosen_of_the_rows_is_judged_alone() {
-    let (config, table) = files(5000);
-    let found = |choices: &Choices| {
-        power(&config, &table, &Question { choices, ..asked("temperature") }, QUIET)
-    };
+    let files = files(5000);
+    let found = |choices: &Choices| power(&files, choices, &asked("temperature"));
     let value = |choices: &Choices| found(choices).unwrap().value.unwrap().abs();
     let condition = |text: &str| Choices { condition: Some(text.to_owned()), ..Choices::NONE };
     // Two in nine, all along the time in which the temperature varies.
-    let (few, all) = (value(&condition("tx < 4")), value(&ALL_ROWS));
+    let (few, all) = (value(&condition("tx < 4")), value(&Choices::NONE));
     assert!(1.3 < few / all, "{few} {all}");
     let text = found(&condition("tx == 300")).unwrap_err().to_string();
     assert!(text.contains("no row satisfies"), "{text}");
@@ -90,9 +83,8 @@ fn what_is_chosen_of_the_rows_is_judged_alone() {
 #[test]
 fn what_a_campaign_of_robots_would_show_is_told_too() {
     let campaign = Campaign::robots(3, &Fleet::standard(Drive::Velocity), &[], 3000);
-    let config = Compared::of_text(Path::new("model.toml"), campaign.config_toml, &[]).unwrap();
-    let table = DataTable::of_csv(Path::new("robots.csv"), campaign.csv.as_bytes()).unwrap();
-    let found = power(&config, &table, &asked("slip"), QUIET).unwrap();
+    let files = (model(&campaign.config_toml), measurements(&campaign.csv));
+    let found = power(&files, &Choices::NONE, &asked("slip")).unwrap();
     assert_eq!(found.neutral, 1.0, "{found:?}");
     let value = found.value.unwrap();
     // Positions are known to 1.5 cm and robots go 15 m in a window: a share of 1e-3 is 1.5 cm. Some hundred independent windows

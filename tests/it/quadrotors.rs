@@ -1,19 +1,13 @@
 //! Quadrotors flown here, by equations written out here, and held against the model: what they lack is found.
 
-use diagnose::answer::{self, Measurements};
-use diagnose::ladder::Search;
-use diagnose::progress::SearchProgress;
-use diagnose::{limits, scan};
+use diagnose::Request;
 use measure::config::Compared;
-use measure::table::DataTable;
 use proto::rng::{Draws, Purpose};
 use serde_json::Value;
 use std::fmt::Write as _;
-use std::path::Path;
 use study::choices::Choices;
-use study::open::{self, Subject};
-
-const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
+use study::open;
+use tests::answers::{self, measurements};
 
 const GRAVITY_MPS2: f64 = 9.80665;
 const MASS_KG: f64 = 1.2;
@@ -110,32 +104,21 @@ fn flown(hidden: Hidden, commands: Commands, heights_m: [f64; 2]) -> String {
 }
 
 fn config(dynamics: &str) -> Compared {
-    let text = format!("[robotsim.dynamics]\n{dynamics}");
-    Compared::of_text(Path::new("model.toml"), text, &[]).unwrap()
+    answers::model(&format!("[robotsim.dynamics]\n{dynamics}"))
 }
 
 /// What `diagnose` says as JSON, with a model that knows the lag.
 fn diagnosed(csv: &str, mass: &str) -> Value {
-    let table = DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap();
     let model = config(&format!("kind = \"quadrotor\"\n{mass}"));
-    let (mut study, account) = open::robots(&model, &table, &Choices::default()).unwrap();
-    let (ladder, known) = limits::selection(&mut study, None, QUIET);
-    let search = Search::new(&study, QUIET).with_known(known);
-    let left = scan::scan_residuals(&study, &search, &ladder);
-    let measurements = Measurements {
-        subject: Subject::Robots,
-        error_unit: "m",
-        searched: None,
-        account: &account,
-    };
-    let found = answer::answer(&study, &search, &ladder, measurements, &left, None);
+    let found = answers::diagnosed(&Request::new(&model, &measurements(csv)));
     serde_json::to_value(&found).unwrap()
 }
 
 /// Why measurements are not held against a model.
 fn refused(csv: &str, dynamics: &str) -> String {
-    let table = DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap();
-    open::robots(&config(dynamics), &table, &Choices::default()).unwrap_err().to_string()
+    open::robots(&config(dynamics), &measurements(csv), &Choices::default())
+        .unwrap_err()
+        .to_string()
 }
 
 fn missing(found: &Value) -> Vec<&str> {

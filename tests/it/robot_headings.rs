@@ -1,18 +1,13 @@
 //! Headings of robots that turn, predicted beside their positions.
 
+use diagnose::Request;
 use diagnose::compare::{self, comparison::Comparison};
-use diagnose::ladder::Search;
-use diagnose::progress::SearchProgress;
-use measure::account::DataAccount;
 use measure::config::Compared;
 use measure::table::DataTable;
 use proto::rng::{Draws, Purpose};
 use std::fmt::Write as _;
-use std::path::Path;
-use study::choices::Choices;
-use study::{COMMON, Study, open};
+use tests::answers;
 
-const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
 /// Noise of headings and positions.
 const NOISE: f64 = 0.01;
 
@@ -40,17 +35,15 @@ fn turning() -> DataTable {
             y_m += 0.001 * heading_rad.sin();
         }
     }
-    DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
+    answers::measurements(&csv)
 }
 
 fn config(effects: &str) -> Compared {
-    let text = format!("[robotsim.dynamics]\nkind = \"unicycle\"\n{effects}");
-    Compared::of_text(Path::new("model.toml"), text, &[]).unwrap()
+    answers::model(&format!("[robotsim.dynamics]\nkind = \"unicycle\"\n{effects}"))
 }
 
 fn compared(effects: &str) -> Comparison {
-    let (study, _) = open::robots(&config(effects), &turning(), &Choices::default()).unwrap();
-    compare::robots(&study, &Search::new(&study, QUIET), &DataAccount::default())
+    answers::compared(&Request::new(&config(effects), &turning()))
 }
 
 #[test]
@@ -76,14 +69,9 @@ fn headings_are_as_wrong_as_the_turns_and_with_what_is_missing_as_wrong_as_their
 
 #[test]
 fn the_heading_falls_where_the_missing_turn_is_found() {
-    let (study, _) = open::robots(&config(""), &turning(), &Choices::default()).unwrap();
-    let search = Search::new(&study, QUIET);
-    let slip = study.candidates().iter().position(|c| c.name == "slip (turn)").unwrap();
-    let rmse_rad = |terms: &[usize]| {
-        let scores = diagnose::gain::Scores::mean(&search.held_out_scores(terms, COMMON));
-        scores.rmse_heading_rad.unwrap()
-    };
-    let [before, after] = [rmse_rad(&[]), rmse_rad(&[slip])];
+    let found = answers::diagnosed(&Request::new(&config(""), &turning()));
+    assert_eq!(found.missing, ["slip (turn)"]);
+    let [before, after] = [0, 1].map(|rung| found.ladder[rung].rmse_heading_rad.unwrap());
     assert!(2.0 * after < before && after < 1.45 * NOISE, "{before} {after}");
 }
 
@@ -94,12 +82,8 @@ fn bodies_that_do_not_turn_have_no_error_of_headings() {
         let time_s = 0.1 * f64::from(step);
         writeln!(csv, "{time_s:.1},0,{:.4},0,0.1,{},0", time_s.sin(), time_s.cos()).unwrap();
     }
-    let table = DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap();
-    let text = "[robotsim.dynamics]\nkind = \"point-mass\"\n".to_owned();
-    let model = Compared::of_text(Path::new("model.toml"), text, &[]).unwrap();
-    let (study, _) = open::robots(&model, &table, &Choices::default()).unwrap();
-    let search = Search::new(&study, QUIET);
-    let found = compare::robots(&study, &search, &DataAccount::default());
+    let model = answers::model("[robotsim.dynamics]\nkind = \"point-mass\"\n");
+    let found = answers::compared(&Request::new(&model, &answers::measurements(&csv)));
     assert!(!found.scores.contains_key("rmse_heading_rad"), "{found:?}");
     assert!(found.places.iter().all(|place| place.heading.is_none()));
 }

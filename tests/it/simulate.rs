@@ -1,30 +1,19 @@
 //! Campaigns that a model would have measured: what is put in is found again.
 
-use diagnose::compare;
-use diagnose::ladder::Search;
-use diagnose::progress::SearchProgress;
+use diagnose::Request;
+use diagnose::diagnosis::{Diagnosis, Parameter};
 use diagnose::simulate::simulate;
-use measure::account::DataAccount;
-use measure::config::Compared;
 use measure::table::DataTable;
-use std::path::Path;
 use study::choices::Choices;
 use study::open;
-use study::{Candidate, Study};
+use tests::answers::{
+    self, accepted, compared, diagnosed, measurements as table, model as config, standard_error,
+};
 use tests::campaign::{Campaign, Drive, Fleet, Layout};
 
-const QUIET: &(dyn Fn(SearchProgress<'_>) + Sync) = &|_| {};
-
-fn config(text: &str) -> Compared {
-    Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap()
-}
-
-fn table(csv: &str) -> DataTable {
-    DataTable::of_csv(Path::new("data.csv"), csv.as_bytes()).unwrap()
-}
-
-fn named(candidates: &[Candidate], name: &str) -> usize {
-    candidates.iter().position(|candidate| candidate.name == name).unwrap()
+/// A number of the first effect that was accepted.
+fn number(found: &Diagnosis, key: &str) -> Parameter {
+    answers::accepted_candidate(found, 0).parameters[key].clone()
 }
 
 #[test]
@@ -45,25 +34,17 @@ fn an_effect_of_links_that_is_put_in_is_found_and_the_true_model_knows_what_it_d
 
     let (study, _) = open::links(&config(&truth), &made, &Choices::default()).unwrap();
     assert_eq!(study.rows.links.readings.quantum_db, 1.0, "readings are rounded like the file's");
-    let found = compare::links(&study, &Search::new(&study, QUIET), &DataAccount::default());
+    let found = compared(&Request::new(&config(&truth), &made));
     let score = |name: &str| found.scores[name];
     // About 4000 readings: four standard errors are 0.019, and rounding to whole dB takes away up to 0.01.
     assert!((score("coverage_90") - 0.9).abs() < 0.03, "{found:?}");
     // The noise is 2 dB; four standard errors of the mean are 0.13 dB.
     assert!(score("bias_db").abs() < 0.13, "{found:?}");
 
-    let (study, _) = open::links(&config(&plain), &made, &Choices::default()).unwrap();
-    let search = Search::new(&study, QUIET);
-    let ladder = search.stepwise_selection();
-    let names: Vec<&str> =
-        ladder.accepted.iter().map(|&term| study.candidates()[term].name.as_str()).collect();
-    assert_eq!(names, ["temperature"]);
-    let term = ladder.accepted[0];
-    let (estimates, _) =
-        study.estimates(&search.full_fit(&ladder.accepted, study::COMMON, None), term);
-    let slope = estimates.iter().find(|estimate| estimate.name == "db_per_c").unwrap();
-    let error = (slope.high - slope.low) / 3.29;
-    assert!((slope.value + 0.3).abs() < 4.0 * error, "{slope:?}");
+    let found = diagnosed(&Request::new(&config(&plain), &made));
+    assert_eq!(accepted(&found), ["temperature"]);
+    let slope = number(&found, "db_per_c");
+    assert!((slope.value + 0.3).abs() < 4.0 * standard_error(&slope), "{slope:?}");
 }
 
 #[test]
@@ -81,22 +62,17 @@ fn an_effect_of_robots_that_is_put_in_is_found_and_the_true_model_knows_what_it_
     assert_eq!(csv.lines().next(), campaign.csv.lines().next());
     let made = table(&csv);
 
-    let (study, _) = open::robots(&config(&truth), &made, &Choices::default()).unwrap();
-    let found = compare::robots(&study, &Search::new(&study, QUIET), &DataAccount::default());
+    let found = compared(&Request::new(&config(&truth), &made));
     let coverage = found.scores["coverage_90"];
     // Windows overlap: some 1200 independent residuals, four standard errors are 0.035.
     assert!((coverage - 0.9).abs() < 0.035, "{found:?}");
 
-    let (study, _) = open::robots(&config(&plain), &made, &Choices::default()).unwrap();
-    let search = Search::new(&study, QUIET);
-    let slip = named(study.candidates(), "slip");
-    let level = study.candidates()[slip].level;
-    let gain = search.gain(&[slip], &[], level);
-    assert!(gain.p_value < 1e-6, "{gain:?}");
-    let (estimates, _) = study.estimates(&search.full_fit(&[slip], level, None), slip);
-    let scale = estimates.iter().find(|estimate| estimate.name == "scale").unwrap();
-    let error = (scale.high - scale.low) / 3.29;
-    assert!((scale.value - 0.97).abs() < 4.0 * error + 1e-4, "{scale:?}");
+    let found = diagnosed(&Request::new(&config(&plain), &made));
+    assert_eq!(accepted(&found), ["slip"]);
+    let p_value = answers::accepted_candidate(&found, 0).p_value;
+    assert!(p_value < 1e-6, "{p_value}");
+    let scale = number(&found, "scale");
+    assert!((scale.value - 0.97).abs() < 4.0 * standard_error(&scale) + 1e-4, "{scale:?}");
 }
 
 #[test]
@@ -144,7 +120,7 @@ fn what_a_run_has_left_is_a_campaign_of_its_model() {
     let score = |text: &str, name: &str| {
         let (study, _) = open::links(&config(text), &made, &Choices::default()).unwrap();
         assert!(study.rows.links.readings.has_losses, "links that were not heard are there");
-        compare::links(&study, &Search::new(&study, QUIET), &DataAccount::default()).scores[name]
+        compared(&Request::new(&config(text), &made)).scores[name]
     };
     let coverage = score(text, "coverage_90");
     // Some thousand readings: four standard errors are below 0.03.

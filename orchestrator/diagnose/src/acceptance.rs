@@ -8,17 +8,17 @@ use crate::gain::{Gain, Scores};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
 /// Probability with which any of all candidates together may be accepted wrongly.
-pub const FAMILY_ERROR: f64 = 0.005;
+pub(crate) const FAMILY_ERROR: f64 = 0.005;
 /// A term is worth having from this gain on (nats per row) …
-pub const WORTH_NATS: f64 = 0.01;
+pub(crate) const WORTH_NATS: f64 = 0.01;
 /// … or from this share of the error removed.
-pub const WORTH_SHARE: f64 = 0.01;
+pub(crate) const WORTH_SHARE: f64 = 0.01;
 /// In any case it removes this share of the error of the model as configured.
-pub const LEAST_SHARE: f64 = 0.001;
+pub(crate) const LEAST_SHARE: f64 = 0.001;
 
 /// The decision of the acceptance rule on one term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Acceptance {
+pub(crate) struct Acceptance {
     /// Significant at [`FAMILY_ERROR`] after Holm's correction for all candidates.
     pub is_significant: bool,
     /// Significant at [`FAMILY_ERROR`] if it were the only candidate, and worth having.
@@ -28,7 +28,7 @@ pub struct Acceptance {
 impl Acceptance {
     /// Significant after the correction, and worth having.
     #[must_use]
-    pub fn is_acceptable(self) -> bool {
+    pub(crate) fn is_acceptable(self) -> bool {
         self.is_significant && self.is_plausible
     }
 }
@@ -40,7 +40,7 @@ impl Acceptance {
 /// * `least_share`: the share of the error that a term must remove if its gain alone is not worth it; at least [`WORTH_SHARE`].
 /// * `share_removed`: the share of the error that the term at an index removes; asked only where the gain is significant by itself.
 #[must_use]
-pub fn judge(
+pub(crate) fn judge(
     gains: &[Gain],
     n_candidates: usize,
     least_share: f64,
@@ -58,21 +58,21 @@ pub fn judge(
 
 /// Whether a gain (nats per row) or the share of the error that is removed is worth having.
 #[must_use]
-pub fn is_worth(gain: f64, least_share: f64, share_removed: impl FnOnce() -> f64) -> bool {
+pub(crate) fn is_worth(gain: f64, least_share: f64, share_removed: impl FnOnce() -> f64) -> bool {
     WORTH_NATS <= gain || WORTH_SHARE.max(least_share) <= share_removed()
 }
 
 /// The least share of the present error that a term must remove, so that it removes [`LEAST_SHARE`] of the error of the model as
 /// configured.
 #[must_use]
-pub fn least_share(configured: &Scores, present: &Scores) -> f64 {
+pub(crate) fn least_share(configured: &Scores, present: &Scores) -> f64 {
     LEAST_SHARE * share_scale(configured.mean_square(), present.mean_square())
 }
 
 /// How many times greater the mean squared error of the model as configured is than that of another, at least 1: shares of the
 /// one are so many times smaller than shares of the other.
 #[must_use]
-pub fn share_scale(configured: f64, other: f64) -> f64 {
+pub(crate) fn share_scale(configured: f64, other: f64) -> f64 {
     let scale = configured / other;
     if scale.is_finite() { scale.max(1.0) } else { 1.0 }
 }
@@ -81,14 +81,14 @@ pub fn share_scale(configured: f64, other: f64) -> f64 {
 /// after the correction. A likelihood ratio of held-out rows exceeds e^g by chance with a probability of at most e^-g. The effective
 /// sample size is the number of rows divided by `design_effect`.
 #[must_use]
-pub fn is_certain_by_total(gain: &Gain, n_candidates: usize, design_effect: f64) -> bool {
+pub(crate) fn is_certain_by_total(gain: &Gain, n_candidates: usize, design_effect: f64) -> bool {
     let least = libm::log(n_candidates as f64 / FAMILY_ERROR) * design_effect;
     least < gain.total()
 }
 
 /// Standard errors that a gain over so many blocks must exceed to be the first that Holm's rule accepts.
 #[must_use]
-pub fn critical_t(n_candidates: usize, n_blocks: usize) -> f64 {
+pub(crate) fn critical_t(n_candidates: usize, n_blocks: usize) -> f64 {
     StudentsT::new(0.0, 1.0, (n_blocks.max(2) - 1) as f64)
         .map_or(f64::INFINITY, |law| -law.inverse_cdf(FAMILY_ERROR / n_candidates as f64))
 }

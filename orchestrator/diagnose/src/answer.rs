@@ -19,7 +19,7 @@ use study::{COMMON, Estimate, Study};
 
 /// The measurements that a diagnosis is about.
 #[derive(Clone, Copy, Debug)]
-pub struct Measurements<'a> {
+pub(crate) struct Measurements<'a> {
     /// Of links or of robots.
     pub subject: Subject,
     /// Unit of errors in words.
@@ -32,7 +32,7 @@ pub struct Measurements<'a> {
 
 /// The study and the fit of some terms that numbers are taken from: of `all_rows`, where the search used some rows only.
 /// `None`: the search used all.
-pub fn numbers<'a, S: Study>(
+pub(crate) fn numbers<'a, S: Study>(
     search: &Search<'a, S>,
     study: &'a S,
     all_rows: Option<&'a S>,
@@ -49,7 +49,7 @@ pub fn numbers<'a, S: Study>(
 
 /// The answer of a search. `residuals`: structure that is left in the residuals. `all_rows`: the study of all rows, where the
 /// search used some of them only.
-pub fn answer<S: Study>(
+pub(crate) fn answer<S: Study>(
     study: &S,
     search: &Search<'_, S>,
     ladder: &Ladder,

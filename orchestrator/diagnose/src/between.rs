@@ -5,6 +5,7 @@
 //!
 //! | module | what |
 //! |---|---|
+//! | [`campaigns`] | from two files to an answer |
 //! | [`answer`] | from what was found to an answer |
 //! | [`search`] | the search for changes |
 //! | [`contrast`] | tests of differences between the campaigns |
@@ -12,13 +13,16 @@
 //! | [`rule`] | the verdict |
 //! | [`words`] | the answer, as people read it |
 
-pub mod answer;
-pub mod contrast;
+mod answer;
+mod campaigns;
+mod contrast;
 pub mod error_change;
 mod rivals;
-pub mod rule;
-pub mod search;
+mod rule;
+mod search;
 pub mod words;
+
+pub use campaigns::{BetweenError, BetweenRequest, between};
 
 use crate::defects::MeasurementDefect;
 use crate::diagnosis::Parameter;

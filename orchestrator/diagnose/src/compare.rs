@@ -35,7 +35,7 @@ struct BootstrapInterval {
 }
 
 /// Holds a link model against its measurements, nothing refitted but the noise.
-pub fn links(
+pub(crate) fn links(
     study: &LinkStudy,
     search: &Search<'_, LinkStudy>,
     account: &DataAccount,
@@ -130,7 +130,7 @@ fn finished(
 }
 
 /// Holds a model of robots against their samples, nothing refitted but the noise: scores of windows, held out.
-pub fn robots(
+pub(crate) fn robots(
     study: &RobotStudy,
     search: &Search<'_, RobotStudy>,
     account: &DataAccount,

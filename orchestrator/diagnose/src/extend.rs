@@ -5,6 +5,7 @@ pub mod extension;
 use crate::answer::numbers;
 use crate::gain::Scores;
 use crate::ladder::Search;
+use crate::measured::Measured;
 use ::numbers::format::with_unit;
 use extension::{Extension, SCHEMA};
 use measure::config::Compared;
@@ -50,7 +51,7 @@ pub struct ExtendedConfig {
 /// # Errors
 ///
 /// There is none, or the data do not suffice for it.
-pub fn candidate<S: Study>(study: &S, name: &str) -> Result<usize, ExtendError> {
+pub(crate) fn candidate<S: Study>(study: &S, name: &str) -> Result<usize, ExtendError> {
     let candidates = study.candidates();
     let found = candidates
         .iter()
@@ -94,20 +95,16 @@ fn fit_together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
 
 /// The configuration with terms added: the text as it was, then the new sections with the fit's provenance.
 ///
-/// * `section`: the section of an effect, such as `netsim.phy.effect`.
 /// * `all_rows`: the study of all rows, if the search used some of them only.
-/// * `noise_key`: section, key and value of the model's noise, if it is to be written.
 ///
 /// # Errors
 ///
 /// There is nothing to add.
-pub fn extend<S: Study>(
-    config: &Compared,
-    account: &DataAccount,
+pub(crate) fn extended_config<S: Measured>(
+    (config, account): (&Compared, &DataAccount),
     study: &S,
     search: &Search<'_, S>,
     terms: &[usize],
-    section: &str,
     all_rows: Option<&S>,
 ) -> Result<ExtendedConfig, ExtendError> {
     let candidates = study.candidates();
@@ -159,7 +156,7 @@ pub fn extend<S: Study>(
         if let Some(warning) = warning {
             let _ = writeln!(text, "# warning: {warning}");
         }
-        let _ = writeln!(text, "[[{section}]]");
+        let _ = writeln!(text, "[[{}]]", S::EFFECT_SECTION);
         // Tables within it stay on one line: a heading would begin a section of its own.
         for (key, value) in measured.settings(&fit, term).iter().flatten() {
             let _ = writeln!(text, "{key} = {value}");
@@ -171,6 +168,7 @@ pub fn extend<S: Study>(
         complete,
         log_score: [before.log_score, after.log_score],
         rmse: [before.rmse, after.rmse],
+        error_unit: study.error_unit(),
     };
     Ok(ExtendedConfig { text, answer })
 }

@@ -6,7 +6,7 @@ use study::COMMON;
 use study::view::{RowPredictions, Viewed};
 
 /// Every row as predicted by a fit to the other folds.
-pub fn predictions<S: Viewed>(
+pub(crate) fn predictions<S: Viewed>(
     study: &S,
     search: &Search<'_, S>,
     terms: &[usize],

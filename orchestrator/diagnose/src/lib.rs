@@ -1,31 +1,44 @@
-//! Which physical effect is missing: the search, and what it says.
+//! Which physical effect is missing: a model of links or of robots compared with measurements.
 //!
-//! | module | what |
+//! A question is one call: [`compare()`], [`diagnose()`], [`extend()`], [`power()`], [`between()`]. Request and answer are values; an
+//! [`Observer`] sees the progress, and may stop the work. The measurements tell by their columns whether they are of links or of robots.
+//!
+//! ```no_run
+#![doc = include_str!("../examples/answer.rs")]
+//! ```
+//!
+//! | public module | what |
 //! |---|---|
-//! | [`held_out`] | predictions of rows by fits that have not seen them |
-//! | [`ladder`] | the search |
-//! | [`acceptance`] | which terms are significant, and worth having |
-//! | [`gain`] | how much better one model predicts than another |
-//! | [`score_test`] | what the slopes of one fit tell, without another fit |
-//! | [`limits`] | effects on one robot, one node or from a time on |
-//! | [`gate`] | whether the model is visibly wrong, whatever the cause |
-//! | [`next`] | the measurement that would break a tie |
-//! | [`progress`] | what a search reports while it works |
-//! | [`scan`] | structure of the residuals |
-//! | [`answer`] | from what was found to an answer |
-//! | [`diagnosis`] | the answer, as programs read it |
-//! | [`words`] | the answer, as people read it |
-//! | [`mod@between`] | what changed between two campaigns |
-//! | [`corrected_data`] | a file of measurements with its defects corrected |
-//! | [`defects`] | defects of the measurement, which are corrected before the search |
 //! | [`mod@compare`] | how large the model's error is as configured, and under which conditions |
-//! | [`mod@extend`] | a configuration with a missing effect added, fitted |
-//! | [`mod@simulate`] | the campaign that a model would have measured |
+//! | [`diagnosis`] | which effects are missing, as programs read it |
+//! | [`words`] | the same, as people read it |
+//! | [`mod@extend`] | a configuration with effects added, fitted |
+//! | [`mod@between`] | what changed between two campaigns |
 //! | [`mod@power`] | how large an effect a campaign would show |
+//! | [`mod@simulate`] | the campaign that a model would have measured |
+//! | [`defects`] | defects of the measurement, which are corrected before the search |
+//! | [`corrected_data`] | a file of measurements with its defects corrected |
+//! | [`rows`] | the measured rows with both models' predictions, for plots |
+//! | [`progress`] | what a search reports while it works |
+//! | [`gain`], [`gate`] | scores of a model, and by how much rows are off it: parts of answers |
 //! | [`json_number`] | numbers of answers that JSON cannot hold |
+//!
+//! The steps between reading the measurements and the answer are private, so that they are put together in one place, `pipeline`:
+//!
+//! | private module | what |
+//! |---|---|
+//! | `measured` | where links and robots differ |
+//! | `limits` | the selection of effects, those on one robot, one node or from a time on among them |
+//! | `ladder` | one stepwise selection |
+//! | `acceptance` | which terms are significant, and worth having |
+//! | `score_test` | what the slopes of one fit tell, without another fit |
+//! | `held_out` | predictions of rows by fits that have not seen them |
+//! | `scan` | structure of the residuals |
+//! | `next` | the measurement that would break a tie |
+//! | `answer` | from what was found to an answer |
 
-pub mod acceptance;
-pub mod answer;
+mod acceptance;
+mod answer;
 pub mod between;
 pub mod compare;
 pub mod corrected_data;
@@ -34,16 +47,28 @@ pub mod diagnosis;
 pub mod extend;
 pub mod gain;
 pub mod gate;
-pub mod held_out;
+mod held_out;
 pub mod json_number;
-pub mod ladder;
-pub mod limits;
-pub mod next;
+mod ladder;
+mod limits;
+mod measured;
+mod next;
+mod pipeline;
 pub mod power;
 pub mod progress;
-pub mod scan;
-pub mod score_test;
+mod request;
+pub mod rows;
+mod scan;
+mod score_test;
 pub mod simulate;
 #[cfg(test)]
 mod structure_tests;
 pub mod words;
+
+pub use between::between;
+pub use pipeline::{Answered, Effects, Extended, Extending, compare, diagnose, extend, screen};
+pub use power::power;
+pub use request::{
+    DiagnoseError, NotExecuted, Observer, Request, RobotSimulator, SimulatorError, Stopped,
+    Unobserved,
+};

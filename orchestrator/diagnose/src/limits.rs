@@ -5,6 +5,7 @@
 //! of the others: where all differ, none is named.
 
 use crate::acceptance::FAMILY_ERROR;
+use crate::gate;
 use crate::ladder::{Known, Ladder, Search, without_term};
 use crate::progress::SearchProgress;
 use crate::score_test::{ScoreTest, ScoreTests};
@@ -39,7 +40,7 @@ const NEARLY: f64 = 0.5;
 
 /// A limited effect that the slopes ask for.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Proposal {
+pub(crate) struct Proposal {
     /// The effect, by the number of its candidate.
     pub term: usize,
     /// Its table `only`.
@@ -100,7 +101,11 @@ impl Span {
 /// The limited effects that the slopes of a model ask for, the most promising first. An effect that the model has is looked for in the
 /// model without it.
 #[must_use]
-pub fn proposals<S: Study>(study: &S, search: &Search<'_, S>, accepted: &[usize]) -> Vec<Proposal> {
+pub(crate) fn proposals<S: Study>(
+    study: &S,
+    search: &Search<'_, S>,
+    accepted: &[usize],
+) -> Vec<Proposal> {
     let candidates = study.candidates();
     let may_be = |term: &usize| may_be_limited(&candidates[*term]);
     let others = (0..candidates.len()).filter(|term| may_be(term) && !accepted.contains(term));
@@ -234,7 +239,7 @@ const MOST_ROUNDS: usize = 4;
 /// * `whole`: the study of all rows, where the search uses some of them only. It gets the same candidates.
 ///
 /// Returns the selection, and what the search has computed.
-pub fn selection<S: Study>(
+pub(crate) fn selection<S: Study>(
     study: &mut S,
     mut whole: Option<&mut S>,
     report: &(dyn Fn(SearchProgress<'_>) + Sync),
@@ -292,7 +297,7 @@ fn wanted_another<S: Study>(study: &S, ladder: &Ladder, term: usize) -> Option<u
 
 /// Whether a limited effect is asked for by the slopes of a fit: its p-value, of one test.
 #[must_use]
-pub fn p_value<S: Study>(study: &S, fit: &S::Fit, term: usize) -> f64 {
+pub(crate) fn p_value<S: Study>(study: &S, fit: &S::Fit, term: usize) -> f64 {
     let Some(rows) = study.linearised(fit) else { return 1.0 };
     let dependence = study.dependence();
     let columns = study.columns(fit, term);
@@ -304,6 +309,26 @@ pub fn p_value<S: Study>(study: &S, fit: &S::Fit, term: usize) -> f64 {
     });
     let n = 2.0 * columns.len() as f64;
     least.fold(1.0, |least: f64, p_value| least.min(n * p_value))
+}
+
+/// All that score tests find beyond chance in the model as configured ([`crate::screen`]).
+pub(crate) fn screened<S: Study>(study: &S) -> Vec<String> {
+    let search = Search::new(study, &|_| {});
+    let fit = search.full_fit(&[], COMMON, None);
+    let candidates = study.candidates();
+    let mut names: Vec<String> =
+        gate::gate(study, &fit).misfits.iter().map(gate::Misfit::sentence).collect();
+    let limited = proposals(study, &search, &[]);
+    names.extend(
+        limited.iter().map(|found| format!("{} ({})", candidates[found.term].name, found.only)),
+    );
+    let tried: Vec<usize> =
+        (0..candidates.len()).filter(|&term| candidates[term].is_tried()).collect();
+    let is_found = |term: usize| p_value(study, &fit, term) * (tried.len() as f64) < FAMILY_ERROR;
+    names.extend(
+        tried.iter().filter(|&&term| is_found(term)).map(|&term| candidates[term].name.clone()),
+    );
+    names
 }
 
 /// Quantiles of sorted values between their ends.

@@ -18,7 +18,7 @@ const DECIMALS: usize = 6;
 
 /// Conditions under which models differ: a range of one covariate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Condition {
+pub(crate) struct Condition {
     /// Name of the covariate by which rows are selected.
     pub covariate: String,
     /// Least value of the covariate, in its own unit.
@@ -40,7 +40,7 @@ const NUMBERS_OF_NODES: [&str; 2] = ["transmitter", "receiver"];
 
 /// The tenth of the rows, by one covariate that a person can choose, in which two models differ most.
 #[must_use]
-pub fn greatest_difference(difference: &PredictionDifference) -> Option<Condition> {
+pub(crate) fn greatest_difference(difference: &PredictionDifference) -> Option<Condition> {
     let total: f64 = difference.by_row.iter().sum();
     let n = difference.by_row.len();
     let mut best: Option<Condition> = None;
@@ -106,7 +106,7 @@ fn round_range(from: f64, to: f64) -> (f64, f64) {
 const WEAK: f64 = 1.0;
 
 /// For each tie, and each parameter that is known weakly, where the rivals differ most. `estimates`: by term.
-pub fn measurements<S: Study>(
+pub(crate) fn measurements<S: Study>(
     study: &S,
     search: &Search<'_, S>,
     ladder: &Ladder,

@@ -10,6 +10,8 @@ use crate::acceptance;
 use crate::extend::{self, ExtendError};
 use crate::gain::Scores;
 use crate::ladder::Search;
+use crate::progress::SearchProgress;
+use crate::request::{Observer, Request, stop_flag};
 use crate::simulate;
 use answer::{Power, SCHEMA, Size};
 use measure::config::Compared;
@@ -45,18 +47,6 @@ pub struct Question<'a> {
     pub campaigns: u64,
     /// Seed of all draws.
     pub seed: u64,
-    /// Keys of the configuration that the command line sets.
-    pub set: &'a [String],
-    /// Which rows are judged, what is left out together, how far robots are predicted: of the file, and of every campaign.
-    pub choices: &'a Choices,
-    /// Ends the simulations early once it is set; what they showed until then is the answer.
-    pub stop: Option<&'a StopFlag>,
-}
-
-impl Question<'_> {
-    fn is_stopped(&self) -> bool {
-        self.stop.is_some_and(StopFlag::is_set)
-    }
 }
 
 /// Why there is no answer.
@@ -115,25 +105,30 @@ struct CampaignResult {
     rmse: [f64; 2],
 }
 
-/// Finds the smallest size of an effect that a campaign like the file would show with a probability of [`POWER`].
+/// Finds the smallest size of an effect that a campaign like that of the request would show with a probability of [`POWER`]. The
+/// choices hold for the file and for every campaign. Simulations that are stopped give the answer that they have until then, with
+/// `complete` false.
 ///
 /// # Errors
 ///
 /// What is wrong with the files or the question.
 pub fn power(
-    config: &Compared,
-    table: &DataTable,
+    request: &Request<'_>,
     question: &Question<'_>,
-    report: &(dyn Fn(&str) + Sync),
+    observer: &dyn Observer,
 ) -> Result<Power, PowerError> {
-    let subject = open::subject(table)?;
-    let plan = PowerPlan::new(config, table, question, subject)?;
+    let subject = open::subject(request.table)?;
+    let plan = PowerPlan::new(request, question, subject, stop_flag(observer))?;
     let knob = plan.knob()?;
     let mut asked = 0;
     let mut at = |size: f64, n: u64| -> Result<Vec<CampaignResult>, PowerError> {
         let first = asked;
         asked += n;
-        report(&format!("{} = {:.4}: {n} campaigns", knob.key, plan.value(&knob, size)));
+        observer.progress(SearchProgress::Campaigns {
+            parameter: &knob.key,
+            value: plan.value(&knob, size),
+            campaigns: n,
+        });
         (first..asked)
             .into_par_iter()
             .map(|k| plan.run_campaign(&knob, size, question.seed + k))
@@ -144,7 +139,7 @@ pub fn power(
     let mut size = knob.greatest.min(1.0);
     for _ in 0..MOST_LOOKS {
         let outcomes = at(size, LOOKS)?;
-        if question.is_stopped() {
+        if plan.stop.is_set() {
             break;
         }
         let margin = outcomes.iter().map(|o| o.margin).sum::<f64>() / outcomes.len() as f64;
@@ -159,9 +154,9 @@ pub fn power(
     let mut points: Vec<(f64, u64, Vec<CampaignResult>)> = Vec::new();
     for relative in SIZES {
         let size = (size * relative).min(knob.greatest);
-        if !question.is_stopped() && points.iter().all(|(other, ..)| *other != size) {
+        if !plan.stop.is_set() && points.iter().all(|(other, ..)| *other != size) {
             let outcomes = at(size, question.campaigns)?;
-            if !question.is_stopped() {
+            if !plan.stop.is_set() {
                 points.push((size, question.campaigns, outcomes));
             }
         }
@@ -177,11 +172,11 @@ pub fn power(
             }
             _ => break,
         };
-        if question.is_stopped() {
+        if plan.stop.is_set() {
             break;
         }
         let outcomes = at(next, question.campaigns)?;
-        if question.is_stopped() {
+        if plan.stop.is_set() {
             break;
         }
         points.push((next, question.campaigns, outcomes));
@@ -225,8 +220,10 @@ fn detectable_size(points: &[(f64, u64, Vec<CampaignResult>)]) -> Option<f64> {
 struct PowerPlan<'a> {
     config: &'a Compared,
     table: &'a DataTable,
+    choices: &'a Choices,
     question: &'a Question<'a>,
     subject: Subject,
+    stop: StopFlag,
     /// `netsim.phy.effect`, `robotsim.dynamics.effect`.
     section: &'static str,
     /// Standard deviation of the noise that all campaigns have.
@@ -242,22 +239,23 @@ struct PowerPlan<'a> {
 
 impl<'a> PowerPlan<'a> {
     fn new(
-        config: &'a Compared,
-        table: &'a DataTable,
+        request: &'a Request<'a>,
         question: &'a Question<'a>,
         subject: Subject,
+        stop: StopFlag,
     ) -> Result<Self, PowerError> {
+        let Request { config, table, ref choices, .. } = *request;
         let kind = question.effect.trim_end_matches(" (turn)");
         let ((n_candidates, n_blocks), starts) = match subject {
             Subject::Links => {
-                let (study, _) = open::links(config, table, question.choices)?;
+                let (study, _) = open::links(config, table, choices)?;
                 let entry = config.catalogues.network.effects.find(kind);
                 let from_model = entry.map_or(&[][..], |entry| entry.fit.from_model);
                 let starts = configured_keys(from_model, &study.rows.model);
                 (candidates_and_blocks(&study, question.effect)?, starts)
             }
             Subject::Robots => {
-                let (study, _) = open::robots(config, table, question.choices)?;
+                let (study, _) = open::robots(config, table, choices)?;
                 let entry = config.catalogues.robots.effects.find(kind);
                 let starts = entry.map(|entry| study.configured_keys(entry)).unwrap_or_default();
                 (candidates_and_blocks(&study, question.effect)?, starts)
@@ -299,12 +297,14 @@ impl<'a> PowerPlan<'a> {
             }
         }
         // Noise as in the file, or as configured: the same in every campaign.
-        let noise = simulate::noise(config, table, question.choices)?;
+        let noise = simulate::noise(config, table, choices)?;
         let mut plan = Self {
             config,
             table,
+            choices,
             question,
             subject,
+            stop,
             section,
             noise,
             n_candidates,
@@ -350,8 +350,7 @@ impl<'a> PowerPlan<'a> {
             }
         }
         text.push_str(&table.to_string());
-        Ok(Compared::of_text(&self.config.path, text, self.question.set)
-            .map_err(OpenError::from)?)
+        Ok(self.config.with_text(text).map_err(OpenError::from)?)
     }
 
     /// What the effect does at a value, in a measure of its own that is 0 where it does nothing.
@@ -453,21 +452,20 @@ impl<'a> PowerPlan<'a> {
         size: f64,
         seed: u64,
     ) -> Result<CampaignResult, PowerError> {
-        if self.question.is_stopped() {
+        if self.stop.is_set() {
             return Ok(CampaignResult { is_found: false, margin: f64::NAN, rmse: [f64::NAN; 2] });
         }
         let truth = self.with_effect(&knob.key, self.value(knob, size))?;
         let made = simulate::simulate(&truth, self.table, seed, Some(self.noise))?.to_table();
-        let Question { effect, choices, .. } = *self.question;
-        let stop = self.question.stop.cloned().unwrap_or_default();
+        let (effect, choices) = (self.question.effect, self.choices);
         match self.subject {
             Subject::Links => {
                 let (study, _) = open::links(self.config, &made, choices)?;
-                self.test_effect(&study.with_stop_flag(&stop), effect)
+                self.test_effect(&study.with_stop_flag(&self.stop), effect)
             }
             Subject::Robots => {
                 let (study, _) = open::robots(self.config, &made, choices)?;
-                self.test_effect(&study.with_stop_flag(&stop), effect)
+                self.test_effect(&study.with_stop_flag(&self.stop), effect)
             }
         }
     }
@@ -513,7 +511,7 @@ impl<'a> PowerPlan<'a> {
             noise: self.noise,
             candidates: self.n_candidates,
             tried: tried.collect(),
-            complete: !self.question.is_stopped(),
+            complete: !self.stop.is_set(),
             method: "simulation",
             error_unit: if self.subject == Subject::Links { "dB" } else { "m" },
         };

@@ -1,7 +1,7 @@
 //! What a search reports while it works. The caller words it, and knows the time.
 
 /// One step of a search.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum SearchProgress<'a> {
     /// A round begins: every candidate is tried on top of what was accepted.
     Round {
@@ -38,4 +38,13 @@ pub enum SearchProgress<'a> {
     },
     /// The search has ended; candidates that are indistinguishable from the accepted ones are collected.
     Ties,
+    /// Campaigns that have an effect are being simulated, and each is tested for it.
+    Campaigns {
+        /// The parameter that is the size of the effect.
+        parameter: &'a str,
+        /// Its value.
+        value: f64,
+        /// How many campaigns.
+        campaigns: u64,
+    },
 }

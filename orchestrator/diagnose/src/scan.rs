@@ -24,7 +24,7 @@ const FLIPS: u64 = 200;
 
 /// A significant dependence of the residuals on a covariate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ResidualStructure {
+pub(crate) struct ResidualStructure {
     /// Name of the covariate.
     pub covariate: String,
     /// The share of the residual variance that it explains, less what it would explain by chance.
@@ -39,7 +39,7 @@ pub struct ResidualStructure {
 
 /// What the selected model leaves unexplained.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Unexplained {
+pub(crate) struct Unexplained {
     /// Formulas of the accepted curves, by the names of the curves.
     pub formulas: BTreeMap<String, FittedFormula>,
     /// The strongest structure that nothing in the model explains.
@@ -50,7 +50,7 @@ pub struct Unexplained {
 
 /// Standardised residuals: mean 0 and variance 1 where the model is right.
 #[derive(Clone, Copy, Debug)]
-pub struct StandardisedResiduals<'a> {
+pub(crate) struct StandardisedResiduals<'a> {
     /// A value per row; NaN where there is none.
     pub values: &'a [f64],
     /// Mean squared error of the model as configured over that of these residuals, at least 1: it scales shares of the one to shares
@@ -69,7 +69,11 @@ impl StandardisedResiduals<'_> {
 /// What the ladder leaves unexplained: for each curve that was accepted its formula, and the strongest structure of the residuals over a
 /// covariate.
 #[must_use]
-pub fn scan_residuals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -> Unexplained {
+pub(crate) fn scan_residuals<S: Study>(
+    study: &S,
+    search: &Search<'_, S>,
+    ladder: &Ladder,
+) -> Unexplained {
     let mut formulas = BTreeMap::new();
     for &term in ladder.accepted.iter().filter(|_| !search.is_stopped()) {
         let candidate = &study.candidates()[term];
@@ -174,7 +178,7 @@ fn is_of_few_nodes(values: &[f64], nodes: &[[u32; 2]]) -> bool {
 /// The strongest structure, if there is any, in these residuals over `covariates`. Rows of one block of `levels` may depend on
 /// each other.
 #[must_use]
-pub fn strongest(
+pub(crate) fn strongest(
     covariates: &[(String, Vec<f64>)],
     residuals: &[StandardisedResiduals<'_>],
     levels: &[&Blocks],

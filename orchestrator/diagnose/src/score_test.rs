@@ -20,15 +20,15 @@ use statrs::distribution::{ContinuousCDF as _, FisherSnedecor, StudentsT};
 use study::linear::{Column, Dependence, Linearised};
 
 /// Clusters without which nothing can be told.
-pub const FEWEST_CLUSTERS: usize = 20;
+pub(crate) const FEWEST_CLUSTERS: usize = 20;
 /// Nodes without which nothing can be told of links.
-pub const FEWEST_NODES: usize = 6;
+pub(crate) const FEWEST_NODES: usize = 6;
 /// What is left of the information of a column beside what was estimated, where it can be tested.
 const LEAST_LEFT: f64 = 1e-6;
 
 /// The result of a score test.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ScoreTest {
+pub(crate) struct ScoreTest {
     /// The amplitude that one step leads to, in units of the column.
     pub amplitude: f64,
     /// Its standard error, by clusters.
@@ -46,7 +46,7 @@ pub struct ScoreTest {
 impl ScoreTest {
     /// P-value of the amplitude being greater than a margin, to either side.
     #[must_use]
-    pub fn p_value_beyond(&self, margin: f64) -> f64 {
+    pub(crate) fn p_value_beyond(&self, margin: f64) -> f64 {
         let beyond = (self.amplitude.abs() - margin) / self.standard_error;
         if beyond.is_nan() || beyond <= 0.0 {
             return 1.0;
@@ -56,7 +56,7 @@ impl ScoreTest {
 
     /// The greatest amplitude (absolute) that a one-sided test at `level` does not reject.
     #[must_use]
-    pub fn upper_bound(&self, level: f64) -> f64 {
+    pub(crate) fn upper_bound(&self, level: f64) -> f64 {
         let quantile = StudentsT::new(0.0, 1.0, self.freedom)
             .map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - level));
         self.amplitude.abs() + quantile * self.standard_error
@@ -78,7 +78,7 @@ struct Unit(Column);
 
 /// Score tests of one fit.
 #[derive(Debug)]
-pub struct ScoreTests<'a> {
+pub(crate) struct ScoreTests<'a> {
     rows: &'a Linearised,
     clusters: Clusters<'a>,
     estimated: Vec<Unit>,
@@ -87,7 +87,7 @@ pub struct ScoreTests<'a> {
 impl<'a> ScoreTests<'a> {
     /// Of a fit's slopes. `dependence`: which rows may depend on each other.
     #[must_use]
-    pub fn new(rows: &'a Linearised, dependence: &'a Dependence) -> Self {
+    pub(crate) fn new(rows: &'a Linearised, dependence: &'a Dependence) -> Self {
         let mut tests = Self { rows, clusters: Clusters::new(dependence), estimated: Vec::new() };
         tests.estimated = tests.units(&rows.estimated.iter().collect::<Vec<_>>());
         tests
@@ -133,7 +133,7 @@ impl<'a> ScoreTests<'a> {
     /// Tests a column beside others. None where nothing can be told: it moves what was estimated or what the others move, or clusters
     /// are too few.
     #[must_use]
-    pub fn test(&self, column: &Column, beside: &[&Column]) -> Option<ScoreTest> {
+    pub(crate) fn test(&self, column: &Column, beside: &[&Column]) -> Option<ScoreTest> {
         let beside = self.units(beside);
         let (left, information) = self.left(column, &[&self.estimated, &beside])?;
         let total = self.total(&left);
@@ -170,7 +170,7 @@ impl<'a> ScoreTests<'a> {
     /// P-value of several columns together, of rows that depend on each other in time (Hotelling's T², by Fisher's F). None where nothing can
     /// be told.
     #[must_use]
-    pub fn p_value_together(&self, columns: &[Column]) -> Option<f64> {
+    pub(crate) fn p_value_together(&self, columns: &[Column]) -> Option<f64> {
         let units = self.units(&columns.iter().collect::<Vec<_>>());
         if units.is_empty() {
             return None;
@@ -208,7 +208,7 @@ impl<'a> ScoreTests<'a> {
     /// By how much a step along a column beside others would raise the log likelihood (nats), rows taken as independent; 0 where the
     /// column moves nothing else.
     #[must_use]
-    pub fn rise(&self, column: &Column, beside: &[&Column]) -> f64 {
+    pub(crate) fn rise(&self, column: &Column, beside: &[&Column]) -> f64 {
         let beside = self.units(beside);
         let Some((left, information)) = self.left(column, &[&self.estimated, &beside]) else {
             return 0.0;

@@ -14,7 +14,9 @@ pub struct Compared {
     pub path: PathBuf,
     /// Text of the file (TOML), as written.
     pub text: String,
-    /// What it says, with what the command line put over it.
+    /// Keys that were set over the text, such as `netsim.phy.propagation=friis`.
+    pub set: Vec<String>,
+    /// What it says, with the keys that were set.
     pub tree: Node,
     /// Walls, obstacles, ground.
     pub site: Site,
@@ -68,7 +70,17 @@ impl Compared {
             return Err(Refusal::new(path, &text, &tree, problems));
         }
         let catalogues = Catalogues::default();
-        Ok(Self { path: path.to_owned(), text, tree, site, catalogues })
+        Ok(Self { path: path.to_owned(), text, set: set.to_vec(), tree, site, catalogues })
+    }
+
+    /// Another text under the same path, keys and catalogues, such as this one with an effect added.
+    ///
+    /// # Errors
+    ///
+    /// Every problem it has, with its place.
+    pub fn with_text(&self, text: String) -> Result<Self, Refusal> {
+        let other = Self::of_text(&self.path, text, &self.set)?;
+        Ok(other.with_catalogues(self.catalogues.clone()))
     }
 
     /// The same where other things can be chosen by name, such as effects of a user's own.
@@ -86,6 +98,7 @@ impl Compared {
         let mut other = self.clone();
         proto::config::set(&mut other.tree, assignment)
             .map_err(|problem| self.refuse(vec![problem]))?;
+        other.set.push(assignment.to_owned());
         Ok(other)
     }
 

@@ -29,7 +29,7 @@ pub enum NetworkExtendError {
 
 /// An experiment with effects added.
 #[derive(Clone, Debug)]
-pub struct ExtendedNetwork {
+pub(crate) struct ExtendedNetwork {
     /// The new file's text.
     pub text: String,
     /// The effects that were added, each with its fit.
@@ -41,7 +41,7 @@ pub struct ExtendedNetwork {
 impl ExtendedNetwork {
     /// What was added, as an answer.
     #[must_use]
-    pub fn answer(&self) -> NetworkExtension {
+    pub(crate) fn answer(&self) -> NetworkExtension {
         let numbers = self.added.iter();
         NetworkExtension {
             schema: SCHEMA,
@@ -61,7 +61,7 @@ impl ExtendedNetwork {
 /// # Errors
 ///
 /// There is none.
-pub fn candidate(candidates: &[CandidateEffect], name: &str) -> Result<usize, ExtendError> {
+pub(crate) fn candidate(candidates: &[CandidateEffect], name: &str) -> Result<usize, ExtendError> {
     candidates.iter().position(|candidate| candidate.name == name).ok_or_else(|| {
         let names = || candidates.iter().map(|candidate| candidate.name);
         let hint = proto::config::most_similar(name, names()).map_or_else(
@@ -77,7 +77,7 @@ pub fn candidate(candidates: &[CandidateEffect], name: &str) -> Result<usize, Ex
 /// # Errors
 ///
 /// See [`NetworkExtendError`].
-pub fn extend(
+pub(crate) fn extend(
     diagnosis: &NetworkSearch<'_>,
     effects: &[usize],
     (path, text): (&Path, &str),

@@ -17,9 +17,9 @@ use numbers::statistics;
 use std::collections::BTreeMap;
 
 /// How many figures there are.
-pub const D: usize = KPIS.len();
+pub(crate) const D: usize = KPIS.len();
 /// The figures of a run on their scales; NaN where there is nothing to tell.
-pub type ScaledFigures = [f64; D];
+pub(crate) type ScaledFigures = [f64; D];
 /// The log density of a run that is unlike every run of a model (nats).
 const UNHEARD_OF: f64 = -1e4;
 /// Freedom of Student's density: what is five standard deviations out happens.
@@ -31,7 +31,7 @@ const PACKETS: usize = D - 1;
 
 /// The figures of runs.
 #[must_use]
-pub fn scaled(runs: &[NetworkFigures]) -> Vec<ScaledFigures> {
+pub(crate) fn scaled(runs: &[NetworkFigures]) -> Vec<ScaledFigures> {
     runs.iter().map(NetworkFigures::scaled).collect()
 }
 
@@ -245,7 +245,12 @@ impl CholeskyFactor {
 
 /// The density at a value between two simulated ones, by linear interpolation of the moments.
 #[must_use]
-pub fn interpolate(from: &RunMoments, to: &RunMoments, at: f64, usable: &[usize]) -> FigureDensity {
+pub(crate) fn interpolate(
+    from: &RunMoments,
+    to: &RunMoments,
+    at: f64,
+    usable: &[usize],
+) -> FigureDensity {
     let share =
         if from.at < to.at { ((at - from.at) / (to.at - from.at)).clamp(0.0, 1.0) } else { 0.0 };
     let mix = |a: f64, b: f64| {
@@ -282,7 +287,7 @@ pub fn interpolate(from: &RunMoments, to: &RunMoments, at: f64, usable: &[usize]
 /// The laws near the best value: the mean of each figure as a parabola over the parameter's scale, the logarithm of its
 /// scatter as a straight line, and correlations that are the same throughout.
 #[derive(Clone, Debug)]
-pub struct SmoothDensity {
+pub(crate) struct SmoothDensity {
     middle: f64,
     half: f64,
     mean: Vec<[f64; 3]>,
@@ -296,7 +301,7 @@ pub struct SmoothDensity {
 impl SmoothDensity {
     /// Fits smooth moments to those at simulated values; `None`: fewer than three values.
     #[must_use]
-    pub fn fit(tried: &[RunMoments], usable: &[usize]) -> Option<Self> {
+    pub(crate) fn fit(tried: &[RunMoments], usable: &[usize]) -> Option<Self> {
         let (first, last) = (tried.first()?.at, tried.last()?.at);
         if tried.len() < 3 {
             return None;
@@ -335,7 +340,7 @@ impl SmoothDensity {
 
     /// The law at a place of the scale.
     #[must_use]
-    pub fn law(&self, at: f64) -> FigureDensity {
+    pub(crate) fn law(&self, at: f64) -> FigureDensity {
         let u = (at - self.middle) / self.half;
         let value = |c: &[f64; 3]| c[0] + u * (c[1] + u * c[2]);
         let mut law = FigureDensity::new(

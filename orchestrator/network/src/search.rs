@@ -14,12 +14,12 @@ use measure::packets::MeasuredPacket;
 use netsim::catalogue::Catalogue;
 use std::sync::atomic::{AtomicBool, Ordering};
 pub use words::parameter_text;
-pub use words::{answer, parameters, text};
+pub(crate) use words::{answer, parameters, text};
 
 /// Level of significance of a gain, by its null distribution under the model without any candidate.
-pub const ACCEPT: f64 = 0.01;
+pub(crate) const ACCEPT: f64 = 0.01;
 /// Fewer seeds cannot tell at that level.
-pub const FEWEST_SEEDS: u64 = 99;
+pub(crate) const FEWEST_SEEDS: u64 = 99;
 /// Fewer seeds for a fit say too little of the figures' scatter.
 const FEWEST_TO_FIT: u64 = 24;
 /// Greatest number of added effects.
@@ -36,7 +36,7 @@ const TIE: f64 = 3.0;
 
 /// The result of testing one candidate effect.
 #[derive(Clone, Debug)]
-pub struct EffectTest {
+pub(crate) struct EffectTest {
     /// The effect that was tested.
     pub candidate: CandidateEffect,
     /// Why it cannot be tested; `None`: it can.
@@ -57,7 +57,7 @@ pub struct EffectTest {
 
 /// One model of the stepwise selection: as configured, or with effects.
 #[derive(Clone, Debug)]
-pub struct SearchStep {
+pub(crate) struct SearchStep {
     /// Name of the effect added last; `None`: the model as configured.
     pub added: Option<&'static str>,
     /// The measurement compared with runs of this model.
@@ -68,7 +68,7 @@ pub struct SearchStep {
 
 /// Two statistically indistinguishable effects, and the figure in which they differ most.
 #[derive(Clone, Debug)]
-pub struct TiedEffects {
+pub(crate) struct TiedEffects {
     /// Names of the accepted effect and of its rival.
     pub names: [&'static str; 2],
     /// Index of the figure among the KPIs.
@@ -79,7 +79,7 @@ pub struct TiedEffects {
 
 /// The result of a search.
 #[derive(Clone, Debug)]
-pub struct SearchResult {
+pub(crate) struct SearchResult {
     /// Models, from as configured on: at least that one.
     pub rungs: Vec<SearchStep>,
     /// Candidates, in their order.
@@ -94,7 +94,7 @@ pub struct SearchResult {
 
 /// Effects that were asked for, fitted.
 #[derive(Clone, Debug)]
-pub struct RequestedEffects {
+pub(crate) struct RequestedEffects {
     /// Each with its number.
     pub fitted: Vec<(CandidateEffect, FittedEffect)>,
     /// The models without and with them.
@@ -109,7 +109,7 @@ impl SearchResult {
 
     /// Whether the measurement could be a run of the last model.
     #[must_use]
-    pub fn agrees(&self) -> bool {
+    pub(crate) fn agrees(&self) -> bool {
         self.rungs.last().is_some_and(|rung| LEVEL < rung.among.placed.p_value)
     }
 }
@@ -150,7 +150,7 @@ type FittedCandidate = (usize, CandidateFit, GainVerdict);
 
 /// The search for missing effects over one set of measured packets.
 #[derive(Debug)]
-pub struct NetworkSearch<'a> {
+pub(crate) struct NetworkSearch<'a> {
     resimulation: &'a Resimulation,
     measured: &'a [MeasuredPacket],
     asked: ComparisonOptions,
@@ -162,7 +162,7 @@ pub struct NetworkSearch<'a> {
 impl<'a> NetworkSearch<'a> {
     /// Of measured packets, under an experiment.
     #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         resimulation: &'a Resimulation,
         measured: &'a [MeasuredPacket],
         asked: ComparisonOptions,
@@ -181,7 +181,7 @@ impl<'a> NetworkSearch<'a> {
 
     /// Ends early once `stop` is set.
     #[must_use]
-    pub fn with_stop_flag(self, stop: &'a AtomicBool) -> Self {
+    pub(crate) fn with_stop_flag(self, stop: &'a AtomicBool) -> Self {
         Self { stop: Some(stop), ..self }
     }
 
@@ -214,7 +214,7 @@ impl<'a> NetworkSearch<'a> {
     /// # Errors
     ///
     /// The network refuses its configuration.
-    pub fn stepwise_selection(&self) -> Result<SearchResult, ResimulationError> {
+    pub(crate) fn stepwise_selection(&self) -> Result<SearchResult, ResimulationError> {
         let mut network = self.resimulation.network();
         let first = self.rung(&network, None)?;
         let test = |candidate: &CandidateEffect| EffectTest {
@@ -459,7 +459,7 @@ impl<'a> NetworkSearch<'a> {
     /// # Errors
     ///
     /// The network refuses one of them.
-    pub fn fit(&self, names: &[usize]) -> Result<RequestedEffects, ResimulationError> {
+    pub(crate) fn fit(&self, names: &[usize]) -> Result<RequestedEffects, ResimulationError> {
         let mut effects: Vec<(usize, CandidateFit)> = Vec::new();
         for &k in names {
             let candidate = &self.candidates[k];
@@ -484,6 +484,6 @@ impl<'a> NetworkSearch<'a> {
 
 /// All effects that are tried.
 #[must_use]
-pub fn catalogue() -> Vec<CandidateEffect> {
+pub(crate) fn catalogue() -> Vec<CandidateEffect> {
     candidates::all(Catalogue::built_in())
 }

@@ -10,6 +10,7 @@ use super::layout;
 use super::svg::{Axis, Chart};
 use diagnose::compare::comparison::Comparison;
 use diagnose::diagnosis::Diagnosis;
+use diagnose::rows::{MeasuredRows, PredictedRows};
 use maud::{Markup, html};
 use measure::account::DataAccount;
 use numbers::format::count;
@@ -31,41 +32,6 @@ pub(super) struct Picture {
     pub(super) key: Key,
     pub(super) svg: Markup,
     pub(super) is_wide: bool,
-}
-
-/// What the pictures of links need beside predictions.
-#[derive(Clone, Debug)]
-pub struct LinkRows {
-    /// Places of sender and receiver of each row (m), and whether each of them moves.
-    pub ends: Vec<[([f64; 2], bool); 2]>,
-    /// Mote numbers of sender and receiver.
-    pub motes: Vec<[u32; 2]>,
-    /// Frames sent, and frames received of them, NaN where unknown.
-    pub frames: Vec<[f64; 2]>,
-    /// Step of the readings (dB), 0 if they are not rounded.
-    pub quantum_db: f64,
-}
-
-/// What the pictures of robots need beside predictions.
-#[derive(Clone, Debug)]
-pub struct RobotRows {
-    /// Tracks, as places over time (m).
-    pub tracks: Vec<Vec<[f64; 2]>>,
-    /// Where each window begins and ends (m).
-    pub ends: Vec<[[f64; 2]; 2]>,
-    /// Number of each window's robot.
-    pub agents: Vec<u32>,
-    /// Horizon (s), rmse of the model as configured, and of the model found (m).
-    pub horizons: Vec<(f64, f64, Option<f64>)>,
-}
-
-/// Rows of one kind.
-#[derive(Clone, Debug)]
-pub enum MeasuredRows {
-    /// Frames and possible receivers.
-    Links(LinkRows),
-    /// Windows of robots' tracks.
-    Robots(RobotRows),
 }
 
 /// An answer about links or robots.
@@ -115,14 +81,8 @@ pub struct MeasuredPage<'a> {
     pub answer: MeasuredAnswer<'a>,
     /// The site of the configuration.
     pub site: &'a Site,
-    /// The measured rows with the model's predictions, for the pictures.
-    pub rows: MeasuredRows,
-    /// The model as configured, held out.
-    pub before: RowPredictions,
-    /// The model that was found, held out, where one was.
-    pub after: Option<RowPredictions>,
-    /// What errors may depend on: a value per row.
-    pub covariates: Vec<(String, Vec<f64>)>,
+    /// The measured rows with the predictions of both models.
+    pub rows: PredictedRows,
 }
 
 impl MeasuredPage<'_> {
@@ -132,7 +92,7 @@ impl MeasuredPage<'_> {
     }
 
     fn unit(&self) -> &'static str {
-        match self.rows {
+        match self.rows.rows {
             MeasuredRows::Links(_) => "dB",
             MeasuredRows::Robots(_) => "m",
         }
@@ -140,18 +100,18 @@ impl MeasuredPage<'_> {
 
     /// Whether it is known of some frames that they were lost.
     fn knows_losses(&self) -> bool {
-        let MeasuredRows::Links(links) = &self.rows else { return false };
+        let MeasuredRows::Links(links) = &self.rows.rows else { return false };
         links.frames.iter().any(|[sent, got]| got.is_finite() && got < sent)
     }
 
     fn is_link(&self) -> bool {
-        matches!(self.rows, MeasuredRows::Links(_))
+        matches!(self.rows.rows, MeasuredRows::Links(_))
     }
 
     /// Both models, with a class and a name.
     fn views(&self) -> Vec<(&'static str, &'static str, &RowPredictions)> {
-        let mut views = vec![("before", "as configured", &self.before)];
-        if let Some(after) = &self.after {
+        let mut views = vec![("before", "as configured", &self.rows.before)];
+        if let Some(after) = &self.rows.after {
             views.push(("after", "with what was found", after));
         }
         views

@@ -3,28 +3,22 @@
 use super::stop::Stopper;
 use super::{Failure, TlsArgs, on_runtime};
 use clap::Args;
+use diagnose::{RobotSimulator, SimulatorError};
 use drive::peer::{Launch, Peer as _, PredictionConfig, Reach, Remote, RobotSide, SideError};
 use experiment::{REACH, Tls, Transport};
 use measure::config::Compared;
-use measure::robots::{self, RobotSamples};
+use measure::robots::RobotSamples;
 use measure::table::DataTable;
 use proto::config::{Node, Problem};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use study::choices::Choices;
-use study::open::{self, DataAccount, Predicted};
-use study::robots::{RobotFit, RobotStudy, command_kind, prediction_windows};
+use study::open::Predicted;
+use study::robots::{command_kind, prediction_windows};
 
 /// How often a fetch looks whether it is to stop.
 const STOP_EVERY: Duration = Duration::from_millis(100);
 /// Longest wait (s) for the reply to one call of a simulator that is alive, unless `experiment.step_deadline_s` says another.
 const DEADLINE_S: f64 = 60.0;
-
-/// A simulator executes an effect if, with it, its predictions miss at most this part of what the fit says: effects are fitted to
-/// first order.
-const MOST_MISSING: f64 = 0.5;
-/// Positions that are as close (m) are the same.
-const SAME_M: f64 = 1e-9;
 
 /// Which robot simulator is compared.
 #[derive(Args)]
@@ -53,102 +47,14 @@ impl ForeignArgs {
         self.robotsim.as_ref().map_or_else(String::new, |url| format!(" --robotsim {url}"))
     }
 
-    /// Measured robots, compared with the simulator of this URL, or else with the configured dynamics.
-    pub(super) fn open_robots(
-        &self,
-        config: &Compared,
-        table: &DataTable,
-        choices: &Choices,
-        stopper: Option<&Stopper>,
-    ) -> Result<(RobotStudy, DataAccount), Failure> {
-        let Some(url) = &self.robotsim else {
-            return open::robots(config, table, choices).map_err(Failure::request);
-        };
-        let samples = robots::read(table)
-            .map_err(|why| Failure::request(format!("{}: {why}", table.path.display())))?;
-        let predicted = self.predict(url, config, &samples, table, stopper)?;
-        open::robots_predicted(config, table, choices, Some(predicted)).map_err(Failure::request)
-    }
-
-    /// What the simulator predicts under a configuration.
-    fn predict(
-        &self,
-        url: &str,
-        config: &Compared,
-        samples: &RobotSamples,
-        table: &DataTable,
-        stopper: Option<&Stopper>,
-    ) -> Result<Predicted, Failure> {
-        if !["http://", "https://"].iter().any(|scheme| url.starts_with(scheme)) {
-            return Err(Failure::request(format!(
-                "--robotsim {url}: must be http://HOST:PORT or https://HOST:PORT"
-            )));
-        }
-        let windows = prediction_windows(samples)
-            .map_err(|error| Failure::request(format!("{}: {error}", table.path.display())))?;
-        let asked = prediction_config(config);
-        let reach = self.reach(url, config)?;
-        let kind = command_kind(samples.shape);
-        let work = async {
-            let mut peer = Remote::<RobotSide>::connect(&reach).await?;
-            let by = format!("{} {}", peer.described().name, peer.described().version);
-            let report = |done, all| {
-                tracing::info!("{by}: predicted {done} of {all} windows");
-            };
-            let windows = peer.predict(&asked, kind, &windows, report).await?;
-            Ok(Predicted { by: by.trim_end().to_owned(), windows })
-        };
-        let fetched = on_runtime(async {
-            tokio::select! {
-                biased;
-                fetched = work => Some(fetched),
-                () = stopped(stopper) => None,
-            }
-        })?;
-        match (fetched, stopper) {
-            (Some(fetched), _) => fetched.map_err(|error| failure(error, config)),
-            (None, Some(stopper)) => Err(stopper.refuse_partial(
-                "It ended before the robot simulator had predicted all windows; give it more time",
-            )),
-            (None, None) => unreachable!("nobody stops it"),
-        }
-    }
-
-    /// Refuses an extended configuration that the simulator, if one is compared, would not apply in a run: it is asked to predict
-    /// with that configuration, and has to move as the fit says.
-    pub(super) fn require_applied(
-        &self,
-        (study, fit): (&RobotStudy, &RobotFit),
-        extended: &Compared,
-        table: &DataTable,
-        names: &str,
-        stopper: &Stopper,
-    ) -> Result<(), Failure> {
-        let Some(url) = &self.robotsim else { return Ok(()) };
-        let nothing = "so a run would not apply it, and nothing was written";
-        let predicted = self.predict(url, extended, study.robots(), table, Some(stopper));
-        let Predicted { by, windows } = predicted.map_err(|Failure { text, .. }| {
-            Failure::work(format!(
-                "{text}\nthe robot simulator does not take the configuration extended by {names}, {nothing}"
-            ))
-        })?;
-        let Some([fitted_m, missing_m]) = study.applied(fit, &windows) else {
-            return Err(Failure::work("robotsim.dynamics cannot be built"));
-        };
-        if fitted_m < SAME_M {
-            return Err(Failure::work(format!(
-                "{names} changes no predicted motion, {nothing}: whether {by} does so cannot be tested"
-            )));
-        }
-        if MOST_MISSING * fitted_m < missing_m {
-            return Err(Failure::work(format!(
-                "{by} takes the configuration extended by {names}, but does not move accordingly, {nothing}: the fit moves \
-                 predicted positions by {fitted_m:.4} m (root mean square), and with that configuration the simulator's \
-                 predictions still differ from it by {missing_m:.4} m. Let it execute [[robotsim.dynamics.effect]], or \
-                 change its own model"
-            )));
-        }
-        Ok(())
+    /// The simulator, if one is given, for the windows of these measurements.
+    pub(super) fn simulator<'a>(
+        &'a self,
+        table: &'a DataTable,
+        stopper: Option<&'a Stopper>,
+    ) -> Option<Foreign<'a>> {
+        let url = self.robotsim.as_deref()?;
+        Some(Foreign { args: self, url, table, stopper })
     }
 
     fn reach(&self, url: &str, config: &Compared) -> Result<Reach, Failure> {
@@ -172,6 +78,65 @@ impl ForeignArgs {
             // Nothing is started.
             launch: Launch::new(PathBuf::new()),
         })
+    }
+}
+
+/// A robot simulator at a URL.
+pub(super) struct Foreign<'a> {
+    args: &'a ForeignArgs,
+    url: &'a str,
+    /// The measurements, which messages name.
+    table: &'a DataTable,
+    stopper: Option<&'a Stopper>,
+}
+
+impl RobotSimulator for Foreign<'_> {
+    fn predict(
+        &self,
+        config: &Compared,
+        samples: &RobotSamples,
+    ) -> Result<Predicted, SimulatorError> {
+        Ok(self.predicted(config, samples)?)
+    }
+}
+
+impl Foreign<'_> {
+    /// What the simulator predicts under a configuration.
+    fn predicted(&self, config: &Compared, samples: &RobotSamples) -> Result<Predicted, Failure> {
+        let url = self.url;
+        if !["http://", "https://"].iter().any(|scheme| url.starts_with(scheme)) {
+            return Err(Failure::request(format!(
+                "--robotsim {url}: must be http://HOST:PORT or https://HOST:PORT"
+            )));
+        }
+        let windows = prediction_windows(samples)
+            .map_err(|error| Failure::request(format!("{}: {error}", self.table.path.display())))?;
+        let asked = prediction_config(config);
+        let reach = self.args.reach(url, config)?;
+        let kind = command_kind(samples.shape);
+        let work = async {
+            let mut peer = Remote::<RobotSide>::connect(&reach).await?;
+            let by = format!("{} {}", peer.described().name, peer.described().version);
+            let report = |done, all| {
+                tracing::info!("{by}: predicted {done} of {all} windows");
+            };
+            let windows = peer.predict(&asked, kind, &windows, report).await?;
+            Ok(Predicted { by: by.trim_end().to_owned(), windows })
+        };
+        let fetched = on_runtime(async {
+            tokio::select! {
+                biased;
+                fetched = work => Some(fetched),
+                () = stopped(self.stopper) => None,
+            }
+        })?;
+        match (fetched, self.stopper) {
+            (Some(fetched), _) => fetched.map_err(|error| failure(error, config)),
+            (None, Some(stopper)) => Err(stopper.refuse_partial(
+                "It ended before the robot simulator had predicted all windows; give it more time",
+            )),
+            (None, None) => unreachable!("nobody stops it"),
+        }
     }
 }
 

@@ -1,10 +1,16 @@
 //! Reads the files that commands about measurements take, and prints what was read.
 
 use super::Failure;
+use super::search_log::SearchLog;
+use super::stop::Stopper;
 use crate::console::{say, warn};
+use diagnose::Observer;
+use diagnose::defects::MeasurementDefect;
+use diagnose::progress::SearchProgress;
 use measure::config::Compared;
 use measure::table::DataTable;
 use std::path::Path;
+use study::StopFlag;
 use study::open::DataAccount;
 
 /// The configuration that is compared with measurements, with `--set` applied.
@@ -36,5 +42,41 @@ pub(super) fn print_account(account: &DataAccount) {
     }
     for warning in &account.warnings {
         warn(warning);
+    }
+}
+
+/// Prints what is read and found while a question about measurements is answered, shows the progress, and stops the work.
+pub(super) struct Watching<'a> {
+    log: SearchLog,
+    stopper: Option<&'a Stopper>,
+}
+
+impl<'a> Watching<'a> {
+    /// `None`: nobody stops the work, and no progress is shown on a terminal.
+    pub(super) fn new(stopper: Option<&'a Stopper>) -> Self {
+        Self { log: SearchLog::new(stopper), stopper }
+    }
+
+    /// Removes the progress from the terminal.
+    pub(super) fn clear(&self) {
+        self.log.clear();
+    }
+}
+
+impl Observer for Watching<'_> {
+    fn opened(&self, account: &DataAccount) {
+        self.log.hide_during(|| print_account(account));
+    }
+
+    fn defects(&self, defects: &[MeasurementDefect]) {
+        self.log.hide_during(|| defects.iter().for_each(|defect| say(defect.text())));
+    }
+
+    fn progress(&self, progress: SearchProgress<'_>) {
+        self.log.log(progress);
+    }
+
+    fn stop_flag(&self) -> Option<&StopFlag> {
+        self.stopper.map(Stopper::flag)
     }
 }

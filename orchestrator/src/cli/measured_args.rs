@@ -1,19 +1,23 @@
 //! What commands about measurements are given, and where their answers go.
 
 use super::choice::ChoiceArgs;
-use super::foreign::ForeignArgs;
-use super::packets::{Opened, ResimulationArgs};
-use super::pictures::Pictures;
+use super::foreign::{Foreign, ForeignArgs};
+use super::packets::ResimulationArgs;
+use super::stop::Stopper;
 use super::{Failure, check_place, is_stdout, residuals, write_json, write_whole};
 use crate::console::say;
 use clap::Args;
+use diagnose::Request;
 use diagnose::between::Between;
+use diagnose::rows::PredictedRows;
 use measure::config::Compared;
 use measure::table::DataTable;
+use network::PacketRequest;
 use report::measured::{MeasuredAnswer, MeasuredPage, page};
 use report::packets::NetworkAnswer;
 use std::path::{Path, PathBuf};
 use study::choices::Choices;
+use study::open::{self, Subject};
 
 /// A configuration and measurements.
 #[derive(Args)]
@@ -67,9 +71,26 @@ impl DataArgs {
         format!("{}{given}{}", self.choices.words(), self.foreign.words())
     }
 
-    /// Unit of errors of links.
-    pub(super) fn unit(&self) -> &'static str {
-        if self.given_rssi { "pdr" } else { "dB" }
+    /// What is asked of links or robots.
+    pub(super) fn request<'a>(
+        &self,
+        (config, table): (&'a Compared, &'a DataTable),
+        simulator: Option<&'a Foreign<'a>>,
+    ) -> Request<'a> {
+        let request = Request::new(config, table).with_choices(self.choices());
+        Request { simulator: simulator.map(|simulator| simulator as _), ..request }
+    }
+
+    /// The robot simulator of `--robotsim`, if it is given. It applies to robots only.
+    pub(super) fn simulator<'a>(
+        &'a self,
+        table: &'a DataTable,
+        stopper: Option<&'a Stopper>,
+    ) -> Result<Option<Foreign<'a>>, Failure> {
+        if open::subject(table).map_err(Failure::request)? == Subject::Links {
+            self.foreign.refuse("link samples")?;
+        }
+        Ok(self.foreign.simulator(table, stopper))
     }
 
     /// Refuses choices of rows for what is compared as one run.
@@ -86,11 +107,11 @@ impl DataArgs {
     }
 
     /// Packets and their experiment. What is chosen by rows is not for them.
-    pub(super) fn open_packets(
+    pub(super) fn packet_request(
         &self,
         resimulation: &ResimulationArgs,
         table: &DataTable,
-    ) -> Result<Opened, Failure> {
+    ) -> Result<PacketRequest, Failure> {
         self.foreign.refuse("packets")?;
         self.refuse_choices("packets")?;
         resimulation.open(&self.config, &self.set(), table)
@@ -203,35 +224,39 @@ impl AnswerArgs {
         self.write_page(|| report::packets::page(&name, &self.command(verb, &words), found))
     }
 
+    /// What is asked of links or robots, with the rows where a page or a table of residuals is wanted.
+    pub(super) fn request<'a>(
+        &self,
+        files: (&'a Compared, &'a DataTable),
+        simulator: Option<&'a Foreign<'a>>,
+    ) -> Request<'a> {
+        let wants_rows = self.report.is_some() || self.residuals.is_some();
+        Request { wants_rows, ..self.data.request(files, simulator) }
+    }
+
+    /// Writes an answer about links or robots, and its rows.
     pub(super) fn write(
         &self,
         config: &Compared,
         answer: MeasuredAnswer<'_>,
-        pictures: impl FnOnce() -> Pictures,
+        rows: Option<PredictedRows>,
     ) -> Result<(), Failure> {
         write_json(self.data.json.as_deref(), &answer)?;
+        let Some(rows) = rows else { return Ok(()) };
+        if let Some(path) = &self.residuals {
+            let table = residuals::csv(&rows).map_err(Failure::work)?;
+            write_whole("--residuals", path, table)?;
+        }
         let name = config.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let verb =
             if matches!(answer, MeasuredAnswer::Diagnosis(_)) { "diagnose" } else { "compare" };
-        if self.report.is_none() && self.residuals.is_none() {
-            return Ok(());
-        }
-        let pictures = pictures();
-        if let Some(path) = &self.residuals {
-            let table = residuals::csv(&pictures).map_err(Failure::work)?;
-            write_whole("--residuals", path, table)?;
-        }
         self.write_page(|| {
-            let Pictures { rows, before, after, covariates } = pictures;
             page(&MeasuredPage {
                 config: name,
                 command: self.command(verb, &self.data.words()),
                 answer,
                 site: &config.site,
                 rows,
-                before,
-                after,
-                covariates,
             })
         })
     }

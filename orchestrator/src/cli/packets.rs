@@ -1,27 +1,19 @@
 //! The commands that hold a network against measured packets.
 
-use super::inputs::print_account;
+use super::inputs::Watching;
 use super::stop::Stopper;
 use super::{Failure, write_json, write_whole};
 use crate::console::say;
 use clap::Args;
-use experiment::{Overrides, Plan};
+use diagnose::{Effects, Stopped};
 use measure::config::Compared;
-use measure::packets::{self, MeasuredPackets};
 use measure::table::DataTable;
 use network::compare::{self, ComparisonOptions};
 use network::comparison::NetworkComparison;
 use network::diagnosis::NetworkDiagnosis;
 use network::error_split::NetworkErrorSplit;
-use network::extend;
-use network::resimulate::Resimulation;
-use network::search::{self, ACCEPT, FEWEST_SEEDS, NetworkSearch};
-use network::split;
-use network::tracks::Tracks;
-use proto::bounds::PACKET_TIME_S;
+use network::{ExtendedExperiment, PacketError, PacketFiles, PacketRequest, Worded};
 use std::path::{Path, PathBuf};
-use study::StopFlag;
-use study::open::{self, DataAccount};
 
 /// How the experiment is simulated again, to be compared with measured packets.
 #[derive(Args, Clone)]
@@ -41,14 +33,6 @@ pub(super) struct ResimulationArgs {
     /// Packets only: end of the campaign (s), if it is later than the last packet
     #[arg(long, value_name = "S")]
     until: Option<f64>,
-}
-
-/// Measured packets, and the experiment that is compared with them.
-pub(super) struct Opened {
-    pub(super) resimulation: Resimulation,
-    pub(super) packets: MeasuredPackets,
-    pub(super) account: DataAccount,
-    pub(super) asked: ComparisonOptions,
 }
 
 impl ResimulationArgs {
@@ -86,107 +70,52 @@ impl ResimulationArgs {
         config: &Path,
         set: &[String],
         table: &DataTable,
-    ) -> Result<Opened, Failure> {
-        let overrides = Overrides { set: set.to_vec(), ..Overrides::default() };
-        let plan: Plan = experiment::load(config, &overrides).map_err(Failure::request)?;
-        let packets = packets::read(table)
-            .map_err(|why| Failure::request(format!("{}: {why}", table.path.display())))?;
-        let tracks = match &self.positions {
-            Some(path) => Some(Tracks::read(path).map_err(Failure::request)?),
-            None => None,
-        };
-        let resimulation = Resimulation::new(plan, tracks, &packets.packets)
-            .map_err(|error| Failure::request(format!("{}: {error}", config.display())))?;
-        let resimulation = match self.until {
-            None => resimulation,
-            Some(until_s) if (PACKET_TIME_S.most as f64) < until_s => {
-                return Err(Failure::request(format!(
-                    "--until {until_s}: must be at most {} s (7 days)",
-                    PACKET_TIME_S.most
-                )));
-            }
-            Some(until_s) if until_s.is_finite() && resimulation.duration_s() <= until_s => {
-                resimulation.extended_to(until_s)
-            }
-            Some(until_s) => {
-                return Err(Failure::request(format!(
-                    "--until {until_s}: must be at least {} s, when the last packet ends",
-                    resimulation.duration_s()
-                )));
-            }
-        };
-        let mut account = DataAccount {
-            data: open::file_of(table),
-            rows: packets.n_rows,
-            used: packets.packets.len(),
-            rejected: packets.rejected.clone(),
-            warnings: packets.warnings.clone(),
-            predicted_by: None,
-        };
-        if resimulation.resends() {
-            account.warnings.push(
-                "the experiment has no [[netsim.app]]: the simulation resends the measured packets at their measured \
-                 times, whether or not motes have joined"
-                    .to_owned(),
-            );
+    ) -> Result<PacketRequest, Failure> {
+        let positions = self.positions.as_deref();
+        let files = PacketFiles { config, set, table, positions, until_s: self.until };
+        PacketRequest::open(&files, self.asked()).map_err(failure)
+    }
+}
+
+/// Why packets have no answer, with the option that it concerns.
+fn failure(error: PacketError) -> Failure {
+    match error {
+        PacketError::Until { .. } => Failure::request(format!("--until {error}")),
+        PacketError::TooFewSeeds { .. } => Failure::request(format!("--seeds {error}")),
+        PacketError::Extend(_) | PacketError::Stopped(_) => Failure::work(error),
+        PacketError::File(_) | PacketError::Effect(_) | PacketError::Resimulation(_) => {
+            Failure::request(error)
         }
-        Ok(Opened { resimulation, packets, account, asked: self.asked() })
     }
 }
 
 /// `murmuration compare` of packets.
-pub(super) fn compare(opened: &Opened) -> Result<NetworkComparison, Failure> {
-    let Opened { resimulation, packets, account, asked } = opened;
-    print_account(account);
-    tracing::info!("{} seeds of {:.0} s", asked.seeds, resimulation.duration_s());
-    let found = compare::compare(resimulation, &packets.packets, *asked, account)
-        .map_err(Failure::request)?;
+pub(super) fn compare(request: &PacketRequest) -> Result<NetworkComparison, Failure> {
+    let found = network::compare(request, &Watching::new(None)).map_err(Failure::request)?;
     say(compare::words::text(&found));
     Ok(found)
 }
 
 /// Where the error comes from.
 pub(super) fn split(
-    opened: &Opened,
+    request: &PacketRequest,
     config: &Compared,
     links: &DataTable,
 ) -> Result<NetworkErrorSplit, Failure> {
-    let Opened { resimulation, packets, asked, .. } = opened;
-    let split = split::split(resimulation, &packets.packets, *asked, config, links)
-        .map_err(Failure::request)?;
-    say(format!("\n{}", split::text(&split)));
-    Ok(split::answer(&split))
-}
-
-impl Opened {
-    /// The same, whose simulations end early once `stop` is set.
-    pub(super) fn with_stop_flag(self, stop: &StopFlag) -> Self {
-        Self { resimulation: self.resimulation.with_stop_flag(stop), ..self }
-    }
-
-    /// Seeds that suffice to tell a gain from chance.
-    fn check_seeds(&self) -> Result<(), Failure> {
-        if self.asked.seeds < FEWEST_SEEDS {
-            return Err(Failure::request(format!(
-                "--seeds {}: must be at least {FEWEST_SEEDS}; with fewer seeds no gain can be significant at level {ACCEPT}",
-                self.asked.seeds
-            )));
-        }
-        Ok(())
-    }
+    let Worded { answer, text } =
+        network::split(request, config, links).map_err(Failure::request)?;
+    say(format!("\n{text}"));
+    Ok(answer)
 }
 
 /// `murmuration diagnose` of packets.
-pub(super) fn diagnose(opened: &Opened, stopper: &Stopper) -> Result<NetworkDiagnosis, Failure> {
-    opened.check_seeds()?;
-    let Opened { resimulation, packets, account, asked } = opened;
-    print_account(account);
-    let candidates = search::catalogue();
-    let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates)
-        .with_stop_flag(stopper.flag().as_atomic());
-    let found = diagnosis.stepwise_selection().map_err(Failure::request)?;
-    let answer = search::answer(&found, *asked, account);
-    say(search::text(&found, &answer));
+pub(super) fn diagnose(
+    request: &PacketRequest,
+    stopper: &Stopper,
+) -> Result<NetworkDiagnosis, Failure> {
+    let watching = Watching::new(Some(stopper));
+    let Worded { answer, text } = network::diagnose(request, &watching).map_err(failure)?;
+    say(text);
     Ok(answer)
 }
 
@@ -194,8 +123,7 @@ pub(super) fn diagnose(opened: &Opened, stopper: &Stopper) -> Result<NetworkDiag
 pub(super) struct Adding<'a> {
     pub(super) config: &'a Path,
     pub(super) text: &'a str,
-    pub(super) effects: &'a [String],
-    pub(super) all: bool,
+    pub(super) effects: Effects,
     pub(super) output: &'a Path,
     pub(super) json: Option<&'a Path>,
     pub(super) is_partial_wanted: bool,
@@ -203,48 +131,32 @@ pub(super) struct Adding<'a> {
 
 /// `murmuration extend` of packets.
 pub(super) fn extend(
-    opened: &Opened,
+    request: &PacketRequest,
     adding: &Adding<'_>,
     stopper: &Stopper,
 ) -> Result<(), Failure> {
-    let Opened { resimulation, packets, account, asked } = opened;
-    let candidates = search::catalogue();
-    let named: Result<Vec<usize>, _> =
-        adding.effects.iter().map(|name| extend::candidate(&candidates, name)).collect();
-    let named = named.map_err(Failure::request)?;
-    print_account(account);
-    let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates);
-    let effects = if adding.all {
-        opened.check_seeds()?;
-        let diagnosis = NetworkSearch::new(resimulation, &packets.packets, *asked, &candidates)
-            .with_stop_flag(stopper.flag().as_atomic());
-        let found = diagnosis.stepwise_selection().map_err(Failure::request)?;
-        if found.stopped.is_some() && !adding.is_partial_wanted {
-            return Err(stopper.refuse_partial(
-                "Give it more time, or add the effects that were accepted until then with --partial",
-            ));
-        }
-        found.accepted
-    } else {
-        named
-    };
-    let extended = extend::extend(&diagnosis, &effects, (adding.config, adding.text), account)
-        .map_err(Failure::work)?;
-    write_whole("--output", adding.output, &extended.text)?;
-    let parts: Vec<String> = extended
-        .added
+    let effects = (&adding.effects, adding.is_partial_wanted);
+    let watching = Watching::new(Some(stopper));
+    let extended = network::extend(request, (adding.config, adding.text), effects, &watching);
+    let ExtendedExperiment { text, added, answer } = extended.map_err(|error| match error {
+        PacketError::Stopped(Stopped::Search) => stopper.refuse_partial(
+            "Give it more time, or add the effects that were accepted until then with --partial",
+        ),
+        error => failure(error),
+    })?;
+    write_whole("--output", adding.output, &text)?;
+    let parts: Vec<String> = added
         .iter()
         .map(|(candidate, fitted)| {
-            format!("{}, {}", candidate.name, search::parameter_text(candidate, fitted))
+            format!("{}, {}", candidate.name, network::parameter_text(candidate, fitted))
         })
         .collect();
-    let p_values = extended.rungs.each_ref().map(|rung| rung.among.placed.p_value);
     say(format!(
         "{}: added {}. Consistency of the packets with the model: p = {:.3} before, {:.3} after",
         adding.output.display(),
         parts.join("; "),
-        p_values[0],
-        p_values[1]
+        answer.p_value[0],
+        answer.p_value[1]
     ));
-    write_json(adding.json, &extended.answer())
+    write_json(adding.json, &answer)
 }

@@ -1,12 +1,13 @@
 //! `murmuration power`: how large an effect a campaign would show.
 
 use super::choice::ChoiceArgs;
-use super::search_log::ProgressLine;
+use super::inputs::{self, Watching};
 use super::stop::{BudgetArgs, Stopper};
-use super::{Failure, check_place, inputs, write_json};
+use super::{Failure, check_place, write_json};
 use crate::console::say;
 use clap::Args;
-use diagnose::power::{self, PowerError, Question};
+use diagnose::Request;
+use diagnose::power::{self, Question};
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -50,24 +51,18 @@ pub(super) fn power(args: &PowerArgs) -> Result<(), Failure> {
     }
     let stopper = Stopper::listen(args.budget)?;
     let (config, table) = inputs::files(&args.config, &args.set, &args.like)?;
+    let request = Request::new(&config, &table).with_choices(args.choices.choices());
     let question = Question {
         effect: &args.effect,
         with: &args.with,
         vary: args.vary.as_deref(),
         campaigns: args.campaigns,
         seed: args.seed,
-        set: &args.set,
-        choices: &args.choices.choices(),
-        stop: Some(stopper.flag()),
     };
-    let line = ProgressLine::new(Some(&stopper));
-    let report = |text: &str| {
-        line.show(text.to_owned());
-        tracing::info!("{text}");
-    };
-    let found = power::power(&config, &table, &question, &report);
-    line.clear();
-    let found = found.map_err(|error: PowerError| Failure::request(error))?;
+    let watching = Watching::new(Some(&stopper));
+    let found = diagnose::power(&request, &question, &watching);
+    watching.clear();
+    let found = found.map_err(Failure::request)?;
     say(power::answer::text(&found));
     write_json(args.json.as_deref(), &found)?;
     stopper.require_complete(found.complete)

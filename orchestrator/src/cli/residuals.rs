@@ -1,11 +1,10 @@
 //! `--residuals`: the residual of each measured row as CSV, for other programs and for the page that shows a run.
 
-use super::pictures::Pictures;
 use diagnose::compare::explained;
+use diagnose::rows::{MeasuredRows, PredictedRows};
 use indexmap::IndexMap;
 use measure::table::DataTable;
 use numbers::statistics::quantile_nearest;
-use report::measured::MeasuredRows;
 use std::path::Path;
 use view::view;
 
@@ -23,8 +22,8 @@ const RESIDUAL: &str = "residual";
 const WITH_EFFECTS: &str = "residual_with_effects";
 
 /// The residuals of each row, as a table with names in its first line.
-pub(super) fn csv(pictures: &Pictures) -> Result<Vec<u8>, csv::Error> {
-    let (unit, level_unit, names, keys): (_, _, _, Vec<[f64; 6]>) = match &pictures.rows {
+pub(super) fn csv(found: &PredictedRows) -> Result<Vec<u8>, csv::Error> {
+    let (unit, level_unit, names, keys): (_, _, _, Vec<[f64; 6]>) = match &found.rows {
         MeasuredRows::Links(links) => {
             let rows = links.ends.iter().zip(&links.motes);
             let keys = rows.map(|([(tx, _), (rx, _)], motes)| {
@@ -41,7 +40,7 @@ pub(super) fn csv(pictures: &Pictures) -> Result<Vec<u8>, csv::Error> {
             ("m", "m", ROBOT_KEYS, keys.collect())
         }
     };
-    let Pictures { before, after, covariates, .. } = pictures;
+    let PredictedRows { before, after, covariates, .. } = found;
     let named = |name: &str, unit: &str| format!("{name}_{unit}");
     // Of equal names the first alone.
     let mut columns: IndexMap<String, Vec<f64>> = IndexMap::new();

@@ -13,11 +13,11 @@ const LOG_EVERY: Duration = Duration::from_secs(5);
 const FRAME_EVERY: Duration = Duration::from_millis(200);
 
 /// A line on a terminal with what is being done, the time used, and what is left of the budget.
-pub(super) struct ProgressLine(Option<ProgressBar>);
+struct ProgressLine(Option<ProgressBar>);
 
 impl ProgressLine {
     /// For work that a stopper watches. Where standard error is no terminal, nothing is shown.
-    pub(super) fn new(stopper: Option<&Stopper>) -> Self {
+    fn new(stopper: Option<&Stopper>) -> Self {
         let Some(stopper) = stopper.filter(|_| std::io::stderr().is_terminal()) else {
             return Self(None);
         };
@@ -35,14 +35,22 @@ impl ProgressLine {
     }
 
     /// Shows what is being done.
-    pub(super) fn show(&self, what: String) {
+    fn show(&self, what: String) {
         if let Some(bar) = &self.0 {
             bar.set_message(what);
         }
     }
 
+    /// Hides the line while something else is printed.
+    fn hide_during(&self, print: impl FnOnce()) {
+        match &self.0 {
+            Some(bar) => bar.suspend(print),
+            None => print(),
+        }
+    }
+
     /// Removes the line.
-    pub(super) fn clear(&self) {
+    fn clear(&self) {
         if let Some(bar) = &self.0 {
             bar.finish_and_clear();
         }
@@ -86,6 +94,12 @@ impl SearchLog {
         self.line.clear();
     }
 
+    /// Hides the line while something else is printed.
+    pub(super) fn hide_during(&self, print: impl FnOnce()) {
+        self.line.hide_during(print);
+    }
+
+    /// Shows and logs one step.
     pub(super) fn log(&self, progress: SearchProgress<'_>) {
         let mut times = self.times.lock().unwrap_or_else(PoisonError::into_inner);
         match progress {
@@ -113,6 +127,11 @@ impl SearchLog {
             SearchProgress::Ties => {
                 self.line.show("collecting indistinguishable candidates".to_owned());
                 tracing::info!("collecting indistinguishable candidates");
+            }
+            SearchProgress::Campaigns { parameter, value, campaigns } => {
+                let text = format!("{parameter} = {value:.4}: {campaigns} campaigns");
+                tracing::info!("{text}");
+                self.line.show(text);
             }
         }
     }

@@ -1,14 +1,6 @@
 //! Campaigns of robots with something hidden in them.
 
-use super::{QUIET, assert_all_found, faults, names};
-use diagnose::answer::{self, Measurements};
-use diagnose::ladder::{Ladder, Search};
-use diagnose::scan;
-use measure::config::Compared;
-use measure::table::DataTable;
-use serde_json::Value;
-use study::choices::Choices;
-use study::open::{self, Subject};
+use super::{assert_all_found, diagnosed, faults};
 use tests::campaign::{Campaign, Drive, Fleet, RobotHidden, Size};
 
 /// Forty seconds of each of five robots …
@@ -17,27 +9,6 @@ const ROWS: usize = 4000;
 const CLEAR_ROWS: usize = 2500;
 /// … and more where it is rare, and what comes and goes is to be followed.
 const MANY_ROWS: usize = 8000;
-
-fn diagnosed(campaign: &Campaign) -> (Vec<String>, Ladder, Value) {
-    let folder = tempfile::tempdir().unwrap();
-    let (config, data) = (folder.path().join("model.toml"), folder.path().join("robots.csv"));
-    std::fs::write(&data, &campaign.csv).unwrap();
-    let config = Compared::of_text(&config, campaign.config_toml.clone(), &[]).unwrap();
-    let table = DataTable::read(&data).unwrap();
-    let (study, account) = open::robots(&config, &table, &Choices::default()).unwrap();
-    let search = Search::new(&study, QUIET);
-    let ladder = search.stepwise_selection();
-    let measurements = Measurements {
-        subject: Subject::Robots,
-        error_unit: "m",
-        searched: None,
-        account: &account,
-    };
-    let left = scan::scan_residuals(&study, &search, &ladder);
-    let found = answer::answer(&study, &search, &ladder, measurements, &left, None);
-    let json = serde_json::to_value(found).unwrap();
-    (names(&study, &ladder), ladder, json)
-}
 
 fn campaign(hidden: &[RobotHidden], n_rows: usize) -> Campaign {
     let clear: Vec<(RobotHidden, Size)> = hidden.iter().map(|&one| (one, Size::Clear)).collect();
@@ -94,7 +65,7 @@ fn what_no_effect_explains_is_structure_with_a_formula() {
         (RobotHidden::Stream, &["east"]),
     ] {
         let campaign = campaign(&[hidden], MANY_ROWS);
-        let (found, ladder, json) = diagnosed(&campaign);
+        let (found, diagnosis, json) = diagnosed(&campaign);
         assert_eq!(json["verdict"], "unexplained-structure", "{hidden:?}: {found:?}");
         assert_eq!(found.len(), 1, "{hidden:?}: {found:?}");
         let structure = &json["unexplained"][0];
@@ -102,7 +73,7 @@ fn what_no_effect_explains_is_structure_with_a_formula() {
         assert!(campaign.truth[0].covariates.contains(&covariate), "{hidden:?}: {covariate}");
         let target = structure["target"].as_str().unwrap();
         assert!(targets.contains(&target), "{hidden:?}: {structure}");
-        let before = ladder.rungs[0].scores.rmse;
+        let before = diagnosis.ladder[0].rmse;
         let after = structure["rmse_after"].as_f64().unwrap();
         let gone = (before - after) / (before - campaign.oracle.rmse);
         assert!(0.75 < gone, "{hidden:?}: {gone} by {structure}");

@@ -24,7 +24,7 @@ const SAME_SHARE: f64 = 0.25;
 
 /// Two campaigns, and what is known of them beside the pooled study.
 #[derive(Clone, Copy, Debug)]
-pub struct Campaigns<'a> {
+pub(super) struct Campaigns<'a> {
     /// Of links or of robots.
     pub subject: Subject,
     /// Unit of errors in words.
@@ -46,7 +46,7 @@ pub struct Campaigns<'a> {
 }
 
 /// The answer of a search.
-pub fn answer<S: Study>(
+pub(super) fn answer<S: Study>(
     study: &S,
     found: &Found<S::Fit>,
     pairs: &[Pair],

@@ -16,7 +16,7 @@ use study::linear::{Column, Dependence, Direction, Linearised, on_rows};
 use study::{Study, linear::Partition};
 
 /// The key that limits an effect to campaigns.
-pub const RUNS: &str = "runs";
+pub(super) const RUNS: &str = "runs";
 
 /// A difference must promise so much (nats) to be tested …
 const LEAST_NATS: f64 = 8.0;
@@ -31,7 +31,7 @@ const MOST_OTHERS: usize = 3;
 
 /// The rows of two campaigns, A and B.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Sides {
+pub(super) struct Sides {
     /// Numbers of the campaigns of A.
     pub runs_a: Vec<u32>,
     /// Numbers of the campaigns of B.
@@ -43,7 +43,7 @@ pub struct Sides {
 impl Sides {
     /// Which rows of a study are of the campaigns of B. None where all rows are of one side.
     #[must_use]
-    pub fn of<S: Study>(study: &S, runs_b: &[u32]) -> Option<Self> {
+    pub(super) fn of<S: Study>(study: &S, runs_b: &[u32]) -> Option<Self> {
         let partitions = study.partitions();
         let campaigns = partitions.iter().find(|partition| partition.key == Some(RUNS))?;
         let mut sides = Self { is_b: vec![false; study.n_rows()], ..Self::default() };
@@ -69,7 +69,7 @@ impl Sides {
 
 /// One robot or one node.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct One {
+pub(super) struct One {
     /// The key of a table `only` that limits an effect to it: `agents`, `nodes`.
     pub key: &'static str,
     /// Its number.
@@ -78,7 +78,7 @@ pub struct One {
 
 /// A difference between the campaigns that a test found.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Difference {
+pub(super) struct Difference {
     /// The effect, by the number of its candidate.
     pub term: usize,
     /// The robot or node at which it differs; none: everywhere.
@@ -97,7 +97,7 @@ pub struct Difference {
 
 /// An effect in both campaigns whose score test is significant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct InBoth {
+pub(super) struct InBoth {
     /// The effect, by the number of its candidate.
     pub term: usize,
     /// What it promises to raise the log likelihood by (nats).
@@ -105,7 +105,7 @@ pub struct InBoth {
 }
 
 /// Tests of differences at one fit.
-pub struct Contrasts<'a> {
+pub(super) struct Contrasts<'a> {
     sides: &'a Sides,
     rows: &'a Linearised,
     tests: ScoreTests<'a>,
@@ -116,7 +116,7 @@ pub struct Contrasts<'a> {
 }
 
 /// Which rows depend on each other: of links also in time only, and those of a pair of nodes only.
-pub struct Dependences {
+pub(super) struct Dependences {
     all: Dependence,
     of_nodes: Option<[Dependence; 2]>,
     pairs: Vec<u32>,
@@ -125,7 +125,7 @@ pub struct Dependences {
 impl Dependences {
     /// Of a study.
     #[must_use]
-    pub fn of<S: Study>(study: &S) -> Self {
+    pub(super) fn of<S: Study>(study: &S) -> Self {
         let all = study.dependence();
         let Some(nodes) = &all.nodes else {
             return Self { all, of_nodes: None, pairs: Vec::new() };
@@ -149,7 +149,7 @@ impl Dependences {
 impl<'a> Contrasts<'a> {
     /// Score tests at a fit.
     #[must_use]
-    pub fn new<S: Study>(
+    pub(super) fn new<S: Study>(
         study: &S,
         rows: &'a Linearised,
         dependences: &'a Dependences,
@@ -173,7 +173,11 @@ impl<'a> Contrasts<'a> {
     /// the scores of rows at a fit without it depend on each other, so that the test has no power; a fit with it decides. `columns`: of
     /// each effect.
     #[must_use]
-    pub fn differences(&self, columns: &[(usize, Column)], design_effect: f64) -> Vec<Difference> {
+    pub(super) fn differences(
+        &self,
+        columns: &[(usize, Column)],
+        design_effect: f64,
+    ) -> Vec<Difference> {
         let groups = || {
             let limiting = self.partitions.iter().filter_map(|partition| {
                 let key = partition.key.filter(|key| *key != RUNS)?;
@@ -253,7 +257,7 @@ impl<'a> Contrasts<'a> {
     /// S. Bate, Inference for clustered data using the independence loglikelihood, Biometrika 94, 2007). Beside it, how many times wider
     /// intervals are. None where the data are too few.
     #[must_use]
-    pub fn adjusted(&self, difference: &Difference, rise: f64) -> Option<(f64, f64)> {
+    pub(super) fn adjusted(&self, difference: &Difference, rise: f64) -> Option<(f64, f64)> {
         let (test, _) = self.test(&difference.column, difference.one.as_ref())?;
         let widening = widening(&test);
         let t = (2.0 * rise.max(0.0)).sqrt() / widening;
@@ -287,7 +291,7 @@ impl<'a> Contrasts<'a> {
 
     /// Effects that both campaigns together ask for, the most promising first.
     #[must_use]
-    pub fn in_both(&self, columns: &[(usize, Column)]) -> Vec<InBoth> {
+    pub(super) fn in_both(&self, columns: &[(usize, Column)]) -> Vec<InBoth> {
         let n_tests = columns.len() as f64;
         let of_column = |(term, column): &(usize, Column)| {
             let test = self.tests.test(column, &[])?;
@@ -302,7 +306,7 @@ impl<'a> Contrasts<'a> {
 
     /// Constants by which rows of B are off beyond those of A.
     #[must_use]
-    pub fn constants(&self, directions: &[Direction]) -> Constants {
+    pub(super) fn constants(&self, directions: &[Direction]) -> Constants {
         let n_rows = self.sides.is_b.len() as f64;
         let square = mean_square(self.rows);
         let n_groups: usize = self.partitions.iter().map(|partition| partition.groups.len()).sum();
@@ -346,7 +350,7 @@ impl<'a> Contrasts<'a> {
 
 /// Constants by which B is off beyond A.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Constants {
+pub(super) struct Constants {
     /// Beyond what is worth mentioning, the surest first.
     pub misfits: Vec<Misfit>,
     /// Of all rows of B: what is off, its unit, and the test.
@@ -358,7 +362,7 @@ pub struct Constants {
 /// Whether a node stands in B where A has no measurements of it: most of its rows in B have an end at a new place. The level of a node
 /// differs from place to place by shadowing, so that a change of the node is then not identifiable.
 #[must_use]
-pub fn has_moved<S: Study>(study: &S, One { key, id }: &One, sides: &Sides) -> bool {
+pub(super) fn has_moved<S: Study>(study: &S, One { key, id }: &One, sides: &Sides) -> bool {
     let Some(ends) = study.dependence().nodes else { return false };
     let partitions = study.partitions();
     let of_key = partitions.iter().filter(|partition| partition.key == Some(*key));

@@ -4,11 +4,11 @@ use super::BetweenVerdict;
 use crate::acceptance::FAMILY_ERROR;
 
 /// Below this p-value of a change of the error, the verdict is not `nothing-changed`.
-pub const DOUBTFUL: f64 = 0.05;
+pub(super) const DOUBTFUL: f64 = 0.05;
 
 /// What the verdict follows from.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Evidence {
+pub(super) struct Evidence {
     /// Number of changes that these data distinguish from every other explanation.
     pub changes: usize,
     /// Number of changes that an effect in both campaigns explains as well.
@@ -31,7 +31,7 @@ pub struct Evidence {
 
 /// The verdict.
 #[must_use]
-pub fn verdict(evidence: &Evidence) -> BetweenVerdict {
+pub(super) fn verdict(evidence: &Evidence) -> BetweenVerdict {
     let Evidence { changes, possible, unexplained, error_p_value, .. } = *evidence;
     let is_clean = evidence.defects == 0;
     if 0 < changes && is_clean {

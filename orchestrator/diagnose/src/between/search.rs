@@ -23,7 +23,7 @@ pub(super) const DISTINGUISHED: f64 = 0.05;
 
 /// An effect that a diagnosis of A accepted.
 #[derive(Clone, Debug, PartialEq)]
-pub struct BaseTerm {
+pub(super) struct BaseTerm {
     /// Its name, without what limits it.
     pub effect: String,
     /// What limits it, if anything does.
@@ -33,7 +33,7 @@ pub struct BaseTerm {
 impl BaseTerm {
     /// Those of a selection.
     #[must_use]
-    pub fn of<S: Study>(study: &S, accepted: &[usize]) -> Vec<Self> {
+    pub(super) fn of<S: Study>(study: &S, accepted: &[usize]) -> Vec<Self> {
         let of_term = |&term: &usize| {
             let candidate = &study.candidates()[term];
             Self { effect: candidate.effect().to_owned(), only: candidate.only.clone() }
@@ -52,7 +52,7 @@ impl BaseTerm {
 
 /// A change, as terms of the pooled study.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FoundChange {
+pub(super) struct FoundChange {
     /// The effect, by the number of its candidate without limits.
     pub effect: usize,
     /// The robot or node at which it changed; none: everywhere.
@@ -77,7 +77,7 @@ pub struct FoundChange {
 
 /// What a search found.
 #[derive(Debug)]
-pub struct Found<F> {
+pub(super) struct Found<F> {
     /// All terms of the final model.
     pub terms: Vec<usize>,
     /// What the model of A has beyond the configuration, as terms of the pooled study.
@@ -119,7 +119,7 @@ pub(super) fn may_change(candidate: &Candidate) -> bool {
 }
 
 /// Looks for changes. `base`: what a diagnosis of A accepted.
-pub fn search<S: Study>(
+pub(super) fn search<S: Study>(
     study: &mut S,
     base: &[BaseTerm],
     sides: &Sides,
@@ -540,7 +540,7 @@ fn choose(
 
 /// An effect that both campaigns have, with a model in which each has its own.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Pair {
+pub(super) struct Pair {
     /// The term that acts in both.
     pub of: usize,
     /// The model with it.
@@ -556,7 +556,7 @@ pub struct Pair {
 }
 
 /// The effects that both campaigns have and that can be fitted to each.
-pub fn pairs<S: Study>(study: &mut S, found: &Found<S::Fit>, sides: &Sides) -> Vec<Pair> {
+pub(super) fn pairs<S: Study>(study: &mut S, found: &Found<S::Fit>, sides: &Sides) -> Vec<Pair> {
     let mut pairs = Vec::new();
     for &(of, _) in &found.common {
         let candidate = &study.candidates()[of];

@@ -25,15 +25,18 @@ pub struct Extension {
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "[Option<f64>; 2]")]
     pub rmse: [f64; 2],
+    /// Unit of errors in words.
+    #[serde(skip)]
+    pub error_unit: &'static str,
 }
 
-/// An extension as a person reads it on a terminal; `unit`: of errors.
+/// An extension as a person reads it on a terminal.
 #[must_use]
-pub fn text(extension: &Extension, unit: &str) -> String {
-    let Extension { added, log_score, rmse, complete, .. } = extension;
+pub fn text(extension: &Extension) -> String {
+    let Extension { added, log_score, rmse, complete, error_unit, .. } = extension;
     let partial = if *complete { "" } else { " (partial: further effects may be missing)" };
     format!(
-        "added {}{partial}. Held-out log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} {unit}",
+        "added {}{partial}. Held-out log score {:.4} -> {:.4}, rmse {:.4} -> {:.4} {error_unit}",
         added.join(", "),
         log_score[0],
         log_score[1],

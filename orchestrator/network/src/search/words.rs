@@ -18,7 +18,7 @@ use std::fmt::Write as _;
 
 /// The number of an effect as fitted, by its key.
 #[must_use]
-pub fn parameters(
+pub(crate) fn parameters(
     candidate: &CandidateEffect,
     fitted: &FittedEffect,
 ) -> IndexMap<&'static str, Parameter> {
@@ -51,7 +51,7 @@ fn candidate(test: &EffectTest) -> NetworkCandidate {
 
 /// The answer of a search.
 #[must_use]
-pub fn answer(
+pub(crate) fn answer(
     found: &SearchResult,
     asked: ComparisonOptions,
     account: &DataAccount,
@@ -121,7 +121,7 @@ pub fn answer(
 
 /// A diagnosis of a network as a person reads it on a terminal.
 #[must_use]
-pub fn text(found: &SearchResult, diagnosis: &NetworkDiagnosis) -> String {
+pub(crate) fn text(found: &SearchResult, diagnosis: &NetworkDiagnosis) -> String {
     let (_, difference) = comparison_sentence(&found.first_and_last().0.among);
     let mut text = format!("{}\n\n", capitalised(&difference));
     let tried: Vec<&EffectTest> = found.tests.iter().filter(|test| test.gain.is_some()).collect();

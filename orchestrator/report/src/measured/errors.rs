@@ -1,11 +1,10 @@
 //! Predicted against measured, errors against covariates, reception, and whether the predicted uncertainty is right.
 
-use super::{
-    MeasuredPage, MeasuredRows, Picture, bin, drawn, edges, figures, half, quantiles, thinned,
-};
+use super::{MeasuredPage, Picture, bin, drawn, edges, figures, half, quantiles, thinned};
 
 use crate::svg::Axis;
 use diagnose::compare;
+use diagnose::rows::MeasuredRows;
 use maud::Markup;
 use metrics::DistanceBin;
 use numbers::format::{capitalised, number, percent};
@@ -71,14 +70,15 @@ pub(super) fn by_covariate(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let intro = "A model that is right errs alike everywhere. A bend or a slope over something is physics that the model lacks, or \
                  something that goes along with it: look for the strongest, the others may be its shadows. Dots are rows; lines \
                  are means of rows with similar values, with 90 % intervals as if rows were independent.";
-    let intro = format!("{intro}{}", drawn(contents.before.predicted.len()));
+    let intro = format!("{intro}{}", drawn(contents.rows.before.predicted.len()));
     figures("Where the model errs", &intro, &over_covariates(contents))
 }
 
 fn over_covariates(contents: &MeasuredPage<'_>) -> Vec<Picture> {
-    let residuals = contents.before.residuals();
+    let residuals = contents.rows.before.residuals();
     let spoken_of = spoken_of(contents);
     let mut ranked: Vec<Ranked<'_>> = contents
+        .rows
         .covariates
         .iter()
         .filter(|(name, _)| name != "log10_distance")
@@ -106,7 +106,7 @@ fn over_covariates(contents: &MeasuredPage<'_>) -> Vec<Picture> {
 fn over(contents: &MeasuredPage<'_>, name: &str, values: &[f64], share: f64) -> Option<Picture> {
     let unit = contents.unit();
     let edges = edges(values, BINS)?;
-    let before = contents.before.residuals();
+    let before = contents.rows.before.residuals();
     let spread = quantiles(before.iter().copied(), &[0.02, 0.98])?;
     let top = spread[1].abs().max(spread[0].abs()).max(1e-6);
     let mut chart = half(
@@ -216,8 +216,10 @@ fn around(contents: &MeasuredPage<'_>) -> Picture {
             .map(|(along, [across, _])| [along, *across])
             .collect()
     };
-    let greatest =
-        quantiles(standardised(&contents.before).into_iter().flatten().map(f64::abs), &[0.985]);
+    let greatest = quantiles(
+        standardised(&contents.rows.before).into_iter().flatten().map(f64::abs),
+        &[0.985],
+    );
     let top = greatest.map_or(1.0, |list| list[0].max(1e-9));
     let mut chart = half(
         Axis::new("measured less predicted, along the motion (m)", -top, top),
@@ -261,7 +263,7 @@ pub(super) fn of_distributions(contents: &MeasuredPage<'_>) -> Option<Markup> {
 
 fn distributions(contents: &MeasuredPage<'_>) -> Vec<Picture> {
     let mut pictures = vec![pit(contents)];
-    match &contents.rows {
+    match &contents.rows.rows {
         MeasuredRows::Links(links) => {
             if contents.knows_losses() {
                 for (class, label, view) in contents.views() {
@@ -314,7 +316,7 @@ fn horizons(points: &[(f64, f64, Option<f64>)]) -> Option<Picture> {
 
 /// Below which part of the predicted distribution measurements lie: flat where the predicted uncertainty is right.
 fn pit(contents: &MeasuredPage<'_>) -> Picture {
-    let quantum = match &contents.rows {
+    let quantum = match &contents.rows.rows {
         MeasuredRows::Links(links) => links.quantum_db,
         MeasuredRows::Robots(_) => 0.0,
     };

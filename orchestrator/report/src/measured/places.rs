@@ -1,8 +1,9 @@
 //! The map of the site with the model's error in each place.
 
-use super::{LinkRows, MeasuredPage, MeasuredRows, Picture, RobotRows, figures};
+use super::{MeasuredPage, Picture, figures};
 use crate::figures::{HALF, equal_scales, map_width};
 use crate::svg::Chart;
+use diagnose::rows::{LinkRows, MeasuredRows, RobotRows};
 use maud::Markup;
 use numbers::format::number;
 use std::collections::BTreeMap;
@@ -79,7 +80,7 @@ pub(super) fn maps(contents: &MeasuredPage<'_>) -> Option<Markup> {
 }
 
 fn maps_of_models(contents: &MeasuredPage<'_>) -> Vec<Picture> {
-    let rows: Vec<[f64; 2]> = match &contents.rows {
+    let rows: Vec<[f64; 2]> = match &contents.rows.rows {
         MeasuredRows::Links(links) => {
             links.ends.iter().flatten().map(|(place, _)| *place).collect()
         }
@@ -95,7 +96,7 @@ fn maps_of_models(contents: &MeasuredPage<'_>) -> Vec<Picture> {
     if x[0] == x[1] && y[0] == y[1] {
         return Vec::new();
     }
-    let scale = scale(&contents.before);
+    let scale = scale(&contents.rows.before);
     contents
         .views()
         .into_iter()
@@ -143,7 +144,7 @@ fn map(
     let errors = view.residuals();
     let square = |[x, y]: [f64; 2]| ((x / side_m).floor() as i64, (y / side_m).floor() as i64);
     let mut spots = Means(BTreeMap::new());
-    match &contents.rows {
+    match &contents.rows.rows {
         MeasuredRows::Links(links) => {
             let pairs = pairs(links, &errors, &mut spots, &square);
             for (k, name) in CLASSES.iter().enumerate() {
@@ -163,7 +164,7 @@ fn map(
     for &(centre, radius_m) in &round {
         chart.circle("found", centre, radius_m);
     }
-    if let MeasuredRows::Links(links) = &contents.rows {
+    if let MeasuredRows::Links(links) = &contents.rows.rows {
         let ends = links.ends.iter().flatten().zip(links.motes.iter().flatten());
         let still =
             ends.filter(|((place, moves), _)| !moves && place.iter().all(|c| c.is_finite()));

@@ -1,5 +1,6 @@
 use super::*;
 use diagnose::diagnosis::{Affects, NextMeasurement, Parameter, Rung, Structure, Tested, Verdict};
+use diagnose::rows::LinkRows;
 use indexmap::IndexMap;
 use measure::Rejected;
 use measure::account::DataFile;
@@ -38,10 +39,12 @@ fn contents(answer: MeasuredAnswer<'_>, site: &Site, after: Option<RowPrediction
         command: "murmuration compare <model>.toml".to_owned(),
         answer,
         site,
-        rows: MeasuredRows::Links(rows),
-        before: view(4.0),
-        after,
-        covariates: vec![("height".to_owned(), (0..40).map(f64::from).collect())],
+        rows: PredictedRows {
+            rows: MeasuredRows::Links(rows),
+            before: view(4.0),
+            after,
+            covariates: vec![("height".to_owned(), (0..40).map(f64::from).collect())],
+        },
     })
 }
 
