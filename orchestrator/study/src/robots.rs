@@ -44,6 +44,7 @@ use measure::robots::RobotSamples;
 use measure::table::DataTable;
 use motion::{Gains, MeasuredTracks};
 use nalgebra::DMatrix;
+use numbers::normal::Z_90;
 use numbers::power::square;
 use proto::prediction::PredictedWindow;
 use proto::site::Terrain;
@@ -496,7 +497,7 @@ impl RobotStudy {
         // Each window has as many residuals as positions have components.
         let n_windows = self.n_fitted as f64 / self.model.tracks.n_overlapping;
         let n = (n_windows * fit.density.n_parts as f64).max(1.0);
-        let half = 1.645 * value / (2.0 * n).sqrt();
+        let half = Z_90 * value / (2.0 * n).sqrt();
         Estimate::new("sd_m", "m", value, (value - half, value + half))
     }
 

@@ -3,6 +3,7 @@
 use super::{
     MeasuredPage, MeasuredRows, Picture, bin, drawn, edges, figures, half, quantiles, thinned,
 };
+use numbers::normal::Z_90;
 
 use crate::svg::Axis;
 use diagnose::compare;
@@ -44,7 +45,7 @@ fn curve(edges: &[f64], values: &[f64], errors: &[f64]) -> Vec<Point> {
         .map(|[n, x, e, e2]| {
             let mean = e / n;
             let variance = (e2 / n - mean * mean).max(0.0) * n / (n - 1.0);
-            Point { x: x / n, mean, half: 1.645 * (variance / n).sqrt() }
+            Point { x: x / n, mean, half: Z_90 * (variance / n).sqrt() }
         })
         .collect()
 }

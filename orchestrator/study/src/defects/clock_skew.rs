@@ -12,6 +12,7 @@ use crate::thresholds::{
     FEWEST_TRACKED_ROWS, LEAST_CLOCK_SHIFT_S, LEAST_TRACKED_SHARE, MOST_TRACK_SHIFT_S,
 };
 use measure::links::LinkRow;
+use numbers::normal::FALL_90_NATS;
 use std::collections::BTreeMap;
 
 mod coincidence;
@@ -25,8 +26,6 @@ pub const NAME: &str = "clock-skew";
 /// Shifts are tried in these steps (s), and about the best in finer steps.
 const STEP_S: f64 = 0.5;
 const FINE_S: f64 = 0.1;
-/// By so much (nats) the log likelihood falls at the ends of a 90 % interval.
-const FALL_NATS: f64 = 1.353;
 
 /// Looks for a receiver whose clock is wrong.
 #[must_use]
@@ -162,7 +161,7 @@ fn by_likelihood(evidence: &Evidence<'_>, tracks: &Tracks) -> Option<Defect> {
     }
     // The shifts whose likelihood is within the fall of a 90 % interval, and half a step beyond.
     let near =
-        coarse.iter().chain(&fine).filter_map(own).filter(|(_, (g, _))| gain - FALL_NATS <= *g);
+        coarse.iter().chain(&fine).filter_map(own).filter(|(_, (g, _))| gain - FALL_90_NATS <= *g);
     let (low, high) =
         near.fold((shift_s, shift_s), |(low, high), (s, _)| (low.min(s), high.max(s)));
     let interval = (low - FINE_S, high + FINE_S);

@@ -18,6 +18,7 @@ use crate::thresholds::{
     MOST_OUTLIER_SHARE, MOST_OUTLIERS_BESIDE,
 };
 use minimum::nelder_mead;
+use numbers::normal::INTERQUARTILE_RANGE;
 use statrs::distribution::{Beta, ChiSquared, ContinuousCDF as _};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -102,8 +103,7 @@ fn fitted(residuals_db: &[f64]) -> Option<([f64; 2], Mixture)> {
         return None;
     }
     let uniform = 1.0 / width_db;
-    // The quartiles of a normal distribution lie 0.674 standard deviations from its mean.
-    let scale_db = ((high - low) / 1.349).max(2.0 * LEAST_SCALE_DB);
+    let scale_db = ((high - low) / INTERQUARTILE_RANGE).max(2.0 * LEAST_SCALE_DB);
     let cost = |places: &[f64]| -Mixture::at(places, uniform).log_likelihood(residuals_db);
     let starts = [3.0, 10.0, 60.0]
         .map(|freedom: f64| vec![middle, libm::log(scale_db), 0.0, libm::log(freedom)]);

@@ -15,6 +15,7 @@ use crate::thresholds::{
     FEWEST_MOVING_READINGS, FEWEST_OPPOSITE_PAIRS, FEWEST_OTHER_RECEIVERS, OPPOSITE_COSINE,
 };
 use measure::links::LinkRow;
+use numbers::normal::FALL_90_NATS;
 use numbers::power::square;
 use std::collections::BTreeMap;
 
@@ -24,8 +25,6 @@ pub const NAME: &str = "position-noise";
 const STEP_M: f64 = 0.25;
 /// Standard deviations that are tried (m): from the first, each this many times the one before.
 const SDS_M: (f64, f64, i32) = (0.05, 1.15, 45);
-/// By so much (nats) the log likelihood falls at the ends of a 90 % interval.
-const FALL_NATS: f64 = 1.353;
 
 /// A reading with what its variance depends on.
 #[derive(Clone, Copy, Debug)]
@@ -186,7 +185,7 @@ fn interval(readings: &[&Reading], sd_m: f64, top: f64) -> (f64, f64) {
         let (mut inside, mut outside) = (inside, outside);
         for _ in 0..30 {
             let middle = 0.5 * (inside + outside);
-            if top - log_likelihood(readings, middle) < FALL_NATS {
+            if top - log_likelihood(readings, middle) < FALL_90_NATS {
                 inside = middle;
             } else {
                 outside = middle;

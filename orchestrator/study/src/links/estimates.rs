@@ -11,14 +11,12 @@ use crate::thresholds::{
     MOST_PROFILED_ROWS, TAIL_90,
 };
 use crate::{Estimate, Study as _, caution, joined};
+use numbers::normal::Z_90;
 use numbers::power::square;
 use proto::config::{Field, Kind};
 use proto::effect::{Role, Search};
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
-
-/// Standard errors to either side of a 90 % interval, and what lies beyond each of its ends.
-const NINETY: f64 = 1.645;
 
 impl LinkStudy {
     pub(super) fn estimates_of(
@@ -104,8 +102,8 @@ impl LinkStudy {
                 let is_quick = MOST_PROFILED_ROWS < self.rows.len() || self.is_stopped();
                 let curved = is_quick && 0.0 < error && error.is_finite();
                 let (low, high) = if curved {
-                    let low = (value - NINETY * error).max(parameter.min);
-                    (low, (value + NINETY * error).min(parameter.max))
+                    let low = (value - Z_90 * error).max(parameter.min);
+                    (low, (value + Z_90 * error).min(parameter.max))
                 } else {
                     self.profile(fit, place, k, error)
                 };
@@ -140,8 +138,8 @@ impl LinkStudy {
         if has_headings {
             let errors = search::headings::errors(&self.rows, &all, &left, state);
             for (estimate, error) in estimates.iter_mut().zip(errors.into_iter().flatten()) {
-                estimate.low = estimate.low.min(estimate.value - NINETY * error);
-                estimate.high = estimate.high.max(estimate.value + NINETY * error);
+                estimate.low = estimate.low.min(estimate.value - Z_90 * error);
+                estimate.high = estimate.high.max(estimate.value + Z_90 * error);
             }
             return;
         }
@@ -405,12 +403,12 @@ fn with_length(
 /// within a place, and those of channels for independent.
 fn widen(spread: &mut Estimate, length: &CorrelationLength) {
     let sd_at = |sds: f64| length.sd_db * libm::exp(sds * length.sd_error);
-    spread.low = spread.low.min(sd_at(-NINETY));
-    spread.high = spread.high.max(sd_at(NINETY));
+    spread.low = spread.low.min(sd_at(-Z_90));
+    spread.high = spread.high.max(sd_at(Z_90));
 }
 
 /// Half of the squared standard errors of a 90 % interval: by so much the log likelihood falls at its ends (nats).
-const FALL_NATS: f64 = 0.5 * NINETY * NINETY;
+const FALL_NATS: f64 = 0.5 * Z_90 * Z_90;
 /// Steps in which an end is found.
 const END_STEPS: usize = 6;
 
@@ -454,7 +452,7 @@ impl LinkStudy {
             // The root of the fall is nearly a straight line: regula falsi, between what is too near and what too far.
             let (mut near, mut far) = (0.0, f64::INFINITY);
             let first =
-                if error.is_finite() && 0.0 < error { NINETY * error } else { parameter.step };
+                if error.is_finite() && 0.0 < error { Z_90 * error } else { parameter.step };
             let mut step = first.min(reach);
             for _ in 0..END_STEPS {
                 let now = fall(best + sign * step, top);
