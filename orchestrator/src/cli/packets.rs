@@ -15,13 +15,14 @@ use network::diagnosis::NetworkDiagnosis;
 use network::error_split::NetworkErrorSplit;
 use network::extend;
 use network::resimulate::Resimulation;
-use network::search::{self, ACCEPT, FEWEST_SEEDS, NetworkSearch};
+use network::search::{self, NetworkSearch};
 use network::split;
 use network::tracks::Tracks;
 use proto::bounds::PACKET_TIME_S;
 use std::path::{Path, PathBuf};
 use study::StopFlag;
 use study::open::{self, DataAccount};
+use study::thresholds::{FEWEST_PACKETS_SEEDS, PACKETS_LEVEL};
 
 /// How the experiment is simulated again, to be compared with measured packets.
 #[derive(Args, Clone)]
@@ -166,9 +167,9 @@ impl Opened {
 
     /// Seeds that suffice to tell a gain from chance.
     fn check_seeds(&self) -> Result<(), Failure> {
-        if self.asked.seeds < FEWEST_SEEDS {
+        if self.asked.seeds < FEWEST_PACKETS_SEEDS {
             return Err(Failure::request(format!(
-                "--seeds {}: must be at least {FEWEST_SEEDS}; with fewer seeds no gain can be significant at level {ACCEPT}",
+                "--seeds {}: must be at least {FEWEST_PACKETS_SEEDS}; with fewer seeds no gain can be significant at level {PACKETS_LEVEL}",
                 self.asked.seeds
             )));
         }

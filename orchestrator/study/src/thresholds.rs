@@ -314,3 +314,49 @@ pub const FEWEST_SWAPPED_ROWS: usize = 20;
 pub const FEWEST_REVERSED_MOMENTS: usize = 10;
 /// Greatest number of moments of one sender and several receivers, for each of those.
 pub const MOST_REGULAR_MOMENTS: f64 = 0.1;
+
+// Networks compared with measured packets.
+
+/// Level of significance of the gain of an added effect, and of a part of the error, by simulated null distributions.
+pub const PACKETS_LEVEL: f64 = 0.01;
+/// Fewest seeds for that level: the least p-value of a test by n seeds is 1 / (n + 1).
+pub const FEWEST_PACKETS_SEEDS: u64 = 99;
+/// Level of significance below which measured packets are inconsistent with the model.
+pub const CONSISTENCY_LEVEL: f64 = 0.05;
+/// Fewest seeds for that level.
+pub const FEWEST_CONSISTENCY_SEEDS: usize = 19;
+/// Fewest seeds for a fit of an effect. Chosen: with fewer, the scatter of the figures is not known well enough.
+pub const FEWEST_FIT_SEEDS: u64 = 24;
+/// Greatest number of effects that a search adds. Chosen: each takes a search over all others by simulation.
+pub const MOST_ADDED_EFFECTS: usize = 3;
+/// Greatest distance from the best candidate at which a candidate is refined: in nats, and as a share of the gain of the best
+/// one. The first gains are interpolated linearly between distant values, and so are not more accurate than this.
+pub const REFINED_BEHIND: (f64, f64) = (20.0, 0.5);
+/// Greatest number of candidates that are refined, the best ones: a limit of time.
+pub const MOST_REFINED: usize = 4;
+/// Greatest distance from the best candidate at which one is chosen (nats), if only it makes the packets consistent.
+pub const CONSISTENT_BEHIND_NATS: f64 = 10.0;
+/// A rival is indistinguishable from the best candidate if it makes the packets at most twenty times less probable (nats).
+pub const RIVAL_NATS: f64 = 3.0;
+/// Fall of the log likelihood within which values of a parameter are searched further (nats): wider than any interval that
+/// is reported.
+pub const SEARCHED_NATS: f64 = 4.0;
+/// How often seeds are drawn again, for the error that their choice causes.
+pub const SEED_RESAMPLES: u64 = 100;
+/// Degrees of freedom of Student's density of the figures of a run. Chosen: normal densities make a run five standard
+/// deviations away all but impossible.
+pub const FIGURES_FREEDOM: f64 = 8.0;
+/// Least standard deviation of the logarithm of a time or a number.
+pub const LEAST_RATIO_SD: f64 = 0.01;
+/// Fewest packets of a mote whose delivery counts as that of the worst mote.
+pub const FEWEST_MOTE_PACKETS: u32 = 5;
+
+/// Campaigns of link measurements that the model simulates, to see what their noise does to the figures.
+pub const SPLIT_CAMPAIGNS: u64 = 39;
+/// Runs over each of them.
+pub const SPLIT_RUNS: u64 = 5;
+/// Frames of a link that are counted together, on average. Chosen: fewer determine a reception ratio less, more mix what
+/// changes.
+pub const COUNTED_FRAMES: f64 = 20.0;
+/// Least difference of a figure on its scale that counts, and least standard deviation of a figure for the parts of an error.
+pub const LEAST_FIGURE_DIFFERENCE: f64 = 0.005;
