@@ -5,13 +5,13 @@ use experiment::{Overrides, load, read};
 use measure::table::DataTable;
 use network::compare::SeedComparison;
 use network::resimulate::{Resimulation, exchanged};
-use network::spread::LEVEL;
 use network::tracks::Tracks;
 use proto_messages::v1;
 use record::read::RunReader;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
+use study::thresholds::CONSISTENCY_LEVEL;
 use tests::reporting::sensors;
 use tests::{folder, orchestrator, run, said};
 
@@ -34,7 +34,9 @@ fn a_run_of_the_model_itself_differs_from_it_as_often_as_said() {
     let others = model.packets(&model.network(), 1000..1000 + n).unwrap();
     let alarms = others
         .iter()
-        .filter(|other| SeedComparison::from_packets(other, &runs, 0.0).placed.p_value <= LEVEL)
+        .filter(|other| {
+            SeedComparison::from_packets(other, &runs, 0.0).placed.p_value <= CONSISTENCY_LEVEL
+        })
         .count();
     // All are held against the same 39 seeds, so that they are not independent: of the p-values' own scatter (0.05 +- 0.034
     // for 39 seeds) four standard deviations.

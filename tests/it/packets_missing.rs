@@ -11,11 +11,11 @@ use network::PacketRequest;
 use network::compare::ComparisonOptions;
 use network::diagnosis::NetworkDiagnosis;
 use network::resimulate::Resimulation;
-use network::spread::LEVEL;
 use proto::rng::{Draws, Purpose};
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
+use study::thresholds::CONSISTENCY_LEVEL;
 use tests::reporting::sensors;
 use tests::{folder, orchestrator, said};
 
@@ -84,7 +84,7 @@ fn lost_acknowledgments_are_found_with_their_part() {
         let value = trial.parameters["probability"].value;
         let is_near = (value - 0.4).abs() <= four && high - low < 0.3;
         let chances = chances(&found);
-        let is_enough = chances[0] <= 0.01 && LEVEL < chances[1];
+        let is_enough = chances[0] <= 0.01 && CONSISTENCY_LEVEL < chances[1];
         let is_all = json["unexplained"].as_array().unwrap().is_empty();
         if is_near && is_enough && is_all { Ok(()) } else { Err(sentence) }
     });
@@ -143,7 +143,8 @@ fn is_found_in(
         && json["missing"].as_array().unwrap() == &[first]
         && (effect == first || trial(first).indistinguishable_from.contains(&effect));
     let is_covered = low <= value && value <= high && high < 8.0 * low;
-    let is_enough = chances[0] <= LEVEL && chances.get(1).is_some_and(|&chance| LEVEL < chance);
+    let is_enough = chances[0] <= CONSISTENCY_LEVEL
+        && chances.get(1).is_some_and(|&chance| CONSISTENCY_LEVEL < chance);
     if is_named && is_covered && is_enough {
         return Ok(());
     }
@@ -253,7 +254,7 @@ fn a_slow_processor_is_found_added_and_then_nothing_differs() {
     assert!(low <= 0.6 && 0.6 <= high && high - low < 0.2, "{low} to {high}");
     let ladder = found["ladder"].as_array().unwrap();
     let chances: Vec<f64> = ladder.iter().map(|rung| rung["p_value"].as_f64().unwrap()).collect();
-    assert!(chances[0] <= 0.01 && LEVEL < chances[1], "{chances:?}");
+    assert!(chances[0] <= 0.01 && CONSISTENCY_LEVEL < chances[1], "{chances:?}");
     let page = read("d.html");
     assert!(page.contains("What was tried") && page.contains("delay_s") && !page.contains("NaN"));
     // Added, it is as promised, and the packets could be a run of the network.

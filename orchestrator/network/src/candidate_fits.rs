@@ -12,9 +12,11 @@ use super::likelihood::{
     self, FigureDensity, RunMoments, ScaledFigures, SmoothDensity, interpolate,
 };
 use super::resimulate::{Resimulation, ResimulationError};
+use numbers::normal::{FALL_90_NATS, Z_90};
 use numbers::power::square;
 use numbers::statistics::{quantile, standard_deviation};
 use proto::rng::{Draws, Purpose, uniform};
+use study::thresholds::{SEARCHED_NATS, SEED_RESAMPLES};
 
 /// Where seeds for fits begin: those for comparisons, from 0 on, are not among them.
 const FIRST_SEED: u64 = 1 << 32;
@@ -22,16 +24,8 @@ const FIRST_SEED: u64 = 1 << 32;
 const ROUNDS: usize = 3;
 /// Values over what is plausible.
 const FINAL_TRIES: usize = 5;
-/// How far the log likelihood falls to where values are no longer plausible (nats).
-const PLAUSIBLE: f64 = 4.0;
-/// The same to the ends of a 90 % interval: half of chi-squared with one degree of freedom.
-const INTERVAL: f64 = 1.353;
-/// A standard normal stays below with 95 %.
-const Z_95: f64 = 1.645;
 /// Places that are looked at over what is plausible.
 const PLACES: usize = 120;
-/// How often seeds are drawn again to see what their choice does.
-const RESAMPLES: u64 = 100;
 /// Values nearer than this on the scale are one.
 const SAME: f64 = 1e-6;
 
@@ -208,7 +202,7 @@ impl FitContext<'_> {
             let top = profile.iter().map(|it| it.1).fold(f64::NEG_INFINITY, f64::max);
             // What is plausible reaches beyond: look there too.
             let falls =
-                |end: Option<&(f64, f64)>| end.is_some_and(|end| end.1 < top - 1.4 * INTERVAL);
+                |end: Option<&(f64, f64)>| end.is_some_and(|end| end.1 < top - 1.4 * FALL_90_NATS);
             let half = 0.5 * (window[1] - window[0]);
             let mut wider = window;
             if !falls(profile.first()) {
@@ -231,7 +225,7 @@ impl FitContext<'_> {
     fn plausible(&self, curve: &CandidateScan<'_>) -> [f64; 2] {
         let laws = self.laws(curve);
         let (best, top) = self.best(&laws);
-        let is_in = |law: &FigureDensity| top - PLAUSIBLE <= law.log_density(&self.measured);
+        let is_in = |law: &FigureDensity| top - SEARCHED_NATS <= law.log_density(&self.measured);
         let value_of = |place: &(f64, FigureDensity)| place.0;
         let middle = laws.iter().position(|(at, _)| *at == best).unwrap_or_default();
         let low = laws[..=middle]
@@ -283,19 +277,19 @@ impl FitContext<'_> {
             profile.iter().fold(first, |best, it| if best.1 < it.1 { *it } else { best })
         };
         let (best, log_density) = top(profile);
-        let in_interval = || profile.iter().filter(|it| log_density - INTERVAL <= it.1);
+        let in_interval = || profile.iter().filter(|it| log_density - FALL_90_NATS <= it.1);
         let ends = [in_interval().next(), in_interval().next_back()]
             .map(|end| end.map_or(best, |end| end.0));
         let window = [profile.first(), profile.last()].map(|end| end.map_or(best, |end| end.0));
         let mut again = Vec::new();
-        for resample in 0..RESAMPLES {
+        for resample in 0..SEED_RESAMPLES {
             let picks = self.picks(resample);
             let law = self.smooth(curve, within, Some(&picks));
             let (at, log) = top(&self.profile(law.as_ref(), window));
             again.push((at, log - self.base_density(base, Some(&picks))));
         }
         let sd_of_place = sd(again.iter().map(|it| it.0));
-        let widened = |end: f64| libm::sqrt(square(best - end) + square(Z_95 * sd_of_place));
+        let widened = |end: f64| libm::sqrt(square(best - end) + square(Z_90 * sd_of_place));
         let value = |at: f64| curve.candidate.value(at);
         let mut interval = [value(best - widened(ends[0])), value(best + widened(ends[1]))];
         interval.sort_by(f64::total_cmp);
@@ -362,7 +356,7 @@ impl FitContext<'_> {
         };
         let here = logs(None);
         let best = (0..here.len()).fold(0, |best, k| if here[best] < here[k] { k } else { best });
-        let again: Vec<(Vec<f64>, f64)> = (0..RESAMPLES)
+        let again: Vec<(Vec<f64>, f64)> = (0..SEED_RESAMPLES)
             .map(|resample| {
                 let picks = self.picks(resample);
                 (logs(Some(&picks)), self.base_density(base, Some(&picks)))
@@ -370,7 +364,7 @@ impl FitContext<'_> {
             .collect();
         let is_in = |k: &usize| {
             let doubt = sd(again.iter().map(|(logs, _)| logs[best] - logs[*k]));
-            here[best] - INTERVAL - Z_95 * doubt <= here[*k]
+            here[best] - FALL_90_NATS - Z_90 * doubt <= here[*k]
         };
         let inside: Vec<usize> = (0..here.len()).filter(is_in).collect();
         let value = |k: usize| curve.candidate.value(within[k].at);

@@ -8,13 +8,14 @@ use super::comparison::{
 };
 use super::kpis::{KPIS, MoteCounts, NetworkFigures};
 use super::resimulate::{Resimulation, ResimulationError};
-use super::spread::{FEWEST_SEEDS, FigurePlacement, LEVEL, Placement, kpi, place};
+use super::spread::{FigurePlacement, Placement, kpi, place};
 use indexmap::IndexMap;
 use measure::account::DataAccount;
 use measure::packets::MeasuredPacket;
 use numbers::format::{number, percent};
 use numbers::statistics::{mean, quantile};
 use std::collections::BTreeSet;
+use study::thresholds::{CONSISTENCY_LEVEL, FEWEST_CONSISTENCY_SEEDS};
 
 /// Options of a comparison.
 #[derive(Clone, Copy, Debug)]
@@ -131,11 +132,12 @@ fn shown(value: f64, unit: &str) -> String {
 pub(super) fn sentence(among: &SeedComparison) -> (NetworkVerdict, String) {
     let n = among.seeds.len();
     let p_value = among.placed.p_value;
-    if n < FEWEST_SEEDS {
-        let text = format!("{n} seeds are too few for a test; use at least {FEWEST_SEEDS}");
+    if n < FEWEST_CONSISTENCY_SEEDS {
+        let text =
+            format!("{n} seeds are too few for a test; use at least {FEWEST_CONSISTENCY_SEEDS}");
         return (NetworkVerdict::TooFewSeeds, text);
     }
-    if LEVEL < p_value {
+    if CONSISTENCY_LEVEL < p_value {
         let text = format!(
             "the packets are consistent with the model (p = {p_value:.3}): {} of {n} seeds deviate as much",
             (p_value * (n as f64 + 1.0)).round() as u64 - 1
@@ -148,7 +150,7 @@ pub(super) fn sentence(among: &SeedComparison) -> (NetworkVerdict, String) {
     let parts: Vec<String> = far
         .iter()
         .enumerate()
-        .filter(|(place, (_, standing))| *place == 0 || standing.p_value <= LEVEL)
+        .filter(|(place, (_, standing))| *place == 0 || standing.p_value <= CONSISTENCY_LEVEL)
         .take(3)
         .map(|(_, (k, _))| {
             let (_, [low, high]) = among.model(*k);

@@ -4,6 +4,7 @@ use super::figure::{FigureSpec, figure};
 use measure::packets::MeasuredPacket;
 use numbers::statistics::{mean, quantile};
 use std::collections::BTreeMap;
+use study::thresholds::FEWEST_MOTE_PACKETS;
 
 /// How a figure is spread about its middle: on which scale differences are reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,9 +66,6 @@ pub struct NetworkFigures {
     pub of_mote: BTreeMap<u32, MoteCounts>,
 }
 
-/// Fewest packets of a mote by which its delivery is judged.
-const FEWEST_OF_MOTE: u32 = 5;
-
 impl NetworkFigures {
     /// Figures of packets created from `from_s` (s) on.
     #[must_use]
@@ -99,7 +97,7 @@ impl NetworkFigures {
         let silence_s = silence.fold(f64::NAN, f64::max);
         let (sent, arrived) =
             of_mote.values().fold((0, 0), |(a, b), of| (a + of.sent, b + of.arrived));
-        let judged = of_mote.values().filter(|of| FEWEST_OF_MOTE <= of.sent);
+        let judged = of_mote.values().filter(|of| FEWEST_MOTE_PACKETS <= of.sent);
         let worst = judged.map(|of| of.share()).fold(f64::NAN, f64::min);
         let quantile_of = |values: &mut Vec<f64>, share: f64| {
             values.sort_by(f64::total_cmp);

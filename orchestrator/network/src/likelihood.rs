@@ -15,6 +15,7 @@ use nalgebra::{DMatrix, DVector};
 use numbers::power::square;
 use numbers::statistics;
 use std::collections::BTreeMap;
+use study::thresholds::{FIGURES_FREEDOM, LEAST_RATIO_SD};
 
 /// How many figures there are.
 pub(crate) const D: usize = KPIS.len();
@@ -22,10 +23,6 @@ pub(crate) const D: usize = KPIS.len();
 pub(crate) type ScaledFigures = [f64; D];
 /// The log density of a run that is unlike every run of a model (nats).
 const UNHEARD_OF: f64 = -1e4;
-/// Freedom of Student's density: what is five standard deviations out happens.
-const FREEDOM: f64 = 8.0;
-/// Least scatter of times and numbers: a hundredth.
-const LEAST_RATIO: f64 = 0.01;
 /// The figure of the number of packets.
 const PACKETS: usize = D - 1;
 
@@ -96,7 +93,7 @@ impl RunMoments {
 /// The least scatter of a figure: that of counting losses, for shares.
 fn least_sd(k: usize, mean: &ScaledFigures) -> f64 {
     match KPIS[k].scale {
-        Scale::Ratio => LEAST_RATIO,
+        Scale::Ratio => LEAST_RATIO_SD,
         Scale::Share => {
             let packets = if mean[PACKETS].is_finite() { libm::exp(mean[PACKETS]) } else { 1.0 };
             let lost = packets * libm::exp(-mean[k].max(-30.0));
@@ -176,15 +173,15 @@ impl FigureDensity {
         let out: Vec<f64> = known.iter().map(|&k| (run[k] - self.mean[k]) / self.sd[k]).collect();
         let d = known.len() as f64;
         // Scaled so that the law has this scatter.
-        let squares = lower.squares(&out) * FREEDOM / (FREEDOM - 2.0);
+        let squares = lower.squares(&out) * FIGURES_FREEDOM / (FIGURES_FREEDOM - 2.0);
         let log_scale = known.iter().map(|&k| libm::log(self.sd[k])).sum::<f64>()
             + lower.log_root
-            + 0.5 * d * libm::log((FREEDOM - 2.0) / FREEDOM);
-        libm::log(chance) + libm::lgamma(0.5 * (FREEDOM + d))
-            - libm::lgamma(0.5 * FREEDOM)
-            - 0.5 * d * libm::log(FREEDOM * std::f64::consts::PI)
+            + 0.5 * d * libm::log((FIGURES_FREEDOM - 2.0) / FIGURES_FREEDOM);
+        libm::log(chance) + libm::lgamma(0.5 * (FIGURES_FREEDOM + d))
+            - libm::lgamma(0.5 * FIGURES_FREEDOM)
+            - 0.5 * d * libm::log(FIGURES_FREEDOM * std::f64::consts::PI)
             - log_scale
-            - 0.5 * (FREEDOM + d) * libm::log1p(squares / FREEDOM)
+            - 0.5 * (FIGURES_FREEDOM + d) * libm::log1p(squares / FIGURES_FREEDOM)
     }
 
     /// Differences of the means of two densities, by figure, in standard deviations.

@@ -9,7 +9,7 @@ use crate::error_split::NetworkErrorSplit;
 use crate::extend::{self, NetworkExtendError};
 use crate::extension::NetworkExtension;
 use crate::resimulate::{Resimulation, ResimulationError};
-use crate::search::{self, ACCEPT, FEWEST_SEEDS, NetworkSearch, SearchResult};
+use crate::search::{self, NetworkSearch, SearchResult};
 use crate::split::{self, SplitError};
 use crate::tracks::Tracks;
 use ::diagnose::extend::ExtendError;
@@ -22,6 +22,7 @@ use measure::table::DataTable;
 use proto::bounds::PACKET_TIME_S;
 use std::path::Path;
 use study::open;
+use study::thresholds::{FEWEST_PACKETS_SEEDS, PACKETS_LEVEL};
 
 /// Measured packets, and the experiment that is compared with them.
 #[derive(Clone, Debug)]
@@ -67,7 +68,7 @@ pub enum PacketError {
     },
     /// The seeds cannot tell a gain from chance.
     #[error(
-        "{seeds}: must be at least {FEWEST_SEEDS}; with fewer seeds no gain can be significant at level {ACCEPT}"
+        "{seeds}: must be at least {FEWEST_PACKETS_SEEDS}; with fewer seeds no gain can be significant at level {PACKETS_LEVEL}"
     )]
     TooFewSeeds {
         /// The number asked for.
@@ -159,7 +160,7 @@ impl PacketRequest {
     /// Whether the seeds suffice to tell a gain from chance.
     fn check_seeds(&self) -> Result<(), PacketError> {
         let seeds = self.options.seeds;
-        if seeds < FEWEST_SEEDS { Err(PacketError::TooFewSeeds { seeds }) } else { Ok(()) }
+        if seeds < FEWEST_PACKETS_SEEDS { Err(PacketError::TooFewSeeds { seeds }) } else { Ok(()) }
     }
 
     /// Selects effects that the network lacks.

@@ -9,30 +9,15 @@ use super::compare::{ComparisonOptions, SeedComparison, among};
 use super::kpis::NetworkFigures;
 use super::likelihood::{self, FigureDensity, ScaledFigures};
 use super::resimulate::{Resimulation, ResimulationError};
-use super::spread::LEVEL;
 use measure::packets::MeasuredPacket;
 use netsim::catalogue::Catalogue;
 use std::sync::atomic::{AtomicBool, Ordering};
+use study::thresholds::{
+    CONSISTENCY_LEVEL, CONSISTENT_BEHIND_NATS, FEWEST_FIT_SEEDS, MOST_ADDED_EFFECTS, MOST_REFINED,
+    PACKETS_LEVEL, REFINED_BEHIND, RIVAL_NATS,
+};
 pub use words::parameter_text;
 pub(crate) use words::{answer, parameters, text};
-
-/// Level of significance of a gain, by its null distribution under the model without any candidate.
-pub(crate) const ACCEPT: f64 = 0.01;
-/// Fewer seeds cannot tell at that level.
-pub(crate) const FEWEST_SEEDS: u64 = 99;
-/// Fewer seeds for a fit say too little of the figures' scatter.
-const FEWEST_TO_FIT: u64 = 24;
-/// Greatest number of added effects.
-const MOST: usize = 3;
-/// Greatest distance from the best candidate at which one is refined: in nats, and as a share of the best one's gain. The first
-/// gains are interpolated linearly between distant values, and so are not more accurate than this.
-const BEHIND: (f64, f64) = (20.0, 0.5);
-/// How many candidates are refined.
-const CLOSELY: usize = 4;
-/// How far behind one may lie and be chosen, if it mends what the best one does not (nats).
-const INSTEAD: f64 = 10.0;
-/// A rival counts as indistinguishable from the best if it makes the measurement at most twenty times less probable (nats).
-const TIE: f64 = 3.0;
 
 /// The result of testing one candidate effect.
 #[derive(Clone, Debug)]
@@ -110,7 +95,7 @@ impl SearchResult {
     /// Whether the measurement could be a run of the last model.
     #[must_use]
     pub(crate) fn agrees(&self) -> bool {
-        self.rungs.last().is_some_and(|rung| LEVEL < rung.among.placed.p_value)
+        self.rungs.last().is_some_and(|rung| CONSISTENCY_LEVEL < rung.among.placed.p_value)
     }
 }
 
@@ -135,9 +120,9 @@ enum GainVerdict {
 impl GainVerdict {
     /// Judges a gain (nats). `chance`: p-value of the gain; `p_value`: of the comparison with the network without the effect.
     fn judge(gain: f64, chance: f64, p_value: f64) -> Self {
-        if chance <= ACCEPT {
+        if chance <= PACKETS_LEVEL {
             Self::More
-        } else if p_value <= ACCEPT && TIE <= gain {
+        } else if p_value <= PACKETS_LEVEL && RIVAL_NATS <= gain {
             Self::IfItMends
         } else {
             Self::Nothing
@@ -174,7 +159,7 @@ impl<'a> NetworkSearch<'a> {
             measured: figures,
             usable: (0..figures.len()).filter(|&k| figures[k].is_finite()).collect(),
             from_s: asked.from_s,
-            seeds: (asked.seeds / 4).max(FEWEST_TO_FIT),
+            seeds: (asked.seeds / 4).max(FEWEST_FIT_SEEDS),
         };
         Self { resimulation, measured, asked, candidates, ground, stop: None }
     }
@@ -235,7 +220,7 @@ impl<'a> NetworkSearch<'a> {
             stopped: None,
         };
         let mut effects: Vec<(usize, CandidateFit)> = Vec::new();
-        while !found.agrees() && effects.len() < MOST && found.stopped.is_none() {
+        while !found.agrees() && effects.len() < MOST_ADDED_EFFECTS && found.stopped.is_none() {
             let round = effects.len() + 1;
             let before = found.clone();
             match self.extended(&mut network, &mut effects, &mut found) {
@@ -343,9 +328,9 @@ impl<'a> NetworkSearch<'a> {
             (0..curves.len()).filter(|&place| worth[place] != GainVerdict::Nothing).collect();
         order.sort_by(|&a, &b| here[b].total_cmp(&here[a]));
         let Some(&best) = order.first() else { return Ok(None) };
-        let behind = BEHIND.0.max(BEHIND.1 * here[best]);
+        let behind = REFINED_BEHIND.0.max(REFINED_BEHIND.1 * here[best]);
         order.retain(|&place| here[best] - behind <= here[place]);
-        order.truncate(CLOSELY);
+        order.truncate(MOST_REFINED);
         let mut close: Vec<FittedCandidate> = Vec::new();
         for place in order {
             if self.is_stopped() {
@@ -372,9 +357,9 @@ impl<'a> NetworkSearch<'a> {
     ) -> Result<Option<AcceptedEffect>, ResimulationError> {
         let Some(best) = close.first().map(|(_, fit, _)| fit.fitted.gain) else { return Ok(None) };
         let mut rungs: Vec<(usize, CandidateFit, SearchStep)> = Vec::new();
-        let mends = |rung: &SearchStep| LEVEL < rung.among.placed.p_value;
+        let mends = |rung: &SearchStep| CONSISTENCY_LEVEL < rung.among.placed.p_value;
         for (k, mut fit, worth) in close {
-            if fit.fitted.gain < best - INSTEAD {
+            if fit.fitted.gain < best - CONSISTENT_BEHIND_NATS {
                 continue;
             }
             let candidate = &self.candidates[k];
@@ -395,7 +380,7 @@ impl<'a> NetworkSearch<'a> {
                           other: &(usize, CandidateFit, SearchStep)| {
             let (a, b) = (one.1.fitted, other.1.fitted);
             let doubt = libm::hypot(a.standard_error, b.standard_error);
-            a.gain - b.gain < TIE.max(2.0 * doubt) && mends(&one.2) == mends(&other.2)
+            a.gain - b.gain < RIVAL_NATS.max(2.0 * doubt) && mends(&one.2) == mends(&other.2)
         };
         let mut place = rungs.iter().position(|(_, _, rung)| mends(rung)).unwrap_or(0);
         // Interference of the whole band would be seen in links; of two that packets do not tell apart it is the other one.

@@ -20,6 +20,7 @@ use measure::config::Compared;
 use measure::links::{self, LinkRow};
 use measure::packets::MeasuredPacket;
 use measure::table::DataTable;
+use numbers::normal::Z_90;
 use numbers::power::square;
 use numbers::statistics::{mean, variance};
 use proto::rng::{Draws, Purpose};
@@ -27,22 +28,13 @@ use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use study::open::OpenError;
+use study::thresholds::{
+    COUNTED_FRAMES, LEAST_FIGURE_DIFFERENCE, PACKETS_LEVEL, SPLIT_CAMPAIGNS, SPLIT_RUNS,
+};
 pub use words::{answer, text};
 
-/// Campaigns that the model measures of its own links.
-const CAMPAIGNS: u64 = 39;
-/// Runs over each of them.
-const RUNS: u64 = 5;
-/// Frames of a link that are counted together, on average: fewer tell too little, more mix what changes.
-const FRAMES_TOGETHER: f64 = 20.0;
-/// The chance up to which a part is more than chance.
-pub const ACCEPT: f64 = 0.01;
-/// Least scatter of a figure on its scale: half a hundredth.
-const LEAST_SD: f64 = 0.005;
 /// Readings of a model without noise, as `simulate` takes them (dB).
 const NO_NOISE_DB: f64 = 1e-3;
-/// A standard normal stays below with 95 %.
-const Z_95: f64 = 1.645;
 
 /// Why an error cannot be split.
 #[derive(Debug, thiserror::Error)]
@@ -107,7 +99,7 @@ impl Campaign {
         }
         let mean = frames_of.values().sum::<f64>() / frames_of.len() as f64;
         let span_s = known.iter().map(|row| time_s(row)).fold(0.0, f64::max).max(1e-9);
-        let parts = (mean / FRAMES_TOGETHER).floor().max(1.0);
+        let parts = (mean / COUNTED_FRAMES).floor().max(1.0);
         let mut counts: BTreeMap<(u64, u32, u32), Count> = BTreeMap::new();
         for row in &known {
             let part = (time_s(row) / span_s * parts).floor().min(parts - 1.0);
@@ -223,7 +215,7 @@ impl ErrorSplit {
     /// The sources whose part is significant.
     #[must_use]
     pub fn found(&self) -> Vec<&ErrorSource> {
-        self.shares.iter().filter(|share| share.p_value <= ACCEPT).collect()
+        self.shares.iter().filter(|share| share.p_value <= PACKETS_LEVEL).collect()
     }
 }
 
@@ -283,11 +275,11 @@ pub fn split(
     let linked = over(&here, seeds)?;
     tracing::info!("simulating with links as the model would have measured them");
     let mut own: Vec<NetworkFigures> = Vec::new();
-    for number in 0..CAMPAIGNS {
+    for number in 0..SPLIT_CAMPAIGNS {
         let simulated = simulate::simulate(config, links, number + 1, Some(NO_NOISE_DB))?;
         let table = DataTable::of_columns(simulated.names, simulated.columns);
-        let first = asked.seeds + number * RUNS;
-        own.extend(over(&campaign(&table)?, first..first + RUNS)?);
+        let first = asked.seeds + number * SPLIT_RUNS;
+        own.extend(over(&campaign(&table)?, first..first + SPLIT_RUNS)?);
     }
     let measured = NetworkFigures::from_packets(measured, asked.from_s);
     Ok(parted(measured, [&whole, &tracked, &own, &linked], asked.seeds))
@@ -304,7 +296,7 @@ fn parted(measured: NetworkFigures, runs: [&[NetworkFigures]; 4], seeds: u64) ->
     // What the model's own campaigns of links differ by beyond the chances of runs over them.
     let between = |of: &dyn Fn(&NetworkFigures) -> [f64; KPIS.len()], k: usize| {
         let groups: Vec<SampleMoments> = runs[2]
-            .chunks(RUNS as usize)
+            .chunks(SPLIT_RUNS as usize)
             .map(|group| {
                 SampleMoments::from_values(
                     &group.iter().map(|run| of(run)[k]).collect::<Vec<f64>>(),
@@ -344,15 +336,15 @@ fn parted(measured: NetworkFigures, runs: [&[NetworkFigures]; 4], seeds: u64) ->
             let sd = libm::sqrt(unit.1);
             let part = SplitPart {
                 value: unit.0,
-                interval: [unit.0 - Z_95 * sd, unit.0 + Z_95 * sd],
-                z: scale.0 / libm::sqrt(scale.1).max(LEAST_SD),
+                interval: [unit.0 - Z_90 * sd, unit.0 + Z_90 * sd],
+                z: scale.0 / libm::sqrt(scale.1).max(LEAST_FIGURE_DIFFERENCE),
             };
             share.parts.push((part.value.is_finite() && part.z.is_finite()).then_some(part));
         }
     }
     let [robot, radio, protocol] = &mut shares;
     robot.p_value = furthest(&robot.parts, runs[0].len() as f64 - 1.0);
-    radio.p_value = furthest(&radio.parts, CAMPAIGNS as f64 - 1.0);
+    radio.p_value = furthest(&radio.parts, SPLIT_CAMPAIGNS as f64 - 1.0);
     let shifts: Vec<f64> = (0..KPIS.len())
         .map(|k| levels(&NetworkFigures::scaled, k))
         .map(|[_, tracked, own, _]| tracked.mean - own.mean)

@@ -54,11 +54,6 @@ pub struct Placement {
     pub p_value: f64,
 }
 
-/// Level of significance below which a measurement is inconsistent with the model.
-pub const LEVEL: f64 = 0.05;
-/// Fewer seeds cannot tell at that level.
-pub const FEWEST_SEEDS: usize = 19;
-
 /// Places a measurement among seeds. Figures are given on scales on which differences mean the same everywhere.
 #[must_use]
 pub fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placement {
@@ -106,6 +101,7 @@ pub fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placement {
 mod tests {
     use super::*;
     use proto::rng::{Draws, Purpose};
+    use study::thresholds::CONSISTENCY_LEVEL;
 
     /// Figures that depend on each other, with long tails.
     fn run(number: u64, shift: f64) -> Vec<f64> {
@@ -125,7 +121,7 @@ mod tests {
         for trial in 0..n {
             let seeds: Vec<Vec<f64>> = (1..40).map(|seed| run(trial * 100 + seed, 0.0)).collect();
             let placed = place(&run(trial * 100, 0.0), &seeds);
-            false_alarms += u64::from(placed.p_value <= LEVEL);
+            false_alarms += u64::from(placed.p_value <= CONSISTENCY_LEVEL);
         }
         // 20 expected of 400, standard deviation 4.4.
         assert!((7..=33).contains(&false_alarms), "{false_alarms}");

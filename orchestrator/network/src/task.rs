@@ -23,22 +23,15 @@ use super::tracks::Tracks;
 use bytes::Bytes;
 use figures::{N, Sheet, TaskFigures};
 use metrics::Task;
+use numbers::normal::Z_90;
 use numbers::statistics;
 use proto::rng::{Draws, Purpose};
 use proto::types::seconds;
 use rayon::prelude::*;
 use reception_network::ReceptionNetwork;
 use receptions::Receptions;
+use study::thresholds::{LEAST_FIGURE_DIFFERENCE, PACKETS_LEVEL};
 pub use words::{answer, text};
-
-/// The chance up to which a part is more than chance.
-pub const ACCEPT: f64 = 0.01;
-/// Fewer seeds cannot tell at that level.
-pub const FEWEST_SEEDS: u64 = 99;
-/// Differences of a figure on its scale below this are none: half a hundredth.
-const LEAST: f64 = 0.005;
-/// A standard normal stays below with 95 %.
-const Z_95: f64 = 1.645;
 
 /// A measured swarm, and the experiment that it is compared with.
 #[derive(Debug)]
@@ -90,15 +83,15 @@ impl TaskRuns {
         self.figures.iter().map(|run| run.scaled().to_vec()).collect()
     }
 
-    /// Chance that a run is as far out as this, and the figure in which it is furthest. What differs by less than [`LEAST`] in
-    /// all figures does not differ.
+    /// Chance that a run is as far out as this, and the figure in which it is furthest. What differs by less than
+    /// [`LEAST_FIGURE_DIFFERENCE`] in all figures does not differ.
     fn place_of(&self, scaled: &[f64]) -> RunPlacement {
         let runs = self.scaled();
         let placed = place(scaled, &runs);
         let mean = |k: usize| statistics::mean(runs.iter().map(|run| run[k]));
         let known = (0..N).filter_map(|k| Some((k, placed.figures[k]?)));
         let apart: Vec<(usize, f64)> = known
-            .filter(|(k, _)| LEAST < (scaled[*k] - mean(*k)).abs())
+            .filter(|(k, _)| LEAST_FIGURE_DIFFERENCE < (scaled[*k] - mean(*k)).abs())
             .map(|(k, standing)| (k, standing.z.abs()))
             .collect();
         let furthest = apart.iter().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| *k);
@@ -120,7 +113,7 @@ impl RunPlacement {
     /// Whether the difference is significant.
     #[must_use]
     pub fn is_found(&self) -> bool {
-        self.p_value <= ACCEPT
+        self.p_value <= PACKETS_LEVEL
     }
 }
 
@@ -160,7 +153,7 @@ impl TaskSplit {
     pub fn parts(&self, k: usize) -> [Option<TaskPart>; 3] {
         let n = self.whole.figures.len() as f64;
         let task_part = |value: f64, variance: f64| {
-            let half = Z_95 * libm::sqrt(variance);
+            let half = Z_90 * libm::sqrt(variance);
             let interval = [value - half, value + half];
             value.is_finite().then_some(TaskPart { value, interval })
         };

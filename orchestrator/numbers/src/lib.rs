@@ -3,6 +3,7 @@
 //! Each definition exists once, here, and says what it does with no values, with one, and with NaN.
 
 pub mod format;
+pub mod normal;
 pub mod power;
 pub mod quantity;
 pub mod statistics;

@@ -8,10 +8,11 @@ use network::compare::ComparisonOptions;
 use network::resimulate::Resimulation;
 use network::task::comparison::{HeardFile, TaskComparison};
 use network::task::receptions::Receptions;
-use network::task::{self, FEWEST_SEEDS, MeasuredSwarm};
+use network::task::{self, MeasuredSwarm};
 use network::tracks::Tracks;
 use std::path::Path;
 use study::open::{self, DataAccount};
+use study::thresholds::FEWEST_PACKETS_SEEDS;
 
 /// Files of a swarm that was measured, and the experiment that is compared with it.
 pub(super) struct Files<'a> {
@@ -28,9 +29,9 @@ pub(super) fn split(
     files: &Files<'_>,
     asked: ComparisonOptions,
 ) -> Result<TaskComparison, Failure> {
-    if asked.seeds < FEWEST_SEEDS {
+    if asked.seeds < FEWEST_PACKETS_SEEDS {
         return Err(Failure::request(format!(
-            "--seeds {}: must be at least {FEWEST_SEEDS}; with fewer seeds no part of the error can be significant",
+            "--seeds {}: must be at least {FEWEST_PACKETS_SEEDS}; with fewer seeds no part of the error can be significant",
             asked.seeds
         )));
     }

@@ -9,11 +9,10 @@ use base64::engine::general_purpose::STANDARD;
 use experiment::program_name;
 use measure::config::Compared;
 use measure::table::DataTable;
+use numbers::normal::Z_90;
 use report::story::{Story, StoryCandidate, StoryParameter, StoryRow, StorySwarm, Symptom, page};
 use std::path::Path;
 
-/// Half the width of a 90 % interval, in standard errors.
-const HALF_90: f64 = 1.645;
 /// A covariate that explains less of the error is not shown, nor one whose share has a greater p-value.
 const LEAST_EXPLAINED: f64 = 0.02;
 const GREATEST_P: f64 = 0.005;
@@ -143,7 +142,7 @@ impl Told<'_> {
                 Some(StoryCandidate {
                     effect: candidate.effect.clone(),
                     gain: candidate.gain?,
-                    half: HALF_90 * candidate.standard_error.unwrap_or(0.0),
+                    half: Z_90 * candidate.standard_error.unwrap_or(0.0),
                     accepted: candidate.accepted,
                 })
             })

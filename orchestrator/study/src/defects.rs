@@ -26,15 +26,12 @@ pub mod stuck_node;
 pub mod swapped_ends;
 
 use super::Estimate;
+use crate::thresholds::{DEFECT_FAMILY_ERROR, DEFECT_WORTH_SHARE};
 use evidence::Evidence;
 use measure::links::LinkRow;
 
 /// The name of a candidate begins with this where it is a defect of the measurement.
 pub const PREFIX: &str = "measurement:";
-/// Probability with which any defect at all is reported of measurements without one.
-pub const FAMILY_ERROR: f64 = 0.005;
-/// A defect matters from this share on: of the squared error of the readings, or of the rows.
-pub const WORTH_SHARE: f64 = 0.01;
 
 /// A kind of defect.
 #[derive(Clone, Copy, Debug)]
@@ -139,7 +136,7 @@ impl Correction {
     }
 }
 
-/// The defects that are significant at [`FAMILY_ERROR`] after Holm's correction for all kinds, and that matter, in the order of
+/// The defects that are significant at [`DEFECT_FAMILY_ERROR`] after Holm's correction for all kinds, and that matter, in the order of
 /// [`KINDS`].
 #[must_use]
 pub fn found(evidence: &Evidence<'_>) -> Vec<Defect> {
@@ -173,13 +170,13 @@ fn significant(tested: Vec<Defect>) -> Vec<Defect> {
     let mut is_significant = vec![false; tested.len()];
     for (rank, &index) in order.iter().enumerate() {
         let n_left = (KINDS.len() - rank) as f64;
-        if FAMILY_ERROR / n_left < tested[index].p_value {
+        if DEFECT_FAMILY_ERROR / n_left < tested[index].p_value {
             break;
         }
         is_significant[index] = true;
     }
     let all = tested.into_iter().zip(is_significant);
-    all.filter(|(defect, significant)| *significant && WORTH_SHARE <= defect.share)
+    all.filter(|(defect, significant)| *significant && DEFECT_WORTH_SHARE <= defect.share)
         .map(|(defect, _)| defect)
         .collect()
 }
@@ -209,10 +206,10 @@ mod tests {
         let found = |p_values: &[f64]| {
             significant(p_values.iter().map(|&p| defect(p, 1.0)).collect()).len()
         };
-        assert_eq!(found(&[0.99 * FAMILY_ERROR / n]), 1);
-        assert_eq!(found(&[1.01 * FAMILY_ERROR / n]), 0);
+        assert_eq!(found(&[0.99 * DEFECT_FAMILY_ERROR / n]), 1);
+        assert_eq!(found(&[1.01 * DEFECT_FAMILY_ERROR / n]), 0);
         // The second is compared with one kind less.
-        assert_eq!(found(&[1.01 * FAMILY_ERROR / n, 0.99 * FAMILY_ERROR / n]), 2);
+        assert_eq!(found(&[1.01 * DEFECT_FAMILY_ERROR / n, 0.99 * DEFECT_FAMILY_ERROR / n]), 2);
     }
 
     #[test]

@@ -1,11 +1,8 @@
 //! Blocks of rows that depend on each other, dealt to folds that are left out in turn.
 
+pub use crate::thresholds::FEWEST_BLOCKS;
+use crate::thresholds::N_FOLDS;
 use std::collections::BTreeSet;
-
-/// Number of folds, where rows are left out in turn.
-pub const N_FOLDS: usize = 5;
-/// With fewer blocks no test is possible.
-pub const FEWEST_BLOCKS: usize = 20;
 
 /// Rows in blocks, blocks in folds.
 #[derive(Clone, Debug, PartialEq)]

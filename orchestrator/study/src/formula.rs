@@ -1,5 +1,6 @@
 //! Formulas that a user asks to have fitted.
 
+use crate::thresholds::FORMULA_SAMPLE_ROWS;
 use proto::config::{Lists, Node, Problem, TableSpec, Value, check, most_similar};
 use proto::effect::Parameter;
 use proto::formula::Formula;
@@ -17,9 +18,6 @@ pub struct FormulaRequest {
     /// What it is added to; none: what the effect says.
     pub target: Option<String>,
 }
-
-/// So many rows suffice to see whether an expression varies.
-const MOST_ROWS: usize = 500;
 
 /// Values of names in the rows of measurements.
 pub struct RowValues<'a> {
@@ -166,7 +164,7 @@ impl FormulaRequest {
         let formula = Formula::parse(&self.expression, &[], &|_| true).ok()?;
         let names = formula.names();
         let of_parameter = |name: &String| self.parameters.iter().position(|(own, _)| own == name);
-        let step = value.n_rows / MOST_ROWS + 1;
+        let step = value.n_rows / FORMULA_SAMPLE_ROWS + 1;
         let rows: Vec<Vec<f64>> = (0..value.n_rows)
             .step_by(step)
             .filter_map(|row| {

@@ -2,14 +2,6 @@
 
 use numbers::statistics::nth_quantile;
 
-/// Knots of a curve over a covariate.
-pub const FEW: usize = 7;
-/// Knots of a fine one: what comes and goes within a campaign. Rows are left out in sixtieths of its time, so that every knot still
-/// sees others.
-pub const MANY: usize = 25;
-/// A fine curve needs so many rows, or windows, for each knot.
-pub const ROWS_EACH: usize = 40;
-
 /// Knots at quantiles of sorted values, at most `n` of them, each once. None where there are no values.
 #[must_use]
 pub fn at_quantiles(sorted: &[f64], n: usize) -> Vec<f64> {

@@ -15,6 +15,7 @@ pub mod open;
 pub mod robots;
 mod stop;
 pub mod symbolic;
+pub mod thresholds;
 pub mod view;
 
 pub use limits::{NotLimited, span_s};

@@ -56,6 +56,7 @@ use super::limits::NotLimited;
 use super::linear::{Column, Dependence, Direction, Linearised, Partition};
 use super::symbolic::FittedFormula;
 use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, StopFlag, Study};
+use crate::thresholds::{DECORRELATION_M, DEFAULT_DECORRELATION_M, MOST_SEARCHED_ROWS};
 use basis::{Bases, Basis};
 use cells::{Random, RandomEffectSds, RowCells, Scales};
 use fit::{FitProblem, FreeRandomEffects, IterationLimits, LinkFit};
@@ -70,10 +71,6 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use terms::{TermSpec, TermState};
 
-/// Lengths (m) over which shadowing may change: correlations fall as e^(-way / length).
-const DECORRELATION_M: [f64; 4] = [0.5, 1.5, 4.0, 10.0];
-/// That length where shadowing is carried along without being asked about (m).
-const PLACE_M: f64 = 1.5;
 /// The side of the squares whose rows share a level, in such lengths. Two places share a square of side s with a chance that falls
 /// as 1 - way / s, whose integral is s / 2; that of e^(-way / length) is the length.
 const SIDE: f64 = 2.0;
@@ -81,8 +78,6 @@ const SIDE: f64 = 2.0;
 const FINEST_M: f64 = group::HALF_WAVE_M / SIDE;
 /// The key of the time over which a level drifts.
 const CORRELATION_S: &str = "correlation_s";
-/// Rows that a search looks at; of several frames each, a third.
-const MOST_SEARCHED: usize = 20_000;
 
 /// Measured links compared with a radio model.
 #[derive(Debug)]
@@ -139,7 +134,7 @@ impl LinkStudy {
         let specs = candidates::specs(&rows, &catalogue.effects);
         let group::Grouped { time, place, once, fallback } = group::grouped(&rows, choices)?;
         let moving = rows.still().values().any(|still| !still);
-        let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[PLACE_M] };
+        let lengths: &[f64] = if moving { &DECORRELATION_M } else { &[DEFAULT_DECORRELATION_M] };
         let finest = [FINEST_M];
         let times_s = group::drift_times_s(&rows);
         let lengths = lengths.iter().chain(finest.iter().filter(|_| moving));
@@ -179,7 +174,7 @@ impl LinkStudy {
     #[must_use]
     pub fn thinned(&self) -> Option<Self> {
         let is_aggregated = self.rows.links.readings.is_aggregated;
-        let most = if is_aggregated { MOST_SEARCHED / 3 } else { MOST_SEARCHED };
+        let most = if is_aggregated { MOST_SEARCHED_ROWS / 3 } else { MOST_SEARCHED_ROWS };
         if self.rows.len() < most + most / 4 {
             return None;
         }

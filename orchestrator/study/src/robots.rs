@@ -33,6 +33,7 @@ use super::choices::{ChoiceError, Choices, ConditionRows};
 use super::folds::Blocks;
 use super::formula::set;
 use super::{Candidate, Estimate, StopFlag};
+use crate::thresholds::{ROBOTS_COLLINEAR, WINDOW_S};
 use density::ResidualDensity;
 use derivatives::Derivatives;
 use fit::Number;
@@ -43,6 +44,7 @@ use measure::robots::RobotSamples;
 use measure::table::DataTable;
 use motion::{Gains, MeasuredTracks};
 use nalgebra::DMatrix;
+use numbers::normal::Z_90;
 use numbers::power::square;
 use proto::prediction::PredictedWindow;
 use proto::site::Terrain;
@@ -52,19 +54,6 @@ use robotsim::dynamics::{Dynamics, Shape};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use terms::{Starts, Term};
-
-/// Length of the windows that decide (s).
-pub const WINDOW_S: f64 = 1.0;
-/// Lengths of windows that are compared (s).
-pub const HORIZONS_S: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
-/// What effects may remember of the time before a window (s): so far apart are rows that are fitted and rows that are
-/// scored, beside the window.
-const MEMORY_S: f64 = 0.5;
-/// Blocks that a study would like to have.
-const WANTED_BLOCKS: f64 = 60.0;
-
-/// Estimates that are correlated by more than this count as nearly collinear.
-const CONFOUNDED: f64 = 0.95;
 
 /// Robot samples compared with a configuration.
 #[derive(Debug)]
@@ -471,7 +460,7 @@ impl RobotStudy {
             for index in begin..begin + self.model.n_numbers(other) {
                 let correlation = covariance[(first, index)]
                     / (covariance[(first, first)] * covariance[(index, index)]).sqrt();
-                if CONFOUNDED < correlation.abs() {
+                if ROBOTS_COLLINEAR < correlation.abs() {
                     return Some(format!(
                         "is nearly collinear with {}: the correlation of their estimates is {correlation:.2}",
                         self.candidates[other].name
@@ -508,7 +497,7 @@ impl RobotStudy {
         // Each window has as many residuals as positions have components.
         let n_windows = self.n_fitted as f64 / self.model.tracks.n_overlapping;
         let n = (n_windows * fit.density.n_parts as f64).max(1.0);
-        let half = 1.645 * value / (2.0 * n).sqrt();
+        let half = Z_90 * value / (2.0 * n).sqrt();
         Estimate::new("sd_m", "m", value, (value - half, value + half))
     }
 

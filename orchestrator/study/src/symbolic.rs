@@ -1,24 +1,16 @@
 //! Symbolic regression: the short formula of a covariate that predicts residuals best on rows left out.
 
 use super::folds::Blocks;
+use crate::thresholds::{FEWEST_FORMULA_ROWS, LONGER_FORMULA, MOST_WAVE_QUARTERS, PRODUCT_FORMULA};
 use nalgebra::{DMatrix, DVector};
 use numbers::power::{integer_power, square};
 use numbers::statistics::mean_ignoring_nan;
 use std::f64::consts::FRAC_PI_2;
 
-/// A longer formula must bring the rmse to less than this share of what a shorter one leaves …
-const LONGER: f64 = 0.998;
-/// … and one of two covariates, of which many are tried, to less than this.
-const TWOFOLD: f64 = 0.99;
 /// A term whose mean square is less is nothing but rounding.
 const NOTHING: f64 = 1e-12;
-/// Most cycles of a formula over the range of a covariate, in quarters.
-const MOST_QUARTERS: u32 = 48;
 /// How often the step between two paces of a wave is halved, from a quarter of a cycle over the range on.
 const HALVES: i32 = 5;
-
-/// Least known values of a covariate, for a formula.
-const LEAST_ROWS: usize = 200;
 
 /// A short formula for the residuals of a model.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,7 +82,7 @@ fn shapes(name: &str, known: &[f64], quarter: f64) -> Vec<FormulaShape> {
             f64::from(u8::from(edge < x))
         })]));
     }
-    all.extend((2..=MOST_QUARTERS).map(|n| FormulaShape::wave(name, f64::from(n) * quarter)));
+    all.extend((2..=MOST_WAVE_QUARTERS).map(|n| FormulaShape::wave(name, f64::from(n) * quarter)));
     all
 }
 
@@ -138,7 +130,7 @@ pub fn of_covariate(
         .collect();
     let mut known: Vec<f64> = rows.iter().map(|&row| values[row]).collect();
     known.sort_by(f64::total_cmp);
-    if known.len() < LEAST_ROWS {
+    if known.len() < FEWEST_FORMULA_ROWS {
         return None;
     }
     let data = Data { values, others: values, deviations, rows: &rows };
@@ -146,7 +138,7 @@ pub fn of_covariate(
     let mut pace = None;
     let quarter = FRAC_PI_2 / (known[known.len() - 1] - known[0]);
     for shape in shapes(name, &known, quarter) {
-        if data.improve(&mut best, &shape, LONGER, blocks) {
+        if data.improve(&mut best, &shape, LONGER_FORMULA, blocks) {
             pace = shape.pace;
         }
     }
@@ -163,7 +155,7 @@ pub fn of_covariate(
     let is_known = |other: &[f64]| rows.iter().all(|&row| other[row].is_finite());
     for (other, others) in others.iter().filter(|(other, of)| other != name && is_known(of)) {
         for shape in products(name, other) {
-            Data { others, ..data }.improve(&mut best, &shape, TWOFOLD, blocks);
+            Data { others, ..data }.improve(&mut best, &shape, PRODUCT_FORMULA, blocks);
         }
     }
     let (rmse, text) = best?;

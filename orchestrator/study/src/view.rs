@@ -1,6 +1,7 @@
 //! What a model says of rows that it has not seen, beside what was measured: as pictures need it.
 
 use super::Study;
+use numbers::normal::Z_90;
 
 /// Predictions and measurements, a value per row. NaN where there is none.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -52,7 +53,7 @@ impl RowPredictions {
     #[must_use]
     pub fn coverage_90(&self) -> f64 {
         let known: Vec<f64> = self.scaled().into_iter().filter(|z| z.is_finite()).collect();
-        known.iter().filter(|z| z.abs() <= 1.645).count() as f64 / known.len() as f64
+        known.iter().filter(|z| z.abs() <= Z_90).count() as f64 / known.len() as f64
     }
 
     /// Takes these rows from another view.

@@ -8,13 +8,13 @@ use crate::diagnosis::{
     NetworkCandidate, NetworkDiagnosis, NetworkRung, NextCampaign, SCHEMA, UnexplainedFigure,
 };
 use crate::kpis::KPIS;
-use crate::spread::LEVEL;
 use diagnose::diagnosis::{Parameter, Verdict};
 use indexmap::IndexMap;
 use measure::account::DataAccount;
 use numbers::format::{capitalised, number};
 use numbers::power::square;
 use std::fmt::Write as _;
+use study::thresholds::{CONSISTENCY_LEVEL, PACKETS_LEVEL, RIVAL_NATS};
 
 /// The number of an effect as fitted, by its key.
 #[must_use]
@@ -194,7 +194,7 @@ fn next(found: &SearchResult) -> Vec<NextCampaign> {
         .map(|rivals| {
             let figure = KPIS[rivals.figure].name;
             // By then the log likelihood of one lies as far before that of the other as it takes, on average.
-            let runs = (2.0 * super::TIE / square(rivals.apart)).ceil().max(1.0);
+            let runs = (2.0 * RIVAL_NATS / square(rivals.apart)).ceil().max(1.0);
             let [one, other] = rivals.names;
             let apart = number(rivals.apart.abs());
             let sentence = if runs <= 100.0 {
@@ -247,7 +247,7 @@ fn table(text: &mut String, tried: &[&EffectTest]) {
         text,
         "gain: log-likelihood gain with the effect; p: probability of such a gain if no effect is missing, accepted up to \
          {}, or\nbeyond it if the packets are inconsistent with the model at that level and consistent with the effect \
-         added;\np with it: p-value of the packets with the effect added, consistent above {LEVEL}",
-        super::ACCEPT
+         added;\np with it: p-value of the packets with the effect added, consistent above {CONSISTENCY_LEVEL}",
+        PACKETS_LEVEL
     );
 }

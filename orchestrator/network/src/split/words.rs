@@ -5,6 +5,7 @@ use crate::error_split::{ErrorPart, NetworkErrorSplit, NetworkFigureSplit, PartO
 use crate::kpis::KPIS;
 use numbers::format::{capitalised, number, percent};
 use std::fmt::Write as _;
+use study::thresholds::PACKETS_LEVEL;
 
 /// In what order models take over what was measured.
 const ORDER: &str = "robots are replaced first, then links; joint effects of robots and radio are attributed to the robots";
@@ -65,7 +66,7 @@ pub fn answer(split: &ErrorSplit) -> NetworkErrorSplit {
     let parts = split.shares.iter().map(|share| ErrorPart {
         part: share.name,
         p_value: share.p_value,
-        is_distinguishable: share.p_value <= super::ACCEPT,
+        is_distinguishable: share.p_value <= PACKETS_LEVEL,
         figure: furthest(share).map(|k| KPIS[k].name),
     });
     NetworkErrorSplit {

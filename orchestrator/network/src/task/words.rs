@@ -7,11 +7,12 @@ use super::figures::FIGURES;
 use super::{RunPlacement, TaskPart, TaskRuns, TaskSplit};
 use crate::compare::ComparisonOptions;
 use crate::error_split::{ErrorPart, PartOfFigure};
-use crate::spread::{LEVEL, kpi};
+use crate::spread::kpi;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
 use numbers::format::{capitalised, number};
 use std::fmt::Write as _;
+use study::thresholds::CONSISTENCY_LEVEL;
 
 /// What goes with neither.
 const NEITHER: &str = "the model's network delivers other messages along the measured tracks than along the simulated \
@@ -65,7 +66,7 @@ fn sentence(split: &TaskSplit) -> (TaskVerdict, String) {
                  ({robot})"
             ),
         ),
-        (false, false) if split.model.p_value <= LEVEL => (
+        (false, false) if split.model.p_value <= CONSISTENCY_LEVEL => (
             TaskVerdict::Open,
             format!(
                 "{differs} (p = {:.3}), but neither the part of the network ({network}) nor that of the robots ({robot}) \

@@ -8,6 +8,7 @@ use diagnose::rows::MeasuredRows;
 use maud::Markup;
 use metrics::DistanceBin;
 use numbers::format::{capitalised, number, percent};
+use numbers::normal::Z_90;
 use numbers::quantity;
 use numbers::statistics::mean;
 use std::collections::BTreeSet;
@@ -43,7 +44,7 @@ fn curve(edges: &[f64], values: &[f64], errors: &[f64]) -> Vec<Point> {
         .map(|[n, x, e, e2]| {
             let mean = e / n;
             let variance = (e2 / n - mean * mean).max(0.0) * n / (n - 1.0);
-            Point { x: x / n, mean, half: 1.645 * (variance / n).sqrt() }
+            Point { x: x / n, mean, half: Z_90 * (variance / n).sqrt() }
         })
         .collect()
 }

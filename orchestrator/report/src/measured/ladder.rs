@@ -5,6 +5,7 @@ use crate::svg::Px;
 use diagnose::diagnosis::{Diagnosis, Rung, Tested};
 use maud::{Markup, html};
 use numbers::format::number;
+use numbers::normal::Z_90;
 
 /// Width of a picture, of its labels, of the numbers at its right end.
 const WIDTH: f64 = 540.0;
@@ -179,7 +180,7 @@ fn candidates(diagnosis: &Diagnosis) -> Option<Picture> {
         .map(|candidate| Bar {
             label: candidate.effect.clone(),
             value: candidate.gain,
-            half: 1.645 * Some(candidate.standard_error).filter(|it| it.is_finite()).unwrap_or(0.0),
+            half: Z_90 * Some(candidate.standard_error).filter(|it| it.is_finite()).unwrap_or(0.0),
             class: if candidate.accepted { "after" } else { "none" },
             text: number(candidate.gain),
         })

@@ -7,6 +7,7 @@ use crate::measured::ladder::{Bar, bars};
 use crate::svg::{Axis, Chart};
 use maud::{Markup, html};
 use numbers::format::number;
+use numbers::normal::Z_90;
 use std::collections::BTreeMap;
 
 /// Bins of the covariate.
@@ -130,7 +131,7 @@ fn over_symptom(story: &Story<'_>, height: f64) -> Option<Markup> {
         rows.iter().map(|&row| value(row)).sum::<f64>() / rows.len() as f64
     };
     let bins: Vec<&[usize]> = order.chunks(order.len().div_ceil(BINS)).collect();
-    let half = |rows: &[usize]| 1.645 * story.noise / (rows.len() as f64).sqrt();
+    let half = |rows: &[usize]| Z_90 * story.noise / (rows.len() as f64).sqrt();
     let halves: Vec<f64> = bins.iter().map(|rows| half(rows)).collect();
     let line = |error: &dyn Fn(usize) -> f64| -> Vec<[f64; 2]> {
         bins.iter()

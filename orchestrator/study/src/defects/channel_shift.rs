@@ -6,13 +6,12 @@
 use super::evidence::Evidence;
 use super::{Correction, Defect};
 use crate::Estimate;
+use crate::thresholds::MOST_CHANNEL_SHIFT;
 use measure::links::LinkRow;
 use std::collections::BTreeSet;
 
 /// The name of this kind.
 pub const NAME: &str = "channel-shift";
-/// Shifts that are tried: so many channels up and down.
-const MOST_CHANNELS: i16 = 3;
 /// Channels of IEEE 802.15.4 in the band of 2.4 GHz.
 const CHANNELS: (i16, i16) = (11, 26);
 
@@ -56,7 +55,8 @@ fn shifted_back(row: &LinkRow, shift: i16) -> Option<LinkRow> {
 pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let rows = evidence.rows();
     let parts = parts(rows);
-    let shifts: Vec<i16> = (-MOST_CHANNELS..=MOST_CHANNELS).filter(|&shift| shift != 0).collect();
+    let shifts: Vec<i16> =
+        (-MOST_CHANNEL_SHIFT..=MOST_CHANNEL_SHIFT).filter(|&shift| shift != 0).collect();
     let n_tests = (parts.len() * shifts.len()) as f64;
     let mut best: Option<(i16, Part, f64, f64, f64)> = None;
     for &shift in &shifts {

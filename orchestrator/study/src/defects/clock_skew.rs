@@ -8,7 +8,11 @@
 use super::evidence::Evidence;
 use super::{Correction, Defect};
 use crate::Estimate;
+use crate::thresholds::{
+    FEWEST_TRACKED_ROWS, LEAST_CLOCK_SHIFT_S, LEAST_TRACKED_SHARE, MOST_TRACK_SHIFT_S,
+};
 use measure::links::LinkRow;
+use numbers::normal::FALL_90_NATS;
 use std::collections::BTreeMap;
 
 mod coincidence;
@@ -19,17 +23,9 @@ use tracks::Tracks;
 
 /// The name of this kind.
 pub const NAME: &str = "clock-skew";
-/// Shifts of the second test (s): up to this, in steps, then about the best in finer steps.
-const MOST_SHIFT_S: f64 = 10.0;
+/// Shifts are tried in these steps (s), and about the best in finer steps.
 const STEP_S: f64 = 0.5;
 const FINE_S: f64 = 0.1;
-/// Shifts below this (s) are latencies.
-pub(super) const LEAST_SHIFT_S: f64 = 0.1;
-/// The second test needs this share of a receiver's rows, and so many, at positions that can be interpolated.
-const LEAST_SHARE: f64 = 0.5;
-const FEWEST_ROWS: usize = 40;
-/// By so much (nats) the log likelihood falls at the ends of a 90 % interval.
-const FALL_NATS: f64 = 1.353;
 
 /// Looks for a receiver whose clock is wrong.
 #[must_use]
@@ -133,7 +129,7 @@ fn gains(evidence: &Evidence<'_>, tracks: &Tracks, shift_s: f64) -> Option<Shift
         count.1 += usize::from(is_known);
     }
     let is_enough = |&(n, n_known): &(usize, usize)| {
-        FEWEST_ROWS <= n_known && LEAST_SHARE * n as f64 <= n_known as f64
+        FEWEST_TRACKED_ROWS <= n_known && LEAST_TRACKED_SHARE * n as f64 <= n_known as f64
     };
     let gains = counts.iter().filter(|(_, count)| is_enough(count)).map(|(&node, _)| {
         (node, evidence.gain(&other, &|row| rows[row].rx == node && is_known[row]))
@@ -147,7 +143,7 @@ fn by_likelihood(evidence: &Evidence<'_>, tracks: &Tracks) -> Option<Defect> {
         return None;
     }
     let rows = evidence.rows();
-    let n = (MOST_SHIFT_S / STEP_S) as i32;
+    let n = (MOST_TRACK_SHIFT_S / STEP_S) as i32;
     let coarse = (-n..=n).filter(|&step| step != 0).map(|step| f64::from(step) * STEP_S);
     let coarse: Vec<Shift> = coarse.filter_map(|s| gains(evidence, tracks, s)).collect();
     let of = |shift: &Shift| {
@@ -160,12 +156,12 @@ fn by_likelihood(evidence: &Evidence<'_>, tracks: &Tracks) -> Option<Defect> {
     let own = |shift: &Shift| Some((shift.shift_s, *shift.gains.get(&node)?));
     let (shift_s, (gain, p_value)) =
         fine.iter().filter_map(own).max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
-    if gain <= 0.0 || shift_s.abs() < LEAST_SHIFT_S {
+    if gain <= 0.0 || shift_s.abs() < LEAST_CLOCK_SHIFT_S {
         return None;
     }
     // The shifts whose likelihood is within the fall of a 90 % interval, and half a step beyond.
     let near =
-        coarse.iter().chain(&fine).filter_map(own).filter(|(_, (g, _))| gain - FALL_NATS <= *g);
+        coarse.iter().chain(&fine).filter_map(own).filter(|(_, (g, _))| gain - FALL_90_NATS <= *g);
     let (low, high) =
         near.fold((shift_s, shift_s), |(low, high), (s, _)| (low.min(s), high.max(s)));
     let interval = (low - FINE_S, high + FINE_S);

@@ -7,18 +7,13 @@
 
 use super::evidence::{Evidence, binomial_p_value};
 use super::{Correction, Defect};
+use crate::thresholds::{EQUAL_OUTCOME_CHANCES, FEWEST_CONSECUTIVE_PAIRS, UNROUNDED_STEP_DB};
 use measure::TWICE;
 use measure::links::LinkRow;
 use std::collections::BTreeMap;
 
 /// The name of this kind.
 pub const NAME: &str = "duplicates";
-/// Readings that are not rounded count as equal within such steps (dB).
-const LEAST_QUANTUM_DB: f64 = 0.01;
-/// Two frames have the same outcome by chance with at least, and at most, this probability.
-const CHANCES: (f64, f64) = (0.001, 0.999);
-/// So many pairs of rows of one link must follow each other to say how often outcomes are equal.
-const FEWEST_PAIRS: usize = 50;
 
 /// Looks for rows that stand in the file twice.
 #[must_use]
@@ -27,7 +22,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let twice = links.rejected.iter().find(|rejected| rejected.reason == TWICE)?;
     let n_equal = twice.rows;
     let chance = chance_by_model(evidence).max(chance_by_rows(&links.rows).unwrap_or(0.0));
-    let chance = chance.clamp(CHANCES.0, CHANCES.1);
+    let chance = chance.clamp(EQUAL_OUTCOME_CHANCES.0, EQUAL_OUTCOME_CHANCES.1);
     let n_trials = n_equal + n_of_same_moment(&links.rows);
     let share = n_equal as f64 / links.n_rows as f64;
     Some(Defect {
@@ -67,7 +62,7 @@ fn n_of_same_moment(rows: &[LinkRow]) -> usize {
 /// The mean probability that two frames of a row have the same outcome, by the model. Two readings with normal noise lie within a step of
 /// each other with a density of 1 / (2 sd √π).
 fn chance_by_model(evidence: &Evidence<'_>) -> f64 {
-    let quantum_db = evidence.modelled().links.readings.quantum_db.max(LEAST_QUANTUM_DB);
+    let quantum_db = evidence.modelled().links.readings.quantum_db.max(UNROUNDED_STEP_DB);
     let root = std::f64::consts::PI.sqrt();
     let one = |row: usize| {
         let passes = evidence.instrument.reception(&evidence.levels[row], evidence.lift_db);
@@ -90,5 +85,5 @@ fn chance_by_rows(rows: &[LinkRow]) -> Option<f64> {
             n_same += usize::from(before == outcome);
         }
     }
-    (FEWEST_PAIRS <= n_pairs).then(|| n_same as f64 / n_pairs as f64)
+    (FEWEST_CONSECUTIVE_PAIRS <= n_pairs).then(|| n_same as f64 / n_pairs as f64)
 }

@@ -5,6 +5,7 @@ use crate::links::LinkStudy;
 use crate::links::fit::LinkFit;
 use crate::links::likelihood::{Instrument, RowLikelihood, RowPrediction};
 use crate::links::rows::ModelledLinks;
+use crate::thresholds::FEWEST_SUMMED_BLOCKS;
 use crate::{COMMON, Study as _};
 use measure::links::LinkRow;
 use statrs::distribution::{Binomial, ContinuousCDF as _, DiscreteCDF as _, StudentsT};
@@ -253,7 +254,7 @@ fn fitted(
 }
 
 /// The one-sided p-value of a mean above 0 of sums over blocks, by Student's t: rows of a block depend on each other, blocks do not.
-/// `values`: block and value of each row. Fewer than `FEWEST` blocks show nothing.
+/// `values`: block and value of each row. Fewer than `FEWEST_SUMMED_BLOCKS` blocks show nothing.
 #[must_use]
 pub fn p_value_by_blocks(values: impl IntoIterator<Item = (u32, f64)>) -> f64 {
     let mut sums: BTreeMap<u32, f64> = BTreeMap::new();
@@ -261,7 +262,7 @@ pub fn p_value_by_blocks(values: impl IntoIterator<Item = (u32, f64)>) -> f64 {
         *sums.entry(block).or_insert(0.0) += value;
     }
     let n = sums.len();
-    if n < FEWEST {
+    if n < FEWEST_SUMMED_BLOCKS {
         return 1.0;
     }
     let mean = sums.values().sum::<f64>() / n as f64;
@@ -289,9 +290,6 @@ pub fn binomial_p_value(n_hits: usize, n_trials: usize, chance: f64) -> f64 {
         Err(_) => 1.0,
     }
 }
-
-/// Fewer blocks than this show nothing.
-pub const FEWEST: usize = 8;
 
 #[cfg(test)]
 mod tests {

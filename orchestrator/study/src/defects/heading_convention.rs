@@ -7,6 +7,7 @@
 
 use super::evidence::{Evidence, p_value_by_blocks};
 use super::{Correction, Defect};
+use crate::thresholds::{FEWEST_HEADING_MOMENTS, HEADING_AGREES, HEADING_TESTS, LEAST_HEADING_MPS};
 use measure::links::LinkRow;
 use netsim::phy::link::End;
 use std::collections::BTreeSet;
@@ -14,14 +15,6 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// The name of this kind.
 pub const NAME: &str = "heading-convention";
-/// Slower nodes have no direction of motion (m/s).
-const LEAST_MPS: f64 = 0.1;
-/// Headings agree with the motion from this mean cosine of their difference on.
-const AGREES: f64 = 0.7;
-/// Moments of motion that are needed.
-const FEWEST_MOMENTS: usize = 50;
-/// Conventions times ways to test them.
-const N_TESTS: f64 = 5.0;
 
 /// A convention: in words, the heading counter-clockwise from east for one as it stands (rad), and whether it counts clockwise.
 #[derive(Clone, Copy)]
@@ -99,7 +92,7 @@ fn moments(evidence: &Evidence<'_>) -> Vec<Moment> {
 /// Heading and direction of motion (rad).
 fn motion(end: &End) -> Option<(f64, f64)> {
     let [x_mps, y_mps, _] = end.velocity_mps?;
-    let is_moving = LEAST_MPS < libm::hypot(x_mps, y_mps);
+    let is_moving = LEAST_HEADING_MPS < libm::hypot(x_mps, y_mps);
     is_moving.then_some((end.heading_rad?, libm::atan2(y_mps, x_mps)))
 }
 
@@ -115,16 +108,16 @@ enum ByMotion {
 }
 
 fn by_motion(moments: &[Moment]) -> ByMotion {
-    if moments.len() < FEWEST_MOMENTS {
+    if moments.len() < FEWEST_HEADING_MOMENTS {
         return ByMotion::Unknown;
     }
     let mean = |convention: Option<&Convention>| {
         moments.iter().map(|moment| moment.cosine(convention)).sum::<f64>() / moments.len() as f64
     };
-    if AGREES <= mean(None) {
+    if HEADING_AGREES <= mean(None) {
         return ByMotion::Standard;
     }
-    let agrees = CONVENTIONS.iter().position(|convention| AGREES <= mean(Some(convention)));
+    let agrees = CONVENTIONS.iter().position(|convention| HEADING_AGREES <= mean(Some(convention)));
     agrees.map_or(ByMotion::Unknown, |index| {
         let convention = Some(&CONVENTIONS[index]);
         let gain = |moment: &Moment| moment.cosine(convention) - moment.cosine(None);
@@ -174,7 +167,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let replaced: Vec<(u32, LinkRow)> = replaced.collect();
     Some(Defect {
         name: NAME,
-        p_value: (N_TESTS * p_value).min(1.0),
+        p_value: (HEADING_TESTS * p_value).min(1.0),
         share,
         estimates: Vec::new(),
         nodes: Vec::new(),
@@ -223,9 +216,9 @@ mod tests {
     #[test]
     fn few_moments_of_motion_show_nothing() {
         let moments = driving(|motion| -motion);
-        assert_eq!(by_motion(&moments[..FEWEST_MOMENTS - 1]), ByMotion::Unknown);
+        assert_eq!(by_motion(&moments[..FEWEST_HEADING_MOMENTS - 1]), ByMotion::Unknown);
         assert!(matches!(
-            by_motion(&moments[..FEWEST_MOMENTS]),
+            by_motion(&moments[..FEWEST_HEADING_MOMENTS]),
             ByMotion::Unknown | ByMotion::Other(..)
         ));
     }

@@ -13,7 +13,12 @@
 use super::evidence::Evidence;
 use super::{Correction, Defect};
 use crate::Estimate;
+use crate::thresholds::{
+    FEWEST_OUTLIER_READINGS, FEWEST_OUTLIERS, FEWEST_OUTLIERS_ABOVE, LEAST_OUTLIERS_ABOVE,
+    MOST_OUTLIER_SHARE, MOST_OUTLIERS_BESIDE,
+};
 use minimum::nelder_mead;
+use numbers::normal::INTERQUARTILE_RANGE;
 use statrs::distribution::{Beta, ChiSquared, ContinuousCDF as _};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,16 +26,6 @@ mod minimum;
 
 /// The name of this kind.
 pub const NAME: &str = "outliers";
-/// Readings that are needed, and outliers.
-const FEWEST_READINGS: usize = 200;
-const FEWEST_OUTLIERS: usize = 5;
-/// More than this share of the readings are no outliers.
-const MOST_SHARE: f64 = 0.1;
-/// At least this share of the outliers, and so many, lie above the prediction.
-const LEAST_ABOVE: f64 = 0.15;
-const FEWEST_ABOVE: usize = 3;
-/// Of the rows beside outliers, at most this share are outliers.
-const MOST_BESIDE: f64 = 0.2;
 /// The scale of the core is at least this (dB): readings are rounded.
 const LEAST_SCALE_DB: f64 = 0.1;
 /// Degrees of freedom lie between these.
@@ -108,8 +103,7 @@ fn fitted(residuals_db: &[f64]) -> Option<([f64; 2], Mixture)> {
         return None;
     }
     let uniform = 1.0 / width_db;
-    // The quartiles of a normal distribution lie 0.674 standard deviations from its mean.
-    let scale_db = ((high - low) / 1.349).max(2.0 * LEAST_SCALE_DB);
+    let scale_db = ((high - low) / INTERQUARTILE_RANGE).max(2.0 * LEAST_SCALE_DB);
     let cost = |places: &[f64]| -Mixture::at(places, uniform).log_likelihood(residuals_db);
     let starts = [3.0, 10.0, 60.0]
         .map(|freedom: f64| vec![middle, libm::log(scale_db), 0.0, libm::log(freedom)]);
@@ -129,7 +123,7 @@ fn fitted(residuals_db: &[f64]) -> Option<([f64; 2], Mixture)> {
 pub fn test(evidence: &Evidence<'_>, is_left: &[bool]) -> Option<Defect> {
     let rows = evidence.rows();
     let received: Vec<usize> = evidence.received().filter(|&row| is_left[row]).collect();
-    if !evidence.has_single_frames() || received.len() < FEWEST_READINGS {
+    if !evidence.has_single_frames() || received.len() < FEWEST_OUTLIER_READINGS {
         return None;
     }
     let widening = super::position_noise::widening(evidence);
@@ -140,11 +134,11 @@ pub fn test(evidence: &Evidence<'_>, is_left: &[bool]) -> Option<Defect> {
     let outliers: Vec<usize> = received.iter().filter(is_off).copied().collect();
     let n_above = outliers.iter().filter(|&&row| mixture.mode_db < residual_db(row)).count();
     let is_plausible = FEWEST_OUTLIERS <= outliers.len()
-        && outliers.len() as f64 <= MOST_SHARE * received.len() as f64
-        && mixture.share <= MOST_SHARE
-        && FEWEST_ABOVE as f64 <= n_above as f64
-        && LEAST_ABOVE * outliers.len() as f64 <= n_above as f64
-        && share_beside(evidence, &received, &outliers) <= MOST_BESIDE;
+        && outliers.len() as f64 <= MOST_OUTLIER_SHARE * received.len() as f64
+        && mixture.share <= MOST_OUTLIER_SHARE
+        && FEWEST_OUTLIERS_ABOVE as f64 <= n_above as f64
+        && LEAST_OUTLIERS_ABOVE * outliers.len() as f64 <= n_above as f64
+        && share_beside(evidence, &received, &outliers) <= MOST_OUTLIERS_BESIDE;
     if !is_plausible {
         return None;
     }

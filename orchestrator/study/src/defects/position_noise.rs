@@ -11,7 +11,11 @@
 use super::evidence::{Evidence, p_value_by_blocks};
 use super::{Correction, Defect};
 use crate::Estimate;
+use crate::thresholds::{
+    FEWEST_MOVING_READINGS, FEWEST_OPPOSITE_PAIRS, FEWEST_OTHER_RECEIVERS, OPPOSITE_COSINE,
+};
 use measure::links::LinkRow;
+use numbers::normal::FALL_90_NATS;
 use numbers::power::square;
 use std::collections::BTreeMap;
 
@@ -21,15 +25,6 @@ pub const NAME: &str = "position-noise";
 const STEP_M: f64 = 0.25;
 /// Standard deviations that are tried (m): from the first, each this many times the one before.
 const SDS_M: (f64, f64, i32) = (0.05, 1.15, 45);
-/// Readings that are needed.
-const FEWEST_ROWS: usize = 200;
-/// Pairs of opposite receivers from which on their covariance counts, and other rows of a frame that their level is taken from.
-const FEWEST_PAIRS: usize = 200;
-const FEWEST_OTHERS: usize = 2;
-/// The cosine between directions that are opposite.
-const OPPOSITE: f64 = -0.3;
-/// By so much (nats) the log likelihood falls at the ends of a 90 % interval.
-const FALL_NATS: f64 = 1.353;
 
 /// A reading with what its variance depends on.
 #[derive(Clone, Copy, Debug)]
@@ -162,14 +157,14 @@ fn opposite(
     }
     let mut products = Vec::new();
     let mut n_pairs = 0;
-    for frame in frames.values().filter(|frame| 2 + FEWEST_OTHERS <= frame.len()) {
+    for frame in frames.values().filter(|frame| 2 + FEWEST_OTHER_RECEIVERS <= frame.len()) {
         let total: f64 = frame.iter().map(|&row| evidence.residual_db(row)).sum();
         for (index, &one) in frame.iter().enumerate() {
             for &other in &frame[index + 1..] {
                 let [a, b] = [one, other].map(|row| gradients[row][0]);
                 let dot = a[0] * b[0] + a[1] * b[1];
                 let size = libm::hypot(a[0], a[1]) * libm::hypot(b[0], b[1]);
-                if OPPOSITE * size < dot {
+                if OPPOSITE_COSINE * size < dot {
                     continue;
                 }
                 let [left, right] = [one, other].map(|row| evidence.residual_db(row));
@@ -190,7 +185,7 @@ fn interval(readings: &[&Reading], sd_m: f64, top: f64) -> (f64, f64) {
         let (mut inside, mut outside) = (inside, outside);
         for _ in 0..30 {
             let middle = 0.5 * (inside + outside);
-            if top - log_likelihood(readings, middle) < FALL_NATS {
+            if top - log_likelihood(readings, middle) < FALL_90_NATS {
                 inside = middle;
             } else {
                 outside = middle;
@@ -229,7 +224,7 @@ impl Noise {
             gradient: gradients[row].as_flattened().iter().map(|slope| square(*slope)).sum(),
         };
         let readings: Vec<Reading> = evidence.received().map(reading).collect();
-        if readings.iter().filter(|reading| 0 < reading.n_moving).count() < FEWEST_ROWS {
+        if readings.iter().filter(|reading| 0 < reading.n_moving).count() < FEWEST_MOVING_READINGS {
             return None;
         }
         let all: Vec<&Reading> = readings.iter().collect();
@@ -267,7 +262,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let of_row = |it: &Reading| (it.row, variances[it.n_moving] + noise.by_position(it));
     let of_row: BTreeMap<usize, f64> = readings.iter().map(of_row).collect();
     let (by_pairs, n_pairs) = opposite(evidence, gradients, &of_row);
-    let by_pairs = if FEWEST_PAIRS <= n_pairs { by_pairs } else { 0.0 };
+    let by_pairs = if FEWEST_OPPOSITE_PAIRS <= n_pairs { by_pairs } else { 0.0 };
     let by_variance = p_value(readings, evidence.blocks().n_folds());
     tracing::debug!(sd_m, by_variance, by_pairs, n_pairs, "position noise");
     let share =

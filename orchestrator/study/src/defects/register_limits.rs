@@ -8,6 +8,7 @@
 use super::evidence::{Evidence, binomial_p_value};
 use super::{Correction, Defect};
 use crate::Estimate;
+use crate::thresholds::{FEWEST_LIMITED_LINKS, SMOOTH_END_SHARE};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Names of these kinds.
@@ -16,10 +17,6 @@ pub const FLOOR: &str = "register-floor";
 pub const CEILING: &str = "register-ceiling";
 /// The step of readings that are not rounded (dB).
 const STEP_DB: f64 = 1.0;
-/// Of readings in the last two steps, at most this share is in the last where a distribution is smooth.
-const SMOOTH_SHARE: f64 = 0.65;
-/// Directed links that must contribute.
-const FEWEST_LINKS: usize = 4;
 /// Readings lie between these (dBm).
 const READINGS_DBM: [f64; 2] = [-300.0, 100.0];
 
@@ -57,7 +54,7 @@ impl Counts {
     /// The greater of the p-values of both tests.
     fn p_value(&self) -> f64 {
         let by_model = binomial_p_value(self.n_end, self.n, self.by_model / self.n as f64);
-        by_model.max(binomial_p_value(self.n_end, self.n_end + self.n_next, SMOOTH_SHARE))
+        by_model.max(binomial_p_value(self.n_end, self.n_end + self.n_next, SMOOTH_END_SHARE))
     }
 }
 
@@ -88,7 +85,7 @@ fn test(evidence: &Evidence<'_>, name: &'static str, sign: f64) -> Option<Defect
         let (low, high) = (end_dbm - 0.5 * step_db, end_dbm + 0.5 * step_db);
         counts.by_model += evidence.probability_between(row, low, high);
     }
-    if links.len() < FEWEST_LINKS {
+    if links.len() < FEWEST_LIMITED_LINKS {
         return None;
     }
     let all = receivers.values().fold(Counts::default(), Counts::and);

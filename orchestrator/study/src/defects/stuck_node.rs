@@ -8,18 +8,14 @@
 use super::evidence::Evidence;
 use super::{Correction, Defect};
 use crate::Estimate;
+use crate::thresholds::{
+    FEWEST_STUCK_READINGS, FEWEST_STUCK_SENDERS, LEAST_PREDICTED_SD_DB, MOST_STUCK_VARIANCE,
+};
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The name of this kind.
 pub const NAME: &str = "stuck-node";
-/// Readings and senders that a receiver must have.
-const FEWEST_READINGS: usize = 20;
-const FEWEST_SENDERS: usize = 2;
-/// The variance of readings is at most this share of that of their predictions …
-const MOST_VARIANCE: f64 = 0.05;
-/// … which has at least this standard deviation (dB).
-const LEAST_SD_DB: f64 = 1.5;
 
 /// Sums over the readings of one receiver.
 #[derive(Clone, Debug, Default)]
@@ -41,11 +37,13 @@ impl Receiver {
     /// The p-value, where the readings do not follow the predictions.
     fn p_value(&self) -> Option<f64> {
         let n = self.rows.len();
-        if n < FEWEST_READINGS || self.senders.len() < FEWEST_SENDERS {
+        if n < FEWEST_STUCK_READINGS || self.senders.len() < FEWEST_STUCK_SENDERS {
             return None;
         }
         let ((read, _), (predicted, _)) = (squares(&self.read_dbm), squares(&self.predicted_dbm));
-        if predicted < n as f64 * LEAST_SD_DB * LEAST_SD_DB || MOST_VARIANCE * predicted < read {
+        if predicted < n as f64 * LEAST_PREDICTED_SD_DB * LEAST_PREDICTED_SD_DB
+            || MOST_STUCK_VARIANCE * predicted < read
+        {
             return None;
         }
         let law = ChiSquared::new((n - 1) as f64).ok()?;

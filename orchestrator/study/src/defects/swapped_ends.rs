@@ -9,15 +9,12 @@
 
 use super::evidence::Evidence;
 use super::{Correction, Defect};
+use crate::thresholds::{FEWEST_REVERSED_MOMENTS, FEWEST_SWAPPED_ROWS, MOST_REGULAR_MOMENTS};
 use measure::links::LinkRow;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The name of this kind.
 pub const NAME: &str = "swapped-ends";
-/// Rows of a part that are needed.
-const FEWEST_ROWS: usize = 20;
-/// Moments of several senders and one receiver that are needed, for one of one sender and several receivers.
-const MOST_REGULAR: f64 = 0.1;
 
 /// The rows whose ends are exchanged together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,7 +95,8 @@ fn is_reversed(rows: &[LinkRow], frames: &[Vec<usize>]) -> bool {
         n_reversed += usize::from(receivers.len() == 1 && 2 < senders.len());
         n_regular += usize::from(senders.len() == 1 && 2 < receivers.len());
     }
-    10 <= n_reversed && n_regular as f64 <= MOST_REGULAR * n_reversed as f64
+    FEWEST_REVERSED_MOMENTS <= n_reversed
+        && n_regular as f64 <= MOST_REGULAR_MOMENTS * n_reversed as f64
 }
 
 /// Looks for rows whose ends are exchanged.
@@ -120,7 +118,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let mut best: Option<(Part, f64, f64)> = None;
     for &part in &parts {
         let is_in = |row: usize| part.has(&rows[row], contradicts[row]);
-        if (0..rows.len()).filter(|&row| is_in(row)).count() < FEWEST_ROWS {
+        if (0..rows.len()).filter(|&row| is_in(row)).count() < FEWEST_SWAPPED_ROWS {
             continue;
         }
         let (gain, p_value) = evidence.gain(&other, &is_in);

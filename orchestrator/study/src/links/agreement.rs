@@ -10,15 +10,9 @@ mod rows;
 
 use super::LinkStudy;
 use super::fit::LinkFit;
+use crate::thresholds::{COURSE_SPANS, MOST_COURSES, PERMUTATIONS};
 use proto::rng::{Draws, Purpose};
 use std::collections::BTreeMap;
-
-/// Spans of time in a campaign.
-const SPANS: usize = 120;
-/// Links are moved alone, or in so many groups.
-const MOST_COURSES: usize = 200;
-/// Moves against each other.
-const MOVES: u64 = 999;
 
 impl LinkStudy {
     /// Probability that links which change by themselves agree as much in what a fit leaves of their readings. 1 where there are fewer
@@ -33,7 +27,7 @@ impl LinkStudy {
             let end = ends.entry(measured.run).or_insert((f64::INFINITY, f64::NEG_INFINITY));
             *end = (end.0.min(measured.time_s), end.1.max(measured.time_s));
         }
-        let mut courses: BTreeMap<u32, Vec<[f64; SPANS]>> = BTreeMap::new();
+        let mut courses: BTreeMap<u32, Vec<[f64; COURSE_SPANS]>> = BTreeMap::new();
         for ([run, ..], rows) in &links {
             let (first_s, last_s) = ends[run];
             let courses = courses.entry(*run).or_default();
@@ -44,19 +38,19 @@ impl LinkStudy {
 }
 
 /// Sums of the residuals of a link, less their mean, by spans of time.
-fn course(rows: &[(f64, f64)], first_s: f64, length_s: f64) -> [f64; SPANS] {
+fn course(rows: &[(f64, f64)], first_s: f64, length_s: f64) -> [f64; COURSE_SPANS] {
     let mean = rows.iter().map(|(_, left_db)| left_db).sum::<f64>() / rows.len() as f64;
-    let mut sums = [0.0; SPANS];
+    let mut sums = [0.0; COURSE_SPANS];
     for (time_s, left_db) in rows {
-        let span = ((time_s - first_s) / length_s * SPANS as f64) as usize;
-        sums[span.min(SPANS - 1)] += left_db - mean;
+        let span = ((time_s - first_s) / length_s * COURSE_SPANS as f64) as usize;
+        sums[span.min(COURSE_SPANS - 1)] += left_db - mean;
     }
     sums
 }
 
 /// Courses of groups of links, where there are many.
-fn grouped(courses: Vec<[f64; SPANS]>) -> Vec<[f64; SPANS]> {
-    let mut groups = vec![[0.0; SPANS]; courses.len().min(MOST_COURSES)];
+fn grouped(courses: Vec<[f64; COURSE_SPANS]>) -> Vec<[f64; COURSE_SPANS]> {
+    let mut groups = vec![[0.0; COURSE_SPANS]; courses.len().min(MOST_COURSES)];
     let n = groups.len();
     for (index, course) in courses.into_iter().enumerate() {
         for (sum, value) in groups[index % n].iter_mut().zip(course) {
@@ -67,7 +61,7 @@ fn grouped(courses: Vec<[f64; SPANS]>) -> Vec<[f64; SPANS]> {
 }
 
 /// Probability of as much agreement of the courses of each campaign by chance.
-fn p_value(campaigns: &[Vec<[f64; SPANS]>]) -> f64 {
+fn p_value(campaigns: &[Vec<[f64; COURSE_SPANS]>]) -> f64 {
     if campaigns.iter().all(|courses| courses.len() < 2) {
         return 1.0;
     }
@@ -75,7 +69,7 @@ fn p_value(campaigns: &[Vec<[f64; SPANS]>]) -> f64 {
     let agreement = |moved_by: &dyn Fn(u64, u64) -> usize| -> f64 {
         let mut squares = 0.0;
         for (campaign, courses) in campaigns.iter().enumerate() {
-            let mut sums = [0.0; SPANS];
+            let mut sums = [0.0; COURSE_SPANS];
             for (link, course) in courses.iter().enumerate() {
                 let by = moved_by(campaign as u64, link as u64);
                 let moved = course[by..].iter().chain(&course[..by]);
@@ -89,11 +83,11 @@ fn p_value(campaigns: &[Vec<[f64; SPANS]>]) -> f64 {
     let at_random = |number: u64| {
         agreement(&|campaign, link| {
             let [word, ..] = draws.words(number, link, campaign);
-            (word % SPANS as u64) as usize
+            (word % COURSE_SPANS as u64) as usize
         })
     };
-    let as_great = (0..MOVES).filter(|&number| observed <= at_random(number)).count();
-    (1 + as_great) as f64 / (1 + MOVES) as f64
+    let as_great = (0..PERMUTATIONS).filter(|&number| observed <= at_random(number)).count();
+    (1 + as_great) as f64 / (1 + PERMUTATIONS) as f64
 }
 
 #[cfg(test)]
@@ -101,12 +95,12 @@ mod tests {
     use super::*;
 
     /// Courses of links that forget themselves over 20 spans, and share this part of the variance.
-    fn courses(shared: f64, seed: u64) -> Vec<[f64; SPANS]> {
+    fn courses(shared: f64, seed: u64) -> Vec<[f64; COURSE_SPANS]> {
         let draws = Draws::new(seed, Purpose::Resample);
         let keeps = libm::exp(-1.0 / 20.0);
         let walk = |link: u64| {
             let mut value = draws.normal(link, 0, 0);
-            let mut all = [0.0; SPANS];
+            let mut all = [0.0; COURSE_SPANS];
             for (span, slot) in all.iter_mut().enumerate() {
                 *slot = value;
                 let fresh = draws.normal(link, 1 + span as u64, 0);

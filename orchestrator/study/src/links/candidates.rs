@@ -4,6 +4,7 @@ use super::rows::ModelledLinks;
 use super::terms::{LinkCurve, TermSpec};
 use super::{LinkStudy, testable};
 use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, RowValues};
+use crate::thresholds::{CURVE_KNOTS, FINE_CURVE_KNOTS, ROWS_PER_KNOT};
 use crate::{Candidate, knots};
 use netsim::catalogue::Catalogue;
 use netsim::phy::effect;
@@ -48,7 +49,7 @@ pub(super) fn specs(rows: &ModelledLinks, effects: &Registry<effect::Entry>) -> 
         .chain(derived)
         .chain(places)
         .flat_map(|(name, values, is_derived)| {
-            let is_fine = name == TIME && knots::MANY * knots::ROWS_EACH <= rows.len();
+            let is_fine = name == TIME && FINE_CURVE_KNOTS * ROWS_PER_KNOT <= rows.len();
             let values: Arc<[f64]> = Arc::from(values);
             [false, true]
                 .into_iter()
@@ -219,7 +220,7 @@ fn curve(
         known.dedup();
         known
     } else {
-        knots::at_quantiles(&known, if is_fine { knots::MANY } else { knots::FEW })
+        knots::at_quantiles(&known, if is_fine { FINE_CURVE_KNOTS } else { CURVE_KNOTS })
     };
     (2 <= knots.len()).then(|| LinkCurve {
         covariate: covariate.to_owned(),

@@ -4,18 +4,13 @@
 //! whatever the noise. The squares in which a fit takes levels for constant say less: how large they are best depends on how
 //! densely links were measured, too.
 
+use crate::thresholds::{CORRELATION_REACH, FEWEST_LAG_PAIRS, JACKKNIFE_GROUPS};
 use numbers::power::square;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
 /// A search ends this near (logarithm of the length) to an end of its range where it leads beyond.
 const AT_END: f64 = 1e-6;
 
-/// Parts of the links that are left out in turn (delete-a-group jackknife).
-pub(super) const GROUPS: usize = 24;
-/// Fewer pairs of rows in a bin say nothing.
-const FEWEST_PAIRS: f64 = 10.0;
-/// Lengths are sought from so much of the shortest lag to so many times the longest.
-const REACH: f64 = 4.0;
 /// Lengths that are tried first, and how often the best is refined.
 const LENGTHS: usize = 60;
 const REFINED: usize = 30;
@@ -49,14 +44,14 @@ impl Products {
     /// Nothing yet. `edges`: ascending upper ends of the bins of lags.
     #[must_use]
     pub fn new(edges: Vec<f64>) -> Self {
-        let sums = vec![vec![[0.0; 3]; edges.len()]; GROUPS];
+        let sums = vec![vec![[0.0; 3]; edges.len()]; JACKKNIFE_GROUPS];
         Self { edges, sums }
     }
 
     /// Adds a pair of rows of a link. Lags beyond the last edge are left out.
     pub fn add(&mut self, link: usize, lag: f64, product: f64) {
         let bin = self.edges.partition_point(|&edge| edge < lag);
-        if let Some(sum) = self.sums[link % GROUPS].get_mut(bin) {
+        if let Some(sum) = self.sums[link % JACKKNIFE_GROUPS].get_mut(bin) {
             *sum = [sum[0] + 1.0, sum[1] + lag, sum[2] + product];
         }
     }
@@ -67,7 +62,7 @@ impl Products {
         let bins = self.bins_without(None);
         let (shortest, longest) = range(&bins)?;
         let whole = fitted(&bins)?;
-        let parts: Vec<[f64; 2]> = (0..GROUPS)
+        let parts: Vec<[f64; 2]> = (0..JACKKNIFE_GROUPS)
             .filter(|&group| self.sums[group].iter().any(|sum| 0.0 < sum[0]))
             .filter_map(|group| fitted(&self.bins_without(Some(group))))
             .collect();
@@ -97,13 +92,13 @@ impl Products {
 
     /// Mean lag, mean product and number of pairs by bin, without one group of rows (for the jackknife).
     fn bins_without(&self, group: Option<usize>) -> Vec<[f64; 3]> {
-        let kept = || (0..GROUPS).filter(|&other| Some(other) != group);
+        let kept = || (0..JACKKNIFE_GROUPS).filter(|&other| Some(other) != group);
         (0..self.edges.len())
             .map(|bin| {
                 let total = |k: usize| kept().map(|other| self.sums[other][bin][k]).sum::<f64>();
                 [total(1) / total(0), total(2) / total(0), total(0)]
             })
-            .filter(|bin| FEWEST_PAIRS <= bin[2])
+            .filter(|bin| FEWEST_LAG_PAIRS <= bin[2])
             .collect()
     }
 }
@@ -112,7 +107,8 @@ impl Products {
 fn range(bins: &[[f64; 3]]) -> Option<(f64, f64)> {
     let last = bins.last()?[0];
     let first = bins.iter().map(|bin| bin[0]).find(|&lag| 0.0 < lag)?;
-    (3 <= bins.len() && first < last).then(|| (libm::log(first / REACH), libm::log(last * REACH)))
+    (3 <= bins.len() && first < last)
+        .then(|| (libm::log(first / CORRELATION_REACH), libm::log(last * CORRELATION_REACH)))
 }
 
 /// Logarithms of length and variance of the covariance that lies nearest to the bins (lag, mean product, weight).

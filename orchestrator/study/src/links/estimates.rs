@@ -1,23 +1,22 @@
 //! The numbers of a fit: with intervals, and as a section of a configuration.
 
 use super::cells::Random;
-use super::covariance::{self, CorrelationLength, Products};
+use super::covariance::{CorrelationLength, Products};
 use super::fit::LinkFit;
 use super::terms::TermSpec;
 use super::{CORRELATION_S, From, LinkStudy, group, search};
 use crate::COMMON;
+use crate::thresholds::{
+    CERTAIN_PASS, CORRELATION_LAG_S, JACKKNIFE_GROUPS, LINKS_COLLINEAR, MOST_COMPARED_ROWS,
+    MOST_PROFILED_ROWS, TAIL_90,
+};
 use crate::{Estimate, Study as _, caution, joined};
+use numbers::normal::Z_90;
 use numbers::power::square;
 use proto::config::{Field, Kind};
 use proto::effect::{Role, Search};
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
-
-/// Standard errors to either side of a 90 % interval, and what lies beyond each of its ends.
-const NINETY: f64 = 1.645;
-const TAIL: f64 = 0.05;
-/// Two parameters whose estimates are correlated beyond this are not identifiable.
-const CONFUSABLE: f64 = 0.97;
 
 impl LinkStudy {
     pub(super) fn estimates_of(
@@ -100,11 +99,11 @@ impl LinkStudy {
                     inverse[(before + k, before + k)].max(0.0).sqrt()
                 });
                 // A profile takes many fits.
-                let is_quick = MOST_PROFILED < self.rows.len() || self.is_stopped();
+                let is_quick = MOST_PROFILED_ROWS < self.rows.len() || self.is_stopped();
                 let curved = is_quick && 0.0 < error && error.is_finite();
                 let (low, high) = if curved {
-                    let low = (value - NINETY * error).max(parameter.min);
-                    (low, (value + NINETY * error).min(parameter.max))
+                    let low = (value - Z_90 * error).max(parameter.min);
+                    (low, (value + Z_90 * error).min(parameter.max))
                 } else {
                     self.profile(fit, place, k, error)
                 };
@@ -139,12 +138,12 @@ impl LinkStudy {
         if has_headings {
             let errors = search::headings::errors(&self.rows, &all, &left, state);
             for (estimate, error) in estimates.iter_mut().zip(errors.into_iter().flatten()) {
-                estimate.low = estimate.low.min(estimate.value - NINETY * error);
-                estimate.high = estimate.high.max(estimate.value + NINETY * error);
+                estimate.low = estimate.low.min(estimate.value - Z_90 * error);
+                estimate.high = estimate.high.max(estimate.value + Z_90 * error);
             }
             return;
         }
-        for found in search::places::coordinates(&self.rows, &all, &left, state, TAIL) {
+        for found in search::places::coordinates(&self.rows, &all, &left, state, TAIL_90) {
             match estimates.iter_mut().find(|estimate| estimate.name == found.name) {
                 // The loss is known less well than the fit, which holds the place, says.
                 Some(estimate) => {
@@ -230,7 +229,7 @@ impl LinkStudy {
         let mut products = Products::new(edges_s);
         for (index, ((run, span), mean)) in means.iter().enumerate() {
             // Neighbours in time are left out together.
-            let part = index * covariance::GROUPS / means.len();
+            let part = index * JACKKNIFE_GROUPS / means.len();
             let later = means[index + 1..].iter().filter(|((other, _), _)| other == run);
             for ((_, other), right) in later {
                 products.add(part, (other - span) as f64 * span_s, mean * right);
@@ -241,8 +240,8 @@ impl LinkStudy {
 
     /// Upper ends of bins of time between two rows (s): from a part of the shortest time over which drift is looked for.
     fn lags_s(&self) -> Vec<f64> {
-        let shortest_s = self.times_s.first().copied().unwrap_or(LAG_S);
-        let longest_s = self.times_s.last().copied().unwrap_or(LAG_S);
+        let shortest_s = self.times_s.first().copied().unwrap_or(CORRELATION_LAG_S);
+        let longest_s = self.times_s.last().copied().unwrap_or(CORRELATION_LAG_S);
         let mut lags_s = vec![0.25 * shortest_s];
         while let Some(last_s) = lags_s.last().copied().filter(|last_s| *last_s < 3.0 * longest_s) {
             lags_s.push(last_s * std::f64::consts::SQRT_2);
@@ -277,7 +276,7 @@ impl LinkStudy {
         }
         let mut products = Products::new(edges);
         for (link, rows) in links.values().enumerate() {
-            let each = rows.len().div_ceil(MOST_OF_LINK);
+            let each = rows.len().div_ceil(MOST_COMPARED_ROWS);
             let rows: Vec<&(usize, f64)> = rows.iter().step_by(each).collect();
             for (index, &&(one, left)) in rows.iter().enumerate() {
                 for &&(other, right) in &rows[index + 1..] {
@@ -294,8 +293,10 @@ impl LinkStudy {
     /// where their level is high.
     pub(super) fn left_db(&self, fit: &LinkFit) -> impl Iterator<Item = (usize, f64)> {
         let left = self.predictions(fit).into_iter().enumerate();
-        left.filter(|(row, predicted)| self.rows.is_received(*row) && CERTAIN < predicted.passes)
-            .map(|(row, predicted)| (row, self.rows.links.rows[row].rssi_dbm - predicted.rssi_dbm))
+        left.filter(|(row, predicted)| {
+            self.rows.is_received(*row) && CERTAIN_PASS < predicted.passes
+        })
+        .map(|(row, predicted)| (row, self.rows.links.rows[row].rssi_dbm - predicted.rssi_dbm))
     }
 
     /// Two parameters of which one hides the other.
@@ -323,7 +324,7 @@ impl LinkStudy {
                     continue;
                 }
                 let r = inverse[(i, j)] / (inverse[(i, i)] * inverse[(j, j)]).sqrt();
-                if CONFUSABLE < r.abs() {
+                if LINKS_COLLINEAR < r.abs() {
                     return Some(format!(
                         "{} and {} are nearly collinear on these data",
                         names[j].1, names[i].1
@@ -346,7 +347,7 @@ fn marginal(fit: &LinkFit, random: impl Fn(&Random) -> Random) -> LinkFit {
 fn spread(name: &str, value: f64, n: f64) -> Estimate {
     let n = n.max(0.5);
     let ends = match ChiSquared::new(n) {
-        Ok(law) => [1.0 - TAIL, TAIL].map(|part| value * (n / law.inverse_cdf(part)).sqrt()),
+        Ok(law) => [1.0 - TAIL_90, TAIL_90].map(|part| value * (n / law.inverse_cdf(part)).sqrt()),
         Err(_) => [0.0, f64::INFINITY],
     };
     Estimate::new(name, "dB", value, (ends[0], ends[1]))
@@ -402,20 +403,12 @@ fn with_length(
 /// within a place, and those of channels for independent.
 fn widen(spread: &mut Estimate, length: &CorrelationLength) {
     let sd_at = |sds: f64| length.sd_db * libm::exp(sds * length.sd_error);
-    spread.low = spread.low.min(sd_at(-NINETY));
-    spread.high = spread.high.max(sd_at(NINETY));
+    spread.low = spread.low.min(sd_at(-Z_90));
+    spread.high = spread.high.max(sd_at(Z_90));
 }
 
-/// The share of frames like a row's that must pass for its reading to say what levels are like.
-const CERTAIN: f64 = 0.9;
-/// Time between rows that are compared, where no time over which levels drift is looked for (s).
-const LAG_S: f64 = 100.0;
-/// Rows of a link of which every two are compared.
-const MOST_OF_LINK: usize = 150;
 /// Half of the squared standard errors of a 90 % interval: by so much the log likelihood falls at its ends (nats).
-const FALL_NATS: f64 = 0.5 * NINETY * NINETY;
-/// With more rows the likelihood is a parabola, and its curvature says as much as a profile.
-const MOST_PROFILED: usize = 50_000;
+const FALL_NATS: f64 = 0.5 * Z_90 * Z_90;
 /// Steps in which an end is found.
 const END_STEPS: usize = 6;
 
@@ -459,7 +452,7 @@ impl LinkStudy {
             // The root of the fall is nearly a straight line: regula falsi, between what is too near and what too far.
             let (mut near, mut far) = (0.0, f64::INFINITY);
             let first =
-                if error.is_finite() && 0.0 < error { NINETY * error } else { parameter.step };
+                if error.is_finite() && 0.0 < error { Z_90 * error } else { parameter.step };
             let mut step = first.min(reach);
             for _ in 0..END_STEPS {
                 let now = fall(best + sign * step, top);

@@ -5,10 +5,12 @@ use super::cells::{RowCells, Scales};
 use super::rows::ModelledLinks;
 use crate::choices::{ChoiceError, Choices, SplitBy};
 use crate::folds::{Blocks, FEWEST_BLOCKS, scramble};
+use crate::thresholds::{
+    COMMON_SPAN, DRIFT_TIMES_S, FEWEST_DRIFT_LEVELS, LEAST_COMMON_SPAN, MOST_DRIFT_LEVELS,
+    THINNED_RUN_ROWS, TIME_BLOCKS,
+};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Blocks of time.
-const TIME_BLOCKS: usize = 60;
 /// Half a wavelength at 2.44 GHz (m).
 pub(super) const HALF_WAVE_M: f64 = 0.0614;
 
@@ -245,12 +247,6 @@ fn square(place_m: [f64; 3], side_m: f64) -> u64 {
         .fold(17, |key, coordinate| scramble(key ^ ((coordinate / side_m).floor() as i64 as u64)))
 }
 
-/// Times over which levels may drift (s).
-const DRIFT_S: [f64; 4] = [30.0, 100.0, 300.0, 1000.0];
-/// Of a drift there are so many independent levels at least, and at most.
-const FEWEST_LEVELS: f64 = 5.0;
-const MOST_LEVELS: f64 = 400.0;
-
 /// From the first row to the last (s).
 fn length_s(rows: &ModelledLinks) -> f64 {
     let times_s = || rows.links.rows.iter().map(|row| row.time_s);
@@ -262,16 +258,12 @@ pub(super) fn drift_times_s(rows: &ModelledLinks) -> Vec<f64> {
     let length_s = length_s(rows);
     let suits = |time_s: &f64| {
         let n_levels = length_s / (SIDE * time_s);
-        (FEWEST_LEVELS..=MOST_LEVELS).contains(&n_levels)
+        (FEWEST_DRIFT_LEVELS..=MOST_DRIFT_LEVELS).contains(&n_levels)
     };
-    let suiting: Vec<f64> = DRIFT_S.into_iter().filter(suits).collect();
+    let suiting: Vec<f64> = DRIFT_TIMES_S.into_iter().filter(suits).collect();
     // Where none suits, one that is a twentieth of the whole.
     if suiting.is_empty() && 0.0 < length_s { vec![0.05 * length_s] } else { suiting }
 }
-
-/// The level of all links is taken for constant over this part of the time over which it drifts, or over this part of the campaign.
-const SPAN: f64 = 0.25;
-const LEAST_SPAN: f64 = 1.0 / 300.0;
 
 /// A span of time: its campaign, and its number.
 type Span = (u32, i64);
@@ -286,7 +278,7 @@ fn span(rows: &ModelledLinks, row: usize, span_s: Option<f64>) -> Span {
 /// before.
 fn spans_of_drift(rows: &ModelledLinks, correlation_s: f64) -> (Vec<u32>, Vec<f64>) {
     let length_s = length_s(rows);
-    let span_s = (SPAN * correlation_s).max(LEAST_SPAN * length_s);
+    let span_s = (COMMON_SPAN * correlation_s).max(LEAST_COMMON_SPAN * length_s);
     let spans: Vec<Span> = (0..rows.len()).map(|row| span(rows, row, Some(span_s))).collect();
     let mut sorted = spans.clone();
     sorted.sort_unstable();
@@ -357,9 +349,6 @@ fn numbered<T: Ord + Clone>(keys: &[T]) -> (Vec<u32>, usize) {
     (keys.iter().map(number).collect(), sorted.len())
 }
 
-/// Rows of one pair that follow each other stay together where rows are left out: so many.
-const RUN_ROWS: u64 = 8;
-
 /// Marks about `most` of the rows: short runs of each pair's, spread evenly over everything.
 pub(super) fn spread_evenly(rows: &ModelledLinks, most: usize) -> Vec<bool> {
     let mut seen: BTreeMap<u64, u64> = BTreeMap::new();
@@ -369,7 +358,7 @@ pub(super) fn spread_evenly(rows: &ModelledLinks, most: usize) -> Vec<bool> {
         .into_iter()
         .map(|key| {
             let n = seen.entry(key).or_insert(0);
-            let run = *n / RUN_ROWS;
+            let run = *n / THINNED_RUN_ROWS;
             *n += 1;
             scramble(key ^ scramble(run)) <= limit
         })

@@ -3,6 +3,7 @@
 use super::passing::{AveragedCurve, PowerMixture, SampledCurve};
 use super::register::{PowerRange, width_db};
 use crate::RowScore;
+use crate::thresholds::STRAY_FRAMES;
 use density::FadingDensity;
 use measure::links::{LinkRow, Readings};
 
@@ -122,9 +123,6 @@ const MOST_TILT: f64 = 100.0;
 /// the noise).
 const READING_STEP_SD: f64 = 1.0 / 3.0;
 const READING_REACH_SD: f64 = 4.0;
-
-/// Stated probabilities are not taken for more certain than this.
-const STRAY: f64 = 1e-3;
 
 impl Instrument {
     /// Of a curve of reception and what varies, nothing tabulated.
@@ -318,7 +316,8 @@ impl Instrument {
             return slope;
         }
         if let Some(stated) = level.stated {
-            let passes = (stated * libm::exp(level.ln_survival)).clamp(STRAY, 1.0 - STRAY);
+            let passes =
+                (stated * libm::exp(level.ln_survival)).clamp(STRAY_FRAMES, 1.0 - STRAY_FRAMES);
             slope.log += if is_received { libm::log(passes) } else { libm::log(1.0 - passes) };
         } else if is_received {
             let power_dbm = row.rssi_dbm - offset_db;
@@ -343,7 +342,7 @@ impl Instrument {
     pub fn reception(&self, level: &RowPrediction, lift_db: f64) -> f64 {
         let survival = libm::exp(level.ln_survival);
         let passes = match level.stated {
-            Some(stated) => stated.clamp(STRAY, 1.0 - STRAY),
+            Some(stated) => stated.clamp(STRAY_FRAMES, 1.0 - STRAY_FRAMES),
             None => self.averaged.reception_at(level.power_dbm + lift_db - level.shift_db).passes,
         };
         survival * passes

@@ -6,6 +6,7 @@ use super::fit::LinkFit;
 use super::search::windows;
 use super::terms::{TermSpec, TermState};
 use crate::limits::{NotLimited, limited_name};
+use crate::thresholds::LIMITED_OBSTACLE_NATS;
 use crate::{Candidate, Study as _};
 use netsim::phy::effect::only;
 use proto::effect::{Level, Search};
@@ -64,10 +65,7 @@ impl LinkStudy {
             .into_iter()
             .filter_map(|(key, moment_s)| Some((key.to_owned(), moment_s?.round().into())))
             .collect();
-        let is_worth = !limits.is_empty() && found.always + LEAST_MORE_NATS < found.gain;
+        let is_worth = !limits.is_empty() && found.always + LIMITED_OBSTACLE_NATS < found.gain;
         is_worth.then_some((limits, found.gain))
     }
 }
-
-/// An obstacle that came and went must promise so much more (nats) than one that always stood: there are many spans and places.
-const LEAST_MORE_NATS: f64 = 20.0;

@@ -5,14 +5,11 @@ use super::fit::LinkFit;
 use super::terms::{TermSpec, TermState};
 use crate::Study as _;
 use crate::linear::{Column, Dependence, Direction, Group, Linearised, Partition, numbered};
+use crate::thresholds::{NODE_SQUARES_ACROSS, SHORTEST_CLUSTER_SHARE};
 use netsim::phy::link::End;
 use proto::effect::Search;
 use std::collections::BTreeMap;
 
-/// Blocks of time are at least as long as this share of the campaign.
-const SHORTEST_SHARE: f64 = 1.0 / 240.0;
-/// Squares of the plane along its longer side, in each of which a node that moves is another one.
-const SQUARES_ACROSS: f64 = 8.0;
 /// A column moves something if it moves some row by this (dB).
 const MOVES_DB: f64 = 1e-9;
 
@@ -126,7 +123,7 @@ impl LinkStudy {
         let length_s =
             known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min);
         Dependence {
-            shortest_s: if 0.0 < length_s { SHORTEST_SHARE * length_s } else { f64::NAN },
+            shortest_s: if 0.0 < length_s { SHORTEST_CLUSTER_SHARE * length_s } else { f64::NAN },
             times_s,
             series: numbered(measured.iter().map(|row| row.run)),
             campaigns: numbered(measured.iter().map(|row| row.run)),
@@ -145,7 +142,7 @@ impl LinkStudy {
                 along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
             })
             .fold(0.0, f64::max);
-        let side_m = (span_m / SQUARES_ACROSS).max(1e-3);
+        let side_m = (span_m / NODE_SQUARES_ACROSS).max(1e-3);
         let key = |end: &End| {
             let square = end.position_m.map(|m| (m / side_m).floor() as i64);
             (end.id, if is_still(end.id) { [0; 3] } else { square })

@@ -19,11 +19,7 @@
 use super::fit::{FitProblem, NOISE_DB};
 use super::likelihood::{Noise, RowPrediction};
 use super::predict::plain_error_db;
-
-/// σ over the root mean square of received readings about the mean level, at most.
-const MOST: f64 = 1.1906;
-/// Standard errors of that root mean square, which are 1/√(2n) of it, by which σ may exceed the bound.
-const STANDARD_ERRORS: f64 = 3.0;
+use crate::thresholds::{NOISE_BOUND_ERRORS, NOISE_BOUND_RATIO};
 
 /// The greatest standard deviation of the noise (dB) that plain errors allow: readings less mean levels (dB), NaN of lost frames.
 /// Infinite if no frame was received.
@@ -36,7 +32,7 @@ pub(super) fn greatest_sd_db(plain_errors_db: impl Iterator<Item = f64>) -> f64 
     if n == 0.0 {
         return f64::INFINITY;
     }
-    MOST * f64::sqrt(squares / n) * (1.0 + STANDARD_ERRORS / f64::sqrt(2.0 * n))
+    NOISE_BOUND_RATIO * f64::sqrt(squares / n) * (1.0 + NOISE_BOUND_ERRORS / f64::sqrt(2.0 * n))
 }
 
 impl FitProblem<'_> {

@@ -1,9 +1,8 @@
 //! The probability that a frame passes, over everything about its strength that is not seen.
 
+use crate::thresholds::STRAY_FRAMES;
 use netsim::phy::reception::Curve;
 
-/// A frame in so many is received, or lost, against the curve: no single frame may decide an answer.
-const STRAY: f64 = 1e-3;
 /// Step of the tables (dB).
 const STEP_DB: f64 = 0.1;
 /// The tables reach so many standard deviations beyond the curve.
@@ -103,7 +102,7 @@ impl SampledCurve {
         let values = (0..n)
             .map(|i| {
                 let p = curve.reception_probability(from_dbm + i as f64 * STEP_DB);
-                STRAY + (1.0 - 2.0 * STRAY) * p
+                STRAY_FRAMES + (1.0 - 2.0 * STRAY_FRAMES) * p
             })
             .collect();
         Self::new(from_dbm, values)
@@ -135,7 +134,7 @@ impl SampledCurve {
     /// The same without the frames that go against the curve.
     #[must_use]
     pub fn own_at(&self, dbm: f64) -> f64 {
-        ((self.probability_at(dbm) - STRAY) / (1.0 - 2.0 * STRAY)).clamp(0.0, 1.0)
+        ((self.probability_at(dbm) - STRAY_FRAMES) / (1.0 - 2.0 * STRAY_FRAMES)).clamp(0.0, 1.0)
     }
 
     /// The logarithm of [`Self::probability_at`].

@@ -7,14 +7,13 @@ use super::fit::LinkFit;
 use super::likelihood::{Instrument, RegisterResponse, RowPrediction};
 use super::terms::TermSpec;
 use crate::symbolic::{self, FittedFormula, UnexplainedResiduals};
+use crate::thresholds::LEAST_EXPECTED_PASS;
 use crate::{Component, PredictionDifference, Residuals, RowScore};
 use netsim::phy::effect::formula::NAMES;
 use numbers::statistics::mean_ignoring_nan;
 use proto::effect::CONSTANT;
 use std::collections::BTreeMap;
 
-/// Losses are looked at where at least this share of frames should pass.
-const LEAST_PASSES: f64 = 0.3;
 /// What formulas of readings are added to …
 const MEAN: &str = "mean";
 /// … and those of losses.
@@ -154,7 +153,7 @@ impl LinkStudy {
         let lost = |(row, predicted): (usize, Predicted)| {
             let measured = &self.rows.links.rows[row];
             let share = 1.0 - measured.received / measured.frames / predicted.passes;
-            if predicted.passes < LEAST_PASSES { f64::NAN } else { share }
+            if predicted.passes < LEAST_EXPECTED_PASS { f64::NAN } else { share }
         };
         self.predictions(fit).into_iter().enumerate().map(lost).collect()
     }

@@ -1,9 +1,9 @@
 //! What a reading says about power, whatever the register makes of it.
 
+use crate::thresholds::UNROUNDED_STEP_DB;
+
 /// Registers read powers between these (dBm); where one never reads as much as was read, it was more power than this.
 const POWERS_DBM: (f64, f64) = (-250.0, 100.0);
-/// Readings that are not rounded are taken for ranges of this width (dB).
-const LEAST_QUANTUM_DB: f64 = 0.01;
 /// Ranges of powers that are wider, or narrower, than the step of readings by less than this share are as wide.
 const AS_WIDE: f64 = 1e-6;
 /// Most steps of a search, and how close it comes (dB).
@@ -98,7 +98,7 @@ impl PowerRange {
 /// The width of readings (dB) that are rounded to such steps.
 #[must_use]
 pub fn width_db(quantum_db: f64) -> f64 {
-    quantum_db.max(LEAST_QUANTUM_DB)
+    quantum_db.max(UNROUNDED_STEP_DB)
 }
 
 /// The least power (dBm) of which as much is read.

@@ -1,6 +1,7 @@
 //! Measured links as the physics sees them.
 
 use super::register::Register;
+use crate::thresholds::{MOST_AGENT_POSITIONS, STILL_M};
 use measure::Rejections;
 use measure::links::{LinkRow, LinkSamples, has_losses};
 use netsim::phy::Model;
@@ -53,10 +54,6 @@ pub struct BasePrediction {
 /// A number of frames sent is usual if at least so many rows without a received frame have it; so many numbers count.
 const FEWEST_SILENT: usize = 500;
 const MOST_SILENT: usize = 4;
-/// A mote that stays within this (m) stands still.
-const STILL_M: f64 = 0.05;
-/// More other agents than this, over all rows, are not looked at.
-const MOST_AGENTS: usize = 8_000_000;
 
 impl ModelledLinks {
     /// Holds a model against measurements.
@@ -448,7 +445,7 @@ fn agents(rows: &[LinkRow], tracks: &BTreeMap<(u32, u32), Track>) -> (Vec<End>, 
         keys.dedup();
         keys.len()
     };
-    if MOST_AGENTS < n_moments * tracks.len() || tracks.len() < 3 {
+    if MOST_AGENT_POSITIONS < n_moments * tracks.len() || tracks.len() < 3 {
         return (agents, vec![(0, 0); rows.len()]);
     }
     let of_row = rows

@@ -2,7 +2,8 @@
 
 use super::cells::{RowCells, Scales};
 use super::terms::{TermSpec, TermState};
-use super::{CORRELATION_S, FINEST_M, LinkStudy, PLACE_M, group};
+use super::{CORRELATION_S, FINEST_M, LinkStudy, group};
+use crate::thresholds::DEFAULT_DECORRELATION_M;
 use proto::effect::Level;
 use std::sync::{Arc, PoisonError};
 
@@ -16,7 +17,10 @@ impl LinkStudy {
     pub(super) fn cells(&self, scales: Scales) -> Arc<RowCells> {
         let apart = |length: &f64| libm::log(length / scales.decorrelation_m).abs();
         let nearest = self.lengths_m.iter().min_by(|a, b| apart(a).total_cmp(&apart(b)));
-        let nearest = Scales { decorrelation_m: nearest.copied().unwrap_or(PLACE_M), ..scales };
+        let nearest = Scales {
+            decorrelation_m: nearest.copied().unwrap_or(DEFAULT_DECORRELATION_M),
+            ..scales
+        };
         let mut known = self.cells.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, cells)) = known.iter().find(|(scales, _)| *scales == nearest) {
             return Arc::clone(cells);
@@ -36,7 +40,7 @@ impl LinkStudy {
         let fades = has_fading && level != Level::Place;
         let decorrelation_m =
             number(|spec| matches!(spec, TermSpec::Shadowing(_)), "decorrelation_m")
-                .unwrap_or(if fades { FINEST_M } else { PLACE_M });
+                .unwrap_or(if fades { FINEST_M } else { DEFAULT_DECORRELATION_M });
         let scales = Scales {
             decorrelation_m,
             drift_s: number(|spec| matches!(spec, TermSpec::Drift(_)), CORRELATION_S),

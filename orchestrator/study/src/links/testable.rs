@@ -1,11 +1,9 @@
 //! What measurements have, and so which effects can be tested on them.
 
 use super::rows::ModelledLinks;
+use crate::thresholds::FEWEST_VIEWS;
 use proto::effect::{Level, Need};
 use std::collections::{BTreeMap, BTreeSet};
-
-/// A heading and a pattern are three numbers: from fewer places nothing is left to test them on.
-const FEWEST_VIEWS: usize = 6;
 
 /// Whether the data have what an effect needs.
 #[must_use]

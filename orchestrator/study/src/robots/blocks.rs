@@ -1,16 +1,13 @@
 //! Which windows are independent of which.
 
 use super::motion::MeasuredTracks;
-use super::{MEMORY_S, WANTED_BLOCKS};
 use crate::choices::{ChoiceError, SplitBy};
-use crate::folds::{Blocks, N_FOLDS};
+use crate::folds::Blocks;
+use crate::thresholds::{
+    LONGEST_BLOCK_WINDOWS, MEMORY_S, N_FOLDS, PLACES_ACROSS, SHORTEST_BLOCK_WINDOWS, WANTED_BLOCKS,
+};
 use measure::robots::RobotSample;
 use std::collections::BTreeMap;
-
-/// Shortest blocks, in windows.
-const SHORTEST: f64 = 2.0;
-/// Longest blocks, in windows.
-const LONGEST: f64 = 20.0;
 
 impl MeasuredTracks {
     /// Blocks of windows that are left out together by choice.
@@ -56,7 +53,8 @@ impl MeasuredTracks {
             .map(|(track, begin)| self.robots.samples[track.end - 1].time_s - begin);
         let lengths: Vec<f64> = lengths.collect();
         let total_s: f64 = lengths.iter().sum();
-        let block_s = (total_s / WANTED_BLOCKS).clamp(SHORTEST * window_s, LONGEST * window_s);
+        let block_s = (total_s / WANTED_BLOCKS)
+            .clamp(SHORTEST_BLOCK_WINDOWS * window_s, LONGEST_BLOCK_WINDOWS * window_s);
         let key = |window: &super::motion::MotionWindow| {
             let track = window.track as usize;
             let sample = &self.robots.samples[window.start as usize];
@@ -123,6 +121,3 @@ impl MeasuredTracks {
         gaps
     }
 }
-
-/// Squares of the grid along the longer side.
-const PLACES_ACROSS: f64 = 9.0;

@@ -1,11 +1,7 @@
 //! How predicted positions scatter.
 
+use crate::thresholds::{BROAD_FACTOR, BROAD_SHARE};
 use std::f64::consts::TAU;
-
-/// Share of windows that are wrong for reasons of their own.
-const BROAD_SHARE: f64 = 0.01;
-/// How much broader those scatter.
-const BROAD: f64 = 10.0;
 
 /// A residual in the directions along and across the predicted motion, and upwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -50,12 +46,12 @@ impl ResidualDensity {
         }
         let narrow = libm::log(1.0 - BROAD_SHARE) - 0.5 * square;
         let broad = libm::log(BROAD_SHARE)
-            - self.n_parts as f64 * libm::log(BROAD)
-            - 0.5 * square / (BROAD * BROAD);
+            - self.n_parts as f64 * libm::log(BROAD_FACTOR)
+            - 0.5 * square / (BROAD_FACTOR * BROAD_FACTOR);
         let top = narrow.max(broad);
         let sum = libm::exp(narrow - top) + libm::exp(broad - top);
         let share = libm::exp(narrow - top) / sum;
-        (top + libm::log(sum) - norm, share + (1.0 - share) / (BROAD * BROAD))
+        (top + libm::log(sum) - norm, share + (1.0 - share) / (BROAD_FACTOR * BROAD_FACTOR))
     }
 
     /// Sum of log densities (nats).

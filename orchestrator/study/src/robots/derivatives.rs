@@ -1,9 +1,10 @@
 //! How residuals of robots change with the numbers of a fit, and where that leads.
 
 use super::density::Residual;
-use super::fit_state::{CURVE_SD, FitState, LEAST_DAMPED, Unchanged, damped};
+use super::fit_state::{FitState, LEAST_DAMPED, Unchanged, damped};
 use super::motion::ModelPaths;
 use super::{RobotFit, RobotModel};
+use crate::thresholds::CURVE_PRIOR_SD;
 use nalgebra::{DMatrix, DVector};
 use numbers::power::square;
 
@@ -189,8 +190,8 @@ impl RobotModel {
         for &term in &fit.terms {
             if self.curve(term).is_some() {
                 for index in first..first + self.n_numbers(term) {
-                    information[(index, index)] += 1.0 / (CURVE_SD * CURVE_SD);
-                    slope[index] -= fit.values[index] / (CURVE_SD * CURVE_SD);
+                    information[(index, index)] += 1.0 / (CURVE_PRIOR_SD * CURVE_PRIOR_SD);
+                    slope[index] -= fit.values[index] / (CURVE_PRIOR_SD * CURVE_PRIOR_SD);
                 }
             }
             first += self.n_numbers(term);

@@ -3,10 +3,11 @@
 
 use super::density::Residual;
 use super::derivatives::Derivatives;
-use super::fit_state::{CURVE_SD, FitState, LEAST_DAMPED, Unchanged, damped};
+use super::fit_state::{FitState, LEAST_DAMPED, Unchanged, damped};
 use super::motion::ModelPaths;
 use super::{RobotFit, RobotModel};
 use crate::folds::Blocks;
+use crate::thresholds::CURVE_PRIOR_SD;
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -258,7 +259,7 @@ impl RobotModel {
         let curves = fit.terms.iter().filter(|&&term| self.curve(term).is_some());
         let squares: f64 =
             curves.flat_map(|&term| fit.numbers(self, term)).map(|number| number * number).sum();
-        0.5 * squares / (CURVE_SD * CURVE_SD)
+        0.5 * squares / (CURVE_PRIOR_SD * CURVE_PRIOR_SD)
     }
 
     /// The fit's numbers with their likeliest noise; the ratio of its scatters stays as it is.

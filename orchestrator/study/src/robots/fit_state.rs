@@ -7,8 +7,6 @@ use nalgebra::DMatrix;
 
 /// Least share of an information matrix's diagonal that is added to it.
 pub(super) const LEAST_DAMPED: f64 = 1e-9;
-/// What holds the numbers of a curve near 0: the standard deviation of each, in units of a share of the way, or m/s.
-pub(super) const CURVE_SD: f64 = 1.0;
 
 /// Parts of a fit that a change of parameters leaves unchanged, so that they need not be computed again.
 #[derive(Clone, Copy, Default)]

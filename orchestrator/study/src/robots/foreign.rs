@@ -1,11 +1,11 @@
 //! Another robot simulator's predictions as the base model, in place of our own kinematics.
 //!
-//! The recording of each robot is cut into segments of [`SEGMENT_S`]. For each, the other simulator is asked where the robot
-//! gets to that starts in a measured state and executes the recorded commands, begun [`LEAD_S`] earlier so that what its
+//! The recording of each robot is cut into segments of [`FOREIGN_SEGMENT_S`]. For each, the other simulator is asked where the robot
+//! gets to that starts in a measured state and executes the recorded commands, begun [`FOREIGN_LEAD_S`] earlier so that what its
 //! actuators do has settled. What it predicts from one sample to the next is a step, seen from the body where robots turn. The
 //! base model moves a robot by these steps from wherever it is believed to be. That is exact for a simulator whose robots move
 //! alike everywhere. For one whose robots do not, such as on a slope, the place and heading that count are at most
-//! [`LEAD_S`] + [`SEGMENT_S`] of its own prediction away from measured ones.
+//! [`FOREIGN_LEAD_S`] + [`FOREIGN_SEGMENT_S`] of its own prediction away from measured ones.
 //!
 //! An effect adds what our own kinematics with it differs from our own kinematics without it, step by step, both begun where
 //! the robot is believed to be: the first order of the effect on top of any base model. With our own kinematics as the base
@@ -13,6 +13,7 @@
 
 use super::motion::{MeasuredTracks, rotated};
 use super::{RobotFit, RobotStudy};
+use crate::thresholds::{FOREIGN_LEAD_S, FOREIGN_SEGMENT_S};
 use measure::robots::{RobotSample, RobotSamples};
 use numbers::power::square;
 use proto::prediction::{
@@ -23,11 +24,6 @@ use robotsim::dynamics::{Drive, Dynamics, Shape, wrapped};
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
-
-/// Length of a segment (s).
-const SEGMENT_S: f64 = 1.0;
-/// How long before its segment a prediction begins (s): five time constants of actuators of 0.4 s.
-const LEAD_S: f64 = 2.0;
 
 /// A segment cannot be asked for.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -62,11 +58,11 @@ fn segments(robots: &RobotSamples) -> Vec<Segment> {
         // The last sample has no step.
         while first + 1 < track.end {
             let begin_s = samples[first].time_s;
-            let inside = |k: &usize| samples[*k].time_s < begin_s + SEGMENT_S;
+            let inside = |k: &usize| samples[*k].time_s < begin_s + FOREIGN_SEGMENT_S;
             let end = (first + 1..track.end - 1).find(|k| !inside(k)).unwrap_or(track.end - 1);
             let lead = (track.start..first)
                 .rev()
-                .take_while(|&k| begin_s - LEAD_S <= samples[k].time_s)
+                .take_while(|&k| begin_s - FOREIGN_LEAD_S <= samples[k].time_s)
                 .last()
                 .unwrap_or(first);
             segments.push(Segment { lead, samples: first..end });

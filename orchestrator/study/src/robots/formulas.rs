@@ -3,6 +3,7 @@
 use super::density::Residual;
 use super::{RobotFit, RobotStudy};
 use crate::symbolic::{self, FittedFormula, UnexplainedResiduals};
+use crate::thresholds::SECOND_DIRECTION_SHARE;
 use crate::view::Viewed as _;
 use crate::{Component, Residuals, Study as _};
 use numbers::power::square;
@@ -13,9 +14,6 @@ use robotsim::dynamics::effect::NAMES;
 const SHARES_ITS_ERROR: &str = "measured_speed_mps";
 /// What formulas may be multiplied by: what robots lose of their way is a share of it.
 const SPEED: &str = "speed_mps";
-
-/// What a formula along a second direction must explain of what the first leaves.
-const LEAST_SHARE: f64 = 0.01;
 
 /// A covariate of each window.
 type Covariate<'a> = (&'a str, &'a [f64]);
@@ -122,7 +120,7 @@ impl RobotStudy {
             let (one, other) = (one?, other?);
             let (more, less) = if one.0 < other.0 { (other, one) } else { (one, other) };
             let left = total - more.0;
-            let is_along_both = LEAST_SHARE * left < less.0;
+            let is_along_both = SECOND_DIRECTION_SHARE * left < less.0;
             let left = if is_along_both { left - less.0 } else { left };
             let also = is_along_both.then_some((less.1.text, less.1.target));
             Some(FittedFormula { also, rmse: left.max(0.0).sqrt(), ..more.1 })
@@ -130,7 +128,7 @@ impl RobotStudy {
         // Of two that are as good the simpler.
         let cost = |formula: &FittedFormula| {
             let parts = if formula.also.is_some() { 2 } else { 1 };
-            formula.rmse * (1.0 + LEAST_SHARE * f64::from(parts))
+            formula.rmse * (1.0 + SECOND_DIRECTION_SHARE * f64::from(parts))
         };
         found.min_by(|a, b| cost(a).total_cmp(&cost(b)))
     }

@@ -8,18 +8,12 @@
 //! Filtering Made Easy, 1998, § 1.2.10.
 
 use super::RobotStudyError;
+use crate::thresholds::{TRACK_BEGIN_S, TRACK_BEGIN_SAMPLES, TRACK_BEGIN_WINDOWS};
 use measure::robots::{CommandKind, RobotSample, RobotSamples};
 use numbers::power::square;
 use robotsim::dynamics::GRAVITY_MPS2;
 use robotsim::dynamics::physics::Robot;
 use std::ops::Range;
-
-/// A window begins no earlier than this share of a window after its track, so that the velocity is known by then …
-const LEAST_SHARE: f64 = 0.5;
-/// … and no earlier than at this sample of it.
-const LEAST_SAMPLES: usize = 3;
-/// How much of the beginning of a track tells how fast a robot is there (s).
-const BEGIN_S: f64 = 0.5;
 
 /// Makes accelerations (m/s²) of commands of thrust.
 pub(super) fn in_accelerations(
@@ -44,14 +38,14 @@ pub(super) fn first_start(robots: &RobotSamples, track: &Range<usize>, window_s:
         return 0;
     }
     let samples = &robots.samples[track.clone()];
-    let from_s = samples[0].time_s + LEAST_SHARE * window_s;
-    samples.partition_point(|sample| sample.time_s < from_s).max(LEAST_SAMPLES)
+    let from_s = samples[0].time_s + TRACK_BEGIN_WINDOWS * window_s;
+    samples.partition_point(|sample| sample.time_s < from_s).max(TRACK_BEGIN_SAMPLES)
 }
 
 /// A robot where its track begins: with the velocity that its first samples say, were the first command in force in them.
 pub(super) fn begin(robot: Robot, samples: &[RobotSample]) -> Robot {
     let first = &samples[0];
-    let n = samples.partition_point(|sample| sample.time_s <= first.time_s + BEGIN_S).max(2);
+    let n = samples.partition_point(|sample| sample.time_s <= first.time_s + TRACK_BEGIN_S).max(2);
     let Some(last) = samples.get(n - 1) else { return robot };
     let span_s = last.time_s - first.time_s;
     let drive = std::array::from_fn(|i| {

@@ -6,6 +6,7 @@ use super::terms::{Starts, Term};
 use super::{RobotFit, RobotStudy};
 use crate::Study as _;
 use crate::linear::{Column, Dependence, Direction, Group, Linearised, Partition, numbered};
+use crate::thresholds::SHORTEST_CLUSTER_WINDOWS;
 use proto::effect::Parameter;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -15,9 +16,6 @@ use std::sync::Arc;
 const MOST_STARTS: usize = 8;
 /// A column moves something if it moves some window by this (m).
 const MOVES_M: f64 = 1e-12;
-/// The shortest blocks of time are so many windows long. Noise of positions makes neighbouring windows err in opposite ways, which only
-/// makes the variance of sums seem greater.
-const SHORTEST_WINDOWS: f64 = 1.0;
 
 impl RobotStudy {
     pub(super) fn linearised_at(&self, fit: &RobotFit) -> Option<Linearised> {
@@ -156,7 +154,7 @@ impl RobotStudy {
             times_s: windows().map(|window| tracks.start(window).time_s).collect(),
             series: windows().map(|window| window.track).collect(),
             campaigns: numbered(windows().map(|window| tracks.start(window).run)),
-            shortest_s: SHORTEST_WINDOWS * tracks.window_s(0),
+            shortest_s: SHORTEST_CLUSTER_WINDOWS * tracks.window_s(0),
             nodes: None,
         }
     }

@@ -4,6 +4,7 @@ use super::density::Residual;
 use super::foreign::{ForeignBase, Mover};
 use super::inertial::{self, VelocityVariance};
 use super::neighbours::others;
+use crate::thresholds::FEWEST_RUNS_ALIKE;
 use measure::robots::{RobotSample, RobotSamples};
 use numbers::power::square;
 use proto::rng::Draws;
@@ -238,7 +239,7 @@ impl MeasuredTracks {
             let other_m = first(track).position_m;
             (0..2).all(|axis| (other_m[axis] - place_m[axis]).abs() < SAME_M)
         };
-        FEWEST_ALIKE <= runs.len() && rest.iter().all(is_same)
+        FEWEST_RUNS_ALIKE <= runs.len() && rest.iter().all(is_same)
     }
 
     /// Whether the height of the ground is known.
@@ -548,8 +549,6 @@ impl MeasuredTracks {
 
 /// Measured positions do not agree so closely (m), unless they are counted from there.
 const SAME_M: f64 = 1e-6;
-/// So many campaigns that all begin at one place are no accident.
-const FEWEST_ALIKE: usize = 5;
 
 /// Weights of the measurement after step `index`: the first ones count in full, as a mean of all so far does.
 fn weights(gains: Gains, index: usize) -> (f64, f64) {

@@ -4,13 +4,10 @@ use super::derivatives::Derivatives;
 use super::fit::{stepped, uphill};
 use super::fit_state::{FitState, damped};
 use super::{RobotFit, RobotModel};
+use crate::thresholds::{SCREEN_CLIMBING_NATS, SCREEN_QUIET_NATS};
 
 /// Most steps from a start.
 const STEPS: usize = 4;
-/// A start is given up when a step gains less (nats).
-const QUIET_NATS: f64 = 0.5;
-/// Who still gains more than this in its last step (nats) has not shown what it is worth.
-const CLIMBING_NATS: f64 = 1.0;
 
 impl RobotModel {
     /// The best of a few steps from the starts of a term on top of its parent, whose derivatives (`known`, at all windows)
@@ -27,7 +24,7 @@ impl RobotModel {
         let (last_gain, fit, at) = followed
             .filter_map(|(fit, at)| self.followed(fit, at, &known, train))
             .max_by(|a, b| a.2.total.total_cmp(&b.2.total))?;
-        let is_settled = last_gain < CLIMBING_NATS || parent.log_likelihood < at.total;
+        let is_settled = last_gain < SCREEN_CLIMBING_NATS || parent.log_likelihood < at.total;
         is_settled.then(|| self.ended(fit, at))
     }
 
@@ -53,7 +50,7 @@ impl RobotModel {
                 let matrix = damped(&information, damping);
                 let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else { continue };
                 let promised = 0.5 * step.dot(&slope);
-                if promised < QUIET_NATS {
+                if promised < SCREEN_QUIET_NATS {
                     break;
                 }
                 fit.values = stepped(&at.values, &step, &numbers);
@@ -64,7 +61,7 @@ impl RobotModel {
                 }
             }
             fit.values.clone_from(&at.values);
-            if gained < QUIET_NATS || self.stop.is_set() {
+            if gained < SCREEN_QUIET_NATS || self.stop.is_set() {
                 break;
             }
         }

@@ -10,6 +10,7 @@ use crate::symbolic::FittedFormula;
 use crate::{
     Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study, caution, joined,
 };
+use numbers::normal::Z_90;
 use numbers::power::square;
 use proto::effect::Level;
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -188,7 +189,7 @@ impl Study for RobotStudy {
         let first = fit.first(&self.model, term);
         let covariance = self.model.covariance(fit, &self.in_time);
         let freedom = (self.in_time.n_blocks() as f64 - 1.0).max(1.0);
-        let quantile = StudentsT::new(0.0, 1.0, freedom).map_or(1.645, |t| t.inverse_cdf(0.95));
+        let quantile = StudentsT::new(0.0, 1.0, freedom).map_or(Z_90, |t| t.inverse_cdf(0.95));
         // A threshold is the only number of its effect.
         let by_likelihood = effect
             .threshold_on()

@@ -4,7 +4,8 @@ use super::RobotStudy;
 use super::curve::RobotCurve;
 use super::motion::MeasuredTracks;
 use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, RowValues, set};
-use crate::{CURVE, Candidate, FINE, knots};
+use crate::thresholds::{CURVE_KNOTS, FINE_CURVE_KNOTS, ROWS_PER_KNOT};
+use crate::{CURVE, Candidate, FINE};
 use measure::robots::RobotSample;
 use proto::config::{Node, Value, check};
 use proto::effect::{Body, FromModel, Level, Need, Parameter, Role, Search, only};
@@ -139,8 +140,9 @@ pub(super) fn all(
     let own = tracks.own_covariates();
     let is_known = |(name, _): &&(String, Vec<f64>)| name == "time_s" || !tracks.is_relative();
     for (name, values) in tracks.robots.covariates.iter().chain(own.iter().filter(is_known)) {
-        let fine = name == "time_s" && knots::MANY * knots::ROWS_EACH <= tracks.windows.len();
-        let kinds = [("", knots::FEW), (FINE, knots::MANY)].into_iter().take(1 + usize::from(fine));
+        let fine = name == "time_s" && FINE_CURVE_KNOTS * ROWS_PER_KNOT <= tracks.windows.len();
+        let kinds =
+            [("", CURVE_KNOTS), (FINE, FINE_CURVE_KNOTS)].into_iter().take(1 + usize::from(fine));
         for (prefix, n_knots) in kinds {
             let Some(curve) = RobotCurve::new(tracks, values.clone(), n_knots) else { continue };
             let place = candidates.len();

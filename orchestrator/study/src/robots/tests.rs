@@ -6,6 +6,7 @@ mod foreign;
 use super::*;
 use crate::Study as _;
 use crate::folds::scramble;
+use crate::thresholds::MEMORY_S;
 use driven::{NOISE_M, STEP_S, driven};
 use measure::robots;
 use measure::table::DataTable;

@@ -5,6 +5,7 @@ use super::motion::MeasuredTracks;
 use super::terms::Term;
 use super::{RobotFit, RobotModel};
 use measure::robots::RobotSample;
+use numbers::normal::FALL_90_NATS;
 use numbers::power::square;
 use robotsim::dynamics::Part;
 
@@ -16,8 +17,6 @@ const TAIL_HALVES: usize = 4;
 const COARSE: usize = 96;
 /// … so many to each side, and then in steps that are so many times smaller.
 const PARTS: usize = 8;
-/// A threshold is likely while it is less likely than the best by less (nats), were windows independent: for a 90 % interval.
-const LIKELY_NATS: f64 = 1.353;
 /// Most commands that an interval has on each side of the threshold.
 const MOST_PASSED: usize = 500;
 
@@ -165,7 +164,7 @@ impl RobotModel {
         train: &[u32],
     ) -> Option<(f64, f64)> {
         let between = self.between(fit, term)?;
-        let least = fit.log_likelihood - self.tracks.n_overlapping * LIKELY_NATS;
+        let least = fit.log_likelihood - self.tracks.n_overlapping * FALL_90_NATS;
         let is_likely = |above: usize| {
             self.with_threshold(fit, term, between.threshold_above(above), train)
                 .is_some_and(|(_, at)| least < at.total)

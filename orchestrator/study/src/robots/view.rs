@@ -1,8 +1,9 @@
 //! Predictions window by window, for pictures.
 
 use super::motion::MeasuredTracks;
-use super::{HORIZONS_S, RobotFit, RobotStudy};
+use super::{RobotFit, RobotStudy};
 use crate::Study;
+use crate::thresholds::HORIZONS_S;
 use crate::view::{RowPredictions, Viewed};
 use measure::robots::RobotSample;
 use numbers::power::square;

@@ -1,22 +1,12 @@
 //! Stamps of one receiver that coincide with those of the others only after a shift.
 
 use super::super::evidence::binomial_p_value;
-use super::LEAST_SHIFT_S;
+use crate::thresholds::{
+    AMBIGUOUS_SHIFT_SHARE, COINCIDENCE_S, FEWEST_COINCIDENT_ROWS, LEAST_CLOCK_SHIFT_S,
+    LEAST_COINCIDENT_SHARE, MOST_COINCIDENT_AS_IS, MOST_FRAME_SHIFT_S,
+};
 use measure::links::LinkRow;
 use std::collections::BTreeMap;
-
-/// Shifts up to this are looked at (s).
-const MOST_SHIFT_S: f64 = 30.0;
-/// Stamps coincide within this (s).
-const TOLERANCE_S: f64 = 0.02;
-/// At least this share of a receiver's rows coincides at the shift …
-const LEAST_SHARE: f64 = 0.5;
-/// … and at most this share without it.
-const MOST_AS_IS: f64 = 0.1;
-/// Another shift with this share of the coincidences would be as good: frames are periodic, and nothing tells which it is.
-const AS_GOOD: f64 = 0.7;
-/// Rows of a receiver that are needed.
-const FEWEST_ROWS: usize = 20;
 
 /// A receiver whose stamps are shifted.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,11 +55,12 @@ fn differences(
     let mut all = Vec::new();
     for &row in own {
         let Some(of_key) = frames.get(&key(&rows[row])) else { continue };
-        let from = of_key.partition_point(|(at_s, _)| *at_s < rows[row].time_s - MOST_SHIFT_S);
+        let from =
+            of_key.partition_point(|(at_s, _)| *at_s < rows[row].time_s - MOST_FRAME_SHIFT_S);
         let mut last_s = f64::NAN;
         for &(at_s, other) in &of_key[from..] {
             let late_s = rows[row].time_s - at_s;
-            if late_s < -MOST_SHIFT_S {
+            if late_s < -MOST_FRAME_SHIFT_S {
                 break;
             }
             // Several receivers of one frame are one coincidence.
@@ -84,23 +75,23 @@ fn differences(
 }
 
 fn of_receiver(rows: &[LinkRow], frames: &Frames, node: u32, own: &[usize]) -> Option<Coincidence> {
-    if own.len() < FEWEST_ROWS {
+    if own.len() < FEWEST_COINCIDENT_ROWS {
         return None;
     }
     let all = differences(rows, frames, node, own);
     let n_own = own.len() as f64;
     let n_within = |at_s: f64| {
-        let from = all.partition_point(|(late_s, ..)| *late_s < at_s - TOLERANCE_S);
-        let to = all.partition_point(|(late_s, ..)| *late_s <= at_s + TOLERANCE_S);
+        let from = all.partition_point(|(late_s, ..)| *late_s < at_s - COINCIDENCE_S);
+        let to = all.partition_point(|(late_s, ..)| *late_s <= at_s + COINCIDENCE_S);
         (from, to)
     };
     let (from, to) = n_within(0.0);
-    if MOST_AS_IS * n_own < (to - from) as f64 {
+    if MOST_COINCIDENT_AS_IS * n_own < (to - from) as f64 {
         return None;
     }
     // Windows that begin at each difference.
     let window = |&(late_s, ..): &(f64, usize, usize)| {
-        let at_s = late_s + TOLERANCE_S;
+        let at_s = late_s + COINCIDENCE_S;
         let (from, to) = n_within(at_s);
         (at_s, from, to)
     };
@@ -108,18 +99,19 @@ fn of_receiver(rows: &[LinkRow], frames: &Frames, node: u32, own: &[usize]) -> O
     let &(at_s, from, to) = windows.iter().max_by_key(|(_, from, to)| to - from)?;
     let n_hits = to - from;
     let is_as_good = |&(other_s, from, to): &(f64, usize, usize)| {
-        4.0 * TOLERANCE_S < (other_s - at_s).abs() && AS_GOOD * n_hits as f64 <= (to - from) as f64
+        4.0 * COINCIDENCE_S < (other_s - at_s).abs()
+            && AMBIGUOUS_SHIFT_SHARE * n_hits as f64 <= (to - from) as f64
     };
-    if (n_hits as f64) < LEAST_SHARE * n_own || windows.iter().any(is_as_good) {
+    if (n_hits as f64) < LEAST_COINCIDENT_SHARE * n_own || windows.iter().any(is_as_good) {
         return None;
     }
     let hits = &all[from..to];
     let shift_s = hits[hits.len() / 2].0;
-    if shift_s.abs() < LEAST_SHIFT_S {
+    if shift_s.abs() < LEAST_CLOCK_SHIFT_S {
         return None;
     }
     // Differences elsewhere are chance: so many in a window of this width, one begins at each.
-    let width = 2.0 * TOLERANCE_S / (2.0 * MOST_SHIFT_S);
+    let width = 2.0 * COINCIDENCE_S / (2.0 * MOST_FRAME_SHIFT_S);
     let chance = (all.len() - n_hits) as f64 * width / n_own;
     let p_value = binomial_p_value(n_hits, own.len(), chance.max(width));
     Some(Coincidence {

@@ -1,12 +1,8 @@
 //! Where nodes were at any time, between the rows that tell.
 
+use crate::thresholds::{MOST_TRACK_GAP_S, STILL_M};
 use measure::links::LinkRow;
 use std::collections::BTreeMap;
-
-/// Between two rows that are further apart in time (s), a place is known only if the node has hardly moved …
-const MOST_GAP_S: f64 = 1.5;
-/// … by less than this (m).
-const STILL_M: f64 = 0.05;
 
 type Track = Vec<(f64, [f64; 3])>;
 
@@ -49,7 +45,7 @@ impl Tracks {
             (&track[index - 1], &track[index])
         };
         let gap_s = after.0 - before.0;
-        if MOST_GAP_S < gap_s && is_apart(before.1, after.1) {
+        if MOST_TRACK_GAP_S < gap_s && is_apart(before.1, after.1) {
             return None;
         }
         let part = (time_s - before.0) / gap_s;
@@ -60,7 +56,7 @@ impl Tracks {
     pub(super) fn can_shift(&self) -> bool {
         self.0.values().any(|track| {
             let near = |pair: &&[(f64, [f64; 3])]| {
-                pair[1].0 - pair[0].0 <= MOST_GAP_S && is_apart(pair[0].1, pair[1].1)
+                pair[1].0 - pair[0].0 <= MOST_TRACK_GAP_S && is_apart(pair[0].1, pair[1].1)
             };
             track.len() < 4 * track.windows(2).filter(near).count()
         })

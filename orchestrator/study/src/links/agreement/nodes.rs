@@ -6,15 +6,9 @@
 
 use crate::links::LinkStudy;
 use crate::links::fit::LinkFit;
+use crate::thresholds::{FEWEST_COMPARED_LINKS, FEWEST_DIRECTION_ROWS, PERMUTATIONS};
 use proto::rng::{Draws, Purpose};
 use std::collections::BTreeMap;
-
-/// Links with fewer rows in a direction have no mean there.
-const FEWEST_ROWS: f64 = 3.0;
-/// Of fewer links nothing can be told.
-const FEWEST_LINKS: usize = 10;
-/// Exchanges of links.
-const EXCHANGES: u64 = 999;
 
 /// The ends of a link, with a value that links may exchange.
 type Value = ([u32; 2], f64);
@@ -38,7 +32,7 @@ impl LinkStudy {
             let sum = &mut sums.entry(ends).or_default()[usize::from(measured.rx < measured.tx)];
             *sum = (sum.0 + left_db, sum.1 + 1.0);
         }
-        let mean = |(sum, n): (f64, f64)| (FEWEST_ROWS <= n).then_some(sum / n);
+        let mean = |(sum, n): (f64, f64)| (FEWEST_DIRECTION_ROWS <= n).then_some(sum / n);
         let links = sums.into_iter().map(|(ends, [there, back])| Means {
             ends,
             there_db: mean(there),
@@ -61,7 +55,7 @@ fn p_value(links: &[Means]) -> f64 {
     let told: Vec<f64> = kinds
         .iter()
         .enumerate()
-        .filter(|(_, (values, _))| FEWEST_LINKS <= values.len())
+        .filter(|(_, (values, _))| FEWEST_COMPARED_LINKS <= values.len())
         .map(|(kind, (values, signs))| p_value_of(values, *signs, kind as u64))
         .collect();
     let n = told.len().max(1) as f64;
@@ -100,8 +94,8 @@ fn p_value_of(values: &[Value], signs: [f64; 2], kind: u64) -> f64 {
         let sign = |index: usize| if signs[1] < 0.0 && turned[index] { -1.0 } else { 1.0 };
         spread(&|index| sign(index) * values[order[index]].1)
     };
-    let as_great = (0..EXCHANGES).filter(|&number| observed <= at_random(number)).count();
-    (1 + as_great) as f64 / (1 + EXCHANGES) as f64
+    let as_great = (0..PERMUTATIONS).filter(|&number| observed <= at_random(number)).count();
+    (1 + as_great) as f64 / (1 + PERMUTATIONS) as f64
 }
 
 #[cfg(test)]
@@ -142,7 +136,7 @@ mod tests {
     #[test]
     fn few_links_tell_nothing() {
         let few = links(5.0, 1);
-        assert_eq!(p_value(&few[..FEWEST_LINKS - 1]), 1.0);
+        assert_eq!(p_value(&few[..FEWEST_COMPARED_LINKS - 1]), 1.0);
         assert!(p_value(&few) < 0.005);
     }
 }

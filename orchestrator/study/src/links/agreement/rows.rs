@@ -6,13 +6,9 @@
 
 use crate::links::LinkStudy;
 use crate::links::fit::LinkFit;
+use crate::thresholds::{CHANNEL_SPANS, PERMUTATIONS};
 use proto::rng::{Draws, Purpose};
 use std::collections::BTreeMap;
-
-/// Exchanges of rows.
-const EXCHANGES: u64 = 999;
-/// Spans of time in a campaign.
-const SPANS: f64 = 48.0;
 
 /// Rows of a link. Rows of one set are exchangeable under the null hypothesis; rows of one group have a common level otherwise. Each row has
 /// its residual less the mean over its set (dB).
@@ -59,7 +55,7 @@ impl LinkStudy {
         let first_s = times_s().fold(f64::INFINITY, f64::min);
         let length_s = times_s().fold(f64::NEG_INFINITY, f64::max) - first_s;
         self.p_value_of_rows(fit, |row| {
-            let span = (SPANS * (measured[row].time_s - first_s) / length_s) as u32;
+            let span = (CHANNEL_SPANS * (measured[row].time_s - first_s) / length_s) as u32;
             Some((u32::from(measured[row].channel.unwrap_or(0)), span))
         })
     }
@@ -121,8 +117,8 @@ fn p_value(links: &[Rows]) -> f64 {
     };
     // Rounding must not make what no exchange changes look rare.
     let least = observed * (1.0 - 1e-9);
-    let as_great = (0..EXCHANGES).filter(|&number| least <= at_random(number)).count();
-    (1 + as_great) as f64 / (1 + EXCHANGES) as f64
+    let as_great = (0..PERMUTATIONS).filter(|&number| least <= at_random(number)).count();
+    (1 + as_great) as f64 / (1 + PERMUTATIONS) as f64
 }
 
 #[cfg(test)]

@@ -10,18 +10,14 @@
 //! Its derivatives over μ follow from the posterior moments of u: (E u − μ)/τ² and 1/τ² − Var u/τ⁴.
 
 use super::tables::{FrameMoments, FrameTable, SilentRowTable};
-use super::{Instrument, PowerRange, RegisterResponse, RowLikelihood, RowPrediction, STRAY};
+use super::{Instrument, PowerRange, RegisterResponse, RowLikelihood, RowPrediction};
 use crate::RowScore;
+use crate::thresholds::{FRAME_CORRELATION, MEAN_READING_SD_DB, STRAY_FRAMES};
 use measure::links::LinkRow;
 
-/// The mean of any number of readings is not known better than this (dB): registers read in steps, and drift.
-const LEAST_SD_DB: f64 = 0.3;
-/// The logarithm of its square.
+/// The logarithm of the square of [`MEAN_READING_SD_DB`].
 const LN_LEAST_VARIANCE: f64 = -2.407_945_608_651_872;
 const LN_TAU: f64 = 1.837_877_066_409_345_5;
-/// Correlation ρ of the frames of one row, because disturbances last longer than a frame. The effective sample size of k frames is
-/// k / (1 + (k − 1) ρ).
-const ALIKE: f64 = 0.01;
 /// Points of an integral. It reaches on both sides to where the integrand has fallen by so much (nats).
 const POINTS: usize = 25;
 const REACH_NATS: f64 = 14.0;
@@ -90,7 +86,7 @@ impl RowCounts {
 
 /// Effective sample size of so many frames of one row, which are correlated.
 fn effective_frames(frames: f64) -> f64 {
-    frames / (1.0 + (frames - 1.0) * ALIKE)
+    frames / (1.0 + (frames - 1.0) * FRAME_CORRELATION)
 }
 
 /// A level that nothing but power makes.
@@ -122,7 +118,7 @@ impl Instrument {
         let survival = if level.ln_survival == 0.0 { 1.0 } else { libm::exp(level.ln_survival) };
         match level.stated {
             Some(stated) => {
-                let passes = (stated * survival).clamp(STRAY, 1.0 - STRAY);
+                let passes = (stated * survival).clamp(STRAY_FRAMES, 1.0 - STRAY_FRAMES);
                 (passes, 0.0, self.sd_db * self.sd_db)
             }
             None if !self.readings.has_losses => (1.0, 0.0, self.sd_db * self.sd_db),
@@ -241,7 +237,7 @@ impl Instrument {
         let by_frames =
             self.seen_at(&RowCounts { reading_dbm: f64::NAN, ..*seen }, level, posterior);
         let share = deviation * deviation / both;
-        let is_least = own <= LEAST_SD_DB * LEAST_SD_DB;
+        let is_least = own <= MEAN_READING_SD_DB * MEAN_READING_SD_DB;
         let own_over_ln_sd =
             if is_least { 0.0 } else { 2.0 * self.sd_db * self.sd_db / seen.readings };
         Some(Integral {
@@ -519,7 +515,7 @@ impl Instrument {
 
 /// Variance of the mean of readings, the variance of one given (dB²).
 fn mean_variance(variance: f64, readings: f64) -> f64 {
-    (variance / readings).max(LEAST_SD_DB * LEAST_SD_DB)
+    (variance / readings).max(MEAN_READING_SD_DB * MEAN_READING_SD_DB)
 }
 
 /// The part of a row's log likelihood that does not depend on the mean power: the binomial coefficient, and the Jacobian of the

@@ -47,7 +47,7 @@ fn far_above_the_curve_it_is_the_normal_density_of_the_mean() {
         instrument(2.0, 3.0).aggregated_likelihood(&row(100.0, 100.0, -52.0), &level(-50.0), 0.0);
     // A stray loss in a thousand; the mean varies by 3 dB and by the least.
     let variance: f64 = 9.0 + 0.09;
-    let expected = 100.0 / (1.0 + 99.0 * ALIKE) * libm::log(1.0 - STRAY)
+    let expected = 100.0 / (1.0 + 99.0 * FRAME_CORRELATION) * libm::log(1.0 - STRAY_FRAMES)
         - 0.5 * (4.0 / variance + libm::log(std::f64::consts::TAU * variance));
     assert!((slope.log - expected).abs() < 1e-6, "{} {expected}", slope.log);
     assert!((slope.over_level + 2.0 / variance).abs() < 1e-6);

@@ -1,0 +1,362 @@
+//! Every statistical constant that decides an answer: its value, its meaning, and the reason for it.
+//!
+//! | group | what it decides |
+//! |---|---|
+//! | intervals | how wide intervals are, and when a profile gives them |
+//! | held-out rows | which rows are left out together, and how many blocks a test needs |
+//! | clusters | which rows a score test takes for dependent |
+//! | random effects | over which lengths and times levels may vary |
+//! | likelihood | which deviations the model of an outcome allows for |
+//! | identifiability | what counts as collinear, and which data suffice for a parameter |
+//! | permutation tests | how residuals of links are exchanged |
+//! | curves and formulas | how flexible a curve is, and when a longer formula is preferred |
+//! | screening | which candidates are fitted in full |
+//! | measured motion | what is believed of tracks of robots and nodes |
+//! | defects | which measurements count as defective |
+//!
+//! Iteration limits, step sizes, grids and other numeric tolerances are where they are used. They change how fast and how
+//! accurately a number is computed. Where a constant is a compromise without a source, its comment says "chosen" and names
+//! what a larger and a smaller value would cost. A test lists the constants that other files may declare.
+
+// Intervals.
+
+/// Probability beyond each end of a 90 % interval.
+pub const TAIL_90: f64 = 0.05;
+/// With more rows than this, an interval follows from the curvature of the log likelihood instead of a profile. Chosen:
+/// with so many rows the log likelihood is a parabola, and a profile takes many fits.
+pub const MOST_PROFILED_ROWS: usize = 50_000;
+/// Groups of links that the delete-a-group jackknife leaves out in turn, for the standard error of a correlation length.
+/// Chosen: more groups give Student's t more degrees of freedom, and take more time.
+pub const JACKKNIFE_GROUPS: usize = 24;
+
+// Held-out rows: blocks and folds.
+
+/// Number of folds of cross-validation. The usual choice: each fit has four fifths of the rows.
+pub const N_FOLDS: usize = 5;
+/// Fewest blocks for a test on held-out rows. The standard error is clustered over blocks, and with fewer its estimate is too
+/// uncertain.
+pub const FEWEST_BLOCKS: usize = 20;
+/// Blocks of time into which the rows of links are cut. Chosen: three times [`FEWEST_BLOCKS`]. More blocks are shorter, and
+/// depend on each other more.
+pub const TIME_BLOCKS: usize = 60;
+/// Blocks of time into which the tracks of robots are cut, within [`SHORTEST_BLOCK_WINDOWS`] and [`LONGEST_BLOCK_WINDOWS`]: as
+/// many as [`TIME_BLOCKS`].
+pub const WANTED_BLOCKS: f64 = 60.0;
+/// Length of the shortest block of a track, in windows. Chosen: neighbouring blocks depend on each other more if they are
+/// shorter.
+pub const SHORTEST_BLOCK_WINDOWS: f64 = 2.0;
+/// Length of the longest block of a track, in windows. Chosen: longer blocks are fewer, but hardly more independent.
+pub const LONGEST_BLOCK_WINDOWS: f64 = 20.0;
+/// Squares along the longer side of the area in which robots move: blocks of places. Chosen: smaller squares are more blocks,
+/// and depend on each other more.
+pub const PLACES_ACROSS: f64 = 9.0;
+/// Length of the windows over which the motion of a robot is predicted, unless the user chooses one (s). Chosen: a shorter
+/// window shows more noise of positions, a longer one hides when an error arose.
+pub const WINDOW_S: f64 = 1.0;
+/// Lengths of the windows over which predictions are compared (s).
+pub const HORIZONS_S: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
+/// Time before a window that an effect may remember (s). Rows that are fitted and rows that are scored are apart by this time
+/// beside the window itself.
+pub const MEMORY_S: f64 = 0.5;
+/// Rows of one pair of nodes that follow each other and stay together when a search takes only some of the rows. Chosen:
+/// enough to show a correlation in time.
+pub const THINNED_RUN_ROWS: u64 = 8;
+/// Rows of links that a search looks at; of several frames each, a third. The final fit uses all rows. Chosen: the time of a
+/// search grows with the rows, and the smallest effect that it finds shrinks with their root.
+pub const MOST_SEARCHED_ROWS: usize = 20_000;
+
+// Clusters of score tests.
+
+/// Length of the shortest blocks of time of links, as a share of the campaign: a quarter of one of [`TIME_BLOCKS`].
+pub const SHORTEST_CLUSTER_SHARE: f64 = 1.0 / 240.0;
+/// Length of the shortest blocks of time of robots, in windows. Noise of positions makes neighbouring windows err in opposite
+/// directions, which only increases the estimated variance of sums.
+pub const SHORTEST_CLUSTER_WINDOWS: f64 = 1.0;
+/// Squares along the longer side of the plane, in each of which a node that moves counts as another node. Chosen: smaller
+/// squares give a test more clusters, and depend on each other more.
+pub const NODE_SQUARES_ACROSS: f64 = 8.0;
+/// Fewest blocks for a t test of a mean over blocks of rows. Chosen: with fewer, its p-value depends more on sums over blocks
+/// being normal.
+pub const FEWEST_SUMMED_BLOCKS: usize = 8;
+
+// Random effects.
+
+/// Decorrelation lengths of shadowing that are tried (m): correlations fall as e^(-distance / length). Each is about three
+/// times the one before.
+pub const DECORRELATION_M: [f64; 4] = [0.5, 1.5, 4.0, 10.0];
+/// Decorrelation length (m) of the random effects of links while no candidate asks for another, and if no node moves: one of
+/// [`DECORRELATION_M`].
+pub const DEFAULT_DECORRELATION_M: f64 = 1.5;
+/// Correlation times of drifting levels that are tried (s). Each is about three times the one before.
+pub const DRIFT_TIMES_S: [f64; 4] = [30.0, 100.0, 300.0, 1000.0];
+/// Fewest independent levels of a drift within a campaign. With fewer, a drift is hardly distinguishable from a constant.
+pub const FEWEST_DRIFT_LEVELS: f64 = 5.0;
+/// Most independent levels of a drift within a campaign. With more, a level has few rows, and fits take longer.
+pub const MOST_DRIFT_LEVELS: f64 = 400.0;
+/// Time over which the level of all links counts as constant, as a share of its correlation time. Within it, the correlation is
+/// at least e^(-1/4).
+pub const COMMON_SPAN: f64 = 0.25;
+/// The same at least, as a share of the campaign: it limits the number of these levels to 300.
+pub const LEAST_COMMON_SPAN: f64 = 1.0 / 300.0;
+/// Correlation time for the lags of a drift, if no drift was fitted (s).
+pub const CORRELATION_LAG_S: f64 = 100.0;
+/// Rows of a link of which each two are compared for a correlation: a limit of time, which grows with the square.
+pub const MOST_COMPARED_ROWS: usize = 150;
+/// Fewest pairs of rows in a bin of lags, for a correlation length. Chosen: a mean of fewer products is mostly noise.
+pub const FEWEST_LAG_PAIRS: f64 = 10.0;
+/// A correlation length lies between the shortest lag divided by this and the longest lag times this. Beyond, it is not
+/// identifiable: all correlations are near 0, or near 1.
+pub const CORRELATION_REACH: f64 = 4.0;
+/// Probability of reception above which a reading counts as unselected. Of frames that are received less often, the stronger
+/// ones were.
+pub const CERTAIN_PASS: f64 = 0.9;
+/// Probability of reception from which residuals of losses are computed. Below, the ratio of received and expected frames is
+/// mostly noise.
+pub const LEAST_EXPECTED_PASS: f64 = 0.3;
+
+// Likelihood.
+
+/// Share of frames that are received, or lost, against the reception curve. No stated probability counts as more certain
+/// either. Without it a single frame could decide an answer.
+pub const STRAY_FRAMES: f64 = 1e-3;
+/// Correlation ρ of the frames of one row, because disturbances last longer than a frame. The effective sample size of k frames
+/// is k / (1 + (k − 1) ρ), at most 100.
+pub const FRAME_CORRELATION: f64 = 0.01;
+/// Least standard deviation of the mean of any number of readings (dB): registers read in steps, and drift. Rounding to 1 dB
+/// alone has 0.29 dB.
+pub const MEAN_READING_SD_DB: f64 = 0.3;
+/// Width of the range of powers that a reading stands for if readings are not rounded (dB), and the difference up to which
+/// two such readings are equal.
+pub const UNROUNDED_STEP_DB: f64 = 0.01;
+/// The standard deviation of the noise over the root mean square of received readings about the mean level, at most. The
+/// module `links/noise_bound.rs` derives it.
+pub const NOISE_BOUND_RATIO: f64 = 1.1906;
+/// Standard errors by which the noise may exceed that bound. A normal estimate exceeds three in one case of 740.
+pub const NOISE_BOUND_ERRORS: f64 = 3.0;
+/// Share of windows of robots that are wrong for reasons of their own, as the density of errors assumes: contaminated normal.
+pub const BROAD_SHARE: f64 = 0.01;
+/// Standard deviation of their errors over that of the others.
+pub const BROAD_FACTOR: f64 = 10.0;
+/// Standard deviation of the normal prior of the values of a curve at its knots, in units of a share of the way, or m/s. It
+/// holds values near 0 that the data do not determine.
+pub const CURVE_PRIOR_SD: f64 = 1.0;
+
+// Identifiability.
+
+/// Correlation of two estimates beyond which parameters of links are nearly collinear. Chosen: the standard error is then four
+/// times that with the other parameter known.
+pub const LINKS_COLLINEAR: f64 = 0.97;
+/// The same for parameters of robots. The standard error is then three times that with the other parameter known.
+pub const ROBOTS_COLLINEAR: f64 = 0.95;
+/// Fewest places from which a node of unknown heading was seen, for an antenna pattern. A heading and a pattern are three
+/// numbers; with fewer places, nothing is left to test them.
+pub const FEWEST_VIEWS: usize = 6;
+/// Positions of other agents, over all moments, above which shadowing by other agents is not considered: a limit of memory
+/// and time.
+pub const MOST_AGENT_POSITIONS: usize = 8_000_000;
+
+// Permutation tests of residuals of links.
+
+/// Number of random permutations. The least p-value is 0.001.
+pub const PERMUTATIONS: u64 = 999;
+/// Fewest rows of a link in one direction, for its mean residual.
+pub const FEWEST_DIRECTION_ROWS: f64 = 3.0;
+/// Fewest links whose directions are compared.
+pub const FEWEST_COMPARED_LINKS: usize = 10;
+/// Spans of time within a campaign, in which residuals of one channel are compared.
+pub const CHANNEL_SPANS: f64 = 48.0;
+/// Spans of time within a campaign, over which residuals of links are compared.
+pub const COURSE_SPANS: usize = 120;
+/// Links are moved against each other alone, or, if there are more, in this number of groups: a limit of time.
+pub const MOST_COURSES: usize = 200;
+
+// Curves and formulas.
+
+/// Knots of a curve over a covariate. Chosen: more knots follow more structure, and need more rows.
+pub const CURVE_KNOTS: usize = 7;
+/// Knots of a fine curve over time, for what comes and goes. Rows are left out in [`TIME_BLOCKS`], so that a fit has rows near
+/// every knot.
+pub const FINE_CURVE_KNOTS: usize = 25;
+/// Fewest rows, or windows, for each knot of a fine curve. Chosen: with fewer, values at knots are mostly noise.
+pub const ROWS_PER_KNOT: usize = 40;
+/// Fewest known values of a covariate, for a formula. Chosen: with fewer, the best of many formulas is the best by chance.
+pub const FEWEST_FORMULA_ROWS: usize = 200;
+/// Rows at which an expression is evaluated to see whether it varies.
+pub const FORMULA_SAMPLE_ROWS: usize = 500;
+/// A longer formula must reduce the root mean squared error below this share of that of a shorter one. Chosen: nearer to 1,
+/// formulas are longer than the data support.
+pub const LONGER_FORMULA: f64 = 0.998;
+/// A formula of two covariates must reduce it below this share. Stricter, because many such formulas are tried.
+pub const PRODUCT_FORMULA: f64 = 0.99;
+/// Most cycles of a wave over the range of a covariate, in quarters. Chosen: with more cycles, some wave fits noise.
+pub const MOST_WAVE_QUARTERS: u32 = 48;
+/// A formula along a second direction must explain at least this share of the squares that the first leaves, and must reduce
+/// the root mean squared error by this share.
+pub const SECOND_DIRECTION_SHARE: f64 = 0.01;
+
+// Screening.
+
+/// Gain by which an obstacle that came and went must exceed one that always stood (nats). It is the best of many spans of
+/// time and places.
+pub const LIMITED_OBSTACLE_NATS: f64 = 20.0;
+/// A start of a robot effect is abandoned if a step gains less (nats).
+pub const SCREEN_QUIET_NATS: f64 = 0.5;
+/// A start that gains more in its last step (nats) has not converged, and its effect is fitted in full.
+pub const SCREEN_CLIMBING_NATS: f64 = 1.0;
+
+// Measured motion.
+
+/// A node that stays within this distance (m) stands still. Chosen: above the rounding of positions, below a move that matters.
+pub const STILL_M: f64 = 0.05;
+/// A window begins no earlier after its track than this share of a window, so that the velocity is known by then.
+pub const TRACK_BEGIN_WINDOWS: f64 = 0.5;
+/// A window begins no earlier than at this sample of its track.
+pub const TRACK_BEGIN_SAMPLES: usize = 3;
+/// Time at the beginning of a track from which the velocity there is estimated (s).
+pub const TRACK_BEGIN_S: f64 = 0.5;
+/// Fewest campaigns that all begin at one place, for positions to count as relative to where a robot began. So many are no
+/// coincidence.
+pub const FEWEST_RUNS_ALIKE: usize = 5;
+/// Length of the segments that another robot simulator predicts (s). Chosen: place and heading of its prediction are less
+/// accurate in a longer one, and a shorter one takes more predictions.
+pub const FOREIGN_SEGMENT_S: f64 = 1.0;
+/// Time by which a prediction begins before its segment (s): five time constants of actuators of 0.4 s.
+pub const FOREIGN_LEAD_S: f64 = 2.0;
+
+// Defects of the measurement.
+
+/// Probability with which any defect is reported of measurements without one.
+pub const DEFECT_FAMILY_ERROR: f64 = 0.005;
+/// A defect matters from this share of the squared error of the readings, or of the rows.
+pub const DEFECT_WORTH_SHARE: f64 = 0.01;
+
+/// Shifts of channel labels that are tried: up to this number of channels up and down.
+pub const MOST_CHANNEL_SHIFT: i16 = 3;
+
+/// Difference of the time stamps of one frame within which they coincide (s).
+pub const COINCIDENCE_S: f64 = 0.02;
+/// Greatest shift of a clock that coincidences of frames show (s).
+pub const MOST_FRAME_SHIFT_S: f64 = 30.0;
+/// At least this share of a receiver's rows coincides with those of other receivers at the shift.
+pub const LEAST_COINCIDENT_SHARE: f64 = 0.5;
+/// At most this share of them coincides without the shift.
+pub const MOST_COINCIDENT_AS_IS: f64 = 0.1;
+/// A shift is ambiguous if another has this share of its coincidences: frames are periodic.
+pub const AMBIGUOUS_SHIFT_SHARE: f64 = 0.7;
+/// Fewest rows of a receiver for a shift by coincidences.
+pub const FEWEST_COINCIDENT_ROWS: usize = 20;
+/// Greatest shift of a clock that positions along tracks show (s).
+pub const MOST_TRACK_SHIFT_S: f64 = 10.0;
+/// A smaller shift (s) is a latency rather than a defect.
+pub const LEAST_CLOCK_SHIFT_S: f64 = 0.1;
+/// Least share of a receiver's rows whose positions can be interpolated, for a shift by tracks.
+pub const LEAST_TRACKED_SHARE: f64 = 0.5;
+/// Fewest such rows.
+pub const FEWEST_TRACKED_ROWS: usize = 40;
+/// Between two rows that are further apart in time (s), a position is known only if the node has not moved by [`STILL_M`].
+pub const MOST_TRACK_GAP_S: f64 = 1.5;
+
+/// Least and greatest probability with which two frames have the same outcome by chance.
+pub const EQUAL_OUTCOME_CHANCES: (f64, f64) = (0.001, 0.999);
+/// Fewest pairs of consecutive rows of one link, for that probability.
+pub const FEWEST_CONSECUTIVE_PAIRS: usize = 50;
+
+/// Slower nodes have no direction of motion (m/s): noise of positions would decide it.
+pub const LEAST_HEADING_MPS: f64 = 0.1;
+/// Headings agree with the motion from this mean cosine of their difference.
+pub const HEADING_AGREES: f64 = 0.7;
+/// Fewest moments of motion, for a convention of headings.
+pub const FEWEST_HEADING_MOMENTS: usize = 50;
+/// Bonferroni factor of the conventions of headings: conventions times ways to test them.
+pub const HEADING_TESTS: f64 = 5.0;
+
+/// Fewest readings for a search of outliers.
+pub const FEWEST_OUTLIER_READINGS: usize = 200;
+/// Fewest outliers.
+pub const FEWEST_OUTLIERS: usize = 5;
+/// Greatest share of readings that are outliers. More are a property of the channel.
+pub const MOST_OUTLIER_SHARE: f64 = 0.1;
+/// Least share of the outliers that lie above the prediction. Physical effects mostly attenuate, so that deviations on one
+/// side are no defect.
+pub const LEAST_OUTLIERS_ABOVE: f64 = 0.15;
+/// Fewest outliers above the prediction.
+pub const FEWEST_OUTLIERS_ABOVE: usize = 3;
+/// Greatest share of outliers among the rows beside outliers. A physical effect lasts, and gives more.
+pub const MOST_OUTLIERS_BESIDE: f64 = 0.2;
+
+/// Fewest readings of moving nodes, for noise of positions.
+pub const FEWEST_MOVING_READINGS: usize = 200;
+/// Fewest pairs of receivers on opposite sides, for their covariance to count.
+pub const FEWEST_OPPOSITE_PAIRS: usize = 200;
+/// Fewest other rows of a frame, from which its level is estimated.
+pub const FEWEST_OTHER_RECEIVERS: usize = 2;
+/// Greatest cosine between the directions of receivers on opposite sides of a sender.
+pub const OPPOSITE_COSINE: f64 = -0.3;
+
+/// Of the readings in the last two steps of a register without a limit, the greatest share in the last step: half where their
+/// density is constant, and a margin.
+pub const SMOOTH_END_SHARE: f64 = 0.65;
+/// Fewest directed links with a reading at the limit of a register.
+pub const FEWEST_LIMITED_LINKS: usize = 4;
+
+/// Fewest readings of a receiver that reports one reading.
+pub const FEWEST_STUCK_READINGS: usize = 20;
+/// Fewest senders of such a receiver.
+pub const FEWEST_STUCK_SENDERS: usize = 2;
+/// Greatest variance of its readings, as a share of the variance of their predictions.
+pub const MOST_STUCK_VARIANCE: f64 = 0.05;
+/// Least standard deviation of these predictions (dB).
+pub const LEAST_PREDICTED_SD_DB: f64 = 1.5;
+
+/// Fewest rows of a part of the measurements whose ends may be exchanged.
+pub const FEWEST_SWAPPED_ROWS: usize = 20;
+/// Fewest moments of several senders and one receiver, for exchanged ends.
+pub const FEWEST_REVERSED_MOMENTS: usize = 10;
+/// Greatest number of moments of one sender and several receivers, for each of those.
+pub const MOST_REGULAR_MOMENTS: f64 = 0.1;
+
+// Networks compared with measured packets.
+
+/// Level of significance of the gain of an added effect, and of a part of the error, by simulated null distributions.
+pub const PACKETS_LEVEL: f64 = 0.01;
+/// Fewest seeds for that level: the least p-value of a test by n seeds is 1 / (n + 1).
+pub const FEWEST_PACKETS_SEEDS: u64 = 99;
+/// Level of significance below which measured packets are inconsistent with the model.
+pub const CONSISTENCY_LEVEL: f64 = 0.05;
+/// Fewest seeds for that level.
+pub const FEWEST_CONSISTENCY_SEEDS: usize = 19;
+/// Fewest seeds for a fit of an effect. Chosen: with fewer, the scatter of the figures is not known well enough.
+pub const FEWEST_FIT_SEEDS: u64 = 24;
+/// Greatest number of effects that a search adds. Chosen: each takes a search over all others by simulation.
+pub const MOST_ADDED_EFFECTS: usize = 3;
+/// Greatest distance from the best candidate at which a candidate is refined: in nats, and as a share of the gain of the best
+/// one. The first gains are interpolated linearly between distant values, and so are not more accurate than this.
+pub const REFINED_BEHIND: (f64, f64) = (20.0, 0.5);
+/// Greatest number of candidates that are refined, the best ones: a limit of time.
+pub const MOST_REFINED: usize = 4;
+/// Greatest distance from the best candidate at which one is chosen (nats), if only it makes the packets consistent.
+pub const CONSISTENT_BEHIND_NATS: f64 = 10.0;
+/// A rival is indistinguishable from the best candidate if it makes the packets at most twenty times less probable (nats).
+pub const RIVAL_NATS: f64 = 3.0;
+/// Fall of the log likelihood within which values of a parameter are searched further (nats): wider than any interval that
+/// is reported.
+pub const SEARCHED_NATS: f64 = 4.0;
+/// How often seeds are drawn again, for the error that their choice causes.
+pub const SEED_RESAMPLES: u64 = 100;
+/// Degrees of freedom of Student's density of the figures of a run. Chosen: normal densities make a run five standard
+/// deviations away all but impossible.
+pub const FIGURES_FREEDOM: f64 = 8.0;
+/// Least standard deviation of the logarithm of a time or a number.
+pub const LEAST_RATIO_SD: f64 = 0.01;
+/// Fewest packets of a mote whose delivery counts as that of the worst mote.
+pub const FEWEST_MOTE_PACKETS: u32 = 5;
+
+/// Campaigns of link measurements that the model simulates, to see what their noise does to the figures.
+pub const SPLIT_CAMPAIGNS: u64 = 39;
+/// Runs over each of them.
+pub const SPLIT_RUNS: u64 = 5;
+/// Frames of a link that are counted together, on average. Chosen: fewer determine a reception ratio less, more mix what
+/// changes.
+pub const COUNTED_FRAMES: f64 = 20.0;
+/// Least difference of a figure on its scale that counts, and least standard deviation of a figure for the parts of an error.
+pub const LEAST_FIGURE_DIFFERENCE: f64 = 0.005;
