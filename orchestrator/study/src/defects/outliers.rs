@@ -13,11 +13,9 @@
 use super::evidence::Evidence;
 use super::{Correction, Defect};
 use crate::Estimate;
-use minimum::nelder_mead;
+use numbers::optimise::nelder_mead::NelderMead;
 use statrs::distribution::{Beta, ChiSquared, ContinuousCDF as _};
 use std::collections::{BTreeMap, BTreeSet};
-
-mod minimum;
 
 /// The name of this kind.
 pub const NAME: &str = "outliers";
@@ -35,6 +33,8 @@ const MOST_BESIDE: f64 = 0.2;
 const LEAST_SCALE_DB: f64 = 0.1;
 /// Degrees of freedom lie between these.
 const FREEDOM: (f64, f64) = (1.5, 200.0);
+/// How the mixture is fitted (tolerance in nats).
+const SEARCH: NelderMead = NelderMead { max_evaluations: 1500, tolerance: 1e-6 };
 
 /// Residuals as a skewed t distribution, mixed with a uniform one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,14 +114,14 @@ fn fitted(residuals_db: &[f64]) -> Option<([f64; 2], Mixture)> {
     let starts = [3.0, 10.0, 60.0]
         .map(|freedom: f64| vec![middle, libm::log(scale_db), 0.0, libm::log(freedom)]);
     let best = |starts: Vec<Vec<f64>>, steps: &[f64]| {
-        let found = starts.into_iter().map(|start| nelder_mead(&cost, start, steps));
-        found.min_by(|a, b| a.1.total_cmp(&b.1))
+        let found = starts.into_iter().map(|start| SEARCH.minimise(&cost, start, steps));
+        found.min_by(|a, b| a.value.total_cmp(&b.value))
     };
-    let (alone, cost_alone) = best(starts.to_vec(), &[0.5 * scale_db, 0.3, 0.2, 0.7])?;
+    let alone = best(starts.to_vec(), &[0.5 * scale_db, 0.3, 0.2, 0.7])?;
     let mixed = |start: Vec<f64>| [-5.0, -3.0].map(|logit| [start.clone(), vec![logit]].concat());
-    let starts = starts.into_iter().chain([alone]).flat_map(mixed).collect();
-    let (both, cost_both) = best(starts, &[0.5 * scale_db, 0.3, 0.2, 0.7, 0.7])?;
-    Some(([-cost_alone, -cost_both], Mixture::at(&both, uniform)))
+    let starts = starts.into_iter().chain([alone.point]).flat_map(mixed).collect();
+    let both = best(starts, &[0.5 * scale_db, 0.3, 0.2, 0.7, 0.7])?;
+    Some(([-alone.value, -both.value], Mixture::at(&both.point, uniform)))
 }
 
 /// Looks for readings that are grossly wrong.
