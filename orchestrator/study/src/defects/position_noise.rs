@@ -12,6 +12,7 @@ use super::evidence::{Evidence, p_value_by_blocks};
 use super::{Correction, Defect};
 use crate::Estimate;
 use measure::links::LinkRow;
+use numbers::optimise::roots::bisection;
 use numbers::power::square;
 use std::collections::BTreeMap;
 
@@ -186,19 +187,9 @@ fn opposite(
 
 /// The 90 % interval of the position noise by its profile (m).
 fn interval(readings: &[&Reading], sd_m: f64, top: f64) -> (f64, f64) {
-    let root = |inside: f64, outside: f64| {
-        let (mut inside, mut outside) = (inside, outside);
-        for _ in 0..30 {
-            let middle = 0.5 * (inside + outside);
-            if top - log_likelihood(readings, middle) < FALL_NATS {
-                inside = middle;
-            } else {
-                outside = middle;
-            }
-        }
-        0.5 * (inside + outside)
-    };
-    (root(sd_m, 0.0), root(sd_m, 4.0 * sd_m))
+    let is_likely = |sd_m: f64| top - log_likelihood(readings, sd_m) < FALL_NATS;
+    let end = |outside_m: f64| bisection(sd_m, outside_m, 30, is_likely);
+    (end(0.0), end(4.0 * sd_m))
 }
 
 /// What the variance of readings depends on, and how, if positions are noisy.
