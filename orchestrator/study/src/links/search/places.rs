@@ -7,6 +7,7 @@ use super::{LinkPath, ObstacleShape, ways};
 use crate::links::likelihood::RowLikelihood;
 use crate::links::rows::ModelledLinks;
 use crate::links::terms::TermState;
+use numbers::optimise::metropolis::{Metropolis, Proposal};
 use numbers::statistics::quantile_nearest;
 use proto::rng::{Draws, Purpose, normal, uniform};
 
@@ -89,23 +90,15 @@ impl FittedObstacle {
     fn drawn(&self, start: Vec<f64>) -> Vec<Vec<f64>> {
         let draws = Draws::new(4, Purpose::Resample);
         let n_steps = (MOST_LOOKS / self.ways.len().max(1)).clamp(STEPS.0, STEPS.1);
-        let mut here = start;
-        let mut lost = self.lost(&here);
-        let mut drawn = Vec::with_capacity(n_steps);
-        for step in 0..n_steps {
+        let propose = |step: usize, here: &Vec<f64>| {
             let [what, size, one, other] = draws.words(0, step as u64, 0);
             let [accept, turn, ..] = draws.words(0, step as u64, 1);
             let size = (uniform(size), uniform(turn));
-            let there = self.moved(&here, what, size, normal(one, other));
-            if self.is_possible(&there) {
-                let then = self.lost(&there);
-                if libm::log(uniform(accept)) < lost - then {
-                    (here, lost) = (there, then);
-                }
-            }
-            drawn.push(here.clone());
-        }
-        drawn.split_off(n_steps / FORGOTTEN)
+            let state = self.moved(here, what, size, normal(one, other));
+            self.is_possible(&state).then_some(Proposal { state, uniform: uniform(accept) })
+        };
+        let walk = Metropolis { n_steps, burn_in: n_steps / FORGOTTEN };
+        walk.sample(start, |numbers| -self.lost(numbers), propose)
     }
 
     /// A symmetric proposal, as likely as its reverse. It moves one number; a segment or one end of it, along, across or about an
