@@ -4,6 +4,7 @@
 //! whatever the noise. The squares in which a fit takes levels for constant say less: how large they are best depends on how
 //! densely links were measured, too.
 
+use numbers::optimise::pattern_search::{PatternSearch, Polling};
 use numbers::power::square;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
@@ -139,15 +140,18 @@ fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
             best = there;
         }
     }
-    let mut reach = step;
-    for _ in 0..REFINED {
-        reach *= 0.7;
-        for there in [best - reach, best + reach].map(|there| there.clamp(low, high)) {
-            if fit_at(best).0 < fit_at(there).0 {
-                best = there;
-            }
-        }
-    }
+    let search = PatternSearch {
+        step: 0.7 * step,
+        min_step: 0.0,
+        max_iterations: REFINED,
+        polling: Polling::Complete,
+        contract: |step| 0.7 * step,
+        contracts_always: true,
+    };
+    let poll = |&ln_length: &f64, step: f64| {
+        [ln_length - step, ln_length + step].map(|ln_length| ln_length.clamp(low, high))
+    };
+    let best = search.maximise(best, poll, |&ln_length| fit_at(ln_length).0).point;
     let (gain, variance) = fit_at(best);
     (0.0 < gain).then(|| [best, libm::log(variance)])
 }
