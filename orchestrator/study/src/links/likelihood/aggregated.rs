@@ -13,6 +13,7 @@ use super::tables::{FrameMoments, FrameTable, SilentRowTable};
 use super::{Instrument, PowerRange, RegisterResponse, RowLikelihood, RowPrediction, STRAY};
 use crate::RowScore;
 use measure::links::LinkRow;
+use numbers::optimise::newton::Newton;
 
 /// The mean of any number of readings is not known better than this (dB): registers read in steps, and drift.
 const LEAST_SD_DB: f64 = 0.3;
@@ -282,21 +283,13 @@ impl Instrument {
                 start(mean + k * variance.sqrt());
             }
         }
-        let mut width = variance.sqrt();
-        for _ in 0..TOP_STEPS {
-            let h = 0.05;
-            let (below, here, above) =
-                (exponent_at(top - h), exponent_at(top), exponent_at(top + h));
-            let (slope, bend) =
-                ((above - below) / (2.0 * h), (2.0 * here - above - below) / (h * h));
-            let bend = bend.max(1.0 / variance);
-            width = bend.sqrt().recip();
-            let step = (slope / bend).clamp(-2.0 * width - 1.0, 2.0 * width + 1.0);
-            top += step;
-            if step.abs() < 0.05 * width {
-                break;
-            }
-        }
+        let search = Newton {
+            difference: 0.05,
+            max_iterations: TOP_STEPS,
+            max_step: (2.0, 1.0),
+            tolerance: 0.05,
+        };
+        let (top, width) = search.maximise(exponent_at, top, 1.0 / variance);
         // Beside a reading nothing but a normal density is left of the integrand; without one a wall of losses on one side leaves a
         // long slope on the other.
         if seen.reading_dbm.is_finite() && width < NARROW * self.sd_db {
