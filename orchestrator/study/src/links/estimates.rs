@@ -7,6 +7,7 @@ use super::terms::TermSpec;
 use super::{CORRELATION_S, From, LinkStudy, group, search};
 use crate::COMMON;
 use crate::{Estimate, Study as _, caution, joined};
+use numbers::optimise::roots::ParabolicRoot;
 use numbers::power::square;
 use proto::config::{Field, Kind};
 use proto::effect::{Role, Search};
@@ -456,33 +457,12 @@ impl LinkStudy {
         let end = |sign: f64| {
             let bound = if sign < 0.0 { parameter.min } else { parameter.max };
             let reach = (bound - best).abs();
-            // The root of the fall is nearly a straight line: regula falsi, between what is too near and what too far.
-            let (mut near, mut far) = (0.0, f64::INFINITY);
             let first =
                 if error.is_finite() && 0.0 < error { NINETY * error } else { parameter.step };
-            let mut step = first.min(reach);
-            for _ in 0..END_STEPS {
-                let now = fall(best + sign * step, top);
-                if now < FALL_NATS {
-                    near = step;
-                    if reach <= step {
-                        break;
-                    }
-                } else {
-                    far = step;
-                }
-                let ratio = (FALL_NATS / now.max(1e-9)).sqrt().clamp(0.25, 4.0);
-                let next = (step * ratio).min(reach);
-                step = if far.is_finite() && (next <= near || far <= next) {
-                    0.5 * (near + far)
-                } else {
-                    next
-                };
-                if (ratio - 1.0).abs() < 0.02 {
-                    break;
-                }
-            }
-            best + sign * step
+            let search =
+                ParabolicRoot { max_iterations: END_STEPS, max_ratio: 4.0, tolerance: 0.02 };
+            let fall_at = |step: f64| fall(best + sign * step, top);
+            best + sign * search.find(fall_at, FALL_NATS, first, reach)
         };
         (end(-1.0), end(1.0))
     }
