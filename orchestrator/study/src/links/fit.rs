@@ -2,7 +2,7 @@
 
 use super::active::{ActiveEffect, AlteredRegister, level};
 use super::basis::Basis;
-use super::cells::{NewtonStep, Random, RandomEffectSds, RowCells, Scales, Solver};
+use super::cells::{NewtonStep, Random, RandomEffectSds, RowCells, Scales};
 use super::likelihood::{Instrument, Noise, RowLikelihood, RowPrediction};
 use super::passing::SampledCurve;
 use super::rows::ModelledLinks;
@@ -13,6 +13,8 @@ use netsim::phy::effect::Effect;
 use numbers::power::square;
 use proto::effect;
 use std::sync::Arc;
+
+mod objective;
 
 /// A model of links fitted to measurements: terms with their states, noise and random levels.
 #[derive(Clone, Debug)]
@@ -97,7 +99,6 @@ const SHARE_SD: (f64, f64) = (1e-3, 1.0);
 const ROUGH_SHARE_SD: f64 = 0.2;
 /// What is gained in the last step (nats).
 const CONVERGED_NATS: f64 = 1e-4;
-
 /// Levels of the rows that are fitted, and what terms add to them.
 #[derive(Clone)]
 struct Levels {
@@ -238,8 +239,8 @@ impl<'a> FitProblem<'a> {
         let is_random = random.sd != RandomEffectSds::default() && !self.holds;
         let mut noise = noise.unwrap_or_else(|| self.rough_noise(&states));
         noise.sd_db = self.fixed_sd_db.unwrap_or(noise.sd_db);
-        let mut here = self.here(states, noise, random);
-        let mut last = self.climb(&mut here, steps.most_steps);
+        let start = self.here(states, noise, random);
+        let (mut here, mut last) = self.climb(start, steps.most_steps);
         if is_random {
             let mut before = here.log - last.half_log_determinant;
             for _ in 0..steps.rounds {
@@ -254,8 +255,7 @@ impl<'a> FitProblem<'a> {
                     time_db: if self.free.times { sd.time_db } else { old.time_db },
                 };
                 let random = here.random.clone();
-                here = self.here(here.states, noise, random);
-                last = self.climb(&mut here, 6);
+                (here, last) = self.climb(self.here(here.states, noise, random), 6);
                 let now = here.log - last.half_log_determinant;
                 if (now - before).abs() < 0.02 || self.stop.is_set() {
                     break;
@@ -338,58 +338,6 @@ impl<'a> FitProblem<'a> {
 
     fn n_parameters(&self, here: &Here) -> usize {
         here.states.iter().map(|state| state.values.len()).sum()
-    }
-
-    /// Climbs to the top from here.
-    fn climb(&self, here: &mut Here, most_steps: usize) -> NewtonStep {
-        let mut damping = 1e-4;
-        let mut last = None;
-        for _ in 0..most_steps {
-            let (jacobian, extra, gradient) = self.derivatives(here);
-            let p = gradient.len();
-            let solver = Solver {
-                cells: self.cells,
-                train: self.train,
-                slopes: &here.slopes,
-                jacobian: &jacobian,
-                n_parameters: p,
-            };
-            let mut gained = 0.0;
-            for _ in 0..8 {
-                let Some(step) = solver.step(&here.random, &extra, &gradient, damping) else {
-                    damping = (damping * 10.0).max(1e-3);
-                    continue;
-                };
-                let there = self.moved(here, &step);
-                let better = there.log - here.log;
-                if better.is_finite() && 0.0 <= better {
-                    gained = better;
-                    *here = there;
-                    damping = (damping * 0.2).max(1e-6);
-                    last = Some(step);
-                    break;
-                }
-                // At the top but for rounding.
-                let is_top = -CONVERGED_NATS < better;
-                last.get_or_insert(step);
-                if is_top {
-                    break;
-                }
-                damping *= 10.0;
-            }
-            if gained < CONVERGED_NATS || self.stop.is_set() {
-                break;
-            }
-        }
-        last.unwrap_or_else(|| {
-            let p = self.n_parameters(here);
-            NewtonStep {
-                parameters: DVector::zeros(p),
-                random: here.random.clone(),
-                information: DMatrix::zeros(p, p),
-                half_log_determinant: 0.0,
-            }
-        })
     }
 
     /// Here with a step taken, within the ranges of the parameters.
