@@ -4,6 +4,7 @@ use super::super::likelihood::RowLikelihood;
 use super::super::rows::ModelledLinks;
 use super::super::terms::TermState;
 use nalgebra::{DMatrix, DVector};
+use numbers::optimise::levenberg_marquardt::{Damping, LevenbergMarquardt, Objective, damped};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -152,35 +153,61 @@ fn derivatives(all: &[PatternRow], sought: &Sought) -> (DMatrix<f64>, Sought) {
     (information, gradient)
 }
 
-/// A step of Gauss's and Newton's method.
-fn step(all: &[PatternRow], sought: &Sought, damping: f64) -> Option<Sought> {
-    let (mut information, gradient) = derivatives(all, sought);
-    for i in 0..sought.len() {
-        information[(i, i)] += damping * information[(i, i)] + 1e-6;
+/// The gain of a pattern as a function of what is sought.
+struct Gain<'a>(&'a [PatternRow]);
+
+impl Objective for Gain<'_> {
+    type Point = (f64, Sought);
+    type Equations = (DMatrix<f64>, Sought);
+    type Step = Sought;
+
+    fn value(&self, (gain, _): &Self::Point) -> f64 {
+        *gain
     }
-    information.cholesky().map(|factor| factor.solve(&gradient))
+
+    fn equations(&mut self, (_, sought): &Self::Point) -> Option<Self::Equations> {
+        Some(derivatives(self.0, sought))
+    }
+
+    fn step(
+        &mut self,
+        _: &Self::Point,
+        (information, gradient): &Self::Equations,
+        damping: f64,
+    ) -> Option<Sought> {
+        damped(information, damping, 1e-6).cholesky().map(|factor| factor.solve(gradient))
+    }
+
+    fn advance(
+        &mut self,
+        (before, sought): &Self::Point,
+        step: &Sought,
+    ) -> Result<Self::Point, f64> {
+        let mut next = sought + step;
+        next[0] = next[0].clamp(0.0, 40.0);
+        let now = gain(self.0, &next);
+        if *before < now { Ok((now, next)) } else { Err(f64::NEG_INFINITY) }
+    }
 }
 
-fn climbed(all: &[PatternRow], mut sought: Sought) -> (f64, Sought) {
-    let mut best = gain(all, &sought);
-    let mut damping = 1e-2;
-    for _ in 0..STEPS {
-        let Some(change) = step(all, &sought, damping) else { break };
-        let mut there = &sought + change;
-        there[0] = there[0].clamp(0.0, 40.0);
-        let now = gain(all, &there);
-        if best < now {
-            let gained = now - best;
-            (best, sought) = (now, there);
-            damping *= 0.3;
-            if gained < CONVERGED_NATS {
-                break;
-            }
-        } else {
-            damping *= 10.0;
-        }
-    }
-    (best, sought)
+/// The gain and what is sought at the optimum near a start.
+fn optimum(all: &[PatternRow], start: Sought) -> (f64, Sought) {
+    let search = LevenbergMarquardt {
+        damping: Damping {
+            initial: 1e-2,
+            min: 0.0,
+            decrease: 0.3,
+            increase: 10.0,
+            singular: (10.0, 0.0),
+        },
+        max_iterations: STEPS,
+        max_trials: STEPS,
+        max_evaluations: STEPS,
+        min_gain: CONVERGED_NATS,
+        patience: 1,
+        min_predicted_gain: 0.0,
+    };
+    search.maximise(&mut Gain(all), (gain(all, &start), start)).point
 }
 
 /// States of a cardioid pattern, with headings for the nodes that tell none: from each of `starts` the best.
@@ -220,7 +247,7 @@ pub fn patterns(
             let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, angle)| angle);
             sought[2 + node] = best;
         }
-        climbed(&all, sought)
+        optimum(&all, sought)
     });
     let best = found.max_by(|a, b| a.0.total_cmp(&b.0));
     best.map_or_else(|| starts.to_vec(), |(_, sought)| vec![state_of(&sought, &nodes, &starts[0])])
@@ -281,7 +308,7 @@ pub fn refine(
     state: &TermState,
 ) -> TermState {
     let FittedPattern { nodes, sought, all } = fitted_pattern(rows, train, left, state);
-    let (_, sought) = climbed(&all, sought);
+    let (_, sought) = optimum(&all, sought);
     state_of(&sought, &nodes, state)
 }
 
