@@ -1,10 +1,11 @@
 //! How residuals of robots change with the numbers of a fit, and where that leads.
 
 use super::density::Residual;
-use super::fit_state::{CURVE_SD, FitState, LEAST_DAMPED, Unchanged, damped};
+use super::fit_state::{CURVE_SD, DAMPING_FLOOR, FitState, LEAST_DAMPED, Unchanged};
 use super::motion::ModelPaths;
 use super::{RobotFit, RobotModel};
 use nalgebra::{DMatrix, DVector};
+use numbers::optimise::levenberg_marquardt::damped;
 use numbers::power::square;
 
 /// How far numbers are moved to see how residuals bend, in units of their small steps.
@@ -82,7 +83,7 @@ fn with_bends(straight: DMatrix<f64>, bends: &[f64]) -> DMatrix<f64> {
         let [least, most] = MOST_BENT.map(|share| share * straight[(i, i)]);
         bent[(i, i)] += bend.max(least).min(most);
     }
-    if damped(&bent, LEAST_DAMPED).cholesky().is_some() { bent } else { straight }
+    if damped(&bent, LEAST_DAMPED, DAMPING_FLOOR).cholesky().is_some() { bent } else { straight }
 }
 
 impl RobotModel {

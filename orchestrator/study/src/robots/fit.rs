@@ -3,11 +3,14 @@
 
 use super::density::Residual;
 use super::derivatives::Derivatives;
-use super::fit_state::{CURVE_SD, FitState, LEAST_DAMPED, Unchanged, damped};
+use super::fit_state::{CURVE_SD, FitState, LEAST_DAMPED, Unchanged};
 use super::motion::ModelPaths;
+use super::objective::{Likelihood, Slopes};
 use super::{RobotFit, RobotModel};
 use crate::folds::Blocks;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
+use numbers::optimise::Termination;
+use numbers::optimise::levenberg_marquardt::{Damping, LevenbergMarquardt};
 use std::sync::Arc;
 
 /// Most steps of a fit.
@@ -28,56 +31,18 @@ const CHORD_STEPS: usize = 8;
 const FOLD_STEPS: usize = 10;
 /// Thresholds and other numbers are searched in turn so many times at most.
 const SETTLING_TIMES: usize = 5;
+/// The damping of a fit.
+const DAMPING: Damping = Damping {
+    initial: 1e-3,
+    min: LEAST_DAMPED,
+    decrease: 0.2,
+    increase: 8.0,
+    singular: (10.0, 0.0),
+};
 /// Steps of a first look at each of several starts.
 const LOOK_STEPS: usize = 6;
 /// How many of several starts are followed.
 const N_FOLLOWED: usize = 3;
-
-/// A number that a fit sets.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Number {
-    pub(super) min: f64,
-    pub(super) max: f64,
-    pub(super) step: f64,
-}
-
-/// Numbers after a step, each within its range.
-pub(super) fn stepped(values: &[f64], step: &DVector<f64>, numbers: &[Number]) -> Vec<f64> {
-    values
-        .iter()
-        .zip(step.iter())
-        .zip(numbers)
-        .map(|((value, step), number)| (value + step).clamp(number.min, number.max))
-        .collect()
-}
-
-/// The step to the optimum of a quadratic form. A number at a bound of its range stays there if the step would lead beyond.
-/// Clipping the step afterwards would leave the others short of their optimum, and a fit would stall at the bound.
-pub(super) fn uphill(
-    information: &DMatrix<f64>,
-    slope: &DVector<f64>,
-    values: &[f64],
-    numbers: &[Number],
-) -> Option<DVector<f64>> {
-    let (mut matrix, mut slope) = (information.clone(), slope.clone());
-    loop {
-        let step = matrix.clone().cholesky()?.solve(&slope);
-        let leads_out = |&i: &usize| {
-            let Number { min, max, .. } = numbers[i];
-            values[i] <= min && step[i] < 0.0 || max <= values[i] && 0.0 < step[i]
-        };
-        let ends: Vec<usize> = (0..numbers.len()).filter(leads_out).collect();
-        if ends.is_empty() {
-            return Some(step);
-        }
-        for i in ends {
-            matrix.row_mut(i).fill(0.0);
-            matrix.column_mut(i).fill(0.0);
-            matrix[(i, i)] = 1.0;
-            slope[i] = 0.0;
-        }
-    }
-}
 
 impl RobotModel {
     /// Fits `terms` to the windows `train`. `start` holds the numbers of some of the terms.
@@ -174,36 +139,26 @@ impl RobotModel {
         derivatives: &Derivatives,
         train: &[u32],
     ) -> RobotFit {
-        let mut fit = start.clone();
-        let Some(mut at) = self.point(&fit, train) else { return self.polished(fit, train) };
-        self.settle(&fit, &mut at);
-        let numbers = self.numbers_of(&fit.terms);
-        let derivatives = derivatives.at_rows(train);
-        for _ in 0..CHORD_STEPS {
-            fit.density = at.density;
-            let by: Vec<f64> = at.values.iter().zip(&start.values).map(|(a, b)| a - b).collect();
-            let (information, slope) = self.normal_equations(&fit, &at, &derivatives.moved(&by));
-            let matrix = damped(&information, LEAST_DAMPED);
-            let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else { break };
-            if 0.5 * step.dot(&slope) < NEAR_NATS {
-                return self.ended(fit, at);
-            }
-            fit.values = stepped(&at.values, &step, &numbers);
-            let Some(mut next) = self.point(&fit, train) else { break };
-            self.settle(&fit, &mut next);
-            let gained = next.total - at.total;
-            if 0.0 < gained {
-                at = next;
-            }
-            if gained.abs() < NEAR_NATS {
-                return self.ended(fit, at);
-            }
-            if gained < 0.0 || self.stop.is_set() {
-                break;
-            }
+        let Some(mut at) = self.point(start, train) else {
+            return self.polished(start.clone(), train);
+        };
+        self.settle(start, &mut at);
+        let search = LevenbergMarquardt {
+            damping: Damping { initial: LEAST_DAMPED, decrease: 1.0, ..DAMPING },
+            max_iterations: CHORD_STEPS,
+            max_trials: 1,
+            max_evaluations: usize::MAX,
+            min_gain: NEAR_NATS,
+            patience: 1,
+            min_predicted_gain: NEAR_NATS,
+        };
+        let slopes = Slopes::Known(derivatives.at_rows(train), start.values.clone());
+        let mut likelihood = Likelihood::new(self, start.clone(), train, slopes);
+        let found = search.maximise(&mut likelihood, at);
+        let fit = self.ended(likelihood.fit, found.point);
+        if found.termination == Termination::Converged {
+            return fit;
         }
-        fit.density = at.density;
-        fit.values.clone_from(&at.values);
         self.descended(fit, train, FOLD_STEPS, NEAR_NATS)
     }
 
@@ -271,13 +226,6 @@ impl RobotModel {
         total.is_finite().then_some(FitState { values, paths, residuals, density, total })
     }
 
-    /// The fit's numbers, if they are likelier than those of a point.
-    pub(super) fn better(&self, fit: &RobotFit, at: &FitState, train: &[u32]) -> Option<FitState> {
-        let mut next = self.point(fit, train).filter(|next| at.total < next.total)?;
-        self.settle(fit, &mut next);
-        Some(next)
-    }
-
     /// Searches the ratio of the scatters at a point, where directions scatter.
     pub(super) fn settle(&self, fit: &RobotFit, at: &mut FitState) {
         if self.has_direction() {
@@ -300,42 +248,18 @@ impl RobotModel {
             return fit;
         };
         self.settle(&fit, &mut at);
-        let numbers = self.numbers_of(&fit.terms);
-        let mut damping = 1e-3;
-        let mut quiet = 0;
-        for _ in 0..most_steps {
-            fit.density = at.density;
-            let here = (&at.residuals[..], &at.paths);
-            let Some(derivatives) = self.jacobian(&fit, here, train, 0) else { break };
-            let (information, slope) = self.normal_equations(&fit, &at, &derivatives);
-            let mut gained = 0.0;
-            for _ in 0..8 {
-                let matrix = damped(&information, damping);
-                let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else {
-                    damping *= 10.0;
-                    continue;
-                };
-                if 0.5 * step.dot(&slope) < PROMISING * converged {
-                    break;
-                }
-                fit.values = stepped(&at.values, &step, &numbers);
-                match self.better(&fit, &at, train) {
-                    Some(next) => {
-                        gained = next.total - at.total;
-                        at = next;
-                        damping = (damping * 0.2).max(LEAST_DAMPED);
-                        break;
-                    }
-                    None => damping *= 8.0,
-                }
-            }
-            fit.values.clone_from(&at.values);
-            quiet = if gained < converged { quiet + 1 } else { 0 };
-            if gained == 0.0 || quiet == CONVERGED_TIMES || self.stop.is_set() {
-                break;
-            }
-        }
-        self.ended(fit, at)
+        let search = LevenbergMarquardt {
+            damping: DAMPING,
+            max_iterations: most_steps,
+            max_trials: 8,
+            max_evaluations: usize::MAX,
+            min_gain: converged,
+            patience: CONVERGED_TIMES,
+            min_predicted_gain: PROMISING * converged,
+        };
+        let mut likelihood = Likelihood::new(self, fit, train, Slopes::Computed);
+        let found = search.maximise(&mut likelihood, at);
+        self.ended(likelihood.fit, found.point)
     }
 
     /// Covariance of the parameters of a fit to all windows, clustered over blocks of windows. Correlations near 1 in it show which
@@ -366,26 +290,5 @@ impl RobotModel {
         let inverse = information.cholesky()?.inverse();
         let share = n_blocks as f64 / (n_blocks as f64 - 1.0).max(1.0);
         Some(&inverse * (scores.transpose() * &scores) * share * &inverse)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_number_at_the_end_of_its_range_does_not_hold_the_others_back() {
-        let numbers = [Number { min: 0.0, max: 1.0, step: 0.1 }; 2];
-        // Nearly a ridge: alone the first would go far up, and the second as far down.
-        let information = DMatrix::from_row_slice(2, 2, &[1.0, 0.99, 0.99, 1.0]);
-        let slope = DVector::from_row_slice(&[1.0, 0.9]);
-        let free = uphill(&information, &slope, &[0.5, 0.5], &numbers).unwrap();
-        assert!((information.clone() * free - &slope).amax() < 1e-12);
-        // The first stays, and the second goes to its optimum beside it.
-        let step = uphill(&information, &slope, &[1.0, 0.05], &numbers).unwrap();
-        assert!(step[0].abs() < 1e-12 && (step[1] - 0.9).abs() < 1e-12, "{step}");
-        // Where both ends are in the way nothing moves.
-        let step = uphill(&information, &slope, &[1.0, 1.0], &numbers).unwrap();
-        assert!(step.amax() < 1e-12, "{step}");
     }
 }

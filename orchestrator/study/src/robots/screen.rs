@@ -1,9 +1,11 @@
 //! Whether a term is worth a fit: a few steps from its starts, with what the parent's numbers do taken as known.
 
 use super::derivatives::Derivatives;
-use super::fit::{stepped, uphill};
-use super::fit_state::{FitState, damped};
+use super::fit_state::FitState;
+use super::objective::{Likelihood, Slopes};
 use super::{RobotFit, RobotModel};
+use numbers::optimise::Termination;
+use numbers::optimise::levenberg_marquardt::{Damping, LevenbergMarquardt};
 
 /// Most steps from a start.
 const STEPS: usize = 4;
@@ -34,40 +36,32 @@ impl RobotModel {
     /// Where a start leads, and what the last step gained (nats).
     fn followed(
         &self,
-        mut fit: RobotFit,
+        fit: RobotFit,
         mut at: FitState,
         known: &Derivatives,
         train: &[u32],
     ) -> Option<(f64, RobotFit, FitState)> {
         self.settle(&fit, &mut at);
-        let numbers = self.numbers_of(&fit.terms);
-        let mut gained = 0.0;
-        let mut derivatives = known.clone();
-        for _ in 0..STEPS {
-            fit.density = at.density;
-            let here = (&at.residuals[..], &at.paths);
-            derivatives.replace_after(known.len(), self.jacobian(&fit, here, train, known.len())?);
-            let (information, slope) = self.normal_equations(&fit, &at, &derivatives);
-            gained = 0.0;
-            for damping in [1e-3, 0.1, 10.0] {
-                let matrix = damped(&information, damping);
-                let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else { continue };
-                let promised = 0.5 * step.dot(&slope);
-                if promised < QUIET_NATS {
-                    break;
-                }
-                fit.values = stepped(&at.values, &step, &numbers);
-                if let Some(next) = self.better(&fit, &at, train) {
-                    gained = next.total - at.total;
-                    at = next;
-                    break;
-                }
-            }
-            fit.values.clone_from(&at.values);
-            if gained < QUIET_NATS || self.stop.is_set() {
-                break;
-            }
-        }
-        Some((gained, fit, at))
+        // Each step tries the same three dampings.
+        let search = LevenbergMarquardt {
+            damping: Damping {
+                initial: 1e-3,
+                min: 1e-3,
+                decrease: 0.0,
+                increase: 100.0,
+                singular: (100.0, 0.0),
+            },
+            max_iterations: STEPS,
+            max_trials: 3,
+            max_evaluations: usize::MAX,
+            min_gain: QUIET_NATS,
+            patience: 1,
+            min_predicted_gain: QUIET_NATS,
+        };
+        let slopes = Slopes::KnownFirst { derivatives: known.clone(), n: known.len() };
+        let mut likelihood = Likelihood::new(self, fit, train, slopes);
+        let found = search.maximise(&mut likelihood, at);
+        let is_defined = found.termination != Termination::Undefined;
+        is_defined.then_some((found.gain, likelihood.fit, found.point))
     }
 }
