@@ -50,26 +50,20 @@ pub trait Objective {
     }
 }
 
-/// How the damping changes. It multiplies the diagonal of the information matrix.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Damping {
-    /// In the first iteration.
-    pub initial: f64,
-    /// Its least value.
-    pub min: f64,
-    /// Factor after an accepted step, below 1.
-    pub decrease: f64,
-    /// Factor after a refused step, above 1.
-    pub increase: f64,
-    /// Factor where the equations are singular, and the least value after it.
-    pub singular: (f64, f64),
-}
-
-/// Newton's method with a damping that adapts to its success.
+/// Newton's method with a damping that adapts to its success. The damping is the share by which the diagonal of the information matrix
+/// is raised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LevenbergMarquardt {
-    /// How the damping changes.
-    pub damping: Damping,
+    /// Damping of the first step.
+    pub damping: f64,
+    /// Least damping after an accepted step.
+    pub min_damping: f64,
+    /// Factor of the damping after an accepted step, below 1.
+    pub decrease: f64,
+    /// Factor of the damping after a refused step, above 1.
+    pub increase: f64,
+    /// Factor of the damping where the equations are singular, and its least value after that.
+    pub singular: (f64, f64),
     /// Most iterations, each with new derivatives.
     pub max_iterations: usize,
     /// Most steps that one iteration tries.
@@ -82,6 +76,24 @@ pub struct LevenbergMarquardt {
     pub patience: usize,
     /// A step that promises less than this is not tried: the search has converged.
     pub min_predicted_gain: f64,
+}
+
+impl Default for LevenbergMarquardt {
+    fn default() -> Self {
+        Self {
+            damping: 1e-3,
+            min_damping: 0.0,
+            decrease: 0.2,
+            increase: 10.0,
+            singular: (10.0, 0.0),
+            max_iterations: 100,
+            max_trials: 8,
+            max_evaluations: usize::MAX,
+            min_gain: 0.0,
+            patience: 1,
+            min_predicted_gain: 0.0,
+        }
+    }
 }
 
 /// The end of a search.
@@ -104,7 +116,7 @@ impl LevenbergMarquardt {
         objective: &mut O,
         start: O::Point,
     ) -> Solution<O::Point, O::Step> {
-        let mut damping = self.damping.initial;
+        let mut damping = self.damping;
         let (mut n_evaluations, mut n_small) = (0, 0);
         let mut end =
             Solution { point: start, step: None, gain: 0.0, termination: Termination::Limit };
@@ -122,7 +134,7 @@ impl LevenbergMarquardt {
             for _ in 0..self.max_trials.min(n_left) {
                 n_evaluations += 1;
                 let Some(step) = objective.step(&end.point, &equations, damping) else {
-                    let (factor, min) = self.damping.singular;
+                    let (factor, min) = self.singular;
                     damping = (damping * factor).max(min);
                     continue;
                 };
@@ -134,7 +146,7 @@ impl LevenbergMarquardt {
                     Ok(next) => {
                         end.gain = objective.value(&next) - objective.value(&end.point);
                         (end.point, end.step, ended) = (next, Some(step), None);
-                        damping = (damping * self.damping.decrease).max(self.damping.min);
+                        damping = (damping * self.decrease).max(self.min_damping);
                         break;
                     }
                     Err(change) => {
@@ -143,7 +155,7 @@ impl LevenbergMarquardt {
                             ended = Some(Termination::Converged);
                             break;
                         }
-                        damping *= self.damping.increase;
+                        damping *= self.increase;
                     }
                 }
             }

@@ -29,6 +29,19 @@ pub struct PatternSearch {
     pub contracts_always: bool,
 }
 
+impl Default for PatternSearch {
+    fn default() -> Self {
+        Self {
+            step: 1.0,
+            min_step: 0.0,
+            max_iterations: usize::MAX,
+            polling: Polling::Complete,
+            contract: |step| 0.5 * step,
+            contracts_always: false,
+        }
+    }
+}
+
 impl PatternSearch {
     /// Maximises `value` from `start`. `poll` gives the trial points about a point for a step.
     pub fn maximise<P: Clone, I: IntoIterator<Item = P>>(
@@ -68,14 +81,9 @@ impl PatternSearch {
 mod tests {
     use super::*;
 
-    const SEARCH: PatternSearch = PatternSearch {
-        step: 0.5,
-        min_step: 1e-6,
-        max_iterations: 100_000,
-        polling: Polling::Complete,
-        contract: |step| 0.5 * step,
-        contracts_always: false,
-    };
+    fn search() -> PatternSearch {
+        PatternSearch { step: 0.5, min_step: 1e-6, ..PatternSearch::default() }
+    }
 
     fn compass(point: &[f64; 2], step: f64) -> [[f64; 2]; 4] {
         let [x, y] = *point;
@@ -89,7 +97,7 @@ mod tests {
             -(a * a + 10.0 * b * b)
         };
         for polling in [Polling::Complete, Polling::Opportunistic] {
-            let search = PatternSearch { polling, ..SEARCH };
+            let search = PatternSearch { polling, ..search() };
             let found = search.maximise([-1.2, 1.0], compass, value);
             assert_eq!(found.termination, Termination::Converged);
             assert!(found.point.iter().all(|x| (x - 1.0).abs() < 1e-3), "{polling:?}: {found:?}");
@@ -99,7 +107,7 @@ mod tests {
     #[test]
     fn a_staircase_has_no_slope_and_is_climbed() {
         let stairs = |[x, y]: &[f64; 2]| -((x - 3.0).abs().floor() + (y + 2.0).abs().floor());
-        let found = PatternSearch { step: 4.0, ..SEARCH }.maximise([20.0, 20.0], compass, stairs);
+        let found = PatternSearch { step: 4.0, ..search() }.maximise([20.0, 20.0], compass, stairs);
         assert_eq!(found.value, 0.0, "{found:?}");
     }
 
@@ -107,7 +115,7 @@ mod tests {
     fn complete_polling_takes_the_best_and_opportunistic_the_first() {
         let value = |[x, y]: &[f64; 2]| x + 2.0 * y;
         let one = |polling| {
-            let search = PatternSearch { polling, max_iterations: 1, ..SEARCH };
+            let search = PatternSearch { polling, max_iterations: 1, ..search() };
             search.maximise([0.0; 2], compass, value)
         };
         assert_eq!(one(Polling::Complete).point, [0.0, 0.5]);
@@ -117,7 +125,7 @@ mod tests {
 
     #[test]
     fn a_step_that_always_contracts_bounds_how_far_the_search_goes() {
-        let search = PatternSearch { contracts_always: true, ..SEARCH };
+        let search = PatternSearch { contracts_always: true, ..search() };
         let found = search.maximise([0.0; 2], compass, |[x, _]| *x);
         assert!((found.point[0] - 1.0).abs() < 1e-5, "0.5 + 0.25 + …: {found:?}");
     }

@@ -4,7 +4,7 @@
 //! whatever the noise. The squares in which a fit takes levels for constant say less: how large they are best depends on how
 //! densely links were measured, too.
 
-use numbers::optimise::pattern_search::{PatternSearch, Polling};
+use numbers::optimise::pattern_search::PatternSearch;
 use numbers::power::square;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
@@ -142,11 +142,10 @@ fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
     }
     let search = PatternSearch {
         step: 0.7 * step,
-        min_step: 0.0,
         max_iterations: REFINED,
-        polling: Polling::Complete,
         contract: |step| 0.7 * step,
         contracts_always: true,
+        ..PatternSearch::default()
     };
     let poll = |&ln_length: &f64, step: f64| {
         [ln_length - step, ln_length + step].map(|ln_length| ln_length.clamp(low, high))

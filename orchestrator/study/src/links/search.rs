@@ -13,7 +13,7 @@ use super::fit::LinkFit;
 use super::likelihood::RowLikelihood;
 use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
-use numbers::optimise::pattern_search::{PatternSearch, Polling};
+use numbers::optimise::pattern_search::PatternSearch;
 use std::collections::BTreeMap;
 
 /// Distance between the points of the first search (m), at the least.
@@ -260,14 +260,8 @@ fn refined(shape: ObstacleShape, ways: &[LinkPath]) -> (f64, ObstacleShape) {
         }
         trials
     };
-    let search = PatternSearch {
-        step: GRID_M / 2.0,
-        min_step: FINEST_M,
-        max_iterations: usize::MAX,
-        polling: Polling::Complete,
-        contract: |step_m| step_m / 2.0,
-        contracts_always: false,
-    };
+    let search =
+        PatternSearch { step: GRID_M / 2.0, min_step: FINEST_M, ..PatternSearch::default() };
     let found = search.maximise(shape, poll, |shape| score_gain(shape, ways).0);
     (found.value, found.point)
 }

@@ -87,10 +87,9 @@ impl ResidualDensity {
         let search = PatternSearch {
             step: 1.5,
             min_step: 1.002,
-            max_iterations: usize::MAX,
             polling: Polling::Opportunistic,
             contract: f64::sqrt,
-            contracts_always: false,
+            ..PatternSearch::default()
         };
         let poll = |&(density, ratio): &(Self, f64), factor: f64| {
             let trial = move |ratio: f64| (with(density, ratio.clamp(1e-4, 1e3)), ratio);

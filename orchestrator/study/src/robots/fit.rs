@@ -10,7 +10,7 @@ use super::{RobotFit, RobotModel};
 use crate::folds::Blocks;
 use nalgebra::DMatrix;
 use numbers::optimise::Termination;
-use numbers::optimise::levenberg_marquardt::{Damping, LevenbergMarquardt};
+use numbers::optimise::levenberg_marquardt::LevenbergMarquardt;
 use std::sync::Arc;
 
 /// Most steps of a fit.
@@ -31,14 +31,6 @@ const CHORD_STEPS: usize = 8;
 const FOLD_STEPS: usize = 10;
 /// Thresholds and other numbers are searched in turn so many times at most.
 const SETTLING_TIMES: usize = 5;
-/// The damping of a fit.
-const DAMPING: Damping = Damping {
-    initial: 1e-3,
-    min: LEAST_DAMPED,
-    decrease: 0.2,
-    increase: 8.0,
-    singular: (10.0, 0.0),
-};
 /// Steps of a first look at each of several starts.
 const LOOK_STEPS: usize = 6;
 /// How many of several starts are followed.
@@ -144,13 +136,13 @@ impl RobotModel {
         };
         self.settle(start, &mut at);
         let search = LevenbergMarquardt {
-            damping: Damping { initial: LEAST_DAMPED, decrease: 1.0, ..DAMPING },
+            damping: LEAST_DAMPED,
+            min_damping: LEAST_DAMPED,
             max_iterations: CHORD_STEPS,
             max_trials: 1,
-            max_evaluations: usize::MAX,
             min_gain: NEAR_NATS,
-            patience: 1,
             min_predicted_gain: NEAR_NATS,
+            ..LevenbergMarquardt::default()
         };
         let slopes = Slopes::Known(derivatives.at_rows(train), start.values.clone());
         let mut likelihood = Likelihood::new(self, start.clone(), train, slopes);
@@ -249,13 +241,13 @@ impl RobotModel {
         };
         self.settle(&fit, &mut at);
         let search = LevenbergMarquardt {
-            damping: DAMPING,
+            min_damping: LEAST_DAMPED,
+            increase: 8.0,
             max_iterations: most_steps,
-            max_trials: 8,
-            max_evaluations: usize::MAX,
             min_gain: converged,
             patience: CONVERGED_TIMES,
             min_predicted_gain: PROMISING * converged,
+            ..LevenbergMarquardt::default()
         };
         let mut likelihood = Likelihood::new(self, fit, train, Slopes::Computed);
         let found = search.maximise(&mut likelihood, at);

@@ -5,7 +5,7 @@ use super::fit_state::FitState;
 use super::objective::{Likelihood, Slopes};
 use super::{RobotFit, RobotModel};
 use numbers::optimise::Termination;
-use numbers::optimise::levenberg_marquardt::{Damping, LevenbergMarquardt};
+use numbers::optimise::levenberg_marquardt::LevenbergMarquardt;
 
 /// Most steps from a start.
 const STEPS: usize = 4;
@@ -44,19 +44,15 @@ impl RobotModel {
         self.settle(&fit, &mut at);
         // Each step tries the same three dampings.
         let search = LevenbergMarquardt {
-            damping: Damping {
-                initial: 1e-3,
-                min: 1e-3,
-                decrease: 0.0,
-                increase: 100.0,
-                singular: (100.0, 0.0),
-            },
+            min_damping: 1e-3,
+            decrease: 0.0,
+            increase: 100.0,
+            singular: (100.0, 0.0),
             max_iterations: STEPS,
             max_trials: 3,
-            max_evaluations: usize::MAX,
             min_gain: QUIET_NATS,
-            patience: 1,
             min_predicted_gain: QUIET_NATS,
+            ..LevenbergMarquardt::default()
         };
         let slopes = Slopes::KnownFirst { derivatives: known.clone(), n: known.len() };
         let mut likelihood = Likelihood::new(self, fit, train, slopes);

@@ -73,21 +73,17 @@ impl<R: Fn(&[f64]) -> Rows> Objective for LeastSquares<R> {
     }
 }
 
-const SEARCH: LevenbergMarquardt = LevenbergMarquardt {
-    damping: Damping {
-        initial: 1e-3,
-        min: 1e-12,
-        decrease: 0.2,
+fn search() -> LevenbergMarquardt {
+    LevenbergMarquardt {
+        min_damping: 1e-12,
         increase: 8.0,
         singular: (10.0, 1e-6),
-    },
-    max_iterations: 1000,
-    max_trials: 40,
-    max_evaluations: 10_000,
-    min_gain: 0.0,
-    patience: 1,
-    min_predicted_gain: 1e-28,
-};
+        max_iterations: 1000,
+        max_trials: 40,
+        min_predicted_gain: 1e-28,
+        ..LevenbergMarquardt::default()
+    }
+}
 
 fn rosenbrock(x: &[f64]) -> Rows {
     let residuals = vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]];
@@ -99,8 +95,7 @@ fn a_quadratic_takes_one_step_without_damping() {
     let mut problem = LeastSquares::new(2, |x: &[f64]| {
         (vec![x[0] + x[1] - 3.0, x[0] - 2.0 * x[1]], vec![vec![1.0, 1.0], vec![1.0, -2.0]])
     });
-    let undamped = Damping { initial: 0.0, ..SEARCH.damping };
-    let one = LevenbergMarquardt { damping: undamped, max_iterations: 1, ..SEARCH };
+    let one = LevenbergMarquardt { damping: 0.0, max_iterations: 1, ..search() };
     let found = problem.fitted(one, &[50.0, -7.0]);
     assert!((found.point.params[0] - 2.0).abs() < 1e-12, "{:?}", found.point.params);
     assert!((found.point.params[1] - 1.0).abs() < 1e-12, "{:?}", found.point.params);
@@ -111,7 +106,7 @@ fn a_quadratic_takes_one_step_without_damping() {
 #[test]
 fn rosenbrocks_valley_is_followed_to_its_end() {
     let mut problem = LeastSquares::new(2, rosenbrock);
-    let found = problem.fitted(SEARCH, &[-1.2, 1.0]);
+    let found = problem.fitted(search(), &[-1.2, 1.0]);
     assert_eq!(found.termination, Termination::Converged);
     assert!(found.point.params.iter().all(|x| (x - 1.0).abs() < 1e-9), "{:?}", found.point.params);
     assert!(problem.n_equations < 40, "{}", problem.n_equations);
@@ -132,7 +127,7 @@ fn powells_singular_function_converges_although_its_matrix_does_not_stay_definit
         ];
         (residuals, derivatives)
     });
-    let found = problem.fitted(SEARCH, &[3.0, -1.0, 0.0, 1.0]);
+    let found = problem.fitted(search(), &[3.0, -1.0, 0.0, 1.0]);
     assert_eq!(found.termination, Termination::Converged);
     assert!(found.point.params.iter().all(|x| x.abs() < 1e-5), "{:?}", found.point.params);
 }
@@ -141,7 +136,7 @@ fn powells_singular_function_converges_although_its_matrix_does_not_stay_definit
 fn an_optimum_at_a_bound_is_found_for_all_other_parameters() {
     let mut problem = LeastSquares::new(2, rosenbrock);
     problem.bounds[0] = (-2.0, 0.5);
-    let found = problem.fitted(SEARCH, &[-1.2, 1.0]);
+    let found = problem.fitted(search(), &[-1.2, 1.0]);
     assert_eq!(found.termination, Termination::Converged);
     assert_eq!(found.point.params[0], 0.5);
     assert!((found.point.params[1] - 0.25).abs() < 1e-9, "{:?}", found.point.params);
@@ -166,12 +161,12 @@ fn a_parameter_at_its_bound_does_not_hold_the_others_back() {
 #[test]
 fn a_search_says_why_it_ended() {
     let mut problem = LeastSquares::new(2, rosenbrock);
-    let short = LevenbergMarquardt { max_iterations: 3, ..SEARCH };
+    let short = LevenbergMarquardt { max_iterations: 3, ..search() };
     let found = problem.fitted(short, &[-1.2, 1.0]);
     assert_eq!((found.termination, problem.n_equations), (Termination::Limit, 3));
     // Derivatives of the wrong sign lead downhill, however short the step.
     let mut wrong = LeastSquares::new(1, |x: &[f64]| (vec![x[0] - 1.0], vec![vec![-1.0]]));
-    let few = LevenbergMarquardt { max_trials: 5, ..SEARCH };
+    let few = LevenbergMarquardt { max_trials: 5, ..search() };
     let found = wrong.fitted(few, &[3.0]);
     assert_eq!((found.termination, found.gain), (Termination::Stalled, 0.0));
     assert_eq!(found.point.params, [3.0]);
@@ -197,7 +192,7 @@ fn regression(
         });
         rows.unzip()
     });
-    let found = problem.fitted(SEARCH, start);
+    let found = problem.fitted(search(), start);
     for (param, expected) in found.point.params.iter().zip(certified.0) {
         assert!((param / expected - 1.0).abs() < 1e-7, "{param} is not {expected}");
     }

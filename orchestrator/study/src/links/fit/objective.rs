@@ -3,25 +3,18 @@
 use super::{CONVERGED_NATS, FitProblem, Here};
 use crate::links::cells::{NewtonStep, Solver};
 use nalgebra::{DMatrix, DVector};
-use numbers::optimise::levenberg_marquardt::{Damping, LevenbergMarquardt, Objective};
+use numbers::optimise::levenberg_marquardt::{LevenbergMarquardt, Objective};
 
 impl FitProblem<'_> {
     /// The optimum near a start, and the last step towards it, which holds the information there.
     pub(super) fn climb(&self, start: Here, most_steps: usize) -> (Here, NewtonStep) {
         let search = LevenbergMarquardt {
-            damping: Damping {
-                initial: 1e-4,
-                min: 1e-6,
-                decrease: 0.2,
-                increase: 10.0,
-                singular: (10.0, 1e-3),
-            },
+            damping: 1e-4,
+            min_damping: 1e-6,
+            singular: (10.0, 1e-3),
             max_iterations: most_steps,
-            max_trials: 8,
-            max_evaluations: usize::MAX,
             min_gain: CONVERGED_NATS,
-            patience: 1,
-            min_predicted_gain: 0.0,
+            ..LevenbergMarquardt::default()
         };
         let found = search.maximise(&mut Likelihood(self), start);
         let last = found.step.unwrap_or_else(|| {

@@ -4,7 +4,7 @@ use super::super::likelihood::RowLikelihood;
 use super::super::rows::ModelledLinks;
 use super::super::terms::TermState;
 use nalgebra::{DMatrix, DVector};
-use numbers::optimise::levenberg_marquardt::{Damping, LevenbergMarquardt, Objective, damped};
+use numbers::optimise::levenberg_marquardt::{LevenbergMarquardt, Objective, damped};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -193,19 +193,12 @@ impl Objective for Gain<'_> {
 /// The gain and what is sought at the optimum near a start.
 fn optimum(all: &[PatternRow], start: Sought) -> (f64, Sought) {
     let search = LevenbergMarquardt {
-        damping: Damping {
-            initial: 1e-2,
-            min: 0.0,
-            decrease: 0.3,
-            increase: 10.0,
-            singular: (10.0, 0.0),
-        },
-        max_iterations: STEPS,
+        damping: 1e-2,
+        decrease: 0.3,
         max_trials: STEPS,
         max_evaluations: STEPS,
         min_gain: CONVERGED_NATS,
-        patience: 1,
-        min_predicted_gain: 0.0,
+        ..LevenbergMarquardt::default()
     };
     search.maximise(&mut Gain(all), (gain(all, &start), start)).point
 }
