@@ -63,7 +63,7 @@ use likelihood::Instrument;
 use netsim::catalogue::Catalogue;
 use netsim::phy::scatter::Law;
 use passing::PowerMixture;
-use predict::Above;
+use predict::RandomEffect;
 use proto::effect::Level;
 use rows::ModelledLinks;
 use std::collections::BTreeMap;
@@ -580,7 +580,7 @@ impl Study for LinkStudy {
             .map(|&row| {
                 let row = row as usize;
                 let level = fit.level((&self.rows, &specs), row, &otherwise);
-                let above = Above::for_row(fit, &cells, row);
+                let above = RandomEffect::for_row(fit, &cells, row);
                 self.score(fit, row, (&level, &otherwise), above, &mut tables)
             })
             .collect()

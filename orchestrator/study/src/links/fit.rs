@@ -201,8 +201,8 @@ impl<'a> FitProblem<'a> {
             .iter()
             .zip(&levels.levels)
             .map(|(&row, level)| {
-                let lift = if any { random.level_db(self.cells, row as usize) } else { 0.0 };
-                instrument.row_likelihood(&self.rows.links.rows[row as usize], level, lift)
+                let blup_db = if any { random.level_db(self.cells, row as usize) } else { 0.0 };
+                instrument.row_likelihood(&self.rows.links.rows[row as usize], level, blup_db)
             })
             .collect()
     }

@@ -46,23 +46,24 @@ pub(super) fn instrument_for<'a>(
     tables.entry(key).or_insert_with(|| fit.instrument.with_sd(libm::exp(key as f64 / 50.0)))
 }
 
-/// What random levels add to a row.
+/// The random effects of a row.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Above {
-    lift_db: f64,
-    /// How uncertain that is (dB²).
+pub(super) struct RandomEffect {
+    /// Its best linear unbiased prediction: the posterior mode.
+    blup_db: f64,
+    /// Its posterior variance (dB²).
     variance: f64,
 }
 
-impl Above {
+impl RandomEffect {
     pub(super) fn for_row(fit: &LinkFit, cells: &RowCells, row: usize) -> Self {
-        Self { lift_db: fit.random.level_db(cells, row), variance: fit.random.variance(cells, row) }
+        Self { blup_db: fit.random.level_db(cells, row), variance: fit.random.variance(cells, row) }
     }
 }
 
 /// A reading less the mean level that is predicted for its frame (dB), whatever is received; NaN where nothing was read.
-pub(super) fn plain_error_db(rssi_dbm: f64, level: &RowPrediction, lift_db: f64) -> f64 {
-    rssi_dbm - level.power_dbm - lift_db - level.range.offset_db
+pub(super) fn plain_error_db(rssi_dbm: f64, level: &RowPrediction, blup_db: f64) -> f64 {
+    rssi_dbm - level.power_dbm - blup_db - level.range.offset_db
 }
 
 impl LinkStudy {
@@ -72,7 +73,7 @@ impl LinkStudy {
         fit: &LinkFit,
         row: usize,
         (level, otherwise): (&RowPrediction, &AlteredRegister<'_>),
-        Above { lift_db, variance }: Above,
+        RandomEffect { blup_db, variance }: RandomEffect,
         tables: &mut BTreeMap<i64, Instrument>,
     ) -> RowScore {
         let measured = &self.rows.links.rows[row];
@@ -81,11 +82,11 @@ impl LinkStudy {
         if fit.instrument.readings.is_given {
             return fit.instrument.score_given(measured, level);
         }
-        let plain_db = plain_error_db(measured.rssi_dbm, level, lift_db);
+        let plain_db = plain_error_db(measured.rssi_dbm, level, blup_db);
         let score = if fit.instrument.readings.is_aggregated {
-            fit.instrument.score_row(measured, level, (lift_db, variance), read)
+            fit.instrument.score_row(measured, level, (blup_db, variance), read)
         } else {
-            instrument_for(fit, variance, tables).score(measured, level, lift_db, read)
+            instrument_for(fit, variance, tables).score(measured, level, blup_db, read)
         };
         RowScore { plain_squared_error: plain_db * plain_db, ..score }
     }
@@ -99,8 +100,8 @@ impl LinkStudy {
         let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
         let one = |row: usize| {
             let level = fit.level((&self.rows, &specs), row, &otherwise);
-            let Above { lift_db, variance } = Above::for_row(fit, &cells, row);
-            let level_dbm = level.power_dbm + lift_db - level.shift_db;
+            let RandomEffect { blup_db, variance } = RandomEffect::for_row(fit, &cells, row);
+            let level_dbm = level.power_dbm + blup_db - level.shift_db;
             let read = otherwise.read(&self.rows, row);
             let read = read.as_ref().map(|read| read as RegisterResponse<'_>);
             if fit.instrument.readings.is_given {
@@ -112,12 +113,12 @@ impl LinkStudy {
             if fit.instrument.readings.is_aggregated {
                 let measured = &self.rows.links.rows[row];
                 let [rssi_dbm, sd_db, passes, passes_sd] =
-                    fit.instrument.row_of(measured, &level, (lift_db, variance), read);
+                    fit.instrument.row_of(measured, &level, (blup_db, variance), read);
                 return Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm };
             }
             let instrument = instrument_for(fit, variance, &mut tables);
-            let (rssi_dbm, sd_db) = instrument.reading(&level, lift_db, read);
-            let passes = instrument.reception(&level, lift_db);
+            let (rssi_dbm, sd_db) = instrument.reading(&level, blup_db, read);
+            let passes = instrument.reception(&level, blup_db);
             let passes_sd = (passes * (1.0 - passes)).max(1e-6).sqrt();
             Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm }
         };

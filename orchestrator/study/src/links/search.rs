@@ -43,8 +43,8 @@ pub fn row_likelihoods(
         .iter()
         .map(|&row| {
             let level = fit.level((rows, specs), row as usize, &otherwise);
-            let lift = fit.random.level_db(cells, row as usize);
-            fit.instrument.row_likelihood(&rows.links.rows[row as usize], &level, lift)
+            let blup_db = fit.random.level_db(cells, row as usize);
+            fit.instrument.row_likelihood(&rows.links.rows[row as usize], &level, blup_db)
         })
         .collect()
 }

@@ -365,15 +365,15 @@ impl Instrument {
         Integral { log, level: top + shift, left, over_ln_sd }
     }
 
-    /// Log likelihood of a row of several frames. `lift_db` is added to the level.
+    /// Log likelihood of a row of several frames. `blup_db`: random effects, which are added to the level.
     pub(super) fn aggregated_likelihood(
         &self,
         row: &LinkRow,
         level: &RowPrediction,
-        lift_db: f64,
+        blup_db: f64,
     ) -> RowLikelihood {
         let seen = RowCounts::from_row(row, self);
-        let mean = level.power_dbm + lift_db;
+        let mean = level.power_dbm + blup_db;
         let is_plain = level.stated.is_none() && level.ln_survival == 0.0;
         if is_plain && seen.is_silent() {
             let known = self.silent.iter().find(|silent| silent.sent == seen.sent);
@@ -444,11 +444,11 @@ impl Instrument {
         &self,
         row: &LinkRow,
         level: &RowPrediction,
-        (lift_db, extra): (f64, f64),
+        (blup_db, extra): (f64, f64),
         read: Option<RegisterResponse<'_>>,
     ) -> [f64; 4] {
         let seen = RowCounts::from_row(row, self);
-        let mean = level.power_dbm + lift_db;
+        let mean = level.power_dbm + blup_db;
         let sd = (self.link_sd_db * self.link_sd_db + extra).sqrt();
         let mut sums = [0.0; 6];
         for k in 0..POINTS {
@@ -480,13 +480,13 @@ impl Instrument {
         &self,
         row: &LinkRow,
         level: &RowPrediction,
-        (lift_db, extra): (f64, f64),
+        (blup_db, extra): (f64, f64),
         read: Option<RegisterResponse<'_>>,
     ) -> RowScore {
         let seen = RowCounts::from_row(row, self);
         let variance = self.link_sd_db * self.link_sd_db + extra;
-        let Integral { log, .. } = self.integral(&seen, level, level.power_dbm + lift_db, variance);
-        let [reading, sd, share, _] = self.row_of(row, level, (lift_db, extra), read);
+        let Integral { log, .. } = self.integral(&seen, level, level.power_dbm + blup_db, variance);
+        let [reading, sd, share, _] = self.row_of(row, level, (blup_db, extra), read);
         let mut score = RowScore {
             log: log + ln_constant(&seen, level),
             squared_error: f64::NAN,
