@@ -1,10 +1,10 @@
 //! How likely a row of several frames is: their number received and their mean reading, the level of the link integrated out.
 //!
 //! Frames of one link and channel share a level. With the level u ~ N(μ, τ²), k frames sent and r received, p(u) the probability
-//! that a frame passes, and the mean reading m normal about u + lift(u) with a variance of v(u)/r:
+//! that a frame passes, and the mean reading m normal about u + n(u), n(u) being the mean noise of received frames, with a variance of v(u)/r:
 //!
 //! ```text
-//! L(μ) = ∫ N(u; μ, τ²) · Binomial(r; k, p(u)) · N(m; u + lift(u), v(u)/r) du
+//! L(μ) = ∫ N(u; μ, τ²) · Binomial(r; k, p(u)) · N(m; u + n(u), v(u)/r) du
 //! ```
 //!
 //! Its derivatives over μ follow from the posterior moments of u: (E u − μ)/τ² and 1/τ² − Var u/τ⁴.
@@ -108,10 +108,10 @@ const PLAIN: RowPrediction = RowPrediction {
 struct Integral {
     /// Its logarithm.
     log: f64,
-    /// The mean of the level, given what was seen (dBm).
-    level: f64,
-    /// Its variance (dB²).
-    left: f64,
+    /// The posterior mean of the level (dBm).
+    posterior_mean: f64,
+    /// Its posterior variance (dB²).
+    posterior_variance: f64,
     /// Its derivative over the logarithm of the noise's standard deviation.
     over_ln_sd: f64,
 }
@@ -128,9 +128,13 @@ impl Instrument {
             }
             None if !self.readings.has_losses => (1.0, 0.0, self.sd_db * self.sd_db),
             None => {
-                let z = chance.lift_db / self.sd_db;
+                let z = chance.received_noise_db / self.sd_db;
                 let share = (1.0 + chance.over_ln_sd / chance.passes - z * z).clamp(0.05, 2.0);
-                (survival * chance.passes, chance.lift_db, self.sd_db * self.sd_db * share)
+                (
+                    survival * chance.passes,
+                    chance.received_noise_db,
+                    self.sd_db * self.sd_db * share,
+                )
             }
         }
     }
@@ -141,7 +145,7 @@ impl Instrument {
             .averaged
             .points()
             .map(|u| {
-                let (passes, lift_db, variance) = self.frames(&PLAIN, u);
+                let (passes, received_noise_db, variance) = self.frames(&PLAIN, u);
                 let slope = self.averaged.reception_at(u).slope;
                 let fails = 1.0 - passes;
                 let variance = self.rounded_variance(variance);
@@ -151,7 +155,7 @@ impl Instrument {
                     by_passes,
                     libm::log(fails),
                     by_fails,
-                    lift_db,
+                    received_noise_db,
                     variance,
                     libm::log(variance),
                 ]
@@ -180,13 +184,13 @@ impl Instrument {
                 frame
             }
             _ => {
-                let (passes, lift_db, variance) = self.frames(level, u);
+                let (passes, received_noise_db, variance) = self.frames(level, u);
                 let variance = self.rounded_variance(variance);
                 let (ln_passes, ln_fails) = (libm::log(passes), libm::log(1.0 - passes));
                 FrameMoments {
                     ln_passes,
                     ln_fails,
-                    lift_db,
+                    received_noise_db,
                     variance,
                     ln_variance: libm::log(variance),
                 }
@@ -199,7 +203,7 @@ impl Instrument {
         if seen.reading_dbm.is_finite() {
             let variance = mean_variance(frame.variance, seen.readings);
             let ln_variance = (frame.ln_variance - seen.ln_readings).max(LN_LEAST_VARIANCE);
-            let deviation = seen.reading_dbm - level.range.offset_db - u - frame.lift_db;
+            let deviation = seen.reading_dbm - level.range.offset_db - u - frame.received_noise_db;
             log -= 0.5 * (deviation * deviation / variance + ln_variance + LN_TAU);
         }
         log
@@ -219,36 +223,37 @@ impl Instrument {
         variance: f64,
     ) -> Option<Integral> {
         let read = seen.reading_dbm - level.range.offset_db;
-        let (lift, one, alike_from_dbm) = match &self.tabulated {
+        let (noise_db, one, alike_from_dbm) = match &self.tabulated {
             _ if !self.readings.has_losses => {
                 (0.0, self.rounded_variance(self.sd_db * self.sd_db), f64::NEG_INFINITY)
             }
             Some(frames) if level.stated.is_none() => {
-                let FrameMoments { lift_db, variance, .. } =
+                let FrameMoments { received_noise_db, variance, .. } =
                     frames.moments_at(read - level.shift_db);
-                (lift_db, variance, frames.alike_from_dbm)
+                (received_noise_db, variance, frames.alike_from_dbm)
             }
             _ => return None,
         };
         let own = mean_variance(one, seen.readings);
         let both = variance + own;
-        let left = variance * own / both;
-        let deviation = read - lift - mean;
-        let posterior = mean + variance * deviation / both;
-        let lowest = (posterior - ALIKE_SD * left.sqrt()).min(read) - level.shift_db;
+        let posterior_variance = variance * own / both;
+        let deviation = read - noise_db - mean;
+        let posterior_mean = mean + variance * deviation / both;
+        let lowest =
+            (posterior_mean - ALIKE_SD * posterior_variance.sqrt()).min(read) - level.shift_db;
         if read.is_nan() || lowest < alike_from_dbm {
             return None;
         }
         let by_frames =
-            self.seen_at(&RowCounts { reading_dbm: f64::NAN, ..*seen }, level, posterior);
+            self.seen_at(&RowCounts { reading_dbm: f64::NAN, ..*seen }, level, posterior_mean);
         let share = deviation * deviation / both;
         let is_least = own <= LEAST_SD_DB * LEAST_SD_DB;
         let own_over_ln_sd =
             if is_least { 0.0 } else { 2.0 * self.sd_db * self.sd_db / seen.readings };
         Some(Integral {
             log: by_frames - 0.5 * (share + libm::log(both) + LN_TAU),
-            level: posterior,
-            left,
+            posterior_mean,
+            posterior_variance,
             over_ln_sd: 0.5 * own_over_ln_sd * (share - 1.0) / both,
         })
     }
@@ -267,16 +272,16 @@ impl Instrument {
         let exponent_at =
             |u: f64| self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance;
         let mut top = mean;
-        let mut start = |there: f64| {
-            if exponent_at(top) < exponent_at(there) {
-                top = there;
+        let mut start = |level: f64| {
+            if exponent_at(top) < exponent_at(level) {
+                top = level;
             }
         };
         if seen.reading_dbm.is_finite() {
             let read = seen.reading_dbm - level.range.offset_db;
-            let (_, lift, own) = self.frames(level, read);
+            let (_, noise_db, own) = self.frames(level, read);
             let own = mean_variance(self.rounded_variance(own), seen.readings);
-            start((variance * (read - lift) + own * mean) / (variance + own));
+            start((variance * (read - noise_db) + own * mean) / (variance + own));
         }
         if !seen.reading_dbm.is_finite() {
             for k in [-3.0, -2.0, -1.0, 1.0] {
@@ -312,10 +317,10 @@ impl Instrument {
         width: f64,
         variance: f64,
     ) -> [(f64, f64); POINTS] {
-        let here = at(top);
+        let peak = at(top);
         let reach = |sign: f64| {
             let mut reach = 2.0 * width;
-            while reach < 20.0 * variance.sqrt() && here - REACH_NATS < at(top + sign * reach) {
+            while reach < 20.0 * variance.sqrt() && peak - REACH_NATS < at(top + sign * reach) {
                 reach *= 1.5;
             }
             sign * reach
@@ -345,7 +350,7 @@ impl Instrument {
         }
         let (shift, square) = (first / total, second / total);
         let log = best + libm::log(total) - 0.5 * (libm::log(variance) + LN_TAU);
-        let left = (square - shift * shift).max(1e-12);
+        let posterior_variance = (square - shift * shift).max(1e-12);
         // The same integral with frames that vary a little more, as a ratio.
         let over_ln_sd = self.wider.as_ref().map_or(0.0, |wider| {
             let mut sum = 0.0;
@@ -362,7 +367,7 @@ impl Instrument {
             }
             libm::log(sum / total) / libm::log(WIDER)
         });
-        Integral { log, level: top + shift, left, over_ln_sd }
+        Integral { log, posterior_mean: top + shift, posterior_variance, over_ln_sd }
     }
 
     /// Log likelihood of a row of several frames. `blup_db`: random effects, which are added to the level.
@@ -389,15 +394,15 @@ impl Instrument {
     /// Log likelihood of what was seen, by an integral.
     fn integrated(&self, seen: &RowCounts, level: &RowPrediction, mean: f64) -> RowLikelihood {
         let variance = self.link_sd_db * self.link_sd_db;
-        let Integral { log, level: posterior, left, over_ln_sd } =
+        let Integral { log, posterior_mean, posterior_variance, over_ln_sd } =
             self.integral(seen, level, mean, variance);
-        let away = posterior - mean;
+        let away = posterior_mean - mean;
         RowLikelihood {
             log: log + ln_constant(seen, level),
             over_level: away / variance,
-            weight: ((1.0 - left / variance) / variance).max(0.0),
+            weight: ((1.0 - posterior_variance / variance) / variance).max(0.0),
             over_ln_sd,
-            over_ln_link_sd: (away * away + left) / variance - 1.0,
+            over_ln_link_sd: (away * away + posterior_variance) / variance - 1.0,
         }
     }
 
@@ -454,13 +459,13 @@ impl Instrument {
         for k in 0..POINTS {
             let z = 8.0 * k as f64 / (POINTS - 1) as f64 - 4.0;
             let u = mean + z * sd;
-            let (passes, lift, variance) = self.frames(level, u);
+            let (passes, noise_db, variance) = self.frames(level, u);
             let weight = libm::exp(-0.5 * z * z);
             // Rows without a single frame received show no reading.
             let shows =
                 weight * (1.0 - libm::exp(seen.sent * libm::log((1.0 - passes).max(1e-300))));
             let readings = (seen.sent * passes).max(1.0);
-            let reading = read.map_or(u + level.register_db + lift, |read| read(u + lift));
+            let reading = read.map_or(u + level.register_db + noise_db, |read| read(u + noise_db));
             sums[0] += weight;
             sums[1] += weight * passes;
             sums[2] += weight * (passes * passes + passes * (1.0 - passes) / seen.sent);
