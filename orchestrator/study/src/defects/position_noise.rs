@@ -173,12 +173,12 @@ fn opposite(
                 if OPPOSITE * size < dot {
                     continue;
                 }
-                let [left, right] = [one, other].map(|row| evidence.residual_db(row));
-                let mean = (total - left - right) / (frame.len() - 2) as f64;
+                let [first_db, second_db] = [one, other].map(|row| evidence.residual_db(row));
+                let mean = (total - first_db - second_db) / (frame.len() - 2) as f64;
                 n_pairs += 1;
                 let block = evidence.blocks().dependent()[one];
                 let weight = dot / (variances[&one] * variances[&other]);
-                products.push((block, weight * (left - mean) * (right - mean)));
+                products.push((block, weight * (first_db - mean) * (second_db - mean)));
             }
         }
     }

@@ -136,16 +136,16 @@ impl LinkStudy {
             return;
         }
         let all = self.fitted_rows();
-        let left = self.slopes_left(fit, &all);
+        let likelihoods = self.row_likelihoods(fit, &all);
         if has_headings {
-            let errors = search::headings::errors(&self.rows, &all, &left, state);
+            let errors = search::headings::errors(&self.rows, &all, &likelihoods, state);
             for (estimate, error) in estimates.iter_mut().zip(errors.into_iter().flatten()) {
                 estimate.low = estimate.low.min(estimate.value - NINETY * error);
                 estimate.high = estimate.high.max(estimate.value + NINETY * error);
             }
             return;
         }
-        for found in search::places::coordinates(&self.rows, &all, &left, state, TAIL) {
+        for found in search::places::coordinates(&self.rows, &all, &likelihoods, state, TAIL) {
             match estimates.iter_mut().find(|estimate| estimate.name == found.name) {
                 // The loss is known less well than the fit, which holds the place, says.
                 Some(estimate) => {
@@ -220,11 +220,11 @@ impl LinkStudy {
         let edges_s = self.lags_s();
         let span_s = *edges_s.first()?;
         let mut spans: BTreeMap<(u32, i64), (f64, f64)> = BTreeMap::new();
-        for (row, left_db) in self.left_db(fit) {
+        for (row, residual_db) in self.residuals_db(fit) {
             let measured = &self.rows.links.rows[row];
             let span = (measured.time_s / span_s).floor() as i64;
             let sum = spans.entry((measured.run, span)).or_default();
-            (sum.0, sum.1) = (sum.0 + left_db, sum.1 + 1.0);
+            (sum.0, sum.1) = (sum.0 + residual_db, sum.1 + 1.0);
         }
         let means: Vec<((u32, i64), f64)> =
             spans.into_iter().map(|(key, (sum, n))| (key, sum / n)).collect();
@@ -271,19 +271,19 @@ impl LinkStudy {
         lag: impl Fn(usize, usize) -> Option<f64>,
     ) -> Products {
         let mut links: BTreeMap<(u32, u32), Vec<(usize, f64)>> = BTreeMap::new();
-        for (row, left_db) in self.left_db(fit) {
+        for (row, residual_db) in self.residuals_db(fit) {
             let measured = &self.rows.links.rows[row];
             let key = (measured.tx.min(measured.rx), measured.tx.max(measured.rx));
-            links.entry(key).or_default().push((row, left_db));
+            links.entry(key).or_default().push((row, residual_db));
         }
         let mut products = Products::new(edges);
         for (link, rows) in links.values().enumerate() {
             let each = rows.len().div_ceil(MOST_OF_LINK);
             let rows: Vec<&(usize, f64)> = rows.iter().step_by(each).collect();
-            for (index, &&(one, left)) in rows.iter().enumerate() {
-                for &&(other, right) in &rows[index + 1..] {
+            for (index, &&(one, earlier_db)) in rows.iter().enumerate() {
+                for &&(other, later_db) in &rows[index + 1..] {
                     if let Some(lag) = lag(one, other) {
-                        products.add(link, lag, left * right);
+                        products.add(link, lag, earlier_db * later_db);
                     }
                 }
             }
@@ -291,11 +291,12 @@ impl LinkStudy {
         products
     }
 
-    /// What is left of readings under a fit, row by row (dB). Rows that might as well have been lost are left out: they are read only
+    /// Residuals of readings under a fit, row by row (dB). Rows that might as well have been lost are left out: they are read only
     /// where their level is high.
-    pub(super) fn left_db(&self, fit: &LinkFit) -> impl Iterator<Item = (usize, f64)> {
-        let left = self.predictions(fit).into_iter().enumerate();
-        left.filter(|(row, predicted)| self.rows.is_received(*row) && CERTAIN < predicted.passes)
+    pub(super) fn residuals_db(&self, fit: &LinkFit) -> impl Iterator<Item = (usize, f64)> {
+        let predictions = self.predictions(fit).into_iter().enumerate();
+        predictions
+            .filter(|(row, predicted)| self.rows.is_received(*row) && CERTAIN < predicted.passes)
             .map(|(row, predicted)| (row, self.rows.links.rows[row].rssi_dbm - predicted.rssi_dbm))
     }
 

@@ -57,8 +57,8 @@ impl LinkStudy {
             return None;
         }
         let all = self.fitted_rows();
-        let left = self.slopes_left(fit, &all);
-        let found = windows::window(&self.rows, &all, &left)?;
+        let likelihoods = self.row_likelihoods(fit, &all);
+        let found = windows::window(&self.rows, &all, &likelihoods)?;
         let limits = [("from_s", found.from_s), ("until_s", found.until_s)];
         let limits: toml::Table = limits
             .into_iter()

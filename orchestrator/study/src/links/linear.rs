@@ -31,7 +31,7 @@ impl LinkStudy {
             return None;
         }
         let all: Vec<u32> = (0..self.n_rows() as u32).collect();
-        let rows = self.slopes_left(fit, &all);
+        let rows = self.row_likelihoods(fit, &all);
         let mut estimated = Vec::new();
         for ((&term, spec), state) in
             fit.terms.iter().zip(self.specs_of(&fit.terms)).zip(&fit.states)

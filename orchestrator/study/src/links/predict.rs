@@ -1,4 +1,4 @@
-//! What a fitted model predicts for the rows, and what is left of them.
+//! What a fitted model predicts for the rows, and their residuals.
 
 use super::LinkStudy;
 use super::active::AlteredRegister;
@@ -125,7 +125,7 @@ impl LinkStudy {
         (0..self.rows.len()).map(one).collect()
     }
 
-    /// What is left of the rows under a fit: deviations of readings (dB), the same in standard deviations, and the surprise
+    /// Residuals of the rows under a fit: deviations of readings (dB), the same in standard deviations, and the surprise
     /// of reception in standard deviations. NaN where there is none. Where readings are given, deviations are of the share of
     /// frames received, and no surprise is beside them.
     #[must_use]
@@ -151,7 +151,7 @@ impl LinkStudy {
     }
 
     /// The share of frames that was lost of those that should have passed, row by row; NaN where hardly one should.
-    fn losses_left(&self, fit: &LinkFit) -> Vec<f64> {
+    fn excess_losses(&self, fit: &LinkFit) -> Vec<f64> {
         let lost = |(row, predicted): (usize, Predicted)| {
             let measured = &self.rows.links.rows[row];
             let share = 1.0 - measured.received / measured.frames / predicted.passes;
@@ -192,7 +192,7 @@ impl LinkStudy {
     ) -> Option<FittedFormula> {
         let TermSpec::Curve(curve) = &self.specs[term] else { return None };
         let (deviation, target) = if curve.is_loss {
-            (self.losses_left(fit_without), LOSS)
+            (self.excess_losses(fit_without), LOSS)
         } else {
             let [deviation, ..] = self.residuals(fit_without);
             (deviation, MEAN)

@@ -32,11 +32,11 @@ impl LinkStudy {
     /// where there are too few links.
     pub(in crate::links) fn p_value_of_nodes(&self, fit: &LinkFit) -> f64 {
         let mut sums: BTreeMap<[u32; 2], [(f64, f64); 2]> = BTreeMap::new();
-        for (row, left_db) in self.left_db(fit) {
+        for (row, residual_db) in self.residuals_db(fit) {
             let measured = &self.rows.links.rows[row];
             let ends = [measured.tx.min(measured.rx), measured.tx.max(measured.rx)];
             let sum = &mut sums.entry(ends).or_default()[usize::from(measured.rx < measured.tx)];
-            *sum = (sum.0 + left_db, sum.1 + 1.0);
+            *sum = (sum.0 + residual_db, sum.1 + 1.0);
         }
         let mean = |(sum, n): (f64, f64)| (FEWEST_ROWS <= n).then_some(sum / n);
         let links = sums.into_iter().map(|(ends, [there, back])| Means {

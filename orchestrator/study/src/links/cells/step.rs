@@ -165,13 +165,14 @@ impl Solver<'_> {
                 out.crossing_variance[place] = inverse[(place - first, place - first)];
             }
             if 0.0 < sd.time_db {
-                let mut left = 0.0;
+                // The trace of their prior precision times their posterior covariance.
+                let mut trace = 0.0;
                 self.cells.over_inverse_correlations(|row, column, entry| {
                     let count = if row == column { 1.0 } else { 2.0 };
-                    left += count * entry * inverse[(times - p + row, times - p + column)];
+                    trace += count * entry * inverse[(times - p + row, times - p + column)];
                 });
                 let n_times = self.cells.correlations.len() as f64;
-                out.times_determined = (n_times - cost * left).clamp(1e-9, n_times);
+                out.times_determined = (n_times - cost * trace).clamp(1e-9, n_times);
             }
             let cross = matrix.view((p, 0), (n, p)).into_owned();
             information -= cross.transpose() * factor.solve(&cross);

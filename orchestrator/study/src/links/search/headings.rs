@@ -49,12 +49,12 @@ fn nodes_without(rows: &ModelledLinks, train: &[u32]) -> Vec<u32> {
 fn seen(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     nodes: &[u32],
 ) -> Vec<PatternRow> {
     train
         .iter()
-        .zip(left)
+        .zip(likelihoods)
         .map(|(&row, slope)| {
             let (tx, rx) = rows.ends(row as usize);
             let sight = |own: &netsim::phy::link::End, other: &netsim::phy::link::End| {
@@ -208,14 +208,14 @@ fn optimum(all: &[PatternRow], start: Sought) -> (f64, Sought) {
 pub fn patterns(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     starts: &[TermState],
 ) -> Vec<TermState> {
     let nodes = nodes_without(rows, train);
     if nodes.is_empty() {
         return starts.to_vec();
     }
-    let all = seen(rows, train, left, &nodes);
+    let all = seen(rows, train, likelihoods, &nodes);
     let found = starts.iter().map(|start| {
         let mut sought = DVector::zeros(2 + nodes.len());
         sought[0] = start.values[0];
@@ -256,7 +256,7 @@ struct FittedPattern {
 fn fitted_pattern(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     state: &TermState,
 ) -> FittedPattern {
     let nodes = nodes_without(rows, train);
@@ -268,7 +268,7 @@ fn fitted_pattern(
     for (index, node) in nodes.iter().enumerate() {
         sought[2 + index] = heading(node).unwrap_or_default() + state.values[1];
     }
-    let mut all = seen(rows, train, left, &nodes);
+    let mut all = seen(rows, train, likelihoods, &nodes);
     let pattern = SoughtPattern::from_angles(&sought);
     for seen in &mut all {
         seen.known_db = pattern.added(seen);
@@ -276,16 +276,16 @@ fn fitted_pattern(
     FittedPattern { nodes, sought, all }
 }
 
-/// Standard errors of the difference between front and back (dB) and of the boresight (rad), headings unknown. `left`: slopes
+/// Standard errors of the difference between front and back (dB) and of the boresight (rad), headings unknown. `likelihoods`: slopes
 /// under the fit with the pattern. None where they are not determined.
 #[must_use]
 pub fn errors(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     state: &TermState,
 ) -> Option<[f64; 2]> {
-    let FittedPattern { sought, all, .. } = fitted_pattern(rows, train, left, state);
+    let FittedPattern { sought, all, .. } = fitted_pattern(rows, train, likelihoods, state);
     let (information, _) = derivatives(&all, &sought);
     let inverse = information.try_inverse()?;
     let error = |k: usize| inverse[(k, k)].max(0.0).sqrt();
@@ -297,10 +297,10 @@ pub fn errors(
 pub fn refine(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     state: &TermState,
 ) -> TermState {
-    let FittedPattern { nodes, sought, all } = fitted_pattern(rows, train, left, state);
+    let FittedPattern { nodes, sought, all } = fitted_pattern(rows, train, likelihoods, state);
     let (_, sought) = optimum(&all, sought);
     state_of(&sought, &nodes, state)
 }

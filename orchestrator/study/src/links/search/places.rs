@@ -170,12 +170,12 @@ impl FittedObstacle {
 }
 
 /// The coordinates of a hidden obstacle and its loss, each with the interval in which `1 − 2 * tail` of what the likelihood allows
-/// lies. `left`: slopes under the fit with it.
+/// lies. `likelihoods`: slopes under the fit with it.
 #[must_use]
 pub fn coordinates(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     state: &TermState,
     tail: f64,
 ) -> Vec<Coordinate> {
@@ -187,7 +187,8 @@ pub fn coordinates(
         ObstacleShape::Disc(..) => &["centre_x_m", "centre_y_m", "radius_m", "loss_db"],
     };
     let found: Vec<f64> = shape.numbers().into_iter().chain([loss_db]).collect();
-    let drawn = FittedObstacle::new(ways(rows, train, left), shape, loss_db).drawn(found.clone());
+    let drawn =
+        FittedObstacle::new(ways(rows, train, likelihoods), shape, loss_db).drawn(found.clone());
     names
         .iter()
         .zip(found)
