@@ -1,13 +1,13 @@
 //! The likelihood of a fit as a function that is maximised.
 
-use super::{CONVERGED_NATS, FitProblem, Here};
+use super::{CONVERGED_NATS, FitProblem, Point};
 use crate::links::cells::{NewtonStep, Solver};
 use nalgebra::{DMatrix, DVector};
 use numbers::optimise::levenberg_marquardt::{LevenbergMarquardt, Objective};
 
 impl FitProblem<'_> {
     /// The optimum near a start, and the last step towards it, which holds the information there.
-    pub(super) fn climb(&self, start: Here, most_steps: usize) -> (Here, NewtonStep) {
+    pub(super) fn maximum(&self, start: Point, most_steps: usize) -> (Point, NewtonStep) {
         let search = LevenbergMarquardt {
             damping: 1e-4,
             min_damping: 1e-6,
@@ -17,7 +17,7 @@ impl FitProblem<'_> {
             ..LevenbergMarquardt::default()
         };
         let found = search.maximise(&mut Likelihood(self), start);
-        let last = found.step.unwrap_or_else(|| {
+        let lm_step = found.step.unwrap_or_else(|| {
             let p = self.n_parameters(&found.point);
             NewtonStep {
                 parameters: DVector::zeros(p),
@@ -26,7 +26,7 @@ impl FitProblem<'_> {
                 half_log_determinant: 0.0,
             }
         });
-        (found.point, last)
+        (found.point, lm_step)
     }
 }
 
@@ -34,37 +34,37 @@ impl FitProblem<'_> {
 struct Likelihood<'a>(&'a FitProblem<'a>);
 
 impl Objective for Likelihood<'_> {
-    type Point = Here;
+    type Point = Point;
     type Equations = (Vec<f64>, DMatrix<f64>, DVector<f64>);
     type Step = NewtonStep;
 
-    fn value(&self, here: &Here) -> f64 {
-        here.log
+    fn value(&self, point: &Point) -> f64 {
+        point.log
     }
 
-    fn equations(&mut self, here: &Here) -> Option<Self::Equations> {
-        Some(self.0.derivatives(here))
+    fn equations(&mut self, point: &Point) -> Option<Self::Equations> {
+        Some(self.0.derivatives(point))
     }
 
     fn step(
         &mut self,
-        here: &Here,
+        point: &Point,
         (jacobian, extra, gradient): &Self::Equations,
         damping: f64,
     ) -> Option<NewtonStep> {
         let solver = Solver {
             cells: self.0.cells,
             train: self.0.train,
-            slopes: &here.slopes,
+            slopes: &point.likelihoods,
             jacobian,
             n_parameters: gradient.len(),
         };
-        solver.step(&here.random, extra, gradient, damping)
+        solver.step(&point.random, extra, gradient, damping)
     }
 
-    fn advance(&mut self, here: &Here, step: &NewtonStep) -> Result<Here, f64> {
-        let next = self.0.moved(here, step);
-        let change = next.log - here.log;
+    fn advance(&mut self, point: &Point, step: &NewtonStep) -> Result<Point, f64> {
+        let next = self.0.after_step(point, step);
+        let change = next.log - point.log;
         if change.is_finite() && 0.0 <= change { Ok(next) } else { Err(change) }
     }
 
