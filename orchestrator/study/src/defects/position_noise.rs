@@ -60,9 +60,9 @@ fn gradients(evidence: &Evidence<'_>) -> Option<Vec<[[f64; 2]; 2]>> {
             let displaced: Vec<LinkRow> = rows.iter().map(displace).collect();
             let changed = evidence.modelled().with_rows(displaced)?;
             let levels = evidence.study.row_predictions(evidence.fit, &changed);
-            for (row, (there, here)) in levels.iter().zip(&evidence.levels).enumerate() {
+            for (row, (displaced, level)) in levels.iter().zip(&evidence.levels).enumerate() {
                 if moving[row][end] {
-                    let slope = (there.power_dbm - here.power_dbm) / STEP_M;
+                    let slope = (displaced.power_dbm - level.power_dbm) / STEP_M;
                     gradients[row][end][axis] = if slope.is_finite() { slope } else { 0.0 };
                 }
             }
@@ -119,8 +119,8 @@ fn sds_m() -> Vec<f64> {
 
 /// The likeliest position noise (m) and its log likelihood.
 fn likeliest(readings: &[&Reading]) -> (f64, f64) {
-    let tried = sds_m().into_iter().map(|sd_m| (sd_m, log_likelihood(readings, sd_m)));
-    tried.fold(
+    let trials = sds_m().into_iter().map(|sd_m| (sd_m, log_likelihood(readings, sd_m)));
+    trials.fold(
         (0.0, log_likelihood(readings, 0.0)),
         |best, it| if best.1 < it.1 { it } else { best },
     )

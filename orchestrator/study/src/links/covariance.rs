@@ -135,9 +135,9 @@ fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
     let step = (high - low) / (LENGTHS - 1) as f64;
     let mut best = low;
     for k in 1..LENGTHS {
-        let there = low + k as f64 * step;
-        if fit_at(best).0 < fit_at(there).0 {
-            best = there;
+        let trial = low + k as f64 * step;
+        if fit_at(best).0 < fit_at(trial).0 {
+            best = trial;
         }
     }
     let search = PatternSearch {

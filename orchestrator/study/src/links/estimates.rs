@@ -450,8 +450,8 @@ impl LinkStudy {
         let fall = |value: f64, top: f64| {
             let mut states = fit.states.clone();
             states[place].values[k] = value;
-            let there = self.run(&fit.terms, states, &all, from(Some((place, k))));
-            (top - there.log_likelihood).max(0.0)
+            let profiled = self.run(&fit.terms, states, &all, from(Some((place, k))));
+            (top - profiled.log_likelihood).max(0.0)
         };
         let top = self.run(&fit.terms, fit.states.clone(), &all, from(Some((place, k))));
         let top = top.log_likelihood.max(fit.log_likelihood);

@@ -162,8 +162,8 @@ mod tests {
     fn a_register_that_is_bent_smoothly_is_inverted() {
         let read = |dbm: f64| -40.0 - libm::log(1.0 + libm::exp(-0.1 * (dbm + 40.0))) / 0.1;
         for reading_dbm in [-95.0, -60.0, -45.0, -41.0] {
-            let there = power_dbm(&read, reading_dbm);
-            assert!((read(there) - reading_dbm).abs() < 1e-9, "{reading_dbm}: {there}");
+            let power_dbm = power_dbm(&read, reading_dbm);
+            assert!((read(power_dbm) - reading_dbm).abs() < 1e-9, "{reading_dbm}: {power_dbm}");
         }
     }
 

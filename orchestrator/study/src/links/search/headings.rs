@@ -46,7 +46,7 @@ fn nodes_without(rows: &ModelledLinks, train: &[u32]) -> Vec<u32> {
     known.into_iter().filter(|(id, known)| is_sought(id, *known)).map(|(id, _)| id).collect()
 }
 
-fn seen(
+fn pattern_rows(
     rows: &ModelledLinks,
     train: &[u32],
     likelihoods: &[RowLikelihood],
@@ -108,8 +108,8 @@ impl SoughtPattern {
     }
 
     /// What it adds to a row (dB).
-    fn added(&self, seen: &PatternRow) -> f64 {
-        let ends = seen.ends.iter().flatten();
+    fn added(&self, row: &PatternRow) -> f64 {
+        let ends = row.ends.iter().flatten();
         ends.map(|sight| -0.5 * self.front_to_back_db * (1.0 - self.seen_from_front(sight).1[0]))
             .sum()
     }
@@ -119,9 +119,9 @@ impl SoughtPattern {
 fn gain(all: &[PatternRow], sought: &Sought) -> f64 {
     let pattern = SoughtPattern::from_angles(sought);
     all.iter()
-        .map(|seen| {
-            let more = pattern.added(seen) - seen.known_db;
-            more * (seen.slope - 0.5 * seen.weight * more)
+        .map(|row| {
+            let more = pattern.added(row) - row.known_db;
+            more * (row.slope - 0.5 * row.weight * more)
         })
         .sum()
 }
@@ -132,21 +132,21 @@ fn derivatives(all: &[PatternRow], sought: &Sought) -> (DMatrix<f64>, Sought) {
     let pattern = SoughtPattern::from_angles(sought);
     let mut information = DMatrix::zeros(n, n);
     let mut gradient = DVector::zeros(n);
-    for seen in all {
+    for row in all {
         let mut entries = [(0, 0.0); 4];
         let mut added = 0.0;
-        for (k, sight) in seen.ends.iter().flatten().enumerate() {
+        for (k, sight) in row.ends.iter().flatten().enumerate() {
             let (index, [cos, sin]) = pattern.seen_from_front(sight);
             let shape = -0.5 * (1.0 - cos);
             added += sought[0] * shape;
             entries[2 * k] = (0, shape);
             entries[2 * k + 1] = (index, 0.5 * sought[0] * sin);
         }
-        let slope = seen.slope - seen.weight * (added - seen.known_db);
+        let slope = row.slope - row.weight * (added - row.known_db);
         for &(i, a) in &entries {
             gradient[i] += a * slope;
             for &(j, b) in &entries {
-                information[(i, j)] += seen.weight * a * b;
+                information[(i, j)] += row.weight * a * b;
             }
         }
     }
@@ -215,7 +215,7 @@ pub fn patterns(
     if nodes.is_empty() {
         return starts.to_vec();
     }
-    let all = seen(rows, train, likelihoods, &nodes);
+    let all = pattern_rows(rows, train, likelihoods, &nodes);
     let found = starts.iter().map(|start| {
         let mut sought = DVector::zeros(2 + nodes.len());
         sought[0] = start.values[0];
@@ -224,20 +224,20 @@ pub fn patterns(
         for node in 0..nodes.len() {
             let own: Vec<PatternRow> = all
                 .iter()
-                .filter_map(|seen| {
-                    let mut ends = seen.ends;
+                .filter_map(|row| {
+                    let mut ends = row.ends;
                     for end in &mut ends {
                         *end = end.filter(|sight| sight.unknown == Some(node));
                     }
-                    ends.iter().any(Option::is_some).then_some(PatternRow { ends, ..*seen })
+                    ends.iter().any(Option::is_some).then_some(PatternRow { ends, ..*row })
                 })
                 .collect();
-            let tried = (0..DIRECTIONS).map(|k| {
-                let mut there = sought.clone();
-                there[2 + node] = TAU * f64::from(k) / f64::from(DIRECTIONS);
-                (gain(&own, &there), there[2 + node])
+            let trials = (0..DIRECTIONS).map(|k| {
+                let mut trial = sought.clone();
+                trial[2 + node] = TAU * f64::from(k) / f64::from(DIRECTIONS);
+                (gain(&own, &trial), trial[2 + node])
             });
-            let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, angle)| angle);
+            let best = trials.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, angle)| angle);
             sought[2 + node] = best;
         }
         optimum(&all, sought)
@@ -268,10 +268,10 @@ fn fitted_pattern(
     for (index, node) in nodes.iter().enumerate() {
         sought[2 + index] = heading(node).unwrap_or_default() + state.values[1];
     }
-    let mut all = seen(rows, train, likelihoods, &nodes);
+    let mut all = pattern_rows(rows, train, likelihoods, &nodes);
     let pattern = SoughtPattern::from_angles(&sought);
-    for seen in &mut all {
-        seen.known_db = pattern.added(seen);
+    for row in &mut all {
+        row.known_db = pattern.added(row);
     }
     FittedPattern { nodes, sought, all }
 }
