@@ -42,20 +42,20 @@ impl RobotModel {
         // Numbers that are known, and the first term that is not.
         let known: Vec<usize> =
             terms.iter().copied().filter(|term| start.terms.contains(term)).collect();
-        let mut fit = self.polished(self.carried(&known, start), train);
+        let mut fit = self.fit_to_convergence(self.with_terms(&known, start), train);
         for &term in terms.iter().filter(|term| !known.contains(term)) {
-            fit = self.extended(&fit, term, train);
+            fit = self.with_term_added(&fit, term, train);
             if self.stop.is_set() {
                 return start.clone();
             }
         }
-        fit = self.jointly_refined(fit, train);
+        fit = self.refine_jointly(fit, train);
         // Numbers in the order of the terms.
-        if fit.terms == terms { fit } else { self.carried(terms, &fit) }
+        if fit.terms == terms { fit } else { self.with_terms(terms, &fit) }
     }
 
     /// The numbers of a fit for other terms, all of which it has.
-    pub(super) fn carried(&self, terms: &[usize], fit: &RobotFit) -> RobotFit {
+    pub(super) fn with_terms(&self, terms: &[usize], fit: &RobotFit) -> RobotFit {
         let mut values = fit.values[..self.base.len()].to_vec();
         for term in terms {
             values.extend_from_slice(fit.numbers(self, *term));
@@ -64,18 +64,17 @@ impl RobotModel {
     }
 
     /// A fit with one more term: from the best of its starts.
-    fn extended(&self, parent: &RobotFit, term: usize, train: &[u32]) -> RobotFit {
-        let followed = self
-            .begun(parent, term, train)
+    fn with_term_added(&self, parent: &RobotFit, term: usize, train: &[u32]) -> RobotFit {
+        let best = self
+            .best_starts(parent, term, train)
             .into_iter()
-            .map(|(fit, _)| self.descended(fit, train, LOOK_STEPS, CONVERGED_NATS))
+            .map(|(fit, _)| self.maximise(fit, train, LOOK_STEPS, CONVERGED_NATS))
             .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
-        let best = followed.unwrap_or_else(|| parent.clone());
-        self.polished(best, train)
+        self.fit_to_convergence(best.unwrap_or_else(|| parent.clone()), train)
     }
 
     /// Fits with one more term, at the best of its starts.
-    pub(super) fn begun(
+    pub(super) fn best_starts(
         &self,
         parent: &RobotFit,
         term: usize,
@@ -92,21 +91,21 @@ impl RobotModel {
             let point = self.point(&fit, train)?;
             Some((fit, point))
         };
-        let mut looks: Vec<(RobotFit, FitState)> =
+        let mut starts: Vec<(RobotFit, FitState)> =
             self.starts(term, parent, train).into_iter().filter_map(begin).collect();
-        looks.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
-        looks.truncate(N_FOLLOWED);
-        looks
+        starts.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
+        starts.truncate(N_FOLLOWED);
+        starts
     }
 
     /// Refines thresholds and other parameters jointly, since the optimum of each depends on the others.
-    fn jointly_refined(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
-        let mut fit = self.refined(fit, train);
+    fn refine_jointly(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
+        let mut fit = self.refine_thresholds(fit, train);
         if fit.terms.iter().all(|&term| self.threshold_on(term).is_none()) {
             return fit;
         }
         for _ in 0..SETTLING_TIMES {
-            let next = self.refined(self.polished(fit.clone(), train), train);
+            let next = self.refine_thresholds(self.fit_to_convergence(fit.clone(), train), train);
             let gained = next.log_likelihood - fit.log_likelihood;
             if 0.0 < gained {
                 fit = next;
@@ -119,20 +118,20 @@ impl RobotModel {
     }
 
     /// A fit that has converged.
-    fn polished(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
-        self.descended(fit, train, MOST_STEPS, CONVERGED_NATS)
+    fn fit_to_convergence(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
+        self.maximise(fit, train, MOST_STEPS, CONVERGED_NATS)
     }
 
     /// A fit to some of the windows by one whose derivatives at all windows are known: by steps with these (the chord method),
-    /// and by Newton's method where they do not lead uphill.
-    pub(super) fn refitted(
+    /// and by the method of Levenberg and Marquardt where these do not converge.
+    pub(super) fn refit_by_chords(
         &self,
         start: &RobotFit,
         derivatives: &Derivatives,
         train: &[u32],
     ) -> RobotFit {
         let Some(mut at) = self.point(start, train) else {
-            return self.polished(start.clone(), train);
+            return self.fit_to_convergence(start.clone(), train);
         };
         self.settle(start, &mut at);
         let search = LevenbergMarquardt {
@@ -147,15 +146,15 @@ impl RobotModel {
         let slopes = Slopes::Known(derivatives.at_rows(train), start.values.clone());
         let mut likelihood = Likelihood::new(self, start.clone(), train, slopes);
         let found = search.maximise(&mut likelihood, at);
-        let fit = self.ended(likelihood.fit, found.point);
+        let fit = self.fit_at(likelihood.fit, found.point);
         if found.termination == Termination::Converged {
             return fit;
         }
-        self.descended(fit, train, FOLD_STEPS, NEAR_NATS)
+        self.maximise(fit, train, FOLD_STEPS, NEAR_NATS)
     }
 
-    /// A fit where it came to.
-    pub(super) fn ended(&self, fit: RobotFit, at: FitState) -> RobotFit {
+    /// The fit at a point.
+    pub(super) fn fit_at(&self, fit: RobotFit, at: FitState) -> RobotFit {
         RobotFit {
             terms: fit.terms,
             values: at.values,
@@ -227,8 +226,8 @@ impl RobotModel {
         }
     }
 
-    /// Climbs the likelihood for at most so many steps, until one gains less than `converged` (nats).
-    fn descended(
+    /// Maximises the likelihood by at most so many steps, until one gains less than `converged` (nats).
+    fn maximise(
         &self,
         mut fit: RobotFit,
         train: &[u32],
@@ -251,7 +250,7 @@ impl RobotModel {
         };
         let mut likelihood = Likelihood::new(self, fit, train, Slopes::Computed);
         let found = search.maximise(&mut likelihood, at);
-        self.ended(likelihood.fit, found.point)
+        self.fit_at(likelihood.fit, found.point)
     }
 
     /// Covariance of the parameters of a fit to all windows, clustered over blocks of windows. Correlations near 1 in it show which

@@ -17,7 +17,7 @@ const CLIMBING_NATS: f64 = 1.0;
 impl RobotModel {
     /// The best of a few steps from the starts of a term on top of its parent, whose derivatives (`known`, at all windows)
     /// are held. None where that does not tell what the term is worth.
-    pub(super) fn screened(
+    pub(super) fn screen_term(
         &self,
         parent: &RobotFit,
         known: &Derivatives,
@@ -25,16 +25,17 @@ impl RobotModel {
         train: &[u32],
     ) -> Option<RobotFit> {
         let known = known.at_rows(train);
-        let followed = self.begun(parent, term, train).into_iter();
-        let (last_gain, fit, at) = followed
-            .filter_map(|(fit, at)| self.followed(fit, at, &known, train))
+        let (last_gain, fit, at) = self
+            .best_starts(parent, term, train)
+            .into_iter()
+            .filter_map(|(fit, at)| self.steps_from(fit, at, &known, train))
             .max_by(|a, b| a.2.total.total_cmp(&b.2.total))?;
         let is_settled = last_gain < CLIMBING_NATS || parent.log_likelihood < at.total;
-        is_settled.then(|| self.ended(fit, at))
+        is_settled.then(|| self.fit_at(fit, at))
     }
 
     /// Where a start leads, and what the last step gained (nats).
-    fn followed(
+    fn steps_from(
         &self,
         fit: RobotFit,
         mut at: FitState,

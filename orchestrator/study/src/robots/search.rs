@@ -55,7 +55,7 @@ impl Study for RobotStudy {
             sorted
         };
         if is_all && let Some(fit) = self.cached_fit(&sorted) {
-            return self.model.carried(terms, &fit);
+            return self.model.with_terms(terms, &fit);
         }
         let start = start.unwrap_or(&self.configured);
         if self.is_stopped() {
@@ -65,13 +65,13 @@ impl Study for RobotStudy {
         if !is_all && start.terms == terms {
             let derivatives = start.derivatives.get_or_init(|| self.model.derivatives(start));
             if let Some(derivatives) = derivatives {
-                return self.model.refitted(start, derivatives, train);
+                return self.model.refit_by_chords(start, derivatives, train);
             }
         }
         let fit = self.model.fitted(terms, train, start);
         if is_all && !self.is_stopped() {
             let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
-            cache.insert(sorted.clone(), self.model.carried(&sorted, &fit));
+            cache.insert(sorted.clone(), self.model.with_terms(&sorted, &fit));
         }
         fit
     }
@@ -82,7 +82,7 @@ impl Study for RobotStudy {
             return None;
         }
         let known = parent.derivatives.get_or_init(|| self.model.derivatives(parent)).as_ref()?;
-        self.model.screened(parent, known, term, &self.fitted_rows())
+        self.model.screen_term(parent, known, term, &self.fitted_rows())
     }
 
     fn prediction_difference(
