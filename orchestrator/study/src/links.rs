@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`rows`] | the measurements as the physics sees them |
 //! | [`likelihood`] | how likely a row is: readings, lost frames, rounding |
-//! | [`passing`] | the probability that a frame passes, noise averaged out |
+//! | [`reception`] | the probability that a frame passes, noise averaged out |
 //! | [`terms`] | what may be added to the model |
 //! | [`fit`] | Newton's method on all of it |
 //! | `candidates` | what may be missing |
@@ -18,7 +18,7 @@
 //! | `group` | blocks that are left out together, cells that share a level |
 //! | `estimates` | numbers with intervals |
 //! | [`predict`] | what a fit predicts, and the residuals |
-//! | `corrected` | predictions of changed rows, and studies of corrected measurements |
+//! | `correction` | predictions of changed rows, and studies of corrected measurements |
 //! | [`covariance`] | how far levels of links reach |
 //! | [`covariates`] | what an error may depend on, given or derived |
 //! | `view` | predictions row by row, for pictures |
@@ -29,18 +29,18 @@ mod agreement;
 pub mod basis;
 mod candidates;
 pub mod cells;
-mod corrected;
+mod correction;
 pub mod covariance;
 pub mod covariates;
 mod estimates;
 pub mod fit;
 mod group;
 pub mod likelihood;
-mod limited;
+mod limited_effects;
 mod linear;
 mod noise_bound;
-pub mod passing;
 pub mod predict;
+pub mod reception;
 pub mod register;
 pub mod rows;
 mod scales;
@@ -62,9 +62,9 @@ use fit::{FitProblem, FreeRandomEffects, IterationLimits, LinkFit};
 use likelihood::Instrument;
 use netsim::catalogue::Catalogue;
 use netsim::phy::scatter::Law;
-use passing::PowerMixture;
 use predict::RandomEffect;
 use proto::effect::Level;
+use reception::PowerMixture;
 use rows::ModelledLinks;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};

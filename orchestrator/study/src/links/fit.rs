@@ -4,7 +4,7 @@ use super::active::{ActiveEffect, AlteredRegister, level};
 use super::basis::Basis;
 use super::cells::{NewtonStep, Random, RandomEffectSds, RowCells, Scales};
 use super::likelihood::{Instrument, Noise, RowLikelihood, RowPrediction};
-use super::passing::SampledCurve;
+use super::reception::SampledCurve;
 use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
 use crate::StopFlag;

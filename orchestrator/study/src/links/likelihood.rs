@@ -1,6 +1,6 @@
 //! How likely a row is under a model: the likelihood of the instrument, lost frames and rounding included.
 
-use super::passing::{AveragedCurve, PowerMixture, SampledCurve};
+use super::reception::{AveragedCurve, PowerMixture, SampledCurve};
 use super::register::{PowerRange, width_db};
 use crate::RowScore;
 use density::FadingDensity;

@@ -1,7 +1,7 @@
 use super::*;
 use crate::links::likelihood::Noise;
 use crate::links::likelihood::tests::row;
-use crate::links::passing::{PowerMixture, SampledCurve};
+use crate::links::reception::{PowerMixture, SampledCurve};
 use measure::links::Readings;
 use netsim::phy::reception::Curve;
 use numbers::power::square;
