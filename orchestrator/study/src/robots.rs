@@ -308,7 +308,7 @@ impl RobotModel {
 impl RobotStudy {
     /// Holds robot samples against a checked `[robotsim.dynamics]`.
     ///
-    /// * `given`: what the configuration says beside the dynamics.
+    /// * `stated`: what the configuration says beside the dynamics.
     /// * `choices`, `table`: what is chosen by hand, and the file that the samples come from.
     ///
     /// # Errors
@@ -317,11 +317,11 @@ impl RobotStudy {
     pub fn new(
         robots: RobotSamples,
         dynamics: &toml::Table,
-        given: StatedSettings,
+        stated: StatedSettings,
         (choices, table): (&Choices, &DataTable),
     ) -> Result<Self, RobotStudyError> {
         let StatedSettings { is_wheelbase_given, sd_m: given_sd_m, terrain, catalogue, predicted } =
-            given;
+            stated;
         let kind = dynamics.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
         let bodies = robots.commands.bodies();
         if !bodies.contains(&kind) {

@@ -126,9 +126,9 @@ fn fitted(residuals_db: &[f64]) -> Option<([f64; 2], Mixture)> {
 
 /// Looks for readings that are grossly wrong.
 #[must_use]
-pub fn test(evidence: &Evidence<'_>, is_left: &[bool]) -> Option<Defect> {
+pub fn test(evidence: &Evidence<'_>, is_unaffected: &[bool]) -> Option<Defect> {
     let rows = evidence.rows();
-    let received: Vec<usize> = evidence.received().filter(|&row| is_left[row]).collect();
+    let received: Vec<usize> = evidence.received().filter(|&row| is_unaffected[row]).collect();
     if !evidence.has_single_frames() || received.len() < FEWEST_READINGS {
         return None;
     }

@@ -167,7 +167,7 @@ impl LinkStudy {
     ) -> Vec<&'a (String, Vec<f64>)> {
         let is_known = |name: &String| {
             NAMES.iter().any(|(known, _)| known == name)
-                || self.rows.links.covariates.iter().any(|(given, _)| given == name)
+                || self.rows.links.covariates.iter().any(|(column, _)| column == name)
         };
         covariates.iter().filter(|(name, _)| is_known(name)).collect()
     }

@@ -61,7 +61,7 @@ impl RobotStudy {
     /// The names that formulas may use beside those that every robot has.
     fn is_known(&self, name: &str) -> bool {
         NAMES.iter().any(|(known, _)| *known == name)
-            || self.robots().covariates.iter().any(|(given, _)| given == name)
+            || self.robots().covariates.iter().any(|(column, _)| column == name)
     }
 
     /// The short formula of a covariate, along the direction in which it explains most of what a fit leaves.
