@@ -180,6 +180,7 @@ impl LinkStudy {
     pub fn thinned(&self) -> Option<Self> {
         let is_aggregated = self.rows.links.readings.is_aggregated;
         let most = if is_aggregated { MOST_SEARCHED / 3 } else { MOST_SEARCHED };
+        // A study that is hardly smaller saves no time.
         if self.rows.len() < most + most / 4 {
             return None;
         }
@@ -188,6 +189,7 @@ impl LinkStudy {
         let names = |study: &Self| -> Vec<String> {
             study.candidates.iter().map(|candidate| candidate.name.clone()).collect()
         };
+        // Terms are numbers of candidates: of other candidates, the selection would mean other terms.
         (names(&thin) == names(self)).then(|| thin.with_stop_flag(&self.stop))
     }
 
@@ -242,6 +244,7 @@ impl LinkStudy {
                 0.0
             }
         };
+        // A given reading already holds the random effects of its link.
         if self.rows.links.readings.is_given {
             return (RandomEffectSds::default(), FreeRandomEffects::default());
         }
@@ -423,6 +426,7 @@ impl Study for LinkStudy {
         start: Option<&LinkFit>,
     ) -> LinkFit {
         if self.stop.is_set() {
+            // No answer rests on a fit after the request to stop: any fit will do.
             let empty = || self.run(&[], Vec::new(), train, From::quick(level, None));
             return start.cloned().unwrap_or_else(empty);
         }
@@ -455,6 +459,7 @@ impl Study for LinkStudy {
         let best = if starts.len() == 1 {
             starts.swap_remove(0)
         } else {
+            // A trial holds the spreads, on which the likelihood of a scale depends.
             let from = if asks_for_scales {
                 From::to_convergence(level, start)
             } else {
@@ -467,10 +472,8 @@ impl Study for LinkStudy {
 
     fn screen(&self, terms: &[usize], level: Level, parent: &LinkFit) -> Option<LinkFit> {
         let (&term, _) = terms.split_last()?;
-        if self.stop.is_set() {
-            return None;
-        }
-        if self.specs[term].is_random() {
+        // A trial holds the spreads of random effects, so it cannot show what another one is worth.
+        if self.stop.is_set() || self.specs[term].is_random() {
             return None;
         }
         let all = self.fitted_rows();

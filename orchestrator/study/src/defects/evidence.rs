@@ -232,6 +232,7 @@ fn fitted(
     levels: &[RowPrediction],
 ) -> Option<(Instrument, f64)> {
     let n_readings = rows.iter().filter(|row| row.rssi_dbm.is_finite()).count() as f64;
+    // One reading determines the level and leaves nothing for the noise.
     if n_readings < 2.0 {
         return None;
     }

@@ -170,6 +170,7 @@ fn opposite(
                 let [a, b] = [one, other].map(|row| gradients[row][0]);
                 let dot = a[0] * b[0] + a[1] * b[1];
                 let size = libm::hypot(a[0], a[1]) * libm::hypot(b[0], b[1]);
+                // Only receivers on opposite sides get errors of opposite sign, which nothing else causes.
                 if OPPOSITE * size < dot {
                     continue;
                 }
@@ -258,6 +259,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let of_row = |it: &Reading| (it.row, variances[it.n_moving] + noise.by_position(it));
     let of_row: BTreeMap<usize, f64> = readings.iter().map(of_row).collect();
     let (by_pairs, n_pairs) = opposite(evidence, gradients, &of_row);
+    // Few receivers hear a frame in opposite directions: then the test of variances decides alone.
     let by_pairs = if FEWEST_PAIRS <= n_pairs { by_pairs } else { 0.0 };
     let by_variance = p_value(readings, evidence.blocks().n_folds());
     tracing::debug!(sd_m, by_variance, by_pairs, n_pairs, "position noise");

@@ -100,6 +100,7 @@ pub(super) fn level(
             (register_db, range)
         })
     } else {
+        // A register that only shifts needs no inversion.
         let shifted_dbm = power_dbm + base.register_db;
         let reading_dbm = otherwise
             .effects

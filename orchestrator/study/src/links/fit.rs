@@ -419,6 +419,7 @@ impl<'a> FitProblem<'a> {
                 let mut step = CURVE_STEP;
                 if let Some(parameter) = spec.parameters().get(k) {
                     step = 1e-3 * parameter.step;
+                    // At the upper bound the difference is taken downwards: values beyond it are not valid.
                     if parameter.max < state.values[k] + step {
                         step = -step;
                     }
@@ -431,6 +432,8 @@ impl<'a> FitProblem<'a> {
                 }
                 let part =
                     self.contribution(term, &displaced, effect.as_ref().map(ActiveEffect::get));
+                // What moves means only enters by the weights of rows; everything else by the outer product of its
+                // scores.
                 let is_mean = effect.as_ref().is_some_and(ActiveEffect::is_plain)
                     && part
                         .iter()

@@ -247,6 +247,7 @@ impl Instrument {
         RowLikelihood {
             log: greatest + libm::log(total),
             over_level,
+            // The log density of a mixture may be convex between its parts, where Newton's method needs a positive weight, too.
             weight: (weight - spread).max(0.1 * weight),
             over_ln_sd: sum.over_ln_sd / total,
             over_ln_link_sd: 0.0,

@@ -25,6 +25,7 @@ impl LinkStudy {
         let spec = TermSpec::Limited(entry, limits);
         let starts = TermState::starts(&spec);
         let mut effects = starts.iter().filter_map(|start| start.build(&spec));
+        // Reception curve and fading belong to the instrument, which all rows share.
         if effects.any(|it| it.curve().is_some() || it.scatter().is_some()) {
             return Err(NotLimited::Candidate);
         }

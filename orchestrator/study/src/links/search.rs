@@ -148,6 +148,7 @@ fn score_gain(shape: &ObstacleShape, ways: &[LinkPath]) -> (f64, f64) {
         slope += way.slope;
         weight += way.weight;
     }
+    // An obstacle can only attenuate.
     if weight <= 0.0 || 0.0 <= slope {
         return (0.0, 0.0);
     }

@@ -95,6 +95,7 @@ impl ResidualDensity {
             let trial = move |ratio: f64| (with(density, ratio.clamp(1e-4, 1e3)), ratio);
             [ratio * factor, ratio / factor].into_iter().map(trial)
         };
+        // A factor cannot leave a ratio of 0.
         let ratio = (start.sd_rad / start.sd_m).max(1e-3);
         let total = |(density, _): &(Self, f64)| density.total(residuals);
         search.maximise((start, ratio), poll, total).point.0

@@ -144,6 +144,7 @@ impl RobotModel {
                 continue;
             }
             let h = 0.02 * number.step;
+            // At the upper bound the difference is taken downwards: values beyond it are not valid.
             let h = if number.max < fit.values[index] + h { -h } else { h };
             // … and nothing else changes what curves do.
             let displaced = moved(index, h, Unchanged { paths: None, actings: Some(&actings) })?;

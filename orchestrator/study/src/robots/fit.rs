@@ -101,6 +101,7 @@ impl RobotModel {
     /// Refines thresholds and other parameters jointly, since the optimum of each depends on the others.
     fn refine_jointly(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
         let mut fit = self.refine_thresholds(fit, train);
+        // Without a threshold nothing has moved since the fit converged.
         if fit.terms.iter().all(|&term| self.threshold_on(term).is_none()) {
             return fit;
         }

@@ -258,6 +258,8 @@ impl MeasuredTracks {
 
     /// Simulates every track by the model alone. Empty if a robot's motion depends on where it begins.
     pub(super) fn paths(&self, physics: &Physics) -> ModelPaths {
+        // Where motion depends on the place, a path from the start of the track cannot be moved to where a window
+        // begins.
         if !physics.is_alike_everywhere() {
             return ModelPaths::new();
         }

@@ -40,6 +40,7 @@ impl RobotStudy {
         let mut fit = RobotFit { derivatives: std::sync::Arc::default(), ..fit.clone() };
         for (index, number) in self.model.numbers_of(&fit.terms).iter().enumerate() {
             let follows = covariance[(index, held)] / covariance[(held, held)];
+            // A number without information has no correlation to follow.
             if follows.is_finite() {
                 fit.values[index] =
                     (fit.values[index] + follows * moved).clamp(number.min, number.max);

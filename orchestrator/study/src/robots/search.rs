@@ -54,6 +54,7 @@ impl Study for RobotStudy {
             sorted.sort_unstable();
             sorted
         };
+        // A fit to all rows depends on the set of terms, not on their order: searches ask for the same set again.
         if is_all && let Some(fit) = self.cached_fit(&sorted) {
             return self.model.with_terms(terms, &fit);
         }
@@ -78,6 +79,7 @@ impl Study for RobotStudy {
 
     fn screen(&self, terms: &[usize], _level: Level, parent: &RobotFit) -> Option<RobotFit> {
         let (&term, before) = terms.split_last()?;
+        // The parent's derivatives are in the order of its terms.
         if before != parent.terms || self.is_stopped() {
             return None;
         }

@@ -90,6 +90,7 @@ impl Solver<'_> {
             for cell in 0..n_channels {
                 let weight = channel.weight[cell];
                 out.channel_weight[cell] = weight;
+                // No row of this fit lies in the cell, so its random effect stays at the prior mean.
                 if weight == 0.0 && channel.dense[cell].is_empty() {
                     continue;
                 }
@@ -115,6 +116,7 @@ impl Solver<'_> {
             for cell in 0..n_links {
                 let weight = link.weight[cell];
                 out.link_weight[cell] = weight;
+                // As for cells of channels.
                 if weight == 0.0 && link.dense[cell].is_empty() {
                     continue;
                 }
@@ -177,6 +179,7 @@ impl Solver<'_> {
             let cross = matrix.view((p, 0), (n, p)).into_owned();
             information -= cross.transpose() * factor.solve(&cross);
         }
+        // Only parameters are damped: random effects have a prior, which keeps their part positive definite.
         for i in 0..p {
             matrix[(i, i)] = matrix[(i, i)] * (1.0 + damping) + 1e-12;
         }

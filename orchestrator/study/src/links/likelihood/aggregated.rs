@@ -283,6 +283,7 @@ impl Instrument {
             let own = mean_variance(self.rounded_variance(own), seen.readings);
             start((variance * (read - noise_db) + own * mean) / (variance + own));
         }
+        // Without a reading the integrand may peak far below its prior mean, where frames are lost.
         if !seen.reading_dbm.is_finite() {
             for k in [-3.0, -2.0, -1.0, 1.0] {
                 start(mean + k * variance.sqrt());
@@ -380,6 +381,7 @@ impl Instrument {
         let seen = RowCounts::from_row(row, self);
         let mean = level.power_dbm + blup_db;
         let is_plain = level.stated.is_none() && level.ln_survival == 0.0;
+        // Silent rows of one number of frames differ by their mean level alone: a table replaces their integrals.
         if is_plain && seen.is_silent() {
             let known = self.silent.iter().find(|silent| silent.sent == seen.sent);
             if let Some(slope) =

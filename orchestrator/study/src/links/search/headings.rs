@@ -212,6 +212,7 @@ pub fn patterns(
     starts: &[TermState],
 ) -> Vec<TermState> {
     let nodes = nodes_without(rows, train);
+    // Without unknown headings the pattern is an ordinary term, which the fit itself maximises.
     if nodes.is_empty() {
         return starts.to_vec();
     }
