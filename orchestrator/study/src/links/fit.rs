@@ -428,6 +428,7 @@ impl<'a> FitProblem<'a> {
                 let effect =
                     displaced.build(spec).map(|effect| ActiveEffect::new(effect, self.rows));
                 if effect.is_none() && !matches!(spec, TermSpec::Curve(_)) {
+                    index += 1;
                     continue;
                 }
                 let part =
