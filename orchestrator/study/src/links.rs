@@ -271,9 +271,9 @@ impl LinkStudy {
         terms: &[usize],
         states: Vec<TermState>,
         train: &[u32],
-        from: From<'_>,
+        from: FitOptions<'_>,
     ) -> LinkFit {
-        let From { level, parent, is_trial, held, most_steps } = from;
+        let FitOptions { level, parent, is_trial, held, most_steps } = from;
         let specs = self.specs_of(terms);
         let (mut sd, free) = self.deviations(&specs, level);
         let scales = self.scales(&specs, &states, level);
@@ -357,7 +357,7 @@ impl LinkStudy {
 
 /// From where a fit starts, and how far it goes.
 #[derive(Clone, Copy)]
-struct From<'a> {
+struct FitOptions<'a> {
     /// At which level it will be judged.
     level: Level,
     /// A fit of fewer or other terms.
@@ -370,7 +370,7 @@ struct From<'a> {
     most_steps: usize,
 }
 
-impl<'a> From<'a> {
+impl<'a> FitOptions<'a> {
     /// A trial on top of a parent, if there is one.
     fn quick(level: Level, parent: Option<&'a LinkFit>) -> Self {
         Self { level, parent, is_trial: true, held: None, most_steps: TRIAL_STEPS }
@@ -427,7 +427,7 @@ impl Study for LinkStudy {
     ) -> LinkFit {
         if self.stop.is_set() {
             // No answer rests on a fit after the request to stop: any fit will do.
-            let empty = || self.run(&[], Vec::new(), train, From::quick(level, None));
+            let empty = || self.run(&[], Vec::new(), train, FitOptions::quick(level, None));
             return start.cloned().unwrap_or_else(empty);
         }
         let known = |term: usize| {
@@ -461,13 +461,13 @@ impl Study for LinkStudy {
         } else {
             // A trial holds the spreads, on which the likelihood of a scale depends.
             let from = if asks_for_scales {
-                From::to_convergence(level, start)
+                FitOptions::to_convergence(level, start)
             } else {
-                From::quick(level, start)
+                FitOptions::quick(level, start)
             };
             self.best_of(terms, starts, train, from).map(|fit| fit.states).unwrap_or_default()
         };
-        self.run(terms, best, train, From::to_convergence(level, start))
+        self.run(terms, best, train, FitOptions::to_convergence(level, start))
     }
 
     fn screen(&self, terms: &[usize], level: Level, parent: &LinkFit) -> Option<LinkFit> {
@@ -482,7 +482,7 @@ impl Study for LinkStudy {
             .into_iter()
             .map(|state| parent.states.iter().cloned().chain([state]).collect())
             .collect();
-        self.best_of(terms, starts, &all, From::quick(level, Some(parent)))
+        self.best_of(terms, starts, &all, FitOptions::quick(level, Some(parent)))
     }
 
     fn prediction_difference(

@@ -4,7 +4,7 @@ use super::cells::Random;
 use super::covariance::{self, CorrelationLength, Products};
 use super::fit::LinkFit;
 use super::terms::TermSpec;
-use super::{CORRELATION_S, From, LinkStudy, group, search};
+use super::{CORRELATION_S, FitOptions, LinkStudy, group, search};
 use crate::COMMON;
 use crate::{Estimate, Study as _, caution, joined};
 use numbers::optimise::roots::ParabolicRoot;
@@ -435,7 +435,7 @@ impl LinkStudy {
         let k = parameters.iter().position(|parameter| parameter.key == key)?;
         let mut states = fit.states.clone();
         states[place].values[k] = value;
-        let from = From { held: Some((place, k)), ..From::quick(COMMON, Some(fit)) };
+        let from = FitOptions { held: Some((place, k)), ..FitOptions::quick(COMMON, Some(fit)) };
         Some(self.run(&fit.terms, states, &self.fitted_rows(), from))
     }
 
@@ -446,7 +446,7 @@ impl LinkStudy {
         let parameter = &specs[place].parameters()[k];
         let best = fit.states[place].values[k];
         let all = self.fitted_rows();
-        let from = |held| From { held, ..From::quick(COMMON, Some(fit)) };
+        let from = |held| FitOptions { held, ..FitOptions::quick(COMMON, Some(fit)) };
         let fall = |value: f64, top: f64| {
             let mut states = fit.states.clone();
             states[place].values[k] = value;

@@ -3,7 +3,7 @@
 use super::fit::LinkFit;
 use super::likelihood::RowLikelihood;
 use super::terms::{TermSpec, TermState};
-use super::{CORRELATION_S, From, LinkStudy, search};
+use super::{CORRELATION_S, FitOptions, LinkStudy, search};
 use crate::{Study, span_s};
 use proto::effect::{Level, Search};
 
@@ -20,7 +20,7 @@ impl LinkStudy {
         terms: &[usize],
         starts: Vec<Vec<TermState>>,
         train: &[u32],
-        from: From<'_>,
+        from: FitOptions<'_>,
     ) -> Option<LinkFit> {
         let mut best: Option<LinkFit> = None;
         for states in self.promising(terms, starts, train, from) {
@@ -41,12 +41,12 @@ impl LinkStudy {
         terms: &[usize],
         starts: Vec<Vec<TermState>>,
         train: &[u32],
-        from: From<'_>,
+        from: FitOptions<'_>,
     ) -> Vec<Vec<TermState>> {
         if !from.is_trial || starts.len() <= MANY_STARTS || self.is_stopped() {
             return starts;
         }
-        let from = From { most_steps: 1, ..from };
+        let from = FitOptions { most_steps: 1, ..from };
         let mut first: Vec<LinkFit> = Vec::new();
         for states in starts {
             if !first.is_empty() && self.is_stopped() {
@@ -98,7 +98,7 @@ impl LinkStudy {
         let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
         for _ in 0..HEADING_ROUNDS {
             let states = parent.states.iter().cloned().chain([state.clone()]).collect();
-            let fit = self.run(&terms, states, train, From::quick(level, Some(parent)));
+            let fit = self.run(&terms, states, train, FitOptions::quick(level, Some(parent)));
             let likelihoods = self.row_likelihoods(&fit, train);
             if let Some(last) = fit.states.last() {
                 state = search::headings::refine(&self.rows, train, &likelihoods, last);

@@ -172,8 +172,8 @@ impl Instrument {
         FrameTable { from_dbm, step, rows, alike_from_dbm: from_dbm + n_below as f64 * step }
     }
 
-    /// Log likelihood of what was seen at a level.
-    fn seen_at(&self, seen: &RowCounts, level: &RowPrediction, u: f64) -> f64 {
+    /// Log likelihood of a row at a level.
+    fn log_likelihood_at(&self, counts: &RowCounts, level: &RowPrediction, u: f64) -> f64 {
         let frame = match &self.tabulated {
             Some(frames) if level.stated.is_none() => {
                 let mut frame = frames.moments_at(u - level.shift_db);
@@ -197,13 +197,15 @@ impl Instrument {
             }
         };
         let mut log = 0.0;
-        if seen.knows_losses {
-            log += seen.received * frame.ln_passes + (seen.sent - seen.received) * frame.ln_fails;
+        if counts.knows_losses {
+            log += counts.received * frame.ln_passes
+                + (counts.sent - counts.received) * frame.ln_fails;
         }
-        if seen.reading_dbm.is_finite() {
-            let variance = mean_variance(frame.variance, seen.readings);
-            let ln_variance = (frame.ln_variance - seen.ln_readings).max(LN_LEAST_VARIANCE);
-            let deviation = seen.reading_dbm - level.range.offset_db - u - frame.received_noise_db;
+        if counts.reading_dbm.is_finite() {
+            let variance = mean_variance(frame.variance, counts.readings);
+            let ln_variance = (frame.ln_variance - counts.ln_readings).max(LN_LEAST_VARIANCE);
+            let deviation =
+                counts.reading_dbm - level.range.offset_db - u - frame.received_noise_db;
             log -= 0.5 * (deviation * deviation / variance + ln_variance + LN_TAU);
         }
         log
@@ -217,12 +219,12 @@ impl Instrument {
     /// The integral where frames of every level that is likely pass alike: that of a product of two normal densities.
     fn integral_of_reading(
         &self,
-        seen: &RowCounts,
+        counts: &RowCounts,
         level: &RowPrediction,
         mean: f64,
         variance: f64,
     ) -> Option<Integral> {
-        let read = seen.reading_dbm - level.range.offset_db;
+        let read = counts.reading_dbm - level.range.offset_db;
         let (noise_db, one, alike_from_dbm) = match &self.tabulated {
             _ if !self.readings.has_losses => {
                 (0.0, self.rounded_variance(self.sd_db * self.sd_db), f64::NEG_INFINITY)
@@ -234,7 +236,7 @@ impl Instrument {
             }
             _ => return None,
         };
-        let own = mean_variance(one, seen.readings);
+        let own = mean_variance(one, counts.readings);
         let both = variance + own;
         let posterior_variance = variance * own / both;
         let deviation = read - noise_db - mean;
@@ -244,12 +246,15 @@ impl Instrument {
         if read.is_nan() || lowest < alike_from_dbm {
             return None;
         }
-        let by_frames =
-            self.seen_at(&RowCounts { reading_dbm: f64::NAN, ..*seen }, level, posterior_mean);
+        let by_frames = self.log_likelihood_at(
+            &RowCounts { reading_dbm: f64::NAN, ..*counts },
+            level,
+            posterior_mean,
+        );
         let share = deviation * deviation / both;
         let is_least = own <= LEAST_SD_DB * LEAST_SD_DB;
         let own_over_ln_sd =
-            if is_least { 0.0 } else { 2.0 * self.sd_db * self.sd_db / seen.readings };
+            if is_least { 0.0 } else { 2.0 * self.sd_db * self.sd_db / counts.readings };
         Some(Integral {
             log: by_frames - 0.5 * (share + libm::log(both) + LN_TAU),
             posterior_mean,
@@ -258,33 +263,34 @@ impl Instrument {
         })
     }
 
-    /// The integral over the level, `variance` being its variance before anything is seen.
+    /// The integral over the level, `variance` being its prior variance.
     fn integral(
         &self,
-        seen: &RowCounts,
+        counts: &RowCounts,
         level: &RowPrediction,
         mean: f64,
         variance: f64,
     ) -> Integral {
-        if let Some(integral) = self.integral_of_reading(seen, level, mean, variance) {
+        if let Some(integral) = self.integral_of_reading(counts, level, mean, variance) {
             return integral;
         }
-        let exponent_at =
-            |u: f64| self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance;
+        let exponent_at = |u: f64| {
+            self.log_likelihood_at(counts, level, u) - 0.5 * (u - mean) * (u - mean) / variance
+        };
         let mut top = mean;
         let mut start = |level: f64| {
             if exponent_at(top) < exponent_at(level) {
                 top = level;
             }
         };
-        if seen.reading_dbm.is_finite() {
-            let read = seen.reading_dbm - level.range.offset_db;
+        if counts.reading_dbm.is_finite() {
+            let read = counts.reading_dbm - level.range.offset_db;
             let (_, noise_db, own) = self.frames(level, read);
-            let own = mean_variance(self.rounded_variance(own), seen.readings);
+            let own = mean_variance(self.rounded_variance(own), counts.readings);
             start((variance * (read - noise_db) + own * mean) / (variance + own));
         }
         // Without a reading the integrand may peak far below its prior mean, where frames are lost.
-        if !seen.reading_dbm.is_finite() {
+        if !counts.reading_dbm.is_finite() {
             for k in [-3.0, -2.0, -1.0, 1.0] {
                 start(mean + k * variance.sqrt());
             }
@@ -298,17 +304,17 @@ impl Instrument {
         let (top, width) = search.maximise(exponent_at, top, 1.0 / variance);
         // Beside a reading nothing but a normal density is left of the integrand; without one a wall of losses on one side leaves a
         // long slope on the other.
-        if seen.reading_dbm.is_finite() && width < NARROW * self.sd_db {
+        if counts.reading_dbm.is_finite() && width < NARROW * self.sd_db {
             let few = HERMITE.map(|(z, weight)| (z * width, weight * width));
             let logs = few.map(|(away, _)| exponent_at(top + away));
             let is_normal = |log: &f64| *log < logs[3] - OUTERMOST_NATS;
             if [&logs[0], &logs[6]].into_iter().all(is_normal) {
-                return self.sum_over(seen, level, (mean, variance), top, &few, &logs);
+                return self.sum_over(counts, level, (mean, variance), top, &few, &logs);
             }
         }
         let points = Self::trapezia(&exponent_at, top, width, variance);
         let logs = points.map(|(away, _)| exponent_at(top + away));
-        self.sum_over(seen, level, (mean, variance), top, &points, &logs)
+        self.sum_over(counts, level, (mean, variance), top, &points, &logs)
     }
 
     /// Points about the top of an integrand at equal steps, to where it has fallen low, each with its weight.
@@ -334,7 +340,7 @@ impl Instrument {
     /// The integral by points about the top of its integrand, each with its weight, and the logarithms of the integrand there.
     fn sum_over<const N: usize>(
         &self,
-        seen: &RowCounts,
+        counts: &RowCounts,
         level: &RowPrediction,
         (mean, variance): (f64, f64),
         top: f64,
@@ -360,7 +366,7 @@ impl Instrument {
                 if LEAST_PART < part {
                     let u = top + away;
                     let prior = -0.5 * (u - mean) * (u - mean) / variance;
-                    let ratio = wider.seen_at(seen, level, u) + prior - log;
+                    let ratio = wider.log_likelihood_at(counts, level, u) + prior - log;
                     sum += weight * part * libm::exp(ratio);
                 } else {
                     sum += weight * part;
@@ -378,29 +384,29 @@ impl Instrument {
         level: &RowPrediction,
         blup_db: f64,
     ) -> RowLikelihood {
-        let seen = RowCounts::from_row(row, self);
+        let counts = RowCounts::from_row(row, self);
         let mean = level.power_dbm + blup_db;
         let is_plain = level.stated.is_none() && level.ln_survival == 0.0;
         // Silent rows of one number of frames differ by their mean level alone: a table replaces their integrals.
-        if is_plain && seen.is_silent() {
-            let known = self.silent.iter().find(|silent| silent.sent == seen.sent);
+        if is_plain && counts.is_silent() {
+            let known = self.silent.iter().find(|silent| silent.sent == counts.sent);
             if let Some(slope) =
                 known.and_then(|silent| silent.likelihood_at(mean - level.shift_db))
             {
                 return slope;
             }
         }
-        self.integrated(&seen, level, mean)
+        self.integrated(&counts, level, mean)
     }
 
-    /// Log likelihood of what was seen, by an integral.
-    fn integrated(&self, seen: &RowCounts, level: &RowPrediction, mean: f64) -> RowLikelihood {
+    /// Log likelihood of a row, by an integral over the level.
+    fn integrated(&self, counts: &RowCounts, level: &RowPrediction, mean: f64) -> RowLikelihood {
         let variance = self.link_sd_db * self.link_sd_db;
         let Integral { log, posterior_mean, posterior_variance, over_ln_sd } =
-            self.integral(seen, level, mean, variance);
+            self.integral(counts, level, mean, variance);
         let away = posterior_mean - mean;
         RowLikelihood {
-            log: log + ln_constant(seen, level),
+            log: log + ln_constant(counts, level),
             over_level: away / variance,
             weight: ((1.0 - posterior_variance / variance) / variance).max(0.0),
             over_ln_sd,
@@ -425,7 +431,7 @@ impl Instrument {
     /// What rows of so many frames, none of them received, say at every mean level.
     fn silent(&self, frames: f64) -> SilentRowTable {
         let sent = effective_frames(frames);
-        let seen = RowCounts {
+        let counts = RowCounts {
             sent,
             received: 0.0,
             reading_dbm: f64::NAN,
@@ -438,7 +444,7 @@ impl Instrument {
         let width = self.averaged.width_db() + below + below;
         let step = (width / SILENT_POINTS as f64).max(0.1 * self.link_sd_db);
         let rows = (0..=(width / step) as usize)
-            .map(|i| self.integrated(&seen, &PLAIN, from_dbm + i as f64 * step))
+            .map(|i| self.integrated(&counts, &PLAIN, from_dbm + i as f64 * step))
             .collect();
         SilentRowTable { sent, from_dbm, step, rows }
     }
@@ -454,7 +460,7 @@ impl Instrument {
         (blup_db, extra): (f64, f64),
         read: Option<RegisterResponse<'_>>,
     ) -> [f64; 4] {
-        let seen = RowCounts::from_row(row, self);
+        let counts = RowCounts::from_row(row, self);
         let mean = level.power_dbm + blup_db;
         let sd = (self.link_sd_db * self.link_sd_db + extra).sqrt();
         let mut sums = [0.0; 6];
@@ -465,12 +471,12 @@ impl Instrument {
             let weight = libm::exp(-0.5 * z * z);
             // Rows without a single frame received show no reading.
             let shows =
-                weight * (1.0 - libm::exp(seen.sent * libm::log((1.0 - passes).max(1e-300))));
-            let readings = (seen.sent * passes).max(1.0);
+                weight * (1.0 - libm::exp(counts.sent * libm::log((1.0 - passes).max(1e-300))));
+            let readings = (counts.sent * passes).max(1.0);
             let reading = read.map_or(u + level.register_db + noise_db, |read| read(u + noise_db));
             sums[0] += weight;
             sums[1] += weight * passes;
-            sums[2] += weight * (passes * passes + passes * (1.0 - passes) / seen.sent);
+            sums[2] += weight * (passes * passes + passes * (1.0 - passes) / counts.sent);
             sums[3] += shows;
             sums[4] += shows * reading;
             sums[5] += shows
@@ -490,12 +496,13 @@ impl Instrument {
         (blup_db, extra): (f64, f64),
         read: Option<RegisterResponse<'_>>,
     ) -> RowScore {
-        let seen = RowCounts::from_row(row, self);
+        let counts = RowCounts::from_row(row, self);
         let variance = self.link_sd_db * self.link_sd_db + extra;
-        let Integral { log, .. } = self.integral(&seen, level, level.power_dbm + blup_db, variance);
+        let Integral { log, .. } =
+            self.integral(&counts, level, level.power_dbm + blup_db, variance);
         let [reading, sd, share, _] = self.row_of(row, level, (blup_db, extra), read);
         let mut score = RowScore {
-            log: log + ln_constant(&seen, level),
+            log: log + ln_constant(&counts, level),
             squared_error: f64::NAN,
             plain_squared_error: f64::NAN,
             heading_squared_error_rad2: f64::NAN,
@@ -507,9 +514,9 @@ impl Instrument {
             score.squared_error = deviation * deviation;
             score.crps = super::normal_crps(deviation, sd);
         }
-        if seen.knows_losses {
+        if counts.knows_losses {
             let share = share.clamp(1e-9, 1.0 - 1e-9);
-            let measured = seen.received / seen.sent;
+            let measured = counts.received / counts.sent;
             score.reception_log_loss =
                 -measured * libm::log(share) - (1.0 - measured) * libm::log(1.0 - share);
         }
@@ -524,19 +531,19 @@ fn mean_variance(variance: f64, readings: f64) -> f64 {
 
 /// The part of a row's log likelihood that does not depend on the mean power: the binomial coefficient, and the Jacobian of the
 /// register's response.
-fn ln_constant(seen: &RowCounts, level: &RowPrediction) -> f64 {
+fn ln_constant(counts: &RowCounts, level: &RowPrediction) -> f64 {
     let ln_stretch =
-        if seen.reading_dbm.is_finite() { libm::log(level.range.stretch) } else { 0.0 };
-    ways(seen) + ln_stretch
+        if counts.reading_dbm.is_finite() { libm::log(level.range.stretch) } else { 0.0 };
+    ways(counts) + ln_stretch
 }
 
 /// Logarithm of the number of ways in which so many of the frames are received.
-fn ways(seen: &RowCounts) -> f64 {
-    if !seen.knows_losses {
+fn ways(counts: &RowCounts) -> f64 {
+    if !counts.knows_losses {
         return 0.0;
     }
     let factorial = |n: f64| libm::lgamma(n + 1.0);
-    factorial(seen.sent) - factorial(seen.received) - factorial(seen.sent - seen.received)
+    factorial(counts.sent) - factorial(counts.received) - factorial(counts.sent - counts.received)
 }
 
 #[cfg(test)]
