@@ -23,7 +23,8 @@ use std::path::Path;
 use study::choices::Choices;
 use study::links::LinkStudy;
 use study::open::{self, DataAccount, OpenError, Subject};
-use study::robots::{RobotStudy, WINDOW_S};
+use study::robots::RobotStudy;
+use study::thresholds::WINDOW_S;
 use study::{Candidate, Study};
 
 /// Looks at a file of measurements. Without a configuration, free space and bodies that obey at once are taken.

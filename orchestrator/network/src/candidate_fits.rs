@@ -55,7 +55,7 @@ struct RunsAtValue {
 #[derive(Clone, Debug)]
 pub struct CandidateScan<'a> {
     candidate: &'a CandidateEffect,
-    tried: Vec<RunsAtValue>,
+    simulated: Vec<RunsAtValue>,
 }
 
 /// A fitted effect, and what it takes to see how far off fits are.
@@ -118,7 +118,7 @@ impl FitContext<'_> {
         candidate: &'c CandidateEffect,
         places: &[f64],
     ) -> Result<CandidateScan<'c>, ResimulationError> {
-        let mut curve = CandidateScan { candidate, tried: Vec::new() };
+        let mut curve = CandidateScan { candidate, simulated: Vec::new() };
         self.add(network, &mut curve, places, self.seeds.div_ceil(2))?;
         Ok(curve)
     }
@@ -134,24 +134,24 @@ impl FitContext<'_> {
         for &place in places {
             let value = curve.candidate.value(place);
             let at = curve.candidate.scaled(value);
-            let place = curve.tried.iter().position(|tried| (tried.at - at).abs() < SAME);
-            if place.is_some_and(|place| n <= curve.tried[place].runs.len() as u64) {
+            let place = curve.simulated.iter().position(|runs| (runs.at - at).abs() < SAME);
+            if place.is_some_and(|place| n <= curve.simulated[place].runs.len() as u64) {
                 continue;
             }
             let runs = self.runs(&curve.candidate.added(network, value), n)?;
             match place {
-                Some(place) => curve.tried[place].runs = runs,
-                None => curve.tried.push(RunsAtValue { at, runs }),
+                Some(place) => curve.simulated[place].runs = runs,
+                None => curve.simulated.push(RunsAtValue { at, runs }),
             }
-            curve.tried.sort_by(|a, b| a.at.total_cmp(&b.at));
+            curve.simulated.sort_by(|a, b| a.at.total_cmp(&b.at));
         }
         Ok(())
     }
 
-    /// The laws of a curve, at what was tried and between.
+    /// The laws of a curve, at the simulated values and between.
     #[must_use]
     pub fn laws(&self, curve: &CandidateScan<'_>) -> Vec<(f64, FigureDensity)> {
-        let moments = curve.moments(curve.tried.iter(), None, &self.usable);
+        let moments = curve.moments(curve.simulated.iter(), None, &self.usable);
         let mut laws = Vec::new();
         for pair in moments.windows(2) {
             for at in curve.candidate.values_between(pair[0].at, pair[1].at) {
@@ -221,7 +221,7 @@ impl FitContext<'_> {
         unreachable!("three widenings at most")
     }
 
-    /// What is plausible, by straight lines between what was tried.
+    /// What is plausible, by straight lines between simulated values.
     fn plausible(&self, curve: &CandidateScan<'_>) -> [f64; 2] {
         let laws = self.laws(curve);
         let (best, top) = self.best(&laws);
@@ -281,14 +281,14 @@ impl FitContext<'_> {
         let ends = [in_interval().next(), in_interval().next_back()]
             .map(|end| end.map_or(best, |end| end.0));
         let window = [profile.first(), profile.last()].map(|end| end.map_or(best, |end| end.0));
-        let mut again = Vec::new();
+        let mut resampled = Vec::new();
         for resample in 0..SEED_RESAMPLES {
             let picks = self.picks(resample);
             let law = self.smooth(curve, within, Some(&picks));
             let (at, log) = top(&self.profile(law.as_ref(), window));
-            again.push((at, log - self.base_density(base, Some(&picks))));
+            resampled.push((at, log - self.base_density(base, Some(&picks))));
         }
-        let sd_of_place = sd(again.iter().map(|it| it.0));
+        let sd_of_place = sd(resampled.iter().map(|it| it.0));
         let widened = |end: f64| libm::sqrt(square(best - end) + square(Z_90 * sd_of_place));
         let value = |at: f64| curve.candidate.value(at);
         let mut interval = [value(best - widened(ends[0])), value(best + widened(ends[1]))];
@@ -297,7 +297,7 @@ impl FitContext<'_> {
             value: curve.candidate.rounded(value(best)),
             interval,
             gain: log_density - self.base_density(base, None),
-            standard_error: sd(again.iter().map(|it| it.1)),
+            standard_error: sd(resampled.iter().map(|it| it.1)),
             log_density,
         }
     }
@@ -319,16 +319,17 @@ impl FitContext<'_> {
             .map(|at| (at, smooth.law(at)))
             .collect();
         let made_with = candidate.scaled(fit.fitted.value);
-        let mut off: Vec<f64> = runs
+        let mut errors: Vec<f64> = runs
             .iter()
             .map(|run| best_of(&laws, run).0 - made_with)
-            .filter(|off| off.is_finite())
+            .filter(|error| error.is_finite())
             .collect();
-        if off.is_empty() {
+        if errors.is_empty() {
             return;
         }
-        off.sort_by(f64::total_cmp);
-        let mut ends = [0.95, 0.05].map(|share| candidate.value(made_with - quantile(&off, share)));
+        errors.sort_by(f64::total_cmp);
+        let mut ends =
+            [0.95, 0.05].map(|share| candidate.value(made_with - quantile(&errors, share)));
         ends.sort_by(f64::total_cmp);
         let interval = &mut fit.fitted.interval;
         *interval = [interval[0].min(ends[0]), interval[1].max(ends[1])];
@@ -342,7 +343,7 @@ impl FitContext<'_> {
         window: [f64; 2],
         base: &[ScaledFigures],
     ) -> Result<FittedEffect, ResimulationError> {
-        let places: Vec<f64> = curve.tried.iter().map(|tried| tried.at).collect();
+        let places: Vec<f64> = curve.simulated.iter().map(|runs| runs.at).collect();
         let near = |at: &f64| (window[0] - SAME..=window[1] + SAME).contains(at);
         let places: Vec<f64> = places.into_iter().filter(near).collect();
         self.add(network, curve, &places, self.seeds)?;
@@ -356,14 +357,14 @@ impl FitContext<'_> {
         };
         let here = logs(None);
         let best = (0..here.len()).fold(0, |best, k| if here[best] < here[k] { k } else { best });
-        let again: Vec<(Vec<f64>, f64)> = (0..SEED_RESAMPLES)
+        let resampled: Vec<(Vec<f64>, f64)> = (0..SEED_RESAMPLES)
             .map(|resample| {
                 let picks = self.picks(resample);
                 (logs(Some(&picks)), self.base_density(base, Some(&picks)))
             })
             .collect();
         let is_in = |k: &usize| {
-            let doubt = sd(again.iter().map(|(logs, _)| logs[best] - logs[*k]));
+            let doubt = sd(resampled.iter().map(|(logs, _)| logs[best] - logs[*k]));
             here[best] - FALL_90_NATS - Z_90 * doubt <= here[*k]
         };
         let inside: Vec<usize> = (0..here.len()).filter(is_in).collect();
@@ -375,7 +376,7 @@ impl FitContext<'_> {
             value: value(best),
             interval,
             gain: here[best] - self.base_density(base, None),
-            standard_error: sd(again.iter().map(|(logs, base)| logs[best] - base)),
+            standard_error: sd(resampled.iter().map(|(logs, base)| logs[best] - base)),
             log_density: here[best],
         })
     }
@@ -420,29 +421,29 @@ fn sd(values: impl Iterator<Item = f64> + Clone) -> f64 {
 impl CandidateScan<'_> {
     fn moments<'r>(
         &self,
-        tried: impl Iterator<Item = &'r RunsAtValue>,
+        values: impl Iterator<Item = &'r RunsAtValue>,
         picks: Option<&[f64]>,
         usable: &[usize],
     ) -> Vec<RunMoments> {
         let moments_of = |it: &RunsAtValue| {
             RunMoments::from_runs(it.at, picked(&it.runs, picks).into_iter(), usable)
         };
-        tried.map(moments_of).collect()
+        values.map(moments_of).collect()
     }
 
     /// Values tested within a window under as many seeds.
     fn within(&self, window: [f64; 2], seeds: u64) -> Vec<&RunsAtValue> {
-        let is_in = |tried: &&RunsAtValue| {
-            let inside = (window[0] - SAME..=window[1] + SAME).contains(&tried.at);
-            inside && seeds <= tried.runs.len() as u64
+        let is_in = |value: &&RunsAtValue| {
+            let inside = (window[0] - SAME..=window[1] + SAME).contains(&value.at);
+            inside && seeds <= value.runs.len() as u64
         };
-        self.tried.iter().filter(is_in).collect()
+        self.simulated.iter().filter(is_in).collect()
     }
 
-    /// Where to try next: at the best place, and halfway to what was tried on either side of it; further out where the best
+    /// Where to try next: at the best place, and halfway to the simulated values on either side of it; further out where the best
     /// is at the end.
     fn about(&self, best: f64) -> Vec<f64> {
-        let places: Vec<f64> = self.tried.iter().map(|tried| tried.at).collect();
+        let places: Vec<f64> = self.simulated.iter().map(|runs| runs.at).collect();
         let nearest = (0..places.len())
             .min_by(|&a, &b| (places[a] - best).abs().total_cmp(&(places[b] - best).abs()))
             .unwrap_or_default();
@@ -456,7 +457,7 @@ impl CandidateScan<'_> {
             (None, None) => (here - 1.0, here + 1.0),
         };
         let mut next = vec![before, after];
-        // Where it is not all but tried.
+        // Where it is not nearly simulated already.
         if 0.1 * (after - before) < (best - here).abs() {
             next.push(best);
         }

@@ -298,25 +298,27 @@ pub(crate) struct SmoothDensity {
 impl SmoothDensity {
     /// Fits smooth moments to those at simulated values; `None`: fewer than three values.
     #[must_use]
-    pub(crate) fn fit(tried: &[RunMoments], usable: &[usize]) -> Option<Self> {
-        let (first, last) = (tried.first()?.at, tried.last()?.at);
-        if tried.len() < 3 {
+    pub(crate) fn fit(simulated: &[RunMoments], usable: &[usize]) -> Option<Self> {
+        let (first, last) = (simulated.first()?.at, simulated.last()?.at);
+        if simulated.len() < 3 {
             return None;
         }
         let (middle, half) = (0.5 * (first + last), 0.5 * (last - first));
-        let places: Vec<f64> = tried.iter().map(|moments| (moments.at - middle) / half).collect();
+        let places: Vec<f64> =
+            simulated.iter().map(|moments| (moments.at - middle) / half).collect();
         let fitted = |of: &dyn Fn(&RunMoments) -> f64, degree: usize| {
-            polynomial(&places, &tried.iter().map(of).collect::<Vec<f64>>(), degree)
+            polynomial(&places, &simulated.iter().map(of).collect::<Vec<f64>>(), degree)
         };
-        let parts = tried.len() as f64;
+        let parts = simulated.len() as f64;
         let mut correlation = vec![[0.0; D]; D];
         for (i, row) in correlation.iter_mut().enumerate() {
             for (j, entry) in row.iter_mut().enumerate() {
-                *entry = tried.iter().map(|moments| moments.correlation[i][j]).sum::<f64>() / parts;
+                *entry =
+                    simulated.iter().map(|moments| moments.correlation[i][j]).sum::<f64>() / parts;
             }
         }
         let mut patterns = BTreeMap::new();
-        for moments in tried {
+        for moments in simulated {
             for (&pattern, &count) in &moments.patterns {
                 *patterns.entry(pattern).or_insert(0.0) +=
                     (count + 0.5) / (moments.n + 1.0) / parts;
@@ -330,7 +332,7 @@ impl SmoothDensity {
             correlation,
             patterns,
             // The same seeds everywhere: they count once.
-            n: tried.iter().map(|moments| moments.n).sum::<f64>() / parts,
+            n: simulated.iter().map(|moments| moments.n).sum::<f64>() / parts,
             usable: usable.to_vec(),
         })
     }

@@ -374,9 +374,9 @@ mod tests {
         };
         let kept = selected_by("pdr > 0.5").unwrap();
         assert_eq!(kept.rows, [true, false, false, true]);
-        let told: Vec<(usize, usize)> =
+        let rows: Vec<(usize, usize)> =
             kept.rejected.iter().map(|rejected| (rejected.rows, rejected.first_line)).collect();
-        assert_eq!(told, [(1, 3), (1, 4)]);
+        assert_eq!(rows, [(1, 3), (1, 4)]);
         assert!(kept.rejected[1].reason.contains("missing"), "{:?}", kept.rejected);
         assert_eq!(
             selected_by("distance_m < 2.5 or tx == 4").unwrap().rows,

@@ -48,7 +48,7 @@ pub enum Test {
     /// In all rows.
     AllRows(fn(&Evidence<'_>) -> Option<Defect>),
     /// In the rows that no other defect concerns: whether each row is such a one is the second argument.
-    RowsLeft(fn(&Evidence<'_>, &[bool]) -> Option<Defect>),
+    UnaffectedRows(fn(&Evidence<'_>, &[bool]) -> Option<Defect>),
 }
 
 /// The kinds of defects.
@@ -62,7 +62,7 @@ pub const KINDS: &[Kind] = &[
     Kind { name: channel_shift::NAME, test: Test::AllRows(channel_shift::test) },
     Kind { name: swapped_ends::NAME, test: Test::AllRows(swapped_ends::test) },
     Kind { name: position_noise::NAME, test: Test::AllRows(position_noise::test) },
-    Kind { name: outliers::NAME, test: Test::RowsLeft(outliers::test) },
+    Kind { name: outliers::NAME, test: Test::UnaffectedRows(outliers::test) },
 ];
 
 /// A defect of the measurement.
@@ -142,18 +142,18 @@ impl Correction {
 pub fn found(evidence: &Evidence<'_>) -> Vec<Defect> {
     let in_all = |kind: &Kind| match kind.test {
         Test::AllRows(test) => test(evidence),
-        Test::RowsLeft(_) => None,
+        Test::UnaffectedRows(_) => None,
     };
     let mut tested: Vec<Defect> = KINDS.iter().filter_map(in_all).collect();
-    let mut is_left = vec![true; evidence.rows().len()];
+    let mut is_unaffected = vec![true; evidence.rows().len()];
     for defect in significant(tested.clone()) {
         let Correction { left_out, replaced, .. } = &defect.correction;
         let concerned = left_out.iter().chain(replaced.iter().map(|(row, _)| row));
-        concerned.for_each(|&row| is_left[row as usize] = false);
+        concerned.for_each(|&row| is_unaffected[row as usize] = false);
     }
     let in_rest = |kind: &Kind| match kind.test {
         Test::AllRows(_) => None,
-        Test::RowsLeft(test) => test(evidence, &is_left),
+        Test::UnaffectedRows(test) => test(evidence, &is_unaffected),
     };
     tested.extend(KINDS.iter().filter_map(in_rest));
     for defect in &tested {

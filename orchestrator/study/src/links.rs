@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`rows`] | the measurements as the physics sees them |
 //! | [`likelihood`] | how likely a row is: readings, lost frames, rounding |
-//! | [`passing`] | the probability that a frame passes, noise averaged out |
+//! | [`reception`] | the probability that a frame passes, noise averaged out |
 //! | [`terms`] | what may be added to the model |
 //! | [`fit`] | Newton's method on all of it |
 //! | `candidates` | what may be missing |
@@ -18,7 +18,7 @@
 //! | `group` | blocks that are left out together, cells that share a level |
 //! | `estimates` | numbers with intervals |
 //! | [`predict`] | what a fit predicts, and the residuals |
-//! | `corrected` | predictions of changed rows, and studies of corrected measurements |
+//! | `correction` | predictions of changed rows, and studies of corrected measurements |
 //! | [`covariance`] | how far levels of links reach |
 //! | [`covariates`] | what an error may depend on, given or derived |
 //! | `view` | predictions row by row, for pictures |
@@ -29,18 +29,18 @@ mod agreement;
 pub mod basis;
 mod candidates;
 pub mod cells;
-mod corrected;
+mod correction;
 pub mod covariance;
 pub mod covariates;
 mod estimates;
 pub mod fit;
 mod group;
 pub mod likelihood;
-mod limited;
+mod limited_effects;
 mod linear;
 mod noise_bound;
-pub mod passing;
 pub mod predict;
+pub mod reception;
 pub mod register;
 pub mod rows;
 mod scales;
@@ -63,9 +63,9 @@ use fit::{FitProblem, FreeRandomEffects, IterationLimits, LinkFit};
 use likelihood::Instrument;
 use netsim::catalogue::Catalogue;
 use netsim::phy::scatter::Law;
-use passing::PowerMixture;
-use predict::Above;
+use predict::RandomEffect;
 use proto::effect::Level;
+use reception::PowerMixture;
 use rows::ModelledLinks;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -175,6 +175,7 @@ impl LinkStudy {
     pub fn thinned(&self) -> Option<Self> {
         let is_aggregated = self.rows.links.readings.is_aggregated;
         let most = if is_aggregated { MOST_SEARCHED_ROWS / 3 } else { MOST_SEARCHED_ROWS };
+        // A study that is hardly smaller saves no time.
         if self.rows.len() < most + most / 4 {
             return None;
         }
@@ -183,6 +184,7 @@ impl LinkStudy {
         let names = |study: &Self| -> Vec<String> {
             study.candidates.iter().map(|candidate| candidate.name.clone()).collect()
         };
+        // Terms are numbers of candidates: of other candidates, the selection would mean other terms.
         (names(&thin) == names(self)).then(|| thin.with_stop_flag(&self.stop))
     }
 
@@ -237,6 +239,7 @@ impl LinkStudy {
                 0.0
             }
         };
+        // A given reading already holds the random effects of its link.
         if self.rows.links.readings.is_given {
             return (RandomEffectSds::default(), FreeRandomEffects::default());
         }
@@ -263,9 +266,9 @@ impl LinkStudy {
         terms: &[usize],
         states: Vec<TermState>,
         train: &[u32],
-        from: From<'_>,
+        from: FitOptions<'_>,
     ) -> LinkFit {
-        let From { level, parent, is_trial, held, most_steps } = from;
+        let FitOptions { level, parent, is_trial, held, most_steps } = from;
         let specs = self.specs_of(terms);
         let (mut sd, free) = self.deviations(&specs, level);
         let scales = self.scales(&specs, &states, level);
@@ -349,7 +352,7 @@ impl LinkStudy {
 
 /// From where a fit starts, and how far it goes.
 #[derive(Clone, Copy)]
-struct From<'a> {
+struct FitOptions<'a> {
     /// At which level it will be judged.
     level: Level,
     /// A fit of fewer or other terms.
@@ -362,7 +365,7 @@ struct From<'a> {
     most_steps: usize,
 }
 
-impl<'a> From<'a> {
+impl<'a> FitOptions<'a> {
     /// A trial on top of a parent, if there is one.
     fn quick(level: Level, parent: Option<&'a LinkFit>) -> Self {
         Self { level, parent, is_trial: true, held: None, most_steps: TRIAL_STEPS }
@@ -418,7 +421,8 @@ impl Study for LinkStudy {
         start: Option<&LinkFit>,
     ) -> LinkFit {
         if self.stop.is_set() {
-            let empty = || self.run(&[], Vec::new(), train, From::quick(level, None));
+            // No answer rests on a fit after the request to stop: any fit will do.
+            let empty = || self.run(&[], Vec::new(), train, FitOptions::quick(level, None));
             return start.cloned().unwrap_or_else(empty);
         }
         let known = |term: usize| {
@@ -450,22 +454,21 @@ impl Study for LinkStudy {
         let best = if starts.len() == 1 {
             starts.swap_remove(0)
         } else {
+            // A trial holds the spreads, on which the likelihood of a scale depends.
             let from = if asks_for_scales {
-                From::to_convergence(level, start)
+                FitOptions::to_convergence(level, start)
             } else {
-                From::quick(level, start)
+                FitOptions::quick(level, start)
             };
             self.best_of(terms, starts, train, from).map(|fit| fit.states).unwrap_or_default()
         };
-        self.run(terms, best, train, From::to_convergence(level, start))
+        self.run(terms, best, train, FitOptions::to_convergence(level, start))
     }
 
     fn screen(&self, terms: &[usize], level: Level, parent: &LinkFit) -> Option<LinkFit> {
         let (&term, _) = terms.split_last()?;
-        if self.stop.is_set() {
-            return None;
-        }
-        if self.specs[term].is_random() {
+        // A trial holds the spreads of random effects, so it cannot show what another one is worth.
+        if self.stop.is_set() || self.specs[term].is_random() {
             return None;
         }
         let all = self.fitted_rows();
@@ -474,7 +477,7 @@ impl Study for LinkStudy {
             .into_iter()
             .map(|state| parent.states.iter().cloned().chain([state]).collect())
             .collect();
-        self.best_of(terms, starts, &all, From::quick(level, Some(parent)))
+        self.best_of(terms, starts, &all, FitOptions::quick(level, Some(parent)))
     }
 
     fn prediction_difference(
@@ -575,7 +578,7 @@ impl Study for LinkStudy {
             .map(|&row| {
                 let row = row as usize;
                 let level = fit.level((&self.rows, &specs), row, &otherwise);
-                let above = Above::for_row(fit, &cells, row);
+                let above = RandomEffect::for_row(fit, &cells, row);
                 self.score(fit, row, (&level, &otherwise), above, &mut tables)
             })
             .collect()

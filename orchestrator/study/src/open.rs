@@ -155,7 +155,7 @@ pub fn robots_predicted(
         warnings: robots.warnings.clone(),
         predicted_by,
     };
-    let given = StatedSettings {
+    let stated = StatedSettings {
         is_wheelbase_given,
         sd_m: localization_sd_m(config),
         terrain: config.site.terrain.clone(),
@@ -163,7 +163,7 @@ pub fn robots_predicted(
         predicted,
     };
     let study =
-        RobotStudy::new(robots, &dynamics, given, (choices, table)).map_err(
+        RobotStudy::new(robots, &dynamics, stated, (choices, table)).map_err(
             |error| match error {
                 RobotStudyError::Choice(error) => error.into(),
                 other => useless(other.to_string()),

@@ -10,16 +10,17 @@ mod curve;
 mod density;
 mod derivatives;
 mod discs;
-mod driven;
 mod fit;
 mod fit_state;
 mod foreign;
 mod formulas;
 mod inertial;
-mod limited;
+mod limited_effects;
 mod linear;
 mod motion;
 mod neighbours;
+mod noise_free_motion;
+mod objective;
 mod rivals;
 mod screen;
 mod search;
@@ -36,7 +37,6 @@ use super::{Candidate, Estimate, StopFlag};
 use crate::thresholds::{ROBOTS_COLLINEAR, WINDOW_S};
 use density::ResidualDensity;
 use derivatives::Derivatives;
-use fit::Number;
 use foreign::ForeignBase;
 pub use foreign::{TooDense, command_kind, prediction_windows};
 use measure::Rejected;
@@ -46,6 +46,7 @@ use motion::{Gains, MeasuredTracks};
 use nalgebra::DMatrix;
 use numbers::normal::Z_90;
 use numbers::power::square;
+use objective::Number;
 use proto::prediction::PredictedWindow;
 use proto::site::Terrain;
 use robotsim::catalogue::Catalogue;
@@ -296,7 +297,7 @@ impl RobotModel {
 impl RobotStudy {
     /// Holds robot samples against a checked `[robotsim.dynamics]`.
     ///
-    /// * `given`: what the configuration says beside the dynamics.
+    /// * `stated`: what the configuration says beside the dynamics.
     /// * `choices`, `table`: what is chosen by hand, and the file that the samples come from.
     ///
     /// # Errors
@@ -305,11 +306,11 @@ impl RobotStudy {
     pub fn new(
         robots: RobotSamples,
         dynamics: &toml::Table,
-        given: StatedSettings,
+        stated: StatedSettings,
         (choices, table): (&Choices, &DataTable),
     ) -> Result<Self, RobotStudyError> {
         let StatedSettings { is_wheelbase_given, sd_m: given_sd_m, terrain, catalogue, predicted } =
-            given;
+            stated;
         let kind = dynamics.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
         let bodies = robots.commands.bodies();
         if !bodies.contains(&kind) {

@@ -69,6 +69,7 @@ fn shapes(name: &str, known: &[f64], quarter: f64) -> Vec<FormulaShape> {
     };
     let powers = |highest: i32| FormulaShape::with_constant((1..=highest).map(power).collect());
     let mut all: Vec<FormulaShape> = (1..=3).map(powers).collect();
+    // A logarithm needs positive values.
     if known.first().is_some_and(|least| 0.0 < *least) {
         all.push(FormulaShape::with_constant(vec![term(format!("ln({name})"), |x, _| {
             libm::log(x)
@@ -142,6 +143,8 @@ pub fn of_covariate(
             pace = shape.pace;
         }
     }
+    // The squared error has many minima over the pace of a wave, so the grid above finds the cycle and halvings refine
+    // it.
     if let Some(mut pace) = pace {
         for half in 1..=HALVES {
             let step = quarter * integer_power(0.5, half);

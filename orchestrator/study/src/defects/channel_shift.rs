@@ -89,6 +89,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     };
     Some(Defect {
         name: NAME,
+        // Bonferroni over parts and shifts.
         p_value: (n_tests * p_value).min(1.0),
         share,
         estimates: vec![Estimate::new("shift_channels", "", value, (value, value))],

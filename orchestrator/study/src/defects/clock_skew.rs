@@ -63,6 +63,7 @@ fn by_coincidence(evidence: &Evidence<'_>, tracks: &Tracks, found: &Coincidence)
         }
         replaced.push((index as u32, changed[index]));
     }
+    // A clock error of nodes that all stand still changes no prediction.
     if !is_moved && left_out.is_empty() {
         return None;
     }
@@ -166,6 +167,7 @@ fn by_likelihood(evidence: &Evidence<'_>, tracks: &Tracks) -> Option<Defect> {
         near.fold((shift_s, shift_s), |(low, high), (s, _)| (low.min(s), high.max(s)));
     let interval = (low - FINE_S, high + FINE_S);
     let n_receivers = coarse.iter().map(|shift| shift.gains.len()).max().unwrap_or(1);
+    // Bonferroni: each receiver was tested at each shift.
     let n_tests = (n_receivers * (coarse.len() + fine.len())) as f64;
     let (changed, is_known) = shifted(rows, tracks, shift_s);
     let other = evidence.alternative(&changed, false)?;

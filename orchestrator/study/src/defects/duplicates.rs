@@ -65,7 +65,7 @@ fn chance_by_model(evidence: &Evidence<'_>) -> f64 {
     let quantum_db = evidence.modelled().links.readings.quantum_db.max(UNROUNDED_STEP_DB);
     let root = std::f64::consts::PI.sqrt();
     let one = |row: usize| {
-        let passes = evidence.instrument.reception(&evidence.levels[row], evidence.lift_db);
+        let passes = evidence.instrument.reception(&evidence.levels[row], evidence.intercept_db);
         let same_reading = (quantum_db / (2.0 * evidence.sd_db[row] * root)).min(1.0);
         passes * passes * same_reading + (1.0 - passes) * (1.0 - passes)
     };

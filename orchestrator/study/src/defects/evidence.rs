@@ -34,8 +34,8 @@ pub struct Evidence<'a> {
     /// Noise and reception.
     pub instrument: Instrument,
     /// What is added to the power of all rows (dB).
-    pub lift_db: f64,
-    /// What the model says of each row, before `lift_db`.
+    pub intercept_db: f64,
+    /// What the model says of each row, before `intercept_db`.
     pub levels: Vec<RowPrediction>,
     /// What each row should read if its frame is received (dBm).
     pub mean_dbm: Vec<f64>,
@@ -70,14 +70,15 @@ impl<'a> Evidence<'a> {
             return None;
         }
         let levels = study.row_predictions(fit, rows);
-        let (instrument, lift_db) = fitted(&fit.instrument, &rows.links.rows, &levels)?;
-        let expected = |level: &RowPrediction| instrument.reading(level, lift_db, None);
+        let (instrument, intercept_db) = fitted(&fit.instrument, &rows.links.rows, &levels)?;
+        let expected = |level: &RowPrediction| instrument.reading(level, intercept_db, None);
         let (mean_dbm, sd_db) = levels.iter().map(expected).unzip();
-        let of_row = |(row, level)| instrument.row_likelihood(row, level, lift_db).log;
+        let of_row = |(row, level)| instrument.row_likelihood(row, level, intercept_db).log;
         let logs = rows.links.rows.iter().zip(&levels).map(of_row).collect();
         let losses = rows.links.rows.iter().zip(&levels);
-        let log_loss = losses.map(|(row, level)| log_loss(&instrument, row, level, lift_db)).sum();
-        Some(Self { study, fit, instrument, lift_db, levels, mean_dbm, sd_db, logs, log_loss })
+        let log_loss =
+            losses.map(|(row, level)| log_loss(&instrument, row, level, intercept_db)).sum();
+        Some(Self { study, fit, instrument, intercept_db, levels, mean_dbm, sd_db, logs, log_loss })
     }
 
     /// What the model says if these rows stand in place of the measured ones; `None`: it cannot predict all of them. `is_refitted`: level
@@ -88,19 +89,21 @@ impl<'a> Evidence<'a> {
         let levels = self.study.row_predictions(self.fit, &changed);
         let rows = &changed.links.rows;
         let again = if is_refitted { Some(fitted(&self.instrument, rows, &levels)?) } else { None };
-        let (instrument, lift_db) =
-            again.as_ref().map_or((&self.instrument, self.lift_db), |(it, lift_db)| (it, *lift_db));
+        let (instrument, intercept_db) =
+            again.as_ref().map_or((&self.instrument, self.intercept_db), |(it, intercept_db)| {
+                (it, *intercept_db)
+            });
         let each = || rows.iter().zip(&levels);
         let residual_db = |(row, level): (&LinkRow, &RowPrediction)| {
-            row.rssi_dbm - instrument.reading(level, lift_db, None).0
+            row.rssi_dbm - instrument.reading(level, intercept_db, None).0
         };
         Some(Alternative {
             logs: each()
-                .map(|(row, level)| instrument.row_likelihood(row, level, lift_db).log)
+                .map(|(row, level)| instrument.row_likelihood(row, level, intercept_db).log)
                 .collect(),
             residuals_db: each().map(residual_db).collect(),
             log_losses: each()
-                .map(|(row, level)| log_loss(instrument, row, level, lift_db))
+                .map(|(row, level)| log_loss(instrument, row, level, intercept_db))
                 .collect(),
         })
     }
@@ -126,7 +129,7 @@ impl<'a> Evidence<'a> {
                 square += now * now - then * then;
             }
             let level = &self.levels[row];
-            loss += log_loss(&self.instrument, &self.rows()[row], level, self.lift_db)
+            loss += log_loss(&self.instrument, &self.rows()[row], level, self.intercept_db)
                 - other.log_losses[row];
         }
         let by_loss = if 0.0 < self.log_loss { loss / self.log_loss } else { 0.0 };
@@ -179,7 +182,7 @@ impl<'a> Evidence<'a> {
     #[must_use]
     pub fn probability_between(&self, row: usize, low_dbm: f64, high_dbm: f64) -> f64 {
         let level = &self.levels[row];
-        let power_dbm = level.power_dbm + self.lift_db;
+        let power_dbm = level.power_dbm + self.intercept_db;
         let by_curve = level.stated.is_none() && self.instrument.readings.has_losses;
         let sd_db = self.instrument.sd_db;
         let n = (REACH_SD / STEP_SD) as i32;
@@ -209,11 +212,16 @@ impl<'a> Evidence<'a> {
 }
 
 /// The log loss of reception of a row (nats), 0 where it is unknown.
-fn log_loss(instrument: &Instrument, row: &LinkRow, level: &RowPrediction, lift_db: f64) -> f64 {
+fn log_loss(
+    instrument: &Instrument,
+    row: &LinkRow,
+    level: &RowPrediction,
+    intercept_db: f64,
+) -> f64 {
     if !instrument.readings.has_losses || !row.received.is_finite() {
         return 0.0;
     }
-    let passes = instrument.reception(level, lift_db).clamp(1e-9, 1.0 - 1e-9);
+    let passes = instrument.reception(level, intercept_db).clamp(1e-9, 1.0 - 1e-9);
     -row.received * libm::log(passes) - (row.frames - row.received) * libm::log(1.0 - passes)
 }
 
@@ -225,14 +233,15 @@ fn fitted(
     levels: &[RowPrediction],
 ) -> Option<(Instrument, f64)> {
     let n_readings = rows.iter().filter(|row| row.rssi_dbm.is_finite()).count() as f64;
+    // One reading determines the level and leaves nothing for the noise.
     if n_readings < 2.0 {
         return None;
     }
-    let (mut lift_db, mut instrument) = (0.0, start.with_sd(start.sd_db.max(LEAST_SD_DB)));
+    let (mut intercept_db, mut instrument) = (0.0, start.with_sd(start.sd_db.max(LEAST_SD_DB)));
     for _ in 0..STEPS {
         let mut sum = RowLikelihood::default();
         for (row, level) in rows.iter().zip(levels) {
-            let one = instrument.row_likelihood(row, level, lift_db);
+            let one = instrument.row_likelihood(row, level, intercept_db);
             sum.over_level += one.over_level;
             sum.weight += one.weight;
             sum.over_ln_sd += one.over_ln_sd;
@@ -243,14 +252,14 @@ fn fitted(
         if !step_db.is_finite() || !ln_step.is_finite() {
             return None;
         }
-        lift_db += step_db;
+        intercept_db += step_db;
         let sd_db = (instrument.sd_db * libm::exp(ln_step)).max(LEAST_SD_DB);
         instrument = instrument.with_sd(sd_db);
         if step_db.abs() < CLOSE && ln_step.abs() < CLOSE {
             break;
         }
     }
-    Some((instrument, lift_db))
+    Some((instrument, intercept_db))
 }
 
 /// The one-sided p-value of a mean above 0 of sums over blocks, by Student's t: rows of a block depend on each other, blocks do not.

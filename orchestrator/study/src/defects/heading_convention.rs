@@ -136,6 +136,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
         (0..rows.len() as u32).filter(|&row| has_heading(&rows[row as usize])).collect();
     let first = rows[*concerned.first()? as usize].line;
     let motion = by_motion(&moments(evidence));
+    // Headings that agree with the motion are right, whatever a wrong antenna pattern makes the radio say.
     if motion == ByMotion::Standard {
         return None;
     }
@@ -143,6 +144,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     for (index, convention) in CONVENTIONS.iter().enumerate() {
         let by_motion = match motion {
             ByMotion::Other(other, p_value) if other == index => Some(p_value),
+            // The motion is evidence of one convention against all others.
             ByMotion::Other(..) => continue,
             _ => None,
         };
@@ -154,6 +156,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
             // What the radio says may confirm the motion, not refute it.
             Some(by_motion) => by_motion.min(p_value),
             None if convention.is_clockwise => p_value,
+            // A counter-clockwise convention differs by a constant angle, as an antenna mounted otherwise does.
             None => continue,
         };
         let share = if by_motion.is_some() { 1.0 } else { share };

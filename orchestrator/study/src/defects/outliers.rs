@@ -17,12 +17,10 @@ use crate::thresholds::{
     FEWEST_OUTLIER_READINGS, FEWEST_OUTLIERS, FEWEST_OUTLIERS_ABOVE, LEAST_OUTLIERS_ABOVE,
     MOST_OUTLIER_SHARE, MOST_OUTLIERS_BESIDE,
 };
-use minimum::nelder_mead;
 use numbers::normal::INTERQUARTILE_RANGE;
+use numbers::optimise::nelder_mead::NelderMead;
 use statrs::distribution::{Beta, ChiSquared, ContinuousCDF as _};
 use std::collections::{BTreeMap, BTreeSet};
-
-mod minimum;
 
 /// The name of this kind.
 pub const NAME: &str = "outliers";
@@ -30,6 +28,8 @@ pub const NAME: &str = "outliers";
 const LEAST_SCALE_DB: f64 = 0.1;
 /// Degrees of freedom lie between these.
 const FREEDOM: (f64, f64) = (1.5, 200.0);
+/// How the mixture is fitted (tolerance in nats).
+const SEARCH: NelderMead = NelderMead { max_evaluations: 1500, tolerance: 1e-6 };
 
 /// Residuals as a skewed t distribution, mixed with a uniform one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,21 +108,21 @@ fn fitted(residuals_db: &[f64]) -> Option<([f64; 2], Mixture)> {
     let starts = [3.0, 10.0, 60.0]
         .map(|freedom: f64| vec![middle, libm::log(scale_db), 0.0, libm::log(freedom)]);
     let best = |starts: Vec<Vec<f64>>, steps: &[f64]| {
-        let found = starts.into_iter().map(|start| nelder_mead(&cost, start, steps));
-        found.min_by(|a, b| a.1.total_cmp(&b.1))
+        let found = starts.into_iter().map(|start| SEARCH.minimise(&cost, start, steps));
+        found.min_by(|a, b| a.value.total_cmp(&b.value))
     };
-    let (alone, cost_alone) = best(starts.to_vec(), &[0.5 * scale_db, 0.3, 0.2, 0.7])?;
+    let alone = best(starts.to_vec(), &[0.5 * scale_db, 0.3, 0.2, 0.7])?;
     let mixed = |start: Vec<f64>| [-5.0, -3.0].map(|logit| [start.clone(), vec![logit]].concat());
-    let starts = starts.into_iter().chain([alone]).flat_map(mixed).collect();
-    let (both, cost_both) = best(starts, &[0.5 * scale_db, 0.3, 0.2, 0.7, 0.7])?;
-    Some(([-cost_alone, -cost_both], Mixture::at(&both, uniform)))
+    let starts = starts.into_iter().chain([alone.point]).flat_map(mixed).collect();
+    let both = best(starts, &[0.5 * scale_db, 0.3, 0.2, 0.7, 0.7])?;
+    Some(([-alone.value, -both.value], Mixture::at(&both.point, uniform)))
 }
 
 /// Looks for readings that are grossly wrong.
 #[must_use]
-pub fn test(evidence: &Evidence<'_>, is_left: &[bool]) -> Option<Defect> {
+pub fn test(evidence: &Evidence<'_>, is_unaffected: &[bool]) -> Option<Defect> {
     let rows = evidence.rows();
-    let received: Vec<usize> = evidence.received().filter(|&row| is_left[row]).collect();
+    let received: Vec<usize> = evidence.received().filter(|&row| is_unaffected[row]).collect();
     if !evidence.has_single_frames() || received.len() < FEWEST_OUTLIER_READINGS {
         return None;
     }

@@ -16,6 +16,7 @@ use crate::thresholds::{
 };
 use measure::links::LinkRow;
 use numbers::normal::FALL_90_NATS;
+use numbers::optimise::roots::bisection;
 use numbers::power::square;
 use std::collections::BTreeMap;
 
@@ -54,9 +55,9 @@ fn gradients(evidence: &Evidence<'_>) -> Option<Vec<[[f64; 2]; 2]>> {
             let displaced: Vec<LinkRow> = rows.iter().map(displace).collect();
             let changed = evidence.modelled().with_rows(displaced)?;
             let levels = evidence.study.row_predictions(evidence.fit, &changed);
-            for (row, (there, here)) in levels.iter().zip(&evidence.levels).enumerate() {
+            for (row, (displaced, level)) in levels.iter().zip(&evidence.levels).enumerate() {
                 if moving[row][end] {
-                    let slope = (there.power_dbm - here.power_dbm) / STEP_M;
+                    let slope = (displaced.power_dbm - level.power_dbm) / STEP_M;
                     gradients[row][end][axis] = if slope.is_finite() { slope } else { 0.0 };
                 }
             }
@@ -113,8 +114,8 @@ fn sds_m() -> Vec<f64> {
 
 /// The likeliest position noise (m) and its log likelihood.
 fn likeliest(readings: &[&Reading]) -> (f64, f64) {
-    let tried = sds_m().into_iter().map(|sd_m| (sd_m, log_likelihood(readings, sd_m)));
-    tried.fold(
+    let trials = sds_m().into_iter().map(|sd_m| (sd_m, log_likelihood(readings, sd_m)));
+    trials.fold(
         (0.0, log_likelihood(readings, 0.0)),
         |best, it| if best.1 < it.1 { it } else { best },
     )
@@ -164,15 +165,16 @@ fn opposite(
                 let [a, b] = [one, other].map(|row| gradients[row][0]);
                 let dot = a[0] * b[0] + a[1] * b[1];
                 let size = libm::hypot(a[0], a[1]) * libm::hypot(b[0], b[1]);
+                // Only receivers on opposite sides get errors of opposite sign, which nothing else causes.
                 if OPPOSITE_COSINE * size < dot {
                     continue;
                 }
-                let [left, right] = [one, other].map(|row| evidence.residual_db(row));
-                let mean = (total - left - right) / (frame.len() - 2) as f64;
+                let [first_db, second_db] = [one, other].map(|row| evidence.residual_db(row));
+                let mean = (total - first_db - second_db) / (frame.len() - 2) as f64;
                 n_pairs += 1;
                 let block = evidence.blocks().dependent()[one];
                 let weight = dot / (variances[&one] * variances[&other]);
-                products.push((block, weight * (left - mean) * (right - mean)));
+                products.push((block, weight * (first_db - mean) * (second_db - mean)));
             }
         }
     }
@@ -181,19 +183,9 @@ fn opposite(
 
 /// The 90 % interval of the position noise by its profile (m).
 fn interval(readings: &[&Reading], sd_m: f64, top: f64) -> (f64, f64) {
-    let root = |inside: f64, outside: f64| {
-        let (mut inside, mut outside) = (inside, outside);
-        for _ in 0..30 {
-            let middle = 0.5 * (inside + outside);
-            if top - log_likelihood(readings, middle) < FALL_90_NATS {
-                inside = middle;
-            } else {
-                outside = middle;
-            }
-        }
-        0.5 * (inside + outside)
-    };
-    (root(sd_m, 0.0), root(sd_m, 4.0 * sd_m))
+    let is_likely = |sd_m: f64| top - log_likelihood(readings, sd_m) < FALL_90_NATS;
+    let end = |outside_m: f64| bisection(sd_m, outside_m, 30, is_likely);
+    (end(0.0), end(4.0 * sd_m))
 }
 
 /// What the variance of readings depends on, and how, if positions are noisy.
@@ -262,6 +254,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let of_row = |it: &Reading| (it.row, variances[it.n_moving] + noise.by_position(it));
     let of_row: BTreeMap<usize, f64> = readings.iter().map(of_row).collect();
     let (by_pairs, n_pairs) = opposite(evidence, gradients, &of_row);
+    // Few receivers hear a frame in opposite directions: then the test of variances decides alone.
     let by_pairs = if FEWEST_OPPOSITE_PAIRS <= n_pairs { by_pairs } else { 0.0 };
     let by_variance = p_value(readings, evidence.blocks().n_folds());
     tracing::debug!(sd_m, by_variance, by_pairs, n_pairs, "position noise");

@@ -90,6 +90,7 @@ fn test(evidence: &Evidence<'_>, name: &'static str, sign: f64) -> Option<Defect
     }
     let all = receivers.values().fold(Counts::default(), Counts::and);
     let (&most, _) = receivers.iter().max_by_key(|(_, counts)| counts.n_end)?;
+    // One stuck receiver, or one short link, is no limit of all registers.
     receivers.remove(&most);
     let rest = receivers.values().fold(Counts::default(), Counts::and);
     if rest.n == 0 {

@@ -70,6 +70,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let n = receivers.len() as f64;
     let mut stuck: Vec<(u32, f64, &Receiver)> = receivers
         .iter()
+        // Bonferroni over receivers.
         .filter_map(|(&node, receiver)| Some((node, (n * receiver.p_value()?).min(1.0), receiver)))
         .collect();
     stuck.sort_by(|a, b| a.1.total_cmp(&b.1));

@@ -1,7 +1,7 @@
 //! Effects at certain values, and what a model with them says about a row.
 
 use super::likelihood::RowPrediction;
-use super::passing::PowerMixture;
+use super::reception::PowerMixture;
 use super::register::{PowerRange, Register};
 use super::rows::ModelledLinks;
 use netsim::phy::effect::Effect;
@@ -100,6 +100,7 @@ pub(super) fn level(
             (register_db, range)
         })
     } else {
+        // A register that only shifts needs no inversion.
         let shifted_dbm = power_dbm + base.register_db;
         let reading_dbm = otherwise
             .effects

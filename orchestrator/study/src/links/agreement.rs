@@ -20,10 +20,13 @@ impl LinkStudy {
     pub(super) fn p_value_of_agreement(&self, fit: &LinkFit) -> f64 {
         let mut links: BTreeMap<[u32; 3], Vec<(f64, f64)>> = BTreeMap::new();
         let mut ends: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
-        for (row, left_db) in self.left_db(fit) {
+        for (row, residual_db) in self.residuals_db(fit) {
             let measured = &self.rows.links.rows[row];
             let [low, high] = [measured.tx.min(measured.rx), measured.tx.max(measured.rx)];
-            links.entry([measured.run, low, high]).or_default().push((measured.time_s, left_db));
+            links
+                .entry([measured.run, low, high])
+                .or_default()
+                .push((measured.time_s, residual_db));
             let end = ends.entry(measured.run).or_insert((f64::INFINITY, f64::NEG_INFINITY));
             *end = (end.0.min(measured.time_s), end.1.max(measured.time_s));
         }
@@ -39,11 +42,11 @@ impl LinkStudy {
 
 /// Sums of the residuals of a link, less their mean, by spans of time.
 fn course(rows: &[(f64, f64)], first_s: f64, length_s: f64) -> [f64; COURSE_SPANS] {
-    let mean = rows.iter().map(|(_, left_db)| left_db).sum::<f64>() / rows.len() as f64;
+    let mean = rows.iter().map(|(_, residual_db)| residual_db).sum::<f64>() / rows.len() as f64;
     let mut sums = [0.0; COURSE_SPANS];
-    for (time_s, left_db) in rows {
+    for (time_s, residual_db) in rows {
         let span = ((time_s - first_s) / length_s * COURSE_SPANS as f64) as usize;
-        sums[span.min(COURSE_SPANS - 1)] += left_db - mean;
+        sums[span.min(COURSE_SPANS - 1)] += residual_db - mean;
     }
     sums
 }

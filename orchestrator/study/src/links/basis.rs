@@ -68,21 +68,21 @@ fn columns(
     which: &[usize],
     share: f64,
 ) -> Option<(Vec<f64>, Vec<Vec<f64>>)> {
-    let here = added(rows, spec, state, which)?;
+    let levels = added(rows, spec, state, which)?;
     let mut all = Vec::new();
     for (k, parameter) in spec.parameters().iter().enumerate() {
-        let mut there = state.clone();
+        let mut displaced = state.clone();
         let mut step = share * parameter.step;
         if parameter.max < state.values[k] + step {
             step = -step;
         }
-        there.values[k] += step;
-        let moved = added(rows, spec, &there, which)?;
-        all.push(here.iter().zip(&moved).map(|(a, b)| (b - a) / step).collect());
+        displaced.values[k] += step;
+        let displaced_levels = added(rows, spec, &displaced, which)?;
+        all.push(levels.iter().zip(&displaced_levels).map(|(a, b)| (b - a) / step).collect());
     }
     let offset = (0..which.len())
         .map(|row| {
-            here[row]
+            levels[row]
                 - all
                     .iter()
                     .zip(&state.values)
@@ -103,8 +103,10 @@ fn exact(
     let (offset, columns) = columns(rows, spec, state, which, 1.0)?;
     let basis = Basis { offset, columns };
     for direction in [-1.0, 1.0, 0.0] {
-        let mut there = state.clone();
-        for (k, (value, parameter)) in there.values.iter_mut().zip(spec.parameters()).enumerate() {
+        let mut displaced = state.clone();
+        for (k, (value, parameter)) in
+            displaced.values.iter_mut().zip(spec.parameters()).enumerate()
+        {
             // To both ends of the ranges, and a little to alternate sides.
             let end = if direction < 0.0 { parameter.min } else { parameter.max };
             let side = if k % 2 == 0 { 2.0 } else { -2.0 };
@@ -114,10 +116,10 @@ fn exact(
                 end
             };
         }
-        let moved = added(rows, spec, &there, which)?;
-        let differs = moved.iter().enumerate().any(|(row, &moved)| {
-            let sum = basis.contribution(&there.values, row);
-            ROUNDING * (1.0 + moved.abs()) < (sum - moved).abs()
+        let displaced_levels = added(rows, spec, &displaced, which)?;
+        let differs = displaced_levels.iter().enumerate().any(|(row, level)| {
+            let sum = basis.contribution(&displaced.values, row);
+            ROUNDING * (1.0 + level.abs()) < (sum - level).abs()
         });
         if differs {
             return None;

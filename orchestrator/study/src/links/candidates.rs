@@ -33,7 +33,8 @@ pub(super) fn specs(rows: &ModelledLinks, effects: &Registry<effect::Entry>) -> 
             Role::Effect | Role::Noise => TermSpec::Effect(entry),
         }
     });
-    let given = rows.links.covariates.iter().cloned().map(|(name, values)| (name, values, false));
+    let of_columns =
+        rows.links.covariates.iter().cloned().map(|(name, values)| (name, values, false));
     let measured = &rows.links.rows;
     let places = [("tx", 0), ("tx", 1), ("rx", 0), ("rx", 1)].map(|(end, axis)| {
         let place_of =
@@ -45,7 +46,7 @@ pub(super) fn specs(rows: &ModelledLinks, effects: &Registry<effect::Entry>) -> 
         .into_iter()
         .filter(|(name, _)| DERIVED.contains(&name.as_str()))
         .map(|(name, values)| (name, values, true));
-    let covariates: Vec<LinkCurve> = given
+    let covariates: Vec<LinkCurve> = of_columns
         .chain(derived)
         .chain(places)
         .flat_map(|(name, values, is_derived)| {

@@ -5,6 +5,7 @@
 //! densely links were measured, too.
 
 use crate::thresholds::{CORRELATION_REACH, FEWEST_LAG_PAIRS, JACKKNIFE_GROUPS};
+use numbers::optimise::pattern_search::PatternSearch;
 use numbers::power::square;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 
@@ -130,20 +131,22 @@ fn fitted(bins: &[[f64; 3]]) -> Option<[f64; 2]> {
     let step = (high - low) / (LENGTHS - 1) as f64;
     let mut best = low;
     for k in 1..LENGTHS {
-        let there = low + k as f64 * step;
-        if fit_at(best).0 < fit_at(there).0 {
-            best = there;
+        let trial = low + k as f64 * step;
+        if fit_at(best).0 < fit_at(trial).0 {
+            best = trial;
         }
     }
-    let mut reach = step;
-    for _ in 0..REFINED {
-        reach *= 0.7;
-        for there in [best - reach, best + reach].map(|there| there.clamp(low, high)) {
-            if fit_at(best).0 < fit_at(there).0 {
-                best = there;
-            }
-        }
-    }
+    let search = PatternSearch {
+        step: 0.7 * step,
+        max_iterations: REFINED,
+        contract: |step| 0.7 * step,
+        contracts_always: true,
+        ..PatternSearch::default()
+    };
+    let poll = |&ln_length: &f64, step: f64| {
+        [ln_length - step, ln_length + step].map(|ln_length| ln_length.clamp(low, high))
+    };
+    let best = search.maximise(best, poll, |&ln_length| fit_at(ln_length).0).point;
     let (gain, variance) = fit_at(best);
     (0.0 < gain).then(|| [best, libm::log(variance)])
 }

@@ -4,7 +4,7 @@ use super::cells::Random;
 use super::covariance::{CorrelationLength, Products};
 use super::fit::LinkFit;
 use super::terms::TermSpec;
-use super::{CORRELATION_S, From, LinkStudy, group, search};
+use super::{CORRELATION_S, FitOptions, LinkStudy, group, search};
 use crate::COMMON;
 use crate::thresholds::{
     CERTAIN_PASS, CORRELATION_LAG_S, JACKKNIFE_GROUPS, LINKS_COLLINEAR, MOST_COMPARED_ROWS,
@@ -12,6 +12,7 @@ use crate::thresholds::{
 };
 use crate::{Estimate, Study as _, caution, joined};
 use numbers::normal::Z_90;
+use numbers::optimise::roots::ParabolicRoot;
 use numbers::power::square;
 use proto::config::{Field, Kind};
 use proto::effect::{Role, Search};
@@ -134,16 +135,16 @@ impl LinkStudy {
             return;
         }
         let all = self.fitted_rows();
-        let left = self.slopes_left(fit, &all);
+        let likelihoods = self.row_likelihoods(fit, &all);
         if has_headings {
-            let errors = search::headings::errors(&self.rows, &all, &left, state);
+            let errors = search::headings::errors(&self.rows, &all, &likelihoods, state);
             for (estimate, error) in estimates.iter_mut().zip(errors.into_iter().flatten()) {
                 estimate.low = estimate.low.min(estimate.value - Z_90 * error);
                 estimate.high = estimate.high.max(estimate.value + Z_90 * error);
             }
             return;
         }
-        for found in search::places::coordinates(&self.rows, &all, &left, state, TAIL_90) {
+        for found in search::places::coordinates(&self.rows, &all, &likelihoods, state, TAIL_90) {
             match estimates.iter_mut().find(|estimate| estimate.name == found.name) {
                 // The loss is known less well than the fit, which holds the place, says.
                 Some(estimate) => {
@@ -218,11 +219,11 @@ impl LinkStudy {
         let edges_s = self.lags_s();
         let span_s = *edges_s.first()?;
         let mut spans: BTreeMap<(u32, i64), (f64, f64)> = BTreeMap::new();
-        for (row, left_db) in self.left_db(fit) {
+        for (row, residual_db) in self.residuals_db(fit) {
             let measured = &self.rows.links.rows[row];
             let span = (measured.time_s / span_s).floor() as i64;
             let sum = spans.entry((measured.run, span)).or_default();
-            (sum.0, sum.1) = (sum.0 + left_db, sum.1 + 1.0);
+            (sum.0, sum.1) = (sum.0 + residual_db, sum.1 + 1.0);
         }
         let means: Vec<((u32, i64), f64)> =
             spans.into_iter().map(|(key, (sum, n))| (key, sum / n)).collect();
@@ -269,19 +270,19 @@ impl LinkStudy {
         lag: impl Fn(usize, usize) -> Option<f64>,
     ) -> Products {
         let mut links: BTreeMap<(u32, u32), Vec<(usize, f64)>> = BTreeMap::new();
-        for (row, left_db) in self.left_db(fit) {
+        for (row, residual_db) in self.residuals_db(fit) {
             let measured = &self.rows.links.rows[row];
             let key = (measured.tx.min(measured.rx), measured.tx.max(measured.rx));
-            links.entry(key).or_default().push((row, left_db));
+            links.entry(key).or_default().push((row, residual_db));
         }
         let mut products = Products::new(edges);
         for (link, rows) in links.values().enumerate() {
             let each = rows.len().div_ceil(MOST_COMPARED_ROWS);
             let rows: Vec<&(usize, f64)> = rows.iter().step_by(each).collect();
-            for (index, &&(one, left)) in rows.iter().enumerate() {
-                for &&(other, right) in &rows[index + 1..] {
+            for (index, &&(one, earlier_db)) in rows.iter().enumerate() {
+                for &&(other, later_db) in &rows[index + 1..] {
                     if let Some(lag) = lag(one, other) {
-                        products.add(link, lag, left * right);
+                        products.add(link, lag, earlier_db * later_db);
                     }
                 }
             }
@@ -289,14 +290,15 @@ impl LinkStudy {
         products
     }
 
-    /// What is left of readings under a fit, row by row (dB). Rows that might as well have been lost are left out: they are read only
+    /// Residuals of readings under a fit, row by row (dB). Rows that might as well have been lost are left out: they are read only
     /// where their level is high.
-    pub(super) fn left_db(&self, fit: &LinkFit) -> impl Iterator<Item = (usize, f64)> {
-        let left = self.predictions(fit).into_iter().enumerate();
-        left.filter(|(row, predicted)| {
-            self.rows.is_received(*row) && CERTAIN_PASS < predicted.passes
-        })
-        .map(|(row, predicted)| (row, self.rows.links.rows[row].rssi_dbm - predicted.rssi_dbm))
+    pub(super) fn residuals_db(&self, fit: &LinkFit) -> impl Iterator<Item = (usize, f64)> {
+        let predictions = self.predictions(fit).into_iter().enumerate();
+        predictions
+            .filter(|(row, predicted)| {
+                self.rows.is_received(*row) && CERTAIN_PASS < predicted.passes
+            })
+            .map(|(row, predicted)| (row, self.rows.links.rows[row].rssi_dbm - predicted.rssi_dbm))
     }
 
     /// Two parameters of which one hides the other.
@@ -426,7 +428,7 @@ impl LinkStudy {
         let k = parameters.iter().position(|parameter| parameter.key == key)?;
         let mut states = fit.states.clone();
         states[place].values[k] = value;
-        let from = From { held: Some((place, k)), ..From::quick(COMMON, Some(fit)) };
+        let from = FitOptions { held: Some((place, k)), ..FitOptions::quick(COMMON, Some(fit)) };
         Some(self.run(&fit.terms, states, &self.fitted_rows(), from))
     }
 
@@ -437,45 +439,24 @@ impl LinkStudy {
         let parameter = &specs[place].parameters()[k];
         let best = fit.states[place].values[k];
         let all = self.fitted_rows();
-        let from = |held| From { held, ..From::quick(COMMON, Some(fit)) };
+        let from = |held| FitOptions { held, ..FitOptions::quick(COMMON, Some(fit)) };
         let fall = |value: f64, top: f64| {
             let mut states = fit.states.clone();
             states[place].values[k] = value;
-            let there = self.run(&fit.terms, states, &all, from(Some((place, k))));
-            (top - there.log_likelihood).max(0.0)
+            let profiled = self.run(&fit.terms, states, &all, from(Some((place, k))));
+            (top - profiled.log_likelihood).max(0.0)
         };
         let top = self.run(&fit.terms, fit.states.clone(), &all, from(Some((place, k))));
         let top = top.log_likelihood.max(fit.log_likelihood);
         let end = |sign: f64| {
             let bound = if sign < 0.0 { parameter.min } else { parameter.max };
             let reach = (bound - best).abs();
-            // The root of the fall is nearly a straight line: regula falsi, between what is too near and what too far.
-            let (mut near, mut far) = (0.0, f64::INFINITY);
             let first =
                 if error.is_finite() && 0.0 < error { Z_90 * error } else { parameter.step };
-            let mut step = first.min(reach);
-            for _ in 0..END_STEPS {
-                let now = fall(best + sign * step, top);
-                if now < FALL_NATS {
-                    near = step;
-                    if reach <= step {
-                        break;
-                    }
-                } else {
-                    far = step;
-                }
-                let ratio = (FALL_NATS / now.max(1e-9)).sqrt().clamp(0.25, 4.0);
-                let next = (step * ratio).min(reach);
-                step = if far.is_finite() && (next <= near || far <= next) {
-                    0.5 * (near + far)
-                } else {
-                    next
-                };
-                if (ratio - 1.0).abs() < 0.02 {
-                    break;
-                }
-            }
-            best + sign * step
+            let search =
+                ParabolicRoot { max_iterations: END_STEPS, max_ratio: 4.0, tolerance: 0.02 };
+            let fall_at = |step: f64| fall(best + sign * step, top);
+            best + sign * search.find(fall_at, FALL_NATS, first, reach)
         };
         (end(-1.0), end(1.0))
     }

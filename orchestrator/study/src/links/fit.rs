@@ -2,9 +2,9 @@
 
 use super::active::{ActiveEffect, AlteredRegister, level};
 use super::basis::Basis;
-use super::cells::{NewtonStep, Random, RandomEffectSds, RowCells, Scales, Solver};
+use super::cells::{NewtonStep, Random, RandomEffectSds, RowCells, Scales};
 use super::likelihood::{Instrument, Noise, RowLikelihood, RowPrediction};
-use super::passing::SampledCurve;
+use super::reception::SampledCurve;
 use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
 use crate::StopFlag;
@@ -13,6 +13,8 @@ use netsim::phy::effect::Effect;
 use numbers::power::square;
 use proto::effect;
 use std::sync::Arc;
+
+mod objective;
 
 /// A model of links fitted to measurements: terms with their states, noise and random levels.
 #[derive(Clone, Debug)]
@@ -97,7 +99,6 @@ const SHARE_SD: (f64, f64) = (1e-3, 1.0);
 const ROUGH_SHARE_SD: f64 = 0.2;
 /// What is gained in the last step (nats).
 const CONVERGED_NATS: f64 = 1e-4;
-
 /// Levels of the rows that are fitted, and what terms add to them.
 #[derive(Clone)]
 struct Levels {
@@ -106,15 +107,15 @@ struct Levels {
     levels: Vec<RowPrediction>,
 }
 
-/// A place in the search.
+/// Parameters, noise and random effects of a search, with what follows from them.
 #[derive(Clone)]
-struct Here {
+struct Point {
     states: Vec<TermState>,
     effects: Vec<Option<ActiveEffect>>,
     levels: Levels,
     instrument: Instrument,
     random: Random,
-    slopes: Vec<RowLikelihood>,
+    likelihoods: Vec<RowLikelihood>,
     log: f64,
 }
 
@@ -189,7 +190,7 @@ impl<'a> FitProblem<'a> {
         }
     }
 
-    fn slopes(
+    fn row_likelihoods(
         &self,
         instrument: &Instrument,
         levels: &Levels,
@@ -200,13 +201,13 @@ impl<'a> FitProblem<'a> {
             .iter()
             .zip(&levels.levels)
             .map(|(&row, level)| {
-                let lift = if any { random.level_db(self.cells, row as usize) } else { 0.0 };
-                instrument.row_likelihood(&self.rows.links.rows[row as usize], level, lift)
+                let blup_db = if any { random.level_db(self.cells, row as usize) } else { 0.0 };
+                instrument.row_likelihood(&self.rows.links.rows[row as usize], level, blup_db)
             })
             .collect()
     }
 
-    fn here(&self, states: Vec<TermState>, noise: Noise, random: Random) -> Here {
+    fn point_at(&self, states: Vec<TermState>, noise: Noise, random: Random) -> Point {
         let effects = self.effects(&states);
         let parts = (0..self.specs.len())
             .map(|term| {
@@ -220,9 +221,9 @@ impl<'a> FitProblem<'a> {
         let levels = self.levels(parts, &effects);
         let noise = self.bounded(noise, &levels.levels);
         let instrument = self.instrument(&effects, noise);
-        let slopes = self.slopes(&instrument, &levels, &random);
-        let log = slopes.iter().map(|slope| slope.log).sum::<f64>() + random.penalty(self.cells);
-        Here { states, effects, levels, instrument, random, slopes, log }
+        let likelihoods = self.row_likelihoods(&instrument, &levels, &random);
+        let log = likelihoods.iter().map(|row| row.log).sum::<f64>() + random.penalty(self.cells);
+        Point { states, effects, levels, instrument, random, likelihoods, log }
     }
 
     /// Fits from given states.
@@ -238,25 +239,24 @@ impl<'a> FitProblem<'a> {
         let is_random = random.sd != RandomEffectSds::default() && !self.holds;
         let mut noise = noise.unwrap_or_else(|| self.rough_noise(&states));
         noise.sd_db = self.fixed_sd_db.unwrap_or(noise.sd_db);
-        let mut here = self.here(states, noise, random);
-        let mut last = self.climb(&mut here, steps.most_steps);
+        let start = self.point_at(states, noise, random);
+        let (mut point, mut lm_step) = self.maximum(start, steps.most_steps);
         if is_random {
-            let mut before = here.log - last.half_log_determinant;
+            let mut before = point.log - lm_step.half_log_determinant;
             for _ in 0..steps.rounds {
-                let (sd, _) = here.random.suggested(self.cells);
-                let noise = self.suggested_noise(&here);
-                let old = here.random.sd;
-                here.random.sd = RandomEffectSds {
+                let (sd, _) = point.random.suggested(self.cells);
+                let noise = self.suggested_noise(&point);
+                let old = point.random.sd;
+                point.random.sd = RandomEffectSds {
                     link_db: if self.free.link { sd.link_db } else { old.link_db },
                     channel_db: if self.free.channel { sd.channel_db } else { old.channel_db },
                     tx_db: if self.free.nodes { sd.tx_db } else { old.tx_db },
                     rx_db: if self.free.nodes { sd.rx_db } else { old.rx_db },
                     time_db: if self.free.times { sd.time_db } else { old.time_db },
                 };
-                let random = here.random.clone();
-                here = self.here(here.states, noise, random);
-                last = self.climb(&mut here, 6);
-                let now = here.log - last.half_log_determinant;
+                let random = point.random.clone();
+                (point, lm_step) = self.maximum(self.point_at(point.states, noise, random), 6);
+                let now = point.log - lm_step.half_log_determinant;
                 if (now - before).abs() < 0.02 || self.stop.is_set() {
                     break;
                 }
@@ -267,35 +267,35 @@ impl<'a> FitProblem<'a> {
             terms: terms.to_vec(),
             scales: self.scales,
             level: self.level,
-            log_likelihood: here.log - last.half_log_determinant,
-            information: last.information,
-            states: here.states,
-            instrument: here.instrument,
-            random: here.random,
-            effects: here.effects,
+            log_likelihood: point.log - lm_step.half_log_determinant,
+            information: lm_step.information,
+            states: point.states,
+            instrument: point.instrument,
+            random: point.random,
+            effects: point.effects,
         }
     }
 
     /// The noise that the rows suggest, levels of cells counted as what they are worth.
-    fn suggested_noise(&self, here: &Here) -> Noise {
-        let Noise { sd_db, link_sd_db, share_sd } = here.instrument.noise();
+    fn suggested_noise(&self, point: &Point) -> Noise {
+        let Noise { sd_db, link_sd_db, share_sd } = point.instrument.noise();
         let n_received =
             self.train.iter().filter(|&&row| self.rows.is_received(row as usize)).count() as f64;
-        let worth = here.random.n_determined(self.cells);
+        let n_effects = point.random.n_determined(self.cells);
         let moved = |sd_db: f64, slope: f64, information: f64| {
-            let step = (slope + worth) / information.max(1.0);
+            let step = (slope + n_effects) / information.max(1.0);
             (sd_db * libm::exp(step.clamp(-0.5, 0.5))).clamp(NOISE_DB.0, NOISE_DB.1)
         };
-        let over_ln_sd: f64 = here.slopes.iter().map(|slope| slope.over_ln_sd).sum();
-        let information = 2.0 * (n_received - 0.5 * worth);
+        let over_ln_sd: f64 = point.likelihoods.iter().map(|row| row.over_ln_sd).sum();
+        let information = 2.0 * (n_received - 0.5 * n_effects);
         if !self.rows.links.readings.is_aggregated {
             let is_fixed = self.fixed_sd_db.is_some();
             let moved = moved(sd_db, over_ln_sd, information);
             return Noise { sd_db: if is_fixed { sd_db } else { moved }, link_sd_db, share_sd };
         }
         // Levels of cells take from what rows vary; how frames vary about them is another matter.
-        let over_link: f64 = here.slopes.iter().map(|slope| slope.over_ln_link_sd).sum();
-        let squares: f64 = here.slopes.iter().map(|slope| square(slope.over_ln_sd)).sum();
+        let over_link: f64 = point.likelihoods.iter().map(|row| row.over_ln_link_sd).sum();
+        let squares: f64 = point.likelihoods.iter().map(|row| square(row.over_ln_sd)).sum();
         let step = (over_ln_sd / squares.max(1e-9)).clamp(-0.5, 0.5);
         let frames = (sd_db * libm::exp(step)).clamp(NOISE_DB.0, NOISE_DB.1);
         Noise {
@@ -336,65 +336,13 @@ impl<'a> FitProblem<'a> {
         }
     }
 
-    fn n_parameters(&self, here: &Here) -> usize {
-        here.states.iter().map(|state| state.values.len()).sum()
+    fn n_parameters(&self, point: &Point) -> usize {
+        point.states.iter().map(|state| state.values.len()).sum()
     }
 
-    /// Climbs to the top from here.
-    fn climb(&self, here: &mut Here, most_steps: usize) -> NewtonStep {
-        let mut damping = 1e-4;
-        let mut last = None;
-        for _ in 0..most_steps {
-            let (jacobian, extra, gradient) = self.derivatives(here);
-            let p = gradient.len();
-            let solver = Solver {
-                cells: self.cells,
-                train: self.train,
-                slopes: &here.slopes,
-                jacobian: &jacobian,
-                n_parameters: p,
-            };
-            let mut gained = 0.0;
-            for _ in 0..8 {
-                let Some(step) = solver.step(&here.random, &extra, &gradient, damping) else {
-                    damping = (damping * 10.0).max(1e-3);
-                    continue;
-                };
-                let there = self.moved(here, &step);
-                let better = there.log - here.log;
-                if better.is_finite() && 0.0 <= better {
-                    gained = better;
-                    *here = there;
-                    damping = (damping * 0.2).max(1e-6);
-                    last = Some(step);
-                    break;
-                }
-                // At the top but for rounding.
-                let is_top = -CONVERGED_NATS < better;
-                last.get_or_insert(step);
-                if is_top {
-                    break;
-                }
-                damping *= 10.0;
-            }
-            if gained < CONVERGED_NATS || self.stop.is_set() {
-                break;
-            }
-        }
-        last.unwrap_or_else(|| {
-            let p = self.n_parameters(here);
-            NewtonStep {
-                parameters: DVector::zeros(p),
-                random: here.random.clone(),
-                information: DMatrix::zeros(p, p),
-                half_log_determinant: 0.0,
-            }
-        })
-    }
-
-    /// Here with a step taken, within the ranges of the parameters.
-    fn moved(&self, here: &Here, step: &NewtonStep) -> Here {
-        let mut states = here.states.clone();
+    /// The point after a step, parameters within their ranges.
+    fn after_step(&self, point: &Point, step: &NewtonStep) -> Point {
+        let mut states = point.states.clone();
         let mut index = 0;
         for (spec, state) in self.specs.iter().zip(&mut states) {
             for (k, value) in state.values.iter_mut().enumerate() {
@@ -406,7 +354,7 @@ impl<'a> FitProblem<'a> {
                 index += 1;
             }
         }
-        let mut noise = here.instrument.noise();
+        let mut noise = point.instrument.noise();
         if index < step.parameters.len() {
             let factor = libm::exp(step.parameters[index].clamp(-0.7, 0.7));
             if self.rows.links.readings.is_given {
@@ -419,24 +367,24 @@ impl<'a> FitProblem<'a> {
             let change = step.parameters[index + 1].clamp(-0.7, 0.7);
             noise.link_sd_db = (noise.link_sd_db * libm::exp(change)).clamp(NOISE_DB.0, NOISE_DB.1);
         }
-        let random = here.random.moved(&step.random);
-        self.here(states, noise, random)
+        let random = point.random.moved(&step.random);
+        self.point_at(states, noise, random)
     }
 
     /// Derivatives of the levels over the parameters, row by row; then information and gradient of everything that is not
     /// a mean: shifts, losses, curves, noise.
-    fn derivatives(&self, here: &Here) -> (Vec<f64>, DMatrix<f64>, DVector<f64>) {
+    fn derivatives(&self, point: &Point) -> (Vec<f64>, DMatrix<f64>, DVector<f64>) {
         let readings = self.rows.links.readings;
-        let fits_noise = here.random.sd == RandomEffectSds::default()
+        let fits_noise = point.random.sd == RandomEffectSds::default()
             && (self.fixed_sd_db.is_none() || readings.is_aggregated);
-        let n_terms = self.n_parameters(here);
+        let n_terms = self.n_parameters(point);
         let fits_rows = fits_noise && readings.is_aggregated && !readings.is_given;
         let p = n_terms + usize::from(fits_noise) + usize::from(fits_rows);
         let n = self.train.len();
         let mut jacobian = vec![0.0; n * p];
         let mut scores: Vec<(usize, Vec<f64>)> = Vec::new();
         let mut index = 0;
-        for (term, (spec, state)) in self.specs.iter().zip(&here.states).enumerate() {
+        for (term, (spec, state)) in self.specs.iter().zip(&point.states).enumerate() {
             if let TermSpec::Curve(curve) = spec
                 && !curve.is_loss
             {
@@ -467,45 +415,51 @@ impl<'a> FitProblem<'a> {
                     index += 1;
                     continue;
                 }
-                let mut there = state.clone();
+                let mut displaced = state.clone();
                 let mut step = CURVE_STEP;
                 if let Some(parameter) = spec.parameters().get(k) {
                     step = 1e-3 * parameter.step;
+                    // At the upper bound the difference is taken downwards: values beyond it are not valid.
                     if parameter.max < state.values[k] + step {
                         step = -step;
                     }
                 }
-                there.values[k] += step;
-                let effect = there.build(spec).map(|effect| ActiveEffect::new(effect, self.rows));
+                displaced.values[k] += step;
+                let effect =
+                    displaced.build(spec).map(|effect| ActiveEffect::new(effect, self.rows));
                 if effect.is_none() && !matches!(spec, TermSpec::Curve(_)) {
+                    index += 1;
                     continue;
                 }
-                let part = self.contribution(term, &there, effect.as_ref().map(ActiveEffect::get));
+                let part =
+                    self.contribution(term, &displaced, effect.as_ref().map(ActiveEffect::get));
+                // What moves means only enters by the weights of rows; everything else by the outer product of its
+                // scores.
                 let is_mean = effect.as_ref().is_some_and(ActiveEffect::is_plain)
                     && part
                         .iter()
-                        .zip(&here.levels.parts[term])
+                        .zip(&point.levels.parts[term])
                         .all(|(a, b)| a[1] == b[1] && a[2] == b[2]);
                 if is_mean {
-                    for (i, (a, b)) in part.iter().zip(&here.levels.parts[term]).enumerate() {
+                    for (i, (a, b)) in part.iter().zip(&point.levels.parts[term]).enumerate() {
                         jacobian[i * p + index] = (a[0] - b[0]) / step;
                     }
                 } else {
-                    let mut effects = here.effects.clone();
+                    let mut effects = point.effects.clone();
                     let has_curve = effect.as_ref().is_some_and(ActiveEffect::is_instrument);
                     effects[term] = effect;
-                    let mut parts = here.levels.parts.clone();
+                    let mut parts = point.levels.parts.clone();
                     parts[term] = part;
                     let levels = self.levels(parts, &effects);
-                    let slopes = if has_curve {
-                        let instrument = self.instrument(&effects, here.instrument.noise());
-                        self.slopes(&instrument, &levels, &here.random)
+                    let likelihoods = if has_curve {
+                        let instrument = self.instrument(&effects, point.instrument.noise());
+                        self.row_likelihoods(&instrument, &levels, &point.random)
                     } else {
-                        self.slopes(&here.instrument, &levels, &here.random)
+                        self.row_likelihoods(&point.instrument, &levels, &point.random)
                     };
-                    let score = slopes
+                    let score = likelihoods
                         .iter()
-                        .zip(&here.slopes)
+                        .zip(&point.likelihoods)
                         .map(|(a, b)| (a.log - b.log) / step)
                         .collect();
                     scores.push((index, score));
@@ -515,11 +469,11 @@ impl<'a> FitProblem<'a> {
         }
         if fits_noise {
             let is_free = f64::from(u8::from(self.fixed_sd_db.is_none() || readings.is_given));
-            let of_noise = here.slopes.iter().map(|slope| is_free * slope.over_ln_sd);
+            let of_noise = point.likelihoods.iter().map(|slope| is_free * slope.over_ln_sd);
             scores.push((n_terms, of_noise.collect()));
         }
         if fits_rows {
-            let of_rows = here.slopes.iter().map(|slope| slope.over_ln_link_sd);
+            let of_rows = point.likelihoods.iter().map(|row| row.over_ln_link_sd);
             scores.push((n_terms + 1, of_rows.collect()));
         }
         // Information by the outer product of scores where a parameter is no mean.
@@ -535,7 +489,7 @@ impl<'a> FitProblem<'a> {
                 }
             }
             for i in 0..n {
-                let slope = here.slopes[i].over_level * first[i];
+                let slope = point.likelihoods[i].over_level * first[i];
                 for k in 0..n_terms {
                     let entry = jacobian[i * p + k];
                     if entry != 0.0 {

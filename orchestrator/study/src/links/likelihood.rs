@@ -1,6 +1,6 @@
 //! How likely a row is under a model: the likelihood of the instrument, lost frames and rounding included.
 
-use super::passing::{AveragedCurve, PowerMixture, SampledCurve};
+use super::reception::{AveragedCurve, PowerMixture, SampledCurve};
 use super::register::{PowerRange, width_db};
 use crate::RowScore;
 use crate::thresholds::STRAY_FRAMES;
@@ -245,6 +245,7 @@ impl Instrument {
         RowLikelihood {
             log: greatest + libm::log(total),
             over_level,
+            // The log density of a mixture may be convex between its parts, where Newton's method needs a positive weight, too.
             weight: (weight - spread).max(0.1 * weight),
             over_ln_sd: sum.over_ln_sd / total,
             over_ln_link_sd: 0.0,
@@ -278,23 +279,23 @@ impl Instrument {
         }
     }
 
-    /// Log likelihood of a sample: one frame, received or lost. `lift_db` is added to the level.
+    /// Log likelihood of a sample: one frame, received or lost. `blup_db`: its random effects, which are added to the level.
     #[must_use]
     pub fn row_likelihood(
         &self,
         row: &LinkRow,
         level: &RowPrediction,
-        lift_db: f64,
+        blup_db: f64,
     ) -> RowLikelihood {
         if self.readings.is_given {
             return self.share_likelihood(row, level);
         }
         if self.readings.is_aggregated {
-            return self.aggregated_likelihood(row, level, lift_db);
+            return self.aggregated_likelihood(row, level, blup_db);
         }
         let is_received = row.received == 1.0;
         let PowerRange { offset_db, stretch } = level.range;
-        let deviation = row.rssi_dbm - level.power_dbm - offset_db - lift_db;
+        let deviation = row.rssi_dbm - level.power_dbm - offset_db - blup_db;
         let mut slope = RowLikelihood::default();
         if is_received {
             let by_curve = self.readings.has_losses && level.stated.is_none();
@@ -323,7 +324,7 @@ impl Instrument {
             let power_dbm = row.rssi_dbm - offset_db;
             slope.log += self.curve.ln_at(power_dbm - level.shift_db) + level.ln_survival;
         } else {
-            let chance = self.averaged.reception_at(level.power_dbm + lift_db - level.shift_db);
+            let chance = self.averaged.reception_at(level.power_dbm + blup_db - level.shift_db);
             let survival =
                 if level.ln_survival == 0.0 { 1.0 } else { libm::exp(level.ln_survival) };
             let lost = 1.0 - survival * chance.passes;
@@ -339,11 +340,11 @@ impl Instrument {
 
     /// Probability that a frame at this level is received.
     #[must_use]
-    pub fn reception(&self, level: &RowPrediction, lift_db: f64) -> f64 {
+    pub fn reception(&self, level: &RowPrediction, blup_db: f64) -> f64 {
         let survival = libm::exp(level.ln_survival);
         let passes = match level.stated {
             Some(stated) => stated.clamp(STRAY_FRAMES, 1.0 - STRAY_FRAMES),
-            None => self.averaged.reception_at(level.power_dbm + lift_db - level.shift_db).passes,
+            None => self.averaged.reception_at(level.power_dbm + blup_db - level.shift_db).passes,
         };
         survival * passes
     }
@@ -354,17 +355,17 @@ impl Instrument {
     pub fn reading(
         &self,
         level: &RowPrediction,
-        lift_db: f64,
+        blup_db: f64,
         read: Option<RegisterResponse<'_>>,
     ) -> (f64, f64) {
-        let mean = level.power_dbm + level.register_db + lift_db;
+        let mean = level.power_dbm + level.register_db + blup_db;
         let by_curve = level.stated.is_none() && self.readings.has_losses;
         if !by_curve && read.is_none() {
             let shift: f64 = self.spread.0.iter().map(|(level, p)| level * p).sum();
             return (mean + shift, (self.of_reading.variance() + self.spread.variance()).sqrt());
         }
         // Frames that pass are stronger than those sent: moments over what passes.
-        let power = level.power_dbm + lift_db;
+        let power = level.power_dbm + blup_db;
         let (mut total, mut first, mut second) = (0.0, 0.0, 0.0);
         for &(deviation, weight) in &self.deviations {
             let passes = if by_curve {
@@ -378,10 +379,10 @@ impl Instrument {
             first += part * away;
             second += part * away * away;
         }
-        let (lift, square) = (first / total, second / total);
-        let variance = (square - lift * lift).max(0.0)
+        let (shift, square) = (first / total, second / total);
+        let variance = (square - shift * shift).max(0.0)
             + self.readings.quantum_db * self.readings.quantum_db / 12.0;
-        (mean + lift, variance.sqrt())
+        (mean + shift, variance.sqrt())
     }
 }
 
@@ -392,11 +393,11 @@ impl Instrument {
         &self,
         row: &LinkRow,
         level: &RowPrediction,
-        lift_db: f64,
+        blup_db: f64,
         read: Option<RegisterResponse<'_>>,
     ) -> RowScore {
         let mut score = RowScore {
-            log: self.row_likelihood(row, level, lift_db).log,
+            log: self.row_likelihood(row, level, blup_db).log,
             squared_error: f64::NAN,
             plain_squared_error: f64::NAN,
             heading_squared_error_rad2: f64::NAN,
@@ -404,13 +405,13 @@ impl Instrument {
             reception_log_loss: f64::NAN,
         };
         if row.rssi_dbm.is_finite() {
-            let (mean, sd) = self.reading(level, lift_db, read);
+            let (mean, sd) = self.reading(level, blup_db, read);
             let deviation = row.rssi_dbm - mean;
             score.squared_error = deviation * deviation;
             score.crps = normal_crps(deviation, sd);
         }
         if self.readings.has_losses && row.received.is_finite() {
-            let passes = self.reception(level, lift_db).clamp(1e-9, 1.0 - 1e-9);
+            let passes = self.reception(level, blup_db).clamp(1e-9, 1.0 - 1e-9);
             score.reception_log_loss =
                 if row.received == 1.0 { -libm::log(passes) } else { -libm::log(1.0 - passes) };
         }

@@ -28,7 +28,7 @@ impl LinkStudy {
             return None;
         }
         let all: Vec<u32> = (0..self.n_rows() as u32).collect();
-        let rows = self.slopes_left(fit, &all);
+        let rows = self.row_likelihoods(fit, &all);
         let mut estimated = Vec::new();
         for ((&term, spec), state) in
             fit.terms.iter().zip(self.specs_of(&fit.terms)).zip(&fit.states)
@@ -61,9 +61,9 @@ impl LinkStudy {
         let n_rows = self.n_rows();
         let column = |state: &TermState| {
             let basis = self.bases.tangent(&self.rows, term, spec, state)?;
-            let there = moved((0..n_rows).map(|row| basis.contribution(&state.values, row)));
-            if there.iter().any(|parts| MOVES_DB < parts[0].abs()) {
-                return Some(there);
+            let column = moved((0..n_rows).map(|row| basis.contribution(&state.values, row)));
+            if column.iter().any(|parts| MOVES_DB < parts[0].abs()) {
+                return Some(column);
             }
             // An amplitude that starts at nothing.
             (!state.values.is_empty()).then(|| moved(basis.column(0).iter().copied()))

@@ -39,6 +39,7 @@ impl FitProblem<'_> {
     /// The noise, no greater than the readings of received frames allow. `levels`: of the rows that are fitted, without random
     /// effects. These follow the readings, so that errors about levels with them would be too small; without, the bound is looser.
     pub(super) fn bounded(&self, noise: Noise, levels: &[RowPrediction]) -> Noise {
+        // The bound is derived for readings of single frames.
         if self.rows.links.readings.is_aggregated || self.fixed_sd_db.is_some() {
             return noise;
         }

@@ -1,4 +1,4 @@
-//! What a fitted model predicts for the rows, and what is left of them.
+//! What a fitted model predicts for the rows, and their residuals.
 
 use super::LinkStudy;
 use super::active::AlteredRegister;
@@ -45,23 +45,24 @@ pub(super) fn instrument_for<'a>(
     tables.entry(key).or_insert_with(|| fit.instrument.with_sd(libm::exp(key as f64 / 50.0)))
 }
 
-/// What random levels add to a row.
+/// The random effects of a row.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Above {
-    lift_db: f64,
-    /// How uncertain that is (dB²).
+pub(super) struct RandomEffect {
+    /// Its best linear unbiased prediction: the posterior mode.
+    blup_db: f64,
+    /// Its posterior variance (dB²).
     variance: f64,
 }
 
-impl Above {
+impl RandomEffect {
     pub(super) fn for_row(fit: &LinkFit, cells: &RowCells, row: usize) -> Self {
-        Self { lift_db: fit.random.level_db(cells, row), variance: fit.random.variance(cells, row) }
+        Self { blup_db: fit.random.level_db(cells, row), variance: fit.random.variance(cells, row) }
     }
 }
 
 /// A reading less the mean level that is predicted for its frame (dB), whatever is received; NaN where nothing was read.
-pub(super) fn plain_error_db(rssi_dbm: f64, level: &RowPrediction, lift_db: f64) -> f64 {
-    rssi_dbm - level.power_dbm - lift_db - level.range.offset_db
+pub(super) fn plain_error_db(rssi_dbm: f64, level: &RowPrediction, blup_db: f64) -> f64 {
+    rssi_dbm - level.power_dbm - blup_db - level.range.offset_db
 }
 
 impl LinkStudy {
@@ -71,7 +72,7 @@ impl LinkStudy {
         fit: &LinkFit,
         row: usize,
         (level, otherwise): (&RowPrediction, &AlteredRegister<'_>),
-        Above { lift_db, variance }: Above,
+        RandomEffect { blup_db, variance }: RandomEffect,
         tables: &mut BTreeMap<i64, Instrument>,
     ) -> RowScore {
         let measured = &self.rows.links.rows[row];
@@ -80,11 +81,11 @@ impl LinkStudy {
         if fit.instrument.readings.is_given {
             return fit.instrument.score_given(measured, level);
         }
-        let plain_db = plain_error_db(measured.rssi_dbm, level, lift_db);
+        let plain_db = plain_error_db(measured.rssi_dbm, level, blup_db);
         let score = if fit.instrument.readings.is_aggregated {
-            fit.instrument.score_row(measured, level, (lift_db, variance), read)
+            fit.instrument.score_row(measured, level, (blup_db, variance), read)
         } else {
-            instrument_for(fit, variance, tables).score(measured, level, lift_db, read)
+            instrument_for(fit, variance, tables).score(measured, level, blup_db, read)
         };
         RowScore { plain_squared_error: plain_db * plain_db, ..score }
     }
@@ -98,8 +99,8 @@ impl LinkStudy {
         let mut tables: BTreeMap<i64, Instrument> = BTreeMap::new();
         let one = |row: usize| {
             let level = fit.level((&self.rows, &specs), row, &otherwise);
-            let Above { lift_db, variance } = Above::for_row(fit, &cells, row);
-            let level_dbm = level.power_dbm + lift_db - level.shift_db;
+            let RandomEffect { blup_db, variance } = RandomEffect::for_row(fit, &cells, row);
+            let level_dbm = level.power_dbm + blup_db - level.shift_db;
             let read = otherwise.read(&self.rows, row);
             let read = read.as_ref().map(|read| read as RegisterResponse<'_>);
             if fit.instrument.readings.is_given {
@@ -111,19 +112,19 @@ impl LinkStudy {
             if fit.instrument.readings.is_aggregated {
                 let measured = &self.rows.links.rows[row];
                 let [rssi_dbm, sd_db, passes, passes_sd] =
-                    fit.instrument.row_of(measured, &level, (lift_db, variance), read);
+                    fit.instrument.row_of(measured, &level, (blup_db, variance), read);
                 return Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm };
             }
             let instrument = instrument_for(fit, variance, &mut tables);
-            let (rssi_dbm, sd_db) = instrument.reading(&level, lift_db, read);
-            let passes = instrument.reception(&level, lift_db);
+            let (rssi_dbm, sd_db) = instrument.reading(&level, blup_db, read);
+            let passes = instrument.reception(&level, blup_db);
             let passes_sd = (passes * (1.0 - passes)).max(1e-6).sqrt();
             Predicted { rssi_dbm, sd_db, passes, passes_sd, level_dbm }
         };
         (0..self.rows.len()).map(one).collect()
     }
 
-    /// What is left of the rows under a fit: deviations of readings (dB), the same in standard deviations, and the surprise
+    /// Residuals of the rows under a fit: deviations of readings (dB), the same in standard deviations, and the surprise
     /// of reception in standard deviations. NaN where there is none. Where readings are given, deviations are of the share of
     /// frames received, and no surprise is beside them.
     #[must_use]
@@ -149,7 +150,7 @@ impl LinkStudy {
     }
 
     /// The share of frames that was lost of those that should have passed, row by row; NaN where hardly one should.
-    fn losses_left(&self, fit: &LinkFit) -> Vec<f64> {
+    fn excess_losses(&self, fit: &LinkFit) -> Vec<f64> {
         let lost = |(row, predicted): (usize, Predicted)| {
             let measured = &self.rows.links.rows[row];
             let share = 1.0 - measured.received / measured.frames / predicted.passes;
@@ -165,7 +166,7 @@ impl LinkStudy {
     ) -> Vec<&'a (String, Vec<f64>)> {
         let is_known = |name: &String| {
             NAMES.iter().any(|(known, _)| known == name)
-                || self.rows.links.covariates.iter().any(|(given, _)| given == name)
+                || self.rows.links.covariates.iter().any(|(column, _)| column == name)
         };
         covariates.iter().filter(|(name, _)| is_known(name)).collect()
     }
@@ -190,7 +191,7 @@ impl LinkStudy {
     ) -> Option<FittedFormula> {
         let TermSpec::Curve(curve) = &self.specs[term] else { return None };
         let (deviation, target) = if curve.is_loss {
-            (self.losses_left(fit_without), LOSS)
+            (self.excess_losses(fit_without), LOSS)
         } else {
             let [deviation, ..] = self.residuals(fit_without);
             (deviation, MEAN)

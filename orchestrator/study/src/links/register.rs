@@ -1,6 +1,7 @@
 //! What a reading says about power, whatever the register makes of it.
 
 use crate::thresholds::UNROUNDED_STEP_DB;
+use numbers::optimise::roots::{Sample, illinois};
 
 /// Registers read powers between these (dBm); where one never reads as much as was read, it was more power than this.
 const POWERS_DBM: (f64, f64) = (-250.0, 100.0);
@@ -104,45 +105,25 @@ pub fn width_db(quantum_db: f64) -> f64 {
 /// The least power (dBm) of which as much is read.
 fn power_dbm(read_dbm: &dyn Fn(f64) -> f64, reading_dbm: f64) -> f64 {
     let missing = |power_dbm: f64| read_dbm(power_dbm) - reading_dbm;
+    let sample = |x: f64| Sample { x, y: missing(x) };
     // Where it begins to be read lies between two powers, which are moved apart until it does.
-    let (mut low, mut high) = (reading_dbm, reading_dbm);
-    let (mut below, mut above) = (missing(low), missing(high));
+    let (mut low, mut high) = (sample(reading_dbm), sample(reading_dbm));
     let mut step = 1.0;
-    while 0.0 <= below && POWERS_DBM.0 < low {
-        (high, above) = (low, below);
-        low = (low - below.max(step)).max(POWERS_DBM.0);
-        below = missing(low);
+    while 0.0 <= low.y && POWERS_DBM.0 < low.x {
+        high = low;
+        low = sample((low.x - low.y.max(step)).max(POWERS_DBM.0));
         step *= 2.0;
     }
-    while above < 0.0 && high < POWERS_DBM.1 {
-        (low, below) = (high, above);
-        high = (high - above.min(-step)).min(POWERS_DBM.1);
-        above = missing(high);
+    while high.y < 0.0 && high.x < POWERS_DBM.1 {
+        low = high;
+        high = sample((high.x - high.y.min(-step)).min(POWERS_DBM.1));
         step *= 2.0;
     }
-    if 0.0 <= below || above < 0.0 {
-        return if above < 0.0 { high } else { low };
+    if 0.0 <= low.y || high.y < 0.0 {
+        return if high.y < 0.0 { high.x } else { low.x };
     }
-    // By false position, the value at an end that stays twice being halved (Illinois): at once where both are on one straight line.
-    let mut was_below = None;
-    for _ in 0..MOST_STEPS {
-        let between = ((low * above - high * below) / (above - below)).clamp(low, high);
-        let there = missing(between);
-        if there.abs() < CLOSE_DB || high - low < CLOSE_DB {
-            return between;
-        }
-        let is_below = there < 0.0;
-        if is_below {
-            (low, below) = (between, there);
-        } else {
-            (high, above) = (between, there);
-        }
-        if was_below == Some(is_below) {
-            *if is_below { &mut above } else { &mut below } *= 0.5;
-        }
-        was_below = Some(is_below);
-    }
-    high
+    // At once where both are on one straight line, as where the register only shifts.
+    illinois(missing, (low, high), CLOSE_DB, MOST_STEPS)
 }
 
 #[cfg(test)]
@@ -180,8 +161,8 @@ mod tests {
     fn a_register_that_is_bent_smoothly_is_inverted() {
         let read = |dbm: f64| -40.0 - libm::log(1.0 + libm::exp(-0.1 * (dbm + 40.0))) / 0.1;
         for reading_dbm in [-95.0, -60.0, -45.0, -41.0] {
-            let there = power_dbm(&read, reading_dbm);
-            assert!((read(there) - reading_dbm).abs() < 1e-9, "{reading_dbm}: {there}");
+            let power_dbm = power_dbm(&read, reading_dbm);
+            assert!((read(power_dbm) - reading_dbm).abs() < 1e-9, "{reading_dbm}: {power_dbm}");
         }
     }
 

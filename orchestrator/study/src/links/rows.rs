@@ -59,7 +59,7 @@ impl ModelledLinks {
     /// Holds a model against measurements.
     #[must_use]
     pub fn new(mut links: LinkSamples, model: Model, site: Site, antenna_height_m: f64) -> Self {
-        lift(&mut links, antenna_height_m);
+        add_antenna_height(&mut links, antenna_height_m);
         Self::of_shared(links, Arc::new(model), Arc::new(site))
     }
 
@@ -387,7 +387,7 @@ fn ln_survival(loss: f64) -> f64 {
 }
 
 /// Gives planar places the height of the antennas.
-fn lift(links: &mut LinkSamples, antenna_height_m: f64) {
+fn add_antenna_height(links: &mut LinkSamples, antenna_height_m: f64) {
     let is_planar = links
         .rows
         .iter()

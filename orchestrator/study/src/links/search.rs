@@ -13,6 +13,7 @@ use super::fit::LinkFit;
 use super::likelihood::RowLikelihood;
 use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
+use numbers::optimise::pattern_search::PatternSearch;
 use std::collections::BTreeMap;
 
 /// Distance between the points of the first search (m), at the least.
@@ -42,8 +43,8 @@ pub fn row_likelihoods(
         .iter()
         .map(|&row| {
             let level = fit.level((rows, specs), row as usize, &otherwise);
-            let lift = fit.random.level_db(cells, row as usize);
-            fit.instrument.row_likelihood(&rows.links.rows[row as usize], &level, lift)
+            let blup_db = fit.random.level_db(cells, row as usize);
+            fit.instrument.row_likelihood(&rows.links.rows[row as usize], &level, blup_db)
         })
         .collect()
 }
@@ -147,6 +148,7 @@ fn score_gain(shape: &ObstacleShape, ways: &[LinkPath]) -> (f64, f64) {
         slope += way.slope;
         weight += way.weight;
     }
+    // An obstacle can only attenuate.
     if weight <= 0.0 || 0.0 <= slope {
         return (0.0, 0.0);
     }
@@ -239,47 +241,30 @@ pub fn obstacles(
     states
 }
 
-/// Moves a shape about, in ever smaller steps, as long as it explains more.
+/// The best shape near one: the gain is a staircase, which has no slope to follow.
 fn refined(shape: ObstacleShape, ways: &[LinkPath]) -> (f64, ObstacleShape) {
-    let mut best = (score_gain(&shape, ways).0, shape);
-    let mut step_m = GRID_M / 2.0;
-    while FINEST_M < step_m {
-        let numbers = best.1.numbers();
-        let mut moved = best;
-        let directions = numbers.len();
-        for k in 0..directions {
-            for sign in [-1.0, 1.0] {
-                let mut there = numbers.clone();
-                there[k] += sign * step_m;
-                let shape = best.1.with_numbers(&there);
-                let gain = score_gain(&shape, ways).0;
-                if moved.0 < gain {
-                    moved = (gain, shape);
-                }
+    let poll = |shape: &ObstacleShape, step_m: f64| {
+        let numbers = shape.numbers();
+        let moved = |moves: &[(usize, f64)]| {
+            let mut numbers = numbers.clone();
+            for &(k, by_m) in moves {
+                numbers[k] += by_m;
             }
+            shape.with_numbers(&numbers)
+        };
+        let signed = |k: usize| [(k, -step_m), (k, step_m)];
+        let mut trials: Vec<ObstacleShape> =
+            (0..numbers.len()).flat_map(signed).map(|one| moved(&[one])).collect();
+        if let ObstacleShape::Segment(..) = shape {
+            let whole = [(0, step_m), (0, -step_m), (1, step_m), (1, -step_m)];
+            trials.extend(whole.map(|(axis, by_m)| moved(&[(axis, by_m), (axis + 2, by_m)])));
         }
-        if directions == 4 {
-            // The whole segment, too.
-            for (dx, dy) in [(step_m, 0.0), (-step_m, 0.0), (0.0, step_m), (0.0, -step_m)] {
-                let shape = best.1.with_numbers(&[
-                    numbers[0] + dx,
-                    numbers[1] + dy,
-                    numbers[2] + dx,
-                    numbers[3] + dy,
-                ]);
-                let gain = score_gain(&shape, ways).0;
-                if moved.0 < gain {
-                    moved = (gain, shape);
-                }
-            }
-        }
-        if best.0 < moved.0 {
-            best = moved;
-        } else {
-            step_m /= 2.0;
-        }
-    }
-    best
+        trials
+    };
+    let search =
+        PatternSearch { step: GRID_M / 2.0, min_step: FINEST_M, ..PatternSearch::default() };
+    let found = search.maximise(shape, poll, |shape| score_gain(shape, ways).0);
+    (found.value, found.point)
 }
 
 /// States of batteries that sag: all transmitters alike, or those that do so beyond doubt.

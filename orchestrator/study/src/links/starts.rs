@@ -3,7 +3,7 @@
 use super::fit::LinkFit;
 use super::likelihood::RowLikelihood;
 use super::terms::{TermSpec, TermState};
-use super::{CORRELATION_S, From, LinkStudy, search};
+use super::{CORRELATION_S, FitOptions, LinkStudy, search};
 use crate::{Study, span_s};
 use proto::effect::{Level, Search};
 
@@ -20,7 +20,7 @@ impl LinkStudy {
         terms: &[usize],
         starts: Vec<Vec<TermState>>,
         train: &[u32],
-        from: From<'_>,
+        from: FitOptions<'_>,
     ) -> Option<LinkFit> {
         let mut best: Option<LinkFit> = None;
         for states in self.promising(terms, starts, train, from) {
@@ -41,12 +41,12 @@ impl LinkStudy {
         terms: &[usize],
         starts: Vec<Vec<TermState>>,
         train: &[u32],
-        from: From<'_>,
+        from: FitOptions<'_>,
     ) -> Vec<Vec<TermState>> {
         if !from.is_trial || starts.len() <= MANY_STARTS || self.is_stopped() {
             return starts;
         }
-        let from = From { most_steps: 1, ..from };
+        let from = FitOptions { most_steps: 1, ..from };
         let mut first: Vec<LinkFit> = Vec::new();
         for states in starts {
             if !first.is_empty() && self.is_stopped() {
@@ -80,8 +80,8 @@ impl LinkStudy {
         matches!(self.specs[term].search(), Search::Headings | Search::Places | Search::Nodes)
     }
 
-    /// What the rows say about their levels under a fit.
-    pub(super) fn slopes_left(&self, fit: &LinkFit, train: &[u32]) -> Vec<RowLikelihood> {
+    /// The log likelihoods of rows under a fit, with their derivatives over the levels.
+    pub(super) fn row_likelihoods(&self, fit: &LinkFit, train: &[u32]) -> Vec<RowLikelihood> {
         let specs = self.specs_of(&fit.terms);
         search::row_likelihoods(&self.rows, fit, &specs, &self.cells(fit.scales), train)
     }
@@ -98,10 +98,10 @@ impl LinkStudy {
         let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
         for _ in 0..HEADING_ROUNDS {
             let states = parent.states.iter().cloned().chain([state.clone()]).collect();
-            let fit = self.run(&terms, states, train, From::quick(level, Some(parent)));
-            let left = self.slopes_left(&fit, train);
+            let fit = self.run(&terms, states, train, FitOptions::quick(level, Some(parent)));
+            let likelihoods = self.row_likelihoods(&fit, train);
             if let Some(last) = fit.states.last() {
-                state = search::headings::refine(&self.rows, train, &left, last);
+                state = search::headings::refine(&self.rows, train, &likelihoods, last);
             }
         }
         state
@@ -132,17 +132,18 @@ impl LinkStudy {
             let parent = self.fit(&terms, train, level, parent);
             let concerned = self.within_limits(spec, train);
             let train = &concerned[..];
-            let left = self.slopes_left(&parent, train);
+            let likelihoods = self.row_likelihoods(&parent, train);
             return match spec.search() {
                 Search::Headings => {
-                    let found = search::headings::patterns(&self.rows, train, &left, &states);
+                    let found =
+                        search::headings::patterns(&self.rows, train, &likelihoods, &states);
                     match <[TermState; 1]>::try_from(found) {
                         Ok([state]) => vec![self.heading(term, state, train, level, &parent)],
                         Err(found) => found,
                     }
                 }
-                Search::Places => search::obstacles(&self.rows, train, &left, &states[0]),
-                _ => search::sagging(&self.rows, train, &left, &states[0]),
+                Search::Places => search::obstacles(&self.rows, train, &likelihoods, &states[0]),
+                _ => search::sagging(&self.rows, train, &likelihoods, &states[0]),
             };
         }
         let Some((key, scales)) = self.scales_of(term) else { return states };

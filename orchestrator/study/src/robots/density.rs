@@ -1,6 +1,7 @@
 //! How predicted positions scatter.
 
 use crate::thresholds::{BROAD_FACTOR, BROAD_SHARE};
+use numbers::optimise::pattern_search::{PatternSearch, Polling};
 use std::f64::consts::TAU;
 
 /// A residual in the directions along and across the predicted motion, and upwards.
@@ -74,29 +75,26 @@ impl ResidualDensity {
                 Self { sd_rad: ratio * density.sd_m, ..density }
             }
         };
-        let mut best = with(self, self.sd_rad / self.sd_m);
+        let start = with(self, self.sd_rad / self.sd_m);
         if !searches_ratio {
-            return best;
+            return start;
         }
-        let mut best_total = best.total(residuals);
-        // By a pattern search over the logarithm of the ratio: its likelihood has one peak.
-        let mut ratio = (best.sd_rad / best.sd_m).max(1e-3);
-        let mut factor = 1.5f64;
-        while 1.002 < factor {
-            let mut moved = false;
-            for trial in [ratio * factor, ratio / factor] {
-                let density = with(best, trial.clamp(1e-4, 1e3));
-                let total = density.total(residuals);
-                if best_total < total {
-                    (best, best_total, ratio, moved) = (density, total, trial, true);
-                    break;
-                }
-            }
-            if !moved {
-                factor = factor.sqrt();
-            }
-        }
-        best
+        // Over the logarithm of the ratio, whose likelihood has one peak: a step is a factor.
+        let search = PatternSearch {
+            step: 1.5,
+            min_step: 1.002,
+            polling: Polling::Opportunistic,
+            contract: f64::sqrt,
+            ..PatternSearch::default()
+        };
+        let poll = |&(density, ratio): &(Self, f64), factor: f64| {
+            let trial = move |ratio: f64| (with(density, ratio.clamp(1e-4, 1e3)), ratio);
+            [ratio * factor, ratio / factor].into_iter().map(trial)
+        };
+        // A factor cannot leave a ratio of 0.
+        let ratio = (start.sd_rad / start.sd_m).max(1e-3);
+        let total = |(density, _): &(Self, f64)| density.total(residuals);
+        search.maximise((start, ratio), poll, total).point.0
     }
 
     /// The likeliest density with a given ratio of `sd_rad` to `sd_m`, by expectation and maximisation.

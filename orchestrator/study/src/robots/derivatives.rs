@@ -1,11 +1,12 @@
 //! How residuals of robots change with the numbers of a fit, and where that leads.
 
 use super::density::Residual;
-use super::fit_state::{FitState, LEAST_DAMPED, Unchanged, damped};
+use super::fit_state::{DAMPING_FLOOR, FitState, LEAST_DAMPED, Unchanged};
 use super::motion::ModelPaths;
 use super::{RobotFit, RobotModel};
 use crate::thresholds::CURVE_PRIOR_SD;
 use nalgebra::{DMatrix, DVector};
+use numbers::optimise::levenberg_marquardt::damped;
 use numbers::power::square;
 
 /// How far numbers are moved to see how residuals bend, in units of their small steps.
@@ -65,13 +66,13 @@ impl Derivatives {
 
     /// Where numbers have moved by so much. How the spread of residuals changes is taken to be the same there.
     pub(super) fn moved(&self, by: &[f64]) -> Self {
-        let mut there = self.clone();
-        for ((column, bend), by) in there.by.iter_mut().zip(&self.bends).zip(by) {
+        let mut moved = self.clone();
+        for ((column, bend), by) in moved.by.iter_mut().zip(&self.bends).zip(by) {
             for (first, second) in column.iter_mut().zip(&bend.second) {
                 *first = std::array::from_fn(|i| first[i] + by * second[i]);
             }
         }
-        there
+        moved
     }
 }
 
@@ -83,7 +84,7 @@ fn with_bends(straight: DMatrix<f64>, bends: &[f64]) -> DMatrix<f64> {
         let [least, most] = MOST_BENT.map(|share| share * straight[(i, i)]);
         bent[(i, i)] += bend.max(least).min(most);
     }
-    if damped(&bent, LEAST_DAMPED).cholesky().is_some() { bent } else { straight }
+    if damped(&bent, LEAST_DAMPED, DAMPING_FLOOR).cholesky().is_some() { bent } else { straight }
 }
 
 impl RobotModel {
@@ -144,11 +145,12 @@ impl RobotModel {
                 continue;
             }
             let h = 0.02 * number.step;
+            // At the upper bound the difference is taken downwards: values beyond it are not valid.
             let h = if number.max < fit.values[index] + h { -h } else { h };
             // … and nothing else changes what curves do.
-            let there = moved(index, h, Unchanged { paths: None, actings: Some(&actings) })?;
-            let column = there.iter().zip(at).map(|(there, here)| {
-                std::array::from_fn(|i| (there.parts_m[i] - here.parts_m[i]) / h)
+            let displaced = moved(index, h, Unchanged { paths: None, actings: Some(&actings) })?;
+            let column = displaced.iter().zip(at).map(|(displaced, at)| {
+                std::array::from_fn(|i| (displaced.parts_m[i] - at.parts_m[i]) / h)
             });
             derivatives.by.push(column.collect());
         }
@@ -211,7 +213,7 @@ mod tests {
 
     #[test]
     fn bends_count_within_limits_and_only_where_a_summit_is_left() {
-        let matrix_with = |beside: f64| DMatrix::from_row_slice(2, 2, &[4.0, beside, beside, 1.0]);
+        let matrix_with = |cross: f64| DMatrix::from_row_slice(2, 2, &[4.0, cross, cross, 1.0]);
         let first = |matrix: DMatrix<f64>| (matrix[(0, 0)], matrix[(1, 1)]);
         assert_eq!(first(with_bends(matrix_with(0.5), &[-1.0])), (3.0, 1.0));
         assert_eq!(first(with_bends(matrix_with(0.5), &[100.0])), (20.0, 1.0));

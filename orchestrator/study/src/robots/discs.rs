@@ -52,6 +52,7 @@ impl RobotModel {
                 }
                 let nats = 0.5 * error * error / square;
                 let scale = (1.0 + error / square).max(0.0);
+                // A disc that no window touches has a square of 0.
                 nats.is_finite().then(|| (nats, vec![x_m, y_m, radius_m, scale]))
             })
             .collect();

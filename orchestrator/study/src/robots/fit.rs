@@ -3,12 +3,15 @@
 
 use super::density::Residual;
 use super::derivatives::Derivatives;
-use super::fit_state::{FitState, LEAST_DAMPED, Unchanged, damped};
+use super::fit_state::{FitState, LEAST_DAMPED, Unchanged};
 use super::motion::ModelPaths;
+use super::objective::{Likelihood, Slopes};
 use super::{RobotFit, RobotModel};
 use crate::folds::Blocks;
 use crate::thresholds::CURVE_PRIOR_SD;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
+use numbers::optimise::Termination;
+use numbers::optimise::levenberg_marquardt::LevenbergMarquardt;
 use std::sync::Arc;
 
 /// Most steps of a fit.
@@ -34,72 +37,26 @@ const LOOK_STEPS: usize = 6;
 /// How many of several starts are followed.
 const N_FOLLOWED: usize = 3;
 
-/// A number that a fit sets.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Number {
-    pub(super) min: f64,
-    pub(super) max: f64,
-    pub(super) step: f64,
-}
-
-/// Numbers after a step, each within its range.
-pub(super) fn stepped(values: &[f64], step: &DVector<f64>, numbers: &[Number]) -> Vec<f64> {
-    values
-        .iter()
-        .zip(step.iter())
-        .zip(numbers)
-        .map(|((value, step), number)| (value + step).clamp(number.min, number.max))
-        .collect()
-}
-
-/// The step to the optimum of a quadratic form. A number at a bound of its range stays there if the step would lead beyond.
-/// Clipping the step afterwards would leave the others short of their optimum, and a fit would stall at the bound.
-pub(super) fn uphill(
-    information: &DMatrix<f64>,
-    slope: &DVector<f64>,
-    values: &[f64],
-    numbers: &[Number],
-) -> Option<DVector<f64>> {
-    let (mut matrix, mut slope) = (information.clone(), slope.clone());
-    loop {
-        let step = matrix.clone().cholesky()?.solve(&slope);
-        let leads_out = |&i: &usize| {
-            let Number { min, max, .. } = numbers[i];
-            values[i] <= min && step[i] < 0.0 || max <= values[i] && 0.0 < step[i]
-        };
-        let ends: Vec<usize> = (0..numbers.len()).filter(leads_out).collect();
-        if ends.is_empty() {
-            return Some(step);
-        }
-        for i in ends {
-            matrix.row_mut(i).fill(0.0);
-            matrix.column_mut(i).fill(0.0);
-            matrix[(i, i)] = 1.0;
-            slope[i] = 0.0;
-        }
-    }
-}
-
 impl RobotModel {
     /// Fits `terms` to the windows `train`. `start` holds the numbers of some of the terms.
     pub(super) fn fitted(&self, terms: &[usize], train: &[u32], start: &RobotFit) -> RobotFit {
         // Numbers that are known, and the first term that is not.
         let known: Vec<usize> =
             terms.iter().copied().filter(|term| start.terms.contains(term)).collect();
-        let mut fit = self.polished(self.carried(&known, start), train);
+        let mut fit = self.fit_to_convergence(self.with_terms(&known, start), train);
         for &term in terms.iter().filter(|term| !known.contains(term)) {
-            fit = self.extended(&fit, term, train);
+            fit = self.with_term_added(&fit, term, train);
             if self.stop.is_set() {
                 return start.clone();
             }
         }
-        fit = self.jointly_refined(fit, train);
+        fit = self.refine_jointly(fit, train);
         // Numbers in the order of the terms.
-        if fit.terms == terms { fit } else { self.carried(terms, &fit) }
+        if fit.terms == terms { fit } else { self.with_terms(terms, &fit) }
     }
 
     /// The numbers of a fit for other terms, all of which it has.
-    pub(super) fn carried(&self, terms: &[usize], fit: &RobotFit) -> RobotFit {
+    pub(super) fn with_terms(&self, terms: &[usize], fit: &RobotFit) -> RobotFit {
         let mut values = fit.values[..self.base.len()].to_vec();
         for term in terms {
             values.extend_from_slice(fit.numbers(self, *term));
@@ -108,18 +65,17 @@ impl RobotModel {
     }
 
     /// A fit with one more term: from the best of its starts.
-    fn extended(&self, parent: &RobotFit, term: usize, train: &[u32]) -> RobotFit {
-        let followed = self
-            .begun(parent, term, train)
+    fn with_term_added(&self, parent: &RobotFit, term: usize, train: &[u32]) -> RobotFit {
+        let best = self
+            .best_starts(parent, term, train)
             .into_iter()
-            .map(|(fit, _)| self.descended(fit, train, LOOK_STEPS, CONVERGED_NATS))
+            .map(|(fit, _)| self.maximise(fit, train, LOOK_STEPS, CONVERGED_NATS))
             .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
-        let best = followed.unwrap_or_else(|| parent.clone());
-        self.polished(best, train)
+        self.fit_to_convergence(best.unwrap_or_else(|| parent.clone()), train)
     }
 
     /// Fits with one more term, at the best of its starts.
-    pub(super) fn begun(
+    pub(super) fn best_starts(
         &self,
         parent: &RobotFit,
         term: usize,
@@ -136,21 +92,22 @@ impl RobotModel {
             let point = self.point(&fit, train)?;
             Some((fit, point))
         };
-        let mut looks: Vec<(RobotFit, FitState)> =
+        let mut starts: Vec<(RobotFit, FitState)> =
             self.starts(term, parent, train).into_iter().filter_map(begin).collect();
-        looks.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
-        looks.truncate(N_FOLLOWED);
-        looks
+        starts.sort_by(|a, b| b.1.total.total_cmp(&a.1.total));
+        starts.truncate(N_FOLLOWED);
+        starts
     }
 
     /// Refines thresholds and other parameters jointly, since the optimum of each depends on the others.
-    fn jointly_refined(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
-        let mut fit = self.refined(fit, train);
+    fn refine_jointly(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
+        let mut fit = self.refine_thresholds(fit, train);
+        // Without a threshold nothing has moved since the fit converged.
         if fit.terms.iter().all(|&term| self.threshold_on(term).is_none()) {
             return fit;
         }
         for _ in 0..SETTLING_TIMES {
-            let next = self.refined(self.polished(fit.clone(), train), train);
+            let next = self.refine_thresholds(self.fit_to_convergence(fit.clone(), train), train);
             let gained = next.log_likelihood - fit.log_likelihood;
             if 0.0 < gained {
                 fit = next;
@@ -163,53 +120,43 @@ impl RobotModel {
     }
 
     /// A fit that has converged.
-    fn polished(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
-        self.descended(fit, train, MOST_STEPS, CONVERGED_NATS)
+    fn fit_to_convergence(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
+        self.maximise(fit, train, MOST_STEPS, CONVERGED_NATS)
     }
 
     /// A fit to some of the windows by one whose derivatives at all windows are known: by steps with these (the chord method),
-    /// and by Newton's method where they do not lead uphill.
-    pub(super) fn refitted(
+    /// and by the method of Levenberg and Marquardt where these do not converge.
+    pub(super) fn refit_by_chords(
         &self,
         start: &RobotFit,
         derivatives: &Derivatives,
         train: &[u32],
     ) -> RobotFit {
-        let mut fit = start.clone();
-        let Some(mut at) = self.point(&fit, train) else { return self.polished(fit, train) };
-        self.settle(&fit, &mut at);
-        let numbers = self.numbers_of(&fit.terms);
-        let derivatives = derivatives.at_rows(train);
-        for _ in 0..CHORD_STEPS {
-            fit.density = at.density;
-            let by: Vec<f64> = at.values.iter().zip(&start.values).map(|(a, b)| a - b).collect();
-            let (information, slope) = self.normal_equations(&fit, &at, &derivatives.moved(&by));
-            let matrix = damped(&information, LEAST_DAMPED);
-            let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else { break };
-            if 0.5 * step.dot(&slope) < NEAR_NATS {
-                return self.ended(fit, at);
-            }
-            fit.values = stepped(&at.values, &step, &numbers);
-            let Some(mut next) = self.point(&fit, train) else { break };
-            self.settle(&fit, &mut next);
-            let gained = next.total - at.total;
-            if 0.0 < gained {
-                at = next;
-            }
-            if gained.abs() < NEAR_NATS {
-                return self.ended(fit, at);
-            }
-            if gained < 0.0 || self.stop.is_set() {
-                break;
-            }
+        let Some(mut at) = self.point(start, train) else {
+            return self.fit_to_convergence(start.clone(), train);
+        };
+        self.settle(start, &mut at);
+        let search = LevenbergMarquardt {
+            damping: LEAST_DAMPED,
+            min_damping: LEAST_DAMPED,
+            max_iterations: CHORD_STEPS,
+            max_trials: 1,
+            min_gain: NEAR_NATS,
+            min_predicted_gain: NEAR_NATS,
+            ..LevenbergMarquardt::default()
+        };
+        let slopes = Slopes::Known(derivatives.at_rows(train), start.values.clone());
+        let mut likelihood = Likelihood::new(self, start.clone(), train, slopes);
+        let found = search.maximise(&mut likelihood, at);
+        let fit = self.fit_at(likelihood.fit, found.point);
+        if found.termination == Termination::Converged {
+            return fit;
         }
-        fit.density = at.density;
-        fit.values.clone_from(&at.values);
-        self.descended(fit, train, FOLD_STEPS, NEAR_NATS)
+        self.maximise(fit, train, FOLD_STEPS, NEAR_NATS)
     }
 
-    /// A fit where it came to.
-    pub(super) fn ended(&self, fit: RobotFit, at: FitState) -> RobotFit {
+    /// The fit at a point.
+    pub(super) fn fit_at(&self, fit: RobotFit, at: FitState) -> RobotFit {
         RobotFit {
             terms: fit.terms,
             values: at.values,
@@ -272,13 +219,6 @@ impl RobotModel {
         total.is_finite().then_some(FitState { values, paths, residuals, density, total })
     }
 
-    /// The fit's numbers, if they are likelier than those of a point.
-    pub(super) fn better(&self, fit: &RobotFit, at: &FitState, train: &[u32]) -> Option<FitState> {
-        let mut next = self.point(fit, train).filter(|next| at.total < next.total)?;
-        self.settle(fit, &mut next);
-        Some(next)
-    }
-
     /// Searches the ratio of the scatters at a point, where directions scatter.
     pub(super) fn settle(&self, fit: &RobotFit, at: &mut FitState) {
         if self.has_direction() {
@@ -288,8 +228,8 @@ impl RobotModel {
         }
     }
 
-    /// Climbs the likelihood for at most so many steps, until one gains less than `converged` (nats).
-    fn descended(
+    /// Maximises the likelihood by at most so many steps, until one gains less than `converged` (nats).
+    fn maximise(
         &self,
         mut fit: RobotFit,
         train: &[u32],
@@ -301,42 +241,18 @@ impl RobotModel {
             return fit;
         };
         self.settle(&fit, &mut at);
-        let numbers = self.numbers_of(&fit.terms);
-        let mut damping = 1e-3;
-        let mut quiet = 0;
-        for _ in 0..most_steps {
-            fit.density = at.density;
-            let here = (&at.residuals[..], &at.paths);
-            let Some(derivatives) = self.jacobian(&fit, here, train, 0) else { break };
-            let (information, slope) = self.normal_equations(&fit, &at, &derivatives);
-            let mut gained = 0.0;
-            for _ in 0..8 {
-                let matrix = damped(&information, damping);
-                let Some(step) = uphill(&matrix, &slope, &at.values, &numbers) else {
-                    damping *= 10.0;
-                    continue;
-                };
-                if 0.5 * step.dot(&slope) < PROMISING * converged {
-                    break;
-                }
-                fit.values = stepped(&at.values, &step, &numbers);
-                match self.better(&fit, &at, train) {
-                    Some(next) => {
-                        gained = next.total - at.total;
-                        at = next;
-                        damping = (damping * 0.2).max(LEAST_DAMPED);
-                        break;
-                    }
-                    None => damping *= 8.0,
-                }
-            }
-            fit.values.clone_from(&at.values);
-            quiet = if gained < converged { quiet + 1 } else { 0 };
-            if gained == 0.0 || quiet == CONVERGED_TIMES || self.stop.is_set() {
-                break;
-            }
-        }
-        self.ended(fit, at)
+        let search = LevenbergMarquardt {
+            min_damping: LEAST_DAMPED,
+            increase: 8.0,
+            max_iterations: most_steps,
+            min_gain: converged,
+            patience: CONVERGED_TIMES,
+            min_predicted_gain: PROMISING * converged,
+            ..LevenbergMarquardt::default()
+        };
+        let mut likelihood = Likelihood::new(self, fit, train, Slopes::Computed);
+        let found = search.maximise(&mut likelihood, at);
+        self.fit_at(likelihood.fit, found.point)
     }
 
     /// Covariance of the parameters of a fit to all windows, clustered over blocks of windows. Correlations near 1 in it show which
@@ -367,26 +283,5 @@ impl RobotModel {
         let inverse = information.cholesky()?.inverse();
         let share = n_blocks as f64 / (n_blocks as f64 - 1.0).max(1.0);
         Some(&inverse * (scores.transpose() * &scores) * share * &inverse)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_number_at_the_end_of_its_range_does_not_hold_the_others_back() {
-        let numbers = [Number { min: 0.0, max: 1.0, step: 0.1 }; 2];
-        // Nearly a ridge: alone the first would go far up, and the second as far down.
-        let information = DMatrix::from_row_slice(2, 2, &[1.0, 0.99, 0.99, 1.0]);
-        let slope = DVector::from_row_slice(&[1.0, 0.9]);
-        let free = uphill(&information, &slope, &[0.5, 0.5], &numbers).unwrap();
-        assert!((information.clone() * free - &slope).amax() < 1e-12);
-        // The first stays, and the second goes to its optimum beside it.
-        let step = uphill(&information, &slope, &[1.0, 0.05], &numbers).unwrap();
-        assert!(step[0].abs() < 1e-12 && (step[1] - 0.9).abs() < 1e-12, "{step}");
-        // Where both ends are in the way nothing moves.
-        let step = uphill(&information, &slope, &[1.0, 1.0], &numbers).unwrap();
-        assert!(step.amax() < 1e-12, "{step}");
     }
 }

@@ -3,10 +3,11 @@
 use super::curve::Acting;
 use super::density::{Residual, ResidualDensity};
 use super::motion::ModelPaths;
-use nalgebra::DMatrix;
 
-/// Least share of an information matrix's diagonal that is added to it.
+/// Least share of an information matrix's diagonal that is added to it, and what is added to elements of 0: numbers that change nothing
+/// stay where they are.
 pub(super) const LEAST_DAMPED: f64 = 1e-9;
+pub(super) const DAMPING_FLOOR: f64 = 1e-12;
 
 /// Parts of a fit that a change of parameters leaves unchanged, so that they need not be computed again.
 #[derive(Clone, Copy, Default)]
@@ -22,13 +23,4 @@ pub(super) struct FitState {
     pub(super) residuals: Vec<Residual>,
     pub(super) density: ResidualDensity,
     pub(super) total: f64,
-}
-
-/// An information matrix with this share of its diagonal added. Numbers that change nothing stay where they are.
-pub(super) fn damped(information: &DMatrix<f64>, share: f64) -> DMatrix<f64> {
-    let mut matrix = information.clone();
-    for i in 0..matrix.nrows() {
-        matrix[(i, i)] += share * information[(i, i)] + 1e-12;
-    }
-    matrix
 }

@@ -59,7 +59,7 @@ impl RobotStudy {
     /// The names that formulas may use beside those that every robot has.
     fn is_known(&self, name: &str) -> bool {
         NAMES.iter().any(|(known, _)| *known == name)
-            || self.robots().covariates.iter().any(|(given, _)| given == name)
+            || self.robots().covariates.iter().any(|(column, _)| column == name)
     }
 
     /// The short formula of a covariate, along the direction in which it explains most of what a fit leaves.
@@ -80,9 +80,10 @@ impl RobotStudy {
         let before_s = self.model.uncorrected_s(self.model.gains(fit));
         let acted_s = |row: usize| self.model.tracks.window_s(row) + before_s[row];
         let over_windows = |value: &dyn Fn(usize, &Residual) -> f64| -> Vec<f64> {
-            residuals.iter().enumerate().map(|(row, left)| value(row, left)).collect()
+            residuals.iter().enumerate().map(|(row, residual)| value(row, residual)).collect()
         };
-        let velocity = |part: usize| over_windows(&|row, left| left.parts_m[part] / acted_s(row));
+        let velocity =
+            |part: usize| over_windows(&|row, residual| residual.parts_m[part] / acted_s(row));
         let [ahead, left] = [velocity(0), velocity(1)];
         let turned = |by: &dyn Fn([f64; 2]) -> [f64; 2]| {
             over_windows(&|row, _| {
@@ -92,14 +93,14 @@ impl RobotStudy {
         };
         let east = turned(&|[cos, sin]| [cos, -sin]);
         let north = turned(&|[cos, sin]| [sin, cos]);
-        let speed = over_windows(&|row, left| left.way_m / self.model.tracks.window_s(row));
+        let speed = over_windows(&|row, residual| residual.way_m / self.model.tracks.window_s(row));
         let unexplained = |values, target| UnexplainedResiduals { values, factor: None, target };
         let share = UnexplainedResiduals {
             factor: Some((SPEED, &speed)),
             ..unexplained(&ahead[..], "ahead")
         };
         let total = mean_ignoring_nan(
-            residuals.iter().map(|left| left.parts_m.iter().map(|m| m * m).sum()),
+            residuals.iter().map(|residual| residual.parts_m.iter().map(|m| m * m).sum()),
         );
         // What a formula takes of the mean square error (m²).
         let explained = |deviations: UnexplainedResiduals<'_>| {
@@ -119,11 +120,11 @@ impl RobotStudy {
         let found = pairs.into_iter().filter_map(|(one, other)| {
             let (one, other) = (one?, other?);
             let (more, less) = if one.0 < other.0 { (other, one) } else { (one, other) };
-            let left = total - more.0;
-            let is_along_both = SECOND_DIRECTION_SHARE * left < less.0;
-            let left = if is_along_both { left - less.0 } else { left };
+            let unexplained = total - more.0;
+            let is_along_both = SECOND_DIRECTION_SHARE * unexplained < less.0;
+            let unexplained = if is_along_both { unexplained - less.0 } else { unexplained };
             let also = is_along_both.then_some((less.1.text, less.1.target));
-            Some(FittedFormula { also, rmse: left.max(0.0).sqrt(), ..more.1 })
+            Some(FittedFormula { also, rmse: unexplained.max(0.0).sqrt(), ..more.1 })
         });
         // Of two that are as good the simpler.
         let cost = |formula: &FittedFormula| {

@@ -34,6 +34,7 @@ pub(super) fn in_accelerations(
 
 /// The first sample of a track at which a window may begin.
 pub(super) fn first_start(robots: &RobotSamples, track: &Range<usize>, window_s: f64) -> usize {
+    // Commands of velocity take effect at once: nothing has to be estimated first.
     if !robots.commands.is_inertial() {
         return 0;
     }

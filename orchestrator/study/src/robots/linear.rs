@@ -50,18 +50,18 @@ impl RobotStudy {
         let Term::Effect(effect) = &self.model.terms[term] else { return Vec::new() };
         let Starts::At(starts) = &effect.starts else { return Vec::new() };
         let all: Vec<u32> = (0..self.n_rows() as u32).collect();
-        let Some(here) = self.model.residuals(fit, &all) else { return Vec::new() };
+        let Some(without) = self.model.residuals(fit, &all) else { return Vec::new() };
         let step = starts.len().div_ceil(MOST_STARTS).max(1);
         let terms: Vec<usize> = fit.terms.iter().copied().chain([term]).collect();
         let moved_by = |start: &[f64]| -> Option<Column> {
             let values = fit.values.iter().chain(start).copied().collect();
             let terms = terms.clone();
-            let there = RobotFit { terms, values, derivatives: Arc::default(), ..fit.clone() };
-            let there = self.model.residuals(&there, &all)?;
-            let moved = |(here, there): (&Residual, &Residual)| {
-                std::array::from_fn(|part| here.parts_m[part] - there.parts_m[part])
+            let with = RobotFit { terms, values, derivatives: Arc::default(), ..fit.clone() };
+            let with = self.model.residuals(&with, &all)?;
+            let moved = |(without, with): (&Residual, &Residual)| {
+                std::array::from_fn(|part| without.parts_m[part] - with.parts_m[part])
             };
-            Some(here.iter().zip(&there).map(moved).collect())
+            Some(without.iter().zip(&with).map(moved).collect())
         };
         let moves = |column: &Column| column.iter().flatten().any(|m| MOVES_M < m.abs());
         let columns = |start: &&Vec<f64>| -> Vec<Column> {
@@ -69,13 +69,13 @@ impl RobotStudy {
                 return vec![column];
             }
             // Where an effect starts at nothing, a step from there.
-            let beside = |(k, parameter): (usize, &Parameter)| {
+            let displaced = |(k, parameter): (usize, &Parameter)| {
                 let mut start = (*start).clone();
                 let up = start[k] + parameter.step;
                 start[k] = if parameter.max < up { start[k] - parameter.step } else { up };
                 moved_by(&start).filter(moves)
             };
-            effect.parameters.iter().enumerate().filter_map(beside).collect()
+            effect.parameters.iter().enumerate().filter_map(displaced).collect()
         };
         let starts: Vec<&Vec<f64>> = starts.iter().step_by(step).collect();
         starts.par_iter().flat_map_iter(columns).collect()
@@ -90,11 +90,11 @@ impl RobotStudy {
         let n_before = fit.values.len();
         let new = std::iter::repeat_n(0.0, self.model.n_numbers(term));
         let values = fit.values.iter().copied().chain(new).collect();
-        let there = RobotFit { terms, values, derivatives: Arc::default(), ..fit.clone() };
+        let with_curve = RobotFit { terms, values, derivatives: Arc::default(), ..fit.clone() };
         let known = Unchanged::default();
         let columns = || {
-            let (residuals, paths) = self.model.residuals_and_paths(&there, &all, known)?;
-            self.model.jacobian(&there, (&residuals, &paths), &all, n_before)
+            let (residuals, paths) = self.model.residuals_and_paths(&with_curve, &all, known)?;
+            self.model.jacobian(&with_curve, (&residuals, &paths), &all, n_before)
         };
         let minus = |column: Column| column.iter().map(|moved| moved.map(|part| -part)).collect();
         columns()

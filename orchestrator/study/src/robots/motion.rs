@@ -73,7 +73,7 @@ struct StateEstimate {
 
 /// What a robot is predicted to do in a window.
 #[derive(Clone, Copy, Debug)]
-struct Moved {
+struct PredictedMotion {
     /// From where the window begins to where it ends (m).
     way_m: [f64; 3],
     /// Heading at its end (rad).
@@ -211,8 +211,8 @@ impl MeasuredTracks {
             if self.windows_of[track].is_empty() {
                 continue;
             }
-            let known = self.state_estimates(track, physics, &paths, gains);
-            for (sample, after) in range.clone().zip(&known[1..]) {
+            let estimates = self.state_estimates(track, physics, &paths, gains);
+            for (sample, after) in range.clone().zip(&estimates[1..]) {
                 steps_m[sample] = [after.step_m[0], after.step_m[1]];
             }
         }
@@ -259,6 +259,8 @@ impl MeasuredTracks {
 
     /// Simulates every track by the model alone. Empty if a robot's motion depends on where it begins.
     pub(super) fn paths(&self, physics: &Physics) -> ModelPaths {
+        // Where motion depends on the place, a path from the start of the track cannot be moved to where a window
+        // begins.
         if !physics.is_alike_everywhere() {
             return ModelPaths::new();
         }
@@ -304,7 +306,7 @@ impl MeasuredTracks {
     /// Where each window is predicted to end (m).
     pub(super) fn ends_m(&self, physics: &Physics, gains: Gains) -> Vec<[f64; 3]> {
         let predictions = self.predictions(physics, &self.paths(physics), gains);
-        let end = |(begin, moved): (StateEstimate, Moved)| {
+        let end = |(begin, moved): (StateEstimate, PredictedMotion)| {
             std::array::from_fn(|i| begin.robot.position_m[i] + moved.way_m[i])
         };
         predictions.into_iter().map(end).collect()
@@ -316,7 +318,7 @@ impl MeasuredTracks {
         physics: &Physics,
         paths: &ModelPaths,
         gains: Gains,
-    ) -> Vec<(StateEstimate, Moved)> {
+    ) -> Vec<(StateEstimate, PredictedMotion)> {
         let mut predictions = Vec::with_capacity(self.windows.len());
         let is_alike = !paths.is_empty();
         for (track, range) in self.robots.tracks.iter().enumerate() {
@@ -324,14 +326,14 @@ impl MeasuredTracks {
             if windows.is_empty() {
                 continue;
             }
-            let known = self.state_estimates(track, physics, paths, gains);
+            let estimates = self.state_estimates(track, physics, paths, gains);
             for window in windows {
-                let begin = known[window.start as usize - range.start];
+                let begin = estimates[window.start as usize - range.start];
                 let moved = if is_alike {
                     let last = window.end as usize - range.start;
-                    let end = &known[last];
+                    let end = &estimates[last];
                     let path_m = std::array::from_fn(|i| end.path_m[i] - begin.path_m[i]);
-                    Moved {
+                    PredictedMotion {
                         way_m: rotated(path_m, begin.turned_rad),
                         heading_rad: paths[track][last].heading_rad + begin.turned_rad,
                     }
@@ -422,14 +424,14 @@ impl MeasuredTracks {
         let range = self.robots.tracks[track].clone();
         let samples = &self.robots.samples[range];
         let robot = path[0];
-        let mut known = Vec::with_capacity(samples.len());
+        let mut estimates = Vec::with_capacity(samples.len());
         let mut at = StateEstimate {
             robot,
             variance: 1.0,
             path_m: robot.position_m,
             ..StateEstimate::default()
         };
-        known.push(at);
+        estimates.push(at);
         for (index, (pair, robot)) in samples.windows(2).zip(&path[1..]).enumerate() {
             let step_m: [f64; 3] = std::array::from_fn(|i| robot.position_m[i] - at.path_m[i]);
             let step_m = rotated(step_m, at.turned_rad);
@@ -446,9 +448,9 @@ impl MeasuredTracks {
             at.variance = square(1.0 - gain) * at.variance + gain * gain;
             at.path_m = robot.position_m;
             at.step_m = step_m;
-            known.push(at);
+            estimates.push(at);
         }
-        known
+        estimates
     }
 
     /// Goes along a track by the model, corrected by every measurement.
@@ -458,10 +460,10 @@ impl MeasuredTracks {
         let mut robot = self.begin(track, physics);
         let mut variance = 1.0;
         let mut velocity = VelocityVariance::default();
-        let mut known = Vec::with_capacity(samples.len());
+        let mut estimates = Vec::with_capacity(samples.len());
         let mut mover = Mover::new(self, physics, track, None);
         let reference = mover.reference_drive();
-        known.push(StateEstimate { robot, variance, reference, ..StateEstimate::default() });
+        estimates.push(StateEstimate { robot, variance, reference, ..StateEstimate::default() });
         for (index, pair) in samples.windows(2).enumerate() {
             let from_m = robot.position_m;
             mover.advance(&mut robot, range.start + index);
@@ -469,7 +471,7 @@ impl MeasuredTracks {
             if physics.is_inertial() {
                 let scatter = (&mut variance, &mut velocity);
                 inertial::correct(&mut robot, pair, (gains.position, index), scatter);
-                known.push(StateEstimate {
+                estimates.push(StateEstimate {
                     robot,
                     variance,
                     step_m,
@@ -488,7 +490,7 @@ impl MeasuredTracks {
             }
             variance = square(1.0 - gain) * variance + gain * gain;
             let reference = mover.reference_drive();
-            known.push(StateEstimate {
+            estimates.push(StateEstimate {
                 robot,
                 variance,
                 step_m,
@@ -496,7 +498,7 @@ impl MeasuredTracks {
                 ..StateEstimate::default()
             });
         }
-        known
+        estimates
     }
 
     /// What a robot moves in a window.
@@ -506,7 +508,7 @@ impl MeasuredTracks {
         track: usize,
         window: &MotionWindow,
         begin: &StateEstimate,
-    ) -> Moved {
+    ) -> PredictedMotion {
         let mut robot = begin.robot;
         let from_m = robot.position_m;
         let (first, end) = (window.start as usize, window.end as usize);
@@ -514,7 +516,7 @@ impl MeasuredTracks {
         for sample in first..end {
             mover.advance(&mut robot, sample);
         }
-        Moved {
+        PredictedMotion {
             way_m: std::array::from_fn(|i| robot.position_m[i] - from_m[i]),
             heading_rad: robot.heading_rad,
         }

@@ -11,6 +11,7 @@ pub(super) fn others(robots: &RobotSamples) -> Vec<Vec<Other>> {
     for (number, track) in robots.tracks.iter().enumerate() {
         by_run.entry(robots.samples[track.start].run).or_default().push(number);
     }
+    // Nobody has company: an empty list says so for all samples.
     if by_run.values().all(|tracks| tracks.len() < 2) {
         return Vec::new();
     }
@@ -26,6 +27,7 @@ pub(super) fn others(robots: &RobotSamples) -> Vec<Vec<Other>> {
                     while near + 1 < samples.len() && samples[near + 1].time_s <= time_s {
                         near += 1;
                     }
+                    // A robot that was not measured near this time may have been anywhere.
                     if within_s < (samples[near].time_s - time_s).abs() {
                         continue;
                     }

@@ -37,16 +37,16 @@ impl RobotStudy {
         let held = fit.first(&self.model, term) + k;
         let covariance = self.model.covariance(fit, &self.in_time)?;
         let moved = value - fit.values[held];
-        let mut there = fit.clone();
+        let mut fit = RobotFit { derivatives: std::sync::Arc::default(), ..fit.clone() };
         for (index, number) in self.model.numbers_of(&fit.terms).iter().enumerate() {
             let follows = covariance[(index, held)] / covariance[(held, held)];
+            // A number without information has no correlation to follow.
             if follows.is_finite() {
-                there.values[index] =
-                    (there.values[index] + follows * moved).clamp(number.min, number.max);
+                fit.values[index] =
+                    (fit.values[index] + follows * moved).clamp(number.min, number.max);
             }
         }
-        there.values[held] = value;
-        there.derivatives = std::sync::Arc::default();
-        Some(there)
+        fit.values[held] = value;
+        Some(fit)
     }
 }

@@ -55,8 +55,9 @@ impl Study for RobotStudy {
             sorted.sort_unstable();
             sorted
         };
+        // A fit to all rows depends on the set of terms, not on their order: searches ask for the same set again.
         if is_all && let Some(fit) = self.cached_fit(&sorted) {
-            return self.model.carried(terms, &fit);
+            return self.model.with_terms(terms, &fit);
         }
         let start = start.unwrap_or(&self.configured);
         if self.is_stopped() {
@@ -66,24 +67,25 @@ impl Study for RobotStudy {
         if !is_all && start.terms == terms {
             let derivatives = start.derivatives.get_or_init(|| self.model.derivatives(start));
             if let Some(derivatives) = derivatives {
-                return self.model.refitted(start, derivatives, train);
+                return self.model.refit_by_chords(start, derivatives, train);
             }
         }
         let fit = self.model.fitted(terms, train, start);
         if is_all && !self.is_stopped() {
             let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
-            cache.insert(sorted.clone(), self.model.carried(&sorted, &fit));
+            cache.insert(sorted.clone(), self.model.with_terms(&sorted, &fit));
         }
         fit
     }
 
     fn screen(&self, terms: &[usize], _level: Level, parent: &RobotFit) -> Option<RobotFit> {
         let (&term, before) = terms.split_last()?;
+        // The parent's derivatives are in the order of its terms.
         if before != parent.terms || self.is_stopped() {
             return None;
         }
         let known = parent.derivatives.get_or_init(|| self.model.derivatives(parent)).as_ref()?;
-        self.model.screened(parent, known, term, &self.fitted_rows())
+        self.model.screen_term(parent, known, term, &self.fitted_rows())
     }
 
     fn prediction_difference(

@@ -130,7 +130,7 @@ impl RobotModel {
     }
 
     /// A fit whose thresholds are the likeliest nearby: a likelihood that changes in jumps has no slope that leads there.
-    pub(super) fn refined(&self, mut fit: RobotFit, train: &[u32]) -> RobotFit {
+    pub(super) fn refine_thresholds(&self, mut fit: RobotFit, train: &[u32]) -> RobotFit {
         for term in fit.terms.clone() {
             let Some(mut between) = self.between(&fit, term) else { continue };
             let mut stride = (between.sizes.len() / COARSE).max(1);
@@ -139,11 +139,11 @@ impl RobotModel {
                 let last = (between.above + PARTS * stride).min(between.sizes.len());
                 for above in (first..=last).step_by(stride) {
                     let threshold = between.threshold_above(above);
-                    let there = self.with_threshold(&fit, term, threshold, train);
-                    if let Some((there, at)) = there
+                    let trial = self.with_threshold(&fit, term, threshold, train);
+                    if let Some((trial, at)) = trial
                         && fit.log_likelihood < at.total
                     {
-                        fit = self.ended(there, at);
+                        fit = self.fit_at(trial, at);
                         between.above = above;
                     }
                 }

@@ -42,6 +42,7 @@ pub(super) fn best(rows: &[LinkRow]) -> Option<Coincidence> {
     let n = receivers.len() as f64;
     let found = receivers.iter().filter_map(|(&node, own)| of_receiver(rows, &frames, node, own));
     let best = found.min_by(|a, b| a.p_value.total_cmp(&b.p_value))?;
+    // Bonferroni over receivers.
     Some(Coincidence { p_value: (n * best.p_value).min(1.0), ..best })
 }
 
@@ -86,6 +87,7 @@ fn of_receiver(rows: &[LinkRow], frames: &Frames, node: u32, own: &[usize]) -> O
         (from, to)
     };
     let (from, to) = n_within(0.0);
+    // Stamps that coincide as they stand come from a clock that is right.
     if MOST_COINCIDENT_AS_IS * n_own < (to - from) as f64 {
         return None;
     }
@@ -119,6 +121,7 @@ fn of_receiver(rows: &[LinkRow], frames: &Frames, node: u32, own: &[usize]) -> O
         shift_s,
         low_s: hits[0].0,
         high_s: hits[hits.len() - 1].0,
+        // Bonferroni over windows, of which one begins at each difference.
         p_value: (all.len() as f64 * p_value).min(1.0),
         frames: hits.iter().map(|&(_, row, other)| (row, other)).collect(),
     })

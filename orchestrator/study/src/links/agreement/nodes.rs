@@ -17,7 +17,7 @@ type Value = ([u32; 2], f64);
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Means {
     ends: [u32; 2],
-    there_db: Option<f64>,
+    forward_db: Option<f64>,
     back_db: Option<f64>,
 }
 
@@ -26,16 +26,16 @@ impl LinkStudy {
     /// where there are too few links.
     pub(in crate::links) fn p_value_of_nodes(&self, fit: &LinkFit) -> f64 {
         let mut sums: BTreeMap<[u32; 2], [(f64, f64); 2]> = BTreeMap::new();
-        for (row, left_db) in self.left_db(fit) {
+        for (row, residual_db) in self.residuals_db(fit) {
             let measured = &self.rows.links.rows[row];
             let ends = [measured.tx.min(measured.rx), measured.tx.max(measured.rx)];
             let sum = &mut sums.entry(ends).or_default()[usize::from(measured.rx < measured.tx)];
-            *sum = (sum.0 + left_db, sum.1 + 1.0);
+            *sum = (sum.0 + residual_db, sum.1 + 1.0);
         }
         let mean = |(sum, n): (f64, f64)| (FEWEST_DIRECTION_ROWS <= n).then_some(sum / n);
-        let links = sums.into_iter().map(|(ends, [there, back])| Means {
+        let links = sums.into_iter().map(|(ends, [forward, back])| Means {
             ends,
-            there_db: mean(there),
+            forward_db: mean(forward),
             back_db: mean(back),
         });
         p_value(&links.collect::<Vec<_>>())
@@ -45,21 +45,22 @@ impl LinkStudy {
 /// What two directions share, what they differ by, and what is known of one direction only: each a kind of value that links may
 /// exchange.
 fn p_value(links: &[Means]) -> f64 {
-    let both = || links.iter().filter_map(|link| Some((link.ends, link.there_db?, link.back_db?)));
-    let shared = both().map(|(ends, there, back)| (ends, 0.5 * (there + back))).collect();
-    let differing = both().map(|(ends, there, back)| (ends, 0.5 * (there - back))).collect();
-    let single = links.iter().filter(|link| link.there_db.is_some() != link.back_db.is_some());
-    let single = single.filter_map(|link| Some((link.ends, link.there_db.or(link.back_db)?)));
+    let both =
+        || links.iter().filter_map(|link| Some((link.ends, link.forward_db?, link.back_db?)));
+    let shared = both().map(|(ends, forward, back)| (ends, 0.5 * (forward + back))).collect();
+    let differing = both().map(|(ends, forward, back)| (ends, 0.5 * (forward - back))).collect();
+    let single = links.iter().filter(|link| link.forward_db.is_some() != link.back_db.is_some());
+    let single = single.filter_map(|link| Some((link.ends, link.forward_db.or(link.back_db)?)));
     let kinds: [(Vec<Value>, [f64; 2]); 3] =
         [(shared, [1.0, 1.0]), (differing, [1.0, -1.0]), (single.collect(), [1.0, 1.0])];
-    let told: Vec<f64> = kinds
+    let p_values: Vec<f64> = kinds
         .iter()
         .enumerate()
         .filter(|(_, (values, _))| FEWEST_COMPARED_LINKS <= values.len())
         .map(|(kind, (values, signs))| p_value_of(values, *signs, kind as u64))
         .collect();
-    let n = told.len().max(1) as f64;
-    told.into_iter().map(|p_value| n * p_value).fold(1.0, f64::min)
+    let n = p_values.len().max(1) as f64;
+    p_values.into_iter().map(|p_value| n * p_value).fold(1.0, f64::min)
 }
 
 /// Probability of as great a spread of the means of nodes by chance. `signs`: with which a value counts at the first end and at the
@@ -115,7 +116,7 @@ mod tests {
                     let noise_db = 0.2 * draws.normal(key, 2, back);
                     Some(shadowing_db + level(from, 0) + level(to, 1) + noise_db)
                 };
-                Means { ends: [a, b], there_db: value(a, b, 0), back_db: value(b, a, 1) }
+                Means { ends: [a, b], forward_db: value(a, b, 0), back_db: value(b, a, 1) }
             })
             .collect()
     }

@@ -16,26 +16,26 @@ use std::collections::BTreeMap;
 struct Rows {
     sets: Vec<u32>,
     groups: Vec<u32>,
-    left_db: Vec<f64>,
+    residual_db: Vec<f64>,
 }
 
 impl Rows {
-    fn push(&mut self, set: u32, group: u32, left_db: f64) {
+    fn push(&mut self, set: u32, group: u32, residual_db: f64) {
         self.sets.push(set);
         self.groups.push(group);
-        self.left_db.push(left_db);
+        self.residual_db.push(residual_db);
     }
 
     /// Takes the mean of each set away.
     fn centre(&mut self) {
         let mut sums: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
-        for (set, left_db) in self.sets.iter().zip(&self.left_db) {
+        for (set, residual_db) in self.sets.iter().zip(&self.residual_db) {
             let sum = sums.entry(*set).or_default();
-            *sum = (sum.0 + left_db, sum.1 + 1.0);
+            *sum = (sum.0 + residual_db, sum.1 + 1.0);
         }
-        for (set, left_db) in self.sets.iter().zip(&mut self.left_db) {
+        for (set, residual_db) in self.sets.iter().zip(&mut self.residual_db) {
             let (sum, n) = sums[set];
-            *left_db -= sum / n;
+            *residual_db -= sum / n;
         }
     }
 }
@@ -63,11 +63,11 @@ impl LinkStudy {
     /// `of_row`: the set and the group of a row among those of its link; none: it is left out.
     fn p_value_of_rows(&self, fit: &LinkFit, of_row: impl Fn(usize) -> Option<(u32, u32)>) -> f64 {
         let mut links: BTreeMap<[u32; 3], Rows> = BTreeMap::new();
-        for (row, left_db) in self.left_db(fit) {
+        for (row, residual_db) in self.residuals_db(fit) {
             let measured = &self.rows.links.rows[row];
             let Some((set, group)) = of_row(row) else { continue };
             let link = [measured.run, measured.tx.min(measured.rx), measured.tx.max(measured.rx)];
-            links.entry(link).or_default().push(set, group, left_db);
+            links.entry(link).or_default().push(set, group, residual_db);
         }
         links.values_mut().for_each(Rows::centre);
         p_value(&links.into_values().collect::<Vec<_>>())
@@ -93,7 +93,7 @@ fn p_value(links: &[Rows]) -> f64 {
             let mut sums: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
             for (group, place) in rows.groups.iter().zip(order(link)) {
                 let sum = sums.entry(*group).or_default();
-                *sum = (sum.0 + rows.left_db[place], sum.1 + 1.0);
+                *sum = (sum.0 + rows.residual_db[place], sum.1 + 1.0);
             }
             let of_groups = sums.values().filter(|(_, n)| 1.0 < *n);
             squares += of_groups.map(|(sum, n)| sum * sum / n).sum::<f64>();
@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn rows_of_one_frame_each_tell_nothing() {
         let alone =
-            Rows { sets: vec![0; 3], groups: vec![11, 12, 13], left_db: vec![1.0, -2.0, 1.0] };
+            Rows { sets: vec![0; 3], groups: vec![11, 12, 13], residual_db: vec![1.0, -2.0, 1.0] };
         assert_eq!(p_value(&[alone]), 1.0);
     }
 
@@ -167,7 +167,8 @@ mod tests {
         let in_time = |links: Vec<Rows>| -> Vec<Rows> {
             let turned = |rows: Rows| {
                 let spans = (0..48).map(|row| row / 8).collect();
-                let mut rows = Rows { sets: rows.groups, groups: spans, left_db: rows.left_db };
+                let mut rows =
+                    Rows { sets: rows.groups, groups: spans, residual_db: rows.residual_db };
                 rows.centre();
                 rows
             };

@@ -90,6 +90,7 @@ impl Solver<'_> {
             for cell in 0..n_channels {
                 let weight = channel.weight[cell];
                 out.channel_weight[cell] = weight;
+                // No row of this fit lies in the cell, so its random effect stays at the prior mean.
                 if weight == 0.0 && channel.dense[cell].is_empty() {
                     continue;
                 }
@@ -115,6 +116,7 @@ impl Solver<'_> {
             for cell in 0..n_links {
                 let weight = link.weight[cell];
                 out.link_weight[cell] = weight;
+                // As for cells of channels.
                 if weight == 0.0 && link.dense[cell].is_empty() {
                     continue;
                 }
@@ -165,17 +167,19 @@ impl Solver<'_> {
                 out.crossing_variance[place] = inverse[(place - first, place - first)];
             }
             if 0.0 < sd.time_db {
-                let mut left = 0.0;
+                // The trace of their prior precision times their posterior covariance.
+                let mut trace = 0.0;
                 self.cells.over_inverse_correlations(|row, column, entry| {
                     let count = if row == column { 1.0 } else { 2.0 };
-                    left += count * entry * inverse[(times - p + row, times - p + column)];
+                    trace += count * entry * inverse[(times - p + row, times - p + column)];
                 });
                 let n_times = self.cells.correlations.len() as f64;
-                out.times_determined = (n_times - cost * left).clamp(1e-9, n_times);
+                out.times_determined = (n_times - cost * trace).clamp(1e-9, n_times);
             }
             let cross = matrix.view((p, 0), (n, p)).into_owned();
             information -= cross.transpose() * factor.solve(&cross);
         }
+        // Only parameters are damped: random effects have a prior, which keeps their part positive definite.
         for i in 0..p {
             matrix[(i, i)] = matrix[(i, i)] * (1.0 + damping) + 1e-12;
         }

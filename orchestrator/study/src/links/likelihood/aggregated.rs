@@ -1,10 +1,10 @@
 //! How likely a row of several frames is: their number received and their mean reading, the level of the link integrated out.
 //!
 //! Frames of one link and channel share a level. With the level u ~ N(μ, τ²), k frames sent and r received, p(u) the probability
-//! that a frame passes, and the mean reading m normal about u + lift(u) with a variance of v(u)/r:
+//! that a frame passes, and the mean reading m normal about u + n(u), n(u) being the mean noise of received frames, with a variance of v(u)/r:
 //!
 //! ```text
-//! L(μ) = ∫ N(u; μ, τ²) · Binomial(r; k, p(u)) · N(m; u + lift(u), v(u)/r) du
+//! L(μ) = ∫ N(u; μ, τ²) · Binomial(r; k, p(u)) · N(m; u + n(u), v(u)/r) du
 //! ```
 //!
 //! Its derivatives over μ follow from the posterior moments of u: (E u − μ)/τ² and 1/τ² − Var u/τ⁴.
@@ -14,6 +14,7 @@ use super::{Instrument, PowerRange, RegisterResponse, RowLikelihood, RowPredicti
 use crate::RowScore;
 use crate::thresholds::{FRAME_CORRELATION, MEAN_READING_SD_DB, STRAY_FRAMES};
 use measure::links::LinkRow;
+use numbers::optimise::newton::Newton;
 
 /// The logarithm of the square of [`MEAN_READING_SD_DB`].
 const LN_LEAST_VARIANCE: f64 = -2.407_945_608_651_872;
@@ -103,10 +104,10 @@ const PLAIN: RowPrediction = RowPrediction {
 struct Integral {
     /// Its logarithm.
     log: f64,
-    /// The mean of the level, given what was seen (dBm).
-    level: f64,
-    /// Its variance (dB²).
-    left: f64,
+    /// The posterior mean of the level (dBm).
+    posterior_mean: f64,
+    /// Its posterior variance (dB²).
+    posterior_variance: f64,
     /// Its derivative over the logarithm of the noise's standard deviation.
     over_ln_sd: f64,
 }
@@ -123,9 +124,13 @@ impl Instrument {
             }
             None if !self.readings.has_losses => (1.0, 0.0, self.sd_db * self.sd_db),
             None => {
-                let z = chance.lift_db / self.sd_db;
+                let z = chance.received_noise_db / self.sd_db;
                 let share = (1.0 + chance.over_ln_sd / chance.passes - z * z).clamp(0.05, 2.0);
-                (survival * chance.passes, chance.lift_db, self.sd_db * self.sd_db * share)
+                (
+                    survival * chance.passes,
+                    chance.received_noise_db,
+                    self.sd_db * self.sd_db * share,
+                )
             }
         }
     }
@@ -136,7 +141,7 @@ impl Instrument {
             .averaged
             .points()
             .map(|u| {
-                let (passes, lift_db, variance) = self.frames(&PLAIN, u);
+                let (passes, received_noise_db, variance) = self.frames(&PLAIN, u);
                 let slope = self.averaged.reception_at(u).slope;
                 let fails = 1.0 - passes;
                 let variance = self.rounded_variance(variance);
@@ -146,7 +151,7 @@ impl Instrument {
                     by_passes,
                     libm::log(fails),
                     by_fails,
-                    lift_db,
+                    received_noise_db,
                     variance,
                     libm::log(variance),
                 ]
@@ -163,8 +168,8 @@ impl Instrument {
         FrameTable { from_dbm, step, rows, alike_from_dbm: from_dbm + n_below as f64 * step }
     }
 
-    /// Log likelihood of what was seen at a level.
-    fn seen_at(&self, seen: &RowCounts, level: &RowPrediction, u: f64) -> f64 {
+    /// Log likelihood of a row at a level.
+    fn log_likelihood_at(&self, counts: &RowCounts, level: &RowPrediction, u: f64) -> f64 {
         let frame = match &self.tabulated {
             Some(frames) if level.stated.is_none() => {
                 let mut frame = frames.moments_at(u - level.shift_db);
@@ -175,26 +180,28 @@ impl Instrument {
                 frame
             }
             _ => {
-                let (passes, lift_db, variance) = self.frames(level, u);
+                let (passes, received_noise_db, variance) = self.frames(level, u);
                 let variance = self.rounded_variance(variance);
                 let (ln_passes, ln_fails) = (libm::log(passes), libm::log(1.0 - passes));
                 FrameMoments {
                     ln_passes,
                     ln_fails,
-                    lift_db,
+                    received_noise_db,
                     variance,
                     ln_variance: libm::log(variance),
                 }
             }
         };
         let mut log = 0.0;
-        if seen.knows_losses {
-            log += seen.received * frame.ln_passes + (seen.sent - seen.received) * frame.ln_fails;
+        if counts.knows_losses {
+            log += counts.received * frame.ln_passes
+                + (counts.sent - counts.received) * frame.ln_fails;
         }
-        if seen.reading_dbm.is_finite() {
-            let variance = mean_variance(frame.variance, seen.readings);
-            let ln_variance = (frame.ln_variance - seen.ln_readings).max(LN_LEAST_VARIANCE);
-            let deviation = seen.reading_dbm - level.range.offset_db - u - frame.lift_db;
+        if counts.reading_dbm.is_finite() {
+            let variance = mean_variance(frame.variance, counts.readings);
+            let ln_variance = (frame.ln_variance - counts.ln_readings).max(LN_LEAST_VARIANCE);
+            let deviation =
+                counts.reading_dbm - level.range.offset_db - u - frame.received_noise_db;
             log -= 0.5 * (deviation * deviation / variance + ln_variance + LN_TAU);
         }
         log
@@ -208,104 +215,102 @@ impl Instrument {
     /// The integral where frames of every level that is likely pass alike: that of a product of two normal densities.
     fn integral_of_reading(
         &self,
-        seen: &RowCounts,
+        counts: &RowCounts,
         level: &RowPrediction,
         mean: f64,
         variance: f64,
     ) -> Option<Integral> {
-        let read = seen.reading_dbm - level.range.offset_db;
-        let (lift, one, alike_from_dbm) = match &self.tabulated {
+        let read = counts.reading_dbm - level.range.offset_db;
+        let (noise_db, one, alike_from_dbm) = match &self.tabulated {
             _ if !self.readings.has_losses => {
                 (0.0, self.rounded_variance(self.sd_db * self.sd_db), f64::NEG_INFINITY)
             }
             Some(frames) if level.stated.is_none() => {
-                let FrameMoments { lift_db, variance, .. } =
+                let FrameMoments { received_noise_db, variance, .. } =
                     frames.moments_at(read - level.shift_db);
-                (lift_db, variance, frames.alike_from_dbm)
+                (received_noise_db, variance, frames.alike_from_dbm)
             }
             _ => return None,
         };
-        let own = mean_variance(one, seen.readings);
+        let own = mean_variance(one, counts.readings);
         let both = variance + own;
-        let left = variance * own / both;
-        let deviation = read - lift - mean;
-        let posterior = mean + variance * deviation / both;
-        let lowest = (posterior - ALIKE_SD * left.sqrt()).min(read) - level.shift_db;
+        let posterior_variance = variance * own / both;
+        let deviation = read - noise_db - mean;
+        let posterior_mean = mean + variance * deviation / both;
+        let lowest =
+            (posterior_mean - ALIKE_SD * posterior_variance.sqrt()).min(read) - level.shift_db;
         if read.is_nan() || lowest < alike_from_dbm {
             return None;
         }
-        let by_frames =
-            self.seen_at(&RowCounts { reading_dbm: f64::NAN, ..*seen }, level, posterior);
+        let by_frames = self.log_likelihood_at(
+            &RowCounts { reading_dbm: f64::NAN, ..*counts },
+            level,
+            posterior_mean,
+        );
         let share = deviation * deviation / both;
         let is_least = own <= MEAN_READING_SD_DB * MEAN_READING_SD_DB;
         let own_over_ln_sd =
-            if is_least { 0.0 } else { 2.0 * self.sd_db * self.sd_db / seen.readings };
+            if is_least { 0.0 } else { 2.0 * self.sd_db * self.sd_db / counts.readings };
         Some(Integral {
             log: by_frames - 0.5 * (share + libm::log(both) + LN_TAU),
-            level: posterior,
-            left,
+            posterior_mean,
+            posterior_variance,
             over_ln_sd: 0.5 * own_over_ln_sd * (share - 1.0) / both,
         })
     }
 
-    /// The integral over the level, `variance` being its variance before anything is seen.
+    /// The integral over the level, `variance` being its prior variance.
     fn integral(
         &self,
-        seen: &RowCounts,
+        counts: &RowCounts,
         level: &RowPrediction,
         mean: f64,
         variance: f64,
     ) -> Integral {
-        if let Some(integral) = self.integral_of_reading(seen, level, mean, variance) {
+        if let Some(integral) = self.integral_of_reading(counts, level, mean, variance) {
             return integral;
         }
-        let exponent_at =
-            |u: f64| self.seen_at(seen, level, u) - 0.5 * (u - mean) * (u - mean) / variance;
+        let exponent_at = |u: f64| {
+            self.log_likelihood_at(counts, level, u) - 0.5 * (u - mean) * (u - mean) / variance
+        };
         let mut top = mean;
-        let mut start = |there: f64| {
-            if exponent_at(top) < exponent_at(there) {
-                top = there;
+        let mut start = |level: f64| {
+            if exponent_at(top) < exponent_at(level) {
+                top = level;
             }
         };
-        if seen.reading_dbm.is_finite() {
-            let read = seen.reading_dbm - level.range.offset_db;
-            let (_, lift, own) = self.frames(level, read);
-            let own = mean_variance(self.rounded_variance(own), seen.readings);
-            start((variance * (read - lift) + own * mean) / (variance + own));
+        if counts.reading_dbm.is_finite() {
+            let read = counts.reading_dbm - level.range.offset_db;
+            let (_, noise_db, own) = self.frames(level, read);
+            let own = mean_variance(self.rounded_variance(own), counts.readings);
+            start((variance * (read - noise_db) + own * mean) / (variance + own));
         }
-        if !seen.reading_dbm.is_finite() {
+        // Without a reading the integrand may peak far below its prior mean, where frames are lost.
+        if !counts.reading_dbm.is_finite() {
             for k in [-3.0, -2.0, -1.0, 1.0] {
                 start(mean + k * variance.sqrt());
             }
         }
-        let mut width = variance.sqrt();
-        for _ in 0..TOP_STEPS {
-            let h = 0.05;
-            let (below, here, above) =
-                (exponent_at(top - h), exponent_at(top), exponent_at(top + h));
-            let (slope, bend) =
-                ((above - below) / (2.0 * h), (2.0 * here - above - below) / (h * h));
-            let bend = bend.max(1.0 / variance);
-            width = bend.sqrt().recip();
-            let step = (slope / bend).clamp(-2.0 * width - 1.0, 2.0 * width + 1.0);
-            top += step;
-            if step.abs() < 0.05 * width {
-                break;
-            }
-        }
+        let search = Newton {
+            difference: 0.05,
+            max_iterations: TOP_STEPS,
+            max_step: (2.0, 1.0),
+            tolerance: 0.05,
+        };
+        let (top, width) = search.maximise(exponent_at, top, 1.0 / variance);
         // Beside a reading nothing but a normal density is left of the integrand; without one a wall of losses on one side leaves a
         // long slope on the other.
-        if seen.reading_dbm.is_finite() && width < NARROW * self.sd_db {
+        if counts.reading_dbm.is_finite() && width < NARROW * self.sd_db {
             let few = HERMITE.map(|(z, weight)| (z * width, weight * width));
             let logs = few.map(|(away, _)| exponent_at(top + away));
             let is_normal = |log: &f64| *log < logs[3] - OUTERMOST_NATS;
             if [&logs[0], &logs[6]].into_iter().all(is_normal) {
-                return self.sum_over(seen, level, (mean, variance), top, &few, &logs);
+                return self.sum_over(counts, level, (mean, variance), top, &few, &logs);
             }
         }
         let points = Self::trapezia(&exponent_at, top, width, variance);
         let logs = points.map(|(away, _)| exponent_at(top + away));
-        self.sum_over(seen, level, (mean, variance), top, &points, &logs)
+        self.sum_over(counts, level, (mean, variance), top, &points, &logs)
     }
 
     /// Points about the top of an integrand at equal steps, to where it has fallen low, each with its weight.
@@ -315,10 +320,10 @@ impl Instrument {
         width: f64,
         variance: f64,
     ) -> [(f64, f64); POINTS] {
-        let here = at(top);
+        let peak = at(top);
         let reach = |sign: f64| {
             let mut reach = 2.0 * width;
-            while reach < 20.0 * variance.sqrt() && here - REACH_NATS < at(top + sign * reach) {
+            while reach < 20.0 * variance.sqrt() && peak - REACH_NATS < at(top + sign * reach) {
                 reach *= 1.5;
             }
             sign * reach
@@ -331,7 +336,7 @@ impl Instrument {
     /// The integral by points about the top of its integrand, each with its weight, and the logarithms of the integrand there.
     fn sum_over<const N: usize>(
         &self,
-        seen: &RowCounts,
+        counts: &RowCounts,
         level: &RowPrediction,
         (mean, variance): (f64, f64),
         top: f64,
@@ -348,7 +353,7 @@ impl Instrument {
         }
         let (shift, square) = (first / total, second / total);
         let log = best + libm::log(total) - 0.5 * (libm::log(variance) + LN_TAU);
-        let left = (square - shift * shift).max(1e-12);
+        let posterior_variance = (square - shift * shift).max(1e-12);
         // The same integral with frames that vary a little more, as a ratio.
         let over_ln_sd = self.wider.as_ref().map_or(0.0, |wider| {
             let mut sum = 0.0;
@@ -357,7 +362,7 @@ impl Instrument {
                 if LEAST_PART < part {
                     let u = top + away;
                     let prior = -0.5 * (u - mean) * (u - mean) / variance;
-                    let ratio = wider.seen_at(seen, level, u) + prior - log;
+                    let ratio = wider.log_likelihood_at(counts, level, u) + prior - log;
                     sum += weight * part * libm::exp(ratio);
                 } else {
                     sum += weight * part;
@@ -365,42 +370,43 @@ impl Instrument {
             }
             libm::log(sum / total) / libm::log(WIDER)
         });
-        Integral { log, level: top + shift, left, over_ln_sd }
+        Integral { log, posterior_mean: top + shift, posterior_variance, over_ln_sd }
     }
 
-    /// Log likelihood of a row of several frames. `lift_db` is added to the level.
+    /// Log likelihood of a row of several frames. `blup_db`: random effects, which are added to the level.
     pub(super) fn aggregated_likelihood(
         &self,
         row: &LinkRow,
         level: &RowPrediction,
-        lift_db: f64,
+        blup_db: f64,
     ) -> RowLikelihood {
-        let seen = RowCounts::from_row(row, self);
-        let mean = level.power_dbm + lift_db;
+        let counts = RowCounts::from_row(row, self);
+        let mean = level.power_dbm + blup_db;
         let is_plain = level.stated.is_none() && level.ln_survival == 0.0;
-        if is_plain && seen.is_silent() {
-            let known = self.silent.iter().find(|silent| silent.sent == seen.sent);
+        // Silent rows of one number of frames differ by their mean level alone: a table replaces their integrals.
+        if is_plain && counts.is_silent() {
+            let known = self.silent.iter().find(|silent| silent.sent == counts.sent);
             if let Some(slope) =
                 known.and_then(|silent| silent.likelihood_at(mean - level.shift_db))
             {
                 return slope;
             }
         }
-        self.integrated(&seen, level, mean)
+        self.integrated(&counts, level, mean)
     }
 
-    /// Log likelihood of what was seen, by an integral.
-    fn integrated(&self, seen: &RowCounts, level: &RowPrediction, mean: f64) -> RowLikelihood {
+    /// Log likelihood of a row, by an integral over the level.
+    fn integrated(&self, counts: &RowCounts, level: &RowPrediction, mean: f64) -> RowLikelihood {
         let variance = self.link_sd_db * self.link_sd_db;
-        let Integral { log, level: posterior, left, over_ln_sd } =
-            self.integral(seen, level, mean, variance);
-        let away = posterior - mean;
+        let Integral { log, posterior_mean, posterior_variance, over_ln_sd } =
+            self.integral(counts, level, mean, variance);
+        let away = posterior_mean - mean;
         RowLikelihood {
-            log: log + ln_constant(seen, level),
+            log: log + ln_constant(counts, level),
             over_level: away / variance,
-            weight: ((1.0 - left / variance) / variance).max(0.0),
+            weight: ((1.0 - posterior_variance / variance) / variance).max(0.0),
             over_ln_sd,
-            over_ln_link_sd: (away * away + left) / variance - 1.0,
+            over_ln_link_sd: (away * away + posterior_variance) / variance - 1.0,
         }
     }
 
@@ -421,7 +427,7 @@ impl Instrument {
     /// What rows of so many frames, none of them received, say at every mean level.
     fn silent(&self, frames: f64) -> SilentRowTable {
         let sent = effective_frames(frames);
-        let seen = RowCounts {
+        let counts = RowCounts {
             sent,
             received: 0.0,
             reading_dbm: f64::NAN,
@@ -434,7 +440,7 @@ impl Instrument {
         let width = self.averaged.width_db() + below + below;
         let step = (width / SILENT_POINTS as f64).max(0.1 * self.link_sd_db);
         let rows = (0..=(width / step) as usize)
-            .map(|i| self.integrated(&seen, &PLAIN, from_dbm + i as f64 * step))
+            .map(|i| self.integrated(&counts, &PLAIN, from_dbm + i as f64 * step))
             .collect();
         SilentRowTable { sent, from_dbm, step, rows }
     }
@@ -447,26 +453,26 @@ impl Instrument {
         &self,
         row: &LinkRow,
         level: &RowPrediction,
-        (lift_db, extra): (f64, f64),
+        (blup_db, extra): (f64, f64),
         read: Option<RegisterResponse<'_>>,
     ) -> [f64; 4] {
-        let seen = RowCounts::from_row(row, self);
-        let mean = level.power_dbm + lift_db;
+        let counts = RowCounts::from_row(row, self);
+        let mean = level.power_dbm + blup_db;
         let sd = (self.link_sd_db * self.link_sd_db + extra).sqrt();
         let mut sums = [0.0; 6];
         for k in 0..POINTS {
             let z = 8.0 * k as f64 / (POINTS - 1) as f64 - 4.0;
             let u = mean + z * sd;
-            let (passes, lift, variance) = self.frames(level, u);
+            let (passes, noise_db, variance) = self.frames(level, u);
             let weight = libm::exp(-0.5 * z * z);
             // Rows without a single frame received show no reading.
             let shows =
-                weight * (1.0 - libm::exp(seen.sent * libm::log((1.0 - passes).max(1e-300))));
-            let readings = (seen.sent * passes).max(1.0);
-            let reading = read.map_or(u + level.register_db + lift, |read| read(u + lift));
+                weight * (1.0 - libm::exp(counts.sent * libm::log((1.0 - passes).max(1e-300))));
+            let readings = (counts.sent * passes).max(1.0);
+            let reading = read.map_or(u + level.register_db + noise_db, |read| read(u + noise_db));
             sums[0] += weight;
             sums[1] += weight * passes;
-            sums[2] += weight * (passes * passes + passes * (1.0 - passes) / seen.sent);
+            sums[2] += weight * (passes * passes + passes * (1.0 - passes) / counts.sent);
             sums[3] += shows;
             sums[4] += shows * reading;
             sums[5] += shows
@@ -483,15 +489,16 @@ impl Instrument {
         &self,
         row: &LinkRow,
         level: &RowPrediction,
-        (lift_db, extra): (f64, f64),
+        (blup_db, extra): (f64, f64),
         read: Option<RegisterResponse<'_>>,
     ) -> RowScore {
-        let seen = RowCounts::from_row(row, self);
+        let counts = RowCounts::from_row(row, self);
         let variance = self.link_sd_db * self.link_sd_db + extra;
-        let Integral { log, .. } = self.integral(&seen, level, level.power_dbm + lift_db, variance);
-        let [reading, sd, share, _] = self.row_of(row, level, (lift_db, extra), read);
+        let Integral { log, .. } =
+            self.integral(&counts, level, level.power_dbm + blup_db, variance);
+        let [reading, sd, share, _] = self.row_of(row, level, (blup_db, extra), read);
         let mut score = RowScore {
-            log: log + ln_constant(&seen, level),
+            log: log + ln_constant(&counts, level),
             squared_error: f64::NAN,
             plain_squared_error: f64::NAN,
             heading_squared_error_rad2: f64::NAN,
@@ -503,9 +510,9 @@ impl Instrument {
             score.squared_error = deviation * deviation;
             score.crps = super::normal_crps(deviation, sd);
         }
-        if seen.knows_losses {
+        if counts.knows_losses {
             let share = share.clamp(1e-9, 1.0 - 1e-9);
-            let measured = seen.received / seen.sent;
+            let measured = counts.received / counts.sent;
             score.reception_log_loss =
                 -measured * libm::log(share) - (1.0 - measured) * libm::log(1.0 - share);
         }
@@ -520,19 +527,19 @@ fn mean_variance(variance: f64, readings: f64) -> f64 {
 
 /// The part of a row's log likelihood that does not depend on the mean power: the binomial coefficient, and the Jacobian of the
 /// register's response.
-fn ln_constant(seen: &RowCounts, level: &RowPrediction) -> f64 {
+fn ln_constant(counts: &RowCounts, level: &RowPrediction) -> f64 {
     let ln_stretch =
-        if seen.reading_dbm.is_finite() { libm::log(level.range.stretch) } else { 0.0 };
-    ways(seen) + ln_stretch
+        if counts.reading_dbm.is_finite() { libm::log(level.range.stretch) } else { 0.0 };
+    ways(counts) + ln_stretch
 }
 
 /// Logarithm of the number of ways in which so many of the frames are received.
-fn ways(seen: &RowCounts) -> f64 {
-    if !seen.knows_losses {
+fn ways(counts: &RowCounts) -> f64 {
+    if !counts.knows_losses {
         return 0.0;
     }
     let factorial = |n: f64| libm::lgamma(n + 1.0);
-    factorial(seen.sent) - factorial(seen.received) - factorial(seen.sent - seen.received)
+    factorial(counts.sent) - factorial(counts.received) - factorial(counts.sent - counts.received)
 }
 
 #[cfg(test)]

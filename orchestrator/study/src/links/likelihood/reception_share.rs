@@ -92,7 +92,7 @@ mod tests {
     use super::super::tests::row;
     use super::*;
     use crate::links::likelihood::Noise;
-    use crate::links::passing::{PowerMixture, SampledCurve};
+    use crate::links::reception::{PowerMixture, SampledCurve};
     use measure::links::Readings;
     use netsim::phy::reception::table::Table;
     use numbers::power::square;

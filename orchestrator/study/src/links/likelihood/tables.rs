@@ -58,7 +58,7 @@ impl FrameTable {
         FrameMoments {
             ln_passes: cubic(0),
             ln_fails: cubic(2),
-            lift_db: linear(4),
+            received_noise_db: linear(4),
             variance: linear(5),
             ln_variance: linear(6),
         }
@@ -69,7 +69,7 @@ impl FrameTable {
 pub(super) struct FrameMoments {
     pub(super) ln_passes: f64,
     pub(super) ln_fails: f64,
-    pub(super) lift_db: f64,
+    pub(super) received_noise_db: f64,
     pub(super) variance: f64,
     pub(super) ln_variance: f64,
 }

@@ -4,6 +4,7 @@ use super::super::likelihood::RowLikelihood;
 use super::super::rows::ModelledLinks;
 use super::super::terms::TermState;
 use nalgebra::{DMatrix, DVector};
+use numbers::optimise::levenberg_marquardt::{LevenbergMarquardt, Objective, damped};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -45,15 +46,15 @@ fn nodes_without(rows: &ModelledLinks, train: &[u32]) -> Vec<u32> {
     known.into_iter().filter(|(id, known)| is_sought(id, *known)).map(|(id, _)| id).collect()
 }
 
-fn seen(
+fn pattern_rows(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     nodes: &[u32],
 ) -> Vec<PatternRow> {
     train
         .iter()
-        .zip(left)
+        .zip(likelihoods)
         .map(|(&row, slope)| {
             let (tx, rx) = rows.ends(row as usize);
             let sight = |own: &netsim::phy::link::End, other: &netsim::phy::link::End| {
@@ -78,8 +79,8 @@ fn seen(
         .collect()
 }
 
-/// What is sought: the difference between front and back (dB), then where the front is (rad): of the body, of each node.
-type Sought = DVector<f64>;
+/// Parameters: the difference between front and back (dB), then where the front is (rad): of the body, of each node.
+type Params = DVector<f64>;
 
 /// Cosine and sine.
 fn unit(angle_rad: f64) -> [f64; 2] {
@@ -88,18 +89,18 @@ fn unit(angle_rad: f64) -> [f64; 2] {
 }
 
 /// A pattern: how much weaker its back is (dB), and where the front is, of the body and of each node.
-struct SoughtPattern {
+struct CardioidPattern {
     front_to_back_db: f64,
     fronts: Vec<[f64; 2]>,
 }
 
-impl SoughtPattern {
-    fn from_angles(sought: &Sought) -> Self {
-        let fronts = sought.iter().skip(1).map(|&angle_rad| unit(angle_rad)).collect();
-        Self { front_to_back_db: sought[0], fronts }
+impl CardioidPattern {
+    fn from_angles(params: &Params) -> Self {
+        let fronts = params.iter().skip(1).map(|&angle_rad| unit(angle_rad)).collect();
+        Self { front_to_back_db: params[0], fronts }
     }
 
-    /// Where among what is sought the front of an end stands, and cosine and sine of the other end as seen from there.
+    /// Where among the parameters the front of an end stands, and cosine and sine of the other end as seen from there.
     fn seen_from_front(&self, sight: &Sight) -> (usize, [f64; 2]) {
         let place = sight.unknown.map_or(0, |node| 1 + node);
         let ([cos, sin], [front_cos, front_sin]) = (sight.bearing, self.fronts[place]);
@@ -107,80 +108,99 @@ impl SoughtPattern {
     }
 
     /// What it adds to a row (dB).
-    fn added(&self, seen: &PatternRow) -> f64 {
-        let ends = seen.ends.iter().flatten();
+    fn added(&self, row: &PatternRow) -> f64 {
+        let ends = row.ends.iter().flatten();
         ends.map(|sight| -0.5 * self.front_to_back_db * (1.0 - self.seen_from_front(sight).1[0]))
             .sum()
     }
 }
 
 /// What the likelihood gains (nats, a parabola about the fit).
-fn gain(all: &[PatternRow], sought: &Sought) -> f64 {
-    let pattern = SoughtPattern::from_angles(sought);
+fn gain(all: &[PatternRow], params: &Params) -> f64 {
+    let pattern = CardioidPattern::from_angles(params);
     all.iter()
-        .map(|seen| {
-            let more = pattern.added(seen) - seen.known_db;
-            more * (seen.slope - 0.5 * seen.weight * more)
+        .map(|row| {
+            let more = pattern.added(row) - row.known_db;
+            more * (row.slope - 0.5 * row.weight * more)
         })
         .sum()
 }
 
-/// Information and gradient of what is sought.
-fn derivatives(all: &[PatternRow], sought: &Sought) -> (DMatrix<f64>, Sought) {
-    let n = sought.len();
-    let pattern = SoughtPattern::from_angles(sought);
+/// Information and gradient.
+fn derivatives(all: &[PatternRow], params: &Params) -> (DMatrix<f64>, Params) {
+    let n = params.len();
+    let pattern = CardioidPattern::from_angles(params);
     let mut information = DMatrix::zeros(n, n);
     let mut gradient = DVector::zeros(n);
-    for seen in all {
+    for row in all {
         let mut entries = [(0, 0.0); 4];
         let mut added = 0.0;
-        for (k, sight) in seen.ends.iter().flatten().enumerate() {
+        for (k, sight) in row.ends.iter().flatten().enumerate() {
             let (index, [cos, sin]) = pattern.seen_from_front(sight);
             let shape = -0.5 * (1.0 - cos);
-            added += sought[0] * shape;
+            added += params[0] * shape;
             entries[2 * k] = (0, shape);
-            entries[2 * k + 1] = (index, 0.5 * sought[0] * sin);
+            entries[2 * k + 1] = (index, 0.5 * params[0] * sin);
         }
-        let slope = seen.slope - seen.weight * (added - seen.known_db);
+        let slope = row.slope - row.weight * (added - row.known_db);
         for &(i, a) in &entries {
             gradient[i] += a * slope;
             for &(j, b) in &entries {
-                information[(i, j)] += seen.weight * a * b;
+                information[(i, j)] += row.weight * a * b;
             }
         }
     }
     (information, gradient)
 }
 
-/// A step of Gauss's and Newton's method.
-fn step(all: &[PatternRow], sought: &Sought, damping: f64) -> Option<Sought> {
-    let (mut information, gradient) = derivatives(all, sought);
-    for i in 0..sought.len() {
-        information[(i, i)] += damping * information[(i, i)] + 1e-6;
+/// The gain of a pattern as a function of its parameters.
+struct Gain<'a>(&'a [PatternRow]);
+
+impl Objective for Gain<'_> {
+    type Point = (f64, Params);
+    type Equations = (DMatrix<f64>, Params);
+    type Step = Params;
+
+    fn value(&self, (gain, _): &Self::Point) -> f64 {
+        *gain
     }
-    information.cholesky().map(|factor| factor.solve(&gradient))
+
+    fn equations(&mut self, (_, params): &Self::Point) -> Option<Self::Equations> {
+        Some(derivatives(self.0, params))
+    }
+
+    fn step(
+        &mut self,
+        _: &Self::Point,
+        (information, gradient): &Self::Equations,
+        damping: f64,
+    ) -> Option<Params> {
+        damped(information, damping, 1e-6).cholesky().map(|factor| factor.solve(gradient))
+    }
+
+    fn advance(
+        &mut self,
+        (before, params): &Self::Point,
+        step: &Params,
+    ) -> Result<Self::Point, f64> {
+        let mut next = params + step;
+        next[0] = next[0].clamp(0.0, 40.0);
+        let now = gain(self.0, &next);
+        if *before < now { Ok((now, next)) } else { Err(f64::NEG_INFINITY) }
+    }
 }
 
-fn climbed(all: &[PatternRow], mut sought: Sought) -> (f64, Sought) {
-    let mut best = gain(all, &sought);
-    let mut damping = 1e-2;
-    for _ in 0..STEPS {
-        let Some(change) = step(all, &sought, damping) else { break };
-        let mut there = &sought + change;
-        there[0] = there[0].clamp(0.0, 40.0);
-        let now = gain(all, &there);
-        if best < now {
-            let gained = now - best;
-            (best, sought) = (now, there);
-            damping *= 0.3;
-            if gained < CONVERGED_NATS {
-                break;
-            }
-        } else {
-            damping *= 10.0;
-        }
-    }
-    (best, sought)
+/// Gain and parameters at the optimum near a start.
+fn optimum(all: &[PatternRow], start: Params) -> (f64, Params) {
+    let search = LevenbergMarquardt {
+        damping: 1e-2,
+        decrease: 0.3,
+        max_trials: STEPS,
+        max_evaluations: STEPS,
+        min_gain: CONVERGED_NATS,
+        ..LevenbergMarquardt::default()
+    };
+    search.maximise(&mut Gain(all), (gain(all, &start), start)).point
 }
 
 /// States of a cardioid pattern, with headings for the nodes that tell none: from each of `starts` the best.
@@ -188,85 +208,86 @@ fn climbed(all: &[PatternRow], mut sought: Sought) -> (f64, Sought) {
 pub fn patterns(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     starts: &[TermState],
 ) -> Vec<TermState> {
     let nodes = nodes_without(rows, train);
+    // Without unknown headings the pattern is an ordinary term, which the fit itself maximises.
     if nodes.is_empty() {
         return starts.to_vec();
     }
-    let all = seen(rows, train, left, &nodes);
+    let all = pattern_rows(rows, train, likelihoods, &nodes);
     let found = starts.iter().map(|start| {
-        let mut sought = DVector::zeros(2 + nodes.len());
-        sought[0] = start.values[0];
-        sought[1] = start.values[1];
+        let mut params = DVector::zeros(2 + nodes.len());
+        params[0] = start.values[0];
+        params[1] = start.values[1];
         // Each node by itself first.
         for node in 0..nodes.len() {
             let own: Vec<PatternRow> = all
                 .iter()
-                .filter_map(|seen| {
-                    let mut ends = seen.ends;
+                .filter_map(|row| {
+                    let mut ends = row.ends;
                     for end in &mut ends {
                         *end = end.filter(|sight| sight.unknown == Some(node));
                     }
-                    ends.iter().any(Option::is_some).then_some(PatternRow { ends, ..*seen })
+                    ends.iter().any(Option::is_some).then_some(PatternRow { ends, ..*row })
                 })
                 .collect();
-            let tried = (0..DIRECTIONS).map(|k| {
-                let mut there = sought.clone();
-                there[2 + node] = TAU * f64::from(k) / f64::from(DIRECTIONS);
-                (gain(&own, &there), there[2 + node])
+            let trials = (0..DIRECTIONS).map(|k| {
+                let mut trial = params.clone();
+                trial[2 + node] = TAU * f64::from(k) / f64::from(DIRECTIONS);
+                (gain(&own, &trial), trial[2 + node])
             });
-            let best = tried.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, angle)| angle);
-            sought[2 + node] = best;
+            let best = trials.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |(_, angle)| angle);
+            params[2 + node] = best;
         }
-        climbed(&all, sought)
+        optimum(&all, params)
     });
     let best = found.max_by(|a, b| a.0.total_cmp(&b.0));
-    best.map_or_else(|| starts.to_vec(), |(_, sought)| vec![state_of(&sought, &nodes, &starts[0])])
+    best.map_or_else(|| starts.to_vec(), |(_, params)| vec![state_of(&params, &nodes, &starts[0])])
 }
 
 /// The antenna pattern of a fit, and the derivatives of the likelihood of its rows.
 struct FittedPattern {
     nodes: Vec<u32>,
-    sought: Sought,
+    params: Params,
     all: Vec<PatternRow>,
 }
 
 fn fitted_pattern(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     state: &TermState,
 ) -> FittedPattern {
     let nodes = nodes_without(rows, train);
     let headings = state.table.get("headings_rad").and_then(toml::Value::as_array);
     let heading = |node: &u32| headings?.get(*node as usize)?.as_float();
-    let mut sought = DVector::zeros(2 + nodes.len());
-    sought[0] = state.values[0];
-    sought[1] = state.values[1];
+    let mut params = DVector::zeros(2 + nodes.len());
+    params[0] = state.values[0];
+    params[1] = state.values[1];
     for (index, node) in nodes.iter().enumerate() {
-        sought[2 + index] = heading(node).unwrap_or_default() + state.values[1];
+        params[2 + index] = heading(node).unwrap_or_default() + state.values[1];
     }
-    let mut all = seen(rows, train, left, &nodes);
-    let pattern = SoughtPattern::from_angles(&sought);
-    for seen in &mut all {
-        seen.known_db = pattern.added(seen);
+    let mut all = pattern_rows(rows, train, likelihoods, &nodes);
+    let pattern = CardioidPattern::from_angles(&params);
+    for row in &mut all {
+        row.known_db = pattern.added(row);
     }
-    FittedPattern { nodes, sought, all }
+    FittedPattern { nodes, params, all }
 }
 
-/// Standard errors of the difference between front and back (dB) and of the boresight (rad), headings unknown. `left`: slopes
+/// Standard errors of the difference between front and back (dB) and of the boresight (rad), headings unknown. `likelihoods`: slopes
 /// under the fit with the pattern. None where they are not determined.
 #[must_use]
 pub fn errors(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     state: &TermState,
 ) -> Option<[f64; 2]> {
-    let FittedPattern { sought, all, .. } = fitted_pattern(rows, train, left, state);
-    let (information, _) = derivatives(&all, &sought);
+    let FittedPattern { params, all, .. } = fitted_pattern(rows, train, likelihoods, state);
+    let (information, _) = derivatives(&all, &params);
     let inverse = information.try_inverse()?;
     let error = |k: usize| inverse[(k, k)].max(0.0).sqrt();
     Some([error(0), error(1)])
@@ -277,25 +298,25 @@ pub fn errors(
 pub fn refine(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     state: &TermState,
 ) -> TermState {
-    let FittedPattern { nodes, sought, all } = fitted_pattern(rows, train, left, state);
-    let (_, sought) = climbed(&all, sought);
-    state_of(&sought, &nodes, state)
+    let FittedPattern { nodes, params, all } = fitted_pattern(rows, train, likelihoods, state);
+    let (_, params) = optimum(&all, params);
+    state_of(&params, &nodes, state)
 }
 
 /// The state of a pattern and headings.
-fn state_of(sought: &Sought, nodes: &[u32], start: &TermState) -> TermState {
+fn state_of(params: &Params, nodes: &[u32], start: &TermState) -> TermState {
     let wrapped = |angle: f64| angle - TAU * (angle / TAU).round();
-    let boresight = wrapped(sought[1]);
+    let boresight = wrapped(params[1]);
     let mut headings = vec![0.0; nodes.last().map_or(0, |&last| last as usize + 1)];
     for (index, &node) in nodes.iter().enumerate() {
-        headings[node as usize] = wrapped(sought[2 + index] - boresight);
+        headings[node as usize] = wrapped(params[2 + index] - boresight);
     }
     let mut state = start.clone();
     let headings = headings.into_iter().map(toml::Value::Float).collect();
     state.table.insert("headings_rad".to_owned(), toml::Value::Array(headings));
-    state.values = vec![sought[0].max(0.1), boresight];
+    state.values = vec![params[0].max(0.1), boresight];
     state
 }

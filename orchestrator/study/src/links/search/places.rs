@@ -7,6 +7,7 @@ use super::{LinkPath, ObstacleShape, ways};
 use crate::links::likelihood::RowLikelihood;
 use crate::links::rows::ModelledLinks;
 use crate::links::terms::TermState;
+use numbers::optimise::metropolis::{Metropolis, Proposal};
 use numbers::statistics::quantile_nearest;
 use proto::rng::{Draws, Purpose, normal, uniform};
 
@@ -73,76 +74,68 @@ impl FittedObstacle {
     }
 
     /// What the likelihood loses (nats) with the obstacle at these numbers, the loss (dB) the last: a parabola about the fit.
-    fn lost(&self, numbers: &[f64]) -> f64 {
+    fn lost_nats(&self, numbers: &[f64]) -> f64 {
         let (loss_db, place) =
             numbers.split_last().map_or((0.0, numbers), |(l, place)| (*l, place));
-        let there = self.shape.with_numbers(place);
+        let shape = self.shape.with_numbers(place);
         let lost = self.ways.iter().zip(&self.taken_db).map(|(way, taken_db)| {
-            let takes_db = if there.is_crossed(way) { loss_db } else { 0.0 };
+            let takes_db = if shape.is_crossed(way) { loss_db } else { 0.0 };
             let change = taken_db - takes_db;
             change * (0.5 * change * way.weight - way.slope)
         });
         lost.sum()
     }
 
-    /// Numbers that the likelihood allows, as often as it allows them, from a start.
-    fn drawn(&self, start: Vec<f64>) -> Vec<Vec<f64>> {
+    /// A sample of the numbers under the likelihood, from a start.
+    fn sample(&self, start: Vec<f64>) -> Vec<Vec<f64>> {
         let draws = Draws::new(4, Purpose::Resample);
         let n_steps = (MOST_LOOKS / self.ways.len().max(1)).clamp(STEPS.0, STEPS.1);
-        let mut here = start;
-        let mut lost = self.lost(&here);
-        let mut drawn = Vec::with_capacity(n_steps);
-        for step in 0..n_steps {
+        let propose = |step: usize, current: &Vec<f64>| {
             let [what, size, one, other] = draws.words(0, step as u64, 0);
             let [accept, turn, ..] = draws.words(0, step as u64, 1);
             let size = (uniform(size), uniform(turn));
-            let there = self.moved(&here, what, size, normal(one, other));
-            if self.is_possible(&there) {
-                let then = self.lost(&there);
-                if libm::log(uniform(accept)) < lost - then {
-                    (here, lost) = (there, then);
-                }
-            }
-            drawn.push(here.clone());
-        }
-        drawn.split_off(n_steps / FORGOTTEN)
+            let state = self.proposed(current, what, size, normal(one, other));
+            self.is_possible(&state).then_some(Proposal { state, uniform: uniform(accept) })
+        };
+        let walk = Metropolis { n_steps, burn_in: n_steps / FORGOTTEN };
+        walk.sample(start, |numbers| -self.lost_nats(numbers), propose)
     }
 
     /// A symmetric proposal, as likely as its reverse. It moves one number; a segment or one end of it, along, across or about an
     /// end; or a disc of which one edge stays. `turn`: a number in 0 to 1.
-    fn moved(&self, here: &[f64], what: u64, (size, turn): (f64, f64), by: f64) -> Vec<f64> {
+    fn proposed(&self, current: &[f64], what: u64, (size, turn): (f64, f64), by: f64) -> Vec<f64> {
         let scaled = |(least, most): (f64, f64)| by * least * libm::pow(most / least, size);
-        let mut there = here.to_vec();
-        let loss = here.len() - 1;
+        let mut proposed = current.to_vec();
+        let loss = current.len() - 1;
         let own_moves = match self.shape {
             ObstacleShape::Segment(..) => 6,
             ObstacleShape::Disc(..) => 2,
         };
-        let k = (what % (here.len() as u64 + own_moves)) as usize;
+        let k = (what % (current.len() as u64 + own_moves)) as usize;
         if k == loss {
-            there[k] += scaled(CHANGES_DB);
-            return there;
+            proposed[k] += scaled(CHANGES_DB);
+            return proposed;
         }
         let by_m = scaled(MOVES_M);
         if k < loss {
-            there[k] += by_m;
-            return there;
+            proposed[k] += by_m;
+            return proposed;
         }
         if let ObstacleShape::Disc(..) = self.shape {
             let (sin, cos) = libm::sincos(std::f64::consts::TAU * turn);
-            there[0] += by_m * cos;
-            there[1] += by_m * sin;
-            there[2] += by_m;
-            return there;
+            proposed[0] += by_m * cos;
+            proposed[1] += by_m * sin;
+            proposed[2] += by_m;
+            return proposed;
         }
-        let (east, north) = (here[2] - here[0], here[3] - here[1]);
+        let (east, north) = (current[2] - current[0], current[3] - current[1]);
         let length_m = libm::hypot(east, north);
         let (east, north) = (east / length_m, north / length_m);
         let mut add = |end: usize, east_m: f64, north_m: f64| {
-            there[2 * end] += east_m;
-            there[2 * end + 1] += north_m;
+            proposed[2 * end] += east_m;
+            proposed[2 * end + 1] += north_m;
         };
-        match k - here.len() {
+        match k - current.len() {
             // One end along the segment; both, and both across it.
             end @ (0 | 1) => add(end, by_m * east, by_m * north),
             2 => (0..2).for_each(|end| add(end, by_m * east, by_m * north)),
@@ -156,7 +149,7 @@ impl FittedObstacle {
                 add(end, sign * length_m * turned[0], sign * length_m * turned[1]);
             }
         }
-        there
+        proposed
     }
 
     fn is_possible(&self, numbers: &[f64]) -> bool {
@@ -177,12 +170,12 @@ impl FittedObstacle {
 }
 
 /// The coordinates of a hidden obstacle and its loss, each with the interval in which `1 − 2 * tail` of what the likelihood allows
-/// lies. `left`: slopes under the fit with it.
+/// lies. `likelihoods`: slopes under the fit with it.
 #[must_use]
 pub fn coordinates(
     rows: &ModelledLinks,
     train: &[u32],
-    left: &[RowLikelihood],
+    likelihoods: &[RowLikelihood],
     state: &TermState,
     tail: f64,
 ) -> Vec<Coordinate> {
@@ -194,7 +187,8 @@ pub fn coordinates(
         ObstacleShape::Disc(..) => &["centre_x_m", "centre_y_m", "radius_m", "loss_db"],
     };
     let found: Vec<f64> = shape.numbers().into_iter().chain([loss_db]).collect();
-    let drawn = FittedObstacle::new(ways(rows, train, left), shape, loss_db).drawn(found.clone());
+    let drawn =
+        FittedObstacle::new(ways(rows, train, likelihoods), shape, loss_db).sample(found.clone());
     names
         .iter()
         .zip(found)
@@ -222,32 +216,32 @@ mod tests {
     #[test]
     fn an_edge_lies_between_the_ways_that_it_parts() {
         let walk = walk(10.0);
-        let moved = |to: f64| walk.lost(&[3.5, 0.0, to, 0.0, 4.0]);
+        let moved = |to: f64| walk.lost_nats(&[3.5, 0.0, to, 0.0, 4.0]);
         assert_eq!(moved(7.9), 0.0);
         assert_eq!(moved(8.1), 80.0, "one way more: half of 16 dB² times 10");
         assert_eq!(moved(6.9), 80.0, "one less");
-        assert_eq!(walk.lost(&[3.5, 0.0, 7.5, 0.0, 3.0]), 20.0, "four ways, a decibel each");
+        assert_eq!(walk.lost_nats(&[3.5, 0.0, 7.5, 0.0, 3.0]), 20.0, "four ways, a decibel each");
     }
 
     #[test]
     fn a_segment_keeps_its_length_as_it_is_moved_or_turned_and_its_line_as_it_grows() {
         let walk = walk(10.0);
-        let here = [1.0, 2.0, 4.0, 6.0, 3.0];
-        let extent_m = |there: &[f64]| (there[2] - there[0], there[3] - there[1]);
+        let current = [1.0, 2.0, 4.0, 6.0, 3.0];
+        let extent_m = |numbers: &[f64]| (numbers[2] - numbers[0], numbers[3] - numbers[1]);
         for what in 5..11 {
-            let there = walk.moved(&here, what, (0.9, 0.3), 1.3);
-            let (east_m, north_m) = extent_m(&there);
+            let proposed = walk.proposed(&current, what, (0.9, 0.3), 1.3);
+            let (east_m, north_m) = extent_m(&proposed);
             let is_grown = what < 7;
             assert_eq!((libm::hypot(east_m, north_m) - 5.0).abs() < 1e-12, !is_grown, "{what}");
             let across_m = 4.0 * east_m - 3.0 * north_m;
-            assert_eq!(across_m.abs() < 1e-12, what < 9, "{what}: {there:?}");
-            assert_ne!(there, here, "{what}");
+            assert_eq!(across_m.abs() < 1e-12, what < 9, "{what}: {proposed:?}");
+            assert_ne!(proposed, current, "{what}");
         }
     }
 
     #[test]
     fn what_the_likelihood_allows_is_drawn_evenly() {
-        let drawn = walk(10.0).drawn(vec![3.5, 0.0, 7.5, 0.0, 4.0]);
+        let drawn = walk(10.0).sample(vec![3.5, 0.0, 7.5, 0.0, 4.0]);
         let ends: Vec<f64> = drawn.iter().map(|numbers| numbers[2]).collect();
         let mean = ends.iter().sum::<f64>() / ends.len() as f64;
         // Anywhere between the ways at 7 and 8, not beyond.

@@ -58,6 +58,7 @@ pub fn window(
         Crossing { way, time_s: rows.links.rows[row as usize].time_s }
     };
     let mut crossings: Vec<Crossing> = train.iter().zip(likelihoods).map(crossing).collect();
+    // With fewer rows than parts some part would be empty.
     if crossings.len() < FINE_PARTS || crossings.iter().any(|one| !one.time_s.is_finite()) {
         return None;
     }

@@ -1,7 +1,7 @@
 use super::*;
 use crate::links::likelihood::Noise;
 use crate::links::likelihood::tests::row;
-use crate::links::passing::{PowerMixture, SampledCurve};
+use crate::links::reception::{PowerMixture, SampledCurve};
 use measure::links::Readings;
 use netsim::phy::reception::Curve;
 use numbers::power::square;
@@ -121,14 +121,14 @@ fn few_points_say_what_many_say() {
     for (received, rssi) in [(99.0, -84.0), (80.0, -88.5), (50.0, -88.5), (10.0, -89.0)] {
         for power in [-80.0, -90.0, -96.0] {
             let row = row(100.0, received, rssi);
-            let seen = RowCounts::from_row(&row, &few);
+            let counts = RowCounts::from_row(&row, &few);
             let u = |k: u32| -120.0 + 0.005 * f64::from(k);
             let sum: f64 = (0..14_000)
-                .map(|k| few.seen_at(&seen, &PLAIN, u(k)) - square(u(k) - power) / 18.0)
+                .map(|k| few.log_likelihood_at(&counts, &PLAIN, u(k)) - square(u(k) - power) / 18.0)
                 .map(libm::exp)
                 .sum();
             let exact = libm::log(sum * 0.005) - 0.5 * (libm::log(9.0) + LN_TAU);
-            let found = few.integral(&seen, &PLAIN, power, 9.0).log;
+            let found = few.integral(&counts, &PLAIN, power, 9.0).log;
             assert!((found - exact).abs() < 0.01, "{received} at {power}: {found} {exact}");
         }
     }

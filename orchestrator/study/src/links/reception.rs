@@ -198,7 +198,7 @@ pub struct Chance {
     /// Its derivative over the logarithm of the noise's standard deviation.
     pub over_ln_sd: f64,
     /// Mean deviation of the frames that pass from the mean level (dB), as far as it is due to the normal noise.
-    pub lift_db: f64,
+    pub received_noise_db: f64,
 }
 
 impl AveragedCurve {
@@ -232,7 +232,7 @@ impl AveragedCurve {
             slope: m1 / self.sd_db,
             bend: m2 / (self.sd_db * self.sd_db),
             over_ln_sd: m2,
-            lift_db: self.sd_db * m1 / m0,
+            received_noise_db: self.sd_db * m1 / m0,
         }
     }
 }

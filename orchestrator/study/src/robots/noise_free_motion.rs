@@ -1,12 +1,12 @@
-//! Where robots would have been, by the model alone.
+//! The motion of robots by the model alone, without measurement noise.
 
 use super::RobotStudy;
 use proto::rng::Draws;
 use robotsim::dynamics::effect::Localization;
 
-/// Robots at every sample, noise apart.
+/// Positions and headings at every sample, without measurement noise.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Driven {
+pub struct NoiseFreeMotion {
     /// Where each would have been measured (m): delay and scale of its localization count, noise does not.
     pub places_m: Vec<[f64; 3]>,
     /// Direction of its body (rad).
@@ -20,18 +20,18 @@ impl RobotStudy {
     ///
     /// * `draws`: for gusts.
     #[must_use]
-    pub fn driven(&self, draws: Draws) -> Driven {
+    pub fn driven(&self, draws: Draws) -> NoiseFreeMotion {
         let samples = &self.robots().samples;
-        let mut driven = Driven {
+        let mut motion = NoiseFreeMotion {
             places_m: samples.iter().map(|sample| sample.position_m).collect(),
             headings_rad: samples.iter().map(|sample| sample.heading_rad).collect(),
             more_sd_m: 0.0,
         };
-        let Some((physics, _)) = self.model.physics(&self.configured) else { return driven };
+        let Some((physics, _)) = self.model.physics(&self.configured) else { return motion };
         let localization = physics.effects().iter().find_map(|effect| effect.localization());
         let Localization { sd_m, delay_s, scale } =
             localization.unwrap_or(Localization { sd_m: 0.0, delay_s: 0.0, scale: 1.0 });
-        driven.more_sd_m = sd_m;
+        motion.more_sd_m = sd_m;
         let tracks = &self.model.tracks;
         for (number, track) in self.robots().tracks.iter().enumerate() {
             let robots = tracks.driven(number, &physics, draws);
@@ -48,10 +48,10 @@ impl RobotStudy {
             for (k, robot) in robots.iter().enumerate() {
                 let sample = track.start + k;
                 let place_m: [f64; 3] = place_at(samples[sample].time_s - delay_s);
-                driven.places_m[sample] = place_m.map(|coordinate| scale * coordinate);
-                driven.headings_rad[sample] = robot.heading_rad;
+                motion.places_m[sample] = place_m.map(|coordinate| scale * coordinate);
+                motion.headings_rad[sample] = robot.heading_rad;
             }
         }
-        driven
+        motion
     }
 }

@@ -26,6 +26,7 @@ impl LinkStudy {
         let spec = TermSpec::Limited(entry, limits);
         let starts = TermState::starts(&spec);
         let mut effects = starts.iter().filter_map(|start| start.build(&spec));
+        // Reception curve and fading belong to the instrument, which all rows share.
         if effects.any(|it| it.curve().is_some() || it.scatter().is_some()) {
             return Err(NotLimited::Candidate);
         }
@@ -58,8 +59,8 @@ impl LinkStudy {
             return None;
         }
         let all = self.fitted_rows();
-        let left = self.slopes_left(fit, &all);
-        let found = windows::window(&self.rows, &all, &left)?;
+        let likelihoods = self.row_likelihoods(fit, &all);
+        let found = windows::window(&self.rows, &all, &likelihoods)?;
         let limits = [("from_s", found.from_s), ("until_s", found.until_s)];
         let limits: toml::Table = limits
             .into_iter()
