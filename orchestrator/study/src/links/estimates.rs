@@ -11,7 +11,7 @@ use crate::thresholds::{
     MOST_PROFILED_ROWS, TAIL_90,
 };
 use crate::{Estimate, Study as _, caution, joined};
-use numbers::normal::Z_90;
+use numbers::normal::{FALL_90_NATS, Z_90};
 use numbers::optimise::roots::ParabolicRoot;
 use numbers::power::square;
 use proto::config::{Field, Kind};
@@ -409,8 +409,6 @@ fn widen(spread: &mut Estimate, length: &CorrelationLength) {
     spread.high = spread.high.max(sd_at(Z_90));
 }
 
-/// Half of the squared standard errors of a 90 % interval: by so much the log likelihood falls at its ends (nats).
-const FALL_NATS: f64 = 0.5 * Z_90 * Z_90;
 /// Steps in which an end is found.
 const END_STEPS: usize = 6;
 
@@ -456,7 +454,7 @@ impl LinkStudy {
             let search =
                 ParabolicRoot { max_iterations: END_STEPS, max_ratio: 4.0, tolerance: 0.02 };
             let fall_at = |step: f64| fall(best + sign * step, top);
-            best + sign * search.find(fall_at, FALL_NATS, first, reach)
+            best + sign * search.find(fall_at, FALL_90_NATS, first, reach)
         };
         (end(-1.0), end(1.0))
     }
