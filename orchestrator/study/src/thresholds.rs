@@ -98,8 +98,6 @@ pub const MOST_DRIFT_LEVELS: f64 = 400.0;
 pub const COMMON_SPAN: f64 = 0.25;
 /// The same at least, as a share of the campaign: it limits the number of these levels to 300.
 pub const LEAST_COMMON_SPAN: f64 = 1.0 / 300.0;
-/// Correlation time for the lags of a drift, if no drift was fitted (s).
-pub const CORRELATION_LAG_S: f64 = 100.0;
 /// Rows of a link of which each two are compared for a correlation: a limit of time, which grows with the square.
 pub const MOST_COMPARED_ROWS: usize = 150;
 /// Fewest pairs of rows in a bin of lags, for a correlation length. Chosen: a mean of fewer products is mostly noise.

@@ -7,8 +7,8 @@ use super::terms::TermSpec;
 use super::{CORRELATION_S, FitOptions, LinkStudy, group, search};
 use crate::COMMON;
 use crate::thresholds::{
-    CERTAIN_PASS, CORRELATION_LAG_S, JACKKNIFE_GROUPS, LINKS_COLLINEAR, MOST_COMPARED_ROWS,
-    MOST_PROFILED_ROWS, TAIL_90,
+    CERTAIN_PASS, JACKKNIFE_GROUPS, LINKS_COLLINEAR, MOST_COMPARED_ROWS, MOST_PROFILED_ROWS,
+    TAIL_90,
 };
 use crate::{Estimate, Study as _, caution, joined};
 use numbers::normal::{FALL_90_NATS, Z_90};
@@ -241,8 +241,11 @@ impl LinkStudy {
 
     /// Upper ends of bins of time between two rows (s): from a part of the shortest time over which drift is looked for.
     fn lags_s(&self) -> Vec<f64> {
-        let shortest_s = self.times_s.first().copied().unwrap_or(CORRELATION_LAG_S);
-        let longest_s = self.times_s.last().copied().unwrap_or(CORRELATION_LAG_S);
+        let (Some(shortest_s), Some(longest_s)) = (self.times_s.first(), self.times_s.last())
+        else {
+            // All rows have one time.
+            return Vec::new();
+        };
         let mut lags_s = vec![0.25 * shortest_s];
         while let Some(last_s) = lags_s.last().copied().filter(|last_s| *last_s < 3.0 * longest_s) {
             lags_s.push(last_s * std::f64::consts::SQRT_2);
