@@ -6,15 +6,7 @@
 
 use crate::gain::{Gain, Scores};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
-
-/// Probability with which any of all candidates together may be accepted wrongly.
-pub(crate) const FAMILY_ERROR: f64 = 0.005;
-/// A term is worth having from this gain on (nats per row) …
-pub(crate) const WORTH_NATS: f64 = 0.01;
-/// … or from this share of the error removed.
-pub(crate) const WORTH_SHARE: f64 = 0.01;
-/// In any case it removes this share of the error of the model as configured.
-pub(crate) const LEAST_SHARE: f64 = 0.001;
+use study::thresholds::{FAMILY_ERROR, LEAST_ERROR_SHARE, WORTH_NATS, WORTH_SHARE};
 
 /// The decision of the acceptance rule on one term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,11 +54,11 @@ pub(crate) fn is_worth(gain: f64, least_share: f64, share_removed: impl FnOnce()
     WORTH_NATS <= gain || WORTH_SHARE.max(least_share) <= share_removed()
 }
 
-/// The least share of the present error that a term must remove, so that it removes [`LEAST_SHARE`] of the error of the model as
+/// The least share of the present error that a term must remove, so that it removes [`LEAST_ERROR_SHARE`] of the error of the model as
 /// configured.
 #[must_use]
 pub(crate) fn least_share(configured: &Scores, present: &Scores) -> f64 {
-    LEAST_SHARE * share_scale(configured.mean_square(), present.mean_square())
+    LEAST_ERROR_SHARE * share_scale(configured.mean_square(), present.mean_square())
 }
 
 /// How many times greater the mean squared error of the model as configured is than that of another, at least 1: shares of the

@@ -34,6 +34,7 @@ use measure::account::DataAccount;
 use schemars::JsonSchema;
 use serde::Serialize;
 use study::open::Subject;
+use study::thresholds::TAIL_90;
 
 /// What the schema of this answer is called.
 pub const SCHEMA: &str = "diagnose-between/1";
@@ -223,7 +224,7 @@ impl Spans {
             let mut known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
             known.sort_by(f64::total_cmp);
             let at = |share: f64| known[(share * (known.len() - 1) as f64).round() as usize];
-            (!known.is_empty()).then(|| [at(MOST[0]), at(MOST[1])])
+            (!known.is_empty()).then(|| [at(TAIL_90), at(1.0 - TAIL_90)])
         };
         Some(Self { a: span(a)?, b: span(b)? })
     }
@@ -234,9 +235,6 @@ impl Spans {
         self.a[1] < self.b[0] || self.b[1] < self.a[0]
     }
 }
-
-/// Quantiles between which most values lie.
-const MOST: [f64; 2] = [0.05, 0.95];
 
 #[cfg(test)]
 mod tests {

@@ -9,19 +9,16 @@ use crate::held_out;
 use crate::ladder::Search;
 use comparison::{Bin, Comparison, Explained, Place, SCHEMA};
 use measure::account::DataAccount;
+use numbers::normal::Z_90;
 use numbers::power::square;
 use numbers::statistics::{self, mean_ignoring_nan, nth_quantile, quantile_nearest};
 use study::folds::Blocks;
 use study::links::LinkStudy;
 use study::open::Subject;
 use study::robots::RobotStudy;
+use study::thresholds::{BOOTSTRAP_RESAMPLES, ERROR_BINS};
 use study::view::Viewed as _;
 use study::{COMMON, RowScore, Study};
-
-/// Resamples of the blocks.
-const RESAMPLES: u64 = 400;
-/// Bins of a covariate.
-const BINS: usize = 8;
 
 /// Scores by name.
 type Named = Vec<(&'static str, f64)>;
@@ -46,7 +43,7 @@ pub(crate) fn links(
     let constant = constant::found(study, search);
     let inside: Vec<f64> = scaled
         .iter()
-        .map(|z| if z.is_nan() { f64::NAN } else { f64::from(u8::from(z.abs() <= 1.645)) })
+        .map(|z| if z.is_nan() { f64::NAN } else { f64::from(u8::from(z.abs() <= Z_90)) })
         .collect();
     let blocks = study.blocks(COMMON);
     // Of rows of several frames, how far the share received lies from what is predicted.
@@ -144,7 +141,7 @@ pub(crate) fn robots(
         let all = Scores::mean(&part);
         let n = 2.0 * rows.len() as f64;
         let inside = rows.iter().map(|&row| [view.scaled_at(row), view.scaled_across(row)]);
-        let inside = inside.flatten().filter(|z| z.abs() <= 1.645).count() as f64;
+        let inside = inside.flatten().filter(|z| z.abs() <= Z_90).count() as f64;
         let bias = statistics::mean(rows.iter().map(|&row| along[row]));
         let mut list = vec![
             ("log_score", all.log_score),
@@ -188,7 +185,7 @@ fn bootstrap(
     let n_blocks = rows_of_block.len();
     let draws = proto::rng::Draws::new(1, proto::rng::Purpose::Resample);
     let mut resampled: Vec<Vec<f64>> = vec![Vec::new(); values.len()];
-    for resample in 0..RESAMPLES {
+    for resample in 0..BOOTSTRAP_RESAMPLES {
         let picked: Vec<usize> = (0..n_blocks)
             .map(|k| {
                 let [word, ..] = draws.words(resample, k as u64, 0);
@@ -271,10 +268,11 @@ pub fn explained(values: &[f64], errors: &[f64]) -> Option<Explained> {
 fn edges(values: &[f64]) -> Option<Vec<f64>> {
     let mut known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     known.sort_by(f64::total_cmp);
-    if known.len() < 10 * BINS {
+    if known.len() < 10 * ERROR_BINS {
         return None;
     }
-    let mut edges: Vec<f64> = (0..=BINS).map(|k| nth_quantile(&known, k, BINS)).collect();
+    let mut edges: Vec<f64> =
+        (0..=ERROR_BINS).map(|k| nth_quantile(&known, k, ERROR_BINS)).collect();
     edges.dedup();
     (2 <= edges.len()).then_some(edges)
 }

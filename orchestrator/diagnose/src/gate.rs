@@ -4,16 +4,16 @@
 //! cluster-robust score tests. A test asks whether the constant is *more than a margin*: removing it would lower the mean squared error by
 //! 1 %. What is significant and smaller is worth nothing.
 
-use crate::acceptance::{FAMILY_ERROR, WORTH_SHARE};
 use crate::score_test::{ScoreTest, ScoreTests};
 use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use study::Study;
 use study::linear::{Direction, Group, Linearised, Partition, on_rows};
-
-/// A bound on what may be hidden holds with this probability.
-const BOUND: f64 = 0.9;
+use study::thresholds::{
+    FAMILY_ERROR, FEWEST_ERROR_GROUPS, GROUP_ERROR_RATIO, INTERVAL_PROBABILITY, TRIMMED_SHARE,
+    WORTH_SHARE,
+};
 
 /// A constant by which the model is wrong, of all rows or of a group of them.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
@@ -103,7 +103,7 @@ pub fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
             let of_tests = all_tests.iter().filter_map(|tests| tests.test(&column, &[]));
             let of_tests: Vec<ScoreTest> = of_tests.collect();
             if let (None, Some(test)) = (&of, of_tests.first()) {
-                let bound = test.upper_bound(1.0 - BOUND);
+                let bound = test.upper_bound(1.0 - INTERVAL_PROBABILITY);
                 let hides = gate.could_hide.is_none_or(|(before, ..)| before < bound);
                 if hides {
                     gate.could_hide = Some((bound, (square / parts(&rows)).sqrt(), unit));
@@ -136,13 +136,6 @@ pub fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
     gate
 }
 
-/// The share of a group's greatest errors that is left out: outliers.
-const OUTLIERS: f64 = 0.05;
-/// Fewer groups do not tell how much groups differ.
-const FEWEST_GROUPS: usize = 5;
-/// Errors of a group are worth mentioning that are so many times those of the others.
-const TIMES: f64 = 2.0;
-
 /// A group of rows whose errors are far greater than those of each other group: a model that is wrong for one robot alone, whose rows a
 /// likelihood with heavy tails passes over.
 fn spread_apart(
@@ -160,7 +153,7 @@ fn spread_apart(
         };
         let mut squares: Vec<f64> = group.rows.iter().filter_map(of_row).collect();
         squares.sort_by(f64::total_cmp);
-        squares.truncate(((1.0 - OUTLIERS) * squares.len() as f64) as usize);
+        squares.truncate(((1.0 - TRIMMED_SHARE) * squares.len() as f64) as usize);
         (!squares.is_empty())
             .then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
             .filter(|error| 0.0 < *error)
@@ -170,7 +163,7 @@ fn spread_apart(
         .iter()
         .filter_map(|group| Some((group.id, root_mean_square(group)?)))
         .collect();
-    if all.len() < FEWEST_GROUPS {
+    if all.len() < FEWEST_ERROR_GROUPS {
         return None;
     }
     let &(id, most) = all.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -180,7 +173,7 @@ fn spread_apart(
     let mean = others.iter().sum::<f64>() / n;
     let squares: f64 = others.iter().map(|other| (other - mean) * (other - mean)).sum();
     let standard_error = (squares / (n - 1.0) * (1.0 + 1.0 / n)).sqrt();
-    let beyond = (libm::log(most / TIMES) - mean) / standard_error;
+    let beyond = (libm::log(most / GROUP_ERROR_RATIO) - mean) / standard_error;
     // Of all groups the one whose errors are greatest.
     let p_value = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |law| law.sf(beyond)) * (n + 1.0);
     let typical = libm::exp(mean);

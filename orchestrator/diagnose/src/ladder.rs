@@ -3,7 +3,7 @@
 mod choice;
 mod clustered;
 
-use super::acceptance::{self, Acceptance, FAMILY_ERROR};
+use super::acceptance::{self, Acceptance};
 use super::gain::{Gain, Scores};
 use super::progress::SearchProgress;
 use proto::effect::Level;
@@ -11,20 +11,11 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use study::thresholds::{
+    FAMILY_ERROR, FEWEST_BLOCKS, HOPELESS_NATS, MOST_ACCEPTED, SPECIAL_CASE_NATS,
+};
 use study::{COMMON, Candidate, RowScore, Study};
 use tracing::debug;
-
-/// A term that raises the log likelihood of all rows by less (nats) cannot be significant on held-out rows. A log likelihood ratio
-/// with mean m has a variance of about 2 m, so that it lies √(m/2) standard errors above 0; a single candidate needs 2.58. The gain
-/// on held-out rows is smaller than on the rows of the fit.
-const HOPELESS_NATS: f64 = 12.0;
-/// A candidate must raise the log likelihood by this (nats) beyond its own special case to count as better. With three additional
-/// parameters that much occurs by chance in one case of 140.
-const NOTHING_MORE_NATS: f64 = 6.0;
-/// A rival raises the log likelihood by at least this share of what the chosen candidate does.
-const NEARLY: f64 = 0.8;
-/// The selection accepts no more terms than this.
-const MOST_TERMS: usize = 8;
 
 /// The result of the last test of a candidate on top of the accepted terms.
 #[derive(Clone, Debug, PartialEq)]
@@ -360,7 +351,7 @@ impl<'a, S: Study> Search<'a, S> {
             let fit = self.fit_if_promising(&terms, level, &parent, HOPELESS_NATS / 2.0);
             let is_as_good = fit.is_some_and(|fit| {
                 let risen = self.study.log_likelihood(&fit) - self.study.log_likelihood(&parent);
-                rise < risen + NOTHING_MORE_NATS
+                rise < risen + SPECIAL_CASE_NATS
             });
             // Random levels that exchanges refute do not stand in the way of those that contain them.
             let is_random = candidates[special].level == Level::Random;
@@ -381,7 +372,7 @@ impl<'a, S: Study> Search<'a, S> {
         let mut last: Vec<CandidateTest> = Vec::new();
         let mut stopped = None;
         let mut round = 0;
-        while too_little.is_none() && accepted.len() < MOST_TERMS {
+        while too_little.is_none() && accepted.len() < MOST_ACCEPTED {
             round += 1;
             let before = (accepted.clone(), decided.clone(), rungs.clone());
             (self.report)(SearchProgress::Round { round });
@@ -556,7 +547,7 @@ impl<'a, S: Study> Search<'a, S> {
                 "too few independent blocks: the data have {} {}, and at least {} are required",
                 blocks.n_scored(),
                 blocks.unit,
-                study::folds::FEWEST_BLOCKS
+                FEWEST_BLOCKS
             )
         })
     }

@@ -4,7 +4,6 @@
 //! cluster-robust score test: it must act otherwise there than elsewhere. Of six groups or more, the one must also stand out from the spread
 //! of the others: where all differ, none is named.
 
-use crate::acceptance::FAMILY_ERROR;
 use crate::gate;
 use crate::ladder::{Known, Ladder, Search, without_term};
 use crate::progress::SearchProgress;
@@ -14,6 +13,10 @@ use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::sync::Arc;
 use study::linear::{Column, Dependence, Group, Linearised, Partition, on_rows};
+use study::thresholds::{
+    FAMILY_ERROR, FEWEST_COMPARED_GROUPS, LIMITED_NATS, LIMITED_SHARE, MOST_LIMITED,
+    MOST_LIMITED_OF_A_KIND, TESTED_LIMITS, TIME_LIMIT_NATS, UNCORRECTED_LEVEL,
+};
 use study::{COMMON, Candidate, Study};
 use tracing::debug;
 
@@ -21,22 +24,6 @@ use tracing::debug;
 const MOMENTS: usize = 12;
 /// … and near the best of them so many more.
 const FINE_MOMENTS: usize = 24;
-/// Groups and spans of time that are tested, of those that promise most by sums of independent rows …
-const PROMISING: usize = 3;
-/// … and at least so much (nats).
-const LEAST_NATS: f64 = 8.0;
-/// A change in time must promise so much more (nats) than none.
-const NOTHING_MORE_NATS: f64 = 6.0;
-/// Groups from which on one must stand out from the others.
-const STANDS_OUT_OF: usize = 6;
-/// Level at which an effect is there before its time, too.
-const LIKELY: f64 = 0.05;
-/// Limited effects that compete at most.
-const MOST: usize = 4;
-/// So many of one effect are tried.
-const MOST_OF_A_KIND: usize = 4;
-/// A limited effect competes that promises at least this share of what the best does.
-const NEARLY: f64 = 0.5;
 
 /// A limited effect that the slopes ask for.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,7 +105,10 @@ pub(crate) fn proposals<S: Study>(
     let mut kept: Vec<Proposal> = Vec::new();
     for proposal in found {
         let is_new = |other: &Proposal| other.term != proposal.term;
-        if NEARLY * best <= proposal.rise && kept.len() < MOST && kept.iter().all(is_new) {
+        if LIMITED_SHARE * best <= proposal.rise
+            && kept.len() < MOST_LIMITED
+            && kept.iter().all(is_new)
+        {
             let Proposal { term, only, rise, p_value, .. } = &proposal;
             debug!(name = candidates[*term].name, %only, rise, p_value, "asked for");
             kept.push(proposal);
@@ -222,7 +212,7 @@ fn constant_of_one<S: Study>(
     let (key, id, rise) = groups.flatten().max_by(|a, b| a.2.total_cmp(&b.2))?;
     let mut only = span.clone();
     only.insert(key.to_owned(), toml::Value::Array(vec![i64::from(id).into()]));
-    (LEAST_NATS < rise).then_some(Proposal {
+    (LIMITED_NATS < rise).then_some(Proposal {
         term,
         only,
         amplitude: f64::NAN,
@@ -291,7 +281,7 @@ fn wanted_another<S: Study>(study: &S, ladder: &Ladder, term: usize) -> Option<u
     let all = (0..candidates.len())
         .filter(|&other| other == first || candidates[other].another_of == Some(first));
     let all: Vec<usize> = all.collect();
-    let is_last = all.last() == Some(&term) && all.len() < MOST_OF_A_KIND;
+    let is_last = all.last() == Some(&term) && all.len() < MOST_LIMITED_OF_A_KIND;
     (is_last && all.iter().all(|other| ladder.accepted.contains(other))).then_some(first)
 }
 
@@ -384,7 +374,7 @@ impl Asked<'_> {
             spans.push((Span::Until(moment_s), rise(&sums[..=k])));
         }
         spans.sort_by(|a, b| b.1.total_cmp(&a.1));
-        spans.truncate(PROMISING);
+        spans.truncate(TESTED_LIMITS);
         if !spans.iter().any(|(span, _)| *span == Span::Always) {
             spans.push((Span::Always, rise(&sums)));
         }
@@ -400,10 +390,10 @@ impl Asked<'_> {
             .iter()
             .map(|column| self.promising(column)[0].1)
             .enumerate()
-            .filter(|(_, rise)| LEAST_NATS < *rise)
+            .filter(|(_, rise)| LIMITED_NATS < *rise)
             .collect();
         promising.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let found = promising.into_iter().take(PROMISING).filter_map(|(group, _)| {
+        let found = promising.into_iter().take(TESTED_LIMITS).filter_map(|(group, _)| {
             let mut found = self.of_time(term, &columns[group], Some(column))?;
             let id = i64::from(partition.groups[group].id);
             found.only.insert(key.to_owned(), toml::Value::Array(vec![id.into()]));
@@ -434,13 +424,13 @@ impl Asked<'_> {
         // For always speaks that a change is worth little.
         let always = significant
             .iter()
-            .find(|(span, rise, _)| *span == Span::Always && best.1 < rise + NOTHING_MORE_NATS);
+            .find(|(span, rise, _)| *span == Span::Always && best.1 < rise + TIME_LIMIT_NATS);
         let (mut span, _, found) = *always.unwrap_or(best);
         span = self.refined(column, span);
         if let Some(rest) = span.rest() {
             let [inside, outside] = [span, rest].map(|span| self.during(column, span));
             let beside_p = self.tests.test(&outside, &[&inside]);
-            if beside_p.is_some_and(|test| test.p_value < LIKELY) {
+            if beside_p.is_some_and(|test| test.p_value < UNCORRECTED_LEVEL) {
                 // It is there in the rest of the time, too.
                 beside?;
                 span = Span::Always;
@@ -493,7 +483,7 @@ fn rounded(moment_s: f64) -> f64 {
 /// Whether an amplitude lies outside of what the others make likely; of few groups always.
 fn stands_out(own: f64, others: &[f64]) -> bool {
     let n = others.len() as f64;
-    if others.len() + 1 < STANDS_OUT_OF {
+    if others.len() + 1 < FEWEST_COMPARED_GROUPS {
         return true;
     }
     let mean = others.iter().sum::<f64>() / n;
@@ -501,5 +491,5 @@ fn stands_out(own: f64, others: &[f64]) -> bool {
     let t = (own - mean).abs() / (squares / (n - 1.0) * (1.0 + 1.0 / n)).sqrt();
     // Of all groups the one that lies furthest.
     let p_value = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |law| 2.0 * law.sf(t));
-    p_value * (n + 1.0) < LIKELY
+    p_value * (n + 1.0) < UNCORRECTED_LEVEL
 }

@@ -17,12 +17,10 @@ use study::formula::{FormulaFitError, FormulaRequest};
 use study::links::LinkStudy;
 use study::open::{self, OpenError, Predicted, Subject};
 use study::robots::RobotStudy;
+use study::thresholds::MOST_MISSING_SHARE;
 use study::view::Viewed;
 use study::{COMMON, StopFlag};
 
-/// A simulator executes an effect if, with it, its predictions miss at most this share of what the fit moves: effects are fitted to
-/// first order.
-const MOST_MISSING: f64 = 0.5;
 /// Positions that are as close (m) are the same.
 const SAME_M: f64 = 1e-9;
 
@@ -241,7 +239,7 @@ impl Measured for RobotStudy {
         if fitted_m < SAME_M {
             return Err(NotExecuted::NothingMoved { names, by }.into());
         }
-        if MOST_MISSING * fitted_m < missing_m {
+        if MOST_MISSING_SHARE * fitted_m < missing_m {
             return Err(NotExecuted::MovesOtherwise { names, by, fitted_m, missing_m }.into());
         }
         Ok(())

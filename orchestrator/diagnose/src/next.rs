@@ -6,12 +6,8 @@ use super::ladder::{Ladder, Search};
 use numbers::format::trimmed;
 use numbers::power::integer_power;
 use numbers::quantity;
+use study::thresholds::{CONDITION_BINS, FEWEST_BIN_ROWS, WIDE_INTERVAL};
 use study::{COMMON, Estimate, PredictionDifference, Study};
-
-/// Bins of a covariate.
-const BINS: usize = 10;
-/// A bin with fewer rows says nothing.
-const FEWEST_ROWS: usize = 20;
 
 /// Decimals of a covariate in a sentence.
 const DECIMALS: usize = 6;
@@ -55,7 +51,7 @@ pub(crate) fn greatest_difference(difference: &PredictionDifference) -> Option<C
             let (from, to) = (values[first], values[last]);
             let sum: f64 = part.iter().map(|&row| difference.by_row[row]).sum();
             let is_range = from < to;
-            if part.len() < FEWEST_ROWS
+            if part.len() < FEWEST_BIN_ROWS
                 || n <= part.len()
                 || is_range && NUMBERS_OF_NODES.contains(&name.as_str())
             {
@@ -79,7 +75,7 @@ pub(crate) fn greatest_difference(difference: &PredictionDifference) -> Option<C
 
 /// Rows in ascending order, in about as many parts as there are bins; rows with equal values are in one part.
 fn tenths<'a>(mut order: &'a [usize], values: &[f64]) -> Vec<&'a [usize]> {
-    let size = order.len().div_ceil(BINS).max(FEWEST_ROWS);
+    let size = order.len().div_ceil(CONDITION_BINS).max(FEWEST_BIN_ROWS);
     let mut parts = Vec::new();
     while !order.is_empty() {
         let mut end = size.min(order.len());
@@ -101,9 +97,6 @@ fn round_range(from: f64, to: f64) -> (f64, f64) {
     let step = step.unwrap_or(10.0 * power);
     (step * libm::floor(from / step), step * libm::ceil(to / step))
 }
-
-/// A parameter is known weakly where its interval is longer than so many times its value.
-const WEAK: f64 = 1.0;
 
 /// For each tie, and each parameter that is known weakly, where the rivals differ most. `estimates`: by term.
 pub(crate) fn measurements<S: Study>(
@@ -129,7 +122,7 @@ pub(crate) fn measurements<S: Study>(
     for (term, estimates) in estimates {
         let name = &candidates[*term].name;
         for Estimate { name: key, value, low, high, .. } in estimates {
-            if high - low <= WEAK * value.abs() || !(high - low).is_finite() {
+            if high - low <= WIDE_INTERVAL * value.abs() || !(high - low).is_finite() {
                 continue;
             }
             let held_at = |end: f64| study.with_parameter_held(&chosen, *term, key, end);

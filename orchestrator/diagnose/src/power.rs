@@ -23,16 +23,8 @@ use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF as _, Normal};
 use study::choices::Choices;
 use study::open::{self, OpenError, Subject};
+use study::thresholds::{FEWEST_BLOCKS, FIRST_CAMPAIGNS, MOST_FIRST_ESTIMATES, POWER, POWER_SIZES};
 use study::{StopFlag, Study};
-
-/// The probability with which the effect is to be found.
-pub const POWER: f64 = 0.8;
-/// Campaigns of a first look at a size.
-const LOOKS: u64 = 3;
-/// First looks at most.
-const MOST_LOOKS: usize = 8;
-/// Sizes at which detections are counted, relative to the first estimate.
-const SIZES: [f64; 4] = [0.7, 0.9, 1.1, 1.4];
 
 /// Which effect is to be found, and how often campaigns are simulated for it.
 #[derive(Clone, Copy, Debug)]
@@ -137,8 +129,8 @@ pub fn power(
     // A first estimate: the gain in standard errors grows in proportion to the size.
     let needed = Normal::standard().inverse_cdf(POWER);
     let mut size = knob.greatest.min(1.0);
-    for _ in 0..MOST_LOOKS {
-        let outcomes = at(size, LOOKS)?;
+    for _ in 0..MOST_FIRST_ESTIMATES {
+        let outcomes = at(size, FIRST_CAMPAIGNS)?;
         if plan.stop.is_set() {
             break;
         }
@@ -152,7 +144,7 @@ pub fn power(
         size = (size * factor).min(knob.greatest);
     }
     let mut points: Vec<(f64, u64, Vec<CampaignResult>)> = Vec::new();
-    for relative in SIZES {
+    for relative in POWER_SIZES {
         let size = (size * relative).min(knob.greatest);
         if !plan.stop.is_set() && points.iter().all(|(other, ..)| *other != size) {
             let outcomes = at(size, question.campaigns)?;
@@ -542,7 +534,7 @@ fn candidates_and_blocks<S: Study>(study: &S, effect: &str) -> Result<(usize, us
             effect: effect.to_owned(),
             n_blocks: blocks.n_blocks(),
             unit: blocks.unit,
-            least: study::folds::FEWEST_BLOCKS,
+            least: FEWEST_BLOCKS,
         });
     }
     let n = candidates.iter().filter(|candidate| candidate.is_tried()).count();

@@ -1,6 +1,6 @@
 //! Structure of the residuals over a covariate, looked for when no candidate gains any more.
 
-use super::acceptance::{FAMILY_ERROR, LEAST_SHARE, is_worth, share_scale};
+use super::acceptance::{is_worth, share_scale};
 use super::ladder::{Ladder, Search, without_term};
 use super::score_test::ScoreTests;
 use numbers::power::square;
@@ -11,16 +11,11 @@ use std::collections::BTreeMap;
 use study::folds::Blocks;
 use study::linear::{Dependence, Linearised};
 use study::symbolic::FittedFormula;
+use study::thresholds::{
+    FAMILY_ERROR, FINE_STRUCTURE_BINS, LEAST_ERROR_SHARE, SIGN_FLIPS, STRUCTURE_BINS,
+    UNCORRECTED_LEVEL,
+};
 use study::{COMMON, Study};
-
-/// Bins of a covariate …
-const BINS: usize = 10;
-/// … and, where nothing is found so, of one that comes and goes.
-const FINE_BINS: usize = 30;
-/// Level at which structure must be beyond what rows that depend on each other share. That it is beyond chance was shown before.
-const BESIDE_SHARED: f64 = 0.05;
-/// Flips of the signs of whole blocks.
-const FLIPS: u64 = 200;
 
 /// A significant dependence of the residuals on a covariate.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,7 +57,7 @@ impl StandardisedResiduals<'_> {
     /// Whether structure that explains this share is worth telling: as for effects, by nats, or by the share of the error.
     fn are_worth(&self, explained: f64) -> bool {
         let nats = -0.5 * libm::log(1.0 - explained);
-        is_worth(nats, LEAST_SHARE * self.configured, || explained)
+        is_worth(nats, LEAST_ERROR_SHARE * self.configured, || explained)
     }
 }
 
@@ -128,7 +123,7 @@ fn stands_clustered<S: Study>(
 ) -> bool {
     let values = covariates.iter().find(|(name, _)| *name == found.covariate);
     let Some((_, values)) = values else { return true };
-    let Some(bins) = binned(values, BINS) else { return true };
+    let Some(bins) = binned(values, STRUCTURE_BINS) else { return true };
     let dependence = study.dependence();
     let Some(nodes) = &dependence.nodes else { return true };
     if is_of_few_nodes(values, nodes) {
@@ -156,9 +151,9 @@ fn stands_clustered<S: Study>(
     let mut told = told.filter_map(|rest| ScoreTests::new(&rows, rest).test(&column, &[]));
     let Some(test) = told.next() else { return true };
     let t = test.amplitude / test.standard_error;
-    let n = (BINS - 1) as f64;
+    let n = (STRUCTURE_BINS - 1) as f64;
     let p_value = FisherSnedecor::new(n, test.freedom).map_or(1.0, |law| law.sf(t * t / n));
-    p_value < BESIDE_SHARED
+    p_value < UNCORRECTED_LEVEL
 }
 
 /// Whether a covariate has one value for each sender, or each receiver, and these are too few to tell it from what nodes differ by: any
@@ -171,7 +166,7 @@ fn is_of_few_nodes(values: &[f64], nodes: &[[u32; 2]]) -> bool {
             .zip(nodes)
             .filter(|(value, _)| value.is_finite())
             .all(|(value, ends)| of_node.entry(ends[end]).or_insert(*value) == value);
-        is_of_node && of_node.len() < 2 * BINS
+        is_of_node && of_node.len() < 2 * STRUCTURE_BINS
     })
 }
 
@@ -184,7 +179,7 @@ pub(crate) fn strongest(
     levels: &[&Blocks],
 ) -> Option<ResidualStructure> {
     let in_bins = |n_bins| strongest_in(covariates, residuals, levels, n_bins);
-    in_bins(BINS).or_else(|| in_bins(FINE_BINS))
+    in_bins(STRUCTURE_BINS).or_else(|| in_bins(FINE_STRUCTURE_BINS))
 }
 
 /// The same in so many bins of each covariate.
@@ -279,7 +274,7 @@ fn test_structure(
             parts[block * n_bins + usize::from(bins[row])] += residual[row];
         }
         let (mut first, mut second) = (0.0, 0.0);
-        for flip in 0..FLIPS {
+        for flip in 0..SIGN_FLIPS {
             let mut sums = [0.0; 256];
             for (block, part) in parts.chunks(n_bins).enumerate() {
                 let [word, ..] = draws.words(flip, block as u64, 0);
@@ -292,7 +287,7 @@ fn test_structure(
             first += chance;
             second += chance * chance;
         }
-        let n = FLIPS as f64;
+        let n = SIGN_FLIPS as f64;
         let mean = first / n;
         let variance = (second / n - mean * mean).max(1e-12);
         let law = Gamma::new(mean * mean / variance, mean / variance).ok()?;
@@ -359,7 +354,7 @@ mod tests {
         let values: Vec<f64> = noise(n).iter().zip(&x).map(|(z, x)| z + pulse(x)).collect();
         let residuals = [StandardisedResiduals { values: &values, configured: 1.0 }];
         let (covariates, blocks) = ([("x".to_owned(), x)], blocks(n));
-        assert_eq!(strongest_in(&covariates, &residuals, &[&blocks], BINS), None);
+        assert_eq!(strongest_in(&covariates, &residuals, &[&blocks], STRUCTURE_BINS), None);
         let found = strongest(&covariates, &residuals, &[&blocks]).unwrap();
         assert!((0.05..0.1).contains(&found.explained), "{found:?}");
     }

@@ -10,7 +10,7 @@
 //! * Links: rows that share a node (Aronow, Samii and Assenova 2015), and time; both together by Cameron, Gelbach and Miller (2011).
 //! * Sums of clusters are skewed: the statistic is corrected by Hall (1992), where that makes it smaller.
 //!
-//! Where there are fewer than [`FEWEST_CLUSTERS`] in a dimension nothing is told.
+//! Where there are fewer than [`FEWEST_CLUSTERS`](study::thresholds::FEWEST_CLUSTERS) in a dimension nothing is told.
 
 mod clusters;
 
@@ -19,10 +19,6 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF as _, FisherSnedecor, StudentsT};
 use study::linear::{Column, Dependence, Linearised};
 
-/// Clusters without which nothing can be told.
-pub(crate) const FEWEST_CLUSTERS: usize = 20;
-/// Nodes without which nothing can be told of links.
-pub(crate) const FEWEST_NODES: usize = 6;
 /// What is left of the information of a column beside what was estimated, where it can be tested.
 const LEAST_LEFT: f64 = 1e-6;
 

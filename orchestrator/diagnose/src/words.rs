@@ -6,6 +6,7 @@ use super::gate::Misfit;
 use numbers::format::with_unit;
 use std::fmt::Write as _;
 use study::defects::PREFIX;
+use study::thresholds::PLAIN_ERROR_SHARE;
 
 /// What a diagnosis came to, in a sentence.
 #[must_use]
@@ -143,9 +144,6 @@ fn ladder(text: &mut String, diagnosis: &Diagnosis) {
     }
 }
 
-/// The plain error is printed where the root mean squared error of the configured model differs from it by more than this share.
-const PLAIN_DIFFERS: f64 = 0.1;
-
 /// The plain error of received frames, where the error about the mean reading of received frames is another.
 fn plain_error(text: &mut String, diagnosis: &Diagnosis) {
     let (Some(first), Some(last)) = (diagnosis.ladder.first(), diagnosis.ladder.last()) else {
@@ -154,7 +152,7 @@ fn plain_error(text: &mut String, diagnosis: &Diagnosis) {
     let (Some(before), Some(after)) = (first.rmse_received_db, last.rmse_received_db) else {
         return;
     };
-    if (first.rmse / before - 1.0).abs() <= PLAIN_DIFFERS {
+    if (first.rmse / before - 1.0).abs() <= PLAIN_ERROR_SHARE {
         return;
     }
     let with = if diagnosis.ladder.len() < 2 {

@@ -1,7 +1,6 @@
 //! Blocks of rows that depend on each other, dealt to folds that are left out in turn.
 
-pub use crate::thresholds::FEWEST_BLOCKS;
-use crate::thresholds::N_FOLDS;
+use crate::thresholds::{FEWEST_BLOCKS, N_FOLDS};
 use std::collections::BTreeSet;
 
 /// Rows in blocks, blocks in folds.

@@ -2,11 +2,11 @@
 
 use super::Study;
 use super::choices::{ChoiceError, Choices, ConditionRows};
-use super::folds::FEWEST_BLOCKS;
 use super::links::LinkStudy;
 use super::links::covariates;
 use super::links::rows::ModelledLinks;
 use super::robots::{RobotStudy, RobotStudyError, StatedSettings, body_for};
+use super::thresholds::FEWEST_BLOCKS;
 use measure::DataError;
 use measure::account::DataFile;
 use measure::config::Compared;

@@ -13,6 +13,14 @@
 //! | screening | which candidates are fitted in full |
 //! | measured motion | what is believed of tracks of robots and nodes |
 //! | defects | which measurements count as defective |
+//! | packets | which effects and parts of an error measured packets show |
+//! | acceptance | which effects a diagnosis accepts |
+//! | ties | which of several effects it names |
+//! | score tests | which rows a test of a candidate takes for dependent |
+//! | limited effects | whether an effect is limited to some rows |
+//! | structure | what is reported of residuals and errors |
+//! | two campaigns | what changed between them |
+//! | planning | which effects a campaign would show, and which campaign is next |
 //!
 //! Iteration limits, step sizes, grids and other numeric tolerances are where they are used. They change how fast and how
 //! accurately a number is computed. Where a constant is a compromise without a source, its comment says "chosen" and names
@@ -358,3 +366,158 @@ pub const SPLIT_RUNS: u64 = 5;
 pub const COUNTED_FRAMES: f64 = 20.0;
 /// Least difference of a figure on its scale that counts, and least standard deviation of a figure for the parts of an error.
 pub const LEAST_FIGURE_DIFFERENCE: f64 = 0.005;
+
+// Acceptance of an effect.
+
+/// Probability with which any of all candidates together is accepted wrongly (Holm's correction). Chosen: smaller, only larger
+/// effects are found.
+pub const FAMILY_ERROR: f64 = 0.005;
+/// An effect is worth adding from this gain on held-out rows (nats per row) …
+pub const WORTH_NATS: f64 = 0.01;
+/// … or if it removes this share of the squared error of the present model.
+pub const WORTH_SHARE: f64 = 0.01;
+/// In any case it removes this share of the squared error of the model as configured.
+pub const LEAST_ERROR_SHARE: f64 = 0.001;
+/// Level of significance without correction, used where another test has shown already that something is missing: whether an
+/// effect, a limit or structure is there beside what rows that depend on each other share.
+pub const UNCORRECTED_LEVEL: f64 = 0.05;
+/// Greatest number of effects that the selection accepts: a limit of time, since each takes a search over all others.
+pub const MOST_ACCEPTED: usize = 8;
+/// Random effects that raise the log likelihood by this (nats) are evident if they predict held-out rows no worse.
+pub const EVIDENT_NATS: f64 = 50.0;
+/// A random effect is far from 0 at this number of halves of its 90 % interval: 3.3 standard errors.
+pub const FAR_HALF_INTERVALS: f64 = 2.0;
+/// Fewest blocks within a span of time, for the scatter of gains there.
+pub const FEWEST_BLOCKS_WITHIN: usize = 8;
+
+// Ties between effects.
+
+/// A physical effect is preferred over random effects, and a constant over other effects, if it gains at least this share of
+/// what they gain. Chosen: nearer to 1, random effects hide effects whose shape is not exact; smaller, wrong effects replace
+/// them.
+pub const PREFERRED_SHARE: f64 = 0.85;
+/// A rival of the chosen candidate raises the log likelihood by at least this share of what it does.
+pub const RIVAL_SHARE: f64 = 0.8;
+/// Level of the likelihood-ratio test by which a curve replaces an effect nested in it. Rows count as independent, which they
+/// are not, so that the level is far below any other.
+pub const NESTED_LEVEL: f64 = 1e-6;
+/// Gain by which a candidate must exceed its own special case to count as better (nats). With three additional parameters that
+/// much occurs by chance in one case of 140.
+pub const SPECIAL_CASE_NATS: f64 = 6.0;
+
+// Screening of candidates.
+
+/// A term that raises the log likelihood of all rows by less (nats) cannot be significant on held-out rows. A log likelihood
+/// ratio with mean m has a variance of about 2 m, so that it lies √(m/2) standard errors above 0; a single candidate needs
+/// 2.58. The gain on held-out rows is smaller than on the rows of the fit.
+pub const HOPELESS_NATS: f64 = 12.0;
+
+// Score tests.
+
+/// Fewest clusters of rows for a test.
+pub const FEWEST_CLUSTERS: usize = 20;
+/// Fewest nodes for a test over links.
+pub const FEWEST_NODES: usize = 6;
+/// Correlation that sums of neighbouring blocks may have, or twice the standard error of no correlation. It increases the
+/// variance of their sum.
+pub const NEIGHBOUR_CORRELATION: f64 = 0.2;
+/// Greatest share of the information of a test in one cluster. Beyond, that cluster decides alone, and there is no test.
+pub const MOST_IN_ONE_CLUSTER: f64 = 0.5;
+/// A cluster counts that has at least this share of the mean information of all.
+pub const COUNTED_INFORMATION: f64 = 1e-3;
+/// Probability of intervals, and of a bound on what may be hidden.
+pub const INTERVAL_PROBABILITY: f64 = 0.9;
+
+// Limited effects: to a group of rows, or to a span of time.
+
+/// Least rise of the log likelihood that a limited effect promises (nats).
+pub const LIMITED_NATS: f64 = 8.0;
+/// Rise by which a limit in time must exceed none (nats): its end is one of many.
+pub const TIME_LIMIT_NATS: f64 = 6.0;
+/// Groups and spans of time that are tested, the most promising ones: a limit of time.
+pub const TESTED_LIMITS: usize = 3;
+/// Groups from which one must stand out from the others.
+pub const FEWEST_COMPARED_GROUPS: usize = 6;
+/// Limited effects that compete at most.
+pub const MOST_LIMITED: usize = 4;
+/// Limited effects of one kind at most.
+pub const MOST_LIMITED_OF_A_KIND: usize = 4;
+/// A limited effect competes if it promises at least this share of what the best one does.
+pub const LIMITED_SHARE: f64 = 0.5;
+
+// Structure in residuals, and errors by covariate.
+
+/// Bins of a covariate in which residuals are tested for structure.
+pub const STRUCTURE_BINS: usize = 10;
+/// The same where nothing is found, for a covariate that comes and goes.
+pub const FINE_STRUCTURE_BINS: usize = 30;
+/// Random flips of the signs of whole blocks.
+pub const SIGN_FLIPS: u64 = 200;
+/// Resamples of blocks for intervals of errors (bootstrap).
+pub const BOOTSTRAP_RESAMPLES: u64 = 400;
+/// Bins of a covariate by which errors are shown.
+pub const ERROR_BINS: usize = 8;
+/// Share of the greatest errors of a group that are left out of its error, as outliers.
+pub const TRIMMED_SHARE: f64 = 0.05;
+/// Fewest groups whose errors are compared.
+pub const FEWEST_ERROR_GROUPS: usize = 5;
+/// Errors of a group are reported if they are significantly more than this number of times those of the others.
+pub const GROUP_ERROR_RATIO: f64 = 2.0;
+/// A smaller constant offset of readings is not reported in a sentence (dB).
+pub const LEAST_OFFSET_DB: f64 = 1.0;
+/// A constant offset is the same everywhere if it explains at least this share of the squared plain error.
+pub const EVERYWHERE_SHARE: f64 = 0.5;
+/// The plain error is reported if the root mean squared error of the configured model differs from it by more than this share.
+pub const PLAIN_ERROR_SHARE: f64 = 0.1;
+
+// A simulator of robots other than our own.
+
+/// A simulator executes an effect if, with it, its predictions miss at most this share of what the fit moves: effects are fitted
+/// to first order.
+pub const MOST_MISSING_SHARE: f64 = 0.5;
+
+// Two campaigns.
+
+/// Changes that are searched at most.
+pub const MOST_CHANGES: usize = 6;
+/// Effects in both campaigns that are fitted in a round beside differences, the most promising ones: a limit of time.
+pub const MOST_IN_BOTH: usize = 4;
+/// An effect in both campaigns is fitted if it promises at least this share of what the best difference does.
+pub const IN_BOTH_SHARE: f64 = 0.3;
+/// Two explanations are distinguished if one predicts held-out rows better at this p-value.
+pub const DISTINGUISHED_LEVEL: f64 = 0.05;
+/// Least rise of the log likelihood that a difference promises, to be tested (nats).
+pub const DIFFERENCE_NATS: f64 = 8.0;
+/// A difference is tested if it promises at least this share of what the best one does.
+pub const DIFFERENCE_SHARE: f64 = 0.3;
+/// Differences that are tested, the most promising ones: a limit of time.
+pub const MOST_TESTED_DIFFERENCES: usize = 40;
+/// Differences that are fitted, the most promising ones: a limit of time.
+pub const MOST_FITTED_DIFFERENCES: usize = 8;
+/// Those among them, at most, for which the score test is not significant.
+pub const MOST_INSIGNIFICANT_DIFFERENCES: usize = 3;
+/// A parameter is reported as unchanged if the margin of its difference is at most this share of its size.
+pub const UNCHANGED_SHARE: f64 = 0.25;
+/// Below this p-value of a change of the error, the verdict is not `nothing-changed`.
+pub const DOUBTFUL_LEVEL: f64 = 0.05;
+/// Fewest blocks of each campaign for a test of a change of the error.
+pub const FEWEST_CHANGE_BLOCKS: usize = 10;
+/// Campaign B was at new places if more than this share of its rows has no row of A in its block of places.
+pub const NEW_PLACES_SHARE: f64 = 0.02;
+
+// Planning: power, and the next campaign.
+
+/// Probability with which an effect of the reported size is found: the usual choice.
+pub const POWER: f64 = 0.8;
+/// Campaigns that are simulated for a first estimate of that size.
+pub const FIRST_CAMPAIGNS: u64 = 3;
+/// First estimates at most.
+pub const MOST_FIRST_ESTIMATES: usize = 8;
+/// Sizes at which detections are counted, relative to the first estimate.
+pub const POWER_SIZES: [f64; 4] = [0.7, 0.9, 1.1, 1.4];
+/// Bins of a covariate among which the conditions of the next campaign are chosen.
+pub const CONDITION_BINS: usize = 10;
+/// Fewest rows of a bin.
+pub const FEWEST_BIN_ROWS: usize = 20;
+/// A parameter is not determined well if its interval is longer than this number of times its value.
+pub const WIDE_INTERVAL: f64 = 1.0;

@@ -15,12 +15,8 @@ use measure::account::DataAccount;
 use measure::time_of_day::TIME_OF_DAY;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use study::open::Subject;
+use study::thresholds::{INTERVAL_PROBABILITY, UNCHANGED_SHARE};
 use study::{COMMON, Estimate, Study};
-
-/// Intervals have this probability.
-const INTERVAL: f64 = 0.9;
-/// A parameter is said to be the same where the margin is at most this share of its size.
-const SAME_SHARE: f64 = 0.25;
 
 /// Two campaigns, and what is known of them beside the pooled study.
 #[derive(Clone, Copy, Debug)]
@@ -87,7 +83,9 @@ pub(super) fn answer<S: Study>(
         }
     });
     let common = common.collect();
-    let bound = |(_, _, test): &(&str, &str, ScoreTest)| test.upper_bound(0.5 * (1.0 - INTERVAL));
+    let bound = |(_, _, test): &(&str, &str, ScoreTest)| {
+        test.upper_bound(0.5 * (1.0 - INTERVAL_PROBABILITY))
+    };
     let could_hide = constants.everywhere.iter().map(bound).fold(f64::NAN, f64::max);
     let mut same: Vec<Same> = constants.everywhere.iter().map(same_constant).collect();
     for pair in pairs.iter().filter(|_| !is_stopped()) {
@@ -220,7 +218,7 @@ fn difference(a: &Parameter, b: &Parameter) -> Parameter {
 /// A constant that is the same in both campaigns.
 fn same_constant((name, unit, test): &(&'static str, &'static str, ScoreTest)) -> Same {
     let quantile = StudentsT::new(0.0, 1.0, test.freedom)
-        .map_or(f64::INFINITY, |law| law.inverse_cdf(0.5 + 0.5 * INTERVAL));
+        .map_or(f64::INFINITY, |law| law.inverse_cdf(0.5 + 0.5 * INTERVAL_PROBABILITY));
     let half = quantile * test.standard_error;
     let difference = Parameter {
         value: test.amplitude,
@@ -250,7 +248,7 @@ fn same_parameters<S: Study>(study: &S, search: &Search<'_, S>, pair: &Pair) -> 
         let [(key, a), (_, b)] =
             [a, b].map(|estimate| parameter(&widened(estimate, pair.widening)));
         let same = same(format!("{name}: {key}"), difference(&a, &b));
-        (same.within <= SAME_SHARE * a.value.abs().max(b.value.abs())).then_some(same)
+        (same.within <= UNCHANGED_SHARE * a.value.abs().max(b.value.abs())).then_some(same)
     };
     both.filter_map(of_pair).collect()
 }

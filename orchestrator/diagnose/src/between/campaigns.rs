@@ -14,10 +14,10 @@ use measure::pooled::{Pooled, pool};
 use measure::table::DataTable;
 use measure::{packets, time_of_day};
 use study::choices::Choices;
-use study::folds::FEWEST_BLOCKS;
 use study::links::LinkStudy;
 use study::open::{self, OpenError, Subject};
 use study::robots::RobotStudy;
+use study::thresholds::FEWEST_BLOCKS;
 use study::{COMMON, Study};
 
 /// A model and the measurements of two campaigns, of links or of robots.

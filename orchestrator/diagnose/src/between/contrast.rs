@@ -6,28 +6,20 @@
 //! The difference at one node is tested twice: rows of a block of time may depend on each other, and rows of a pair of nodes, of which
 //! the node has one with each of the others. The greater p-value counts.
 
-use crate::acceptance::{FAMILY_ERROR, WORTH_SHARE};
 use crate::gate::Misfit;
 use crate::score_test::{ScoreTest, ScoreTests};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::{BTreeMap, BTreeSet};
 use study::linear::{Column, Dependence, Direction, Linearised, on_rows};
+use study::thresholds::{
+    DIFFERENCE_NATS, DIFFERENCE_SHARE, FAMILY_ERROR, MOST_FITTED_DIFFERENCES,
+    MOST_INSIGNIFICANT_DIFFERENCES, MOST_TESTED_DIFFERENCES, WORTH_SHARE,
+};
 use study::{Study, linear::Partition};
 
 /// The key that limits an effect to campaigns.
 pub(super) const RUNS: &str = "runs";
-
-/// A difference must promise so much (nats) to be tested …
-const LEAST_NATS: f64 = 8.0;
-/// … and at least this share of what the best does.
-const NEARLY: f64 = 0.3;
-/// Differences that are tested, the most promising.
-const MOST_TESTED: usize = 40;
-/// Differences that are fitted, the most promising …
-const MOST_FITTED: usize = 8;
-/// … among them so many at most for which the score test is not significant.
-const MOST_OTHERS: usize = 3;
 
 /// The rows of two campaigns, A and B.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -189,7 +181,7 @@ impl<'a> Contrasts<'a> {
         let of_column = |(term, column): &(usize, Column)| -> Vec<Difference> {
             let difference = |one: Option<One>, there: &Column, beside: &[&Column]| {
                 let rise = self.tests.rise(there, beside) / design_effect;
-                (LEAST_NATS < rise).then(|| Difference {
+                (DIFFERENCE_NATS < rise).then(|| Difference {
                     term: *term,
                     one,
                     rise,
@@ -220,8 +212,8 @@ impl<'a> Contrasts<'a> {
             is_new
         });
         let best = found.first().map_or(0.0, |best| best.rise);
-        found.retain(|difference| NEARLY * best <= difference.rise);
-        found.truncate(MOST_TESTED);
+        found.retain(|difference| DIFFERENCE_SHARE * best <= difference.rise);
+        found.truncate(MOST_TESTED_DIFFERENCES);
         found.par_iter_mut().for_each(|difference| {
             if let Some((test, p_value)) = self.test(&difference.column, difference.one.as_ref()) {
                 let p_value = n_tests * p_value;
@@ -235,9 +227,9 @@ impl<'a> Contrasts<'a> {
         found.retain(|difference| {
             let is_other = difference.p_value.is_none();
             n_others += usize::from(is_other);
-            !is_other || best < difference.rise && n_others <= MOST_OTHERS
+            !is_other || best < difference.rise && n_others <= MOST_INSIGNIFICANT_DIFFERENCES
         });
-        found.truncate(MOST_FITTED);
+        found.truncate(MOST_FITTED_DIFFERENCES);
         found
     }
 

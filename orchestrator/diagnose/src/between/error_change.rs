@@ -12,10 +12,8 @@ use serde::Serialize;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::{BTreeMap, BTreeSet};
 use study::folds::Blocks;
+use study::thresholds::{FEWEST_CHANGE_BLOCKS, NEW_PLACES_SHARE};
 use study::{COMMON, RowScore, Study};
-
-/// Fewest blocks of each campaign for a test.
-const FEWEST: usize = 10;
 
 /// How well the model of A predicts both campaigns.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
@@ -77,9 +75,6 @@ pub fn with_changes<S: Study>(
     error.rmse_b_with_changes = mean(|score| score.squared_error).map(f64::sqrt);
     error.log_score_b_with_changes = mean(|score| score.log);
 }
-
-/// B was measured at new places where more than this share of its rows has no row of A in its block of places.
-const NEW_PLACES: f64 = 0.02;
 
 /// Compares how a model that is fitted to A predicts A and B. `is_b`: whether each row is of B. None where there are too few blocks.
 ///
@@ -144,7 +139,7 @@ fn has_new_places(blocks: &[u32], is_b: &[bool]) -> bool {
         blocks.iter().zip(is_b).filter(|(_, is_b)| !**is_b).map(|(block, _)| *block).collect();
     let of_b = || blocks.iter().zip(is_b).filter(|(_, is_b)| **is_b).map(|(block, _)| block);
     let n_new = of_b().filter(|block| !of_a.contains(block)).count();
-    NEW_PLACES * (of_b().count() as f64) < n_new as f64
+    NEW_PLACES_SHARE * (of_b().count() as f64) < n_new as f64
 }
 
 /// The scores of both campaigns by block, compared. `is_two_sided`: whether a smaller error of B counts, too.
@@ -234,7 +229,7 @@ fn welch(one: &[BlockMean], other: &[BlockMean]) -> Option<WelchTest> {
             .sum();
         (mean, blocks / (blocks - 1.0) * squares / (n * n), blocks)
     };
-    if one.len().min(other.len()) < FEWEST {
+    if one.len().min(other.len()) < FEWEST_CHANGE_BLOCKS {
         return None;
     }
     let (mean_one, variance_one, n_one) = mean_and_variance(one);
@@ -325,10 +320,13 @@ mod tests {
 
     #[test]
     fn too_few_blocks_or_blocks_that_do_not_vary_have_no_test() {
-        let many: Vec<f64> = (0..FEWEST).map(|k| k as f64).collect();
+        let many: Vec<f64> = (0..FEWEST_CHANGE_BLOCKS).map(|k| k as f64).collect();
         assert!(welch(&blocks(&many), &blocks(&many)).is_some());
         assert_eq!(welch(&blocks(&many[1..]), &blocks(&many)), None);
-        assert_eq!(welch(&blocks(&[1.0; FEWEST]), &blocks(&[1.0; FEWEST])), None);
+        assert_eq!(
+            welch(&blocks(&[1.0; FEWEST_CHANGE_BLOCKS]), &blocks(&[1.0; FEWEST_CHANGE_BLOCKS])),
+            None
+        );
     }
 
     #[test]

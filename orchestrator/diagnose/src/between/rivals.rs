@@ -1,11 +1,12 @@
 //! Explanations that no score test proposes, held against the changes that were found.
 
 use super::contrast::Sides;
-use super::search::{DISTINGUISHED, Found, limited, may_change, only};
+use super::search::{Found, limited, may_change, only};
 use crate::gain::Gain;
 use crate::ladder::Search;
 use crate::progress::SearchProgress;
 use std::sync::Arc;
+use study::thresholds::DISTINGUISHED_LEVEL;
 use study::{COMMON, Study};
 use tracing::debug;
 
@@ -52,7 +53,7 @@ pub(super) fn at_a_place<S: Study>(
             if is_rival {
                 change.is_only_possible = true;
                 change.ties.push(name.clone());
-            } else if over.p_value < DISTINGUISHED {
+            } else if over.p_value < DISTINGUISHED_LEVEL {
                 change.ruled_out.push(name.clone());
             }
         }

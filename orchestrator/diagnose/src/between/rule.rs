@@ -1,10 +1,7 @@
 //! The verdict on two campaigns. `nothing-changed` requires all evidence to agree.
 
 use super::BetweenVerdict;
-use crate::acceptance::FAMILY_ERROR;
-
-/// Below this p-value of a change of the error, the verdict is not `nothing-changed`.
-pub(super) const DOUBTFUL: f64 = 0.05;
+use study::thresholds::{DOUBTFUL_LEVEL, FAMILY_ERROR};
 
 /// What the verdict follows from.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,7 +40,7 @@ pub(super) fn verdict(evidence: &Evidence) -> BetweenVerdict {
     } else if evidence.is_sharp
         && evidence.suffices
         && evidence.is_complete
-        && evidence.doubtful_p_value.is_some_and(|p_value| DOUBTFUL <= p_value)
+        && evidence.doubtful_p_value.is_some_and(|p_value| DOUBTFUL_LEVEL <= p_value)
     {
         BetweenVerdict::NothingChanged
     } else {

@@ -2,24 +2,18 @@
 
 use super::contrast::{Contrasts, Dependences, Difference, InBoth, One, RUNS, Sides, has_moved};
 use super::rivals;
-use crate::acceptance::{self, FAMILY_ERROR};
+use crate::acceptance;
 use crate::gain::{Gain, Scores};
 use crate::ladder::{Known, Search, without_term};
 use crate::progress::SearchProgress;
 use proto::effect::Level;
 use std::sync::Arc;
 use study::linear::{Column, Linearised};
+use study::thresholds::{
+    DISTINGUISHED_LEVEL, FAMILY_ERROR, IN_BOTH_SHARE, MOST_CHANGES, MOST_IN_BOTH,
+};
 use study::{COMMON, Candidate, RowScore, Study};
 use tracing::debug;
-
-/// Changes that are looked for at most.
-const MOST_CHANGES: usize = 6;
-/// Effects in both campaigns that are fitted in a round beside differences, the most promising …
-const MOST_IN_BOTH: usize = 4;
-/// … if they promise at least this share of what the best difference does.
-const NEARLY: f64 = 0.3;
-/// These data distinguish two explanations where one predicts held-out rows better at this p-value.
-pub(super) const DISTINGUISHED: f64 = 0.05;
 
 /// An effect that a diagnosis of A accepted.
 #[derive(Clone, Debug, PartialEq)]
@@ -262,7 +256,7 @@ fn backward_elimination<S: Study>(
         // An effect that is split in two is kept: without its part in B nothing of it would act there.
         let gains = found.changes.iter().enumerate().filter(|(_, change)| change.in_a.is_none());
         let gains = gains.map(|(place, change)| (place, gain_of(change)));
-        let superfluous = gains.filter(|(_, gain)| DISTINGUISHED <= gain.p_value);
+        let superfluous = gains.filter(|(_, gain)| DISTINGUISHED_LEVEL <= gain.p_value);
         let Some((place, _)) = superfluous.min_by(|a, b| a.1.gain.total_cmp(&b.1.gain)) else {
             break;
         };
@@ -359,7 +353,7 @@ fn proposals<S: Study>(
         return Some(Proposals { proposals: Vec::new(), tested });
     };
     let mut in_both = contrasts.in_both(&columns);
-    in_both.retain(|both| NEARLY * best <= both.rise && !found.terms.contains(&both.term));
+    in_both.retain(|both| IN_BOTH_SHARE * best <= both.rise && !found.terms.contains(&both.term));
     in_both.truncate(MOST_IN_BOTH);
     let differences = differences.into_iter().map(Proposal::Difference);
     let proposals = differences.chain(in_both.into_iter().map(Proposal::InBoth)).collect();
@@ -514,7 +508,7 @@ fn choose(
     let best = explanations.first()?;
     let is_tied = |other: &Explanation| {
         let gain = Gain::from_scores(&best.scores, &other.scores, blocks);
-        DISTINGUISHED <= gain.p_value
+        DISTINGUISHED_LEVEL <= gain.p_value
     };
     let tied: Vec<bool> =
         explanations.iter().enumerate().map(|(k, other)| k == 0 || is_tied(other)).collect();

@@ -5,6 +5,7 @@ use crate::defects::MeasurementDefect;
 use crate::diagnosis::Parameter;
 use crate::gate::Misfit;
 use std::fmt::Write as _;
+use study::thresholds::DOUBTFUL_LEVEL;
 
 /// The verdict on two campaigns in a sentence.
 #[must_use]
@@ -87,8 +88,7 @@ fn nothing_found(between: &Between) -> String {
     if let Some(why) = &between.too_little {
         return format!("no change was found, but {why}");
     }
-    let doubtful =
-        between.error.as_ref().filter(|error| error.doubtful_p_value() < super::rule::DOUBTFUL);
+    let doubtful = between.error.as_ref().filter(|error| error.doubtful_p_value() < DOUBTFUL_LEVEL);
     if let Some(error) = doubtful {
         let unit = between.error_unit;
         return format!(

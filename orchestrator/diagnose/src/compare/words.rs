@@ -2,6 +2,7 @@
 
 use super::comparison::{Comparison, Offset};
 use std::fmt::Write as _;
+use study::thresholds::{EVERYWHERE_SHARE, LEAST_OFFSET_DB};
 
 /// Covariates that are shown.
 const MOST_COVARIATES: usize = 8;
@@ -40,11 +41,6 @@ pub fn text(comparison: &Comparison) -> String {
     text
 }
 
-/// A smaller constant is not worth a sentence (dB) …
-const LEAST_OFFSET_DB: f64 = 1.0;
-/// … and one that explains at least this share of the squared plain error is the same everywhere.
-const EVERYWHERE: f64 = 0.5;
-
 /// The constant by which readings lie off the model, in a sentence.
 fn offset(comparison: &Comparison) -> Option<String> {
     let Offset { value, low, high } = comparison.offset_db?;
@@ -53,7 +49,7 @@ fn offset(comparison: &Comparison) -> Option<String> {
     }
     let side = if value < 0.0 { "below" } else { "above" };
     let rmse_db = comparison.scores.get("rmse_received_db").copied().unwrap_or(f64::NAN);
-    let is_everywhere = EVERYWHERE * rmse_db * rmse_db <= value * value;
+    let is_everywhere = EVERYWHERE_SHARE * rmse_db * rmse_db <= value * value;
     let spread = if is_everywhere { "everywhere" } else { "on average" };
     let (nearest, farthest) = (low.abs().min(high.abs()), low.abs().max(high.abs()));
     Some(format!(

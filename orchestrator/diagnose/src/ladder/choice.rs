@@ -1,7 +1,6 @@
 //! Choice among acceptable candidates, and the candidates that are statistically indistinguishable from the chosen one.
 
-use super::{COMMON, CandidateTest, NEARLY, Search, with_term, without_term};
-use crate::acceptance::{FAMILY_ERROR, WORTH_NATS};
+use super::{COMMON, CandidateTest, Search, with_term, without_term};
 use crate::gain::Gain;
 use crate::progress::SearchProgress;
 use proto::effect::{CONSTANT, Level};
@@ -9,15 +8,10 @@ use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
 use study::Study;
+use study::thresholds::{
+    FAMILY_ERROR, NESTED_LEVEL, PREFERRED_SHARE, RIVAL_SHARE, UNCORRECTED_LEVEL, WORTH_NATS,
+};
 use tracing::debug;
-
-/// Prefer a physical effect over random effects, and a constant over other effects, if it gains at least this share of what they gain.
-pub(super) const MOSTLY: f64 = 0.85;
-/// Level of significance without correction, used where another test has shown already that something is missing.
-pub(super) const LIKELY: f64 = 0.05;
-
-/// Level of the likelihood-ratio test by which a curve replaces an effect nested in it; rows count as independent.
-const BEYOND_DOUBT: f64 = 1e-6;
 
 /// The index of the wanted test with the greatest gain on the common split; the first of equal ones.
 fn greatest_gain(
@@ -84,7 +78,7 @@ impl<S: Study> Search<'_, S> {
         };
         if let Some(level) = tests.iter().position(level)
             && (candidates[tests[best].term].level == Level::Random
-                || MOSTLY * tests[best].common.gain <= tests[level].common.gain)
+                || PREFERRED_SHARE * tests[best].common.gain <= tests[level].common.gain)
             && self.is_off(accepted)
         {
             best = level;
@@ -165,7 +159,7 @@ impl<S: Study> Search<'_, S> {
 
     /// Where the best candidate is a random effect, which fits any pattern of known links and nodes, the physical effect to prefer.
     /// That is the one that predicts unseen places significantly better, random effects included in both models. If there is none,
-    /// it is the one with the fewest parameters that gains at least [`MOSTLY`] as much: random effects about a wrong mean explain
+    /// it is the one with the fewest parameters that gains at least [`PREFERRED_SHARE`] as much: random effects about a wrong mean explain
     /// the mean, too.
     fn effect_instead_of_random(
         &self,
@@ -198,7 +192,7 @@ impl<S: Study> Search<'_, S> {
         if let Some((index, _)) = beyond_links {
             return Some(index);
         }
-        let enough = MOSTLY * tests[best].common.gain;
+        let enough = PREFERRED_SHARE * tests[best].common.gain;
         let n_parameters = |index: usize| candidates[tests[index].term].n_parameters;
         laws.into_iter().filter(|&index| enough <= tests[index].common.gain).min_by(|&a, &b| {
             let gains = [b, a].map(|index| tests[index].common.gain);
@@ -251,7 +245,7 @@ impl<S: Study> Search<'_, S> {
     }
 
     /// Whether a candidate that is not significant on held-out places or nodes raises the likelihood of all rows by at least
-    /// [`NEARLY`] as much as the chosen one.
+    /// [`RIVAL_SHARE`] as much as the chosen one.
     fn is_rival(&self, best: &CandidateTest, test: &CandidateTest, accepted: &[usize]) -> bool {
         let candidate = &self.study.candidates()[test.term];
         if candidate.untestable.is_some()
@@ -264,7 +258,8 @@ impl<S: Study> Search<'_, S> {
         let parent = self.full_fit(accepted, COMMON, None);
         let before = self.study.log_likelihood(&parent);
         let rise = |fit: &S::Fit| self.study.log_likelihood(fit) - before;
-        let enough = NEARLY * rise(&self.full_fit(&with_term(accepted, best.term), COMMON, None));
+        let enough =
+            RIVAL_SHARE * rise(&self.full_fit(&with_term(accepted, best.term), COMMON, None));
         let terms = with_term(accepted, test.term);
         let fit = self.fit_if_promising(&terms, COMMON, &parent, enough);
         debug!(name = candidate.name, rise = ?fit.as_ref().map(|fit| rise(fit)), enough, "rival");
@@ -287,8 +282,8 @@ impl<S: Study> Search<'_, S> {
         let is_same_effect = |term: usize| first(term) == first(tests[best].term);
         // That something is missing was shown: what gains nearly as much need not be beyond chance by itself to be a cause of it.
         let gains_as_much = |test: &CandidateTest| {
-            test.gain.p_value < LIKELY
-                && MOSTLY * tests[best].common.gain <= test.common.gain
+            test.gain.p_value < UNCORRECTED_LEVEL
+                && PREFERRED_SHARE * tests[best].common.gain <= test.common.gain
                 && self.study.candidates()[test.term].untestable.is_none()
         };
         let is_tied = |(index, test): &(usize, &CandidateTest)| {
@@ -323,7 +318,7 @@ impl<S: Study> Search<'_, S> {
         }
     }
 
-    /// Whether a significant curve is nested in this one, and a likelihood-ratio test at [`LIKELY`] does not reject the nested one.
+    /// Whether a significant curve is nested in this one, and a likelihood-ratio test at [`UNCORRECTED_LEVEL`] does not reject the nested one.
     fn is_no_better_than_nested(
         &self,
         test: &CandidateTest,
@@ -333,7 +328,7 @@ impl<S: Study> Search<'_, S> {
         let others = tests.iter().filter(|other| other.is_significant && self.is_curve(other));
         others
             .filter_map(|other| self.p_value_beyond_nested(test, other, accepted))
-            .any(|p_value| LIKELY < p_value)
+            .any(|p_value| UNCORRECTED_LEVEL < p_value)
     }
 
     /// P-value of the likelihood-ratio test of a candidate against one that is nested in it, on top of `accepted`; `None` if
@@ -363,7 +358,7 @@ impl<S: Study> Search<'_, S> {
     }
 
     /// Of the curves in which the chosen one is nested, the one with the least p-value against it, if it is significant at
-    /// [`LIKELY`] after Bonferroni's correction for all of them.
+    /// [`UNCORRECTED_LEVEL`] after Bonferroni's correction for all of them.
     fn richer_curve(
         &self,
         chosen: usize,
@@ -378,7 +373,7 @@ impl<S: Study> Search<'_, S> {
                 Some((index, self.p_value_beyond_nested(&tests[index], &tests[chosen], accepted)?))
             })
             .collect();
-        let likely = LIKELY / more.len() as f64;
+        let likely = UNCORRECTED_LEVEL / more.len() as f64;
         let best = more.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
         best.filter(|(_, p_value)| *p_value < likely).map(|(index, _)| index)
     }
@@ -417,7 +412,7 @@ impl<S: Study> Search<'_, S> {
     }
 
     /// An accepted effect, and the curve that should replace it because the dependence is not linear. The effect is nested in the
-    /// curve, the curve predicts held-out rows better, and a likelihood-ratio test at [`BEYOND_DOUBT`] rejects the effect with a
+    /// curve, the curve predicts held-out rows better, and a likelihood-ratio test at [`NESTED_LEVEL`] rejects the effect with a
     /// constant offset.
     pub(super) fn nonlinear_replacement(
         &self,
@@ -451,7 +446,7 @@ impl<S: Study> Search<'_, S> {
                 self.likelihood_ratio_p_value(&general, &within, n_curve.saturating_sub(n_old + 1));
             let over = self.gain(&terms, accepted, COMMON);
             debug!(name = candidates[curve].name, p_value, gain = over.gain, "more than linear");
-            (p_value < BEYOND_DOUBT && 0.0 < over.gain).then_some((p_value, old, curve))
+            (p_value < NESTED_LEVEL && 0.0 < over.gain).then_some((p_value, old, curve))
         });
         let (_, old, curve) = beyond.min_by(|a, b| a.0.total_cmp(&b.0))?;
         Some((vec![old], self.test_candidate(&without_term(accepted, old), curve)))
@@ -459,7 +454,7 @@ impl<S: Study> Search<'_, S> {
 
     /// Several accepted terms, and the one candidate that should replace them all. It was indistinguishable from each of them, and
     /// predicts held-out rows as well as they do together. The data have shown that something is missing, so a p-value below
-    /// [`LIKELY`] at its own level suffices.
+    /// [`UNCORRECTED_LEVEL`] at its own level suffices.
     pub(super) fn single_replacement(
         &self,
         decided: &[CandidateTest],
@@ -483,7 +478,7 @@ impl<S: Study> Search<'_, S> {
             self.prepare(&with_term(&rest, rival), &all);
             let common = self.gain(&with_term(&rest, rival), &rest, COMMON);
             let over = self.gain(&with_term(&rest, rival), accepted, COMMON);
-            let is_likely = test.gain.p_value < LIKELY && common.p_value < FAMILY_ERROR;
+            let is_likely = test.gain.p_value < UNCORRECTED_LEVEL && common.p_value < FAMILY_ERROR;
             debug!(rival, gain = over.gain, p = test.gain.p_value, "one for many");
             (is_likely && 0.0 <= over.gain)
                 .then(|| (olds, CandidateTest { common, ..test }.accepted_on_common_split()))

@@ -1,25 +1,17 @@
 //! What the slopes of a fit say of a term, of rows that depend on each other.
 
 use super::{COMMON, CandidateTest, Search, with_term};
-use crate::acceptance::{FAMILY_ERROR, WORTH_NATS};
 use crate::gain::{Gain, Scores};
 use crate::score_test::{ScoreTest, ScoreTests};
 use crate::{gate, limits};
 use proto::effect::{CONSTANT, Level};
 use std::ops::Range;
 use study::Study;
+use study::thresholds::{
+    EVIDENT_NATS, FAMILY_ERROR, FAR_HALF_INTERVALS, FEWEST_BLOCKS_WITHIN, UNCORRECTED_LEVEL,
+    WORTH_NATS,
+};
 use tracing::debug;
-
-/// Level at which what a term moves must be beyond what rows that depend on each other share. That it predicts rows left out was shown
-/// before.
-const BESIDE_DRIFT: f64 = 0.05;
-
-/// Random levels that raise the log likelihood by so much (nats) are evident if they predict rows left out no worse.
-const EVIDENT_NATS: f64 = 50.0;
-/// A level is far from nothing at so many times half of its 90 % interval: 3.3 standard errors.
-const INTERVALS_APART: f64 = 2.0;
-/// Blocks within a span of time of which fewer do not tell how gains vary there.
-const FEWEST_WITHIN: usize = 8;
 
 impl<S: Study> Search<'_, S> {
     /// The gain of terms over `parent`, its p-value from the blocks of the span of time to which a term is limited: in all others there is
@@ -44,7 +36,7 @@ impl<S: Study> Search<'_, S> {
         let blocks = self.study.blocks(level);
         let before = self.held_out_scores(parent, level);
         let within = Gain::from_scores(&scores, &before, blocks.dependent());
-        if within.n_blocks < FEWEST_WITHIN {
+        if within.n_blocks < FEWEST_BLOCKS_WITHIN {
             gain
         } else {
             Gain { p_value: within.p_value, ..gain }
@@ -83,7 +75,7 @@ impl<S: Study> Search<'_, S> {
             }
             let p_value = tests.p_value_together(&columns);
             debug!(name = candidate.name, ?p_value, "clustered");
-            return p_value.is_none_or(|p_value| p_value < BESIDE_DRIFT);
+            return p_value.is_none_or(|p_value| p_value < UNCORRECTED_LEVEL);
         }
         let columns = self.study.columns(&fit, term);
         if columns.is_empty() {
@@ -103,7 +95,7 @@ impl<S: Study> Search<'_, S> {
         let least = known.iter().map(|test| test.p_value).fold(f64::INFINITY, f64::min);
         debug!(name = candidate.name, least, n = known.len(), "clustered");
         // Where nothing can be told, the gain on rows left out decides.
-        known.is_empty() || least * (known.len() as f64) < BESIDE_DRIFT
+        known.is_empty() || least * (known.len() as f64) < UNCORRECTED_LEVEL
     }
 
     /// Of random levels that are evident from all rows at once, those that raise the likelihood most. Where nodes never come back to a place,
@@ -154,7 +146,7 @@ impl<S: Study> Search<'_, S> {
         let fit = self.full_fit(&with_term(others, term), COMMON, None);
         let (estimates, _) = self.study.estimates(&fit, term);
         estimates.first().is_some_and(|level| {
-            INTERVALS_APART * (level.high - level.low) / 2.0 < level.value.abs()
+            FAR_HALF_INTERVALS * (level.high - level.low) / 2.0 < level.value.abs()
         })
     }
 

@@ -1,11 +1,11 @@
 //! The search over a study that is made up: a straight-line model with unit noise, in which candidates are columns.
 
-use super::choice::{LIKELY, MOSTLY};
 use super::*;
 use proto::rng::{Draws, Purpose};
 use study::folds::Blocks;
 use study::linear::{Column, Dependence, Direction, Group, Linearised, Partition};
 use study::symbolic::FittedFormula;
+use study::thresholds::{FAMILY_ERROR, PREFERRED_SHARE, UNCORRECTED_LEVEL, WORTH_NATS};
 use study::{Estimate, NotLimited, Residuals};
 
 const ROWS: u64 = 3000;
@@ -254,10 +254,7 @@ fn a_term_that_is_significant_and_not_worth_having_is_refused() {
     let study = Lines::of_rows(4 * ROWS, &["a", "b"], 3, |x| 0.07 * x[0]);
     let search = Search::new(&study, &|_| {});
     let gain = search.gain(&[0], &[], Level::Time);
-    assert!(
-        gain.p_value < acceptance::FAMILY_ERROR && gain.gain < acceptance::WORTH_NATS,
-        "{gain:?}"
-    );
+    assert!(gain.p_value < FAMILY_ERROR && gain.gain < WORTH_NATS, "{gain:?}");
     assert_eq!(search.stepwise_selection().accepted, Vec::<usize>::new());
 }
 
@@ -284,10 +281,11 @@ fn what_gains_as_much_is_tied_even_where_chance_cannot_be_excluded_for_it_alone(
             let Some(test) = ladder.tests.iter().find(|test| test.term == 0) else { continue };
             let search = Search::new(&study, &|_| {});
             let other = search.gain(&[2], &[], Level::Time);
-            if ladder.accepted != [0] || other.p_value < acceptance::FAMILY_ERROR {
+            if ladder.accepted != [0] || other.p_value < FAMILY_ERROR {
                 continue;
             }
-            let is_near = MOSTLY * test.common.gain <= other.gain && other.p_value < LIKELY;
+            let is_near = PREFERRED_SHARE * test.common.gain <= other.gain
+                && other.p_value < UNCORRECTED_LEVEL;
             let is_tied = test.ties.contains(&2);
             assert!(is_near || !is_tied, "seed {seed}, scatter {scatter}");
             n_alike += u32::from(is_tied);

@@ -1,16 +1,10 @@
 //! Clusters of rows that may depend on each other, and the variance of a sum over rows.
 
-use super::{FEWEST_CLUSTERS, FEWEST_NODES};
 use std::collections::BTreeMap;
 use study::linear::Dependence;
-
-/// Sums of neighbouring blocks may be correlated by so much, or by twice the standard error of no correlation: the variance of their sum
-/// is then greater by that.
-const CORRELATED: f64 = 0.2;
-/// A cluster that carries more of the information than this decides alone: nothing can be told.
-const MOST_IN_ONE: f64 = 0.5;
-/// A cluster counts that carries at least this share of the mean of all.
-const COUNTS: f64 = 1e-3;
+use study::thresholds::{
+    COUNTED_INFORMATION, FEWEST_CLUSTERS, FEWEST_NODES, MOST_IN_ONE_CLUSTER, NEIGHBOUR_CORRELATION,
+};
 
 /// How a sum over rows may vary.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,7 +141,7 @@ impl<'a> Clusters<'a> {
                     n += left.len() as f64;
                 }
             }
-            let is_correlated = CORRELATED.max(2.0 / f64::sqrt(n)) < products / squares;
+            let is_correlated = NEIGHBOUR_CORRELATION.max(2.0 / f64::sqrt(n)) < products / squares;
             (!is_correlated).then(|| sums.into_values().collect::<Vec<_>>())
         })?;
         (FEWEST_CLUSTERS.max(2 * left.len()) <= found.len()).then_some(found)
@@ -204,17 +198,20 @@ impl<'a> Clusters<'a> {
                 sums.0 += value;
                 sums.1 += information;
             }
-            within += value * value / (1.0 - information / total).max(MOST_IN_ONE);
+            within += value * value / (1.0 - information / total).max(MOST_IN_ONE_CLUSTER);
         }
         // Every row counts at both of its nodes.
         let touching: f64 = of_nodes
             .values()
             .map(|(value, information)| {
-                value * value / (1.0 - 0.5 * information / total).max(MOST_IN_ONE)
+                value * value / (1.0 - 0.5 * information / total).max(MOST_IN_ONE_CLUSTER)
             })
             .sum();
         let mean = 2.0 * total / of_nodes.len() as f64;
-        let n = of_nodes.values().filter(|(_, information)| COUNTS * mean < *information).count();
+        let n = of_nodes
+            .values()
+            .filter(|(_, information)| COUNTED_INFORMATION * mean < *information)
+            .count();
         let squares: f64 = of_nodes.values().map(|(_, j)| j * j / (4.0 * total * total)).sum();
         let freedom = (1.0 / squares - 1.0).min(n as f64 - 1.0);
         let of_nodes: Vec<f64> = of_nodes.values().map(|(value, _)| *value).collect();
@@ -256,14 +253,14 @@ fn uncorrelated(sums: &Sums, is_same: impl Fn(usize, usize) -> bool) -> Option<f
     if !correlation.is_finite() {
         return Some(0.0);
     }
-    (correlation <= CORRELATED.max(2.0 / f64::sqrt(n))).then_some(correlation.max(0.0))
+    (correlation <= NEIGHBOUR_CORRELATION.max(2.0 / f64::sqrt(n))).then_some(correlation.max(0.0))
 }
 
 /// Which clusters carry information.
 fn counting(sums: &Sums) -> Vec<bool> {
     let n = sums.informations.iter().filter(|j| 0.0 < **j).count() as f64;
     let mean = sums.informations.iter().sum::<f64>() / n;
-    sums.informations.iter().map(|j| COUNTS * mean < *j).collect()
+    sums.informations.iter().map(|j| COUNTED_INFORMATION * mean < *j).collect()
 }
 
 /// How a sum over independent clusters varies. None where there are too few, or one decides alone.
@@ -272,7 +269,7 @@ fn of_sums(sums: &Sums) -> Option<Spread> {
     let counts = counting(sums);
     let n = counts.iter().filter(|counts| **counts).count();
     let most = sums.informations.iter().copied().fold(0.0, f64::max);
-    if n < FEWEST_CLUSTERS || MOST_IN_ONE * total < most {
+    if n < FEWEST_CLUSTERS || MOST_IN_ONE_CLUSTER * total < most {
         return None;
     }
     let both = || sums.values.iter().zip(&sums.informations);

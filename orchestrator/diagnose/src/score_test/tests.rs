@@ -1,5 +1,6 @@
 use super::*;
 use proto::rng::{Draws, Purpose};
+use study::thresholds::FEWEST_CLUSTERS;
 
 /// Rows of some series in turn, each with noise of variance 1.
 struct Made {

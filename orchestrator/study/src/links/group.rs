@@ -4,10 +4,10 @@ use super::SIDE;
 use super::cells::{RowCells, Scales};
 use super::rows::ModelledLinks;
 use crate::choices::{ChoiceError, Choices, SplitBy};
-use crate::folds::{Blocks, FEWEST_BLOCKS, scramble};
+use crate::folds::{Blocks, scramble};
 use crate::thresholds::{
-    COMMON_SPAN, DRIFT_TIMES_S, FEWEST_DRIFT_LEVELS, LEAST_COMMON_SPAN, MOST_DRIFT_LEVELS,
-    THINNED_RUN_ROWS, TIME_BLOCKS,
+    COMMON_SPAN, DRIFT_TIMES_S, FEWEST_BLOCKS, FEWEST_DRIFT_LEVELS, LEAST_COMMON_SPAN,
+    MOST_DRIFT_LEVELS, THINNED_RUN_ROWS, TIME_BLOCKS,
 };
 use std::collections::{BTreeMap, BTreeSet};
 
