@@ -57,6 +57,7 @@ mod simulate;
 mod solids;
 mod sweeps;
 mod task_split;
+mod thresholds;
 mod tidy;
 mod tls;
 mod viewing;
