@@ -48,12 +48,16 @@ fn clippy_holds_what_computes_to_the_rules_of_cores() {
 fn the_orchestrator_reads_files_up_to_a_bound() {
     // Files of the kernel and programs that it starts are not input.
     const NOT_INPUT: [&str; 2] = ["\"/proc/", "fs::read(executable)"];
+    let mut n_files = 0;
     for file in rust_files(&repository().join("orchestrator")) {
-        if file.components().any(|part| {
+        // The repository itself may stand in a folder called tests.
+        let path = file.strip_prefix(repository()).unwrap();
+        if path.components().any(|part| {
             ["tests", "tests.rs", "benches"].contains(&&*part.as_os_str().to_string_lossy())
         }) {
             continue;
         }
+        n_files += 1;
         let code = product_code(&std::fs::read_to_string(&file).unwrap());
         for line in code.lines().filter(|line| {
             ["fs::read(", "fs::read_to_string(", ".read_to_end(&"]
@@ -68,6 +72,7 @@ fn the_orchestrator_reads_files_up_to_a_bound() {
             );
         }
     }
+    assert!(100 < n_files, "{n_files}");
 }
 
 #[test]
