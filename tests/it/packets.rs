@@ -18,13 +18,13 @@ use tests::reporting::sensors;
 use tests::{folder, orchestrator, run, said};
 
 /// A model over a campaign of half an hour.
-fn resimulation(text: &str, tracks: Option<Tracks>) -> Resimulation {
+pub(crate) fn resimulation(text: &str, tracks: Option<Tracks>) -> Resimulation {
     let plan = read(Path::new("model.toml"), text.to_owned(), &Overrides::default()).unwrap();
     Resimulation::new(plan, tracks, &[]).unwrap().extended_to(1800.0)
 }
 
 /// The sensors with further tables.
-fn with(tables: &str) -> String {
+pub(crate) fn with(tables: &str) -> String {
     format!("{}\n{tables}", sensors())
 }
 
