@@ -69,11 +69,14 @@ fn a_run_that_has_not_begun_can_be_stopped() {
     assert!(!folder.path().join("runs").exists(), "something was written");
 }
 
+/// Measurements whose search takes seconds in each round, so that it can be stopped in one.
+const MANY_ROWS: usize = 8000;
+
 /// A folder with a model that lacks two effects, and measurements of them.
-fn two_effects() -> tempfile::TempDir {
+fn two_effects(n_rows: usize) -> tempfile::TempDir {
     let folder = tests::folder();
     let hidden = [(Hidden::Temperature, Size::Clear), (Hidden::WallAttenuation, Size::Clear)];
-    let campaign = Campaign::link(0, &Layout::standard(), &hidden, 8000);
+    let campaign = Campaign::link(0, &Layout::standard(), &hidden, n_rows);
     std::fs::write(folder.path().join("model.toml"), &campaign.config_toml).unwrap();
     std::fs::write(folder.path().join("data.csv"), &campaign.csv).unwrap();
     folder
@@ -103,7 +106,7 @@ fn interrupted_at(text: &str, args: &[&str], folder: &Path) -> (Option<i32>, Str
 
 #[test]
 fn a_search_that_is_stopped_tells_what_it_has_found() {
-    let folder = two_effects();
+    let folder = two_effects(MANY_ROWS);
     let args = [&["diagnose"][..], &ASKED].concat();
     let (status, said) = interrupted_at("round 2", &args, folder.path());
     assert_eq!(status, Some(1), "{said}");
@@ -126,7 +129,7 @@ fn a_search_that_is_stopped_tells_what_it_has_found() {
 
 #[test]
 fn a_search_whose_budget_is_over_tells_what_it_has_found() {
-    let folder = two_effects();
+    let folder = two_effects(MANY_ROWS);
     let args = [&["diagnose", "--budget", "0.5"][..], &ASKED].concat();
     let output = tests::orchestrator(&args, folder.path());
     let said = tests::said(&output);
@@ -135,7 +138,8 @@ fn a_search_whose_budget_is_over_tells_what_it_has_found() {
     let partial = found(folder.path());
     assert_eq!(partial["complete"], false, "{partial}");
     assert_eq!(partial["residuals_searched"], false, "{partial}");
-    // With time enough the answer is that without a budget.
+    // With time enough the answer is that without a budget. Fewer rows show these effects, too.
+    let folder = two_effects(2500);
     for budget in [&["--budget", "1000"][..], &[]] {
         let args = [&["diagnose"][..], budget, &ASKED].concat();
         assert!(tests::orchestrator(&args, folder.path()).status.success());
@@ -149,7 +153,7 @@ fn a_search_whose_budget_is_over_tells_what_it_has_found() {
 
 #[test]
 fn extend_writes_a_partial_answer_only_where_it_is_asked_to() {
-    let folder = two_effects();
+    let folder = two_effects(MANY_ROWS);
     let extend = [&["extend"][..], &ASKED, &["--all", "--output", "better.toml"]].concat();
     let (status, said) = interrupted_at("round 2", &extend, folder.path());
     assert_eq!(status, Some(1), "{said}");
@@ -172,7 +176,7 @@ fn extend_writes_a_partial_answer_only_where_it_is_asked_to() {
 
 #[test]
 fn power_answers_when_its_budget_is_over() {
-    let folder = two_effects();
+    let folder = two_effects(MANY_ROWS);
     let asked = ["power", "model.toml", "--like", "data.csv", "--effect", "body-blocking"];
     let args = [&asked[..], &["--budget", "1", "--json", "found.json"]].concat();
     let output = tests::orchestrator(&args, folder.path());
