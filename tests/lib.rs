@@ -1,9 +1,11 @@
 //! Harness of the end-to-end tests: the real executables, run in folders of their own.
 
 use anyhow::{Context as _, bail};
+use std::collections::BTreeSet;
 use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 pub mod alarms;
@@ -100,6 +102,67 @@ pub fn spawn(command: &mut Command, folder: &Path) -> Child {
         .stderr(Stdio::piped())
         .spawn()
         .expect("the program starts")
+}
+
+/// How long a test waits before it fails because of a hang. It says nothing about speed: on a machine that is busy with other work,
+/// anything may take many seconds.
+pub const DEADLINE: Duration = Duration::from_secs(120);
+
+/// Waits until a condition holds. `failure` says what is wrong if it never does.
+///
+/// # Panics
+///
+/// If it does not hold within [`DEADLINE`].
+pub fn wait_until(failure: &str, mut holds: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !holds() {
+        assert!(begun.elapsed() < DEADLINE, "{failure}");
+        std::thread::park_timeout(Duration::from_millis(5));
+    }
+}
+
+/// Waits until runs in folders below `out` have recorded further steps.
+///
+/// # Panics
+///
+/// If they do not within [`DEADLINE`].
+pub fn wait_until_recording(out: &Path) {
+    let mut sizes = BTreeSet::new();
+    wait_until("nothing is recorded", || {
+        let runs = std::fs::read_dir(out).into_iter().flatten().flatten();
+        let recordings = runs.filter_map(|run| run.path().join("run.mcap").metadata().ok());
+        let bytes: u64 = recordings.map(|recording| recording.len()).sum();
+        sizes.insert(bytes);
+        // Steps are written in chunks: the first change may be a file with a header, or a chunk of earlier steps.
+        3 < sizes.len()
+    });
+}
+
+/// Waits for the end of a program; returns its status and what it printed.
+///
+/// # Panics
+///
+/// If it does not end within [`DEADLINE`]. It is killed then.
+#[must_use]
+pub fn end_of(child: Child) -> Output {
+    let id = child.id();
+    let (sender, receiver) = std::sync::mpsc::channel();
+    std::thread::spawn(move || sender.send(child.wait_with_output()));
+    let Ok(output) = receiver.recv_timeout(DEADLINE) else {
+        signal("-KILL", id);
+        panic!("the program did not end within {DEADLINE:?}");
+    };
+    output.expect("its output can be read")
+}
+
+/// Sends a signal, such as `-INT`, to a process.
+///
+/// # Panics
+///
+/// If there is no such process.
+pub fn signal(signal: &str, process: u32) {
+    let sent = Command::new("kill").args([signal, &process.to_string()]).status();
+    assert!(sent.is_ok_and(|status| status.success()), "kill {signal} {process}");
 }
 
 /// Runs an experiment that must succeed; returns the folder of its results.

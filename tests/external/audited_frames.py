@@ -1,4 +1,4 @@
-"""Frames of a capture for test_wire_audit.py: Wireshark's dissection of each, and of the datagrams that fragments make."""
+"""Frames of a capture for wire_audit.py: Wireshark's dissection of each, and of the datagrams that fragments make."""
 
 import ipaddress
 import json

@@ -1,4 +1,4 @@
-"""The networks whose frames test_wire_audit.py audits: every scheduling function and mode, small and short."""
+"""The networks whose frames wire_audit.py audits: every scheduling function and mode, small and short."""
 
 import functools
 from dataclasses import dataclass

@@ -1,5 +1,6 @@
 """How datagrams of a capture went, by what motes say of their ranks and parents."""
 
+from bisect import bisect_left, bisect_right
 from collections import defaultdict
 
 from audited_frames import DAO, DIO, mote_of_ip
@@ -22,17 +23,27 @@ class Ranks:
             self.said[frame.source].append((frame.time_ns, "beacon", frame.number_in("wpan.tsch.join_metric") + 1))
         for said in self.said.values():
             said.sort(key=lambda one: one[0])
+        self.others = {}
+
+    def but(self, mote, but):
+        """When a mote said something of its rank, not counting what it said in one way, and the ranks."""
+        if (mote, but) not in self.others:
+            said = [(time_ns, rank) for time_ns, way, rank in self.said[mote] if way != but]
+            self.others[mote, but] = [time_ns for time_ns, _ in said], [rank for _, rank in said]
+        return self.others[mote, but]
 
     def about(self, frame, but):
         """The lowest and the highest of what its sender said shortly before a frame and shortly after, not counting what it
         said in one way; None: nothing."""
-        others = [(time_ns, rank) for time_ns, way, rank in self.said[frame.source] if way != but]
-        before = [one for one in others if one[0] <= frame.time_ns]
-        after = [one for one in others if frame.time_ns < one[0]]
-        if not before or not after:
+        times_ns, ranks = self.but(frame.source, but)
+        after = bisect_right(times_ns, frame.time_ns)
+        if after in (0, len(times_ns)):
             return None
-        near = {one for one in others if abs(one[0] - frame.time_ns) <= self.QUEUE_NS}.union(before[-2:], after[:2])
-        return min(rank for _, rank in near), max(rank for _, rank in near)
+        # Within the time of a queue, and at least two before and two after.
+        first = min(bisect_left(times_ns, frame.time_ns - self.QUEUE_NS), max(after - 2, 0))
+        last = max(bisect_right(times_ns, frame.time_ns + self.QUEUE_NS), after + 2)
+        near = ranks[first:last]
+        return min(near), max(near)
 
 
 class Parents:

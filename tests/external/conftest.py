@@ -130,7 +130,7 @@ def pytest_generate_tests(metafunc):
 
 
 # The files that take longest, the longest first. They begin first, so that no worker of pytest waits for another at the end.
-LONGEST = ("test_real_measurements", "test_python_package", "test_page", "test_scheduling_function", "test_routing_audit", "test_documented")
+LONGEST = ("test_real_measurements", "test_python_package", "test_page", "test_scheduling_function", "test_audits", "test_documented")
 
 
 def pytest_collection_modifyitems(items):

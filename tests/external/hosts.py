@@ -10,7 +10,7 @@ import time
 from conftest import succeed
 
 ADDRESSES = {"orchestrator": "10.77.0.1", "netsim": "10.77.0.2", "robotsim": "10.77.0.3"}
-START_DEADLINE_S = 20
+START_DEADLINE_S = 60
 
 
 class Network:
@@ -103,7 +103,7 @@ class Server:
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGTERM)
             try:
-                self.process.wait(timeout=10)
+                self.process.wait(timeout=START_DEADLINE_S)
             except subprocess.TimeoutExpired:
                 os.killpg(self.process.pid, signal.SIGKILL)
                 self.process.wait()

@@ -46,7 +46,7 @@ def serving(*arguments, folder=ROOT):
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
             try:
-                process.wait(timeout=20)
+                process.wait(timeout=60)
             finally:
                 process.kill()
 
@@ -59,6 +59,7 @@ class Session:
             viewport={"width": size[0], "height": size[1]}, color_scheme="dark" if dark else "light", accept_downloads=True
         )
         self.page = self.context.new_page()
+        self.page.set_default_timeout(60_000)
         self.complaints, self.requests = [], []
         self.page.on("console", lambda message: self.complaints.append(message.text) if message.type in ("error", "warning") else None)
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
@@ -76,14 +77,14 @@ class Session:
         self.page.evaluate(f"window.murmuration.seek({time_ns})")
         return self.state()
 
-    def until(self, expression, seconds=20):
+    def until(self, expression, seconds=60):
         """Until an expression is true. Asked from outside: the page's policy forbids what Playwright's own waiting needs."""
         deadline = time.monotonic() + seconds
         while not self.page.evaluate(expression):
             assert time.monotonic() < deadline, f"not within {seconds} s: {expression}"
             self.page.wait_for_timeout(20)
 
-    def wait(self, condition, seconds=20):
+    def wait(self, condition, seconds=60):
         """Until a condition on the state, named `s`, holds."""
         self.until(f"(() => {{ const s = window.murmuration.state(); return {condition}; }})()", seconds)
         return self.state()

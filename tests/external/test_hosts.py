@@ -16,7 +16,7 @@ PORTS = {"netsim": 50051, "robotsim": 50052}
 EITHER_SIDE = "(netsim|robotsim): "
 
 # After a cable is pulled, nothing more arrives and no error either. The run must notice by its own deadlines.
-CUT_OFF_DEADLINE_S = 20
+CUT_OFF_DEADLINE_S = 60
 
 
 @pytest.fixture(scope="module")
@@ -167,10 +167,12 @@ def test_a_host_that_is_cut_off_ends_the_run_with_its_name(
 
 
 def wait_until_recording(out, run):
-    """Returns when a recording has grown, so that the run is under way."""
-    deadline = time.monotonic() + 30
+    """Returns when a recording has grown several times, so that the run is under way."""
+    deadline = time.monotonic() + 60
+    sizes = set()
     while time.monotonic() < deadline and run.poll() is None:
-        if any(path.stat().st_size > 0 for path in out.glob("**/*.mcap")):
+        sizes.add(sum(path.stat().st_size for path in out.glob("**/*.mcap")))
+        if len(sizes) > 3:
             return
         time.sleep(0.05)
     raise AssertionError(f"nothing is recorded below {out}: {run.poll()}")

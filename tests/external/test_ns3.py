@@ -79,7 +79,7 @@ def test_it_listens_where_the_environment_says(built, compared, tmp_path):
         assert process.stdout.readline() == f"listening on {address}\n"
         asked = compare.netsim_pb2.NetSimServiceDescribeRequest()
         with compare.grpc.insecure_channel(address) as channel:
-            described = compare.netsim_pb2_grpc.NetSimServiceStub(channel).Describe(asked, timeout=20)
+            described = compare.netsim_pb2_grpc.NetSimServiceStub(channel).Describe(asked, timeout=60)
         assert described.name == "ns3-network" and described.contract_version == 1
     finally:
         process.terminate()

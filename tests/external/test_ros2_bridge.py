@@ -90,7 +90,7 @@ def test_odometry_frames_are_joined(stepped, tmp_path):
 
 def test_a_robot_without_odometry_is_named(tmp_path):
     server = serving(stand_in_ros.World(N, silent=[5]))
-    done = run(f"http://{server.murmuration_address}", tmp_path / "out", "--set", "robotsim.deadline_s=0.3")
+    done = run(f"http://{server.murmuration_address}", tmp_path / "out", "--set", "robotsim.deadline_s=3")
     server.stop(None)
     assert done.returncode != 0 and "odometry of robot 5" in done.stderr and "robot 4" not in done.stderr, done.stderr
 

@@ -19,7 +19,7 @@ CONFIG = {
     "netsim": '[phy]\npropagation = "full"\n',
     "robotsim": '[scenario]\nkind = "line"\n[controller]\nkind = "flocking"\nflock_radius_m = 10.0\n',
 }
-CALL_DEADLINE_S = 10
+CALL_DEADLINE_S = 60
 PERIOD_NS = 100_000_000
 
 

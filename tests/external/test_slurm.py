@@ -42,7 +42,7 @@ time_limit_min = 10
 options = ["--comment=\\"a\\" #b\\\\ c"]
 commands = ["echo cores $SLURM_CPUS_PER_TASK, $(nproc) on $SLURMD_NODENAME"]
 """
-DEADLINE_S = 90
+DEADLINE_S = 240
 
 
 @pytest.fixture

@@ -2,9 +2,8 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output};
-use std::time::{Duration, Instant};
-use tests::Server;
 use tests::recording::assert_same;
+use tests::{Server, end_of, signal, wait_until, wait_until_recording};
 
 const EXPERIMENT: &str = "[experiment]\nname = \"c\"\nseed = 3\nduration_s = 2.0\nagents = 8\n\
     [robotsim.scenario]\nkind = \"disc\"\ndensity_per_m2 = 0.1\n\
@@ -49,23 +48,6 @@ fn started(folder: &Path, more: &[String]) -> Child {
         .args(["run", "c.toml", "--allow-command", "--set", "experiment.duration_s=1e7"])
         .args(more);
     tests::spawn(&mut command, folder)
-}
-
-fn until(what: &str, is_so: impl Fn() -> bool) {
-    let begun = Instant::now();
-    while !is_so() {
-        assert!(begun.elapsed() < Duration::from_secs(20), "{what}");
-        std::thread::park_timeout(Duration::from_millis(10));
-    }
-}
-
-fn until_recording(folder: &Path) {
-    until("nothing is recorded", || {
-        std::fs::read_dir(folder.join("runs")).is_ok_and(|mut entries| {
-            entries.any(|entry| entry.unwrap().path().join("run.mcap").exists())
-        })
-    });
-    std::thread::park_timeout(Duration::from_millis(300));
 }
 
 /// Numbers that scripts have written to a file, one a line.
@@ -225,7 +207,7 @@ fn a_sweep_starts_a_command_for_each_job_and_gives_the_table_of_the_built_in_sim
     let of_two = pids(&folder.path().join("started-2"));
     assert_eq!(of_two.len(), 2);
     for pid in of_two {
-        until("a command outlived the sweep", || is_gone(pid));
+        wait_until("a command outlived the sweep", || is_gone(pid));
     }
 }
 
@@ -243,16 +225,15 @@ fn all_that_a_command_has_started_ends_with_the_run() {
     let output = asked(folder.path(), &complete, &more);
     assert!(output.status.success(), "{}", tests::said(&output));
     let run = started(folder.path(), &more);
-    until_recording(folder.path());
-    let interrupt = Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap();
-    assert!(interrupt.success());
-    let output = run.wait_with_output().unwrap();
+    wait_until_recording(&folder.path().join("runs"));
+    signal("-INT", run.id());
+    let output = end_of(run);
     assert_eq!(output.status.code(), Some(1), "{}", tests::said(&output));
     assert!(tests::said(&output).contains("interrupted after step"), "{}", tests::said(&output));
     let pids = pids(&folder.path().join("pids"));
     assert_eq!(pids.len(), 4);
     for pid in pids {
-        until("a process of the command is left", || is_gone(pid));
+        wait_until("a process of the command is left", || is_gone(pid));
     }
 }
 
@@ -263,12 +244,12 @@ fn a_command_does_not_outlive_a_killed_orchestrator() {
     // It does not look at its standard input.
     let script = format!("echo $$ >> pids; exec {} < /dev/null", serve("robotsim"));
     let mut run = started(folder.path(), &set("robotsim", &script));
-    until_recording(folder.path());
+    wait_until_recording(&folder.path().join("runs"));
     let pids = pids(&folder.path().join("pids"));
     assert!(!is_gone(pids[0]));
     run.kill().unwrap();
     run.wait().unwrap();
-    until("the command outlived the orchestrator", || is_gone(pids[0]));
+    wait_until("the command outlived the orchestrator", || is_gone(pids[0]));
 }
 
 #[test]
@@ -278,10 +259,9 @@ fn a_command_that_dies_shows_its_status_and_its_last_lines() {
     let script =
         format!("{} & echo $! > pids; wait $!; echo '{LAST_WORDS}' >&2; exit 7", serve("robotsim"));
     let run = started(folder.path(), &set("robotsim", &script));
-    until_recording(folder.path());
-    let simulator = pids(&folder.path().join("pids"))[0].to_string();
-    assert!(Command::new("kill").args(["-KILL", &simulator]).status().unwrap().success());
-    let output = run.wait_with_output().unwrap();
+    wait_until_recording(&folder.path().join("runs"));
+    signal("-KILL", pids(&folder.path().join("pids"))[0]);
+    let output = end_of(run);
     let said = tests::said(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(said.contains("robotsim: the process ended during step"), "{said}");

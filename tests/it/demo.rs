@@ -3,7 +3,7 @@
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use tests::{end_of, signal, wait_until};
 
 /// Runs a demo in this folder, and returns what it printed and its answer.
 fn demo(args: &[&str], folder: &Path) -> (String, Value) {
@@ -133,7 +133,7 @@ fn a_refused_demo_leaves_nothing() {
 #[test]
 fn an_interrupted_demo_leaves_nothing() {
     let dir = tests::folder();
-    let mut child = Command::new(tests::executable("orchestrator"))
+    let child = Command::new(tests::executable("orchestrator"))
         .args(["demo", "--effect", "dead-time"])
         .current_dir(dir.path())
         .stdin(Stdio::null())
@@ -142,17 +142,11 @@ fn an_interrupted_demo_leaves_nothing() {
         .spawn()
         .unwrap();
     // Once the folder is there, signals are listened for, and the work has begun.
-    let begun = Instant::now();
-    let is_under_way = || {
+    wait_until("the demo did not begin", || {
         let made = std::fs::read_dir(dir.path()).unwrap().next();
         made.is_some_and(|made| made.unwrap().path().join("demo/model.toml").exists())
-    };
-    while !is_under_way() {
-        assert!(begun.elapsed() < Duration::from_secs(60), "the demo did not begin");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(sent.success());
-    assert_eq!(child.wait().unwrap().code(), Some(1));
+    });
+    signal("-INT", child.id());
+    assert_eq!(end_of(child).status.code(), Some(1));
     assert_eq!(entries(dir.path()), [""; 0]);
 }

@@ -1,16 +1,9 @@
-//! A side that ends, crashes, hangs or lies ends the run within seconds, with one message that names it.
+//! A side that ends, crashes, hangs or lies ends the run with one message that names it.
 
 use std::path::Path;
-use std::process::{Child, Command};
-use std::time::{Duration, Instant};
+use std::process::{Child, Command, Output};
 use tests::fake::{Fault, Faulty};
-
-/// What a faulty run said and how long it took to end after the fault.
-struct Ended {
-    status: Option<i32>,
-    stderr: String,
-    took: Duration,
-}
+use tests::{end_of, signal, wait_until_recording};
 
 /// An experiment that lasts until something goes wrong.
 fn endless(folder: &Path) -> std::path::PathBuf {
@@ -29,42 +22,6 @@ fn start(folder: &Path, args: &[&str]) -> Child {
     let mut command = Command::new(tests::executable("orchestrator"));
     command.arg("run").arg(endless(folder)).args(args);
     tests::spawn(&mut command, folder)
-}
-
-/// Waits for the end, at most `deadline`.
-fn end(child: Child, since: Instant, deadline: Duration) -> Ended {
-    let id = child.id();
-    let (tell, told) = std::sync::mpsc::channel();
-    std::thread::spawn(move || tell.send(child.wait_with_output()));
-    let Ok(output) = told.recv_timeout(deadline.saturating_sub(since.elapsed())) else {
-        signal("-KILL", id);
-        panic!("the run did not end within {deadline:?}");
-    };
-    let output = output.unwrap();
-    Ended {
-        status: output.status.code(),
-        stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
-        took: since.elapsed(),
-    }
-}
-
-fn signal(signal: &str, process: u32) {
-    assert!(Command::new("kill").args([signal, &process.to_string()]).status().unwrap().success());
-}
-
-/// The child process of `parent` that serves `side`. Waits until it is there and the run has taken its first steps.
-fn child_of(parent: u32, side: &str) -> u32 {
-    let begun = Instant::now();
-    while begun.elapsed() < Duration::from_secs(10) {
-        let both = ["netsim", "robotsim"].map(|side| find_child(parent, side));
-        if let [Some(netsim), Some(robotsim)] = both {
-            // Both run: give the coupling a moment to begin.
-            std::thread::park_timeout(Duration::from_millis(400));
-            return if side == "netsim" { netsim } else { robotsim };
-        }
-        std::thread::park_timeout(Duration::from_millis(10));
-    }
-    panic!("{side} was not started");
 }
 
 fn find_child(parent: u32, side: &str) -> Option<u32> {
@@ -86,11 +43,11 @@ fn exists(process: u32) -> bool {
 }
 
 /// The run failed with one message, kept what it had, and left no process behind.
-fn assert_kept(folder: &Path, ended: &Ended, message: &[&str]) {
-    assert_eq!(ended.status, Some(1), "{}", ended.stderr);
-    let errors: Vec<&str> =
-        ended.stderr.lines().filter(|line| line.starts_with("error: ")).collect();
-    assert_eq!(errors.len(), 1, "{}", ended.stderr);
+fn assert_kept(folder: &Path, ended: &Output, message: &[&str]) {
+    let stderr = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(1), "{stderr}");
+    let errors: Vec<&str> = stderr.lines().filter(|line| line.starts_with("error: ")).collect();
+    assert_eq!(errors.len(), 1, "{stderr}");
     for part in message {
         assert!(errors[0].contains(part), "{part:?} is not in {:?}", errors[0]);
     }
@@ -102,63 +59,49 @@ fn assert_kept(folder: &Path, ended: &Ended, message: &[&str]) {
     assert!(output.status.success(), "{}", tests::said(&output));
 }
 
-fn signalled(side: &str, with: &str, deadline: Duration, message: &[&str]) {
+fn signalled(side: &str, with: &str, message: &[&str]) {
     let folder = tests::folder();
     let run = start(folder.path(), &[]);
-    let id = run.id();
-    let child = child_of(id, side);
-    let other = child_of(id, if side == "netsim" { "robotsim" } else { "netsim" });
-    let begun = Instant::now();
+    wait_until_recording(&folder.path().join("runs"));
+    let [child, other] = match side {
+        "netsim" => ["netsim", "robotsim"],
+        _ => ["robotsim", "netsim"],
+    }
+    .map(|side| find_child(run.id(), side).unwrap());
     signal(with, child);
-    let ended = end(run, begun, deadline);
+    let ended = end_of(run);
     assert_kept(folder.path(), &ended, message);
     assert!(!exists(child) && !exists(other), "a child was left behind");
-    assert!(ended.took < deadline, "{:?}", ended.took);
 }
 
 #[test]
 fn robots_that_are_killed_are_named() {
-    signalled(
-        "robotsim",
-        "-KILL",
-        Duration::from_secs(5),
-        &["robotsim: the process ended", "SIGKILL"],
-    );
+    signalled("robotsim", "-KILL", &["robotsim: the process ended", "SIGKILL"]);
 }
 
 #[test]
 fn a_network_that_is_killed_is_named() {
-    signalled("netsim", "-KILL", Duration::from_secs(5), &["netsim: the process ended", "SIGKILL"]);
+    signalled("netsim", "-KILL", &["netsim: the process ended", "SIGKILL"]);
 }
 
 #[test]
 fn robots_that_crash_are_named() {
-    signalled(
-        "robotsim",
-        "-ABRT",
-        Duration::from_secs(8),
-        &["robotsim: the process ended", "SIGABRT"],
-    );
+    signalled("robotsim", "-ABRT", &["robotsim: the process ended", "SIGABRT"]);
 }
 
 #[test]
 fn a_network_that_exits_is_named() {
-    signalled(
-        "netsim",
-        "-TERM",
-        Duration::from_secs(5),
-        &["netsim: the process ended", "exit status 0"],
-    );
+    signalled("netsim", "-TERM", &["netsim: the process ended", "exit status 0"]);
 }
 
 #[test]
 fn robots_that_are_stopped_are_named() {
-    signalled("robotsim", "-STOP", Duration::from_secs(12), &["robotsim: does not respond"]);
+    signalled("robotsim", "-STOP", &["robotsim: does not respond"]);
 }
 
 #[test]
 fn a_network_that_is_stopped_is_named() {
-    signalled("netsim", "-STOP", Duration::from_secs(12), &["netsim: does not respond"]);
+    signalled("netsim", "-STOP", &["netsim: does not respond"]);
 }
 
 #[test]
@@ -166,16 +109,9 @@ fn a_side_that_runs_elsewhere_and_dies_is_named() {
     let folder = tests::folder();
     let netsim = tests::Server::start("netsim", &[]).unwrap();
     let run = start(folder.path(), &["--netsim", &netsim.url]);
-    let id = run.id();
-    let begun = Instant::now();
-    while find_child(id, "robotsim").is_none() {
-        assert!(begun.elapsed() < Duration::from_secs(10), "robotsim was not started");
-        std::thread::park_timeout(Duration::from_millis(10));
-    }
-    std::thread::park_timeout(Duration::from_millis(400));
-    let begun = Instant::now();
+    wait_until_recording(&folder.path().join("runs"));
     drop(netsim);
-    let ended = end(run, begun, Duration::from_secs(5));
+    let ended = end_of(run);
     assert_kept(
         folder.path(),
         &ended,
@@ -186,10 +122,11 @@ fn a_side_that_runs_elsewhere_and_dies_is_named() {
 /// Runs against a side that breaks the contract in step 3.
 fn lying(side: &str, url: &str, message: &[&str]) {
     let folder = tests::folder();
-    let begun = Instant::now();
-    let run =
-        start(folder.path(), &[&format!("--{side}"), url, "--set", "experiment.step_deadline_s=4"]);
-    let ended = end(run, begun, Duration::from_secs(15));
+    let option = format!("--{side}");
+    // Of a side that is alive and does not reply, the run learns only by the deadline of a step.
+    let hangs = message.contains(&"it is alive");
+    let deadline: &[&str] = if hangs { &["--set", "experiment.step_deadline_s=4"] } else { &[] };
+    let ended = end_of(start(folder.path(), &[&[&option, url], deadline].concat()));
     assert_kept(folder.path(), &ended, message);
     let summary = std::fs::read_to_string(folder.path().join("runs/endless/summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
@@ -297,9 +234,7 @@ fn a_side_whose_bytes_turn_to_noise_is_named() {
         let folder = tests::folder();
         let server = tests::Server::start(side, &[]).unwrap();
         let url = corrupting_proxy(&server.url, 4_000_000);
-        let begun = Instant::now();
-        let run = start(folder.path(), &[&format!("--{side}"), &url]);
-        let ended = end(run, begun, Duration::from_secs(15));
+        let ended = end_of(start(folder.path(), &[&format!("--{side}"), &url]));
         assert_kept(folder.path(), &ended, &[&format!("{side}: "), "during step"]);
     }
 }

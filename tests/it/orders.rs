@@ -7,6 +7,7 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
+use tests::{DEADLINE, end_of, signal, wait_until, wait_until_recording};
 use tonic::transport::Endpoint;
 use tonic::{Code, Request, Status};
 
@@ -51,8 +52,7 @@ async fn give(url: &str, token: Option<&str>) -> Result<(), Status> {
     loop {
         match robots.command(order(token)).await {
             Err(status)
-                if status.code() == Code::FailedPrecondition
-                    && begun.elapsed() < Duration::from_secs(10) =>
+                if status.code() == Code::FailedPrecondition && begun.elapsed() < DEADLINE =>
             {
                 tokio::time::sleep(Duration::from_millis(20)).await;
             }
@@ -63,34 +63,25 @@ async fn give(url: &str, token: Option<&str>) -> Result<(), Status> {
 
 /// The socket of the robots that a run has started.
 fn socket_of(run: u32) -> PathBuf {
-    let begun = Instant::now();
-    while begun.elapsed() < Duration::from_secs(10) {
-        for entry in std::fs::read_dir("/proc").unwrap().flatten() {
-            let Ok(arguments) = std::fs::read_to_string(entry.path().join("cmdline")) else {
-                continue;
-            };
-            let Ok(stat) = std::fs::read_to_string(entry.path().join("stat")) else { continue };
-            let parent = stat.rsplit_once(')').and_then(|(_, rest)| rest.split_whitespace().nth(1));
-            if parent != Some(run.to_string().as_str()) || !arguments.contains("robotsim") {
-                continue;
-            }
-            let mut arguments = arguments.split('\0');
-            if let Some(path) = arguments.find_map(|text| text.strip_prefix("unix:"))
-                && Path::new(path).exists()
-            {
-                return PathBuf::from(path);
-            }
-        }
-        std::thread::park_timeout(Duration::from_millis(10));
-    }
-    panic!("the robots were not started");
+    let mut socket = None;
+    wait_until("the robots were not started", || {
+        socket = std::fs::read_dir("/proc").unwrap().flatten().find_map(|entry| {
+            let arguments = std::fs::read_to_string(entry.path().join("cmdline")).ok()?;
+            let stat = std::fs::read_to_string(entry.path().join("stat")).ok()?;
+            let parent = stat.rsplit_once(')')?.1.split_whitespace().nth(1)?;
+            let path = arguments.split('\0').find_map(|text| text.strip_prefix("unix:"))?;
+            let is_child = parent == run.to_string() && arguments.contains("robotsim");
+            (is_child && Path::new(path).exists()).then(|| PathBuf::from(path))
+        });
+        socket.is_some()
+    });
+    socket.unwrap()
 }
 
 /// Interrupts a run and returns the summary that it left.
 fn interrupted(folder: &Path, run: Child) -> serde_json::Value {
-    let id = run.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-    run.wait_with_output().unwrap();
+    signal("-INT", run.id());
+    let _ = end_of(run);
     let path = folder.join("runs/ordered/summary.json");
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
@@ -105,9 +96,8 @@ async fn children_are_out_of_reach_of_others_and_take_no_orders() {
     let status = give(&format!("unix:{}", socket.display()), None).await.unwrap_err();
     assert_eq!(status.code(), Code::PermissionDenied, "{status}");
     assert!(status.message().contains("experiment.accept_commands"), "{status}");
-    let id = run.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-    run.wait_with_output().unwrap();
+    signal("-INT", run.id());
+    let _ = end_of(run);
     assert!(!home.exists(), "{} was left behind", home.display());
 }
 
@@ -131,7 +121,7 @@ async fn an_experiment_that_accepts_commands_says_where_and_its_summary_lists_th
     }
     give(url, Some(token)).await.unwrap();
     give(url, Some(token)).await.unwrap();
-    tokio::time::sleep(Duration::from_millis(300)).await;
+    wait_until_recording(&folder.path().join("runs"));
     // Nobody reads any further what it says.
     std::thread::spawn(move || lines.for_each(drop));
     let summary = interrupted(folder.path(), run);
@@ -151,7 +141,7 @@ async fn orders_to_a_simulator_that_runs_elsewhere_are_listed_too() {
     let stderr = run.stderr.take().unwrap();
     std::thread::spawn(move || BufReader::new(stderr).lines().for_each(drop));
     give(&robotsim.url, None).await.unwrap();
-    tokio::time::sleep(Duration::from_millis(300)).await;
+    wait_until_recording(&folder.path().join("runs"));
     let summary = interrupted(folder.path(), run);
     assert_eq!(summary["orders_from_outside"]["robots"]["operator"], 1, "{summary}");
 }

@@ -2,6 +2,7 @@
 //! the running simulation itself, under other seeds, with an effect that the model lacks.
 
 use experiment::{Overrides, load, read};
+use measure::packets::MeasuredPacket;
 use measure::table::DataTable;
 use network::compare::SeedComparison;
 use network::resimulate::{Resimulation, exchanged};
@@ -11,6 +12,7 @@ use record::read::RunReader;
 use serde_json::Value;
 use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::OnceLock;
 use study::thresholds::CONSISTENCY_LEVEL;
 use tests::reporting::sensors;
 use tests::{folder, orchestrator, run, said};
@@ -26,16 +28,25 @@ pub(crate) fn with(tables: &str) -> String {
     format!("{}\n{tables}", sensors())
 }
 
+/// Runs of the sensors under seeds 0 to 98, which several tests need.
+fn sensor_runs() -> &'static [Vec<MeasuredPacket>] {
+    static RUNS: OnceLock<Vec<Vec<MeasuredPacket>>> = OnceLock::new();
+    RUNS.get_or_init(|| {
+        let model = resimulation(&sensors(), None);
+        model.packets(&model.network(), 0..99).unwrap()
+    })
+}
+
 #[test]
 fn a_run_of_the_model_itself_differs_from_it_as_often_as_said() {
     let model = resimulation(&sensors(), None);
-    let runs = model.packets(&model.network(), 0..39).unwrap();
+    let runs = &sensor_runs()[..39];
     let n = 200;
     let others = model.packets(&model.network(), 1000..1000 + n).unwrap();
     let alarms = others
         .iter()
         .filter(|other| {
-            SeedComparison::from_packets(other, &runs, 0.0).placed.p_value <= CONSISTENCY_LEVEL
+            SeedComparison::from_packets(other, runs, 0.0).placed.p_value <= CONSISTENCY_LEVEL
         })
         .count();
     // All are held against the same 39 seeds, so that they are not independent: of the p-values' own scatter (0.05 +- 0.034
@@ -45,8 +56,8 @@ fn a_run_of_the_model_itself_differs_from_it_as_often_as_said() {
 
 #[test]
 fn effects_that_the_model_lacks_are_seen_in_the_figures_that_they_concern() {
-    let model = resimulation(&sensors(), None);
-    let runs = model.packets(&model.network(), 0..199).unwrap();
+    // As few runs as p-values of 1 % take.
+    let runs = sensor_runs();
     for (effect, figures) in [
         (
             "mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.5",
@@ -64,7 +75,7 @@ fn effects_that_the_model_lacks_are_seen_in_the_figures_that_they_concern() {
     ] {
         let truth = resimulation(&with(&format!("[[netsim.{effect}")), None);
         let measured = truth.packets(&truth.network(), 1000..1001).unwrap().remove(0);
-        let among = SeedComparison::from_packets(&measured, &runs, 0.0);
+        let among = SeedComparison::from_packets(&measured, runs, 0.0);
         assert!(among.placed.p_value <= 0.01, "{effect}: {}", among.placed.p_value);
         let kpis = network::kpis::KPIS;
         let furthest = (0..kpis.len())

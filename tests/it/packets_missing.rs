@@ -24,12 +24,12 @@ const SEEDS: u64 = 99;
 
 /// A run of a network with some effects, under a seed that no comparison has.
 fn measured(tables: &str, number: u64) -> Vec<MeasuredPacket> {
-    let truth = resimulation(&with(tables), None);
+    let truth = small_resimulation(&small(OFTEN, "", tables));
     truth.packets(&truth.network(), number..number + 1).unwrap().remove(0)
 }
 
 fn diagnosed(packets: Vec<MeasuredPacket>) -> (NetworkDiagnosis, Value) {
-    diagnosed_by(resimulation(&sensors(), None), packets)
+    diagnosed_by(small_resimulation(&small(OFTEN, "", "")), packets)
 }
 
 fn diagnosed_by(model: Resimulation, packets: Vec<MeasuredPacket>) -> (NetworkDiagnosis, Value) {
@@ -53,25 +53,24 @@ fn interval(json: &Value, effect: &str, key: &str) -> [f64; 2] {
     ["low", "high"].map(|end| entry["parameters"][key][end].as_f64().unwrap())
 }
 
-/// What must hold of the packets of two of three draws of a measurement. One in ten misses by chance, as nine intervals in ten
-/// cover, and one in twenty leaves something over.
-fn in_two_of_three(is_found_in: impl Fn(u64) -> Result<(), String>) {
-    let mut misses = Vec::new();
-    for draw in 0..3 {
-        misses.extend(is_found_in(1000 + draw).err());
-        let n_found = draw + 1 - misses.len() as u64;
-        if n_found == 2 {
-            return;
-        }
-    }
-    panic!("{misses:#?}");
+/// What must hold of the packets of one draw of a measurement, or else of both of two further draws. One draw in seven misses by
+/// chance, as nine intervals in ten cover, and one measurement in twenty leaves something over: a correct program fails with 4 % of
+/// the seeds. What breaks the search misses in nearly all draws.
+fn in_one_draw_or_two_more(is_found_in: impl Fn(u64) -> Result<(), String>) {
+    let Err(first) = is_found_in(1000) else { return };
+    let misses: Vec<String> =
+        [1001, 1002].into_iter().filter_map(|draw| is_found_in(draw).err()).collect();
+    assert!(misses.is_empty(), "{first}\n{misses:#?}");
 }
 
 #[test]
 fn lost_acknowledgments_are_found_with_their_part() {
     let effect = "[[netsim.mac.effect]]\nkind = \"ack-loss\"\nprobability = 0.4";
-    in_two_of_three(|seed| {
-        let (found, json) = diagnosed(measured(effect, seed));
+    in_one_draw_or_two_more(|seed| {
+        // Fewer packets than those of half an hour tell lost acknowledgments hardly from rationed airtime.
+        let truth = resimulation(&with(effect), None);
+        let packets = truth.packets(&truth.network(), seed..seed + 1).unwrap().remove(0);
+        let (found, json) = diagnosed_by(resimulation(&sensors(), None), packets);
         let sentence = json["sentence"].to_string();
         if json["missing"].as_array().unwrap() != &["ack-loss"] {
             return Err(sentence);
@@ -118,7 +117,7 @@ const OFTEN: &str = "[[netsim.app]]\nkind = \"periodic\"\nperiod_s = 5.0\npayloa
 /// What a model finds in the packets of a true network: that `first` is missing; that `effect`, if it is another one,
 /// cannot be told from that; and that the number of `effect` is `value`.
 fn is_found(model: &str, truth: &str, first: &str, effect: &str, number: (&str, f64)) {
-    in_two_of_three(|seed| is_found_in(seed, model, truth, first, effect, number));
+    in_one_draw_or_two_more(|seed| is_found_in(seed, model, truth, first, effect, number));
 }
 
 /// The same, in the packets of the truth under one seed; what is not found, if something is not.
@@ -223,7 +222,7 @@ fn a_slow_processor_is_found_added_and_then_nothing_differs() {
     let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
     let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
     let json = |name: &str| -> Value { serde_json::from_str(&read(name)).unwrap() };
-    write("model.toml", &sensors());
+    write("model.toml", &small(OFTEN, "", ""));
     let hidden = "[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.6";
     let mut rows = "time_s,source,destination,received_s,hops\n".to_owned();
     for packet in measured(hidden, 1000) {

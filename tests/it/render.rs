@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::LazyLock;
-use std::time::{Duration, Instant};
+use tests::{end_of, signal, wait_until};
 
 const CONFIG: &str = r#"
 [experiment]
@@ -268,19 +268,13 @@ fn ctrl_c_leaves_nothing() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let begun = Instant::now();
-    let is_writing = || {
+    wait_until("nothing is written", || {
         std::fs::read_dir(folder.path()).unwrap().any(|entry| {
             entry.is_ok_and(|entry| entry.metadata().is_ok_and(|file| 10_000 < file.len()))
         })
-    };
-    while !is_writing() {
-        assert!(begun.elapsed() < Duration::from_secs(20), "nothing is written");
-        std::thread::park_timeout(Duration::from_millis(10));
-    }
-    let killed = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(killed.success());
-    let output = child.wait_with_output().unwrap();
+    });
+    signal("-INT", child.id());
+    let output = end_of(child);
     assert_eq!(output.status.code(), Some(1), "{}", tests::said(&output));
     assert!(tests::said(&output).contains("a.gif was not written"), "{}", tests::said(&output));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);

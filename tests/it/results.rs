@@ -5,9 +5,8 @@ use std::collections::BTreeSet;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
 use tests::fake::{Fault, Faulty};
-use tests::{orchestrator, said, spawn};
+use tests::{end_of, orchestrator, said, signal, spawn, wait_until, wait_until_recording};
 
 const EXPERIMENT: &str = "[experiment]\nname = \"e\"\nseed = 3\nduration_s = 2.0\nagents = 4\n\
     [robotsim.scenario]\nkind = \"line\"\n[robotsim.controller]\nkind = \"random-jump\"\n\
@@ -41,22 +40,14 @@ fn endless(folder: &Path) -> Child {
 }
 
 fn until_it_records(folder: &Path, run: &Child) {
-    let begun = Instant::now();
     let ends = format!(".partial-{}", run.id());
     let records = || {
         names(&folder.join("runs")).iter().any(|name| {
             name.ends_with(&ends) && folder.join("runs").join(name).join("run.log").exists()
         })
     };
-    while !records() {
-        assert!(begun.elapsed() < Duration::from_secs(60), "nothing is recorded");
-        std::thread::park_timeout(Duration::from_millis(10));
-    }
-    std::thread::park_timeout(Duration::from_millis(300));
-}
-
-fn signal(signal: &str, to: u32) {
-    assert!(Command::new("kill").args([signal, &to.to_string()]).status().unwrap().success());
+    wait_until("nothing is recorded", records);
+    wait_until_recording(&folder.join("runs"));
 }
 
 fn names(dir: &Path) -> BTreeSet<String> {
@@ -75,7 +66,7 @@ fn an_interrupted_rerun_does_not_replace_a_complete_result() {
     let before = std::fs::read(folder.path().join("runs/e/run.mcap")).unwrap();
     let rerun = endless(folder.path());
     signal("-TERM", rerun.id());
-    let output = rerun.wait_with_output().unwrap();
+    let output = end_of(rerun);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     let warning = "warning: runs/e was not replaced: this run is not complete. The result of this run is in runs/e-2";
     assert!(said(&output).contains(warning), "{}", said(&output));
@@ -127,16 +118,16 @@ fn of_six_runs_into_one_folder_one_writes() {
     };
     let others: Vec<Child> = (0..5).map(|_| spawn(&mut command(), folder.path())).collect();
     for other in others {
-        let output = other.wait_with_output().unwrap();
+        let output = end_of(other);
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
         let error = format!("error: runs/e is being written by process {} on host ", holder.id());
         assert!(said(&output).contains(&error), "{}", said(&output));
     }
     // One that is killed leaves a lock that the next run takes over.
     signal("-KILL", holder.id());
-    holder.wait_with_output().unwrap();
+    let _ = end_of(holder);
     let six: Vec<Child> = (0..6).map(|_| spawn(&mut command(), folder.path())).collect();
-    let six: Vec<Output> = six.into_iter().map(|run| run.wait_with_output().unwrap()).collect();
+    let six: Vec<Output> = six.into_iter().map(end_of).collect();
     let codes: Vec<_> = six.iter().map(|output| output.status.code()).collect();
     // A run may begin after another one has ended.
     assert!(codes.contains(&Some(0)), "{codes:?}");
@@ -167,7 +158,7 @@ fn results_have_the_mode_that_the_umask_leaves() {
     let executable = tests::executable("orchestrator");
     let script = format!("umask 027; exec {} run e.toml --json a.json", executable.display());
     let output = spawn(Command::new("sh").args(["-c", &script]), folder.path());
-    let output = output.wait_with_output().unwrap();
+    let output = end_of(output);
     assert!(output.status.success(), "{}", said(&output));
     let dir = folder.path().join("runs/e");
     let files = names(&dir).into_iter().map(|name| dir.join(name));
@@ -182,7 +173,7 @@ fn a_hang_up_keeps_what_was_recorded() {
     let folder = folder("");
     let run = endless(folder.path());
     signal("-HUP", run.id());
-    let output = run.wait_with_output().unwrap();
+    let output = end_of(run);
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));
     let summary = json(folder.path().join("runs/e/summary.json"));
     assert_eq!(summary["status"], "interrupted");
@@ -197,10 +188,10 @@ fn a_run_under_nohup_outlives_its_session() {
     let mut run = spawn(Command::new("sh").args(["-c", &script]), folder.path());
     until_it_records(folder.path(), &run);
     signal("-HUP", run.id());
-    std::thread::park_timeout(Duration::from_millis(500));
+    wait_until_recording(&folder.path().join("runs"));
     assert!(run.try_wait().unwrap().is_none(), "it has ended");
     signal("-TERM", run.id());
-    let output = run.wait_with_output().unwrap();
+    let output = end_of(run);
     let reason = json(folder.path().join("runs/e/summary.json"))["reason"].clone();
     assert!(reason.as_str().unwrap().contains("SIGTERM"), "{reason} {}", said(&output));
 }
@@ -216,10 +207,8 @@ fn a_simulator_that_is_served_ends_with_a_hang_up() {
         let mut line = String::new();
         let stdout = child.stdout.take().unwrap();
         std::io::BufRead::read_line(&mut std::io::BufReader::new(stdout), &mut line).unwrap();
-        // It listens for signals a moment after it says where it serves.
-        std::thread::park_timeout(Duration::from_millis(200));
         signal("-HUP", child.id());
-        assert_eq!(child.wait().unwrap().code(), Some(0), "{name}");
+        assert_eq!(end_of(child).status.code(), Some(0), "{name}");
     }
 }
 
@@ -229,7 +218,7 @@ fn what_a_killed_run_has_left_is_named_by_the_next() {
     let killed = endless(folder.path());
     signal("-KILL", killed.id());
     let id = killed.id();
-    killed.wait_with_output().unwrap();
+    let _ = end_of(killed);
     let text = complete(folder.path(), &[]);
     let partial = format!("runs/.e.partial-{id}");
     assert!(text.contains(&format!("warning: {partial} is left by an earlier run")), "{text}");

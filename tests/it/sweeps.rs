@@ -6,7 +6,8 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Instant;
+use tests::{end_of, signal, wait_until};
 
 const EXPERIMENT: &str = "[experiment]\nname = \"s\"\nseed = 3\nduration_s = 2.0\nagents = 8\n\
     [robotsim.scenario]\nkind = \"disc\"\ndensity_per_m2 = 0.1\n\
@@ -415,16 +416,12 @@ fn a_sweep_that_is_asked_to_stop_says_how_far_it_came_and_goes_on() {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        let begun = Instant::now();
         let before = n_done();
-        while n_done() == before && begun.elapsed() < Duration::from_secs(60) {
-            std::thread::park_timeout(Duration::from_millis(20));
-        }
+        wait_until("no trial was done", || n_done() != before);
         for _ in 0..signals {
-            let id = running.id().to_string();
-            assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+            signal("-TERM", running.id());
         }
-        let output = running.wait_with_output().unwrap();
+        let output = end_of(running);
         assert_eq!(output.status.code(), Some(1), "{}", tests::said(&output));
         let said = String::from_utf8(output.stderr).unwrap();
         assert!(said.contains("stopped by SIGTERM after "), "{said}");

@@ -1,14 +1,17 @@
 use diagnose::{Request, Unobserved};
 use measure::config::Compared;
 use measure::table::DataTable;
+use proto::bounds::CONFIGURATION_BYTES;
 use std::error::Error;
+use std::fs::File;
 use std::path::Path;
 
 /// Which effect does a radio model lack? `cargo run --release -p diagnose --example answer -- model.toml links.csv`
 fn main() -> Result<(), Box<dyn Error>> {
     let mut files = std::env::args().skip(1);
     let [model, data] = [(); 2].map(|()| files.next().unwrap_or_default());
-    let config = Compared::of_text(Path::new(&model), std::fs::read_to_string(&model)?, &[])?;
+    let text = CONFIGURATION_BYTES.read_text(File::open(&model)?)?;
+    let config = Compared::of_text(Path::new(&model), text, &[])?;
     let table = DataTable::read(Path::new(&data))?;
     let found = diagnose::diagnose(&Request::new(&config, &table), &Unobserved)?.answer;
     println!("{}", diagnose::words::text(&found));

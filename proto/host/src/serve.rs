@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 use tokio::net::{TcpListener, UnixListener};
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio_stream::wrappers::UnixListenerStream;
 use tonic::service::{Routes, RoutesBuilder};
 use tonic::transport::server::TcpIncoming;
@@ -300,6 +301,8 @@ fn serve(
             "http"
         };
         let router = server.add_routes(routes.routes());
+        // Before the address is known to anyone.
+        let end = end(args.exit_with_parent);
         let serving = async {
             match listener {
                 Listener::Tcp(listener, address) => {
@@ -316,7 +319,7 @@ fn serve(
         };
         tokio::select! {
             result = serving => result.map_err(|error| ServeError::Transport(chain(&error))),
-            () = end(args.exit_with_parent) => Ok(()),
+            () = end => Ok(()),
         }
     });
     // A step that still runs on a blocking thread is not waited for.
@@ -384,9 +387,9 @@ fn orders(args: &ServeOptions) -> Result<OrdersFromOutside, ServeError> {
     Ok(OrdersFromOutside::WithToken(token.to_owned()))
 }
 
-/// Completes when the process is told to end.
-async fn end(with_parent: bool) {
-    use tokio::signal::unix::{SignalKind, signal};
+/// Completes when a signal or the parent ends the process. It listens as soon as it is called, so that no signal is lost that comes
+/// before it is polled.
+fn end(with_parent: bool) -> impl Future<Output = ()> {
     let (parent_lives, parent_ended) = tokio::sync::oneshot::channel::<()>();
     if with_parent {
         // Dropped, and so noticed, when standard input closes.
@@ -398,27 +401,26 @@ async fn end(with_parent: bool) {
     } else {
         std::mem::forget(parent_lives);
     }
-    let parent = async {
-        let _ = parent_ended.await;
-    };
-    let come = async |kind| match signal(kind) {
-        Ok(mut signal) => {
+    let hang_up = if ignores_hangup() { None } else { signal(SignalKind::hangup()).ok() };
+    let terminate = signal(SignalKind::terminate()).ok();
+    let interrupt = signal(SignalKind::interrupt()).ok();
+    async move {
+        tokio::select! {
+            _ = parent_ended => {}
+            () = received(hang_up) => {}
+            () = received(terminate) => {}
+            () = received(interrupt) => {}
+        }
+    }
+}
+
+/// Completes when a signal has come; never without one.
+async fn received(signal: Option<Signal>) {
+    match signal {
+        Some(mut signal) => {
             signal.recv().await;
         }
-        Err(_) => std::future::pending().await,
-    };
-    let hang_up = async {
-        if ignores_hangup() {
-            std::future::pending().await
-        } else {
-            come(SignalKind::hangup()).await
-        }
-    };
-    tokio::select! {
-        () = parent => {}
-        () = come(SignalKind::terminate()) => {}
-        () = hang_up => {}
-        _ = tokio::signal::ctrl_c() => {}
+        None => std::future::pending().await,
     }
 }
 

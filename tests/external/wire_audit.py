@@ -1,5 +1,6 @@
 """An audit on the wire: frames of every scheduling function and mode, one by one, against IEEE Std 802.15.4-2015 and 6P."""
 
+from bisect import bisect_right
 from collections import Counter, defaultdict
 
 from audited_frames import TX_ACK_DELAY_NS, expect_none, faults_of
@@ -33,7 +34,8 @@ def test_every_frame_dissects_without_malformation_or_warning(audited):
             return not frame["_ws.malformed"] and WITHOUT_TOKEN in frame["_ws.expert.message"]
         return not frame["_ws.malformed"] and all(int(level) < WARNING for level in frame["_ws.expert.severity"])
 
-    frames = [*audited.frames, *(frame for frame in audited.datagrams if frame not in audited.frames)]
+    captured = {id(frame) for frame in audited.frames}
+    frames = [*audited.frames, *(frame for frame in audited.datagrams if id(frame) not in captured)]
     faults_of(audited, frames, is_right, lambda frame: f"{frame['_ws.malformed']}, {frame['_ws.expert.message']}", 1000)
 
 
@@ -315,12 +317,15 @@ class Clocks:
         """Between what (ns) a mote's deviation was at a time; None: it sent nothing shortly before or shortly after."""
         if mote == ROOT:
             return 0, 0
-        before = [seen for seen in self.seen[mote] if time_ns - within_ns <= seen[0] <= time_ns][-1:]
-        after = [seen for seen in self.seen[mote] if time_ns < seen[0] <= time_ns + within_ns][:1]
-        if not before or not after:
+        seen = self.seen[mote]
+        place = bisect_right(seen, time_ns, key=lambda one: one[0])
+        if place in (0, len(seen)):
             return None
-        margin_ns = (after[0][0] - before[0][0]) * self.DRIFT_PPM // 1_000_000 + self.TICK_NS
-        deviations = before[0][1], after[0][1]
+        before, after = seen[place - 1], seen[place]
+        if before[0] < time_ns - within_ns or time_ns + within_ns < after[0]:
+            return None
+        margin_ns = (after[0] - before[0]) * self.DRIFT_PPM // 1_000_000 + self.TICK_NS
+        deviations = before[1], after[1]
         return min(deviations) - margin_ns, max(deviations) + margin_ns
 
 

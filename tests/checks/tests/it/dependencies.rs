@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::process::Command;
 
 fn rules() -> toml::Table {
-    let text = std::fs::read_to_string(tests::repository().join("deny.toml")).unwrap();
+    let text = std::fs::read_to_string(checks::repository().join("deny.toml")).unwrap();
     text.parse().unwrap()
 }
 
@@ -13,10 +13,10 @@ fn rules() -> toml::Table {
 fn packages() -> Vec<Value> {
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--locked"])
-        .current_dir(tests::repository())
+        .current_dir(checks::repository())
         .output()
         .unwrap();
-    assert!(output.status.success(), "{}", tests::said(&output));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
     let packages = metadata["packages"].as_array().unwrap().iter();
     packages.filter(|package| !package["source"].is_null()).cloned().collect()

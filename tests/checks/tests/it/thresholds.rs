@@ -1,5 +1,6 @@
 //! Statistical constants are in one file.
 
+use checks::{repository, rust_files};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -180,20 +181,22 @@ fn numeric_constants(text: &str) -> Vec<&str> {
     declared.collect()
 }
 
+/// The sources of a folder without the files that hold tests only.
 fn files(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
-    let files = entries.flat_map(|path| match path.is_dir() {
-        true if path.ends_with("tests") => Vec::new(),
-        true => files(&path),
-        false if path.ends_with("tests.rs") => Vec::new(),
-        false => vec![path],
-    });
-    files.collect()
+    let is_test = |path: &PathBuf| {
+        path.iter().any(|part| ["tests", "tests.rs"].iter().any(|name| part == *name))
+    };
+    rust_files(folder).into_iter().filter(|path| !is_test(&folder_of(folder, path))).collect()
+}
+
+/// A path from a folder on.
+fn folder_of(folder: &Path, path: &Path) -> PathBuf {
+    path.strip_prefix(folder).unwrap().to_owned()
 }
 
 #[test]
 fn constants_that_decide_an_answer_are_in_the_list_of_thresholds() {
-    let repository = tests::repository();
+    let repository = repository();
     let listed: BTreeSet<&str> =
         NUMERIC.iter().flat_map(|(_, names)| names.iter().copied()).collect();
     let mut declared = BTreeSet::new();
@@ -216,7 +219,7 @@ fn constants_that_decide_an_answer_are_in_the_list_of_thresholds() {
 
 #[test]
 fn every_threshold_says_what_it_is_and_is_used() {
-    let repository = tests::repository();
+    let repository = repository();
     let list = std::fs::read_to_string(repository.join(LIST)).unwrap();
     let names = numeric_constants(&list);
     assert!(100 <= names.len(), "{}", names.len());

@@ -42,7 +42,7 @@ const PARAPHRASES: &[(&str, &str)] = &[
 
 /// Every page that users and contributors read.
 fn pages() -> Vec<PathBuf> {
-    let root = tests::repository();
+    let root = checks::repository();
     let mut pages = Vec::new();
     let mut folders = vec![root.clone()];
     while let Some(folder) = folders.pop() {
@@ -173,7 +173,7 @@ fn all_sentences() -> Vec<(String, String)> {
 }
 
 fn named(page: &Path) -> String {
-    page.strip_prefix(tests::repository()).unwrap().display().to_string()
+    page.strip_prefix(checks::repository()).unwrap().display().to_string()
 }
 
 #[test]
