@@ -307,3 +307,6 @@ impl<S: Measured> Campaign<S> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

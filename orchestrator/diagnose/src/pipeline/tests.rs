@@ -1,0 +1,92 @@
+//! Each step between the measurements and the answer is needed by one of these campaigns, which are written out here.
+
+use super::{Extending, diagnose, extend};
+use crate::diagnosis::{Diagnosis, Verdict};
+use crate::{DiagnoseError, Request, Unobserved};
+use measure::config::Compared;
+use measure::table::DataTable;
+use proto::rng::{Draws, Purpose};
+use std::fmt::Write as _;
+use std::path::Path;
+use study::open::OpenError;
+
+const FRIIS: &str = "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = 0.0\n";
+const MOTES: u32 = 8;
+const ROWS: u32 = 2800;
+
+/// Frames between eight motes that stand, a second apart, received as by free space with a noise of 1 dB. `change_db`: what is added to
+/// a reading (dB), by the row's time (s), sender and receiver; NaN: the reading is always −70 dBm.
+fn links(change_db: impl Fn(f64, u32, u32) -> f64) -> DataTable {
+    let draws = Draws::new(5, Purpose::Resample);
+    let place = |mote: u32| (f64::from(mote * mote % 11), f64::from(mote * 3 % 7));
+    let mut csv =
+        "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,received\n"
+            .to_owned();
+    for row in 0..ROWS {
+        let (tx, step) = (row % MOTES, 1 + row / MOTES % (MOTES - 1));
+        let rx = (tx + step) % MOTES;
+        let ((x0, y0), (x1, y1)) = (place(tx), place(rx));
+        let distance_m = libm::hypot(x1 - x0, y1 - y0);
+        let noise_db = draws.normal(0, u64::from(row), 0);
+        let change_db = change_db(f64::from(row), tx, rx);
+        let rssi_dbm = if change_db.is_nan() {
+            -70.0
+        } else {
+            (-40.05 - 20.0 * libm::log10(distance_m) + noise_db + change_db).round()
+        };
+        let _ = writeln!(csv, "{row},{tx},{rx},15,{x0},{y0},1,{x1},{y1},1,{rssi_dbm},1");
+    }
+    DataTable::of_csv(Path::new("links.csv"), csv.as_bytes()).unwrap()
+}
+
+fn friis() -> Compared {
+    Compared::of_text(Path::new("model.toml"), FRIIS.to_owned(), &[]).unwrap()
+}
+
+fn diagnosed(table: &DataTable) -> Diagnosis {
+    diagnose(&Request::new(&friis(), table), &Unobserved).unwrap().answer
+}
+
+#[test]
+fn nothing_is_missing_from_free_space() {
+    let found = diagnosed(&links(|_, _, _| 0.0));
+    assert_eq!(found.verdict, Verdict::NothingMissing, "{}", found.sentence);
+}
+
+#[test]
+fn an_effect_that_begins_is_limited_to_its_time() {
+    let found = diagnosed(&links(|time_s, _, _| if time_s < 1400.0 { 0.0 } else { -4.0 }));
+    let [name] = &found.missing[..] else { panic!("{}", found.sentence) };
+    assert!(name.starts_with("system-gain (only "), "{name}");
+    let limited = found.candidates.iter().find(|candidate| candidate.accepted).unwrap();
+    let only = limited.only.as_ref().unwrap();
+    let moment_s = only.get("from_s").or(only.get("until_s")).and_then(toml::Value::as_float);
+    assert!((moment_s.unwrap() - 1400.0).abs() < 50.0, "{only}");
+}
+
+#[test]
+fn a_defect_of_the_measurement_is_named_and_corrected_before_the_search() {
+    let found = diagnosed(&links(|_, _, rx| if rx == 5 { f64::NAN } else { 0.0 }));
+    assert_eq!(found.missing, ["measurement:stuck-node"], "{}", found.sentence);
+    assert_eq!(found.measurement_defects[0].nodes, [5]);
+    assert_eq!(found.account.used + found.measurement_defects[0].left_out, ROWS as usize);
+}
+
+#[test]
+fn an_effect_is_added_by_name_and_one_that_does_not_exist_is_refused() {
+    let (config, table) = (friis(), links(|_, _, _| -4.0));
+    let request = Request::new(&config, &table);
+    let extended = extend(&request, &Extending::named(&["system-gain"]), &Unobserved).unwrap();
+    let [before, after] = extended.config.unwrap().answer.rmse;
+    assert!(3.9 < before && after < 1.2, "{before} {after}");
+    let refused = extend(&request, &Extending::named(&["system-gian"]), &Unobserved).unwrap_err();
+    assert!(refused.to_string().contains("did you mean system-gain?"), "{refused}");
+}
+
+#[test]
+fn a_table_of_nothing_known_is_refused_with_the_columns_it_lacks() {
+    let table = DataTable::of_csv(Path::new("data.csv"), b"a,b\n1,2\n").unwrap();
+    let refused = diagnose(&Request::new(&friis(), &table), &Unobserved).unwrap_err();
+    assert!(matches!(refused, DiagnoseError::Open(OpenError::Useless { .. })), "{refused:?}");
+    assert!(refused.to_string().contains("link samples lack"), "{refused}");
+}
