@@ -9,7 +9,7 @@
 //! | [`metropolis`] | a log density, and random proposals | a sample of the density |
 //! | [`roots`] | values of a function of one number | a change of sign |
 //!
-//! The methods draw no random numbers, read no clock and never panic on a function's values: NaN counts as the worst value.
+//! The methods draw no random numbers and read no clock. A trial whose value is NaN is never taken for a better one.
 
 pub mod levenberg_marquardt;
 pub mod metropolis;

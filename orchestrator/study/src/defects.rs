@@ -170,6 +170,7 @@ fn significant(tested: Vec<Defect>) -> Vec<Defect> {
     let mut is_significant = vec![false; tested.len()];
     for (rank, &index) in order.iter().enumerate() {
         let n_left = (KINDS.len() - rank) as f64;
+        // Holm's procedure steps down, and stops at the first test that fails.
         if DEFECT_FAMILY_ERROR / n_left < tested[index].p_value {
             break;
         }

@@ -112,6 +112,13 @@ mod tests {
     }
 
     #[test]
+    fn trials_without_a_value_are_never_better() {
+        let value = |[x, _]: &[f64; 2]| if *x < 1.0 { *x } else { f64::NAN };
+        let found = search().maximise([0.0; 2], compass, value);
+        assert!(found.value < 1.0 && (found.value - 1.0).abs() < 1e-5, "{found:?}");
+    }
+
+    #[test]
     fn complete_polling_takes_the_best_and_opportunistic_the_first() {
         let value = |[x, y]: &[f64; 2]| x + 2.0 * y;
         let one = |polling| {

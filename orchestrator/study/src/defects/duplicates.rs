@@ -21,6 +21,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let links = &evidence.modelled().links;
     let twice = links.rejected.iter().find(|rejected| rejected.reason == TWICE)?;
     let n_equal = twice.rows;
+    // The greater of both: the test errs towards finding nothing.
     let chance = chance_by_model(evidence).max(chance_by_rows(&links.rows).unwrap_or(0.0));
     let chance = chance.clamp(EQUAL_OUTCOME_CHANCES.0, EQUAL_OUTCOME_CHANCES.1);
     let n_trials = n_equal + n_of_same_moment(&links.rows);

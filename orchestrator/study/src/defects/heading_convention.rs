@@ -159,6 +159,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
             // A counter-clockwise convention differs by a constant angle, as an antenna mounted otherwise does.
             None => continue,
         };
+        // The motion shows that all headings are wrong, also those on which no reading depends.
         let share = if by_motion.is_some() { 1.0 } else { share };
         if best.is_none_or(|(_, most, ..)| most < gain) {
             best = Some((index, gain, p_value, share));

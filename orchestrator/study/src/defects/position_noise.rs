@@ -75,6 +75,7 @@ fn fitted(readings: &[&Reading], sd_m: f64) -> [f64; 3] {
             readings.iter().filter(|reading| reading.n_moving == class).collect();
         let n = of_class.len() as f64;
         *variance = of_class.iter().map(|reading| square(reading.residual_db)).sum::<f64>() / n;
+        // Without position noise the likeliest variance is the mean square, and nothing is iterated.
         if of_class.is_empty() || sd_m == 0.0 {
             *variance = if of_class.is_empty() { 1.0 } else { variance.max(LEAST_VARIANCE) };
             continue;
@@ -151,6 +152,7 @@ fn opposite(
     let rows = evidence.rows();
     let mut frames: BTreeMap<(u32, u64, u32), Vec<usize>> = BTreeMap::new();
     for row in evidence.received() {
+        // Only a sender that moves has an error of position that its receivers share.
         if gradients[row][0] != [0.0; 2] {
             let key = (rows[row].run, rows[row].time_s.to_bits(), rows[row].tx);
             frames.entry(key).or_default().push(row);

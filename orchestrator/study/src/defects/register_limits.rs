@@ -93,6 +93,7 @@ fn test(evidence: &Evidence<'_>, name: &'static str, sign: f64) -> Option<Defect
     // One stuck receiver, or one short link, is no limit of all registers.
     receivers.remove(&most);
     let rest = receivers.values().fold(Counts::default(), Counts::and);
+    // A single receiver shows no limit that registers have in common.
     if rest.n == 0 {
         return None;
     }

@@ -217,6 +217,7 @@ fn curve(
     if known.len() < rows.len() / 2 || known.is_empty() {
         return None;
     }
+    // Each channel has a knot of its own: between two channels there is nothing to interpolate.
     let knots = if covariate == CHANNEL {
         known.dedup();
         known

@@ -307,6 +307,7 @@ impl Random {
                 squares += level * level;
                 determined += (1.0 - variances(index) / (sd * sd)).clamp(1e-9, 1.0);
             }
+            // No row lies in a cell of this kind: nothing suggests another spread.
             if determined == 0.0 {
                 return (sd, 0.0);
             }

@@ -280,6 +280,7 @@ impl LinkStudy {
         }
         let mut products = Products::new(edges);
         for (link, rows) in links.values().enumerate() {
+            // The number of pairs grows with the square of the rows of a link.
             let each = rows.len().div_ceil(MOST_COMPARED_ROWS);
             let rows: Vec<&(usize, f64)> = rows.iter().step_by(each).collect();
             for (index, &&(one, earlier_db)) in rows.iter().enumerate() {

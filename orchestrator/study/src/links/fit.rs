@@ -327,6 +327,7 @@ impl<'a> FitProblem<'a> {
                 n += 1.0;
             }
         }
+        // Without a reading nothing says how large the noise is.
         let sd_db = if n < 1.0 { 3.0 } else { f64::sqrt(sum / n).clamp(0.3, 20.0) };
         let is_aggregated = self.rows.links.readings.is_aggregated;
         Noise {

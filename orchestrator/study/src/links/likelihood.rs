@@ -176,6 +176,7 @@ impl Instrument {
     /// As [`FadingDensity::log_density_at`], of all strengths about `power_dbm` that are rounded to the same reading, each by the probability
     /// that such a frame passes.
     fn rounded(&self, power_dbm: f64, deviation_db: f64) -> RowLikelihood {
+        // A single level leaves a normal density, of which all places follow from one exponential.
         if let [(level, _)] = self.spread.0[..] {
             let deviation_db = deviation_db - level;
             let variance = self.of_strength.variance();
@@ -306,6 +307,7 @@ impl Instrument {
             slope = match (is_bent, is_cut) {
                 (true, _) => self.bent(power_dbm, deviation, stretch, by_curve),
                 (false, true) => self.rounded(power_dbm, deviation),
+                // Where the curve is level, all strengths that are rounded to one reading pass alike.
                 (false, false) => self.of_reading.log_density_at(deviation),
             };
             if is_bent && by_curve || is_cut {

@@ -163,6 +163,7 @@ impl ModelledLinks {
         };
         let measured = &self.links.rows[row];
         let (sender, receiver) = self.ends[row];
+        // An unknown time, which is NaN, counts as 0.
         let time_ns = (measured.time_s.max(0.0) * 1e9) as u64;
         see(&self.model.link(&scene, sender, receiver, measured.channel, time_ns))
     }
@@ -354,6 +355,7 @@ fn silent_frames(rows: &[LinkRow]) -> Vec<f64> {
     }
     let mut usual: Vec<(u64, usize)> =
         counts.into_iter().filter(|&(_, n)| FEWEST_SILENT <= n).collect();
+    // The most frequent first, and among equals the smaller number.
     usual.sort_by_key(|&(bits, n)| (usize::MAX - n, bits));
     usual.truncate(MOST_SILENT);
     usual.into_iter().map(|(bits, _)| f64::from_bits(bits)).collect()

@@ -70,6 +70,7 @@ impl RobotCurve {
         if !value.is_finite() {
             return 0.0;
         }
+        // The function after those of the knots is the constant.
         let Some(mean) = self.means.get(k) else { return 1.0 };
         let of_knot =
             knots::shares(&self.knots, value).into_iter().filter(|(knot, _)| *knot == k + 1);

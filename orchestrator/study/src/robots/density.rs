@@ -49,6 +49,7 @@ impl ResidualDensity {
         let broad = libm::log(BROAD_SHARE)
             - self.n_parts as f64 * libm::log(BROAD_FACTOR)
             - 0.5 * square / (BROAD_FACTOR * BROAD_FACTOR);
+        // The greater of both densities is factored out: far from the mean both underflow.
         let top = narrow.max(broad);
         let sum = libm::exp(narrow - top) + libm::exp(broad - top);
         let share = libm::exp(narrow - top) / sum;

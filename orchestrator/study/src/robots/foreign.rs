@@ -104,6 +104,7 @@ pub fn prediction_windows(robots: &RobotSamples) -> Result<Vec<PredictionWindow>
             agent: first.agent,
             start_ns: nanoseconds(first),
             position_m: first.position_m,
+            // A body that does not turn has no heading, and the contract needs a number.
             heading_rad: if first.heading_rad.is_nan() { 0.0 } else { first.heading_rad },
             velocity_mps: None,
             steps: samples.windows(2).map(step).collect(),

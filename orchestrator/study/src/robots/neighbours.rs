@@ -36,6 +36,7 @@ pub(super) fn others(robots: &RobotSamples) -> Vec<Vec<Other>> {
                             (after.position_m[i] - samples[near].position_m[i])
                                 / (after.time_s - samples[near].time_s)
                         }),
+                        // The last sample of a track has no step that says how fast the robot is.
                         None => [0.0; 3],
                     };
                     let ahead_s = time_s - samples[near].time_s;

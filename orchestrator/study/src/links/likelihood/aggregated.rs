@@ -248,6 +248,7 @@ impl Instrument {
             posterior_mean,
         );
         let share = deviation * deviation / both;
+        // Where the variance is at its floor, it does not change with the noise.
         let is_least = own <= MEAN_READING_SD_DB * MEAN_READING_SD_DB;
         let own_over_ln_sd =
             if is_least { 0.0 } else { 2.0 * self.sd_db * self.sd_db / counts.readings };

@@ -197,6 +197,7 @@ pub fn coordinates(
             let mut values: Vec<f64> = drawn.iter().map(|numbers| numbers[k]).collect();
             values.sort_by(f64::total_cmp);
             let [low, high] = [tail, 1.0 - tail].map(|share| quantile_nearest(&values, share));
+            // The likeliest place need not lie within the central part of a sample.
             Coordinate { name, value, low: low.min(value), high: high.max(value) }
         })
         .collect()
