@@ -11,8 +11,8 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
             if path.is_dir() {
-                // What a build left below an example.
-                if !path.ends_with("target") {
+                // Neither what a build left, nor code that proto/generate has written.
+                if !path.ends_with("target") && !path.ends_with("generated") {
                     folders.push(path);
                 }
             } else if path.extension().is_some_and(|extension| extension == "rs") {
