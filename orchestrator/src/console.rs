@@ -93,46 +93,6 @@ impl Audience for Screen {
     }
 }
 
-/// Keeps what is said while a terminal is drawn on, and shows no progress.
-#[derive(Default)]
-pub struct HeldScreen {
-    /// Warnings and notes, in order.
-    said: Vec<(bool, String)>,
-}
-
-impl HeldScreen {
-    /// Says all of it.
-    pub(crate) fn show(self, screen: &mut Screen) {
-        for (is_warning, text) in self.said {
-            if is_warning {
-                screen.warn(&text);
-            } else {
-                screen.note(&text);
-            }
-        }
-    }
-}
-
-impl Audience for HeldScreen {
-    fn warn(&mut self, warning: &str) {
-        self.said.push((true, warning.to_owned()));
-    }
-
-    fn note(&mut self, note: &str) {
-        self.said.push((false, note.to_owned()));
-    }
-}
-
-impl drive::ProgressObserver for HeldScreen {
-    fn begin(&mut self, _: u64) {}
-
-    fn step_done(&mut self, _: u64, _: u64) {}
-
-    fn forming(&mut self, _: u64, _: u64, _: u64, _: &Formation, _: usize) {}
-
-    fn end(&mut self) {}
-}
-
 impl drive::ProgressObserver for Screen {
     fn begin(&mut self, n_steps: u64) {
         self.progress = Some(ProgressDisplay::new(n_steps));

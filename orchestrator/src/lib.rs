@@ -17,7 +17,6 @@
 //! | [`effects`] | the catalogue of physical effects |
 //! | [`conformance`] | does a foreign simulator keep the contract? |
 //! | [`mod@bench`] | speed through the real processes |
-//! | [`watch`] | a run in a terminal, while it lasts |
 //! | [`console`] | what a person reads while it works |
 
 pub mod bench;
@@ -35,4 +34,3 @@ pub mod export;
 pub mod run;
 pub mod starters;
 pub mod sweep;
-pub mod watch;

@@ -18,7 +18,6 @@ pub use trial::{Sides, TrialPlan, TrialResult};
 pub use warm_start::{FormedFile, FormedFiles};
 
 use crate::disk_space;
-use crate::watch::Watch;
 use attempt::{Attempt, Begun, Origin};
 use course::carry_out;
 use drive::peer::SideError;
@@ -61,10 +60,8 @@ pub struct RunOptions {
 pub struct LiveView {
     /// What the server shows.
     pub shown: Shown,
-    /// The address of the page, if one is served.
-    pub url: Option<String>,
-    /// It is drawn in this terminal.
-    pub is_watched: bool,
+    /// The address of the page.
+    pub url: String,
     /// Whether the run may go on.
     pub pace: Arc<Pace>,
     /// Viewers may pause and step it.
@@ -73,16 +70,11 @@ pub struct LiveView {
 
 impl LiveView {
     /// Begins to show a run.
-    fn begin(
-        &self,
-        name: &str,
-        configured: &Configured,
-    ) -> std::io::Result<(LiveFeed, Option<Watch>)> {
+    fn begin(&self, name: &str, configured: &Configured) -> std::io::Result<LiveFeed> {
         let pace = Arc::clone(&self.pace);
         let (live, feed) = LiveRun::begin(name, configured, pace, self.controllable)?;
-        let watch = self.is_watched.then(|| Watch::begin(Arc::clone(&live))).transpose()?;
         self.shown.replace(RunSource::Live(live));
-        Ok((feed, watch))
+        Ok(feed)
     }
 }
 
@@ -331,19 +323,16 @@ pub async fn run(
         exchange.robots_request.experiment.seed = plan.experiment.seed;
         live.begin(&plan.name, &exchange)
     });
-    let shown = shown.transpose().unwrap_or_else(|error| {
+    let mut feed = shown.transpose().unwrap_or_else(|error| {
         audience.warn(&format!("the run cannot be shown while it lasts: {error}"));
         None
     });
-    // The terminal is drawn on until the run has ended.
-    let (mut feed, _watch) = shown.map_or((None, None), |(feed, watch)| (Some(feed), watch));
     if let Some(feed) = &mut feed {
         started.formed_steps.iter().for_each(|step| feed.step(step));
     }
     // Not before there is something to see.
-    let url = options.live.as_ref().and_then(|live| live.url.as_ref());
-    if let (Some(url), Some(_)) = (url, &feed) {
-        audience.note(&format!("watch the run at {url}"));
+    if let (Some(live), Some(_)) = (&options.live, &feed) {
+        audience.note(&format!("watch the run at {}", live.url));
     }
     let mut attempt = Attempt::begin(&plan, begun, started).await?;
     attempt.recording.live = feed;

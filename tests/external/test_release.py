@@ -21,7 +21,7 @@ NAME = f"murmuration-{VERSION}-x86_64-linux"
 TESTED = Path(program("murmuration"))
 
 # The static program, where a maintainer has built it. CI packs the one that every test uses.
-STATIC = BUILT.parent / "x86_64-unknown-linux-musl" / "release" / "murmuration"
+STATIC = BUILT.parent / "x86_64-unknown-linux-musl" / "dist" / "murmuration"
 PACKED = STATIC if STATIC.exists() else TESTED
 
 

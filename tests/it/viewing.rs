@@ -85,9 +85,9 @@ fn an_export_goes_next_to_the_run_and_replaces_nothing() {
 }
 
 #[test]
-fn a_terminal_is_needed_to_watch() {
+fn options_of_the_live_page_need_one() {
     let folder = recorded();
-    refused(&["run", "e.toml", "--watch"], folder.path(), &["--watch", "terminal"]);
+    refused(&["run", "e.toml", "--live-speed", "2"], folder.path(), &["--live"]);
     refused(&["run", "e.toml", "--live-control"], folder.path(), &["--live"]);
     refused(&["run", "e.toml", "--live", "--live-speed", "0"], folder.path(), &["0.001"]);
 }

@@ -21,11 +21,11 @@ use std::path::Path;
 /// The messages, as they are generated.
 #[expect(unreachable_pub, clippy::all, clippy::pedantic, reason = "generated from vendored files")]
 pub(crate) mod foxglove {
-    include!(concat!(env!("OUT_DIR"), "/foxglove.rs"));
+    include!("../generated/foxglove.rs");
 }
 
 /// Their descriptors.
-const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/foxglove.bin"));
+const DESCRIPTORS: &[u8] = include_bytes!("../generated/foxglove.bin");
 /// Its name.
 pub(crate) const FILE: &str = "scene.mcap";
 /// The frame of all positions: metres, x east, y north, z up.

@@ -110,7 +110,7 @@ const OPTION_GROUPS: [(&str, &[&str]); 8] = [
             "corrected_data",
         ],
     ),
-    ("Live view", &["live", "watch", "live_control", "live_speed", "port"]),
+    ("Live view", &["live", "live_control", "live_speed", "port"]),
     (
         "Several machines",
         &["shard", "merge", "engine", "shards", "emit", "emit_to", "wait_for_lock"],

@@ -2,7 +2,7 @@
 
 use super::replay::Serving;
 use super::{AllowArgs, Failure, OverrideArgs, check_place, is_stdout, on_runtime, write_json};
-use crate::console::{HeldScreen, Screen, say, warn};
+use crate::console::{Screen, say, warn};
 use crate::dry_run::DryRun;
 use crate::run::run_answer::RunAnswer;
 use crate::run::{self, LiveView, ResumeOptions, RunOptions, RunReport, StartOptions};
@@ -11,7 +11,6 @@ use metrics::kpi::kpi_summary::{ExchangeOutcome, KpiSummary};
 use proto::types::seconds;
 use record::ReplacePolicy;
 use record::run_summary::{RunSummary, TaskSummary};
-use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use view::live::Pace;
@@ -50,14 +49,11 @@ pub(super) struct RunArgs {
     /// replays the run, until Ctrl-C
     #[arg(long, conflicts_with_all = ["dry_run", "resume"])]
     live: bool,
-    /// Draw the swarm and its key figures in this terminal while the run lasts
-    #[arg(long, conflicts_with_all = ["dry_run", "resume"])]
-    watch: bool,
     /// Let the page pause the run and take single steps
     #[arg(long, requires = "live")]
     live_control: bool,
-    /// With --live or --watch: slow the run down to at most X simulated seconds per second
-    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = live_speed)]
+    /// Slow the run down to at most X simulated seconds per second
+    #[arg(long, value_name = "X", requires = "live", allow_negative_numbers = true, value_parser = live_speed)]
     live_speed: Option<f64>,
     /// Port of the page [default: any free port]
     #[arg(long, value_name = "PORT", requires = "live")]
@@ -88,20 +84,11 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     let replace =
         if args.replace { ReplacePolicy::AnyExperiment } else { ReplacePolicy::SameExperiment };
     let screen = &mut Screen::default();
-    if args.live_speed.is_some() && !args.live && !args.watch {
-        return Err(Failure::request(
-            "--live-speed: applies only with --live or --watch; without them a run is as fast as it can be",
-        ));
-    }
     let shown = Shown::new(Vec::new());
     let serving = args.live.then(|| Serving::begin(args.port, &shown)).transpose()?;
-    if args.watch && !std::io::stdout().is_terminal() {
-        return Err(Failure::request("--watch: standard output is not a terminal; leave it out"));
-    }
-    let live = (args.live || args.watch).then(|| LiveView {
+    let live = serving.as_ref().map(|serving| LiveView {
         shown: shown.clone(),
-        url: serving.as_ref().map(|serving| serving.url().to_owned()),
-        is_watched: args.watch,
+        url: serving.url().to_owned(),
         pace: Arc::new(Pace::new(args.live_speed)),
         controllable: args.live_control,
     });
@@ -114,14 +101,7 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
             let out = args.out.clone();
             let save_formed = args.save_formed.clone();
             let options = RunOptions { config, overrides, out, replace, start, live, save_formed };
-            if args.watch {
-                let mut held = HeldScreen::default();
-                let report = on_runtime(run::run(&options, &mut held))?;
-                held.show(screen);
-                report
-            } else {
-                on_runtime(run::run(&options, screen))?
-            }
+            on_runtime(run::run(&options, screen))?
         }
     };
     let report =

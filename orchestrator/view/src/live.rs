@@ -67,19 +67,6 @@ pub(crate) struct KeptFrame {
     taken: Instant,
 }
 
-/// What there is to see of a run that lasts.
-#[derive(Clone, Debug)]
-pub struct Look {
-    /// The run.
-    pub run: view::Run,
-    /// Its latest frame.
-    pub frame: Option<view::Frame>,
-    /// Its latest events, in the order of time.
-    pub events: Vec<view::Event>,
-    /// How it goes.
-    pub status: view::LiveStatus,
-}
-
 /// Whether the run may go on.
 pub struct Pace {
     state: Mutex<PaceState>,
@@ -211,24 +198,6 @@ impl LiveRun {
     /// What it is.
     pub(crate) fn run(&self) -> view::Run {
         self.lock().run.clone()
-    }
-
-    /// The run, its latest frame, its latest `n_events` events and how it goes, for who looks at it in this process.
-    #[must_use]
-    pub fn look(&self, n_events: usize) -> Look {
-        let state = self.lock();
-        let events = state.overview.events();
-        Look {
-            run: state.run.clone(),
-            frame: state.latest.as_ref().map(|latest| latest.frame.clone()),
-            events: events[events.len().saturating_sub(n_events)..].to_vec(),
-            status: state.status(&self.pace),
-        }
-    }
-
-    /// Counts someone who looks in this process among the viewers, so that frames come at the pace of viewers.
-    pub fn add_viewer(&self) {
-        self.lock().n_viewers += 1;
     }
 
     /// Whether the run has ended.

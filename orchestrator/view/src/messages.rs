@@ -9,5 +9,5 @@ pub fn has_bit(bitmap: &[u8], agent: usize) -> bool {
 /// See `view.proto`.
 #[expect(clippy::all, clippy::pedantic, reason = "generated from view.proto")]
 pub mod view {
-    include!(concat!(env!("OUT_DIR"), "/murmuration.view.v1.rs"));
+    include!("../generated/murmuration.view.v1.rs");
 }

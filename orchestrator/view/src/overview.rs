@@ -76,12 +76,6 @@ impl OverviewBuilder {
         }
     }
 
-    /// What happened so far.
-    #[must_use]
-    pub fn events(&self) -> &[view::Event] {
-        &self.found
-    }
-
     /// All so far.
     #[must_use]
     pub fn overview(&self, complete: bool) -> view::Overview {

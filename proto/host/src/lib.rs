@@ -26,7 +26,7 @@ pub use serve::{
 /// The services of `cosim/v1`: a client and a server of each. Their documentation is in the `.proto` files.
 #[allow(missing_docs, clippy::all, unreachable_pub, reason = "generated code")]
 pub mod services {
-    tonic::include_proto!("cosim.v1");
+    include!("../generated/cosim.v1.rs");
 }
 
 /// The largest message either side decodes (bytes), announced in `Describe`.

@@ -22,6 +22,9 @@ use tokio_stream::wrappers::UnixListenerStream;
 use tonic::service::{Routes, RoutesBuilder};
 use tonic::transport::server::TcpIncoming;
 use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// Where a simulator listens.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -230,16 +233,18 @@ pub fn init_logging_to<W: std::io::Write + 'static>(
     json: bool,
     writer: impl Fn() -> W + Send + Sync + 'static,
 ) -> Result<(), ServeError> {
-    let parsed = tracing_subscriber::EnvFilter::builder().parse(filter).map_err(|error| {
-        ServeError::Log { filter: filter.to_owned(), reason: error.to_string() }
+    let targets = filter.parse::<Targets>().map_err(|error| ServeError::Log {
+        filter: filter.to_owned(),
+        reason: error.to_string(),
     })?;
-    let subscriber = tracing_subscriber::fmt()
-        .with_env_filter(parsed)
+    let lines = tracing_subscriber::fmt::layer()
         .with_writer(writer)
         .with_ansi(std::io::stderr().is_terminal())
         .without_time();
+    let registry = tracing_subscriber::registry().with(targets);
     // A second start within one process (tests) keeps the first.
-    let _ = if json { subscriber.json().try_init() } else { subscriber.try_init() };
+    let _ =
+        if json { registry.with(lines.json()).try_init() } else { registry.with(lines).try_init() };
     Ok(())
 }
 

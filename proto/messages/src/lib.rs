@@ -13,11 +13,11 @@ pub mod convert;
 /// The messages of `cosim/v1`. Their documentation is in the `.proto` files.
 #[allow(missing_docs, clippy::all, unreachable_pub, reason = "generated code")]
 pub mod v1 {
-    include!(concat!(env!("OUT_DIR"), "/cosim.v1.rs"));
+    include!("../generated/cosim.v1.rs");
 }
 
 /// The compiled `.proto` files, for reflection and for self-describing records.
-pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/cosim.v1.bin"));
+pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!("../generated/cosim.v1.bin");
 
 /// Version of the contract that `Describe` states.
 pub const CONTRACT_VERSION: u32 = 1;

@@ -1,10 +1,9 @@
-//! Rigid bodies: discs with mass, friction and spin, whose contacts Rapier resolves.
+//! Rigid bodies: discs with mass, friction and spin, which push each other.
 
 use super::inertial::{GRAVITY_MPS2, Inertial, within};
 use super::norm;
 use crate::context::field;
 use proto::config::{Default as Absent, Field, Kind, Range};
-use rapier2d_f64::prelude::{CoefficientCombineRule, ColliderBuilder};
 use serde::Deserialize;
 
 /// A rigid disc on the ground.
@@ -20,19 +19,18 @@ use serde::Deserialize;
 /// |dv/dt| = μ_g g,    |dω/dt| = 4 μ_g g / (3 r)
 /// ```
 ///
-/// Contacts with other discs, walls and obstacles are Rapier's (<https://rapier.rs>, `enhanced-determinism`): Newton's law with
-/// restitution e along the normal, Coulomb's friction μ along the surface, which spins the disc; of two that touch the lower e
-/// and the lower μ count, walls and obstacles having neither of their own. To them robots that are no rigid bodies are round
+/// Contacts with other discs, walls and obstacles: Newton's law with restitution e along the normal, Coulomb's friction μ along the
+/// surface, which spins the disc; of two that touch the lower e and the lower μ count, walls and obstacles having neither of their
+/// own. To them robots that are no rigid bodies are round
 /// bodies that push and are not pushed back, and have neither e nor μ either: off one that moves with u a disc that meets it
 /// head-on with v parts with u + e (u − v).
 ///
 /// # Validity
 ///
 /// On a plane: z stays, and heights do not count, but that robots which are no rigid bodies pass over all of them where they are
-/// higher than their own radius above the highest. Within a step these go straight, evenly. Rapier lets bodies that are pressed together overlap a little, and gets hold
-/// of them up to one part's way before they touch. A pair keeps its energy as the restitution says; in a room some meetings give
-/// back less, so that elastic discs slow down in time. Where several meet at once, a restitution for each pair can give them more than
-/// they had: what they exchange is then lessened until they have as much. Friction acts on the impulse of meeting, not on that of parting. How sliding lessens what the ground takes from the spin, and the
+/// higher than their own radius above the highest. Within a step these go straight, evenly. Bodies that are pressed together overlap a little, and those that meet
+/// change their velocities up to one part's way before they touch. Where several meet at once, a restitution for each pair can give
+/// them more energy than they had: what they exchange is then lessened until they have as much. How sliding lessens what the ground takes from the spin, and the
 /// reverse, is left out (Farkas et al., Phys. Rev. Lett. 90, 248302, 2003). Not validated against hardware.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub(super) struct RigidBody {
@@ -137,20 +135,4 @@ impl RigidBody {
     pub(super) fn inertia(&self) -> f64 {
         0.125 * self.mass_kg * self.body_diameter_m * self.body_diameter_m
     }
-
-    pub(super) fn collider(&self) -> ColliderBuilder {
-        surface(ColliderBuilder::ball(0.5 * self.body_diameter_m))
-            .mass(self.mass_kg)
-            .friction(self.friction)
-            .restitution(self.restitution)
-    }
-}
-
-/// Of two surfaces that touch the lower coefficients count.
-pub(super) fn surface(collider: ColliderBuilder) -> ColliderBuilder {
-    collider
-        .friction_combine_rule(CoefficientCombineRule::Min)
-        .restitution_combine_rule(CoefficientCombineRule::Min)
-        .friction(f64::MAX)
-        .restitution(1.0)
 }

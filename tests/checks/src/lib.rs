@@ -18,7 +18,8 @@ pub fn repository() -> PathBuf {
     root.expect("tests/checks/ is in the repository").to_owned()
 }
 
-/// The Rust sources below a folder, sorted by path. Build output below an example is not a source.
+/// The Rust sources below a folder, sorted by path. Neither build output below an example nor code that
+/// `proto/generate` has written is a source.
 ///
 /// # Panics
 ///
@@ -31,7 +32,7 @@ pub fn rust_files(folder: &Path) -> Vec<PathBuf> {
         for entry in std::fs::read_dir(folder).expect("a folder of the repository") {
             let path = entry.expect("an entry of a folder").path();
             if path.is_dir() {
-                if !path.ends_with("target") {
+                if !path.ends_with("target") && !path.ends_with("generated") {
                     folders.push(path);
                 }
             } else if path.extension().is_some_and(|extension| extension == "rs") {

@@ -1,26 +1,28 @@
-//! Moves rigid bodies, whose contacts Rapier resolves.
+//! Moves rigid bodies and resolves their contacts.
+
+mod contacts;
 
 use super::Fleet;
-use crate::dynamics::rigid::{RigidBody, surface};
+use crate::dynamics::rigid::RigidBody;
 use crate::dynamics::surroundings::{Other, Surroundings, all_but};
 use crate::dynamics::{Command, Memory, Motion, Step, norm, wrapped};
 use crate::obstacles::Course;
+use contacts::{Contacts, Partner, Round};
 use proto::site::Site;
 use proto::types::{AgentStates, seconds};
-use rapier2d_f64::prelude::{
-    ColliderBuilder, ContactPair, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle, Vector,
-};
 
 /// Longest part (s) of a step after which contacts are looked for.
 const PART_S: f64 = 0.005;
 
-/// What is solid, and the robots in it: made anew for each step, so that nothing but robots' states goes on.
+/// Walls, obstacles and robots: made anew for each step, so that nothing but robots' states goes on.
 struct World {
-    physics: PhysicsWorld,
-    /// By course, the obstacle that moves.
-    moving: Vec<RigidBodyHandle>,
-    /// Robots that are no rigid bodies.
-    pushing: Vec<RigidBodyHandle>,
+    contacts: Contacts,
+    /// By course, the number of the obstacle that moves.
+    moving: Vec<usize>,
+    /// Numbers of the robots that are no rigid bodies.
+    pushing: Vec<usize>,
+    /// Number of the first rigid body; the others follow.
+    first: usize,
 }
 
 /// A robot that pushes rigid bodies and is not pushed back: it goes straight, evenly, from one place to another in a step.
@@ -43,91 +45,76 @@ impl Pusher {
     }
 
     /// Where it is after a share of the step.
-    fn position_at(&self, share: f64) -> Vector {
-        let [x, y]: [f64; 2] = std::array::from_fn(|i| {
+    fn position_at(&self, share: f64) -> [f64; 2] {
+        std::array::from_fn(|i| {
             let (begin_m, end_m) = (self.begin_m[i], self.end_m[i]);
             if share < 1.0 { begin_m + share * (end_m - begin_m) } else { end_m }
-        });
-        Vector::new(x, y)
+        })
     }
 }
 
 impl World {
     fn new(site: &Site, courses: &[Course], pushers: &[Pusher], from_s: f64) -> Self {
-        let mut physics = PhysicsWorld { gravity: Vector::ZERO, ..PhysicsWorld::default() };
-        let parameters = &mut physics.integration_parameters;
-        parameters.normalized_max_linear_velocity = f64::MAX;
-        // Contacts are where bodies are, not where they were when they were last looked at; parts are short enough.
-        parameters.contact_recycling = false;
-        parameters.max_ccd_substeps = 0;
-        let point = |[x, y]: [f64; 2]| Vector::new(x, y);
-        for wall in &site.wall {
-            let shape = ColliderBuilder::segment(point(wall.from_m), point(wall.to_m));
-            physics.insert(RigidBodyBuilder::fixed(), surface(shape));
-        }
-        let mut moving = vec![RigidBodyHandle::invalid(); courses.len()];
+        let mut contacts = Contacts::new(&site.wall);
+        let mut moving = vec![0; courses.len()];
         for (number, obstacle) in site.obstacle.iter().enumerate() {
             let course = courses.iter().position(|course| course.obstacle() == number);
-            let (body, centre_m) = match course {
-                Some(course) => {
-                    let at_m = courses[course].centre_m(from_s);
-                    (RigidBodyBuilder::kinematic_position_based(), at_m)
-                }
-                None => (RigidBodyBuilder::fixed(), obstacle.centre_m),
-            };
-            let shape = surface(ColliderBuilder::ball(obstacle.radius_m));
-            let body = body.translation(point(centre_m));
-            let body = if course.is_some() { body.user_data(DRIVEN) } else { body };
-            let (handle, _) = physics.insert(body, shape);
+            let centre_m = course.map_or(obstacle.centre_m, |it| courses[it].centre_m(from_s));
+            let round = contacts.add(Round::immovable(centre_m, obstacle.radius_m));
             if let Some(course) = course {
-                moving[course] = handle;
+                moving[course] = round;
             }
         }
-        let pushing = pushers.iter().map(|pusher| {
-            let body = RigidBodyBuilder::kinematic_position_based()
-                .translation(pusher.position_at(0.0))
-                .user_data(DRIVEN);
-            physics.insert(body, surface(ColliderBuilder::ball(pusher.radius_m))).0
-        });
+        let pushing = pushers
+            .iter()
+            .map(|pusher| contacts.add(Round::immovable(pusher.position_at(0.0), pusher.radius_m)));
         let pushing = pushing.collect();
-        Self { physics, moving, pushing }
+        let first = contacts.rounds.len();
+        Self { contacts, moving, pushing, first }
     }
 
-    /// Says where everything that is driven is at the end of the next part: at this time, after this share of the step.
-    fn drive(&mut self, courses: &[Course], pushers: &[Pusher], to_s: f64, share: f64) {
-        let obstacles = courses.iter().zip(&self.moving).map(|(course, &handle)| {
-            let [x, y] = course.centre_m(to_s);
-            (handle, Vector::new(x, y))
-        });
+    /// Sets the velocity of everything that contacts do not move: at the end of the next part of `h_s`, at this time, after this share
+    /// of the step, it is where its way says.
+    fn drive(
+        &mut self,
+        (courses, pushers): (&[Course], &[Pusher]),
+        to_s: f64,
+        share: f64,
+        h_s: f64,
+    ) {
+        let obstacles =
+            courses.iter().zip(&self.moving).map(|(course, &round)| (round, course.centre_m(to_s)));
         let robots = pushers
             .iter()
             .zip(&self.pushing)
-            .map(|(pusher, &handle)| (handle, pusher.position_at(share)));
-        for (handle, at) in obstacles.chain(robots) {
-            if let Some(body) = self.physics.bodies.get_mut(handle) {
-                body.set_next_kinematic_translation(at);
-            }
+            .map(|(pusher, &round)| (round, pusher.position_at(share)));
+        for (round, at_m) in obstacles.chain(robots) {
+            let round = &mut self.contacts.rounds[round];
+            round.velocity_mps = std::array::from_fn(|i| (at_m[i] - round.position_m[i]) / h_s);
         }
     }
 
-    /// Takes in the disc of this number.
-    fn add(
-        &mut self,
-        disc: usize,
-        body: &RigidBody,
-        [x, y, _]: [f64; 3],
-        spin_radps: f64,
-    ) -> RigidBodyHandle {
-        let robot = RigidBodyBuilder::dynamic()
-            .user_data(disc as u128 + 1)
-            .translation(Vector::new(x, y))
-            .angvel(spin_radps)
-            .can_sleep(false);
-        self.physics.insert(robot, body.collider()).0
+    /// Takes in a rigid body.
+    fn add(&mut self, body: &RigidBody, [x, y, _]: [f64; 3], spin_radps: f64) -> usize {
+        self.contacts.add(Round {
+            position_m: [x, y],
+            velocity_mps: [0.0; 2],
+            spin_radps,
+            radius_m: 0.5 * body.body_diameter_m,
+            inverse_mass: 1.0 / body.mass_kg,
+            inverse_inertia: 1.0 / body.inertia(),
+            friction: body.friction,
+            restitution: body.restitution,
+        })
     }
 
-    /// The group of each disc, by the number of one of them: those that touch, directly or by way of others. None where one of them
-    /// touches what is driven: an obstacle that moves, or a robot that is no rigid body.
+    /// Whether a disc goes its own way: an obstacle that moves, or a robot that is no rigid body.
+    fn is_driven(&self, round: usize) -> bool {
+        self.moving.contains(&round) || self.pushing.contains(&round)
+    }
+
+    /// The group of each rigid body, by the number of one of them: those that touch, directly or by way of others. None where one of
+    /// them touches what is driven.
     fn groups(&self, n_discs: usize) -> Vec<Option<usize>> {
         let mut group: Vec<usize> = (0..n_discs).collect();
         let root = |group: &[usize], mut disc: usize| {
@@ -137,18 +124,13 @@ impl World {
             disc
         };
         let mut driven = Vec::new();
-        for pair in self.physics.contact_pairs().filter(|pair| pair.has_any_active_contact()) {
-            let ends = [pair.collider1, pair.collider2].map(|collider| {
-                let body = self.physics.colliders.get(collider).and_then(|it| it.parent());
-                body.and_then(|body| self.physics.bodies.get(body)).map_or(0, |it| it.user_data)
-            });
-            match ends {
-                [0, _] | [_, 0] => {}
-                [DRIVEN, disc] | [disc, DRIVEN] => driven.push(disc as usize - 1),
-                [one, other] => {
-                    let [one, other] = [one, other].map(|disc| root(&group, disc as usize - 1));
-                    group[one.max(other)] = one.min(other);
-                }
+        for (body, partner) in self.contacts.touching() {
+            let Partner::Round(other) = partner else { continue };
+            if self.first <= other {
+                let [one, other] = [body, other].map(|disc| root(&group, disc - self.first));
+                group[one.max(other)] = one.min(other);
+            } else if self.is_driven(other) {
+                driven.push(body - self.first);
             }
         }
         let mut is_driven = vec![false; n_discs];
@@ -162,7 +144,7 @@ impl World {
     /// Lessens what discs exchanged where it has given a group more energy than it had with the velocities (m/s) and spins (rad/s)
     /// `before`: the share s of all its changes for which it has as much.
     fn keep_energy(&mut self, discs: &[Disc<'_>], before: &[([f64; 2], f64)]) {
-        if !self.physics.contact_pairs().any(ContactPair::has_any_active_contact) {
+        if self.contacts.touching().next().is_none() {
             return;
         }
         // Of each group the energy, and what a share s of the changes adds to it: s · first + s² · second.
@@ -170,10 +152,10 @@ impl World {
         let groups = self.groups(discs.len());
         for ((disc, &([x, y], spin)), group) in discs.iter().zip(before).zip(&groups) {
             let Some(group) = *group else { continue };
-            let robot = &self.physics.bodies[disc.handle];
+            let robot = &self.contacts.rounds[disc.round];
             let (mass_kg, inertia) = (disc.body.mass_kg, disc.body.inertia());
-            let (velocity, turn) = (robot.linvel(), robot.angvel() - spin);
-            let [dx, dy] = [velocity.x - x, velocity.y - y];
+            let turn = robot.spin_radps - spin;
+            let [dx, dy] = [robot.velocity_mps[0] - x, robot.velocity_mps[1] - y];
             let [energy, first, second] = &mut sums[group];
             *energy += 0.5 * (mass_kg * (x * x + y * y) + inertia * spin * spin);
             *first += mass_kg * (x * dx + y * dy) + inertia * spin * turn;
@@ -185,18 +167,15 @@ impl World {
                 continue;
             }
             let share = (-first / second).clamp(0.0, 1.0);
-            let robot = &mut self.physics.bodies[disc.handle];
-            let (velocity, turned) = (robot.linvel(), robot.angvel());
+            let robot = &mut self.contacts.rounds[disc.round];
             let within = |before: f64, after: f64| before + share * (after - before);
-            robot.set_linvel(Vector::new(within(x, velocity.x), within(y, velocity.y)), true);
-            robot.set_angvel(within(spin, turned), true);
+            let [after_x, after_y] = robot.velocity_mps;
+            robot.velocity_mps = [within(x, after_x), within(y, after_y)];
+            robot.spin_radps = within(spin, robot.spin_radps);
         }
     }
 }
 
-/// What the user data of a body in the world say: nothing of what stands, this of what is driven, and of a rigid body which of the
-/// discs it is, from 1 on.
-const DRIVEN: u128 = u128::MAX;
 /// Rounding makes no more energy than this share.
 const ROUNDING: f64 = 1e-12;
 
@@ -204,7 +183,7 @@ const ROUNDING: f64 = 1e-12;
 struct Disc<'a> {
     agent: usize,
     body: &'a RigidBody,
-    handle: RigidBodyHandle,
+    round: usize,
     motion: Motion,
     begin_m: [f64; 3],
     others: Vec<Other>,
@@ -212,7 +191,7 @@ struct Disc<'a> {
 
 impl Fleet {
     /// [`Self::advance`] for rigid bodies, all others having gone: in parts, in each of which drive, effects and ground change
-    /// velocities, and Rapier does what contacts do.
+    /// velocities, and then contacts do.
     pub(super) fn advance_rigid(
         &self,
         step: &Step<'_>,
@@ -250,7 +229,7 @@ impl Fleet {
             discs.push(Disc {
                 agent,
                 body,
-                handle: world.add(discs.len(), body, begin_m, memory[agent].spin_radps),
+                round: world.add(body, begin_m, memory[agent].spin_radps),
                 motion,
                 begin_m,
                 others: all_but(others, agent),
@@ -261,8 +240,10 @@ impl Fleet {
         for part in 0..n {
             let time_s = |part: usize| from_s + dt_s * (part as f64 / n as f64);
             let to_s = if part + 1 == n { until_s } else { time_s(part + 1) };
-            world.drive(step.courses, &pushers, to_s, (part + 1) as f64 / n as f64);
-            self.advance_part(&mut world, &discs, [time_s(part), to_s], base, states, memory);
+            let span_s = [time_s(part), to_s];
+            let share = (part + 1) as f64 / n as f64;
+            world.drive((step.courses, pushers.as_slice()), to_s, share, span_s[1] - span_s[0]);
+            self.advance_part(&mut world, &discs, span_s, base, states, memory);
         }
         for Disc { agent, begin_m, .. } in discs {
             let end_m = states.position_m(agent);
@@ -294,25 +275,21 @@ impl Fleet {
             let velocity_mps = [way_m[0] / h_s, way_m[1] / h_s];
             let spin_radps = disc.body.slowed(memory[agent].spin_radps, h_s);
             free.push((velocity_mps, spin_radps));
-            let robot = &mut world.physics.bodies[disc.handle];
-            robot.set_linvel(Vector::new(velocity_mps[0], velocity_mps[1]), true);
-            robot.set_angvel(spin_radps, true);
+            let robot = &mut world.contacts.rounds[disc.round];
+            (robot.velocity_mps, robot.spin_radps) = (velocity_mps, spin_radps);
         }
-        world.physics.integration_parameters.dt = h_s;
-        world.physics.step();
+        world.contacts.step(h_s);
         world.keep_energy(discs, &free);
         for (disc, (free_mps, _)) in discs.iter().zip(free) {
             let agent = disc.agent;
-            let robot = &world.physics.bodies[disc.handle];
-            let (place, velocity, spin_radps) =
-                (robot.translation(), robot.linvel(), robot.angvel());
-            (states.x_m[agent], states.y_m[agent]) = (place.x, place.y);
+            let robot = &world.contacts.rounds[disc.round];
+            [states.x_m[agent], states.y_m[agent]] = robot.position_m;
             // What contacts changed, its drive did not.
-            memory[agent].drive[0] += velocity.x - free_mps[0];
-            memory[agent].drive[1] += velocity.y - free_mps[1];
-            memory[agent].spin_radps = spin_radps;
+            memory[agent].drive[0] += robot.velocity_mps[0] - free_mps[0];
+            memory[agent].drive[1] += robot.velocity_mps[1] - free_mps[1];
+            memory[agent].spin_radps = robot.spin_radps;
             if let Some(heading_rad) = states.heading_rad.get_mut(agent) {
-                *heading_rad = wrapped(*heading_rad + spin_radps * h_s);
+                *heading_rad = wrapped(*heading_rad + robot.spin_radps * h_s);
             }
         }
     }

@@ -146,6 +146,34 @@ fn a_disc_that_meets_a_wall_slides_along_it_or_rolls() {
     assert!((spin_radps.abs() * 0.15 / velocity_mps[1] - 1.0).abs() < early - 1.0, "{spin_radps}");
 }
 
+#[test]
+fn discs_that_pass_close_by_do_not_touch() {
+    // 1 mm beside each other, and beside the end of a wall, at 15 cm in a part.
+    let begin = |x_m, y_m, speed_mps| ([x_m, y_m, 0.0], [speed_mps, 0.0, 0.0], 0.0);
+    let bodies = [("", begin(-1.01, 0.301, 15.0)), ("", begin(1.0, 0.0, -15.0))];
+    let (from_m, to_m) = ([0.013, 0.452], [0.013, 2.0]);
+    let wall = Wall { from_m, to_m, height_m: None, material: None };
+    let site = Site { wall: vec![wall], ..Site::default() };
+    for ((place_m, velocity_mps, spin_radps), (_, (at_m, before_mps, _))) in
+        drift(&bodies, &site, 2).into_iter().zip(bodies)
+    {
+        assert_eq!((velocity_mps, spin_radps), (before_mps, 0.0));
+        assert!((place_m[0] - at_m[0] - 0.2 * before_mps[0]).abs() < 1e-9, "{place_m:?}");
+        assert_eq!(place_m[1], at_m[1]);
+    }
+}
+
+#[test]
+fn discs_that_begin_in_each_other_part_without_a_push() {
+    let rest = |x_m| ([x_m, 0.0, 0.0], [0.0; 3], 0.0);
+    let end = drift(&[("", rest(0.0)), ("mass_kg = 3.0", rest(0.1))], &Site::default(), 3);
+    let [(one_m, one_mps, _), (other_m, other_mps, _)] = [end[0], end[1]];
+    assert_eq!([one_mps, other_mps], [[0.0; 3]; 2]);
+    assert!((other_m[0] - one_m[0] - 0.3).abs() < 1e-6, "{one_m:?} {other_m:?}");
+    // The lighter goes three times as far.
+    assert!((one_m[0] + 0.15).abs() < 1e-6 && (other_m[0] - 0.15).abs() < 1e-6, "{one_m:?}");
+}
+
 /// Total momentum, angular momentum about the origin, and energy of discs of these masses (kg) and 0.3 m.
 fn totals(masses: &[f64], states: &[State]) -> [f64; 4] {
     let mut all = [0.0; 4];
@@ -268,7 +296,7 @@ fn a_robot_of_another_kind_pushes_a_disc_along_at_its_own_speed() {
         let [_, (before_m, ..)] = beside(2.0, 0.0, disc, 19);
         assert!((place_m[0] - before_m[0] - 0.2).abs() < 1e-6, "{keys}: {before_m:?} {place_m:?}");
         assert!(place_m[1].abs() < 1e-9 && spin_radps.abs() < 1e-9, "{keys}");
-        // They touch where radii of 0.2 m and 0.15 m say, up to what Rapier lets overlap and one part's way early.
+        // They touch where radii of 0.2 m and 0.15 m say, up to an overlap and one part's way early.
         let gap_m = place_m[0] - pusher.0[0] - 0.35;
         assert!((-0.002..2.0 * PART_S).contains(&gap_m), "{keys}: {gap_m}");
     }
