@@ -38,8 +38,7 @@ fn parts(fault: &str) -> ErrorSplit {
     let measured = packets::read(&table).unwrap().packets;
     let resimulation = Resimulation::new(plan, Some(tracks), &measured).unwrap();
     let config = Compared::of_text(Path::new("model.toml"), model(), &[]).unwrap();
-    // Three parts share a level of 5 %: a p-value of 1.7 % takes 60 seeds.
-    let asked = ComparisonOptions { seeds: 69, ..ComparisonOptions::default() };
+    let asked = ComparisonOptions { seeds: 99, ..ComparisonOptions::default() };
     split(&resimulation, &measured, asked, &config, &links).unwrap()
 }
 
