@@ -5,18 +5,20 @@
 //!
 //! | module | what |
 //! |---|---|
-//! | [`campaigns`] | from two files to an answer |
-//! | [`answer`] | from what was found to an answer |
-//! | [`search`] | the search for changes |
-//! | [`contrast`] | tests of differences between the campaigns |
+//! | `campaigns` | from two files to an answer |
+//! | `answer` | from what was found to an answer |
+//! | `search`, `rivals` | the search for changes, and other explanations of them |
+//! | `pairs` | what stayed the same |
+//! | `contrast` | tests of differences between the campaigns |
 //! | [`error_change`] | whether the second campaign is predicted worse than the first |
-//! | [`rule`] | the verdict |
+//! | `rule` | the verdict |
 //! | [`words`] | the answer, as people read it |
 
 mod answer;
 mod campaigns;
 mod contrast;
 pub mod error_change;
+mod pairs;
 mod rivals;
 mod rule;
 mod search;

@@ -2,6 +2,7 @@
 
 mod choice;
 mod clustered;
+mod selection;
 
 use super::acceptance::{self, Acceptance};
 use super::gain::{Gain, Scores};
@@ -11,9 +12,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use study::thresholds::{
-    FAMILY_ERROR, FEWEST_BLOCKS, HOPELESS_NATS, MOST_ACCEPTED, SPECIAL_CASE_NATS,
-};
+use study::thresholds::{FAMILY_ERROR, FEWEST_BLOCKS, HOPELESS_NATS, SPECIAL_CASE_NATS};
 use study::{COMMON, Candidate, RowScore, Study};
 use tracing::debug;
 
@@ -357,123 +356,6 @@ impl<'a, S: Study> Search<'a, S> {
             let is_random = candidates[special].level == Level::Random;
             is_as_good && (!is_random || self.stands_clustered(special, accepted))
         })
-    }
-
-    /// Stepwise selection. Each round tests all candidates, accepts one or exchanges it for accepted ones, and removes by backward
-    /// elimination what it made superfluous. The selection ends when no candidate is acceptable.
-    pub fn stepwise_selection(&self) -> Ladder {
-        let candidates = self.study.candidates();
-        let mut accepted: Vec<usize> = Vec::new();
-        let mut decided: Vec<CandidateTest> = Vec::new();
-        let mut rungs = vec![self.rung(&[])];
-        let too_little = self.too_little();
-        let configured = rungs[0].scores;
-        let mut removed: Vec<usize> = Vec::new();
-        let mut last: Vec<CandidateTest> = Vec::new();
-        let mut stopped = None;
-        let mut round = 0;
-        while too_little.is_none() && accepted.len() < MOST_ACCEPTED {
-            round += 1;
-            let before = (accepted.clone(), decided.clone(), rungs.clone());
-            (self.report)(SearchProgress::Round { round });
-            for level in self.levels() {
-                self.held_out_scores(&accepted, level);
-            }
-            let mut tests = self.test_all(&accepted, round);
-            if self.is_stopped() {
-                stopped = Some(round);
-                break;
-            }
-            let floor = acceptance::least_share(&configured, &rungs[rungs.len() - 1].scores);
-            self.apply_acceptance_rule(&mut tests, &accepted, &removed, floor);
-            if !tests.iter().any(|test| test.is_acceptable) {
-                // Beside accepted effects, only levels of links, nodes and channels: what they explain comes in small parts from
-                // all rows, of which blocks of time tell little.
-                let is_random = |term: usize| candidates[term].level == Level::Random;
-                let may_be = |test: &CandidateTest| accepted.is_empty() || is_random(test.term);
-                for test in tests.iter_mut().filter(|test| test.is_plausible && may_be(test)) {
-                    let is_certain = acceptance::is_certain_by_total(
-                        &test.gain,
-                        self.n_tried(),
-                        self.study.design_effect(),
-                    );
-                    test.is_significant = is_certain && self.stands_clustered(test.term, &accepted);
-                    test.is_acceptable = test.is_significant;
-                }
-            }
-            if !tests.iter().any(|test| test.is_acceptable)
-                && let Some(index) = self.most_evident(&tests, &accepted, &removed)
-            {
-                let test = &mut tests[index];
-                (test.is_significant, test.is_plausible, test.is_acceptable) = (true, true, true);
-            }
-            let found = self
-                .choose(&tests, &accepted, &removed)
-                .map(|best| (best, Vec::new()))
-                .or_else(|| {
-                    self.exchange_step(&tests, &accepted).map(|(old, new)| (new, vec![old]))
-                })
-                .or_else(|| {
-                    let (olds, test) = self
-                        .single_replacement(&decided, &accepted, &removed)
-                        .or_else(|| self.nonlinear_replacement(&accepted, &removed))?;
-                    let new = tests.iter().position(|other| other.term == test.term)?;
-                    tests[new] = test;
-                    Some((new, olds))
-                });
-            if self.is_stopped() {
-                stopped = Some(round);
-                break;
-            }
-            let Some((best, in_place_of)) = found else {
-                last = tests;
-                break;
-            };
-            let name = |term: usize| candidates[term].name.as_str();
-            if in_place_of.is_empty() {
-                (self.report)(SearchProgress::Accepted { name: name(tests[best].term) });
-            } else {
-                let old = in_place_of.iter().map(|&old| name(old)).collect();
-                (self.report)(SearchProgress::Exchanged { new: name(tests[best].term), old });
-                accepted.retain(|term| !in_place_of.contains(term));
-                removed.extend(in_place_of);
-            }
-            let ties = self.ties(best, &tests, &accepted);
-            let test = CandidateTest { ties, ..tests.swap_remove(best).into_accepted() };
-            accepted = with_term(&accepted, test.term);
-            let fit = self.full_fit(&accepted, candidates[test.term].level, None);
-            self.prepare(&accepted, &fit);
-            decided.push(test);
-            removed.extend(self.backward_elimination(&mut accepted));
-            for test in &mut decided {
-                let in_its_place = |&&term: &&usize| {
-                    !accepted.contains(&test.term)
-                        && candidates[term].stands_in_for == Some(test.term)
-                };
-                test.term = accepted.iter().find(in_its_place).copied().unwrap_or(test.term);
-            }
-            decided.retain(|test| accepted.contains(&test.term));
-            rungs = self.rungs(&accepted);
-            if self.is_stopped() {
-                // What this round decided may rest on fits that were cut short.
-                (accepted, decided, rungs) = before;
-                stopped = Some(round);
-                break;
-            }
-        }
-        if stopped.is_none() {
-            (self.report)(SearchProgress::Ties);
-            let before = decided.clone();
-            self.drop_resolved_ties(&mut decided, &accepted);
-            if self.is_stopped() {
-                decided = before;
-                stopped = Some(round.max(1));
-            }
-        }
-        let mut tests = decided;
-        let is_decided: Vec<usize> = tests.iter().map(|test| test.term).collect();
-        tests.extend(last.into_iter().filter(|test| !is_decided.contains(&test.term)));
-        Ladder { accepted, rungs, tests, too_little, stopped }
     }
 
     /// Number of candidates that p-values are corrected for.

@@ -21,6 +21,7 @@
 //! | [`rows`] | the measured rows with both models' predictions, for plots |
 //! | [`progress`] | what a search reports while it works |
 //! | [`gain`], [`gate`] | scores of a model, and by how much rows are off it: parts of answers |
+//! | [`stepwise`] | the loop of a stepwise selection, which all searches share |
 //! | [`json_number`] | numbers of answers that JSON cannot hold |
 //!
 //! The steps between reading the measurements and the answer are private, so that they are put together in one place, `pipeline`:
@@ -61,6 +62,7 @@ pub mod rows;
 mod scan;
 mod score_test;
 pub mod simulate;
+pub mod stepwise;
 #[cfg(test)]
 mod structure_tests;
 pub mod words;

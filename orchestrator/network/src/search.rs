@@ -9,6 +9,7 @@ use super::compare::{ComparisonOptions, SeedComparison, among};
 use super::kpis::NetworkFigures;
 use super::likelihood::{self, FigureDensity, ScaledFigures};
 use super::resimulate::{Resimulation, ResimulationError};
+use diagnose::stepwise::{self, Round, Stepwise};
 use measure::packets::MeasuredPacket;
 use netsim::catalogue::Catalogue;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -133,6 +134,37 @@ impl GainVerdict {
 /// A candidate by its number that was looked at closely.
 type FittedCandidate = (usize, CandidateFit, GainVerdict);
 
+/// What is selected: a network with effects, and what came of the candidates.
+#[derive(Clone)]
+struct Selection {
+    network: toml::Table,
+    effects: Vec<(usize, CandidateFit)>,
+    found: SearchResult,
+}
+
+impl Stepwise for &NetworkSearch<'_> {
+    type Selection = Selection;
+    type Error = ResimulationError;
+
+    fn may_go_on(&self, selection: &Selection, _rounds: usize) -> bool {
+        !selection.found.agrees() && selection.effects.len() < MOST_ADDED_EFFECTS
+    }
+
+    fn round(
+        &mut self,
+        selection: &mut Selection,
+        _round: usize,
+    ) -> Result<Round, ResimulationError> {
+        let Selection { network, effects, found } = selection;
+        match self.extended(network, effects, found) {
+            Ok(true) => Ok(Round::Changed),
+            Ok(false) => Ok(Round::Finished),
+            Err(ResimulationError::Stopped) => Ok(Round::Stopped),
+            Err(error) => Err(error),
+        }
+    }
+}
+
 /// The search for missing effects over one set of measured packets.
 #[derive(Debug)]
 pub(crate) struct NetworkSearch<'a> {
@@ -200,7 +232,7 @@ impl<'a> NetworkSearch<'a> {
     ///
     /// The network refuses its configuration.
     pub(crate) fn stepwise_selection(&self) -> Result<SearchResult, ResimulationError> {
-        let mut network = self.resimulation.network();
+        let network = self.resimulation.network();
         let first = self.rung(&network, None)?;
         let test = |candidate: &CandidateEffect| EffectTest {
             candidate: candidate.clone(),
@@ -212,28 +244,17 @@ impl<'a> NetworkSearch<'a> {
             ties: Vec::new(),
             is_accepted: false,
         };
-        let mut found = SearchResult {
+        let found = SearchResult {
             rungs: vec![first],
             tests: self.candidates.iter().map(test).collect(),
             accepted: Vec::new(),
             rivals: Vec::new(),
             stopped: None,
         };
-        let mut effects: Vec<(usize, CandidateFit)> = Vec::new();
-        while !found.agrees() && effects.len() < MOST_ADDED_EFFECTS && found.stopped.is_none() {
-            let round = effects.len() + 1;
-            let before = found.clone();
-            match self.extended(&mut network, &mut effects, &mut found) {
-                Ok(true) => {}
-                Ok(false) => break,
-                // What this round found may be of some candidates only.
-                Err(ResimulationError::Stopped) => {
-                    found = SearchResult { stopped: Some(round), ..before };
-                }
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(found)
+        let mut selection = Selection { network, effects: Vec::new(), found };
+        let mut rounds = self;
+        let ended = stepwise::select(&mut rounds, &mut selection)?;
+        Ok(SearchResult { stopped: ended.stopped_in(), ..selection.found })
     }
 
     /// Adds one more effect to a network, if any is missing.

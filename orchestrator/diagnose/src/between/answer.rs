@@ -2,8 +2,9 @@
 
 use super::contrast::{Constants, Contrasts, Dependences, RUNS, Sides};
 use super::error_change::{ErrorChange, error_change, with_changes};
+use super::pairs::Pair;
 use super::rule::{Evidence, verdict};
-use super::search::{Found, FoundChange, Pair};
+use super::search::{Found, FoundChange};
 use super::{Between, Change, Changed, Common, Confounded, SCHEMA, Same, SidesOf, Spans, words};
 use crate::answer::parameter;
 use crate::defects::MeasurementDefect;

@@ -2,7 +2,8 @@
 
 use super::answer::{Campaigns, answer};
 use super::contrast::Sides;
-use super::search::{BaseTerm, pairs, search};
+use super::pairs::pairs;
+use super::search::{BaseTerm, search};
 use super::{Between, SidesOf, Spans};
 use crate::ladder::Search;
 use crate::measured::{Measured, opened};

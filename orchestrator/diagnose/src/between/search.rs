@@ -6,7 +6,9 @@ use crate::acceptance;
 use crate::gain::{Gain, Scores};
 use crate::ladder::{Known, Search, without_term};
 use crate::progress::SearchProgress;
+use crate::stepwise::{self, Round, Stepwise};
 use proto::effect::Level;
+use std::convert::Infallible;
 use std::sync::Arc;
 use study::linear::{Column, Linearised};
 use study::thresholds::{
@@ -70,7 +72,7 @@ pub(super) struct FoundChange {
 }
 
 /// What a search found.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Found<F> {
     /// All terms of the final model.
     pub terms: Vec<usize>,
@@ -136,24 +138,55 @@ pub(super) fn search<S: Study>(
         known: Arc::default(),
     };
     let dependences = Dependences::of(study);
-    for round in 1..=MOST_CHANGES {
+    let mut rounds = Rounds { study, dependences, sides, report };
+    let Ok(ended) = stepwise::select(&mut rounds, &mut found);
+    if ended.stopped_in().is_some() {
+        return found;
+    }
+    backward_elimination(study, &mut found, report);
+    rivals::at_a_place(study, &mut found, sides, report);
+    found.tested.sort_unstable();
+    found.tested.dedup();
+    found
+}
+
+/// The rounds of a search for changes.
+struct Rounds<'a, S> {
+    study: &'a mut S,
+    dependences: Dependences,
+    sides: &'a Sides,
+    report: &'a (dyn Fn(SearchProgress<'_>) + Sync),
+}
+
+impl<S: Study> Stepwise for Rounds<'_, S> {
+    type Selection = Found<S::Fit>;
+    type Error = Infallible;
+
+    fn may_go_on(&self, _found: &Found<S::Fit>, rounds: usize) -> bool {
+        rounds < MOST_CHANGES
+    }
+
+    fn round(&mut self, found: &mut Found<S::Fit>, round: usize) -> Result<Round, Infallible> {
+        let Self { study, dependences, sides, report } = self;
+        let (study, dependences): (&mut S, &Dependences) = (study, dependences);
+        let (sides, report) = (*sides, *report);
         report(SearchProgress::Round { round });
         let Some(Proposals { proposals, tested }) =
-            proposals(study, &found, &dependences, sides, report)
+            proposals(study, found, dependences, sides, report)
         else {
-            break;
+            return Ok(Round::Finished);
         };
         if study.is_stopped() {
-            return found;
+            return Ok(Round::Stopped);
         }
         found.tested.extend(tested);
         if proposals.is_empty() {
             found.is_complete = true;
-            break;
+            return Ok(Round::Finished);
         }
         let models: Vec<ProposedModel> = proposals
             .into_iter()
-            .filter_map(|proposal| proposed_model(study, &found, proposal, sides))
+            .filter_map(|proposal| proposed_model(study, found, proposal, sides))
             .collect();
         let search = Search::new(&*study, report).with_known(Arc::clone(&found.known));
         let parent = search.held_out_scores(&found.terms, COMMON);
@@ -178,7 +211,7 @@ pub(super) fn search<S: Study>(
                         let both = search.full_fit(&in_both, COMMON, Some(&fit));
                         let best = [&both, &fit].map(|fit| study.log_likelihood(fit));
                         let rise = study.log_likelihood(&with) - best[0].max(best[1]);
-                        adjusted(study, [&fit, &with], &difference, rise, (&dependences, sides))
+                        adjusted(study, [&fit, &with], &difference, rise, (dependences, sides))
                     });
                     let Some((p_value, widening)) = known else { continue };
                     What::Change(FoundChange {
@@ -201,7 +234,7 @@ pub(super) fn search<S: Study>(
         let blocks = study.blocks(COMMON).dependent().to_vec();
         found.known = search.known();
         if is_stopped {
-            return found;
+            return Ok(Round::Stopped);
         }
         let name = |what: &What| match what {
             What::Change(change) => change_name(study, change),
@@ -209,7 +242,7 @@ pub(super) fn search<S: Study>(
         };
         let Some(Choice { best, ties, ruled_out }) = choose(explanations, &blocks, name) else {
             found.is_complete = true;
-            break;
+            return Ok(Round::Finished);
         };
         let Explanation { terms, what, .. } = best;
         match what {
@@ -233,12 +266,8 @@ pub(super) fn search<S: Study>(
         let added = &study.candidates()[*terms.last().unwrap_or(&0)].name;
         report(SearchProgress::Accepted { name: added });
         found.terms = terms;
+        Ok(Round::Changed)
     }
-    backward_elimination(study, &mut found, report);
-    rivals::at_a_place(study, &mut found, sides, report);
-    found.tested.sort_unstable();
-    found.tested.dedup();
-    found
 }
 
 /// Drops changes that later ones made superfluous: without them held-out rows are not predicted significantly worse.
@@ -299,7 +328,7 @@ fn base_terms<S: Study>(study: &mut S, base: &[BaseTerm], sides: &Sides) -> Vec<
     terms
 }
 
-fn runs(numbers: &[u32]) -> toml::Value {
+pub(super) fn runs(numbers: &[u32]) -> toml::Value {
     toml::Value::Array(numbers.iter().map(|&run| i64::from(run).into()).collect())
 }
 
@@ -530,54 +559,4 @@ fn choose(
         .map(|it| (name(&it.what), matches!(it.what, What::Common(_))))
         .collect();
     Some(Choice { best, ties, ruled_out })
-}
-
-/// An effect that both campaigns have, with a model in which each has its own.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Pair {
-    /// The term that acts in both.
-    pub of: usize,
-    /// The model with it.
-    pub parent: Vec<usize>,
-    /// The model with one for each campaign in its place.
-    pub terms: Vec<usize>,
-    /// The term that acts in A.
-    pub in_a: usize,
-    /// The term that acts in B.
-    pub in_b: usize,
-    /// How many times wider intervals are than those of independent rows.
-    pub widening: f64,
-}
-
-/// The effects that both campaigns have and that can be fitted to each.
-pub(super) fn pairs<S: Study>(study: &mut S, found: &Found<S::Fit>, sides: &Sides) -> Vec<Pair> {
-    let mut pairs = Vec::new();
-    for &(of, _) in &found.common {
-        let candidate = &study.candidates()[of];
-        let effect = candidate.effect().to_owned();
-        let only = candidate.only.clone().unwrap_or_default();
-        if candidate.about.is_none()
-            || candidate.level == Level::Random
-            || only.contains_key(RUNS)
-            || !found.terms.contains(&of)
-        {
-            continue;
-        }
-        let named = |candidate: &Candidate| candidate.name == effect;
-        let Some(effect) = study.candidates().iter().position(named) else { continue };
-        let mut of_side = |runs_of: &[u32]| {
-            let mut only = only.clone();
-            only.insert(RUNS.to_owned(), runs(runs_of));
-            limited(study, effect, &only)
-        };
-        let (Some(in_a), Some(in_b)) = (of_side(&sides.runs_a), of_side(&sides.runs_b)) else {
-            continue;
-        };
-        let mut terms = found.terms.clone();
-        terms.retain(|term| *term != of);
-        terms.extend([in_a, in_b]);
-        let widening = study.design_effect().max(1.0).sqrt();
-        pairs.push(Pair { of, parent: found.terms.clone(), terms, in_a, in_b, widening });
-    }
-    pairs
 }
