@@ -1,12 +1,11 @@
-use diagnose::{Request, Unobserved};
-use measure::config::Compared;
-use measure::table::DataTable;
-use proto::bounds::CONFIGURATION_BYTES;
-use std::error::Error;
-use std::fs::File;
-use std::path::Path;
+//! Which effect a radio model lacks: `cargo run --release -p diagnose --example answer -- model.toml links.csv`
+#![expect(clippy::disallowed_methods, clippy::print_stdout, reason = "a program, not a core")]
 
-/// Which effect does a radio model lack? `cargo run --release -p diagnose --example answer -- model.toml links.csv`
+use diagnose::{Request, Unobserved};
+use measure::{config::Compared, table::DataTable};
+use proto::bounds::CONFIGURATION_BYTES;
+use std::{error::Error, fs::File, path::Path};
+
 fn main() -> Result<(), Box<dyn Error>> {
     let mut files = std::env::args().skip(1);
     let [model, data] = [(); 2].map(|()| files.next().unwrap_or_default());

@@ -136,7 +136,7 @@ type FittedCandidate = (usize, CandidateFit, GainVerdict);
 
 /// What is selected: a network with effects, and what came of the candidates.
 #[derive(Clone)]
-struct Selection {
+pub(crate) struct Selection {
     network: toml::Table,
     effects: Vec<(usize, CandidateFit)>,
     found: SearchResult,

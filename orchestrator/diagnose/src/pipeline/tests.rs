@@ -85,7 +85,7 @@ fn an_effect_is_added_by_name_and_one_that_does_not_exist_is_refused() {
 
 #[test]
 fn a_table_of_nothing_known_is_refused_with_the_columns_it_lacks() {
-    let table = DataTable::of_csv(Path::new("data.csv"), b"a,b\n1,2\n").unwrap();
+    let table = DataTable::of_csv(Path::new("data.csv"), &b"a,b\n1,2\n"[..]).unwrap();
     let refused = diagnose(&Request::new(&friis(), &table), &Unobserved).unwrap_err();
     assert!(matches!(refused, DiagnoseError::Open(OpenError::Useless { .. })), "{refused:?}");
     assert!(refused.to_string().contains("link samples lack"), "{refused}");
