@@ -21,7 +21,7 @@ pub struct Request<'a> {
     pub config: &'a Compared,
     /// The measurements.
     pub table: &'a DataTable,
-    /// Which rows are used, what is left out together, how far robots are predicted.
+    /// Selection of rows, unit of cross-validation, and prediction horizon of robots.
     pub choices: Choices,
     /// Robots only: the simulator whose predictions are the base model, in place of `[robotsim.dynamics]`.
     pub simulator: Option<&'a dyn RobotSimulator>,

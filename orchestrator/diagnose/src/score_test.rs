@@ -10,7 +10,7 @@
 //! * Links: rows that share a node (Aronow, Samii and Assenova 2015), and time; both together by Cameron, Gelbach and Miller (2011).
 //! * Sums of clusters are skewed: the statistic is corrected by Hall (1992), where that makes it smaller.
 //!
-//! Where there are fewer than [`FEWEST_CLUSTERS`](study::thresholds::FEWEST_CLUSTERS) in a dimension nothing is told.
+//! A dimension with fewer than [`FEWEST_CLUSTERS`](study::thresholds::FEWEST_CLUSTERS) clusters gives no result.
 
 mod clusters;
 

@@ -28,7 +28,7 @@ pub struct BetweenRequest<'a> {
     pub config: &'a Compared,
     /// The measurements of the first campaign, then of the second.
     pub tables: [&'a DataTable; 2],
-    /// Which rows are used, how far robots are predicted.
+    /// Selection of rows, and prediction horizon of robots.
     pub choices: Choices,
 }
 
