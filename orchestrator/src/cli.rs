@@ -43,9 +43,7 @@ use diagnose::extend::ExtendError;
 use drive::peer::become_command;
 use experiment::{Overrides, Tls, set_program_name};
 pub use help::command;
-use proto_host::{
-    ServeArgs, ServeOptions, init_logging_to, serve_network, serve_robots, use_threads,
-};
+use proto_host::{ServeArgs, ServeOptions, init_logging_to, use_threads};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -352,16 +350,12 @@ pub fn main() -> ExitCode {
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let result = match cli.command {
         Command::Netsim(options) => {
-            return served(serve_network(
-                netsim::sim::Network::default(),
-                &ServeArgs { options, log: cli.log, log_json: cli.log_json },
-            ));
+            let args = ServeArgs { options, log: cli.log, log_json: cli.log_json };
+            return served(crate::run::serve_network(&args));
         }
         Command::Robotsim(options) => {
-            return served(serve_robots(
-                robotsim::sim::Swarm::default(),
-                &ServeArgs { options, log: cli.log, log_json: cli.log_json },
-            ));
+            let args = ServeArgs { options, log: cli.log, log_json: cli.log_json };
+            return served(crate::run::serve_robots(&args));
         }
         Command::Become(args) => {
             let error = become_command(args.parent, &args.words);
@@ -459,11 +453,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
 
 /// One thread suffices: the work is in the simulators, and handing over between threads would cost more than it gains.
 fn on_runtime<T>(work: impl Future<Output = T>) -> Result<T, Failure> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .map_err(Failure::work)?;
-    Ok(runtime.block_on(work))
+    crate::run::on_runtime(work).map_err(Failure::work)
 }
 
 fn effects_command(args: &EffectsArgs) -> Result<(), Failure> {

@@ -4,7 +4,7 @@
 //! folder, and are extrapolated in proportion to steps. A simulator that runs elsewhere is not disturbed: then only the least
 //! space is known.
 
-use crate::disk_space::{bytes, free_bytes, least_bytes, n_steps, size_of};
+use crate::run::disk_space::{bytes, free_bytes, least_bytes, n_steps, size_of};
 use crate::run::{FormedFiles, RunError, StartOptions, record_of, start};
 use drive::{Driver, Failure, Observer, Schedule, Taken, Uninterrupted, Wanted};
 use experiment::Plan;

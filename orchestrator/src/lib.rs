@@ -27,10 +27,10 @@ pub mod compare_runs;
 pub mod conformance;
 pub mod console;
 pub mod demo;
-mod disk_space;
 pub mod dry_run;
 pub mod effects;
 pub mod export;
-pub mod run;
 pub mod starters;
 pub mod sweep;
+
+pub use run;

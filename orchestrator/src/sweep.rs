@@ -26,8 +26,8 @@ pub use merge::{MergeReport, merge};
 pub use shard::{Shard, ShardError};
 
 use crate::console::{self, ProgressDisplay};
-use crate::disk_space;
 use crate::dry_run::{DryRun, JOURNAL_LINE_BYTES};
+use crate::run::disk_space;
 use crate::run::{RunError, StartOptions};
 use experiment::Overrides;
 use journal::{Journal, JournalContent, TrialRow};

@@ -60,9 +60,8 @@ impl TrialQueue {
 
 /// Works until nothing is left. That nobody listens any more is no failure.
 pub(super) fn work(work: &Work<'_>, queue: &TrialQueue, said: &Sender<Said>) {
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    let n_starts = match runtime {
-        Ok(runtime) => runtime.block_on(trials(work, queue, said)),
+    let n_starts = match crate::run::on_runtime(trials(work, queue, said)) {
+        Ok(n_starts) => n_starts,
         Err(source) => {
             let error = SideError::Start { side: "a worker", reason: source.to_string() };
             if let Some(trial) = queue.take() {

@@ -112,7 +112,8 @@ const WALLS: &[(&str, &[&str])] = &[
     ("record", &["clap", "hyper", "tokio", "tonic"]),
     ("drive", &["diagnose", "mcap", "metrics", "parquet", "record", "report", "study"]),
     ("network", &["mcap", "record", "report"]),
-    ("report", &["orchestrator"]),
+    ("report", &["orchestrator", "run"]),
+    ("run", &["clap_complete", "clap_mangen", "orchestrator"]),
     ("view", &["gif", "tiny-skia", "ttf-parser"]),
 ];
 

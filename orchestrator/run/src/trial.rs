@@ -87,7 +87,14 @@ impl Sides {
     ///
     /// See [`RunError`]; that the network has not formed is an outcome. Simulators that failed are started anew for the
     /// next trial.
-    pub async fn run(&mut self, trial: &TrialPlan<'_>) -> Result<TrialResult, RunError> {
+    pub fn run<'a>(
+        &'a mut self,
+        trial: &'a TrialPlan<'a>,
+    ) -> Work<'a, Result<TrialResult, RunError>> {
+        Box::pin(self.run_here(trial))
+    }
+
+    async fn run_here(&mut self, trial: &TrialPlan<'_>) -> Result<TrialResult, RunError> {
         let log = self.options.run_log.clone();
         log.close();
         log.add("orchestrator", &opening(trial.plan));

@@ -43,9 +43,16 @@ pub struct ResumeOptions {
 /// # Errors
 ///
 /// See [`RunError`]. The folder of the killed run is then as it was.
-pub async fn resume(
+pub fn resume<'a>(
+    options: &'a ResumeOptions,
+    audience: &'a mut dyn Audience,
+) -> Work<'a, Result<RunReport, RunError>> {
+    Box::pin(go_on(options, audience))
+}
+
+async fn go_on(
     options: &ResumeOptions,
-    audience: &mut impl Audience,
+    audience: &mut dyn Audience,
 ) -> Result<RunReport, RunError> {
     let dir = &options.dir;
     is_unfinished(dir)?;
@@ -165,12 +172,22 @@ pub(super) const SCHEMA: &str = "reproduce/1";
 /// # Errors
 ///
 /// See [`RunError`]; a run that is not complete cannot be run again.
-pub async fn reproduce(
+pub fn reproduce<'a>(
+    run: &'a Path,
+    out: &'a Path,
+    start: &'a StartOptions,
+    overrides: &'a Overrides,
+    audience: &'a mut dyn Audience,
+) -> Work<'a, Result<Reproduction, RunError>> {
+    Box::pin(run_again(run, out, start, overrides, audience))
+}
+
+async fn run_again(
     run: &Path,
     out: &Path,
     start: &StartOptions,
     overrides: &Overrides,
-    audience: &mut impl Audience,
+    audience: &mut dyn Audience,
 ) -> Result<Reproduction, RunError> {
     let not_complete = |reason: String| RunError::NotReproducible { dir: run.to_owned(), reason };
     let text = read_file(&DESCRIPTION_BYTES, &run.join(RunSummary::FILE)).map_err(|error| {

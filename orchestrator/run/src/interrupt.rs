@@ -9,7 +9,7 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Listens for these signals; for SIGHUP unless the process was started to ignore it.
-pub(crate) struct Interrupt {
+pub struct Interrupt {
     interrupt: Option<Signal>,
     terminate: Option<Signal>,
     hang_up: Option<Signal>,
@@ -17,7 +17,9 @@ pub(crate) struct Interrupt {
 }
 
 impl Interrupt {
-    pub(crate) fn listen() -> Self {
+    /// Listens from now on. Within a runtime only.
+    #[must_use]
+    pub fn listen() -> Self {
         // With nohup a run outlives the session that started it.
         let hang_up = if ignores_hangup() { None } else { signal(SignalKind::hangup()).ok() };
         Self {
@@ -29,7 +31,7 @@ impl Interrupt {
     }
 
     /// Completes when a signal comes.
-    pub(crate) async fn first(&mut self) -> &'static str {
+    pub async fn first(&mut self) -> &'static str {
         let name = self.next().await;
         self.seen = Some(name);
         name

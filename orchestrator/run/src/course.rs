@@ -19,7 +19,7 @@ pub(super) async fn carry_out(
     mut attempt: Attempt,
     mut origin: Origin,
     mut interrupt: Interrupt,
-    audience: &mut impl Audience,
+    audience: &mut dyn Audience,
 ) -> Result<RunReport, RunError> {
     // Before the work: whoever sees them may wish to stop it.
     for warning in &attempt.warnings {

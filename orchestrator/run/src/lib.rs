@@ -2,8 +2,10 @@
 
 mod attempt;
 mod course;
-pub(crate) mod interrupt;
+pub mod disk_space;
+pub mod interrupt;
 mod milestones;
+mod polled;
 mod provenance;
 mod recover;
 pub mod run_answer;
@@ -11,13 +13,12 @@ mod start;
 mod trial;
 mod warm_start;
 
+pub use polled::{Work, on_runtime, serve_network, serve_robots};
 pub use recover::{Reproduction, ResumeOptions, recover, reproduce, resume};
-pub(crate) use start::commands;
-pub use start::{Processes, StartOptions, Started, permitted, start};
+pub use start::{Processes, StartOptions, Started, commands, permitted, start};
 pub use trial::{Sides, TrialPlan, TrialResult};
 pub use warm_start::{FormedFile, FormedFiles};
 
-use crate::disk_space;
 use attempt::{Attempt, Begun, Origin};
 use course::carry_out;
 use drive::peer::SideError;
@@ -267,9 +268,16 @@ pub trait Audience: ProgressObserver {
 /// # Errors
 ///
 /// See [`RunError`].
-pub async fn run(
+pub fn run<'a>(
+    options: &'a RunOptions,
+    audience: &'a mut dyn Audience,
+) -> Work<'a, Result<RunReport, RunError>> {
+    Box::pin(from_file(options, audience))
+}
+
+async fn from_file(
     options: &RunOptions,
-    audience: &mut impl Audience,
+    audience: &mut dyn Audience,
 ) -> Result<RunReport, RunError> {
     let mut plan = experiment::load(&options.config, &options.overrides)?;
     permitted(&plan, &options.start)?;
@@ -370,7 +378,8 @@ fn failed(error: &dyn std::error::Error) -> Ending {
 }
 
 /// A step as it is recorded.
-pub(crate) fn record_of(Taken { outcome, commands, .. }: Taken) -> StepRecord {
+#[must_use]
+pub fn record_of(Taken { outcome, commands, .. }: Taken) -> StepRecord {
     StepRecord {
         step: outcome.step,
         time_ns: outcome.time_ns,

@@ -103,14 +103,16 @@ pub(super) fn identity<S: Service>(peer: &Remote<S>) -> SideIdentity {
 /// # Errors
 ///
 /// A side cannot be started or reached, or refuses its configuration.
-pub async fn start(
-    plan: &Plan,
-    options: &StartOptions,
+pub fn start<'a>(
+    plan: &'a Plan,
+    options: &'a StartOptions,
     wanted: Wanted,
-    formed: Option<&FormedFile>,
-) -> Result<Started, RunError> {
-    let (robots, network) = connect(plan, options).await?;
-    ready(plan, robots, network, wanted, formed).await
+    formed: Option<&'a FormedFile>,
+) -> Work<'a, Result<Started, RunError>> {
+    Box::pin(async move {
+        let (robots, network) = connect(plan, options).await?;
+        ready(plan, robots, network, wanted, formed).await
+    })
 }
 
 /// Refuses commands of the experiment file unless they are allowed.
@@ -126,7 +128,8 @@ pub fn permitted(plan: &Plan, options: &StartOptions) -> Result<(), Refusal> {
 }
 
 /// What a plan is refused with whose commands are not allowed; `None`: it has none.
-pub(crate) fn commands(plan: &Plan) -> Option<Refusal> {
+#[must_use]
+pub fn commands(plan: &Plan) -> Option<Refusal> {
     let sides = [(RobotSide::SIDE, &plan.robotsim), (NetworkSide::SIDE, &plan.netsim)];
     let problems: Vec<Problem> = sides
         .into_iter()

@@ -1,7 +1,7 @@
 //! How far a run is, as its log has it: a line for each tenth of the steps, and for each minute.
 
 use super::Audience;
-use crate::disk_space::outgrows;
+use super::disk_space::outgrows;
 use drive::ProgressObserver;
 use proto::types::{Formation, seconds};
 use record::run_log::RunLog;
@@ -14,8 +14,8 @@ const LINE_EVERY: Duration = Duration::from_secs(60);
 const LOOK_EVERY: u64 = 64;
 
 /// Passes everything on to an audience, and writes milestones into a log.
-pub(super) struct Milestones<'a, A> {
-    audience: &'a mut A,
+pub(super) struct Milestones<'a> {
+    audience: &'a mut dyn Audience,
     log: RunLog,
     n_steps: u64,
     next_step: u64,
@@ -24,9 +24,9 @@ pub(super) struct Milestones<'a, A> {
     dir: Option<PathBuf>,
 }
 
-impl<'a, A: Audience> Milestones<'a, A> {
+impl<'a> Milestones<'a> {
     /// `dir`: where the run is recorded.
-    pub(super) fn new(audience: &'a mut A, log: RunLog, dir: PathBuf) -> Self {
+    pub(super) fn new(audience: &'a mut dyn Audience, log: RunLog, dir: PathBuf) -> Self {
         let written = Instant::now();
         Self { audience, log, n_steps: 0, next_step: 0, written, dir: Some(dir) }
     }
@@ -42,7 +42,7 @@ impl<'a, A: Audience> Milestones<'a, A> {
     }
 }
 
-impl<A: Audience> ProgressObserver for Milestones<'_, A> {
+impl ProgressObserver for Milestones<'_> {
     fn begin(&mut self, n_steps: u64) {
         self.audience.begin(n_steps);
         self.n_steps = n_steps;
