@@ -220,7 +220,7 @@ fn copy(from: &Path, to: &Path) -> std::io::Result<()> {
 
 /// The programs are built already.
 const PRELUDE: &str = "cargo() { [ \"$1\" != build ] || return 0; while [ \"$1\" != -- ]; do shift; done; shift; \
-                       orchestrator \"$@\"; }\n";
+                       murmuration \"$@\"; }\n";
 
 #[cfg(test)]
 mod tests {

@@ -234,7 +234,7 @@ fn reference(experiment: usize, folder: &Path) -> anyhow::Result<Reference> {
 
 fn arguments(experiment: usize, checkpoint_every_s: f64, folder: &Path) -> Command {
     let (_, config, sets) = EXPERIMENTS[experiment];
-    let mut command = hearing_hang_ups("orchestrator");
+    let mut command = hearing_hang_ups("murmuration");
     command.arg("run").arg(repository().join(format!("configs/{config}.toml")));
     for set in sets {
         command.args(["--set", set]);
@@ -351,7 +351,7 @@ fn resumed(trial: &Trial, reference: &Reference, folder: &Path) -> anyhow::Resul
     });
     let mut command = match &left {
         Some(left) => {
-            let mut command = Command::new(executable("orchestrator"));
+            let mut command = Command::new(executable("murmuration"));
             command.arg("run").arg("--resume").arg(left).current_dir(folder);
             command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
             command

@@ -80,7 +80,7 @@ pub fn folder() -> TempDir {
 #[must_use]
 pub fn orchestrator(args: &[&str], folder: &Path) -> Output {
     std::fs::create_dir_all(folder).expect("a folder");
-    Command::new(executable("orchestrator"))
+    Command::new(executable("murmuration"))
         .args(args)
         .current_dir(folder)
         .stdin(Stdio::null())

@@ -104,7 +104,7 @@ fn line((seed, kind): (u64, Between), keep: Option<&Path>) -> anyhow::Result<Val
     for (file, text) in [("a.csv", a), ("b.csv", b), ("model.toml", &pair.config_toml)] {
         std::fs::write(folder.join(file), text)?;
     }
-    let orchestrator = std::env::current_exe()?.with_file_name("orchestrator");
+    let orchestrator = std::env::current_exe()?.with_file_name("murmuration");
     let output = Command::new(&orchestrator)
         .args(["diagnose", "model.toml", "--between", "a.csv", "b.csv", "--json", "answer.json"])
         .current_dir(&folder)

@@ -282,7 +282,7 @@ fn run_orchestrator(
     answer: &str,
     limit: Duration,
 ) -> anyhow::Result<Value> {
-    let orchestrator = std::env::current_exe()?.with_file_name("orchestrator");
+    let orchestrator = std::env::current_exe()?.with_file_name("murmuration");
     let errors = std::fs::File::create(folder.join("errors.txt"))?;
     let mut child = Command::new(&orchestrator)
         .args(arguments)

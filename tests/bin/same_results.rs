@@ -1,6 +1,6 @@
 //! Shows whether a change leaves recordings and answers as they were.
 //!
-//! `cargo run --release -p tests --bin same-results -- --before OLD/orchestrator --after target/release/orchestrator`
+//! `cargo run --release -p tests --bin same-results -- --before OLD/murmuration --after target/release/murmuration`
 //!
 //! Either side may be a folder that an earlier call filled by `--keep`, so that the old executable runs once.
 

@@ -195,5 +195,5 @@ def capture_of(name, folder):
     positions = "".join(f"{mote},{x_m},{y_m}\n" for mote, (x_m, y_m) in enumerate(TREE_M))
     (own / "tree.csv").write_text(f"agent,x_m,y_m\n{positions}")
     (own / f"{name}.toml").write_text(NETWORKS[name].toml(name))
-    succeed([program("orchestrator"), "run", own / f"{name}.toml", "--out", own / "runs"])
+    succeed([program("murmuration"), "run", own / f"{name}.toml", "--out", own / "runs"])
     return only_directory(own / "runs") / "radio.pcap"

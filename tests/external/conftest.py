@@ -79,7 +79,7 @@ def result_of(tmp_path_factory):
     @functools.cache
     def run(name, *settings):
         out = tmp_path_factory.mktemp(name)
-        command = [program("orchestrator"), "run", f"configs/{name}.toml", "--out", out]
+        command = [program("murmuration"), "run", f"configs/{name}.toml", "--out", out]
         succeed([*command, *(word for setting in settings for word in ("--set", setting))], cwd=ROOT)
         return only_directory(out)
 

@@ -1,6 +1,6 @@
 """Measures environments of the Python package: steps per second, and what a reset takes. No test: for docs/performance.md.
 
-    MURMURATION_PROGRAM=target/release/orchestrator PYTHONPATH=python/src python tests/external/environment_speed.py
+    MURMURATION_PROGRAM=target/release/murmuration PYTHONPATH=python/src python tests/external/environment_speed.py
 """
 
 import argparse

@@ -118,7 +118,7 @@ class Case:
 
 def run_ours(case, function, seed, folder):
     """Delivered / expected, latency and losses of one run of the orchestrator; its files are in `folder`."""
-    program = os.environ.get("ORCHESTRATOR") or ROOT / "target" / "release" / "orchestrator"
+    program = os.environ.get("ORCHESTRATOR") or ROOT / "target" / "release" / "murmuration"
     ending, settings = OURS[function]
     config = ROOT / "configs" / "mobility" / f"{case.name}{ending}.toml"
     command = [program, "run", config, "--seed", str(seed), "--out", folder, "--threads", "1"]

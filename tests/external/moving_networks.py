@@ -55,7 +55,7 @@ def configured(case, function, folder):
 
 def measure(case, seed, function, settings):
     """One run: delivered / expected, latency (s), energy (mC a mote and hour) and when the network had formed."""
-    program = os.environ.get("ORCHESTRATOR") or ROOT / "target" / "release" / "orchestrator"
+    program = os.environ.get("ORCHESTRATOR") or ROOT / "target" / "release" / "murmuration"
     folder = Path(tempfile.mkdtemp(prefix="moving-"))
     try:
         config = configured(case, function, folder)

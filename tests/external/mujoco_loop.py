@@ -49,7 +49,7 @@ def answered(folder, model):
 def diagnosed(folder, model, *more):
     """The answer of `diagnose` to the campaign in a folder, that of an earlier call if there is one."""
     if answered(folder, model) is None:
-        command = [program("orchestrator"), "diagnose", f"{model}.toml", "--data", "data.csv", "--json", f"{model}.json", *more]
+        command = [program("murmuration"), "diagnose", f"{model}.toml", "--data", "data.csv", "--json", f"{model}.json", *more]
         succeed(command, deadline_s=DEADLINE_S, cwd=folder)
     return json.loads((folder / f"{model}.json").read_text())
 

@@ -31,7 +31,7 @@ def browser():
 @contextlib.contextmanager
 def serving(*arguments, folder=ROOT):
     """The orchestrator with these arguments, until it is interrupted, and the address that it printed."""
-    command = [program("orchestrator"), *map(str, arguments)]
+    command = [program("murmuration"), *map(str, arguments)]
     process = subprocess.Popen(
         command, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )

@@ -34,7 +34,7 @@ def test_a_swarm_that_flies_is_dissected_too(tmp_path):
     config = ROOT / "configs" / "flocking-rrsf.toml"
     shorter = ["netsim.mac.beacon_wait_s=5.0", "experiment.duration_s=10.0", "output.pcap=true"]
     words = [word for setting in shorter for word in ("--set", setting)]
-    succeed([program("orchestrator"), "run", config, "--out", tmp_path, *words], cwd=tmp_path)
+    succeed([program("murmuration"), "run", config, "--out", tmp_path, *words], cwd=tmp_path)
     capture = only_directory(tmp_path) / "radio.pcap"
     frames = dissect(capture, "_ws.malformed", "udp.dstport", more=PAYLOADS)
     assert [frame for frame in frames if frame["_ws.malformed"]] == []

@@ -15,7 +15,7 @@ def recorded(config, folder):
     """The directory that a run of a configuration left, with a capture."""
     path = folder / "traffic.toml"
     path.write_text(config)
-    succeed([program("orchestrator"), "run", path, "--out", folder, "--set", "output.pcap=true"], cwd=folder)
+    succeed([program("murmuration"), "run", path, "--out", folder, "--set", "output.pcap=true"], cwd=folder)
     return only_directory(folder)
 
 

@@ -52,18 +52,18 @@ def disk(tmp_path_factory):
 
 
 def run(config, out, *options):
-    succeed([program("orchestrator"), "run", ROOT / "configs" / config, "--out", out, *options])
+    succeed([program("murmuration"), "run", ROOT / "configs" / config, "--out", out, *options])
     return only_directory(out)
 
 
 def test_all_keep_the_contract(wheeled, flying, gathering, disk):
     for side, address in (("robotsim", wheeled), ("robotsim", flying), ("robotsim", gathering), ("netsim", disk)):
-        said = succeed([program("orchestrator"), "conformance", side, f"http://{address}"])
+        said = succeed([program("murmuration"), "conformance", side, f"http://{address}"])
         assert "0 failed" in said and "BROKEN" not in said, said
 
 
 def test_the_robots_of_mujoco_announce_predictions_and_keep_what_they_promise_of_them(wheeled, flying):
-    kept = {address: succeed([program("orchestrator"), "conformance", "robotsim", f"http://{address}"]) for address in (wheeled, flying)}
+    kept = {address: succeed([program("murmuration"), "conformance", "robotsim", f"http://{address}"]) for address in (wheeled, flying)}
     assert kept[wheeled].count("kept    Predict ") == 2 and "kept    when asked for the full digest" in kept[wheeled]
     # What a class does not override is not announced.
     assert kept[flying].count("–       Predict ") == 2
@@ -125,7 +125,7 @@ def heights_m(folder):
 def by_command(*words):
     """The program with the package and this Python first on the path, as where the wheel is installed."""
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    command = ["env", f"PYTHONPATH={ROOT / 'python/src'}", f"PATH={path}", program("orchestrator"), *words]
+    command = ["env", f"PYTHONPATH={ROOT / 'python/src'}", f"PATH={path}", program("murmuration"), *words]
     return [*command, "--allow-command"]
 
 
@@ -180,7 +180,7 @@ def test_wheeled_robots_turn_the_same_way_over_both_networks(wheeled, tmp_path, 
 
 def test_what_is_learnt_under_one_radio_is_flown_under_both(tmp_path):
     """Seconds of training teach little: that it works, and that the same seed gives the same table."""
-    variables = {**os.environ, "PYTHONPATH": str(ROOT / "python/src"), "MURMURATION_PROGRAM": program("orchestrator")}
+    variables = {**os.environ, "PYTHONPATH": str(ROOT / "python/src"), "MURMURATION_PROGRAM": program("murmuration")}
     command = [sys.executable, ROOT / "robotsim/examples/python/train_flocking.py", "--quick"]
     said, again = (succeed(command, deadline_s=600, env=variables, cwd=tmp_path) for _ in range(2))
     assert said == again

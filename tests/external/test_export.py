@@ -1,4 +1,4 @@
-"""What `orchestrator export` writes, read by the programs that it is for, against the tables of the run."""
+"""What `murmuration export` writes, read by the programs that it is for, against the tables of the run."""
 
 import csv
 import math
@@ -17,7 +17,7 @@ def network(result_of):
 
 def exported(run, form, folder):
     output = folder / form
-    said = succeed([program("orchestrator"), "export", run, "--format", form, "--out", output])
+    said = succeed([program("murmuration"), "export", run, "--format", form, "--out", output])
     return output, said
 
 
@@ -83,12 +83,12 @@ def test_a_bag_holds_where_every_robot_was(flocking, tmp_path):
 
 def test_nothing_is_overwritten_and_wrong_folders_are_refused(flocking, tmp_path):
     output, _ = exported(flocking, "csv", tmp_path)
-    again = [program("orchestrator"), "export", flocking, "--format", "csv", "--out", output]
+    again = [program("murmuration"), "export", flocking, "--format", "csv", "--out", output]
     done = subprocess.run(list(map(str, again)), capture_output=True, text=True, check=False)
     assert done.returncode == 2 and "exists" in done.stderr
     for form in ("csv", "rosbag2"):
         done = subprocess.run(
-            [program("orchestrator"), "export", str(tmp_path), "--format", form, "--out", str(tmp_path / f"of-{form}")],
+            [program("murmuration"), "export", str(tmp_path), "--format", form, "--out", str(tmp_path / f"of-{form}")],
             capture_output=True, text=True, check=False,
         )
         assert done.returncode == 2 and not (tmp_path / f"of-{form}").exists()

@@ -52,7 +52,7 @@ def chain(tmp_path_factory):
     """The directory that the run left."""
     folder = tmp_path_factory.mktemp("chain")
     (folder / "chain.toml").write_text(EXPERIMENT)
-    succeed([program("orchestrator"), "run", folder / "chain.toml", "--out", folder / "runs"])
+    succeed([program("murmuration"), "run", folder / "chain.toml", "--out", folder / "runs"])
     return only_directory(folder / "runs")
 
 

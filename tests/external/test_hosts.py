@@ -58,7 +58,7 @@ def orchestrate(network, out, scheme="https", options=(), config="configs/flocki
     urls = [
         word for side in PORTS for word in (f"--{side}", f"{scheme}://{ADDRESSES[side]}:{PORTS[side]}")
     ]
-    command = [program("orchestrator"), "run", config, *urls, "--out", out, *options]
+    command = [program("murmuration"), "run", config, *urls, "--out", out, *options]
     return network.on("orchestrator", command)
 
 

@@ -40,7 +40,7 @@ def links(tmp_path_factory):
 def page_of(command, links):
     report = links / f"{command}.html"
     subprocess.run(
-        [program("orchestrator"), command, links / "model.toml", "--data", links / "links.csv", "--report", report],
+        [program("murmuration"), command, links / "model.toml", "--data", links / "links.csv", "--report", report],
         check=True,
         timeout=300,
     )

@@ -42,7 +42,7 @@ def fitted(answer, effect, parameter):
 
 def test_it_keeps_the_promises_about_predictions(mujoco, tmp_path):
     (tmp_path / "truth.toml").write_text(drawn("rover", 1).toml().replace("[robotsim]\n", ""))
-    command = [program("orchestrator"), "conformance", "robotsim", mujoco, "--config", "truth.toml", "--json", "found.json"]
+    command = [program("murmuration"), "conformance", "robotsim", mujoco, "--config", "truth.toml", "--json", "found.json"]
     succeed(command, cwd=tmp_path)
     found = json.loads((tmp_path / "found.json").read_text())
     about = [one for one in found["findings"] if "Predict " in one["promise"] or "window whose start" in one["promise"]]

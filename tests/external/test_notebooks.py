@@ -11,7 +11,7 @@ def package(monkeypatch):
     """What a kernel needs to import the package of the work tree, with the program that was built."""
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "python" / "src"))
     monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
-    monkeypatch.setenv("MURMURATION_PROGRAM", program("orchestrator"))
+    monkeypatch.setenv("MURMURATION_PROGRAM", program("murmuration"))
 
 
 def n_pictures(notebook):

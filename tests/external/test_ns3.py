@@ -44,12 +44,12 @@ def compared(built, tmp_path_factory):
     compare = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(compare)
     output = tmp_path_factory.mktemp("ns3-compare") / "comparison.csv"
-    rows, figures = compare.measure(str(built), program("orchestrator"), output)
+    rows, figures = compare.measure(str(built), program("murmuration"), output)
     return compare, rows, figures, output
 
 
 def run(address, out, *options):
-    succeed([program("orchestrator"), "run", ROOT / "configs/external-ns3.toml", "--netsim", address, "--out", out, *options])
+    succeed([program("murmuration"), "run", ROOT / "configs/external-ns3.toml", "--netsim", address, "--out", out, *options])
     return only_directory(out)
 
 
@@ -58,7 +58,7 @@ def heard(folder):
 
 
 def test_it_keeps_the_contract(ns3):
-    said = succeed([program("orchestrator"), "conformance", "netsim", f"http://{ns3}"])
+    said = succeed([program("murmuration"), "conformance", "netsim", f"http://{ns3}"])
     assert "0 failed" in said and "BROKEN" not in said and "lax" not in said, said
 
 
@@ -89,7 +89,7 @@ def test_it_listens_where_the_environment_says(built, compared, tmp_path):
 def test_wrong_keys_are_refused_all_at_once(ns3, tmp_path):
     config = tmp_path / "wrong.toml"
     config.write_text((ROOT / "configs/external-ns3.toml").read_text() + "channel = 27\nnoise = 3\n")
-    done = subprocess.run([program("orchestrator"), "run", config, "--netsim", f"http://{ns3}", "--out", tmp_path / "out"],
+    done = subprocess.run([program("murmuration"), "run", config, "--netsim", f"http://{ns3}", "--out", tmp_path / "out"],
                           capture_output=True, text=True, timeout=60)  # fmt: skip
     assert done.returncode != 0
     assert "channel: must be an integer from 11 to 26" in done.stderr and "noise: unknown key" in done.stderr, done.stderr

@@ -164,7 +164,7 @@ def test_a_selected_robot_shows_where_it_believes_its_neighbours_to_be(browser, 
 
 def test_a_page_by_itself_shows_the_same_and_asks_for_nothing(browser, flocking, expected, tmp_path):
     page = tmp_path / "page.html"
-    said = succeed([program("orchestrator"), "replay", flocking, "--output", page])
+    said = succeed([program("murmuration"), "replay", flocking, "--output", page])
     assert "251 frames, every step" in said
     with opened(browser, page.as_uri()) as session:
         assert session.state()["source"] == "embedded"
@@ -176,7 +176,7 @@ def test_a_page_by_itself_shows_the_same_and_asks_for_nothing(browser, flocking,
 def test_a_long_recording_is_thinned_to_the_size_that_was_asked_for(browser, result_of, tmp_path):
     run = result_of("flocking", "experiment.duration_s=400.0", "experiment.agents=30")
     page = tmp_path / "page.html"
-    said = succeed([program("orchestrator"), "replay", run, "--output", page, "--max-size", "1"])
+    said = succeed([program("murmuration"), "replay", run, "--output", page, "--max-size", "1"])
     assert page.stat().st_size <= 1_000_000
     every = int(re.search(r"one of (\d+) steps", said).group(1))
     with opened(browser, page.as_uri()) as session:
@@ -191,7 +191,7 @@ def test_a_long_recording_is_thinned_to_the_size_that_was_asked_for(browser, res
 
 def test_render_draws_the_same_numbers(browser, replayed, flocking, tmp_path):
     numbers = tmp_path / "scene.json"
-    succeed([program("orchestrator"), "render", flocking, "--at", "12.5", "--output", tmp_path / "a.svg", "--json", numbers])
+    succeed([program("murmuration"), "render", flocking, "--at", "12.5", "--output", tmp_path / "a.svg", "--json", numbers])
     scene = json.loads(numbers.read_text())
     with opened(browser, replayed) as session:
         state = session.seek(12_500_000_000)

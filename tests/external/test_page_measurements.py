@@ -53,7 +53,7 @@ def measured(tmp_path_factory):
     for command in ("diagnose", "compare"):
         subprocess.run(
             [
-                program("orchestrator"), command, folder / "model.toml", "--data", folder / "links.csv",
+                program("murmuration"), command, folder / "model.toml", "--data", folder / "links.csv",
                 "--json", folder / f"{command}.json", "--residuals", folder / f"{command}.csv",
             ],
             check=True,
@@ -155,7 +155,7 @@ def test_a_page_by_itself_holds_a_comparison(browser, flocking, measured, tmp_pa
     page = tmp_path / "page.html"
     subprocess.run(
         [
-            program("orchestrator"), "replay", flocking, "--output", page,
+            program("murmuration"), "replay", flocking, "--output", page,
             "--diagnosis", measured / "compare.json", "--residuals", measured / "compare.csv",
         ],
         check=True,

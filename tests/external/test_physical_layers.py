@@ -22,7 +22,7 @@ def test_frames_name_their_channel_and_acknowledgments_follow_their_end(standard
         f'netsim.phy.standard="{standard}"', f"netsim.slot_duration_s={slot_s}", "experiment.duration_s=600.0", "output.pcap=true",
     ]  # fmt: skip
     words = [word for setting in settings for word in ("--set", setting)]
-    succeed([program("orchestrator"), "run", CONFIG, "--out", tmp_path, *words], cwd=tmp_path)
+    succeed([program("murmuration"), "run", CONFIG, "--out", tmp_path, *words], cwd=tmp_path)
     capture = only_directory(tmp_path) / "radio.pcap"
     fields = ("frame.time_epoch", "wpan-tap.asn", "wpan-tap.ch_num", "wpan-tap.ch_page", "wpan-tap.data_length",
               "wpan.frame_type", "wpan.ack_request", "wpan.seq_no", "wpan.src64", "wpan.dst64", "wpan.fcs_ok", "_ws.malformed")  # fmt: skip

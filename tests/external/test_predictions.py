@@ -65,13 +65,13 @@ def files(tmp_path_factory):
 
 def ask(folder, url, verb, data, *more):
     """The answer of a command about tracks, from its JSON."""
-    command = [program("orchestrator"), verb, "model.toml", "--data", data, "--robotsim", url, "--json", f"{verb}.json"]
+    command = [program("murmuration"), verb, "model.toml", "--data", data, "--robotsim", url, "--json", f"{verb}.json"]
     succeed([*command, *more], deadline_s=600, cwd=folder)
     return json.loads((folder / f"{verb}.json").read_text())
 
 
 def test_it_keeps_the_promises_about_predictions(stranger, tmp_path):
-    command = [program("orchestrator"), "conformance", "robotsim", stranger, "--json", "found.json"]
+    command = [program("murmuration"), "conformance", "robotsim", stranger, "--json", "found.json"]
     succeed(command, cwd=tmp_path)
     found = json.loads((tmp_path / "found.json").read_text())
     about = [f for f in found["findings"] if "Predict " in f["promise"] or "window whose start" in f["promise"]]
@@ -107,13 +107,13 @@ def test_extend_writes_what_the_simulator_then_does(stranger, files):
     better = tomllib.loads((files / "better.toml").read_text())
     (effect,) = better["robotsim"]["dynamics"]["effect"]
     assert effect["kind"] == "slip" and abs(effect["scale"] - SCALE) < 0.005
-    command = [program("orchestrator"), "diagnose", "better.toml", "--data", "slipping.csv", "--robotsim", stranger]
+    command = [program("murmuration"), "diagnose", "better.toml", "--data", "slipping.csv", "--robotsim", stranger]
     succeed([*command, "--json", "again.json"], deadline_s=600, cwd=files)
     assert json.loads((files / "again.json").read_text())["verdict"] == "nothing-missing"
 
 
 def test_extend_refuses_what_the_simulator_does_not_do(stranger, files):
-    command = [program("orchestrator"), "extend", "model.toml", "--data", "slipping.csv", "--robotsim", stranger]
+    command = [program("murmuration"), "extend", "model.toml", "--data", "slipping.csv", "--robotsim", stranger]
     command += ["--effect", "dead-time", "--output", "refused.toml"]
     done = subprocess.run(command, cwd=files, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1, done.stderr

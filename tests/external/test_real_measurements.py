@@ -41,7 +41,7 @@ def measured(name):
 
 def orchestrator(*words):
     done = subprocess.run(
-        [program("orchestrator"), *map(str, words)],
+        [program("murmuration"), *map(str, words)],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

@@ -159,7 +159,7 @@ def test_provenance_is_json_and_the_effective_configuration_toml(flocking):
 
 
 def test_the_effective_configuration_repeats_the_run(flocking, tmp_path):
-    succeed([program("orchestrator"), "run", flocking / "config.toml", "--out", tmp_path], cwd=tmp_path)
+    succeed([program("murmuration"), "run", flocking / "config.toml", "--out", tmp_path], cwd=tmp_path)
     again = only_directory(tmp_path)
 
     same_recording(flocking, again)
@@ -167,7 +167,7 @@ def test_the_effective_configuration_repeats_the_run(flocking, tmp_path):
 
 
 def test_another_seed_gives_another_recording(flocking, tmp_path):
-    command = [program("orchestrator"), "run", "configs/flocking.toml", "--seed", "2", "--out", tmp_path]
+    command = [program("murmuration"), "run", "configs/flocking.toml", "--seed", "2", "--out", tmp_path]
     succeed(command, cwd=ROOT)
     ours, theirs = (by_topic(path / "run.mcap")["/barrier"] for path in (flocking, only_directory(tmp_path)))
     assert len(ours) == len(theirs)

@@ -1,4 +1,4 @@
-"""Videos that `orchestrator render` makes through ffmpeg, as ffprobe reads them."""
+"""Videos that `murmuration render` makes through ffmpeg, as ffprobe reads them."""
 
 import json
 import shutil
@@ -30,7 +30,7 @@ def test_a_video_has_its_frames_size_and_duration(flocking, tmp_path, name, code
     assert shutil.which("ffprobe"), "ffmpeg is missing: tests/external/run installs it"
     path = tmp_path / name
     width, height = SIZE
-    command = [program("orchestrator"), "render", flocking, "--video", path, "--speed", "4", "--fps", "10", "--size", f"{width}x{height}"]
+    command = [program("murmuration"), "render", flocking, "--video", path, "--speed", "4", "--fps", "10", "--size", f"{width}x{height}"]
     said = succeed(command)
     stream, duration_s = probed(path)
     n_frames = int(stream["nb_read_frames"])
@@ -53,9 +53,9 @@ def test_a_video_has_its_frames_size_and_duration(flocking, tmp_path, name, code
 
 def test_a_picture_is_that_frame_of_the_video(flocking, tmp_path):
     size = f"{SIZE[0]}x{SIZE[1]}"
-    succeed([program("orchestrator"), "render", flocking, "--at", "10", "--output", tmp_path / "a.png", "--size", size])
+    succeed([program("murmuration"), "render", flocking, "--at", "10", "--output", tmp_path / "a.png", "--size", size])
     part = ["--from", "10", "--until", "10"]
-    succeed([program("orchestrator"), "render", flocking, "--video", tmp_path / "a.mp4", "--size", size, *part])
+    succeed([program("murmuration"), "render", flocking, "--video", tmp_path / "a.mp4", "--size", size, *part])
     picture, frame = pixels(tmp_path / "a.png", 0), pixels(tmp_path / "a.mp4", 0)
     assert len(picture) == len(frame)
     far = sum(abs(a - b) > 60 for a, b in zip(picture, frame))

@@ -21,7 +21,7 @@ def test_the_files_of_the_tutorial_print_the_numbers_of_the_page(tmp_path):
     path = f"{Path(sys.executable).parent}:{PROGRAMS}:{os.environ['PATH']}"
     environment = {
         **os.environ, "PATH": path, "PYTHONPATH": str(ROOT / "python" / "src"),
-        "MURMURATION_PROGRAM": program("orchestrator"), "PYTHONDONTWRITEBYTECODE": "1",
+        "MURMURATION_PROGRAM": program("murmuration"), "PYTHONDONTWRITEBYTECODE": "1",
     }  # fmt: skip
     text, n_commands, n_numbers = PAGE.read_text(encoding="utf-8"), 0, 0
     for block in BLOCK.finditer(text):

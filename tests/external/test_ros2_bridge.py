@@ -38,7 +38,7 @@ def stepped():
 
 
 def run(url, out, *options):
-    command = [program("orchestrator"), "run", ROOT / "configs/external-robots.toml", "--robotsim", url, "--out", out]
+    command = [program("murmuration"), "run", ROOT / "configs/external-robots.toml", "--robotsim", url, "--out", out]
     return subprocess.run([*command, *options], capture_output=True, text=True, timeout=100)
 
 
@@ -48,7 +48,7 @@ def table(out):
 
 
 def test_it_keeps_the_contract(stepped):
-    said = succeed([program("orchestrator"), "conformance", "robotsim", stepped[1]])
+    said = succeed([program("murmuration"), "conformance", "robotsim", stepped[1]])
     assert "0 failed" in said and "BROKEN" not in said, said
 
 

@@ -36,7 +36,7 @@ def crate(tmp_path_factory):
 
 def run(crate, out, *words, command=True):
     given = ["--set", f'netsim.command=["{BUILT / "my-netsim"}"]'] if command else []
-    return [program("orchestrator"), "run", crate / "experiment.toml", *given, "--out", out, *words]
+    return [program("murmuration"), "run", crate / "experiment.toml", *given, "--out", out, *words]
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def recorded(crate, tmp_path_factory):
 
 
 def test_check_accepts_the_kind_because_another_program_judges_it(crate):
-    succeed([program("orchestrator"), "check", crate / "experiment.toml"])
+    succeed([program("murmuration"), "check", crate / "experiment.toml"])
 
 
 def test_the_network_forms_under_the_function_of_the_crate_and_delivers(recorded):
@@ -94,5 +94,5 @@ def test_the_built_in_network_refuses_the_kind(crate, tmp_path):
     text = (crate / "experiment.toml").read_text().replace('command = ["target/release/my-netsim"]\n', "")
     (tmp_path / "experiment.toml").write_text(text)
     with pytest.raises(AssertionError, match="exit status") as refused:
-        succeed([program("orchestrator"), "check", tmp_path / "experiment.toml"])
+        succeed([program("murmuration"), "check", tmp_path / "experiment.toml"])
     assert 'netsim.sf.kind' in str(refused.value) and '"wandering-receiver"' in str(refused.value)

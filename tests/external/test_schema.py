@@ -14,7 +14,7 @@ CONFIGS = sorted((ROOT / "configs").glob("**/*.toml"))
 
 @pytest.fixture(scope="session")
 def schema():
-    return json.loads(succeed([program("orchestrator"), "schema"]))
+    return json.loads(succeed([program("murmuration"), "schema"]))
 
 
 def read(path):
@@ -42,7 +42,7 @@ def test_every_ready_experiment_satisfies_the_schema(schema, path):
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.name)
 def test_the_program_accepts_every_ready_experiment(path):
-    succeed([program("orchestrator"), "check", path], cwd=ROOT)
+    succeed([program("murmuration"), "check", path], cwd=ROOT)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_schema_and_program_refuse_the_same_mistakes(schema, tmp_path, section, 
     assert not Draft202012Validator(schema).is_valid(config), f"the schema accepts {section}.{key} = {value!r}"
     assignment = f"{section}.{key}={json.dumps(value)}"
     with pytest.raises(AssertionError, match="exit status 2"):
-        succeed([program("orchestrator"), "check", "configs/flocking.toml", "--set", assignment], cwd=ROOT)
+        succeed([program("murmuration"), "check", "configs/flocking.toml", "--set", assignment], cwd=ROOT)
 
 
 def test_the_schema_explains_every_key(schema):
@@ -86,7 +86,7 @@ def test_the_schema_explains_every_key(schema):
 
 @pytest.mark.parametrize("name", ANSWERS)
 def test_the_schema_of_every_answer_is_a_valid_one_of_draft_2020_12(name):
-    answer = json.loads(succeed([program("orchestrator"), "schema", "--of", name]))
+    answer = json.loads(succeed([program("murmuration"), "schema", "--of", name]))
     assert answer["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     meta.validate(answer)
     # A schema that allows everything would be valid, too.
@@ -95,7 +95,7 @@ def test_the_schema_of_every_answer_is_a_valid_one_of_draft_2020_12(name):
 
 @pytest.mark.parametrize("name", ["flocking", "sensors-minimal"])
 def test_the_summary_of_a_run_satisfies_its_schema(result_of, name):
-    answer = json.loads(succeed([program("orchestrator"), "schema", "--of", "run"]))
+    answer = json.loads(succeed([program("murmuration"), "schema", "--of", "run"]))
     Draft202012Validator(answer).validate(json.loads((result_of(name) / "summary.json").read_text()))
 
 

@@ -62,7 +62,7 @@ class Sweep:
         self.said = self.folder / "said"
 
     def start(self, *options):
-        command = [program("orchestrator"), "sweep", "s.toml", *options]
+        command = [program("murmuration"), "sweep", "s.toml", *options]
         with open(self.said, "wb") as said:
             return subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=said, stderr=said, cwd=self.folder, env=self.cluster.environment
@@ -90,7 +90,7 @@ class Sweep:
         return {name: (self.folder / out / "s" / name).read_bytes() for name in RESULTS}
 
     def run_on_one_machine(self):
-        succeed([program("orchestrator"), "sweep", "s.toml", "--out", "one"], cwd=self.folder)
+        succeed([program("murmuration"), "sweep", "s.toml", "--out", "one"], cwd=self.folder)
         return self.results("one")
 
 
@@ -156,11 +156,11 @@ def test_cancelled_shards_are_named_and_submitted_again_by_the_same_command(tmp_
 
 def test_an_emitted_script_is_what_sbatch_runs(tmp_path, cluster):
     sweep = Sweep(tmp_path, cluster, n_settings=2, duration_s=1.0)
-    command = [program("orchestrator"), "sweep", "s.toml", "--engine", "slurm", "--shards", "2", "--emit", "script"]
+    command = [program("murmuration"), "sweep", "s.toml", "--engine", "slurm", "--shards", "2", "--emit", "script"]
     script = succeed(command, cwd=sweep.folder)
     assert not (sweep.folder / "runs").exists()
     path = Path(sweep.folder / "job.sh")
     path.write_text(script)
     cluster.command("sbatch", "--wait", str(path))
-    succeed([program("orchestrator"), "sweep", "s.toml", "--merge"], cwd=sweep.folder)
+    succeed([program("murmuration"), "sweep", "s.toml", "--merge"], cwd=sweep.folder)
     assert sweep.results("runs") == sweep.run_on_one_machine()

@@ -29,7 +29,7 @@ def topics(stranger, tmp_path_factory):
 
 
 def run(address, out):
-    command = [program("orchestrator"), "run", "configs/external-robots.toml"]
+    command = [program("murmuration"), "run", "configs/external-robots.toml"]
     succeed([*command, "--robotsim", f"http://{address}", "--out", out], cwd=ROOT)
     return only_directory(out)
 

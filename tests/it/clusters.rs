@@ -1,4 +1,4 @@
-//! `orchestrator sweep --engine`: shards that a batch system runs. Stand-ins for its commands show what is issued and how their answers
+//! `murmuration sweep --engine`: shards that a batch system runs. Stand-ins for its commands show what is issued and how their answers
 //! are taken; tests/external/test_slurm.py runs a real Slurm.
 
 use std::fs;
@@ -43,7 +43,7 @@ impl Place {
     fn sweep(&self, args: &str, variables: &[(&str, &str)]) -> Output {
         let bin = self.folder.path().join("bin");
         let path = format!("{}:/usr/bin:/bin", bin.display());
-        let mut command = Command::new(tests::executable("orchestrator"));
+        let mut command = Command::new(tests::executable("murmuration"));
         command.args(["sweep", "s.toml"]).args(args.split_whitespace()).current_dir(self.path());
         command.env("PATH", path).envs(variables.iter().copied()).output().unwrap()
     }
@@ -83,7 +83,7 @@ fn shards_are_submitted_to_hyperqueue_and_its_script_runs_them() {
     let said = tests::said(&place.succeeds("--engine hyperqueue --shards 2"));
     assert!(said.contains("HyperQueue job 7: 2 of 2 shards submitted"), "{said}");
     assert!(said.contains("run hq job wait 7") && said.contains("run hq job cancel 7"), "{said}");
-    assert!(said.contains("run orchestrator sweep s.toml --merge"), "{said}");
+    assert!(said.contains("run murmuration sweep s.toml --merge"), "{said}");
     let arguments = fs::read_to_string(place.path().join("hq-arguments")).unwrap();
     let script = place.path().join("runs/s/cluster/hyperqueue.sh");
     assert_eq!(arguments, format!("--output-mode=quiet\nsubmit\n{}\n", script.display()));
@@ -96,7 +96,7 @@ fn shards_are_submitted_to_hyperqueue_and_its_script_runs_them() {
     assert!(log.contains("shard 2/2 has 3 of 6 trials"), "{log}");
     let said = tests::said(&place.succeeds("--engine hyperqueue"));
     assert!(
-        said.contains("all shards are finished; run orchestrator sweep s.toml --merge"),
+        said.contains("all shards are finished; run murmuration sweep s.toml --merge"),
         "{said}"
     );
     place.succeeds("--merge");
@@ -217,7 +217,7 @@ fn what_a_cluster_cannot_be_asked_for_is_refused_with_its_place() {
         "sweep.slurm.cpus_per_task: must be a whole number from 1 to 65536",
         "sweep.slurm.account: must be one line without control characters",
         "sweep.slurm.options[0]: must be an option of sbatch",
-        "sweep.slurm.options[1]: is set by orchestrator sweep; use the option --shards",
+        "sweep.slurm.options[1]: is set by murmuration sweep; use the option --shards",
         "sweep.slurm.commands[0]: must be one line without control characters",
         "sweep.hyperqueue.partition",
     ] {

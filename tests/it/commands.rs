@@ -18,7 +18,7 @@ const LAST_WORDS: &str = "Traceback: a wheel came off";
 
 /// The script of a side: the built-in simulator, as a program that knows nothing but the variable.
 fn serve(side: &str) -> String {
-    let program = tests::executable("orchestrator");
+    let program = tests::executable("murmuration");
     format!("'{}' {side} --listen \"$MURMURATION_LISTEN\"", program.display())
 }
 
@@ -43,7 +43,7 @@ fn asked(folder: &Path, args: &[&str], more: &[String]) -> Output {
 }
 
 fn started(folder: &Path, more: &[String]) -> Child {
-    let mut command = Command::new(tests::executable("orchestrator"));
+    let mut command = Command::new(tests::executable("murmuration"));
     command
         .args(["run", "c.toml", "--allow-command", "--set", "experiment.duration_s=1e7"])
         .args(more);

@@ -133,7 +133,7 @@ fn a_refused_demo_leaves_nothing() {
 #[test]
 fn an_interrupted_demo_leaves_nothing() {
     let dir = tests::folder();
-    let child = Command::new(tests::executable("orchestrator"))
+    let child = Command::new(tests::executable("murmuration"))
         .args(["demo", "--effect", "dead-time"])
         .current_dir(dir.path())
         .stdin(Stdio::null())

@@ -4,7 +4,7 @@ use tests::documented::{LARGE, LONG, commands, deviations_of_page, pages};
 
 #[test]
 fn numbers_on_the_pages_are_those_that_the_documented_commands_print() {
-    let programs = tests::executable("orchestrator").parent().unwrap().to_owned();
+    let programs = tests::executable("murmuration").parent().unwrap().to_owned();
     let mut wrong = Vec::new();
     let mut n_run = 0;
     let is_short = |page: &&String| !LONG.iter().chain(&LARGE).any(|other| other == page);

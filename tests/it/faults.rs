@@ -19,7 +19,7 @@ fn endless(folder: &Path) -> std::path::PathBuf {
 }
 
 fn start(folder: &Path, args: &[&str]) -> Child {
-    let mut command = Command::new(tests::executable("orchestrator"));
+    let mut command = Command::new(tests::executable("murmuration"));
     command.arg("run").arg(endless(folder)).args(args);
     tests::spawn(&mut command, folder)
 }

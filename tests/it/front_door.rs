@@ -10,7 +10,7 @@ const KINDS: [&str; 6] =
 /// The program under another name, in a folder.
 fn linked(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join(name);
-    std::os::unix::fs::symlink(tests::executable("orchestrator"), &path).unwrap();
+    std::os::unix::fs::symlink(tests::executable("murmuration"), &path).unwrap();
     path
 }
 
@@ -53,7 +53,7 @@ fn every_starter_works_as_it_is() {
         assert!(made.contains(&name), "{made}");
         let folder = dir.path().join(&name);
         let next: Vec<&str> =
-            made.lines().filter_map(|line| line.strip_prefix("  orchestrator ")).collect();
+            made.lines().filter_map(|line| line.strip_prefix("  murmuration ")).collect();
         assert!(2 <= next.len(), "{made}");
         for line in next.iter().filter(|line| !line.contains("--live")) {
             let words: Vec<&str> = line.split_whitespace().collect();
@@ -155,7 +155,7 @@ fn the_help_of_every_command_has_a_valid_example_and_related_commands() {
         let help = text(&tests::orchestrator(&[name, "--help"], dir.path()));
         let (_, after) = help.split_once("Example:\n  ").expect(name);
         let (example, related) = after.split_once('\n').unwrap_or((after, ""));
-        assert!(example.starts_with(&format!("orchestrator {name}")), "{example}");
+        assert!(example.starts_with(&format!("murmuration {name}")), "{example}");
         assert_parses(example);
         let related = related.trim().strip_prefix("Related commands: ").expect(name);
         for other in related.split(", ") {
@@ -273,10 +273,10 @@ fn every_command_has_a_manual_page() {
     let names = names();
     assert!(said.contains(&format!("{} manual pages", names.len() + 1)), "{said}");
     assert_eq!(std::fs::read_dir(&pages).unwrap().count(), names.len() + 1);
-    let main = std::fs::read_to_string(pages.join("orchestrator.1")).unwrap();
-    assert!(main.contains(".TH orchestrator 1"), "{main}");
+    let main = std::fs::read_to_string(pages.join("murmuration.1")).unwrap();
+    assert!(main.contains(".TH murmuration 1"), "{main}");
     for name in names {
-        let page = std::fs::read_to_string(pages.join(format!("orchestrator-{name}.1"))).unwrap();
+        let page = std::fs::read_to_string(pages.join(format!("murmuration-{name}.1"))).unwrap();
         assert!(page.contains("Example:"), "{name}: {page}");
     }
 }
@@ -289,7 +289,7 @@ fn the_documentation_is_found_or_its_place_is_named() {
     std::fs::create_dir_all(prefix.join("bin")).unwrap();
     let program = prefix.join("bin/murmuration");
     // A process of its own copies it: a descriptor of this one that another test's child inherits would keep the file busy.
-    let copied = Command::new("cp").arg(tests::executable("orchestrator")).arg(&program).status();
+    let copied = Command::new("cp").arg(tests::executable("murmuration")).arg(&program).status();
     assert!(copied.unwrap().success());
     let ask = |folder: &Path, named: Option<&Path>, args: &[&str]| {
         let mut command = Command::new(&program);

@@ -8,7 +8,7 @@ use tests::{end_of, signal, wait_until_recording};
 
 /// The orchestrator with these arguments, whatever it says kept.
 fn started(args: &[&str], folder: &Path) -> Child {
-    tests::spawn(Command::new(tests::executable("orchestrator")).args(args), folder)
+    tests::spawn(Command::new(tests::executable("murmuration")).args(args), folder)
 }
 
 /// A run of the flocking example.

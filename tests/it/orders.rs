@@ -19,7 +19,7 @@ fn start(folder: &Path, more: &str, args: &[&str]) -> Child {
          [netsim.phy]\npropagation = \"full\"\n"
     );
     std::fs::write(&path, text).unwrap();
-    Command::new(tests::executable("orchestrator"))
+    Command::new(tests::executable("murmuration"))
         .arg("run")
         .arg(path)
         .args(args)

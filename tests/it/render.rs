@@ -242,7 +242,7 @@ fn wrong_requests_name_the_option_and_what_is_allowed() {
 fn without_ffmpeg_the_error_names_gif() {
     let folder = tests::folder();
     for name in ["a.mp4", "a.webm"] {
-        let output = Command::new(tests::executable("orchestrator"))
+        let output = Command::new(tests::executable("murmuration"))
             .args(["render", RUN.1.to_str().unwrap(), "--video", name])
             .env("PATH", folder.path())
             .current_dir(folder.path())
@@ -259,7 +259,7 @@ fn without_ffmpeg_the_error_names_gif() {
 fn ctrl_c_leaves_nothing() {
     let folder = tests::folder();
     let args = ["--video", "a.gif", "--speed", "0.01", "--fps", "40", "--size", "1920x1080"];
-    let child = Command::new(tests::executable("orchestrator"))
+    let child = Command::new(tests::executable("murmuration"))
         .args(["render", RUN.1.to_str().unwrap()])
         .args(args)
         .current_dir(folder.path())

@@ -28,7 +28,7 @@ fn the_same_command_writes_the_same_page() {
         }
         assert!(!first.contains("NaN") && first.len() < 2_000_000, "{} bytes", first.len());
         assert!(first.contains(&format!(
-            "orchestrator compare model.toml --data {data} --report page.html"
+            "murmuration compare model.toml --data {data} --report page.html"
         )));
     }
 }

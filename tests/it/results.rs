@@ -33,7 +33,7 @@ fn complete(folder: &Path, args: &[&str]) -> String {
 
 /// A run that lasts until it is stopped, once it records.
 fn endless(folder: &Path) -> Child {
-    let mut command = tests::hearing_hang_ups("orchestrator");
+    let mut command = tests::hearing_hang_ups("murmuration");
     let run = spawn(command.args(["run", "e.toml", "--set", ENDLESS]), folder);
     until_it_records(folder, &run);
     run
@@ -112,7 +112,7 @@ fn of_six_runs_into_one_folder_one_writes() {
     let folder = folder("");
     let holder = endless(folder.path());
     let command = || {
-        let mut command = tests::hearing_hang_ups("orchestrator");
+        let mut command = tests::hearing_hang_ups("murmuration");
         command.args(["run", "e.toml"]);
         command
     };
@@ -155,7 +155,7 @@ fn notes_in_the_folder_of_a_result_stay() {
 #[test]
 fn results_have_the_mode_that_the_umask_leaves() {
     let folder = folder("");
-    let executable = tests::executable("orchestrator");
+    let executable = tests::executable("murmuration");
     let script = format!("umask 027; exec {} run e.toml --json a.json", executable.display());
     let output = spawn(Command::new("sh").args(["-c", &script]), folder.path());
     let output = end_of(output);
@@ -183,7 +183,7 @@ fn a_hang_up_keeps_what_was_recorded() {
 #[test]
 fn a_run_under_nohup_outlives_its_session() {
     let folder = folder("");
-    let executable = tests::executable("orchestrator");
+    let executable = tests::executable("murmuration");
     let script = format!("trap '' HUP; exec {} run e.toml --set {ENDLESS}", executable.display());
     let mut run = spawn(Command::new("sh").args(["-c", &script]), folder.path());
     until_it_records(folder.path(), &run);
@@ -222,7 +222,7 @@ fn what_a_killed_run_has_left_is_named_by_the_next() {
     let text = complete(folder.path(), &[]);
     let partial = format!("runs/.e.partial-{id}");
     assert!(text.contains(&format!("warning: {partial} is left by an earlier run")), "{text}");
-    assert!(text.contains(&format!("orchestrator recover {partial}")), "{text}");
+    assert!(text.contains(&format!("murmuration recover {partial}")), "{text}");
     assert!(folder.path().join(&partial).join("run.mcap").exists());
 }
 

@@ -41,7 +41,7 @@ fn finished(arguments: &[String], folder: &Path) -> String {
 }
 
 fn started(arguments: &[String], folder: &Path) -> Child {
-    tests::spawn(Command::new(tests::executable("orchestrator")).args(arguments), folder)
+    tests::spawn(Command::new(tests::executable("murmuration")).args(arguments), folder)
 }
 
 /// Folders of unfinished runs.
@@ -203,7 +203,7 @@ fn a_folder_without_a_usable_checkpoint_is_refused_and_stays() {
     std::fs::remove_file(&file).unwrap();
     let refused = tests::orchestrator(&resume, folder.path());
     assert_eq!(refused.status.code(), Some(2), "{}", tests::said(&refused));
-    assert!(tests::said(&refused).contains("orchestrator recover"), "{}", tests::said(&refused));
+    assert!(tests::said(&refused).contains("murmuration recover"), "{}", tests::said(&refused));
     assert!(left.join("run.mcap").exists());
 }
 

@@ -1,4 +1,4 @@
-//! `orchestrator sweep --shard` and `--merge`: parts of a sweep that run on several machines.
+//! `murmuration sweep --shard` and `--merge`: parts of a sweep that run on several machines.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ fn shards_killed_resumed_moved_and_merged_leave_the_bytes_of_the_whole_sweep() {
     succeeds(folder.path(), "--out whole");
     let said = succeeds(folder.path(), "--shard 1/3");
     assert!(said.contains("s: shard 1/3 has 7 of 20 trials; "), "{said}");
-    assert!(said.contains("run orchestrator sweep s.toml --merge"), "{said}");
+    assert!(said.contains("run murmuration sweep s.toml --merge"), "{said}");
     // The second was killed while it wrote its fourth line.
     succeeds(folder.path(), "--shard=2/3 --jobs 1");
     let second = journal(folder.path(), "trials-2-of-3.jsonl");
@@ -75,7 +75,7 @@ fn shards_killed_resumed_moved_and_merged_leave_the_bytes_of_the_whole_sweep() {
     std::fs::write(&second, &bytes[..(ends[2] + ends[3]) / 2]).unwrap();
     let said = refused(folder.path(), "--merge");
     assert!(said.contains("runs/s: nothing was merged. Missing: 10 of 20 trials"), "{said}");
-    let missing = "shard 2/3 lacks 4 of its 7 trials; run orchestrator sweep s.toml --shard 2/3\n";
+    let missing = "shard 2/3 lacks 4 of its 7 trials; run murmuration sweep s.toml --shard 2/3\n";
     assert!(said.contains(missing), "{said}");
     let said = succeeds(folder.path(), "--shard 2/3");
     assert!(said.contains("shard 2/3 has 7 of 20 trials, 3 of them finished earlier; "), "{said}");
@@ -153,11 +153,11 @@ fn shards_of_one_folder_run_at_the_same_time_and_keep_recordings() {
 fn missing_and_overlapping_shards_and_those_of_another_sweep_are_refused() {
     let folder = folder();
     let said = refused(folder.path(), "--merge --out runs");
-    let first = "Run orchestrator sweep s.toml --out runs --shard i/n for each i from 1 to n first";
+    let first = "Run murmuration sweep s.toml --out runs --shard i/n for each i from 1 to n first";
     assert!(said.contains("runs/s holds no shards. ") && said.contains(first), "{said}");
     succeeds(folder.path(), "--shard 1/2");
     let said = refused(folder.path(), "--merge");
-    let missing = "shard 2/2 has no journal here and lacks 10 of its 10 trials; copy the journal, or run orchestrator sweep s.toml --shard 2/2";
+    let missing = "shard 2/2 has no journal here and lacks 10 of its 10 trials; copy the journal, or run murmuration sweep s.toml --shard 2/2";
     assert!(said.contains("Missing: 10 of 20 trials") && said.contains(missing), "{said}");
     // Shards of another number.
     let overlap = "runs/s: the sweep was split into different numbers of shards, which overlap: ";

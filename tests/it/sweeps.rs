@@ -1,4 +1,4 @@
-//! `orchestrator sweep` through the real processes.
+//! `murmuration sweep` through the real processes.
 
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
@@ -71,7 +71,7 @@ fn a_sweep_killed_again_and_again_leaves_the_same_as_one_never_interrupted() {
     let mut n_done = Vec::new();
     // Other moments each time, from before the first trial to well within, by how fast this machine is now.
     for attempt in 0..40_u32 {
-        let mut running = Command::new(tests::executable("orchestrator"))
+        let mut running = Command::new(tests::executable("murmuration"))
             .args(["sweep", "s.toml", "--out", "killed", "--set", "sweep.seeds=15"])
             .current_dir(folder.path())
             .stdin(Stdio::null())
@@ -408,7 +408,7 @@ fn a_sweep_that_is_asked_to_stop_says_how_far_it_came_and_goes_on() {
     let journal = folder.path().join("runs/s/trials.jsonl");
     let n_done = || std::fs::read_to_string(&journal).map_or(0, |journal| journal.lines().count());
     for signals in [1, 2] {
-        let running = Command::new(tests::executable("orchestrator"))
+        let running = Command::new(tests::executable("murmuration"))
             .args(["sweep", "s.toml", "--set", "sweep.seeds=2000"])
             .current_dir(folder.path())
             .stdin(Stdio::null())

@@ -33,9 +33,9 @@ def program() -> Path:
         return Path(named)
     beside = [Path(sysconfig.get_path("scripts")), Path(sys.executable).parent]
     for folder in beside:
-        if (folder / "orchestrator").is_file():
-            return folder / "orchestrator"
-    found = shutil.which("murmuration") or shutil.which("orchestrator")
+        if (folder / "murmuration").is_file():
+            return folder / "murmuration"
+    found = shutil.which("murmuration")
     if found is None:
         raise MurmurationError(
             "the program murmuration is not installed: install the wheel murmuration-sim, or name a program in MURMURATION_PROGRAM"
@@ -103,8 +103,6 @@ def _follow(child: subprocess.Popen[str], display: _progress.Display) -> tuple[s
     return "".join(texts[0]), "".join(texts[1])
 
 
-def main() -> None:
-    """The command `murmuration`: becomes the program."""
-    path = program()
-    # Messages of the program name the command that was typed.
-    os.execv(path, ["murmuration", *sys.argv[1:]])
+def main(name: str) -> None:
+    """Becomes the program, under the name that was typed: its messages use it."""
+    os.execv(program(), [name, *sys.argv[1:]])
