@@ -4,7 +4,7 @@ use std::process::Command;
 
 #[test]
 fn it_prints_a_schema_and_refuses_what_it_does_not_know() {
-    let orchestrator = || Command::new(env!("CARGO_BIN_EXE_orchestrator"));
+    let orchestrator = || Command::new(env!("CARGO_BIN_EXE_murmuration"));
     let output = orchestrator().arg("schema").output().unwrap();
     assert!(output.status.success());
     let schema: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

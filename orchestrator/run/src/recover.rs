@@ -5,7 +5,7 @@ use super::course::carry_out;
 use super::interrupt::Interrupt;
 use super::start::{StartOptions, connect, header, permitted, ready_with};
 use super::warm_start::FormedFiles;
-use super::{Audience, RunError, RunReport, provenance};
+use super::{Audience, RunError, RunReport, Work, provenance};
 use drive::{ConfigureRequests, Wanted};
 use experiment::{Overrides, Start};
 use proto::bounds::DESCRIPTION_BYTES;

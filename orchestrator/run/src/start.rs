@@ -1,6 +1,6 @@
 //! Starting, connecting and configuring both sides of a run.
 
-use super::RunError;
+use super::{RunError, Work};
 use super::warm_start::{FormedFile, Placed};
 use drive::coupling::{Coupled, Position};
 use drive::peer::{

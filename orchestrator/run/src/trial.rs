@@ -4,7 +4,7 @@ use super::interrupt::Interrupt;
 use super::provenance::opening;
 use super::start::{Processes, StartOptions, Started, connect, ready};
 use super::warm_start::FormedFiles;
-use super::{RunError, ended_by, record_of};
+use super::{RunError, Work, ended_by, record_of};
 use drive::peer::{NetworkSide, Peer as _, Remote, RobotSide};
 use drive::{Driver, Failure, Observer, Schedule, Stopped, Taken, Wanted};
 use experiment::{Plan, SideCommand, Tls, Transport};
