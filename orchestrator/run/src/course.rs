@@ -9,7 +9,6 @@ use super::{Audience, RunError, RunReport, ended_by, next_to};
 use drive::{Driver, Failure, Schedule, Stopped};
 use experiment::Plan;
 use record::{Ending, Status};
-use report;
 use std::time::Instant;
 
 /// Takes all steps that are still to be taken, as often anew as the plan allows, and makes the record whole.

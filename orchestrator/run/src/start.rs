@@ -1,7 +1,7 @@
 //! Starting, connecting and configuring both sides of a run.
 
-use super::{RunError, Work};
 use super::warm_start::{FormedFile, Placed};
+use super::{RunError, Work};
 use drive::coupling::{Coupled, Position};
 use drive::peer::{
     Launch, LineSink, NetworkSide, Orders, Peer, Reach, Remote, RobotSide, Service, Side as _,

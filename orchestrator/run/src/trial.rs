@@ -10,7 +10,6 @@ use drive::{Driver, Failure, Observer, Schedule, Stopped, Taken, Wanted};
 use experiment::{Plan, SideCommand, Tls, Transport};
 use record::run_summary::RunSummary;
 use record::{Ending, Measurer, RecordError, Recorder, ReplacePolicy, Reservation, StepRecord};
-use report;
 use serde_json::Value;
 use std::path::Path;
 
