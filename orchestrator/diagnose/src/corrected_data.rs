@@ -53,7 +53,7 @@ fn values(row: &LinkRow) -> [(&'static str, f64); 12] {
 /// # Errors
 ///
 /// A defect of which no corrected file can be written.
-pub fn corrected_data(
+pub(crate) fn corrected_data(
     table: &DataTable,
     study: &LinkStudy,
     defects: &[Defect],

@@ -15,7 +15,6 @@ use measure::account::DataAccount;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write as _;
-use study::choices::ChoiceError;
 use study::defects::evidence::Evidence;
 use study::defects::{self, Correction, Defect, PREFIX};
 use study::links::LinkStudy;
@@ -123,7 +122,7 @@ pub(crate) fn clauses(defects: &[MeasurementDefect]) -> Option<String> {
 
 /// The defects of measured links. Only where some are suspected, the measurements as they are are searched for effects that explain
 /// them. Where that search is stopped, what was suspected is returned.
-pub fn find(study: &LinkStudy, report: &(dyn Fn(SearchProgress<'_>) + Sync)) -> Vec<Defect> {
+pub(crate) fn find(study: &LinkStudy, report: &(dyn Fn(SearchProgress<'_>) + Sync)) -> Vec<Defect> {
     let suspected = suspected(study);
     if suspected.is_empty() {
         return suspected;
@@ -142,7 +141,7 @@ pub fn find(study: &LinkStudy, report: &(dyn Fn(SearchProgress<'_>) + Sync)) -> 
 
 /// Defects under the model as configured, with its level and noise fitted.
 #[must_use]
-pub fn suspected(study: &LinkStudy) -> Vec<Defect> {
+fn suspected(study: &LinkStudy) -> Vec<Defect> {
     under(study, &[])
 }
 
@@ -154,7 +153,7 @@ fn under(study: &LinkStudy, terms: &[usize]) -> Vec<Defect> {
 
 /// The suspected defects that are significant under the model with the accepted terms, too. Of both p-values the greater counts.
 #[must_use]
-pub fn confirmed(study: &LinkStudy, accepted: &[usize], suspected: Vec<Defect>) -> Vec<Defect> {
+fn confirmed(study: &LinkStudy, accepted: &[usize], suspected: Vec<Defect>) -> Vec<Defect> {
     if accepted.is_empty() || suspected.is_empty() {
         return suspected;
     }
@@ -177,24 +176,15 @@ pub fn listed(study: &LinkStudy) -> Vec<MeasurementDefect> {
     suspected(study).iter().map(MeasurementDefect::of).collect()
 }
 
-/// The study of the measurements with all defects corrected; `None`: no correction changes them in memory.
-///
-/// # Errors
-///
-/// The rows that are left do not allow what was chosen by hand.
-pub fn corrected(study: &LinkStudy, defects: &[Defect]) -> Result<Option<LinkStudy>, ChoiceError> {
-    study.corrected(&joint_correction(defects))
-}
-
 /// The corrections of all defects.
 #[must_use]
-pub fn joint_correction(defects: &[Defect]) -> Correction {
+pub(crate) fn joint_correction(defects: &[Defect]) -> Correction {
     defects.iter().fold(Correction::default(), |all, defect| all.and(&defect.correction))
 }
 
 /// The account of the corrected measurements: rows that were left out are listed by their defect.
 #[must_use]
-pub fn corrected_account(account: &DataAccount, defects: &[Defect]) -> DataAccount {
+pub(crate) fn corrected_account(account: &DataAccount, defects: &[Defect]) -> DataAccount {
     let mut account = account.clone();
     account.used -= joint_correction(defects).left_out.len();
     account.rejected.extend(defects.iter().filter(|it| !it.correction.left_out.is_empty()).map(
@@ -210,7 +200,7 @@ pub fn corrected_account(account: &DataAccount, defects: &[Defect]) -> DataAccou
 /// A diagnosis of corrected measurements with the defects that were corrected: first among what is missing, and as candidates
 /// that were accepted.
 #[must_use]
-pub fn with_defects(mut diagnosis: Diagnosis, found: &[Defect]) -> Diagnosis {
+pub(crate) fn with_defects(mut diagnosis: Diagnosis, found: &[Defect]) -> Diagnosis {
     if found.is_empty() {
         return diagnosis;
     }

@@ -77,7 +77,7 @@ fn mean_square(rows: &Linearised) -> f64 {
 
 /// Looks at what a fit leaves.
 #[must_use]
-pub fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
+pub(crate) fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
     let Some(rows) = study.linearised(fit) else { return Gate::default() };
     let dependence = study.dependence();
     let plain = rows.plain();

@@ -10,7 +10,7 @@ use super::progress::SearchProgress;
 use proto::effect::Level;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use study::thresholds::{FAMILY_ERROR, FEWEST_BLOCKS, HOPELESS_NATS, SPECIAL_CASE_NATS};
 use study::{COMMON, Candidate, RowScore, Study};
@@ -18,7 +18,7 @@ use tracing::debug;
 
 /// The result of the last test of a candidate on top of the accepted terms.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CandidateTest {
+pub(crate) struct CandidateTest {
     /// Index of the candidate among those of the study.
     pub term: usize,
     /// Gain in held-out log score, over blocks of the level at which its covariate varies.
@@ -64,7 +64,7 @@ impl CandidateTest {
 
 /// One model of the stepwise selection, with its held-out scores.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LadderStep {
+pub(crate) struct LadderStep {
     /// Terms in the model, as indices of candidates.
     pub terms: Vec<usize>,
     /// Mean held-out scores on the common split.
@@ -73,7 +73,7 @@ pub struct LadderStep {
 
 /// The result of a stepwise selection.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Ladder {
+pub(crate) struct Ladder {
     /// Terms in the order in which they were added.
     pub accepted: Vec<usize>,
     /// The model as configured, then with each term.
@@ -88,29 +88,28 @@ pub struct Ladder {
 
 impl Ladder {
     /// Candidates that were withheld in the last round, as indices.
-    pub fn withheld(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn withheld(&self) -> impl Iterator<Item = usize> + '_ {
         self.tests.iter().filter(|test| test.is_withheld).map(|test| test.term)
     }
 
     /// Whether there was enough to tell something, and the search came to its end.
     #[must_use]
-    pub fn is_complete(&self) -> bool {
+    pub(crate) fn is_complete(&self) -> bool {
         self.too_little.is_none() && self.stopped.is_none()
     }
 }
 
 /// Predictions of all rows by models that had not seen them, and fits to all rows: computed once.
-pub struct Search<'a, S: Study> {
+pub(crate) struct Search<'a, S: Study> {
     study: &'a S,
     all: Vec<u32>,
     known: Arc<Known<S::Fit>>,
     report: &'a (dyn Fn(SearchProgress<'_>) + Sync),
-    stop: Option<&'a AtomicBool>,
 }
 
 /// What a search has computed. It holds for another search of the same study, with more candidates.
 #[derive(Debug)]
-pub struct Known<F> {
+pub(crate) struct Known<F> {
     held_out: Cache<Arc<Vec<RowScore>>>,
     full: Cache<Arc<F>>,
 }
@@ -134,35 +133,34 @@ fn store<T: Clone>(cache: &Cache<T>, key: Key, value: &T) {
 
 impl<'a, S: Study> Search<'a, S> {
     /// A search; it calls `report` with its progress.
-    pub fn new(study: &'a S, report: &'a (dyn Fn(SearchProgress<'_>) + Sync)) -> Self {
-        Self { study, all: study.fitted_rows(), known: Arc::default(), report, stop: None }
-    }
-
-    /// The same search, which ends its selection as soon as `stop` becomes true.
-    #[must_use]
-    pub fn with_stop_flag(self, stop: &'a AtomicBool) -> Self {
-        Self { stop: Some(stop), ..self }
+    pub(crate) fn new(study: &'a S, report: &'a (dyn Fn(SearchProgress<'_>) + Sync)) -> Self {
+        Self { study, all: study.fitted_rows(), known: Arc::default(), report }
     }
 
     /// The same search, which knows what another has computed.
     #[must_use]
-    pub fn with_known(self, known: Arc<Known<S::Fit>>) -> Self {
+    pub(crate) fn with_known(self, known: Arc<Known<S::Fit>>) -> Self {
         Self { known, ..self }
     }
 
     /// What it has computed.
     #[must_use]
-    pub fn known(&self) -> Arc<Known<S::Fit>> {
+    pub(crate) fn known(&self) -> Arc<Known<S::Fit>> {
         Arc::clone(&self.known)
     }
 
     /// Whether the search was stopped. Fits that were not made before are not to be used.
-    pub fn is_stopped(&self) -> bool {
-        self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) || self.study.is_stopped()
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.study.is_stopped()
     }
 
     /// A fit to all rows, which starts from `parent` if it has not been made yet.
-    pub fn full_fit(&self, terms: &[usize], level: Level, parent: Option<&S::Fit>) -> Arc<S::Fit> {
+    pub(crate) fn full_fit(
+        &self,
+        terms: &[usize],
+        level: Level,
+        parent: Option<&S::Fit>,
+    ) -> Arc<S::Fit> {
         let key = (terms.to_vec(), self.study.judging_level(level));
         if let Some(fit) = cached(&self.known.full, &key) {
             return fit;
@@ -175,7 +173,7 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// Every row predicted by a fit to the other folds, in blocks of `level`.
-    pub fn held_out_scores(&self, terms: &[usize], level: Level) -> Arc<Vec<RowScore>> {
+    pub(crate) fn held_out_scores(&self, terms: &[usize], level: Level) -> Arc<Vec<RowScore>> {
         let level = self.study.judging_level(level);
         let key = (terms.to_vec(), level);
         if let Some(scores) = cached(&self.known.held_out, &key) {
@@ -244,7 +242,7 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// Gain of `terms` over `parent`, at a level.
-    pub fn gain(&self, terms: &[usize], parent: &[usize], level: Level) -> Gain {
+    pub(crate) fn gain(&self, terms: &[usize], parent: &[usize], level: Level) -> Gain {
         let blocks = self.study.blocks(level);
         Gain::from_scores(
             &self.held_out_scores(terms, level),

@@ -37,6 +37,12 @@
 //! | `scan` | structure of the residuals |
 //! | `next` | the measurement that would break a tie |
 //! | `answer` | from what was found to an answer |
+//!
+//! A step of a public module is private to this crate too:
+//!
+//! ```compile_fail,E0603
+//! use diagnose::gate::gate;
+//! ```
 
 mod acceptance;
 mod answer;

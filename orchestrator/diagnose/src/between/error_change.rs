@@ -60,7 +60,7 @@ impl ErrorChange {
 }
 
 /// Predicts held-out rows of B by a model with the changes that were found, beside the model of A.
-pub fn with_changes<S: Study>(
+pub(super) fn with_changes<S: Study>(
     error: &mut ErrorChange,
     search: &Search<'_, S>,
     terms: &[usize],
@@ -80,7 +80,7 @@ pub fn with_changes<S: Study>(
 ///
 /// A model with random effects of places predicts known places better than new ones. Where B has new places, A is predicted at held-out
 /// places, too.
-pub fn error_change<S: Study>(
+pub(super) fn error_change<S: Study>(
     study: &S,
     search: &Search<'_, S>,
     terms: &[usize],

@@ -35,7 +35,7 @@ struct Rounds<'s, 'a, S: Study> {
 impl<S: Study> Search<'_, S> {
     /// Stepwise selection. Each round tests all candidates, accepts one or exchanges it for accepted ones, and removes by backward
     /// elimination what it made superfluous. The selection ends when no candidate is acceptable.
-    pub fn stepwise_selection(&self) -> Ladder {
+    pub(crate) fn stepwise_selection(&self) -> Ladder {
         let rung = self.rung(&[]);
         let too_little = self.too_little();
         let mut rounds = Rounds { search: self, configured: rung.scores };
