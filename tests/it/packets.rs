@@ -4,7 +4,7 @@
 use experiment::{Overrides, load, read};
 use measure::packets::MeasuredPacket;
 use measure::table::DataTable;
-use network::compare::SeedComparison;
+use network::SeedComparison;
 use network::resimulate::{Resimulation, exchanged};
 use network::tracks::Tracks;
 use proto_messages::v1;

@@ -2,15 +2,16 @@
 //! another seed, with a fault in one of the three: places from where the run's robots went, links by `simulate`, packets by
 //! the run.
 
+use diagnose::Unobserved;
 use diagnose::simulate::simulate;
 use experiment::{Overrides, read};
 use measure::config::Compared;
 use measure::packets;
 use measure::table::DataTable;
-use network::compare::ComparisonOptions;
+use network::error_split::NetworkErrorSplit;
 use network::resimulate::Resimulation;
-use network::split::{ErrorSplit, split};
 use network::tracks::Tracks;
+use network::{ComparisonOptions, PacketRequest, Worded};
 use proto::types::AgentStates;
 use serde_json::Value;
 use std::path::Path;
@@ -24,7 +25,7 @@ fn model() -> String {
 }
 
 /// What a network with a fault left, split by the model without it.
-fn parts(fault: &str) -> ErrorSplit {
+fn parts(fault: &str) -> Worded<NetworkErrorSplit> {
     let dir = folder();
     let text = format!("{}\n{fault}\n", model());
     let truth = dir.path().join("truth.toml");
@@ -39,7 +40,8 @@ fn parts(fault: &str) -> ErrorSplit {
     let resimulation = Resimulation::new(plan, Some(tracks), &measured).unwrap();
     let config = Compared::of_text(Path::new("model.toml"), model(), &[]).unwrap();
     let asked = ComparisonOptions { seeds: 99, ..ComparisonOptions::default() };
-    split(&resimulation, &measured, asked, &config, &links).unwrap()
+    let request = PacketRequest::new(resimulation, measured, asked);
+    network::split(&request, &config, &links, &Unobserved).unwrap()
 }
 
 /// Links between all pairs, 20 frames a minute, as the radio of a configuration would have measured them along tracks.
@@ -81,8 +83,8 @@ fn links(tracks: &Tracks, path: &Path, text: String) -> DataTable {
 }
 
 /// The parts that are more than chance.
-fn found(split: &ErrorSplit) -> Vec<&'static str> {
-    split.found().iter().map(|share| share.name).collect()
+fn found(split: &NetworkErrorSplit) -> Vec<&'static str> {
+    split.parts.iter().filter(|part| part.is_distinguishable).map(|part| part.part).collect()
 }
 
 #[test]
@@ -96,8 +98,8 @@ fn each_fault_goes_with_its_part_and_none_with_none() {
         ("[[netsim.phy.effect]]\nkind = \"system-gain\"\ngain_db = -8.0", &["radio"]),
         ("[[netsim.mac.effect]]\nkind = \"processing-delay\"\ndelay_s = 0.3", &["protocol"]),
     ] {
-        let split = parts(fault);
-        assert_eq!(found(&split), expected, "{fault}\n{}", network::split::text(&split));
+        let Worded { answer, text } = parts(fault);
+        assert_eq!(found(&answer), expected, "{fault}\n{text}");
     }
 }
 

@@ -1,15 +1,13 @@
 //! Where the error of a swarm's task comes from: the network or the robots. What is measured is left by a run of the real
 //! processes, of a model with a fault in one of the two: places, and who heard whom.
 
-use experiment::{Overrides, read};
-use network::compare::ComparisonOptions;
-use network::resimulate::Resimulation;
-use network::task::receptions::Receptions;
-use network::task::{MeasuredSwarm, TaskSplit, text};
-use network::tracks::Tracks;
+use diagnose::{Observer, Unobserved};
+use network::resimulate::ResimulationError;
+use network::task::comparison::TaskComparison;
+use network::{ComparisonOptions, TaskFiles, TaskRequest, Worded};
 use serde_json::Value;
 use std::fmt::Write as _;
-use std::path::Path;
+use study::StopFlag;
 use tests::{folder, orchestrator, run, said};
 
 /// Eight robots follow a leader over a radio that loses one frame in three or so.
@@ -40,18 +38,26 @@ tx_power_dbm = -5.0
 "#;
 
 /// What a swarm with a fault left, split by the model without it; under another seed, if so.
-fn parts(fault: &str, seed: u64) -> TaskSplit {
+fn parts(fault: &str, seed: u64) -> Worded<TaskComparison> {
     let dir = folder();
     let truth = dir.path().join("truth.toml");
     std::fs::write(&truth, MODEL.replace("# here", fault)).unwrap();
     let out = run(&truth, dir.path(), &["--seed", &seed.to_string()]);
-    let tracks = Tracks::read(&out).unwrap();
-    let heard = Receptions::read(&out, 8, 0.0).unwrap();
-    let plan = read(Path::new("model.toml"), MODEL.to_owned(), &Overrides::default()).unwrap();
-    let resimulation = Resimulation::of_task(plan, tracks.clone()).unwrap();
-    let measured =
-        MeasuredSwarm { resimulation: &resimulation, tracks: &tracks, heard: &heard, sd_m: 0.0 };
-    measured.split(ComparisonOptions { seeds: 99, ..ComparisonOptions::default() }).unwrap()
+    let model = dir.path().join("model.toml");
+    std::fs::write(&model, MODEL).unwrap();
+    let files = TaskFiles { config: &model, set: &[], data: &out, heard: &out };
+    let options = ComparisonOptions { seeds: 99, ..ComparisonOptions::default() };
+    network::task(&TaskRequest::open(&files, options).unwrap(), &Unobserved).unwrap()
+}
+
+/// Stops the work before it begins.
+#[derive(Default)]
+struct Stopping(StopFlag);
+
+impl Observer for Stopping {
+    fn stop_flag(&self) -> Option<&StopFlag> {
+        Some(&self.0)
+    }
 }
 
 #[test]
@@ -61,17 +67,21 @@ fn each_fault_goes_with_its_part_and_none_with_none() {
         ("[[robotsim.dynamics.effect]]\nkind = \"slip\"\nscale = 0.8", [false, true]),
         ("[[netsim.phy.effect]]\nkind = \"system-gain\"\ngain_db = -12.0", [true, false]),
     ] {
-        let split = parts(fault, 5);
-        let found = [split.network, split.robot].map(|part| part.is_found());
-        assert_eq!(found, expected, "{fault}\n{}", text(&split));
+        let Worded { answer, text } = parts(fault, 5);
+        let split = answer.error_split;
+        let found = split.parts.map(|part| part.is_distinguishable);
+        assert_eq!(found, expected, "{fault}\n{text}");
         // Robots that are right do with what was heard what was measured, to what the tables round.
-        assert_eq!(split.heard.off_m < 1e-6, !expected[1], "{fault}\n{}", text(&split));
+        let off_m = split.places_off_m.with_what_was_heard;
+        assert_eq!(off_m < 1e-6, !expected[1], "{fault}\n{text}");
         // The parts add up to the error.
-        for k in 0..split.measured.values.len() {
-            let parts = split.parts(k).map(|part| part.map_or(f64::NAN, |part| part.value));
-            let error = split.measured.values[k] - split.whole.mean(k);
-            let sum: f64 = parts.iter().sum();
-            assert!(error.is_nan() || (sum - error).abs() < 1e-9 * (1.0 + error.abs()), "{k}");
+        assert!(!split.figures.is_empty());
+        for figure in split.figures {
+            let parts = figure.parts.values().map(|part| part.map_or(f64::NAN, |part| part.value));
+            let error = figure.measured - figure.whole;
+            let sum: f64 = parts.sum();
+            let name = figure.name;
+            assert!(error.is_nan() || (sum - error).abs() < 1e-9 * (1.0 + error.abs()), "{name}");
         }
     }
 }
@@ -110,6 +120,14 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
             .unwrap();
     }
     write("heard.csv", &heard);
+    let path = |name: &str| dir.path().join(name);
+    let [config, data, received] = ["model.toml", "robots.csv", "heard.csv"].map(path);
+    let files = TaskFiles { config: &config, set: &[], data: &data, heard: &received };
+    let request = TaskRequest::open(&files, ComparisonOptions { seeds: 99, from_s: 100.0 });
+    let stopping = Stopping::default();
+    stopping.0.set();
+    let stopped = network::task(&request.unwrap(), &stopping);
+    assert!(matches!(stopped, Err(ResimulationError::Stopped)), "{stopped:?}");
     let asked = |more: &[&str]| {
         let args = [
             "compare",

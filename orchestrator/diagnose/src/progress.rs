@@ -38,6 +38,11 @@ pub enum SearchProgress<'a> {
     },
     /// The search has ended; candidates that are indistinguishable from the accepted ones are collected.
     Ties,
+    /// A model of the whole network is being simulated under many seeds.
+    Simulating {
+        /// Which model, in words.
+        what: &'a str,
+    },
     /// Campaigns that have an effect are being simulated, and each is tested for it.
     Campaigns {
         /// The parameter that is the size of the effect.

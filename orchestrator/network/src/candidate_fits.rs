@@ -31,7 +31,7 @@ const SAME: f64 = 1e-6;
 
 /// What candidates are fitted to: an experiment, and the figures of the measurement.
 #[derive(Clone, Debug)]
-pub struct FitContext<'a> {
+pub(crate) struct FitContext<'a> {
     /// The experiment, which is simulated again for each value.
     pub resimulation: &'a Resimulation,
     /// The figures that were measured, on their scales.
@@ -53,14 +53,14 @@ struct RunsAtValue {
 
 /// A candidate with the values of its parameter that were simulated so far.
 #[derive(Clone, Debug)]
-pub struct CandidateScan<'a> {
+pub(crate) struct CandidateScan<'a> {
     candidate: &'a CandidateEffect,
     simulated: Vec<RunsAtValue>,
 }
 
 /// A fitted effect, and what it takes to see how far off fits are.
 #[derive(Clone, Debug)]
-pub struct CandidateFit {
+pub(crate) struct CandidateFit {
     /// The effect with its fitted parameter.
     pub fitted: FittedEffect,
     /// Laws near the best value, and where that is; none of whole numbers.
@@ -94,13 +94,16 @@ impl FitContext<'_> {
     /// # Errors
     ///
     /// The network refuses its section.
-    pub fn base(&self, network: &toml::Table) -> Result<Vec<ScaledFigures>, ResimulationError> {
+    pub(crate) fn base(
+        &self,
+        network: &toml::Table,
+    ) -> Result<Vec<ScaledFigures>, ResimulationError> {
         self.runs(network, self.seeds)
     }
 
     /// The law of runs.
     #[must_use]
-    pub fn law(&self, runs: &[ScaledFigures]) -> FigureDensity {
+    pub(crate) fn law(&self, runs: &[ScaledFigures]) -> FigureDensity {
         FigureDensity::at_value(
             &RunMoments::from_runs(0.0, runs.iter(), &self.usable),
             &self.usable,
@@ -112,7 +115,7 @@ impl FitContext<'_> {
     /// # Errors
     ///
     /// The network refuses it.
-    pub fn curve<'c>(
+    pub(crate) fn curve<'c>(
         &self,
         network: &toml::Table,
         candidate: &'c CandidateEffect,
@@ -150,7 +153,7 @@ impl FitContext<'_> {
 
     /// The laws of a curve, at the simulated values and between.
     #[must_use]
-    pub fn laws(&self, curve: &CandidateScan<'_>) -> Vec<(f64, FigureDensity)> {
+    pub(crate) fn laws(&self, curve: &CandidateScan<'_>) -> Vec<(f64, FigureDensity)> {
         let moments = curve.moments(curve.simulated.iter(), None, &self.usable);
         let mut laws = Vec::new();
         for pair in moments.windows(2) {
@@ -174,7 +177,7 @@ impl FitContext<'_> {
     /// # Errors
     ///
     /// The network refuses it.
-    pub fn fit(
+    pub(crate) fn fit(
         &self,
         network: &toml::Table,
         curve: &mut CandidateScan<'_>,
@@ -305,7 +308,7 @@ impl FitContext<'_> {
     /// Widens the interval of a fit by a parametric bootstrap. `runs` of the network with the fitted effect, under seeds that the fit
     /// has not seen, are fitted like the measurement. Their errors are distributed as the error of the estimate, whatever the
     /// figures' distributions are.
-    pub fn calibrate(
+    pub(crate) fn calibrate(
         &self,
         candidate: &CandidateEffect,
         fit: &mut CandidateFit,

@@ -1,6 +1,6 @@
 //! A comparison of a configured network with measured packets.
 
-pub mod words;
+pub(crate) mod words;
 
 use super::comparison::{
     AmongSeeds, BySource, DeliveryOfModel, MoteBin, MoteDelivery, NetworkComparison,
@@ -85,7 +85,7 @@ fn spread(mut values: Vec<f64>) -> (f64, [f64; 2]) {
 /// # Errors
 ///
 /// The network refuses its configuration.
-pub fn compare(
+pub(crate) fn compare(
     resimulation: &Resimulation,
     measured: &[MeasuredPacket],
     asked: ComparisonOptions,
@@ -109,7 +109,7 @@ pub fn compare(
 /// # Errors
 ///
 /// The network refuses that section.
-pub fn among(
+pub(crate) fn among(
     resimulation: &Resimulation,
     network: &toml::Table,
     measured: &[MeasuredPacket],
@@ -173,7 +173,7 @@ pub(super) fn sentence(among: &SeedComparison) -> (NetworkVerdict, String) {
 
 /// The part of an answer that says where measured packets stand among the runs of a model.
 #[must_use]
-pub fn among_seeds(among: &SeedComparison, asked: ComparisonOptions) -> AmongSeeds {
+pub(crate) fn among_seeds(among: &SeedComparison, asked: ComparisonOptions) -> AmongSeeds {
     let (mut kpis, mut scores, mut intervals) = (Vec::new(), IndexMap::new(), IndexMap::new());
     for (k, figure) in KPIS.iter().enumerate() {
         let measured = among.measured.values[k];

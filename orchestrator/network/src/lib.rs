@@ -1,49 +1,63 @@
 //! The network against measured packets.
 //!
-//! A question is one call on a [`PacketRequest`]: [`compare()`], [`split()`], [`diagnose()`], [`extend()`]; of a swarm's task,
-//! [`mod@task`]. The steps between are private, so that they are put together in one place, `request`.
+//! A question is one call on a [`PacketRequest`]: [`compare()`], [`split()`], [`diagnose()`], [`extend()`]; or [`task()`] on a
+//! [`TaskRequest`]. An [`Observer`](::diagnose::Observer) sees the progress, and may stop the work.
 //!
-//! | module | what |
+//! | public module | content |
 //! |---|---|
-//! | [`mod@compare`], [`comparison`] | a comparison, and its answer |
-//! | [`mod@split`], [`error_split`] | whether robots, radio or protocol are wrong, and the answer |
-//! | [`task`] | whether what robots did wrong is theirs or the network's |
-//! | [`diagnosis`] | which effects are missing: the answer |
-//! | [`extension`] | an experiment with effects added: the answer |
+//! | [`comparison`] | the answer of [`compare()`] |
+//! | [`error_split`] | the answer of [`split()`]: whether robots, radio or protocol cause the error |
+//! | [`mod@task`] | the answer of [`task()`]: whether the robots or the network cause the error of a swarm's task |
+//! | [`diagnosis`] | the answer of [`diagnose()`]: which effects are missing |
+//! | [`extension`] | the answer of [`extend()`]: an experiment with effects added |
 //! | [`candidates`] | effects that may be missing |
-//! | [`tracks`] | where robots were measured |
-//! | [`resimulate`] | what a configured network would have done, under a seed |
+//! | [`tracks`] | measured positions of robots |
+//! | [`resimulate`] | an experiment simulated again under other seeds |
 //! | [`kpis`] | the figures of packets that are compared |
-//! | [`spread`] | a measurement against the spread of seeds |
-//! | `likelihood` | how probable a measurement is under runs |
+//!
+//! The steps of an answer are private; `request` puts them together, and `task::request` those about a task:
+//!
+//! | private module | content |
+//! |---|---|
+//! | `compare` | packets compared with runs under many seeds |
+//! | `spread` | p-values of a measurement among seeds |
+//! | `split` | parts of the error |
+//! | `likelihood` | density of a measurement under the runs of a model |
 //! | `candidate_fits` | one effect fitted: its parameter, the interval, the gain in log likelihood |
-//! | `search` | the selection of effects |
+//! | `search` | the stepwise selection of effects |
+//! | `extend` | the text of the extended experiment |
 //!
 //! A measurement is one random run of a network. So the question is not how far it lies from the mean of the simulation, but
 //! whether it could be one more run of it.
 
-pub mod candidate_fits;
+mod candidate_fits;
 pub mod candidates;
-pub mod compare;
+mod compare;
 pub mod comparison;
 pub mod diagnosis;
 pub mod error_split;
 mod extend;
 pub mod extension;
-pub mod figure;
+mod figure;
 pub mod kpis;
 mod likelihood;
 mod request;
 pub mod resimulate;
 mod search;
-pub mod split;
-pub mod spread;
+mod split;
+mod spread;
 pub mod task;
 pub mod tracks;
 
+pub use candidate_fits::FittedEffect;
+pub use compare::{ComparisonOptions, SeedComparison};
 pub use extend::NetworkExtendError;
+pub use figure::FigureSpec;
 pub use request::{
     ExtendedExperiment, PacketError, PacketFiles, PacketRequest, Worded, compare, diagnose, extend,
     split,
 };
 pub use search::parameter_text;
+pub use split::SplitError;
+pub use spread::{FigurePlacement, Placement};
+pub use task::request::{TaskError, TaskFiles, TaskRequest, task};

@@ -39,7 +39,7 @@ fn pattern(run: &ScaledFigures, usable: &[usize]) -> u16 {
 
 /// Means, scatter and correlations of the figures over runs at one value of a parameter.
 #[derive(Clone, Debug)]
-pub struct RunMoments {
+pub(crate) struct RunMoments {
     /// The value, on the parameter's scale.
     pub at: f64,
     n: f64,
@@ -53,7 +53,7 @@ pub struct RunMoments {
 
 impl RunMoments {
     /// Moments of runs. `at`: the value of the parameter; `usable`: indices of the figures that count.
-    pub fn from_runs<'a>(
+    pub(crate) fn from_runs<'a>(
         at: f64,
         runs: impl Iterator<Item = &'a ScaledFigures> + Clone,
         usable: &[usize],
@@ -106,7 +106,7 @@ fn least_sd(k: usize, mean: &ScaledFigures) -> f64 {
 
 /// Joint probability density of the figures of a run: the synthetic likelihood.
 #[derive(Clone, Debug)]
-pub struct FigureDensity {
+pub(crate) struct FigureDensity {
     usable: Vec<usize>,
     mean: ScaledFigures,
     sd: ScaledFigures,
@@ -141,7 +141,7 @@ impl FigureDensity {
 
     /// The density of runs at the value at which the moments were taken.
     #[must_use]
-    pub fn at_value(moments: &RunMoments, usable: &[usize]) -> Self {
+    pub(crate) fn at_value(moments: &RunMoments, usable: &[usize]) -> Self {
         interpolate(moments, moments, moments.at, usable)
     }
 
@@ -151,7 +151,7 @@ impl FigureDensity {
 
     /// Log density of figures (nats).
     #[must_use]
-    pub fn log_density(&self, run: &ScaledFigures) -> f64 {
+    pub(crate) fn log_density(&self, run: &ScaledFigures) -> f64 {
         let seen = pattern(run, &self.usable);
         let chance = self.patterns.get(&seen).copied().unwrap_or(0.0).max(self.unseen);
         let known: Vec<usize> =
@@ -186,7 +186,7 @@ impl FigureDensity {
 
     /// Differences of the means of two densities, by figure, in standard deviations.
     #[must_use]
-    pub fn standardised_differences(&self, other: &Self) -> Vec<(usize, f64)> {
+    pub(crate) fn standardised_differences(&self, other: &Self) -> Vec<(usize, f64)> {
         let distance_in = |k: usize| {
             let sd = libm::sqrt(0.5 * (square(self.sd[k]) + square(other.sd[k])));
             (k, (self.mean[k] - other.mean[k]) / sd)

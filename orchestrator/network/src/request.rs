@@ -13,6 +13,7 @@ use crate::search::{self, NetworkSearch, SearchResult};
 use crate::split::{self, SplitError};
 use crate::tracks::Tracks;
 use ::diagnose::extend::ExtendError;
+use ::diagnose::progress::SearchProgress;
 use ::diagnose::{Effects, Observer, Stopped};
 use experiment::{Overrides, Plan};
 use measure::account::DataAccount;
@@ -149,14 +150,6 @@ impl PacketRequest {
         Ok(Self { resimulation, packets: measured.packets, account, options })
     }
 
-    /// The experiment, whose simulations end early once the observer says so.
-    fn stopping(&self, observer: &dyn Observer) -> Resimulation {
-        match observer.stop_flag() {
-            Some(stop) => self.resimulation.clone().with_stop_flag(stop),
-            None => self.resimulation.clone(),
-        }
-    }
-
     /// Whether the seeds suffice to tell a gain from chance.
     fn check_seeds(&self) -> Result<(), PacketError> {
         let seeds = self.options.seeds;
@@ -170,27 +163,33 @@ impl PacketRequest {
         candidates: &[CandidateEffect],
         observer: &dyn Observer,
     ) -> Result<SearchResult, ResimulationError> {
-        let search = NetworkSearch::new(resimulation, &self.packets, self.options, candidates);
-        match observer.stop_flag() {
-            Some(stop) => search.with_stop_flag(stop.as_atomic()).stepwise_selection(),
-            None => search.stepwise_selection(),
-        }
+        let measured = (&self.packets[..], self.options);
+        NetworkSearch::new(resimulation, measured, candidates, observer).stepwise_selection()
     }
+}
+
+/// Logs what is simulated next, and reports it to an observer.
+pub(crate) fn simulating(observer: &dyn Observer, what: &str) {
+    tracing::info!("{what}");
+    observer.progress(SearchProgress::Simulating { what });
 }
 
 /// Compares the network as configured with the packets; nothing is fitted.
 ///
 /// # Errors
 ///
-/// The network refuses its configuration.
+/// The network refuses its configuration, or the observer stopped the simulations.
 pub fn compare(
     request: &PacketRequest,
     observer: &dyn Observer,
-) -> Result<NetworkComparison, ResimulationError> {
+) -> Result<Worded<NetworkComparison>, ResimulationError> {
     observer.opened(&request.account);
-    let resimulation = request.stopping(observer);
+    let resimulation = request.resimulation.stopped_by(observer);
     tracing::info!("{} seeds of {:.0} s", request.options.seeds, resimulation.duration_s());
-    compare::compare(&resimulation, &request.packets, request.options, &request.account)
+    let answer =
+        compare::compare(&resimulation, &request.packets, request.options, &request.account)?;
+    let text = compare::words::text(&answer);
+    Ok(Worded { answer, text })
 }
 
 /// An answer, and the same as a person reads it.
@@ -203,17 +202,20 @@ pub struct Worded<A> {
 }
 
 /// Finds out whether the robots, the radio or the protocol are wrong, by links that were measured during the same campaign.
+/// It answers beside [`compare()`], which reports the account to the observer; this function does not.
 ///
 /// # Errors
 ///
-/// The links cannot be used, or the network refuses its configuration.
+/// The links cannot be used, the network refuses its configuration, or the observer stopped the simulations.
 pub fn split(
     request: &PacketRequest,
     config: &Compared,
     links: &DataTable,
+    observer: &dyn Observer,
 ) -> Result<Worded<NetworkErrorSplit>, SplitError> {
-    let PacketRequest { resimulation, packets, options, .. } = request;
-    let split = split::split(resimulation, packets, *options, config, links)?;
+    let resimulation = request.resimulation.stopped_by(observer);
+    let measured = (&request.packets[..], request.options);
+    let split = split::split(&resimulation, measured, (config, links), observer)?;
     Ok(Worded { answer: split::answer(&split), text: split::text(&split) })
 }
 
@@ -228,7 +230,7 @@ pub fn diagnose(
 ) -> Result<Worded<NetworkDiagnosis>, PacketError> {
     request.check_seeds()?;
     observer.opened(&request.account);
-    let resimulation = request.stopping(observer);
+    let resimulation = request.resimulation.stopped_by(observer);
     let found = request.select(&resimulation, &search::catalogue(), observer)?;
     let answer = search::answer(&found, request.options, &request.account);
     let text = search::text(&found, &answer);
@@ -269,7 +271,7 @@ pub fn extend(
         names.iter().map(|name| extend::candidate(&candidates, name)).collect();
     let mut terms = named?;
     observer.opened(&request.account);
-    let resimulation = request.stopping(observer);
+    let resimulation = request.resimulation.stopped_by(observer);
     if *effects == Effects::Accepted {
         request.check_seeds()?;
         let found = request.select(&resimulation, &candidates, observer)?;
@@ -278,7 +280,8 @@ pub fn extend(
         }
         terms = found.accepted;
     }
-    let search = NetworkSearch::new(&resimulation, &request.packets, request.options, &candidates);
+    let measured = (&request.packets[..], request.options);
+    let search = NetworkSearch::new(&resimulation, measured, &candidates, observer);
     let extended = extend::extend(&search, &terms, config, &request.account)?;
     let answer = extended.answer();
     Ok(ExtendedExperiment { text: extended.text, added: extended.added, answer })

@@ -39,7 +39,7 @@ pub enum ResimulationError {
     #[error("{}", .0.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))]
     Refused(Vec<Problem>),
     /// A signal, or the end of a time budget, stopped it.
-    #[error("stopped before the model as configured was simulated")]
+    #[error("the simulations were stopped before their end")]
     Stopped,
 }
 
@@ -151,10 +151,10 @@ impl Resimulation {
         Ok(Self { plan, tracks: Some(tracks), resent: Vec::new(), until_ns, stop })
     }
 
-    /// The same resimulation, which ends with [`ResimulationError::Stopped`] once `stop` is set.
-    #[must_use]
-    pub fn with_stop_flag(self, stop: &StopFlag) -> Self {
-        Self { stop: stop.clone(), ..self }
+    /// The same resimulation, which ends with [`ResimulationError::Stopped`] once the observer asks for it.
+    pub(crate) fn stopped_by(&self, observer: &dyn diagnose::Observer) -> Self {
+        let stop = observer.stop_flag().unwrap_or(&self.stop).clone();
+        Self { stop, ..self.clone() }
     }
 
     /// The same resimulation, which lasts until `until_s` (s) at least, even if the measured packets end earlier.

@@ -8,11 +8,13 @@ use super::candidates::{self, CandidateEffect};
 use super::compare::{ComparisonOptions, SeedComparison, among};
 use super::kpis::NetworkFigures;
 use super::likelihood::{self, FigureDensity, ScaledFigures};
+use super::request::simulating;
 use super::resimulate::{Resimulation, ResimulationError};
+use diagnose::Observer;
 use diagnose::stepwise::{self, Round, Stepwise};
 use measure::packets::MeasuredPacket;
 use netsim::catalogue::Catalogue;
-use std::sync::atomic::{AtomicBool, Ordering};
+use study::StopFlag;
 use study::thresholds::{
     CONSISTENCY_LEVEL, CONSISTENT_BEHIND_NATS, FEWEST_FIT_SEEDS, MOST_ADDED_EFFECTS, MOST_REFINED,
     PACKETS_LEVEL, REFINED_BEHIND, RIVAL_NATS,
@@ -166,24 +168,23 @@ impl Stepwise for &NetworkSearch<'_> {
 }
 
 /// The search for missing effects over one set of measured packets.
-#[derive(Debug)]
 pub(crate) struct NetworkSearch<'a> {
     resimulation: &'a Resimulation,
     measured: &'a [MeasuredPacket],
     asked: ComparisonOptions,
     candidates: &'a [CandidateEffect],
     ground: FitContext<'a>,
-    stop: Option<&'a AtomicBool>,
+    observer: &'a dyn Observer,
 }
 
 impl<'a> NetworkSearch<'a> {
-    /// Of measured packets, under an experiment.
+    /// Of measured packets, under an experiment. The observer sees the progress, and may stop the search.
     #[must_use]
     pub(crate) fn new(
         resimulation: &'a Resimulation,
-        measured: &'a [MeasuredPacket],
-        asked: ComparisonOptions,
+        (measured, asked): (&'a [MeasuredPacket], ComparisonOptions),
         candidates: &'a [CandidateEffect],
+        observer: &'a dyn Observer,
     ) -> Self {
         let figures = NetworkFigures::from_packets(measured, asked.from_s).scaled();
         let ground = FitContext {
@@ -193,17 +194,11 @@ impl<'a> NetworkSearch<'a> {
             from_s: asked.from_s,
             seeds: (asked.seeds / 4).max(FEWEST_FIT_SEEDS),
         };
-        Self { resimulation, measured, asked, candidates, ground, stop: None }
-    }
-
-    /// Ends early once `stop` is set.
-    #[must_use]
-    pub(crate) fn with_stop_flag(self, stop: &'a AtomicBool) -> Self {
-        Self { stop: Some(stop), ..self }
+        Self { resimulation, measured, asked, candidates, ground, observer }
     }
 
     fn is_stopped(&self) -> bool {
-        self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed))
+        self.observer.stop_flag().is_some_and(StopFlag::is_set)
     }
 
     /// Compares a model with the measurement, under the seeds of comparisons.
@@ -303,12 +298,9 @@ impl<'a> NetworkSearch<'a> {
             if found.accepted.contains(&k) {
                 continue;
             }
-            tracing::info!(
-                "round {round}, candidate {} of {}: {}",
-                k + 1,
-                self.candidates.len(),
-                candidate.name
-            );
+            let (number, of, name) = (k + 1, self.candidates.len(), candidate.name);
+            let what = format!("round {round}, candidate {number} of {of}: {name}");
+            simulating(self.observer, &what);
             match self.ground.curve(network, candidate, &candidate.first_tries()) {
                 Ok(curve) => {
                     let laws = self.ground.laws(&curve);
@@ -358,7 +350,8 @@ impl<'a> NetworkSearch<'a> {
                 return Err(ResimulationError::Stopped);
             }
             let (k, curve, _) = &mut curves[place];
-            tracing::info!("round {round}, refining: {}", self.candidates[*k].name);
+            let what = format!("round {round}, refining: {}", self.candidates[*k].name);
+            simulating(self.observer, &what);
             let fit = self.ground.fit(network, curve, &base)?;
             found.tests[*k].fitted = Some(fit.fitted);
             found.tests[*k].gain = Some(fit.fitted.gain);
@@ -440,7 +433,8 @@ impl<'a> NetworkSearch<'a> {
                 .map(|other| effects[other].clone())
                 .collect();
             let candidate = &self.candidates[k];
-            tracing::info!("refitting with the added effects: {}", candidate.name);
+            let what = format!("refitting with the added effects: {}", candidate.name);
+            simulating(self.observer, &what);
             let network = self.network(&others);
             let base = self.ground.base(&network)?;
             let here = candidate.scaled(fitted.value);
@@ -469,7 +463,7 @@ impl<'a> NetworkSearch<'a> {
         let mut effects: Vec<(usize, CandidateFit)> = Vec::new();
         for &k in names {
             let candidate = &self.candidates[k];
-            tracing::info!("fitting {}", candidate.name);
+            simulating(self.observer, &format!("fitting {}", candidate.name));
             let network = self.network(&effects);
             let base = self.ground.base(&network)?;
             let mut curve = self.ground.curve(&network, candidate, &candidate.first_tries())?;

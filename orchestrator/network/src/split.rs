@@ -12,10 +12,11 @@ mod words;
 
 use super::compare::ComparisonOptions;
 use super::kpis::{KPIS, NetworkFigures};
+use super::request::simulating;
 use super::resimulate::{Resimulation, ResimulationError};
 use super::spread::place;
 use bytes::Bytes;
-use diagnose::simulate;
+use diagnose::{Observer, simulate};
 use measure::config::Compared;
 use measure::links::{self, LinkRow};
 use measure::packets::MeasuredPacket;
@@ -31,7 +32,7 @@ use study::open::OpenError;
 use study::thresholds::{
     COUNTED_FRAMES, LEAST_FIGURE_DIFFERENCE, PACKETS_LEVEL, SPLIT_CAMPAIGNS, SPLIT_RUNS,
 };
-pub use words::{answer, text};
+pub(crate) use words::{answer, text};
 
 /// Readings of a model without noise, as `simulate` takes them (dB).
 const NO_NOISE_DB: f64 = 1e-3;
@@ -64,12 +65,10 @@ struct Count {
 
 /// Links as they were measured.
 #[derive(Clone, Debug)]
-pub struct Campaign {
+pub(crate) struct Campaign {
     counts: Vec<Count>,
     n_agents: usize,
     until_s: f64,
-    /// Pairs of motes, in one direction, without any measured row.
-    pub n_unknown: usize,
 }
 
 impl Campaign {
@@ -78,7 +77,11 @@ impl Campaign {
     /// # Errors
     ///
     /// They say nothing of reception, or name motes that the experiment does not have; in words for their author.
-    pub fn from_table(table: &DataTable, n_agents: usize, until_s: f64) -> Result<Self, String> {
+    pub(crate) fn from_table(
+        table: &DataTable,
+        n_agents: usize,
+        until_s: f64,
+    ) -> Result<Self, String> {
         let rows = links::read(table)?.rows;
         let known: Vec<&LinkRow> = rows.iter().filter(|row| row.received.is_finite()).collect();
         if known.is_empty() {
@@ -118,12 +121,7 @@ impl Campaign {
                 count.readings.1 += row.received;
             }
         }
-        Ok(Self {
-            counts: counts.into_values().collect(),
-            n_agents,
-            until_s,
-            n_unknown: n_agents * (n_agents - 1) - frames_of.len(),
-        })
+        Ok(Self { counts: counts.into_values().collect(), n_agents, until_s })
     }
 
     /// As a trace for the radio, with shares received drawn about those counted as far as the counts leave open: on the scale of
@@ -178,7 +176,7 @@ fn date(time_s: f64) -> String {
 
 /// The part of the error in one figure that goes with one source.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SplitPart {
+pub(crate) struct SplitPart {
     /// Estimated part of the error, in the figure's unit.
     pub value: f64,
     /// 90 % interval.
@@ -189,7 +187,7 @@ pub struct SplitPart {
 
 /// A source of error: robots, radio or protocol.
 #[derive(Clone, Debug)]
-pub struct ErrorSource {
+pub(crate) struct ErrorSource {
     /// `robot`, `radio` or `protocol`.
     pub name: &'static str,
     /// By figure; none where it is not known.
@@ -200,7 +198,7 @@ pub struct ErrorSource {
 
 /// Attribution of the error of a network model to robots, radio and protocol.
 #[derive(Clone, Debug)]
-pub struct ErrorSplit {
+pub(crate) struct ErrorSplit {
     /// Figures of the measurement.
     pub measured: NetworkFigures,
     /// Means of the whole model, with measured tracks, with a trace of its own links, with a trace of the measured links.
@@ -214,7 +212,7 @@ pub struct ErrorSplit {
 impl ErrorSplit {
     /// The sources whose part is significant.
     #[must_use]
-    pub fn found(&self) -> Vec<&ErrorSource> {
+    pub(crate) fn found(&self) -> Vec<&ErrorSource> {
         self.shares.iter().filter(|share| share.p_value <= PACKETS_LEVEL).collect()
     }
 }
@@ -247,12 +245,11 @@ impl SampleMoments {
 /// # Errors
 ///
 /// See [`SplitError`].
-pub fn split(
+pub(crate) fn split(
     resimulation: &Resimulation,
-    measured: &[MeasuredPacket],
-    asked: ComparisonOptions,
-    config: &Compared,
-    links: &DataTable,
+    (measured, asked): (&[MeasuredPacket], ComparisonOptions),
+    (config, links): (&Compared, &DataTable),
+    observer: &dyn Observer,
 ) -> Result<ErrorSplit, SplitError> {
     let n_agents = resimulation.plan().experiment.agent_count;
     let campaign = |table: &DataTable| {
@@ -261,11 +258,11 @@ pub fn split(
     };
     let network = resimulation.network();
     let seeds = 0..asked.seeds;
-    tracing::info!("simulating the whole model");
+    simulating(observer, "simulating the whole model");
     let whole = resimulation.with_its_robots()?.figures(&network, seeds.clone(), asked.from_s)?;
-    tracing::info!("simulating with the measured tracks");
+    simulating(observer, "simulating with the measured tracks");
     let tracked = resimulation.figures(&network, seeds.clone(), asked.from_s)?;
-    tracing::info!("simulating with the measured links");
+    simulating(observer, "simulating with the measured links");
     let traced = traced(&network);
     let here = campaign(links)?;
     let over = |campaign: &Campaign, seeds: std::ops::Range<u64>| {
@@ -273,7 +270,7 @@ pub fn split(
         resimulation.figures_over(&traced, &runs, asked.from_s)
     };
     let linked = over(&here, seeds)?;
-    tracing::info!("simulating with links as the model would have measured them");
+    simulating(observer, "simulating with links as the model would have measured them");
     let mut own: Vec<NetworkFigures> = Vec::new();
     for number in 0..SPLIT_CAMPAIGNS {
         let simulated = simulate::simulate(config, links, number + 1, Some(NO_NOISE_DB))?;

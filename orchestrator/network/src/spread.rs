@@ -56,7 +56,7 @@ pub struct Placement {
 
 /// Places a measurement among seeds. Figures are given on scales on which differences mean the same everywhere.
 #[must_use]
-pub fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placement {
+pub(crate) fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placement {
     let n = seeds.len() as f64;
     let is_known = |k: usize| {
         !seeds.is_empty() && measured[k].is_finite() && seeds.iter().all(|seed| seed[k].is_finite())

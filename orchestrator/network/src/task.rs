@@ -11,16 +11,20 @@
 //! elsewhere hear others. That difference belongs to neither part.
 
 pub mod comparison;
-pub mod figures;
+mod figures;
 mod reception_network;
-pub mod receptions;
+mod receptions;
+pub(crate) mod request;
 mod words;
 
 use super::compare::ComparisonOptions;
+use super::request::simulating;
 use super::resimulate::{self, Resimulation, ResimulationError, ResimulationSettings};
 use super::spread::{FigurePlacement, place};
 use super::tracks::Tracks;
 use bytes::Bytes;
+use diagnose::Observer;
+pub use figures::{FIGURES, TaskScale};
 use figures::{N, Sheet, TaskFigures};
 use metrics::Task;
 use numbers::normal::Z_90;
@@ -31,7 +35,6 @@ use rayon::prelude::*;
 use reception_network::ReceptionNetwork;
 use receptions::Receptions;
 use study::thresholds::{LEAST_FIGURE_DIFFERENCE, PACKETS_LEVEL};
-pub use words::{answer, text};
 
 /// A measured swarm, and the experiment that it is compared with.
 #[derive(Debug)]
@@ -178,7 +181,11 @@ impl MeasuredSwarm<'_> {
     /// # Errors
     ///
     /// A side refuses its configuration, or robots need a column that the file does not have.
-    pub fn split(&self, asked: ComparisonOptions) -> Result<TaskSplit, ResimulationError> {
+    pub fn split(
+        &self,
+        asked: ComparisonOptions,
+        observer: &dyn Observer,
+    ) -> Result<TaskSplit, ResimulationError> {
         let plan = self.resimulation.plan();
         let toml = plan.robotsim.effective_toml.as_ref().unwrap_or(&plan.robotsim.toml);
         let experiment = &plan.experiment;
@@ -190,12 +197,12 @@ impl MeasuredSwarm<'_> {
             seconds(experiment.step_ns),
         );
         let numbers: Vec<u64> = (0..asked.seeds).collect();
-        tracing::info!("simulating the whole model");
+        simulating(observer, "simulating the whole model");
         let whole = self.runs(&sheet, &numbers, &|number| self.together(number))?;
-        tracing::info!("simulating the model's network along the measured tracks");
+        simulating(observer, "simulating the model's network along the measured tracks");
         let own = self
             .runs(&sheet, &numbers, &|number| self.hearing(number, &self.along_tracks(number)?))?;
-        tracing::info!("simulating with the measured receptions");
+        simulating(observer, "simulating with the measured receptions");
         let heard = self.runs(&sheet, &numbers, &|number| self.hearing(number, self.heard))?;
         let measured = sheet.figures(self.tracks);
         let scaled = measured.scaled();

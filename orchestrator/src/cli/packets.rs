@@ -8,11 +8,12 @@ use clap::Args;
 use diagnose::{Effects, Stopped};
 use measure::config::Compared;
 use measure::table::DataTable;
-use network::compare::{self, ComparisonOptions};
 use network::comparison::NetworkComparison;
 use network::diagnosis::NetworkDiagnosis;
 use network::error_split::NetworkErrorSplit;
-use network::{ExtendedExperiment, PacketError, PacketFiles, PacketRequest, Worded};
+use network::{
+    ComparisonOptions, ExtendedExperiment, PacketError, PacketFiles, PacketRequest, Worded,
+};
 use std::path::{Path, PathBuf};
 
 /// How the experiment is simulated again, to be compared with measured packets.
@@ -91,9 +92,10 @@ fn failure(error: PacketError) -> Failure {
 
 /// `murmuration compare` of packets.
 pub(super) fn compare(request: &PacketRequest) -> Result<NetworkComparison, Failure> {
-    let found = network::compare(request, &Watching::new(None)).map_err(Failure::request)?;
-    say(compare::words::text(&found));
-    Ok(found)
+    let Worded { answer, text } =
+        network::compare(request, &Watching::new(None)).map_err(Failure::request)?;
+    say(text);
+    Ok(answer)
 }
 
 /// Where the error comes from.
@@ -103,7 +105,7 @@ pub(super) fn split(
     links: &DataTable,
 ) -> Result<NetworkErrorSplit, Failure> {
     let Worded { answer, text } =
-        network::split(request, config, links).map_err(Failure::request)?;
+        network::split(request, config, links, &Watching::new(None)).map_err(Failure::request)?;
     say(format!("\n{text}"));
     Ok(answer)
 }

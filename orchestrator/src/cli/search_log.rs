@@ -128,6 +128,8 @@ impl SearchLog {
                 self.line.show("collecting indistinguishable candidates".to_owned());
                 tracing::info!("collecting indistinguishable candidates");
             }
+            // The crate `network` logs this itself.
+            SearchProgress::Simulating { what } => self.line.show(what.to_owned()),
             SearchProgress::Campaigns { parameter, value, campaigns } => {
                 let text = format!("{parameter} = {value:.4}: {campaigns} campaigns");
                 tracing::info!("{text}");

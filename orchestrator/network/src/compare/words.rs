@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 /// A comparison as a person reads it on a terminal.
 #[must_use]
-pub fn text(comparison: &NetworkComparison) -> String {
+pub(crate) fn text(comparison: &NetworkComparison) -> String {
     let among = &comparison.among;
     let mut text = format!(
         "{:<20} {:>12}   {:<28} {:>8}\n",

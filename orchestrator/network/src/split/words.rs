@@ -38,7 +38,7 @@ fn sentence(split: &ErrorSplit) -> String {
 
 /// What a comparison says of the parts of the error.
 #[must_use]
-pub fn answer(split: &ErrorSplit) -> NetworkErrorSplit {
+pub(crate) fn answer(split: &ErrorSplit) -> NetworkErrorSplit {
     let figures = KPIS.iter().enumerate().map(|(k, kpi)| {
         let [whole, with_tracks, with_tracks_and_own_links, with_tracks_and_links] =
             split.means.map(|means| means[k]);
@@ -81,7 +81,7 @@ pub fn answer(split: &ErrorSplit) -> NetworkErrorSplit {
 
 /// As a person reads it.
 #[must_use]
-pub fn text(split: &ErrorSplit) -> String {
+pub(crate) fn text(split: &ErrorSplit) -> String {
     let mut text = format!(
         "{:<18} {:>10} {:>12} {:>14} {:>12} {:>14}\n",
         "figure (means)", "measured", "whole model", "with robots", "own links", "and links"

@@ -19,7 +19,7 @@ pub enum TaskScale {
 }
 
 /// How many figures there are.
-pub const N: usize = 13;
+pub(super) const N: usize = 13;
 
 /// All figures, in the order of [`TaskFigures::values`].
 pub const FIGURES: [FigureSpec<TaskScale>; N] = [
@@ -117,7 +117,7 @@ impl TaskFigures {
 
 /// Looks at a swarm at fixed times.
 #[derive(Clone, Debug)]
-pub struct Sheet {
+pub(super) struct Sheet {
     task: Task,
     n_agents: usize,
     times_ns: Vec<u64>,
@@ -127,7 +127,13 @@ impl Sheet {
     /// Of `n_agents` robots of a task, from 0 to `until_s`, as often as places were measured or a step passes, whichever is
     /// rarer, yet not more often than needed.
     #[must_use]
-    pub fn new(task: Task, n_agents: usize, until_s: f64, spacing_s: f64, step_s: f64) -> Self {
+    pub(super) fn new(
+        task: Task,
+        n_agents: usize,
+        until_s: f64,
+        spacing_s: f64,
+        step_s: f64,
+    ) -> Self {
         let every_s = spacing_s.max(step_s).max(until_s / MOST_LOOKS);
         let n = (until_s / every_s).floor().max(1.0);
         let times_ns =
@@ -152,7 +158,7 @@ impl Sheet {
 
     /// The figures of a swarm that went so.
     #[must_use]
-    pub fn figures(&self, tracks: &Tracks) -> TaskFigures {
+    pub(super) fn figures(&self, tracks: &Tracks) -> TaskFigures {
         let places = self.places(tracks);
         let nothing = TaskFigures { values: [f64::NAN; N] };
         let (Some(measures), Some((_, begin)), Some((_, end))) =
@@ -191,7 +197,7 @@ impl Sheet {
 
     /// Root mean square distance (m) between two swarms over robots and time.
     #[must_use]
-    pub fn apart_m(&self, one: &Tracks, other: &Tracks) -> f64 {
+    pub(super) fn apart_m(&self, one: &Tracks, other: &Tracks) -> f64 {
         let (mut squares, mut n) = (0.0, 0.0);
         for ((_, a), (_, b)) in self.places(one).iter().zip(self.places(other)) {
             for agent in 0..self.n_agents {

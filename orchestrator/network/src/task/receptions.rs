@@ -203,7 +203,7 @@ impl Receptions {
 }
 
 /// Adds what a network delivered in a step; times count from `since_ns`.
-pub fn collect(
+pub(super) fn collect(
     deliveries: &Deliveries,
     n_agents: usize,
     since_ns: u64,

@@ -86,7 +86,7 @@ fn sentence(split: &TaskSplit) -> (TaskVerdict, String) {
 
 /// The answer of a split.
 #[must_use]
-pub fn answer(
+pub(super) fn answer(
     split: &TaskSplit,
     asked: ComparisonOptions,
     account: &DataAccount,
@@ -159,7 +159,7 @@ pub fn answer(
 
 /// As a person reads it.
 #[must_use]
-pub fn text(split: &TaskSplit) -> String {
+pub(super) fn text(split: &TaskSplit) -> String {
     let mut text = format!(
         "{:<24} {:>10} {:>12} {:>12} {:>12}   {:>10} {:>10} {:>10}\n",
         "figure (means)",

@@ -1,7 +1,7 @@
 //! What the page calls keys and figures. Words and units come from the names themselves, explanations from the descriptions that
 //! check configurations and make the schema of `summary.json`.
 
-use network::task::figures::FIGURES;
+use network::task::FIGURES;
 use numbers::format::capitalised;
 use numbers::quantity;
 use record::run_summary::RunSummary;
