@@ -16,7 +16,7 @@ use study::folds::Blocks;
 use study::links::LinkStudy;
 use study::open::Subject;
 use study::robots::RobotStudy;
-use study::thresholds::{BOOTSTRAP_RESAMPLES, ERROR_BINS};
+use study::thresholds::{BOOTSTRAP_RESAMPLES, ERROR_BINS, FEWEST_ERROR_BIN_ROWS, TAIL_90};
 use study::view::Viewed as _;
 use study::{COMMON, RowScore, Study};
 
@@ -203,7 +203,7 @@ fn bootstrap(
         .zip(&mut resampled)
         .map(|(&(name, value), list)| {
             list.sort_by(f64::total_cmp);
-            let [low, high] = [0.05, 0.95].map(|share| quantile_nearest(list, share));
+            let [low, high] = [TAIL_90, 1.0 - TAIL_90].map(|share| quantile_nearest(list, share));
             BootstrapInterval { name, value, low, high }
         })
         .collect()
@@ -268,7 +268,7 @@ pub fn explained(values: &[f64], errors: &[f64]) -> Option<Explained> {
 fn edges(values: &[f64]) -> Option<Vec<f64>> {
     let mut known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     known.sort_by(f64::total_cmp);
-    if known.len() < 10 * ERROR_BINS {
+    if known.len() < FEWEST_ERROR_BIN_ROWS * ERROR_BINS {
         return None;
     }
     let mut edges: Vec<f64> =

@@ -6,7 +6,7 @@ use super::ladder::{Ladder, Search};
 use numbers::format::trimmed;
 use numbers::power::integer_power;
 use numbers::quantity;
-use study::thresholds::{CONDITION_BINS, FEWEST_BIN_ROWS, WIDE_INTERVAL};
+use study::thresholds::{CONDITION_BINS, FEWEST_BIN_ROWS, LEAST_NEXT_DIFFERENCE, WIDE_INTERVAL};
 use study::{COMMON, Estimate, PredictionDifference, Study};
 
 /// Decimals of a covariate in a sentence.
@@ -143,8 +143,7 @@ fn measurement<S: Study>(
     aim: &str,
 ) -> Option<NextMeasurement> {
     let difference = study.prediction_difference(one, other)?;
-    // A share that is printed as 0.00 does not help to choose a condition.
-    let at = greatest_difference(&difference).filter(|at| 0.005 <= at.inside)?;
+    let at = greatest_difference(&difference).filter(|at| LEAST_NEXT_DIFFERENCE <= at.inside)?;
     let sentence = sentence(aim, &at, difference.unit);
     Some(NextMeasurement {
         between: between.map(str::to_owned),

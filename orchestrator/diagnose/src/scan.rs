@@ -12,8 +12,8 @@ use study::folds::Blocks;
 use study::linear::{Dependence, Linearised};
 use study::symbolic::FittedFormula;
 use study::thresholds::{
-    FAMILY_ERROR, FINE_STRUCTURE_BINS, LEAST_ERROR_SHARE, SIGN_FLIPS, STRUCTURE_BINS,
-    UNCORRECTED_LEVEL,
+    FAMILY_ERROR, FEWEST_STRUCTURE_BIN_ROWS, FINE_STRUCTURE_BINS, LEAST_ERROR_SHARE, SIGN_FLIPS,
+    STRUCTURE_BINS, UNCORRECTED_LEVEL,
 };
 use study::{COMMON, Study};
 
@@ -219,7 +219,7 @@ fn strongest_in(
 fn binned(values: &[f64], n_bins: usize) -> Option<Vec<u8>> {
     let mut known: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     known.sort_by(f64::total_cmp);
-    if known.len() < 20 * n_bins {
+    if known.len() < FEWEST_STRUCTURE_BIN_ROWS * n_bins {
         return None;
     }
     let mut edges: Vec<f64> = (1..n_bins).map(|k| nth_quantile(&known, k, n_bins)).collect();
@@ -241,7 +241,7 @@ fn test_structure(
 ) -> Option<(f64, f64)> {
     let rows: Vec<usize> =
         (0..bins.len()).filter(|&row| bins[row] != u8::MAX && residual[row].is_finite()).collect();
-    if rows.len() < 20 * n_bins {
+    if rows.len() < FEWEST_STRUCTURE_BIN_ROWS * n_bins {
         return None;
     }
     let mut counts = [0.0f64; 256];

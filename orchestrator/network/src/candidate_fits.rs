@@ -16,7 +16,7 @@ use numbers::normal::{FALL_90_NATS, Z_90};
 use numbers::power::square;
 use numbers::statistics::{quantile, standard_deviation};
 use proto::rng::{Draws, Purpose, uniform};
-use study::thresholds::{SEARCHED_NATS, SEED_RESAMPLES};
+use study::thresholds::{SEARCHED_NATS, SEED_RESAMPLES, TAIL_90};
 
 /// Where seeds for fits begin: those for comparisons, from 0 on, are not among them.
 const FIRST_SEED: u64 = 1 << 32;
@@ -331,8 +331,8 @@ impl FitContext<'_> {
             return;
         }
         errors.sort_by(f64::total_cmp);
-        let mut ends =
-            [0.95, 0.05].map(|share| candidate.value(made_with - quantile(&errors, share)));
+        let mut ends = [1.0 - TAIL_90, TAIL_90]
+            .map(|share| candidate.value(made_with - quantile(&errors, share)));
         ends.sort_by(f64::total_cmp);
         let interval = &mut fit.fitted.interval;
         *interval = [interval[0].min(ends[0]), interval[1].max(ends[1])];

@@ -15,7 +15,7 @@ use measure::packets::MeasuredPacket;
 use numbers::format::{number, percent};
 use numbers::statistics::{mean, quantile};
 use std::collections::BTreeSet;
-use study::thresholds::{CONSISTENCY_LEVEL, FEWEST_CONSISTENCY_SEEDS};
+use study::thresholds::{CONSISTENCY_LEVEL, FEWEST_CONSISTENCY_SEEDS, TAIL_90};
 
 /// Options of a comparison.
 #[derive(Clone, Copy, Debug)]
@@ -77,7 +77,7 @@ fn spread(mut values: Vec<f64>) -> (f64, [f64; 2]) {
         return (f64::NAN, [f64::NAN; 2]);
     }
     values.sort_by(f64::total_cmp);
-    (mean(values.iter().copied()), [0.05, 0.95].map(|share| quantile(&values, share)))
+    (mean(values.iter().copied()), [TAIL_90, 1.0 - TAIL_90].map(|share| quantile(&values, share)))
 }
 
 /// Holds a network as configured against measured packets, nothing fitted.

@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, DVector};
 use numbers::power::square;
 use numbers::statistics;
 use std::collections::BTreeMap;
-use study::thresholds::{FIGURES_FREEDOM, LEAST_RATIO_SD};
+use study::thresholds::{FIGURES_FREEDOM, LEAST_RATIO_SD, LEAST_SHRINKAGE};
 
 /// How many figures there are.
 pub(crate) const D: usize = KPIS.len();
@@ -203,8 +203,7 @@ fn shrink_correlations(mut correlation: Vec<[f64; D]>, usable: &[usize], n: f64)
     let doubts: f64 = pairs()
         .map(|(i, j)| square((1.0 - square(correlation[i][j])).max(0.0)) / (n - 1.0).max(1.0))
         .sum();
-    // A little always, so that figures of which one follows from others do no harm.
-    let part = if 0.0 < squares { (doubts / squares).clamp(0.02, 1.0) } else { 1.0 };
+    let part = if 0.0 < squares { (doubts / squares).clamp(LEAST_SHRINKAGE, 1.0) } else { 1.0 };
     for (i, j) in pairs().collect::<Vec<_>>() {
         correlation[i][j] *= 1.0 - part;
     }

@@ -17,7 +17,7 @@ use netsim::catalogue::Catalogue;
 use study::StopFlag;
 use study::thresholds::{
     CONSISTENCY_LEVEL, CONSISTENT_BEHIND_NATS, FEWEST_FIT_SEEDS, MOST_ADDED_EFFECTS, MOST_REFINED,
-    PACKETS_LEVEL, REFINED_BEHIND, RIVAL_NATS,
+    PACKETS_LEVEL, REFINED_BEHIND, RIVAL_NATS, TIED_ERRORS,
 };
 pub use words::parameter_text;
 pub(crate) use words::{answer, parameters, text};
@@ -394,7 +394,8 @@ impl<'a> NetworkSearch<'a> {
                           other: &(usize, CandidateFit, SearchStep)| {
             let (a, b) = (one.1.fitted, other.1.fitted);
             let doubt = libm::hypot(a.standard_error, b.standard_error);
-            a.gain - b.gain < RIVAL_NATS.max(2.0 * doubt) && mends(&one.2) == mends(&other.2)
+            a.gain - b.gain < RIVAL_NATS.max(TIED_ERRORS * doubt)
+                && mends(&one.2) == mends(&other.2)
         };
         let mut place = rungs.iter().position(|(_, _, rung)| mends(rung)).unwrap_or(0);
         // Interference of the whole band would be seen in links; of two that packets do not tell apart it is the other one.

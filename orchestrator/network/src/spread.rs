@@ -9,6 +9,7 @@
 use super::comparison::{Kpi, KpiOfModel};
 use super::figure::FigureSpec;
 use numbers::statistics::{mean, quantile, standard_deviation};
+use study::thresholds::TAIL_90;
 
 /// A figure of the measurement compared with its distribution over seeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,7 +88,7 @@ pub(crate) fn place(measured: &[f64], seeds: &[Vec<f64>]) -> Placement {
                 let above = values.iter().filter(|&&value| measured[k] <= value).count() as f64;
                 FigurePlacement {
                     mean: mean(values.iter().copied()),
-                    interval: [0.05, 0.95].map(|share| quantile(&values, share)),
+                    interval: [TAIL_90, 1.0 - TAIL_90].map(|share| quantile(&values, share)),
                     p_value: (2.0 * (1.0 + below.min(above)) / (n + 1.0)).min(1.0),
                     z: out(measured, k),
                 }

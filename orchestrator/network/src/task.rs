@@ -34,7 +34,7 @@ use proto::types::seconds;
 use rayon::prelude::*;
 use reception_network::ReceptionNetwork;
 use receptions::Receptions;
-use study::thresholds::{LEAST_FIGURE_DIFFERENCE, PACKETS_LEVEL};
+use study::thresholds::{LEAST_FIGURE_DIFFERENCE, PACKETS_LEVEL, TAIL_90};
 
 /// A measured swarm, and the experiment that it is compared with.
 #[derive(Debug)]
@@ -75,7 +75,7 @@ impl TaskRuns {
     pub fn middle(&self, k: usize) -> [f64; 2] {
         let mut values: Vec<f64> = self.values(k).collect();
         values.sort_by(f64::total_cmp);
-        [0.05, 0.95].map(|share| statistics::quantile(&values, share))
+        [TAIL_90, 1.0 - TAIL_90].map(|share| statistics::quantile(&values, share))
     }
 
     fn values(&self, k: usize) -> impl Iterator<Item = f64> + Clone {

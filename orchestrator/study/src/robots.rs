@@ -6,6 +6,7 @@
 //! the model made of those before by a share that is fitted with the noise.
 
 mod blocks;
+mod command_thresholds;
 mod curve;
 mod density;
 mod derivatives;
@@ -27,7 +28,6 @@ mod search;
 mod terms;
 #[cfg(test)]
 mod tests;
-mod thresholds;
 mod view;
 
 use super::choices::{ChoiceError, Choices, ConditionRows};

@@ -36,6 +36,9 @@ pub const MOST_PROFILED_ROWS: usize = 50_000;
 /// Groups of links that the delete-a-group jackknife leaves out in turn, for the standard error of a correlation length.
 /// Chosen: more groups give Student's t more degrees of freedom, and take more time.
 pub const JACKKNIFE_GROUPS: usize = 24;
+/// Fewest of these groups that give a length. Chosen: with fewer, a standard error has less than three degrees of freedom, and
+/// an interval is too wide to be of use.
+pub const FEWEST_JACKKNIFE_GROUPS: f64 = 4.0;
 
 // Held-out rows: blocks and folds.
 
@@ -58,6 +61,9 @@ pub const LONGEST_BLOCK_WINDOWS: f64 = 20.0;
 /// Squares along the longer side of the area in which robots move: blocks of places. Chosen: smaller squares are more blocks,
 /// and depend on each other more.
 pub const PLACES_ACROSS: f64 = 9.0;
+/// Blocks of places of moving nodes from which no smaller squares are tried. Chosen: twice [`FEWEST_BLOCKS`]. Smaller squares
+/// are more blocks, and depend on each other more.
+pub const FEWEST_PLACE_BLOCKS: usize = 40;
 /// Length of the windows over which the motion of a robot is predicted, unless the user chooses one (s). Chosen: a shorter
 /// window shows more noise of positions, a longer one hides when an error arose.
 pub const WINDOW_S: f64 = 1.0;
@@ -354,6 +360,9 @@ pub const SEED_RESAMPLES: u64 = 100;
 pub const FIGURES_FREEDOM: f64 = 8.0;
 /// Least standard deviation of the logarithm of a time or a number.
 pub const LEAST_RATIO_SD: f64 = 0.01;
+/// Least weight of no correlation in the shrinkage estimate of correlations between figures. With it, their matrix is invertible
+/// even if one figure follows from others.
+pub const LEAST_SHRINKAGE: f64 = 0.02;
 /// Fewest packets of a mote whose delivery counts as that of the worst mote.
 pub const FEWEST_MOTE_PACKETS: u32 = 5;
 
@@ -398,6 +407,9 @@ pub const FEWEST_BLOCKS_WITHIN: usize = 8;
 pub const PREFERRED_SHARE: f64 = 0.85;
 /// A rival of the chosen candidate raises the log likelihood by at least this share of what it does.
 pub const RIVAL_SHARE: f64 = 0.8;
+/// Two candidates are tied if their gains differ by at most this number of standard errors of the difference: about 95 % of a
+/// normal distribution.
+pub const TIED_ERRORS: f64 = 2.0;
 /// Level of the likelihood-ratio test by which a curve replaces an effect nested in it. Rows count as independent, which they
 /// are not, so that the level is far below any other.
 pub const NESTED_LEVEL: f64 = 1e-6;
@@ -451,12 +463,18 @@ pub const LIMITED_SHARE: f64 = 0.5;
 pub const STRUCTURE_BINS: usize = 10;
 /// The same where nothing is found, for a covariate that comes and goes.
 pub const FINE_STRUCTURE_BINS: usize = 30;
+/// Fewest rows for each of these bins, on average. Chosen: the standard error of the mean of so many rows is less than
+/// a quarter of their standard deviation.
+pub const FEWEST_STRUCTURE_BIN_ROWS: usize = 20;
 /// Random flips of the signs of whole blocks.
 pub const SIGN_FLIPS: u64 = 200;
 /// Resamples of blocks for intervals of errors (bootstrap).
 pub const BOOTSTRAP_RESAMPLES: u64 = 400;
 /// Bins of a covariate by which errors are shown.
 pub const ERROR_BINS: usize = 8;
+/// Fewest rows for each of these bins, on average. Chosen: the standard error of the mean of so many rows is a third
+/// of their standard deviation.
+pub const FEWEST_ERROR_BIN_ROWS: usize = 10;
 /// Share of the greatest errors of a group that are left out of its error, as outliers.
 pub const TRIMMED_SHARE: f64 = 0.05;
 /// Fewest groups whose errors are compared.
@@ -521,3 +539,6 @@ pub const CONDITION_BINS: usize = 10;
 pub const FEWEST_BIN_ROWS: usize = 20;
 /// A parameter is not determined well if its interval is longer than this number of times its value.
 pub const WIDE_INTERVAL: f64 = 1.0;
+/// Least difference between two predictions, in their unit, for a condition of the next campaign. A smaller share of received
+/// frames is printed as 0.00.
+pub const LEAST_NEXT_DIFFERENCE: f64 = 0.005;

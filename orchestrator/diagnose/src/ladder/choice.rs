@@ -9,7 +9,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
 use study::Study;
 use study::thresholds::{
-    FAMILY_ERROR, NESTED_LEVEL, PREFERRED_SHARE, RIVAL_SHARE, UNCORRECTED_LEVEL, WORTH_NATS,
+    FAMILY_ERROR, NESTED_LEVEL, PREFERRED_SHARE, RIVAL_SHARE, TIED_ERRORS, UNCORRECTED_LEVEL,
+    WORTH_NATS,
 };
 use tracing::debug;
 
@@ -55,7 +56,7 @@ impl<S: Study> Search<'_, S> {
             && tests[given].is_as_certain_as(&tests[best])
         {
             let over = self.gain_between(&tests[best], &tests[given], accepted);
-            if over.gain <= 2.0 * over.standard_error {
+            if over.gain <= TIED_ERRORS * over.standard_error {
                 curve = Some(given);
             }
         }
@@ -223,13 +224,13 @@ impl<S: Study> Search<'_, S> {
         if a == b { a } else { COMMON }
     }
 
-    /// Whether two candidates are indistinguishable: their held-out scores agree within two standard errors, and neither gains
+    /// Whether two candidates are indistinguishable: their held-out scores agree within [`TIED_ERRORS`], and neither gains
     /// significantly on top of the other.
     fn is_tied(&self, a: &CandidateTest, b: &CandidateTest, accepted: &[usize]) -> bool {
         let difference = self.gain_between(a, b, accepted);
         // What is not beyond chance by its own measure may well explain more where places and nodes are known.
         let apart = if b.is_significant { difference.gain.abs() } else { difference.gain };
-        if 2.0 * difference.standard_error < apart {
+        if TIED_ERRORS * difference.standard_error < apart {
             return false;
         }
         let both = with_term(&with_term(accepted, a.term), b.term);

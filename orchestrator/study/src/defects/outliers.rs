@@ -15,7 +15,7 @@ use super::{Correction, Defect};
 use crate::Estimate;
 use crate::thresholds::{
     FEWEST_OUTLIER_READINGS, FEWEST_OUTLIERS, FEWEST_OUTLIERS_ABOVE, LEAST_OUTLIERS_ABOVE,
-    MOST_OUTLIER_SHARE, MOST_OUTLIERS_BESIDE,
+    MOST_OUTLIER_SHARE, MOST_OUTLIERS_BESIDE, TAIL_90,
 };
 use numbers::normal::INTERQUARTILE_RANGE;
 use numbers::optimise::nelder_mead::NelderMead;
@@ -176,8 +176,8 @@ fn interval(n_hits: usize, n: usize) -> (f64, f64) {
     let (hits, misses) = (n_hits as f64, (n - n_hits) as f64);
     let quantile = |a: f64, b: f64, part: f64| Beta::new(a, b).map(|law| law.inverse_cdf(part));
     (
-        quantile(hits, misses + 1.0, 0.05).unwrap_or(0.0),
-        quantile(hits + 1.0, misses, 0.95).unwrap_or(1.0),
+        quantile(hits, misses + 1.0, TAIL_90).unwrap_or(0.0),
+        quantile(hits + 1.0, misses, 1.0 - TAIL_90).unwrap_or(1.0),
     )
 }
 

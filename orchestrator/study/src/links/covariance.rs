@@ -4,7 +4,9 @@
 //! whatever the noise. The squares in which a fit takes levels for constant say less: how large they are best depends on how
 //! densely links were measured, too.
 
-use crate::thresholds::{CORRELATION_REACH, FEWEST_LAG_PAIRS, JACKKNIFE_GROUPS};
+use crate::thresholds::{
+    CORRELATION_REACH, FEWEST_JACKKNIFE_GROUPS, FEWEST_LAG_PAIRS, JACKKNIFE_GROUPS, TAIL_90,
+};
 use numbers::optimise::pattern_search::PatternSearch;
 use numbers::power::square;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
@@ -68,7 +70,7 @@ impl Products {
             .filter_map(|group| fitted(&self.bins_without(Some(group))))
             .collect();
         let n = parts.len() as f64;
-        if n < 4.0 {
+        if n < FEWEST_JACKKNIFE_GROUPS {
             return None;
         }
         let error = |k: usize| {
@@ -76,7 +78,8 @@ impl Products {
             let squares: f64 = parts.iter().map(|part| square(part[k] - mean)).sum();
             ((n - 1.0) / n * squares).sqrt()
         };
-        let quantile = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.7, |t| t.inverse_cdf(0.95));
+        let quantile =
+            StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.7, |t| t.inverse_cdf(1.0 - TAIL_90));
         let half = quantile * error(0);
         let (low, high) = (whole[0] - half, whole[0] + half);
         Some(CorrelationLength {

@@ -6,8 +6,8 @@ use super::rows::ModelledLinks;
 use crate::choices::{ChoiceError, Choices, SplitBy};
 use crate::folds::{Blocks, scramble};
 use crate::thresholds::{
-    COMMON_SPAN, DRIFT_TIMES_S, FEWEST_BLOCKS, FEWEST_DRIFT_LEVELS, LEAST_COMMON_SPAN,
-    MOST_DRIFT_LEVELS, THINNED_RUN_ROWS, TIME_BLOCKS,
+    COMMON_SPAN, DRIFT_TIMES_S, FEWEST_BLOCKS, FEWEST_DRIFT_LEVELS, FEWEST_PLACE_BLOCKS,
+    LEAST_COMMON_SPAN, MOST_DRIFT_LEVELS, THINNED_RUN_ROWS, TIME_BLOCKS,
 };
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -98,7 +98,7 @@ fn place_blocks(rows: &ModelledLinks) -> Blocks {
     if by_pair.n_blocks() < places.n_blocks() { places } else { by_pair }
 }
 
-/// Rows by the places of the nodes that move: squares as large as leaves at least 40 of them.
+/// Rows by the places of the nodes that move: the largest squares of which there are at least [`FEWEST_PLACE_BLOCKS`].
 fn blocks_of_squares(rows: &ModelledLinks) -> Blocks {
     let mut best: Option<Blocks> = None;
     for side_m in [8.0, 4.0, 2.0, 1.0] {
@@ -115,7 +115,7 @@ fn blocks_of_squares(rows: &ModelledLinks) -> Blocks {
             })
             .collect();
         let blocks = Blocks::of_keys("places", &keys);
-        let enough = 40 <= blocks.n_blocks();
+        let enough = FEWEST_PLACE_BLOCKS <= blocks.n_blocks();
         if best.as_ref().is_none_or(|best| best.n_blocks() < blocks.n_blocks()) {
             best = Some(blocks);
         }

@@ -7,6 +7,7 @@ use crate::folds::Blocks;
 use crate::limits::NotLimited;
 use crate::linear::{Column, Dependence, Direction, Linearised, Partition};
 use crate::symbolic::FittedFormula;
+use crate::thresholds::TAIL_90;
 use crate::{
     Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study, caution, joined,
 };
@@ -191,7 +192,8 @@ impl Study for RobotStudy {
         let first = fit.first(&self.model, term);
         let covariance = self.model.covariance(fit, &self.in_time);
         let freedom = (self.in_time.n_blocks() as f64 - 1.0).max(1.0);
-        let quantile = StudentsT::new(0.0, 1.0, freedom).map_or(Z_90, |t| t.inverse_cdf(0.95));
+        let quantile =
+            StudentsT::new(0.0, 1.0, freedom).map_or(Z_90, |t| t.inverse_cdf(1.0 - TAIL_90));
         // A threshold is the only number of its effect.
         let by_likelihood = effect
             .threshold_on()

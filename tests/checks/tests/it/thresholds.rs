@@ -9,155 +9,167 @@ const LIST: &str = "orchestrator/study/src/thresholds.rs";
 const CRATES: [&str; 3] =
     ["orchestrator/study/src", "orchestrator/diagnose/src", "orchestrator/network/src"];
 
-/// Names of numeric constants that may be where they are used, and what they are. No answer should depend on them.
-const NUMERIC: &[(&str, &[&str])] = &[
+/// A file, and names of constants in it.
+type FileNames = (&'static str, &'static [&'static str]);
+
+/// Numeric constants that may be where they are used: what they are, and by file under `orchestrator/` their names. No answer
+/// should depend on them.
+const NUMERIC: &[(&str, &[FileNames])] = &[
     (
         "limits of iterations and of memory",
         &[
-            "CHORD_STEPS",
-            "END_STEPS",
-            "FINAL_TRIES",
-            "FOLD_STEPS",
-            "HEADING_ROUNDS",
-            "LOOK_STEPS",
-            "MOST_LOOKS",
-            "MOST_PASSED",
-            "MOST_ROUNDS",
-            "MOST_SILENT",
-            "MOST_STEPS",
-            "REFINED",
-            "ROUNDS",
-            "SAMPLE",
-            "SETTLING_TIMES",
-            "STEPS",
-            "TOP_STEPS",
-            "TRIAL_STEPS",
-            "WARM_ROUNDS",
+            ("diagnose/src/limits.rs", &["MOST_ROUNDS"]),
+            ("network/src/candidate_fits.rs", &["FINAL_TRIES", "ROUNDS"]),
+            ("network/src/task/figures.rs", &["MOST_LOOKS"]),
+            ("study/src/defects/evidence.rs", &["STEPS"]),
+            ("study/src/links.rs", &["MOST_ROUNDS", "MOST_STEPS", "TRIAL_STEPS", "WARM_ROUNDS"]),
+            ("study/src/links/basis.rs", &["SAMPLE"]),
+            ("study/src/links/covariance.rs", &["REFINED"]),
+            ("study/src/links/estimates.rs", &["END_STEPS"]),
+            ("study/src/links/likelihood/aggregated.rs", &["TOP_STEPS"]),
+            ("study/src/links/register.rs", &["MOST_STEPS"]),
+            ("study/src/links/rows.rs", &["MOST_SILENT"]),
+            ("study/src/links/search/headings.rs", &["STEPS"]),
+            ("study/src/links/search/places.rs", &["MOST_LOOKS", "STEPS"]),
+            ("study/src/links/starts.rs", &["HEADING_ROUNDS"]),
+            ("study/src/robots/command_thresholds.rs", &["MOST_PASSED"]),
+            (
+                "study/src/robots/fit.rs",
+                &["CHORD_STEPS", "FOLD_STEPS", "LOOK_STEPS", "MOST_STEPS", "SETTLING_TIMES"],
+            ),
+            ("study/src/robots/screen.rs", &["STEPS"]),
         ],
     ),
     (
         "starts of a fit that are followed",
-        &["FINALISTS", "MANY_STARTS", "MOST_STARTS", "N_FOLLOWED", "N_TRIED", "ROUGH_SHARE_SD"],
+        &[
+            ("study/src/links/fit.rs", &["ROUGH_SHARE_SD"]),
+            ("study/src/links/search.rs", &["FINALISTS"]),
+            ("study/src/links/starts.rs", &["FINALISTS", "MANY_STARTS"]),
+            ("study/src/robots/discs.rs", &["N_TRIED"]),
+            ("study/src/robots/fit.rs", &["N_FOLLOWED"]),
+            ("study/src/robots/linear.rs", &["MOST_STARTS"]),
+        ],
     ),
     (
         "tolerances, and what keeps a computation finite",
         &[
-            "AS_WIDE",
-            "AT_END",
-            "CLOSE",
-            "CLOSE_DB",
-            "CONVERGED_NATS",
-            "CONVERGED_TIMES",
-            "DAMPING_FLOOR",
-            "LEAST_DAMPED",
-            "LEAST_LEFT",
-            "LEAST_PART",
-            "LEAST_PASSES",
-            "LEAST_SCALE_DB",
-            "LEAST_SD_DB",
-            "LEAST_START_DB",
-            "LEAST_VARIANCE",
-            "LEAST_WEIGHT",
-            "MOST_BENT",
-            "MOST_TILT",
-            "MOVES_DB",
-            "MOVES_M",
-            "NEAR_NATS",
-            "NOTHING",
-            "NO_NOISE_DB",
-            "PROMISING",
-            "ROUNDING",
-            "SAME",
-            "SAME_DB",
-            "SAME_M",
-            "UNHEARD_OF",
+            ("diagnose/src/measured.rs", &["SAME_M"]),
+            ("diagnose/src/score_test.rs", &["LEAST_LEFT"]),
+            ("network/src/candidate_fits.rs", &["SAME"]),
+            ("network/src/likelihood.rs", &["LEAST_LEFT", "UNHEARD_OF"]),
+            ("network/src/split.rs", &["NO_NOISE_DB"]),
+            ("study/src/defects/evidence.rs", &["CLOSE", "LEAST_SD_DB"]),
+            ("study/src/defects/outliers.rs", &["LEAST_SCALE_DB"]),
+            ("study/src/defects/position_noise.rs", &["LEAST_VARIANCE"]),
+            ("study/src/links.rs", &["LEAST_START_DB"]),
+            ("study/src/links/basis.rs", &["ROUNDING"]),
+            ("study/src/links/covariance.rs", &["AT_END"]),
+            ("study/src/links/fit.rs", &["CONVERGED_NATS"]),
+            ("study/src/links/likelihood.rs", &["MOST_TILT"]),
+            ("study/src/links/likelihood/aggregated.rs", &["LEAST_PART"]),
+            ("study/src/links/likelihood/density.rs", &["LEAST_WEIGHT"]),
+            ("study/src/links/likelihood/reception_share.rs", &["LEAST_PASSES"]),
+            ("study/src/links/linear.rs", &["MOVES_DB"]),
+            ("study/src/links/predict.rs", &["SAME_DB"]),
+            ("study/src/links/register.rs", &["AS_WIDE", "CLOSE_DB"]),
+            ("study/src/links/search/headings.rs", &["CONVERGED_NATS"]),
+            ("study/src/robots/derivatives.rs", &["MOST_BENT"]),
+            (
+                "study/src/robots/fit.rs",
+                &["CONVERGED_NATS", "CONVERGED_TIMES", "NEAR_NATS", "PROMISING"],
+            ),
+            ("study/src/robots/fit_state.rs", &["DAMPING_FLOOR", "LEAST_DAMPED"]),
+            ("study/src/robots/linear.rs", &["MOVES_M"]),
+            ("study/src/robots/motion.rs", &["SAME_M"]),
+            ("study/src/symbolic.rs", &["NOTHING"]),
         ],
     ),
     (
         "steps and ranges of derivatives, grids, tables and random walks",
         &[
-            "BEND_STEPS",
-            "BETWEEN",
-            "CHANGES_DB",
-            "COARSE",
-            "CURVE_STEP",
-            "DIRECTIONS",
-            "FEWEST_SILENT",
-            "FINEST_M",
-            "FINE_MOMENTS",
-            "FINE_PARTS",
-            "FINE_S",
-            "FORGOTTEN",
-            "GRID_M",
-            "HALF_STEP_DB",
-            "HALVES",
-            "KERNEL_REACH_SD",
-            "KERNEL_STEP_SD",
-            "LENGTHS",
-            "LOSSES_DB",
-            "MOMENTS",
-            "MOST_POINTS",
-            "N_LOOKS",
-            "PARTS",
-            "PLACES",
-            "RADII_M",
-            "REACH_SD",
-            "READING_REACH_SD",
-            "READING_STEP_SD",
-            "SDS_M",
-            "SILENT_POINTS",
-            "SILENT_SD",
-            "STEP_DB",
-            "STEP_M",
-            "STEP_S",
-            "STEP_SD",
-            "TAIL_HALVES",
-            "THERE_SD",
-            "WIDER",
+            ("diagnose/src/limits.rs", &["FINE_MOMENTS", "MOMENTS"]),
+            ("network/src/candidate_fits.rs", &["PLACES"]),
+            ("network/src/candidates.rs", &["BETWEEN", "STEPS"]),
+            ("study/src/defects/clock_skew.rs", &["FINE_S", "STEP_S"]),
+            ("study/src/defects/evidence.rs", &["REACH_SD", "STEP_SD"]),
+            ("study/src/defects/position_noise.rs", &["SDS_M", "STEP_M"]),
+            ("study/src/defects/register_limits.rs", &["STEP_DB"]),
+            ("study/src/links.rs", &["FINEST_M"]),
+            ("study/src/links/covariance.rs", &["LENGTHS"]),
+            ("study/src/links/fit.rs", &["CURVE_STEP"]),
+            (
+                "study/src/links/likelihood.rs",
+                &["REACH_SD", "READING_REACH_SD", "READING_STEP_SD", "THERE_SD"],
+            ),
+            ("study/src/links/likelihood/aggregated.rs", &["SILENT_POINTS", "SILENT_SD", "WIDER"]),
+            ("study/src/links/likelihood/density.rs", &["REACH_SD", "STEP_SD"]),
+            ("study/src/links/likelihood/reception_share.rs", &["HALF_STEP_DB"]),
+            (
+                "study/src/links/reception.rs",
+                &["KERNEL_REACH_SD", "KERNEL_STEP_SD", "REACH_SD", "STEP_DB"],
+            ),
+            ("study/src/links/rows.rs", &["FEWEST_SILENT"]),
+            (
+                "study/src/links/search.rs",
+                &["FINEST_M", "GRID_M", "LOSSES_DB", "MOST_POINTS", "RADII_M"],
+            ),
+            ("study/src/links/search/headings.rs", &["DIRECTIONS"]),
+            ("study/src/links/search/places.rs", &["CHANGES_DB", "FORGOTTEN", "MOVES_M"]),
+            ("study/src/links/search/windows.rs", &["FINE_PARTS", "PARTS"]),
+            ("study/src/robots/command_thresholds.rs", &["COARSE", "PARTS", "TAIL_HALVES"]),
+            ("study/src/robots/derivatives.rs", &["BEND_STEPS"]),
+            ("study/src/robots/discs.rs", &["N_LOOKS"]),
+            ("study/src/symbolic.rs", &["HALVES"]),
         ],
     ),
     (
         "ranges of parameters",
         &[
-            "FREEDOM",
-            "MOST_DB",
-            "MOST_LOST",
-            "NOISE_DB",
-            "POWERS_DBM",
-            "READINGS_DBM",
-            "SHARE_SD",
-            "SMALL_LOSS",
-            "WIDEST_M",
+            ("study/src/defects/outliers.rs", &["FREEDOM"]),
+            ("study/src/defects/register_limits.rs", &["READINGS_DBM"]),
+            ("study/src/links/fit.rs", &["NOISE_DB", "SHARE_SD"]),
+            ("study/src/links/register.rs", &["POWERS_DBM"]),
+            ("study/src/links/search/places.rs", &["MOST_DB", "WIDEST_M"]),
+            ("study/src/links/terms.rs", &["MOST_LOST", "SMALL_LOSS"]),
         ],
     ),
     (
         "quadrature",
         &[
-            "ALIKE_SD",
-            "HERMITE",
-            "LEGENDRE",
-            "NARROW",
-            "OFFSETS",
-            "OUTERMOST_NATS",
-            "POINTS",
-            "REACH_NATS",
+            ("study/src/links/likelihood.rs", &["LEGENDRE", "OFFSETS"]),
+            (
+                "study/src/links/likelihood/aggregated.rs",
+                &["ALIKE_SD", "HERMITE", "NARROW", "OUTERMOST_NATS", "POINTS", "REACH_NATS"],
+            ),
         ],
     ),
-    ("what is printed", &["DECIMALS", "MOST_COVARIATES"]),
+    (
+        "what is printed",
+        &[
+            ("diagnose/src/compare/words.rs", &["MOST_COVARIATES"]),
+            ("diagnose/src/next.rs", &["DECIMALS"]),
+        ],
+    ),
     (
         "numbers of figures, and of random draws",
-        &["D", "FIRST_SEED", "N", "NOISE", "PACKETS", "ROBOTS"],
+        &[
+            ("network/src/candidate_fits.rs", &["FIRST_SEED"]),
+            ("network/src/likelihood.rs", &["D", "PACKETS"]),
+            ("network/src/task.rs", &["NOISE", "ROBOTS"]),
+            ("network/src/task/figures.rs", &["N"]),
+        ],
     ),
     (
         "physics, standards and mathematics",
         &[
-            "CHANNELS",
-            "HALF_WAVE_M",
-            "LN_LEAST_VARIANCE",
-            "LN_TAU",
-            "N_EACH",
-            "PAYLOAD_BYTES",
-            "SIDE",
+            ("network/src/resimulate.rs", &["PAYLOAD_BYTES"]),
+            ("study/src/defects/channel_shift.rs", &["CHANNELS"]),
+            ("study/src/links.rs", &["SIDE"]),
+            ("study/src/links/group.rs", &["HALF_WAVE_M"]),
+            ("study/src/links/likelihood/aggregated.rs", &["LN_LEAST_VARIANCE", "LN_TAU"]),
+            ("study/src/links/likelihood/reception_share.rs", &["LN_TAU"]),
+            ("study/src/robots/curve.rs", &["N_EACH"]),
         ],
     ),
 ];
@@ -197,23 +209,31 @@ fn folder_of(folder: &Path, path: &Path) -> PathBuf {
 #[test]
 fn constants_that_decide_an_answer_are_in_the_list_of_thresholds() {
     let repository = repository();
-    let listed: BTreeSet<&str> =
-        NUMERIC.iter().flat_map(|(_, names)| names.iter().copied()).collect();
+    let listed: BTreeSet<(PathBuf, &str)> = NUMERIC
+        .iter()
+        .flat_map(|(_, files)| files.iter())
+        .flat_map(|(file, names)| names.iter().map(move |&name| (PathBuf::from(file), name)))
+        .collect();
     let mut declared = BTreeSet::new();
     let mut others = Vec::new();
     for path in CRATES.iter().flat_map(|folder| files(&repository.join(folder))) {
         if path != repository.join(LIST) {
             let text = std::fs::read_to_string(&path).unwrap();
+            let file = folder_of(&repository.join("orchestrator"), &path);
             for name in numeric_constants(&text) {
-                declared.insert(name.to_owned());
-                if !listed.contains(name) {
-                    others.push(format!("{name} in {}", path.display()));
+                let is_listed =
+                    listed.iter().any(|(other, listed)| *other == file && *listed == name);
+                if !is_listed {
+                    others.push(format!("{name} in {}", file.display()));
                 }
+                declared.insert((file.clone(), name.to_owned()));
             }
         }
     }
     assert!(others.is_empty(), "move these to {LIST}, or list them as numeric: {others:#?}");
-    let stale: Vec<&&str> = listed.iter().filter(|name| !declared.contains(**name)).collect();
+    let is_declared =
+        |(file, name): &&(PathBuf, &str)| declared.contains(&(file.clone(), (*name).to_owned()));
+    let stale: Vec<&(PathBuf, &str)> = listed.iter().filter(|it| !is_declared(it)).collect();
     assert!(stale.is_empty(), "no longer declared: {stale:#?}");
 }
 
