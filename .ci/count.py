@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Counts lines of Rust by crate: `.ci/count` for the working tree, `.ci/count COMMIT` for a commit.
+"""Counts lines of Rust by crate: `.ci/count.py` for the working tree, `.ci/count.py COMMIT` for a commit.
 
 A line of code has something other than white space outside comments. Blank lines, comments and documentation are not
 code, not even inside a string or between two parts of an expression. Each line of code is in one column:
@@ -11,7 +11,7 @@ code, not even inside a string or between two parts of an expression. Each line 
   generated  folders `generated`, and files that say `@generated` in their first lines
 
 `comments` counts lines with a plain comment (not documentation) in the code of the first column, and gives their share
-of its lines. `.ci/count --self-test` checks the rules above on difficult input.
+of its lines. `.ci/count.py --self-test` checks the rules above on difficult input.
 """
 
 import os
