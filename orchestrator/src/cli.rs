@@ -2,6 +2,7 @@
 
 mod answer_file;
 mod answers;
+mod arguments;
 mod between;
 mod check;
 mod choice;
@@ -37,6 +38,7 @@ use crate::console::{LoggedStderr, complain, leave_stdout_to_answers, run_log, s
 use crate::effects;
 use crate::run::StartOptions;
 use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
+use arguments::{MOST_SEED, whole_number};
 use clap::{Args, FromArgMatches as _, Parser, Subcommand};
 use diagnose::DiagnoseError;
 use diagnose::extend::ExtendError;
@@ -162,7 +164,7 @@ struct OverrideArgs {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Override the seed of all random draws
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole_number::<MOST_SEED>)]
     seed: Option<u64>,
     /// Use the network simulator at this URL instead of starting one
     #[arg(long, value_name = "URL")]
@@ -346,7 +348,8 @@ pub fn main() -> ExitCode {
     let mut arguments = std::env::args_os();
     set_program_name(arguments.next().as_deref());
     leave_stdout_to_answers(arguments);
-    let matches = command().get_matches();
+    let matches = command().try_get_matches();
+    let matches = matches.unwrap_or_else(|error| arguments::with_tips(error).exit());
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let result = match cli.command {
         Command::Netsim(options) => {

@@ -131,6 +131,12 @@ fn files_that_are_missing() {
     std::fs::write(folder.path().join("flocking.toml"), good()).unwrap();
     let output = tests::orchestrator(&["run", "floking.toml"], folder.path());
     insta::assert_snapshot!(check(&output, folder.path()));
+    // An equal ending makes no similar name. A file of measurements is treated as a configuration is.
+    let said = |args: &[&str]| check(&tests::orchestrator(args, folder.path()), folder.path());
+    assert_eq!(said(&["run", "nothere.toml"]), "error: nothere.toml: does not exist\n");
+    std::fs::write(folder.path().join("push.csv"), "").unwrap();
+    let nearest = "error: push.cvs: does not exist (nearest: push.csv)\n";
+    assert_eq!(said(&["diagnose", "flocking.toml", "--data", "push.cvs"]), nearest);
     let text = format!(
         "{EXPERIMENT}{CONTROLLER}[netsim.phy]\npropagation = \"trace\"\nfile = \"nowhere.k7\"\n[robotsim.scenario]\nkind = \"csv\"\nfile = \"where.csv\"\n"
     );

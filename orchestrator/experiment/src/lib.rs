@@ -28,7 +28,8 @@ use proto::site;
 use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use sides::{Sides, missing_file};
+use sides::Sides;
+pub use sides::missing_file;
 use std::path::{Path, PathBuf};
 
 /// Certificates to talk to simulators with.

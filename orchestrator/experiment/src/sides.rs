@@ -197,8 +197,9 @@ fn file_name(path: &Path) -> String {
         .map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-/// What to say of a file that is not there: the nearest name that is.
-pub(super) fn missing_file(path: &Path) -> String {
+/// What to say of a file that does not exist, with the most similar name in its folder.
+#[must_use]
+pub fn missing_file(path: &Path) -> String {
     let sibling = path.file_name().and_then(|wanted| {
         let folder =
             path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -207,12 +208,42 @@ pub(super) fn missing_file(path: &Path) -> String {
             .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
             .collect();
         names.sort();
-        let nearest =
-            config::most_similar(wanted.to_str()?, names.iter().map(String::as_str))?.to_owned();
+        let nearest = most_similar_file(wanted.to_str()?, &names)?.to_owned();
         Some(path.with_file_name(nearest))
     });
     match sibling {
         Some(sibling) => format!("does not exist (nearest: {})", sibling.display()),
         None => "does not exist".to_owned(),
+    }
+}
+
+/// The name that is most similar to that of a file, if their parts before the ending are similar enough. An equal ending alone
+/// makes no similar name.
+fn most_similar_file<'a>(wanted: &str, names: &'a [String]) -> Option<&'a str> {
+    let stem = |name: &str| match name.rsplit_once('.') {
+        Some((stem, _)) if !stem.is_empty() => stem.to_owned(),
+        _ => name.to_owned(),
+    };
+    let wanted_stem = stem(wanted);
+    let is_similar = |name: &&str| config::most_similar(&wanted_stem, [&*stem(name)]).is_some();
+    config::most_similar(wanted, names.iter().map(String::as_str).filter(is_similar))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::most_similar_file;
+
+    #[test]
+    fn a_file_is_near_by_its_name_and_not_by_its_ending_alone() {
+        let names = ["flocking.toml", "push.csv", "push.toml", "sensors-rrsf.toml"];
+        let names = names.map(str::to_owned);
+        for (wanted, nearest) in [
+            ("floking.toml", Some("flocking.toml")),
+            ("push.cvs", Some("push.csv")),
+            ("push.tml", Some("push.toml")),
+            ("nothere.toml", None),
+        ] {
+            assert_eq!(most_similar_file(wanted, &names), nearest, "{wanted}");
+        }
     }
 }

@@ -1,12 +1,11 @@
 //! `murmuration diagnose --between A B`: what changed between two campaigns.
 
 use super::Failure;
-use super::inputs::{Watching, compared};
+use super::inputs::{Watching, compared, table};
 use super::stop::Stopper;
 use crate::console::say;
 use clap::Args;
 use diagnose::between::{Between, BetweenError, BetweenRequest, words};
-use measure::table::DataTable;
 use std::path::{Path, PathBuf};
 use study::choices::Choices;
 
@@ -62,7 +61,7 @@ impl BetweenArgs {
             ));
         };
         let config = compared(config, set)?;
-        let [a, b] = [a, b].map(|path| DataTable::read(path).map_err(Failure::request));
+        let [a, b] = [a, b].map(|path| table(path));
         let request = BetweenRequest { config: &config, tables: [&a?, &b?], choices };
         let watching = Watching::new(Some(stopper));
         let found = diagnose::between(&request, &watching).map_err(|error| match error {

@@ -9,7 +9,6 @@ use crate::run::FormedFiles;
 use crate::sweep;
 use clap::Args;
 use measure::packets;
-use measure::table::DataTable;
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -43,7 +42,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
 fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
     let config = args.config.as_deref().map(|path| inputs::compared(path, &args.change.set));
     let config = config.transpose()?;
-    let table = DataTable::read(data).map_err(Failure::request)?;
+    let table = inputs::table(data)?;
     if packets::has_shape(&table).is_ok() {
         let checked = packet_check::packets(&table).map_err(Failure::request)?;
         print_account(&checked.account);

@@ -1,5 +1,6 @@
 //! `demo`: the loop from measurements to a better model, on a hidden effect.
 
+use super::arguments::whole_number;
 use super::{Failure, check_place, on_runtime, write_json};
 use crate::console::say;
 use crate::demo::{DemoError, DemoOptions, demo};
@@ -15,7 +16,7 @@ const MOST_FOLDERS: u32 = 1000;
 #[derive(Args)]
 pub(super) struct DemoArgs {
     /// Seed that chooses the hidden effect and draws the measurements
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole_number::<{ u64::MAX }>)]
     seed: u64,
     /// Hide this effect instead of one that the seed chooses; none: hide no effect
     #[arg(long, value_name = "NAME")]

@@ -7,8 +7,10 @@ use crate::console::{say, warn};
 use diagnose::Observer;
 use diagnose::defects::MeasurementDefect;
 use diagnose::progress::SearchProgress;
+use measure::DataError;
 use measure::config::Compared;
 use measure::table::DataTable;
+use std::io::ErrorKind;
 use std::path::Path;
 use study::StopFlag;
 use study::open::DataAccount;
@@ -25,7 +27,19 @@ pub(super) fn files(
     set: &[String],
     data: &Path,
 ) -> Result<(Compared, DataTable), Failure> {
-    Ok((compared(config, set)?, DataTable::read(data).map_err(Failure::request)?))
+    Ok((compared(config, set)?, table(data)?))
+}
+
+/// A file of measurements.
+pub(super) fn table(path: &Path) -> Result<DataTable, Failure> {
+    DataTable::read(path).map_err(|error| match error {
+        DataError::Read { path: read, source }
+            if source.kind() == ErrorKind::NotFound && read == path =>
+        {
+            Failure::request(format!("{}: {}", path.display(), experiment::missing_file(path)))
+        }
+        error => Failure::request(error),
+    })
 }
 
 /// Prints how many rows are used, and why others are not.

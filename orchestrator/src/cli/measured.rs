@@ -14,7 +14,6 @@ use diagnose::corrected_data::CorrectedData;
 use diagnose::extend::extension;
 use diagnose::{DiagnoseError, Effects, Extending, Stopped};
 use measure::packets;
-use measure::table::DataTable;
 use network::{PacketRequest, TaskFiles};
 use report::measured::MeasuredAnswer;
 use report::packets::NetworkAnswer;
@@ -98,7 +97,7 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         let links = match links {
             Some(path) => {
                 args.resimulation.needs_positions()?;
-                Some((DataTable::read(path).map_err(Failure::request)?, path))
+                Some((inputs::table(path)?, path))
             }
             None => None,
         };

@@ -1,5 +1,6 @@
 //! What commands about measurements are given, and where their answers go.
 
+use super::arguments::{MOST_SEED, whole_number};
 use super::choice::ChoiceArgs;
 use super::foreign::{Foreign, ForeignArgs};
 use super::packets::ResimulationArgs;
@@ -34,7 +35,7 @@ pub(super) struct DataArgs {
     pub(super) set: Vec<String>,
     /// Packets and --heard only: override the seed of all random draws, to check how sensitive the answer is to it. Link
     /// and robot results do not depend on the seed
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole_number::<MOST_SEED>)]
     pub(super) seed: Option<u64>,
     #[command(flatten)]
     pub(super) foreign: ForeignArgs,

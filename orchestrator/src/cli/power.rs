@@ -1,5 +1,6 @@
 //! `murmuration power`: how large an effect a campaign would show.
 
+use super::arguments::whole_number;
 use super::choice::ChoiceArgs;
 use super::inputs::{self, Watching};
 use super::stop::{BudgetArgs, Stopper};
@@ -30,7 +31,7 @@ pub(super) struct PowerArgs {
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(2..))]
     campaigns: u64,
     /// Seed of all random draws
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole_number::<{ u64::MAX }>)]
     seed: u64,
     /// Override a key of the configuration, as in netsim.phy.propagation=friis. Repeatable
     #[arg(long, value_name = "KEY=VALUE")]

@@ -1,5 +1,6 @@
 //! `murmuration simulate`: the campaign that a model would have measured.
 
+use super::arguments::whole_number;
 use super::{Failure, check_place, inputs, is_stdout, on_stdout, place_for, write_json};
 use crate::console::{say, warn};
 use clap::Args;
@@ -21,7 +22,7 @@ pub(super) struct SimulateArgs {
     #[arg(long, value_name = "FILE")]
     output: PathBuf,
     /// Seed of all random draws
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true, value_parser = whole_number::<{ u64::MAX }>)]
     seed: u64,
     /// Override a key of the configuration, as in netsim.phy.propagation=friis. Repeatable
     #[arg(long, value_name = "KEY=VALUE")]
