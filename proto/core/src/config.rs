@@ -15,15 +15,21 @@ mod check;
 mod refusal;
 mod registry;
 mod schema;
+mod section;
 mod spec;
 mod tree;
 mod typed;
 
 pub use assignment::set;
-pub use check::{Checked, FileReference, check};
+pub use check::{Checked, FileReference, Touch, TouchTarget, check};
+pub use proto_derive::{Choice, OneOf, Section};
 pub use refusal::Refusal;
 pub use registry::{Lists, Registered, Registry};
 pub use schema::json_schema;
+pub use section::{
+    Alternatives, CheckedTable, CheckedValue, ClusterLine, Either, FilePath, Key, Program, Section,
+    Url, greatest, is_of_key, joined, key, tag, variant,
+};
 pub use spec::{Choice, Default, Field, Kind, Range, TableSpec, Tag, Variant, Variants};
 pub use tree::{Node, Value, parse};
 pub use typed::typed;

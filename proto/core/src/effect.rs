@@ -5,6 +5,18 @@
 
 pub mod only;
 
+pub use proto_derive::Catalogued;
+
+/// An effect of the catalogue, whose struct is its description. `#[derive(Catalogued)]` makes all three of documentation and attributes.
+pub trait Catalogued {
+    /// Its name in configurations, records and reports.
+    const NAME: &'static str;
+    /// What people should know of it.
+    const ABOUT: About;
+    /// How it is fitted to measurements.
+    const FIT: Fit;
+}
+
 /// What people should know of an effect.
 #[derive(Clone, Copy, Debug)]
 pub struct About {

@@ -24,6 +24,8 @@
     )
 )]
 
+extern crate self as proto;
+
 pub mod bounds;
 pub mod config;
 pub mod digest;

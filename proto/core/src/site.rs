@@ -6,154 +6,62 @@ mod terrain;
 pub use foliage::Foliage;
 pub use terrain::{Grid, HeightNet, Hill, Terrain};
 
-use crate::config::{self, Default, Field, Kind, Node, Problem, Range, TableSpec};
+use crate::config::{self, Node, Problem, Range, Section, TableSpec};
 use crate::types::AgentStates;
 use serde::{Deserialize, Serialize};
 
-const POINT: Kind = Kind::List { of: &Kind::Number(Range::PLACE), min: 2, max: 2 };
-
 /// Description of `[site]`.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "The environment that robots and radio share.",
-    fields: &[
-        Field {
-            key: "wall",
-            doc: "Straight, vertical, thin walls.",
-            kind: Kind::Tables(&WALL),
-            default: Default::Absent,
-        },
-        Field {
-            key: "obstacle",
-            doc: "Vertical cylindrical obstacles.",
-            kind: Kind::Tables(&OBSTACLE),
-            default: Default::Absent,
-        },
-        Field {
-            key: "foliage",
-            doc: "Areas of trees and bushes, as polygons.",
-            kind: Kind::Tables(&foliage::SPEC),
-            default: Default::Absent,
-        },
-        Field {
-            key: "terrain",
-            doc: "The terrain: hills on a plane (`[[site.terrain]]`), or heights on a grid (`[site.terrain]`).",
-            kind: terrain::KIND,
-            default: Default::Absent,
-        },
-    ],
-    tag: None,
-};
+pub const SPEC: TableSpec = Site::SPEC;
 
-const WALL: TableSpec = TableSpec {
-    doc: "A straight wall.",
-    fields: &[
-        Field {
-            key: "from_m",
-            doc: "One end (x, y in m).",
-            kind: POINT,
-            default: Default::Required,
-        },
-        Field {
-            key: "to_m",
-            doc: "The other end (x, y in m).",
-            kind: POINT,
-            default: Default::Required,
-        },
-        Field {
-            key: "height_m",
-            doc: "Height above ground (m). Absent: unlimited.",
-            kind: Kind::Number(Range::LENGTH),
-            default: Default::Absent,
-        },
-        Field {
-            key: "material",
-            doc: "Material, for effects that act only on walls of one material.",
-            kind: Kind::Text,
-            default: Default::Absent,
-        },
-    ],
-    tag: None,
-};
-
-const OBSTACLE: TableSpec = TableSpec {
-    doc: "A round obstacle.",
-    fields: &[
-        Field {
-            key: "name",
-            doc: "Unique name, by which `[[robotsim.obstacle]]` refers to it.",
-            kind: Kind::Text,
-            default: Default::Absent,
-        },
-        Field {
-            key: "centre_m",
-            doc: "Its centre (x, y in m).",
-            kind: POINT,
-            default: Default::Required,
-        },
-        Field {
-            key: "radius_m",
-            doc: "Its radius (m).",
-            kind: Kind::Number(Range::LENGTH),
-            default: Default::Required,
-        },
-        Field {
-            key: "height_m",
-            doc: "Height above ground (m). Absent: unlimited.",
-            kind: Kind::Number(Range::LENGTH),
-            default: Default::Absent,
-        },
-        Field {
-            key: "material",
-            doc: "Material. No built-in effect depends on the material of obstacles.",
-            kind: Kind::Text,
-            default: Default::Absent,
-        },
-    ],
-    tag: None,
-};
-
-/// The place.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, std::default::Default)]
+/// The environment that robots and radio share.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Default, Section)]
 pub struct Site {
-    /// Walls.
+    /// Straight, vertical, thin walls.
     #[serde(default)]
     pub wall: Vec<Wall>,
-    /// Obstacles.
+    /// Vertical cylindrical obstacles.
     #[serde(default)]
     pub obstacle: Vec<Obstacle>,
-    /// Trees and bushes.
+    /// Areas of trees and bushes, as polygons.
     #[serde(default)]
     pub foliage: Vec<Foliage>,
-    /// The ground.
+    /// The terrain: hills on a plane (`[[site.terrain]]`), or heights on a grid (`[site.terrain]`).
+    #[key(absent)]
     #[serde(default)]
     pub terrain: Terrain,
 }
 
-/// A straight, upright, thin wall.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A straight wall.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Section)]
 pub struct Wall {
-    /// One end (m).
+    /// One end (x, y in m).
+    #[key(range = Range::PLACE)]
     pub from_m: [f64; 2],
-    /// The other end (m).
+    /// The other end (x, y in m).
+    #[key(range = Range::PLACE)]
     pub to_m: [f64; 2],
-    /// Height above ground (m); none: unlimited.
+    /// Height above ground (m). Absent: unlimited.
+    #[key(range = Range::LENGTH)]
     pub height_m: Option<f64>,
-    /// What it is made of.
+    /// Material, for effects that act only on walls of one material.
     pub material: Option<String>,
 }
 
-/// A round, upright obstacle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// A round obstacle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Section)]
 pub struct Obstacle {
-    /// Its name.
+    /// Unique name, by which `[[robotsim.obstacle]]` refers to it.
     pub name: Option<String>,
-    /// Its centre (m).
+    /// Its centre (x, y in m).
+    #[key(range = Range::PLACE)]
     pub centre_m: [f64; 2],
     /// Its radius (m).
+    #[key(range = Range::LENGTH)]
     pub radius_m: f64,
-    /// Height above ground (m); none: unlimited.
+    /// Height above ground (m). Absent: unlimited.
+    #[key(range = Range::LENGTH)]
     pub height_m: Option<f64>,
-    /// What it is made of.
+    /// Material. No built-in effect depends on the material of obstacles.
     pub material: Option<String>,
 }
 
@@ -183,10 +91,7 @@ pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (Site, toml
     if problems.len() != before {
         return (Site::default(), table);
     }
-    let mut written = table.clone();
-    let terrain = written.remove("terrain").map(Terrain::of_checked).unwrap_or_default();
-    let site: Site = written.try_into().expect("a checked table has the site's shape");
-    let site = Site { terrain, ..site };
+    let site = Site::read(&table);
     for (index, wall) in site.wall.iter().enumerate() {
         if wall.from_m == wall.to_m {
             problems.push(

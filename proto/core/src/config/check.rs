@@ -1,7 +1,8 @@
 //! Checks a configuration as written against its description.
 
 use super::{
-    Default, Field, Kind, Lists, Node, Problem, TableSpec, Value, Variant, join, most_similar,
+    ClusterLine, Default, Field, FilePath, Key as _, Kind, Lists, Node, Problem, Program,
+    TableSpec, Url, Value, Variant, join, most_similar,
 };
 
 /// A table that was checked.
@@ -10,8 +11,57 @@ pub struct Checked {
     /// The effective table: defaults filled in, keys in the order of their description. Where there were problems,
     /// something valid stands in their place, so that checks across keys can still be made.
     pub table: toml::Table,
+    /// What it names outside of itself, in the order in which it was checked.
+    pub touches: Vec<Touch>,
+}
+
+/// Something outside a configuration that one of its keys names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Touch {
+    /// Path of the key.
+    pub key: String,
+    /// What it names, as written.
+    pub target: TouchTarget,
+}
+
+/// What a key may name outside its configuration.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum TouchTarget {
+    /// A file that is read.
+    File(FilePath),
+    /// A program that is started.
+    Program(Program),
+    /// A program elsewhere that is called.
+    Url(Url),
+    /// A line that a batch system executes or obeys.
+    ClusterLine(ClusterLine),
+}
+
+impl TouchTarget {
+    /// What a checked value of a kind names; `None`: nothing.
+    fn of(kind: &Kind, value: &toml::Value) -> Option<Self> {
+        match kind {
+            Kind::File => FilePath::from_value(value).map(Self::File),
+            Kind::Program => Program::from_value(value).map(Self::Program),
+            Kind::Url => Url::from_value(value).map(Self::Url),
+            Kind::ClusterLine => ClusterLine::from_value(value).map(Self::ClusterLine),
+            _ => None,
+        }
+    }
+}
+
+impl Checked {
     /// The files that it names.
-    pub files: Vec<FileReference>,
+    #[must_use]
+    pub fn files(&self) -> Vec<FileReference> {
+        let file = |touch: &Touch| match &touch.target {
+            TouchTarget::File(file) => {
+                Some(FileReference { key: touch.key.clone(), path: file.0.clone() })
+            }
+            _ => None,
+        };
+        self.touches.iter().filter_map(file).collect()
+    }
 }
 
 /// A file that a configuration names.
@@ -37,7 +87,7 @@ pub fn check(
     lists: &Lists,
     problems: &mut Vec<Problem>,
 ) -> Checked {
-    let mut walk = Walk { problems, lists, files: Vec::new() };
+    let mut walk = Walk { problems, lists, touches: Vec::new() };
     let table = match &node.value {
         Value::Table(_) => walk.table(Some(node), path, spec),
         _ => {
@@ -45,13 +95,13 @@ pub fn check(
             walk.table(None, path, spec)
         }
     };
-    Checked { table, files: walk.files }
+    Checked { table, touches: walk.touches }
 }
 
 struct Walk<'a> {
     problems: &'a mut Vec<Problem>,
     lists: &'a Lists,
-    files: Vec<FileReference>,
+    touches: Vec<Touch>,
 }
 
 impl Walk<'_> {
@@ -182,14 +232,14 @@ impl Walk<'_> {
     ) -> Option<toml::Value> {
         let Some(node) = written else {
             return match field.default {
-                Default::Required => {
+                Default::Required | Default::RequiredOrNone => {
                     if !lenient {
                         self.problems.push(Problem::new(
                             path,
                             format!("is missing: must be {}", field.kind.describe()),
                         ));
                     }
-                    stand_in(&field.kind)
+                    matches!(field.default, Default::Required).then(|| stand_in(&field.kind))?
                 }
                 Default::Absent => None,
                 Default::Bool(value) => Some(toml::Value::Boolean(value)),
@@ -213,6 +263,19 @@ impl Walk<'_> {
     }
 
     fn value(&mut self, node: &Node, path: &str, kind: &Kind) -> Result<toml::Value, Problem> {
+        let value = self.value_of_kind(node, path, kind)?;
+        if let Some(target) = TouchTarget::of(kind, &value) {
+            self.touches.push(Touch { key: path.to_owned(), target });
+        }
+        Ok(value)
+    }
+
+    fn value_of_kind(
+        &mut self,
+        node: &Node,
+        path: &str,
+        kind: &Kind,
+    ) -> Result<toml::Value, Problem> {
         let wrong =
             || Problem::new(path, format!("must be {}", kind.describe())).value(node.show());
         match (kind, &node.value) {
@@ -250,13 +313,12 @@ impl Walk<'_> {
                     Err(problem)
                 }
             }
-            (Kind::Text, Value::Text(text)) if !text.is_empty() => {
+            (Kind::Text | Kind::File | Kind::Url | Kind::ClusterLine, Value::Text(text))
+                if !text.is_empty() =>
+            {
                 Ok(toml::Value::String(text.clone()))
             }
-            (Kind::File, Value::Text(text)) if !text.is_empty() => {
-                self.files.push(FileReference { key: path.to_owned(), path: text.clone() });
-                Ok(toml::Value::String(text.clone()))
-            }
+            (Kind::Program, Value::List(_)) => self.value_of_kind(node, path, &Program::WORDS),
             (Kind::Choice(choices), Value::Text(text)) => {
                 if choices.iter().any(|choice| choice.name == text) {
                     Ok(toml::Value::String(text.clone()))
@@ -352,7 +414,8 @@ fn stand_in(kind: &Kind) -> Option<toml::Value> {
             .into_iter()
             .find(|&n| range.contains(n))
             .map(toml::Value::Float),
-        Kind::Text => Some(toml::Value::String("?".to_owned())),
+        Kind::Text | Kind::Url | Kind::ClusterLine => Some(toml::Value::String("?".to_owned())),
+        Kind::Program => stand_in(&Program::WORDS),
         Kind::Choice(choices) => {
             choices.first().map(|choice| toml::Value::String(choice.name.to_owned()))
         }
@@ -370,8 +433,11 @@ fn fits_by_type(kind: &Kind, value: &Value) -> bool {
         (Kind::Bool, Value::Bool(_))
             | (Kind::Integer { .. }, Value::Integer(_))
             | (Kind::Number(_), Value::Integer(_) | Value::Number(_))
-            | (Kind::Text | Kind::File | Kind::Choice(_), Value::Text(_))
-            | (Kind::List { .. } | Kind::Tables(_), Value::List(_))
+            | (
+                Kind::Text | Kind::File | Kind::Url | Kind::ClusterLine | Kind::Choice(_),
+                Value::Text(_)
+            )
+            | (Kind::List { .. } | Kind::Program | Kind::Tables(_), Value::List(_))
             | (Kind::Table(_), Value::Table(_))
             | (Kind::Anything, _)
     )
@@ -379,7 +445,7 @@ fn fits_by_type(kind: &Kind, value: &Value) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Choice, Range, Tag, Variants, parse};
+    use super::super::{Choice, Range, Section, Tag, Variants, parse};
     use super::*;
 
     const INNER: TableSpec = TableSpec {
@@ -496,6 +562,35 @@ mod tests {
         let mut problems = Vec::new();
         check(&parse("motes = []").unwrap(), "x", &LIST, &Lists::NONE, &mut problems);
         assert_eq!(problems[0].to_string(), "x.motes: must have at least 1 entry, got []");
+    }
+
+    #[test]
+    fn what_a_configuration_names_outside_of_itself_is_listed() {
+        /// A table.
+        #[derive(Section)]
+        struct Keys {
+            /// Read.
+            #[key(required)]
+            file: Option<FilePath>,
+            /// Started.
+            command: Option<Program>,
+            /// Called.
+            url: Option<Url>,
+            /// Executed.
+            lines: Vec<ClusterLine>,
+        }
+        let text = "file = 1\nurl = \"http://a\"\ncommand = [\"a\", \"b\"]\nlines = [\"c\", \"d\"]";
+        let mut problems = Vec::new();
+        let checked = check(&parse(text).unwrap(), "x", &Keys::SPEC, &Lists::NONE, &mut problems);
+        assert_eq!(problems[0].to_string(), "x.file: must be the path of a file, in quotes, got 1");
+        let keys = Keys::read(&checked.table);
+        assert_eq!((keys.file, keys.url), (None, Some(Url("http://a".to_owned()))));
+        assert_eq!(keys.command, Some(Program(vec!["a".to_owned(), "b".to_owned()])));
+        let paths: Vec<&str> = checked.touches.iter().map(|touch| &*touch.key).collect();
+        assert_eq!(paths, ["x.command", "x.url", "x.lines[0]", "x.lines[1]"]);
+        let last = TouchTarget::ClusterLine(ClusterLine("d".to_owned()));
+        assert_eq!(checked.touches[3].target, last);
+        assert_eq!((keys.lines.len(), checked.files()), (2, Vec::new()));
     }
 
     #[test]

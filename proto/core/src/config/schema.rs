@@ -1,6 +1,6 @@
 //! JSON Schema (draft 2020-12) of a description.
 
-use super::{Default, Field, Kind, Lists, Range, TableSpec};
+use super::{Default, Field, Kind, Lists, Program, Range, TableSpec};
 use serde_json::{Map, Value, json};
 
 /// The schema of a table. `lists`: those that its tags name.
@@ -49,7 +49,7 @@ fn object(
         let mut property = kind_schema(&field.kind, lists);
         property["description"] = json!(field.doc);
         match field.default {
-            Default::Required => required.push(field.key),
+            Default::Required | Default::RequiredOrNone => required.push(field.key),
             Default::Absent | Default::Table => {}
             Default::Bool(value) => property["default"] = json!(value),
             Default::Integer(value) => property["default"] = json!(value),
@@ -87,7 +87,9 @@ fn kind_schema(kind: &Kind, lists: &Lists) -> Value {
             }
             schema
         }
-        Kind::Text | Kind::File => json!({ "type": "string", "minLength": 1 }),
+        Kind::Text | Kind::File | Kind::Url | Kind::ClusterLine => {
+            json!({ "type": "string", "minLength": 1 })
+        }
         Kind::Choice(choices) => {
             let alternatives: Vec<Value> = choices
                 .iter()
@@ -95,6 +97,7 @@ fn kind_schema(kind: &Kind, lists: &Lists) -> Value {
                 .collect();
             json!({ "oneOf": alternatives })
         }
+        Kind::Program => kind_schema(&Program::WORDS, lists),
         Kind::List { of, min, max } => {
             let mut schema =
                 json!({ "type": "array", "items": kind_schema(of, lists), "minItems": min });

@@ -1,6 +1,6 @@
 //! The description of a section.
 
-use super::Lists;
+use super::{Lists, Program};
 
 /// A table: its own keys, and those that depend on one of them.
 #[derive(Clone, Copy, Debug)]
@@ -77,8 +77,10 @@ pub struct Field {
 /// What a key is when absent.
 #[derive(Clone, Copy, Debug)]
 pub enum Default {
-    /// Its absence is a problem.
+    /// Its absence is a problem, and something valid stands in its place.
     Required,
+    /// Its absence is a problem, and it then has no value: whoever reads it gets `None`.
+    RequiredOrNone,
     /// It has no value, and the effective configuration does not mention it.
     Absent,
     /// A truth value.
@@ -111,6 +113,12 @@ pub enum Kind {
     Text,
     /// The path of a file, relative to the configuration.
     File,
+    /// A program and its arguments, as a list of texts.
+    Program,
+    /// A URL.
+    Url,
+    /// A line of a job script, or an option of a batch system.
+    ClusterLine,
     /// One of several texts.
     Choice(&'static [Choice]),
     /// A list with between `min` and `max` entries.
@@ -226,7 +234,8 @@ impl Kind {
             },
             Self::Number(range) if *range == Range::ANY => "a number".to_owned(),
             Self::Number(range) => format!("a number, {}", range.describe()),
-            Self::Text => "a text in quotes".to_owned(),
+            Self::Text | Self::Url | Self::ClusterLine => "a text in quotes".to_owned(),
+            Self::Program => Program::WORDS.describe(),
             Self::File => "the path of a file, in quotes".to_owned(),
             Self::Choice(choices) => {
                 let names: Vec<String> = choices.iter().map(|c| format!("{:?}", c.name)).collect();

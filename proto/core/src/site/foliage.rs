@@ -1,35 +1,16 @@
 //! Trees and bushes.
 
-use super::POINT;
-use crate::config::{Default, Field, Kind, Problem, Range, TableSpec};
+use crate::config::{Problem, Range, Section};
 use serde::{Deserialize, Serialize};
 
-/// Description of `[[site.foliage]]`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "An area with trees or bushes.",
-    fields: &[
-        Field {
-            key: "polygon_m",
-            doc: "Its corners (x, y in m), in order along the boundary.",
-            kind: Kind::List { of: &POINT, min: 3, max: 1000 },
-            default: Default::Required,
-        },
-        Field {
-            key: "height_m",
-            doc: "Height above ground (m). Absent: unlimited.",
-            kind: Kind::Number(Range::LENGTH),
-            default: Default::Absent,
-        },
-    ],
-    tag: None,
-};
-
-/// A piece of ground with trees or bushes.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// An area with trees or bushes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Section)]
 pub struct Foliage {
-    /// Its corners (m), in order around it.
+    /// Its corners (x, y in m), in order along the boundary.
+    #[key(range = Range::PLACE, length = 3..=1000, required)]
     pub polygon_m: Vec<[f64; 2]>,
-    /// Height above ground (m); none: unlimited.
+    /// Height above ground (m). Absent: unlimited.
+    #[key(range = Range::LENGTH)]
     pub height_m: Option<f64>,
 }
 

@@ -6,11 +6,8 @@ mod hill;
 pub use grid::Grid;
 pub use hill::Hill;
 
-use crate::config::{Kind, Problem};
+use crate::config::{CheckedValue, Key, Kind, Problem};
 use serde::{Deserialize, Serialize};
-
-/// What `site.terrain` may be.
-pub(super) const KIND: Kind = Kind::Either(&[Kind::Tables(&hill::SPEC), Kind::Table(&grid::SPEC)]);
 
 /// The ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,17 +52,20 @@ impl Default for Terrain {
     }
 }
 
-impl Terrain {
-    /// Of `site.terrain` as it is written, which was checked.
-    pub(super) fn of_checked(written: toml::Value) -> Self {
-        let shape = "a checked value has the terrain's shape";
-        if written.is_array() {
-            Self::Hills(written.try_into().expect(shape))
-        } else {
-            Self::Grid(written.try_into().expect(shape))
-        }
+impl Key for Terrain {
+    const KIND: Kind = Kind::Either(&[Vec::<Hill>::KIND, Grid::KIND]);
+
+    fn from_value(value: &CheckedValue) -> Option<Self> {
+        let hills = Vec::from_value(value).map(Self::Hills);
+        hills.or_else(|| Grid::from_value(value).map(Self::Grid))
     }
 
+    fn absent() -> Option<Self> {
+        Some(Self::default())
+    }
+}
+
+impl Terrain {
     /// How steeply the ground rises towards the east and the north (m per m) at a place.
     #[must_use]
     pub fn gradient(&self, at_m: [f64; 2]) -> [f64; 2] {

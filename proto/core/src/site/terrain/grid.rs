@@ -1,48 +1,23 @@
 //! A grid of heights.
 
-use super::super::POINT;
-use crate::config::{Default, Field, Kind, Problem, Range, TableSpec};
+use crate::config::{CheckedValue, Key, Kind, Problem, Range, Section};
 use serde::{Deserialize, Serialize};
 
 /// Most rows, and most columns.
 const MOST: usize = 1000;
 
-/// Description of `[site.terrain]`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "Terrain heights on a grid, as from a survey. Heights are interpolated smoothly between grid points; outside the \
-          grid the ground is level.",
-    fields: &[
-        Field {
-            key: "origin_m",
-            doc: "The grid's south-western corner (x, y in m).",
-            kind: POINT,
-            default: Default::Required,
-        },
-        Field {
-            key: "spacing_m",
-            doc: "Spacing of the grid points (m), the same towards east and north.",
-            kind: Kind::Number(Range::LENGTH),
-            default: Default::Required,
-        },
-        Field {
-            key: "height_m",
-            doc: "Heights (m): rows from south to north, each from west to east.",
-            kind: Kind::List {
-                of: &Kind::List { of: &Kind::Number(Range::closed(-1e4, 1e4)), min: 2, max: MOST },
-                min: 2,
-                max: MOST,
-            },
-            default: Default::Required,
-        },
-    ],
-    tag: None,
-};
-
-/// Heights on a grid, as they are written.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// Terrain heights on a grid, as from a survey. Heights are interpolated smoothly between grid points; outside the grid the ground
+/// is level.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Section)]
 struct Written {
+    /// The grid's south-western corner (x, y in m).
+    #[key(range = Range::PLACE)]
     origin_m: [f64; 2],
+    /// Spacing of the grid points (m), the same towards east and north.
+    #[key(range = Range::LENGTH)]
     spacing_m: f64,
+    /// Heights (m): rows from south to north, each from west to east.
+    #[key(range = -1e4..=1e4, length = 2..=MOST, required)]
     height_m: Vec<Vec<f64>>,
 }
 
@@ -55,6 +30,14 @@ pub struct Grid {
     n: [usize; 2],
     /// Row by row, with one point more at each side.
     padded_m: Vec<f64>,
+}
+
+impl Key for Grid {
+    const KIND: Kind = Written::KIND;
+
+    fn from_value(value: &CheckedValue) -> Option<Self> {
+        Written::from_value(value).map(Self::from)
+    }
 }
 
 impl From<Written> for Grid {

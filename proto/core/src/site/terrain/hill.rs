@@ -1,44 +1,19 @@
 //! A hill.
 
-use super::super::POINT;
-use crate::config::{Default, Field, Kind, Range, TableSpec};
+use crate::config::{Range, Section};
 use serde::{Deserialize, Serialize};
 
-/// Description of `[[site.terrain]]`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "A hill, or a hollow if the height is negative: height_m × e^(−d² / (2 radius_m²)) at distance d. Several hills \
-          add up.",
-    fields: &[
-        Field {
-            key: "centre_m",
-            doc: "Position of the top (x, y in m).",
-            kind: POINT,
-            default: Default::Required,
-        },
-        Field {
-            key: "height_m",
-            doc: "Its height (m).",
-            kind: Kind::Number(Range::closed(-1e4, 1e4)),
-            default: Default::Required,
-        },
-        Field {
-            key: "radius_m",
-            doc: "Distance from the top at which it is steepest (m).",
-            kind: Kind::Number(Range::LENGTH),
-            default: Default::Required,
-        },
-    ],
-    tag: None,
-};
-
-/// A hill or a hollow of Gaussian shape.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// A hill, or a hollow if the height is negative: height_m × e^(−d² / (2 radius_m²)) at distance d. Several hills add up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Section)]
 pub struct Hill {
-    /// Its top (m).
+    /// Position of the top (x, y in m).
+    #[key(range = Range::PLACE)]
     pub centre_m: [f64; 2],
     /// Its height (m).
+    #[key(range = -1e4..=1e4)]
     pub height_m: f64,
-    /// How far from its top it is steepest (m).
+    /// Distance from the top at which it is steepest (m).
+    #[key(range = Range::LENGTH)]
     pub radius_m: f64,
 }
 

@@ -1,0 +1,317 @@
+//! A field as a key.
+
+use crate::docs::first_paragraph;
+use proc_macro2::TokenStream;
+use quote::quote;
+use syn::spanned::Spanned as _;
+use syn::{
+    Error, Expr, ExprLit, ExprRange, Field, GenericArgument, Lit, LitStr, PathArguments,
+    RangeLimits, Result, Type,
+};
+
+/// What `#[key(...)]` says.
+#[derive(Default)]
+struct Said {
+    name: Option<String>,
+    default: Option<Absent>,
+    is_required: bool,
+    is_absent: bool,
+    is_skipped: bool,
+    is_inherited: bool,
+    is_flattened: bool,
+    range: Option<Expr>,
+    above: Option<Expr>,
+    most: Option<Expr>,
+    length: Option<Expr>,
+    table: Option<Expr>,
+    tables: Option<Expr>,
+    kind: Option<Expr>,
+    field: Option<Expr>,
+    doc: Option<Expr>,
+    is_tag: bool,
+}
+
+/// What a key is when absent.
+enum Absent {
+    Table,
+    Value(Expr),
+}
+
+/// A field, as a key.
+pub(crate) struct Key<'a> {
+    pub(crate) name: String,
+    doc: String,
+    pub(crate) field: &'a Field,
+    said: Said,
+}
+
+impl<'a> Key<'a> {
+    pub(crate) fn of(field: &'a Field) -> Result<Self> {
+        let mut said = Said::default();
+        for attribute in field.attrs.iter().filter(|own| own.path().is_ident("key")) {
+            attribute.parse_nested_meta(|meta| {
+                let path = meta.path.clone();
+                let is = |name: &str| path.is_ident(name);
+                if is("default") {
+                    said.default = Some(match meta.value() {
+                        Ok(value) => Absent::Value(value.parse()?),
+                        Err(_) => Absent::Table,
+                    });
+                } else if is("required") {
+                    said.is_required = true;
+                } else if is("skip") {
+                    said.is_skipped = true;
+                } else if is("flatten") {
+                    said.is_flattened = true;
+                } else if is("inherited") {
+                    said.is_inherited = true;
+                } else if is("absent") {
+                    said.is_absent = true;
+                } else if is("tag") {
+                    said.is_tag = true;
+                } else if is("name") {
+                    said.name = Some(meta.value()?.parse::<LitStr>()?.value());
+                } else {
+                    let place = match path.get_ident().map(ToString::to_string).as_deref() {
+                        Some("range") => &mut said.range,
+                        Some("above") => &mut said.above,
+                        Some("most") => &mut said.most,
+                        Some("length") => &mut said.length,
+                        Some("table") => &mut said.table,
+                        Some("tables") => &mut said.tables,
+                        Some("kind") => &mut said.kind,
+                        Some("field") => &mut said.field,
+                        Some("doc") => &mut said.doc,
+                        _ => return Err(meta.error("not known: see the documentation of Section")),
+                    };
+                    *place = Some(meta.value()?.parse()?);
+                }
+                Ok(())
+            })?;
+        }
+        let ident = field.ident.as_ref().map(ToString::to_string).unwrap_or_default();
+        let name = said.name.clone().unwrap_or_else(|| ident.trim_start_matches("r#").to_owned());
+        Ok(Self { name, doc: first_paragraph(&field.attrs), field, said })
+    }
+
+    /// Whether the key selects a variant.
+    pub(crate) fn is_tag(&self) -> bool {
+        self.said.is_tag
+    }
+
+    /// Whether the key is one of its section by itself.
+    pub(crate) fn is_described(&self) -> bool {
+        let Said { is_tag, is_skipped, is_flattened, is_inherited, .. } = self.said;
+        !(is_tag || is_skipped || is_flattened || is_inherited)
+    }
+
+    /// Whether the field is a section whose keys are among those of this one.
+    pub(crate) fn is_flattened(&self) -> bool {
+        self.said.is_flattened
+    }
+
+    /// Whether the field is no key.
+    pub(crate) fn is_skipped(&self) -> bool {
+        self.said.is_skipped
+    }
+
+    /// The name of the variant that a tag selects by default.
+    pub(crate) fn default_variant(&self) -> TokenStream {
+        match &self.said.default {
+            Some(Absent::Value(name)) => quote!(::std::option::Option::Some(#name)),
+            _ => quote!(::std::option::Option::None),
+        }
+    }
+
+    /// Least and greatest value, if they are said.
+    pub(crate) fn limits(&self) -> Option<&Expr> {
+        self.said.range.as_ref()
+    }
+
+    /// That a description from elsewhere is one of this key, which the compiler then checks.
+    pub(crate) fn assertion(&self) -> Option<TokenStream> {
+        let (field, name) = (self.said.field.as_ref()?, &self.name);
+        Some(quote!(
+            const _: () = assert!(::proto::config::is_of_key(&#field, #name));
+        ))
+    }
+
+    /// `Field { ... }`.
+    pub(crate) fn description(&self) -> Result<TokenStream> {
+        if let Some(field) = &self.said.field {
+            return Ok(quote!(#field));
+        }
+        let (name, doc) = (&self.name, self.doc());
+        let kind = self.kind()?;
+        let default = self.default();
+        Ok(quote! {
+            ::proto::config::Field { key: #name, doc: #doc, kind: #kind, default: #default }
+        })
+    }
+
+    /// What the key means.
+    pub(crate) fn doc(&self) -> TokenStream {
+        let doc = &self.doc;
+        self.said.doc.as_ref().map_or_else(|| quote!(#doc), |said| quote!(#said))
+    }
+
+    /// What the key may be.
+    pub(crate) fn kind(&self) -> Result<TokenStream> {
+        let said = &self.said;
+        if let Some(kind) = &said.kind {
+            return Ok(quote!(#kind));
+        }
+        if let Some(spec) = &said.table {
+            return Ok(quote!(::proto::config::Kind::Table(&#spec)));
+        }
+        if let Some(spec) = &said.tables {
+            return Ok(quote!(::proto::config::Kind::Tables(&#spec)));
+        }
+        let ty = within("Option", &self.field.ty).unwrap_or(&self.field.ty);
+        self.kind_of(ty)
+    }
+
+    fn kind_of(&self, ty: &Type) -> Result<TokenStream> {
+        if let Some(entry) = within("Vec", ty) {
+            let Some(length) = &self.said.length else {
+                return Ok(if self.has_range() {
+                    let of = self.kind_of(entry)?;
+                    quote!(::proto::config::Kind::List { of: &#of, min: 0, max: usize::MAX })
+                } else {
+                    quote!(<#entry as ::proto::config::Key>::LIST)
+                });
+            };
+            let of = self.kind_of(entry)?;
+            let (min, max) = ends(length, &quote!(usize::MAX))?;
+            return Ok(quote!(::proto::config::Kind::List { of: &#of, min: #min, max: #max }));
+        }
+        if let Type::Array(array) = ty {
+            let (of, n) = (self.kind_of(&array.elem)?, &array.len);
+            return Ok(quote!(::proto::config::Kind::List { of: &#of, min: #n, max: #n }));
+        }
+        if let (Some(first), Some(second)) = (within("Either", ty), second_within("Either", ty)) {
+            let kinds = [self.kind_of(first)?, self.kind_of(second)?];
+            return Ok(quote!(::proto::config::Kind::Either(&[#(#kinds),*])));
+        }
+        let is_number = matches!(name_of(ty).as_deref(), Some("f64" | "f32"));
+        if is_number && self.has_range() {
+            let range = self.range()?;
+            return Ok(quote!(::proto::config::Kind::Number(#range)));
+        }
+        match &self.said.range {
+            Some(range) if name_of(ty).is_some_and(|name| INTEGERS.contains(&&*name)) => {
+                let greatest = quote!(::proto::config::greatest(<#ty>::MAX as u128));
+                let (min, max) = ends(range, &greatest)?;
+                Ok(
+                    quote!(::proto::config::Kind::Integer { min: (#min) as i64, max: (#max) as i64 }),
+                )
+            }
+            _ => Ok(quote!(<#ty as ::proto::config::Key>::KIND)),
+        }
+    }
+
+    fn has_range(&self) -> bool {
+        self.said.range.is_some() || self.said.above.is_some()
+    }
+
+    /// The range of a number.
+    fn range(&self) -> Result<TokenStream> {
+        let infinity = quote!(f64::INFINITY);
+        if let Some(above) = &self.said.above {
+            let most = self.said.most.as_ref().map_or(infinity, |most| quote!(#most));
+            return Ok(quote!(::proto::config::Range::above(#above, #most)));
+        }
+        match &self.said.range {
+            Some(range @ Expr::Range(_)) => {
+                let (min, max) = ends(range, &infinity)?;
+                Ok(quote!(::proto::config::Range::closed(#min, #max)))
+            }
+            range => Ok(quote!(#range)),
+        }
+    }
+
+    fn default(&self) -> TokenStream {
+        let kind = quote!(::proto::config::Default);
+        match &self.said.default {
+            Some(Absent::Table) => quote!(#kind::Table),
+            Some(Absent::Value(value)) => {
+                match within("Option", &self.field.ty)
+                    .and_then(name_of)
+                    .or_else(|| name_of(&self.field.ty))
+                    .as_deref()
+                {
+                    Some("bool") => quote!(#kind::Bool(#value)),
+                    Some("f64" | "f32") => quote!(#kind::Number(#value)),
+                    Some(name) if INTEGERS.contains(&name) => {
+                        quote!(#kind::Integer((#value) as i64))
+                    }
+                    _ => match value {
+                        Expr::Lit(ExprLit { lit: Lit::Int(_), .. }) => {
+                            quote!(#kind::Integer(#value))
+                        }
+                        Expr::Lit(_) => quote!(#kind::Text(#value)),
+                        _ => quote!(#kind::Text(#value.name())),
+                    },
+                }
+            }
+            None if self.said.is_absent => quote!(#kind::Absent),
+            None if self.said.is_required && within("Option", &self.field.ty).is_some() => {
+                quote!(#kind::RequiredOrNone)
+            }
+            None if self.said.is_required => quote!(#kind::Required),
+            None => {
+                let ty = &self.field.ty;
+                if within("Option", ty).is_some() || within("Vec", ty).is_some() {
+                    quote!(#kind::Absent)
+                } else {
+                    quote!(#kind::Required)
+                }
+            }
+        }
+    }
+}
+
+const INTEGERS: [&str; 7] = ["u8", "u16", "u32", "u64", "usize", "i32", "i64"];
+
+/// Least and greatest of a range `a..=b` or `a..`.
+pub(crate) fn ends(range: &Expr, greatest: &TokenStream) -> Result<(TokenStream, TokenStream)> {
+    let error =
+        || Error::new(range.span(), "a range with its ends: a..=b, or a.. without an upper end");
+    let Expr::Range(ExprRange { start: Some(start), end, limits, .. }) = range else {
+        return Err(error());
+    };
+    match (end, limits) {
+        (Some(end), RangeLimits::Closed(_)) => Ok((quote!(#start), quote!(#end))),
+        (None, _) => Ok((quote!(#start), greatest.clone())),
+        _ => Err(error()),
+    }
+}
+
+/// `T` of `Option<T>` or `Vec<T>`.
+pub(crate) fn within<'a>(outer: &str, ty: &'a Type) -> Option<&'a Type> {
+    let Type::Path(path) = ty else { return None };
+    let last = path.path.segments.last().filter(|segment| segment.ident == outer)?;
+    let PathArguments::AngleBracketed(arguments) = &last.arguments else { return None };
+    match arguments.args.first() {
+        Some(GenericArgument::Type(ty)) => Some(ty),
+        _ => None,
+    }
+}
+
+/// `B` of `Either<A, B>`.
+fn second_within<'a>(outer: &str, ty: &'a Type) -> Option<&'a Type> {
+    let Type::Path(path) = ty else { return None };
+    let last = path.path.segments.last().filter(|segment| segment.ident == outer)?;
+    let PathArguments::AngleBracketed(arguments) = &last.arguments else { return None };
+    match arguments.args.iter().nth(1) {
+        Some(GenericArgument::Type(ty)) => Some(ty),
+        _ => None,
+    }
+}
+
+fn name_of(ty: &Type) -> Option<String> {
+    match ty {
+        Type::Path(path) => path.path.get_ident().map(ToString::to_string),
+        _ => None,
+    }
+}
