@@ -1,41 +1,8 @@
 //! Robots that come late and robots that are lost.
 
-use crate::context::{Context, field};
-use proto::config::{Default, Kind, Problem, Range, TableSpec, typed};
+use crate::context::Context;
+use proto::config::{Problem, Section};
 use proto::types::{AgentStates, Bitmap, NS_PER_S};
-use serde::Deserialize;
-
-/// Description of `[[robotsim.absence]]`.
-pub(crate) const SPEC: TableSpec = TableSpec {
-    doc: "Robots that are absent for a time. They do not move, send, receive or collide, and metrics exclude them.",
-    fields: &[
-        field(
-            "robots",
-            "Indices of the robots, from 0.",
-            Kind::List {
-                of: &Kind::Integer { min: 0, max: u32::MAX as i64 - 1 },
-                min: 1,
-                max: usize::MAX,
-            },
-            Default::Required,
-        ),
-        field(
-            "from_s",
-            "Start of the absence (s after the robots start, as duration_s). 0: from the beginning, network formation \
-             included.",
-            Kind::Number(Range::closed(0.0, 1e9)),
-            Default::Number(0.0),
-        ),
-        field(
-            "until_s",
-            "End of the absence (s after the robots start). They return to their last position, or to that of the \
-             scenario. Absent: never.",
-            Kind::Number(Range::above(0.0, 1e9)),
-            Default::Absent,
-        ),
-    ],
-    tag: None,
-};
 
 /// Some robots that are not there for a time.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,22 +12,30 @@ pub struct Absence {
     until_ns: u64,
 }
 
-#[derive(Debug, Deserialize)]
-struct Raw {
+/// Robots that are absent for a time. They do not move, send, receive or collide, and metrics exclude them.
+#[derive(Debug, Section)]
+pub(crate) struct Keys {
+    /// Indices of the robots, from 0.
+    #[key(range = 0..=u32::MAX - 1, length = 1.., required)]
     robots: Vec<u32>,
+    /// Start of the absence (s after the robots start, as duration_s). 0: from the beginning, network formation included.
+    #[key(range = 0.0..=1e9, default = 0.0)]
     from_s: f64,
+    /// End of the absence (s after the robots start). They return to their last position, or to that of the scenario. Absent:
+    /// never.
+    #[key(above = 0.0, most = 1e9)]
     until_s: Option<f64>,
 }
 
-/// Of checked tables, the first of which stands at the path of the context with an index of 0.
+/// Of checked tables: the first stands at the path of the context with an index of 0.
 pub(crate) fn build(
-    tables: &[toml::Table],
+    keys: &[Keys],
     context: &Context<'_>,
     problems: &mut Vec<Problem>,
 ) -> Vec<Absence> {
     let mut absences = Vec::new();
-    for (index, table) in tables.iter().enumerate() {
-        let Raw { robots, from_s, until_s } = typed(table);
+    for (index, Keys { robots, from_s, until_s }) in keys.iter().enumerate() {
+        let (robots, from_s, until_s) = (robots.clone(), *from_s, *until_s);
         let key_path = |key: &str| format!("{}[{index}].{key}", context.path);
         for robot in &robots {
             if context.n_agents <= *robot as usize {

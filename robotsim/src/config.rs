@@ -2,7 +2,7 @@
 
 use crate::absence::{self, Absence};
 use crate::catalogue::Catalogue;
-use crate::context::{Context, field};
+use crate::context::Context;
 use crate::controller::{self, Team};
 use crate::dynamics;
 use crate::dynamics::contacts::{self, Contacts};
@@ -12,116 +12,13 @@ use crate::group;
 use crate::knowledge::{Memory, Source};
 use crate::obstacles::{self, Course};
 use crate::scenario::{self, Scenario};
-use proto::config::{
-    self, Choice, Default, FileReference, Kind, Node, Problem, Range, TableSpec, join, typed,
-};
+use proto::config::{self, FileReference, Node, Problem, Section, TableSpec, join};
 use proto::side::Setup;
 use proto::site::Site;
-use serde::Deserialize;
 use std::collections::BTreeMap;
 
 /// Description of the section.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "The robots: their dynamics, initial positions and controllers.",
-    fields: &[
-        field(
-            "knowledge",
-            "What a robot knows about the other robots.",
-            Kind::Choice(&[
-                Choice {
-                    name: "heard",
-                    doc: "The messages delivered to it in the control period that just ended.",
-                },
-                Choice {
-                    name: "truth",
-                    doc: "The true state of all others at once: an ideal baseline without radio.",
-                },
-            ]),
-            Default::Text("heard"),
-        ),
-        field(
-            "memory",
-            "How long robots remember the states they have received. Absent: one control period.",
-            Kind::Table(&MEMORY),
-            Default::Absent,
-        ),
-        field(
-            "diameter_m",
-            "Diameter of a robot (m): robots closer than this have collided. Collisions are counted and, if contacts are \
-             resolved, prevented.",
-            Kind::Number(Range::closed(0.0, 1e3)),
-            Default::Number(0.3),
-        ),
-        field(
-            "contacts",
-            "What happens when robots touch each other, walls and obstacles. Absent: collisions are only counted.",
-            Kind::Table(&contacts::SPEC),
-            Default::Absent,
-        ),
-        field(
-            "obstacle",
-            "Moving obstacles of `[site]`. Robots and radio use their current positions.",
-            Kind::Tables(&obstacles::SPEC),
-            Default::Absent,
-        ),
-        field(
-            "absence",
-            "Robots that are absent for a time: late, lost or temporarily away.",
-            Kind::Tables(&absence::SPEC),
-            Default::Absent,
-        ),
-        field(
-            "dynamics",
-            "Dynamics of robots whose group does not set its own.",
-            Kind::Table(&dynamics::SPEC),
-            Default::Table,
-        ),
-        field(
-            "localization",
-            "Accuracy of the robots' measured positions.",
-            Kind::Table(&dynamics::LOCALIZATION),
-            Default::Absent,
-        ),
-        field(
-            "scenario",
-            "Initial positions of the robots.",
-            Kind::Table(&scenario::SPEC),
-            Default::Table,
-        ),
-        field(
-            "controller",
-            "Controller of robots whose group does not set its own.",
-            Kind::Table(&controller::SPEC),
-            Default::Absent,
-        ),
-        field(
-            "group",
-            "Groups of different robots. Absent: all robots are identical.",
-            Kind::Tables(&group::SPEC),
-            Default::Absent,
-        ),
-    ],
-    tag: None,
-};
-
-const MEMORY: TableSpec = TableSpec {
-    doc: "How long robots remember the states they have received.",
-    fields: &[
-        field(
-            "keep_s",
-            "Time for which a robot remembers another one after its last message (s).",
-            Kind::Number(Range::above(0.0, 1e6)),
-            Default::Required,
-        ),
-        field(
-            "extrapolate",
-            "Whether to extrapolate its position with its last known velocity; otherwise it is assumed to stay.",
-            Kind::Bool,
-            Default::Bool(true),
-        ),
-    ],
-    tag: None,
-};
+pub const SPEC: TableSpec = Keys::SPEC;
 
 /// A valid configuration. The only way to get one is [`read`].
 #[derive(Debug)]
@@ -216,23 +113,43 @@ pub(crate) fn read_behaviour(
 /// The files that the section, which stands at `path`, names.
 #[must_use]
 pub fn files(config: &Node, path: &str, catalogue: &Catalogue) -> Vec<FileReference> {
-    config::check(config, path, &SPEC, &catalogue.lists(), &mut Vec::new()).files
+    config::check(config, path, &SPEC, &catalogue.lists(), &mut Vec::new()).files()
 }
 
-/// Keys of the section, those of groups apart.
-#[derive(Deserialize)]
-struct Keys {
+/// The robots: their dynamics, initial positions and controllers.
+#[derive(Section)]
+pub(crate) struct Keys {
+    /// What a robot knows about the other robots.
+    #[key(default = Source::Heard)]
     knowledge: Source,
+    /// How long robots remember the states they have received. Absent: one control period.
     memory: Option<Memory>,
-    diameter_m: f64,
+    /// Diameter of a robot (m): robots closer than this have collided. Collisions are counted and, if contacts are resolved,
+    /// prevented.
+    #[key(range = 0.0..=1e3, default = 0.3)]
+    pub(crate) diameter_m: f64,
+    /// What happens when robots touch each other, walls and obstacles. Absent: collisions are only counted.
+    #[key(table = contacts::SPEC)]
     contacts: Option<toml::Table>,
-    #[serde(default)]
-    obstacle: Vec<toml::Table>,
-    #[serde(default)]
-    absence: Vec<toml::Table>,
-    #[serde(default)]
-    group: Vec<toml::Table>,
-    controller: Option<toml::Table>,
+    /// Moving obstacles of `[site]`. Robots and radio use their current positions.
+    obstacle: Vec<obstacles::Keys>,
+    /// Robots that are absent for a time: late, lost or temporarily away.
+    absence: Vec<absence::Keys>,
+    /// Dynamics of robots whose group does not set its own.
+    #[key(table = dynamics::SPEC, default)]
+    #[expect(dead_code, reason = "groups fill in defaults where it stands")]
+    dynamics: toml::Table,
+    /// Accuracy of the robots' measured positions.
+    pub(crate) localization: Option<dynamics::Measured>,
+    /// Initial positions of the robots.
+    #[key(table = scenario::SPEC, default)]
+    #[expect(dead_code, reason = "scenarios fill in defaults where it stands")]
+    scenario: toml::Table,
+    /// Controller of robots whose group does not set its own.
+    #[key(table = controller::SPEC)]
+    pub(crate) controller: Option<toml::Table>,
+    /// Groups of different robots. Absent: all robots are identical.
+    pub(crate) group: Vec<group::GroupKeys>,
 }
 
 fn build_behaviour(
@@ -243,9 +160,9 @@ fn build_behaviour(
     catalogue: &Catalogue,
     problems: &mut Vec<Problem>,
 ) -> Option<Behaviour> {
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     let contacts = build_contacts(&keys, path, problems);
-    let robots = group::build(table, path, n_agents, contacts, catalogue, problems);
+    let robots = group::build(table, &keys, path, n_agents, contacts, catalogue, problems);
     let context = Context {
         path: String::new(),
         n_agents,
@@ -296,7 +213,7 @@ pub fn messaging_controller(
     effective: &toml::Table,
     catalogue: &Catalogue,
 ) -> Option<&'static str> {
-    let keys: Keys = typed(effective);
+    let keys = Keys::read(effective);
     let kind = catalogue.controllers.selected(&keys.controller?, &controller::TAG)?;
     (kind.demands.sends_messages && keys.knowledge == Source::Heard).then_some(kind.variant.name)
 }

@@ -20,14 +20,12 @@ pub use body::{Drive, Part, Shape, wrapped};
 pub use inertial::{GRAVITY_MPS2, thrust_direction};
 pub use response::Response;
 
-use crate::context::field;
 use crate::obstacles::Course;
 use body::Body;
 use effect::{Localization, Situation};
 use physics::{Order, Physics, Robot};
-use proto::config::{
-    Choice, Default, Kind, Problem, Range, Registry, TableSpec, Tag, Variant, Variants, join, typed,
-};
+use point_mass::Cap;
+use proto::config::{Problem, Registry, Section, TableSpec, join};
 use proto::site::Site;
 use proto::types::AgentStates;
 use serde::{Deserialize, Serialize};
@@ -51,54 +49,35 @@ pub enum Command {
 }
 
 /// Description of `[robotsim.dynamics]`.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "The dynamics of the robots: how they execute commands.",
-    fields: &[
-        field(
-            "speed_cap_mps",
-            "Maximum speed (m/s). Default: the BotNet paper's.",
-            Kind::Number(Range::above(0.0, 1e4)),
-            Default::Number(30.0),
-        ),
-        field(
-            "cap",
-            "What the speed cap of a point mass limits.",
-            Kind::Choice(&[
-                Choice { name: "norm", doc: "The speed, keeping the direction." },
-                Choice {
-                    name: "axis",
-                    doc: "Each velocity component separately, as BotNet's code does: the speed may reach 1.41 times the cap.",
-                },
-            ]),
-            Default::Text("norm"),
-        ),
-        field(
-            "effect",
-            "Physical effects between command and motion; `murmuration effects` lists them.",
-            Kind::Tables(&effect::SPEC),
-            Default::Absent,
-        ),
-    ],
-    tag: Some(&Tag {
-        key: "kind",
-        doc: "The body.",
-        default: Some("point-mass"),
-        variants: Variants::Fixed(VARIANTS),
-    }),
-};
+pub const SPEC: TableSpec = Keys::SPEC;
 
-/// Description of `[robotsim.localization]`.
-pub(crate) const LOCALIZATION: TableSpec = TableSpec {
-    doc: "Accuracy of the robots' measured positions. The effect localization adds to it.",
-    fields: &[field(
-        "sd_m",
-        "Standard deviation of the noise of measured positions, per component of the plane (m). Absent: 0 in a run; \
-         estimated when the model is compared with measurements.",
-        Kind::Number(Range::closed(0.0, 1e4)),
-        Default::Absent,
-    )],
-    tag: None,
-};
+/// The dynamics of the robots: how they execute commands.
+#[derive(Section)]
+struct Keys {
+    /// Maximum speed (m/s). Default: the BotNet paper's.
+    #[key(above = 0.0, most = 1e4, default = 30.0)]
+    #[expect(dead_code, reason = "bodies inherit it")]
+    speed_cap_mps: f64,
+    /// What the speed cap of a point mass limits.
+    #[key(default = Cap::Norm)]
+    #[expect(dead_code, reason = "bodies inherit it")]
+    cap: Cap,
+    /// Physical effects between command and motion; `murmuration effects` lists them.
+    #[key(tables = effect::SPEC)]
+    effect: Vec<toml::Table>,
+    /// The body.
+    #[key(tag, default = "point-mass")]
+    kind: Option<Body>,
+}
+
+/// Accuracy of the robots' measured positions. The effect localization adds to it.
+#[derive(Section)]
+pub(crate) struct Measured {
+    /// Standard deviation of the noise of measured positions, per component of the plane (m). Absent: 0 in a run; estimated when the
+    /// model is compared with measurements.
+    #[key(range = 0.0..=1e4)]
+    pub(crate) sd_m: Option<f64>,
+}
 
 /// The body whose contacts are its own.
 const RIGID_BODY: &str = "rigid-body";
@@ -107,93 +86,6 @@ const RIGID_BODY: &str = "rigid-body";
 pub(crate) fn is_rigid(table: &toml::Table) -> bool {
     table.get("kind").is_some_and(|kind| kind.as_str() == Some(RIGID_BODY))
 }
-
-const VARIANTS: &[Variant] = &[
-    Variant {
-        name: "point-mass",
-        doc: "A point mass that takes the commanded velocity at once.",
-        fields: &[],
-    },
-    Variant {
-        name: "double-integrator",
-        doc: "A point mass with inertia and limited acceleration.",
-        fields: &[field(
-            "acceleration_cap_mps2",
-            "Maximum acceleration (m/s²).",
-            Kind::Number(Range::above(0.0, 1e4)),
-            Default::Number(10.0),
-        )],
-    },
-    Variant {
-        name: "quadrotor",
-        doc: "A multicopter: accelerated by its thrust, whose direction follows with a lag.",
-        fields: &[
-            field(
-                "velocity_gain_per_s",
-                "Velocity gain: commanded acceleration per velocity error (1/s).",
-                Kind::Number(Range::above(0.0, 1e3)),
-                Default::Number(2.0),
-            ),
-            field(
-                "tilt_cap_rad",
-                "Maximum tilt of the thrust from the vertical (rad).",
-                Kind::Number(Range::above(0.0, 1.5)),
-                Default::Number(0.5),
-            ),
-            field(
-                "thrust_cap_weights",
-                "Maximum thrust, as a multiple of the robot's weight.",
-                Kind::Number(Range::above(1.0, 100.0)),
-                Default::Number(2.0),
-            ),
-            field(
-                "attitude_lag_s",
-                "Time constant of the thrust (s). 0: no lag.",
-                Kind::Number(Range::closed(0.0, 100.0)),
-                Default::Number(0.15),
-            ),
-            field(
-                "mass_kg",
-                "Mass (kg). Measurements with commands of thrust require it; motion in a run does not depend on it.",
-                Kind::Number(Range::above(0.0, 1e6)),
-                Default::Absent,
-            ),
-        ],
-    },
-    Variant {
-        name: RIGID_BODY,
-        doc: "A rigid disc with mass, friction and spin, which pushes what it touches.",
-        fields: rigid::FIELDS,
-    },
-    Variant {
-        name: "unicycle",
-        doc: "A unicycle: drives along its heading and turns at the commanded yaw rate.",
-        fields: &[field(
-            "yaw_rate_cap_radps",
-            "Maximum yaw rate (rad/s).",
-            Kind::Number(Range::above(0.0, 1e3)),
-            Default::Number(10.0),
-        )],
-    },
-    Variant {
-        name: "car",
-        doc: "A car: drives along its heading and turns with its steered front wheels.",
-        fields: &[
-            field(
-                "wheelbase_m",
-                "Wheelbase (m). 0.33: a car of scale 1:10.",
-                Kind::Number(Range::above(0.0, 100.0)),
-                Default::Number(0.33),
-            ),
-            field(
-                "steer_cap_rad",
-                "Maximum steering angle (rad).",
-                Kind::Number(Range::above(0.0, 1.5)),
-                Default::Number(0.6),
-            ),
-        ],
-    },
-];
 
 /// How robots of one kind move.
 #[derive(Debug)]
@@ -252,21 +144,8 @@ impl Dynamics {
         known: &Registry<effect::Entry>,
         problems: &mut Vec<Problem>,
     ) -> Option<Self> {
-        #[derive(Deserialize)]
-        struct Keys {
-            #[serde(default)]
-            effect: Vec<toml::Table>,
-        }
-        let body = match table.get("kind")?.as_str()? {
-            "point-mass" => Body::PointMass(typed(table)),
-            "double-integrator" => Body::DoubleIntegrator(typed(table)),
-            "quadrotor" => Body::Quadrotor(typed(table)),
-            RIGID_BODY => Body::RigidBody(typed(table)),
-            "unicycle" => Body::Unicycle(typed(table)),
-            "car" => Body::Car(typed(table)),
-            _ => return None,
-        };
-        let keys: Keys = typed(table);
+        let keys = Keys::read(table);
+        let body = keys.kind?;
         let effects = effect::build(&keys.effect, &join(path, "effect"), known, problems);
         let (mut localization, mut lags, mut limited) = (None, [false; 2], Vec::new());
         for (index, effect) in effects.iter().enumerate() {

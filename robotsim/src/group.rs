@@ -1,48 +1,16 @@
 //! Groups of different robots in one swarm: how many of which kind, and what they want.
 
 use crate::catalogue::Catalogue;
-use crate::context::{Context, field};
+use crate::config::Keys;
+use crate::context::Context;
 use crate::controller::active_connectivity::{self, ActiveConnectivity};
 use crate::controller::{self, Controller, Team};
 use crate::dynamics::contacts::Contacts;
 use crate::dynamics::effect::only::refuse_measured;
 use crate::dynamics::fleet::Fleet;
 use crate::dynamics::{self, Dynamics};
-use proto::config::{self, Default, Kind, Lists, Node, Problem, Range, TableSpec, join, typed};
-use serde::Deserialize;
+use proto::config::{self, Lists, Node, Problem, Section, join};
 use std::collections::BTreeSet;
-
-/// Description of `[[robotsim.group]]`.
-pub(crate) const SPEC: TableSpec = TableSpec {
-    doc: "A group of identical robots in a heterogeneous swarm. Robots are numbered group by group, in the order of the file.",
-    fields: &[
-        field(
-            "count",
-            "Number of robots in the group. The counts of all groups must add up to `experiment.agents`.",
-            Kind::Integer { min: 1, max: 1_000_000_000 },
-            Default::Required,
-        ),
-        field(
-            "dynamics",
-            "Dynamics of the group. Absent: those of `[robotsim.dynamics]`.",
-            Kind::Table(&dynamics::SPEC),
-            Default::Absent,
-        ),
-        field(
-            "controller",
-            "Controller of the group. Absent: that of `[robotsim.controller]`.",
-            Kind::Table(&controller::SPEC),
-            Default::Absent,
-        ),
-        field(
-            "localization_sd_m",
-            "Standard deviation of the noise of their measured positions (m). Absent: that of `[robotsim.localization]`.",
-            Kind::Number(Range::closed(0.0, 1e4)),
-            Default::Absent,
-        ),
-    ],
-    tag: None,
-};
 
 /// A part of the swarm: where its tables stand.
 struct Group {
@@ -52,26 +20,20 @@ struct Group {
     sd_m: f64,
 }
 
-/// What is said of groups in the section.
-#[derive(Deserialize)]
-struct Keys {
-    diameter_m: f64,
-    localization: Option<LocalizationKeys>,
-    controller: Option<toml::Table>,
-    #[serde(default)]
-    group: Vec<GroupKeys>,
-}
-
-#[derive(Deserialize)]
-struct LocalizationKeys {
-    sd_m: Option<f64>,
-}
-
-#[derive(Deserialize)]
-struct GroupKeys {
+/// A group of identical robots in a heterogeneous swarm. Robots are numbered group by group, in the order of the file.
+#[derive(Section)]
+pub(crate) struct GroupKeys {
+    /// Number of robots in the group. The counts of all groups must add up to `experiment.agents`.
+    #[key(range = 1..=1_000_000_000)]
     count: usize,
+    /// Dynamics of the group. Absent: those of `[robotsim.dynamics]`.
+    #[key(table = dynamics::SPEC)]
     dynamics: Option<toml::Table>,
+    /// Controller of the group. Absent: that of `[robotsim.controller]`.
+    #[key(table = controller::SPEC)]
     controller: Option<toml::Table>,
+    /// Standard deviation of the noise of their measured positions (m). Absent: that of `[robotsim.localization]`.
+    #[key(range = 0.0..=1e4)]
     localization_sd_m: Option<f64>,
 }
 
@@ -89,7 +51,7 @@ pub(crate) fn require_controllers(
     lists: &Lists,
     problems: &mut Vec<Problem>,
 ) {
-    if typed::<Keys>(table).lack_controller() {
+    if Keys::read(table).lack_controller() {
         let (empty, path) = (Node::empty_table(), join(path, "controller"));
         config::check(&empty, &path, &controller::SPEC, lists, problems);
     }
@@ -100,20 +62,20 @@ pub(crate) fn require_controllers(
 /// controllers that depend on other values.
 pub(crate) fn build(
     table: &mut toml::Table,
+    keys: &Keys,
     path: &str,
     n_agents: usize,
     contacts: Option<Contacts>,
     catalogue: &Catalogue,
     problems: &mut Vec<Problem>,
 ) -> Option<(Fleet, Team)> {
-    let keys: Keys = typed(table);
     let diameter_m = keys.diameter_m;
     if keys.lack_controller() {
         return None;
     }
     // In place of a value that is missing or wrong by itself stands one that is allowed: what is wrong with that is nobody's.
     let unread: BTreeSet<String> = problems.iter().map(|problem| problem.path.clone()).collect();
-    let groups = groups(&keys, path, n_agents, problems);
+    let groups = groups(keys, path, n_agents, problems);
     let mut kinds = Vec::new();
     let mut controllers: Vec<(usize, Box<dyn Controller>)> = Vec::new();
     let is_rigid = |(index, group): (usize, &Group)| {

@@ -7,17 +7,17 @@
 
 use crate::exploration::message;
 use crate::payload::{self, Motion};
+use proto::config::{Choice, Section};
 use proto::types::{AgentStates, Deliveries, Heard, NS_PER_S, seconds};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Where a robot's knowledge of the others comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// From what it heard.
+    /// The messages delivered to it in the control period that just ended.
     Heard,
-    /// From nowhere: it is given.
+    /// The true state of all others at once: an ideal baseline without radio.
     Truth,
 }
 
@@ -34,12 +34,14 @@ pub struct Seen {
     pub rssi_dbm: Option<f32>,
 }
 
-/// How long robots count on what they have heard.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// How long robots remember the states they have received.
+#[derive(Clone, Copy, Debug, PartialEq, Section)]
 pub struct Memory {
-    /// For so long (s).
+    /// Time for which a robot remembers another one after its last message (s).
+    #[key(above = 0.0, most = 1e6)]
     pub keep_s: f64,
-    /// Who is remembered is taken to have moved on with the velocity that it reported.
+    /// Whether to extrapolate its position with its last known velocity; otherwise it is assumed to stay.
+    #[key(default = true)]
     pub extrapolate: bool,
 }
 

@@ -1,42 +1,11 @@
 //! Obstacles of the place that move. Robots and radio see them where they are.
 
-use crate::context::{Context, field};
+use crate::context::Context;
 use crate::dynamics::contacts::Solid;
 use crate::path;
-use proto::config::{Default, Kind, Problem, Range, TableSpec, typed};
+use proto::config::{Problem, Range, Section};
 use proto::site::Site;
 use proto::types::MovedObstacle;
-use serde::Deserialize;
-
-const POINT: Kind = Kind::List { of: &Kind::Number(Range::PLACE), min: 2, max: 2 };
-
-/// Description of `[[robotsim.obstacle]]`.
-pub(crate) const SPEC: TableSpec = TableSpec {
-    doc: "The motion of a cylindrical obstacle of `[site]`.",
-    fields: &[
-        field("name", "Name of the obstacle in `[site]`.", Kind::Text, Default::Required),
-        field(
-            "path_m",
-            "Waypoints (x, y in m), visited in order, from its position in `[site]`.",
-            Kind::List { of: &POINT, min: 1, max: 10_000 },
-            Default::Required,
-        ),
-        field(
-            "speed_mps",
-            "Speed (m/s).",
-            Kind::Number(Range::closed(0.0, 1e3)),
-            Default::Required,
-        ),
-        field(
-            "closed",
-            "Whether it returns from the last waypoint to its initial position and repeats; otherwise it stays at the last \
-             one.",
-            Kind::Bool,
-            Default::Bool(false),
-        ),
-    ],
-    tag: None,
-};
 
 /// How an obstacle moves: a function of time alone.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,11 +16,19 @@ pub struct Course {
     is_closed: bool,
 }
 
-#[derive(Debug, Deserialize)]
-struct Raw {
+/// The motion of a cylindrical obstacle of `[site]`.
+#[derive(Clone, Debug, Section)]
+pub(crate) struct Keys {
+    /// Name of the obstacle in `[site]`.
     name: String,
+    /// Waypoints (x, y in m), visited in order, from its position in `[site]`.
+    #[key(range = Range::PLACE, length = 1..=10_000, required)]
     path_m: Vec<[f64; 2]>,
+    /// Speed (m/s).
+    #[key(range = 0.0..=1e3)]
     speed_mps: f64,
+    /// Whether it returns from the last waypoint to its initial position and repeats; otherwise it stays at the last one.
+    #[key(default = false)]
     closed: bool,
 }
 
@@ -85,14 +62,14 @@ impl Course {
 
 /// Of checked tables, the first of which stands at the path of the context with an index of 0.
 pub(crate) fn build(
-    tables: &[toml::Table],
+    keys: &[Keys],
     site: &Site,
     context: &Context<'_>,
     problems: &mut Vec<Problem>,
 ) -> Vec<Course> {
     let mut courses: Vec<Course> = Vec::new();
-    for (index, table) in tables.iter().enumerate() {
-        let Raw { name, path_m, speed_mps, closed } = typed(table);
+    for (index, keys) in keys.iter().enumerate() {
+        let Keys { name, path_m, speed_mps, closed } = keys.clone();
         let name_path = || format!("{}[{index}].name", context.path);
         let is_it = |name_there: &Option<String>| name_there.as_deref() == Some(&*name);
         let Some(obstacle) = site.obstacle.iter().position(|there| is_it(&there.name)) else {

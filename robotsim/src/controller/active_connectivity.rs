@@ -1,34 +1,14 @@
 //! Robots that keep in touch while they do something else: an option of every controller.
 
 use super::{Controller, ExplorationSettings, ParentLink, View, add, scaled, sub};
-use crate::context::field;
 use crate::dynamics::{Command, norm};
-use proto::config::{Default, Kind, Range, TableSpec, typed};
-use serde::Deserialize;
+use proto::config::{Section, TableSpec};
 
 /// The key of `[robotsim.controller]`.
 pub(crate) const KEY: &str = "active_connectivity";
 
 /// Description of the table.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "Active connectivity: a robot moves away from its routing parent more slowly as the link weakens, and back when it is \
-          nearly lost.",
-    fields: &[
-        field(
-            "rssi_floor_dbm",
-            "Received signal strength (dBm) of the parent below which a robot turns back.",
-            Kind::Number(Range::closed(-300.0, 100.0)),
-            Default::Number(-85.0),
-        ),
-        field(
-            "rssi_margin_db",
-            "Margin (dB): if the parent's signal exceeds the floor by at least this, the controller moves the robot freely.",
-            Kind::Number(Range::above(0.0, 1e4)),
-            Default::Number(6.0),
-        ),
-    ],
-    tag: None,
-};
+pub(super) const SPEC: TableSpec = Keys::SPEC;
 
 /// A controller whose robots keep the link to their parent.
 ///
@@ -58,9 +38,15 @@ pub(crate) struct ActiveConnectivity {
     keys: Keys,
 }
 
-#[derive(Debug, Deserialize)]
+/// Active connectivity: a robot moves away from its routing parent more slowly as the link weakens, and back when it is nearly
+/// lost.
+#[derive(Debug, Section)]
 struct Keys {
+    /// Received signal strength (dBm) of the parent below which a robot turns back.
+    #[key(range = -300.0..=100.0, default = -85.0)]
     rssi_floor_dbm: f64,
+    /// Margin (dB): if the parent's signal exceeds the floor by at least this, the controller moves the robot freely.
+    #[key(above = 0.0, most = 1e4, default = 6.0)]
     rssi_margin_db: f64,
 }
 
@@ -68,7 +54,7 @@ impl ActiveConnectivity {
     /// A controller as its checked table says: with active connectivity around it, if there is any.
     pub(crate) fn around(inner: Box<dyn Controller>, table: &toml::Table) -> Box<dyn Controller> {
         match table.get(KEY).and_then(toml::Value::as_table) {
-            Some(own) => Box::new(Self { inner, keys: typed(own) }),
+            Some(own) => Box::new(Self { inner, keys: Keys::read(own) }),
             None => inner,
         }
     }

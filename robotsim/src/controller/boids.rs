@@ -1,52 +1,25 @@
 //! Boids: robots that flock without a leader.
 
 use super::{Controller, Demands, Entry, Goal, View, add, norm, scaled, sub};
-use crate::context::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Kind, Range, Section, variant};
 
 const WEIGHT: Kind = Kind::Number(Range::closed(0.0, 1e3));
 const RADIUS: Kind = Kind::Number(Range::above(0.0, 1e6));
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "boids",
-        doc: "Reynolds' boids: separation, alignment and cohesion.",
-        fields: &[
-            field("speed_mps", "Speed of all robots (m/s).", RADIUS, Default::Number(2.0)),
-            field(
-                "radius_m",
-                "Interaction range: robots farther away are ignored (m).",
-                RADIUS,
-                Default::Number(10.0),
-            ),
-            field(
-                "separation_m",
-                "Separation range: robots move away from others nearer than this (m).",
-                RADIUS,
-                Default::Number(1.5),
-            ),
-            field("separation", "Weight of separation (m²/s²).", WEIGHT, Default::Number(2.0)),
-            field("alignment", "Weight of alignment (1/s).", WEIGHT, Default::Number(1.0)),
-            field("cohesion", "Weight of cohesion (1/s²).", WEIGHT, Default::Number(0.5)),
-            field(
-                "acceleration_cap_mps2",
-                "Maximum acceleration (m/s²).",
-                RADIUS,
-                Default::Number(10.0),
-            ),
-        ],
-    },
+    variant: variant::<Boids>("boids"),
     demands: Demands::NONE,
     goal: Goal::Other,
     build: |table, context, problems| {
-        let this: Boids = typed(table);
+        let this = Boids::read(table);
         super::check_speed("speed_mps", this.speed_mps, context, problems);
         Some(Box::new(this))
     },
 };
 
+/// Reynolds' boids: separation, alignment and cohesion.
+///
 /// Boids.
 ///
 /// # Model
@@ -65,14 +38,28 @@ pub(super) const ENTRY: Entry = Entry {
 /// # Validity
 ///
 /// In the plane. No obstacles, no field of view.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct Boids {
+    /// Speed of all robots (m/s).
+    #[key(kind = RADIUS, default = 2.0)]
     speed_mps: f64,
+    /// Interaction range: robots farther away are ignored (m).
+    #[key(kind = RADIUS, default = 10.0)]
     radius_m: f64,
+    /// Separation range: robots move away from others nearer than this (m).
+    #[key(kind = RADIUS, default = 1.5)]
     separation_m: f64,
+    /// Weight of separation (m²/s²).
+    #[key(kind = WEIGHT, default = 2.0)]
     separation: f64,
+    /// Weight of alignment (1/s).
+    #[key(kind = WEIGHT, default = 1.0)]
     alignment: f64,
+    /// Weight of cohesion (1/s²).
+    #[key(kind = WEIGHT, default = 0.5)]
     cohesion: f64,
+    /// Maximum acceleration (m/s²).
+    #[key(kind = RADIUS, default = 10.0)]
     acceleration_cap_mps2: f64,
 }
 

@@ -1,47 +1,18 @@
 //! Robots that form a circle.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::context::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Section, variant};
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "circle-formation",
-        doc: "Circle formation: every robot moves to the circle that fits the robots it knows of.",
-        fields: &[
-            field(
-                "radius_m",
-                "Radius of the circle (m). Absent: the best fit.",
-                Kind::Number(Range::above(0.0, 1e6)),
-                Default::Absent,
-            ),
-            field(
-                "even",
-                "Whether robots also spread along the circle, away from the nearer of their two neighbours on it.",
-                Kind::Bool,
-                Default::Bool(false),
-            ),
-            field(
-                "step_cap_m",
-                "Maximum displacement per control step (m).",
-                Kind::Number(Range::above(0.0, 1e6)),
-                Default::Number(0.1),
-            ),
-            field(
-                "threshold_m",
-                "A robot closer than this to its target position stays (m).",
-                Kind::Number(Range::closed(0.0, 1e6)),
-                Default::Number(0.001),
-            ),
-        ],
-    },
+    variant: variant::<CircleFormation>("circle-formation"),
     demands: Demands::NONE,
     goal: Goal::Circle,
-    build: |table, _, _| Some(Box::new(typed::<CircleFormation>(table))),
+    build: |table, _, _| Some(Box::new(CircleFormation::read(table))),
 };
 
+/// Circle formation: every robot moves to the circle that fits the robots it knows of.
+///
 /// Circle formation by least squares.
 ///
 /// # Model
@@ -57,11 +28,19 @@ pub(super) const ENTRY: Entry = Entry {
 ///
 /// In the plane. Fewer than three in all, or all in a line, have no circle: then everyone stays, unless `radius_m` is
 /// given. Robots do not avoid each other.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct CircleFormation {
+    /// Radius of the circle (m). Absent: the best fit.
+    #[key(above = 0.0, most = 1e6)]
     radius_m: Option<f64>,
+    /// Whether robots also spread along the circle, away from the nearer of their two neighbours on it.
+    #[key(default = false)]
     even: bool,
+    /// Maximum displacement per control step (m).
+    #[key(above = 0.0, most = 1e6, default = 0.1)]
     step_cap_m: f64,
+    /// A robot closer than this to its target position stays (m).
+    #[key(range = 0.0..=1e6, default = 0.001)]
     threshold_m: f64,
 }
 

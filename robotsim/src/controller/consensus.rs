@@ -1,48 +1,18 @@
 //! Robots that come together.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::context::field;
 use crate::dynamics::Command;
-use proto::config::{Choice, Default, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Choice, Section, variant};
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "consensus",
-        doc: "Consensus (rendezvous): every robot moves towards the robots it knows of.",
-        fields: &[
-            field(
-                "gain_per_s",
-                "Gain: rate at which differences shrink (1/s).",
-                Kind::Number(Range::above(0.0, 1e3)),
-                Default::Number(1.0),
-            ),
-            field(
-                "over",
-                "How differences to the neighbours are combined.",
-                Kind::Choice(&[
-                    Choice { name: "mean", doc: "The mean; stable for any number of robots." },
-                    Choice {
-                        name: "sum",
-                        doc: "The sum (the Laplacian protocol); stable only if gain × control period × maximum number of \
-                          neighbours is below 1.",
-                    },
-                ]),
-                Default::Text("mean"),
-            ),
-            field(
-                "threshold_m",
-                "The task is complete when no robot would move farther than this in a control period (m).",
-                Kind::Number(Range::above(0.0, 1e3)),
-                Default::Number(1e-3),
-            ),
-        ],
-    },
+    variant: variant::<Consensus>("consensus"),
     demands: Demands::NONE,
     goal: Goal::Other,
-    build: |table, _, _| Some(Box::new(typed::<Consensus>(table))),
+    build: |table, _, _| Some(Box::new(Consensus::read(table))),
 };
 
+/// Consensus (rendezvous): every robot moves towards the robots it knows of.
+///
 /// Consensus on a place.
 ///
 /// # Model
@@ -55,17 +25,24 @@ pub(super) const ENTRY: Entry = Entry {
 /// # Validity
 ///
 /// Robots have no extent. A robot that knows of nobody stays.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct Consensus {
+    /// Gain: rate at which differences shrink (1/s).
+    #[key(above = 0.0, most = 1e3, default = 1.0)]
     gain_per_s: f64,
+    /// How differences to the neighbours are combined.
+    #[key(default = Over::Mean)]
     over: Over,
+    /// The task is complete when no robot would move farther than this in a control period (m).
+    #[key(above = 0.0, most = 1e3, default = 1e-3)]
     threshold_m: f64,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 enum Over {
+    /// The mean; stable for any number of robots.
     Mean,
+    /// The sum (the Laplacian protocol); stable only if gain × control period × maximum number of neighbours is below 1.
     Sum,
 }
 

@@ -1,34 +1,26 @@
 //! Robots that all move with one velocity, whatever they hear.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::context::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Section, variant};
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "constant-velocity",
-        doc: "All robots move with the same velocity.",
-        fields: &[field(
-            "velocity_mps",
-            "The velocity (x, y in m/s).",
-            Kind::List { of: &Kind::Number(Range::closed(-1e4, 1e4)), min: 2, max: 2 },
-            Default::Required,
-        )],
-    },
+    variant: variant::<ConstantVelocity>("constant-velocity"),
     demands: Demands::NONE,
     goal: Goal::Other,
     build: |table, context, problems| {
-        let this: ConstantVelocity = typed(table);
+        let this = ConstantVelocity::read(table);
         let [vx, vy] = this.velocity_mps;
         super::check_speed("velocity_mps", libm::hypot(vx, vy), context, problems);
         Some(Box::new(this))
     },
 };
 
-#[derive(Debug, Deserialize)]
+/// All robots move with the same velocity.
+#[derive(Debug, Section)]
 struct ConstantVelocity {
+    /// The velocity (x, y in m/s).
+    #[key(range = -1e4..=1e4)]
     velocity_mps: [f64; 2],
 }
 

@@ -1,48 +1,17 @@
 //! Robots that spread over an area.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::context::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Kind, Range, Section, variant};
 
 const ANY: Kind = Kind::Number(Range::closed(-1e6, 1e6));
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "coverage",
-        doc: "Coverage by Lloyd's algorithm: every robot moves to the centroid of its Voronoi cell.",
-        fields: &[
-            field(
-                "from_m",
-                "South-western corner of the area (x, y in m).",
-                Kind::List { of: &ANY, min: 2, max: 2 },
-                Default::Required,
-            ),
-            field(
-                "to_m",
-                "North-eastern corner (x, y in m).",
-                Kind::List { of: &ANY, min: 2, max: 2 },
-                Default::Required,
-            ),
-            field(
-                "gain_per_s",
-                "Gain towards the centroid (1/s); robots do not overshoot it.",
-                Kind::Number(Range::above(0.0, 1e3)),
-                Default::Number(1.0),
-            ),
-            field(
-                "threshold_m",
-                "The task is complete when no robot would move farther than this in a control period (m).",
-                Kind::Number(Range::above(0.0, 1e3)),
-                Default::Number(1e-3),
-            ),
-        ],
-    },
+    variant: variant::<Coverage>("coverage"),
     demands: Demands::NONE,
     goal: Goal::Other,
     build: |table, context, problems| {
-        let this: Coverage = typed(table);
+        let this = Coverage::read(table);
         if this.to_m[0] <= this.from_m[0] || this.to_m[1] <= this.from_m[1] {
             let [x, y] = this.from_m;
             problems.push(
@@ -55,6 +24,8 @@ pub(super) const ENTRY: Entry = Entry {
     },
 };
 
+/// Coverage by Lloyd's algorithm: every robot moves to the centroid of its Voronoi cell.
+///
 /// Coverage of a rectangle.
 ///
 /// # Model
@@ -68,11 +39,19 @@ pub(super) const ENTRY: Entry = Entry {
 ///
 /// The plane only. A robot that knows of nobody stays: else all would meet in the middle before they have heard each other.
 /// Of robots in one place all think the part theirs. From outside a robot enters at the nearest point first.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct Coverage {
+    /// South-western corner of the area (x, y in m).
+    #[key(kind = Kind::List { of: &ANY, min: 2, max: 2 })]
     from_m: [f64; 2],
+    /// North-eastern corner (x, y in m).
+    #[key(kind = Kind::List { of: &ANY, min: 2, max: 2 })]
     to_m: [f64; 2],
+    /// Gain towards the centroid (1/s); robots do not overshoot it.
+    #[key(above = 0.0, most = 1e3, default = 1.0)]
     gain_per_s: f64,
+    /// The task is complete when no robot would move farther than this in a control period (m).
+    #[key(above = 0.0, most = 1e3, default = 1e-3)]
     threshold_m: f64,
 }
 

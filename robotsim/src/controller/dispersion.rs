@@ -1,43 +1,26 @@
 //! Robots that spread as far as their links hold.
 
 use super::{Controller, Demands, Entry, Goal, ParentLink, View, add, norm, scaled, sub};
-use crate::context::{Context, field};
+use crate::context::Context;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Problem, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Kind, Problem, Range, Section, variant};
 
 const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e4));
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "dispersion",
-        doc: "Dispersion: every robot moves away from the others, slower as the link to its routing parent weakens, and back \
-          if the link is nearly lost.",
-        fields: &[
-            field("speed_mps", "Maximum speed (m/s).", POSITIVE, Default::Number(1.0)),
-            field(
-                "rssi_floor_dbm",
-                "Received signal strength (dBm) below which a robot turns back.",
-                Kind::Number(Range::closed(-300.0, 100.0)),
-                Default::Number(-85.0),
-            ),
-            field(
-                "rssi_margin_db",
-                "Margin above the floor (dB) from which a robot moves at full speed; below, it moves more slowly.",
-                POSITIVE,
-                Default::Number(6.0),
-            ),
-        ],
-    },
+    variant: variant::<Dispersion>("dispersion"),
     demands: Demands::NONE,
     goal: Goal::Other,
     build: |table, context, problems| {
-        let this: Dispersion = typed(table);
+        let this = Dispersion::read(table);
         this.check(context, problems);
         Some(Box::new(this))
     },
 };
 
+/// Dispersion: every robot moves away from the others, slower as the link to its routing parent weakens, and back if the link is
+/// nearly lost.
+///
 /// Dispersion that keeps the network together.
 ///
 /// # Model
@@ -62,10 +45,16 @@ pub(super) const ENTRY: Entry = Entry {
 ///
 /// A link is judged by the strength of one frame: where that varies from frame to frame robots tremble at the floor. Places
 /// lie in one plane.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct Dispersion {
+    /// Maximum speed (m/s).
+    #[key(kind = POSITIVE, default = 1.0)]
     speed_mps: f64,
+    /// Received signal strength (dBm) below which a robot turns back.
+    #[key(range = -300.0..=100.0, default = -85.0)]
     rssi_floor_dbm: f64,
+    /// Margin above the floor (dB) from which a robot moves at full speed; below, it moves more slowly.
+    #[key(kind = POSITIVE, default = 6.0)]
     rssi_margin_db: f64,
 }
 

@@ -1,103 +1,61 @@
 //! Rooms are explored: robots send maps to a base, which sends them where nobody has been.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::context::{Context, field};
+use crate::context::Context;
 use crate::dynamics::Command;
 use crate::exploration::grid::{Grid, MAX_CELLS};
 use crate::exploration::{MIN_MESSAGE_BYTES, Settings};
-use proto::config::{Default, Kind, Problem, Range, Variant, typed};
+use proto::config::{Kind, Problem, Range, Section, variant};
 use proto::types::NS_PER_S;
-use serde::Deserialize;
 
 const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e4));
 const CORNER: Kind = Kind::List { of: &Kind::Number(Range::closed(-1e6, 1e6)), min: 2, max: 2 };
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "exploration",
-        doc: "Frontier exploration: robots map their surroundings and report to a base, which sends each robot to a different \
-          frontier of its map.",
-        fields: &[
-            field(
-                "from_m",
-                "South-western corner of the area (x, y in m).",
-                CORNER,
-                Default::Required,
-            ),
-            field(
-                "to_m",
-                "North-eastern corner of the area (x, y in m).",
-                CORNER,
-                Default::Required,
-            ),
-            field(
-                "cell_m",
-                "Side of a cell of the map (m).",
-                Kind::Number(Range::closed(0.01, 1e3)),
-                Default::Number(0.5),
-            ),
-            field(
-                "range_m",
-                "Sensing range (m), limited by walls and obstacles in the line of sight; at least 1.5 cells.",
-                POSITIVE,
-                Default::Number(4.0),
-            ),
-            field("speed_mps", "Speed of a robot (m/s).", POSITIVE, Default::Number(0.5)),
-            field(
-                "base",
-                "The robot that is the base: it collects maps, sends waypoints, and stays where it is. Routes to it are \
-             shortest if it is a root of the network.",
-                Kind::Integer { min: 0, max: u32::MAX as i64 },
-                Default::Integer(0),
-            ),
-            field(
-                "report_s",
-                "Minimum interval between reports of a robot, and between answers of the base to it (s).",
-                Kind::Number(Range::closed(1e-3, 1e4)),
-                Default::Number(1.0),
-            ),
-            field(
-                "retry_s",
-                "Retransmission timeout of unanswered messages (s); a robot without news also reports at this interval. At \
-             least report_s.",
-                Kind::Number(Range::closed(1e-3, 1e5)),
-                Default::Number(10.0),
-            ),
-            field(
-                "return_after_s",
-                "A robot that has waited this long for a message from the base (s) returns towards its initial position. \
-             Absent: it stays.",
-                Kind::Number(Range::closed(1e-3, 1e6)),
-                Default::Absent,
-            ),
-            field(
-                "message_bytes",
-                "Maximum size of a message (bytes). Up to about 60 fit into one frame.",
-                Kind::Integer { min: MIN_MESSAGE_BYTES as i64, max: 900 },
-                Default::Integer(60),
-            ),
-        ],
-    },
+    variant: variant::<Raw>("exploration"),
     demands: Demands { sends_messages: true, ..Demands::NONE },
     goal: Goal::Explore,
     build: |table, context, problems| {
-        let raw: Raw = typed(table);
+        let raw = Raw::read(table);
         raw.settings(context, problems)
             .map(|settings| Box::new(Exploration { settings }) as Box<dyn Controller>)
     },
 };
 
-#[derive(Debug, Deserialize)]
+/// Frontier exploration: robots map their surroundings and report to a base, which sends each robot to a different frontier of its
+/// map.
+#[derive(Debug, Section)]
 struct Raw {
+    /// South-western corner of the area (x, y in m).
+    #[key(kind = CORNER)]
     from_m: [f64; 2],
+    /// North-eastern corner of the area (x, y in m).
+    #[key(kind = CORNER)]
     to_m: [f64; 2],
+    /// Side of a cell of the map (m).
+    #[key(range = 0.01..=1e3, default = 0.5)]
     cell_m: f64,
+    /// Sensing range (m), limited by walls and obstacles in the line of sight; at least 1.5 cells.
+    #[key(kind = POSITIVE, default = 4.0)]
     range_m: f64,
+    /// Speed of a robot (m/s).
+    #[key(kind = POSITIVE, default = 0.5)]
     speed_mps: f64,
+    /// The robot that is the base: it collects maps, sends waypoints, and stays where it is. Routes to it are shortest if it is a
+    /// root of the network.
+    #[key(range = 0..=u32::MAX, default = 0)]
     base: usize,
+    /// Minimum interval between reports of a robot, and between answers of the base to it (s).
+    #[key(range = 1e-3..=1e4, default = 1.0)]
     report_s: f64,
+    /// Retransmission timeout of unanswered messages (s); a robot without news also reports at this interval. At least report_s.
+    #[key(range = 1e-3..=1e5, default = 10.0)]
     retry_s: f64,
+    /// A robot that has waited this long for a message from the base (s) returns towards its initial position. Absent: it stays.
+    #[key(range = 1e-3..=1e6)]
     return_after_s: Option<f64>,
+    /// Maximum size of a message (bytes). Up to about 60 fit into one frame.
+    #[key(range = MIN_MESSAGE_BYTES..=900, default = 60)]
     message_bytes: usize,
 }
 

@@ -1,124 +1,23 @@
 //! Robots that follow a leader, held together and apart by a potential.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::context::field;
 use crate::dynamics::Command;
 use crate::knowledge::Seen;
-use proto::config::{Choice, Default, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Choice, Kind, Range, Section, variant};
 
 const RADIUS: Kind = Kind::Number(Range::closed(1e-3, 1e6));
 const SPEED: Kind = Kind::Number(Range::closed(-1e4, 1e4));
 const POINT: Kind = Kind::List { of: &Kind::Number(Range::closed(-1e6, 1e6)), min: 2, max: 2 };
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "flocking",
-        doc: "Flocking: one robot leads with a constant velocity, and the others follow by the gradient of a potential.",
-        fields: &[
-            field(
-                "law",
-                "The potential.",
-                Kind::Choice(&[
-                    Choice {
-                        name: "paper",
-                        doc: "As the BotNet paper prints it: exponents in d².",
-                    },
-                    Choice { name: "botnet", doc: "As BotNet's code has it: exponents in d." },
-                    Choice {
-                        name: "zavlanos",
-                        doc: "The original, 1/d² + 1/(r_flock² − d²), which is singular at r_flock.",
-                    },
-                ]),
-                Default::Text("paper"),
-            ),
-            field(
-                "flock_radius_m",
-                "r_flock: maximum desired distance between robots (m).",
-                RADIUS,
-                Default::Required,
-            ),
-            field(
-                "collision_radius_m",
-                "r_collision (m). Default: the BotNet paper's.",
-                RADIUS,
-                Default::Number(0.8),
-            ),
-            field(
-                "leader",
-                "The agent that leads.",
-                Kind::Integer { min: 0, max: u32::MAX as i64 },
-                Default::Integer(0),
-            ),
-            field(
-                "leaderless",
-                "No robot leads; all follow the law. leader_velocity_mps and leader_weight are unused.",
-                Kind::Bool,
-                Default::Bool(false),
-            ),
-            field(
-                "input",
-                "Quantity that the control law commands.",
-                Kind::Choice(&[
-                    Choice { name: "velocity", doc: "The velocity, as in the BotNet paper." },
-                    Choice {
-                        name: "acceleration",
-                        doc: "The acceleration of followers: double integrators, as in the original.",
-                    },
-                ]),
-                Default::Text("velocity"),
-            ),
-            field(
-                "leader_velocity_mps",
-                "The leader's velocity (x, y in m/s). Default: [7, 0], the BotNet paper's experiments.",
-                Kind::List { of: &SPEED, min: 2, max: 2 },
-                Default::Absent,
-            ),
-            field(
-                "leader_path_m",
-                "Waypoints (x, y in m) of the leader, at the speed of leader_velocity_mps. Absent: it moves straight on.",
-                Kind::List { of: &POINT, min: 2, max: 10_000 },
-                Default::Absent,
-            ),
-            field(
-                "leader_path_closed",
-                "Whether the leader returns from the last waypoint to the first, in a loop.",
-                Kind::Bool,
-                Default::Bool(false),
-            ),
-            field(
-                "leader_weight",
-                "Weight of the leader among the neighbours of a follower. Default: a tenth of the number of agents, at least 1.",
-                Kind::Number(Range::above(0.0, 1e6)),
-                Default::Absent,
-            ),
-            field(
-                "leader_weight_on",
-                "Which term of the leader is weighted.",
-                Kind::Choice(&[
-                    Choice { name: "gradient", doc: "The gradient of its potential." },
-                    Choice {
-                        name: "velocity",
-                        doc: "The velocity difference; requires velocity_term = true.",
-                    },
-                ]),
-                Default::Text("gradient"),
-            ),
-            field(
-                "velocity_term",
-                "Whether followers also align velocities, by the first sum of the BotNet paper's general law.",
-                Kind::Bool,
-                Default::Bool(false),
-            ),
-        ],
-    },
+    variant: variant::<Flocking>("flocking"),
     demands: Demands::NONE,
     goal: Goal::FollowLeader,
     build: |table, context, problems| {
         let default = context.n_agents as f64 / 10.0;
         table.entry("leader_weight").or_insert(default.max(1.0).into());
         table.entry("leader_velocity_mps").or_insert(vec![7.0, 0.0].into());
-        let this: Flocking = typed(table);
+        let this = Flocking::read(table);
         if context.n_agents <= this.leader {
             let last = context.n_agents - 1;
             problems.push(
@@ -142,6 +41,8 @@ pub(super) const ENTRY: Entry = Entry {
     },
 };
 
+/// Flocking: one robot leads with a constant velocity, and the others follow by the gradient of a potential.
+///
 /// Follow-the-leader flocking.
 ///
 /// # Model
@@ -175,41 +76,69 @@ pub(super) const ENTRY: Entry = Entry {
 /// # Validity
 ///
 /// A follower that knows of nobody stops, or with `input = "acceleration"` goes straight on. The exponent is limited to 200: further out the speed cap decides anyway.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct Flocking {
+    /// The potential.
+    #[key(default = Law::Paper)]
     law: Law,
+    /// r_flock: maximum desired distance between robots (m).
+    #[key(kind = RADIUS)]
     flock_radius_m: f64,
+    /// r_collision (m). Default: the BotNet paper's.
+    #[key(kind = RADIUS, default = 0.8)]
     collision_radius_m: f64,
+    /// The agent that leads.
+    #[key(range = 0..=u32::MAX, default = 0)]
     leader: usize,
+    /// No robot leads; all follow the law. leader_velocity_mps and leader_weight are unused.
+    #[key(default = false)]
     leaderless: bool,
+    /// Quantity that the control law commands.
+    #[key(default = Input::Velocity)]
     input: Input,
+    /// The leader's velocity (x, y in m/s). Default: \[7, 0\], the BotNet paper's experiments.
+    #[key(kind = Kind::List { of: &SPEED, min: 2, max: 2 }, absent)]
     leader_velocity_mps: [f64; 2],
-    leader_weight: f64,
-    leader_weight_on: WeightOn,
-    velocity_term: bool,
+    /// Waypoints (x, y in m) of the leader, at the speed of leader_velocity_mps. Absent: it moves straight on.
+    #[key(kind = Kind::List { of: &POINT, min: 2, max: 10_000 })]
     leader_path_m: Option<Vec<[f64; 2]>>,
+    /// Whether the leader returns from the last waypoint to the first, in a loop.
+    #[key(default = false)]
     leader_path_closed: bool,
+    /// Weight of the leader among the neighbours of a follower. Default: a tenth of the number of agents, at least 1.
+    #[key(above = 0.0, most = 1e6, absent)]
+    leader_weight: f64,
+    /// Which term of the leader is weighted.
+    #[key(default = WeightOn::Gradient)]
+    leader_weight_on: WeightOn,
+    /// Whether followers also align velocities, by the first sum of the BotNet paper's general law.
+    #[key(default = false)]
+    velocity_term: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 enum Law {
-    Botnet,
+    /// As the BotNet paper prints it: exponents in d².
     Paper,
+    /// As BotNet's code has it: exponents in d.
+    Botnet,
+    /// The original, 1/d² + 1/(r_flock² − d²), which is singular at r_flock.
     Zavlanos,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 enum Input {
-    Acceleration,
+    /// The velocity, as in the BotNet paper.
     Velocity,
+    /// The acceleration of followers: double integrators, as in the original.
+    Acceleration,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 enum WeightOn {
+    /// The gradient of its potential.
     Gradient,
+    /// The velocity difference; requires velocity_term = true.
     Velocity,
 }
 

@@ -1,53 +1,16 @@
 //! Robots that jump at random within an arena: a workload for the network, not a behaviour.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::context::field;
 use crate::dynamics::Command;
-use proto::config::{Choice, Default, Kind, Range, Variant, typed};
+use proto::config::{Choice, Section, variant};
 use proto::rng::uniform;
-use serde::Deserialize;
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "random-jump",
-        doc: "Every robot jumps at random each step, within an arena around the origin; a workload for benchmarks.",
-        fields: &[
-            field(
-                "jump_m",
-                "Maximum jump along each axis (m). Default: that of BotNet's timing task.",
-                Kind::Number(Range::above(0.0, 1e6)),
-                Default::Number(2.5),
-            ),
-            field(
-                "arena",
-                "Shape of the arena.",
-                Kind::Choice(&[
-                    Choice {
-                        name: "disc",
-                        doc: "A disc whose size follows from `density_per_m2`.",
-                    },
-                    Choice { name: "square", doc: "A square of `side_m`." },
-                ]),
-                Default::Text("square"),
-            ),
-            field(
-                "side_m",
-                "Side of the square (m). Default: 10.",
-                Kind::Number(Range::above(0.0, 1e6)),
-                Default::Absent,
-            ),
-            field(
-                "density_per_m2",
-                "Agents per m² of the disc. Default: 0.22.",
-                Kind::Number(Range::closed(1e-9, 1e9)),
-                Default::Absent,
-            ),
-        ],
-    },
+    variant: variant::<Raw>("random-jump"),
     demands: Demands { jumps: true, ..Demands::NONE },
     goal: Goal::Other,
     build: |table, context, problems| {
-        let raw: Raw = typed(table);
+        let raw = Raw::read(table);
         let (own, foreign, given, default) = match raw.arena {
             ArenaKind::Disc => ("density_per_m2", "side_m", raw.density_per_m2, 0.22),
             ArenaKind::Square => ("side_m", "density_per_m2", raw.side_m, 10.0),
@@ -69,18 +32,28 @@ pub(super) const ENTRY: Entry = Entry {
     },
 };
 
-#[derive(Deserialize)]
+/// Every robot jumps at random each step, within an arena around the origin; a workload for benchmarks.
+#[derive(Section)]
 struct Raw {
+    /// Maximum jump along each axis (m). Default: that of BotNet's timing task.
+    #[key(above = 0.0, most = 1e6, default = 2.5)]
     jump_m: f64,
+    /// Shape of the arena.
+    #[key(default = ArenaKind::Square)]
     arena: ArenaKind,
+    /// Side of the square (m). Default: 10.
+    #[key(above = 0.0, most = 1e6)]
     side_m: Option<f64>,
+    /// Agents per m² of the disc. Default: 0.22.
+    #[key(range = 1e-9..=1e9)]
     density_per_m2: Option<f64>,
 }
 
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy)]
 enum ArenaKind {
+    /// A disc whose size follows from `density_per_m2`.
     Disc,
+    /// A square of `side_m`.
     Square,
 }
 

@@ -1,44 +1,18 @@
 //! Robots that wander: the mobility model of networks that move.
 
 use super::{Controller, Demands, Entry, Goal, View, scaled, sub};
-use crate::context::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range, Variant, typed};
+use proto::config::{Kind, Range, Section, variant};
 use proto::rng::{Draws, uniform};
-use serde::Deserialize;
 
 const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e6));
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "random-waypoint",
-        doc: "Random waypoint: every robot drives straight to random places, one after another, each time at a random speed.",
-        fields: &[
-            field(
-                "side_m",
-                "Side of the square around the origin that contains the waypoints (m).",
-                POSITIVE,
-                Default::Required,
-            ),
-            field(
-                "slowest_mps",
-                "Minimum speed (m/s); must be above 0, or the mean speed would decay to 0 over time.",
-                POSITIVE,
-                Default::Number(0.5),
-            ),
-            field("fastest_mps", "Maximum speed (m/s).", POSITIVE, Default::Number(2.0)),
-            field(
-                "pause_s",
-                "Pause at each waypoint (s).",
-                Kind::Number(Range::closed(0.0, 1e6)),
-                Default::Number(0.0),
-            ),
-        ],
-    },
+    variant: variant::<RandomWaypoint>("random-waypoint"),
     demands: Demands::NONE,
     goal: Goal::Other,
     build: |table, context, problems| {
-        let this: RandomWaypoint = typed(table);
+        let this = RandomWaypoint::read(table);
         super::check_speed("fastest_mps", this.fastest_mps, context, problems);
         if this.fastest_mps < this.slowest_mps {
             problems.push(
@@ -55,6 +29,8 @@ pub(super) const ENTRY: Entry = Entry {
     },
 };
 
+/// Random waypoint: every robot drives straight to random places, one after another, each time at a random speed.
+///
 /// The random waypoint model.
 ///
 /// # Model
@@ -68,11 +44,19 @@ pub(super) const ENTRY: Entry = Entry {
 /// # Validity
 ///
 /// In the plane. As ever with this model, robots are denser in the middle than at the edge.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct RandomWaypoint {
+    /// Side of the square around the origin that contains the waypoints (m).
+    #[key(kind = POSITIVE)]
     side_m: f64,
+    /// Minimum speed (m/s); must be above 0, or the mean speed would decay to 0 over time.
+    #[key(kind = POSITIVE, default = 0.5)]
     slowest_mps: f64,
+    /// Maximum speed (m/s).
+    #[key(kind = POSITIVE, default = 2.0)]
     fastest_mps: f64,
+    /// Pause at each waypoint (s).
+    #[key(range = 0.0..=1e6, default = 0.0)]
     pause_s: f64,
 }
 

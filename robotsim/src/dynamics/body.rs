@@ -3,6 +3,7 @@
 use super::inertial::{DoubleIntegrator, Inertial, Quadrotor, within};
 use super::point_mass::PointMass;
 use super::rigid::RigidBody;
+use proto::config::{Choice, Section};
 use serde::{Deserialize, Serialize};
 
 /// What a robot is asked for, or does.
@@ -12,7 +13,7 @@ use serde::{Deserialize, Serialize};
 pub type Drive = [f64; 3];
 
 /// Which of a robot's actuators.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Part {
     /// Velocity, or speed along the heading.
@@ -41,13 +42,19 @@ impl Shape {
 }
 
 /// A body.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Section)]
 pub(super) enum Body {
+    /// A point mass that takes the commanded velocity at once.
     PointMass(PointMass),
+    /// A point mass with inertia and limited acceleration.
     DoubleIntegrator(DoubleIntegrator),
+    /// A multicopter: accelerated by its thrust, whose direction follows with a lag.
     Quadrotor(Quadrotor),
+    /// A rigid disc with mass, friction and spin, which pushes what it touches.
     RigidBody(RigidBody),
+    /// A unicycle: drives along its heading and turns at the commanded yaw rate.
     Unicycle(Unicycle),
+    /// A car: drives along its heading and turns with its steered front wheels.
     Car(Car),
 }
 
@@ -62,9 +69,13 @@ pub(super) enum Body {
 /// # Validity
 ///
 /// On a plane, z stays as it is; no inertia and no slip but what effects add.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Section)]
 pub(super) struct Unicycle {
+    /// The cap (m/s).
+    #[key(inherited)]
     speed_cap_mps: f64,
+    /// Maximum yaw rate (rad/s).
+    #[key(above = 0.0, most = 1e3, default = 10.0)]
     yaw_rate_cap_radps: f64,
 }
 
@@ -79,11 +90,17 @@ pub(super) struct Unicycle {
 /// # Validity
 ///
 /// As the unicycle; lateral accelerations well below grip.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Section)]
 pub(super) struct Car {
+    /// The cap (m/s).
+    #[key(inherited)]
     speed_cap_mps: f64,
-    steer_cap_rad: f64,
+    /// Wheelbase (m). 0.33: a car of scale 1:10.
+    #[key(above = 0.0, most = 100.0, default = 0.33)]
     wheelbase_m: f64,
+    /// Maximum steering angle (rad).
+    #[key(above = 0.0, most = 1.5, default = 0.6)]
+    steer_cap_rad: f64,
 }
 
 impl Body {

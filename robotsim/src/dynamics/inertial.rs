@@ -1,6 +1,6 @@
 //! Bodies that keep their velocity: what they are asked for is an acceleration.
 
-use serde::Deserialize;
+use proto::config::Section;
 
 /// Standard gravity (m/s²): CGPM 1901.
 pub const GRAVITY_MPS2: f64 = 9.806_65;
@@ -16,9 +16,13 @@ pub const GRAVITY_MPS2: f64 = 9.806_65;
 /// # Validity
 ///
 /// No drag, no attitude. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Section)]
 pub(super) struct DoubleIntegrator {
+    /// The cap (m/s).
+    #[key(inherited)]
     pub(super) speed_cap_mps: f64,
+    /// Maximum acceleration (m/s²).
+    #[key(above = 0.0, most = 1e4, default = 10.0)]
     acceleration_cap_mps2: f64,
 }
 
@@ -44,13 +48,26 @@ pub(super) struct DoubleIntegrator {
 /// # Validity
 ///
 /// No rotor drag, no battery, no ground effect; angular rates are not limited but by the lag. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Section)]
 pub(super) struct Quadrotor {
+    /// The cap (m/s).
+    #[key(inherited)]
     pub(super) speed_cap_mps: f64,
+    /// Velocity gain: commanded acceleration per velocity error (1/s).
+    #[key(above = 0.0, most = 1e3, default = 2.0)]
     velocity_gain_per_s: f64,
+    /// Maximum tilt of the thrust from the vertical (rad).
+    #[key(above = 0.0, most = 1.5, default = 0.5)]
     tilt_cap_rad: f64,
+    /// Maximum thrust, as a multiple of the robot's weight.
+    #[key(above = 1.0, most = 100.0, default = 2.0)]
     thrust_cap_weights: f64,
+    /// Time constant of the thrust (s). 0: no lag.
+    #[key(range = 0.0..=100.0, default = 0.15)]
     attitude_lag_s: f64,
+    /// Mass (kg). Measurements with commands of thrust require it; motion in a run does not depend on it.
+    #[key(above = 0.0, most = 1e6)]
+    mass_kg: Option<f64>,
 }
 
 /// How a body that keeps its velocity is pushed.
@@ -172,6 +189,7 @@ mod tests {
             tilt_cap_rad: 0.5,
             thrust_cap_weights: 2.0,
             attitude_lag_s: 0.15,
+            mass_kg: None,
         }
     }
 

@@ -1,6 +1,6 @@
 //! A point that has the commanded velocity at once, up to a limit.
 
-use serde::Deserialize;
+use proto::config::{Choice, Section};
 
 /// A velocity-commanded point mass.
 ///
@@ -12,18 +12,23 @@ use serde::Deserialize;
 /// # Validity
 ///
 /// No inertia, drag or slip. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Section)]
 pub(super) struct PointMass {
     /// The cap (m/s).
+    #[key(inherited)]
     pub(super) speed_cap_mps: f64,
+    /// What it limits.
+    #[key(inherited)]
     cap: Cap,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum Cap {
-    Axis,
+/// What a speed cap limits.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cap {
+    /// The speed, keeping the direction.
     Norm,
+    /// Each velocity component separately, as BotNet's code does: the speed may reach 1.41 times the cap.
+    Axis,
 }
 
 impl PointMass {

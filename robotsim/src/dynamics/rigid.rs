@@ -2,9 +2,7 @@
 
 use super::inertial::{GRAVITY_MPS2, Inertial, within};
 use super::norm;
-use crate::context::field;
-use proto::config::{Default as Absent, Field, Kind, Range};
-use serde::Deserialize;
+use proto::config::Section;
 
 /// A rigid disc on the ground.
 ///
@@ -32,50 +30,30 @@ use serde::Deserialize;
 /// change their velocities up to one part's way before they touch. Where several meet at once, a restitution for each pair can give
 /// them more energy than they had: what they exchange is then lessened until they have as much. How sliding lessens what the ground takes from the spin, and the
 /// reverse, is left out (Farkas et al., Phys. Rev. Lett. 90, 248302, 2003). Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Section)]
 pub(super) struct RigidBody {
+    /// The cap (m/s).
+    #[key(inherited)]
     pub(super) speed_cap_mps: f64,
+    /// Mass (kg).
+    #[key(above = 0.0, most = 1e6, default = 1.0)]
     pub(super) mass_kg: f64,
+    /// Diameter of the body in contacts (m). `robotsim.diameter_m` sets what counts as a collision.
+    #[key(range = 1e-3..=1e3, default = 0.3)]
     pub(super) body_diameter_m: f64,
+    /// Maximum drive force (N). 0: no drive; the body is only pushed.
+    #[key(range = 0.0..=1e9, default = 10.0)]
     pub(super) force_cap_n: f64,
+    /// Coefficient of friction in contacts with robots, walls and obstacles.
+    #[key(range = 0.0..=10.0, default = 0.3)]
     pub(super) friction: f64,
+    /// Coefficient of restitution: ratio of the speed after a contact to that before.
+    #[key(range = 0.0..=1.0, default = 0.0)]
     pub(super) restitution: f64,
+    /// Coefficient of sliding friction with the ground. 0: it glides, or rolls on wheels.
+    #[key(range = 0.0..=10.0, default = 0.0)]
     pub(super) ground_friction: f64,
 }
-
-pub(super) const FIELDS: &[Field] = &[
-    field("mass_kg", "Mass (kg).", Kind::Number(Range::above(0.0, 1e6)), Absent::Number(1.0)),
-    field(
-        "body_diameter_m",
-        "Diameter of the body in contacts (m). `robotsim.diameter_m` sets what counts as a collision.",
-        Kind::Number(Range::closed(1e-3, 1e3)),
-        Absent::Number(0.3),
-    ),
-    field(
-        "force_cap_n",
-        "Maximum drive force (N). 0: no drive; the body is only pushed.",
-        Kind::Number(Range::closed(0.0, 1e9)),
-        Absent::Number(10.0),
-    ),
-    field(
-        "friction",
-        "Coefficient of friction in contacts with robots, walls and obstacles.",
-        Kind::Number(Range::closed(0.0, 10.0)),
-        Absent::Number(0.3),
-    ),
-    field(
-        "restitution",
-        "Coefficient of restitution: ratio of the speed after a contact to that before.",
-        Kind::Number(Range::closed(0.0, 1.0)),
-        Absent::Number(0.0),
-    ),
-    field(
-        "ground_friction",
-        "Coefficient of sliding friction with the ground. 0: it glides, or rolls on wheels.",
-        Kind::Number(Range::closed(0.0, 10.0)),
-        Absent::Number(0.0),
-    ),
-];
 
 impl Inertial for RigidBody {
     fn towards(&self, velocity_mps: [f64; 3], own_mps: [f64; 3], dt_s: f64) -> [f64; 3] {

@@ -1,24 +1,22 @@
 //! A circle.
 
 use super::{Entry, LENGTH, Place, Scenario};
-use crate::context::field;
-use proto::config::{Default, Variant, typed};
+use proto::config::{Section, variant};
 use proto::rng::Draws;
-use serde::Deserialize;
 use std::f64::consts::TAU;
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "circle",
-        doc: "Evenly spaced on a circle around the origin, counter-clockwise from agent 0 in the east.",
-        fields: &[field("radius_m", "Radius of the circle (m).", LENGTH, Default::Required)],
-    },
-    build: |table, _, _| Some(Box::new(typed::<Circle>(table))),
+    variant: variant::<Circle>("circle"),
+    build: |table, _, _| Some(Box::new(Circle::read(table))),
 };
 
+/// Evenly spaced on a circle around the origin, counter-clockwise from agent 0 in the east.
+///
 /// Agent i at the angle 2 π i / n.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct Circle {
+    /// Radius of the circle (m).
+    #[key(kind = LENGTH)]
     radius_m: f64,
 }
 

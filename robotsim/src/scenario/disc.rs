@@ -1,29 +1,22 @@
 //! A disc of given density.
 
 use super::{Entry, Place, Scenario};
-use crate::context::field;
-use proto::config::{Default, Kind, Range, Variant, typed};
+use proto::config::{Section, variant};
 use proto::rng::{Draws, uniform};
-use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "disc",
-        doc: "Uniformly at random in a disc around the origin, whose size follows from the density.",
-        fields: &[field(
-            "density_per_m2",
-            "Agents per m²: about 5 in the BotNet paper, 0.22 in its code.",
-            Kind::Number(Range::closed(1e-9, 1e9)),
-            Default::Required,
-        )],
-    },
-    build: |table, _, _| Some(Box::new(typed::<Disc>(table))),
+    variant: variant::<Disc>("disc"),
+    build: |table, _, _| Some(Box::new(Disc::read(table))),
 };
 
+/// Uniformly at random in a disc around the origin, whose size follows from the density.
+///
 /// Uniform in a disc of radius √(n / (π density)).
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct Disc {
+    /// Agents per m²: about 5 in the BotNet paper, 0.22 in its code.
+    #[key(range = 1e-9..=1e9)]
     density_per_m2: f64,
 }
 

@@ -1,32 +1,24 @@
 //! A grid.
 
 use super::{Entry, LENGTH, Place, Scenario};
-use crate::context::field;
-use proto::config::{Default, Kind, Variant, typed};
+use proto::config::{Section, variant};
 use proto::rng::Draws;
-use serde::Deserialize;
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "grid",
-        doc: "On a grid around the origin, in rows from west to east, starting in the south.",
-        fields: &[
-            field("spacing_m", "Distance between neighbours (m).", LENGTH, Default::Number(2.0)),
-            field(
-                "columns",
-                "Robots per row. Absent: as many as make the grid square.",
-                Kind::Integer { min: 1, max: u32::MAX as i64 },
-                Default::Absent,
-            ),
-        ],
-    },
-    build: |table, _, _| Some(Box::new(typed::<Grid>(table))),
+    variant: variant::<Grid>("grid"),
+    build: |table, _, _| Some(Box::new(Grid::read(table))),
 };
 
+/// On a grid around the origin, in rows from west to east, starting in the south.
+///
 /// Agent i in row ⌊i/c⌋ and column i mod c of c columns, c = ⌈√n⌉ unless it is given.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct Grid {
+    /// Distance between neighbours (m).
+    #[key(kind = LENGTH, default = 2.0)]
     spacing_m: f64,
+    /// Robots per row. Absent: as many as make the grid square.
+    #[key(range = 1..=u32::MAX)]
     columns: Option<usize>,
 }
 

@@ -1,32 +1,13 @@
 //! A line across the leader, alternating sides.
 
 use super::{Entry, LENGTH, Place, Scenario};
-use crate::context::field;
-use proto::config::{Default, Kind, Range, Variant, typed};
+use proto::config::{Section, variant};
 use proto::rng::Draws;
-use serde::Deserialize;
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "line",
-        doc: "Along the y axis: agent 0 at the origin, the others on alternating sides.",
-        fields: &[
-            field(
-                "spacing_m",
-                "Spacing along the line (m). Default: the BotNet paper's.",
-                LENGTH,
-                Default::Number(2.0),
-            ),
-            field(
-                "jitter_m",
-                "Maximum random displacement along the line of each agent but agent 0 (m). Default: BotNet's.",
-                Kind::Number(Range::closed(0.0, 1e6)),
-                Default::Number(0.25),
-            ),
-        ],
-    },
+    variant: variant::<Line>("line"),
     build: |table, context, problems| {
-        let line: Line = typed(table);
+        let line = Line::read(table);
         if line.spacing_m < 2.0 * line.jitter_m {
             problems.push(
                 context
@@ -42,11 +23,17 @@ pub(super) const ENTRY: Entry = Entry {
     },
 };
 
+/// Along the y axis: agent 0 at the origin, the others on alternating sides.
+///
 /// Agent 0 at (0, 0), agent i + 1 at x = 0, y = (−1)^i (spacing (⌊i/2⌋ + 1) + e), e ~ U(−jitter, jitter): the start of
 /// BotNet's flocking experiments (`center_line_flock`).
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct Line {
+    /// Spacing along the line (m). Default: the BotNet paper's.
+    #[key(kind = LENGTH, default = 2.0)]
     spacing_m: f64,
+    /// Maximum random displacement along the line of each agent but agent 0 (m). Default: BotNet's.
+    #[key(range = 0.0..=1e6, default = 0.25)]
     jitter_m: f64,
 }
 

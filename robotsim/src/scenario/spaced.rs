@@ -1,27 +1,13 @@
 //! At random, but not too close.
 
 use super::{Entry, LENGTH, Place, Scenario};
-use crate::context::field;
-use proto::config::{Default, Variant, typed};
+use proto::config::{Section, variant};
 use proto::rng::{Draws, uniform};
-use serde::Deserialize;
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "spaced",
-        doc: "At random in a square around the origin, with a minimum distance between robots.",
-        fields: &[
-            field("side_m", "Side of the square (m).", LENGTH, Default::Required),
-            field(
-                "min_distance_m",
-                "Minimum distance between robots (m).",
-                LENGTH,
-                Default::Required,
-            ),
-        ],
-    },
+    variant: variant::<Spaced>("spaced"),
     build: |table, context, problems| {
-        let this: Spaced = typed(table);
+        let this = Spaced::read(table);
         // Discs of half the distance, of which random placing fills 0.547 of the plane at most; half of that leaves room.
         let area_m2 = (this.side_m + this.min_distance_m) * (this.side_m + this.min_distance_m);
         let disc_m2 = std::f64::consts::PI / 4.0 * this.min_distance_m * this.min_distance_m;
@@ -48,11 +34,17 @@ pub(super) const ENTRY: Entry = Entry {
 /// Share of the plane that may be filled: half the saturation density of random sequential addition of discs (Feder 1980).
 const MOST_FILLED: f64 = 0.27;
 
+/// At random in a square around the origin, with a minimum distance between robots.
+///
 /// One after another, each uniform in the square, drawn again while it is too close to one before (random sequential
 /// addition). A robot's place depends on those of lower number alone.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct Spaced {
+    /// Side of the square (m).
+    #[key(kind = LENGTH)]
     side_m: f64,
+    /// Minimum distance between robots (m).
+    #[key(kind = LENGTH)]
     min_distance_m: f64,
 }
 

@@ -1,28 +1,21 @@
 //! A square.
 
 use super::{Entry, LENGTH, Place, Scenario};
-use crate::context::field;
-use proto::config::{Default, Variant, typed};
+use proto::config::{Section, variant};
 use proto::rng::{Draws, uniform};
-use serde::Deserialize;
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "square",
-        doc: "Uniformly at random in a square around the origin.",
-        fields: &[field(
-            "side_m",
-            "Side of the square (m). Default: that of BotNet's timing task.",
-            LENGTH,
-            Default::Number(10.0),
-        )],
-    },
-    build: |table, _, _| Some(Box::new(typed::<Square>(table))),
+    variant: variant::<Square>("square"),
+    build: |table, _, _| Some(Box::new(Square::read(table))),
 };
 
+/// Uniformly at random in a square around the origin.
+///
 /// Uniform in a square.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct Square {
+    /// Side of the square (m). Default: that of BotNet's timing task.
+    #[key(kind = LENGTH, default = 10.0)]
     side_m: f64,
 }
 

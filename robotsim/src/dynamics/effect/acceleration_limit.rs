@@ -1,71 +1,47 @@
 //! Velocity that changes only so fast.
 
-use super::{Effect, Entry, Part, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Parameter, Search};
-use serde::Deserialize;
+use super::{Effect, Entry, Part};
+use proto::config::Section;
+use proto::effect::{Catalogued, Search};
 
 /// `kind = "acceleration-limit"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "acceleration-limit",
-        doc: "The acceleration is limited.",
-        fields: &[Field {
-            key: "limit_mps2",
-            doc: "Maximum acceleration (m/s²).",
-            kind: Kind::Number(Range::above(0.0, 1e6)),
-            default: Default::Required,
-        }],
-    },
-    about: About {
-        mechanism: "Torque, grip or firmware limit how fast a robot speeds up, brakes or changes direction.",
-        equation: "|dv/dt| <= limit_mps2",
-        source: "Definition.",
-        validity: "The same in all directions, for acceleration and braking. Together with actuator-lag: dv/dt = (u - v) / \
-                   tau_s, clipped at the limit. Solved exactly.",
-        trace: "A ramp after large changes of command, and no error after small ones.",
-        needs: &[],
-        example: "limit_mps2 = 1.5\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "limit_mps2",
-            unit: "m/s²",
-            min: 0.01,
-            max: 1e6,
-            starts: &[0.1, 0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 1e4, 1e6],
-            step: 0.05,
-        }],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        search: Search::ThresholdsOfChanges,
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<AccelerationLimit>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<AccelerationLimit>();
 
-/// A bound on how fast the velocity changes.
+/// The acceleration is limited.
 ///
-/// # Model
+/// # Mechanism
+///
+/// Torque, grip or firmware limit how fast a robot speeds up, brakes or changes direction.
+///
+/// # Equation
 ///
 /// ```text
-/// |dv/dt| ≤ a        and with a lag τ:  dv/dt = (u − v)/τ, cut to the length a
+/// |dv/dt| <= limit_mps2
 /// ```
 ///
-/// u is the velocity asked for, after delays and all effects on the command. Definition. Solved exactly within a step.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `limit_mps2` a: greatest change of the velocity, or of the speed along the heading (m/s²), greater than 0.
+/// Definition.
 ///
 /// # Validity
 ///
-/// The same in all directions, speeding up and braking, whereas grip and torque differ between them. Turning rates are not limited.
-/// Of several effects the least limit holds. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// The same in all directions, for acceleration and braking. Together with actuator-lag: dv/dt = (u - v) / tau_s, clipped at the
+/// limit. Solved exactly.
+///
+/// # Trace
+///
+/// A ramp after large changes of command, and no error after small ones.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "acceleration-limit",
+    needs = &[],
+    example = "limit_mps2 = 1.5\n",
+    search = Search::ThresholdsOfChanges,
+)]
 struct AccelerationLimit {
+    /// Maximum acceleration (m/s²).
+    #[key(above = 0.0, most = 1e6)]
+    #[fit(unit = "m/s²", range = 0.01..=1e6, starts = [0.1, 0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 1e4, 1e6], step = 0.05)]
     limit_mps2: f64,
 }
 

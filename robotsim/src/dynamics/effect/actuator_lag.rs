@@ -1,77 +1,49 @@
 //! Actuators that follow with a time constant.
 
-use super::{Effect, Entry, ON, Part, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Parameter};
-use serde::Deserialize;
+use super::{Effect, Entry, ON, Part};
+use proto::config::Section;
+use proto::effect::{Catalogued, Fixed};
 
 /// `kind = "actuator-lag"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "actuator-lag",
-        doc: "Actuators follow the command with a first-order lag.",
-        fields: &[
-            Field {
-                key: "tau_s",
-                doc: "Time constant (s).",
-                kind: Kind::Number(Range::closed(0.0, 60.0)),
-                default: Default::Required,
-            },
-            ON,
-        ],
-    },
-    about: About {
-        mechanism: "Motors, wheels and rotors have inertia: after a change of command the velocity approaches the new \
-                    value exponentially.",
-        equation: "dv/dt = (u - v) / tau_s",
-        source: "First-order lag: K. J. Astrom and R. M. Murray, Feedback Systems, Princeton 2008, § 5.3.",
-        validity: "One time constant at all speeds, for acceleration and braking. Solved exactly. Several on one actuator \
-                   count as one with the sum of their time constants.",
-        trace: "A decaying error after every change of command, in proportion to the change and not to the speed.",
-        needs: &[],
-        example: "tau_s = 0.3\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "tau_s",
-            unit: "s",
-            min: 0.0,
-            max: 10.0,
-            starts: &[0.0, 0.05, 0.15, 0.5, 1.5],
-            step: 0.005,
-        }],
-        variants: &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<ActuatorLag>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<ActuatorLag>();
 
-/// Actuators that follow with a time constant.
+/// Actuators follow the command with a first-order lag.
 ///
-/// # Model
+/// # Mechanism
+///
+/// Motors, wheels and rotors have inertia: after a change of command the velocity approaches the new value exponentially.
+///
+/// # Equation
 ///
 /// ```text
-/// dv/dt = (u − v)/τ
+/// dv/dt = (u - v) / tau_s
 /// ```
 ///
-/// First-order lag: Åström and Murray, Feedback Systems, Princeton 2008, § 5.3. u is what is asked of the actuator, v what it
-/// does. Solved exactly within a step.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `tau_s` τ: the time constant (s), not negative; 0: the actuator follows at once.
-/// * `on`: which actuator: `speed`, or `turn` (yaw rate or steering).
+/// First-order lag: K. J. Astrom and R. M. Murray, Feedback Systems, Princeton 2008, § 5.3.
 ///
 /// # Validity
 ///
-/// One time constant at all speeds, up and down alike: drives that saturate, or brake faster than they accelerate, are not
-/// described. Bodies that keep their velocity add τ to the lag of their thrust. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// One time constant at all speeds, for acceleration and braking. Solved exactly. Several on one actuator count as one with the sum
+/// of their time constants.
+///
+/// # Trace
+///
+/// A decaying error after every change of command, in proportion to the change and not to the speed.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "actuator-lag",
+    needs = &[],
+    example = "tau_s = 0.3\n",
+    variants = &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
+)]
 struct ActuatorLag {
+    /// Time constant (s).
+    #[key(range = 0.0..=60.0)]
+    #[fit(unit = "s", range = 0.0..=10.0, starts = [0.0, 0.05, 0.15, 0.5, 1.5], step = 0.005)]
     tau_s: f64,
+    #[key(field = ON)]
     on: Part,
 }
 

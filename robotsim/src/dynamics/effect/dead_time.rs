@@ -1,75 +1,48 @@
 //! Commands that act later.
 
-use super::{Effect, Entry, ON, Part, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Parameter};
-use serde::Deserialize;
+use super::{Effect, Entry, ON, Part};
+use proto::config::Section;
+use proto::effect::{Catalogued, Fixed};
 
 /// `kind = "dead-time"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "dead-time",
-        doc: "Commands take effect after a delay.",
-        fields: &[
-            Field {
-                key: "delay_s",
-                doc: "Delay (s).",
-                kind: Kind::Number(Range::closed(0.0, 60.0)),
-                default: Default::Required,
-            },
-            ON,
-        ],
-    },
-    about: About {
-        mechanism: "Buses, radios, controllers and drives delay commands: after a change of command the robot continues as \
-                    before for a while.",
-        equation: "v(t) = u(t - delay_s)",
-        source: "Definition (transport delay).",
-        validity: "The delay is constant. Several on one actuator add up. A robot stands still before its first command.",
-        trace: "A position error that builds up just after every change of command and then stays constant.",
-        needs: &[],
-        example: "delay_s = 0.2\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "delay_s",
-            unit: "s",
-            min: 0.0,
-            max: 5.0,
-            starts: &[0.0, 0.03, 0.1, 0.3, 1.0],
-            step: 0.005,
-        }],
-        variants: &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<DeadTime>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<DeadTime>();
 
-/// Commands that act later.
+/// Commands take effect after a delay.
 ///
-/// # Model
+/// # Mechanism
+///
+/// Buses, radios, controllers and drives delay commands: after a change of command the robot continues as before for a while.
+///
+/// # Equation
 ///
 /// ```text
-/// v(t) = u(t − d)
+/// v(t) = u(t - delay_s)
 /// ```
 ///
-/// Transport delay, by definition. Commands are kept until they have acted, so that d need not be a multiple of the control period.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `delay_s` d: from when a command is given until it acts (s), not negative.
-/// * `on`: which actuator: `speed`, or `turn` (yaw rate or steering).
+/// Definition (transport delay).
 ///
 /// # Validity
 ///
-/// One delay at all times: buses and radios vary. Of several effects on one actuator the delays are added. Before its first command
-/// a robot stands. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// The delay is constant. Several on one actuator add up. A robot stands still before its first command.
+///
+/// # Trace
+///
+/// A position error that builds up just after every change of command and then stays constant.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "dead-time",
+    needs = &[],
+    example = "delay_s = 0.2\n",
+    variants = &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
+)]
 struct DeadTime {
+    /// Delay (s).
+    #[key(range = 0.0..=60.0)]
+    #[fit(unit = "s", range = 0.0..=5.0, starts = [0.0, 0.03, 0.1, 0.3, 1.0], step = 0.005)]
     delay_s: f64,
+    #[key(field = ON)]
     on: Part,
 }
 

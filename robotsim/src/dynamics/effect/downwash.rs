@@ -1,92 +1,50 @@
 //! Robots that blow each other away.
 
-use super::{Effect, Entry, Situation, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use super::{Effect, Entry, Situation};
+use proto::config::Section;
+use proto::effect::{Catalogued, Need};
 
 /// `kind = "downwash"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "downwash",
-        doc: "Robots close to each other drift apart.",
-        fields: &[
-            Field {
-                key: "gain",
-                doc: "Drift speed at zero distance (m/s). Negative: robots attract each other.",
-                kind: Kind::Number(Range::closed(-1e3, 1e3)),
-                default: Default::Required,
-            },
-            Field {
-                key: "range_m",
-                doc: "Distance over which the drift falls to 1/e (m).",
-                kind: Kind::Number(Range::above(0.0, 1e4)),
-                default: Default::Required,
-            },
-        ],
-    },
-    about: About {
-        mechanism: "The downwash of rotors pushes other robots. Close aircraft drift apart, or sink into each other's wash.",
-        equation: "v_i = u_i + gain * sum over j of e^(-d_ij / range_m) (x_i - x_j) / d_ij",
-        source: "The exponential form is a simplification of this model; measured wakes: D. Yeo, E. Shrestha, D. Paley and \
-                 E. Atkins, An empirical model of rotorcraft UAV downwash, AIAA AFM 2015.",
-        validity: "Isotropic; robots up to 8 ranges away count. Others are assumed to move straight during a step.",
-        trace: "An error away from another robot, when it is near.",
-        needs: &[Need::OtherAgents],
-        example: "gain = 0.3\nrange_m = 0.5\n",
-    },
-    fit: Fit {
-        parameters: &[
-            Parameter {
-                key: "gain",
-                unit: "m/s",
-                min: -100.0,
-                max: 100.0,
-                starts: &[0.0],
-                step: 0.02,
-            },
-            Parameter {
-                key: "range_m",
-                unit: "m",
-                min: 0.05,
-                max: 100.0,
-                starts: &[0.5, 2.0, 6.0],
-                step: 0.05,
-            },
-        ],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<Downwash>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<Downwash>();
 
-/// Robots that push each other away without touching.
+/// Robots close to each other drift apart.
 ///
-/// # Model
+/// # Mechanism
+///
+/// The downwash of rotors pushes other robots. Close aircraft drift apart, or sink into each other's wash.
+///
+/// # Equation
 ///
 /// ```text
-/// v_i = u_i + g Σ_j e^(−d_ij/r) (x_i − x_j)/d_ij        d_ij = |x_i − x_j|
+/// v_i = u_i + gain * sum over j of e^(-d_ij / range_m) (x_i - x_j) / d_ij
 /// ```
 ///
-/// The exponential form is a simplification made here; measured wakes of rotors: Yeo, Shrestha, Paley and Atkins, "An empirical model of
-/// rotorcraft UAV downwash", AIAA AFM 2015.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `gain` g: the push of a robot that is very near (m/s); negative: robots attract each other.
-/// * `range_m` r: the distance at which 1/e of that is left (m), greater than 0.
+/// The exponential form is a simplification of this model; measured wakes: D. Yeo, E. Shrestha, D. Paley and E. Atkins, An
+/// empirical model of rotorcraft UAV downwash, AIAA AFM 2015.
 ///
 /// # Validity
 ///
-/// The same in all directions, whereas a wake points downwards: beside each other aircraft are pushed less than above each other.
-/// Robots more than 8 r away do not count (e^(−8) of the push is lost). During a step the others go straight on. Not validated
-/// against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// Isotropic; robots up to 8 ranges away count. Others are assumed to move straight during a step.
+///
+/// # Trace
+///
+/// An error away from another robot, when it is near.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "downwash",
+    needs = &[Need::OtherAgents],
+    example = "gain = 0.3\nrange_m = 0.5\n",
+)]
 struct Downwash {
+    /// Drift speed at zero distance (m/s). Negative: robots attract each other.
+    #[key(range = -1e3..=1e3)]
+    #[fit(unit = "m/s", range = -100.0..=100.0, starts = [0.0], step = 0.02)]
     gain: f64,
+    /// Distance over which the drift falls to 1/e (m).
+    #[key(above = 0.0, most = 1e4)]
+    #[fit(unit = "m", range = 0.05..=100.0, starts = [0.5, 2.0, 6.0], step = 0.05)]
     range_m: f64,
 }
 

@@ -1,85 +1,52 @@
 //! Rotors that give more thrust close above the ground.
 
-use super::{Effect, Entry, Situation, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use super::{Effect, Entry, Situation};
+use proto::config::{Range, Section};
+use proto::effect::{Catalogued, Need};
 
 /// Height (rotor radii) below which the gain is constant.
 const LEAST_RADII: f64 = 0.5;
 
 /// `kind = "ground-effect"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "ground-effect",
-        doc: "Rotors give more thrust close above the ground.",
-        fields: &[
-            Field {
-                key: "rotor_radius_m",
-                doc: "Radius of the rotor (m); for several rotors, of one rotor with the same effect.",
-                kind: Kind::Number(Range::closed(0.0, 100.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "ground_m",
-                doc: "Height of the ground minus the height of the rotor above the measured position (m).",
-                kind: Kind::Number(Range::PLACE),
-                default: Default::Number(0.0),
-            },
-        ],
-    },
-    about: About {
-        mechanism: "The ground slows the air that a rotor throws down, so that the same power gives more thrust close above it.",
-        equation: "a' = gain (a + g e_z) - g e_z, gain = 1 / (1 - (rotor_radius_m / (4 (z - ground_m)))^2)",
-        source: "I. C. Cheeseman and W. E. Bennett, The effect of the ground on a helicopter rotor in forward flight, ARC R&M 3021, 1955.",
-        validity: "Hover and slow flight over level ground. Below half a rotor radius the gain is constant, 4/3. One rotor; \
-                   several close to each other gain more.",
-        trace: "An upward error close above the ground, and none two rotor diameters above it.",
-        needs: &[Need::ThrustCommands],
-        example: "rotor_radius_m = 0.2\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "rotor_radius_m",
-            unit: "m",
-            min: 0.0,
-            max: 10.0,
-            starts: &[0.05, 0.2, 0.8],
-            step: 0.005,
-        }],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<GroundEffect>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<GroundEffect>();
 
-/// A rotor close above the ground.
+/// Rotors give more thrust close above the ground.
 ///
-/// # Model
+/// # Mechanism
+///
+/// The ground slows the air that a rotor throws down, so that the same power gives more thrust close above it.
+///
+/// # Equation
 ///
 /// ```text
-/// T / T∞ = 1 / (1 − (R / 4z)²)        a' = (T / T∞) (a + g e_z) − g e_z
+/// a' = gain (a + g e_z) - g e_z, gain = 1 / (1 - (rotor_radius_m / (4 (z - ground_m)))^2)
 /// ```
 ///
-/// T∞ is the thrust far from the ground at the same power, from a source and its mirror image: Cheeseman and Bennett, "The effect of
-/// the ground on a helicopter rotor in forward flight", ARC R&M 3021, 1955. z is the height
-/// above `ground_m`.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `rotor_radius_m` R: radius of the rotor (m), not negative.
-/// * `ground_m`: the height of the ground minus the height of the rotor above the measured position (m).
+/// I. C. Cheeseman and W. E. Bennett, The effect of the ground on a helicopter rotor in forward flight, ARC R&M 3021, 1955.
 ///
 /// # Validity
 ///
-/// Hover and slow flight of one rotor over level ground; `[site]`'s terrain does not count. The law has a pole at z = R / 4; below z = R / 2 the gain is constant, 4/3. It acts on
-/// bodies that are asked for an acceleration and on no others. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// Hover and slow flight over level ground. Below half a rotor radius the gain is constant, 4/3. One rotor; several close to each
+/// other gain more.
+///
+/// # Trace
+///
+/// An upward error close above the ground, and none two rotor diameters above it.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "ground-effect",
+    needs = &[Need::ThrustCommands],
+    example = "rotor_radius_m = 0.2\n",
+)]
 struct GroundEffect {
+    /// Radius of the rotor (m); for several rotors, of one rotor with the same effect.
+    #[key(range = 0.0..=100.0)]
+    #[fit(unit = "m", range = 0.0..=10.0, starts = [0.05, 0.2, 0.8], step = 0.005)]
     rotor_radius_m: f64,
+    /// Height of the ground minus the height of the rotor above the measured position (m).
+    #[key(range = Range::PLACE, default = 0.0)]
     ground_m: f64,
 }
 

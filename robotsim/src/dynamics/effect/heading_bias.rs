@@ -1,72 +1,46 @@
 //! Motion at an angle to what is commanded.
 
-use super::{Drive, Effect, Entry, Shape, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Parameter};
-use serde::Deserialize;
+use super::{Drive, Effect, Entry, Shape};
+use proto::config::Section;
+use proto::effect::Catalogued;
 
 /// `kind = "heading-bias"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "heading-bias",
-        doc: "The direction of motion has a constant bias from the command, or from the heading.",
-        fields: &[Field {
-            key: "angle_rad",
-            doc: "Angle of the bias, to the left (rad).",
-            kind: Kind::Number(Range::closed(-3.2, 3.2)),
-            default: Default::Required,
-        }],
-    },
-    about: About {
-        mechanism: "A compass is biased or was mounted at an angle, so the robot moves in another direction than \
-                    commanded. A rotated coordinate frame of the positions has the same signature.",
-        equation: "v = R(angle_rad) u; a turning body: course = heading + angle_rad",
-        source: "J. Borenstein and L. Feng, IEEE Trans. Robotics and Automation 12 (1996) 869; definition.",
-        validity: "One angle at all places and headings, in the plane.",
-        trace: "An error across the motion, in proportion to the speed.",
-        needs: &[],
-        example: "angle_rad = 0.05\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "angle_rad",
-            unit: "rad",
-            min: -3.2,
-            max: 3.2,
-            starts: &[0.0, 1.0, -1.0, 2.5, -2.5],
-            step: 0.005,
-        }],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<HeadingBias>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<HeadingBias>();
 
-/// A direction that is not the one asked for.
+/// The direction of motion has a constant bias from the command, or from the heading.
 ///
-/// # Model
+/// # Mechanism
+///
+/// A compass is biased or was mounted at an angle, so the robot moves in another direction than commanded. A rotated coordinate
+/// frame of the positions has the same signature.
+///
+/// # Equation
 ///
 /// ```text
-/// bodies commanded by a velocity:  v = R(α) u              R(α): rotation about the vertical
-/// turning bodies:                  course = heading + α
+/// v = R(angle_rad) u; a turning body: course = heading + angle_rad
 /// ```
 ///
-/// A rotation, by definition; a compass or an odometer whose heading is off: Borenstein and Feng, IEEE Trans. Robotics and
-/// Automation 12 (1996) 869.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `angle_rad` α: by how much (rad), from +x towards +y.
+/// J. Borenstein and L. Feng, IEEE Trans. Robotics and Automation 12 (1996) 869; definition.
 ///
 /// # Validity
 ///
-/// One angle at all places and headings, in the plane: the deviation of a compass near iron depends on both. Of several effects the
-/// angles are added. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// One angle at all places and headings, in the plane.
+///
+/// # Trace
+///
+/// An error across the motion, in proportion to the speed.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "heading-bias",
+    needs = &[],
+    example = "angle_rad = 0.05\n",
+)]
 struct HeadingBias {
+    /// Angle of the bias, to the left (rad).
+    #[key(range = -3.2..=3.2)]
+    #[fit(unit = "rad", starts = [0.0, 1.0, -1.0, 2.5, -2.5], step = 0.005)]
     angle_rad: f64,
 }
 

@@ -1,55 +1,11 @@
 //! A load that the controller knows nothing of.
 
 use super::{Effect, Entry, Situation};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, FromModel, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, FromModel, Need};
 
 /// `kind = "payload-mass"`.
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "payload-mass",
-        doc: "The robot carries a load that its commands do not take into account.",
-        fields: &[
-            Field {
-                key: "payload_kg",
-                doc: "Mass in addition to the assumed one (kg). Negative: the robot is lighter than assumed; its total mass \
-                      must be positive.",
-                kind: Kind::Number(Range::closed(-1e6, 1e6)),
-                default: Default::Required,
-            },
-            Field {
-                key: "mass_kg",
-                doc: "Mass that the commands assume (kg). `diagnose` takes it from robotsim.dynamics.mass_kg.",
-                kind: Kind::Number(Range::above(0.0, 1e6)),
-                default: Default::Required,
-            },
-        ],
-    },
-    about: About {
-        mechanism: "A camera, a package or another battery makes the robot heavier than its controller assumes, so that the same thrust accelerates it less.",
-        equation: "a' = mass_kg / (mass_kg + payload_kg) (a + g e_z) - g e_z of a quadrotor, without g of other bodies",
-        source: "Newton's second law.",
-        validity: "A point mass at the centre of gravity: no change of attitude dynamics, no swing. The same signature as thrust-scale with mass_kg / (mass_kg + payload_kg).",
-        trace: "As thrust-scale: a vertical error at hover, and an error along each acceleration.",
-        needs: &[Need::ThrustCommands, Need::Mass],
-        example: "payload_kg = 0.2\nmass_kg = 1.5\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "payload_kg",
-            unit: "kg",
-            min: 0.0,
-            max: 1e3,
-            starts: &[0.0],
-            step: 0.002,
-        }],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        from_model: &[("mass_kg", FromModel::Mass)],
-        ..Fit::PLAIN
-    },
     check: |table, path, problems| {
         let number = |key: &str| table.get(key).and_then(toml::Value::as_float).unwrap_or(0.0);
         let (payload_kg, mass_kg) = (number("payload_kg"), number("mass_kg"));
@@ -60,32 +16,48 @@ pub(super) const ENTRY: Entry = Entry {
             ));
         }
     },
-    build: |table| Some(Box::new(typed::<Payload>(table))),
+    ..Entry::of::<Payload>()
 };
 
-/// A mass that commands do not take into account.
+/// The robot carries a load that its commands do not take into account.
 ///
-/// # Model
+/// # Mechanism
+///
+/// A camera, a package or another battery makes the robot heavier than its controller assumes, so that the same thrust accelerates
+/// it less.
+///
+/// # Equation
 ///
 /// ```text
-/// a' = m / (m + p) (a + g e_z) − g e_z
+/// a' = mass_kg / (mass_kg + payload_kg) (a + g e_z) - g e_z of a quadrotor, without g of other bodies
 /// ```
 ///
-/// The thrust m (a + g e_z) accelerates the mass m + p: Newton's second law. Of bodies that need no thrust to stay at their height,
-/// a' = m / (m + p) a.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `payload_kg` p: mass beside the assumed one (kg), greater than −m.
-/// * `mass_kg` m: the assumed mass (kg), greater than 0.
+/// Newton's second law.
 ///
 /// # Validity
 ///
-/// At the centre of gravity and stiffly fixed: the attitude follows as before. It acts on bodies that are asked for an acceleration and
-/// on no others. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// A point mass at the centre of gravity: no change of attitude dynamics, no swing. The same signature as thrust-scale with mass_kg
+/// / (mass_kg + payload_kg).
+///
+/// # Trace
+///
+/// As thrust-scale: a vertical error at hover, and an error along each acceleration.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "payload-mass",
+    needs = &[Need::ThrustCommands, Need::Mass],
+    example = "payload_kg = 0.2\nmass_kg = 1.5\n",
+    from_model = &[("mass_kg", FromModel::Mass)],
+)]
 struct Payload {
+    /// Mass in addition to the assumed one (kg). Negative: the robot is lighter than assumed; its total mass must be positive.
+    #[key(range = -1e6..=1e6)]
+    #[fit(unit = "kg", range = 0.0..=1e3, starts = [0.0], step = 0.002)]
     payload_kg: f64,
+    /// Mass that the commands assume (kg). `diagnose` takes it from robotsim.dynamics.mass_kg.
+    #[key(above = 0.0, most = 1e6)]
     mass_kg: f64,
 }
 

@@ -1,101 +1,58 @@
 //! A part of the plane that slows robots down.
 
-use super::{Effect, Entry, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter, Search};
-use serde::Deserialize;
+use super::{Effect, Entry};
+use proto::config::{Range, Section};
+use proto::effect::{Catalogued, Level, Need, Search};
 
 /// `kind = "rough-ground"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "rough-ground",
-        doc: "Speed is scaled inside a disc on the ground.",
-        fields: &[
-            Field {
-                key: "centre_m",
-                doc: "Centre of the disc (x, y in m).",
-                kind: Kind::List { of: &Kind::Number(Range::PLACE), min: 2, max: 2 },
-                default: Default::Required,
-            },
-            Field {
-                key: "radius_m",
-                doc: "Radius of the disc (m).",
-                kind: Kind::Number(Range::LENGTH),
-                default: Default::Required,
-            },
-            Field {
-                key: "scale",
-                doc: "Ratio of the speed inside the disc to that outside.",
-                kind: Kind::Number(Range::closed(0.0, 10.0)),
-                default: Default::Required,
-            },
-        ],
-    },
-    about: About {
-        mechanism: "On grass, sand or carpet, wheels slip more than elsewhere.",
-        equation: "v = scale * u within radius_m of centre_m",
-        source: "Definition.",
-        validity: "One disc with a sharp border; use several effects for several discs.",
-        trace: "An error along the motion, inside one place only.",
-        needs: &[Need::VelocityCommands],
-        example: "centre_m = [10.0, 5.0]\nradius_m = 4.0\nscale = 0.6\n",
-    },
-    fit: Fit {
-        parameters: &[
-            Parameter {
-                key: "centre_m[0]",
-                unit: "m",
-                min: -1e6,
-                max: 1e6,
-                starts: &[0.0],
-                step: 0.1,
-            },
-            Parameter {
-                key: "centre_m[1]",
-                unit: "m",
-                min: -1e6,
-                max: 1e6,
-                starts: &[0.0],
-                step: 0.1,
-            },
-            Parameter { key: "radius_m", unit: "m", min: 0.1, max: 1e4, starts: &[5.0], step: 0.1 },
-            Parameter { key: "scale", unit: "1", min: 0.0, max: 5.0, starts: &[0.7], step: 0.01 },
-        ],
-        variants: &[],
-        level: Level::Place,
-        generalises: &["slip"],
-        search: Search::Discs,
-        needs_one_frame: true,
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<RoughGround>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<RoughGround>();
 
-/// Speed scaled within a disc.
+/// Speed is scaled inside a disc on the ground.
 ///
-/// # Model
+/// # Mechanism
+///
+/// On grass, sand or carpet, wheels slip more than elsewhere.
+///
+/// # Equation
 ///
 /// ```text
-/// v = k u  where |x − c| ≤ r,        else v = u
+/// v = scale * u within radius_m of centre_m
 /// ```
 ///
-/// By definition. Over a way that lies partly inside, the mean of both, weighted by length.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `centre_m` c: centre of the disc (x, y in m).
-/// * `radius_m` r: its radius (m), greater than 0.
-/// * `scale` k: speed over ground per speed asked for (1), not negative.
+/// Definition.
 ///
 /// # Validity
 ///
-/// One disc with a sharp border, at all heights; several effects for several discs, whose scales are multiplied where they overlap. Turning
-/// rates are as they were. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// One disc with a sharp border; use several effects for several discs.
+///
+/// # Trace
+///
+/// An error along the motion, inside one place only.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "rough-ground",
+    needs = &[Need::VelocityCommands],
+    example = "centre_m = [10.0, 5.0]\nradius_m = 4.0\nscale = 0.6\n",
+    level = Level::Place,
+    generalises = &["slip"],
+    search = Search::Discs,
+    needs_one_frame = true,
+)]
 struct RoughGround {
+    /// Centre of the disc (x, y in m).
+    #[key(range = Range::PLACE)]
+    #[fit(key = "centre_m[0]", unit = "m", range = -1e6..=1e6, starts = [0.0], step = 0.1)]
+    #[fit(key = "centre_m[1]", unit = "m", range = -1e6..=1e6, starts = [0.0], step = 0.1)]
     centre_m: [f64; 2],
+    /// Radius of the disc (m).
+    #[key(range = Range::LENGTH)]
+    #[fit(unit = "m", range = 0.1..=1e4, starts = [5.0], step = 0.1)]
     radius_m: f64,
+    /// Ratio of the speed inside the disc to that outside.
+    #[key(range = 0.0..=10.0)]
+    #[fit(unit = "1", range = 0.0..=5.0, starts = [0.7], step = 0.01)]
     scale: f64,
 }
 

@@ -1,76 +1,50 @@
 //! Wheels that slip, or are not as large as assumed.
 
-use super::{Drive, Effect, Entry, ON, Part, Shape, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
-use serde::Deserialize;
+use super::{Drive, Effect, Entry, ON, Part, Shape};
+use proto::config::Section;
+use proto::effect::{Catalogued, Fixed, Need};
 
 /// `kind = "slip"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "slip",
-        doc: "The robot executes a constant fraction of its commands.",
-        fields: &[
-            Field {
-                key: "scale",
-                doc: "Ratio of executed to commanded velocity; with on = \"turn\", of the yaw rate or steering angle.",
-                kind: Kind::Number(Range::closed(0.0, 10.0)),
-                default: Default::Required,
-            },
-            ON,
-        ],
-    },
-    about: About {
-        mechanism: "Wheels slip, their radius differs from the assumed one, or a drive is miscalibrated. Positions with a \
-                    wrong scale have the same signature.",
-        equation: "v = scale * u",
-        source: "J. Borenstein and L. Feng, Measurement and correction of systematic odometry errors in mobile robots, IEEE Trans. Robotics and Automation 12 (1996) 869.",
-        validity: "One fraction at all speeds and on all grounds.",
-        trace: "An error along the motion, in proportion to the speed (on turns: to the turn).",
-        needs: &[Need::VelocityCommands],
-        example: "scale = 0.95\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "scale",
-            unit: "1",
-            min: 0.0,
-            max: 5.0,
-            starts: &[1.0],
-            step: 0.005,
-        }],
-        variants: &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<Slip>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<Slip>();
 
-/// A drive that does a constant share of what is asked.
+/// The robot executes a constant fraction of its commands.
 ///
-/// # Model
+/// # Mechanism
+///
+/// Wheels slip, their radius differs from the assumed one, or a drive is miscalibrated. Positions with a wrong scale have the same
+/// signature.
+///
+/// # Equation
 ///
 /// ```text
-/// v = s u
+/// v = scale * u
 /// ```
 ///
-/// A wheel whose radius is not the assumed one: Borenstein and Feng, "Measurement and correction of systematic odometry errors in
-/// mobile robots", IEEE Trans. Robotics and Automation 12 (1996) 869.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `scale` s: what is done per what is asked (1), not negative.
-/// * `on`: which actuator: `speed`, or `turn` (yaw rate or steering).
+/// J. Borenstein and L. Feng, Measurement and correction of systematic odometry errors in mobile robots, IEEE Trans. Robotics and
+/// Automation 12 (1996) 869.
 ///
 /// # Validity
 ///
-/// One share at all speeds and on all grounds: tyres slip more the more force they carry. On `turn` it does nothing to bodies that
-/// are commanded by a velocity. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// One fraction at all speeds and on all grounds.
+///
+/// # Trace
+///
+/// An error along the motion, in proportion to the speed (on turns: to the turn).
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "slip",
+    needs = &[Need::VelocityCommands],
+    example = "scale = 0.95\n",
+    variants = &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
+)]
 struct Slip {
+    /// Ratio of executed to commanded velocity; with on = "turn", of the yaw rate or steering angle.
+    #[key(range = 0.0..=10.0)]
+    #[fit(unit = "1", range = 0.0..=5.0, starts = [1.0], step = 0.005)]
     scale: f64,
+    #[key(field = ON)]
     on: Part,
 }
 

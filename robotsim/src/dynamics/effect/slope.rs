@@ -1,73 +1,47 @@
 //! Ground that leads downhill.
 
-use super::{Effect, Entry, Situation, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use super::{Effect, Entry, Situation};
+use proto::config::Section;
+use proto::effect::{Catalogued, Level, Need};
 
 /// `kind = "slope"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "slope",
-        doc: "A downhill drift in proportion to the slope of site.terrain.",
-        fields: &[Field {
-            key: "gain",
-            doc: "Drift (m/s) on a slope of 1 m per metre.",
-            kind: Kind::Number(Range::closed(-1e3, 1e3)),
-            default: Default::Required,
-        }],
-    },
-    about: About {
-        mechanism: "On a slope, gravity pulls robots downhill, and their drives compensate only partly.",
-        equation: "v = u - gain * grad h",
-        source: "A linearised balance of weight and drive force; the general form of effects that depend on the position.",
-        validity: "Small slopes, and a drift in proportion to the slope. Without terrain the ground is level.",
-        trace: "A downhill error that depends only on the position.",
-        needs: &[Need::Terrain, Need::VelocityCommands],
-        example: "gain = 0.5\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "gain",
-            unit: "m/s",
-            min: -1e3,
-            max: 1e3,
-            starts: &[0.0],
-            step: 0.02,
-        }],
-        variants: &[],
-        level: Level::Place,
-        generalises: &[],
-        needs_one_frame: true,
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<Slope>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<Slope>();
 
-/// A drift downhill.
+/// A downhill drift in proportion to the slope of site.terrain.
 ///
-/// # Model
+/// # Mechanism
+///
+/// On a slope, gravity pulls robots downhill, and their drives compensate only partly.
+///
+/// # Equation
 ///
 /// ```text
-/// v = u − g ∇h(x, y)
+/// v = u - gain * grad h
 /// ```
 ///
-/// A balance of weight and drive, linear in the slope: weight along the slope grows with ∇h for small slopes, and a drive that
-/// controls its speed in proportion gives way in proportion. A simplification made here.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `gain` g: drift per slope (m/s); a slope of 1 is 45°. Negative: uphill.
-///
-/// h is the height of `[site]`'s terrain (m).
+/// A linearised balance of weight and drive force; the general form of effects that depend on the position.
 ///
 /// # Validity
 ///
-/// Small slopes, drives that give way in proportion. Standing robots drift as well, where brakes would hold them. Where no terrain is
-/// known, the ground is level. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// Small slopes, and a drift in proportion to the slope. Without terrain the ground is level.
+///
+/// # Trace
+///
+/// A downhill error that depends only on the position.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "slope",
+    needs = &[Need::Terrain, Need::VelocityCommands],
+    example = "gain = 0.5\n",
+    level = Level::Place,
+    needs_one_frame = true,
+)]
 struct Slope {
+    /// Drift (m/s) on a slope of 1 m per metre.
+    #[key(range = -1e3..=1e3)]
+    #[fit(unit = "m/s", starts = [0.0], step = 0.02)]
     gain: f64,
 }
 

@@ -1,71 +1,46 @@
 //! Rotors that give more or less thrust than is asked for.
 
-use super::{Effect, Entry, Situation, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use super::{Effect, Entry, Situation};
+use proto::config::Section;
+use proto::effect::{Catalogued, Need};
 
 /// `kind = "thrust-scale"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "thrust-scale",
-        doc: "The thrust is a constant fraction of the commanded thrust.",
-        fields: &[Field {
-            key: "scale",
-            doc: "Ratio of executed to commanded thrust.",
-            kind: Kind::Number(Range::closed(0.0, 10.0)),
-            default: Default::Required,
-        }],
-    },
-    about: About {
-        mechanism: "The thrust curve of the rotors is miscalibrated, the battery is low, the air is thin, or the mass is not the assumed one.",
-        equation: "a' = scale (a + g e_z) - g e_z of a quadrotor, a' = scale a of other bodies",
-        source: "Thrust k omega^2 with another k than assumed: R. Mahony, V. Kumar and P. Corke, Multirotor aerial vehicles, IEEE Robotics and Automation Magazine 19 (2012) 20, eq. 5.",
-        validity: "One fraction at all thrusts. A mass that is not the assumed one has the same signature: see payload-mass.",
-        trace: "A vertical error at hover that grows with the square of time, and an error along each acceleration.",
-        needs: &[Need::ThrustCommands],
-        example: "scale = 0.95\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "scale",
-            unit: "1",
-            min: 0.0,
-            max: 5.0,
-            starts: &[1.0],
-            step: 0.002,
-        }],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<ThrustScale>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<ThrustScale>();
 
-/// Rotors whose thrust is a constant share of what is asked for.
+/// The thrust is a constant fraction of the commanded thrust.
 ///
-/// # Model
+/// # Mechanism
+///
+/// The thrust curve of the rotors is miscalibrated, the battery is low, the air is thin, or the mass is not the assumed one.
+///
+/// # Equation
 ///
 /// ```text
-/// a' = s (a + g e_z) − g e_z
+/// a' = scale (a + g e_z) - g e_z of a quadrotor, a' = scale a of other bodies
 /// ```
 ///
-/// a + g e_z is the thrust by mass. A rotor gives the thrust k ω²; with another k than the controller assumes the thrust is off by a
-/// factor: Mahony, Kumar and Corke, "Multirotor aerial vehicles", IEEE Robotics and Automation Magazine 19 (2012) 20, eq. 5. Of bodies
-/// that need no thrust to stay at their height, a' = s a.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `scale` s: the thrust per thrust that is asked for (1), not negative.
+/// Thrust k omega^2 with another k than assumed: R. Mahony, V. Kumar and P. Corke, Multirotor aerial vehicles, IEEE Robotics and
+/// Automation Magazine 19 (2012) 20, eq. 5.
 ///
 /// # Validity
 ///
-/// One share at all thrusts and voltages. It acts on bodies that are asked for an acceleration and on no others; a controller of
-/// velocities makes up for part of it. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// One fraction at all thrusts. A mass that is not the assumed one has the same signature: see payload-mass.
+///
+/// # Trace
+///
+/// A vertical error at hover that grows with the square of time, and an error along each acceleration.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "thrust-scale",
+    needs = &[Need::ThrustCommands],
+    example = "scale = 0.95\n",
+)]
 struct ThrustScale {
+    /// Ratio of executed to commanded thrust.
+    #[key(range = 0.0..=10.0)]
+    #[fit(unit = "1", range = 0.0..=5.0, starts = [1.0], step = 0.002)]
     scale: f64,
 }
 

@@ -1,73 +1,47 @@
 //! Loss of speed in turns.
 
-use super::{Effect, Entry, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use super::{Effect, Entry};
+use proto::config::Section;
+use proto::effect::{Catalogued, Need};
 
 /// `kind = "turn-slowdown"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "turn-slowdown",
-        doc: "The body is slower in turns, in proportion to the yaw rate.",
-        fields: &[Field {
-            key: "gain",
-            doc: "Fraction of the speed that is lost per unit of yaw rate (s/rad).",
-            kind: Kind::Number(Range::closed(0.0, 10.0)),
-            default: Default::Required,
-        }],
-    },
-    about: About {
-        mechanism: "In a turn, wheels slip and scrub sideways, and motors must turn the robot as well as drive it. Both \
-                    reduce the speed.",
-        equation: "v = u * max(0, 1 - gain * |omega|)",
-        source: "A phenomenological law, of first order in the yaw rate. Slip of wheels and tracks in turns: A. Mandow et al., Experimental kinematics for wheeled skid-steer mobile robots, IROS 2007.",
-        validity: "Moderate yaw rates, one ground. The yaw rate of a unicycle is not changed; a car turns on the same arc, more \
-                   slowly. No effect on bodies that are commanded by a velocity.",
-        trace: "An error against the motion, in turns only, to either side alike.",
-        needs: &[Need::TurningCommands],
-        example: "gain = 0.1\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "gain",
-            unit: "s/rad",
-            min: 0.0,
-            max: 10.0,
-            starts: &[0.02],
-            step: 0.002,
-        }],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<TurnSlowdown>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<TurnSlowdown>();
 
-/// A body that is slower in turns.
+/// The body is slower in turns, in proportion to the yaw rate.
 ///
-/// # Model
+/// # Mechanism
+///
+/// In a turn, wheels slip and scrub sideways, and motors must turn the robot as well as drive it. Both reduce the speed.
+///
+/// # Equation
 ///
 /// ```text
-/// v = u max(0, 1 − g |ω|)
+/// v = u * max(0, 1 - gain * |omega|)
 /// ```
 ///
-/// A phenomenological law of first order in the yaw rate, for wheels that slip and motors that carry the load of turning. Slip of
-/// wheels in turns: Mandow et al., "Experimental kinematics for wheeled skid-steer mobile robots", IROS 2007. u is the speed of the
-/// actuators and ω the yaw rate that goes with it: of a car, u tan δ / L. A unicycle keeps its yaw rate; a car keeps its arc.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `gain` g: fraction of the speed that is lost per yaw rate (s/rad), not negative.
+/// A phenomenological law, of first order in the yaw rate. Slip of wheels and tracks in turns: A. Mandow et al., Experimental
+/// kinematics for wheeled skid-steer mobile robots, IROS 2007.
 ///
 /// # Validity
 ///
-/// Moderate yaw rates on one ground; the speed is never negative. Of several effects the gains are added. Nothing for bodies that are
-/// commanded by a velocity. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// Moderate yaw rates, one ground. The yaw rate of a unicycle is not changed; a car turns on the same arc, more slowly. No effect
+/// on bodies that are commanded by a velocity.
+///
+/// # Trace
+///
+/// An error against the motion, in turns only, to either side alike.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "turn-slowdown",
+    needs = &[Need::TurningCommands],
+    example = "gain = 0.1\n",
+)]
 struct TurnSlowdown {
+    /// Fraction of the speed that is lost per unit of yaw rate (s/rad).
+    #[key(range = 0.0..=10.0)]
+    #[fit(unit = "s/rad", starts = [0.02], step = 0.002)]
     gain: f64,
 }
 

@@ -1,113 +1,58 @@
 //! A drift that is the same for all.
 
-use super::{Effect, Entry, Situation, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
-use serde::Deserialize;
+use super::{Effect, Entry, Situation};
+use proto::config::Section;
+use proto::effect::{Catalogued, Fixed, Need};
 
 /// `kind = "wind"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "wind",
-        doc: "A drift added to the velocity: constant, slowly turning, or with gusts.",
-        fields: &[
-            Field {
-                key: "velocity_mps",
-                doc: "Velocity of the drift (x, y, z in m/s), in the direction the wind blows to; with a turn rate, its \
-                      value at time 0.",
-                kind: Kind::List {
-                    of: &Kind::Number(Range::closed(-100.0, 100.0)),
-                    min: 3,
-                    max: 3,
-                },
-                default: Default::Required,
-            },
-            Field {
-                key: "turning_radps",
-                doc: "Turn rate of its direction, to the left (rad/s).",
-                kind: Kind::Number(Range::closed(-10.0, 10.0)),
-                default: Default::Number(0.0),
-            },
-            Field {
-                key: "sd_mps",
-                doc: "Standard deviation of gusts, per component of the plane (m/s).",
-                kind: Kind::Number(Range::closed(0.0, 100.0)),
-                default: Default::Number(0.0),
-            },
-            Field {
-                key: "gust_s",
-                doc: "Duration of a gust (s).",
-                kind: Kind::Number(Range::above(0.0, 1e4)),
-                default: Default::Number(2.0),
-            },
-        ],
-    },
-    about: About {
-        mechanism: "Wind or a current carries robots along, independently of their commands.",
-        equation: "v = u + velocity_mps + gust, gust normal with sd_mps, the same for all robots",
-        source: "Definition. Gusts: normal values every gust_s, joined by g = n_k cos(pi f / 2) + n_(k+1) sin(pi f / 2), which has the same variance at all times.",
-        validity: "The wind is the same everywhere. Gusts are simulated but not fitted.",
-        trace: "The same error for all robots and all commands, stationary robots included.",
-        needs: &[Need::VelocityCommands],
-        example: "velocity_mps = [0.2, -0.1, 0.0]\n",
-    },
-    fit: Fit {
-        parameters: &[
-            Parameter {
-                key: "velocity_mps[0]",
-                unit: "m/s",
-                min: -100.0,
-                max: 100.0,
-                starts: &[0.0],
-                step: 0.02,
-            },
-            Parameter {
-                key: "velocity_mps[1]",
-                unit: "m/s",
-                min: -100.0,
-                max: 100.0,
-                starts: &[0.0],
-                step: 0.02,
-            },
-        ],
-        variants: &[&[("velocity_mps[2]", Fixed::Number(0.0))]],
-        level: Level::Time,
-        generalises: &[],
-        needs_one_frame: true,
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<Wind>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<Wind>();
 
-/// A drift that is the same for all robots.
+/// A drift added to the velocity: constant, slowly turning, or with gusts.
 ///
-/// # Model
+/// # Mechanism
+///
+/// Wind or a current carries robots along, independently of their commands.
+///
+/// # Equation
 ///
 /// ```text
-/// v = u + R(Ω t) w + g(t)
-/// g(t) = σ (n_k cos(π f/2) + n_(k+1) sin(π f/2))        k = ⌊t/T⌋, f = t/T − k, n_k ~ N(0, 1)
+/// v = u + velocity_mps + gust, gust normal with sd_mps, the same for all robots
 /// ```
 ///
-/// By definition. cos² + sin² = 1: gusts have the variance σ² at all times, in x and in y independently. R(Ω t) turns w about the
-/// vertical.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `velocity_mps` w: the drift at time 0 (x, y, z in m/s): where the wind blows to.
-/// * `turning_radps` Ω: how fast its direction turns to the left (rad/s).
-/// * `sd_mps` σ: standard deviation of gusts, per component of the plane (m/s), not negative.
-/// * `gust_s` T: how long a gust lasts (s), greater than 0.
+/// Definition. Gusts: normal values every gust_s, joined by g = n_k cos(pi f / 2) + n_(k+1) sin(pi f / 2), which has the same
+/// variance at all times.
 ///
 /// # Validity
 ///
-/// The wind is the same everywhere, carries robots along whatever their drag, and standing ones as well. Gusts are simulated and not
-/// fitted: a fit sees them as noise. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// The wind is the same everywhere. Gusts are simulated but not fitted.
+///
+/// # Trace
+///
+/// The same error for all robots and all commands, stationary robots included.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "wind",
+    needs = &[Need::VelocityCommands],
+    example = "velocity_mps = [0.2, -0.1, 0.0]\n",
+    variants = &[&[("velocity_mps[2]", Fixed::Number(0.0))]],
+    needs_one_frame = true,
+)]
 struct Wind {
+    /// Velocity of the drift (x, y, z in m/s), in the direction the wind blows to; with a turn rate, its value at time 0.
+    #[key(range = -100.0..=100.0)]
+    #[fit(key = "velocity_mps[0]", unit = "m/s", starts = [0.0], step = 0.02)]
+    #[fit(key = "velocity_mps[1]", unit = "m/s", starts = [0.0], step = 0.02)]
     velocity_mps: [f64; 3],
+    /// Turn rate of its direction, to the left (rad/s).
+    #[key(range = -10.0..=10.0, default = 0.0)]
     turning_radps: f64,
+    /// Standard deviation of gusts, per component of the plane (m/s).
+    #[key(range = 0.0..=100.0, default = 0.0)]
     sd_mps: f64,
+    /// Duration of a gust (s).
+    #[key(above = 0.0, most = 1e4, default = 2.0)]
     gust_s: f64,
 }
 

@@ -1,72 +1,47 @@
 //! Drift to the side in turns.
 
-use super::{Effect, Entry, UNCHECKED};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use super::{Effect, Entry};
+use proto::config::Section;
+use proto::effect::{Catalogued, Need};
 
 /// `kind = "yaw-coupling"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "yaw-coupling",
-        doc: "The body moves sideways in turns.",
-        fields: &[Field {
-            key: "gain",
-            doc: "Sideways velocity per product of speed and yaw rate (s), positive towards the inside of the turn, negative \
-                  outwards.",
-            kind: Kind::Number(Range::closed(-10.0, 10.0)),
-            default: Default::Required,
-        }],
-    },
-    about: About {
-        mechanism: "In a turn, friction with the ground must provide the centripetal force. If it is too small, the body \
-                    slides outwards, more so at higher speed and yaw rate.",
-        equation: "v = u + gain * (omega x u)",
-        source: "The steady state of dv/dt = (u - v) / tau + c (omega x v) for a small tau: gain = c tau. Sideslip: R. Rajamani, Vehicle Dynamics and Control, § 2.3.",
-        validity: "Steady turns below the limit of grip. No effect on bodies that are commanded by a velocity.",
-        trace: "An error across the motion, in turns only.",
-        needs: &[Need::TurningCommands],
-        example: "gain = 0.1\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "gain",
-            unit: "s",
-            min: -10.0,
-            max: 10.0,
-            starts: &[0.0],
-            step: 0.005,
-        }],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table| Some(Box::new(typed::<YawCoupling>(table))),
-};
+pub(super) const ENTRY: Entry = Entry::of::<YawCoupling>();
 
-/// A body that slides outwards in turns.
+/// The body moves sideways in turns.
 ///
-/// # Model
+/// # Mechanism
+///
+/// In a turn, friction with the ground must provide the centripetal force. If it is too small, the body slides outwards, more so at
+/// higher speed and yaw rate.
+///
+/// # Equation
 ///
 /// ```text
-/// v = u + g (ω × u)
+/// v = u + gain * (omega x u)
 /// ```
 ///
-/// The steady state of dv/dt = (u − v)/τ + c (ω × v) for a small τ, g = c τ. Sideslip of vehicles: Rajamani, Vehicle Dynamics and
-/// Control, § 2.3. u is the velocity along the course, ω the yaw rate.
+/// # Source
 ///
-/// # Arguments
-///
-/// * `gain` g: sideways velocity per yaw rate and speed (s); positive: to the inside of the turn.
+/// The steady state of dv/dt = (u - v) / tau + c (omega x v) for a small tau: gain = c tau. Sideslip: R. Rajamani, Vehicle Dynamics
+/// and Control, § 2.3.
 ///
 /// # Validity
 ///
-/// Steady turns below the limit of grip: how sideslip builds up is not described. Of several effects the gains are added. Nothing
-/// for bodies that are commanded by a velocity. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// Steady turns below the limit of grip. No effect on bodies that are commanded by a velocity.
+///
+/// # Trace
+///
+/// An error across the motion, in turns only.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "yaw-coupling",
+    needs = &[Need::TurningCommands],
+    example = "gain = 0.1\n",
+)]
 struct YawCoupling {
+    /// Sideways velocity per product of speed and yaw rate (s), positive towards the inside of the turn, negative outwards.
+    #[key(range = -10.0..=10.0)]
+    #[fit(unit = "s", starts = [0.0], step = 0.005)]
     gain: f64,
 }
 

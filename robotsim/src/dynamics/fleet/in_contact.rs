@@ -125,7 +125,7 @@ mod tests {
         site: &Site,
         n_steps: u64,
     ) -> Vec<([f64; 3], [f64; 3])> {
-        let body = "kind = 'double-integrator'\nspeed_cap_mps = 30.0\nacceleration_cap_mps2 = 10.0";
+        let body = "kind = 'double-integrator'\nspeed_cap_mps = 30.0\ncap = 'norm'\nacceleration_cap_mps2 = 10.0";
         let contacts = Contacts { radius_m: 0.15, restitution };
         let dynamics = Dynamics::build(
             &body.parse().unwrap(),

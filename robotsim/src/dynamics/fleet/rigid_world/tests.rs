@@ -26,7 +26,7 @@ fn run_each(
     n_steps: u64,
 ) -> Vec<State> {
     let kinds = bodies.iter().map(|(keys, _)| {
-        let defaults = "kind = 'rigid-body'\nspeed_cap_mps = 30.0\nmass_kg = 1.0\nbody_diameter_m = 0.3\n\
+        let defaults = "kind = 'rigid-body'\nspeed_cap_mps = 30.0\ncap = 'norm'\nmass_kg = 1.0\nbody_diameter_m = 0.3\n\
                         force_cap_n = 10.0\nfriction = 0.0\nrestitution = 0.0\nground_friction = 0.0";
         let mut table: toml::Table = defaults.parse().unwrap();
         table.extend(keys.parse::<toml::Table>().unwrap());
