@@ -3,78 +3,51 @@
 //! docs/adding-an-effect.md walks through this file. As it stands it runs by itself:
 //! `cargo run --release -p netsim --example low_antenna`.
 
-use netsim::phy::effect::{Effect, Entry, UNCHECKED};
+use netsim::phy::effect::{Effect, Entry};
 use netsim::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, Level, Need};
 
 /// `kind = "low-antenna"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "low-antenna",
-        doc: "Antennas near the ground lose power.",
-        fields: &[
-            Field {
-                key: "loss_db",
-                doc: "What an antenna on the ground loses (dB).",
-                kind: Kind::Number(Range::closed(0.0, 60.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "scale_m",
-                doc: "Height (m) at which 1/e of that is left.",
-                kind: Kind::Number(Range::above(0.0, 100.0)),
-                default: Default::Number(0.3),
-            },
-        ],
-    },
-    about: About {
-        mechanism: "The ground takes power from an antenna that is within about a wavelength of it.",
-        equation: "RSSI' = RSSI - loss_db (e^(-h_t/scale_m) + e^(-h_r/scale_m))",
-        source: "An example: not taken from the literature.",
-        validity: "Heights are above flat ground at z = 0.",
-        trace: "Links of low antennas are weak at any distance.",
-        needs: &[Need::Heights, Need::Readings],
-        example: "",
-    },
-    fit: Fit {
-        parameters: &[
-            Parameter {
-                key: "loss_db",
-                unit: "dB",
-                min: 0.0,
-                max: 40.0,
-                starts: &[5.0],
-                step: 0.05,
-            },
-            Parameter {
-                key: "scale_m",
-                unit: "m",
-                min: 0.05,
-                max: 5.0,
-                starts: &[0.3, 1.0],
-                step: 0.01,
-            },
-        ],
-        variants: &[],
-        level: Level::Place,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let effect: LowAntenna = typed(table);
-        Some(Box::new(effect))
-    },
-};
+pub const ENTRY: Entry = Entry::of::<LowAntenna>();
 
-/// A loss near the ground.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// Antennas near the ground lose power.
+///
+/// # Mechanism
+///
+/// The ground takes power from an antenna that is within about a wavelength of it.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI - loss_db (e^(-h_t/scale_m) + e^(-h_r/scale_m))
+/// ```
+///
+/// # Source
+///
+/// An example: not taken from the literature.
+///
+/// # Validity
+///
+/// Heights are above flat ground at z = 0.
+///
+/// # Trace
+///
+/// Links of low antennas are weak at any distance.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "low-antenna",
+    needs = &[Need::Heights, Need::Readings],
+    level = Level::Place,
+)]
 pub struct LowAntenna {
     /// What an antenna on the ground loses (dB).
+    #[key(range = 0.0..=60.0)]
+    #[fit(unit = "dB", range = 0.0..=40.0, starts = [5.0], step = 0.05)]
     pub loss_db: f64,
-    /// Height at which 1/e of that is left (m).
+    /// Height (m) at which 1/e of that is left.
+    #[key(above = 0.0, most = 100.0, default = 0.3)]
+    #[fit(unit = "m", range = 0.05..=5.0, starts = [0.3, 1.0], step = 0.01)]
     pub scale_m: f64,
 }
 

@@ -24,151 +24,18 @@ use crate::phy::standard::CHOICES;
 use crate::phy::{effect, reception};
 use crate::second;
 use bytes::Bytes;
-use proto::config::{
-    Default, Field, FileReference, Kind, Lists, Node, Problem, Range, TableSpec, Tag, Variant,
-    Variants, check, join, typed,
-};
+use proto::config::{FileReference, Kind, Lists, Node, Problem, Section, TableSpec, check, join};
 use proto::effect::only::refuse_runs;
 use proto::side::Setup;
 use proto::types::{MoteCommandKind, NS_PER_S, seconds};
-use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Description of `[netsim]`.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "The network and its radio.",
-    fields: &[
-        Field {
-            key: "slot_duration_s",
-            doc: "Length of a slot (s); the control period must be a multiple of it. 0.01: IEEE Std 802.15.4-2015's \
-                  default timeslot.",
-            kind: Kind::Number(Range::closed(1e-6, 1e3)),
-            default: Default::Number(0.01),
-        },
-        Field {
-            key: "hopping_sequence",
-            doc: "Hopping sequence: channels of phy.standard by absolute slot number, 11 to 26 at 2.4 GHz. Absent: 16, 17, \
-                  23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21, or as many channels of another band, with mode = \
-                  \"6tisch\" or a trace; otherwise frames have no channel and are sent on carrier_hz.",
-            kind: Kind::List { of: &Kind::Integer { min: 0, max: 128 }, min: 1, max: 512 },
-            default: Default::Absent,
-        },
-        Field {
-            key: "absent",
-            doc: "Motes that are absent until an event of the timeline adds them.",
-            kind: Kind::List {
-                of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
-                min: 0,
-                max: usize::MAX,
-            },
-            default: Default::Absent,
-        },
-        Field { key: "phy", doc: "The radio.", kind: Kind::Table(&PHY), default: Default::Table },
-        Field {
-            key: "second_medium",
-            doc: "A broadcast medium beside the main network, which can carry the robots' payloads. Absent: there is none.",
-            kind: Kind::Table(&second::SPEC),
-            default: Default::Absent,
-        },
-    ],
-    tag: Some(&Tag {
-        key: "mode",
-        doc: "The level of detail of the simulation.",
-        default: Some("propagation-only"),
-        variants: Variants::Fixed(&[
-            Variant {
-                name: "propagation-only",
-                doc: "No protocols: each payload is broadcast once per control period, and every other radio receives \
-                          it with the probability that the physics gives. Frames do not interfere.",
-                fields: &[],
-            },
-            Variant {
-                name: MODE_6TISCH,
-                doc: "The full network: TSCH, a scheduling function, 6P, 6LoWPAN, RPL and admission, on a medium with \
-                          interference.",
-                fields: network::FIELDS,
-            },
-        ]),
-    }),
-};
+pub const SPEC: TableSpec = Keys::SPEC;
 
 /// Description of `[netsim.phy]`.
-pub const PHY: TableSpec = TableSpec {
-    doc: "The radio.",
-    fields: &[
-        Field {
-            key: "standard",
-            doc: "The physical layer of IEEE 802.15.4: channels, bit rate, noise. Absent: o-qpsk-2450.",
-            kind: Kind::Choice(&CHOICES),
-            default: Default::Absent,
-        },
-        Field {
-            key: "tx_power_dbm",
-            doc: "Transmit power (dBm).",
-            kind: Kind::Number(Range::closed(-100.0, 60.0)),
-            default: Default::Number(0.0),
-        },
-        Field {
-            key: "tx_antenna_gain_dbi",
-            doc: "Antenna gain of senders (dBi).",
-            kind: Kind::Number(Range::closed(-60.0, 60.0)),
-            default: Default::Number(0.0),
-        },
-        Field {
-            key: "rx_antenna_gain_dbi",
-            doc: "Antenna gain of receivers (dBi).",
-            kind: Kind::Number(Range::closed(-60.0, 60.0)),
-            default: Default::Number(0.0),
-        },
-        Field {
-            key: "carrier_hz",
-            doc: "Carrier frequency (Hz) if no channel is known. The 6TiSCH simulator has 2.4e9. Not \
-                  written: the middle of the band with another phy.standard.",
-            kind: Kind::Number(Range::closed(1e6, 1e12)),
-            default: Default::Number(2.44e9),
-        },
-        Field {
-            key: "antenna_height_m",
-            doc: "Height of antennas above positions (m), if all positions are planar (z = 0).",
-            kind: Kind::Number(Range::closed(0.0, 1000.0)),
-            default: Default::Absent,
-        },
-        Field {
-            key: "min_distance_m",
-            doc: "Minimum distance (m): smaller distances count as this, because the Friis equation is invalid at short \
-                  range.",
-            kind: Kind::Number(Range::closed(1e-3, 1e3)),
-            default: Default::Number(0.1),
-        },
-        Field {
-            key: "noise_sd_db",
-            doc: "Standard deviation (dB) of normal noise on the RSSI of every frame, clipped at 5 sd. Absent: 0 in a run; \
-                  estimated when the model is compared with measurements.",
-            kind: Kind::Number(Range::closed(0.0, 30.0)),
-            default: Default::Absent,
-        },
-        Field {
-            key: "reception",
-            doc: "Reception model: how the RSSI of a frame determines whether it is received.",
-            kind: Kind::Table(&reception::SPEC),
-            default: Default::Table,
-        },
-        Field {
-            key: "interference",
-            doc: "Interference model: how simultaneous frames affect each other. Used by mode = \"6tisch\" only.",
-            kind: Kind::Table(&interference::SPEC),
-            default: Default::Table,
-        },
-        Field {
-            key: "effect",
-            doc: "Physical effects added to the base model; `murmuration effects` lists them.",
-            kind: Kind::Tables(&effect::SPEC),
-            default: Default::Absent,
-        },
-    ],
-    tag: Some(&propagation::TAG),
-};
+pub const PHY: TableSpec = PhyKeys::SPEC;
 
 /// The hopping sequence of 6TiSCH networks for 16 channels, as the 6TiSCH simulator has it (IEEE Std 802.15.4-2015 default).
 pub const HOPPING_SEQUENCE: [u8; 16] =
@@ -209,43 +76,86 @@ impl Config {
     }
 }
 
-/// Keys of `[netsim]`, those of the protocols apart.
-#[derive(Deserialize)]
+/// The network and its radio.
+#[derive(Section)]
 struct Keys {
-    /// Absent where it is none that is known.
-    mode: Option<String>,
+    /// The level of detail of the simulation.
+    #[key(tag, default = "propagation-only")]
+    mode: Option<Mode>,
+    /// Length of a slot (s); the control period must be a multiple of it. 0.01: IEEE Std 802.15.4-2015's default timeslot.
+    #[key(range = 1e-6..=1e3, default = 0.01)]
     slot_duration_s: f64,
+    /// Hopping sequence: channels of phy.standard by absolute slot number, 11 to 26 at 2.4 GHz. Absent: 16, 17, 23, 18, 26, 15, 25,
+    /// 22, 19, 11, 12, 13, 24, 14, 20, 21, or as many channels of another band, with mode = "6tisch" or a trace; otherwise frames
+    /// have no channel and are sent on carrier_hz.
+    #[key(range = 0..=128, length = 1..=512)]
     hopping_sequence: Option<Vec<u8>>,
-    #[serde(default)]
+    /// Motes that are absent until an event of the timeline adds them.
+    #[key(range = 0..=u32::MAX, length = 0..)]
     absent: Vec<u32>,
+    /// The radio.
+    #[key(table = PHY, default)]
     phy: toml::Table,
+    /// A broadcast medium beside the main network, which can carry the robots' payloads. Absent: there is none.
+    #[key(table = second::SPEC)]
     second_medium: Option<toml::Table>,
 }
 
+/// What `mode` may be.
+#[derive(Section)]
+enum Mode {
+    /// No protocols: each payload is broadcast once per control period, and every other radio receives it with the probability that
+    /// the physics gives. Frames do not interfere.
+    PropagationOnly,
+    /// The full network: TSCH, a scheduling function, 6P, 6LoWPAN, RPL and admission, on a medium with interference.
+    #[section(name = "6tisch")]
+    Protocols(network::Keys),
+}
+
 impl Keys {
-    fn has_protocols(&self) -> bool {
-        self.mode.as_deref() == Some(MODE_6TISCH)
+    /// Those of the full network.
+    fn protocols(&self) -> Option<&network::Keys> {
+        match &self.mode {
+            Some(Mode::Protocols(keys)) => Some(keys),
+            _ => None,
+        }
     }
 }
 
-/// Keys of `[netsim.phy]`, those of the base model apart.
-#[derive(Deserialize)]
+/// The radio.
+#[derive(Section)]
+#[section(tag = propagation::TAG)]
 struct PhyKeys {
-    #[serde(flatten)]
+    /// The physical layer of IEEE 802.15.4: channels, bit rate, noise. Absent: o-qpsk-2450.
+    #[key(kind = Kind::Choice(&CHOICES))]
+    standard: Option<String>,
+    #[key(flatten)]
     radio: Radio,
+    /// Height of antennas above positions (m), if all positions are planar (z = 0).
+    #[key(range = 0.0..=1000.0)]
     antenna_height_m: Option<f64>,
+    /// Minimum distance (m): smaller distances count as this, because the Friis equation is invalid at short range.
+    #[key(range = 1e-3..=1e3, default = 0.1)]
     min_distance_m: f64,
+    /// Standard deviation (dB) of normal noise on the RSSI of every frame, clipped at 5 sd. Absent: 0 in a run; estimated when the
+    /// model is compared with measurements.
+    #[key(range = 0.0..=30.0)]
     noise_sd_db: Option<f64>,
+    /// Reception model: how the RSSI of a frame determines whether it is received.
+    #[key(table = reception::SPEC, default)]
     reception: toml::Table,
+    /// Interference model: how simultaneous frames affect each other. Used by mode = "6tisch" only.
+    #[key(table = interference::SPEC, default)]
     interference: toml::Table,
-    #[serde(default)]
+    /// Physical effects added to the base model; `murmuration effects` lists them.
+    #[key(tables = effect::SPEC)]
     effect: Vec<toml::Table>,
 }
 
 /// The files that a configuration names.
 #[must_use]
 pub fn files(config: &Node, path: &str, catalogue: &Catalogue) -> Vec<FileReference> {
-    check(config, path, &SPEC, &catalogue.lists(), &mut Vec::new()).files
+    check(config, path, &SPEC, &catalogue.lists(), &mut Vec::new()).files()
 }
 
 /// The section's table with defaults, whatever is wrong with it.
@@ -259,19 +169,18 @@ fn effective(config: &Node, catalogue: &Catalogue) -> toml::Table {
 #[must_use]
 pub fn slotframe_slots(config: &Node, agent_count: usize, catalogue: &Catalogue) -> u64 {
     let table = effective(config, catalogue);
-    let keys: Keys = typed(&table);
-    if !keys.has_protocols() {
-        return agent_count as u64;
-    }
+    let keys = Keys::read(&table);
+    let Some(protocols) = keys.protocols() else { return agent_count as u64 };
     let physical = standard::of(&keys.phy);
     let given = network::Given {
-        table: &table,
+        keys: protocols,
         path: "",
         agent_count,
         slot_ns: 1,
-        hopping_sequence: &keys
+        hopping_sequence: keys
             .hopping_sequence
-            .unwrap_or_else(|| physical.standard.hopping_sequence.to_vec()),
+            .as_deref()
+            .unwrap_or(physical.standard.hopping_sequence),
         airtime: physical.standard.airtime,
         catalogue,
     };
@@ -283,14 +192,14 @@ pub fn slotframe_slots(config: &Node, agent_count: usize, catalogue: &Catalogue)
 /// packet sent beside the robots' payloads.
 #[must_use]
 pub fn commands(config: &Node, catalogue: &Catalogue) -> &'static [MoteCommandKind] {
-    let keys: Keys = typed(&effective(config, catalogue));
-    if keys.has_protocols() { &COMMANDS } else { &WITHOUT_PROTOCOLS }
+    let keys = Keys::read(&effective(config, catalogue));
+    if keys.protocols().is_some() { &COMMANDS } else { &WITHOUT_PROTOCOLS }
 }
 
 /// The motes that `config` leaves out until an order adds them.
 #[must_use]
 pub fn absent(config: &Node, catalogue: &Catalogue) -> Vec<u32> {
-    let keys: Keys = typed(&effective(config, catalogue));
+    let keys = Keys::read(&effective(config, catalogue));
     keys.absent
 }
 
@@ -338,7 +247,7 @@ pub fn read(
         let path = join(&setup.path, "phy");
         standard::apply(phy, setup.config.get("phy"), &path, catalogue, &mut problems);
     }
-    let keys: Keys = typed(&table);
+    let keys = Keys::read(&table);
     let key_path = |key: &str| join(&setup.path, key);
 
     let slot_s = keys.slot_duration_s;
@@ -370,17 +279,18 @@ pub fn read(
         }
     }
 
-    let is_network = keys.has_protocols();
-    let phy: PhyKeys = typed(&keys.phy);
+    let protocols = keys.protocols();
+    let is_network = protocols.is_some();
+    let phy = PhyKeys::read(&keys.phy);
     let base = catalogue.propagation.selected(&keys.phy, &propagation::TAG);
     let is_recording = base.is_some_and(|base| base.family == Family::Recording);
-    let physical = standard::of(&keys.phy);
+    let physical = crate::phy::standard::find(phy.standard.as_deref());
     if is_network && !is_refused {
         let path = key_path("slot_duration_s");
         problems.extend(standard::check_slot(physical, slot_ns, step_ns, &path));
     }
-    let hopping_sequence: Vec<u8> = match keys.hopping_sequence {
-        Some(channels) => channels,
+    let hopping_sequence: Vec<u8> = match &keys.hopping_sequence {
+        Some(channels) => channels.clone(),
         None if is_recording || is_network => physical.standard.hopping_sequence.to_vec(),
         None => Vec::new(),
     };
@@ -403,9 +313,9 @@ pub fn read(
     problems.extend(context.problems);
 
     let interference = interference::build(&phy.interference, &catalogue.interference);
-    let network = is_network.then(|| {
+    let network = protocols.map(|protocols| {
         let given = network::Given {
-            table: &table,
+            keys: protocols,
             path: &setup.path,
             agent_count,
             slot_ns: slot_ns.max(1),
@@ -472,7 +382,7 @@ pub fn read_phy(
     let mut problems = Vec::new();
     let mut table = check(node, path, &PHY, &catalogue.lists(), &mut problems).table;
     standard::apply(&mut table, Some(node), path, catalogue, &mut problems);
-    let keys: PhyKeys = typed(&table);
+    let keys = PhyKeys::read(&table);
     let mut context = BuildContext {
         path,
         radio: keys.radio,

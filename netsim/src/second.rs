@@ -23,8 +23,7 @@ use around::Around;
 use carried::Carried;
 use copies::Copies;
 use proto::config::{
-    Choice, Default, Field, Kind, Problem, Registered, Registry, TableSpec, Tag, Variant, Variants,
-    join, typed,
+    Choice, Problem, Registered, Registry, Section, TableSpec, Tag, Variant, Variants, join,
 };
 use proto::side::{NetInput, NetOutput};
 use proto::site::Site;
@@ -32,23 +31,7 @@ use proto::types::{DeliveryColumn, Experiment, Payloads};
 use serde::{Deserialize, Serialize};
 
 /// Description of `[netsim.second_medium]`.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "A broadcast medium beside the main network.",
-    fields: &[Field {
-        key: "payloads",
-        doc: "Which medium carries the robots' payloads.",
-        kind: Kind::Choice(&[
-            Choice { name: "main", doc: "The main network only; the second medium is idle." },
-            Choice { name: "second", doc: "The second medium only." },
-            Choice {
-                name: "both",
-                doc: "Both; a receiver takes the copy that arrives first and discards the other one.",
-            },
-        ]),
-        default: Default::Text("both"),
-    }],
-    tag: Some(&TAG),
-};
+pub const SPEC: TableSpec = Keys::SPEC;
 
 /// The key that selects a medium.
 pub const TAG: Tag =
@@ -105,14 +88,13 @@ pub trait SecondMedium: Send + Sync + std::fmt::Debug {
 }
 
 /// Which medium carries the robots' payloads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Route {
-    /// The main network.
+    /// The main network only; the second medium is idle.
     Main,
-    /// The second medium.
+    /// The second medium only.
     Second,
-    /// Both.
+    /// Both; a receiver takes the copy that arrives first and discards the other one.
     Both,
 }
 
@@ -136,8 +118,12 @@ impl Config {
     }
 }
 
-#[derive(Deserialize)]
+/// A broadcast medium beside the main network.
+#[derive(Section)]
+#[section(tag = TAG)]
 struct Keys {
+    /// Which medium carries the robots' payloads.
+    #[key(default = Route::Both)]
     payloads: Route,
 }
 
@@ -149,7 +135,7 @@ pub(crate) fn build(
 ) -> Option<Config> {
     let entry = known.selected(table, &TAG)?;
     let medium = (entry.build)(table, context)?;
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     Some(Config { route: keys.payloads, medium })
 }
 

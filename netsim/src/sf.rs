@@ -517,16 +517,6 @@ pub const TAG: Tag = Tag {
     variants: Variants::List(LIST),
 };
 
-/// Key of a slotframe's length, where the scheduling function does not decide on it.
-const fn slots_field(
-    key: &'static str,
-    doc: &'static str,
-    default: proto::config::Default,
-) -> proto::config::Field {
-    let kind = proto::config::Kind::Integer { min: 1, max: MAX_SLOTS as i64 };
-    proto::config::Field { key, doc, kind, default }
-}
-
 /// Longest slotframe (slots): places of cells are counted in 16 bits, of which one value is taken.
 const MAX_SLOTS: u16 = u16::MAX - 1;
 

@@ -1,9 +1,9 @@
 //! `burst`: several packets at once, once.
 
 use super::config::Largest;
-use super::sender::{DESTINATION, PAYLOAD_BYTES, SENDERS, Sender, ns};
+use super::sender::{Sender, SenderKeys, ns};
 use super::{Context, Host, Packet, Reading, Traffic};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
+use proto::config::{Section, Variant, variant};
 use serde::{Deserialize, Serialize};
 
 /// One burst of packets.
@@ -17,10 +17,17 @@ pub struct Burst {
     next_ns: Option<u64>,
 }
 
-#[derive(Deserialize)]
+/// One burst of packets.
+#[derive(Section)]
 struct Keys {
+    /// Delay after the time at which the mote may send (s).
+    #[key(range = 0.0..=1e6)]
     at_s: f64,
+    /// How many.
+    #[key(range = 1..=10_000, default = 1)]
     n_packets: u32,
+    #[key(flatten)]
+    sender: SenderKeys,
 }
 
 impl Burst {
@@ -32,31 +39,11 @@ impl Burst {
 }
 
 impl super::Kind for Burst {
-    const VARIANT: Variant = Variant {
-        name: "burst",
-        doc: "One burst of packets.",
-        fields: &[
-            Field {
-                key: "at_s",
-                doc: "Delay after the time at which the mote may send (s).",
-                kind: Kind::Number(Range::closed(0.0, 1e6)),
-                default: Default::Required,
-            },
-            Field {
-                key: "n_packets",
-                doc: "How many.",
-                kind: Kind::Integer { min: 1, max: 10_000 },
-                default: Default::Integer(1),
-            },
-            SENDERS,
-            DESTINATION,
-            PAYLOAD_BYTES,
-        ],
-    };
+    const VARIANT: Variant = variant::<Keys>("burst");
 
     fn read(reading: &mut Reading<'_>) -> Option<Self> {
-        let Keys { at_s, n_packets } = typed(reading.table);
-        Some(Self::new(Sender::read(reading)?, ns(at_s), n_packets))
+        let keys = Keys::read(reading.table);
+        Some(Self::new(Sender::of(keys.sender, reading)?, ns(keys.at_s), keys.n_packets))
     }
 
     fn assigned(&self, host: &Host) -> Option<Self> {

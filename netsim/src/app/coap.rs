@@ -9,16 +9,13 @@
 //! An exchange succeeds if its response comes, to whichever transmission. Its round-trip time is that from the first transmission.
 
 use super::config::Largest;
-use super::exchange::{
-    ACK_RANDOM_FACTOR, ACK_TIMEOUT, Answered, Endpoint, Exchange, MAX_RETRANSMIT, Timeout,
-    TimerKeys, Timers, coap_packet,
-};
-use super::sender::{MAX_PAYLOAD_BYTES, MOTE, ns};
+use super::exchange::{Answered, Endpoint, Exchange, Timeout, TimerKeys, Timers, coap_packet};
+use super::sender::{MAX_PAYLOAD_BYTES, ns};
 use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
 use crate::lowpan::DropReason;
 use crate::mesh::packets::PacketKind;
 use crate::wire::coap::{CoapRepr, Code, Token, Type};
-use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
+use proto::config::{Choice, Either, Section, Variant, variant};
 use serde::{Deserialize, Serialize};
 
 /// First letter of the path of the resource that is asked for; the number of the application follows.
@@ -68,34 +65,40 @@ pub struct Coap {
     counters: Counters,
 }
 
-#[derive(Deserialize)]
+/// CoAP request and response (RFC 7252): the first root sends confirmable requests to motes, which answer with a piggybacked
+/// response.
+#[derive(Section)]
 struct Keys {
-    servers: ServersKey,
+    /// Whom the root asks: one of these, or the number of a mote. Motes without a route and motes whose last exchange is open are
+    /// passed over.
+    #[key(default = Named::InTurn)]
+    servers: Either<Named, u32>,
+    /// Mean time between two requests of the root (s).
+    #[key(range = 1e-2..=1e6, default = 10.0)]
     period_s: f64,
+    /// Distribution of the time between two requests.
+    #[key(default = Interval::Fixed)]
     interval: Interval,
+    /// Payload of a response (bytes), without the CoAP header.
+    #[key(range = 0..=MAX_PAYLOAD_BYTES, default = 16)]
     response_bytes: u16,
-    #[serde(flatten)]
+    #[key(flatten)]
     timers: TimerKeys,
 }
 
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum ServersKey {
-    One(u32),
-    Named(Named),
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice)]
 enum Named {
+    /// All other motes in turn.
     InTurn,
+    /// A random other mote for each request.
     Random,
 }
 
-#[derive(PartialEq, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Choice, PartialEq)]
 enum Interval {
+    /// Always period_s.
     Fixed,
+    /// Exponential with mean period_s: a Poisson process.
     Exponential,
 }
 
@@ -181,60 +184,14 @@ impl Coap {
 }
 
 impl super::Kind for Coap {
-    const VARIANT: Variant = Variant {
-        name: "coap",
-        doc: "CoAP request and response (RFC 7252): the first root sends confirmable requests to motes, which answer with a \
-              piggybacked response.",
-        fields: &[
-            Field {
-                key: "servers",
-                doc: "Whom the root asks: one of these, or the number of a mote. Motes without a route and motes whose last \
-                      exchange is open are passed over.",
-                kind: Kind::Either(&[
-                    Kind::Choice(&[
-                        Choice { name: "in-turn", doc: "All other motes in turn." },
-                        Choice { name: "random", doc: "A random other mote for each request." },
-                    ]),
-                    MOTE,
-                ]),
-                default: Default::Text("in-turn"),
-            },
-            Field {
-                key: "period_s",
-                doc: "Mean time between two requests of the root (s).",
-                kind: Kind::Number(Range::closed(1e-2, 1e6)),
-                default: Default::Number(10.0),
-            },
-            Field {
-                key: "interval",
-                doc: "Distribution of the time between two requests.",
-                kind: Kind::Choice(&[
-                    Choice { name: "fixed", doc: "Always period_s." },
-                    Choice {
-                        name: "exponential",
-                        doc: "Exponential with mean period_s: a Poisson process.",
-                    },
-                ]),
-                default: Default::Text("fixed"),
-            },
-            Field {
-                key: "response_bytes",
-                doc: "Payload of a response (bytes), without the CoAP header.",
-                kind: Kind::Integer { min: 0, max: MAX_PAYLOAD_BYTES },
-                default: Default::Integer(16),
-            },
-            ACK_TIMEOUT,
-            ACK_RANDOM_FACTOR,
-            MAX_RETRANSMIT,
-        ],
-    };
+    const VARIANT: Variant = variant::<Keys>("coap");
 
     fn read(reading: &mut Reading<'_>) -> Option<Self> {
-        let keys: Keys = typed(reading.table);
+        let keys = Keys::read(reading.table);
         let servers = match keys.servers {
-            ServersKey::One(number) => Servers::One(reading.mote("servers", number)?),
-            ServersKey::Named(Named::InTurn) => Servers::InTurn,
-            ServersKey::Named(Named::Random) => Servers::Random,
+            Either::Second(number) => Servers::One(reading.mote("servers", number)?),
+            Either::First(Named::InTurn) => Servers::InTurn,
+            Either::First(Named::Random) => Servers::Random,
         };
         Some(Self::new(Settings {
             servers,

@@ -15,16 +15,13 @@
 //! § 4.8.2), within which the mote has given up too.
 
 use super::config::Largest;
-use super::exchange::{
-    ACK_RANDOM_FACTOR, ACK_TIMEOUT, Answered, Endpoint, Exchange, MAX_RETRANSMIT, Timeout,
-    TimerKeys, Timers, coap_packet,
-};
-use super::sender::{MOTE, ns};
+use super::exchange::{Answered, Endpoint, Exchange, Timeout, TimerKeys, Timers, coap_packet};
+use super::sender::ns;
 use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
 use crate::lowpan::DropReason;
 use crate::wire::coap::{Block, CoapRepr, Code, Token, Type};
 use bytes::Bytes;
-use proto::config::{Choice, Default, Field, Kind, Problem, Range, Variant, join, typed};
+use proto::config::{Choice, Either, Problem, Section, Variant, join, variant};
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -108,21 +105,30 @@ pub struct Download {
     counters: Counters,
 }
 
-#[derive(Deserialize)]
+/// Download of a large representation, such as firmware: the first root triggers a mote, which requests block after block (RFC
+/// 7959), each after it has received the one before.
+#[derive(Section)]
 struct Keys {
-    targets: TargetsKey,
+    /// Who downloads.
+    #[key(length = 1.., default = All::All)]
+    targets: Either<All, Vec<u32>>,
+    /// The first download begins so long after the root is ready to send (s).
+    #[key(range = 0.0..=1e6, default = 0.0)]
     after_s: f64,
+    /// Size of the representation (bytes).
+    #[key(range = 1..=1_000_000, default = 10_000)]
     size_bytes: u32,
+    /// Size of a block (bytes): 16, 32, 64, 128, 256, 512 or 1024 (RFC 7959, section 2.2).
+    #[key(range = 16..=1024, default = 64)]
     block_bytes: u32,
-    #[serde(flatten)]
+    #[key(flatten)]
     timers: TimerKeys,
 }
 
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum TargetsKey {
-    Listed(Vec<u32>),
-    All(serde::de::IgnoredAny),
+#[derive(Choice)]
+enum All {
+    /// All motes but the root, one after another, as soon as the root has a route to them.
+    All,
 }
 
 impl Download {
@@ -294,49 +300,10 @@ fn octet(place: u64) -> u8 {
 }
 
 impl super::Kind for Download {
-    const VARIANT: Variant = Variant {
-        name: "download",
-        doc: "Download of a large representation, such as firmware: the first root triggers a mote, which requests block after block \
-              (RFC 7959), each after it has received the one before.",
-        fields: &[
-            Field {
-                key: "targets",
-                doc: "Who downloads.",
-                kind: Kind::Either(&[
-                    Kind::Choice(&[Choice {
-                        name: "all",
-                        doc: "All motes but the root, one after another, as soon as the root has a route to them.",
-                    }]),
-                    Kind::List { of: &MOTE, min: 1, max: usize::MAX },
-                ]),
-                default: Default::Text("all"),
-            },
-            Field {
-                key: "after_s",
-                doc: "The first download begins so long after the root is ready to send (s).",
-                kind: Kind::Number(Range::closed(0.0, 1e6)),
-                default: Default::Number(0.0),
-            },
-            Field {
-                key: "size_bytes",
-                doc: "Size of the representation (bytes).",
-                kind: Kind::Integer { min: 1, max: 1_000_000 },
-                default: Default::Integer(10_000),
-            },
-            Field {
-                key: "block_bytes",
-                doc: "Size of a block (bytes): 16, 32, 64, 128, 256, 512 or 1024 (RFC 7959, section 2.2).",
-                kind: Kind::Integer { min: 16, max: 1024 },
-                default: Default::Integer(64),
-            },
-            ACK_TIMEOUT,
-            ACK_RANDOM_FACTOR,
-            MAX_RETRANSMIT,
-        ],
-    };
+    const VARIANT: Variant = variant::<Keys>("download");
 
     fn read(reading: &mut Reading<'_>) -> Option<Self> {
-        let keys: Keys = typed(reading.table);
+        let keys = Keys::read(reading.table);
         let szx = (0..=MAX_SZX).find(|szx| 16 << szx == keys.block_bytes);
         if szx.is_none() {
             let sizes = (0..=MAX_SZX).map(|szx| 16_u32 << szx);
@@ -346,8 +313,8 @@ impl super::Kind for Download {
             reading.problems.push(problem.value(keys.block_bytes).nearest(nearest));
         }
         let targets = match keys.targets {
-            TargetsKey::Listed(list) => Some(reading.motes("targets", list)),
-            TargetsKey::All(_) => None,
+            Either::Second(list) => Some(reading.motes("targets", list)),
+            Either::First(All::All) => None,
         };
         let settings = Settings {
             after_ns: ns(keys.after_s),

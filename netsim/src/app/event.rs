@@ -6,10 +6,10 @@
 //! E events whose radius covers k senders each make exactly E k `n_packets` packets, if all are ready for as long.
 
 use super::config::Largest;
-use super::sender::{DESTINATION, PAYLOAD_BYTES, SENDERS, Sender, ns};
+use super::sender::{Sender, SenderKeys, ns};
 use super::stream::exponential_ns;
 use super::{Context, Host, Machine, Packet, Reading, Spec, Traffic};
-use proto::config::{Default, Field, Kind, Problem, Range, Variant, join, typed};
+use proto::config::{Problem, Range, Section, Variant, join, variant};
 use proto::rng::{Draws, Purpose, uniform};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -46,19 +46,34 @@ pub struct Event {
     bursts: VecDeque<(u64, u32)>,
 }
 
-#[derive(Deserialize)]
+/// Bursts on events: at each event, the motes near its place report it. Event times are the same for all motes.
+#[derive(Section)]
 struct Keys {
+    /// Times of the events from the start of the experiment (s). Excludes mean_interval_s.
+    #[key(range = 0.0..=1e6, length = 1..=100_000)]
     at_s: Option<Vec<f64>>,
+    /// Mean time between two events (s), a Poisson process for the whole network. Absent without at_s: 600 s.
+    #[key(range = 1e-3..=1e6)]
     mean_interval_s: Option<f64>,
+    /// Place of all events, x and y (m). Absent: for each event a random place, uniform in the rectangle around all motes at that
+    /// time.
+    #[key(range = Range::PLACE)]
     place_m: Option<[f64; 2]>,
+    /// Senders within this horizontal distance of the event report it (m). Absent: all senders.
+    #[key(range = Range::LENGTH)]
     radius_m: Option<f64>,
+    /// Packets that each mote sends per event.
+    #[key(range = 1..=10_000, default = 1)]
     n_packets: u32,
+    /// Time between two of these packets (s).
+    #[key(range = 0.0..=1e6, default = 1.0)]
     spacing_s: f64,
+    #[key(flatten)]
+    sender: SenderKeys,
 }
 
 /// Mean time between two events by default (s).
 const MEAN_INTERVAL_S: f64 = 600.0;
-const TIME: Kind = Kind::Number(Range::closed(0.0, 1e6));
 
 impl Event {
     /// `n_packets` (at least 1) of each concerned mote, so far (ns) apart.
@@ -79,55 +94,10 @@ impl Event {
 }
 
 impl super::Kind for Event {
-    const VARIANT: Variant = Variant {
-        name: "event",
-        doc: "Bursts on events: at each event, the motes near its place report it. Event times are the same for all motes.",
-        fields: &[
-            Field {
-                key: "at_s",
-                doc: "Times of the events from the start of the experiment (s). Excludes mean_interval_s.",
-                kind: Kind::List { of: &TIME, min: 1, max: 100_000 },
-                default: Default::Absent,
-            },
-            Field {
-                key: "mean_interval_s",
-                doc: "Mean time between two events (s), a Poisson process for the whole network. Absent without at_s: 600 s.",
-                kind: Kind::Number(Range::closed(1e-3, 1e6)),
-                default: Default::Absent,
-            },
-            Field {
-                key: "place_m",
-                doc: "Place of all events, x and y (m). Absent: for each event a random place, uniform in the rectangle around all \
-                      motes at that time.",
-                kind: Kind::List { of: &Kind::Number(Range::PLACE), min: 2, max: 2 },
-                default: Default::Absent,
-            },
-            Field {
-                key: "radius_m",
-                doc: "Senders within this horizontal distance of the event report it (m). Absent: all senders.",
-                kind: Kind::Number(Range::LENGTH),
-                default: Default::Absent,
-            },
-            Field {
-                key: "n_packets",
-                doc: "Packets that each mote sends per event.",
-                kind: Kind::Integer { min: 1, max: 10_000 },
-                default: Default::Integer(1),
-            },
-            Field {
-                key: "spacing_s",
-                doc: "Time between two of these packets (s).",
-                kind: Kind::Number(Range::closed(0.0, 1e6)),
-                default: Default::Number(1.0),
-            },
-            SENDERS,
-            DESTINATION,
-            PAYLOAD_BYTES,
-        ],
-    };
+    const VARIANT: Variant = variant::<Keys>("event");
 
     fn read(reading: &mut Reading<'_>) -> Option<Self> {
-        let keys: Keys = typed(reading.table);
+        let keys = Keys::read(reading.table);
         let times = match (keys.at_s, keys.mean_interval_s) {
             (Some(_), Some(mean_s)) => {
                 let path = join(reading.path, "mean_interval_s");
@@ -143,7 +113,7 @@ impl super::Kind for Event {
             (None, mean_s) => Times::Poisson(ns(mean_s.unwrap_or(MEAN_INTERVAL_S))),
         };
         let area = Area { place_m: keys.place_m, radius_m: keys.radius_m };
-        let sender = Sender::read(reading)?;
+        let sender = Sender::of(keys.sender, reading)?;
         Some(Self::new(sender, Some((times, area)), keys.n_packets, ns(keys.spacing_s)))
     }
 

@@ -5,36 +5,11 @@ use super::stream::Stream;
 use super::{Content, Destination, Host, Packet};
 use crate::wire::coap::{CoapRepr, Token};
 use bytes::Bytes;
-use proto::config::{Default, Field, Kind, Range};
+use proto::config::Section;
 use proto::rng::{Draws, Purpose};
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, VecDeque};
-
-/// `ack_timeout_s`.
-pub const ACK_TIMEOUT: Field = Field {
-    key: "ack_timeout_s",
-    doc: "The first timeout is at least this long (s). 2: ACK_TIMEOUT of RFC 7252, section 4.8.",
-    kind: Kind::Number(Range::closed(1e-2, 1e3)),
-    default: Default::Number(2.0),
-};
-
-/// `ack_random_factor`.
-pub const ACK_RANDOM_FACTOR: Field = Field {
-    key: "ack_random_factor",
-    doc: "The first timeout is uniform from ack_timeout_s to this many times as much. 1.5: ACK_RANDOM_FACTOR of RFC 7252, \
-          section 4.8.",
-    kind: Kind::Number(Range::closed(1.0, 10.0)),
-    default: Default::Number(1.5),
-};
-
-/// `max_retransmit`.
-pub const MAX_RETRANSMIT: Field = Field {
-    key: "max_retransmit",
-    doc: "How often a request is retransmitted, each time after twice the timeout. 4: MAX_RETRANSMIT of RFC 7252, section 4.8.",
-    kind: Kind::Integer { min: 0, max: 16 },
-    default: Default::Integer(4),
-};
 
 /// Parameters of retransmission (RFC 7252, § 4.8).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -48,10 +23,16 @@ pub struct Timers {
 }
 
 /// Keys of [`Timers`].
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Section)]
 pub(super) struct TimerKeys {
+    /// The first timeout is at least this long (s). 2: ACK_TIMEOUT of RFC 7252, section 4.8.
+    #[key(range = 1e-2..=1e3, default = 2.0)]
     ack_timeout_s: f64,
+    /// The first timeout is uniform from ack_timeout_s to this many times as much. 1.5: ACK_RANDOM_FACTOR of RFC 7252, section 4.8.
+    #[key(range = 1.0..=10.0, default = 1.5)]
     ack_random_factor: f64,
+    /// How often a request is retransmitted, each time after twice the timeout. 4: MAX_RETRANSMIT of RFC 7252, section 4.8.
+    #[key(range = 0..=16, default = 4)]
     max_retransmit: u8,
 }
 

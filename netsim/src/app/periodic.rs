@@ -1,9 +1,9 @@
 //! `periodic`: a packet again and again.
 
 use super::config::Largest;
-use super::sender::{DESTINATION, PAYLOAD_BYTES, SENDERS, Sender, ns};
+use super::sender::{Sender, SenderKeys, ns};
 use super::{Context, Host, Packet, Reading, Traffic};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
+use proto::config::{Section, Variant, variant};
 use serde::{Deserialize, Serialize};
 
 /// Periodic packets.
@@ -18,10 +18,17 @@ pub struct Periodic {
     next_ns: Option<u64>,
 }
 
-#[derive(Deserialize)]
+/// Periodically, from the time at which the mote may send.
+#[derive(Section)]
 struct Keys {
+    /// Mean time between two packets of a mote (s). 60: the 6TiSCH simulator.
+    #[key(range = 1e-3..=1e6, default = 60.0)]
     period_s: f64,
+    /// Jitter: each interval is uniform within this fraction of period_s to either side. 0.05: the 6TiSCH simulator.
+    #[key(range = 0.0..=0.99, default = 0.05)]
     jitter: f64,
+    #[key(flatten)]
+    sender: SenderKeys,
 }
 
 impl Periodic {
@@ -33,33 +40,16 @@ impl Periodic {
 }
 
 impl super::Kind for Periodic {
-    const VARIANT: Variant = Variant {
-        name: "periodic",
-        doc: "Periodically, from the time at which the mote may send.",
-        fields: &[
-            Field {
-                key: "period_s",
-                doc: "Mean time between two packets of a mote (s). 60: the 6TiSCH simulator.",
-                kind: Kind::Number(Range::closed(1e-3, 1e6)),
-                default: Default::Number(60.0),
-            },
-            Field {
-                key: "jitter",
-                doc: "Jitter: each interval is uniform within this fraction of period_s to either side. 0.05: the 6TiSCH \
-                      simulator.",
-                kind: Kind::Number(Range::closed(0.0, 0.99)),
-                default: Default::Number(0.05),
-            },
-            SENDERS,
-            DESTINATION,
-            PAYLOAD_BYTES,
-        ],
-    };
+    const VARIANT: Variant = variant::<Keys>("periodic");
 
     fn read(reading: &mut Reading<'_>) -> Option<Self> {
-        let Keys { period_s, jitter } = typed(reading.table);
-        let period_ns = ns(period_s);
-        Some(Self::new(Sender::read(reading)?, period_ns, (period_ns as f64 * jitter) as u64))
+        let keys = Keys::read(reading.table);
+        let period_ns = ns(keys.period_s);
+        Some(Self::new(
+            Sender::of(keys.sender, reading)?,
+            period_ns,
+            (period_ns as f64 * keys.jitter) as u64,
+        ))
     }
 
     fn assigned(&self, host: &Host) -> Option<Self> {

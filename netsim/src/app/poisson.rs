@@ -5,10 +5,10 @@
 //! Processes", 1993.)
 
 use super::config::Largest;
-use super::sender::{DESTINATION, PAYLOAD_BYTES, SENDERS, Sender, ns};
+use super::sender::{Sender, SenderKeys, ns};
 use super::stream::Stream;
 use super::{Context, Host, Packet, Reading, Traffic};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
+use proto::config::{Section, Variant, variant};
 use serde::{Deserialize, Serialize};
 
 /// Packets at the times of a Poisson process.
@@ -20,9 +20,14 @@ pub struct Poisson {
     next_ns: Option<u64>,
 }
 
-#[derive(Deserialize)]
+/// A Poisson process: independent exponential intervals, from the time at which the mote may send.
+#[derive(Section)]
 struct Keys {
+    /// Mean time between two packets of a mote (s): the reciprocal of its rate.
+    #[key(range = 1e-3..=1e6, default = 60.0)]
     mean_interval_s: f64,
+    #[key(flatten)]
+    sender: SenderKeys,
 }
 
 impl Poisson {
@@ -34,25 +39,11 @@ impl Poisson {
 }
 
 impl super::Kind for Poisson {
-    const VARIANT: Variant = Variant {
-        name: "poisson",
-        doc: "A Poisson process: independent exponential intervals, from the time at which the mote may send.",
-        fields: &[
-            Field {
-                key: "mean_interval_s",
-                doc: "Mean time between two packets of a mote (s): the reciprocal of its rate.",
-                kind: Kind::Number(Range::closed(1e-3, 1e6)),
-                default: Default::Number(60.0),
-            },
-            SENDERS,
-            DESTINATION,
-            PAYLOAD_BYTES,
-        ],
-    };
+    const VARIANT: Variant = variant::<Keys>("poisson");
 
     fn read(reading: &mut Reading<'_>) -> Option<Self> {
-        let Keys { mean_interval_s } = typed(reading.table);
-        Some(Self::new(Sender::read(reading)?, ns(mean_interval_s)))
+        let keys = Keys::read(reading.table);
+        Some(Self::new(Sender::of(keys.sender, reading)?, ns(keys.mean_interval_s)))
     }
 
     fn assigned(&self, host: &Host) -> Option<Self> {

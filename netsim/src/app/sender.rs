@@ -3,49 +3,12 @@
 use super::config::Largest;
 use super::{Content, Destination, Host, Packet, Reading};
 use crate::dice::Dice;
-use proto::config::{Choice, Default, Field, Kind, typed};
+use proto::config::{Choice, Either, Section};
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 
-/// The number of a mote.
-pub(super) const MOTE: Kind = Kind::Integer { min: 0, max: u32::MAX as i64 };
-
 /// Longest UDP payload (bytes).
 pub const MAX_PAYLOAD_BYTES: i64 = 1000;
-
-/// `senders`.
-pub const SENDERS: Field = Field {
-    key: "senders",
-    doc: "The motes that send.",
-    kind: Kind::Either(&[
-        Kind::Choice(&[Choice { name: "all", doc: "All motes that have a destination." }]),
-        Kind::List { of: &MOTE, min: 1, max: usize::MAX },
-    ]),
-    default: Default::Text("all"),
-};
-
-/// `destination`.
-pub const DESTINATION: Field = Field {
-    key: "destination",
-    doc: "The destination: one of these, or the number of a mote.",
-    kind: Kind::Either(&[
-        Kind::Choice(&[
-            Choice { name: "root", doc: "The root of the sender's DODAG." },
-            Choice { name: "peers", doc: "A random other mote for each packet." },
-            Choice { name: "all", doc: "All other motes in turn." },
-        ]),
-        MOTE,
-    ]),
-    default: Default::Text("root"),
-};
-
-/// `payload_bytes`.
-pub const PAYLOAD_BYTES: Field = Field {
-    key: "payload_bytes",
-    doc: "UDP payload of a packet. With headers it must stay below the minimum MTU of IPv6, 1280 bytes.",
-    kind: Kind::Integer { min: 1, max: MAX_PAYLOAD_BYTES },
-    default: Default::Integer(30),
-};
 
 /// A duration of the configuration (ns).
 pub(super) fn ns(duration_s: f64) -> u64 {
@@ -79,32 +42,33 @@ pub struct Sender {
     turn: u32,
 }
 
-#[derive(Deserialize)]
-struct Keys {
-    senders: Senders,
-    destination: DestinationKey,
+/// Who sends to whom, and how much.
+#[derive(Section)]
+pub(super) struct SenderKeys {
+    /// The motes that send.
+    #[key(length = 1.., default = All::All)]
+    senders: Either<All, Vec<u32>>,
+    /// The destination: one of these, or the number of a mote.
+    #[key(default = Named::Root)]
+    destination: Either<Named, u32>,
+    /// UDP payload of a packet. With headers it must stay below the minimum MTU of IPv6, 1280 bytes.
+    #[key(range = 1..=MAX_PAYLOAD_BYTES, default = 30)]
     payload_bytes: u16,
 }
 
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Senders {
-    Listed(Vec<u32>),
-    All(serde::de::IgnoredAny),
+#[derive(Choice)]
+enum All {
+    /// All motes that have a destination.
+    All,
 }
 
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum DestinationKey {
-    Mote(u32),
-    Named(Named),
-}
-
-#[derive(Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Choice)]
 enum Named {
+    /// The root of the sender's DODAG.
     Root,
+    /// A random other mote for each packet.
     Peers,
+    /// All other motes in turn.
     All,
 }
 
@@ -115,18 +79,17 @@ impl Sender {
         Self { peer, payload_bytes, senders, own: 0, n_motes: 0, counter: 0, turn: 0 }
     }
 
-    /// Reads its keys.
-    pub(super) fn read(reading: &mut Reading<'_>) -> Option<Self> {
-        let keys: Keys = typed(reading.table);
+    /// The sender that keys describe; `None`: the destination is no mote, which has been said.
+    pub(super) fn of(keys: SenderKeys, reading: &mut Reading<'_>) -> Option<Self> {
         let peer = match keys.destination {
-            DestinationKey::Mote(number) => reading.mote("destination", number).map(Peer::Mote),
-            DestinationKey::Named(Named::Peers) => Some(Peer::Random),
-            DestinationKey::Named(Named::All) => Some(Peer::All),
-            DestinationKey::Named(Named::Root) => Some(Peer::Root),
+            Either::First(Named::Root) => Some(Peer::Root),
+            Either::First(Named::Peers) => Some(Peer::Random),
+            Either::First(Named::All) => Some(Peer::All),
+            Either::Second(number) => reading.mote("destination", number).map(Peer::Mote),
         };
         let senders = match keys.senders {
-            Senders::Listed(list) => Some(reading.motes("senders", list)),
-            Senders::All(_) => None,
+            Either::First(All::All) => None,
+            Either::Second(list) => Some(reading.motes("senders", list)),
         };
         Some(Self::new(senders, peer?, keys.payload_bytes))
     }
@@ -148,7 +111,7 @@ impl Sender {
         let Self { payload_bytes, .. } = *self;
         let content = Content::Counted { payload_bytes, counter: 0 };
         let packet = Packet { destination: Destination::Root, content, created_ns: 0 };
-        Largest { key: PAYLOAD_BYTES.key, value: payload_bytes.into(), packet }
+        Largest { key: "payload_bytes", value: payload_bytes.into(), packet }
     }
 
     /// How many packets it made.

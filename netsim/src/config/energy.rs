@@ -2,78 +2,39 @@
 
 use crate::energy::{BATTERY_AA_MAH, Model};
 use crate::medium::slot::timing::Airtime;
-use proto::config::{Choice, Default, Field, Kind, Problem, Range, TableSpec, join, typed};
-use serde::Deserialize;
+use proto::config::{Choice, Problem, Section, TableSpec, join};
 
 /// Description of `[netsim.energy]`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "The energy model: from radio activity to charge.",
-    fields: &[
-        Field {
-            key: "model",
-            doc: "How the charge of a slot is computed.",
-            kind: Kind::Choice(&[
-                Choice {
-                    name: "per-slot",
-                    doc: "One charge per kind of slot: the 6TiSCH simulator's table.",
-                },
-                Choice {
-                    name: "by-length",
-                    doc: "By frame length: TSCH-Sim's regression for the CC2650.",
-                },
-                Choice {
-                    name: "by-time",
-                    doc: "By the time in which the radio sends and listens, for any phy.standard.",
-                },
-            ]),
-            default: Default::Text("per-slot"),
-        },
-        Field {
-            key: "tx_ma",
-            doc: "Current while the radio sends (mA), with model = \"by-time\". Absent: 24, the CC2538 at 0 dBm.",
-            kind: Kind::Number(Range::closed(0.0, 1e4)),
-            default: Default::Absent,
-        },
-        Field {
-            key: "rx_ma",
-            doc: "Current while the radio listens (mA), with model = \"by-time\". Absent: 20, the CC2538.",
-            kind: Kind::Number(Range::closed(0.0, 1e4)),
-            default: Default::Absent,
-        },
-        Field {
-            key: "battery_mah",
-            doc: "Charge of a new battery (mAh). 2821.5: two AA cells, as in the 6TiSCH simulator.",
-            kind: Kind::Number(Range::above(0.0, 1e9)),
-            default: Default::Number(BATTERY_AA_MAH),
-        },
-        Field {
-            key: "deaths",
-            doc: "Whether a mote whose battery is empty fails. Batteries are checked at the start of each control period. Roots \
-                  have no battery. Absent or false: batteries are only reported, and motes run on.",
-            kind: Kind::Bool,
-            default: Default::Absent,
-        },
-    ],
-    tag: None,
-};
+pub(super) const SPEC: TableSpec = Keys::SPEC;
 
-/// Keys of `[netsim.energy]`.
-#[derive(Deserialize)]
+/// The energy model: from radio activity to charge.
+#[derive(Section)]
 struct Keys {
+    /// How the charge of a slot is computed.
+    #[key(default = ModelKey::PerSlot)]
     model: ModelKey,
+    /// Current while the radio sends (mA), with model = "by-time". Absent: 24, the CC2538 at 0 dBm.
+    #[key(range = 0.0..=1e4)]
     tx_ma: Option<f64>,
+    /// Current while the radio listens (mA), with model = "by-time". Absent: 20, the CC2538.
+    #[key(range = 0.0..=1e4)]
     rx_ma: Option<f64>,
+    /// Charge of a new battery (mAh). 2821.5: two AA cells, as in the 6TiSCH simulator.
+    #[key(above = 0.0, most = 1e9, default = BATTERY_AA_MAH)]
     battery_mah: f64,
-    #[serde(default)]
-    deaths: bool,
+    /// Whether a mote whose battery is empty fails. Batteries are checked at the start of each control period. Roots have no
+    /// battery. Absent or false: batteries are only reported, and motes run on.
+    deaths: Option<bool>,
 }
 
 /// The values of `model`.
-#[derive(Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice)]
 enum ModelKey {
+    /// One charge per kind of slot: the 6TiSCH simulator's table.
     PerSlot,
+    /// By frame length: TSCH-Sim's regression for the CC2650.
     ByLength,
+    /// By the time in which the radio sends and listens, for any phy.standard.
     ByTime,
 }
 
@@ -84,7 +45,7 @@ pub(super) fn build(
     airtime: Airtime,
     problems: &mut Vec<Problem>,
 ) -> (Model, f64, bool) {
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     let model = match keys.model {
         ModelKey::PerSlot => Model::PerSlot,
         ModelKey::ByLength => Model::ByLength,
@@ -99,5 +60,5 @@ pub(super) fn build(
             problems.push(Problem::new(join(path, key), message).value(current_ma));
         }
     }
-    (model, keys.battery_mah, keys.deaths)
+    (model, keys.battery_mah, keys.deaths == Some(true))
 }

@@ -2,102 +2,52 @@
 
 use super::network::Given;
 use crate::rpl::Handover;
-use proto::config::{Default, Field, Kind, Problem, Range, TableSpec, join, typed};
+use proto::config::{Problem, Section, TableSpec, join};
 use proto::types::NS_PER_S;
-use serde::Deserialize;
 
 /// Description of `[netsim.mobility]`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "Extensions of the standards for mobile motes. All are off by default.",
-    fields: &[
-        Field {
-            key: "leaves",
-            doc: "Motes that take part in routing as leaves (RFC 6550, § 8.5): other motes neither route nor join through \
-                  them. For mobile motes among stationary routers.",
-            kind: Kind::List {
-                of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
-                min: 0,
-                max: 100_000,
-            },
-            default: Default::Absent,
-        },
-        Field {
-            key: "time_from_beacons",
-            doc: "Whether a mote synchronises to the beacons of every neighbour that is nearer to the root than itself, not \
-                  of its time source alone: it then loses synchronisation only if it hears no such neighbour.",
-            kind: Kind::Bool,
-            default: Default::Bool(false),
-        },
-        Field {
-            key: "rank_from_beacons",
-            doc: "Whether the join metric of a beacon, the rank of its sender in whole hops (RFC 8180, § 6.1), counts as a \
-                  DIO: a mote then chooses its parent by the latest beacons, and changes to any neighbour that is a hop \
-                  better.",
-            kind: Kind::Bool,
-            default: Default::Bool(false),
-        },
-        Field {
-            key: "handover_dbm",
-            doc: "A neighbour whose RSSI will be below this (dBm) within handover_s, according to the trend of its beacons, \
-                  counts as a hop farther from the root, so a mote leaves a parent before the link breaks (as in mRPL and \
-                  MobiRPL). Requires rank_from_beacons. Absent: signal strength decides between equal ranks only.",
-            kind: Kind::Number(Range::closed(-200.0, 100.0)),
-            default: Default::Absent,
-        },
-        Field {
-            key: "handover_s",
-            doc: "How far ahead that trend is followed (s); without handover_dbm it has no influence.",
-            kind: Kind::Number(Range::closed(0.0, 60.0)),
-            default: Default::Number(2.0),
-        },
-        Field {
-            key: "reroute",
-            doc: "Whether datagrams that wait for a former parent go to the new one, and one that a neighbour does not acknowledge is \
-                  sent on another way: up through the present parent, or back to the root if its source route has failed \
-                  (packet salvaging, as in DSR: RFC 4728, § 3.4.1).",
-            kind: Kind::Bool,
-            default: Default::Bool(false),
-        },
-        Field {
-            key: "bursts",
-            doc: "Whether a mote sends further frames to the same neighbour in the following slots (as mac.pending_bit), \
-                  including shared slots and slots in which motes of rrsf or sotdma only listen. It uses the channel of the \
-                  first frame.",
-            kind: Kind::Bool,
-            default: Default::Bool(false),
-        },
-        Field {
-            key: "scan_hopping",
-            doc: "Whether a mote that has lost synchronisation scans the channel of channel offset 0 in each slot, not one \
-                  channel for mac.scan_dwell_s: its clock still gives the slot number for 62 s (at 40 ppm and 10 ms). It \
-                  then hears the next beacon in range, not one in sixteen. Beacons of orchestra with another sf.eb_channel \
-                  are heard only after that time.",
-            kind: Kind::Bool,
-            default: Default::Bool(false),
-        },
-        Field {
-            key: "keep_admission",
-            doc: "Whether a mote that has lost synchronisation keeps what the registrar gave it, and takes part again as soon as it \
-                  hears a beacon. RFC 9031 leaves that open.",
-            kind: Kind::Bool,
-            default: Default::Bool(false),
-        },
-    ],
-    tag: None,
-};
+pub(super) const SPEC: TableSpec = Keys::SPEC;
 
-/// Keys of `[netsim.mobility]`.
-#[derive(Deserialize)]
+/// Extensions of the standards for mobile motes. All are off by default.
+#[derive(Section)]
 struct Keys {
-    #[serde(default)]
+    /// Motes that take part in routing as leaves (RFC 6550, § 8.5): other motes neither route nor join through them. For mobile
+    /// motes among stationary routers.
+    #[key(range = 0..=u32::MAX, length = 0..=100_000)]
     leaves: Vec<u32>,
+    /// Whether a mote synchronises to the beacons of every neighbour that is nearer to the root than itself, not of its time source
+    /// alone: it then loses synchronisation only if it hears no such neighbour.
+    #[key(default = false)]
     time_from_beacons: bool,
+    /// Whether the join metric of a beacon, the rank of its sender in whole hops (RFC 8180, § 6.1), counts as a DIO: a mote then
+    /// chooses its parent by the latest beacons, and changes to any neighbour that is a hop better.
+    #[key(default = false)]
     rank_from_beacons: bool,
+    /// A neighbour whose RSSI will be below this (dBm) within handover_s, according to the trend of its beacons, counts as a hop
+    /// farther from the root, so a mote leaves a parent before the link breaks (as in mRPL and MobiRPL). Requires
+    /// rank_from_beacons. Absent: signal strength decides between equal ranks only.
+    #[key(range = -200.0..=100.0)]
     handover_dbm: Option<f64>,
+    /// How far ahead that trend is followed (s); without handover_dbm it has no influence.
+    #[key(range = 0.0..=60.0, default = 2.0)]
     handover_s: f64,
+    /// Whether datagrams that wait for a former parent go to the new one, and one that a neighbour does not acknowledge is sent on
+    /// another way: up through the present parent, or back to the root if its source route has failed (packet salvaging, as in DSR:
+    /// RFC 4728, § 3.4.1).
+    #[key(default = false)]
     reroute: bool,
+    /// Whether a mote sends further frames to the same neighbour in the following slots (as mac.pending_bit), including shared
+    /// slots and slots in which motes of rrsf or sotdma only listen. It uses the channel of the first frame.
+    #[key(default = false)]
     bursts: bool,
+    /// Whether a mote that has lost synchronisation scans the channel of channel offset 0 in each slot, not one channel for
+    /// mac.scan_dwell_s: its clock still gives the slot number for 62 s (at 40 ppm and 10 ms). It then hears the next beacon in
+    /// range, not one in sixteen. Beacons of orchestra with another sf.eb_channel are heard only after that time.
+    #[key(default = false)]
     scan_hopping: bool,
+    /// Whether a mote that has lost synchronisation keeps what the registrar gave it, and takes part again as soon as it hears a
+    /// beacon. RFC 9031 leaves that open.
+    #[key(default = false)]
     keep_admission: bool,
 }
 
@@ -125,7 +75,7 @@ pub(super) fn build(
     roots: &[u32],
     problems: &mut Vec<Problem>,
 ) -> (Mobility, Option<Handover>) {
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     let path = join(given.path, "mobility");
     for (index, &mote) in keys.leaves.iter().enumerate() {
         let path = join(&path, &format!("leaves[{index}]"));

@@ -1,6 +1,6 @@
 //! The keys of `mode = "6tisch"`.
 
-use super::compat::{self, Compat};
+use super::compat::Compat;
 use super::{admission, applications, energy, lowpan, mac, mobility, rpl, security, swarm};
 use crate::app;
 use crate::catalogue::Catalogue;
@@ -13,90 +13,12 @@ use crate::sf;
 use crate::sf::oracle::OracleConfig;
 use crate::sixtop;
 use crate::wire::Eui64;
-use proto::config::{Default, Field, Kind, Problem, join, typed};
-use serde::Deserialize;
-
-/// Keys of the full network.
-pub(super) const FIELDS: &[Field] = &[
-    Field {
-        key: "roots",
-        doc: "Motes that are roots, each of its own DODAG. Absent: mote 0.",
-        kind: Kind::List {
-            of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
-            min: 1,
-            max: 10_000,
-        },
-        default: Default::Absent,
-    },
-    Field {
-        key: "eui64",
-        doc: "Link-layer addresses of the first motes, as 02-00-00-00-00-00-00-05. Absent: 02-00-00-00-00-00-00-00 plus the \
-              mote's number, for mote 0 02-00-00-00-00-01-00-00.",
-        kind: Kind::List { of: &Kind::Text, min: 0, max: 100_000 },
-        default: Default::Absent,
-    },
-    Field { key: "mac", doc: "The MAC.", kind: Kind::Table(&mac::SPEC), default: Default::Table },
-    Field {
-        key: "sf",
-        doc: "The scheduling function.",
-        kind: Kind::Table(&sf::SPEC),
-        default: Default::Table,
-    },
-    Field { key: "rpl", doc: "Routing.", kind: Kind::Table(&rpl::SPEC), default: Default::Table },
-    Field {
-        key: "mobility",
-        doc: "Extensions of the standards for mobile motes.",
-        kind: Kind::Table(&mobility::SPEC),
-        default: Default::Table,
-    },
-    Field {
-        key: "lowpan",
-        doc: "Fragments.",
-        kind: Kind::Table(&lowpan::SPEC),
-        default: Default::Table,
-    },
-    Field {
-        key: "join",
-        doc: "Admission.",
-        kind: Kind::Table(&admission::SPEC),
-        default: Default::Table,
-    },
-    Field {
-        key: "security",
-        doc: "Security of frames and of admission. Absent: nothing is secured.",
-        kind: Kind::Table(&security::SPEC),
-        default: Default::Absent,
-    },
-    Field {
-        key: "app",
-        doc: "Applications: packets that motes send in addition to the robots' payloads.",
-        kind: Kind::Tables(&app::config::SPEC),
-        default: Default::Absent,
-    },
-    Field {
-        key: "swarm",
-        doc: "Transport of the robots' payloads.",
-        kind: Kind::Table(&swarm::SPEC),
-        default: Default::Table,
-    },
-    Field {
-        key: "energy",
-        doc: "Charge.",
-        kind: Kind::Table(&energy::SPEC),
-        default: Default::Table,
-    },
-    Field {
-        key: "compat",
-        doc: "Behaviour of other simulators, for comparisons.",
-        kind: Kind::Table(&compat::SPEC),
-        default: Default::Table,
-    },
-];
+use proto::config::{Kind, Problem, Section, join};
 
 /// What the checked table is read with.
 pub(super) struct Given<'a> {
-    /// The table of `[netsim]`.
-    pub(super) table: &'a toml::Table,
+    /// The keys of the full network.
+    pub(super) keys: &'a Keys,
     /// Its path, for problems.
     pub(super) path: &'a str,
     /// Capacity of the experiment.
@@ -112,22 +34,47 @@ pub(super) struct Given<'a> {
 }
 
 /// Keys of the full network.
-#[derive(Deserialize)]
-struct Keys {
+#[derive(Section)]
+pub(super) struct Keys {
+    /// Motes that are roots, each of its own DODAG. Absent: mote 0.
+    #[key(range = 0..=u32::MAX, length = 1..=10_000)]
     roots: Option<Vec<u32>>,
-    #[serde(default)]
+    /// Link-layer addresses of the first motes, as 02-00-00-00-00-00-00-05. Absent: 02-00-00-00-00-00-00-00 plus the mote's number,
+    /// for mote 0 02-00-00-00-00-01-00-00.
+    #[key(kind = Kind::List { of: &Kind::Text, min: 0, max: 100_000 })]
     eui64: Vec<String>,
+    /// The MAC.
+    #[key(table = mac::SPEC, default)]
     mac: toml::Table,
+    /// The scheduling function.
+    #[key(table = sf::SPEC, default)]
     sf: toml::Table,
+    /// Routing.
+    #[key(table = rpl::SPEC, default)]
     rpl: toml::Table,
+    /// Extensions of the standards for mobile motes.
+    #[key(table = mobility::SPEC, default)]
     mobility: toml::Table,
+    /// Fragments.
+    #[key(table = lowpan::SPEC, default)]
     lowpan: toml::Table,
+    /// Admission.
+    #[key(table = admission::SPEC, default)]
     join: toml::Table,
+    /// Security of frames and of admission. Absent: nothing is secured.
+    #[key(table = security::SPEC)]
     security: Option<toml::Table>,
-    #[serde(default)]
+    /// Applications: packets that motes send in addition to the robots' payloads.
+    #[key(tables = app::config::SPEC)]
     app: Vec<toml::Table>,
+    /// Transport of the robots' payloads.
+    #[key(table = swarm::SPEC, default)]
     swarm: toml::Table,
+    /// Charge.
+    #[key(table = energy::SPEC, default)]
     energy: toml::Table,
+    /// Behaviour of other simulators, for comparisons.
+    #[key(default)]
     compat: Compat,
 }
 
@@ -141,7 +88,7 @@ pub(super) fn build(
     warnings: &mut Vec<String>,
 ) -> Option<(Settings, Addresses)> {
     let n_before = problems.len();
-    let keys: Keys = typed(given.table);
+    let keys = given.keys;
     let key_path = |key: &str| join(given.path, key);
     let compat = keys.compat;
     let roots = roots(keys.roots.as_deref(), given, problems);

@@ -2,191 +2,83 @@
 
 use super::compat::Compat;
 use crate::rpl::{Config, Mode, Objective, Solicitation};
-use proto::config::{Choice, Default, Field, Kind, Range, TableSpec, typed};
+use proto::config::{Choice, Section, TableSpec};
 use proto::types::NS_PER_S;
-use serde::Deserialize;
 
 /// Description of `[netsim.rpl]`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "Routing (RPL, RFC 6550; Trickle, RFC 6206).",
-    fields: &[
-        Field {
-            key: "mode",
-            doc: "Which motes store downward routes (mode of operation).",
-            kind: Kind::Choice(&[
-                Choice {
-                    name: "non-storing",
-                    doc: "Only the root: downward datagrams use source routes (RFC 8180, § 5.2).",
-                },
-                Choice {
-                    name: "storing",
-                    doc: "Every router stores the next hop to all motes below it.",
-                },
-            ]),
-            default: Default::Text("non-storing"),
-        },
-        Field {
-            key: "objective",
-            doc: "The objective function: how rank follows from link metrics.",
-            kind: Kind::Choice(&[
-                Choice {
-                    name: "of0",
-                    doc: "Objective function zero over ETX (RFC 6552; RFC 8180, § 5.1.1).",
-                },
-                Choice { name: "mrhof", doc: "Minimum rank with hysteresis over ETX (RFC 6719)." },
-            ]),
-            default: Default::Text("of0"),
-        },
-        Field {
-            key: "dio_interval_min",
-            doc: "Shortest Trickle interval as a power of two (ms). 14: 16.384 s, the 6TiSCH simulator's.",
-            kind: Kind::Integer { min: 0, max: 30 },
-            default: Default::Integer(14),
-        },
-        Field {
-            key: "dio_interval_doublings",
-            doc: "Number of doublings of the Trickle interval. 9: to 2.33 h.",
-            kind: Kind::Integer { min: 0, max: 20 },
-            default: Default::Integer(9),
-        },
-        Field {
-            key: "dio_redundancy",
-            doc: "Redundancy constant: number of DIOs heard in an interval that suppress a mote's own; 0: no suppression.",
-            kind: Kind::Integer { min: 0, max: 255 },
-            default: Default::Integer(3),
-        },
-        Field {
-            key: "max_rank_increase",
-            doc: "Maximum rank increase within a version of the DODAG (RFC 6550, § 8.2.2.4); 0: unlimited.",
-            kind: Kind::Integer { min: 0, max: 65_535 },
-            default: Default::Integer(7168),
-        },
-        Field {
-            key: "solicitation",
-            doc: "How a mote without a DODAG solicits DIOs.",
-            kind: Kind::Choice(&[
-                Choice {
-                    name: "unicast",
-                    doc: "By unicast to the mote through which it joined, later by broadcast.",
-                },
-                Choice { name: "multicast", doc: "Everyone." },
-                Choice { name: "off", doc: "Not at all." },
-            ]),
-            default: Default::Text("unicast"),
-        },
-        Field {
-            key: "dis_period_s",
-            doc: "Interval between solicitations (s).",
-            kind: Kind::Number(Range::closed(1.0, 1e5)),
-            default: Default::Number(60.0),
-        },
-        Field {
-            key: "route_lifetime_s",
-            doc: "Lifetime of downward routes (s), in whole minutes.",
-            kind: Kind::Number(Range::closed(60.0, 15_000.0)),
-            default: Default::Number(1800.0),
-        },
-        Field {
-            key: "dao_period_s",
-            doc: "Interval between advertisements (DAOs) of downward routes (s); 0: half their lifetime.",
-            kind: Kind::Number(Range::closed(0.0, 15_000.0)),
-            default: Default::Number(0.0),
-        },
-        Field {
-            key: "dao_delay_s",
-            doc: "Mean delay of an advertisement, in which others can be aggregated with it (s): RFC 6550's \
-                  DEFAULT_DAO_DELAY.",
-            kind: Kind::Number(Range::closed(0.0, 1000.0)),
-            default: Default::Number(1.0),
-        },
-        Field {
-            key: "dao_interval_s",
-            doc: "Minimum interval between advertisements of a mote that changes its parent often (s).",
-            kind: Kind::Number(Range::closed(0.0, 15_000.0)),
-            default: Default::Number(0.0),
-        },
-        Field {
-            key: "dao_ack",
-            doc: "Whether advertisements request an acknowledgment (DAO-ACK).",
-            kind: Kind::Bool,
-            default: Default::Bool(true),
-        },
-        Field {
-            key: "routes_down",
-            doc: "Whether downward routes are advertised; without them packets travel only towards the root.",
-            kind: Kind::Bool,
-            default: Default::Bool(true),
-        },
-        Field {
-            key: "neighbour_lifetime_s",
-            doc: "Time after which an unheard neighbour is removed (s).",
-            kind: Kind::Number(Range::closed(1.0, 1e6)),
-            default: Default::Number(1800.0),
-        },
-        Field {
-            key: "initial_etx",
-            doc: "ETX that a link is assumed to have before anything was sent over it.",
-            kind: Kind::Number(Range::closed(1.0, 3.0)),
-            default: Default::Number(3.0),
-        },
-        Field {
-            key: "max_failures",
-            doc: "Number of transmissions in a row without an acknowledgment after which a neighbour is not used.",
-            kind: Kind::Integer { min: 1, max: 1000 },
-            default: Default::Integer(10),
-        },
-        Field {
-            key: "unusable_hold_s",
-            doc: "Time for which it is then not used (s), doubled each further time, up to sixteen-fold.",
-            kind: Kind::Number(Range::closed(0.1, 1e5)),
-            default: Default::Number(60.0),
-        },
-        Field {
-            key: "repair_hold_s",
-            doc: "Time for which a mote that has lost its last parent does not choose one that may have been below it (s).",
-            kind: Kind::Number(Range::closed(0.0, 1e5)),
-            default: Default::Number(16.0),
-        },
-        Field {
-            key: "global_repair_s",
-            doc: "Interval between versions of the DODAG (s); 0: never.",
-            kind: Kind::Number(Range::closed(0.0, 1e6)),
-            default: Default::Number(0.0),
-        },
-    ],
-    tag: None,
-};
+pub(super) const SPEC: TableSpec = Keys::SPEC;
 
-/// Keys of `[netsim.rpl]`.
-#[derive(Deserialize)]
+/// Routing (RPL, RFC 6550; Trickle, RFC 6206).
+#[derive(Section)]
 struct Keys {
+    /// Which motes store downward routes (mode of operation).
+    #[key(default = Mode::NonStoring)]
     mode: Mode,
+    /// The objective function: how rank follows from link metrics.
+    #[key(default = ObjectiveKey::Of0)]
     objective: ObjectiveKey,
+    /// Shortest Trickle interval as a power of two (ms). 14: 16.384 s, the 6TiSCH simulator's.
+    #[key(range = 0..=30, default = 14)]
     dio_interval_min: u8,
+    /// Number of doublings of the Trickle interval. 9: to 2.33 h.
+    #[key(range = 0..=20, default = 9)]
     dio_interval_doublings: u8,
+    /// Redundancy constant: number of DIOs heard in an interval that suppress a mote's own; 0: no suppression.
+    #[key(range = 0..=255, default = 3)]
     dio_redundancy: u8,
+    /// Maximum rank increase within a version of the DODAG (RFC 6550, § 8.2.2.4); 0: unlimited.
+    #[key(range = 0..=65_535, default = 7168)]
     max_rank_increase: u16,
+    /// How a mote without a DODAG solicits DIOs.
+    #[key(default = Solicitation::Unicast)]
     solicitation: Solicitation,
+    /// Interval between solicitations (s).
+    #[key(range = 1.0..=1e5, default = 60.0)]
     dis_period_s: f64,
+    /// Lifetime of downward routes (s), in whole minutes.
+    #[key(range = 60.0..=15_000.0, default = 1800.0)]
     route_lifetime_s: f64,
+    /// Interval between advertisements (DAOs) of downward routes (s); 0: half their lifetime.
+    #[key(range = 0.0..=15_000.0, default = 0.0)]
     dao_period_s: f64,
+    /// Mean delay of an advertisement, in which others can be aggregated with it (s): RFC 6550's DEFAULT_DAO_DELAY.
+    #[key(range = 0.0..=1000.0, default = 1.0)]
     dao_delay_s: f64,
+    /// Minimum interval between advertisements of a mote that changes its parent often (s).
+    #[key(range = 0.0..=15_000.0, default = 0.0)]
     dao_interval_s: f64,
+    /// Whether advertisements request an acknowledgment (DAO-ACK).
+    #[key(default = true)]
     dao_ack: bool,
+    /// Whether downward routes are advertised; without them packets travel only towards the root.
+    #[key(default = true)]
     routes_down: bool,
+    /// Time after which an unheard neighbour is removed (s).
+    #[key(range = 1.0..=1e6, default = 1800.0)]
     neighbour_lifetime_s: f64,
+    /// ETX that a link is assumed to have before anything was sent over it.
+    #[key(range = 1.0..=3.0, default = 3.0)]
     initial_etx: f64,
+    /// Number of transmissions in a row without an acknowledgment after which a neighbour is not used.
+    #[key(range = 1..=1000, default = 10)]
     max_failures: u16,
+    /// Time for which it is then not used (s), doubled each further time, up to sixteen-fold.
+    #[key(range = 0.1..=1e5, default = 60.0)]
     unusable_hold_s: f64,
+    /// Time for which a mote that has lost its last parent does not choose one that may have been below it (s).
+    #[key(range = 0.0..=1e5, default = 16.0)]
     repair_hold_s: f64,
+    /// Interval between versions of the DODAG (s); 0: never.
+    #[key(range = 0.0..=1e6, default = 0.0)]
     global_repair_s: f64,
 }
 
 /// The values of `objective`.
-#[derive(Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Choice)]
 enum ObjectiveKey {
+    /// Objective function zero over ETX (RFC 6552; RFC 8180, § 5.1.1).
     Of0,
+    /// Minimum rank with hysteresis over ETX (RFC 6719).
     Mrhof,
 }
 
@@ -197,7 +89,7 @@ pub(super) fn stores_routes(table: &toml::Table) -> bool {
 
 /// Makes the settings of the checked table.
 pub(super) fn build(table: &toml::Table, compat: Compat) -> Config {
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     let ns = |duration_s: f64| (duration_s * NS_PER_S as f64).round() as u64;
     Config {
         mode: keys.mode,

@@ -3,52 +3,28 @@
 use super::compat::Compat;
 use crate::join::Security;
 use crate::wire::security::Keys;
-use proto::config::{Default, Field, Kind, Problem, TableSpec, join, typed};
-use serde::Deserialize;
+use proto::config::{Problem, Section, TableSpec, join};
 
 /// Description of `[netsim.security]`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "Link-layer security of IEEE Std 802.15.4 (RFC 8180, § 4.6), and OSCORE for join messages (RFC 9031). Without this \
-          table nothing is secured.",
-    fields: &[
-        Field {
-            key: "enabled",
-            doc: "Whether frames are secured. Beacons are then authenticated (level 1, MIC-32), all other frames and \
-                  acknowledgments are encrypted and authenticated (level 5, ENC-MIC-32), except those of motes that are not \
-                  admitted yet. Captures have the true ciphertext.",
-            kind: Kind::Bool,
-            default: Default::Bool(true),
-        },
-        Field {
-            key: "k1",
-            doc: "Key of beacons: 32 hexadecimal digits. The default is \"6TiSCH minimal15\" in ASCII, as in OpenWSN and \
-                  Contiki-NG.",
-            kind: Kind::Text,
-            default: Default::Text("365469534348206d696e696d616c3135"),
-        },
-        Field {
-            key: "k2",
-            doc: "Key of all other frames: 32 hexadecimal digits.",
-            kind: Kind::Text,
-            default: Default::Text("4d75726d75726174696f6e204b322e2e"),
-        },
-        Field {
-            key: "join_key",
-            doc: "Key from which the key follows that each mote shares with the join registrar, for join.secure = true: 32 \
-                  hexadecimal digits.",
-            kind: Kind::Text,
-            default: Default::Text("4d75726d75726174696f6e206a6f696e"),
-        },
-    ],
-    tag: None,
-};
+pub(super) const SPEC: TableSpec = Given::SPEC;
 
-/// Keys of `[netsim.security]`.
-#[derive(Deserialize)]
+/// Link-layer security of IEEE Std 802.15.4 (RFC 8180, § 4.6), and OSCORE for join messages (RFC 9031). Without this table nothing
+/// is secured.
+#[derive(Section)]
 struct Given {
+    /// Whether frames are secured. Beacons are then authenticated (level 1, MIC-32), all other frames and acknowledgments are
+    /// encrypted and authenticated (level 5, ENC-MIC-32), except those of motes that are not admitted yet. Captures have the true
+    /// ciphertext.
+    #[key(default = true)]
     enabled: bool,
+    /// Key of beacons: 32 hexadecimal digits. The default is "6TiSCH minimal15" in ASCII, as in OpenWSN and Contiki-NG.
+    #[key(default = "365469534348206d696e696d616c3135")]
     k1: String,
+    /// Key of all other frames: 32 hexadecimal digits.
+    #[key(default = "4d75726d75726174696f6e204b322e2e")]
     k2: String,
+    /// Key from which the key follows that each mote shares with the join registrar, for join.secure = true: 32 hexadecimal digits.
+    #[key(default = "4d75726d75726174696f6e206a6f696e")]
     join_key: String,
 }
 
@@ -59,7 +35,7 @@ pub(super) fn build(
     compat: Compat,
     problems: &mut Vec<Problem>,
 ) -> Option<Security> {
-    let given: Given = typed(table?);
+    let given = Given::read(table?);
     let mut key = |name, text: &str| {
         let key = parse_key(text);
         if key.is_none() {

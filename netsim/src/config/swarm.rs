@@ -2,56 +2,10 @@
 
 use crate::mesh::settings::Transport;
 use crate::sf::{self, PayloadCells};
-use proto::config::{Choice, Default, Field, Kind, Problem, TableSpec, join, typed};
-use serde::Deserialize;
+use proto::config::{Choice, Problem, Section, TableSpec, join};
 
 /// Description of `[netsim.swarm]`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "How the network transports the robots' payloads.",
-    fields: &[
-        Field {
-            key: "transport",
-            doc: "Cells that carry the payloads. Absent: own-cell if the scheduling function gives each mote its own \
-                  cell, otherwise broadcast-slotframe.",
-            kind: Kind::Choice(&[
-                Choice { name: "none", doc: "No payloads are sent: a plain sensor network." },
-                Choice {
-                    name: "own-cell",
-                    doc: "Broadcast once per period, in each mote's own cell from the scheduling function.",
-                },
-                Choice {
-                    name: "shared-cell",
-                    doc: "Broadcast once per period, in the shared cells, where they collide, as in BotNet under MSF.",
-                },
-                Choice {
-                    name: "unicast-neighbours",
-                    doc: "Unicast once per period to each neighbour, with acknowledgments and retransmissions.",
-                },
-                Choice {
-                    name: "broadcast-slotframe",
-                    doc: "Broadcast once per period, in an additional slotframe in which each mote has its own slot and \
-                          listens in all others.",
-                },
-            ]),
-            default: Default::Absent,
-        },
-        Field {
-            key: "slots",
-            doc: "Length of the broadcast slotframe (slots). Absent: the number of motes. Motes whose numbers differ by \
-                  this length share a slot.",
-            kind: Kind::Integer { min: 1, max: 65_534 },
-            default: Default::Absent,
-        },
-        Field {
-            key: "channel_offset",
-            doc: "Channel offset of its cells. Absent: the last one of the hopping sequence, to avoid collisions with the \
-                  minimal cell (0) and with Orchestra's beacons and broadcasts (0, 1).",
-            kind: Kind::Integer { min: 0, max: 511 },
-            default: Default::Absent,
-        },
-    ],
-    tag: None,
-};
+pub(super) const SPEC: TableSpec = Keys::SPEC;
 
 /// What the checked table is read with.
 pub(super) struct Given<'a> {
@@ -69,41 +23,40 @@ pub(super) struct Given<'a> {
     pub(super) warnings: &'a mut Vec<String>,
 }
 
-/// Keys of `[netsim.swarm]`.
-#[derive(Deserialize)]
+/// How the network transports the robots' payloads.
+#[derive(Section)]
 struct Keys {
+    /// Cells that carry the payloads. Absent: own-cell if the scheduling function gives each mote its own cell, otherwise
+    /// broadcast-slotframe.
     transport: Option<Choices>,
+    /// Length of the broadcast slotframe (slots). Absent: the number of motes. Motes whose numbers differ by this length share a
+    /// slot.
+    #[key(range = 1..=65_534)]
     slots: Option<u16>,
+    /// Channel offset of its cells. Absent: the last one of the hopping sequence, to avoid collisions with the minimal cell (0) and
+    /// with Orchestra's beacons and broadcasts (0, 1).
+    #[key(range = 0..=511)]
     channel_offset: Option<u16>,
 }
 
 /// The values of `transport`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 enum Choices {
+    /// No payloads are sent: a plain sensor network.
     None,
+    /// Broadcast once per period, in each mote's own cell from the scheduling function.
     OwnCell,
+    /// Broadcast once per period, in the shared cells, where they collide, as in BotNet under MSF.
     SharedCell,
+    /// Unicast once per period to each neighbour, with acknowledgments and retransmissions.
     UnicastNeighbours,
+    /// Broadcast once per period, in an additional slotframe in which each mote has its own slot and listens in all others.
     BroadcastSlotframe,
-}
-
-impl Choices {
-    /// As it is written.
-    fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::OwnCell => "own-cell",
-            Self::SharedCell => "shared-cell",
-            Self::UnicastNeighbours => "unicast-neighbours",
-            Self::BroadcastSlotframe => "broadcast-slotframe",
-        }
-    }
 }
 
 /// Makes the transport of the checked table.
 pub(super) fn build(table: &toml::Table, given: &mut Given<'_>) -> Transport {
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     let Some(function) = given.function else { return Transport::None };
     let cells = function.payload_cells;
     let default = match cells {

@@ -11,10 +11,10 @@ pub mod processing_delay;
 pub mod queue_limit;
 
 use proto::config::{
-    Default, Field, Kind, Problem, Registered, Registry, TableSpec, Tag, Variant, Variants, join,
-    typed,
+    Default, Field, Kind, Problem, Registered, Registry, Section, TableSpec, Tag, Variant,
+    Variants, join, typed, variant,
 };
-use proto::effect::{About, Fit};
+use proto::effect::{About, Catalogued, Fit};
 use serde::Deserialize;
 use std::fmt::Debug;
 
@@ -96,6 +96,19 @@ pub struct Entry {
     pub needs_kept_time: bool,
     /// Makes it of its checked table.
     pub build: fn(&toml::Table) -> Option<Box<dyn Effect>>,
+}
+
+impl Entry {
+    /// The effect of a struct, which has nothing to do with clocks.
+    pub const fn of<T: Effect + Catalogued + Section + 'static>() -> Self {
+        Self {
+            variant: variant::<T>(T::NAME),
+            about: T::ABOUT,
+            fit: T::FIT,
+            needs_kept_time: false,
+            build: |table| Some(Box::new(T::read(table))),
+        }
+    }
 }
 
 impl Registered for Entry {

@@ -33,8 +33,10 @@ pub(crate) mod testing;
 use super::link::{Link, Scene};
 use super::reception::Curve;
 use super::scatter::Scatter;
-use proto::config::{Problem, Registered, Registry, TableSpec, Tag, Variant, Variants};
-use proto::effect::{About, Fit};
+use proto::config::{
+    Problem, Registered, Registry, Section, TableSpec, Tag, Variant, Variants, variant,
+};
+use proto::effect::{About, Catalogued, Fit};
 use std::ops::RangeInclusive;
 
 /// One physical effect. Stateless: everything it depends on is an argument.
@@ -149,6 +151,21 @@ pub type Check = fn(&toml::Table, &str, &mut Vec<Problem>);
 
 /// Nothing is asked of the keys together.
 pub const UNCHECKED: Check = |_, _, _| {};
+
+impl Entry {
+    /// The effect of a struct whose keys have nothing to do with each other.
+    pub const fn of<T: Effect + Catalogued + Section + 'static>() -> Self {
+        Self::new::<T>(UNCHECKED, |table, _| Some(Box::new(T::read(table))))
+    }
+
+    /// An effect that a struct describes.
+    pub const fn new<T: Catalogued + Section>(
+        check: Check,
+        build: fn(&toml::Table, u32) -> Option<Box<dyn Effect>>,
+    ) -> Self {
+        Self { variant: variant::<T>(T::NAME), about: T::ABOUT, fit: T::FIT, check, build }
+    }
+}
 
 impl Registered for Entry {
     fn variant(&self) -> &Variant {

@@ -19,8 +19,9 @@ pub mod unit_disk;
 use super::link::{Link, Scene};
 use super::scatter::Scatter;
 use bytes::Bytes;
-use proto::config::{Default, Field, Kind, Problem, Range, Registered, Tag, Variant, Variants};
-use serde::Deserialize;
+use proto::config::{
+    Default, Field, Kind, Problem, Range, Registered, Section, Tag, Variant, Variants,
+};
 use std::collections::BTreeMap;
 
 /// A base model of propagation. Stateless: everything it depends on is an argument.
@@ -102,15 +103,20 @@ pub enum Reach {
 }
 
 /// Radio settings that models share.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Section)]
 pub struct Radio {
     /// Transmit power (dBm).
+    #[key(range = -100.0..=60.0, default = 0.0)]
     pub tx_power_dbm: f64,
-    /// Antenna gain of the sender (dBi).
+    /// Antenna gain of senders (dBi).
+    #[key(range = -60.0..=60.0, default = 0.0)]
     pub tx_antenna_gain_dbi: f64,
-    /// Antenna gain of the receiver (dBi).
+    /// Antenna gain of receivers (dBi).
+    #[key(range = -60.0..=60.0, default = 0.0)]
     pub rx_antenna_gain_dbi: f64,
-    /// Frequency (Hz) where no channel is known.
+    /// Carrier frequency (Hz) if no channel is known. The 6TiSCH simulator has 2.4e9. Not written: the middle of the band with
+    /// another phy.standard.
+    #[key(range = 1e6..=1e12, default = 2.44e9)]
     pub carrier_hz: f64,
 }
 

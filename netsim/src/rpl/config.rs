@@ -3,15 +3,16 @@
 use super::objective::Objective;
 use crate::wire::address::GLOBAL_PREFIX;
 use crate::wire::rpl::DodagConfiguration;
+use proto::config::Choice;
 use serde::{Deserialize, Serialize};
 
 /// Who keeps routes down: RFC 6550, § 6.3.1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mode {
-    /// Only the root: datagrams go down by source routes (mode of operation 1; RFC 8180, § 5.2).
+    /// Only the root: downward datagrams use source routes (RFC 8180, § 5.2).
     NonStoring,
-    /// Every router knows the next hop to everyone below it (mode 2, without multicast).
+    /// Every router stores the next hop to all motes below it.
     Storing,
 }
 
@@ -30,14 +31,14 @@ impl Mode {
 }
 
 /// How a mote without a DODAG asks for one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Solicitation {
-    /// The first time the mote through which it joined, if known; later everyone.
+    /// By unicast to the mote through which it joined, later by broadcast.
     Unicast,
     /// Everyone.
     Multicast,
-    /// Not at all: it waits for DIOs.
+    /// Not at all.
     Off,
 }
 

@@ -4,95 +4,48 @@ use super::around::{Around, Reach};
 use super::carried::{Carried, CarriedFrame};
 use super::{BuildContext, Entry, SecondMedium, problem};
 use bytes::Bytes;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
+use proto::config::{Range, Section, variant};
 use proto::rng::{Draws, Purpose, ordered_link};
 use proto::types::{NS_PER_S, seconds};
 use serde::{Deserialize, Serialize};
 
 /// `kind = "infrared"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "infrared",
-        doc: "Short-range infrared: robots in line of sight receive, and time slots avoid collisions (TDMA).",
-        fields: &[
-            Field {
-                key: "range_m",
-                doc: "Maximum distance (m), itself included.",
-                kind: Kind::Number(Range::LENGTH),
-                default: Default::Number(2.0),
-            },
-            Field {
-                key: "half_angle_rad",
-                doc: "Angle off the sender's heading (rad) at which it radiates half as much as straight ahead. Absent: a \
-                      ring of emitters, alike in all directions.",
-                kind: Kind::Number(Range::closed(0.01, 1.57)),
-                default: Default::Absent,
-            },
-            Field {
-                key: "robots_block",
-                doc: "Whether the bodies of other robots block the path.",
-                kind: Kind::Bool,
-                default: Default::Bool(true),
-            },
-            Field {
-                key: "body_radius_m",
-                doc: "Radius of a robot's body, a ball around its antenna (m). Used with robots_block only.",
-                kind: Kind::Number(Range::LENGTH),
-                default: Default::Number(0.1),
-            },
-            Field {
-                key: "loss",
-                doc: "Probability that a frame is lost although nothing is in its way, for each receiver by itself.",
-                kind: Kind::Number(Range::FRACTION),
-                default: Default::Number(0.0),
-            },
-            Field {
-                key: "bit_rate_bps",
-                doc: "Bit rate (bit/s). 115200: the highest of IrDA SIR.",
-                kind: Kind::Number(Range::closed(1.0, 1e9)),
-                default: Default::Number(115_200.0),
-            },
-            Field {
-                key: "overhead_bytes",
-                doc: "Bytes of preamble, header and checksum before and after each payload.",
-                kind: Kind::Integer { min: 0, max: 65_535 },
-                default: Default::Integer(10),
-            },
-            Field {
-                key: "max_payload_bytes",
-                doc: "The longest payload (bytes), for which a slot has room. Longer ones are not sent.",
-                kind: Kind::Integer { min: 1, max: 65_535 },
-                default: Default::Integer(100),
-            },
-            Field {
-                key: "slots",
-                doc: "Slots of the TDMA frame: robot i sends in slot i modulo this number. Absent: one for each robot. With \
-                      fewer, robots share slots, and a receiver that two senders of a slot reach receives neither.",
-                kind: Kind::Integer { min: 1, max: 1_000_000 },
-                default: Default::Absent,
-            },
-            Field {
-                key: "sensitivity_dbm",
-                doc: "Received power at the maximum distance (dBm), for the RSSI reading only.",
-                kind: Kind::Number(Range::closed(-200.0, 100.0)),
-                default: Default::Number(-40.0),
-            },
-        ],
-    },
-    build,
-};
+pub const ENTRY: Entry = Entry { variant: variant::<Keys>("infrared"), build };
 
-#[derive(Deserialize)]
+/// Short-range infrared: robots in line of sight receive, and time slots avoid collisions (TDMA).
+#[derive(Section)]
 struct Keys {
+    /// Maximum distance (m), itself included.
+    #[key(range = Range::LENGTH, default = 2.0)]
     range_m: f64,
+    /// Angle off the sender's heading (rad) at which it radiates half as much as straight ahead. Absent: a ring of emitters, alike
+    /// in all directions.
+    #[key(range = 0.01..=1.57)]
     half_angle_rad: Option<f64>,
+    /// Whether the bodies of other robots block the path.
+    #[key(default = true)]
     robots_block: bool,
+    /// Radius of a robot's body, a ball around its antenna (m). Used with robots_block only.
+    #[key(range = Range::LENGTH, default = 0.1)]
     body_radius_m: f64,
+    /// Probability that a frame is lost although nothing is in its way, for each receiver by itself.
+    #[key(range = Range::FRACTION, default = 0.0)]
     loss: f64,
+    /// Bit rate (bit/s). 115200: the highest of IrDA SIR.
+    #[key(range = 1.0..=1e9, default = 115_200.0)]
     bit_rate_bps: f64,
+    /// Bytes of preamble, header and checksum before and after each payload.
+    #[key(range = 0..=65_535, default = 10)]
     overhead_bytes: u32,
+    /// The longest payload (bytes), for which a slot has room. Longer ones are not sent.
+    #[key(range = 1..=65_535, default = 100)]
     max_payload_bytes: u32,
+    /// Slots of the TDMA frame: robot i sends in slot i modulo this number. Absent: one for each robot. With fewer, robots share
+    /// slots, and a receiver that two senders of a slot reach receives neither.
+    #[key(range = 1..=1_000_000)]
     slots: Option<u64>,
+    /// Received power at the maximum distance (dBm), for the RSSI reading only.
+    #[key(range = -200.0..=100.0, default = -40.0)]
     sensitivity_dbm: f64,
 }
 
@@ -130,7 +83,7 @@ struct State {
 }
 
 fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn SecondMedium>> {
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     let bits = 8.0 * f64::from(keys.overhead_bytes + keys.max_payload_bytes);
     let slot_ns = (bits / keys.bit_rate_bps * NS_PER_S as f64).ceil() as u64;
     if context.step_ns < slot_ns {

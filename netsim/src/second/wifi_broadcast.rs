@@ -4,121 +4,60 @@ use super::around::{Around, Reach};
 use super::carried::Carried;
 use super::{BuildContext, Entry, SecondMedium, problem};
 use dcf::{Dcf, Timing};
-use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
+use proto::config::{Choice, Range, Section, variant};
 use proto::rng::{Draws, Purpose};
 use proto::types::{NS_PER_S, seconds};
-use serde::Deserialize;
 
 pub mod dcf;
 
 /// `kind = "wifi-broadcast"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "wifi-broadcast",
-        doc: "Broadcast frames of WiFi: stations contend by DCF (IEEE Std 802.11-2016, 10.3), without acknowledgments.",
-        fields: &[
-            Field {
-                key: "range_m",
-                doc: "Maximum distance (m), itself included, at which an undisturbed frame is received.",
-                kind: Kind::Number(Range::LENGTH),
-                default: Default::Number(50.0),
-            },
-            Field {
-                key: "carrier_sense_m",
-                doc: "Maximum distance (m) at which a transmission is sensed, and at which it destroys another frame. Absent: \
-                      twice range_m.",
-                kind: Kind::Number(Range::LENGTH),
-                default: Default::Absent,
-            },
-            Field {
-                key: "walls_block",
-                doc: "Whether walls and obstacles of [site] block frames and carrier sense.",
-                kind: Kind::Bool,
-                default: Default::Bool(false),
-            },
-            Field {
-                key: "bit_rate_bps",
-                doc: "Bit rate of broadcast frames (bit/s). 1e6: the lowest basic rate at 2.4 GHz.",
-                kind: Kind::Number(Range::closed(1e3, 1e10)),
-                default: Default::Number(1e6),
-            },
-            Field {
-                key: "preamble_s",
-                doc: "Duration of preamble and PHY header (s). 192e-6: the long one of DSSS.",
-                kind: Kind::Number(Range::closed(0.0, 0.1)),
-                default: Default::Number(192e-6),
-            },
-            Field {
-                key: "overhead_bytes",
-                doc: "Bytes of headers and checksum with each payload. 64: MAC 28, LLC and SNAP 8, IPv4 20, UDP 8.",
-                kind: Kind::Integer { min: 0, max: 65_535 },
-                default: Default::Integer(64),
-            },
-            Field {
-                key: "contention_window",
-                doc: "Size W of the contention window: back-off is drawn from 0 to W - 1 slots. 16: aCWmin 15 of ERP. It never \
-                      grows, because broadcast frames are not repeated.",
-                kind: Kind::Integer { min: 1, max: 65_536 },
-                default: Default::Integer(16),
-            },
-            Field {
-                key: "slot_s",
-                doc: "Slot time (s).",
-                kind: Kind::Number(Range::closed(1e-6, 1e-3)),
-                default: Default::Number(20e-6),
-            },
-            Field {
-                key: "difs_s",
-                doc: "Idle time (s) before the back-off counts. 50e-6: SIFS and two slots.",
-                kind: Kind::Number(Range::closed(1e-6, 1e-2)),
-                default: Default::Number(50e-6),
-            },
-            Field {
-                key: "phase",
-                doc: "When in a control period robots hand over their payloads.",
-                kind: Kind::Choice(&[
-                    Choice {
-                        name: "random",
-                        doc: "Each at its own constant time, drawn uniformly.",
-                    },
-                    Choice {
-                        name: "aligned",
-                        doc: "All at the beginning, which makes frames collide.",
-                    },
-                ]),
-                default: Default::Text("random"),
-            },
-            Field {
-                key: "sensitivity_dbm",
-                doc: "Received power at the maximum distance (dBm), for the RSSI reading only.",
-                kind: Kind::Number(Range::closed(-200.0, 100.0)),
-                default: Default::Number(-82.0),
-            },
-        ],
-    },
-    build,
-};
+pub const ENTRY: Entry = Entry { variant: variant::<Keys>("wifi-broadcast"), build };
 
-#[derive(Deserialize)]
+/// Broadcast frames of WiFi: stations contend by DCF (IEEE Std 802.11-2016, 10.3), without acknowledgments.
+#[derive(Section)]
 struct Keys {
+    /// Maximum distance (m), itself included, at which an undisturbed frame is received.
+    #[key(range = Range::LENGTH, default = 50.0)]
     range_m: f64,
+    /// Maximum distance (m) at which a transmission is sensed, and at which it destroys another frame. Absent: twice range_m.
+    #[key(range = Range::LENGTH)]
     carrier_sense_m: Option<f64>,
+    /// Whether walls and obstacles of \[site\] block frames and carrier sense.
+    #[key(default = false)]
     walls_block: bool,
+    /// Bit rate of broadcast frames (bit/s). 1e6: the lowest basic rate at 2.4 GHz.
+    #[key(range = 1e3..=1e10, default = 1e6)]
     bit_rate_bps: f64,
+    /// Duration of preamble and PHY header (s). 192e-6: the long one of DSSS.
+    #[key(range = 0.0..=0.1, default = 192e-6)]
     preamble_s: f64,
+    /// Bytes of headers and checksum with each payload. 64: MAC 28, LLC and SNAP 8, IPv4 20, UDP 8.
+    #[key(range = 0..=65_535, default = 64)]
     overhead_bytes: u32,
+    /// Size W of the contention window: back-off is drawn from 0 to W - 1 slots. 16: aCWmin 15 of ERP. It never grows, because
+    /// broadcast frames are not repeated.
+    #[key(range = 1..=65_536, default = 16)]
     contention_window: u32,
+    /// Slot time (s).
+    #[key(range = 1e-6..=1e-3, default = 20e-6)]
     slot_s: f64,
+    /// Idle time (s) before the back-off counts. 50e-6: SIFS and two slots.
+    #[key(range = 1e-6..=1e-2, default = 50e-6)]
     difs_s: f64,
+    /// When in a control period robots hand over their payloads.
+    #[key(default = Phase::Random)]
     phase: Phase,
+    /// Received power at the maximum distance (dBm), for the RSSI reading only.
+    #[key(range = -200.0..=100.0, default = -82.0)]
     sensitivity_dbm: f64,
 }
 
 /// When in a control period robots hand over their payloads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
+    /// Each at its own constant time, drawn uniformly.
     Random,
+    /// All at the beginning, which makes frames collide.
     Aligned,
 }
 
@@ -143,7 +82,7 @@ pub struct WifiBroadcast {
 }
 
 fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn SecondMedium>> {
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     let sense_m = keys.carrier_sense_m.unwrap_or(2.0 * keys.range_m);
     if sense_m < keys.range_m {
         let message = format!("must be at least range_m, {}", keys.range_m);

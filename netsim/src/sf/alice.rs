@@ -5,76 +5,17 @@
 
 use super::orchestra::{Hash, Orchestra, OrchestraConfig, Rule};
 use super::{
-    BuildContext, Config, Configured, Context, Entry, PayloadCells, SchedulingFunction, Traffic,
-    slots_field,
+    BuildContext, Config, Configured, Context, Entry, MAX_SLOTS, PayloadCells, SchedulingFunction,
+    Traffic,
 };
 use crate::mac::{Cell, CellOptions};
 use crate::wire::Eui64;
-use proto::config::{Choice, Default, Field, Kind, Problem, Variant, typed};
+use proto::config::{Choice, Problem, Section, variant};
 use serde::{Deserialize, Serialize};
 
 /// `kind = "alice"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "alice",
-        doc: "ALICE: every mote computes a cell for each direction of each link to its parent and children, at another \
-              place in every slotframe, without negotiation (Kim et al., IPSN 2019). Requires the storing mode of RPL.",
-        fields: &[
-            slots_field(
-                "eb_slots",
-                "Length of the slotframe for beacons (slots). 397: the authors' code.",
-                Default::Integer(397),
-            ),
-            slots_field(
-                "common_slots",
-                "Length of the slotframe for broadcast frames and frames without a cell of their own (slots). 31: the \
-                 authors' code.",
-                Default::Integer(31),
-            ),
-            slots_field(
-                "unicast_slots",
-                "Length of the slotframe with the cells of links (slots). 23: the authors' code.",
-                Default::Integer(23),
-            ),
-            Field {
-                key: "unicast_channels",
-                doc: "Channel offsets of the cells of links.",
-                kind: Kind::Choice(&[
-                    Choice {
-                        name: "per-link",
-                        doc: "Computed like the slot, from 1 to the number of channels minus 1.",
-                    },
-                    Choice { name: "one", doc: "2 for all cells." },
-                ]),
-                default: Default::Text("per-link"),
-            },
-            Field {
-                key: "early_packet_drop",
-                doc: "Whether a waiting frame is dropped when its receiver stops being a parent or child; otherwise it moves to \
-                      the common cell.",
-                kind: Kind::Bool,
-                default: Default::Bool(true),
-            },
-            Field {
-                key: "hash",
-                doc: "The part of an address from which cells are computed.",
-                kind: Kind::Choice(&[
-                    Choice {
-                        name: "last-octet",
-                        doc: "The last octet (the authors' code): motes i and i + 256 share all their cells.",
-                    },
-                    Choice {
-                        name: "last-two-octets",
-                        doc: "The last two octets: distinguishes 65,536 motes.",
-                    },
-                ]),
-                default: Default::Text("last-octet"),
-            },
-        ],
-    },
-    payload_cells: PayloadCells::Shared,
-    build,
-};
+pub const ENTRY: Entry =
+    Entry { variant: variant::<AliceConfig>("alice"), payload_cells: PayloadCells::Shared, build };
 
 /// Handle of the slotframe with the cells of links: after those for beacons (0) and for everything else (1), which take
 /// precedence where cells coincide.
@@ -84,29 +25,38 @@ pub const UNICAST_HANDLE: u8 = 2;
 const COMMON_CHANNEL: u16 = 1;
 
 /// Channel offsets of the cells of links.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum UnicastChannels {
-    /// By the hash of the link.
+    /// Computed like the slot, from 1 to the number of channels minus 1.
     PerLink,
-    /// [`UNICAST_HANDLE`] for all.
+    /// 2 for all cells.
     One,
 }
 
+/// ALICE: every mote computes a cell for each direction of each link to its parent and children, at another place in every
+/// slotframe, without negotiation (Kim et al., IPSN 2019). Requires the storing mode of RPL.
+///
 /// Keys of `[netsim.sf]`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Section)]
 pub struct AliceConfig {
-    /// Length of the slotframe for beacons (slots).
+    /// Length of the slotframe for beacons (slots). 397: the authors' code.
+    #[key(range = 1..=MAX_SLOTS, default = 397)]
     pub eb_slots: u16,
-    /// Length of the common slotframe (slots).
+    /// Length of the slotframe for broadcast frames and frames without a cell of their own (slots). 31: the authors' code.
+    #[key(range = 1..=MAX_SLOTS, default = 31)]
     pub common_slots: u16,
-    /// Length of the slotframe with the cells of links (slots).
+    /// Length of the slotframe with the cells of links (slots). 23: the authors' code.
+    #[key(range = 1..=MAX_SLOTS, default = 23)]
     pub unicast_slots: u16,
-    /// Channel offsets of these cells.
+    /// Channel offsets of the cells of links.
+    #[key(default = UnicastChannels::PerLink)]
     pub unicast_channels: UnicastChannels,
-    /// Whether frames for former parents and children are dropped.
+    /// Whether a waiting frame is dropped when its receiver stops being a parent or child; otherwise it moves to the common cell.
+    #[key(default = true)]
     pub early_packet_drop: bool,
     /// The part of an address from which cells are computed.
+    #[key(default = Hash::LastOctet)]
     pub hash: Hash,
 }
 
@@ -174,7 +124,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> 
         context.problems.push(Problem::new(path, message).value("\"alice\""));
         return None;
     }
-    let config: AliceConfig = typed(table);
+    let config = AliceConfig::read(table);
     config.others().warn_of_equal_motes(context);
     Some(Config::new(config))
 }

@@ -6,7 +6,7 @@
 use super::msf::policy::Policy;
 use super::msf::{self, Msf, MsfConfig};
 use super::{Config, Configured, Entry, PayloadCells};
-use proto::config::{Default, Field, Kind, Problem, Range, Variant, join};
+use proto::config::{Default, Field, Kind, Problem, Range, Section, Variant, join};
 use serde::{Deserialize, Serialize};
 
 const QUANTILE: Field = Field {
@@ -21,10 +21,10 @@ const LIMIT: (&str, usize) = ("lim_numcellsused_high", 2);
 
 /// The keys of MSF without that limit, and EMSF's own.
 const FIELDS: &[Field] = &{
-    let mut fields = [QUANTILE; msf::FIELDS.len()];
+    let mut fields = [QUANTILE; MsfConfig::SPEC.fields.len()];
     let mut place = 0;
     while place + 1 < fields.len() {
-        fields[place] = msf::FIELDS[if place < LIMIT.1 { place } else { place + 1 }];
+        fields[place] = MsfConfig::SPEC.fields[if place < LIMIT.1 { place } else { place + 1 }];
         place += 1;
     }
     fields

@@ -9,7 +9,7 @@ use super::{Config, Configured, Context, Entry, PayloadCells};
 use crate::mac::{CellOptions, Schedule};
 use crate::wire::Eui64;
 use crate::wire::sixp::SixpCell;
-use proto::config::Variant;
+use proto::config::{Section, Variant};
 use serde::{Deserialize, Serialize};
 
 /// `kind = "llsf"`.
@@ -18,7 +18,7 @@ pub const ENTRY: Entry = Entry {
         name: "llsf",
         doc: "LLSF: cells are negotiated as with msf, but a cell to the parent is placed right after a cell from a child, \
               so that frames are forwarded at once (Chang et al., DCOSS 2016).",
-        fields: msf::FIELDS,
+        fields: MsfConfig::SPEC.fields,
     },
     payload_cells: PayloadCells::Shared,
     build: |table, context| msf::read(table, context).map(LlsfConfig).map(Config::new),

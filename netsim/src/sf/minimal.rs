@@ -1,24 +1,15 @@
 //! One cell for everything: RFC 8180.
 
-use super::{Config, Configured, Context, Entry, PayloadCells, SchedulingFunction, slots_field};
+use super::{Config, Configured, Context, Entry, MAX_SLOTS, PayloadCells, SchedulingFunction};
 use crate::mac::{Cell, CellKind, CellOptions, Schedule};
-use proto::config::{Default, Variant, typed};
+use proto::config::{Section, variant};
 use serde::{Deserialize, Serialize};
 
 /// `kind = "minimal"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "minimal",
-        doc: "The minimal configuration (RFC 8180): one shared cell at the beginning of the slotframe carries all frames.",
-        fields: &[slots_field(
-            "slotframe_slots",
-            "Length of the slotframe (slots). RFC 8180 leaves it open. 7: Contiki-NG's; with 101, the 6TiSCH simulator's, \
-             one cell per second is too few for the keep-alives of ten motes.",
-            Default::Integer(7),
-        )],
-    },
+    variant: variant::<MinimalConfig>("minimal"),
     payload_cells: PayloadCells::Shared,
-    build: |table, _| Some(Config::new(typed::<MinimalConfig>(table))),
+    build: |table, _| Some(Config::new(MinimalConfig::read(table))),
 };
 
 /// Handle of the slotframe that holds the minimal cell.
@@ -36,10 +27,14 @@ pub fn install(schedule: &mut Schedule, slotframe_slots: u16) {
     schedule.add(HANDLE, minimal_cell()).expect("a slotframe has a slot 0");
 }
 
+/// The minimal configuration (RFC 8180): one shared cell at the beginning of the slotframe carries all frames.
+///
 /// Keys of `[netsim.sf]`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Section)]
 pub struct MinimalConfig {
-    /// Length of the slotframe (slots).
+    /// Length of the slotframe (slots). RFC 8180 leaves it open. 7: Contiki-NG's; with 101, the 6TiSCH simulator's, one cell per
+    /// second is too few for the keep-alives of ten motes.
+    #[key(range = 1..=MAX_SLOTS, default = 7)]
     pub slotframe_slots: u16,
 }
 

@@ -30,7 +30,7 @@ use crate::wire::datagram::code_points;
 use crate::wire::sixp::{SixpCell, SixpRequest};
 use cells::Cells;
 pub(super) use config::read;
-pub use config::{ENTRY, FIELDS, MsfConfig};
+pub use config::{ENTRY, MsfConfig};
 use policy::{Policy, Rfc9033};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};

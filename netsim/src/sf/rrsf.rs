@@ -5,26 +5,16 @@ use super::{
     TAG, Traffic,
 };
 use crate::mac::{Cell, CellKind, CellOptions};
-use proto::config::{Default, Field, Kind, Problem, Variant, join, typed};
+use proto::config::{Problem, Section, join, variant};
 use proto::types::seconds;
 use serde::{Deserialize, Serialize};
 
 /// `kind = "rrsf"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "rrsf",
-        doc: "Round robin (BotNet): the slotframe has one slot per mote, in which this mote transmits and all others receive.",
-        fields: &[Field {
-            key: "shared_slots",
-            doc: "Number of additional shared slots at the end of the slotframe, in which motes contend with unicast \
-                  frames; use them if joining and routing need more than a mote's own slot.",
-            kind: Kind::Integer { min: 0, max: 10_000 },
-            default: Default::Integer(0),
-        }],
-    },
+    variant: variant::<Keys>("rrsf"),
     payload_cells: PayloadCells::Own,
     build: |table, context| {
-        let keys: Keys = typed(table);
+        let keys = Keys::read(table);
         let most = usize::from(MAX_SLOTS - keys.shared_slots);
         let before = context.problems.len();
         if most < context.agent_count {
@@ -46,8 +36,12 @@ pub const ENTRY: Entry = Entry {
     },
 };
 
-#[derive(Deserialize)]
+/// Round robin (BotNet): the slotframe has one slot per mote, in which this mote transmits and all others receive.
+#[derive(Section)]
 struct Keys {
+    /// Number of additional shared slots at the end of the slotframe, in which motes contend with unicast frames; use them if
+    /// joining and routing need more than a mote's own slot.
+    #[key(range = 0..=10_000, default = 0)]
     shared_slots: u16,
 }
 

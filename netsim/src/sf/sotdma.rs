@@ -4,66 +4,15 @@ use super::{Config, Configured, Context, Entry, PayloadCells, SchedulingFunction
 use crate::mac::{Cell, CellKind, CellOptions, CellRef};
 use crate::wire::Eui64;
 use crate::wire::slots::{MAX_SLOTS, SlotSet, SlotsRepr, tag};
-use proto::config::{Choice, Default, Field, Kind, Problem, Variant, join, typed};
+use proto::config::{Choice, Problem, Section, join, variant};
 use serde::{Deserialize, Serialize};
 
 /// `kind = "sotdma"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "sotdma",
-        doc: "Self-organised TDMA: every mote takes a slot that no mote within two hops uses, detects conflicts from the \
-              announcements of neighbours, and then changes its slot. The slotframe length depends on the density, not on \
-              the number of motes.",
-        fields: &[
-            Field {
-                key: "slotframe_slots",
-                doc: "Length of the slotframe (slots): the shared slots plus more than the maximum number of motes within \
-                      two hops.",
-                kind: Kind::Integer { min: 2, max: MAX_SLOTS as i64 },
-                default: Default::Integer(64),
-            },
-            Field {
-                key: "shared_slots",
-                doc: "Number of shared slots at the end of the slotframe, in which motes contend with unicast frames for \
-                      joining and routing.",
-                kind: Kind::Integer { min: 1, max: 128 },
-                default: Default::Integer(6),
-            },
-            Field {
-                key: "unicast",
-                doc: "In which slots a mote sends unicast frames.",
-                kind: Kind::Choice(&[
-                    Choice {
-                        name: "shared",
-                        doc: "In the shared slots, so they never displace broadcast frames.",
-                    },
-                    Choice {
-                        name: "own",
-                        doc: "In its own slot as well, without contention, alternating with broadcast frames: for networks \
-                              in which routing and data matter more than the robots' payloads.",
-                    },
-                ]),
-                default: Default::Text("shared"),
-            },
-            Field {
-                key: "check_slotframes",
-                doc: "Mean interval (slotframes) at which a mote listens in its own slot instead of sending, to detect a \
-                      neighbour that uses the same slot.",
-                kind: Kind::Integer { min: 2, max: 10_000 },
-                default: Default::Integer(16),
-            },
-            Field {
-                key: "forget_slotframes",
-                doc: "Number of slotframes after which a neighbour that was not heard is forgotten, and its slot free again: few where \
-                      slotframes are long and motes move.",
-                kind: Kind::Integer { min: 2, max: 8 },
-                default: Default::Integer(8),
-            },
-        ],
-    },
+    variant: variant::<SotdmaConfig>("sotdma"),
     payload_cells: PayloadCells::Own,
     build: |table, context| {
-        let config: SotdmaConfig = typed(table);
+        let config = SotdmaConfig::read(table);
         if config.slotframe_slots <= config.shared_slots {
             let message = format!(
                 "must leave slots for motes: it must be less than sf.slotframe_slots = {}",
@@ -91,28 +40,39 @@ const SETTLED: (u8, u32) = (8, 6);
 /// A mote that such a neighbour does not hear checks its slot more often: the mean number of slotframes in between.
 const DOUBTFUL_CHECK_SLOTFRAMES: f64 = 4.0;
 
+/// Self-organised TDMA: every mote takes a slot that no mote within two hops uses, detects conflicts from the announcements of
+/// neighbours, and then changes its slot. The slotframe length depends on the density, not on the number of motes.
+///
 /// How slots are shared out.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Section)]
 pub struct SotdmaConfig {
-    /// Length of the slotframe (slots).
+    /// Length of the slotframe (slots): the shared slots plus more than the maximum number of motes within two hops.
+    #[key(range = 2..=MAX_SLOTS, default = 64)]
     pub slotframe_slots: u16,
-    /// Slots at its end that all share.
+    /// Number of shared slots at the end of the slotframe, in which motes contend with unicast frames for joining and routing.
+    #[key(range = 1..=128, default = 6)]
     pub shared_slots: u16,
-    /// In which slots unicast frames go out.
+    /// In which slots a mote sends unicast frames.
+    #[key(default = UnicastSlots::Shared)]
     pub unicast: UnicastSlots,
-    /// Mean number of slotframes from one check of the own slot to the next.
+    /// Mean interval (slotframes) at which a mote listens in its own slot instead of sending, to detect a neighbour that uses the
+    /// same slot.
+    #[key(range = 2..=10_000, default = 16)]
     pub check_slotframes: u16,
-    /// Slotframes after which a neighbour that was not heard is forgotten.
+    /// Number of slotframes after which a neighbour that was not heard is forgotten, and its slot free again: few where slotframes
+    /// are long and motes move.
+    #[key(range = 2..=8, default = 8)]
     pub forget_slotframes: u8,
 }
 
 /// In which slots unicast frames go out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum UnicastSlots {
-    /// In those that all share.
+    /// In the shared slots, so they never displace broadcast frames.
     Shared,
-    /// In the own one.
+    /// In its own slot as well, without contention, alternating with broadcast frames: for networks in which routing and data
+    /// matter more than the robots' payloads.
     Own,
 }
 

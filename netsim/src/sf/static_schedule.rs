@@ -1,126 +1,80 @@
 //! Cells as they are configured, the same from beginning to end.
 
 use super::{
-    BuildContext, Config, Configured, Context, Entry, PayloadCells, SchedulingFunction, slots_field,
+    BuildContext, Config, Configured, Context, Entry, MAX_SLOTS, PayloadCells, SchedulingFunction,
 };
 use crate::mac::{Cell, CellKind, CellOptions};
 use crate::wire::Eui64;
-use proto::config::{Choice, Default, Field, Kind, Problem, TableSpec, Variant, join, typed};
+use proto::config::{CheckedValue, Choice, Key, Kind, Problem, Section, join, variant};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
 /// `kind = "static"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "static",
-        doc: "A static schedule: the listed cells, as computed by another tool.",
-        fields: &[
-            slots_field("slotframe_slots", "Length of the slotframe (slots).", Default::Required),
-            slots_field(
-                "minimal_cell_slots",
-                "Length (slots) of an additional slotframe 0 with the minimal cell of RFC 8180, which takes precedence \
-                 over listed cells. Absent: none.",
-                Default::Absent,
-            ),
-            Field {
-                key: "cell",
-                doc: "A cell. Each mote installs the cells in which it transmits or receives.",
-                kind: Kind::Tables(&CELL),
-                default: Default::Absent,
-            },
-        ],
-    },
-    payload_cells: PayloadCells::Either,
-    build,
-};
-
-/// Description of one `[[netsim.sf.cell]]`.
-const CELL: TableSpec = TableSpec {
-    doc: "A cell.",
-    fields: &[
-        Field {
-            key: "slot",
-            doc: "Slot offset within the slotframe.",
-            kind: Kind::Integer { min: 0, max: u16::MAX as i64 },
-            default: Default::Required,
-        },
-        Field {
-            key: "channel",
-            doc: "Channel offset, less than the number of channels.",
-            kind: Kind::Integer { min: 0, max: u16::MAX as i64 },
-            default: Default::Integer(0),
-        },
-        Field {
-            key: "from",
-            doc: "The mote that transmits, or \"any\": every mote except the receiver.",
-            kind: Kind::Either(&[
-                MOTE,
-                Kind::Choice(&[Choice { name: "any", doc: "Every mote." }]),
-            ]),
-            default: Default::Required,
-        },
-        Field {
-            key: "to",
-            doc: "The mote that receives, or \"all\": every mote except the transmitter; the cell then carries broadcast \
-                  frames and unicast frames to any mote.",
-            kind: Kind::Either(&[
-                MOTE,
-                Kind::Choice(&[Choice { name: "all", doc: "Every mote." }]),
-            ]),
-            default: Default::Required,
-        },
-        Field {
-            key: "shared",
-            doc: "Whether the cell is shared: several motes may transmit in it, and back off after failures. Absent: true \
-                  with from = \"any\", otherwise false.",
-            kind: Kind::Bool,
-            default: Default::Absent,
-        },
-        Field {
-            key: "advertising",
-            doc: "Whether beacons are sent in it; requires to = \"all\".",
-            kind: Kind::Bool,
-            default: Default::Bool(false),
-        },
-    ],
-    tag: None,
-};
+pub const ENTRY: Entry =
+    Entry { variant: variant::<Keys>("static"), payload_cells: PayloadCells::Either, build };
 
 const MOTE: Kind = Kind::Integer { min: 0, max: u32::MAX as i64 };
 
 /// Handle of the slotframe with the listed cells.
 pub const HANDLE: u8 = 1;
 
-#[derive(Deserialize)]
+/// A static schedule: the listed cells, as computed by another tool.
+#[derive(Section)]
 struct Keys {
+    /// Length of the slotframe (slots).
+    #[key(range = 1..=MAX_SLOTS)]
     slotframe_slots: u16,
+    /// Length (slots) of an additional slotframe 0 with the minimal cell of RFC 8180, which takes precedence over listed cells.
+    /// Absent: none.
+    #[key(range = 1..=MAX_SLOTS)]
     minimal_cell_slots: Option<u16>,
-    #[serde(default)]
+    /// A cell. Each mote installs the cells in which it transmits or receives.
     cell: Vec<CellKeys>,
 }
 
-#[derive(Deserialize)]
+/// A cell.
+#[derive(Section)]
 struct CellKeys {
+    /// Slot offset within the slotframe.
+    #[key(range = 0..=u16::MAX)]
     slot: u16,
+    /// Channel offset, less than the number of channels.
+    #[key(range = 0..=u16::MAX, default = 0)]
     channel: u16,
+    /// The mote that transmits, or "any": every mote except the receiver.
+    #[key(kind = Kind::Either(&[MOTE, Kind::Choice(&[Choice { name: "any", doc: "Every mote." }])]))]
     from: EndKey,
+    /// The mote that receives, or "all": every mote except the transmitter; the cell then carries broadcast frames and unicast
+    /// frames to any mote.
+    #[key(kind = Kind::Either(&[MOTE, Kind::Choice(&[Choice { name: "all", doc: "Every mote." }])]))]
     to: EndKey,
+    /// Whether the cell is shared: several motes may transmit in it, and back off after failures. Absent: true with from = "any",
+    /// otherwise false.
     shared: Option<bool>,
+    /// Whether beacons are sent in it; requires to = "all".
+    #[key(default = false)]
     advertising: bool,
 }
 
-#[derive(Deserialize)]
-#[serde(untagged)]
 enum EndKey {
     Mote(u32),
-    Everyone(serde::de::IgnoredAny),
+    Everyone,
+}
+
+impl Key for EndKey {
+    const KIND: Kind = MOTE;
+
+    fn from_value(value: &CheckedValue) -> Option<Self> {
+        let mote = u32::from_value(value).map(Self::Mote);
+        mote.or_else(|| value.is_str().then_some(Self::Everyone))
+    }
 }
 
 impl EndKey {
     fn mote(&self) -> Option<u32> {
         match self {
             Self::Mote(mote) => Some(*mote),
-            Self::Everyone(_) => None,
+            Self::Everyone => None,
         }
     }
 }
@@ -186,7 +140,7 @@ pub struct StaticConfig {
 }
 
 fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> {
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     let mut problems = Vec::new();
     let mut known = BTreeSet::new();
     for (index, cell) in keys.cell.iter().enumerate() {

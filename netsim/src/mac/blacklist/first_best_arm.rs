@@ -1,37 +1,14 @@
 //! MABO-TSCH with the "first best arm" policy: all channels but the best are blacklisted.
 
 use super::{ChannelSet, Config, EXPLORE, Entry, N_CHANNELS, OFFSETS, Quality, Rule, SPACING};
-use proto::config::{Default, Field, Kind, Problem, Range, Variant, join, typed};
+use proto::config::{Problem, Section, join, variant};
 use serde::{Deserialize, Serialize};
 
 /// `kind = "mabo-first-best-arm"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "mabo-first-best-arm",
-        doc: "MABO-TSCH (Gomes, Watteyne, Krishnamachari, Trans. Emerging Tel. Tech. 29(7), 2018), policy \"first best arm\": a \
-              link uses its best channels only, in the order of the hopping sequence.",
-        fields: &[
-            Field {
-                key: "arms",
-                doc: "Number of channels that are not blacklisted, fewer than the hopping sequence has. 6: as in MABO-TSCH's \
-                      implementation.",
-                kind: Kind::Integer { min: 1, max: 15 },
-                default: Default::Integer(6),
-            },
-            Field {
-                key: "weight",
-                doc: "Weight of the latest transmission in the estimate of a channel's packet delivery ratio, an \
-                      exponentially weighted moving average. 0.2: as in MABO-TSCH's implementation.",
-                kind: Kind::Number(Range::closed(0.01, 1.0)),
-                default: Default::Number(0.2),
-            },
-            OFFSETS,
-            SPACING,
-            EXPLORE,
-        ],
-    },
+    variant: variant::<Keys>("mabo-first-best-arm"),
     build: |table, channels, path, problems| {
-        let keys: Keys = typed(table);
+        let keys = Keys::read(table);
         let n = channels.count_ones();
         if n <= u32::from(keys.arms) {
             let message =
@@ -54,12 +31,22 @@ pub const ENTRY: Entry = Entry {
 /// Failures in a row after which the ends are taken to disagree: as in MABO-TSCH's implementation.
 const MAX_FAILURES: u8 = 15;
 
-#[derive(Deserialize)]
+/// MABO-TSCH (Gomes, Watteyne, Krishnamachari, Trans. Emerging Tel. Tech. 29(7), 2018), policy "first best arm": a link uses its
+/// best channels only, in the order of the hopping sequence.
+#[derive(Section)]
 struct Keys {
+    /// Number of channels that are not blacklisted, fewer than the hopping sequence has. 6: as in MABO-TSCH's implementation.
+    #[key(range = 1..=15, default = 6)]
     arms: u8,
+    /// Weight of the latest transmission in the estimate of a channel's packet delivery ratio, an exponentially weighted moving
+    /// average. 0.2: as in MABO-TSCH's implementation.
+    #[key(range = 0.01..=1.0, default = 0.2)]
     weight: f64,
+    #[key(field = OFFSETS)]
     offsets: u16,
+    #[key(field = SPACING)]
     spacing: u16,
+    #[key(field = EXPLORE)]
     explore: f64,
 }
 

@@ -1,80 +1,50 @@
 //! Queues with less room than thought.
 
 use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
-use proto::config::{Default, Field, Kind, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, Level, Need};
 
 /// `kind = "queue-limit"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "queue-limit",
-        doc: "Queues hold fewer frames than configured, so packets are dropped under load.",
-        fields: &[
-            Field {
-                key: "frames",
-                doc: "Capacity of the queue (frames). The smaller of this and netsim.mac.queue_frames applies.",
-                kind: Kind::Integer { min: 1, max: 10_000 },
-                default: Default::Required,
-            },
-            MOTES,
-        ],
-    },
-    about: About {
-        mechanism: "Other tasks use the memory, or reception and transmission share a buffer pool. A frame that arrives at \
-                    a full queue is dropped.",
-        equation: "capacity = min(queue_frames, frames)",
-        source: "Contiki-NG's pool of packet buffers (QUEUEBUF_CONF_NUM), which all neighbours share; IEEE Std 802.15.4-2015 leaves \
-                 the length open.",
-        validity: "Frames to all neighbours share the capacity. A frame in transmission counts.",
-        trace: "Bursts of packet loss where traffic converges, and shorter latency of the remaining packets; the links are \
-                unaffected.",
-        needs: &[Need::Packets],
-        example: "frames = 4\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "frames",
-            unit: "frames",
-            min: 1.0,
-            max: 1e4,
-            starts: &[1.0, 2.0, 4.0],
-            step: 1.0,
-        }],
-        variants: &[],
-        level: Level::Run,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    needs_kept_time: false,
-    build: |table| Some(Box::new(typed::<QueueLimit>(table))),
-};
+pub const ENTRY: Entry = Entry::of::<QueueLimit>();
 
-/// Queues with less room.
+/// Queues hold fewer frames than configured, so packets are dropped under load.
 ///
-/// # Model
+/// # Mechanism
+///
+/// Other tasks use the memory, or reception and transmission share a buffer pool. A frame that arrives at a full queue is dropped.
+///
+/// # Equation
 ///
 /// ```text
-/// capacity = min(queue_frames, n)
+/// capacity = min(queue_frames, frames)
 /// ```
 ///
-/// Of several effects that concern a mote the least n holds. IEEE Std 802.15.4-2015 leaves the length of queues open; in
-/// Contiki-NG all neighbours share a pool of packet buffers (`QUEUEBUF_CONF_NUM`).
+/// # Source
 ///
-/// # Arguments
-///
-/// * `frames` n: frames for which a mote has room, at least 1; the lesser of this and `netsim.mac.queue_frames` holds.
-/// * `motes`: the motes with less room; absent: all.
+/// Contiki-NG's pool of packet buffers (QUEUEBUF_CONF_NUM), which all neighbours share; IEEE Std 802.15.4-2015 leaves the length
+/// open.
 ///
 /// # Validity
 ///
-/// Frames for all neighbours share the room, whatever their length, and a frame that is being sent takes a place. Buffers that
-/// receiving shares with sending, or that are counted in bytes, fill in another order. Not validated against hardware.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// Frames to all neighbours share the capacity. A frame in transmission counts.
+///
+/// # Trace
+///
+/// Bursts of packet loss where traffic converges, and shorter latency of the remaining packets; the links are unaffected.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "queue-limit",
+    needs = &[Need::Packets],
+    example = "frames = 4\n",
+    level = Level::Run,
+)]
 pub struct QueueLimit {
-    /// Frames for which there is room.
+    /// Capacity of the queue (frames). The smaller of this and netsim.mac.queue_frames applies.
+    #[key(range = 1..=10_000)]
+    #[fit(unit = "frames", range = 1.0..=1e4, starts = [1.0, 2.0, 4.0], step = 1.0)]
     pub frames: u16,
-    /// Whose; none: everybody's.
+    /// The motes that it concerns.
+    #[key(field = MOTES)]
     pub motes: Motes,
 }
 

@@ -2,9 +2,8 @@
 
 use super::{Effect, Entry};
 use crate::phy::link::{End, Link};
-use proto::config::{Choice, Default, Field, Kind, Problem, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Need, Parameter, Search};
-use serde::Deserialize;
+use proto::config::{Choice, Kind, Problem, Range, Section};
+use proto::effect::{Catalogued, Fixed, Level, Need, Search};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 const ANGLE: Range = Range::closed(-100.0, 100.0);
@@ -12,136 +11,89 @@ const COEFFICIENTS: Kind =
     Kind::List { of: &Kind::Number(Range::closed(-60.0, 60.0)), min: 1, max: 8 };
 
 /// `kind = "antenna-pattern"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "antenna-pattern",
-        doc: "The antenna gain at each end depends on the direction of the other end.",
-        fields: &[
-            Field {
-                key: "shape",
-                doc: "The pattern.",
-                kind: Kind::Choice(&[
-                    Choice {
-                        name: "cardioid",
-                        doc: "A cardioid over the bearing seen from the body: 0 dB towards boresight_rad, \
-                              -front_to_back_db in the opposite direction.",
-                    },
-                    Choice {
-                        name: "dipole",
-                        doc: "A vertical half-wave dipole over elevation: 0 dB horizontally, nulls up and down.",
-                    },
-                    Choice { name: "fourier", doc: "A Fourier series over the bearing." },
-                ]),
-                default: Default::Text("cardioid"),
-            },
-            Field {
-                key: "front_to_back_db",
-                doc: "Cardioid: front-to-back ratio (dB).",
-                kind: Kind::Number(Range::closed(0.0, 60.0)),
-                default: Default::Absent,
-            },
-            Field {
-                key: "boresight_rad",
-                doc: "Cardioid: direction of maximum gain, seen from the body (rad, to the left of the heading).",
-                kind: Kind::Number(ANGLE),
-                default: Default::Number(0.0),
-            },
-            Field {
-                key: "cos",
-                doc: "Fourier: coefficients (dB) of cos(b), cos(2b), …, with the bearing b.",
-                kind: COEFFICIENTS,
-                default: Default::Absent,
-            },
-            Field {
-                key: "sin",
-                doc: "Fourier: coefficients (dB) of sin(b), sin(2b), …, with the bearing b.",
-                kind: COEFFICIENTS,
-                default: Default::Absent,
-            },
-            Field {
-                key: "headings_rad",
-                doc: "Headings (rad) by node number, for nodes that report none.",
-                kind: Kind::List { of: &Kind::Number(ANGLE), min: 1, max: 1_000_000 },
-                default: Default::Absent,
-            },
-        ],
-    },
-    about: About {
-        mechanism: "The body of a robot, its battery and its wheels are near the antenna, so its gain is lower towards \
-                    some sides.",
-        equation: "RSSI' = RSSI + g(sender) + g(receiver); cardioid g = -front_to_back_db/2 (1 - cos(b - boresight_rad)), fourier g = \
-                   sum_k cos_k cos(k b) + sin_k sin(k b), b the bearing of the other end less the heading; dipole g = 20 log10 |cos(pi/2 \
-                   cos t)/sin t|, t the angle from upright",
-        source: "C. A. Balanis, Antenna Theory, 4th ed., § 4.6 (half-wave dipole); cardioid: first harmonic of any pattern, in dB.",
-        validity: "The same pattern at every node. Ends without a known heading have no pattern. The Fourier series has no \
-                   constant, which would be aliased with system-gain. The dipole's nulls end at -40 dB.",
-        trace: "An error over the bearing seen from the body, the same at the sender and at the receiver.",
-        needs: &[Need::Positions, Need::Headings, Need::Readings],
-        example: "front_to_back_db = 10.0\nboresight_rad = 0.0\n",
-    },
-    fit: Fit {
-        parameters: &[
-            Parameter {
-                key: "front_to_back_db",
-                unit: "dB",
-                min: 0.0,
-                max: 40.0,
-                starts: &[4.0],
-                step: 0.05,
-            },
-            Parameter {
-                key: "boresight_rad",
-                unit: "rad",
-                min: -PI,
-                max: PI,
-                starts: &[-FRAC_PI_2, 0.0, FRAC_PI_2, PI],
-                step: 0.02,
-            },
-        ],
-        variants: &[&[("shape", Fixed::Text("cardioid"))]],
-        level: Level::Place,
-        generalises: &[],
-        search: Search::Headings,
-        ..Fit::PLAIN
-    },
-    check,
-    build: |table, _| {
-        let keys: Keys = typed(table);
-        let shape = match keys.shape {
-            ShapeKey::Cardioid => Shape::Cardioid {
-                half_db: 0.5 * keys.front_to_back_db?,
-                boresight_rad: keys.boresight_rad,
-            },
-            ShapeKey::Dipole => Shape::Dipole,
-            ShapeKey::Fourier => Shape::Fourier { cos: keys.cos, sin: keys.sin },
-        };
-        Some(Box::new(AntennaPattern { shape, headings_rad: keys.headings_rad }))
-    },
-};
+pub const ENTRY: Entry = Entry::new::<Keys>(check, |table, _| {
+    let keys = Keys::read(table);
+    let shape = match keys.shape {
+        ShapeKey::Cardioid => Shape::Cardioid {
+            half_db: 0.5 * keys.front_to_back_db?,
+            boresight_rad: keys.boresight_rad,
+        },
+        ShapeKey::Dipole => Shape::Dipole,
+        ShapeKey::Fourier => Shape::Fourier { cos: keys.cos, sin: keys.sin },
+    };
+    Some(Box::new(AntennaPattern { shape, headings_rad: keys.headings_rad }))
+});
 
-#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Choice, Clone, Copy, PartialEq, Eq)]
 enum ShapeKey {
+    /// A cardioid over the bearing seen from the body: 0 dB towards boresight_rad, -front_to_back_db in the opposite direction.
     Cardioid,
+    /// A vertical half-wave dipole over elevation: 0 dB horizontally, nulls up and down.
     Dipole,
+    /// A Fourier series over the bearing.
     Fourier,
 }
 
-#[derive(Deserialize)]
+/// The antenna gain at each end depends on the direction of the other end.
+///
+/// # Mechanism
+///
+/// The body of a robot, its battery and its wheels are near the antenna, so its gain is lower towards some sides.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI + g(sender) + g(receiver); cardioid g = -front_to_back_db/2 (1 - cos(b - boresight_rad)), fourier g = sum_k
+/// cos_k cos(k b) + sin_k sin(k b), b the bearing of the other end less the heading; dipole g = 20 log10 |cos(pi/2 cos
+/// t)/sin t|, t the angle from upright
+/// ```
+///
+/// # Source
+///
+/// C. A. Balanis, Antenna Theory, 4th ed., § 4.6 (half-wave dipole); cardioid: first harmonic of any pattern, in dB.
+///
+/// # Validity
+///
+/// The same pattern at every node. Ends without a known heading have no pattern. The Fourier series has no constant, which would be
+/// aliased with system-gain. The dipole's nulls end at -40 dB.
+///
+/// # Trace
+///
+/// An error over the bearing seen from the body, the same at the sender and at the receiver.
+#[derive(Catalogued, Section)]
+#[effect(
+    name = "antenna-pattern",
+    needs = &[Need::Positions, Need::Headings, Need::Readings],
+    example = "front_to_back_db = 10.0\nboresight_rad = 0.0\n",
+    variants = &[&[("shape", Fixed::Text("cardioid"))]],
+    level = Level::Place,
+    search = Search::Headings,
+)]
 struct Keys {
+    /// The pattern.
+    #[key(default = ShapeKey::Cardioid)]
     shape: ShapeKey,
+    /// Cardioid: front-to-back ratio (dB).
+    #[key(range = 0.0..=60.0)]
+    #[fit(unit = "dB", range = 0.0..=40.0, starts = [4.0], step = 0.05)]
     front_to_back_db: Option<f64>,
+    /// Cardioid: direction of maximum gain, seen from the body (rad, to the left of the heading).
+    #[key(range = ANGLE, default = 0.0)]
+    #[fit(unit = "rad", range = -PI..=PI, starts = [-FRAC_PI_2, 0.0, FRAC_PI_2, PI], step = 0.02)]
     boresight_rad: f64,
-    #[serde(default)]
+    /// Fourier: coefficients (dB) of cos(b), cos(2b), …, with the bearing b.
+    #[key(kind = COEFFICIENTS)]
     cos: Vec<f64>,
-    #[serde(default)]
+    /// Fourier: coefficients (dB) of sin(b), sin(2b), …, with the bearing b.
+    #[key(kind = COEFFICIENTS)]
     sin: Vec<f64>,
-    #[serde(default)]
+    /// Headings (rad) by node number, for nodes that report none.
+    #[key(range = ANGLE, length = 1..=1_000_000)]
     headings_rad: Vec<f64>,
 }
 
 fn check(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
-    let shape = typed::<Keys>(table).shape;
+    let shape = Keys::read(table).shape;
     let has = |key: &str| table.contains_key(key);
     if shape == ShapeKey::Cardioid && !has("front_to_back_db") {
         let message = "is missing: a cardioid requires it";

@@ -2,91 +2,56 @@
 
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter, Search};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, Need, Search};
 
 /// `kind = "battery-sag"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "battery-sag",
-        doc: "The transmit power of battery-powered nodes falls over time.",
-        fields: &[
-            Field {
-                key: "db_per_hour",
-                doc: "Change of the transmit power per hour (dB per hour): negative.",
-                kind: Kind::Number(Range::closed(-100.0, 0.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "nodes",
-                doc: "Numbers of the battery-powered nodes. Absent: all.",
-                kind: Kind::List {
-                    of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
-                    min: 1,
-                    max: 1_000_000,
-                },
-                default: Default::Absent,
-            },
-        ],
-    },
-    about: About {
-        mechanism: "The voltage of a battery falls as it discharges, and with it the power of an unregulated amplifier.",
-        equation: "RSSI' = RSSI + db_per_hour * t for frames of the named nodes, t in hours since time 0",
-        source: "First-order model of the discharge. CC2420 data sheet, § 6: output power over supply voltage.",
-        validity: "Linear in time from time 0, and the same for all named nodes. Real batteries have a plateau followed by \
-                   a steep fall.",
-        trace: "A drift over time of some transmitters, at all receivers.",
-        needs: &[Need::Time, Need::Readings],
-        example: "db_per_hour = -0.5\nnodes = [0, 3]\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "db_per_hour",
-            unit: "dB/h",
-            min: -100.0,
-            max: 0.0,
-            starts: &[-0.5],
-            step: 0.01,
-        }],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        linear_in: Some("time_s"),
-        search: Search::Nodes,
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let keys: Keys = typed(table);
-        let nodes = keys.nodes.map(|mut nodes| {
-            nodes.sort_unstable();
-            nodes
-        });
-        Some(Box::new(BatterySag { db_per_hour: keys.db_per_hour, nodes }))
-    },
-};
+pub const ENTRY: Entry = Entry::new::<BatterySag>(UNCHECKED, |table, _| {
+    let mut effect = BatterySag::read(table);
+    if let Some(nodes) = &mut effect.nodes {
+        nodes.sort_unstable();
+    }
+    Some(Box::new(effect))
+});
 
-#[derive(Deserialize)]
-struct Keys {
-    db_per_hour: f64,
-    nodes: Option<Vec<u32>>,
-}
-
-/// A transmit power that falls.
+/// The transmit power of battery-powered nodes falls over time.
 ///
-/// # Model
+/// # Mechanism
 ///
-/// RSSI′ = RSSI + a t for the frames of some transmitters, t the hours since time 0.
+/// The voltage of a battery falls as it discharges, and with it the power of an unregulated amplifier.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI + db_per_hour * t for frames of the named nodes, t in hours since time 0
+/// ```
+///
+/// # Source
+///
+/// First-order model of the discharge. CC2420 data sheet, § 6: output power over supply voltage.
 ///
 /// # Validity
 ///
-/// Linear, as any discharge is over a short time. A search over measurements finds the nodes itself.
-#[derive(Clone, Debug, PartialEq)]
+/// Linear in time from time 0, and the same for all named nodes. Real batteries have a plateau followed by a steep fall.
+///
+/// # Trace
+///
+/// A drift over time of some transmitters, at all receivers.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "battery-sag",
+    needs = &[Need::Time, Need::Readings],
+    example = "db_per_hour = -0.5\nnodes = [0, 3]\n",
+    linear_in = Some("time_s"),
+    search = Search::Nodes,
+)]
 pub struct BatterySag {
-    /// What an hour adds (dB).
+    /// Change of the transmit power per hour (dB per hour): negative.
+    #[key(range = -100.0..=0.0)]
+    #[fit(unit = "dB/h", starts = [-0.5], step = 0.01)]
     pub db_per_hour: f64,
-    /// Whose power falls, ascending; none: everyone's.
+    /// Numbers of the battery-powered nodes. Absent: all.
+    #[key(range = 0..=u32::MAX, length = 1..=1_000_000)]
     pub nodes: Option<Vec<u32>>,
 }
 

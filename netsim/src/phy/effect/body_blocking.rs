@@ -1,93 +1,53 @@
 //! Others in the way.
 
-use super::{Effect, Entry, UNCHECKED};
+use super::{Effect, Entry};
 use crate::phy::link::{Link, Scene};
 use crate::phy::sight::{bodies_in_first_zone, prepare_bodies};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, Need};
 
 /// `kind = "body-blocking"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "body-blocking",
-        doc: "The body of every other robot in the direct path attenuates.",
-        fields: &[
-            Field {
-                key: "loss_db",
-                doc: "Loss per body (dB).",
-                kind: Kind::Number(Range::closed(0.0, 60.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "blocker_radius_m",
-                doc: "Radius of a body around its antenna (m). 0.5: the radius of the first Fresnel zone in the middle of a \
-                      link of 8 m.",
-                kind: Kind::Number(Range::above(0.0, 100.0)),
-                default: Default::Number(0.5),
-            },
-        ],
-    },
-    about: About {
-        mechanism: "A robot or a person between two others obstructs part of the wave, within about the first Fresnel zone.",
-        equation: "RSSI' = RSSI - loss_db * (other agents between the ends, nearer to the straight path than blocker_radius_m + sqrt(lambda \
-                   d1 d2/(d1 + d2)), seen from above)",
-        source: "ITU-R P.526 (obstruction of the first Fresnel zone, radius sqrt(lambda d1 d2/(d1 + d2))); a fixed loss to a body as \
-                 measured for people, e.g. ITU-R P.1238.",
-        validity: "A body blocks fully or not at all, independently of its height. Only agents whose radio is on are known.",
-        trace: "Links are weak only while a third robot is between their ends.",
-        needs: &[Need::Positions, Need::Readings, Need::OtherAgents, Need::Movement],
-        example: "loss_db = 6.0\nblocker_radius_m = 0.5\n",
-    },
-    fit: Fit {
-        parameters: &[
-            Parameter {
-                key: "loss_db",
-                unit: "dB",
-                min: 0.0,
-                max: 40.0,
-                starts: &[3.0],
-                step: 0.05,
-            },
-            Parameter {
-                key: "blocker_radius_m",
-                unit: "m",
-                min: 0.05,
-                max: 5.0,
-                starts: &[
-                    0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.7, 0.8, 1.0, 1.5,
-                ],
-                step: 0.02,
-            },
-        ],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let effect: BodyBlocking = typed(table);
-        Some(Box::new(effect))
-    },
-};
+pub const ENTRY: Entry = Entry::of::<BodyBlocking>();
 
-/// Losses to other agents' bodies.
+/// The body of every other robot in the direct path attenuates.
 ///
-/// # Model
+/// # Mechanism
 ///
-/// RSSI′ = RSSI − L k, k the number of other agents whose bodies, upright and round about their antennas, reach into the first Fresnel zone of
-/// the path between the ends: nearer to it than their radius and the zone's, √(λ d1 d2/(d1 + d2)), seen from above.
+/// A robot or a person between two others obstructs part of the wave, within about the first Fresnel zone.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI - loss_db * (other agents between the ends, nearer to the straight path than blocker_radius_m + sqrt(lambda
+/// d1 d2/(d1 + d2)), seen from above)
+/// ```
+///
+/// # Source
+///
+/// ITU-R P.526 (obstruction of the first Fresnel zone, radius sqrt(lambda d1 d2/(d1 + d2))); a fixed loss to a body as measured for
+/// people, e.g. ITU-R P.1238.
 ///
 /// # Validity
 ///
-/// A body blocks fully or not at all. In truth the loss grows with the part of the first Fresnel zone that is covered, whose
-/// radius in the middle of a link is √(λd)/2: 0.55 m at 10 m. Heights are not looked at.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// A body blocks fully or not at all, independently of its height. Only agents whose radio is on are known.
+///
+/// # Trace
+///
+/// Links are weak only while a third robot is between their ends.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "body-blocking",
+    needs = &[Need::Positions, Need::Readings, Need::OtherAgents, Need::Movement],
+    example = "loss_db = 6.0\nblocker_radius_m = 0.5\n",
+)]
 pub struct BodyBlocking {
     /// Loss per body (dB).
+    #[key(range = 0.0..=60.0)]
+    #[fit(unit = "dB", range = 0.0..=40.0, starts = [3.0], step = 0.05)]
     pub loss_db: f64,
-    /// Radius of a body (m).
+    /// Radius of a body around its antenna (m). 0.5: the radius of the first Fresnel zone in the middle of a link of 8 m.
+    #[key(above = 0.0, most = 100.0, default = 0.5)]
+    #[fit(unit = "m", range = 0.05..=5.0, starts = [0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.7, 0.8, 1.0, 1.5], step = 0.02)]
     pub blocker_radius_m: f64,
 }
 

@@ -1,76 +1,50 @@
 //! Waves that bend over edges.
 
-use super::{Effect, Entry, UNCHECKED};
+use super::{Effect, Entry};
 use crate::phy::link::Link;
 use crate::phy::sight::Path;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, Level, Need};
 
 /// `kind = "diffraction"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "diffraction",
-        doc: "Waves diffract over walls and obstacles with a height, as over knife edges.",
-        fields: &[Field {
-            key: "scale",
-            doc: "Loss relative to the theory; 1: a knife edge.",
-            kind: Kind::Number(Range::closed(0.0, 10.0)),
-            default: Default::Number(1.0),
-        }],
-    },
-    about: About {
-        mechanism: "Waves diffract over the top of a wall, with more loss the deeper the receiver is in the shadow. A path \
-                    that narrowly clears the edge loses power, too.",
-        equation: "RSSI' = RSSI - scale * J(v), J(v) = 6.9 + 20 log10(sqrt((v - 0.1)^2 + 1) + v - 0.1) for v > -0.78, else 0; v = h \
-                   sqrt(2/lambda (1/d1 + 1/d2)), h the height of the edge above the straight path",
-        source: "ITU-R P.526-15, § 4.1, equations 26 and 31 (single knife edge).",
-        validity: "Only the worst edge of a path counts, and only paths over it, not around or through it. Rounded tops \
-                   and several edges lose more. Walls without a height belong to wall-attenuation.",
-        trace: "Links behind mapped edges are weak, with a gradual transition, less so on tall masts.",
-        needs: &[Need::Positions, Need::Heights, Need::Readings, Need::Edges],
-        example: "",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "scale",
-            unit: "",
-            min: 0.0,
-            max: 3.0,
-            starts: &[1.0],
-            step: 0.01,
-        }],
-        variants: &[],
-        level: Level::Place,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let effect: Diffraction = typed(table);
-        Some(Box::new(effect))
-    },
-};
+pub const ENTRY: Entry = Entry::of::<Diffraction>();
 
-/// A single knife edge.
+/// Waves diffract over walls and obstacles with a height, as over knife edges.
 ///
-/// # Model
+/// # Mechanism
+///
+/// Waves diffract over the top of a wall, with more loss the deeper the receiver is in the shadow. A path that narrowly clears the
+/// edge loses power, too.
+///
+/// # Equation
 ///
 /// ```text
-/// ν = h √(2/λ (1/d1 + 1/d2))
-/// J(ν) = 6.9 + 20 log10(√((ν − 0.1)² + 1) + ν − 0.1) dB,   ν > −0.78; else 0
+/// RSSI' = RSSI - scale * J(v), J(v) = 6.9 + 20 log10(sqrt((v - 0.1)^2 + 1) + v - 0.1) for v > -0.78, else 0; v = h
+/// sqrt(2/lambda (1/d1 + 1/d2)), h the height of the edge above the straight path
 /// ```
 ///
-/// ITU-R P.526-15, § 4.1: h is the height of the edge above the straight path, d1 and d2 its distances from both ends. Of
-/// several edges the one with the greatest ν counts (the main edge of Deygout's method).
+/// # Source
+///
+/// ITU-R P.526-15, § 4.1, equations 26 and 31 (single knife edge).
 ///
 /// # Validity
 ///
-/// h is taken upright, which suits paths that are not steep. The edge of a round obstacle is in the middle of the chord. An
-/// edge nearer to an end than a wavelength counts as a wavelength away.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// Only the worst edge of a path counts, and only paths over it, not around or through it. Rounded tops and several edges lose
+/// more. Walls without a height belong to wall-attenuation.
+///
+/// # Trace
+///
+/// Links behind mapped edges are weak, with a gradual transition, less so on tall masts.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "diffraction",
+    needs = &[Need::Positions, Need::Heights, Need::Readings, Need::Edges],
+    level = Level::Place,
+)]
 pub struct Diffraction {
-    /// The loss in units of the theory's.
+    /// Loss relative to the theory; 1: a knife edge.
+    #[key(range = 0.0..=10.0, default = 1.0)]
+    #[fit(unit = "", range = 0.0..=3.0, starts = [1.0], step = 0.01)]
     pub scale: f64,
 }
 

@@ -2,94 +2,60 @@
 
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::scatter::{Law, Renewal, Scatter};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter, Role};
+use proto::config::Section;
+use proto::effect::{Catalogued, Level, Need, Role};
 use proto::rng::Purpose;
-use serde::Deserialize;
-
-/// Keys of a drift.
-pub(super) const FIELDS: &[Field] = &[
-    Field {
-        key: "sd_db",
-        doc: "Standard deviation (dB).",
-        kind: Kind::Number(Range::closed(0.0, 20.0)),
-        default: Default::Required,
-    },
-    Field {
-        key: "correlation_s",
-        doc: "Time over which the correlation falls to 1/e (s).",
-        kind: Kind::Number(Range::closed(1.0, 1e6)),
-        default: Default::Number(300.0),
-    },
-];
-
-/// Parameters of a drift that are fitted.
-pub(super) const PARAMETERS: &[Parameter] = &[
-    Parameter { key: "sd_db", unit: "dB", min: 0.0, max: 20.0, starts: &[1.0], step: 0.1 },
-    Parameter {
-        key: "correlation_s",
-        unit: "s",
-        min: 1.0,
-        max: 1e6,
-        starts: &[30.0, 100.0, 300.0, 1000.0],
-        step: 10.0,
-    },
-];
 
 /// `kind = "drift"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "drift",
-        doc: "An offset of the received power that is common to all links and changes slowly in time.",
-        fields: FIELDS,
-    },
-    about: About {
-        mechanism: "Gain of the common electronics, supply voltage, weather and the crowd at a site change over minutes and \
-                    hours, for all links at once. Without a covariate for it, it appears as an offset that varies slowly.",
-        equation: "RSSI' = RSSI + X(t), X ~ N(0, sd_db^2), the same for all links; correlation e^(-time / correlation_s)",
-        source: "G. E. Uhlenbeck, L. S. Ornstein, Physical Review 36 (1930) 823 (the process); C. A. Boano et al., IEEE Trans. Industrial Informatics 6 (2010) 451 (levels of an outdoor network that follow the day).",
-        validity: "One offset for all links, regardless of motion. If a measured covariate varies in the same way, prefer it \
-                   as the cause. Clipped at 5 sd.",
-        trace: "Errors that are correlated across all links for minutes, and that no covariate explains.",
-        needs: &[Need::Readings, Need::Time],
-        example: "sd_db = 1.5\ncorrelation_s = 300.0\n",
-    },
-    fit: Fit {
-        parameters: PARAMETERS,
-        level: Level::Random,
-        role: Role::RandomInTime,
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, ordinal| {
-        let Keys { sd_db, correlation_s } = typed(table);
-        Some(Box::new(Drift { sd_db, correlation_s, ordinal }))
-    },
-};
-
-#[derive(Deserialize)]
-pub(super) struct Keys {
-    pub(super) sd_db: f64,
-    pub(super) correlation_s: f64,
-}
+pub const ENTRY: Entry = Entry::new::<Drift>(UNCHECKED, |table, ordinal| {
+    Some(Box::new(Drift { ordinal, ..Drift::read(table) }))
+});
 
 /// An offset of the received power that is common to all links and changes slowly in time.
 ///
-/// # Model
+/// # Mechanism
 ///
-/// A stationary Gauss-Markov process in time: N(0, sd²) in dB, with correlation e^(−Δ/correlation) over the time Δ (G. E. Uhlenbeck,
-/// L. S. Ornstein, On the theory of the Brownian motion, Physical Review 36 (1930) 823). All links have the same value.
+/// Gain of the common electronics, supply voltage, weather and the crowd at a site change over minutes and hours, for all links at
+/// once. Without a covariate for it, it appears as an offset that varies slowly.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI + X(t), X ~ N(0, sd_db^2), the same for all links; correlation e^(-time / correlation_s)
+/// ```
+///
+/// # Source
+///
+/// G. E. Uhlenbeck, L. S. Ornstein, Physical Review 36 (1930) 823 (the process); C. A. Boano et al., IEEE Trans. Industrial
+/// Informatics 6 (2010) 451 (levels of an outdoor network that follow the day).
 ///
 /// # Validity
 ///
-/// The same on all channels and in both directions. Values are those at the begin of a control period, and clipped at ±5 sd.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// One offset for all links, regardless of motion. If a measured covariate varies in the same way, prefer it as the cause. Clipped
+/// at 5 sd.
+///
+/// # Trace
+///
+/// Errors that are correlated across all links for minutes, and that no covariate explains.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "drift",
+    needs = &[Need::Readings, Need::Time],
+    example = "sd_db = 1.5\ncorrelation_s = 300.0\n",
+    level = Level::Random,
+    role = Role::RandomInTime,
+)]
 pub struct Drift {
     /// Standard deviation (dB).
+    #[key(range = 0.0..=20.0)]
+    #[fit(unit = "dB", starts = [1.0], step = 0.1)]
     pub sd_db: f64,
     /// Time over which the correlation falls to 1/e (s).
+    #[key(range = 1.0..=1e6, default = 300.0)]
+    #[fit(unit = "s", starts = [30.0, 100.0, 300.0, 1000.0], step = 10.0)]
     pub correlation_s: f64,
     /// Tells several such effects apart.
+    #[key(skip)]
     pub ordinal: u32,
 }
 

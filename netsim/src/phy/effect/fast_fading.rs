@@ -2,78 +2,54 @@
 
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::scatter::{Law, Renewal, Scatter};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
+use proto::config::Section;
+use proto::effect::{Catalogued, Level, Need};
 use proto::rng::Purpose;
-use serde::Deserialize;
 
 /// `kind = "fast-fading"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "fast-fading",
-        doc: "The power of every frame follows a Rice distribution.",
-        fields: &[Field {
-            key: "k_factor_db",
-            doc: "Rician K-factor: power of the direct wave to that of all others (dB). -30 and less: Rayleigh, no direct \
-                  wave; 6 to 12 with line of sight.",
-            kind: Kind::Number(Range::closed(-60.0, 60.0)),
-            default: Default::Required,
-        }],
-    },
-    about: About {
-        mechanism: "While anything moves, the reflected waves add up differently for every frame, in addition to the \
-                    direct wave.",
-        equation: "RSSI' = RSSI + 10 log10 |sqrt(K/(K+1)) + sqrt(1/(K+1)) g|^2, g complex normal with E|g|^2 = 1, K = 10^(k_factor_db \
-                   / 10)",
-        source: "S. O. Rice, Mathematical analysis of random noise, Bell System Technical Journal 24 (1945) 46; Rappaport, § 5.6.",
-        validity: "Independent from frame to frame, in both directions and on all channels; constant within a frame. The \
-                   mean power is unchanged, so the mean in dB falls, by 2.51 dB for Rayleigh fading: this is aliased with \
-                   system-gain. Fades are limited to -60 dB.",
-        trace: "Residuals skewed towards weak frames, with a constant mean.",
-        needs: &[Need::Readings],
-        example: "k_factor_db = 3.0\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "k_factor_db",
-            unit: "dB",
-            min: -20.0,
-            max: 30.0,
-            starts: &[0.0, 10.0],
-            step: 0.1,
-        }],
-        variants: &[],
-        level: Level::Random,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, ordinal| {
-        let Keys { k_factor_db } = typed(table);
-        Some(Box::new(FastFading { k_factor_db, ordinal }))
-    },
-};
+pub const ENTRY: Entry = Entry::new::<FastFading>(UNCHECKED, |table, ordinal| {
+    Some(Box::new(FastFading { ordinal, ..FastFading::read(table) }))
+});
 
-#[derive(Deserialize)]
-struct Keys {
-    k_factor_db: f64,
-}
-
-/// Rician fading of every frame.
+/// The power of every frame follows a Rice distribution.
 ///
-/// # Model
+/// # Mechanism
 ///
-/// RSSI′ = RSSI + 10 log10 |√(K/(K+1)) + √(1/(K+1)) g|², g complex normal with unit variance: Rice (1945), unit mean power.
+/// While anything moves, the reflected waves add up differently for every frame, in addition to the direct wave.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI + 10 log10 |sqrt(K/(K+1)) + sqrt(1/(K+1)) g|^2, g complex normal with E|g|^2 = 1, K = 10^(k_factor_db / 10)
+/// ```
+///
+/// # Source
+///
+/// S. O. Rice, Mathematical analysis of random noise, Bell System Technical Journal 24 (1945) 46; Rappaport, § 5.6.
 ///
 /// # Validity
 ///
-/// Independent from frame to frame. Without limit fades would go below any power and peaks above any reach: both are clipped
-/// ([`Law::Rician`]), which for Rayleigh concerns one frame in a million below and four above.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Independent from frame to frame, in both directions and on all channels; constant within a frame. The mean power is unchanged,
+/// so the mean in dB falls, by 2.51 dB for Rayleigh fading: this is aliased with system-gain. Fades are limited to -60 dB.
+///
+/// # Trace
+///
+/// Residuals skewed towards weak frames, with a constant mean.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "fast-fading",
+    needs = &[Need::Readings],
+    example = "k_factor_db = 3.0\n",
+    level = Level::Random,
+)]
 pub struct FastFading {
-    /// Power of the steady wave to that of the others (dB).
+    /// Rician K-factor: power of the direct wave to that of all others (dB). -30 and less: Rayleigh, no direct wave; 6 to 12 with
+    /// line of sight.
+    #[key(range = -60.0..=60.0)]
+    #[fit(unit = "dB", range = -20.0..=30.0, starts = [0.0, 10.0], step = 0.1)]
     pub k_factor_db: f64,
     /// Tells several such effects apart.
+    #[key(skip)]
     pub ordinal: u32,
 }
 

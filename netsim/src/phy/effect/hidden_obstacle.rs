@@ -3,107 +3,82 @@
 use super::{Effect, Entry};
 use crate::phy::link::Link;
 use crate::phy::sight::Path;
-use proto::config::{Default, Field, Kind, Problem, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter, Search};
+use proto::config::{Kind, Problem, Range, Section};
+use proto::effect::{Catalogued, Level, Need, Search};
 use proto::site::{Obstacle, Wall};
-use serde::Deserialize;
 
 const POINT: Kind = Kind::List { of: &Kind::Number(Range::PLACE), min: 2, max: 2 };
 
 /// `kind = "hidden-obstacle"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "hidden-obstacle",
-        doc: "An unmapped obstacle that attenuates all links that cross it: a straight segment (from_m, to_m) or a disc \
-              (centre_m, radius_m).",
-        fields: &[
-            Field {
-                key: "loss_db",
-                doc: "Loss per crossing (dB).",
-                kind: Kind::Number(Range::closed(0.0, 100.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "from_m",
-                doc: "One end of the segment (x, y in m).",
-                kind: POINT,
-                default: Default::Absent,
-            },
-            Field {
-                key: "to_m",
-                doc: "The other end of the segment (x, y in m).",
-                kind: POINT,
-                default: Default::Absent,
-            },
-            Field {
-                key: "centre_m",
-                doc: "Centre of the disc (x, y in m).",
-                kind: POINT,
-                default: Default::Absent,
-            },
-            Field {
-                key: "radius_m",
-                doc: "Radius of the disc (m).",
-                kind: Kind::Number(Range::LENGTH),
-                default: Default::Absent,
-            },
-        ],
-    },
-    about: About {
-        mechanism: "A cupboard, a tank, a parked car or an unmapped wall obstructs every link that crosses it.",
-        equation: "RSSI' = RSSI - loss_db where the straight path, seen from above, touches the piece from from_m to to_m or the \
-                   disc about centre_m",
-        source: "J. Wilson, N. Patwari, Radio tomographic imaging with wireless networks, IEEE Trans. Mobile Computing 9 (2010) \
-                 621; loss per crossing as for walls (Motley and Keenan 1988).",
-        validity: "It has unlimited height and attenuates every link that touches it by the same loss. Use one effect per \
-                   obstacle.",
-        trace: "All links that cross one place are weak, whatever their ends.",
-        needs: &[Need::Positions, Need::Readings],
-        example: "loss_db = 8.0\nfrom_m = [10.0, -2.0]\nto_m = [10.0, 2.0]\n",
-    },
-    // The place is searched on the map by whoever fits it; what remains is the loss.
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "loss_db",
-            unit: "dB",
-            min: 0.0,
-            max: 40.0,
-            starts: &[5.0],
-            step: 0.05,
-        }],
-        variants: &[],
-        level: Level::Place,
-        generalises: &["wall-attenuation", "vegetation", "diffraction"],
-        search: Search::Places,
-        is_repeatable: true,
-        ..Fit::PLAIN
-    },
-    check,
-    build: |table, _| {
-        let Keys { loss_db, from_m, to_m, centre_m, radius_m } = typed(table);
-        let extent = match (from_m.zip(to_m), centre_m.zip(radius_m)) {
-            (Some((from_m, to_m)), _) => {
-                Extent::Piece(Wall { from_m, to_m, height_m: None, material: None })
-            }
-            (None, Some((centre_m, radius_m))) => Extent::Disc(Obstacle {
-                name: None,
-                centre_m,
-                radius_m,
-                height_m: None,
-                material: None,
-            }),
-            (None, None) => return None,
-        };
-        Some(Box::new(HiddenObstacle { loss_db, extent }))
-    },
-};
+pub const ENTRY: Entry = Entry::new::<Keys>(check, |table, _| {
+    let Keys { loss_db, from_m, to_m, centre_m, radius_m } = Keys::read(table);
+    let extent = match (from_m.zip(to_m), centre_m.zip(radius_m)) {
+        (Some((from_m, to_m)), _) => {
+            Extent::Piece(Wall { from_m, to_m, height_m: None, material: None })
+        }
+        (None, Some((centre_m, radius_m))) => Extent::Disc(Obstacle {
+            name: None,
+            centre_m,
+            radius_m,
+            height_m: None,
+            material: None,
+        }),
+        (None, None) => return None,
+    };
+    Some(Box::new(HiddenObstacle { loss_db, extent }))
+});
 
-#[derive(Deserialize)]
+/// An unmapped obstacle that attenuates all links that cross it: a straight segment (from_m, to_m) or a disc (centre_m, radius_m).
+///
+/// # Mechanism
+///
+/// A cupboard, a tank, a parked car or an unmapped wall obstructs every link that crosses it.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI - loss_db where the straight path, seen from above, touches the piece from from_m to to_m or the disc about
+/// centre_m
+/// ```
+///
+/// # Source
+///
+/// J. Wilson, N. Patwari, Radio tomographic imaging with wireless networks, IEEE Trans. Mobile Computing 9 (2010) 621; loss per
+/// crossing as for walls (Motley and Keenan 1988).
+///
+/// # Validity
+///
+/// It has unlimited height and attenuates every link that touches it by the same loss. Use one effect per obstacle.
+///
+/// # Trace
+///
+/// All links that cross one place are weak, whatever their ends.
+#[derive(Catalogued, Section)]
+#[effect(
+    name = "hidden-obstacle",
+    needs = &[Need::Positions, Need::Readings],
+    example = "loss_db = 8.0\nfrom_m = [10.0, -2.0]\nto_m = [10.0, 2.0]\n",
+    level = Level::Place,
+    generalises = &["wall-attenuation", "vegetation", "diffraction"],
+    search = Search::Places,
+    is_repeatable = true,
+)]
 struct Keys {
+    /// Loss per crossing (dB).
+    #[key(range = 0.0..=100.0)]
+    #[fit(unit = "dB", range = 0.0..=40.0, starts = [5.0], step = 0.05)]
     loss_db: f64,
+    /// One end of the segment (x, y in m).
+    #[key(kind = POINT)]
     from_m: Option<[f64; 2]>,
+    /// The other end of the segment (x, y in m).
+    #[key(kind = POINT)]
     to_m: Option<[f64; 2]>,
+    /// Centre of the disc (x, y in m).
+    #[key(kind = POINT)]
     centre_m: Option<[f64; 2]>,
+    /// Radius of the disc (m).
+    #[key(range = Range::LENGTH)]
     radius_m: Option<f64>,
 }
 

@@ -2,139 +2,95 @@
 
 use super::{Effect, Entry};
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Problem, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::{Problem, Range, Section};
+use proto::effect::{Catalogued, Fixed, Need};
 use std::ops::RangeInclusive;
 
 /// `kind = "interference"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "interference",
-        doc: "WiFi or other traffic in a band: frames on its channels are lost for a fraction of the time.",
-        fields: &[
-            Field {
-                key: "centre_mhz",
-                doc: "Centre of the band (MHz). WiFi 1, 6, 11: 2412, 2437, 2462.",
-                kind: Kind::Number(Range::closed(100.0, 10_000.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "width_mhz",
-                doc: "Full width of the band (MHz). It affects IEEE 802.15.4 channels whose centre lies within it.",
-                kind: Kind::Number(Range::above(0.0, 1000.0)),
-                default: Default::Number(22.0),
-            },
-            Field {
-                key: "duty",
-                doc: "Duty cycle: fraction of the time in which no frame can be received.",
-                kind: Kind::Number(Range::FRACTION),
-                default: Default::Required,
-            },
-            Field {
-                key: "from_s",
-                doc: "Start (s). Absent: the beginning.",
-                kind: Kind::Number(Range::closed(0.0, 1e9)),
-                default: Default::Absent,
-            },
-            Field {
-                key: "to_s",
-                doc: "End (s). Absent: never.",
-                kind: Kind::Number(Range::above(0.0, 1e9)),
-                default: Default::Absent,
-            },
-            Field {
-                key: "receivers",
-                doc: "Numbers of the affected receivers. Absent: all.",
-                kind: Kind::List {
-                    of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
-                    min: 1,
-                    max: 1_000_000,
-                },
-                default: Default::Absent,
-            },
-            Field {
-                key: "power_dbm",
-                doc: "Received power of the interference (dBm); set together with sir_threshold_db.",
-                kind: Kind::Number(Range::closed(-200.0, 100.0)),
-                default: Default::Absent,
-            },
-            Field {
-                key: "sir_threshold_db",
-                doc: "Signal-to-interference ratio (dB) from which frames are received nevertheless. Absent: none are.",
-                kind: Kind::Number(Range::closed(-100.0, 100.0)),
-                default: Default::Absent,
-            },
-        ],
-    },
-    about: About {
-        mechanism: "While a WiFi station transmits, 100 times as strong and over four channels at once, frames on these \
-                    channels are lost. The RSSI of received frames does not change.",
-        equation: "P(received)' = P(received) * (1 - duty) where |f - centre_mhz| <= width_mhz / 2, from_s <= t < to_s, and \
-                   RSSI < power_dbm + sir_threshold_db if these keys are set",
-        source: "M. Petrova et al., Performance study of IEEE 802.15.4 using measurements and simulations, WCNC 2006; width: \
-                 IEEE Std 802.11-2020, § 15 (22 MHz).",
-        validity: "Losses are independent between frames and of the frame length; WiFi bursts are not modelled. Frames \
-                   without a known channel are unaffected.",
-        trace: "Losses that RSSI does not explain, on adjacent channels, possibly only for a time and at some receivers.",
-        needs: &[Need::Channels, Need::Losses],
-        example: "centre_mhz = 2437.0\nduty = 0.3\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "duty",
-            unit: "",
-            min: 0.0,
-            max: 1.0,
-            starts: &[0.1],
-            step: 0.002,
-        }],
-        variants: &[
-            &[("centre_mhz", Fixed::Number(2412.0)), ("width_mhz", Fixed::Number(22.0))],
-            &[("centre_mhz", Fixed::Number(2437.0)), ("width_mhz", Fixed::Number(22.0))],
-            &[("centre_mhz", Fixed::Number(2462.0)), ("width_mhz", Fixed::Number(22.0))],
-        ],
-        level: Level::Time,
-        generalises: &[],
-        // The band of IEEE 802.15.4 at 2.4 GHz: packets from end to end do not tell channels.
-        in_runs: Some(&[("centre_mhz", Fixed::Number(2440.0)), ("width_mhz", Fixed::Number(80.0))]),
-        is_repeatable: true,
-        ..Fit::PLAIN
-    },
-    check,
-    build: |table, _| {
-        let keys: Keys = typed(table);
-        let receivers = keys.receivers.map(|mut receivers| {
-            receivers.sort_unstable();
-            receivers
-        });
-        let ns = |time_s: f64| (time_s * 1e9).round() as u64;
-        Some(Box::new(Interference {
-            centre_hz: keys.centre_mhz * 1e6,
-            half_width_hz: 0.5e6 * keys.width_mhz,
-            duty: keys.duty,
-            from_ns: keys.from_s.map_or(0, ns),
-            to_ns: keys.to_s.map_or(u64::MAX, ns),
-            receivers,
-            passes_from_dbm: keys.power_dbm.zip(keys.sir_threshold_db).map(|(a, b)| a + b),
-        }))
-    },
-};
+pub const ENTRY: Entry = Entry::new::<Keys>(check, |table, _| {
+    let keys = Keys::read(table);
+    let receivers = keys.receivers.map(|mut receivers| {
+        receivers.sort_unstable();
+        receivers
+    });
+    let ns = |time_s: f64| (time_s * 1e9).round() as u64;
+    Some(Box::new(Interference {
+        centre_hz: keys.centre_mhz * 1e6,
+        half_width_hz: 0.5e6 * keys.width_mhz,
+        duty: keys.duty,
+        from_ns: keys.from_s.map_or(0, ns),
+        to_ns: keys.to_s.map_or(u64::MAX, ns),
+        receivers,
+        passes_from_dbm: keys.power_dbm.zip(keys.sir_threshold_db).map(|(a, b)| a + b),
+    }))
+});
 
-#[derive(Deserialize)]
+/// WiFi or other traffic in a band: frames on its channels are lost for a fraction of the time.
+///
+/// # Mechanism
+///
+/// While a WiFi station transmits, 100 times as strong and over four channels at once, frames on these channels are lost. The RSSI
+/// of received frames does not change.
+///
+/// # Equation
+///
+/// ```text
+/// P(received)' = P(received) * (1 - duty) where |f - centre_mhz| <= width_mhz / 2, from_s <= t < to_s, and RSSI <
+/// power_dbm + sir_threshold_db if these keys are set
+/// ```
+///
+/// # Source
+///
+/// M. Petrova et al., Performance study of IEEE 802.15.4 using measurements and simulations, WCNC 2006; width: IEEE Std
+/// 802.11-2020, § 15 (22 MHz).
+///
+/// # Validity
+///
+/// Losses are independent between frames and of the frame length; WiFi bursts are not modelled. Frames without a known channel are
+/// unaffected.
+///
+/// # Trace
+///
+/// Losses that RSSI does not explain, on adjacent channels, possibly only for a time and at some receivers.
+#[derive(Catalogued, Section)]
+#[effect(
+    name = "interference",
+    needs = &[Need::Channels, Need::Losses],
+    example = "centre_mhz = 2437.0\nduty = 0.3\n",
+    variants = &[&[("centre_mhz", Fixed::Number(2412.0)), ("width_mhz", Fixed::Number(22.0))], &[("centre_mhz", Fixed::Number(2437.0)), ("width_mhz", Fixed::Number(22.0))], &[("centre_mhz", Fixed::Number(2462.0)), ("width_mhz", Fixed::Number(22.0))]],
+    in_runs = Some(&[("centre_mhz", Fixed::Number(2440.0)), ("width_mhz", Fixed::Number(80.0))]),
+    is_repeatable = true,
+)]
 struct Keys {
+    /// Centre of the band (MHz). WiFi 1, 6, 11: 2412, 2437, 2462.
+    #[key(range = 100.0..=10_000.0)]
     centre_mhz: f64,
+    /// Full width of the band (MHz). It affects IEEE 802.15.4 channels whose centre lies within it.
+    #[key(above = 0.0, most = 1000.0, default = 22.0)]
     width_mhz: f64,
+    /// Duty cycle: fraction of the time in which no frame can be received.
+    #[key(range = Range::FRACTION)]
+    #[fit(unit = "", range = 0.0..=1.0, starts = [0.1], step = 0.002)]
     duty: f64,
+    /// Start (s). Absent: the beginning.
+    #[key(range = 0.0..=1e9)]
     from_s: Option<f64>,
+    /// End (s). Absent: never.
+    #[key(above = 0.0, most = 1e9)]
     to_s: Option<f64>,
+    /// Numbers of the affected receivers. Absent: all.
+    #[key(range = 0..=u32::MAX, length = 1..=1_000_000)]
     receivers: Option<Vec<u32>>,
+    /// Received power of the interference (dBm); set together with sir_threshold_db.
+    #[key(range = -200.0..=100.0)]
     power_dbm: Option<f64>,
+    /// Signal-to-interference ratio (dB) from which frames are received nevertheless. Absent: none are.
+    #[key(range = -100.0..=100.0)]
     sir_threshold_db: Option<f64>,
 }
 
 fn check(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     if let (Some(from_s), Some(to_s)) = (keys.from_s, keys.to_s)
         && to_s <= from_s
     {

@@ -1,10 +1,10 @@
 //! An offset of each link that drifts.
 
-use super::drift::{FIELDS, Keys, PARAMETERS};
+use super::drift::Drift;
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::scatter::{Law, Renewal, Scatter};
-use proto::config::{Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Role};
+use proto::config::{Section, Variant};
+use proto::effect::{About, Catalogued, Fit, Level, Need, Role};
 use proto::rng::Purpose;
 
 /// `kind = "link-drift"`.
@@ -12,7 +12,7 @@ pub const ENTRY: Entry = Entry {
     variant: Variant {
         name: "link-drift",
         doc: "An offset of each link, the same in both directions, that changes slowly in time.",
-        fields: FIELDS,
+        fields: Drift::SPEC.fields,
     },
     about: About {
         mechanism: "People, doors and vehicles come and go, and plants move, near some links and not near others: the \
@@ -26,16 +26,13 @@ pub const ENTRY: Entry = Entry {
         example: "sd_db = 3.0\ncorrelation_s = 300.0\n",
     },
     fit: Fit {
-        parameters: PARAMETERS,
+        parameters: <Drift as Catalogued>::FIT.parameters,
         level: Level::Random,
         role: Role::RandomPerLinkInTime,
         ..Fit::PLAIN
     },
     check: UNCHECKED,
-    build: |table, ordinal| {
-        let Keys { sd_db, correlation_s } = typed(table);
-        Some(Box::new(LinkDrift { sd_db, correlation_s, ordinal }))
-    },
+    build: |table, ordinal| Some(Box::new(LinkDrift(Drift { ordinal, ..Drift::read(table) }))),
 };
 
 /// An offset of each link that changes slowly in time.
@@ -49,14 +46,7 @@ pub const ENTRY: Entry = Entry {
 ///
 /// The same on all channels and in both directions of a link. Values are those at the begin of a control period, and clipped at ±5 sd.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LinkDrift {
-    /// Standard deviation (dB).
-    pub sd_db: f64,
-    /// Time over which the correlation falls to 1/e (s).
-    pub correlation_s: f64,
-    /// Tells several such effects apart.
-    pub ordinal: u32,
-}
+pub struct LinkDrift(pub Drift);
 
 impl Effect for LinkDrift {
     fn name(&self) -> &'static str {
@@ -64,11 +54,11 @@ impl Effect for LinkDrift {
     }
 
     fn scatter(&self) -> Option<Scatter> {
-        (self.sd_db != 0.0).then_some(Scatter {
-            law: Law::Normal { sd_db: self.sd_db },
-            renewal: Renewal::Time { length_s: self.correlation_s, is_common: false },
+        (self.0.sd_db != 0.0).then_some(Scatter {
+            law: Law::Normal { sd_db: self.0.sd_db },
+            renewal: Renewal::Time { length_s: self.0.correlation_s, is_common: false },
             purpose: Purpose::LinkDrift,
-            ordinal: self.ordinal,
+            ordinal: self.0.ordinal,
             directed: false,
         })
     }

@@ -2,103 +2,75 @@
 
 use super::{Effect, Entry, UNCHECKED};
 use crate::phy::link::{End, Link, Side};
-use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::{Choice, Section};
+use proto::effect::{Catalogued, Fixed, Need};
 
 /// `kind = "motion-fading"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "motion-fading",
-        doc: "Frames are lost because the channel changes during a frame while the ends move.",
-        fields: &[
-            Field {
-                key: "rician_k_db",
-                doc: "Rician K-factor: power of the direct wave to that of the reflected waves (dB); high with line of sight.",
-                kind: Kind::Number(Range::closed(-60.0, 60.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "frame_ms",
-                doc: "Duration of a frame (ms). 4.256: the longest of IEEE 802.15.4, 133 bytes with the header.",
-                kind: Kind::Number(Range::above(0.0, 1000.0)),
-                default: Default::Number(4.256),
-            },
-            Field {
-                key: "law",
-                doc: "Criterion for the loss of a frame.",
-                kind: Kind::Choice(&[
-                    Choice {
-                        name: "coherence-time",
-                        doc: "The scattered power that has decorrelated by the frame's end: 1 - e^(-T/Tc), Tc = 0.423 / f_d.",
-                    },
-                    Choice {
-                        name: "correlation",
-                        doc: "The phase has turned by more than a right angle since the beginning of the frame (Clarke's J0).",
-                    },
-                ]),
-                default: Default::Text("coherence-time"),
-            },
-        ],
-    },
-    about: About {
-        mechanism: "A receiver estimates the channel at the beginning of a frame. While the ends move, the reflected waves \
-                    change before the end of the frame, faster at higher speed.",
-        equation: "coherence-time: P(lost) = (1 - e^(-T f_d / 0.423)) / (K + 1); correlation: P(lost) = 1/2 (1 - J0(2 pi f_d T)) e^-K; \
-                   f_d = v/lambda, v the relative speed, T = frame_ms, K = 10^(rician_k_db/10)",
-        source: "R. H. Clarke, A statistical theory of mobile-radio reception, Bell System Technical Journal 47 (1968) 957 (J0); P. A. \
-                 Bello, B. D. Nelin, IRE Trans. Communications Systems CS-10 (1962) 160, and A. Goldsmith, Wireless Communications, § \
-                 6.4 (error floor of differential detection in Rician fading); T. S. Rappaport, Wireless Communications, 2nd ed., § 5.4.3 \
-                 (coherence time 0.423 / f_d).",
-        validity: "A receiver that does not track the channel within a frame; an upper bound for others. The Doppler \
-                   shift, 240 Hz at 30 m/s, is negligible against 40 ppm of the crystals. No effect without a known speed.",
-        trace: "Losses follow the relative speed, independently of the RSSI.",
-        needs: &[Need::Movement, Need::Losses],
-        example: "rician_k_db = -5.0\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "rician_k_db",
-            unit: "dB",
-            min: -20.0,
-            max: 15.0,
-            starts: &[-10.0, 0.0, 5.0],
-            step: 0.05,
-        }],
-        variants: &[
-            &[("law", Fixed::Text("coherence-time"))],
-            &[("law", Fixed::Text("correlation"))],
-        ],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let Keys { rician_k_db, frame_ms, law } = typed(table);
-        let k = libm::pow(10.0, rician_k_db / 10.0);
-        let scattered = match law {
-            Law::CoherenceTime => 1.0 / (k + 1.0),
-            Law::Correlation => libm::exp(-k),
-        };
-        Some(Box::new(MotionFading { frame_s: frame_ms / 1000.0, scattered, law }))
-    },
-};
+pub const ENTRY: Entry = Entry::new::<Keys>(UNCHECKED, |table, _| {
+    let Keys { rician_k_db, frame_ms, law } = Keys::read(table);
+    let k = libm::pow(10.0, rician_k_db / 10.0);
+    let scattered = match law {
+        Law::CoherenceTime => 1.0 / (k + 1.0),
+        Law::Correlation => libm::exp(-k),
+    };
+    Some(Box::new(MotionFading { frame_s: frame_ms / 1000.0, scattered, law }))
+});
 
-#[derive(Deserialize)]
+/// Frames are lost because the channel changes during a frame while the ends move.
+///
+/// # Mechanism
+///
+/// A receiver estimates the channel at the beginning of a frame. While the ends move, the reflected waves change before the end of
+/// the frame, faster at higher speed.
+///
+/// # Equation
+///
+/// ```text
+/// coherence-time: P(lost) = (1 - e^(-T f_d / 0.423)) / (K + 1); correlation: P(lost) = 1/2 (1 - J0(2 pi f_d T)) e^-K; f_d
+/// = v/lambda, v the relative speed, T = frame_ms, K = 10^(rician_k_db/10)
+/// ```
+///
+/// # Source
+///
+/// R. H. Clarke, A statistical theory of mobile-radio reception, Bell System Technical Journal 47 (1968) 957 (J0); P. A. Bello, B.
+/// D. Nelin, IRE Trans. Communications Systems CS-10 (1962) 160, and A. Goldsmith, Wireless Communications, § 6.4 (error floor of
+/// differential detection in Rician fading); T. S. Rappaport, Wireless Communications, 2nd ed., § 5.4.3 (coherence time 0.423 /
+/// f_d).
+///
+/// # Validity
+///
+/// A receiver that does not track the channel within a frame; an upper bound for others. The Doppler shift, 240 Hz at 30 m/s, is
+/// negligible against 40 ppm of the crystals. No effect without a known speed.
+///
+/// # Trace
+///
+/// Losses follow the relative speed, independently of the RSSI.
+#[derive(Catalogued, Section)]
+#[effect(
+    name = "motion-fading",
+    needs = &[Need::Movement, Need::Losses],
+    example = "rician_k_db = -5.0\n",
+    variants = &[&[("law", Fixed::Text("coherence-time"))], &[("law", Fixed::Text("correlation"))]],
+)]
 struct Keys {
+    /// Rician K-factor: power of the direct wave to that of the reflected waves (dB); high with line of sight.
+    #[key(range = -60.0..=60.0)]
+    #[fit(unit = "dB", range = -20.0..=15.0, starts = [-10.0, 0.0, 5.0], step = 0.05)]
     rician_k_db: f64,
+    /// Duration of a frame (ms). 4.256: the longest of IEEE 802.15.4, 133 bytes with the header.
+    #[key(above = 0.0, most = 1000.0, default = 4.256)]
     frame_ms: f64,
+    /// Criterion for the loss of a frame.
+    #[key(default = Law::CoherenceTime)]
     law: Law,
 }
 
 /// Which change of the channel loses a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Law {
-    /// What has decorrelated by its end.
+    /// The scattered power that has decorrelated by the frame's end: 1 - e^(-T/Tc), Tc = 0.423 / f_d.
     CoherenceTime,
-    /// A phase that has turned by more than a right angle.
+    /// The phase has turned by more than a right angle since the beginning of the frame (Clarke's J0).
     Correlation,
 }
 

@@ -4,81 +4,61 @@ use super::{Effect, Entry, UNCHECKED};
 use crate::phy::link::SPEED_OF_LIGHT_MPS;
 use crate::phy::scatter::{Law, Renewal, Scatter};
 use crate::phy::standard::o_qpsk_2450::CHANNELS;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter, Role};
+use proto::config::Section;
+use proto::effect::{Catalogued, Level, Need, Role};
 use proto::rng::Purpose;
-use serde::Deserialize;
 
 /// `kind = "multipath"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "multipath",
-        doc: "Frequency-selective fading: one value per link, channel and position, the same in both directions.",
-        fields: &[
-            Field {
-                key: "sd_db",
-                doc: "Standard deviation (dB).",
-                kind: Kind::Number(Range::closed(0.0, 20.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "coherence_mhz",
-                doc: "Coherence bandwidth (MHz): frequency difference over which the correlation falls to 1/e. 5: a room \
-                      of about ten metres, with a delay spread of 30 ns.",
-                kind: Kind::Number(Range::closed(0.01, 1e4)),
-                default: Default::Number(5.0),
-            },
-        ],
-    },
-    about: About {
-        mechanism: "Rays from walls and furniture cancel on one channel and add on another. The pattern is constant while \
-                    nothing moves, and changes over half a wavelength.",
-        equation: "RSSI' = RSSI + X, X ~ N(0, sd_db^2) per unordered pair, channel and place; correlation between channels e^(-|df| \
-                   / coherence_mhz); drawn anew whenever both ends together have moved on by half a wavelength (61 mm)",
-        source: "T. Watteyne, A. Mehta, K. Pister, Reliability through frequency diversity: why channel hopping makes sense, PE-WASUN \
-                 2009; Rappaport, § 5.4 (coherence bandwidth).",
-        validity: "Normal in dB, whereas real fades are deeper than peaks are high. Positions are uncorrelated. Passing \
-                   people have no effect in this model.",
-        trace: "Differences between the channels of a link, the same in both directions and constant in time for \
-                stationary nodes.",
-        needs: &[Need::Channels, Need::Readings],
-        example: "sd_db = 4.0\ncoherence_mhz = 5.0\n",
-    },
-    fit: Fit {
-        parameters: &[
-            Parameter { key: "sd_db", unit: "dB", min: 0.0, max: 20.0, starts: &[3.0], step: 0.05 },
-            Parameter {
-                key: "coherence_mhz",
-                unit: "MHz",
-                min: 0.1,
-                max: 1e3,
-                starts: &[1.0, 5.0, 20.0],
-                step: 0.1,
-            },
-        ],
-        variants: &[],
-        level: Level::Random,
-        generalises: &[
-            "shadowing",
-            "wall-attenuation",
-            "hidden-obstacle",
-            "vegetation",
-            "diffraction",
-            "two-ray-ground",
-        ],
-        role: Role::RandomPerChannel,
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, ordinal| {
-        let Keys { sd_db, coherence_mhz } = typed(table);
-        Some(Box::new(Multipath { sd_db, coherence_hz: coherence_mhz * 1e6, ordinal }))
-    },
-};
+pub const ENTRY: Entry = Entry::new::<Keys>(UNCHECKED, |table, ordinal| {
+    let Keys { sd_db, coherence_mhz } = Keys::read(table);
+    Some(Box::new(Multipath { sd_db, coherence_hz: coherence_mhz * 1e6, ordinal }))
+});
 
-#[derive(Deserialize)]
+/// Frequency-selective fading: one value per link, channel and position, the same in both directions.
+///
+/// # Mechanism
+///
+/// Rays from walls and furniture cancel on one channel and add on another. The pattern is constant while nothing moves, and changes
+/// over half a wavelength.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI + X, X ~ N(0, sd_db^2) per unordered pair, channel and place; correlation between channels e^(-|df| /
+/// coherence_mhz); drawn anew whenever both ends together have moved on by half a wavelength (61 mm)
+/// ```
+///
+/// # Source
+///
+/// T. Watteyne, A. Mehta, K. Pister, Reliability through frequency diversity: why channel hopping makes sense, PE-WASUN 2009;
+/// Rappaport, § 5.4 (coherence bandwidth).
+///
+/// # Validity
+///
+/// Normal in dB, whereas real fades are deeper than peaks are high. Positions are uncorrelated. Passing people have no effect in
+/// this model.
+///
+/// # Trace
+///
+/// Differences between the channels of a link, the same in both directions and constant in time for stationary nodes.
+#[derive(Catalogued, Section)]
+#[effect(
+    name = "multipath",
+    needs = &[Need::Channels, Need::Readings],
+    example = "sd_db = 4.0\ncoherence_mhz = 5.0\n",
+    level = Level::Random,
+    generalises = &["shadowing", "wall-attenuation", "hidden-obstacle", "vegetation", "diffraction", "two-ray-ground"],
+    role = Role::RandomPerChannel,
+)]
 struct Keys {
+    /// Standard deviation (dB).
+    #[key(range = 0.0..=20.0)]
+    #[fit(unit = "dB", starts = [3.0], step = 0.05)]
     sd_db: f64,
+    /// Coherence bandwidth (MHz): frequency difference over which the correlation falls to 1/e. 5: a room of about ten metres, with
+    /// a delay spread of 30 ns.
+    #[key(range = 0.01..=1e4, default = 5.0)]
+    #[fit(unit = "MHz", range = 0.1..=1e3, starts = [1.0, 5.0, 20.0], step = 0.1)]
     coherence_mhz: f64,
 }
 

@@ -3,87 +3,17 @@
 use super::{Effect, Entry};
 use crate::phy::link::Link;
 use crate::phy::scatter::{Law, Renewal, Scatter};
-use proto::config::{Default, Field, Kind, Problem, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter, Role};
+use proto::config::{Kind, Problem, Range, Section};
+use proto::effect::{Catalogued, Level, Need, Role};
 use proto::rng::Purpose;
-use serde::Deserialize;
 
 const VALUES: Kind =
     Kind::List { of: &Kind::Number(Range::closed(-60.0, 60.0)), min: 1, max: 1_000_000 };
 
 /// `kind = "node-offset"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "node-offset",
-        doc: "Per-node offsets of transmit power and receiver gain.",
-        fields: &[
-            Field {
-                key: "tx_sd_db",
-                doc: "Standard deviation between transmitters (dB).",
-                kind: Kind::Number(Range::closed(0.0, 20.0)),
-                default: Default::Number(0.0),
-            },
-            Field {
-                key: "rx_sd_db",
-                doc: "Standard deviation between receivers (dB).",
-                kind: Kind::Number(Range::closed(0.0, 20.0)),
-                default: Default::Number(0.0),
-            },
-            Field {
-                key: "tx_db",
-                doc: "Offset of each transmitter (dB), by node number, instead of values drawn with tx_sd_db. Nodes beyond \
-                      the list have no offset.",
-                kind: VALUES,
-                default: Default::Absent,
-            },
-            Field {
-                key: "rx_db",
-                doc: "As tx_db, for receivers.",
-                kind: VALUES,
-                default: Default::Absent,
-            },
-        ],
-    },
-    about: About {
-        mechanism: "Amplifiers, matching and antennas vary between units, so two nodes at the same place differ by a few \
-                    decibels in both directions. Transmission and reception use different components, so both offsets are \
-                    independent.",
-        equation: "RSSI' = RSSI + a_tx + b_rx, a ~ N(0, tx_sd_db^2) and b ~ N(0, rx_sd_db^2) per node",
-        source: "M. Zuniga, B. Krishnamachari, An analysis of unreliability and asymmetry in low-power wireless links, ACM Trans. \
-                 Sensor Networks 3 (2007) 7 (hardware variance); Chen and Terzis, EWSN 2010.",
-        validity: "Constant in time and the same in all directions. Clipped at 5 sd. The mean over all nodes is aliased \
-                   with system-gain.",
-        trace: "All links of a node are biased alike, separately for sent and received frames, so links are asymmetric.",
-        needs: &[Need::Readings],
-        example: "tx_sd_db = 1.5\nrx_sd_db = 1.0\n",
-    },
-    fit: Fit {
-        parameters: &[
-            Parameter {
-                key: "tx_sd_db",
-                unit: "dB",
-                min: 0.0,
-                max: 20.0,
-                starts: &[1.5],
-                step: 0.05,
-            },
-            Parameter {
-                key: "rx_sd_db",
-                unit: "dB",
-                min: 0.0,
-                max: 20.0,
-                starts: &[1.5],
-                step: 0.05,
-            },
-        ],
-        variants: &[],
-        level: Level::Random,
-        generalises: &["antenna-pattern", "battery-sag"],
-        role: Role::RandomPerNode,
-        ..Fit::PLAIN
-    },
-    check: |table, path, problems| {
-        let keys: Keys = typed(table);
+pub const ENTRY: Entry = Entry::new::<NodeOffset>(
+    |table, path, problems| {
+        let keys = NodeOffset::read(table);
         for (end, sd_db) in [("tx", keys.tx_sd_db), ("rx", keys.rx_sd_db)] {
             if table.contains_key(&format!("{end}_db")) && 0.0 < sd_db {
                 let message = format!("must be absent if {end}_db lists the values");
@@ -91,43 +21,61 @@ pub const ENTRY: Entry = Entry {
             }
         }
     },
-    build: |table, ordinal| {
-        let Keys { tx_sd_db, rx_sd_db, tx_db, rx_db } = typed(table);
-        Some(Box::new(NodeOffset { tx_sd_db, rx_sd_db, tx_db, rx_db, ordinal }))
-    },
-};
+    |table, ordinal| Some(Box::new(NodeOffset { ordinal, ..NodeOffset::read(table) })),
+);
 
-#[derive(Deserialize)]
-struct Keys {
-    tx_sd_db: f64,
-    rx_sd_db: f64,
-    #[serde(default)]
-    tx_db: Vec<f64>,
-    #[serde(default)]
-    rx_db: Vec<f64>,
-}
-
-/// Each node's own errors.
+/// Per-node offsets of transmit power and receiver gain.
 ///
-/// # Model
+/// # Mechanism
 ///
-/// RSSI′ = RSSI + a of the sender + b of the receiver: normal numbers per node (Zuniga and Krishnamachari 2007, without the
-/// correlation they found between both), or stated ones.
+/// Amplifiers, matching and antennas vary between units, so two nodes at the same place differ by a few decibels in both
+/// directions. Transmission and reception use different components, so both offsets are independent.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI + a_tx + b_rx, a ~ N(0, tx_sd_db^2) and b ~ N(0, rx_sd_db^2) per node
+/// ```
+///
+/// # Source
+///
+/// M. Zuniga, B. Krishnamachari, An analysis of unreliability and asymmetry in low-power wireless links, ACM Trans. Sensor Networks
+/// 3 (2007) 7 (hardware variance); Chen and Terzis, EWSN 2010.
 ///
 /// # Validity
 ///
-/// Constant in time, the same in all directions and on all channels. Clipped at ±5 sd.
-#[derive(Clone, Debug, PartialEq)]
+/// Constant in time and the same in all directions. Clipped at 5 sd. The mean over all nodes is aliased with system-gain.
+///
+/// # Trace
+///
+/// All links of a node are biased alike, separately for sent and received frames, so links are asymmetric.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "node-offset",
+    needs = &[Need::Readings],
+    example = "tx_sd_db = 1.5\nrx_sd_db = 1.0\n",
+    level = Level::Random,
+    generalises = &["antenna-pattern", "battery-sag"],
+    role = Role::RandomPerNode,
+)]
 pub struct NodeOffset {
     /// Standard deviation between transmitters (dB).
+    #[key(range = 0.0..=20.0, default = 0.0)]
+    #[fit(unit = "dB", starts = [1.5], step = 0.05)]
     pub tx_sd_db: f64,
     /// Standard deviation between receivers (dB).
+    #[key(range = 0.0..=20.0, default = 0.0)]
+    #[fit(unit = "dB", starts = [1.5], step = 0.05)]
     pub rx_sd_db: f64,
-    /// What transmitters add, where that is stated (dB).
+    /// Offset of each transmitter (dB), by node number, instead of values drawn with tx_sd_db. Nodes beyond the list have no
+    /// offset.
+    #[key(kind = VALUES)]
     pub tx_db: Vec<f64>,
-    /// What receivers add, where that is stated (dB).
+    /// As tx_db, for receivers.
+    #[key(kind = VALUES)]
     pub rx_db: Vec<f64>,
     /// Tells several such effects apart.
+    #[key(skip)]
     pub ordinal: u32,
 }
 

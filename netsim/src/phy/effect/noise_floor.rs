@@ -1,69 +1,47 @@
 //! A receiver noisier than the curve's.
 
-use super::{Effect, Entry, UNCHECKED};
+use super::{Effect, Entry};
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, Need};
 
 /// `kind = "noise-floor"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "noise-floor",
-        doc: "The noise differs from that of the reception curve: the curve shifts, the RSSI does not.",
-        fields: &[Field {
-            key: "shift_db",
-            doc: "Shift (dB): the RSSI at which a frame is received with the same probability rises by this.",
-            kind: Kind::Number(Range::closed(-60.0, 60.0)),
-            default: Default::Required,
-        }],
-    },
-    about: About {
-        mechanism: "The site is noisier, or the receiver less sensitive, than when the reception curve was measured, so \
-                    frames must be stronger to be received. The RSSI of received frames does not change.",
-        equation: "P(received) = curve(RSSI - shift_db)",
-        source: "Definition: reception depends on the signal-to-noise ratio.",
-        validity: "The same for all receivers at all times. No effect on connectivity models, which define the reception \
-                   probability.",
-        trace: "Frames are lost at an RSSI that should suffice; the RSSI of received frames is correct.",
-        needs: &[Need::Losses, Need::Readings],
-        example: "shift_db = 4.0\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "shift_db",
-            unit: "dB",
-            min: -40.0,
-            max: 40.0,
-            starts: &[0.0],
-            step: 0.05,
-        }],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let effect: NoiseFloor = typed(table);
-        Some(Box::new(effect))
-    },
-};
+pub const ENTRY: Entry = Entry::of::<NoiseFloor>();
 
-/// Noise beyond that of the reception curve.
+/// The noise differs from that of the reception curve: the curve shifts, the RSSI does not.
 ///
-/// # Model
+/// # Mechanism
+///
+/// The site is noisier, or the receiver less sensitive, than when the reception curve was measured, so frames must be stronger to
+/// be received. The RSSI of received frames does not change.
+///
+/// # Equation
 ///
 /// ```text
-/// P(received) = curve(RSSI − shift_db)
+/// P(received) = curve(RSSI - shift_db)
 /// ```
+///
+/// # Source
+///
+/// Definition: reception depends on the signal-to-noise ratio.
 ///
 /// # Validity
 ///
-/// All receivers alike, at all times; nothing where a connectivity model states the probability.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// The same for all receivers at all times. No effect on connectivity models, which define the reception probability.
+///
+/// # Trace
+///
+/// Frames are lost at an RSSI that should suffice; the RSSI of received frames is correct.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "noise-floor",
+    needs = &[Need::Losses, Need::Readings],
+    example = "shift_db = 4.0\n",
+)]
 pub struct NoiseFloor {
-    /// By how much frames must be stronger (dB).
+    /// Shift (dB): the RSSI at which a frame is received with the same probability rises by this.
+    #[key(range = -60.0..=60.0)]
+    #[fit(unit = "dB", range = -40.0..=40.0, starts = [0.0], step = 0.05)]
     pub shift_db: f64,
 }
 

@@ -1,97 +1,59 @@
 //! Clutter: power falls faster, or slower, over distance than in free space.
 
-use super::{Effect, Entry, UNCHECKED};
+use super::{Effect, Entry};
 use crate::phy::link::Link;
 use crate::phy::propagation::FREE_SPACE_EXPONENT;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, FromModel, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, FromModel, Level, Need};
 
 /// `kind = "path-loss-exponent"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "path-loss-exponent",
-        doc: "The path-loss exponent differs from that of the base model, for example from 2, that of free space.",
-        fields: &[
-            Field {
-                key: "exponent",
-                doc: "Path loss exponent of the site, that of the base model included: 1.6 to 1.8 along corridors, 2.7 to 3.5 \
-                      in cities, 4 to 6 in obstructed buildings (Rappaport, table 4.2).",
-                kind: Kind::Number(Range::closed(1.0, 8.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "base_exponent",
-                doc: "Exponent that the base model has already: 2 in free space, or the exponent of log-distance. The effect \
-                      adds the difference. diagnose and extend take it from the configuration.",
-                kind: Kind::Number(Range::closed(0.0, 8.0)),
-                default: Default::Number(FREE_SPACE_EXPONENT),
-            },
-            Field {
-                key: "reference_distance_m",
-                doc: "Reference distance (m), up to which nothing is added.",
-                kind: Kind::Number(Range::above(0.0, 1e5)),
-                default: Default::Number(1.0),
-            },
-        ],
-    },
-    about: About {
-        mechanism: "Among furniture, plants and people, power falls faster over distance than in free space; along a \
-                    corridor, which guides the wave, more slowly.",
-        equation: "RSSI' = RSSI - 10 (exponent - base_exponent) log10(d / reference_distance_m) for d > reference_distance_m",
-        source: "T. S. Rappaport, Wireless Communications, 2nd ed., § 4.9.1 (log-distance path loss).",
-        validity: "An average over many links of one environment, on a base model whose exponent is base_exponent. On \
-                   log-distance it only changes that model's own exponent.",
-        trace: "A slope over the logarithm of distance.",
-        needs: &[Need::Positions, Need::Readings],
-        example: "exponent = 3.0\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "exponent",
-            unit: "",
-            min: 1.0,
-            max: 8.0,
-            starts: &[2.0],
-            step: 0.01,
-        }],
-        variants: &[],
-        level: Level::Place,
-        generalises: &[],
-        from_model: &[
-            ("exponent", FromModel::PathLossExponent),
-            ("base_exponent", FromModel::PathLossExponent),
-            ("reference_distance_m", FromModel::ReferenceDistance),
-        ],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let effect: PathLossExponent = typed(table);
-        Some(Box::new(effect))
-    },
-};
+pub const ENTRY: Entry = Entry::of::<PathLossExponent>();
 
-/// Another exponent than that of the base model.
+/// The path-loss exponent differs from that of the base model, for example from 2, that of free space.
 ///
-/// # Model
+/// # Mechanism
+///
+/// Among furniture, plants and people, power falls faster over distance than in free space; along a corridor, which guides the
+/// wave, more slowly.
+///
+/// # Equation
 ///
 /// ```text
-/// RSSI' = RSSI − 10 (n − n_base) log10(d/d0),   d > d0
+/// RSSI' = RSSI - 10 (exponent - base_exponent) log10(d / reference_distance_m) for d > reference_distance_m
 /// ```
 ///
-/// Rappaport, "Wireless Communications", 2nd ed., § 4.9.1, less what the base model has already.
+/// # Source
+///
+/// T. S. Rappaport, Wireless Communications, 2nd ed., § 4.9.1 (log-distance path loss).
 ///
 /// # Validity
 ///
-/// An average over many links of one environment, on a base model with the exponent n_base.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// An average over many links of one environment, on a base model whose exponent is base_exponent. On log-distance it only changes
+/// that model's own exponent.
+///
+/// # Trace
+///
+/// A slope over the logarithm of distance.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "path-loss-exponent",
+    needs = &[Need::Positions, Need::Readings],
+    example = "exponent = 3.0\n",
+    level = Level::Place,
+    from_model = &[("exponent", FromModel::PathLossExponent), ("base_exponent", FromModel::PathLossExponent), ("reference_distance_m", FromModel::ReferenceDistance)],
+)]
 pub struct PathLossExponent {
-    /// Path loss exponent n: power falls with distance to the power of −n.
+    /// Path loss exponent of the site, that of the base model included: 1.6 to 1.8 along corridors, 2.7 to 3.5 in cities, 4 to 6 in
+    /// obstructed buildings (Rappaport, table 4.2).
+    #[key(range = 1.0..=8.0)]
+    #[fit(unit = "", starts = [2.0], step = 0.01)]
     pub exponent: f64,
-    /// That of the base model, n_base: 2 in free space.
+    /// Exponent that the base model has already: 2 in free space, or the exponent of log-distance. The effect adds the difference.
+    /// diagnose and extend take it from the configuration.
+    #[key(range = 0.0..=8.0, default = FREE_SPACE_EXPONENT)]
     pub base_exponent: f64,
-    /// Up to here nothing is added (m).
+    /// Reference distance (m), up to which nothing is added.
+    #[key(above = 0.0, most = 1e5, default = 1.0)]
     pub reference_distance_m: f64,
 }
 

@@ -1,84 +1,51 @@
 //! A register that saturates.
 
-use super::{Effect, Entry, UNCHECKED};
+use super::{Effect, Entry};
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::{Range, Section};
+use proto::effect::{Catalogued, Need};
 
 /// `kind = "receiver-nonlinearity"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "receiver-nonlinearity",
-        doc: "The RSSI register saturates for strong frames. Reception does not change.",
-        fields: &[
-            Field {
-                key: "saturation_dbm",
-                doc: "Power (dBm) from which readings are compressed.",
-                kind: Kind::Number(Range::closed(-120.0, 30.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "slope",
-                doc: "Slope of the reading above that power: 0 for full saturation, 1 for no compression.",
-                kind: Kind::Number(Range::FRACTION),
-                default: Default::Required,
-            },
-        ],
-    },
-    about: About {
-        mechanism: "Close to the transmitter, the receiver's amplifiers and detector saturate, and the register reads too \
-                    low.",
-        equation: "reading = s + slope * (RSSI - s) for RSSI > s = saturation_dbm",
-        source: "Y. Chen, A. Terzis, On the mechanisms and effects of calibrating RSSI measurements for 802.15.4 radios, EWSN \
-                 2010 (non-linear regions of the CC2420's register).",
-        validity: "Piecewise linear with one breakpoint; the CC2420 has further, smaller non-linear regions. The same for \
-                   all receivers.",
-        trace: "An error over the predicted RSSI itself: strong links read too low.",
-        needs: &[Need::Readings],
-        example: "saturation_dbm = -55.0\nslope = 0.4\n",
-    },
-    fit: Fit {
-        parameters: &[
-            Parameter {
-                key: "saturation_dbm",
-                unit: "dBm",
-                min: -110.0,
-                max: 0.0,
-                starts: &[-90.0, -80.0, -70.0, -60.0, -50.0, -40.0, -30.0],
-                step: 0.1,
-            },
-            Parameter { key: "slope", unit: "", min: 0.0, max: 1.0, starts: &[0.5], step: 0.01 },
-        ],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let effect: ReceiverNonlinearity = typed(table);
-        Some(Box::new(effect))
-    },
-};
+pub const ENTRY: Entry = Entry::of::<ReceiverNonlinearity>();
 
-/// Compression of what the register reads.
+/// The RSSI register saturates for strong frames. Reception does not change.
 ///
-/// # Model
+/// # Mechanism
+///
+/// Close to the transmitter, the receiver's amplifiers and detector saturate, and the register reads too low.
+///
+/// # Equation
 ///
 /// ```text
-/// reading = s + b (RSSI − s),   RSSI > s
+/// reading = s + slope * (RSSI - s) for RSSI > s = saturation_dbm
 /// ```
+///
+/// # Source
+///
+/// Y. Chen, A. Terzis, On the mechanisms and effects of calibrating RSSI measurements for 802.15.4 radios, EWSN 2010 (non-linear
+/// regions of the CC2420's register).
 ///
 /// # Validity
 ///
-/// The strongest of the errors that Chen and Terzis (EWSN 2010) found in the CC2420: its register is linear over most of its
-/// range and flattens at the upper end. All receivers alike.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// Piecewise linear with one breakpoint; the CC2420 has further, smaller non-linear regions. The same for all receivers.
+///
+/// # Trace
+///
+/// An error over the predicted RSSI itself: strong links read too low.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "receiver-nonlinearity",
+    needs = &[Need::Readings],
+    example = "saturation_dbm = -55.0\nslope = 0.4\n",
+)]
 pub struct ReceiverNonlinearity {
-    /// From here on readings are compressed (dBm).
+    /// Power (dBm) from which readings are compressed.
+    #[key(range = -120.0..=30.0)]
+    #[fit(unit = "dBm", range = -110.0..=0.0, starts = [-90.0, -80.0, -70.0, -60.0, -50.0, -40.0, -30.0], step = 0.1)]
     pub saturation_dbm: f64,
-    /// What remains of a decibel.
+    /// Slope of the reading above that power: 0 for full saturation, 1 for no compression.
+    #[key(range = Range::FRACTION)]
+    #[fit(unit = "", range = 0.0..=1.0, starts = [0.5], step = 0.01)]
     pub slope: f64,
 }
 

@@ -1,91 +1,54 @@
 //! The receiver's own waterfall.
 
-use super::{Effect, Entry, UNCHECKED};
+use super::{Effect, Entry};
 use crate::phy::reception::Curve;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, Need};
 
 /// `kind = "reception-curve"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "reception-curve",
-        doc: "A logistic reception curve over RSSI that replaces [netsim.phy.reception].",
-        fields: &[
-            Field {
-                key: "p50_dbm",
-                doc: "RSSI (dBm) at which half of all frames are received.",
-                kind: Kind::Number(Range::closed(-140.0, 0.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "width_db",
-                doc: "Width of the curve (dB): it rises from 27 % to 73 % over twice this. A single radio: 0.3 to 1.",
-                kind: Kind::Number(Range::closed(0.01, 20.0)),
-                default: Default::Required,
-            },
-        ],
-    },
-    about: About {
-        mechanism: "Every radio has its own sensitivity and its own transition from loss to reception, steeper than a \
-                    table averaged over many receivers.",
-        equation: "P(received) = 1 / (1 + e^(-(RSSI - p50_dbm) / width_db)); 0 and 1 where that is within 10^-6 of them",
-        source: "M. Zuniga, B. Krishnamachari, Analyzing the transitional region in low power wireless links, SECON 2004 (a \
-                 sigmoid in the signal-to-noise ratio); the logistic is its simplest smooth form.",
-        validity: "The same for all receivers and one frame length. It is 0 or 1 beyond 13.8 widths from the midpoint. It \
-                   replaces the configured curve; noise-floor still shifts it.",
-        trace: "The loss rate is too steep or too shallow over RSSI.",
-        needs: &[Need::Losses, Need::Readings],
-        example: "p50_dbm = -93.0\nwidth_db = 0.7\n",
-    },
-    fit: Fit {
-        parameters: &[
-            Parameter {
-                key: "p50_dbm",
-                unit: "dBm",
-                min: -120.0,
-                max: -40.0,
-                starts: &[-93.0, -85.0],
-                step: 0.05,
-            },
-            Parameter {
-                key: "width_db",
-                unit: "dB",
-                min: 0.05,
-                max: 10.0,
-                starts: &[0.7, 2.0],
-                step: 0.02,
-            },
-        ],
-        variants: &[],
-        level: Level::Time,
-        generalises: &["noise-floor"],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let effect: ReceptionCurve = typed(table);
-        Some(Box::new(effect))
-    },
-};
+pub const ENTRY: Entry = Entry::of::<ReceptionCurve>();
 
-/// A logistic reception curve.
+/// A logistic reception curve over RSSI that replaces \[netsim.phy.reception\].
 ///
-/// # Model
+/// # Mechanism
+///
+/// Every radio has its own sensitivity and its own transition from loss to reception, steeper than a table averaged over many
+/// receivers.
+///
+/// # Equation
 ///
 /// ```text
-/// P = 1/(1 + e^(−(RSSI − p50)/w))
+/// P(received) = 1 / (1 + e^(-(RSSI - p50_dbm) / width_db)); 0 and 1 where that is within 10^-6 of them
 /// ```
+///
+/// # Source
+///
+/// M. Zuniga, B. Krishnamachari, Analyzing the transitional region in low power wireless links, SECON 2004 (a sigmoid in the
+/// signal-to-noise ratio); the logistic is its simplest smooth form.
 ///
 /// # Validity
 ///
-/// Measured curves are close to it between 5 and 95 % (Zuniga and Krishnamachari, SECON 2004). So that links have a
-/// greatest reach, it is 0 below p50 − 13.8 w, where it would be less than 10⁻⁶, and 1 from p50 + 13.8 w on.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// The same for all receivers and one frame length. It is 0 or 1 beyond 13.8 widths from the midpoint. It replaces the configured
+/// curve; noise-floor still shifts it.
+///
+/// # Trace
+///
+/// The loss rate is too steep or too shallow over RSSI.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "reception-curve",
+    needs = &[Need::Losses, Need::Readings],
+    example = "p50_dbm = -93.0\nwidth_db = 0.7\n",
+    generalises = &["noise-floor"],
+)]
 pub struct ReceptionCurve {
-    /// Where half of all frames are received (dBm).
+    /// RSSI (dBm) at which half of all frames are received.
+    #[key(range = -140.0..=0.0)]
+    #[fit(unit = "dBm", range = -120.0..=-40.0, starts = [-93.0, -85.0], step = 0.05)]
     pub p50_dbm: f64,
-    /// Width w (dB).
+    /// Width of the curve (dB): it rises from 27 % to 73 % over twice this. A single radio: 0.3 to 1.
+    #[key(range = 0.01..=20.0)]
+    #[fit(unit = "dB", range = 0.05..=10.0, starts = [0.7, 2.0], step = 0.02)]
     pub width_db: f64,
 }
 

@@ -1,98 +1,56 @@
 //! Electronics that grow warm.
 
-use super::{Effect, Entry, UNCHECKED};
+use super::{Effect, Entry};
 use crate::phy::link::{Link, Side};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, Need};
 
 /// `kind = "temperature"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "temperature",
-        doc: "Transmit power and sensitivity depend on the temperature of the electronics.",
-        fields: &[
-            Field {
-                key: "db_per_c",
-                doc: "Change of the received power if both ends warm up by one degree (dB per degree C). Measured: -0.1 to \
-                      -0.2.",
-                kind: Kind::Number(Range::closed(-5.0, 5.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "reference_c",
-                doc: "Reference temperature (degrees C) at which nothing is added. It is aliased with system-gain: its fit \
-                      absorbs any missing constant.",
-                kind: Kind::Number(Range::closed(-60.0, 125.0)),
-                default: Default::Number(20.0),
-            },
-        ],
-    },
-    about: About {
-        mechanism: "As the electronics warm up, the transmitter's power falls and the receiver's noise rises, so a sunny \
-                    afternoon weakens every outdoor link.",
-        equation: "RSSI' = RSSI + db_per_c * (T - reference_c), T the mean of temperature_c at both ends",
-        source: "K. Bannister, G. Giorgetti, S. K. S. Gupta, Wireless sensor networking for hot applications, HotEmNets 2008 (8 dB \
-                 from 25 to 65 degrees C, CC2420); C. A. Boano et al., The impact of temperature on outdoor industrial \
-                 sensornet applications, IEEE Trans. Industrial Informatics 6 (2010) 451.",
-        validity: "Linear and the same for every node; temperatures are clipped to -60 to 125 degrees C. Without a known \
-                   temperature nothing is added.",
-        trace: "Linear in temperature, and therefore a slow daily cycle on all links alike.",
-        needs: &[Need::Column("temperature_c"), Need::Readings],
-        example: "db_per_c = -0.15\n",
-    },
-    fit: Fit {
-        parameters: &[
-            Parameter {
-                key: "db_per_c",
-                unit: "dB/degC",
-                min: -5.0,
-                max: 5.0,
-                starts: &[-0.1],
-                step: 0.005,
-            },
-            Parameter {
-                key: "reference_c",
-                unit: "degC",
-                min: -60.0,
-                max: 125.0,
-                starts: &[20.0],
-                step: 0.5,
-            },
-        ],
-        variants: &[],
-        level: Level::Time,
-        generalises: &[],
-        linear_in: Some("temperature_c"),
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let effect: Temperature = typed(table);
-        Some(Box::new(effect))
-    },
-};
+pub const ENTRY: Entry = Entry::of::<Temperature>();
 
-/// Temperature of the electronics.
+/// Transmit power and sensitivity depend on the temperature of the electronics.
 ///
-/// # Model
+/// # Mechanism
+///
+/// As the electronics warm up, the transmitter's power falls and the receiver's noise rises, so a sunny afternoon weakens every
+/// outdoor link.
+///
+/// # Equation
 ///
 /// ```text
-/// RSSI' = RSSI + a (T − T0),   T = (T_tx + T_rx)/2
+/// RSSI' = RSSI + db_per_c * (T - reference_c), T the mean of temperature_c at both ends
 /// ```
 ///
-/// Linear, as measured by Bannister et al. (HotEmNets 2008) and Boano et al. (2010). T is the covariate `temperature_c`: of
-/// the agents at both ends in a run, of the row (or its columns `tx_temperature_c`, `rx_temperature_c`) in measurements.
+/// # Source
+///
+/// K. Bannister, G. Giorgetti, S. K. S. Gupta, Wireless sensor networking for hot applications, HotEmNets 2008 (8 dB from 25 to 65
+/// degrees C, CC2420); C. A. Boano et al., The impact of temperature on outdoor industrial sensornet applications, IEEE Trans.
+/// Industrial Informatics 6 (2010) 451.
 ///
 /// # Validity
 ///
-/// −60 to 125 °C, the range of the parts; temperatures beyond count as these. Where only one end's temperature is known, it
-/// serves for both; where none is, nothing is added.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// Linear and the same for every node; temperatures are clipped to -60 to 125 degrees C. Without a known temperature nothing is
+/// added.
+///
+/// # Trace
+///
+/// Linear in temperature, and therefore a slow daily cycle on all links alike.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "temperature",
+    needs = &[Need::Column("temperature_c"), Need::Readings],
+    example = "db_per_c = -0.15\n",
+    linear_in = Some("temperature_c"),
+)]
 pub struct Temperature {
-    /// What a degree adds (dB per °C).
+    /// Change of the received power if both ends warm up by one degree (dB per degree C). Measured: -0.1 to -0.2.
+    #[key(range = -5.0..=5.0)]
+    #[fit(unit = "dB/degC", starts = [-0.1], step = 0.005)]
     pub db_per_c: f64,
-    /// Where nothing is added (°C).
+    /// Reference temperature (degrees C) at which nothing is added. It is aliased with system-gain: its fit absorbs any missing
+    /// constant.
+    #[key(range = -60.0..=125.0, default = 20.0)]
+    #[fit(unit = "degC", starts = [20.0], step = 0.5)]
     pub reference_c: f64,
 }
 

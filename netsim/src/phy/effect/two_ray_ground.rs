@@ -1,114 +1,68 @@
 //! The ray that the ground reflects.
 
-use super::{Effect, Entry, UNCHECKED};
+use super::{Effect, Entry};
 use crate::phy::link::Link;
-use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Fixed, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::{Choice, Section};
+use proto::effect::{Catalogued, Fixed, Level, Need};
 use std::f64::consts::TAU;
 
 /// `kind = "two-ray-ground"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "two-ray-ground",
-        doc: "The direct ray and the ray reflected by flat ground interfere.",
-        fields: &[
-            Field {
-                key: "relative_permittivity",
-                doc: "Relative permittivity of the ground: 3 to 5 for dry ground and concrete, 15 for average ground, 30 for wet \
-                      ground, 80 for water.",
-                kind: Kind::Number(Range::closed(1.0, 80.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "polarization",
-                doc: "Polarisation of the antennas.",
-                kind: Kind::Choice(&[
-                    Choice {
-                        name: "vertical",
-                        doc: "Vertical antennas: the field lies in the plane of incidence.",
-                    },
-                    Choice {
-                        name: "horizontal",
-                        doc: "Horizontal antennas: the field is parallel to the ground.",
-                    },
-                ]),
-                default: Default::Text("vertical"),
-            },
-        ],
-    },
-    about: About {
-        mechanism: "A second ray arrives by reflection from the ground. Both rays interfere according to the difference of \
-                    their path lengths; far away the reflected ray always cancels the direct ray.",
-        equation: "RSSI' = RSSI + 20 log10 |1 + G (d_los/d_ref) e^(-j 2 pi (d_ref - d_los)/lambda)|, d_ref = sqrt(d_ground^2 + (h_t + \
-                   h_r)^2), G Fresnel's coefficient for sin(t) = (h_t + h_r)/d_ref: vertical (e sin t - r)/(e sin t + r), \
-                   horizontal (sin t - r)/(sin t + r), r = sqrt(e - cos^2 t), e = relative_permittivity",
-        source: "C. Sommer, S. Joerer, F. Dressler, On the applicability of two-ray path loss models for vehicular network \
-                 simulation, IEEE VNC 2012; C. Sommer, F. Dressler, Using the right two-ray model? (2011); Rappaport, § 4.6.",
-        validity: "Flat, smooth, lossless ground at z = 0 and isotropic antennas. No effect unless both antenna heights \
-                   are positive. Not valid indoors, where other rays are as strong.",
-        trace: "Ripples over distance that shift with height and channel; beyond 4 pi h_t h_r / lambda power falls with \
-                the fourth power of distance.",
-        needs: &[Need::Positions, Need::Heights, Need::Readings],
-        example: "relative_permittivity = 15.0\npolarization = \"vertical\"\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "relative_permittivity",
-            unit: "",
-            min: 1.0,
-            max: 80.0,
-            starts: &[1.05, 1.5, 4.0, 15.0, 40.0],
-            step: 0.01,
-        }],
-        variants: &[
-            &[("polarization", Fixed::Text("vertical"))],
-            &[("polarization", Fixed::Text("horizontal"))],
-        ],
-        level: Level::Place,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let effect: TwoRayGround = typed(table);
-        Some(Box::new(effect))
-    },
-};
+pub const ENTRY: Entry = Entry::of::<TwoRayGround>();
 
 /// Polarisation of the antennas.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Polarization {
-    /// Upright: the field lies in the plane of incidence.
+    /// Vertical antennas: the field lies in the plane of incidence.
     Vertical,
-    /// Lying: the field is parallel to the ground.
+    /// Horizontal antennas: the field is parallel to the ground.
     Horizontal,
 }
 
-/// Two rays.
+/// The direct ray and the ray reflected by flat ground interfere.
 ///
-/// # Model
+/// # Mechanism
+///
+/// A second ray arrives by reflection from the ground. Both rays interfere according to the difference of their path lengths; far
+/// away the reflected ray always cancels the direct ray.
+///
+/// # Equation
 ///
 /// ```text
-/// RSSI' = RSSI + 20 log10 |1 + Γ (d_los/d_ref) e^(−j2π(d_ref − d_los)/λ)|
-/// d_ref = √(d_ground² + (h_t + h_r)²)
-/// Γ_vertical   = (ε sin θ − √(ε − cos² θ)) / (ε sin θ + √(ε − cos² θ))
-/// Γ_horizontal =   (sin θ − √(ε − cos² θ)) /   (sin θ + √(ε − cos² θ))
+/// RSSI' = RSSI + 20 log10 |1 + G (d_los/d_ref) e^(-j 2 pi (d_ref - d_los)/lambda)|, d_ref = sqrt(d_ground^2 + (h_t +
+/// h_r)^2), G Fresnel's coefficient for sin(t) = (h_t + h_r)/d_ref: vertical (e sin t - r)/(e sin t + r), horizontal (sin t
+/// - r)/(sin t + r), r = sqrt(e - cos^2 t), e = relative_permittivity
 /// ```
 ///
-/// with sin θ = (h_t + h_r)/d_ref. Sommer, Joerer and Dressler, IEEE VNC 2012. The sign of Γ_vertical is that of the field's
-/// upright component, −1 at grazing incidence.
+/// # Source
+///
+/// C. Sommer, S. Joerer, F. Dressler, On the applicability of two-ray path loss models for vehicular network simulation, IEEE VNC
+/// 2012; C. Sommer, F. Dressler, Using the right two-ray model? (2011); Rappaport, § 4.6.
 ///
 /// # Validity
 ///
-/// Flat, smooth, lossless ground at z = 0; heights are z of the antennas, and nothing is added where one of them is not
-/// positive. Antennas are isotropic: an upright dipole would favour the direct ray.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// Flat, smooth, lossless ground at z = 0 and isotropic antennas. No effect unless both antenna heights are positive. Not valid
+/// indoors, where other rays are as strong.
+///
+/// # Trace
+///
+/// Ripples over distance that shift with height and channel; beyond 4 pi h_t h_r / lambda power falls with the fourth power of
+/// distance.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "two-ray-ground",
+    needs = &[Need::Positions, Need::Heights, Need::Readings],
+    example = "relative_permittivity = 15.0\npolarization = \"vertical\"\n",
+    variants = &[&[("polarization", Fixed::Text("vertical"))], &[("polarization", Fixed::Text("horizontal"))]],
+    level = Level::Place,
+)]
 pub struct TwoRayGround {
-    /// ε of the ground.
+    /// Relative permittivity of the ground: 3 to 5 for dry ground and concrete, 15 for average ground, 30 for wet ground, 80 for
+    /// water.
+    #[key(range = 1.0..=80.0)]
+    #[fit(unit = "", starts = [1.05, 1.5, 4.0, 15.0, 40.0], step = 0.01)]
     pub relative_permittivity: f64,
     /// Polarisation of the antennas.
+    #[key(default = Polarization::Vertical)]
     pub polarization: Polarization,
 }
 

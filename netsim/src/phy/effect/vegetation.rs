@@ -1,77 +1,51 @@
 //! Trees and bushes.
 
-use super::{Effect, Entry, UNCHECKED};
+use super::{Effect, Entry};
 use crate::phy::link::Link;
 use crate::phy::sight::Path;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, Level, Need};
 
 /// `kind = "vegetation"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "vegetation",
-        doc: "Foliage of [site] attenuates in proportion to the path length within it.",
-        fields: &[Field {
-            key: "db_per_m",
-            doc: "Gain per metre within foliage (dB per m): negative. Absent: Weissberger's model for trees in leaf.",
-            kind: Kind::Number(Range::closed(-20.0, 0.0)),
-            default: Default::Absent,
-        }],
-    },
-    about: About {
-        mechanism: "Leaves and branches scatter and absorb, more so the longer the path within them.",
-        equation: "RSSI' = RSSI + db_per_m * depth; without db_per_m Weissberger's -0.45 f^0.284 depth up to 14 m, -1.33 f^0.284 \
-                   depth^0.588 beyond, f in GHz",
-        source: "M. A. Weissberger, An initial critical summary of models for predicting the attenuation of radio waves by trees, \
-                 ESD-TR-81-101 (1982); ITU-R P.833 (specific attenuation).",
-        validity: "Only the straight path counts. In deep woods waves propagate along the tree tops, so the loss per metre \
-                   falls; Weissberger's model includes this, a constant does not. Weissberger: 0.23 to 95 GHz, up to 400 \
-                   m. Overlapping areas count twice.",
-        trace: "Links through foliage are weak, in proportion to the path length within it.",
-        needs: &[Need::Positions, Need::Readings, Need::Foliage],
-        example: "db_per_m = -0.4\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "db_per_m",
-            unit: "dB/m",
-            min: -20.0,
-            max: 0.0,
-            starts: &[-0.4],
-            step: 0.005,
-        }],
-        variants: &[],
-        level: Level::Place,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let effect: Vegetation = typed(table);
-        Some(Box::new(effect))
-    },
-};
+pub const ENTRY: Entry = Entry::of::<Vegetation>();
 
-/// Loss within foliage.
+/// Foliage of \[site\] attenuates in proportion to the path length within it.
 ///
-/// # Model
+/// # Mechanism
 ///
-/// A constant for every metre (the initial slope of ITU-R P.833), or Weissberger's modified exponential decay:
+/// Leaves and branches scatter and absorb, more so the longer the path within them.
+///
+/// # Equation
 ///
 /// ```text
-/// L = 0.45 f^0.284 d          0 ≤ d ≤ 14 m
-/// L = 1.33 f^0.284 d^0.588   14 < d ≤ 400 m,   f in GHz
+/// RSSI' = RSSI + db_per_m * depth; without db_per_m Weissberger's -0.45 f^0.284 depth up to 14 m, -1.33 f^0.284
+/// depth^0.588 beyond, f in GHz
 /// ```
 ///
-/// with d the length of the straight path within all foliage together.
+/// # Source
+///
+/// M. A. Weissberger, An initial critical summary of models for predicting the attenuation of radio waves by trees, ESD-TR-81-101
+/// (1982); ITU-R P.833 (specific attenuation).
 ///
 /// # Validity
 ///
-/// Trees in leaf. A path above a piece with a height is free. At 14 m Weissberger's branches differ by 0.4 %.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+/// Only the straight path counts. In deep woods waves propagate along the tree tops, so the loss per metre falls; Weissberger's
+/// model includes this, a constant does not. Weissberger: 0.23 to 95 GHz, up to 400 m. Overlapping areas count twice.
+///
+/// # Trace
+///
+/// Links through foliage are weak, in proportion to the path length within it.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "vegetation",
+    needs = &[Need::Positions, Need::Readings, Need::Foliage],
+    example = "db_per_m = -0.4\n",
+    level = Level::Place,
+)]
 pub struct Vegetation {
-    /// What a metre adds (dB); none: Weissberger's law.
+    /// Gain per metre within foliage (dB per m): negative. Absent: Weissberger's model for trees in leaf.
+    #[key(range = -20.0..=0.0)]
+    #[fit(unit = "dB/m", starts = [-0.4], step = 0.005)]
     pub db_per_m: Option<f64>,
 }
 

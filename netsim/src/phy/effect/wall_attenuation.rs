@@ -1,80 +1,52 @@
 //! Walls that the map shows.
 
-use super::{Effect, Entry, UNCHECKED};
+use super::{Effect, Entry};
 use crate::phy::link::Link;
 use crate::phy::sight::Path;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Fit, Level, Need, Parameter};
-use serde::Deserialize;
+use proto::config::Section;
+use proto::effect::{Catalogued, Level, Need};
 
 /// `kind = "wall-attenuation"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "wall-attenuation",
-        doc: "Every [[site.wall]] in the direct path attenuates.",
-        fields: &[
-            Field {
-                key: "loss_db",
-                doc: "Loss per wall (dB): 2 to 4 for plasterboard, 6 to 15 for brick and concrete.",
-                kind: Kind::Number(Range::closed(0.0, 100.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "material",
-                doc: "Walls of this material only. Absent: all walls.",
-                kind: Kind::Text,
-                default: Default::Absent,
-            },
-        ],
-    },
-    about: About {
-        mechanism: "Each wall reflects and absorbs part of the power that reaches it.",
-        equation: "RSSI' = RSSI - loss_db * (walls that the straight path cuts)",
-        source: "A. J. Motley, J. M. P. Keenan, Personal communication radio coverage in buildings at 900 MHz and 1700 MHz, \
-                 Electronics Letters 24 (1988) 763; COST 231 final report, § 4.7.2 (multi-wall model).",
-        validity: "Only the direct path counts: no propagation around the wall or through doors. The angle of incidence \
-                   has no influence. A path above a wall of known height is unobstructed.",
-        trace: "Links that cross walls are weak, by a multiple of the same value.",
-        needs: &[Need::Positions, Need::Readings, Need::Walls],
-        example: "loss_db = 6.0\n",
-    },
-    fit: Fit {
-        parameters: &[Parameter {
-            key: "loss_db",
-            unit: "dB",
-            min: 0.0,
-            max: 40.0,
-            starts: &[3.0],
-            step: 0.05,
-        }],
-        variants: &[],
-        level: Level::Place,
-        generalises: &[],
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, _| {
-        let effect: WallAttenuation = typed(table);
-        Some(Box::new(effect))
-    },
-};
+pub const ENTRY: Entry = Entry::of::<WallAttenuation>();
 
-/// A loss for every wall that the direct path cuts.
+/// Every \[\[site.wall\]\] in the direct path attenuates.
 ///
-/// # Model
+/// # Mechanism
 ///
-/// Motley and Keenan, Electronics Letters 24 (1988) 763: RSSI′ = RSSI − L k, k the number of walls cut. As in the COST 231
-/// multi-wall model L depends on the material: one effect for each.
+/// Each wall reflects and absorbs part of the power that reaches it.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI - loss_db * (walls that the straight path cuts)
+/// ```
+///
+/// # Source
+///
+/// A. J. Motley, J. M. P. Keenan, Personal communication radio coverage in buildings at 900 MHz and 1700 MHz, Electronics Letters
+/// 24 (1988) 763; COST 231 final report, § 4.7.2 (multi-wall model).
 ///
 /// # Validity
 ///
-/// The direct path alone. Whoever touches a wall counts as cutting it; walls with a height are passed above it. Obstacles
-/// of the site are no walls. COST 231's loss for successive floors, which grows less than linearly, is not modelled.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+/// Only the direct path counts: no propagation around the wall or through doors. The angle of incidence has no influence. A path
+/// above a wall of known height is unobstructed.
+///
+/// # Trace
+///
+/// Links that cross walls are weak, by a multiple of the same value.
+#[derive(Clone, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "wall-attenuation",
+    needs = &[Need::Positions, Need::Readings, Need::Walls],
+    example = "loss_db = 6.0\n",
+    level = Level::Place,
+)]
 pub struct WallAttenuation {
-    /// Loss of one wall (dB).
+    /// Loss per wall (dB): 2 to 4 for plasterboard, 6 to 15 for brick and concrete.
+    #[key(range = 0.0..=100.0)]
+    #[fit(unit = "dB", range = 0.0..=40.0, starts = [3.0], step = 0.05)]
     pub loss_db: f64,
-    /// Of these walls only.
+    /// Walls of this material only. Absent: all walls.
     pub material: Option<String>,
 }
 

@@ -4,49 +4,27 @@ use super::friis::{friis_dbm, friis_reach};
 use super::{Entry, Family, NOT_REPLAYED, Prediction, Propagation, Radio, Reach, Reception};
 use crate::phy::link::{Link, SPEED_OF_LIGHT_MPS};
 use crate::phy::scatter::{Law, Renewal, Scatter};
-use proto::config::{Choice, Default, Field, Kind, Variant, typed};
+use proto::config::{Choice, Section, variant};
 use proto::rng::Purpose;
-use serde::Deserialize;
 
 /// `propagation = "experimental-randomness"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "experimental-randomness",
-        doc: "Uniform between Friis - 40 dB and Friis, the same in both directions (Pister-hack; Municio et al. 2019).",
-        fields: &[Field {
-            key: "redraw",
-            doc: "When a link's received power is redrawn.",
-            kind: Kind::Choice(&[
-                Choice { name: "frozen", doc: "Never." },
-                Choice { name: "period", doc: "In every control period." },
-                Choice { name: "frame", doc: "For every frame." },
-                Choice {
-                    name: "coherence",
-                    doc: "As the ends move: the correlation falls to 1/e after they have moved half a wavelength in total.",
-                },
-            ]),
-            default: Default::Text("period"),
-        }],
-    },
+    variant: variant::<ExperimentalRandomness>("experimental-randomness"),
     family: Family::Signal,
     replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = typed(table);
-        Some(Box::new(ExperimentalRandomness { radio: context.radio, redraw: keys.redraw }))
+        Some(Box::new(ExperimentalRandomness {
+            radio: context.radio,
+            ..ExperimentalRandomness::read(table)
+        }))
     },
 };
 
 /// Span of the levels (dB).
 const SPAN_DB: f64 = 40.0;
 
-#[derive(Deserialize)]
-struct Keys {
-    redraw: Redraw,
-}
-
 /// When a link's received power is redrawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Redraw {
     /// Never.
     Frozen,
@@ -54,10 +32,12 @@ pub enum Redraw {
     Period,
     /// For every frame.
     Frame,
-    /// As the ends move.
+    /// As the ends move: the correlation falls to 1/e after they have moved half a wavelength in total.
     Coherence,
 }
 
+/// Uniform between Friis - 40 dB and Friis, the same in both directions (Pister-hack; Municio et al. 2019).
+///
 /// The experimental randomness of the BotNet paper, mended.
 ///
 /// # Model
@@ -75,12 +55,14 @@ pub enum Redraw {
 /// Levels do not depend on the channel, and (but for `coherence`) change as fast for robots at rest as for moving ones.
 /// The published code of the BotNet paper clamps distances to at most 1 cm, so that every link there is perfect; here the
 /// clamp is the lower bound it was meant to be, `min_distance_m`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Section)]
 pub struct ExperimentalRandomness {
-    /// Settings of the radio: power, frequency, antenna gains.
-    pub radio: Radio,
-    /// When levels change.
+    /// When a link's received power is redrawn.
+    #[key(default = Redraw::Period)]
     pub redraw: Redraw,
+    /// Settings of the radio: power, frequency, antenna gains.
+    #[key(skip)]
+    pub radio: Radio,
 }
 
 impl Propagation for ExperimentalRandomness {

@@ -5,26 +5,23 @@ use super::{
     Reception,
 };
 use crate::phy::link::Link;
-use proto::config::{Variant, typed};
-use serde::Deserialize;
+use proto::config::{Section, variant};
 
 /// `propagation = "full"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "full",
-        doc: "Full connectivity: every frame arrives.",
-        fields: &[RSSI_FIELD],
-    },
+    variant: variant::<Keys>("full"),
     family: Family::Connectivity,
     replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = typed(table);
+        let keys = Keys::read(table);
         Some(Box::new(Full { rssi: AssignedRssi::new(context.radio, keys.rssi_dbm) }))
     },
 };
 
-#[derive(Deserialize)]
+/// Full connectivity: every frame arrives.
+#[derive(Section)]
 struct Keys {
+    #[key(field = RSSI_FIELD)]
     rssi_dbm: Option<f64>,
 }
 

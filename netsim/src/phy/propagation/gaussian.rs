@@ -6,36 +6,27 @@ use super::{
     Reception,
 };
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Range, Section, variant};
 
 /// `propagation = "gaussian"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "gaussian",
-        doc: "A frame arrives with probability exp(-d^2 / (2 sigma^2)).",
-        fields: &[
-            Field {
-                key: "sigma_m",
-                doc: "Width sigma (m): half of the frames arrive over 1.18 sigma.",
-                kind: Kind::Number(Range::LENGTH),
-                default: Default::Required,
-            },
-            RSSI_FIELD,
-        ],
-    },
+    variant: variant::<Keys>("gaussian"),
     family: Family::Connectivity,
     replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = typed(table);
+        let keys = Keys::read(table);
         let rssi = AssignedRssi::new(context.radio, keys.rssi_dbm);
         Some(Box::new(Gaussian { sigma_m: keys.sigma_m, rssi }))
     },
 };
 
-#[derive(Deserialize)]
+/// A frame arrives with probability exp(-d^2 / (2 sigma^2)).
+#[derive(Section)]
 struct Keys {
+    /// Width sigma (m): half of the frames arrive over 1.18 sigma.
+    #[key(range = Range::LENGTH)]
     sigma_m: f64,
+    #[key(field = RSSI_FIELD)]
     rssi_dbm: Option<f64>,
 }
 

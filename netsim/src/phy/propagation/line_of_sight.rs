@@ -7,48 +7,15 @@ use super::{
 };
 use crate::phy::link::{Link, Scene};
 use crate::phy::sight::{Path, is_blocked_by_body, off_heading_rad, prepare_bodies};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Range, Section, variant};
 
 /// `propagation = "line-of-sight"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "line-of-sight",
-        doc: "Line of sight: every frame arrives if no wall or obstacle of [site] cuts the direct path, and none otherwise.",
-        fields: &[
-            Field {
-                key: "radius_m",
-                doc: "Maximum distance (m), itself included. Absent: unlimited.",
-                kind: Kind::Number(Range::LENGTH),
-                default: Default::Absent,
-            },
-            Field {
-                key: "field_of_view_rad",
-                doc: "Full opening angle of the sender in the plane, about its heading, or about its direction of motion \
-                      if no heading is known. A sender at rest without a heading is omnidirectional. Absent: \
-                      omnidirectional.",
-                kind: Kind::Number(Range::above(0.0, std::f64::consts::TAU)),
-                default: Default::Absent,
-            },
-            Field {
-                key: "robots_block",
-                doc: "Whether the bodies of other robots block the path, too.",
-                kind: Kind::Bool,
-                default: Default::Bool(false),
-            },
-            Field {
-                key: "body_radius_m",
-                doc: "Radius of a robot's body, a ball around its antenna (m). Used with robots_block only.",
-                kind: Kind::Number(Range::LENGTH),
-                default: Default::Number(0.1),
-            },
-            RSSI_FIELD,
-        ],
-    },
+    variant: variant::<Keys>("line-of-sight"),
     family: Family::Connectivity,
     replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = typed(table);
+        let keys = Keys::read(table);
         Some(Box::new(LineOfSight {
             radius_m: keys.radius_m,
             field_of_view_rad: keys.field_of_view_rad,
@@ -58,12 +25,23 @@ pub const ENTRY: Entry = Entry {
     },
 };
 
-#[derive(Deserialize)]
+/// Line of sight: every frame arrives if no wall or obstacle of \[site\] cuts the direct path, and none otherwise.
+#[derive(Section)]
 struct Keys {
+    /// Maximum distance (m), itself included. Absent: unlimited.
+    #[key(range = Range::LENGTH)]
     radius_m: Option<f64>,
+    /// Full opening angle of the sender in the plane, about its heading, or about its direction of motion if no heading is known. A
+    /// sender at rest without a heading is omnidirectional. Absent: omnidirectional.
+    #[key(above = 0.0, most = std::f64::consts::TAU)]
     field_of_view_rad: Option<f64>,
+    /// Whether the bodies of other robots block the path, too.
+    #[key(default = false)]
     robots_block: bool,
+    /// Radius of a robot's body, a ball around its antenna (m). Used with robots_block only.
+    #[key(range = Range::LENGTH, default = 0.1)]
     body_radius_m: f64,
+    #[key(field = RSSI_FIELD)]
     rssi_dbm: Option<f64>,
 }
 

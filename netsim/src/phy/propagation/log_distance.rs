@@ -5,47 +5,20 @@ use super::{
     Entry, Family, NOT_REPLAYED, PathLoss, Prediction, Propagation, Radio, Reach, Reception,
 };
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Section, variant};
 
 /// `propagation = "log-distance"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "log-distance",
-        doc: "Log-distance path loss: free space up to a reference distance, and another exponent beyond.",
-        fields: &[
-            Field {
-                key: "exponent",
-                doc: "Path loss exponent n: 2 is free space, 3 to 4 indoors with obstacles.",
-                kind: Kind::Number(Range::closed(1.0, 8.0)),
-                default: Default::Required,
-            },
-            Field {
-                key: "reference_distance_m",
-                doc: "Reference distance, up to which free space applies (m).",
-                kind: Kind::Number(Range::above(0.0, 1e4)),
-                default: Default::Number(1.0),
-            },
-        ],
-    },
+    variant: variant::<LogDistance>("log-distance"),
     family: Family::Signal,
     replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = typed(table);
-        Some(Box::new(LogDistance {
-            radio: context.radio,
-            exponent: keys.exponent,
-            reference_distance_m: keys.reference_distance_m,
-        }))
+        Some(Box::new(LogDistance { radio: context.radio, ..LogDistance::read(table) }))
     },
 };
 
-#[derive(Deserialize)]
-struct Keys {
-    exponent: f64,
-    reference_distance_m: f64,
-}
-
+/// Log-distance path loss: free space up to a reference distance, and another exponent beyond.
+///
 /// Log-distance path loss (Rappaport, *Wireless Communications*, 2nd ed., § 4.9.1).
 ///
 /// # Model
@@ -58,14 +31,17 @@ struct Keys {
 /// # Validity
 ///
 /// A mean over places: add `shadowing` for what varies between them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Section)]
 pub struct LogDistance {
-    /// Settings of the radio: power, frequency, antenna gains.
-    pub radio: Radio,
-    /// Path loss exponent n: power falls with distance to the power of −n.
+    /// Path loss exponent n: 2 is free space, 3 to 4 indoors with obstacles.
+    #[key(range = 1.0..=8.0)]
     pub exponent: f64,
-    /// Reference distance d0 (m).
+    /// Reference distance, up to which free space applies (m).
+    #[key(above = 0.0, most = 1e4, default = 1.0)]
     pub reference_distance_m: f64,
+    /// Settings of the radio: power, frequency, antenna gains.
+    #[key(skip)]
+    pub radio: Radio,
 }
 
 impl Propagation for LogDistance {

@@ -6,36 +6,27 @@ use super::{
 };
 use crate::phy::link::{Link, Scene};
 use crate::phy::nearest::Nearest;
-use proto::config::{Default, Field, Kind, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Section, variant};
 
 /// `propagation = "nearest-k"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "nearest-k",
-        doc: "Every robot receives from its k nearest robots only.",
-        fields: &[
-            Field {
-                key: "k",
-                doc: "How many.",
-                kind: Kind::Integer { min: 0, max: 1_000_000 },
-                default: Default::Required,
-            },
-            RSSI_FIELD,
-        ],
-    },
+    variant: variant::<Keys>("nearest-k"),
     family: Family::Connectivity,
     replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = typed(table);
+        let keys = Keys::read(table);
         let rssi = AssignedRssi::new(context.radio, keys.rssi_dbm);
         Some(Box::new(NearestK { k: keys.k, rssi }))
     },
 };
 
-#[derive(Deserialize)]
+/// Every robot receives from its k nearest robots only.
+#[derive(Section)]
 struct Keys {
+    /// How many.
+    #[key(range = 0..=1_000_000)]
     k: usize,
+    #[key(field = RSSI_FIELD)]
     rssi_dbm: Option<f64>,
 }
 

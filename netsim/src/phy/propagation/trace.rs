@@ -4,57 +4,44 @@ use super::{BuildContext, Entry, Family, Prediction, Propagation, Reach, Recepti
 use crate::k7::{self, K7};
 use crate::phy::link::Link;
 use bytes::Bytes;
-use proto::config::{Choice, Default, Field, Kind, Problem, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Choice, FilePath, Problem, Section, variant};
 use std::collections::BTreeMap;
 
 /// `propagation = "trace"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "trace",
-        doc: "Replay of a K7 trace: reception and RSSI as measured per link, channel and time.",
-        fields: &[
-            Field {
-                key: "file",
-                doc: "A K7 file, gzipped or plain.",
-                kind: Kind::File,
-                default: Default::Required,
-            },
-            Field {
-                key: "after_end",
-                doc: "Behaviour after the end of the trace.",
-                kind: Kind::Choice(&[
-                    Choice {
-                        name: "refuse",
-                        doc: "Refuse an experiment whose experiment.duration_s exceeds the trace.",
-                    },
-                    Choice { name: REPLAY_ON, doc: "Each link keeps the values of its last row." },
-                ]),
-                default: Default::Text("refuse"),
-            },
-        ],
-    },
+    variant: variant::<Keys>("trace"),
     family: Family::Recording,
     replay: duration_ns,
     build,
 };
 
-/// The `after_end` with which a run may be longer than the trace.
-const REPLAY_ON: &str = "hold";
+/// What follows the last row.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
+enum AfterEnd {
+    /// Refuse an experiment whose experiment.duration_s exceeds the trace.
+    Refuse,
+    /// Each link keeps the values of its last row.
+    Hold,
+}
 
+/// Replay of a K7 trace: reception and RSSI as measured per link, channel and time.
+///
 /// Keys of `[netsim.phy]`.
-#[derive(Deserialize)]
+#[derive(Section)]
 struct Keys {
-    /// Required, but nothing can stand in for it where it is missing.
-    file: Option<String>,
-    after_end: String,
+    /// A K7 file, gzipped or plain.
+    #[key(required)]
+    file: Option<FilePath>,
+    /// Behaviour after the end of the trace.
+    #[key(default = AfterEnd::Refuse)]
+    after_end: AfterEnd,
 }
 
 /// How long it lasts, unless links are held beyond its end.
 fn duration_ns(table: &toml::Table, files: &BTreeMap<String, Bytes>) -> Option<u64> {
-    let keys: Keys = typed(table);
-    let content = files.get(&keys.file?)?;
-    if keys.after_end == REPLAY_ON { None } else { Some(k7::header(content)?.duration_ns) }
+    let keys = Keys::read(table);
+    let content = files.get(&keys.file?.0)?;
+    if keys.after_end == AfterEnd::Hold { None } else { Some(k7::header(content)?.duration_ns) }
 }
 
 /// What a link and channel without rows reads (dBm): the 6TiSCH simulator's mark for nothing.
@@ -138,8 +125,8 @@ impl Propagation for Trace {
 
 fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn Propagation>> {
     let key = format!("{}.file", context.path);
-    let keys: Keys = typed(table);
-    let file = &keys.file?;
+    let keys = Keys::read(table);
+    let file = &keys.file?.0;
     let Some(content) = context.files.get(file) else {
         let message =
             "names a file whose content is missing; send it together with the configuration";
@@ -177,7 +164,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
         );
         context.problems.push(Problem::new(&key, message));
     }
-    if keys.after_end != REPLAY_ON {
+    if keys.after_end != AfterEnd::Hold {
         let duration_s = proto::types::seconds(header.duration_ns);
         context.warnings.push(format!(
             "{file} lasts {duration_s} s, from time 0 on, formation included: in a longer run every link then stays as its \

@@ -6,36 +6,27 @@ use super::{
     Reception,
 };
 use crate::phy::link::Link;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Range, Section, variant};
 
 /// `propagation = "unit-disk"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "unit-disk",
-        doc: "Unit disk: every frame arrives within the radius, and none beyond.",
-        fields: &[
-            Field {
-                key: "radius_m",
-                doc: "The radius (m), itself included. BotNet uses 3 without and 10 with its network.",
-                kind: Kind::Number(Range::LENGTH),
-                default: Default::Required,
-            },
-            RSSI_FIELD,
-        ],
-    },
+    variant: variant::<Keys>("unit-disk"),
     family: Family::Connectivity,
     replay: NOT_REPLAYED,
     build: |table, context| {
-        let keys: Keys = typed(table);
+        let keys = Keys::read(table);
         let rssi = AssignedRssi::new(context.radio, keys.rssi_dbm);
         Some(Box::new(UnitDisk { radius_m: keys.radius_m, rssi }))
     },
 };
 
-#[derive(Deserialize)]
+/// Unit disk: every frame arrives within the radius, and none beyond.
+#[derive(Section)]
 struct Keys {
+    /// The radius (m), itself included. BotNet uses 3 without and 10 with its network.
+    #[key(range = Range::LENGTH)]
     radius_m: f64,
+    #[key(field = RSSI_FIELD)]
     rssi_dbm: Option<f64>,
 }
 

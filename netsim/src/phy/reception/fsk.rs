@@ -2,8 +2,7 @@
 
 use super::o_qpsk::NEVER;
 use super::{Curve, Entry};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Default, Field, Kind, Range, Section, variant};
 
 /// The key `noise_floor_dbm`, which interference has as well.
 pub const NOISE_FLOOR: Field = Field {
@@ -31,23 +30,9 @@ pub const BIT_RATE: Field = Field {
 
 /// `kind = "fsk"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "fsk",
-        doc: "The bit error rate of 2-FSK, detected without phase, over the signal-to-noise ratio, for every bit of the frame.",
-        fields: &[
-            NOISE_FLOOR,
-            BANDWIDTH,
-            BIT_RATE,
-            Field {
-                key: "frame_bytes",
-                doc: "Length of a frame on air (bytes). 127: the longest of 6TiSCH.",
-                kind: Kind::Integer { min: 1, max: 2047 },
-                default: Default::Integer(127),
-            },
-        ],
-    },
+    variant: variant::<Keys>("fsk"),
     build: |table, _, _| {
-        let keys: Keys = typed(table);
+        let keys = Keys::read(table);
         Some(Box::new(Fsk::new(keys.noise_floor_dbm, keys.gain(), keys.frame_bytes)))
     },
 };
@@ -136,11 +121,17 @@ impl Curve for Fsk {
     }
 }
 
-#[derive(Deserialize)]
+/// The bit error rate of 2-FSK, detected without phase, over the signal-to-noise ratio, for every bit of the frame.
+#[derive(Section)]
 struct Keys {
+    #[key(field = NOISE_FLOOR)]
     noise_floor_dbm: f64,
+    #[key(field = BANDWIDTH)]
     bandwidth_hz: f64,
+    #[key(field = BIT_RATE)]
     bit_rate_bps: f64,
+    /// Length of a frame on air (bytes). 127: the longest of 6TiSCH.
+    #[key(range = 1..=2047, default = 127)]
     frame_bytes: u32,
 }
 

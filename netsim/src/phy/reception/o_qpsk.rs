@@ -1,32 +1,10 @@
 //! The bit error rate of IEEE 802.15.4's O-QPSK in noise.
 
 use super::{Curve, Entry};
-use proto::config::{Default, Field, Kind, Problem, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Problem, Section, variant};
 
 /// `kind = "o-qpsk"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "o-qpsk",
-        doc: "The bit error rate of 2.4 GHz O-QPSK over the signal-to-noise ratio (IEEE Std 802.15.4-2006, E.4.1.8), for \
-              every bit of the frame.",
-        fields: &[
-            Field {
-                key: "noise_floor_dbm",
-                doc: "Noise power in the receiver's channel (dBm). -105: the 6TiSCH simulator's.",
-                kind: Kind::Number(Range::closed(-200.0, 0.0)),
-                default: Default::Number(-105.0),
-            },
-            Field {
-                key: "frame_bytes",
-                doc: "Length of a frame on air (bytes). 127: the longest of IEEE 802.15.4.",
-                kind: Kind::Integer { min: 1, max: 2047 },
-                default: Default::Integer(127),
-            },
-        ],
-    },
-    build,
-};
+pub const ENTRY: Entry = Entry { variant: variant::<Keys>("o-qpsk"), build };
 
 /// Bit error rate (dimensionless) of 2.4 GHz O-QPSK in white Gaussian noise.
 ///
@@ -139,14 +117,20 @@ impl Curve for OQpsk {
     }
 }
 
-#[derive(Deserialize)]
+/// The bit error rate of 2.4 GHz O-QPSK over the signal-to-noise ratio (IEEE Std 802.15.4-2006, E.4.1.8), for every bit of the
+/// frame.
+#[derive(Section)]
 struct Keys {
+    /// Noise power in the receiver's channel (dBm). -105: the 6TiSCH simulator's.
+    #[key(range = -200.0..=0.0, default = -105.0)]
     noise_floor_dbm: f64,
+    /// Length of a frame on air (bytes). 127: the longest of IEEE 802.15.4.
+    #[key(range = 1..=2047, default = 127)]
     frame_bytes: u32,
 }
 
 fn build(table: &toml::Table, _: &str, _: &mut Vec<Problem>) -> Option<Box<dyn Curve>> {
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     Some(Box::new(OQpsk::new(keys.noise_floor_dbm, keys.frame_bytes)))
 }
 

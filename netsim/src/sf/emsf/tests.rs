@@ -58,9 +58,9 @@ fn the_upper_limit_of_use_is_no_key_of_it_and_the_others_have_their_ranges() {
     let config = config.as_kind::<EmsfConfig>().unwrap();
     assert_eq!((config.msf.max_num_cells, config.quantile), (30, 0.75));
     assert_eq!(config.msf.slotframe_slots, 101);
-    assert_eq!(FIELDS.len(), msf::FIELDS.len());
+    assert_eq!(FIELDS.len(), MsfConfig::SPEC.fields.len());
     assert!(FIELDS.iter().all(|field| field.key != LIMIT.0));
-    assert_eq!(msf::FIELDS[LIMIT.1].key, LIMIT.0);
+    assert_eq!(MsfConfig::SPEC.fields[LIMIT.1].key, LIMIT.0);
 }
 
 fn network(n_per_slotframe: u32, seed: u64) -> Network<Forecast> {

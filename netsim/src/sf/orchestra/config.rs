@@ -1,99 +1,24 @@
 //! Orchestra's keys and the arithmetic of its cells.
 
-use crate::sf::{BuildContext, Config, Entry, PayloadCells, slots_field};
+use crate::sf::{BuildContext, Config, Entry, MAX_SLOTS, PayloadCells};
 use crate::wire::Eui64;
-use proto::config::{Choice, Default, Field, Kind, Problem, Variant, join, typed};
+use proto::config::{Choice, Problem, Section, join, variant};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
 /// `kind = "orchestra"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "orchestra",
-        doc: "Orchestra: every mote computes its cells from its own address and those of its neighbours, without \
-              negotiation (Duquennoy et al., SenSys 2015, as in Contiki-NG).",
-        fields: &[
-            Field {
-                key: "rules",
-                doc: "Rules, each with its own slotframe. The first rule that matches a frame selects its slotframe; if \
-                      cells coincide, that of the earlier rule takes precedence. Absent: eb-per-time-source, \
-                      unicast-non-storing, default-common.",
-                kind: Kind::List { of: &Kind::Choice(RULES), min: 1, max: RULES.len() },
-                default: Default::Absent,
-            },
-            slots_field(
-                "eb_slots",
-                "Slotframe length of eb-per-time-source (slots). 397: Contiki-NG.",
-                Default::Integer(397),
-            ),
-            slots_field(
-                "common_slots",
-                "Slotframe length of default-common (slots). 31: Contiki-NG.",
-                Default::Integer(31),
-            ),
-            slots_field(
-                "unicast_slots",
-                "Slotframe length of the unicast rules (slots). 17: Contiki-NG.",
-                Default::Integer(17),
-            ),
-            slots_field(
-                "unicast_active_slots",
-                "Number of slots at the beginning of the unicast slotframe that have cells. Absent: all.",
-                Default::Absent,
-            ),
-            slots_field(
-                "root_slots",
-                "Slotframe length of special-for-root (slots). 7: Contiki-NG.",
-                Default::Integer(7),
-            ),
-            channel_field("eb_channel", "Channel offset of eb-per-time-source. 0: Contiki-NG.", 0),
-            channel_field("common_channel", "Channel offset of default-common. 1: Contiki-NG.", 1),
-            channel_field(
-                "unicast_channel_min",
-                "Minimum channel offset of unicast frames. 2: Contiki-NG.",
-                2,
-            ),
-            channel_field(
-                "unicast_channel_max",
-                "Maximum channel offset of unicast frames; offsets count modulo the number of channels. 255: Contiki-NG.",
-                255,
-            ),
-            Field {
-                key: "sender_based",
-                doc: "With unicast-storing: use the slot of the sender instead of that of the receiver.",
-                kind: Kind::Bool,
-                default: Default::Bool(false),
-            },
-            Field {
-                key: "hash",
-                doc: "The part of an address from which cells are computed.",
-                kind: Kind::Choice(&[
-                    Choice {
-                        name: "last-octet",
-                        doc: "The last octet (Contiki-NG): motes i and i + 256 share all their cells.",
-                    },
-                    Choice {
-                        name: "last-two-octets",
-                        doc: "The last two octets: distinguishes 65,536 motes.",
-                    },
-                ]),
-                default: Default::Text("last-octet"),
-            },
-        ],
-    },
-    payload_cells: PayloadCells::Shared,
-    build,
-};
+pub const ENTRY: Entry =
+    Entry { variant: variant::<Keys>("orchestra"), payload_cells: PayloadCells::Shared, build };
 
 /// A slotframe and what is sent in it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rule {
     /// Every mote sends beacons in its own slot and listens in that of its time source.
     EbPerTimeSource,
     /// Every mote listens in its own slot, in which its neighbours transmit to it (receiver-based).
     UnicastNonStoring,
-    /// The same between parents and children only; or sender-based.
+    /// Receiver-based or sender-based cells between parents and children only; requires the storing mode of RPL.
     UnicastStoring,
     /// A slot for each direction of each link between parents and children.
     LinkBased,
@@ -103,41 +28,13 @@ pub enum Rule {
     DefaultCommon,
 }
 
-const RULES: &[Choice] = &[
-    Choice {
-        name: "eb-per-time-source",
-        doc: "Every mote sends beacons in its own slot and listens in that of its time source.",
-    },
-    Choice {
-        name: "unicast-non-storing",
-        doc: "Every mote listens in its own slot, in which its neighbours transmit to it (receiver-based).",
-    },
-    Choice {
-        name: "unicast-storing",
-        doc: "Receiver-based or sender-based cells between parents and children only; requires the storing mode of RPL.",
-    },
-    Choice {
-        name: "link-based",
-        doc: "A slot for each direction of each link between parents and children.",
-    },
-    Choice {
-        name: "special-for-root",
-        doc: "Roots listen in every otherwise empty slot; every mote has a slot to transmit to them.",
-    },
-    Choice { name: "default-common", doc: "One shared cell of all motes, for all other frames." },
-];
-
-const fn channel_field(key: &'static str, doc: &'static str, default: i64) -> Field {
-    Field { key, doc, kind: Kind::Integer { min: 0, max: 255 }, default: Default::Integer(default) }
-}
-
 /// The part of an address from which cells are computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Hash {
-    /// Its last octet.
+    /// The last octet (Contiki-NG, and the authors of ALICE): motes i and i + 256 share all their cells.
     LastOctet,
-    /// Its last two octets.
+    /// The last two octets: distinguishes 65,536 motes.
     LastTwoOctets,
 }
 
@@ -239,24 +136,51 @@ impl OrchestraConfig {
     }
 }
 
-#[derive(Deserialize)]
+/// Orchestra: every mote computes its cells from its own address and those of its neighbours, without negotiation (Duquennoy et
+/// al., SenSys 2015, as in Contiki-NG).
+#[derive(Section)]
 struct Keys {
+    /// Rules, each with its own slotframe. The first rule that matches a frame selects its slotframe; if cells coincide, that of
+    /// the earlier rule takes precedence. Absent: eb-per-time-source, unicast-non-storing, default-common.
+    #[key(length = 1..=6)]
     rules: Option<Vec<Rule>>,
+    /// Slotframe length of eb-per-time-source (slots). 397: Contiki-NG.
+    #[key(range = 1..=MAX_SLOTS, default = 397)]
     eb_slots: u16,
+    /// Slotframe length of default-common (slots). 31: Contiki-NG.
+    #[key(range = 1..=MAX_SLOTS, default = 31)]
     common_slots: u16,
+    /// Slotframe length of the unicast rules (slots). 17: Contiki-NG.
+    #[key(range = 1..=MAX_SLOTS, default = 17)]
     unicast_slots: u16,
+    /// Number of slots at the beginning of the unicast slotframe that have cells. Absent: all.
+    #[key(range = 1..=MAX_SLOTS)]
     unicast_active_slots: Option<u16>,
+    /// Slotframe length of special-for-root (slots). 7: Contiki-NG.
+    #[key(range = 1..=MAX_SLOTS, default = 7)]
     root_slots: u16,
+    /// Channel offset of eb-per-time-source. 0: Contiki-NG.
+    #[key(range = 0..=255, default = 0)]
     eb_channel: u16,
+    /// Channel offset of default-common. 1: Contiki-NG.
+    #[key(range = 0..=255, default = 1)]
     common_channel: u16,
+    /// Minimum channel offset of unicast frames. 2: Contiki-NG.
+    #[key(range = 0..=255, default = 2)]
     unicast_channel_min: u16,
+    /// Maximum channel offset of unicast frames; offsets count modulo the number of channels. 255: Contiki-NG.
+    #[key(range = 0..=255, default = 255)]
     unicast_channel_max: u16,
+    /// With unicast-storing: use the slot of the sender instead of that of the receiver.
+    #[key(default = false)]
     sender_based: bool,
+    /// The part of an address from which cells are computed.
+    #[key(default = Hash::LastOctet)]
     hash: Hash,
 }
 
 fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> {
-    let keys: Keys = typed(table);
+    let keys = Keys::read(table);
     let before = context.problems.len();
     let rules = keys.rules.unwrap_or_else(|| {
         vec![Rule::EbPerTimeSource, Rule::UnicastNonStoring, Rule::DefaultCommon]
