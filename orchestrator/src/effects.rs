@@ -12,7 +12,7 @@ pub use page::page;
 pub use picture::Picture;
 
 use experiment::program_name;
-use proto::config::{Default, Field, Kind, Tag, Variant, most_similar};
+use proto::config::{Default, Field, Kind, Program, Tag, Variant, most_similar};
 use proto::effect::{About, CONSTANT, Fit, Level};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -220,7 +220,7 @@ impl Listed {
         let kind = kind(&field.kind);
         let unit = self.unit(field.key).map(|unit| format!(" ({unit})")).unwrap_or_default();
         let default = match field.default {
-            Default::Required => "required".to_owned(),
+            Default::Required | Default::RequiredOrNone => "required".to_owned(),
             Default::Absent | Default::Table => "optional".to_owned(),
             Default::Bool(value) => format!("default {value}"),
             Default::Integer(value) => format!("default {value}"),
@@ -382,7 +382,9 @@ fn kind(kind: &Kind) -> String {
             "a finite number" => "number".to_owned(),
             described => format!("number {described}"),
         },
-        Kind::Text => "text".to_owned(),
+        Kind::Text | Kind::ClusterLine => "text".to_owned(),
+        Kind::Url => "URL".to_owned(),
+        Kind::Program => self::kind(&Program::WORDS),
         Kind::File => "path of a file".to_owned(),
         Kind::Choice(choices) => {
             let names: Vec<String> =

@@ -1,30 +1,40 @@
 //! How often robots act.
 
-use proto::config::{Default, Field, Kind, Node, Problem, Range, TableSpec};
+use proto::config::{Choice, Node, OneOf, Problem, Section};
 use proto::types::NS_PER_S;
 
 /// The longest period in slots.
-const MAX_SLOTS: i64 = 1_000_000;
+const MAX_SLOTS: u64 = 1_000_000;
 
-/// `control_period = { ... }`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "A control period of fixed length; set exactly one of the two keys.",
-    fields: &[
-        Field {
-            key: "slots",
-            doc: "Length in slots of the network.",
-            kind: Kind::Integer { min: 1, max: MAX_SLOTS },
-            default: Default::Absent,
-        },
-        Field {
-            key: "rate_hz",
-            doc: "Control rate (Hz). The period must be a whole number of slots.",
-            kind: Kind::Number(Range::above(0.0, 1e6)),
-            default: Default::Absent,
-        },
-    ],
-    tag: None,
-};
+/// What `control_period` may be.
+#[derive(OneOf)]
+pub(super) enum Period {
+    /// A period that the network gives.
+    OfNetwork(NetworkPeriod),
+    /// A period of fixed length.
+    Fixed(FixedPeriod),
+}
+
+/// A period that the network gives.
+#[derive(Choice, Clone, Copy)]
+pub(super) enum NetworkPeriod {
+    /// One slotframe of the network. Without protocols it has one slot per agent; with them it is that of the scheduling function, or
+    /// the broadcast slotframe of the payloads.
+    Slotframe,
+    /// Until a packet is delivered, at most one slotframe.
+    Packet,
+}
+
+/// A control period of fixed length; set exactly one of the two keys.
+#[derive(Section)]
+pub(super) struct FixedPeriod {
+    /// Length in slots of the network.
+    #[key(range = 1..=MAX_SLOTS)]
+    slots: Option<u64>,
+    /// Control rate (Hz). The period must be a whole number of slots.
+    #[key(above = 0.0, most = 1e6)]
+    rate_hz: Option<f64>,
+}
 
 /// How often robots act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,16 +67,17 @@ pub(super) fn slotframe_slots(netsim: &Node, agents: usize) -> u64 {
 
 /// Reads the checked `control_period`.
 pub(super) fn read(
-    experiment: &toml::Table,
+    period: &Period,
     agents: usize,
     slot_ns: u64,
-    parallel: bool,
+    is_parallel: bool,
     problems: &mut Vec<Problem>,
 ) -> ControlPeriod {
     const PATH: &str = "experiment.control_period";
-    match experiment.get("control_period") {
-        Some(toml::Value::String(kind)) if kind == "packet" => {
-            if parallel {
+    match period {
+        Period::OfNetwork(NetworkPeriod::Slotframe) => ControlPeriod::Slotframe,
+        Period::OfNetwork(NetworkPeriod::Packet) => {
+            if is_parallel {
                 problems.push(
                     Problem::new(PATH, "must not be \"packet\" with coupling = \"parallel\", in which both simulators run \
                                         at the same time")
@@ -76,22 +87,17 @@ pub(super) fn read(
             }
             ControlPeriod::Packet
         }
-        Some(toml::Value::Table(table)) => {
-            let slots = table.get("slots").and_then(toml::Value::as_integer);
-            let rate_hz = table.get("rate_hz").and_then(toml::Value::as_float);
-            match (slots, rate_hz) {
-                (Some(slots), None) => ControlPeriod::Slots(slots.unsigned_abs()),
-                (None, Some(rate_hz)) => of_rate(rate_hz, slot_ns, agents, problems),
-                _ => {
-                    problems.push(Problem::new(
-                        PATH,
-                        "must have exactly one of the keys slots and rate_hz",
-                    ));
-                    ControlPeriod::Slotframe
-                }
-            }
+        Period::Fixed(FixedPeriod { slots: Some(slots), rate_hz: None }) => {
+            ControlPeriod::Slots(*slots)
         }
-        _ => ControlPeriod::Slotframe,
+        Period::Fixed(FixedPeriod { slots: None, rate_hz: Some(rate_hz) }) => {
+            of_rate(*rate_hz, slot_ns, agents, problems)
+        }
+        Period::Fixed(_) => {
+            problems
+                .push(Problem::new(PATH, "must have exactly one of the keys slots and rate_hz"));
+            ControlPeriod::Slotframe
+        }
     }
 }
 

@@ -12,18 +12,21 @@ pub mod timeline;
 mod warm_start;
 
 pub use control::ControlPeriod;
-pub use keys::{EXPERIMENT, WITHOUT_EFFECT};
+pub use keys::{ExperimentKeys, WITHOUT_EFFECT};
 pub use output::OutputConfig;
 pub use overrides::Overrides;
 pub use overrides::opened;
 pub use program::{program_name, set_program_name};
-pub use reach::{REACH, SideCommand, quoted};
+pub use reach::{ReachKeys, SideCommand, quoted};
 pub use sides::SideConfig;
 pub use timeline::Timeline;
 pub use warm_start::WarmStart;
 
+use keys::{CouplingMode, TlsKeys};
 use proto::bounds::CONFIGURATION_BYTES;
-use proto::config::{self, Lists, Node, Problem, Refusal, TableSpec, Value};
+use proto::config::{
+    self, Choice, FilePath, Lists, Node, Problem, Refusal, Section, TableSpec, Value,
+};
 use proto::site;
 use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
 use schemars::JsonSchema;
@@ -42,35 +45,26 @@ pub struct Tls {
 }
 
 /// How steps cross.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transport {
-    /// A stream if announced.
+    /// One gRPC stream if the simulator supports sessions, otherwise single calls.
     Auto,
-    /// A stream, or refusal.
+    /// One gRPC stream; refused if a simulator does not support sessions.
     Stream,
     /// Single calls.
     Unary,
 }
 
 /// When the robots start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Start {
-    /// When the network has formed.
+    /// They stand still until the network has formed; this time does not count towards duration_s.
+    #[schemars(description = "When the network has formed.")]
     WhenFormed,
-    /// At time 0.
+    /// At time 0, whether the network has formed or not.
+    #[schemars(description = "At time 0.")]
     AtOnce,
-}
-
-impl Start {
-    /// The word for it.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::WhenFormed => "when-formed",
-            Self::AtOnce => "at-once",
-        }
-    }
 }
 
 /// A valid experiment: the checked file, from which everything else is configured.
@@ -206,7 +200,7 @@ pub fn schema() -> serde_json::Value {
         "title": "Murmuration experiment",
         "type": "object",
         "properties": {
-            "experiment": section(&EXPERIMENT, &Lists::NONE, false),
+            "experiment": section(&ExperimentKeys::SPEC, &Lists::NONE, false),
             "site": section(&site::SPEC, &Lists::NONE, false),
             "robotsim": {
                 "anyOf": [section(&robotsim::config::SPEC, &robots, true), foreign("robot")],
@@ -217,10 +211,10 @@ pub fn schema() -> serde_json::Value {
             "timeline": {
                 "type": "array",
                 "description": "Scheduled events of the network.",
-                "items": section(&timeline::SPEC, &Lists::NONE, false),
+                "items": section(&timeline::EntryKeys::SPEC, &Lists::NONE, false),
             },
-            "output": section(&output::SPEC, &Lists::NONE, false),
-            "sweep": section(&sweep::SPEC, &Lists::NONE, false),
+            "output": section(&OutputConfig::SPEC, &Lists::NONE, false),
+            "sweep": section(&sweep::SweepKeys::SPEC, &Lists::NONE, false),
         },
         "required": ["experiment"],
         "additionalProperties": false,
@@ -229,7 +223,7 @@ pub fn schema() -> serde_json::Value {
 
 /// The schemas of the keys that say how a simulator is reached.
 fn reach_properties() -> serde_json::Map<String, serde_json::Value> {
-    let schema = config::json_schema(&REACH, &Lists::NONE);
+    let schema = config::json_schema(&ReachKeys::SPEC, &Lists::NONE);
     schema["properties"].as_object().cloned().unwrap_or_default()
 }
 
@@ -252,91 +246,54 @@ fn plan(
     overrides: &Overrides,
     problems: &mut Vec<Problem>,
 ) -> Option<Plan> {
-    const SECTIONS: [&str; 6] = ["experiment", "site", "robotsim", "netsim", "timeline", "output"];
-    if let Value::Table(entries) = &tree.value {
-        for (key, ..) in entries {
-            if !SECTIONS.contains(&key.as_str()) {
-                if key == sweep::KEY {
-                    problems.push(Problem::new(
-                        key,
-                        format!(
-                            "defines a sweep of many experiments; run it with {} sweep",
-                            program_name()
-                        ),
-                    ));
-                    continue;
-                }
-                let mut problem = Problem::new(key, "is not a known section");
-                problem.nearest = config::most_similar(key, SECTIONS).map(str::to_owned);
-                if problem.nearest.is_none() {
-                    problem.message =
-                        format!("is not a known section; the sections are {}", SECTIONS.join(", "));
-                }
-                problems.push(problem);
-            }
-        }
-    }
+    check_sections(tree, problems);
     let empty = Node::empty_table();
     let section = |key: &str| tree.get(key).unwrap_or(&empty);
-    let experiment_table =
-        config::check(section("experiment"), "experiment", &EXPERIMENT, &Lists::NONE, problems)
-            .table;
+    let mut recorded = config::check(
+        section("experiment"),
+        "experiment",
+        &ExperimentKeys::SPEC,
+        &Lists::NONE,
+        problems,
+    )
+    .table;
+    let keys = ExperimentKeys::read(&recorded);
     let (site, site_table) = site::read(section("site"), "site", problems);
     let (output, output_table) = output::read(section("output"), "output", problems);
 
-    let name = experiment_table.get("name").and_then(toml::Value::as_str).unwrap_or("").to_owned();
-    let name_known = !problems.iter().any(|problem| problem.path == "experiment.name");
-    if name_known && !is_file_name(&name) {
-        problems.push(
-            Problem::new(
-                "experiment.name",
-                "must be 1 to 100 letters, digits, '-', '_' or '.', not starting with '.', because it names a folder",
-            )
-            .value(format!("{name:?}"))
-            .nearest(format!("{:?}", as_file_name(&name))),
-        );
+    if let Some(name) = &keys.name {
+        check_name(name, problems);
     }
-    let agents_known = !problems.iter().any(|problem| problem.path == "experiment.agents");
-    let integer = |key: &str| experiment_table.get(key).and_then(toml::Value::as_integer);
-    let number = |key: &str| experiment_table.get(key).and_then(toml::Value::as_float);
-    let agents = integer("agents").and_then(|agents| usize::try_from(agents).ok());
-    let parallel =
-        experiment_table.get("coupling").and_then(toml::Value::as_str) == Some("parallel");
+    let agents = keys.agents.unwrap_or(1);
+    let is_parallel = keys.coupling == CouplingMode::Parallel;
     let slot_ns = slot_ns(section("netsim"));
-    let control =
-        control::read(&experiment_table, agents.unwrap_or(1), slot_ns, parallel, problems);
-    let duration_known = !problems.iter().any(|problem| problem.path == "experiment.duration_s");
-    let (timeline, timeline_tables) = timeline::read(
-        tree,
-        agents.filter(|_| agents_known),
-        number("duration_s").filter(|_| duration_known),
-        problems,
-    );
+    let control = control::read(&keys.control_period, agents, slot_ns, is_parallel, problems);
+    let (timeline, timeline_tables) = timeline::read(tree, keys.agents, keys.duration_s, problems);
     let robots = robotsim::catalogue::Catalogue::built_in();
     let network = netsim::catalogue::Catalogue::built_in();
     if overrides.netsim_url.is_none() && !reach::is_foreign(section("netsim")) {
         timeline.check_orders(netsim::config::commands(section("netsim"), network), problems);
         timeline.check_added(&netsim::config::absent(section("netsim"), network), problems);
     }
-    let tls = overrides.tls.clone().or_else(|| tls_of(&experiment_table, base, problems));
-
+    let tls = match &overrides.tls {
+        Some(tls) => Some(tls.clone()),
+        None => keys.tls.as_ref().and_then(|tls| tls.certificates(base, problems)),
+    };
     let experiment = Experiment {
-        seed: integer("seed").unwrap_or(0).unsigned_abs(),
-        agent_count: agents.unwrap_or(1),
-        step_ns: control
-            .step_ns(control::slotframe_slots(section("netsim"), agents.unwrap_or(1)), slot_ns),
-        coupling: match (&control, parallel) {
+        seed: keys.seed,
+        agent_count: agents,
+        step_ns: control.step_ns(control::slotframe_slots(section("netsim"), agents), slot_ns),
+        coupling: match (&control, keys.coupling) {
             (ControlPeriod::Packet, _) => Coupling::Event,
-            (_, true) => Coupling::Parallel,
-            (_, false) => Coupling::Sequential,
+            (_, CouplingMode::Parallel) => Coupling::Parallel,
+            (_, CouplingMode::Sequential) => Coupling::Sequential,
         },
     };
-    let duration_s = number("duration_s").filter(|_| duration_known);
     let mut sides = Sides {
         base,
         site: &site,
         experiment: &experiment,
-        known: agents_known,
+        known: keys.agents.is_some(),
         files: &overrides.files,
         problems,
     };
@@ -361,15 +318,14 @@ fn plan(
         |setup| {
             let (_, effective, warnings) = netsim::config::read(setup, network)?;
             let trace_ns = netsim::config::replay_ns(&effective, &setup.files, network);
-            match longer_than_the_trace(trace_ns, duration_s) {
+            match longer_than_the_trace(trace_ns, keys.duration_s) {
                 Some(problem) => Err(vec![problem]),
                 None => Ok((effective, warnings)),
             }
         },
     );
     sides::check_messages(&robotsim.0, &netsim.0, problems);
-    let mut recorded = experiment_table.clone();
-    let warm_start = WarmStart::read(&mut recorded, base, &netsim.0, problems);
+    let warm_start = WarmStart::read(&keys, &mut recorded, base, &netsim.0, problems);
     if !problems.is_empty() {
         return None;
     }
@@ -378,34 +334,25 @@ fn plan(
     effective.insert("site".to_owned(), site_table.clone().into());
     effective.extend(timeline_tables.map(|tables| ("timeline".to_owned(), tables)));
     effective.insert("output".to_owned(), output_table.into());
-    let ns = |key: &str| Some((libm::round(number(key)? * NS_PER_S as f64) as u64).max(1));
+    let ns = |time_s: f64| (libm::round(time_s * NS_PER_S as f64) as u64).max(1);
     Some(Plan {
         path: path.to_owned(),
         text: text.to_owned(),
         tree: tree.clone(),
-        name,
+        name: keys.name?,
         control,
-        duration_ns: ns("duration_s")?,
-        start: match experiment_table.get("start").and_then(toml::Value::as_str) {
-            Some("when-formed") => Some(Start::WhenFormed),
-            Some("at-once") => Some(Start::AtOnce),
-            _ => None,
-        },
+        duration_ns: ns(keys.duration_s?),
+        start: keys.start,
         warm_start,
-        formation_limit_ns: ns("formation_limit_s")?,
+        formation_limit_ns: ns(keys.formation_limit_s),
         timeline,
-        stop_when_complete: experiment_table.get("stop_when_complete")?.as_bool()?,
-        transport: match experiment_table.get("transport")?.as_str()? {
-            "stream" => Transport::Stream,
-            "unary" => Transport::Unary,
-            _ => Transport::Auto,
-        },
-        step_deadline_s: number("step_deadline_s")?,
-        accept_commands: experiment_table.get("accept_commands").and_then(toml::Value::as_bool)
-            == Some(true),
-        checkpoint_every_s: number("checkpoint_every_s")?,
-        restarts: integer("restarts")?.unsigned_abs(),
-        reconnect_limit_s: number("reconnect_limit_s")?,
+        stop_when_complete: keys.stop_when_complete,
+        transport: keys.transport,
+        step_deadline_s: keys.step_deadline_s,
+        accept_commands: keys.accept_commands == Some(true),
+        checkpoint_every_s: keys.checkpoint_every_s,
+        restarts: keys.restarts,
+        reconnect_limit_s: keys.reconnect_limit_s,
         tls,
         site_toml: site_table.to_string(),
         warnings: [robotsim.1, netsim.1].concat(),
@@ -415,6 +362,43 @@ fn plan(
         effective,
         experiment,
     })
+}
+
+/// Adds a problem for each section of a file that is not known.
+fn check_sections(tree: &Node, problems: &mut Vec<Problem>) {
+    const SECTIONS: [&str; 6] = ["experiment", "site", "robotsim", "netsim", "timeline", "output"];
+    let Value::Table(entries) = &tree.value else { return };
+    for (key, ..) in entries.iter().filter(|(key, ..)| !SECTIONS.contains(&key.as_str())) {
+        let mut problem = Problem::new(key, "is not a known section");
+        problem.nearest = config::most_similar(key, SECTIONS).map(str::to_owned);
+        if key == sweep::KEY {
+            problem = Problem::new(
+                key,
+                format!(
+                    "defines a sweep of many experiments; run it with {} sweep",
+                    program_name()
+                ),
+            );
+        } else if problem.nearest.is_none() {
+            problem.message =
+                format!("is not a known section; the sections are {}", SECTIONS.join(", "));
+        }
+        problems.push(problem);
+    }
+}
+
+/// Adds a problem if a name cannot be that of a folder.
+fn check_name(name: &str, problems: &mut Vec<Problem>) {
+    if !is_file_name(name) {
+        problems.push(
+            Problem::new(
+                "experiment.name",
+                "must be 1 to 100 letters, digits, '-', '_' or '.', not starting with '.', because it names a folder",
+            )
+            .value(format!("{name:?}"))
+            .nearest(format!("{:?}", as_file_name(name))),
+        );
+    }
 }
 
 /// What is wrong with a run that is sure to outlast the trace it replays, which ends at `trace_ns`: it lasts `duration_s`, and the network's formation
@@ -438,29 +422,28 @@ fn slot_ns(netsim: &Node) -> u64 {
     if (1e3..=1e12).contains(&ns) { ns as u64 } else { 10_000_000 }
 }
 
-/// The certificates that a table `[experiment]` names, paths being relative to `base`; `None`: it names none.
-pub fn tls_of(experiment: &toml::Table, base: &Path, problems: &mut Vec<Problem>) -> Option<Tls> {
-    let table = experiment.get("tls")?.as_table()?;
-    let path = |key: &str| table.get(key).and_then(toml::Value::as_str).map(|path| base.join(path));
-    let identity = match (path("cert"), path("key")) {
-        (Some(cert), Some(key)) => Some((cert, key)),
-        (None, None) => None,
-        (Some(_), None) => {
-            problems.push(Problem::new(
-                "experiment.tls.key",
-                "is missing: cert and key must be set together",
-            ));
-            None
+/// The certificates that `[experiment.tls]` names, paths being relative to `base`, and every problem with that section.
+pub fn tls_of(section: &Node, base: &Path, problems: &mut Vec<Problem>) -> Option<Tls> {
+    let checked = config::check(section, "experiment.tls", &TlsKeys::SPEC, &Lists::NONE, problems);
+    TlsKeys::read(&checked.table).certificates(base, problems)
+}
+
+impl TlsKeys {
+    /// The certificates, paths being relative to `base`, and every problem with them.
+    fn certificates(&self, base: &Path, problems: &mut Vec<Problem>) -> Option<Tls> {
+        let path = |file: &Option<FilePath>| file.as_ref().map(|FilePath(path)| base.join(path));
+        let identity = path(&self.cert).zip(path(&self.key));
+        for (file, other, key) in [(&self.cert, &self.key, "key"), (&self.key, &self.cert, "cert")]
+        {
+            if file.is_some() && other.is_none() {
+                problems.push(Problem::new(
+                    format!("experiment.tls.{key}"),
+                    "is missing: cert and key must be set together",
+                ));
+            }
         }
-        (None, Some(_)) => {
-            problems.push(Problem::new(
-                "experiment.tls.cert",
-                "is missing: cert and key must be set together",
-            ));
-            None
-        }
-    };
-    Some(Tls { ca: path("ca")?, identity })
+        Some(Tls { ca: path(&self.ca)?, identity })
+    }
 }
 
 /// Whether a text can name an experiment: letters, digits, `-`, `_` and `.`, at most 100, not starting with `.`.

@@ -1,60 +1,74 @@
 //! The `[output]` section: which tables a run leaves, how often, and which links.
 
-use proto::config::{
-    Default as Absence, Field, Kind, Lists, Node, Problem, Range, TableSpec, Tag, Variant,
-    Variants, check,
-};
+use proto::config::{Lists, Node, Problem, Section, check};
 use proto::types::{DeliveryColumn, NS_PER_S, NetRecord};
 
-/// What a run leaves.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Files that a run writes in addition to its configuration, summary and provenance.
+#[derive(Clone, Copy, Debug, PartialEq, Section)]
 pub struct OutputConfig {
-    /// Write `run.mcap`. Without it the run can be neither replayed nor verified step by step.
-    pub mcap: bool,
-    /// Write `scene.mcap`.
-    pub scene: bool,
-    /// Simulated time between pictures of the swarm in `scene.mcap` (ns); `None`: at each step.
-    pub scene_every_ns: Option<u64>,
-    /// Write `steps.parquet`.
-    pub steps: bool,
-    /// Write `transmissions.parquet`.
-    pub transmissions: bool,
-    /// Write `packets.parquet`, if the network has packets to tell of.
-    pub packets: bool,
-    /// Write `motes.parquet`.
-    pub motes: bool,
-    /// Simulated time between rows of a mote (ns), beside [`Self::every_steps`]; `None`: as often as that says.
-    pub motes_every_ns: Option<u64>,
-    /// Write `schedule.parquet`, if the network has schedules.
-    pub schedule: bool,
-    /// Write `neighbours.parquet`, if the network keeps who has heard whom.
-    pub neighbours: bool,
-    /// Write `frames.parquet`, if the network keeps its frames.
-    pub frames: bool,
-    /// Write `radio.pcap`, if the network keeps its radio traffic.
-    pub pcap: bool,
-    /// Which links `links.parquet` holds.
+    /// The links that links.parquet holds. A link is a transmission and a potential receiver.
+    #[key(tag, default = "heard")]
     pub links: Links,
-    /// Tables hold every so many steps, at least 1. `run.mcap` always holds every step.
+    /// Write run.mcap, the exchanged messages. Replay and verification require it.
+    #[key(default = true)]
+    pub mcap: bool,
+    /// Write scene.mcap: robots, links, place and events as 3-D viewers draw them.
+    #[key(default = true)]
+    pub scene: bool,
+    /// Interval between pictures of robots and links in scene.mcap (s of simulated time). Absent: every step.
+    #[key(range = 1e-9..=1e9)]
+    pub scene_every_s: Option<f64>,
+    /// Write steps.parquet: the position of each agent and how many others it heard.
+    #[key(default = true)]
+    pub steps: bool,
+    /// Write transmissions.parquet: the messages of the robots, and how many robots received each.
+    #[key(default = true)]
+    pub transmissions: bool,
+    /// Write packets.parquet: each packet of the network that was delivered or dropped.
+    #[key(default = true)]
+    pub packets: bool,
+    /// Write motes.parquet: the state and the statistics of each mote.
+    #[key(default = true)]
+    pub motes: bool,
+    /// Interval at which motes are queried for their statistics for motes.parquet (s of simulated time), at steps that every_steps
+    /// selects and at the end. Absent: at each of these steps.
+    #[key(range = 1e-9..=1e9)]
+    pub motes_every_s: Option<f64>,
+    /// Write schedule.parquet: the cells of every mote when the network has formed and at the end of the run.
+    #[key(default = true)]
+    pub schedule: bool,
+    /// Write neighbours.parquet: how many frames each mote has heard from each other mote, at the same times.
+    #[key(default = true)]
+    pub neighbours: bool,
+    /// Keep each frame of a network with protocols, in run.mcap and frames.parquet: the way of a packet from hop to hop.
+    #[key(default = true)]
+    pub frames: bool,
+    /// Write radio.pcap: the radio's traffic, as IEEE 802.15.4 TAP that Wireshark reads.
+    #[key(default = false)]
+    pub pcap: bool,
+    /// Interval of the tables (steps). run.mcap always holds all steps.
+    #[key(range = 1..=1_000_000_000, default = 1)]
     pub every_steps: u64,
-    /// Write `report.html`.
+    /// Write report.html.
+    #[key(default = true)]
     pub report: bool,
 }
 
-/// Which links `links.parquet` holds. A link is a transmission and an agent that might hear it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Which links `links.parquet` holds.
+#[derive(Clone, Copy, Debug, PartialEq, Section)]
 pub enum Links {
-    /// Every link, heard or not.
-    All,
-    /// Those over which something was heard.
-    Heard,
-    /// None: the file is not written.
+    /// No links: the file is not written.
     None,
-    /// A sample of all, heard or not.
+    /// Links with a received frame.
+    Heard,
+    /// A random sample of all links, received or not.
     Sample {
-        /// The chance of each link to be in the sample, greater than 0 and at most 1.
+        /// Probability that a link is in the sample.
+        #[key(name = "links_sample", above = 0.0, most = 1.0, default = 0.01)]
         fraction: f64,
     },
+    /// Every link, received or not; 2500 robots have six million links per step.
+    All,
 }
 
 impl OutputConfig {
@@ -90,11 +104,17 @@ impl OutputConfig {
         step.is_multiple_of(self.every_steps)
     }
 
+    /// Simulated time between pictures of the swarm in `scene.mcap` (ns); `None`: at each step.
+    #[must_use]
+    pub fn scene_every_ns(&self) -> Option<u64> {
+        self.scene_every_s.map(ns)
+    }
+
     /// Whether `motes.parquet` holds a step that goes from `from_ns` to `until_ns`.
     #[must_use]
     pub fn holds_motes(&self, step: u64, from_ns: u64, until_ns: u64) -> bool {
-        let is_time = |every_ns| from_ns / every_ns != until_ns / every_ns;
-        self.motes && self.includes_step(step) && self.motes_every_ns.is_none_or(is_time)
+        let is_time = |every_s| from_ns / ns(every_s) != until_ns / ns(every_s);
+        self.motes && self.includes_step(step) && self.motes_every_s.is_none_or(is_time)
     }
 }
 
@@ -106,135 +126,13 @@ impl Default for OutputConfig {
 
 /// Reads the section at `path`, adding to `problems`. Returns it with its effective table.
 pub fn read(node: &Node, path: &str, problems: &mut Vec<Problem>) -> (OutputConfig, toml::Table) {
-    let table = check(node, path, &SPEC, &Lists::NONE, problems).table;
-    let flag = |key: &str| table.get(key).and_then(toml::Value::as_bool).unwrap_or(true);
-    let links = match table.get("links").and_then(toml::Value::as_str) {
-        Some("all") => Links::All,
-        Some("none") => Links::None,
-        Some("sample") => Links::Sample {
-            fraction: table.get("links_sample").and_then(toml::Value::as_float).unwrap_or(0.01),
-        },
-        _ => Links::Heard,
-    };
-    let every_steps = table.get("every_steps").and_then(toml::Value::as_integer).unwrap_or(1);
-    // At least a nanosecond: the range of the key begins there.
-    let every_ns = |key: &str| {
-        let every_s = table.get(key).and_then(toml::Value::as_float);
-        every_s.map(|every_s| (libm::round(every_s * NS_PER_S as f64) as u64).max(1))
-    };
-    let config = OutputConfig {
-        mcap: flag("mcap"),
-        scene: flag("scene"),
-        scene_every_ns: every_ns("scene_every_s"),
-        steps: flag("steps"),
-        transmissions: flag("transmissions"),
-        packets: flag("packets"),
-        motes: flag("motes"),
-        motes_every_ns: every_ns("motes_every_s"),
-        schedule: flag("schedule"),
-        neighbours: flag("neighbours"),
-        frames: flag("frames"),
-        pcap: table.get("pcap").and_then(toml::Value::as_bool).unwrap_or(false),
-        links,
-        every_steps: u64::try_from(every_steps).unwrap_or(1).max(1),
-        report: flag("report"),
-    };
-    (config, table)
+    let table = check(node, path, &OutputConfig::SPEC, &Lists::NONE, problems).table;
+    (OutputConfig::read(&table), table)
 }
 
-/// The description of the section.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "Files that a run writes in addition to its configuration, summary and provenance.",
-    fields: &[
-        flag("mcap", "Write run.mcap, the exchanged messages. Replay and verification require it."),
-        flag(
-            "scene",
-            "Write scene.mcap: robots, links, place and events as 3-D viewers draw them.",
-        ),
-        Field {
-            key: "scene_every_s",
-            doc: "Interval between pictures of robots and links in scene.mcap (s of simulated time). Absent: every step.",
-            kind: Kind::Number(Range::closed(1e-9, 1e9)),
-            default: Absence::Absent,
-        },
-        flag(
-            "steps",
-            "Write steps.parquet: the position of each agent and how many others it heard.",
-        ),
-        flag(
-            "transmissions",
-            "Write transmissions.parquet: the messages of the robots, and how many robots received each.",
-        ),
-        flag(
-            "packets",
-            "Write packets.parquet: each packet of the network that was delivered or dropped.",
-        ),
-        flag("motes", "Write motes.parquet: the state and the statistics of each mote."),
-        Field {
-            key: "motes_every_s",
-            doc: "Interval at which motes are queried for their statistics for motes.parquet (s of simulated time), at \
-                  steps that every_steps selects and at the end. Absent: at each of these steps.",
-            kind: Kind::Number(Range::closed(1e-9, 1e9)),
-            default: Absence::Absent,
-        },
-        flag(
-            "schedule",
-            "Write schedule.parquet: the cells of every mote when the network has formed and at the end of the run.",
-        ),
-        flag(
-            "neighbours",
-            "Write neighbours.parquet: how many frames each mote has heard from each other mote, at the same times.",
-        ),
-        flag(
-            "frames",
-            "Keep each frame of a network with protocols, in run.mcap and frames.parquet: the way of a packet from hop to hop.",
-        ),
-        Field {
-            key: "pcap",
-            doc: "Write radio.pcap: the radio's traffic, as IEEE 802.15.4 TAP that Wireshark reads.",
-            kind: Kind::Bool,
-            default: Absence::Bool(false),
-        },
-        Field {
-            key: "every_steps",
-            doc: "Interval of the tables (steps). run.mcap always holds all steps.",
-            kind: Kind::Integer { min: 1, max: 1_000_000_000 },
-            default: Absence::Integer(1),
-        },
-        flag("report", "Write report.html."),
-    ],
-    tag: Some(&Tag {
-        key: "links",
-        doc: "The links that links.parquet holds. A link is a transmission and a potential receiver.",
-        default: Some("heard"),
-        variants: Variants::Fixed(LINKS),
-    }),
-};
-
-const LINKS: &[Variant] = &[
-    Variant { name: "none", doc: "No links: the file is not written.", fields: &[] },
-    Variant { name: "heard", doc: "Links with a received frame.", fields: &[] },
-    Variant {
-        name: "sample",
-        doc: "A random sample of all links, received or not.",
-        fields: &[LINKS_SAMPLE],
-    },
-    Variant {
-        name: "all",
-        doc: "Every link, received or not; 2500 robots have six million links per step.",
-        fields: &[],
-    },
-];
-
-const LINKS_SAMPLE: Field = Field {
-    key: "links_sample",
-    doc: "Probability that a link is in the sample.",
-    kind: Kind::Number(Range::above(0.0, 1.0)),
-    default: Absence::Number(0.01),
-};
-
-const fn flag(key: &'static str, doc: &'static str) -> Field {
-    Field { key, doc, kind: Kind::Bool, default: Absence::Bool(true) }
+/// An interval in ns, at least 1: the range of the key begins there.
+fn ns(every_s: f64) -> u64 {
+    (libm::round(every_s * NS_PER_S as f64) as u64).max(1)
 }
 
 #[cfg(test)]

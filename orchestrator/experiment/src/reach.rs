@@ -1,39 +1,21 @@
 //! How a simulator is reached: it runs already, a command of the file starts it, or it is the one that comes with this program.
 
-use proto::config::{self, Default, Field, Kind, Lists, Node, Problem, TableSpec, Value};
+use proto::config::{self, Lists, Node, Problem, Program, Section, Url, Value};
 use std::path::{Path, PathBuf};
 
-/// The keys of `[netsim]` and `[robotsim]` that are the orchestrator's. They are not sent to the simulator.
-pub const REACH: TableSpec = TableSpec {
-    doc: "How a simulator other than the built-in one is reached.",
-    fields: &[
-        Field {
-            key: "url",
-            doc: "URL of a running simulator: http://HOST:PORT, or https:// with [experiment.tls]. Absent: the orchestrator starts \
-                  one.",
-            kind: Kind::Text,
-            default: Default::Absent,
-        },
-        Field {
-            key: "command",
-            doc: "Program and arguments that start a simulator, instead of url. It must serve at the address in the environment \
-                  variable MURMURATION_LISTEN, and is ended with the run. Requires --allow-command.",
-            kind: Kind::List { of: &Kind::Text, min: 1, max: MOST_WORDS },
-            default: Default::Absent,
-        },
-        Field {
-            key: "working_directory",
-            doc: "Folder in which command runs, relative to this file. Paths in command are relative to it. Absent: the folder \
-                  of this file.",
-            kind: Kind::Text,
-            default: Default::Absent,
-        },
-    ],
-    tag: None,
-};
-
-/// Most words of a command.
-const MOST_WORDS: usize = 1000;
+/// How a simulator other than the built-in one is reached.
+///
+/// These keys of `[netsim]` and `[robotsim]` are the orchestrator's. They are not sent to the simulator.
+#[derive(Section)]
+pub struct ReachKeys {
+    /// URL of a running simulator: http://HOST:PORT, or https:// with [experiment.tls]. Absent: the orchestrator starts one.
+    url: Option<Url>,
+    /// Program and arguments that start a simulator, instead of url. It must serve at the address in the environment variable
+    /// MURMURATION_LISTEN, and is ended with the run. Requires --allow-command.
+    command: Option<Program>,
+    /// Folder in which command runs, relative to this file. Paths in command are relative to it. Absent: the folder of this file.
+    working_directory: Option<String>,
+}
 
 /// A command that starts a simulator.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -90,11 +72,12 @@ pub(super) fn take(
     problems: &mut Vec<Problem>,
 ) -> Reach {
     let mut entries = Vec::new();
-    for field in REACH.fields {
+    for field in ReachKeys::SPEC.fields {
         entries.extend(section.take(field.key).map(|node| (field.key.to_owned(), None, node)));
     }
     let keys = Node { value: Value::Table(entries), span: None };
-    let mut written = config::check(&keys, path, &REACH, &Lists::NONE, problems).table;
+    let mut written = config::check(&keys, path, &ReachKeys::SPEC, &Lists::NONE, problems).table;
+    let reach = ReachKeys::read(&written);
     let has = |key: &str| keys.get(key).is_some();
     if has("url") && has("command") {
         let message = format!(
@@ -106,17 +89,13 @@ pub(super) fn take(
         let message = format!("applies only with {path}.command; remove it");
         problems.push(Problem::new(format!("{path}.working_directory"), message));
     }
-    let text = |key: &str| written.get(key).and_then(toml::Value::as_str).map(str::to_owned);
-    let url = match (url_override, text("url")) {
+    let url = match (url_override, reach.url) {
         (Some(url), _) => checked_url(&format!("--{path}"), url, problems),
-        (None, Some(url)) => checked_url(&format!("{path}.url"), &url, problems),
+        (None, Some(Url(url))) => checked_url(&format!("{path}.url"), &url, problems),
         (None, None) => None,
     };
-    let folder = base.join(text("working_directory").unwrap_or_else(|| ".".to_owned()));
-    let words = written.get("command").and_then(toml::Value::as_array).map(|words| {
-        words.iter().filter_map(toml::Value::as_str).map(str::to_owned).collect::<Vec<_>>()
-    });
-    let command = words.filter(|words| !words.is_empty()).map(|words| {
+    let folder = base.join(reach.working_directory.as_deref().unwrap_or("."));
+    let command = reach.command.map(|Program(words)| {
         let folder = std::path::absolute(&folder).unwrap_or(folder);
         SideCommand { words, folder }
     });

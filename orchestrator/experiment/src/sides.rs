@@ -63,9 +63,11 @@ impl Sides<'_> {
         check: impl Fn(&Setup) -> Result<(toml::Table, Vec<String>), Vec<Problem>>,
     ) -> (SideConfig, Vec<String>) {
         let mut own = node.clone();
+        let mut refused = BTreeSet::new();
         if !matches!(own.value, Value::Table(_)) {
             self.problems.push(Problem::new(path, "must be a table").value(node.show()));
             own = Node::empty_table();
+            refused.insert(path.to_owned());
         }
         let reach = reach::take(&mut own, path, url_override, self.base, self.problems);
         let is_foreign = reach.url.is_some() || reach.command.is_some();
@@ -99,6 +101,7 @@ impl Sides<'_> {
                     } else {
                         format!("cannot be read: {error}")
                     };
+                    refused.insert(reference.key.clone());
                     self.problems.push(
                         Problem::new(reference.key, format!("names a file that {reason}"))
                             .value(format!("{:?}", reference.path)),
@@ -131,9 +134,7 @@ impl Sides<'_> {
                 Err(_) if is_foreign => {}
                 Err(found) => {
                     // A file that is missing was reported above; what its stand-in lacks is no news.
-                    let reported: BTreeSet<String> =
-                        self.problems.iter().map(|p| p.path.clone()).collect();
-                    self.problems.extend(found.into_iter().filter(|p| !reported.contains(&p.path)));
+                    self.problems.extend(found.into_iter().filter(|p| !refused.contains(&p.path)));
                 }
             }
         } else if !is_foreign {

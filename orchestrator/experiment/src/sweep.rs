@@ -4,139 +4,69 @@ mod engines;
 
 pub use engines::{HyperQueueOptions, SlurmOptions};
 
-use proto::config::{
-    self, Choice, Default, Field, Kind, Lists, Node, Problem, Range as Within, TableSpec, Value,
-    join,
-};
+use proto::config::{self, Choice, Lists, Node, OneOf, Problem, Section, Value, join};
 use std::collections::BTreeSet;
 
 /// Name of the section.
 pub const KEY: &str = "sweep";
 
-/// Description of `[sweep]`.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "A sweep over this experiment: every case with every combination of values and every sample of the ranges, each \
-          with every seed. Run it with `murmuration sweep`.",
-    fields: &[
-        Field {
-            key: "seeds",
-            doc: "Number of seeds, from experiment.seed on, or a list of seeds. Every setting runs with the same seeds, so \
-                  settings can be compared in pairs.",
-            kind: Kind::Either(&[
-                Kind::Integer { min: 1, max: MOST_TRIALS },
-                Kind::List {
-                    of: &Kind::Integer { min: 0, max: i64::MAX },
-                    min: 1,
-                    max: MOST_TRIALS as usize,
-                },
-            ]),
-            default: Default::Integer(1),
-        },
-        Field {
-            key: "vary",
-            doc: "Keys of the file to vary. A list of values is run in all combinations. A range { min, max } is sampled, \
-                  with scale = \"log\" if ratios matter and whole = true for whole numbers.",
-            kind: Kind::Anything,
-            default: Default::Absent,
-        },
-        Field {
-            key: "case",
-            doc: "Cases, each with a name and values of several keys that are varied together.",
-            kind: Kind::Anything,
-            default: Default::Absent,
-        },
-        Field {
-            key: "samples",
-            doc: "Number of samples of the ranges, drawn jointly.",
-            kind: Kind::Integer { min: 1, max: MOST_TRIALS },
-            default: Default::Absent,
-        },
-        Field {
-            key: "sampling",
-            doc: "How ranges are sampled.",
-            kind: Kind::Choice(&[
-                Choice {
-                    name: "sobol",
-                    doc: "A Sobol sequence with Owen scrambling; best with a power of two. Increasing samples keeps the \
-                          existing ones.",
-                },
-                Choice {
-                    name: "latin-hypercube",
-                    doc: "A Latin hypercube: one sample in each of equally many equal slices of every range.",
-                },
-            ]),
-            default: Default::Text("sobol"),
-        },
-        Field {
-            key: "keep",
-            doc: "Which trials keep the complete recording of their run, in addition to their row in the table.",
-            kind: Kind::Choice(&[
-                Choice { name: "none", doc: "No trial." },
-                Choice {
-                    name: "first-seed",
-                    doc: "The trial of each setting with the first seed.",
-                },
-                Choice { name: "all", doc: "All trials." },
-            ]),
-            default: Default::Text("none"),
-        },
-        Field {
-            key: "metrics",
-            doc: "Metrics that the report shows, by column name of the table. Absent: metrics of the task and of delivery \
-                  that differ between trials.",
-            kind: Kind::List { of: &Kind::Text, min: 1, max: 100 },
-            default: Default::Absent,
-        },
-        Field {
-            key: "slurm",
-            doc: engines::SLURM.doc,
-            kind: Kind::Table(&engines::SLURM),
-            default: Default::Table,
-        },
-        Field {
-            key: "hyperqueue",
-            doc: engines::HYPERQUEUE.doc,
-            kind: Kind::Table(&engines::HYPERQUEUE),
-            default: Default::Table,
-        },
-    ],
-    tag: None,
-};
+/// A sweep over this experiment: every case with every combination of values and every sample of the ranges, each with every seed. Run
+/// it with `murmuration sweep`.
+#[derive(Section)]
+pub(super) struct SweepKeys {
+    /// Number of seeds, from experiment.seed on, or a list of seeds. Every setting runs with the same seeds, so settings can be compared
+    /// in pairs.
+    #[key(default = 1)]
+    seeds: Seeds,
+    /// Keys of the file to vary. A list of values is run in all combinations. A range { min, max } is sampled, with scale = "log" if
+    /// ratios matter and whole = true for whole numbers.
+    #[expect(dead_code, reason = "its entries are read with their places in the file")]
+    vary: Option<toml::Value>,
+    /// Cases, each with a name and values of several keys that are varied together.
+    #[expect(dead_code, reason = "its entries are read with their places in the file")]
+    case: Option<toml::Value>,
+    /// Number of samples of the ranges, drawn jointly.
+    #[key(range = 1..=MOST_TRIALS)]
+    samples: Option<usize>,
+    /// How ranges are sampled.
+    #[key(default = Sampling::Sobol)]
+    sampling: Sampling,
+    /// Which trials keep the complete recording of their run, in addition to their row in the table.
+    #[key(default = Keep::None)]
+    keep: Keep,
+    /// Metrics that the report shows, by column name of the table. Absent: metrics of the task and of delivery that differ between
+    /// trials.
+    #[key(length = 1..=100)]
+    metrics: Option<Vec<String>>,
+    #[key(default, doc = SlurmOptions::SPEC.doc)]
+    slurm: SlurmOptions,
+    #[key(default, doc = HyperQueueOptions::SPEC.doc)]
+    hyperqueue: HyperQueueOptions,
+}
 
-/// Description of a range.
-const RANGE: TableSpec = TableSpec {
-    doc: "A range to sample.",
-    fields: &[
-        Field {
-            key: "min",
-            doc: "Lower end.",
-            kind: Kind::Number(Within::ANY),
-            default: Default::Required,
-        },
-        Field {
-            key: "max",
-            doc: "Upper end.",
-            kind: Kind::Number(Within::ANY),
-            default: Default::Required,
-        },
-        Field {
-            key: "scale",
-            doc: "Scale on which samples are uniform.",
-            kind: Kind::Choice(&[
-                Choice { name: "linear", doc: "The value." },
-                Choice { name: "log", doc: "Its logarithm." },
-            ]),
-            default: Default::Text("linear"),
-        },
-        Field {
-            key: "whole",
-            doc: "Whether samples are whole numbers, both ends included.",
-            kind: Kind::Bool,
-            default: Default::Bool(false),
-        },
-    ],
-    tag: None,
-};
+/// A range to sample.
+#[derive(Section)]
+struct RangeKeys {
+    /// Lower end.
+    min: f64,
+    /// Upper end.
+    max: f64,
+    /// Scale on which samples are uniform.
+    #[key(default = Scale::Linear)]
+    scale: Scale,
+    /// Whether samples are whole numbers, both ends included.
+    #[key(default = false)]
+    whole: bool,
+}
+
+/// On which scale samples of a range are uniform.
+#[derive(Choice, Clone, Copy, PartialEq, Eq)]
+enum Scale {
+    /// The value.
+    Linear,
+    /// Its logarithm.
+    Log,
+}
 
 /// More trials than this are a mistake.
 pub const MOST_TRIALS: i64 = 1_000_000;
@@ -167,12 +97,12 @@ pub struct Sweep {
 }
 
 /// The seeds under which every setting is run.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, OneOf)]
 pub enum Seeds {
     /// This many consecutive seeds, the first being that of the experiment.
-    Count(u64),
+    Count(#[key(range = 1..=MOST_TRIALS)] u64),
     /// A list of seeds, each used once per setting.
-    These(Vec<u64>),
+    These(#[key(length = 1..=MOST_TRIALS as usize)] Vec<u64>),
 }
 
 /// Values that belong together.
@@ -200,48 +130,38 @@ pub struct ParameterRange {
 }
 
 /// How ranges are sampled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampling {
-    /// Scrambled Sobol sequence.
+    /// A Sobol sequence with Owen scrambling; best with a power of two. Increasing samples keeps the existing ones.
     Sobol,
-    /// Latin hypercube.
+    /// A Latin hypercube: one sample in each of equally many equal slices of every range.
     LatinHypercube,
 }
 
-/// Which runs are kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Which trials keep their recording.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keep {
-    /// None.
+    /// No trial.
     None,
-    /// One of each setting.
+    /// The trial of each setting with the first seed.
     FirstSeed,
-    /// All.
+    /// All trials.
     All,
 }
 
 /// Reads the section, adding to `problems`.
 pub fn read(node: &Node, problems: &mut Vec<Problem>) -> Sweep {
-    let table = config::check(node, KEY, &SPEC, &Lists::NONE, problems).table;
-    let integer = |key: &str| table.get(key).and_then(toml::Value::as_integer);
-    let text = |key: &str| table.get(key).and_then(toml::Value::as_str);
-    let section = |key: &str| table.get(key).and_then(toml::Value::as_table);
-    let (no_keys, slurm, hyperqueue) =
-        (toml::Table::new(), section("slurm"), section("hyperqueue"));
-    for (key, section) in [("slurm", slurm), ("hyperqueue", hyperqueue)] {
-        engines::check_texts(section.unwrap_or(&no_keys), &join(KEY, key), problems);
-    }
-    let texts = |key: &str| {
-        let list = table.get(key)?.as_array()?;
-        Some(list.iter().filter_map(|text| text.as_str().map(str::to_owned)).collect())
-    };
+    let checked = config::check(node, KEY, &SweepKeys::SPEC, &Lists::NONE, problems);
+    let keys = SweepKeys::read(&checked.table);
+    engines::check_lines(&checked.touches, problems);
+    engines::check_options(&keys.slurm.options, problems);
     let mut reader = SweepReader { problems, lists: Vec::new(), ranges: Vec::new() };
     if let Some(vary) = node.get("vary") {
         reader.varied(vary, "sweep.vary", "");
     }
     let cases = node.get("case").map(|cases| reader.cases(cases)).unwrap_or_default();
     let SweepReader { lists, ranges, .. } = reader;
-    let samples = integer("samples").and_then(|samples| usize::try_from(samples).ok());
-    match (samples, ranges.is_empty()) {
+    match (keys.samples, ranges.is_empty()) {
         (None, false) if node.get("samples").is_none() => problems.push(Problem::new(
             "sweep.samples",
             "is missing: must be the number of samples of the ranges, such as 64",
@@ -256,33 +176,24 @@ pub fn read(node: &Node, problems: &mut Vec<Problem>) -> Sweep {
         problems
             .push(Problem::new(KEY, "varies nothing: add [sweep.vary], [[sweep.case]] or seeds"));
     }
+    if let Seeds::These(seeds) = &keys.seeds {
+        check_seeds(seeds, problems);
+    }
     Sweep {
-        seeds: match table.get("seeds") {
-            Some(toml::Value::Array(list)) => Seeds::These(seeds_of(list, problems)),
-            _ => Seeds::Count(integer("seeds").unwrap_or(1).unsigned_abs()),
-        },
-        samples: samples.filter(|_| !ranges.is_empty()).unwrap_or(1),
+        seeds: keys.seeds,
+        samples: keys.samples.filter(|_| !ranges.is_empty()).unwrap_or(1),
         cases,
         lists,
         ranges,
-        sampling: match text("sampling") {
-            Some("latin-hypercube") => Sampling::LatinHypercube,
-            _ => Sampling::Sobol,
-        },
-        keep: match text("keep") {
-            Some("all") => Keep::All,
-            Some("first-seed") => Keep::FirstSeed,
-            _ => Keep::None,
-        },
-        metrics: texts("metrics"),
-        slurm: config::typed(slurm.unwrap_or(&no_keys)),
-        hyperqueue: config::typed(hyperqueue.unwrap_or(&no_keys)),
+        sampling: keys.sampling,
+        keep: keys.keep,
+        metrics: keys.metrics,
+        slurm: keys.slurm,
+        hyperqueue: keys.hyperqueue,
     }
 }
 
-fn seeds_of(list: &[toml::Value], problems: &mut Vec<Problem>) -> Vec<u64> {
-    let seeds: Vec<u64> =
-        list.iter().filter_map(|seed| u64::try_from(seed.as_integer()?).ok()).collect();
+fn check_seeds(seeds: &[u64], problems: &mut Vec<Problem>) {
     let mut known = BTreeSet::new();
     for (index, seed) in seeds.iter().enumerate() {
         if !known.insert(seed) {
@@ -292,7 +203,6 @@ fn seeds_of(list: &[toml::Value], problems: &mut Vec<Problem>) -> Vec<u64> {
             );
         }
     }
-    seeds
 }
 
 struct SweepReader<'a> {
@@ -361,14 +271,14 @@ impl SweepReader<'_> {
 
     fn range(&mut self, node: &Node, path: &str) -> Option<ParameterRange> {
         let before = self.problems.len();
-        let table = config::check(node, path, &RANGE, &Lists::NONE, self.problems).table;
-        let number = |key: &str| table.get(key).and_then(toml::Value::as_float);
+        let table = config::check(node, path, &RangeKeys::SPEC, &Lists::NONE, self.problems).table;
+        let keys = RangeKeys::read(&table);
         let range = ParameterRange {
             span: node.span.clone(),
-            min: number("min")?,
-            max: number("max")?,
-            is_log: table.get("scale").and_then(toml::Value::as_str) == Some("log"),
-            is_whole: table.get("whole").and_then(toml::Value::as_bool) == Some(true),
+            min: keys.min,
+            max: keys.max,
+            is_log: keys.scale == Scale::Log,
+            is_whole: keys.whole,
         };
         let mut wrong = |key: &str, message: String, value: f64| {
             self.problems.push(Problem::new(join(path, key), message).value(value));

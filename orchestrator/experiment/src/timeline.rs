@@ -1,130 +1,101 @@
 //! `[[timeline]]`: faults and traffic that the experiment file orders, each at its time.
 
-use proto::config::{
-    Choice, Default, Field, Kind, Lists, Node, Problem, Range, TableSpec, Tag, Variant, Variants,
-    check,
-};
+use proto::config::{Choice, Lists, Node, OneOf, Problem, Section, check};
 use proto::types::{MoteCommand, MoteCommandKind, MoteOrder, NS_PER_S, seconds};
 
-/// Description of an entry.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "A scheduled event of the network.",
-    fields: &[Field {
-        key: "at_s",
-        doc: "Time of the event (s after the robots start, as duration_s). It takes effect at the beginning of the control \
-              period that contains this time; noise starts and ends exactly on time.",
-        kind: Kind::Number(Range::closed(0.0, 1e9)),
-        default: Default::Required,
-    }],
-    tag: Some(&Tag {
-        key: "order",
-        doc: "The event.",
-        default: None,
-        variants: Variants::Fixed(&[
-            Variant { name: "kill", doc: "The radio of a mote fails.", fields: &[MOTES] },
-            Variant {
-                name: "revive",
-                doc: "The radio of a mote works again, as after a reboot.",
-                fields: &[MOTES],
-            },
-            Variant {
-                name: "add",
-                doc: "A mote that netsim.absent leaves out joins the network.",
-                fields: &[MOTES],
-            },
-            Variant {
-                name: "jam",
-                doc: "Noise on channels, everywhere or within a disc.",
-                fields: &JAM,
-            },
-            Variant { name: "send", doc: "One additional packet.", fields: &SEND },
-        ]),
-    }),
-};
-
 /// The entries as a key of the whole file, so that they are checked like any other.
-const SECTION: TableSpec = TableSpec {
-    doc: "",
-    fields: &[Field {
-        key: "timeline",
-        doc: "",
-        kind: Kind::Tables(&SPEC),
-        default: Default::Absent,
-    }],
-    tag: None,
-};
-
-const MOTE: Kind = Kind::Integer { min: 0, max: u32::MAX as i64 - 1 };
-
-const MOTES: Field = Field {
-    key: "motes",
-    doc: "The mote, or a list of them.",
-    kind: Kind::Either(&[MOTE, Kind::List { of: &MOTE, min: 1, max: usize::MAX }]),
-    default: Default::Required,
-};
-
-const fn coordinate(key: &'static str, doc: &'static str) -> Field {
-    Field {
-        key,
-        doc,
-        kind: Kind::Number(Range::closed(-1e12, 1e12)),
-        default: Default::Number(0.0),
-    }
+#[derive(Section)]
+struct Entries {
+    timeline: Vec<EntryKeys>,
 }
 
-const JAM: [Field; 5] = [
-    Field {
-        key: "channels",
-        doc: "IEEE 802.15.4 channels. Absent: all of them.",
-        kind: Kind::List { of: &Kind::Integer { min: 11, max: 26 }, min: 1, max: 16 },
-        default: Default::Absent,
-    },
-    Field {
-        key: "until_s",
-        doc: "End of the noise (s after the robots start).",
-        kind: Kind::Number(Range::above(0.0, 1e9)),
-        default: Default::Required,
-    },
-    coordinate("x_m", "Centre of the disc, east (m)."),
-    coordinate("y_m", "Centre of the disc, north (m)."),
-    Field {
-        key: "radius_m",
-        doc: "Radius of the disc (m). Absent: everywhere.",
-        kind: Kind::Number(Range::above(0.0, 1e12)),
-        default: Default::Absent,
-    },
-];
+/// A scheduled event of the network.
+#[derive(Section)]
+pub(super) struct EntryKeys {
+    /// The event.
+    #[key(tag)]
+    order: Option<Order>,
+    /// Time of the event (s after the robots start, as duration_s). It takes effect at the beginning of the control period that contains
+    /// this time; noise starts and ends exactly on time.
+    #[key(range = 0.0..=1e9)]
+    at_s: f64,
+}
 
-const SEND: [Field; 4] = [
-    MOTES,
-    Field {
-        key: "destination",
-        doc: "Destination mote, or \"all\": a broadcast to all motes in range.",
-        kind: Kind::Either(&[
-            MOTE,
-            Kind::Choice(&[Choice { name: "all", doc: "All motes in range." }]),
-        ]),
-        default: Default::Required,
-    },
-    Field {
-        key: "payload",
-        doc: "Payload as text. Set exactly one of payload and payload_hex.",
-        kind: Kind::Text,
-        default: Default::Absent,
-    },
-    Field {
-        key: "payload_hex",
-        doc: "Payload as hexadecimal digits, two per byte.",
-        kind: Kind::Text,
-        default: Default::Absent,
-    },
-];
+/// What happens.
+#[derive(Section)]
+enum Order {
+    /// The radio of a mote fails.
+    Kill(MotesKey),
+    /// The radio of a mote works again, as after a reboot.
+    Revive(MotesKey),
+    /// A mote that netsim.absent leaves out joins the network.
+    Add(MotesKey),
+    /// Noise on channels, everywhere or within a disc.
+    Jam(Jam),
+    /// One additional packet.
+    Send(Send),
+}
+
+#[derive(Section)]
+struct MotesKey {
+    /// The mote, or a list of them.
+    motes: Motes,
+}
+
+#[derive(OneOf)]
+enum Motes {
+    One(#[key(range = 0..=u32::MAX - 1)] u32),
+    Several(#[key(range = 0..=u32::MAX - 1, length = 1..)] Vec<u32>),
+}
+
+#[derive(Section)]
+struct Jam {
+    /// IEEE 802.15.4 channels. Absent: all of them.
+    #[key(range = 11..=26, length = 1..=16)]
+    channels: Option<Vec<u32>>,
+    /// End of the noise (s after the robots start).
+    #[key(above = 0.0, most = 1e9)]
+    until_s: f64,
+    /// Centre of the disc, east (m).
+    #[key(range = -1e12..=1e12, default = 0.0)]
+    x_m: f64,
+    /// Centre of the disc, north (m).
+    #[key(range = -1e12..=1e12, default = 0.0)]
+    y_m: f64,
+    /// Radius of the disc (m). Absent: everywhere.
+    #[key(above = 0.0, most = 1e12)]
+    radius_m: Option<f64>,
+}
+
+#[derive(Section)]
+struct Send {
+    #[key(flatten)]
+    source: MotesKey,
+    /// Destination mote, or "all": a broadcast to all motes in range.
+    destination: Destination,
+    /// Payload as text. Set exactly one of payload and payload_hex.
+    payload: Option<String>,
+    /// Payload as hexadecimal digits, two per byte.
+    payload_hex: Option<String>,
+}
+
+#[derive(OneOf)]
+enum Destination {
+    Mote(#[key(range = 0..=u32::MAX - 1)] u32),
+    Broadcast(Broadcast),
+}
+
+#[derive(Choice, Clone, Copy)]
+enum Broadcast {
+    /// All motes in range.
+    All,
+}
 
 /// Who orders it, in records.
 pub const SOURCE: &str = "timeline";
 
 /// The orders of a file, earliest first.
-#[derive(Clone, Debug, std::default::Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
     entries: Vec<TimelineEntry>,
 }
@@ -224,15 +195,14 @@ pub(super) fn read(
         entries.push(("timeline".to_owned(), None, written.clone()));
     }
     let n_problems = problems.len();
-    let mut table = check(&alone, "", &SECTION, &Lists::NONE, problems).table;
-    let effective = table.remove("timeline");
+    let mut table = check(&alone, "", &Entries::SPEC, &Lists::NONE, problems).table;
     let mut entries = Vec::new();
-    for (index, table) in effective.iter().flat_map(toml::Value::as_array).flatten().enumerate() {
-        let Some(table) = table.as_table() else { continue };
-        let mut entry = EntryReader { index, table, agents, duration_s, problems };
-        let (at_ns, orders) = entry.read();
+    for (index, keys) in Entries::read(&table).timeline.into_iter().enumerate() {
+        let mut reader = EntryReader { index, agents, duration_s, problems };
+        let (at_ns, orders) = reader.read(keys);
         entries.extend(orders.into_iter().map(|order| TimelineEntry { index, at_ns, order }));
     }
+    let effective = table.remove("timeline");
     if problems.len() != n_problems {
         return (Timeline::default(), effective);
     }
@@ -243,79 +213,64 @@ pub(super) fn read(
 /// Reads an entry whose keys are known to be right, one by one.
 struct EntryReader<'a> {
     index: usize,
-    table: &'a toml::Table,
     agents: Option<usize>,
     duration_s: Option<f64>,
     problems: &'a mut Vec<Problem>,
 }
 
 impl EntryReader<'_> {
-    fn read(&mut self) -> (u64, Vec<MoteOrder>) {
-        let at_s = self.number("at_s").unwrap_or(0.0);
+    fn read(&mut self, keys: EntryKeys) -> (u64, Vec<MoteOrder>) {
+        let at_s = keys.at_s;
         if let Some(duration_s) = self.duration_s.filter(|&duration_s| duration_s <= at_s) {
             let message = format!("must be less than experiment.duration_s, {duration_s}");
             self.refuse("at_s", message, at_s);
         }
-        let of_each = |motes: Vec<u32>, order: fn(u32) -> MoteOrder| {
-            motes.into_iter().map(order).collect::<Vec<_>>()
-        };
-        let orders = match self.table.get("order").and_then(toml::Value::as_str) {
-            Some("kill") => of_each(self.motes(), MoteOrder::Kill),
-            Some("revive") => of_each(self.motes(), MoteOrder::Revive),
-            Some("add") => of_each(self.motes(), MoteOrder::Add),
-            Some("jam") => self.jam(at_s),
-            Some("send") => self.send(),
-            _ => Vec::new(),
+        let orders = match keys.order {
+            Some(Order::Kill(key)) => self.of_each(key, MoteOrder::Kill),
+            Some(Order::Revive(key)) => self.of_each(key, MoteOrder::Revive),
+            Some(Order::Add(key)) => self.of_each(key, MoteOrder::Add),
+            Some(Order::Jam(jam)) => self.jam(at_s, jam),
+            Some(Order::Send(send)) => self.send(send),
+            None => Vec::new(),
         };
         (ns(at_s), orders)
     }
 
-    fn jam(&mut self, at_s: f64) -> Vec<MoteOrder> {
-        let until_s = self.number("until_s").unwrap_or(0.0);
+    fn jam(&mut self, at_s: f64, jam: Jam) -> Vec<MoteOrder> {
+        let until_s = jam.until_s;
         if ns(until_s) <= ns(at_s) {
             self.refuse("until_s", format!("must be greater than at_s, {at_s}"), until_s);
         }
-        let channels: Vec<u32> = match self.table.get("channels").and_then(toml::Value::as_array) {
-            Some(list) => list.iter().filter_map(to_u32).collect(),
-            None => (11..=26).collect(),
-        };
-        let radius_m = self.number("radius_m").unwrap_or(0.0);
-        if self.table.get("radius_m").is_none() {
-            for key in ["x_m", "y_m"] {
-                if let Some(value) = self.number(key).filter(|&value| value != 0.0) {
+        let centre_m = [jam.x_m, jam.y_m];
+        if jam.radius_m.is_none() {
+            for (key, value) in ["x_m", "y_m"].into_iter().zip(centre_m) {
+                if value != 0.0 {
                     self.refuse(key, "must be set together with radius_m".to_owned(), value);
                 }
             }
         }
-        let centre_m = ["x_m", "y_m"].map(|key| self.number(key).unwrap_or(0.0));
+        let channels = jam.channels.unwrap_or_else(|| (11..=26).collect());
         let (from_ns, until_ns) = (ns(at_s), ns(until_s));
+        let radius_m = jam.radius_m.unwrap_or(0.0);
         let jam = |channel| MoteOrder::Jam { channel, from_ns, until_ns, centre_m, radius_m };
         channels.into_iter().map(jam).collect()
     }
 
-    fn send(&mut self) -> Vec<MoteOrder> {
-        let destination = match self.table.get("destination").and_then(to_u32) {
-            Some(mote) => {
+    fn send(&mut self, send: Send) -> Vec<MoteOrder> {
+        let destination = match send.destination {
+            Destination::Mote(mote) => {
                 self.exists("destination", mote);
                 mote
             }
-            None => u32::MAX,
+            Destination::Broadcast(_) => u32::MAX,
         };
-        let text = |key: &str| self.table.get(key).and_then(toml::Value::as_str);
-        let payload = match (text("payload"), text("payload_hex")) {
-            (Some(text), None) => text.as_bytes().to_vec(),
-            (None, Some(digits)) => match bytes_of(digits) {
-                Some(bytes) => bytes,
-                None => {
-                    let digits = format!("{digits:?}");
-                    self.refuse(
-                        "payload_hex",
-                        "must be hexadecimal digits, two per byte".to_owned(),
-                        digits,
-                    );
-                    Vec::new()
-                }
-            },
+        let payload = match (send.payload, send.payload_hex) {
+            (Some(text), None) => text.into_bytes(),
+            (None, Some(digits)) => bytes_of(&digits).unwrap_or_else(|| {
+                let message = "must be hexadecimal digits, two per byte".to_owned();
+                self.refuse("payload_hex", message, format!("{digits:?}"));
+                Vec::new()
+            }),
             _ => {
                 let message = "must have exactly one of the keys payload and payload_hex";
                 self.problems.push(Problem::new(format!("timeline[{}]", self.index), message));
@@ -323,28 +278,25 @@ impl EntryReader<'_> {
             }
         };
         let payload = bytes::Bytes::from(payload);
-        let send = |mote| MoteOrder::Send { mote, destination, payload: payload.clone() };
-        self.motes().into_iter().map(send).collect()
+        let order = |mote| MoteOrder::Send { mote, destination, payload: payload.clone() };
+        self.of_each(send.source, order)
     }
 
-    /// The motes named; those that do not exist are problems.
-    fn motes(&mut self) -> Vec<u32> {
-        match self.table.get("motes") {
-            Some(toml::Value::Array(list)) => {
-                let motes: Vec<u32> = list.iter().filter_map(to_u32).collect();
+    /// An order for each mote that is named; those that do not exist are problems.
+    fn of_each(&mut self, key: MotesKey, order: impl Fn(u32) -> MoteOrder) -> Vec<MoteOrder> {
+        let motes = match key.motes {
+            Motes::One(mote) => {
+                self.exists("motes", mote);
+                vec![mote]
+            }
+            Motes::Several(motes) => {
                 for (place, &mote) in motes.iter().enumerate() {
                     self.exists(&format!("motes[{place}]"), mote);
                 }
                 motes
             }
-            one => {
-                let mote = one.and_then(to_u32);
-                if let Some(mote) = mote {
-                    self.exists("motes", mote);
-                }
-                mote.into_iter().collect()
-            }
-        }
+        };
+        motes.into_iter().map(order).collect()
     }
 
     fn exists(&mut self, key: &str, mote: u32) {
@@ -355,18 +307,10 @@ impl EntryReader<'_> {
         }
     }
 
-    fn number(&self, key: &str) -> Option<f64> {
-        self.table.get(key).and_then(toml::Value::as_float)
-    }
-
     fn refuse(&mut self, key: &str, message: String, value: impl ToString) {
         let path = format!("timeline[{}].{key}", self.index);
         self.problems.push(Problem::new(path, message).value(value));
     }
-}
-
-fn to_u32(value: &toml::Value) -> Option<u32> {
-    value.as_integer().and_then(|value| u32::try_from(value).ok())
 }
 
 fn ns(time_s: f64) -> u64 {

@@ -1,7 +1,8 @@
 //! Starting from a formed network: `experiment.warm_start`.
 
-use super::SideConfig;
-use proto::config::Problem;
+use super::keys::ExperimentKeys;
+use super::{SideConfig, Start};
+use proto::config::{FilePath, Problem};
 use std::path::{Path, PathBuf};
 
 /// The file of a formed network.
@@ -14,17 +15,17 @@ pub struct WarmStart {
 }
 
 impl WarmStart {
-    /// The file that a table `[experiment]` names, its path being relative to `base`, and every problem with that. The table then
+    /// The file that `[experiment]` names, its path being relative to `base`, and every problem with that. The table `recorded` then
     /// holds its absolute path, which is the same wherever the table is recorded.
     pub(super) fn read(
-        experiment: &mut toml::Table,
+        experiment: &ExperimentKeys,
+        recorded: &mut toml::Table,
         base: &Path,
         netsim: &SideConfig,
         problems: &mut Vec<Problem>,
     ) -> Option<Self> {
-        let text = |key: &str| experiment.get(key).and_then(toml::Value::as_str).map(str::to_owned);
-        let (written, sha256) = (text("warm_start"), text("warm_start_sha256"));
-        let Some(written) = written else {
+        let sha256 = &experiment.warm_start_sha256;
+        let Some(FilePath(written)) = &experiment.warm_start else {
             if sha256.is_some() {
                 problems.push(Problem::new(
                     "experiment.warm_start_sha256",
@@ -33,7 +34,7 @@ impl WarmStart {
             }
             return None;
         };
-        if let Some(sha256) = &sha256
+        if let Some(sha256) = sha256
             && !(sha256.len() == 64 && sha256.chars().all(|c| c.is_ascii_hexdigit()))
         {
             problems.push(
@@ -41,7 +42,7 @@ impl WarmStart {
                     .value(format!("{sha256:?}")),
             );
         }
-        if text("start").as_deref() == Some("at-once") {
+        if experiment.start == Some(Start::AtOnce) {
             problems.push(
                 Problem::new(
                     "experiment.start",
@@ -62,9 +63,9 @@ impl WarmStart {
                 .value(format!("{written:?}")),
             );
         }
-        let file = base.join(&written);
+        let file = base.join(written);
         let path = std::path::absolute(&file).unwrap_or(file);
-        experiment.insert("warm_start".to_owned(), path.display().to_string().into());
-        Some(Self { path, sha256: sha256.map(|sha256| sha256.to_ascii_lowercase()) })
+        recorded.insert("warm_start".to_owned(), path.display().to_string().into());
+        Some(Self { path, sha256: sha256.as_ref().map(|sha256| sha256.to_ascii_lowercase()) })
     }
 }

@@ -110,7 +110,7 @@ impl SceneLog {
         Ok(Self {
             file,
             channels,
-            every_ns: header.output.scene_every_ns,
+            every_ns: header.output.scene_every_ns(),
             buffer: Vec::new(),
             n_messages: 0,
             site: Site::default(),

@@ -8,8 +8,8 @@ use drive::peer::{
     SideError,
 };
 use drive::{self, ConfigureRequests, Past, Unfit, Wanted};
-use experiment::{EXPERIMENT, Plan, SideConfig, Start};
-use proto::config::{Node, Problem, Refusal, Value};
+use experiment::{ExperimentKeys, Plan, SideConfig, Start};
+use proto::config::{Node, Problem, Refusal, Section as _, Value};
 use proto::exchange::Configured;
 use proto::types::NetRecord;
 use record::run_log::RunLog;
@@ -379,7 +379,7 @@ pub(super) fn header(plan: &Plan, exchange: &Configured, start: Start) -> RunHea
     if let Some(experiment) = config.get_mut("experiment").and_then(toml::Value::as_table_mut) {
         experiment.insert("start".to_owned(), start.name().into());
         // In the order in which the file made of it is read back.
-        let order: Vec<&str> = EXPERIMENT.fields.iter().map(|field| field.key).collect();
+        let order: Vec<&str> = ExperimentKeys::SPEC.fields.iter().map(|field| field.key).collect();
         let mut entries: Vec<_> = std::mem::take(experiment).into_iter().collect();
         entries.sort_by_key(|(key, _)| order.iter().position(|known| known == key));
         experiment.extend(entries);

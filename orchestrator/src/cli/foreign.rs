@@ -5,11 +5,11 @@ use super::{Failure, TlsArgs, on_runtime};
 use clap::Args;
 use diagnose::{RobotSimulator, SimulatorError};
 use drive::peer::{Launch, Peer as _, PredictionConfig, Reach, Remote, RobotSide, SideError};
-use experiment::{REACH, Tls, Transport};
+use experiment::{ReachKeys, Tls, Transport};
 use measure::config::Compared;
 use measure::robots::RobotSamples;
 use measure::table::DataTable;
-use proto::config::{Node, Problem};
+use proto::config::{Node, Problem, Section as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use study::open::Predicted;
@@ -160,7 +160,7 @@ fn prediction_config(config: &Compared) -> PredictionConfig {
     };
     let mut robotsim = config.tree.get("robotsim").cloned();
     if let Some(robotsim) = &mut robotsim {
-        for key in REACH.fields.iter().map(|field| field.key) {
+        for key in ReachKeys::SPEC.fields.iter().map(|field| field.key) {
             robotsim.take(key);
         }
     }
@@ -172,13 +172,13 @@ fn prediction_config(config: &Compared) -> PredictionConfig {
 
 /// The certificates that a configuration names.
 fn written_tls(config: &Compared) -> Result<Option<Tls>, Failure> {
-    let experiment = config.tree.get("experiment").map(Node::to_toml);
-    let Some(experiment) = experiment.as_ref().and_then(toml::Value::as_table) else {
+    let experiment = config.tree.get("experiment");
+    let Some(section) = experiment.and_then(|experiment| experiment.get("tls")) else {
         return Ok(None);
     };
     let base = config.path.parent().unwrap_or(Path::new("."));
     let mut problems = Vec::new();
-    let tls = experiment::tls_of(experiment, base, &mut problems);
+    let tls = experiment::tls_of(section, base, &mut problems);
     if problems.is_empty() { Ok(tls) } else { Err(Failure::request(config.refuse(problems))) }
 }
 

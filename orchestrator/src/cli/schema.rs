@@ -122,7 +122,7 @@ fn names() -> Vec<&'static str> {
 /// `murmuration schema`.
 pub(super) fn schema(args: &SchemaArgs) -> Result<(), Failure> {
     if args.of == MAPPING {
-        say(format!("{:#}", proto::config::json_schema(&mapping::SPEC, &mapping::lists())));
+        say(format!("{:#}", mapping::schema()));
         return Ok(());
     }
     let answer = ANSWERS.iter().find(|(name, _)| *name == args.of);

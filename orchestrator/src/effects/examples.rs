@@ -23,7 +23,7 @@ pub(super) fn keys(effect: &Listed) -> String {
         let _ = writeln!(keys, "{} = {start:?}", parameter.key);
     }
     for field in effect.variant.fields {
-        if matches!(field.default, Default::Required)
+        if matches!(field.default, Default::Required | Default::RequiredOrNone)
             && !keys.contains(&format!("{} = ", field.key))
         {
             let _ = writeln!(keys, "{} = {}", field.key, some_value(field));
@@ -43,7 +43,7 @@ fn some_value(field: &Field) -> String {
         Kind::Integer { min, .. } => min.to_string(),
         Kind::List { of, min, .. } => format!("{:?}", vec![number(of); *min]),
         Kind::Choice(choices) => format!("{:?}", choices.first().map_or("", |choice| choice.name)),
-        Kind::Text | Kind::File => "\"…\"".to_owned(),
+        Kind::Text | Kind::File | Kind::Url | Kind::ClusterLine => "\"…\"".to_owned(),
         kind => format!("{:?}", number(kind)),
     }
 }

@@ -92,7 +92,7 @@ fn the_place_is_drawn_once_and_metrics_are_plain_numbers() {
 #[test]
 fn pictures_may_be_fewer_than_steps() {
     let mut header = header("run");
-    header.output.scene_every_ns = Some(5 * STEP_NS);
+    header.output.scene_every_s = Some(proto::types::seconds(5 * STEP_NS));
     let content = scene(header);
     // At the beginning, after 0.5 s and after 1 s of 1.2 s.
     let times: Vec<u64> = messages(&content, "/robots").iter().map(|(time, _)| *time).collect();

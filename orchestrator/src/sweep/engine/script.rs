@@ -1,6 +1,7 @@
 //! The job script of a task array: each task runs one shard.
 
 use crate::sweep::plan::SweepPlan;
+use proto::config::ClusterLine;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -55,7 +56,7 @@ impl ShardScript<'_> {
 
     /// What follows the directives. `job` and `task`: variables that hold the number of the job and of the shard. `setup`: lines
     /// that are run first.
-    pub(super) fn body(&self, job: &str, task: &str, setup: &[String]) -> String {
+    pub(super) fn body(&self, job: &str, task: &str, setup: &[ClusterLine]) -> String {
         let folder = quoted_path(self.working_folder);
         let logs = quoted_path(self.log_folder);
         let mut text = format!(
@@ -64,7 +65,7 @@ impl ShardScript<'_> {
              exec >>{logs}/{}-\"${job}-${task}.log\" 2>&1 </dev/null\n",
             self.engine
         );
-        for line in setup {
+        for ClusterLine(line) in setup {
             let _ = writeln!(text, "{line}");
         }
         let jobs = self.jobs.map(|jobs| format!(" --jobs {jobs}")).unwrap_or_default();

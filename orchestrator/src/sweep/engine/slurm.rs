@@ -8,6 +8,7 @@ use super::script::{ShardScript, quoted};
 use super::stop::StopSignal;
 use super::{Engine, Queue, Task, TaskState};
 use crate::sweep::plan::SweepPlan;
+use proto::config::ClusterLine;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -48,7 +49,7 @@ impl Engine for Slurm {
             ("qos", &options.qos),
         ];
         for (name, value) in texts {
-            if let Some(value) = value {
+            if let Some(ClusterLine(value)) = value {
                 let _ = writeln!(text, "#SBATCH --{name}={}", quoted_value(value));
             }
         }
@@ -58,15 +59,16 @@ impl Engine for Slurm {
                 let _ = writeln!(text, "#SBATCH --{name}={value}{unit}");
             }
         }
-        for option in &options.options {
+        for ClusterLine(option) in &options.options {
             let _ = match option.split_once('=') {
                 Some((name, value)) => writeln!(text, "#SBATCH {name}={}", quoted_value(value)),
                 None => writeln!(text, "#SBATCH {option}"),
             };
         }
-        let modules =
-            options.modules.iter().map(|module| format!("module load {} || exit", quoted(module)));
-        let setup: Vec<String> = modules.chain(options.commands.iter().cloned()).collect();
+        let modules = options.modules.iter().map(|ClusterLine(module)| {
+            ClusterLine(format!("module load {} || exit", quoted(module)))
+        });
+        let setup: Vec<ClusterLine> = modules.chain(options.commands.iter().cloned()).collect();
         text + &job.body("SLURM_ARRAY_JOB_ID", "SLURM_ARRAY_TASK_ID", &setup)
     }
 
