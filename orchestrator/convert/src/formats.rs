@@ -11,7 +11,7 @@ pub mod openwsn_transmissions;
 use ::csv::StringRecord;
 use measure::DataError;
 use measure::formats::Content;
-use proto::config::{Registered, Variant};
+use proto::config::{Problem, Registered, Variant};
 use std::path::Path;
 
 /// Opens a log. The path is named in errors; the table has the format's keys.
@@ -26,6 +26,8 @@ pub struct Format {
     /// Columns of the table, and the fields that they are filled from unless the mapping says otherwise.
     /// Further columns whose name ends in `_node` hold nodes, by number or name.
     pub columns: &'static [(&'static str, &'static str)],
+    /// Checks the format's keys further, in the table at a path.
+    pub check: fn(&toml::Table, &str, &mut Vec<Problem>),
     /// Opens a log.
     pub open: Open,
 }
@@ -72,4 +74,12 @@ pub struct Row {
 /// An error of a file, in the words of `message`.
 pub(crate) fn refused(path: &Path, message: impl Into<String>) -> DataError {
     DataError::Format { path: path.to_owned(), message: message.into() }
+}
+
+/// The checked table of a format's keys.
+#[cfg(test)]
+fn checked<T: proto::config::Section>(keys: &str) -> toml::Table {
+    let node = proto::config::parse(keys).unwrap();
+    let lists = proto::config::Lists::NONE;
+    proto::config::check(&node, "", &T::SPEC, &lists, &mut Vec::new()).table
 }

@@ -3,15 +3,18 @@
 mod sources;
 mod spec;
 
-pub use spec::{SPEC, lists};
+pub use spec::schema;
 
 use crate::formats::{BUILT_IN, Format};
-use crate::tables::{self, Content, TableKind};
+use crate::tables::{self, Content, SourceKey, TableKind};
 use crate::time::{self, NS_PER_S};
 use crate::units::Unit;
 use proto::bounds::CONFIGURATION_BYTES;
-use proto::config::{Node, Problem, Refusal, Value, check, most_similar, parse, typed};
-use serde::Deserialize;
+use proto::config::{
+    Choice, FilePath, Key as _, Node, Problem, Refusal, Section as _, Value, check, most_similar,
+    parse,
+};
+use spec::{InputKeys, MappingKeys, StartKey, lists};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -111,14 +114,13 @@ pub struct Join {
 }
 
 /// Which row is joined.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JoinKind {
-    /// The last one before.
+    /// The last one before it, as for the command in force.
     Latest,
-    /// The nearest in time.
+    /// The one nearest in time.
     Nearest,
-    /// The two around it, interpolated.
+    /// The one before and the one after, interpolated linearly; angles along the shorter arc.
     Interpolated,
 }
 
@@ -128,25 +130,6 @@ impl Input {
     pub fn has(&self, name: &str) -> bool {
         self.columns.iter().any(|target| target.name == name)
     }
-}
-
-#[derive(Deserialize)]
-struct TopKeys {
-    table: TableKind,
-    start: Option<toml::Value>,
-    origin_deg: Option<[f64; 2]>,
-    aggregate_s: Option<f64>,
-    lost_from_gaps: bool,
-    input: Option<Vec<toml::Table>>,
-}
-
-#[derive(Deserialize)]
-struct InputKeys {
-    files: String,
-    columns: toml::Table,
-    cumulative: bool,
-    join: JoinKind,
-    within_s: f64,
 }
 
 impl Mapping {
@@ -172,24 +155,20 @@ impl Mapping {
         let tree = parse(&text)
             .map_err(|problems| Refusal::new(path, &text, &Node::empty_table(), problems))?;
         let mut problems = Vec::new();
-        let checked = check(&tree, "", &SPEC, &lists(), &mut problems).table;
-        let keys: TopKeys = typed(&checked);
-        let start = start(keys.start.as_ref(), &mut problems);
+        let checked = check(&tree, "", &MappingKeys::SPEC, &lists(), &mut problems).table;
+        let keys = MappingKeys::read(&checked);
+        let start = start(keys.start, &mut problems);
         let names = names(tree.get("names"), &mut problems);
-        let is_table_known = !problems.iter().any(|problem| problem.path == spec::TABLE);
-        let kind = is_table_known.then_some(keys.table);
-        let inputs: Vec<Input> = keys
-            .input
-            .unwrap_or_default()
-            .iter()
-            .enumerate()
-            .map(|(number, table)| input(&tree, number, table, kind, &mut problems))
+        let inputs: Vec<Input> = (0..)
+            .zip(keys.input)
+            .map(|(number, table)| input(&tree, number, table, keys.table, &mut problems))
             .collect();
         let mapping = Self {
             path: path.to_owned(),
             text,
             tree,
-            table: keys.table,
+            // Unknown only where the mapping is refused.
+            table: keys.table.unwrap_or(TableKind::Links),
             inputs,
             names,
             start,
@@ -289,12 +268,12 @@ impl Mapping {
     }
 }
 
-fn start(written: Option<&toml::Value>, problems: &mut Vec<Problem>) -> Start {
-    let text = match written {
+fn start(key: Option<StartKey>, problems: &mut Vec<Problem>) -> Start {
+    let text = match key {
         None => return Start::Automatic,
-        Some(toml::Value::String(text)) if text == spec::AS_WRITTEN => return Start::AsWritten,
-        Some(toml::Value::String(text)) => text.clone(),
-        Some(number) => number.to_string(),
+        Some(StartKey::Text(text)) if text == spec::AS_WRITTEN => return Start::AsWritten,
+        Some(StartKey::Text(text)) => text,
+        Some(StartKey::Epoch(time_s)) => toml::Value::Float(time_s).to_string(),
     };
     match time::parse(&text, NS_PER_S) {
         Some(start_ns) => Start::At(start_ns),
@@ -342,25 +321,24 @@ const MOST_NUMBER: i64 = 1_000_000_000;
 fn input(
     tree: &Node,
     number: usize,
-    table: &toml::Table,
+    table: toml::Table,
     kind: Option<TableKind>,
     problems: &mut Vec<Problem>,
 ) -> Input {
     let path = format!("input[{number}]");
-    let keys: InputKeys = typed(table);
-    let name = table.get("format").and_then(toml::Value::as_str).unwrap_or_default();
+    let keys = InputKeys::read(&table);
+    let name = proto::config::tag(&table, "format").unwrap_or_default();
     let found = BUILT_IN.iter().find(|format| format.variant.name == name);
     let format = found.unwrap_or(&BUILT_IN[0]);
-    if let Some(delimiter) = table.get("delimiter").and_then(toml::Value::as_str)
-        && (delimiter.len() != 1 || ["\n", "\r", "\""].contains(&delimiter))
-    {
-        let message = "must be one character, such as \",\", \";\" or \"\\t\"";
-        problems.push(Problem::new(format!("{path}.delimiter"), message).value(delimiter));
+    if found.is_some() {
+        (format.check)(&table, &path, problems);
     }
     let mut columns: Vec<Target> = Vec::new();
     for (name, value) in &keys.columns {
         let path = format!("{path}.columns.{name}");
-        let Some(column) = tables::known(name) else { continue };
+        let (Some(column), Some(key)) = (tables::known(name), SourceKey::from_value(value)) else {
+            continue;
+        };
         if let Some(kind) = kind.filter(|&kind| !column.is_of(kind)) {
             let mut problem = Problem::new(
                 path,
@@ -374,7 +352,7 @@ fn input(
             problems.push(problem);
             continue;
         }
-        columns.extend(sources::target(name, column.content, value, &path, problems));
+        columns.extend(sources::target(name, column.content, key, &path, problems));
     }
     let node = match tree.get("input").map(|node| &node.value) {
         Some(Value::List(list)) => list.get(number).and_then(|node| node.get("covariates")),
@@ -424,9 +402,9 @@ fn input(
         }
     }
     Input {
-        files: keys.files,
+        files: keys.files.map(|FilePath(files)| files).unwrap_or_default(),
         format,
-        keys: table.clone(),
+        keys: table,
         columns,
         is_cumulative: keys.cumulative,
         join: Join { kind: keys.join, within_ns: (keys.within_s * 1e9) as i64 },

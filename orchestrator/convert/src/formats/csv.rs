@@ -6,33 +6,35 @@ use measure::DataError;
 use measure::formats::Content;
 use measure::formats::csv::Records;
 use proto::bounds::COLUMNS;
-use proto::config::{Default, Field, Kind, Variant};
+use proto::config::{Problem, Section, variant};
 use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The format.
-pub const FORMAT: Format = Format {
-    variant: Variant {
-        name: "csv",
-        doc: "Comma-separated values, plain or gzipped; the first line names the columns.",
-        fields: &[Field {
-            key: "delimiter",
-            doc: "The character between two fields; \"\\t\" for tabs.",
-            kind: Kind::Text,
-            default: Default::Text(","),
-        }],
-    },
-    columns: &[],
-    open,
-};
+pub const FORMAT: Format = Format { variant: variant::<Keys>("csv"), columns: &[], check, open };
+
+/// Comma-separated values, plain or gzipped; the first line names the columns.
+#[derive(Section)]
+struct Keys {
+    /// The character between two fields; "\t" for tabs.
+    #[key(default = ",")]
+    delimiter: String,
+}
+
+fn check(keys: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
+    let Keys { delimiter } = Keys::read(keys);
+    if delimiter.len() != 1 || ["\n", "\r", "\""].contains(&&*delimiter) {
+        let message = "must be one character, such as \",\", \";\" or \"\\t\"";
+        problems.push(Problem::new(format!("{path}.delimiter"), message).value(delimiter));
+    }
+}
 
 fn open<'a>(
     path: &Path,
     content: Content<'a>,
     keys: &toml::Table,
 ) -> Result<Box<dyn Rows + 'a>, DataError> {
-    let delimiter = keys.get("delimiter").and_then(toml::Value::as_str).unwrap_or(",");
-    let delimiter = delimiter.bytes().next().unwrap_or(b',');
+    let delimiter = Keys::read(keys).delimiter.bytes().next().unwrap_or(b',');
     let mut records = Records::new(path, content, delimiter);
     let mut record = ByteRecord::new();
     if !records.next_bytes(&mut record)? {

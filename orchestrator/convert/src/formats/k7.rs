@@ -29,6 +29,7 @@ pub const FORMAT: Format = Format {
         ("pdr", "pdr"),
         ("frames", "tx_count"),
     ],
+    check: |_, _, _| {},
     open,
 };
 

@@ -17,45 +17,32 @@ use super::{Format, Row, Rows, refused};
 use measure::DataError;
 use measure::formats::Content;
 use proto::bounds::LINE_BYTES;
-use proto::config::{Default, Field, Kind, Range, Variant};
+use proto::config::{Section, variant};
 use std::io::{BufRead as _, Read as _};
 use std::path::{Path, PathBuf};
 
 /// The format.
 pub const FORMAT: Format = Format {
-    variant: Variant {
-        name: "openwsn-packets",
-        doc: "Packets that arrived at the root of an OpenWSN network, one a line: 38 bytes as a list (last sender, ASN of arrival and \
-              of creation, sequence number, then node, counter of transmissions, channel and −RSSI of each hop), then a time of day.",
-        fields: &[SLOT_S, ROOT, MAX_TRANSMISSIONS],
-    },
+    variant: variant::<PacketKeys>("openwsn-packets"),
     columns: COLUMNS,
+    check: |_, _, _| {},
     open,
 };
 
-/// Key: how long a slot lasts.
-pub(super) const SLOT_S: Field = Field {
-    key: "slot_s",
-    doc: "Duration of a slot (s): times are ASN times slot_s. OpenWSN's slots last 0.015 s.",
-    kind: Kind::Number(Range::above(0.0, 1.0)),
-    default: Default::Number(0.015),
-};
-
-/// Key: the root.
-pub(super) const ROOT: Field = Field {
-    key: "root",
-    doc: "Address of the root, the destination of all packets.",
-    kind: Kind::Integer { min: 0, max: 255 },
-    default: Default::Integer(1),
-};
-
-/// Key: where the counter of a hop begins.
-pub(super) const MAX_TRANSMISSIONS: Field = Field {
-    key: "max_transmissions",
-    doc: "Transmissions after which a node drops a packet. The counter of a hop counts down from here; 3 in OpenWSN (TXRETRIES).",
-    kind: Kind::Integer { min: 1, max: 255 },
-    default: Default::Integer(3),
-};
+/// Packets that arrived at the root of an OpenWSN network, one a line: 38 bytes as a list (last sender, ASN of arrival and of creation,
+/// sequence number, then node, counter of transmissions, channel and −RSSI of each hop), then a time of day.
+#[derive(Section)]
+pub(super) struct PacketKeys {
+    /// Duration of a slot (s): times are ASN times slot_s. OpenWSN's slots last 0.015 s.
+    #[key(above = 0.0, most = 1.0, default = 0.015)]
+    slot_s: f64,
+    /// Address of the root, the destination of all packets.
+    #[key(default = 1)]
+    root: u8,
+    /// Transmissions after which a node drops a packet. The counter of a hop counts down from here; 3 in OpenWSN (TXRETRIES).
+    #[key(range = 1..=255, default = 3)]
+    max_transmissions: u8,
+}
 
 /// Packets with more hops have only the first six in the log.
 const MOST_HOPS: usize = 6;
@@ -101,7 +88,7 @@ fn open<'a>(
     keys: &toml::Table,
 ) -> Result<Box<dyn Rows + 'a>, DataError> {
     Ok(Box::new(Packets {
-        lines: PacketLines::new(path, content, keys),
+        lines: PacketLines::new(path, content, &PacketKeys::read(keys)),
         names: COLUMNS.iter().map(|(_, name)| (*name).to_owned()).collect(),
     }))
 }
@@ -242,19 +229,14 @@ pub(super) struct PacketLines<'a> {
 }
 
 impl<'a> PacketLines<'a> {
-    /// * `keys`: of the format, checked.
-    pub(super) fn new(path: &Path, content: Content<'a>, keys: &toml::Table) -> Self {
-        let integer = |field: &Field, default: u8| {
-            let value = keys.get(field.key).and_then(toml::Value::as_integer);
-            value.and_then(|value| value.try_into().ok()).unwrap_or(default)
-        };
-        let slot_s = keys.get(SLOT_S.key).and_then(toml::Value::as_float).unwrap_or(0.015);
+    /// Packets of a log, from its first line on.
+    pub(super) fn new(path: &Path, content: Content<'a>, keys: &PacketKeys) -> Self {
         Self {
             content,
             path: path.to_owned(),
-            slot_ns: (slot_s * 1e9).round() as u64,
-            root: integer(&ROOT, 1),
-            max_transmissions: integer(&MAX_TRANSMISSIONS, 3),
+            slot_ns: (keys.slot_s * 1e9).round() as u64,
+            root: keys.root,
+            max_transmissions: keys.max_transmissions,
             line: 0,
             text: Vec::new(),
         }
@@ -312,8 +294,8 @@ mod tests {
 
     /// Rows as text, or why they cannot be used.
     fn rows(text: &str) -> Vec<(usize, String)> {
-        let mut rows =
-            open(Path::new("x.log"), Box::new(text.as_bytes()), &toml::Table::new()).unwrap();
+        let keys = super::super::checked::<PacketKeys>("");
+        let mut rows = open(Path::new("x.log"), Box::new(text.as_bytes()), &keys).unwrap();
         let (mut row, mut found) = (Row::default(), Vec::new());
         while rows.next(&mut row).unwrap() {
             let fields: Vec<&str> = row.fields.iter().collect();

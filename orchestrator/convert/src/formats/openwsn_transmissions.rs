@@ -5,46 +5,38 @@
 //! the channel of a cell is `sequence[(ASN + channel offset) mod length]`). Whether log, slotframe and sequence agree is checked on
 //! the last hops, the only ones whose slot is known.
 
-use super::openwsn::{MAX_TRANSMISSIONS, Packet, PacketLines, ROOT, SLOT_S};
+use super::openwsn::{Packet, PacketKeys, PacketLines};
 use super::{Format, Row, Rows, refused};
 use measure::DataError;
 use measure::formats::Content;
 use proto::bounds::ROWS;
-use proto::config::{Default, Field, Kind, Variant};
+use proto::config::{Section, variant};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// The format.
 pub const FORMAT: Format = Format {
-    variant: Variant {
-        name: "openwsn-transmissions",
-        doc: "The log of openwsn-packets as link samples: a row for every transmission of every hop. Channels of failed transmissions \
-              follow from slotframe and hopping sequence, for networks in which each node has one cell in a slotframe.",
-        fields: &[
-            SLOT_S,
-            ROOT,
-            MAX_TRANSMISSIONS,
-            Field {
-                key: SLOTFRAME_SLOTS,
-                doc: "Length of the slotframe, in slots: how far apart the transmissions of a packet by one node are.",
-                kind: Kind::Integer { min: 1, max: 65535 },
-                default: Default::Required,
-            },
-            Field {
-                key: HOPPING_SEQUENCE,
-                doc: "Channels by absolute slot number. By default that of IEEE 802.15.4 for 16 channels: 16, 17, 23, 18, 26, 15, 25, \
-                      22, 19, 11, 12, 13, 24, 14, 20, 21.",
-                kind: Kind::List { of: &Kind::Integer { min: 11, max: 26 }, min: 1, max: 16 },
-                default: Default::Absent,
-            },
-        ],
-    },
+    variant: variant::<Keys>("openwsn-transmissions"),
     columns: COLUMNS,
+    check: |_, _, _| {},
     open,
 };
 
-const SLOTFRAME_SLOTS: &str = "slotframe_slots";
-const HOPPING_SEQUENCE: &str = "hopping_sequence";
+/// The log of openwsn-packets as link samples: a row for every transmission of every hop. Channels of failed transmissions follow from
+/// slotframe and hopping sequence, for networks in which each node has one cell in a slotframe.
+#[derive(Section)]
+struct Keys {
+    #[key(flatten)]
+    packets: PacketKeys,
+    /// Length of the slotframe, in slots: how far apart the transmissions of a packet by one node are.
+    #[key(range = 1..=65535)]
+    slotframe_slots: u64,
+    /// Channels by absolute slot number. By default that of IEEE 802.15.4 for 16 channels: 16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13,
+    /// 24, 14, 20, 21.
+    #[key(range = 11..=26, length = 1..=16)]
+    hopping_sequence: Option<Vec<u8>>,
+}
+
 const SEQUENCE: [u8; 16] = [16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21];
 
 const COLUMNS: &[(&str, &str)] = &[
@@ -65,18 +57,12 @@ fn open<'a>(
     content: Content<'a>,
     keys: &toml::Table,
 ) -> Result<Box<dyn Rows + 'a>, DataError> {
-    let slotframe_slots = keys.get(SLOTFRAME_SLOTS).and_then(toml::Value::as_integer).unwrap_or(1);
-    let sequence = keys.get(HOPPING_SEQUENCE).and_then(toml::Value::as_array);
+    let keys = Keys::read(keys);
     let hopping = Hopping {
-        slotframe_slots: slotframe_slots.unsigned_abs(),
-        sequence: sequence.map_or_else(
-            || SEQUENCE.to_vec(),
-            |list| {
-                list.iter().filter_map(|channel| channel.as_integer()?.try_into().ok()).collect()
-            },
-        ),
+        slotframe_slots: keys.slotframe_slots,
+        sequence: keys.hopping_sequence.unwrap_or_else(|| SEQUENCE.to_vec()),
     };
-    let mut lines = PacketLines::new(path, content, keys);
+    let mut lines = PacketLines::new(path, content, &keys.packets);
     let mut transmissions = Transmissions {
         names: COLUMNS.iter().map(|(_, name)| (*name).to_owned()).collect(),
         rows: Vec::new(),
@@ -261,7 +247,8 @@ mod tests {
     }
 
     fn read(text: &str, keys: &str) -> Result<Vec<String>, String> {
-        let mut rows = open(Path::new("x.log"), Box::new(text.as_bytes()), &keys.parse().unwrap())
+        let keys = super::super::checked::<Keys>(keys);
+        let mut rows = open(Path::new("x.log"), Box::new(text.as_bytes()), &keys)
             .map_err(|error| error.to_string())?;
         let (mut row, mut found) = (Row::default(), Vec::new());
         while rows.next(&mut row).unwrap() {

@@ -1,38 +1,26 @@
 //! What the columns of a table are filled from, as a mapping states it.
 
 use super::{MOST_NUMBER, Source, Target};
-use crate::tables::{self, Content, SOURCE_SPEC};
+use crate::tables::{self, Content, SourceKey, SourceKeys};
 use crate::units::{self, Unit};
-use proto::config::{Lists, Node, Problem, Value, check, most_similar, typed};
-use serde::Deserialize;
-
-#[derive(Deserialize)]
-struct SourceKeys {
-    column: String,
-    unit: Option<String>,
-    scale: f64,
-    offset: f64,
-}
+use proto::config::{Lists, Node, Problem, Section as _, Value, check, most_similar};
 
 /// What a column is filled from, if that is possible.
 pub(super) fn target(
     name: &str,
     content: Content,
-    value: &toml::Value,
+    key: SourceKey,
     path: &str,
     problems: &mut Vec<Problem>,
 ) -> Option<Target> {
-    let texts = |list: &[toml::Value]| -> Vec<String> {
-        list.iter().filter_map(toml::Value::as_str).map(str::to_owned).collect()
-    };
-    let source = match value {
-        toml::Value::Float(number) => Source::Constant(*number),
-        toml::Value::String(column) => {
-            let unit = Unit::of_column(column).filter(|unit| unit.fits(name));
-            Source::Column { name: column.clone(), unit, scale: 1.0, offset: 0.0 }
+    let source = match key {
+        SourceKey::Constant(number) => Source::Constant(number),
+        SourceKey::Column(column) => {
+            let unit = Unit::of_column(&column).filter(|unit| unit.fits(name));
+            Source::Column { name: column, unit, scale: 1.0, offset: 0.0 }
         }
-        toml::Value::Array(list) => {
-            let list = texts(list);
+        SourceKey::Columns(list) => {
+            let written = toml::Value::from(list.clone());
             let (expected, source) = match content {
                 Content::Time => (
                     "must be the name of a column, or a list of two: [seconds, nanoseconds]",
@@ -45,12 +33,11 @@ pub(super) fn target(
                 _ => ("must be the name of a column, a number or a table, not a list", None),
             };
             if source.is_none() {
-                problems.push(Problem::new(path, expected).value(value));
+                problems.push(Problem::new(path, expected).value(written));
             }
             source?
         }
-        toml::Value::Table(table) => {
-            let keys: SourceKeys = typed(table);
+        SourceKey::Table(keys) => {
             let unit = match &keys.unit {
                 Some(unit) => {
                     let found = Unit::named(unit).filter(|unit| unit.fits(name));
@@ -71,7 +58,6 @@ pub(super) fn target(
             }
             Source::Column { name: keys.column, unit, scale: keys.scale, offset: keys.offset }
         }
-        _ => return None,
     };
     if matches!(source, Source::Constant(_)) && content == Content::Time {
         problems.push(Problem::new(path, "must be the name of a column or a list of two"));
@@ -113,13 +99,14 @@ pub(super) fn covariates(
             problems.push(Problem::new(path, "is no covariate; move it to columns"));
             continue;
         }
-        let value = match &node.value {
+        let key = match &node.value {
             Value::Table(_) => {
-                let checked = check(node, &path, &SOURCE_SPEC, &Lists::NONE, problems);
-                toml::Value::Table(checked.table)
+                let checked = check(node, &path, &SourceKeys::SPEC, &Lists::NONE, problems);
+                SourceKey::Table(SourceKeys::read(&checked.table))
             }
-            Value::Integer(number) => toml::Value::Float(*number as f64),
-            Value::Number(_) | Value::Text(_) => node.to_toml(),
+            Value::Integer(number) => SourceKey::Constant(*number as f64),
+            Value::Number(number) => SourceKey::Constant(*number),
+            Value::Text(column) => SourceKey::Column(column.clone()),
             _ => {
                 let message =
                     "must be the name of a column, a number, or a table with column and unit";
@@ -127,6 +114,6 @@ pub(super) fn covariates(
                 continue;
             }
         };
-        columns.extend(target(name, Content::Number, &value, &path, problems));
+        columns.extend(target(name, Content::Number, key, &path, problems));
     }
 }

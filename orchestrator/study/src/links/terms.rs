@@ -160,7 +160,9 @@ fn defaults(entry: &Entry) -> toml::Table {
             Default::Integer(number) => toml::Value::Integer(number),
             Default::Number(number) => toml::Value::Float(number),
             Default::Text(text) => toml::Value::String(text.to_owned()),
-            Default::Required | Default::Absent | Default::Table => continue,
+            Default::Required | Default::RequiredOrNone | Default::Absent | Default::Table => {
+                continue;
+            }
         };
         table.insert(field.key.to_owned(), value);
     }
