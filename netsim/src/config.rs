@@ -103,6 +103,7 @@ struct Keys {
 
 /// What `mode` may be.
 #[derive(Section)]
+#[expect(clippy::large_enum_variant, reason = "a configuration has one")]
 enum Mode {
     /// No protocols: each payload is broadcast once per control period, and every other radio receives it with the probability that
     /// the physics gives. Frames do not interfere.

@@ -49,7 +49,7 @@ fn the_walk_through_is_the_example_that_the_tests_compile() {
 const SHORTEST: &str = "## The shortest of each kind";
 
 fn blocks(guide: &str) -> Vec<&str> {
-    guide.split("```rust\n").skip(1).filter_map(|rest| rest.split("```").next()).collect()
+    guide.split("```rust\n").skip(1).filter_map(|rest| rest.split("\n```\n").next()).collect()
 }
 
 #[test]

@@ -10,7 +10,6 @@ const NAMED: &[(&str, &str, &str)] = &[
     ("bench.rs", "random-jump", "what is measured is a configuration like any other"),
     ("bench/standing.rs", "msf", "what is measured is a configuration like any other"),
     ("bench/standing.rs", "orchestra", "what is measured is a configuration like any other"),
-    ("convert/src/mapping/spec.rs", "table", "a key of mapping files"),
     ("cli/formula.rs", "formula", "the name of an argument"),
     ("cli/measured.rs", "formula", "the name of an argument"),
     ("src/effects.rs", "table", "a description of the type of a key"),

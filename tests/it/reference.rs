@@ -12,7 +12,7 @@ fn the_reference_of_keys_is_what_the_descriptions_say() {
 
 #[test]
 fn the_reference_of_mapping_files_is_what_the_descriptions_say() {
-    let schema = proto::config::json_schema(&convert::mapping::SPEC, &convert::mapping::lists());
+    let schema = convert::mapping::schema();
     assert_written("mapping.md", &mapping_page(&schema));
 }
 

@@ -34,7 +34,7 @@ struct Said {
 /// What a key is when absent.
 enum Absent {
     Table,
-    Value(Expr),
+    Value(Box<Expr>),
 }
 
 /// A field, as a key.
@@ -54,7 +54,7 @@ impl<'a> Key<'a> {
                 let is = |name: &str| path.is_ident(name);
                 if is("default") {
                     said.default = Some(match meta.value() {
-                        Ok(value) => Absent::Value(value.parse()?),
+                        Ok(value) => Absent::Value(Box::new(value.parse()?)),
                         Err(_) => Absent::Table,
                     });
                 } else if is("required") {
@@ -245,7 +245,7 @@ impl<'a> Key<'a> {
                     Some(name) if INTEGERS.contains(&name) => {
                         quote!(#kind::Integer((#value) as i64))
                     }
-                    _ => match value {
+                    _ => match &**value {
                         Expr::Lit(ExprLit { lit: Lit::Int(_), .. }) => {
                             quote!(#kind::Integer(#value))
                         }

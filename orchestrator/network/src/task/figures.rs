@@ -21,7 +21,7 @@ pub enum TaskScale {
 /// How many figures there are.
 pub(super) const N: usize = 13;
 
-/// All figures, in the order of [`TaskFigures::values`].
+/// All figures, in the order of their values.
 pub const FIGURES: [FigureSpec<TaskScale>; N] = [
     figure(
         "mean_speed_mps",
