@@ -8,6 +8,7 @@
 //! | [`exchange`] | confirmable CoAP messages and their retransmission |
 //! | [`coap`], [`download`] | kinds with requests and responses |
 //! | [`stream`] | random draws of one application |
+//! | [`packets`], [`ports`] | packets from end to end, and their UDP ports |
 //!
 //! An application is a state machine that decides when it sends what; the mote handles addresses, routes and frames. An
 //! application sends only while the mote is ready ([`App::set_ready`]): packets that would fall in the time before do not exist.
@@ -20,8 +21,10 @@ pub mod config;
 pub mod download;
 pub mod event;
 pub mod exchange;
+pub mod packets;
 pub mod periodic;
 pub mod poisson;
+pub mod ports;
 pub mod sender;
 pub mod stream;
 
@@ -29,11 +32,11 @@ pub use config::{Machine, Spec};
 pub use event::Events;
 pub use sender::{Peer, Sender};
 
+use crate::app::packets::Packets;
+use crate::app::ports::APPLICATION_PORT;
 use crate::dice::Dice;
-use crate::join::ports;
+use crate::join::ports::COAP;
 use crate::lowpan::DropReason;
-use crate::mesh::packets::Packets;
-use crate::mote::ports::APPLICATION_PORT;
 use crate::wire::coap::CoapRepr;
 use crate::wire::datagram::UdpRepr;
 use bytes::Bytes;
@@ -81,7 +84,7 @@ impl Packet {
     pub fn udp(&self) -> UdpRepr {
         let port = match self.content {
             Content::Counted { .. } => APPLICATION_PORT,
-            Content::Coap(_) => ports::COAP,
+            Content::Coap(_) => COAP,
         };
         UdpRepr { source_port: port, destination_port: port, payload: self.payload() }
     }

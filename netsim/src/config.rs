@@ -2,7 +2,6 @@
 
 mod admission;
 mod applications;
-pub mod compat;
 mod energy;
 
 mod lowpan;
@@ -15,9 +14,8 @@ mod standard;
 mod swarm;
 
 use crate::catalogue::Catalogue;
-use crate::mesh::addresses::Addresses;
-use crate::mesh::settings::Settings;
-use crate::phy::interference::{self, Interference};
+use crate::mesh::config::Config;
+use crate::phy::interference;
 use crate::phy::model::Model;
 use crate::phy::propagation::{self, BuildContext, Family, Radio};
 use crate::phy::standard::CHOICES;
@@ -36,45 +34,6 @@ pub const SPEC: TableSpec = Keys::SPEC;
 
 /// Description of `[netsim.phy]`.
 pub const PHY: TableSpec = PhyKeys::SPEC;
-
-/// The hopping sequence of 6TiSCH networks for 16 channels, as the 6TiSCH simulator has it (IEEE Std 802.15.4-2015 default).
-pub const HOPPING_SEQUENCE: [u8; 16] =
-    [16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21];
-
-/// A valid configuration.
-#[derive(Debug)]
-pub struct Config {
-    /// Length of a slot (ns).
-    pub slot_ns: u64,
-    /// Slots to a control period.
-    pub n_slots: u64,
-    /// Channels by absolute slot number; none: frames have no channel.
-    pub hopping_sequence: Vec<u8>,
-    /// Motes that are left out.
-    pub absent: Vec<u32>,
-    /// Height of antennas above planar positions (m).
-    pub antenna_height_m: f64,
-    /// The radio model, shared with the network that uses it.
-    pub model: Arc<Model>,
-    /// What frames that are on the air together do to each other.
-    pub interference: Option<Interference>,
-    /// The protocols, if there are any.
-    pub network: Option<Box<(Settings, Addresses)>>,
-    /// The broadcast medium beside the main network, if there is one.
-    pub second: Option<second::Config>,
-}
-
-/// Length of a slot by the standard's template (ns).
-const STANDARD_SLOT_NS: u64 = 10_000_000;
-
-impl Config {
-    /// What beacons say of the template that times slots and of the sequence of channels: 0, the standard's; 1, another one,
-    /// on which all motes have agreed beforehand.
-    #[must_use]
-    pub fn announced_ids(&self) -> [u8; 2] {
-        [self.slot_ns != STANDARD_SLOT_NS, self.hopping_sequence != HOPPING_SEQUENCE].map(u8::from)
-    }
-}
 
 /// The network and its radio.
 #[derive(Section)]
@@ -389,7 +348,7 @@ pub fn read_phy(
         radio: keys.radio,
         agent_count,
         slot_ns: 1,
-        channels: &HOPPING_SEQUENCE,
+        channels: &crate::phy::standard::o_qpsk_2450::HOPPING_SEQUENCE,
         files,
         problems: Vec::new(),
         warnings: Vec::new(),

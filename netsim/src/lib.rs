@@ -42,4 +42,5 @@ pub mod second;
 pub mod sf;
 pub mod sim;
 pub mod sixtop;
+mod timer;
 pub mod wire;

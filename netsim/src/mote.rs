@@ -2,6 +2,8 @@
 //!
 //! | module | what |
 //! |---|---|
+//! | [`settings`], [`compat`] | what all motes have in common |
+//! | [`addresses`] | which mote has which address |
 //! | `admission` | the way into the network |
 //! | `announce` | what motes tell their neighbours of slots |
 //! | [`down`] | from a datagram to frames in the queue |
@@ -10,30 +12,30 @@
 //! | [`tally`] | what is counted of a mote |
 //! | `security` | which frames are secured, and which are taken |
 //! | `reroute` | another way for datagrams whose way has failed |
-//! | `timer` | the first of several timers |
 //! | `traffic` | what passes between a mote and its applications |
 
+pub mod addresses;
 mod admission;
 mod announce;
+pub mod compat;
 pub mod down;
-pub mod ports;
 pub mod pump;
 mod reroute;
 mod security;
+pub mod settings;
 pub mod tally;
-pub(crate) mod timer;
 mod traffic;
 pub mod up;
 
+use crate::app::packets::Packets;
 use crate::app::{App, Host};
 use crate::dice::Dice;
 use crate::join::{Pledge, Proxy, Registrar};
 use crate::lowpan::{DropReason, Lowpan};
 use crate::mac::queue::{Queued, SWARM_HANDLE};
 use crate::mac::{Cell, CellOptions, Schedule, Tsch};
-use crate::mesh::addresses::Addresses;
-use crate::mesh::packets::Packets;
-use crate::mesh::settings::{Settings, Transport};
+use crate::mote::addresses::Addresses;
+use crate::mote::settings::{Settings, Transport};
 use crate::rpl::Rpl;
 use crate::sf::{AnySf, minimal};
 use crate::sixtop::Sixtop;

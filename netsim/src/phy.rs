@@ -10,6 +10,7 @@
 //! | [`interference`] | what frames that are on the air together do to each other, one file per rule |
 //! | [`model`] | all of these together: [`Model::evaluate`] |
 //! | [`standard`] | physical layers: bands, channels, bit rates, one file each |
+//! | [`timing`] | when things happen within a slot, and how long frames last |
 //! | [`sight`] | what stands between two antennas |
 //! | [`nearest`] | who is near whom |
 //! | `memo` | values kept for arguments that return |
@@ -29,6 +30,7 @@ pub mod reception;
 pub mod scatter;
 pub mod sight;
 pub mod standard;
+pub mod timing;
 
 pub use link::{Covariates, End, Link, Scene};
 pub use model::{LinkBudget, Model};

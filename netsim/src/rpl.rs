@@ -38,7 +38,7 @@ mod tests;
 pub mod trickle;
 
 use crate::dice::Dice;
-use crate::mote::timer::earliest;
+use crate::timer::earliest;
 use crate::wire::Eui64;
 use crate::wire::rpl::RplMessage;
 use dao::Dao;

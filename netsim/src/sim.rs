@@ -2,7 +2,8 @@
 
 use crate::broadcast::Broadcast;
 use crate::catalogue::Catalogue;
-use crate::config::{self, Config, SPEC};
+use crate::config::{self, SPEC};
+use crate::mesh::config::Config;
 use crate::mesh::network::Mesh;
 use crate::place::Place;
 use crate::second::{self, Second};

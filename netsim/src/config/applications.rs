@@ -2,8 +2,8 @@
 
 use crate::app::{Spec, config::Largest};
 use crate::lowpan::parts_of;
-use crate::mesh::settings::Settings;
 use crate::mote::down::HOP_LIMIT;
+use crate::mote::settings::Settings;
 use crate::wire::Eui64;
 use crate::wire::datagram::{Datagram, Upper};
 use crate::wire::security::FrameSecurity;

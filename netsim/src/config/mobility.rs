@@ -1,6 +1,7 @@
 //! `[netsim.mobility]`.
 
 use super::network::Given;
+use crate::mote::settings::Mobility;
 use crate::rpl::Handover;
 use proto::config::{Problem, Section, TableSpec, join};
 use proto::types::NS_PER_S;
@@ -49,23 +50,6 @@ struct Keys {
     /// beacon. RFC 9031 leaves that open.
     #[key(default = false)]
     keep_admission: bool,
-}
-
-/// What motes that move do beyond the standards.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Mobility {
-    /// Motes through which nobody routes or joins, ascending.
-    pub leaves: Vec<u32>,
-    /// Time is taken from beacons of all neighbours that are nearer to the root.
-    pub time_from_beacons: bool,
-    /// Datagrams go another way where one fails.
-    pub reroute: bool,
-    /// Frames for one neighbour follow each other where everyone only listens.
-    pub bursts: bool,
-    /// Who has lost synchronisation scans where beacons are expected.
-    pub scan_hopping: bool,
-    /// Admission outlives synchronisation.
-    pub keep_admission: bool,
 }
 
 /// Makes the settings of the checked table: of motes, and of routing.

@@ -1,14 +1,14 @@
 //! The keys of `mode = "6tisch"`.
 
-use super::compat::Compat;
 use super::{admission, applications, energy, lowpan, mac, mobility, rpl, security, swarm};
 use crate::app;
 use crate::catalogue::Catalogue;
 use crate::energy::Model;
 use crate::mac::{blacklist, effect};
-use crate::medium::slot::timing::Airtime;
-use crate::mesh::addresses::Addresses;
-use crate::mesh::settings::Settings;
+use crate::mote::addresses::Addresses;
+use crate::mote::compat::Compat;
+use crate::mote::settings::Settings;
+use crate::phy::timing::Airtime;
 use crate::sf;
 use crate::sf::oracle::OracleConfig;
 use crate::sixtop;

@@ -1,6 +1,6 @@
 //! `[netsim.rpl]`.
 
-use super::compat::Compat;
+use crate::mote::compat::Compat;
 use crate::rpl::{Config, Mode, Objective, Solicitation};
 use proto::config::{Choice, Section, TableSpec};
 use proto::types::NS_PER_S;

@@ -1,7 +1,7 @@
 //! `[netsim.security]`.
 
-use super::compat::Compat;
 use crate::join::Security;
+use crate::mote::compat::Compat;
 use crate::wire::security::Keys;
 use proto::config::{Problem, Section, TableSpec, join};
 

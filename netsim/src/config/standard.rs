@@ -1,7 +1,8 @@
 //! `netsim.phy.standard`: the physical layer, and what follows from it where it is not configured.
 
-use super::{MODE_6TISCH, STANDARD_SLOT_NS};
+use super::MODE_6TISCH;
 use crate::catalogue::Catalogue;
+use crate::mesh::config::STANDARD_SLOT_NS;
 use crate::phy::model::Model;
 use crate::phy::propagation::{self, Family};
 use crate::phy::standard::{self, Entry};

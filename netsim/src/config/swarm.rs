@@ -1,6 +1,6 @@
 //! `[netsim.swarm]`: how the swarm's payloads travel.
 
-use crate::mesh::settings::Transport;
+use crate::mote::settings::Transport;
 use crate::sf::{self, PayloadCells};
 use proto::config::{Choice, Problem, Section, TableSpec, join};
 

@@ -1,7 +1,7 @@
 //! A mote's clock: how far it has drifted from true time since it was last corrected, and what it has learned of its rate.
 
 use crate::dice::Dice;
-use crate::medium::slot::timing::RX_WAIT_NS;
+use crate::phy::timing::RX_WAIT_NS;
 use crate::wire::Eui64;
 use serde::{Deserialize, Serialize};
 

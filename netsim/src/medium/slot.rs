@@ -4,7 +4,6 @@
 //! |---|---|
 //! | [`air`] | what is on the air, who listens, and what arrives where |
 //! | `lock` | one receiver among the frames that arrive at it |
-//! | [`timing`] | when things happen within a slot |
 //!
 //! First [`SlotMedium::resolve`] says what became of the frames, then, once it is known who acknowledges which of them,
 //! [`SlotMedium::acknowledge`] says what became of the acknowledgments. Both are functions of their arguments: what is kept
@@ -35,7 +34,6 @@
 pub mod air;
 mod lock;
 mod pairing;
-pub mod timing;
 
 #[cfg(test)]
 mod tests;
@@ -43,10 +41,10 @@ mod tests;
 pub use air::{Acknowledgment, Arrival, Listening, OnAir, Paths, Reception, Sent, Slot};
 
 use crate::phy::interference::Rule;
+use crate::phy::timing::{Airtime, TX_ACK_DELAY_NS};
 use lock::{Locker, ReceiverOutcome};
 use pairing::{Ear, Emission, Pairing};
 use proto::rng::Purpose;
-use timing::{Airtime, TX_ACK_DELAY_NS};
 
 /// Resolves slots.
 #[derive(Debug)]

@@ -1,8 +1,8 @@
 //! The frames of a step, for the record.
 
 use super::scratch::Sending;
+use crate::app::ports::SWARM_PORT;
 use crate::mac::tsch::Outgoing;
-use crate::mote::ports::SWARM_PORT;
 use crate::wire::Eui64;
 use crate::wire::datagram::Upper;
 use crate::wire::frame::Content;

@@ -142,7 +142,7 @@ impl ListeningCache {
 mod tests {
     use super::*;
     use crate::mac::tsch::{Config, Listening, channel_of};
-    use crate::medium::slot::timing::Airtime;
+    use crate::phy::timing::Airtime;
     use crate::wire::Eui64;
 
     fn config() -> Config {

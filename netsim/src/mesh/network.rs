@@ -1,21 +1,21 @@
 //! The network as a whole: what a step brings in, slots, and what it reports.
 
-use super::addresses::Addresses;
 use super::calendar::Calendar;
 use super::capture::Capture;
 use super::frames::FrameLog;
 use super::hush::ListeningCache;
 use super::inbox::Inbox;
 use super::oracle::{Waiting, Ways};
-use super::packets::Packets;
 use super::scratch::Scratch;
-use super::settings::Settings;
+use crate::app::packets::Packets;
 use crate::app::{App, Events};
-use crate::config::Config;
 use crate::lowpan::DropReason;
 use crate::medium::jam::Jams;
 use crate::medium::links::Links;
 use crate::medium::slot::SlotMedium;
+use crate::mesh::config::Config;
+use crate::mote::addresses::Addresses;
+use crate::mote::settings::Settings;
 use crate::mote::{Mote, World};
 use crate::place::{self, Place};
 use crate::sf::oracle::OracleConfig;

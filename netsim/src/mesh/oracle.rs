@@ -17,15 +17,15 @@
 //! Payloads of the swarm for everyone are not carried.
 
 use super::network::Mesh;
-use super::packets::PacketKind;
 use crate::app;
+use crate::app::packets::PacketKind;
 use crate::energy::SlotUse;
 use crate::lowpan::DropReason;
 use crate::mac::tsch::channel_of;
 use crate::medium::links::Links;
-use crate::medium::slot::timing::Airtime;
 use crate::medium::slot::{Listening, OnAir, Paths as _, Reception, Sent, Slot};
 use crate::mote::Brought;
+use crate::phy::timing::Airtime;
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;

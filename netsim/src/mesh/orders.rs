@@ -1,7 +1,7 @@
 //! Faults, jamming and traffic that are ordered from outside; motes whose robots come and go.
 
 use super::network::Mesh;
-use super::packets::PacketKind;
+use crate::app::packets::PacketKind;
 use crate::energy;
 use crate::medium::jam::Jam;
 use crate::wire::address::ALL_NODES;

@@ -1,8 +1,8 @@
 //! The swarm's payloads: from what the robots say to frames in the queues.
 
 use super::network::Mesh;
-use super::packets::PacketKind;
-use super::settings::Transport;
+use crate::app::packets::PacketKind;
+use crate::mote::settings::Transport;
 use crate::wire::address::ALL_NODES;
 use bytes::Bytes;
 use proto::side::NetInput;

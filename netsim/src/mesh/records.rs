@@ -1,8 +1,8 @@
 //! What the network reports: states, formation, statistics, schedules, packets.
 
 use super::network::{HeardOf, Mesh};
-use super::packets::PacketKind;
 use crate::app::Counters;
+use crate::app::packets::PacketKind;
 use crate::energy::{self, ACK_BYTES};
 use crate::lowpan::DropReason;
 use crate::mac::CellKind;

@@ -2,9 +2,9 @@
 
 use super::down::{HOP_LIMIT, hops_of};
 use super::{Mote, World};
+use crate::app::packets::PacketKind;
 use crate::join::{Event, Outgoing};
 use crate::lowpan::DropReason;
-use crate::mesh::packets::PacketKind;
 use crate::wire::Eui64;
 use crate::wire::cojp::CojpRepr;
 use crate::wire::datagram::{Datagram, UdpRepr};

@@ -3,7 +3,7 @@
 use super::down::Wanted;
 use super::{Mote, World};
 use crate::mac::CellRef;
-use crate::mesh::settings::Settings;
+use crate::mote::settings::Settings;
 use crate::sf::Traffic;
 use crate::wire::frame::{Content, FrameRepr, MAX_PSDU};
 

@@ -1,12 +1,12 @@
 //! From a datagram to frames in the queue.
 
-use super::ports::{APPLICATION_PORT, SWARM_PORT};
 use super::{Mote, World};
 use crate::app;
+use crate::app::packets::PacketKind;
+use crate::app::ports::{APPLICATION_PORT, SWARM_PORT};
 use crate::lowpan::DropReason;
 use crate::mac::queue::{Priority, Queued, SWARM_HANDLE};
-use crate::mesh::packets::PacketKind;
-use crate::mesh::settings::{Settings, Transport};
+use crate::mote::settings::{Settings, Transport};
 use crate::rpl::Route;
 use crate::sf::Traffic;
 use crate::wire::Eui64;

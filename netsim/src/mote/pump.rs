@@ -1,13 +1,13 @@
 //! What the layers have to say to each other after something happened.
 
 use super::down::{HOP_LIMIT, Wanted};
-use super::timer::earliest;
 use super::{CellsKnown, Mote, World};
 use crate::app::App;
 use crate::lowpan::DropReason;
 use crate::mac::tsch::Due;
 use crate::rpl;
 use crate::sf::{Context, SchedulingFunction, Traffic};
+use crate::timer::earliest;
 use crate::wire::datagram::{Datagram, Upper};
 use crate::wire::frame::Content;
 

@@ -13,7 +13,7 @@
 
 use super::Mote;
 use crate::join::ports;
-use crate::mesh::settings::Settings;
+use crate::mote::settings::Settings;
 use crate::wire::datagram::{Datagram, Upper};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr};

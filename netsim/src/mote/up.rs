@@ -1,8 +1,8 @@
 //! From a received frame to the layer it is for.
 
 use super::down::{Wanted, hops_of};
-use super::ports::{APPLICATION_PORT, SWARM_PORT};
 use super::{Brought, Mote, World};
+use crate::app::ports::{APPLICATION_PORT, SWARM_PORT};
 use crate::join::ports;
 use crate::lowpan::{self, DropReason, LowpanAction, Step};
 use crate::mac::CellRef;

@@ -15,7 +15,7 @@ pub mod o_qpsk_915;
 pub mod sun_fsk_863;
 pub mod sun_fsk_902;
 
-use crate::medium::slot::timing::Airtime;
+use crate::phy::timing::Airtime;
 use proto::config::Choice;
 use serde::{Deserialize, Serialize};
 

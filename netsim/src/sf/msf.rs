@@ -23,8 +23,8 @@ pub(super) mod tests;
 
 use super::{Configured, Context, SchedulingFunction, Traffic};
 use crate::mac::{Cell, CellOptions, CellRef};
-use crate::mote::timer::earliest;
 use crate::sixtop::Event;
+use crate::timer::earliest;
 use crate::wire::Eui64;
 use crate::wire::datagram::code_points;
 use crate::wire::sixp::{SixpCell, SixpRequest};

@@ -2,7 +2,7 @@
 
 use super::table::DataTable;
 use super::{Rejected, Rejections, TWICE, time_of_day};
-use netsim::mesh::packets::PacketKind;
+use netsim::app::packets::PacketKind;
 use proto::bounds::{LATENCY_S, PACKET_TIME_S};
 use std::collections::BTreeSet;
 

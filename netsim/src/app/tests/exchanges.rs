@@ -1,7 +1,7 @@
 //! CoAP exchanges and downloads between a root and motes, message by message.
 
 use super::*;
-use crate::mesh::packets::PacketKind;
+use crate::app::packets::PacketKind;
 use coap::{Coap, Servers, Settings};
 use download::Download;
 use exchange::Timers;

@@ -3,7 +3,7 @@
 use crate::mac::blacklist;
 use crate::mac::queue::Queued;
 use crate::mac::schedule::CellRef;
-use crate::medium::slot::timing::Airtime;
+use crate::phy::timing::Airtime;
 use crate::wire::Eui64;
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,6 @@
 //! What is on the air, who listens, and what arrives where.
 
-use super::timing::{Airtime, RX_OFFSET_NS, RX_WAIT_NS, TX_OFFSET_NS};
+use crate::phy::timing::{Airtime, RX_OFFSET_NS, RX_WAIT_NS, TX_OFFSET_NS};
 use serde::{Deserialize, Serialize};
 
 /// Which slot.

@@ -2,8 +2,8 @@
 
 use super::air::Arrival;
 use super::pairing::{Ear, Emission};
-use super::timing::Airtime;
 use crate::phy::interference::Rule;
+use crate::phy::timing::Airtime;
 use proto::rng::{Draws, Purpose, ordered_link};
 
 /// What became of a receiver, in terms of emissions.

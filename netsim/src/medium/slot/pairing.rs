@@ -1,7 +1,7 @@
 //! Which emissions arrive at which receivers: sparse, by channel and by reach.
 
 use super::air::{Arrival, Listening, Paths, Sent};
-use super::timing::{ACK_WAIT_NS, RX_ACK_DELAY_NS};
+use crate::phy::timing::{ACK_WAIT_NS, RX_ACK_DELAY_NS};
 use proto::rng::Purpose;
 
 /// Something on the air. Times count from the slot's true begin.

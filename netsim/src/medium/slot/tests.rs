@@ -2,12 +2,12 @@
 
 mod plain;
 
-use super::timing::{BYTE_NS, SYNCHRONISATION_NS, airtime_ns};
 use super::*;
 use crate::phy::interference::o_qpsk::OQpsk;
 use crate::phy::interference::table::ByTable;
 use crate::phy::reception::Curve;
 use crate::phy::reception::o_qpsk::OQpsk as NoiseCurve;
+use crate::phy::timing::{BYTE_NS, SYNCHRONISATION_NS, airtime_ns};
 use proto::rng::{Draws, ordered_link};
 
 /// Who hears whom how strongly, and with which probability; the first index is the sender.

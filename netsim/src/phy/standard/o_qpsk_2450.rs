@@ -1,8 +1,11 @@
 //! O-QPSK at 2.4 GHz: 250 kbit/s.
 
 use super::{ChannelPlan, Entry, Modulation, Standard};
-use crate::config::HOPPING_SEQUENCE;
-use crate::medium::slot::timing::Airtime;
+use crate::phy::timing::Airtime;
+
+/// The hopping sequence of 6TiSCH networks for 16 channels, as the 6TiSCH simulator has it (IEEE Std 802.15.4-2015 default).
+pub const HOPPING_SEQUENCE: [u8; 16] =
+    [16, 17, 23, 18, 26, 15, 25, 22, 19, 11, 12, 13, 24, 14, 20, 21];
 
 /// `standard = "o-qpsk-2450"`.
 pub const ENTRY: Entry = Entry {

@@ -1,7 +1,7 @@
 //! O-QPSK at 868 MHz: 100 kbit/s on one channel.
 
 use super::{ChannelPlan, Entry, Modulation, Standard};
-use crate::medium::slot::timing::Airtime;
+use crate::phy::timing::Airtime;
 
 /// `standard = "o-qpsk-868"`.
 ///

@@ -1,7 +1,7 @@
 //! O-QPSK at 915 MHz: 250 kbit/s.
 
 use super::{ChannelPlan, Entry, Modulation, Standard};
-use crate::medium::slot::timing::Airtime;
+use crate::phy::timing::Airtime;
 
 /// `standard = "o-qpsk-915"`.
 ///

@@ -1,7 +1,7 @@
 //! SUN FSK from 863 to 870 MHz, operating mode 1: 50 kbit/s.
 
 use super::{ChannelPlan, Entry, Modulation, Standard};
-use crate::medium::slot::timing::Airtime;
+use crate::phy::timing::Airtime;
 
 /// `standard = "sun-fsk-863"`.
 ///

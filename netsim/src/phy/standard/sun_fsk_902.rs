@@ -1,7 +1,7 @@
 //! SUN FSK from 902 to 928 MHz, operating mode 1: 50 kbit/s.
 
 use super::{ChannelPlan, Entry, Modulation, Standard};
-use crate::medium::slot::timing::Airtime;
+use crate::phy::timing::Airtime;
 
 /// `standard = "sun-fsk-902"`.
 ///

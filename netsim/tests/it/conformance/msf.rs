@@ -3,9 +3,9 @@
 use super::bench::{
     Bench, EAGER, FULL, LINE, NO_KEEP_ALIVES, SLOT_NS, What, line, settings, trace,
 };
+use netsim::app::packets::Packets;
 use netsim::mac::tsch::Done;
 use netsim::mac::{CellOptions, CellRef};
-use netsim::mesh::packets::Packets;
 use netsim::mote::up::Arrived;
 use netsim::mote::{Mote, World};
 use netsim::sf::msf::Msf;

@@ -5,7 +5,7 @@ use netsim::dice::Dice;
 use netsim::mac::queue::{Priority, Queued, SWARM_HANDLE};
 use netsim::mac::tsch::{Config, Done, Outgoing, Transmission};
 use netsim::mac::{Cell, CellKind, CellOptions, CellRef, Schedule, Tsch};
-use netsim::medium::slot::timing::Airtime;
+use netsim::phy::timing::Airtime;
 use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity;

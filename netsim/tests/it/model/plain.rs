@@ -4,25 +4,25 @@
 use super::air::{self, Ear, Emission, Heard};
 use super::scenario::Scenario;
 use crate::harness::STEP_NS;
+use netsim::app::packets::{PacketKind, Packets};
+use netsim::app::ports::SWARM_PORT;
 use netsim::catalogue::Catalogue;
-use netsim::config::Config;
 use netsim::energy::ACK_BYTES;
 use netsim::energy::{SlotUse, Usage};
 use netsim::lowpan::DropReason;
 use netsim::mac::tsch::{Outgoing, Transmission, channel_of};
 use netsim::mac::{CellRef, Schedule};
 use netsim::medium::jam::{Jam, Jams};
-use netsim::medium::slot::timing::{
-    ACK_WAIT_NS, RX_ACK_DELAY_NS, RX_OFFSET_NS, RX_WAIT_NS, TX_ACK_DELAY_NS, TX_OFFSET_NS,
-};
-use netsim::mesh::addresses::Addresses;
-use netsim::mesh::packets::{PacketKind, Packets};
-use netsim::mesh::settings::{Settings, Transport};
-use netsim::mote::ports::SWARM_PORT;
+use netsim::mesh::config::Config;
+use netsim::mote::addresses::Addresses;
+use netsim::mote::settings::{Settings, Transport};
 use netsim::mote::up::Arrived;
 use netsim::mote::{Mote, World};
 use netsim::phy::interference::Rule;
 use netsim::phy::link::End;
+use netsim::phy::timing::{
+    ACK_WAIT_NS, RX_ACK_DELAY_NS, RX_OFFSET_NS, RX_WAIT_NS, TX_ACK_DELAY_NS, TX_OFFSET_NS,
+};
 use netsim::place::{self, Place};
 use netsim::wire::address::ALL_NODES;
 use netsim::wire::datagram::Upper;

@@ -1,13 +1,12 @@
 //! Settings of the network, the same for all motes.
 
 use crate::app;
-use crate::config::compat::Compat;
-use crate::config::mobility::Mobility;
 use crate::energy;
 use crate::join;
 use crate::lowpan;
 use crate::mac::effect::{Burden, NO_BURDEN};
 use crate::mac::tsch;
+use crate::mote::compat::Compat;
 use crate::rpl;
 use crate::sf;
 use crate::sixtop;
@@ -16,6 +15,23 @@ use crate::wire::datagram::{Datagram, Upper};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr, MAX_PSDU, payload_room};
 use crate::wire::security::FrameSecurity;
+
+/// What motes that move do beyond the standards.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mobility {
+    /// Motes through which nobody routes or joins, ascending.
+    pub leaves: Vec<u32>,
+    /// Time is taken from beacons of all neighbours that are nearer to the root.
+    pub time_from_beacons: bool,
+    /// Datagrams go another way where one fails.
+    pub reroute: bool,
+    /// Frames for one neighbour follow each other where everyone only listens.
+    pub bursts: bool,
+    /// Who has lost synchronisation scans where beacons are expected.
+    pub scan_hopping: bool,
+    /// Admission outlives synchronisation.
+    pub keep_admission: bool,
+}
 
 /// Settings of the network, the same for all motes, as checked from the configuration.
 #[derive(Clone, Debug)]

@@ -1,0 +1,44 @@
+//! What a network is made of: a configuration that was read.
+
+use crate::mote::addresses::Addresses;
+use crate::mote::settings::Settings;
+use crate::phy::interference::Interference;
+use crate::phy::model::Model;
+use crate::phy::standard::o_qpsk_2450::HOPPING_SEQUENCE;
+use crate::second;
+use std::sync::Arc;
+
+/// A valid configuration.
+#[derive(Debug)]
+pub struct Config {
+    /// Length of a slot (ns).
+    pub slot_ns: u64,
+    /// Slots to a control period.
+    pub n_slots: u64,
+    /// Channels by absolute slot number; none: frames have no channel.
+    pub hopping_sequence: Vec<u8>,
+    /// Motes that are left out.
+    pub absent: Vec<u32>,
+    /// Height of antennas above planar positions (m).
+    pub antenna_height_m: f64,
+    /// The radio model, shared with the network that uses it.
+    pub model: Arc<Model>,
+    /// What frames that are on the air together do to each other.
+    pub interference: Option<Interference>,
+    /// The protocols, if there are any.
+    pub network: Option<Box<(Settings, Addresses)>>,
+    /// The broadcast medium beside the main network, if there is one.
+    pub second: Option<second::Config>,
+}
+
+/// Length of a slot by the standard's template (ns).
+pub(crate) const STANDARD_SLOT_NS: u64 = 10_000_000;
+
+impl Config {
+    /// What beacons say of the template that times slots and of the sequence of channels: 0, the standard's; 1, another one,
+    /// on which all motes have agreed beforehand.
+    #[must_use]
+    pub fn announced_ids(&self) -> [u8; 2] {
+        [self.slot_ns != STANDARD_SLOT_NS, self.hopping_sequence != HOPPING_SEQUENCE].map(u8::from)
+    }
+}
