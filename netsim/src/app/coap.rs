@@ -15,7 +15,7 @@ use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
 use crate::app::packets::PacketKind;
 use crate::lowpan::DropReason;
 use crate::wire::coap::{CoapRepr, Code, Token, Type};
-use proto::config::{Choice, Either, Section, Variant, variant};
+use proto::config::{Choice, OneOf, Section, Variant, variant};
 use serde::{Deserialize, Serialize};
 
 /// First letter of the path of the resource that is asked for; the number of the application follows.
@@ -72,7 +72,7 @@ struct Keys {
     /// Whom the root asks: one of these, or the number of a mote. Motes without a route and motes whose last exchange is open are
     /// passed over.
     #[key(default = Named::InTurn)]
-    servers: Either<Named, u32>,
+    servers: ServersKey,
     /// Mean time between two requests of the root (s).
     #[key(range = 1e-2..=1e6, default = 10.0)]
     period_s: f64,
@@ -84,6 +84,12 @@ struct Keys {
     response_bytes: u16,
     #[key(flatten)]
     timers: TimerKeys,
+}
+
+#[derive(OneOf)]
+enum ServersKey {
+    Named(Named),
+    One(u32),
 }
 
 #[derive(Choice)]
@@ -189,9 +195,9 @@ impl super::Kind for Coap {
     fn read(reading: &mut Reading<'_>) -> Option<Self> {
         let keys = Keys::read(reading.table);
         let servers = match keys.servers {
-            Either::Second(number) => Servers::One(reading.mote("servers", number)?),
-            Either::First(Named::InTurn) => Servers::InTurn,
-            Either::First(Named::Random) => Servers::Random,
+            ServersKey::One(number) => Servers::One(reading.mote("servers", number)?),
+            ServersKey::Named(Named::InTurn) => Servers::InTurn,
+            ServersKey::Named(Named::Random) => Servers::Random,
         };
         Some(Self::new(Settings {
             servers,

@@ -21,7 +21,7 @@ use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
 use crate::lowpan::DropReason;
 use crate::wire::coap::{Block, CoapRepr, Code, Token, Type};
 use bytes::Bytes;
-use proto::config::{Choice, Either, Problem, Section, Variant, join, variant};
+use proto::config::{Choice, OneOf, Problem, Section, Variant, join, variant};
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -110,8 +110,8 @@ pub struct Download {
 #[derive(Section)]
 struct Keys {
     /// Who downloads.
-    #[key(length = 1.., default = All::All)]
-    targets: Either<All, Vec<u32>>,
+    #[key(default = All::All)]
+    targets: TargetsKey,
     /// The first download begins so long after the root is ready to send (s).
     #[key(range = 0.0..=1e6, default = 0.0)]
     after_s: f64,
@@ -123,6 +123,12 @@ struct Keys {
     block_bytes: u32,
     #[key(flatten)]
     timers: TimerKeys,
+}
+
+#[derive(OneOf)]
+enum TargetsKey {
+    All(All),
+    Listed(#[key(length = 1..)] Vec<u32>),
 }
 
 #[derive(Choice)]
@@ -313,8 +319,8 @@ impl super::Kind for Download {
             reading.problems.push(problem.value(keys.block_bytes).nearest(nearest));
         }
         let targets = match keys.targets {
-            Either::Second(list) => Some(reading.motes("targets", list)),
-            Either::First(All::All) => None,
+            TargetsKey::Listed(list) => Some(reading.motes("targets", list)),
+            TargetsKey::All(All::All) => None,
         };
         let settings = Settings {
             after_ns: ns(keys.after_s),

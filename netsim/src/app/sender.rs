@@ -3,7 +3,7 @@
 use super::config::Largest;
 use super::{Content, Destination, Host, Packet, Reading};
 use crate::dice::Dice;
-use proto::config::{Choice, Either, Section};
+use proto::config::{Choice, OneOf, Section};
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 
@@ -46,14 +46,26 @@ pub struct Sender {
 #[derive(Section)]
 pub(super) struct SenderKeys {
     /// The motes that send.
-    #[key(length = 1.., default = All::All)]
-    senders: Either<All, Vec<u32>>,
+    #[key(default = All::All)]
+    senders: Senders,
     /// The destination: one of these, or the number of a mote.
     #[key(default = Named::Root)]
-    destination: Either<Named, u32>,
+    destination: DestinationKey,
     /// UDP payload of a packet. With headers it must stay below the minimum MTU of IPv6, 1280 bytes.
     #[key(range = 1..=MAX_PAYLOAD_BYTES, default = 30)]
     payload_bytes: u16,
+}
+
+#[derive(OneOf)]
+enum Senders {
+    All(All),
+    Listed(#[key(length = 1..)] Vec<u32>),
+}
+
+#[derive(OneOf)]
+enum DestinationKey {
+    Named(Named),
+    Mote(u32),
 }
 
 #[derive(Choice)]
@@ -82,14 +94,14 @@ impl Sender {
     /// The sender that keys describe; `None`: the destination is no mote, which has been said.
     pub(super) fn of(keys: SenderKeys, reading: &mut Reading<'_>) -> Option<Self> {
         let peer = match keys.destination {
-            Either::First(Named::Root) => Some(Peer::Root),
-            Either::First(Named::Peers) => Some(Peer::Random),
-            Either::First(Named::All) => Some(Peer::All),
-            Either::Second(number) => reading.mote("destination", number).map(Peer::Mote),
+            DestinationKey::Named(Named::Root) => Some(Peer::Root),
+            DestinationKey::Named(Named::Peers) => Some(Peer::Random),
+            DestinationKey::Named(Named::All) => Some(Peer::All),
+            DestinationKey::Mote(number) => reading.mote("destination", number).map(Peer::Mote),
         };
         let senders = match keys.senders {
-            Either::First(All::All) => None,
-            Either::Second(list) => Some(reading.motes("senders", list)),
+            Senders::All(All::All) => None,
+            Senders::Listed(list) => Some(reading.motes("senders", list)),
         };
         Some(Self::new(senders, peer?, keys.payload_bytes))
     }

@@ -189,10 +189,6 @@ impl<'a> Key<'a> {
             let (of, n) = (self.kind_of(&array.elem)?, &array.len);
             return Ok(quote!(::proto::config::Kind::List { of: &#of, min: #n, max: #n }));
         }
-        if let (Some(first), Some(second)) = (within("Either", ty), second_within("Either", ty)) {
-            let kinds = [self.kind_of(first)?, self.kind_of(second)?];
-            return Ok(quote!(::proto::config::Kind::Either(&[#(#kinds),*])));
-        }
         let is_number = matches!(name_of(ty).as_deref(), Some("f64" | "f32"));
         if is_number && self.has_range() {
             let range = self.range()?;
@@ -293,17 +289,6 @@ pub(crate) fn within<'a>(outer: &str, ty: &'a Type) -> Option<&'a Type> {
     let last = path.path.segments.last().filter(|segment| segment.ident == outer)?;
     let PathArguments::AngleBracketed(arguments) = &last.arguments else { return None };
     match arguments.args.first() {
-        Some(GenericArgument::Type(ty)) => Some(ty),
-        _ => None,
-    }
-}
-
-/// `B` of `Either<A, B>`.
-fn second_within<'a>(outer: &str, ty: &'a Type) -> Option<&'a Type> {
-    let Type::Path(path) = ty else { return None };
-    let last = path.path.segments.last().filter(|segment| segment.ident == outer)?;
-    let PathArguments::AngleBracketed(arguments) = &last.arguments else { return None };
-    match arguments.args.iter().nth(1) {
         Some(GenericArgument::Type(ty)) => Some(ty),
         _ => None,
     }

@@ -270,24 +270,6 @@ impl Key for i64 {
     }
 }
 
-/// A value of one of two kinds: the first that fits.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Either<A, B> {
-    /// The one.
-    First(A),
-    /// The other.
-    Second(B),
-}
-
-impl<A: Key, B: Key> Key for Either<A, B> {
-    const KIND: Kind = Kind::Either(&[A::KIND, B::KIND]);
-
-    fn from_value(value: &CheckedValue) -> Option<Self> {
-        let first = A::from_value(value).map(Self::First);
-        first.or_else(|| B::from_value(value).map(Self::Second))
-    }
-}
-
 macro_rules! outside {
     ($($(#[doc = $doc:literal])* $name:ident($inner:ty) = $kind:ident;)*) => {$(
         $(#[doc = $doc])*
