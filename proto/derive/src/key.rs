@@ -13,12 +13,8 @@ use syn::{
 #[derive(Default)]
 struct Said {
     name: Option<String>,
+    role: Role,
     default: Option<Absent>,
-    is_required: bool,
-    is_absent: bool,
-    is_skipped: bool,
-    is_inherited: bool,
-    is_flattened: bool,
     range: Option<Expr>,
     above: Option<Expr>,
     most: Option<Expr>,
@@ -28,11 +24,28 @@ struct Said {
     kind: Option<Expr>,
     field: Option<Expr>,
     doc: Option<Expr>,
-    is_tag: bool,
+}
+
+/// What a field is to its section.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) enum Role {
+    /// A key that the section describes.
+    #[default]
+    Key,
+    /// The key that selects a variant.
+    Tag,
+    /// A section whose keys are among those of this one.
+    Flattened,
+    /// A key that the table around the variant describes.
+    Inherited,
+    /// No key.
+    Skipped,
 }
 
 /// What a key is when absent.
 enum Absent {
+    Required,
+    Nothing,
     Table,
     Value(Box<Expr>),
 }
@@ -58,17 +71,17 @@ impl<'a> Key<'a> {
                         Err(_) => Absent::Table,
                     });
                 } else if is("required") {
-                    said.is_required = true;
-                } else if is("skip") {
-                    said.is_skipped = true;
-                } else if is("flatten") {
-                    said.is_flattened = true;
-                } else if is("inherited") {
-                    said.is_inherited = true;
+                    said.default = Some(Absent::Required);
                 } else if is("absent") {
-                    said.is_absent = true;
+                    said.default = Some(Absent::Nothing);
                 } else if is("tag") {
-                    said.is_tag = true;
+                    said.role = Role::Tag;
+                } else if is("flatten") {
+                    said.role = Role::Flattened;
+                } else if is("inherited") {
+                    said.role = Role::Inherited;
+                } else if is("skip") {
+                    said.role = Role::Skipped;
                 } else if is("name") {
                     said.name = Some(meta.value()?.parse::<LitStr>()?.value());
                 } else {
@@ -94,25 +107,19 @@ impl<'a> Key<'a> {
         Ok(Self { name, doc: first_paragraph(&field.attrs), field, said })
     }
 
-    /// Whether the key selects a variant.
-    pub(crate) fn is_tag(&self) -> bool {
-        self.said.is_tag
+    /// What the field is to its section.
+    pub(crate) fn role(&self) -> Role {
+        self.said.role
     }
 
-    /// Whether the key is one of its section by itself.
-    pub(crate) fn is_described(&self) -> bool {
-        let Said { is_tag, is_skipped, is_flattened, is_inherited, .. } = self.said;
-        !(is_tag || is_skipped || is_flattened || is_inherited)
+    /// The type of its value, where it is there.
+    pub(crate) fn ty(&self) -> &Type {
+        within("Option", &self.field.ty).unwrap_or(&self.field.ty)
     }
 
-    /// Whether the field is a section whose keys are among those of this one.
-    pub(crate) fn is_flattened(&self) -> bool {
-        self.said.is_flattened
-    }
-
-    /// Whether the field is no key.
-    pub(crate) fn is_skipped(&self) -> bool {
-        self.said.is_skipped
+    /// Whether the field may be without a value.
+    pub(crate) fn is_optional(&self) -> bool {
+        within("Option", &self.field.ty).is_some()
     }
 
     /// The name of the variant that a tag selects by default.
@@ -128,11 +135,20 @@ impl<'a> Key<'a> {
         self.said.range.as_ref()
     }
 
-    /// That a description from elsewhere is one of this key, which the compiler then checks.
+    /// What the compiler checks: that a description from elsewhere is one of this key, and that the default of a tag is a variant.
     pub(crate) fn assertion(&self) -> Option<TokenStream> {
-        let (field, name) = (self.said.field.as_ref()?, &self.name);
+        let name = &self.name;
+        let holds = match (&self.said.field, &self.said.default, self.said.role) {
+            (Some(field), ..) => quote!(::proto::config::is_same_text(#field.key, #name)),
+            (None, Some(Absent::Value(default)), Role::Tag) => {
+                let ty = self.ty();
+                let variants = quote!(<#ty as ::proto::config::Alternatives>::VARIANTS);
+                quote!(::proto::config::has_variant(#variants, #default))
+            }
+            _ => return None,
+        };
         Some(quote!(
-            const _: () = assert!(::proto::config::is_of_key(&#field, #name));
+            const _: () = assert!(#holds);
         ))
     }
 
@@ -167,8 +183,7 @@ impl<'a> Key<'a> {
         if let Some(spec) = &said.tables {
             return Ok(quote!(::proto::config::Kind::Tables(&#spec)));
         }
-        let ty = within("Option", &self.field.ty).unwrap_or(&self.field.ty);
-        self.kind_of(ty)
+        self.kind_of(self.ty())
     }
 
     fn kind_of(&self, ty: &Type) -> Result<TokenStream> {
@@ -229,40 +244,24 @@ impl<'a> Key<'a> {
     fn default(&self) -> TokenStream {
         let kind = quote!(::proto::config::Default);
         match &self.said.default {
+            Some(Absent::Required) if self.is_optional() => quote!(#kind::RequiredOrNone),
+            Some(Absent::Required) => quote!(#kind::Required),
+            Some(Absent::Nothing) => quote!(#kind::Absent),
             Some(Absent::Table) => quote!(#kind::Table),
-            Some(Absent::Value(value)) => {
-                match within("Option", &self.field.ty)
-                    .and_then(name_of)
-                    .or_else(|| name_of(&self.field.ty))
-                    .as_deref()
-                {
-                    Some("bool") => quote!(#kind::Bool(#value)),
-                    Some("f64" | "f32") => quote!(#kind::Number(#value)),
-                    Some(name) if INTEGERS.contains(&name) => {
-                        quote!(#kind::Integer((#value) as i64))
-                    }
-                    _ => match &**value {
-                        Expr::Lit(ExprLit { lit: Lit::Int(_), .. }) => {
-                            quote!(#kind::Integer(#value))
-                        }
-                        Expr::Lit(_) => quote!(#kind::Text(#value)),
-                        _ => quote!(#kind::Text(#value.name())),
-                    },
+            Some(Absent::Value(value)) => match (name_of(self.ty()).as_deref(), &**value) {
+                (Some("bool"), _) => quote!(#kind::Bool(#value)),
+                (Some("f64" | "f32"), _) => quote!(#kind::Number(#value)),
+                (Some(name), _) if INTEGERS.contains(&name) => {
+                    quote!(#kind::Integer((#value) as i64))
                 }
+                (_, Expr::Lit(ExprLit { lit: Lit::Int(_), .. })) => quote!(#kind::Integer(#value)),
+                (_, Expr::Lit(_)) => quote!(#kind::Text(#value)),
+                _ => quote!(#kind::Text(#value.name())),
+            },
+            None if self.is_optional() || within("Vec", &self.field.ty).is_some() => {
+                quote!(#kind::Absent)
             }
-            None if self.said.is_absent => quote!(#kind::Absent),
-            None if self.said.is_required && within("Option", &self.field.ty).is_some() => {
-                quote!(#kind::RequiredOrNone)
-            }
-            None if self.said.is_required => quote!(#kind::Required),
-            None => {
-                let ty = &self.field.ty;
-                if within("Option", ty).is_some() || within("Vec", ty).is_some() {
-                    quote!(#kind::Absent)
-                } else {
-                    quote!(#kind::Required)
-                }
-            }
+            None => quote!(#kind::Required),
         }
     }
 }
@@ -284,7 +283,7 @@ pub(crate) fn ends(range: &Expr, greatest: &TokenStream) -> Result<(TokenStream,
 }
 
 /// `T` of `Option<T>` or `Vec<T>`.
-pub(crate) fn within<'a>(outer: &str, ty: &'a Type) -> Option<&'a Type> {
+fn within<'a>(outer: &str, ty: &'a Type) -> Option<&'a Type> {
     let Type::Path(path) = ty else { return None };
     let last = path.path.segments.last().filter(|segment| segment.ident == outer)?;
     let PathArguments::AngleBracketed(arguments) = &last.arguments else { return None };

@@ -2,7 +2,7 @@
 
 use crate::choice::name_of;
 use crate::docs::first_paragraph;
-use crate::key::{Key, within};
+use crate::key::{Key, Role};
 use proc_macro2::TokenStream;
 use quote::quote;
 use syn::spanned::Spanned as _;
@@ -32,11 +32,11 @@ fn table(input: &DeriveInput, fields: &Fields) -> Result<TokenStream> {
     }
     let keys = keys(fields)?;
     let fields = descriptions(&keys)?;
-    let tag = match (open_tag, keys.iter().find(|key| key.is_tag())) {
+    let tag = match (open_tag, keys.iter().find(|key| key.role() == Role::Tag)) {
         (Some(tag), _) => quote!(::std::option::Option::Some(&#tag)),
         (None, Some(key)) => {
             let (name, doc, default) = (&key.name, key.doc(), key.default_variant());
-            let ty = within("Option", &key.field.ty).unwrap_or(&key.field.ty);
+            let ty = key.ty();
             quote!(::std::option::Option::Some(&::proto::config::Tag {
                 key: #name,
                 doc: #doc,
@@ -67,29 +67,26 @@ fn table(input: &DeriveInput, fields: &Fields) -> Result<TokenStream> {
 
 /// The list of descriptions, those of flattened sections in their places.
 fn descriptions(keys: &[Key<'_>]) -> Result<TokenStream> {
-    let own = |keys: &[Key<'_>]| -> Result<TokenStream> {
-        let described = keys.iter().filter(|key| key.is_described());
-        let descriptions = described.map(Key::description).collect::<Result<Vec<_>>>()?;
-        Ok(quote!(&[#(#descriptions),*]))
-    };
-    if !keys.iter().any(Key::is_flattened) {
-        return own(keys);
-    }
     let (mut parts, mut counts) = (Vec::new(), Vec::new());
-    for run in keys.chunk_by(|one, next| one.is_flattened() == next.is_flattened()) {
-        if !run[0].is_flattened() {
-            let n = run.iter().filter(|key| key.is_described()).count();
-            parts.push(own(run)?);
-            counts.push(quote!(#n));
-            continue;
-        }
-        for ty in run.iter().map(|key| &key.field.ty) {
-            let fields = quote!(<#ty as ::proto::config::Section>::SPEC.fields);
-            counts.push(quote!(#fields.len()));
-            parts.push(fields);
+    for run in keys.chunk_by(|one, next| one.role() == next.role()) {
+        match run[0].role() {
+            Role::Key => {
+                let (n, own) = (run.len(), run.iter().map(Key::description));
+                let own = own.collect::<Result<Vec<_>>>()?;
+                counts.push(quote!(#n));
+                parts.push(quote!(&[#(#own),*]));
+            }
+            Role::Flattened => {
+                for ty in run.iter().map(|key| &key.field.ty) {
+                    let fields = quote!(<#ty as ::proto::config::Section>::SPEC.fields);
+                    counts.push(quote!(#fields.len()));
+                    parts.push(fields);
+                }
+            }
+            Role::Tag | Role::Inherited | Role::Skipped => {}
         }
     }
-    Ok(quote!(&::proto::config::joined::<{ #(#counts)+* }>(&[#(#parts),*])))
+    Ok(quote!(&::proto::config::joined::<{ 0 #(+ #counts)* }>(&[#(#parts),*])))
 }
 
 /// The keys of named fields.
@@ -103,25 +100,22 @@ fn keys(fields: &Fields) -> Result<Vec<Key<'_>>> {
 
 /// `field: read(...)`.
 fn value(key: &Key<'_>) -> TokenStream {
-    let (ident, name) = (&key.field.ident, &key.name);
-    if key.is_flattened() {
-        return quote!(#ident: ::proto::config::Section::read(table));
-    }
-    if key.is_skipped() {
-        return quote!(#ident: ::std::default::Default::default());
-    }
-    if key.is_tag() {
-        let is_optional = within("Option", &key.field.ty).is_some();
-        let ty = within("Option", &key.field.ty).unwrap_or(&key.field.ty);
-        let read = quote!(<#ty as ::proto::config::Alternatives>::read(table, #name));
-        return if is_optional {
+    let (ident, name, ty) = (&key.field.ident, &key.name, key.ty());
+    let tag = || quote!(<#ty as ::proto::config::Alternatives>::read(table, #name));
+    match key.role() {
+        Role::Key | Role::Inherited => quote!(#ident: ::proto::config::key(table, #name)),
+        Role::Flattened => quote!(#ident: ::proto::config::Section::read(table)),
+        Role::Skipped => quote!(#ident: ::std::default::Default::default()),
+        Role::Tag if key.is_optional() => {
+            let read = tag();
             quote!(#ident: #read)
-        } else {
-            // A value that is none was refused; the check has put none in its place, since it judges none of the keys that go with it.
+        }
+        // A value that is no variant was refused, and nothing stands in its place: none of the keys that go with it is judged.
+        Role::Tag => {
+            let read = tag();
             quote!(#ident: #read.unwrap_or_else(|| <Self as ::proto::config::Section>::defaults().#ident))
-        };
+        }
     }
-    quote!(#ident: ::proto::config::key(table, #name))
 }
 
 fn variants(own: &Ident, data: &DataEnum) -> Result<TokenStream> {

@@ -129,15 +129,28 @@ pub const fn greatest(of_type: u128) -> i64 {
     if of_type < i64::MAX as u128 { of_type as i64 } else { i64::MAX }
 }
 
-/// Whether a description is that of the key of this name.
+/// Whether two texts are the same, for the compiler.
 #[must_use]
-pub const fn is_of_key(field: &Field, name: &str) -> bool {
-    let (described, name) = (field.key.as_bytes(), name.as_bytes());
+pub const fn is_same_text(one: &str, other: &str) -> bool {
+    let (one, other) = (one.as_bytes(), other.as_bytes());
     let mut place = 0;
-    while place < described.len() && place < name.len() && described[place] == name[place] {
+    while place < one.len() && place < other.len() && one[place] == other[place] {
         place += 1;
     }
-    place == described.len() && place == name.len()
+    place == one.len() && place == other.len()
+}
+
+/// Whether one of the variants has this name.
+#[must_use]
+pub const fn has_variant(variants: &[Variant], name: &str) -> bool {
+    let mut place = 0;
+    while place < variants.len() {
+        if is_same_text(variants[place].name, name) {
+            return true;
+        }
+        place += 1;
+    }
+    false
 }
 
 /// The descriptions of several lists, `N` in all, in one.
