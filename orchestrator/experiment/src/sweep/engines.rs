@@ -44,14 +44,14 @@ pub struct SlurmOptions {
 /// What `murmuration sweep --engine hyperqueue` asks of HyperQueue for each task of its task array.
 #[derive(Clone, Debug, PartialEq, Eq, Section)]
 pub struct HyperQueueOptions {
-    /// Time limit of a task (min). A shard that exceeds it is submitted again and resumes from its journal.
-    #[key(range = 1..=527_040)]
+    /// As for Slurm.
+    #[key(field = SlurmOptions::SPEC.field("time_limit_min"))]
     pub time_limit_min: Option<u32>,
-    /// CPUs of a task: so many trials of a shard run at the same time.
-    #[key(range = 1..=65_536, default = 1)]
+    /// As for Slurm.
+    #[key(field = SlurmOptions::SPEC.field("cpus_per_task"))]
     pub cpus_per_task: u32,
-    /// Lines of bash that each task runs before its shard, as they are.
-    #[key(length = 1..=100)]
+    /// As for Slurm.
+    #[key(field = SlurmOptions::SPEC.field("commands"))]
     pub commands: Vec<ClusterLine>,
 }
 

@@ -1,6 +1,6 @@
 //! The description of a section.
 
-use super::{Lists, Program};
+use super::{Lists, Program, is_same_text};
 
 /// A table: its own keys, and those that depend on one of them.
 #[derive(Clone, Copy, Debug)]
@@ -11,6 +11,22 @@ pub struct TableSpec {
     pub fields: &'static [Field],
     /// A key whose value decides which further keys there are.
     pub tag: Option<&'static Tag>,
+}
+
+impl TableSpec {
+    /// The key of this name, for another table that has it too.
+    ///
+    /// # Panics
+    ///
+    /// If the table lacks it: in a constant, the program does not compile.
+    #[must_use]
+    pub const fn field(&self, key: &str) -> Field {
+        let mut place = 0;
+        while !is_same_text(self.fields[place].key, key) {
+            place += 1;
+        }
+        self.fields[place]
+    }
 }
 
 /// A key that selects a variant: `propagation = "friis"`, `kind = "shadowing"`.
