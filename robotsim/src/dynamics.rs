@@ -79,12 +79,9 @@ pub(crate) struct Measured {
     pub(crate) sd_m: Option<f64>,
 }
 
-/// The body whose contacts are its own.
-const RIGID_BODY: &str = "rigid-body";
-
 /// Whether a checked table is of a body whose contacts are its own.
 pub(crate) fn is_rigid(table: &toml::Table) -> bool {
-    table.get("kind").is_some_and(|kind| kind.as_str() == Some(RIGID_BODY))
+    matches!(Keys::read(table).kind, Some(Body::RigidBody(_)))
 }
 
 /// How robots of one kind move.
