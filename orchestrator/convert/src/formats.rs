@@ -18,6 +18,12 @@ use std::path::Path;
 pub type Open =
     for<'a> fn(&Path, Content<'a>, &toml::Table) -> Result<Box<dyn Rows + 'a>, DataError>;
 
+/// Checks the keys of a format further, in the table at a path.
+pub type Check = fn(&toml::Table, &str, &mut Vec<Problem>);
+
+/// Nothing more is asked of the keys.
+pub const UNCHECKED: Check = |_, _, _| {};
+
 /// A format of logs.
 #[derive(Clone, Copy, Debug)]
 pub struct Format {
@@ -26,8 +32,8 @@ pub struct Format {
     /// Columns of the table, and the fields that they are filled from unless the mapping says otherwise.
     /// Further columns whose name ends in `_node` hold nodes, by number or name.
     pub columns: &'static [(&'static str, &'static str)],
-    /// Checks the format's keys further, in the table at a path.
-    pub check: fn(&toml::Table, &str, &mut Vec<Problem>),
+    /// What its keys must be like beyond their descriptions: [`UNCHECKED`] for nothing.
+    pub check: Check,
     /// Opens a log.
     pub open: Open,
 }

@@ -6,7 +6,7 @@
 //! the last hops, the only ones whose slot is known.
 
 use super::openwsn::{Packet, PacketKeys, PacketLines};
-use super::{Format, Row, Rows, refused};
+use super::{Format, Row, Rows, UNCHECKED, refused};
 use measure::DataError;
 use measure::formats::Content;
 use proto::bounds::ROWS;
@@ -18,7 +18,7 @@ use std::path::Path;
 pub const FORMAT: Format = Format {
     variant: variant::<Keys>("openwsn-transmissions"),
     columns: COLUMNS,
-    check: |_, _, _| {},
+    check: UNCHECKED,
     open,
 };
 
