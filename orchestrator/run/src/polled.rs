@@ -25,7 +25,7 @@ fn block_on(work: Work<'_, ()>) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Serves the built-in network simulator until it is told to stop.
+/// Serves the built-in network simulator until a signal ends it.
 ///
 /// # Errors
 ///
@@ -34,7 +34,7 @@ pub fn serve_network(args: &ServeArgs) -> Result<(), ServeError> {
     proto_host::serve_network(netsim::sim::Network::default(), args)
 }
 
-/// Serves the built-in robot simulator until it is told to stop.
+/// Serves the built-in robot simulator until a signal ends it.
 ///
 /// # Errors
 ///
