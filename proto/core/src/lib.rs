@@ -12,6 +12,7 @@
 //! | [`bounds`] | bounds on what is read, each once |
 //! | [`config`] | configuration as data: one description gives checks, defaults, effective values and JSON Schema |
 //! | [`site`] | walls, obstacles and ground: the place both simulators share |
+//! | [`ids`], [`time`] | numbers of agents and motes, moments and durations: types that cannot be mixed up |
 //! | [`side`] | what a simulator is to the shell around it: a plain object |
 //!
 //! The messages of the contract are in the crate `proto-messages`, the shell that serves a simulator in `proto-host`.
@@ -32,8 +33,10 @@ pub mod digest;
 pub mod effect;
 pub mod exchange;
 pub mod formula;
+pub mod ids;
 pub mod prediction;
 pub mod rng;
 pub mod side;
 pub mod site;
+pub mod time;
 pub mod types;
