@@ -104,8 +104,8 @@ fn table(bytes: &[u8]) {
 
 /// A trace of link quality.
 fn k7(bytes: &[u8]) {
-    let _ = netsim::k7::header(bytes);
-    let _ = netsim::k7::read(bytes);
+    let _ = physics::k7::header(bytes);
+    let _ = physics::k7::read(bytes);
     if bytes.first() == Some(&b'{') {
         table(bytes);
     }

@@ -4,13 +4,13 @@
 //! radio that is on receives with the probability that the physics gives, whatever else is sent in that slot; a radio
 //! may send and receive at once. An agent whose payload is empty says nothing. A step carries the frames that begin in it.
 
-use crate::medium::{Air, Filters, Frame, Radios, reading, resolve};
 use crate::mesh::config::Config;
-use crate::phy::link::{Covariates, Scene};
-use crate::phy::nearest::Grid;
-use crate::phy::propagation::Reach;
-use crate::phy::scatter::Seeds;
 use crate::place::{self, Place};
+use physics::link::{Covariates, Scene};
+use physics::medium::{Air, Filters, Frame, Radios, reading, resolve};
+use physics::nearest::Grid;
+use physics::propagation::Reach;
+use physics::scatter::Seeds;
 use proto::side::{NetInput, NetOutput};
 use proto::site::Site;
 use proto::types::{

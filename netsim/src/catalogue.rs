@@ -2,7 +2,6 @@
 
 use crate::mac::blacklist;
 use crate::mac::effect as mac_effect;
-use crate::phy::{effect, interference, propagation, reception};
 use crate::second;
 use crate::sf;
 use proto::config::{Lists, Registry};
@@ -17,21 +16,15 @@ use std::sync::LazyLock;
 /// use netsim::sim::Network;
 ///
 /// let catalogue = Catalogue::default();
-/// assert!(catalogue.effects.find("two-ray-ground").is_some());
-/// // catalogue.effects.add(&my_effect::ENTRY);
+/// assert!(catalogue.physics.effects.find("two-ray-ground").is_some());
+/// // catalogue.physics.effects.add(&my_effect::ENTRY);
 /// let network = Network::with_catalogue(catalogue);
 /// # drop(network);
 /// ```
 #[derive(Clone, Debug)]
 pub struct Catalogue {
-    /// `netsim.phy.propagation`: base models.
-    pub propagation: Registry<propagation::Entry>,
-    /// `netsim.phy.reception`: curves from power to the probability of reception.
-    pub reception: Registry<reception::Entry>,
-    /// `netsim.phy.interference`: what frames that are on the air together do to each other.
-    pub interference: Registry<interference::Entry>,
-    /// `[[netsim.phy.effect]]`: physical effects on the radio.
-    pub effects: Registry<effect::Entry>,
+    /// `[netsim.phy]`: the radio.
+    pub physics: physics::catalogue::Catalogue,
     /// `[[netsim.mac.effect]]`: effects on what motes do.
     pub mac_effects: Registry<mac_effect::Entry>,
     /// `netsim.mac.blacklist`: rules by which links blacklist channels.
@@ -54,11 +47,8 @@ impl Catalogue {
     /// The lists by name, as the check of a configuration and its JSON Schema need them.
     #[must_use]
     pub fn lists(&self) -> Lists {
-        Lists::default()
-            .with(propagation::LIST, &self.propagation)
-            .with(reception::LIST, &self.reception)
-            .with(interference::LIST, &self.interference)
-            .with(effect::LIST, &self.effects)
+        self.physics
+            .lists()
             .with(mac_effect::LIST, &self.mac_effects)
             .with(blacklist::LIST, &self.blacklists)
             .with(sf::LIST, &self.scheduling_functions)
@@ -69,10 +59,7 @@ impl Catalogue {
 impl Default for Catalogue {
     fn default() -> Self {
         Self {
-            propagation: Registry::new(propagation::BUILT_IN),
-            reception: Registry::new(reception::BUILT_IN),
-            interference: Registry::new(interference::BUILT_IN),
-            effects: Registry::new(effect::BUILT_IN),
+            physics: physics::catalogue::Catalogue::default(),
             mac_effects: Registry::new(mac_effect::BUILT_IN),
             blacklists: Registry::new(blacklist::BUILT_IN),
             scheduling_functions: Registry::new(sf::BUILT_IN),

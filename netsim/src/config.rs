@@ -15,14 +15,11 @@ mod swarm;
 
 use crate::catalogue::Catalogue;
 use crate::mesh::config::Config;
-use crate::phy::interference;
-use crate::phy::model::Model;
-use crate::phy::propagation::{self, BuildContext, Family, Radio};
-use crate::phy::standard::CHOICES;
-use crate::phy::{effect, reception};
 use crate::second;
 use bytes::Bytes;
-use proto::config::{FileReference, Kind, Lists, Node, Problem, Section, TableSpec, check, join};
+use physics::propagation::{self, BuildContext, Family};
+use physics::{interference, section};
+use proto::config::{FileReference, Lists, Node, Problem, Section, TableSpec, check, join};
 use proto::effect::only::refuse_runs;
 use proto::side::Setup;
 use proto::types::{MoteCommandKind, NS_PER_S, seconds};
@@ -31,9 +28,6 @@ use std::sync::Arc;
 
 /// Description of `[netsim]`.
 pub const SPEC: TableSpec = Keys::SPEC;
-
-/// Description of `[netsim.phy]`.
-pub const PHY: TableSpec = PhyKeys::SPEC;
 
 /// The network and its radio.
 #[derive(Section)]
@@ -53,7 +47,7 @@ struct Keys {
     #[key(range = 0..=u32::MAX, length = 0..)]
     absent: Vec<u32>,
     /// The radio.
-    #[key(table = PHY, default)]
+    #[key(table = section::SPEC, default)]
     phy: toml::Table,
     /// A broadcast medium beside the main network, which can carry the robots' payloads. Absent: there is none.
     #[key(table = second::SPEC)]
@@ -82,36 +76,6 @@ impl Keys {
     }
 }
 
-/// The radio.
-#[derive(Section)]
-#[section(tag = propagation::TAG)]
-struct PhyKeys {
-    /// The physical layer of IEEE 802.15.4: channels, bit rate, noise. Absent: o-qpsk-2450.
-    #[key(kind = Kind::Choice(&CHOICES))]
-    standard: Option<String>,
-    #[key(flatten)]
-    radio: Radio,
-    /// Height of antennas above positions (m), if all positions are planar (z = 0).
-    #[key(range = 0.0..=1000.0)]
-    antenna_height_m: Option<f64>,
-    /// Minimum distance (m): smaller distances count as this, because the Friis equation is invalid at short range.
-    #[key(range = 1e-3..=1e3, default = 0.1)]
-    min_distance_m: f64,
-    /// Standard deviation (dB) of normal noise on the RSSI of every frame, clipped at 5 sd. Absent: 0 in a run; estimated when the
-    /// model is compared with measurements.
-    #[key(range = 0.0..=30.0)]
-    noise_sd_db: Option<f64>,
-    /// Reception model: how the RSSI of a frame determines whether it is received.
-    #[key(table = reception::SPEC, default)]
-    reception: toml::Table,
-    /// Interference model: how simultaneous frames affect each other. Used by mode = "6tisch" only.
-    #[key(table = interference::SPEC, default)]
-    interference: toml::Table,
-    /// Physical effects added to the base model; `murmuration effects` lists them.
-    #[key(tables = effect::SPEC)]
-    effect: Vec<toml::Table>,
-}
-
 /// The files that a configuration names.
 #[must_use]
 pub fn files(config: &Node, path: &str, catalogue: &Catalogue) -> Vec<FileReference> {
@@ -131,7 +95,7 @@ pub fn slotframe_slots(config: &Node, agent_count: usize, catalogue: &Catalogue)
     let table = effective(config, catalogue);
     let keys = Keys::read(&table);
     let Some(protocols) = keys.protocols() else { return agent_count as u64 };
-    let physical = standard::of(&keys.phy);
+    let physical = section::physical_layer(&keys.phy);
     let given = network::Given {
         keys: protocols,
         path: "",
@@ -171,8 +135,7 @@ pub fn replay_ns(
     files: &BTreeMap<String, Bytes>,
     catalogue: &Catalogue,
 ) -> Option<u64> {
-    let phy = table.get("phy")?.as_table()?;
-    (catalogue.propagation.selected(phy, &propagation::TAG)?.replay)(phy, files)
+    section::replay_ns(table.get("phy")?.as_table()?, files, &catalogue.physics)
 }
 
 /// Orders that some network obeys.
@@ -205,7 +168,7 @@ pub fn read(
     let mut table = check(&setup.config, &setup.path, &SPEC, &lists, &mut problems).table;
     if let Some(phy) = table.get_mut("phy").and_then(toml::Value::as_table_mut) {
         let path = join(&setup.path, "phy");
-        standard::apply(phy, setup.config.get("phy"), &path, catalogue, &mut problems);
+        section::apply(phy, setup.config.get("phy"), &path, &catalogue.physics, &mut problems);
     }
     let keys = Keys::read(&table);
     let key_path = |key: &str| join(&setup.path, key);
@@ -241,10 +204,10 @@ pub fn read(
 
     let protocols = keys.protocols();
     let is_network = protocols.is_some();
-    let phy = PhyKeys::read(&keys.phy);
-    let base = catalogue.propagation.selected(&keys.phy, &propagation::TAG);
+    let phy = section::Keys::read(&keys.phy);
+    let base = catalogue.physics.propagation.selected(&keys.phy, &propagation::TAG);
     let is_recording = base.is_some_and(|base| base.family == Family::Recording);
-    let physical = crate::phy::standard::find(phy.standard.as_deref());
+    let physical = physics::standard::find(phy.standard.as_deref());
     if is_network && !is_refused {
         let path = key_path("slot_duration_s");
         problems.extend(standard::check_slot(physical, slot_ns, step_ns, &path));
@@ -267,12 +230,12 @@ pub fn read(
         problems: Vec::new(),
         warnings: Vec::new(),
     };
-    let model = model_of(&keys.phy, &phy, catalogue, &mut context, &mut problems);
+    let model = section::model_of(&keys.phy, &phy, &catalogue.physics, &mut context, &mut problems);
     refuse_runs(&phy.effect, &join(&phy_path, "effect"), &mut problems);
     let mut warnings = context.warnings;
     problems.extend(context.problems);
 
-    let interference = interference::build(&phy.interference, &catalogue.interference);
+    let interference = interference::build(&phy.interference, &catalogue.physics.interference);
     let network = protocols.map(|protocols| {
         let given = network::Given {
             keys: protocols,
@@ -322,68 +285,6 @@ pub fn read(
         second,
     };
     Ok((config, table, warnings))
-}
-
-/// Reads `[netsim.phy]` by itself, as a comparison with measurements needs it: the radio without a network.
-///
-/// * `agent_count`: one more than the highest number of a mote.
-/// * `path`: of the section, for problems.
-///
-/// # Errors
-///
-/// Everything that is wrong with it.
-pub fn read_phy(
-    node: &Node,
-    path: &str,
-    agent_count: usize,
-    files: &BTreeMap<String, Bytes>,
-    catalogue: &Catalogue,
-) -> Result<(Model, toml::Table), Vec<Problem>> {
-    let mut problems = Vec::new();
-    let mut table = check(node, path, &PHY, &catalogue.lists(), &mut problems).table;
-    standard::apply(&mut table, Some(node), path, catalogue, &mut problems);
-    let keys = PhyKeys::read(&table);
-    let mut context = BuildContext {
-        path,
-        radio: keys.radio,
-        agent_count,
-        slot_ns: 1,
-        channels: &crate::phy::standard::o_qpsk_2450::HOPPING_SEQUENCE,
-        files,
-        problems: Vec::new(),
-        warnings: Vec::new(),
-    };
-    let model = model_of(&table, &keys, catalogue, &mut context, &mut problems);
-    problems.extend(context.problems);
-    match model.filter(|_| problems.is_empty()) {
-        Some(model) => Ok((model, table)),
-        None => Err(problems),
-    }
-}
-
-/// The model that a checked table of `[netsim.phy]` describes, unless there are problems.
-fn model_of(
-    table: &toml::Table,
-    keys: &PhyKeys,
-    catalogue: &Catalogue,
-    context: &mut BuildContext<'_>,
-    problems: &mut Vec<Problem>,
-) -> Option<Model> {
-    let base = catalogue.propagation.selected(table, &propagation::TAG);
-    let propagation = base.and_then(|base| (base.build)(table, context));
-    let path = join(context.path, "reception");
-    let curve = reception::build(&keys.reception, &path, &catalogue.reception, problems);
-    effect::check(&keys.effect, &join(context.path, "effect"), &catalogue.effects, problems);
-    let effects = effect::build(&keys.effect, &catalogue.effects);
-    let model = Model::new(
-        propagation?,
-        effects,
-        curve?,
-        context.radio,
-        keys.min_distance_m,
-        keys.noise_sd_db,
-    );
-    Some(model.with_channels(standard::of(table).standard.channels))
 }
 
 /// Keys that are written, other than they would be anyway, but decide nothing.

@@ -7,8 +7,8 @@
 //! [`Model::ByLength`] is a regression on the CC2650 (TSCH-Sim), where longer frames cost more. [`Model::ByTime`] is the
 //! only one for other physical layers than 2.4 GHz. None knows what the processor and sensors take, nor what a sleeping mote leaks.
 
-use crate::phy::timing::Airtime;
 use crate::wire::security::OVERHEAD;
+use physics::timing::Airtime;
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 

@@ -2,14 +2,13 @@
 //!
 //! | module | what |
 //! |---|---|
-//! | [`phy`] | radio physics: one file per effect, pure functions of a described link |
-//! | [`medium`] | that physics asked for every link that may matter, fast and with the same result |
 //! | [`broadcast`] | propagation only: every payload is broadcast once in every control period |
 //! | [`second`] | a broadcast medium beside the main network |
 //! | [`sim`] | the simulator as the shell sees it |
-//! | [`catalogue`] | what can be chosen by name in it: the lists of effects, models and scheduling functions |
+//! | [`catalogue`] | what can be chosen by name in it: the lists of scheduling functions, effects, rules and media |
 //! | [`config`] | the `[netsim]` section |
-//! | [`k7`] | traces of link quality |
+//!
+//! The radio is the crate `physics`: its models say what arrives where.
 //!
 //! Nothing here knows what a robot is, reads a clock or a file, or opens a socket. The crate `proto-host` serves
 //! [`sim::Network`] over gRPC; `netsim/process` is the program that does so.
@@ -29,13 +28,10 @@ pub mod config;
 pub mod dice;
 pub mod energy;
 pub mod join;
-pub mod k7;
 pub mod lowpan;
 pub mod mac;
-pub mod medium;
 pub mod mesh;
 pub mod mote;
-pub mod phy;
 pub mod place;
 pub mod rpl;
 pub mod second;

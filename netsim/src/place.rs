@@ -1,6 +1,6 @@
 //! Where things are: the site, the motes, and how far each has moved.
 
-use crate::phy::link::End;
+use physics::link::End;
 use proto::site::Site;
 use proto::types::{AgentStates, Bitmap, MoteCommand, MoteOrder, MovedObstacle};
 use serde::{Deserialize, Serialize};

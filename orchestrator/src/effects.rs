@@ -38,11 +38,11 @@ pub struct Listed {
 /// All effects: radio, robots, then the network.
 #[must_use]
 pub fn all() -> Vec<Listed> {
-    let radio = netsim::catalogue::Catalogue::built_in().effects.iter().map(|entry| Listed {
+    let radio = physics::catalogue::Catalogue::built_in().effects.iter().map(|entry| Listed {
         of: "radio",
         section: "netsim.phy.effect",
         variant: entry.variant,
-        common: netsim::phy::effect::SPEC.fields,
+        common: physics::effect::SPEC.fields,
         about: &entry.about,
         fit: &entry.fit,
     });
@@ -426,7 +426,9 @@ mod tests {
                     let lists = robotsim::catalogue::Catalogue::built_in().lists();
                     (&robotsim::dynamics::effect::SPEC, lists)
                 }
-                _ => (&netsim::mac::effect::SPEC, netsim::catalogue::Catalogue::built_in().lists()),
+                _ => {
+                    (&netsim::mac::effect::SPEC, physics::catalogue::Catalogue::built_in().lists())
+                }
             };
             proto::config::check(&node, "", spec, &lists, &mut problems);
             assert!(problems.is_empty(), "{name}: {problems:?}");

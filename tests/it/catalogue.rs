@@ -28,7 +28,7 @@ fn the_catalogue_is_what_the_effects_say_of_themselves() {
 
 #[test]
 fn the_walk_through_is_the_example_that_the_tests_compile() {
-    let (_, example) = written("netsim/examples/low_antenna.rs");
+    let (_, example) = written("netsim/physics/examples/low_antenna.rs");
     let (_, guide) = written("docs/adding-an-effect.md");
     let (guide, _) = guide.split_once(SHORTEST).unwrap();
     let blocks = blocks(guide);

@@ -25,11 +25,11 @@ const NAMED: &[(&str, &str, &str)] = &[
 fn the_orchestrator_knows_no_entry_of_a_catalogue_by_name() {
     let network = netsim::catalogue::Catalogue::built_in();
     let robots = robotsim::catalogue::Catalogue::built_in();
-    let names: Vec<&str> = (network.effects.iter().map(|entry| entry.variant.name))
+    let names: Vec<&str> = (network.physics.effects.iter().map(|entry| entry.variant.name))
         .chain(network.mac_effects.iter().map(|entry| entry.variant.name))
         .chain(network.scheduling_functions.iter().map(|entry| entry.variant.name))
-        .chain(network.propagation.iter().map(|entry| entry.variant.name))
-        .chain(network.reception.iter().map(|entry| entry.variant.name))
+        .chain(network.physics.propagation.iter().map(|entry| entry.variant.name))
+        .chain(network.physics.reception.iter().map(|entry| entry.variant.name))
         .chain(robots.effects.iter().map(|entry| entry.variant.name))
         .chain(robots.controllers.iter().map(|entry| entry.variant.name))
         .collect();

@@ -7,9 +7,9 @@ use measure::config::{Catalogues, Compared};
 use measure::table::DataTable;
 use metrics::Task;
 use netsim::mac::effect as mac;
-use netsim::phy::effect as radio;
-use netsim::phy::link::Link;
 use network::candidates;
+use physics::effect as radio;
+use physics::link::Link;
 use proto::config::{Default, Field, Kind, Range, Registry, Variant, typed};
 use proto::effect::{About, Fit, Level, Parameter, Role};
 use robotsim::controller::{self, Controller, Demands, Goal, View};
@@ -149,11 +149,17 @@ impl Controller for Row {
     }
 }
 
+fn network() -> netsim::catalogue::Catalogue {
+    let mut network = netsim::catalogue::Catalogue::default();
+    network.physics = catalogues().radio;
+    network.mac_effects.add(&LIGHT);
+    network
+}
+
 fn catalogues() -> Catalogues {
     let mut catalogues = Catalogues::default();
-    catalogues.network.effects.add(&RADIO_TIDE);
-    catalogues.network.effects.add(&RADIO_LUCK);
-    catalogues.network.mac_effects.add(&LIGHT);
+    catalogues.radio.effects.add(&RADIO_TIDE);
+    catalogues.radio.effects.add(&RADIO_LUCK);
     catalogues.robots.effects.add(&ROBOT_TIDE);
     catalogues.robots.controllers.add(&ROW);
     catalogues
@@ -209,7 +215,7 @@ fn a_robot_effect_of_a_users_own_is_a_candidate_and_found() {
 
 #[test]
 fn effects_of_a_users_own_are_tried_on_whole_networks() {
-    let tried = candidates::all(&catalogues().network);
+    let tried = candidates::all(&network());
     let layer = |name: &str| tried.iter().find(|tried| tried.name == name).map(|tried| tried.layer);
     assert_eq!(layer("light-motes"), Some("mac"));
     assert_eq!(layer("radio-tide"), Some("phy"));

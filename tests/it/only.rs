@@ -3,7 +3,7 @@
 use diagnose::Request;
 use measure::config::Compared;
 use measure::table::DataTable;
-use netsim::phy::link::channel_hz;
+use physics::link::channel_hz;
 use proto::effect::Level;
 use std::fmt::Write as _;
 use std::path::Path;

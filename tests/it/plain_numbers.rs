@@ -2,7 +2,7 @@
 //! split, and a constant that all readings are off by.
 
 use measure::config::Compared;
-use netsim::phy::Model;
+use physics::Model;
 use proto::effect::FromModel;
 use serde_json::Value;
 use std::path::Path;

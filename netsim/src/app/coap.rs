@@ -12,10 +12,10 @@ use super::config::Largest;
 use super::exchange::{Answered, Endpoint, Exchange, Timeout, TimerKeys, Timers, coap_packet};
 use super::sender::{MAX_PAYLOAD_BYTES, ns};
 use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
-use crate::app::packets::PacketKind;
 use crate::lowpan::DropReason;
 use crate::wire::coap::{CoapRepr, Code, Token, Type};
 use proto::config::{Choice, OneOf, Section, Variant, variant};
+use proto::types::PacketPurpose;
 use serde::{Deserialize, Serialize};
 
 /// First letter of the path of the resource that is asked for; the number of the application follows.
@@ -172,7 +172,7 @@ impl Coap {
         let (exchange, packet) =
             Exchange::begin(server, get, timers, &mut self.endpoint, cx.now_ns);
         let bytes = u32::from(self.settings.response_bytes);
-        let number = cx.packets.begin(PacketKind::Exchange, own, server, cx.now_ns, bytes);
+        let number = cx.packets.begin(PacketPurpose::Exchange, own, server, cx.now_ns, bytes);
         self.open.push((exchange, number));
         self.counters.requests += 1;
         Some(packet)

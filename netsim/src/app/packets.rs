@@ -1,45 +1,8 @@
 //! Packets from end to end: where each is from, and what becomes of it.
 
+use proto::types::PacketPurpose;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-
-/// What a packet is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum PacketKind {
-    /// An application's.
-    Application,
-    /// The swarm's, to one neighbour.
-    Swarm,
-    /// Ordered from outside.
-    Ordered,
-    /// A request to be admitted, from the pledge to the registrar, or a response, on its way back.
-    Join,
-    /// A CoAP exchange: from the first transmission of the request, by its client, to the response.
-    Exchange,
-    /// A download of a large representation: from its begin to its last block.
-    Download,
-}
-
-impl PacketKind {
-    /// All kinds of packets.
-    pub const ALL: [Self; 6] =
-        [Self::Application, Self::Swarm, Self::Ordered, Self::Join, Self::Exchange, Self::Download];
-    /// Those of a network without applications that use CoAP.
-    pub const WITHOUT_COAP: [Self; 4] = [Self::Application, Self::Swarm, Self::Ordered, Self::Join];
-
-    /// Its name in records.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Application => "app",
-            Self::Swarm => "swarm",
-            Self::Ordered => "ordered",
-            Self::Join => "join",
-            Self::Exchange => "exchange",
-            Self::Download => "download",
-        }
-    }
-}
 
 /// A packet on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,7 +10,7 @@ pub struct Packet {
     /// Its number, from 1, in the order of creation.
     pub id: u64,
     /// What it is for.
-    pub kind: PacketKind,
+    pub kind: PacketPurpose,
     /// Number of the mote that made it.
     pub source: u32,
     /// Number of the mote that it is for.
@@ -85,7 +48,7 @@ pub struct Packets<R> {
     /// Arrivals of packets that had ended before: second copies, or packets that were taken for lost.
     n_late: u64,
     /// By kind.
-    n_created: [u64; PacketKind::ALL.len()],
+    n_created: [u64; PacketPurpose::ALL.len()],
     /// Numbers of the downloads that have begun, by application and mote: a mote has one of each.
     downloads: BTreeMap<(u32, u32), u64>,
 }
@@ -100,7 +63,7 @@ impl<R> Default for Packets<R> {
             n_delivered: 0,
             n_lost: 0,
             n_late: 0,
-            n_created: [0; PacketKind::ALL.len()],
+            n_created: [0; PacketPurpose::ALL.len()],
             downloads: BTreeMap::new(),
         }
     }
@@ -110,7 +73,7 @@ impl<R: Copy> Packets<R> {
     /// A packet sets out. Returns its number.
     pub fn begin(
         &mut self,
-        kind: PacketKind,
+        kind: PacketPurpose,
         source: u32,
         destination: u32,
         created_ns: u64,
@@ -137,7 +100,7 @@ impl<R: Copy> Packets<R> {
         if let Some(&id) = self.downloads.get(&(app, destination)) {
             return (id, false);
         }
-        let id = self.begin(PacketKind::Download, source, destination, created_ns, bytes);
+        let id = self.begin(PacketPurpose::Download, source, destination, created_ns, bytes);
         self.downloads.insert((app, destination), id);
         (id, true)
     }
@@ -177,7 +140,7 @@ impl<R: Copy> Packets<R> {
 
     /// How many of a kind have set out.
     #[must_use]
-    pub fn created(&self, kind: PacketKind) -> u64 {
+    pub fn created(&self, kind: PacketPurpose) -> u64 {
         self.n_created[kind as usize]
     }
 
@@ -213,7 +176,7 @@ mod tests {
     fn a_packet_ends_once_and_all_are_accounted_for() {
         let mut packets = Packets::default();
         let [a, b, c] =
-            [1, 2, 3].map(|source| packets.begin(PacketKind::Application, source, 0, 5, 9));
+            [1, 2, 3].map(|source| packets.begin(PacketPurpose::Application, source, 0, 5, 9));
         assert_eq!(packets.deliver(a, 8, 2).unwrap().source, 1);
         assert!(packets.deliver(a, 9, 2).is_none());
         packets.lose(a, 9, 'x');
@@ -239,6 +202,6 @@ mod tests {
         packets.lose(1, 9, 'x');
         assert_eq!(packets.begin_download(0, 0, 3, 10, 9), (1, false));
         assert!(packets.deliver(1, 11, 1).is_none());
-        assert_eq!((packets.created(PacketKind::Download), packets.late()), (3, 1));
+        assert_eq!((packets.created(PacketPurpose::Download), packets.late()), (3, 1));
     }
 }

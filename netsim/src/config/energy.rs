@@ -1,7 +1,7 @@
 //! `[netsim.energy]`.
 
 use crate::energy::{BATTERY_AA_MAH, Model};
-use crate::phy::timing::Airtime;
+use physics::timing::Airtime;
 use proto::config::{Choice, Problem, Section, TableSpec, join};
 
 /// Description of `[netsim.energy]`.

@@ -3,7 +3,7 @@
 use crate::catalogue::Catalogue;
 use crate::mac::tsch::Config;
 use crate::mac::{blacklist, effect};
-use crate::phy::timing::Airtime;
+use physics::timing::Airtime;
 use proto::config::{Problem, Section, TableSpec, join};
 use proto::types::NS_PER_S;
 

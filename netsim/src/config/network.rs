@@ -8,11 +8,11 @@ use crate::mac::{blacklist, effect};
 use crate::mote::addresses::Addresses;
 use crate::mote::compat::Compat;
 use crate::mote::settings::Settings;
-use crate::phy::timing::Airtime;
 use crate::sf;
 use crate::sf::oracle::OracleConfig;
 use crate::sixtop;
 use crate::wire::Eui64;
+use physics::timing::Airtime;
 use proto::config::{Kind, Problem, Section, join};
 
 /// What the checked table is read with.

@@ -1,81 +1,11 @@
 //! `netsim.phy.standard`: the physical layer, and what follows from it where it is not configured.
 
 use super::MODE_6TISCH;
-use crate::catalogue::Catalogue;
 use crate::mesh::config::STANDARD_SLOT_NS;
-use crate::phy::model::Model;
-use crate::phy::propagation::{self, Family};
-use crate::phy::standard::{self, Entry};
-use crate::phy::{interference, reception};
-use proto::config::{Lists, Node, Problem, TableSpec, Value, check, join, parse};
+use physics::model::Model;
+use physics::standard::Entry;
+use proto::config::{Node, Problem, Value, join};
 use proto::types::seconds;
-
-/// The physical layer of a checked table of `[netsim.phy]`.
-pub(super) fn of(phy: &toml::Table) -> &'static Entry {
-    standard::find(phy.get("standard").and_then(toml::Value::as_str))
-}
-
-/// Fills in what follows from the physical layer of a checked table of `[netsim.phy]` and is not written. Reports what does not go
-/// with it.
-pub(super) fn apply(
-    phy: &mut toml::Table,
-    written: Option<&Node>,
-    path: &str,
-    catalogue: &Catalogue,
-    problems: &mut Vec<Problem>,
-) {
-    let entry = of(phy);
-    let base = catalogue.propagation.selected(phy, &propagation::TAG);
-    let family = base.map(|base| base.family);
-    let tables = [
-        ("reception", &reception::SPEC, entry.standard.reception_toml()),
-        ("interference", &interference::SPEC, entry.standard.interference_toml()),
-    ];
-    let is_written = |key: &str| written.and_then(|phy| phy.get(key)).is_some();
-    for (key, spec, text) in tables {
-        let Some(text) = text else { continue };
-        let own = filled_in(&text, spec, &catalogue.lists());
-        if !is_written(key) {
-            phy.insert(key.to_owned(), own.into());
-            continue;
-        }
-        let decides = key != "reception" || family == Some(Family::Signal);
-        let kind = phy.get(key).and_then(|table| table.get("kind"));
-        let is_own = kind == own.get("kind");
-        let is_measured = phy.get(key).and_then(|table| table.get("points")).is_some();
-        if decides && kind.is_some() && !is_own && !is_measured {
-            let message = format!(
-                "does not apply with standard = {:?}, because it describes receivers of another physical layer",
-                entry.name
-            );
-            let text = |value: Option<&toml::Value>| {
-                value.map_or_else(String::new, toml::Value::to_string)
-            };
-            let path = join(path, &format!("{key}.kind"));
-            let problem = Problem::new(path, message).value(text(kind));
-            problems.push(problem.nearest(text(own.get("kind"))));
-        }
-    }
-    if entry.name == standard::find(None).name {
-        return;
-    }
-    if !is_written("carrier_hz") {
-        phy.insert("carrier_hz".to_owned(), entry.standard.channels.middle_hz().into());
-    }
-    if family == Some(Family::Recording) {
-        let message = "must be the physical layer of the recording, which is of 2.4 GHz";
-        let first = standard::find(None).name;
-        let path = join(path, "standard");
-        let problem = Problem::new(path, message).value(format!("{:?}", entry.name));
-        problems.push(problem.nearest(format!("{first:?}")));
-    }
-}
-
-/// A table of this text with all its defaults.
-fn filled_in(text: &str, spec: &TableSpec, lists: &Lists) -> toml::Table {
-    let node = parse(text).expect("the physical layer states TOML");
-    check(&node, "", spec, lists, &mut Vec::new()).table
-}
 
 /// Reports written channels that the physical layer does not have, even if others are no channels at all.
 pub(super) fn check_channels(

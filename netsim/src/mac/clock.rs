@@ -1,8 +1,8 @@
 //! A mote's clock: how far it has drifted from true time since it was last corrected, and what it has learned of its rate.
 
 use crate::dice::Dice;
-use crate::phy::timing::RX_WAIT_NS;
 use crate::wire::Eui64;
+use physics::timing::RX_WAIT_NS;
 use serde::{Deserialize, Serialize};
 
 /// A crystal, its last correction, and the rate that the mote compensates.

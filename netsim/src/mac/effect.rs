@@ -1,7 +1,7 @@
 //! Effects on what motes do in the network, each `[[netsim.mac.effect]]` of the configuration one of them.
 //!
 //! One file per effect, one list, `BUILT_IN`. An effect that is not configured contributes exactly nothing, and draws nothing.
-//! What the radio does with frames is not here: that is [`crate::phy::effect`].
+//! What the radio does with frames is not here: that is [`physics::effect`].
 
 pub mod ack_loss;
 pub mod clock_drift;

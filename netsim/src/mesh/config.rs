@@ -2,10 +2,10 @@
 
 use crate::mote::addresses::Addresses;
 use crate::mote::settings::Settings;
-use crate::phy::interference::Interference;
-use crate::phy::model::Model;
-use crate::phy::standard::o_qpsk_2450::HOPPING_SEQUENCE;
 use crate::second;
+use physics::interference::Interference;
+use physics::model::Model;
+use physics::standard::o_qpsk_2450::HOPPING_SEQUENCE;
 use std::sync::Arc;
 
 /// A valid configuration.

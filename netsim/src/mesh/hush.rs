@@ -142,8 +142,8 @@ impl ListeningCache {
 mod tests {
     use super::*;
     use crate::mac::tsch::{Config, Listening, channel_of};
-    use crate::phy::timing::Airtime;
     use crate::wire::Eui64;
+    use physics::timing::Airtime;
 
     fn config() -> Config {
         Config {

@@ -1,7 +1,7 @@
 //! The swarm's payloads that were on the air in a step, and who heard them.
 
-use crate::medium::resolve;
 use bytes::Bytes;
+use physics::medium::resolve;
 use proto::types::{Deliveries, DeliveryColumn, EVERYONE, Heard, Medium, Payloads, Transmissions};
 
 /// Transmissions of a step, and receptions of them.

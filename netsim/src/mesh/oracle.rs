@@ -18,15 +18,15 @@
 
 use super::network::Mesh;
 use crate::app;
-use crate::app::packets::PacketKind;
 use crate::energy::SlotUse;
 use crate::lowpan::DropReason;
 use crate::mac::tsch::channel_of;
-use crate::medium::links::Links;
-use crate::medium::slot::{Listening, OnAir, Paths as _, Reception, Sent, Slot};
 use crate::mote::Brought;
-use crate::phy::timing::Airtime;
 use bytes::Bytes;
+use physics::medium::links::Links;
+use physics::medium::slot::{Listening, OnAir, Paths as _, Reception, Sent, Slot};
+use physics::timing::Airtime;
+use proto::types::PacketPurpose;
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -236,7 +236,7 @@ impl Mesh {
                 self.state.motes[place].tally.n_created += 1;
                 let payload = packet.payload();
                 let bytes = payload.len() as u32;
-                let kind = PacketKind::Application;
+                let kind = PacketPurpose::Application;
                 let id =
                     self.state.packets.begin(kind, mote, destination, packet.created_ns, bytes);
                 self.oracle_send(mote, destination, payload, id, asn);

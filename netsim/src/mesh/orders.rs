@@ -1,10 +1,10 @@
 //! Faults, jamming and traffic that are ordered from outside; motes whose robots come and go.
 
 use super::network::Mesh;
-use crate::app::packets::PacketKind;
 use crate::energy;
-use crate::medium::jam::Jam;
 use crate::wire::address::ALL_NODES;
+use physics::medium::jam::Jam;
+use proto::types::PacketPurpose;
 use proto::types::{AgentStates, EVERYONE, MoteCommand, MoteOrder};
 
 impl Mesh {
@@ -114,7 +114,7 @@ impl Mesh {
         if self.has_oracle {
             if destination != EVERYONE {
                 let bytes = payload.len() as u32;
-                let kind = PacketKind::Ordered;
+                let kind = PacketPurpose::Ordered;
                 let packet = self.state.packets.begin(kind, mote, destination, now_ns, bytes);
                 self.oracle_send(mote, destination, payload, packet, asn);
                 self.reschedule(mote, asn);
@@ -128,7 +128,7 @@ impl Mesh {
             let to = self.addresses.eui64(destination).global();
             let bytes = payload.len() as u32;
             let packet =
-                self.state.packets.begin(PacketKind::Ordered, mote, destination, now_ns, bytes);
+                self.state.packets.begin(PacketPurpose::Ordered, mote, destination, now_ns, bytes);
             let (node, mut world) = self.mote_and_world(mote, asn);
             node.say(&mut world, to, payload, packet);
         }

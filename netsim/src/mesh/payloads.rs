@@ -1,11 +1,11 @@
 //! The swarm's payloads: from what the robots say to frames in the queues.
 
 use super::network::Mesh;
-use crate::app::packets::PacketKind;
 use crate::mote::settings::Transport;
 use crate::wire::address::ALL_NODES;
 use bytes::Bytes;
 use proto::side::NetInput;
+use proto::types::PacketPurpose;
 
 impl Mesh {
     /// At the beginning of a control period every mote that is ready takes over what its robot says. Later within a
@@ -53,7 +53,7 @@ impl Mesh {
                     let Some(other) = self.addresses.mote(neighbour) else { continue };
                     let bytes = payload.len() as u32;
                     let packet =
-                        self.state.packets.begin(PacketKind::Swarm, mote, other, now_ns, bytes);
+                        self.state.packets.begin(PacketPurpose::Swarm, mote, other, now_ns, bytes);
                     let (node, mut world) = self.mote_and_world(mote, asn);
                     node.say(&mut world, neighbour.link_local(), payload.clone(), packet);
                 }

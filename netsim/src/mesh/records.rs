@@ -2,13 +2,13 @@
 
 use super::network::{HeardOf, Mesh};
 use crate::app::Counters;
-use crate::app::packets::PacketKind;
 use crate::energy::{self, ACK_BYTES};
 use crate::lowpan::DropReason;
 use crate::mac::CellKind;
 use crate::mote::{Lack, Mote};
 use crate::wire::Eui64;
 use proto::side::{NetInput, NetOutput};
+use proto::types::PacketPurpose;
 use proto::types::{
     self, Bitmap, Formation, HeardLinks, MoteStates, MoteStatistics, NetRecord, Schedule, Statistic,
 };
@@ -107,11 +107,14 @@ impl Mesh {
     fn packets(&mut self) -> types::Packets {
         let mut ended = self.state.packets.take_ended();
         ended.sort_by_key(|ended| (ended.ended_ns, ended.packet.id));
-        let kinds: &[PacketKind] =
-            if self.settings.uses_coap() { &PacketKind::ALL } else { &PacketKind::WITHOUT_COAP };
+        let kinds: &[PacketPurpose] = if self.settings.uses_coap() {
+            &PacketPurpose::ALL
+        } else {
+            &PacketPurpose::WITHOUT_COAP
+        };
         let kinds = kinds.iter().map(|&kind| types::PacketKind {
             name: kind.name().to_owned(),
-            is_application: kind == PacketKind::Application,
+            is_application: kind == PacketPurpose::Application,
             created: self.state.packets.created(kind),
         });
         types::Packets {

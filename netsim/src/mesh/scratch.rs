@@ -1,9 +1,9 @@
 //! Buffers of a slot, kept from slot to slot so that a slot allocates nothing.
 
 use crate::mac::tsch::{Listening, Outgoing, Transmission};
-use crate::medium::slot::{self, Acknowledgment, OnAir, Reception};
 use crate::mote::Brought;
 use crate::wire::frame::FrameRepr;
+use physics::medium::slot::{self, Acknowledgment, OnAir, Reception};
 
 /// What a mote sends in the slot.
 #[derive(Debug)]

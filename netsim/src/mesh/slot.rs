@@ -7,14 +7,14 @@ use super::scratch::{Scratch, Sending};
 use crate::app::ports::SWARM_PORT;
 use crate::energy::{ACK_BYTES, SlotUse};
 use crate::mac::tsch::{Listening, Outgoing, channel_of};
-use crate::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
 use crate::mote::settings::Settings;
 use crate::mote::up::Arrived;
-use crate::phy::timing::TX_ACK_DELAY_NS;
 use crate::wire::datagram::Upper;
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{AckRepr, Content, FrameRepr};
 use bytes::Bytes;
+use physics::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
+use physics::timing::TX_ACK_DELAY_NS;
 use proto::rng::{Draws, Purpose, ordered_link};
 
 /// The payload that a frame carries to everyone, if it is the swarm's.

@@ -2,12 +2,12 @@
 
 use super::down::{HOP_LIMIT, hops_of};
 use super::{Mote, World};
-use crate::app::packets::PacketKind;
 use crate::join::{Event, Outgoing};
 use crate::lowpan::DropReason;
 use crate::wire::Eui64;
 use crate::wire::cojp::CojpRepr;
 use crate::wire::datagram::{Datagram, UdpRepr};
+use proto::types::PacketPurpose;
 
 impl Mote {
     /// Passes on what the join protocol has to say. Returns whether there was anything.
@@ -36,7 +36,7 @@ impl Mote {
     fn begin_join(&self, world: &mut World<'_>, to: Eui64, outgoing: &Outgoing) -> u64 {
         let Some(to) = world.addresses.mote(to) else { return 0 };
         let bytes = outgoing.message.buffer_len() as u32;
-        world.packets.begin(PacketKind::Join, self.id, to, world.now_ns, bytes)
+        world.packets.begin(PacketPurpose::Join, self.id, to, world.now_ns, bytes)
     }
 
     fn send_join(&mut self, world: &mut World<'_>, outgoing: &Outgoing, packet: u64) {

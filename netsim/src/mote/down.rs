@@ -2,7 +2,6 @@
 
 use super::{Mote, World};
 use crate::app;
-use crate::app::packets::PacketKind;
 use crate::app::ports::{APPLICATION_PORT, SWARM_PORT};
 use crate::lowpan::DropReason;
 use crate::mac::queue::{Priority, Queued, SWARM_HANDLE};
@@ -14,6 +13,7 @@ use crate::wire::datagram::{Datagram, UdpRepr, Upper};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr};
 use bytes::Bytes;
+use proto::types::PacketPurpose;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
 use std::sync::Arc;
@@ -172,7 +172,7 @@ impl Mote {
         self.tally.n_created += 1;
         let udp = packet.udp();
         let bytes = udp.payload.len() as u32;
-        let kind = PacketKind::Application;
+        let kind = PacketPurpose::Application;
         let id = world.packets.begin(kind, self.id, mote, packet.created_ns, bytes);
         self.originate(world, to.global(), Upper::Udp(udp), id);
     }

@@ -1,10 +1,10 @@
 //! The robots that take part in a step, and which of them reach each other.
 
-use crate::phy::link::{End, Link, Scene};
-use crate::phy::nearest::Grid;
-use crate::phy::sight::{Path, is_blocked_by_body, off_heading_rad, prepare_bodies};
 use crate::place::{self, Place};
 use bytes::Bytes;
+use physics::link::{End, Link, Scene};
+use physics::nearest::Grid;
+use physics::sight::{Path, is_blocked_by_body, off_heading_rad, prepare_bodies};
 use proto::types::{AgentStates, Payloads};
 
 /// The robots of a step.

@@ -176,8 +176,8 @@ impl Infrared {
 /// What light meets in a step.
 struct Surroundings<'a> {
     around: &'a Around<'a>,
-    scene: crate::phy::link::Scene<'a>,
-    grid: crate::phy::nearest::Grid,
+    scene: physics::link::Scene<'a>,
+    grid: physics::nearest::Grid,
 }
 
 impl SecondMedium for Infrared {

@@ -2,8 +2,8 @@
 
 use super::carried::Carried;
 use super::copies::Copies;
-use crate::medium::resolve;
 use bytes::Bytes;
+use physics::medium::resolve;
 use proto::types::{Deliveries, DeliveryColumn, EVERYONE, Heard, Medium, Payloads, Transmissions};
 
 /// A delivery.

@@ -135,7 +135,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
 fn heard_by(
     (sense, range): (&Reach, &Reach),
     around: &Around<'_>,
-    scene: (&crate::phy::Scene<'_>, &crate::phy::nearest::Grid),
+    scene: (&physics::Scene<'_>, &physics::nearest::Grid),
     sender: u32,
 ) -> dcf::HeardBy {
     let Some(sender) = around.end(sender) else { return dcf::HeardBy::default() };

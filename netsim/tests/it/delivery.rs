@@ -4,9 +4,9 @@ use super::harness::{
     count_heard, network, pairs_of, period, reading_dbm, setup, site, standing_at, started,
 };
 use netsim::catalogue::Catalogue;
-use netsim::phy::propagation::{Reception, friis::friis_dbm};
-use netsim::phy::reception::{Curve as _, table::Table};
-use netsim::phy::{End, Scene};
+use physics::propagation::{Reception, friis::friis_dbm};
+use physics::reception::{Curve as _, table::Table};
+use physics::{End, Scene};
 use proto::types::AgentStates;
 
 /// 4.5 standard errors of a frequency over n draws, plus half a draw: a correct program exceeds it once in 150,000

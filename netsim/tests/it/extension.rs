@@ -4,14 +4,12 @@
 use crate::harness::{interval, pairs_of, period, setup, standing_at, text};
 use netsim::catalogue::Catalogue;
 use netsim::mac::effect::{self as mac, Burden, Duty, Node};
-use netsim::phy::link::Link;
-use netsim::phy::propagation::{
-    self, Family, NOT_REPLAYED, Prediction, Propagation, Reach, Reception,
-};
-use netsim::phy::reception::{self, Curve};
-use netsim::phy::{effect, interference};
 use netsim::sf::{self, Configured, Context, PayloadCells, SchedulingFunction};
 use netsim::sim::Network;
+use physics::link::Link;
+use physics::propagation::{self, Family, NOT_REPLAYED, Prediction, Propagation, Reach, Reception};
+use physics::reception::{self, Curve};
+use physics::{effect, interference};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::About;
 use proto::formula::FIT;
@@ -233,12 +231,12 @@ impl interference::Rule for Peace {
 
 fn catalogue() -> Catalogue {
     let mut catalogue = Catalogue::default();
-    catalogue.effects.add(&LOSS);
+    catalogue.physics.effects.add(&LOSS);
     catalogue.mac_effects.add(&MUTE);
     catalogue.scheduling_functions.add(&ONE_CELL);
-    catalogue.propagation.add(&UPWARDS);
-    catalogue.reception.add(&STEP);
-    catalogue.interference.add(&PEACE);
+    catalogue.physics.propagation.add(&UPWARDS);
+    catalogue.physics.reception.add(&STEP);
+    catalogue.physics.interference.add(&PEACE);
     catalogue
 }
 
@@ -326,7 +324,8 @@ fn a_radio_effect_weakens_what_is_received_in_a_run_and_in_a_comparison() {
     }
     let phy = proto::config::parse(&config(5.0)).unwrap().take("phy").unwrap();
     let files = std::collections::BTreeMap::new();
-    let (model, _) = netsim::config::read_phy(&phy, "netsim.phy", 2, &files, &catalogue()).unwrap();
+    let (model, _) =
+        physics::section::read(&phy, "netsim.phy", 2, &files, &catalogue().physics).unwrap();
     assert_eq!(model.effects[0].name(), "flat-loss");
 }
 

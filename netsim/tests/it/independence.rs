@@ -202,8 +202,8 @@ fn plainly(
     states: &AgentStates,
     period_ns: u64,
 ) -> Vec<(u32, u32, u32)> {
-    use netsim::medium::{Air, Filters, Frame, Radios};
-    use netsim::phy::{End, Scene};
+    use physics::medium::{Air, Filters, Frame, Radios};
+    use physics::{End, Scene};
     let (config, ..) =
         netsim::config::read(setup, Catalogue::built_in()).expect("a valid configuration");
     let n = states.len();

@@ -207,10 +207,10 @@ fn a_failed_configuration_leaves_the_simulator_as_it_was() {
 #[test]
 fn the_schema_lists_every_model_and_effect() {
     let schema = Network::default().config_schema_json();
-    for entry in Catalogue::built_in().propagation.iter() {
+    for entry in Catalogue::built_in().physics.propagation.iter() {
         assert!(schema.contains(&format!("{:?}", entry.variant.name)), "{}", entry.variant.name);
     }
-    for entry in Catalogue::built_in().effects.iter() {
+    for entry in Catalogue::built_in().physics.effects.iter() {
         assert!(schema.contains(&format!("{:?}", entry.variant.name)), "{}", entry.variant.name);
     }
 }

@@ -16,7 +16,7 @@ use crate::simulate;
 use answer::{Power, SCHEMA, Size};
 use measure::config::Compared;
 use measure::table::DataTable;
-use netsim::phy::Model;
+use physics::Model;
 use proto::effect::{Fixed, FromModel, Parameter};
 use proto::rng::{Draws, Purpose};
 use rayon::prelude::*;
@@ -241,7 +241,7 @@ impl<'a> PowerPlan<'a> {
         let ((n_candidates, n_blocks), starts) = match subject {
             Subject::Links => {
                 let (study, _) = open::links(config, table, choices)?;
-                let entry = config.catalogues.network.effects.find(kind);
+                let entry = config.catalogues.radio.effects.find(kind);
                 let from_model = entry.map_or(&[][..], |entry| entry.fit.from_model);
                 let starts = configured_keys(from_model, &study.rows.model);
                 (candidates_and_blocks(&study, question.effect)?, starts)
@@ -256,7 +256,7 @@ impl<'a> PowerPlan<'a> {
         let (parameters, variants, section) = match subject {
             Subject::Links => config
                 .catalogues
-                .network
+                .radio
                 .effects
                 .find(kind)
                 .map(|entry| (entry.fit.parameters, entry.fit.variants, "netsim.phy.effect")),

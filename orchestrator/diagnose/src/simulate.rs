@@ -1,6 +1,6 @@
 //! The campaign that a model would have measured: at the rows of a file, by the radio or the dynamics of a configuration.
 //!
-//! Links go through the same [`Model::evaluate_at`](netsim::phy::Model::evaluate_at) as those of a running simulation, with
+//! Links go through the same [`Model::evaluate_at`](physics::Model::evaluate_at) as those of a running simulation, with
 //! levels drawn by the same keys; robots through the same
 //! [`Physics::advance`](robotsim::dynamics::physics::Physics::advance).
 
@@ -10,9 +10,9 @@ use crate::ladder::Search;
 use measure::config::Compared;
 use measure::links::LinkRow;
 use measure::table::DataTable;
-use netsim::phy::scatter::{Moment, PairBlock};
 use numbers::format::trimmed;
 use numbers::power::square;
+use physics::scatter::{Moment, PairBlock};
 use proto::rng::{Draws, Purpose};
 use std::collections::BTreeMap;
 use study::COMMON;

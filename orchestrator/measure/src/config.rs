@@ -1,6 +1,6 @@
 //! The part of a configuration that is compared with measurements.
 
-use netsim::phy::Model;
+use physics::Model;
 use proto::config::{Node, Problem, Refusal, Value};
 use proto::site::{self, Site};
 use std::collections::BTreeMap;
@@ -28,7 +28,7 @@ pub struct Compared {
 #[derive(Clone, Debug, Default)]
 pub struct Catalogues {
     /// Of `[netsim]`.
-    pub network: netsim::catalogue::Catalogue,
+    pub radio: physics::catalogue::Catalogue,
     /// Of `[robotsim]`.
     pub robots: robotsim::catalogue::Catalogue,
 }
@@ -118,8 +118,8 @@ impl Compared {
     /// Every problem that `[netsim.phy]` has, with its place.
     pub fn radio(&self, n_motes: usize) -> Result<(Model, toml::Table), Refusal> {
         let phy = self.section("netsim", "phy");
-        let catalogue = &self.catalogues.network;
-        netsim::config::read_phy(&phy, "netsim.phy", n_motes, &BTreeMap::new(), catalogue)
+        let catalogue = &self.catalogues.radio;
+        physics::section::read(&phy, "netsim.phy", n_motes, &BTreeMap::new(), catalogue)
             .map_err(|problems| self.refuse(problems))
     }
 

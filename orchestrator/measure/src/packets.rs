@@ -2,8 +2,8 @@
 
 use super::table::DataTable;
 use super::{Rejected, Rejections, TWICE, time_of_day};
-use netsim::app::packets::PacketKind;
 use proto::bounds::{LATENCY_S, PACKET_TIME_S};
+use proto::types::PacketPurpose;
 use std::collections::BTreeSet;
 
 /// A packet from end to end.
@@ -41,7 +41,7 @@ pub struct MeasuredPackets {
 /// Kinds that nobody measured: packets that a network sends by itself to form, and exchanges and downloads, whose messages are packets
 /// of their own.
 pub const NOT_MEASURED: [&str; 3] =
-    [PacketKind::Join.name(), PacketKind::Exchange.name(), PacketKind::Download.name()];
+    [PacketPurpose::Join.name(), PacketPurpose::Exchange.name(), PacketPurpose::Download.name()];
 
 /// Columns of packets as people write them.
 const COLUMNS: [&str; 4] = ["time_s", "source", "destination", "received_s"];

@@ -44,7 +44,7 @@ pub fn all(catalogue: &Catalogue) -> Vec<CandidateEffect> {
             fixed: fixed.iter().map(|(key, value)| (*key, value.value())).collect(),
         });
     }
-    for entry in catalogue.effects.iter() {
+    for entry in catalogue.physics.effects.iter() {
         let (Some(parameter), Some(fixed)) = (entry.fit.parameters.first(), entry.fit.in_runs)
         else {
             continue;

@@ -2,13 +2,13 @@
 
 use super::DECIMALS;
 use super::Listed;
-use netsim::catalogue::Catalogue;
-use netsim::phy::effect::{self, Effect};
-use netsim::phy::link::{Covariates, End, Link, Scene, channel_hz};
-use netsim::phy::reception::Curve as _;
-use netsim::phy::reception::table::Table;
-use netsim::phy::scatter::{Moment, PairBlock, Renewal};
 use numbers::format::trimmed;
+use physics::catalogue::Catalogue;
+use physics::effect::{self, Effect};
+use physics::link::{Covariates, End, Link, Scene, channel_hz};
+use physics::reception::Curve as _;
+use physics::reception::table::Table;
+use physics::scatter::{Moment, PairBlock, Renewal};
 use proto::site::{Foliage, Site, Wall};
 use report::svg::{Axis, Chart};
 use schemars::JsonSchema;

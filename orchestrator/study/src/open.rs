@@ -309,7 +309,7 @@ pub fn links(
         predicted_by: None,
     };
     account.warnings.extend(absent(config, &rows));
-    let study = LinkStudy::new(rows, fixed_sd_db, &choices, &config.catalogues.network)?;
+    let study = LinkStudy::new(rows, fixed_sd_db, &choices, &config.catalogues.radio)?;
     account.warnings.extend(study.fallback().map(str::to_owned));
     account.warnings.extend(too_few(&study));
     Ok((study, account))
@@ -324,7 +324,7 @@ struct Limited {
 
 impl Limited {
     const LINKS: Self =
-        Self { side: "netsim", section: "phy", columns_of: netsim::phy::effect::only::columns };
+        Self { side: "netsim", section: "phy", columns_of: physics::effect::only::columns };
     const ROBOTS: Self = Self {
         side: "robotsim",
         section: "dynamics",
@@ -368,7 +368,7 @@ fn unknown_columns(config: &Compared, limited: &Limited, columns: Vec<&str>) -> 
 
 /// Effects that are limited to some links and vary at random, or have a curve of reception of their own: the likelihood has one
 /// distribution and one curve for all rows.
-fn limited_at_random(model: &netsim::phy::Model) -> Vec<Problem> {
+fn limited_at_random(model: &physics::Model) -> Vec<Problem> {
     let effects = model.effects.iter().enumerate().filter(|(_, effect)| effect.is_limited());
     let changes_all = effects.filter(|(_, it)| it.scatter().is_some() || it.curve().is_some());
     changes_all

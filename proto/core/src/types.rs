@@ -3,8 +3,8 @@
 mod records;
 
 pub use records::{
-    Formation, FrameOutcome, Frames, HeardLinks, MoteStatistics, NetRecord, PacketKind, Packets,
-    Schedule, Statistic, is_statistic_name,
+    Formation, FrameOutcome, Frames, HeardLinks, MoteStatistics, NetRecord, PacketKind,
+    PacketPurpose, Packets, Schedule, Statistic, is_statistic_name,
 };
 
 use bytes::Bytes;

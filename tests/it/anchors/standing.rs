@@ -3,9 +3,9 @@
 use super::{
     COMPAT, Group, NS_PER_S, NetRecord, Standing, compat, digits, wants_whole_tables, without,
 };
-use netsim::phy::propagation::friis::friis_dbm;
-use netsim::phy::reception::Curve as _;
-use netsim::phy::reception::table::Table;
+use physics::propagation::friis::friis_dbm;
+use physics::reception::Curve as _;
+use physics::reception::table::Table;
 use proto::rng::{Draws, Purpose};
 use rayon::prelude::*;
 use std::fmt::Write as _;

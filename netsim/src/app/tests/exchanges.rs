@@ -1,10 +1,10 @@
 //! CoAP exchanges and downloads between a root and motes, message by message.
 
 use super::*;
-use crate::app::packets::PacketKind;
 use coap::{Coap, Servers, Settings};
 use download::Download;
 use exchange::Timers;
+use proto::types::PacketPurpose;
 
 /// Those of RFC 7252, § 4.8.
 pub(super) const TIMERS: Timers =
@@ -373,7 +373,7 @@ fn a_trigger_that_arrives_after_it_was_given_up_counts_no_second_download() {
     let block = give(&mut root, 1, &get, later_ns, &mut world).unwrap();
     assert_eq!(give(&mut mote, 0, &block, later_ns, &mut world), None);
     assert_eq!((mote.poll_timeout(), world.packets.take_ended()), (None, vec![]));
-    assert_eq!((world.packets.created(PacketKind::Download), world.packets.late()), (1, 1));
+    assert_eq!((world.packets.created(PacketPurpose::Download), world.packets.late()), (1, 1));
 }
 
 /// The mote has begun and nothing that it sends arrives: both ends give up, and it is one download that failed.
@@ -415,7 +415,7 @@ fn a_reboot_of_either_end_begins_no_second_download() {
         assert_eq!(mote.poll_timeout(), None);
         let [ended] = &world.packets.take_ended()[..] else { panic!("one download") };
         assert_eq!(ended.lost, Some(DropReason::Killed));
-        assert_eq!(world.packets.created(PacketKind::Download), 1);
+        assert_eq!(world.packets.created(PacketPurpose::Download), 1);
     }
 }
 

@@ -3,8 +3,8 @@
 use crate::mac::blacklist;
 use crate::mac::queue::Queued;
 use crate::mac::schedule::CellRef;
-use crate::phy::timing::Airtime;
 use crate::wire::Eui64;
+use physics::timing::Airtime;
 use serde::{Deserialize, Serialize};
 
 /// Settings of the MAC, the same for all motes.

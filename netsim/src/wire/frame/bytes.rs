@@ -8,8 +8,7 @@ use crate::wire::security::{FrameSecurity, Keys};
 use crate::wire::sink::{Put, Sink, length_of, write};
 use crate::wire::slots::OUI;
 
-/// Greatest length of a PSDU (bytes), FCS included (11.3: aMaxPhyPacketSize).
-pub const MAX_PSDU: usize = 127;
+pub use physics::timing::MAX_PSDU_BYTES as MAX_PSDU;
 /// Identifier of the one network there is.
 pub const NETWORK_PAN: u16 = 0xabcd;
 /// Length of the frame check sequence (bytes).

@@ -3,11 +3,11 @@
 use super::bench::{Bench, EAGER, LINE, What, line, own_cells, set_up, trace};
 use crate::harness::{network, pairs_of, period, reading_dbm, standing_at, text};
 use netsim::catalogue::Catalogue;
-use netsim::medium::links::Links;
-use netsim::medium::slot::Sent;
-use netsim::phy::End;
-use netsim::phy::propagation::friis::friis_dbm;
-use netsim::phy::reception::{Curve as _, table::Table};
+use physics::End;
+use physics::medium::links::Links;
+use physics::medium::slot::Sent;
+use physics::propagation::friis::friis_dbm;
+use physics::reception::{Curve as _, table::Table};
 use std::sync::Arc;
 
 #[test]

@@ -1,10 +1,10 @@
 //! Secured networks: RFC 8180, § 4.6; RFC 9031, § 5.
 
 use super::bench::{Bench, EAGER, FULL, LINE, OnAir, SLOT_NS, What, line, trace};
-use netsim::phy::timing::Airtime;
 use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity::{K1, K2, Unsecured};
+use physics::timing::Airtime;
 
 const SECURED: &str = "[security]\n";
 

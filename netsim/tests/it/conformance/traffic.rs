@@ -139,7 +139,7 @@ fn a_download_in_which_an_end_reboots_is_one_download() {
         let downloads: Vec<&Ended> = of_kind(&bench, "download").collect();
         let [download] = downloads[..] else { panic!("{downloads:?}") };
         assert!(download.created_ns < download.ended_ns);
-        let counts = bench.mesh.state().packets.created(netsim::app::packets::PacketKind::Download);
+        let counts = bench.mesh.state().packets.created(proto::types::PacketPurpose::Download);
         assert_eq!(counts, 1);
     }
 }

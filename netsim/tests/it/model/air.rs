@@ -1,11 +1,11 @@
 //! The air, naively: every emission at every ear, link by link, straight from the physics.
 
-use netsim::medium::jam::Jams;
-use netsim::phy::interference::Rule;
-use netsim::phy::link::{Covariates, End, Scene};
-use netsim::phy::model::Model;
-use netsim::phy::scatter::{Moment, PairBlock, Renewal};
-use netsim::phy::timing::{SYNCHRONISATION_NS, airtime_ns};
+use physics::interference::Rule;
+use physics::link::{Covariates, End, Scene};
+use physics::medium::jam::Jams;
+use physics::model::Model;
+use physics::scatter::{Moment, PairBlock, Renewal};
+use physics::timing::{SYNCHRONISATION_NS, airtime_ns};
 use proto::rng::{Draws, Purpose, ordered_link};
 use proto::site::Site;
 

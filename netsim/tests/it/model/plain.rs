@@ -4,7 +4,7 @@
 use super::air::{self, Ear, Emission, Heard};
 use super::scenario::Scenario;
 use crate::harness::STEP_NS;
-use netsim::app::packets::{PacketKind, Packets};
+use netsim::app::packets::Packets;
 use netsim::app::ports::SWARM_PORT;
 use netsim::catalogue::Catalogue;
 use netsim::energy::ACK_BYTES;
@@ -12,23 +12,24 @@ use netsim::energy::{SlotUse, Usage};
 use netsim::lowpan::DropReason;
 use netsim::mac::tsch::{Outgoing, Transmission, channel_of};
 use netsim::mac::{CellRef, Schedule};
-use netsim::medium::jam::{Jam, Jams};
 use netsim::mesh::config::Config;
 use netsim::mote::addresses::Addresses;
 use netsim::mote::settings::{Settings, Transport};
 use netsim::mote::up::Arrived;
 use netsim::mote::{Mote, World};
-use netsim::phy::interference::Rule;
-use netsim::phy::link::End;
-use netsim::phy::timing::{
-    ACK_WAIT_NS, RX_ACK_DELAY_NS, RX_OFFSET_NS, RX_WAIT_NS, TX_ACK_DELAY_NS, TX_OFFSET_NS,
-};
 use netsim::place::{self, Place};
 use netsim::wire::address::ALL_NODES;
 use netsim::wire::datagram::Upper;
 use netsim::wire::fragment::LowpanRepr;
 use netsim::wire::frame::{Content, FrameRepr};
+use physics::interference::Rule;
+use physics::link::End;
+use physics::medium::jam::{Jam, Jams};
+use physics::timing::{
+    ACK_WAIT_NS, RX_ACK_DELAY_NS, RX_OFFSET_NS, RX_WAIT_NS, TX_ACK_DELAY_NS, TX_OFFSET_NS,
+};
 use proto::rng::Purpose;
+use proto::types::PacketPurpose;
 use proto::types::{AgentStates, MoteOrder};
 
 /// The plain network.
@@ -180,7 +181,7 @@ impl Plain {
                     let to = self.addresses.eui64(destination).global();
                     let now_ns = asn * self.config.slot_ns;
                     let bytes = payload.len() as u32;
-                    let kind = PacketKind::Ordered;
+                    let kind = PacketPurpose::Ordered;
                     let packet = self.packets.begin(kind, mote, destination, now_ns, bytes);
                     self.with(mote, asn, asn, |mote, world| {
                         mote.say(world, to, payload, packet);
@@ -229,7 +230,8 @@ impl Plain {
                     for neighbour in neighbours {
                         let to = self.addresses.mote(neighbour).expect("it was heard");
                         let bytes = payload.len() as u32;
-                        let packet = self.packets.begin(PacketKind::Swarm, mote, to, now_ns, bytes);
+                        let packet =
+                            self.packets.begin(PacketPurpose::Swarm, mote, to, now_ns, bytes);
                         let payload = payload.clone();
                         self.with(mote, asn, asn, |mote, world| {
                             mote.say(world, neighbour.link_local(), payload, packet);

@@ -17,7 +17,7 @@ fn read(path: &Path, content: Content<'_>) -> Result<DataTable, DataError> {
     let bytes = K7_BYTES
         .read(content)
         .map_err(|source| DataError::Read { path: path.to_owned(), source })?;
-    let trace = netsim::k7::read(&bytes).map_err(|complaints| DataError::Format {
+    let trace = physics::k7::read(&bytes).map_err(|complaints| DataError::Format {
         path: path.to_owned(),
         message: complaints.first().map_or_else(String::new, ToString::to_string),
     })?;
@@ -25,9 +25,9 @@ fn read(path: &Path, content: Content<'_>) -> Result<DataTable, DataError> {
 }
 
 /// The rows of a K7 trace as an aggregated link table.
-fn table_of(trace: &netsim::k7::K7) -> DataTable {
+fn table_of(trace: &physics::k7::K7) -> DataTable {
     let column_of =
-        |value: &dyn Fn(&netsim::k7::Row) -> f64| trace.rows.iter().map(value).collect();
+        |value: &dyn Fn(&physics::k7::Row) -> f64| trace.rows.iter().map(value).collect();
     let columns: [(&str, Vec<f64>); 8] = [
         ("time_s", column_of(&|row| row.from_ns as f64 * 1e-9)),
         // Days since the first row, so that each has its own number.

@@ -9,7 +9,7 @@ use super::evidence::{Evidence, p_value_by_blocks};
 use super::{Correction, Defect};
 use crate::thresholds::{FEWEST_HEADING_MOMENTS, HEADING_AGREES, HEADING_TESTS, LEAST_HEADING_MPS};
 use measure::links::LinkRow;
-use netsim::phy::link::End;
+use physics::link::End;
 use std::collections::BTreeSet;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

@@ -4,9 +4,9 @@ use super::likelihood::RowPrediction;
 use super::reception::PowerMixture;
 use super::register::{PowerRange, Register};
 use super::rows::ModelledLinks;
-use netsim::phy::effect::Effect;
-use netsim::phy::link::Link;
-use netsim::phy::scatter::Renewal;
+use physics::effect::Effect;
+use physics::link::Link;
+use physics::scatter::Renewal;
 use proto::rng::Purpose;
 use std::sync::Arc;
 

@@ -6,7 +6,7 @@
 use super::active::ActiveEffect;
 use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
-use netsim::phy::effect::Effect;
+use physics::effect::Effect;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 

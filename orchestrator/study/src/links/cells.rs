@@ -8,7 +8,7 @@
 mod step;
 
 use super::rows::ModelledLinks;
-use netsim::phy::scatter::{Law, Renewal};
+use physics::scatter::{Law, Renewal};
 
 pub use step::{NewtonStep, Solver};
 

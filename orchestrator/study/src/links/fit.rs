@@ -9,8 +9,8 @@ use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
 use crate::StopFlag;
 use nalgebra::{DMatrix, DVector};
-use netsim::phy::effect::Effect;
 use numbers::power::square;
+use physics::effect::Effect;
 use proto::effect;
 use std::sync::Arc;
 

@@ -433,7 +433,7 @@ pub fn normal_crps(deviation: f64, sd: f64) -> f64 {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use netsim::phy::reception::table::Table;
+    use physics::reception::table::Table;
 
     fn instrument(sd_db: f64) -> Instrument {
         let curve = SampledCurve::tabulate(&Table::dust());

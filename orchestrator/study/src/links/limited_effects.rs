@@ -8,7 +8,7 @@ use super::terms::{TermSpec, TermState};
 use crate::limits::{NotLimited, limited_name};
 use crate::thresholds::LIMITED_OBSTACLE_NATS;
 use crate::{Candidate, Study as _};
-use netsim::phy::effect::only;
+use physics::effect::only;
 use proto::effect::{Level, Search};
 
 impl LinkStudy {

@@ -6,7 +6,7 @@ use super::terms::{TermSpec, TermState};
 use crate::Study as _;
 use crate::linear::{Column, Dependence, Direction, Group, Linearised, Partition, numbered};
 use crate::thresholds::{NODE_SQUARES_ACROSS, SHORTEST_CLUSTER_SHARE};
-use netsim::phy::link::End;
+use physics::link::End;
 use proto::effect::Search;
 use std::collections::BTreeMap;
 

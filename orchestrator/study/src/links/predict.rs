@@ -9,8 +9,8 @@ use super::terms::TermSpec;
 use crate::symbolic::{self, FittedFormula, UnexplainedResiduals};
 use crate::thresholds::LEAST_EXPECTED_PASS;
 use crate::{Component, PredictionDifference, Residuals, RowScore};
-use netsim::phy::effect::formula::NAMES;
 use numbers::statistics::mean_ignoring_nan;
+use physics::effect::formula::NAMES;
 use proto::effect::CONSTANT;
 use std::collections::BTreeMap;
 

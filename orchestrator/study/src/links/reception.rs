@@ -1,7 +1,7 @@
 //! The probability that a frame passes, over everything about its strength that is not seen.
 
 use crate::thresholds::STRAY_FRAMES;
-use netsim::phy::reception::Curve;
+use physics::reception::Curve;
 
 /// Step of the tables (dB).
 const STEP_DB: f64 = 0.1;

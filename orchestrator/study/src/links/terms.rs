@@ -2,7 +2,7 @@
 
 use crate::formula::{FormulaCandidate, set};
 use crate::{CURVE, FINE, LOSS_CURVE, knots};
-use netsim::phy::effect::{Effect, Entry, build_one};
+use physics::effect::{Effect, Entry, build_one};
 use proto::config::{Default, Registry};
 use proto::effect::{CONSTANT, Parameter, Search, only};
 use std::sync::Arc;

@@ -31,6 +31,44 @@ impl NetRecord {
     }
 }
 
+/// What a packet is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum PacketPurpose {
+    /// An application's.
+    Application,
+    /// The swarm's, to one neighbour.
+    Swarm,
+    /// Ordered from outside.
+    Ordered,
+    /// A request to be admitted, from the pledge to the registrar, or a response, on its way back.
+    Join,
+    /// A CoAP exchange: from the first transmission of the request, by its client, to the response.
+    Exchange,
+    /// A download of a large representation: from its begin to its last block.
+    Download,
+}
+
+impl PacketPurpose {
+    /// All kinds of packets.
+    pub const ALL: [Self; 6] =
+        [Self::Application, Self::Swarm, Self::Ordered, Self::Join, Self::Exchange, Self::Download];
+    /// Those of a network without applications that use CoAP.
+    pub const WITHOUT_COAP: [Self; 4] = [Self::Application, Self::Swarm, Self::Ordered, Self::Join];
+
+    /// Its name in records.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Application => "app",
+            Self::Swarm => "swarm",
+            Self::Ordered => "ordered",
+            Self::Join => "join",
+            Self::Exchange => "exchange",
+            Self::Download => "download",
+        }
+    }
+}
+
 /// A kind of packet.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PacketKind {

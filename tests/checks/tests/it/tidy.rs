@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use std::process::Command;
 
 /// Folders of the crates that are functions of their arguments.
-const CORES: [&str; 7] = [
+const CORES: [&str; 8] = [
     "proto/core",
+    "netsim/physics",
     "netsim",
     "robotsim",
     "orchestrator/numbers",
@@ -94,6 +95,8 @@ const SHELL: &[&str] = &["clap", "hyper", "mcap", "prost", "tokio", "tonic"];
 /// Packages, and the families of packages (`tonic`: also `tonic-types`) that they may not link, however indirectly.
 const WALLS: &[(&str, &[&str])] = &[
     ("proto", SHELL),
+    ("physics", SHELL),
+    ("physics", &["netsim", "robotsim"]),
     ("netsim", SHELL),
     ("robotsim", SHELL),
     ("proto-messages", &["clap", "hyper", "mcap", "tokio", "tonic"]),
@@ -103,9 +106,9 @@ const WALLS: &[(&str, &[&str])] = &[
     ("convert", SHELL),
     ("convert", &["diagnose", "experiment", "metrics", "record", "report", "study"]),
     ("study", SHELL),
-    ("study", &["diagnose", "experiment", "metrics", "record", "report"]),
+    ("study", &["diagnose", "netsim", "experiment", "metrics", "record", "report"]),
     ("diagnose", SHELL),
-    ("diagnose", &["experiment", "metrics", "record", "report"]),
+    ("diagnose", &["netsim", "experiment", "metrics", "record", "report"]),
     ("metrics", SHELL),
     ("experiment", SHELL),
     ("experiment", &["metrics", "record", "report"]),

@@ -94,8 +94,8 @@ mod tests {
     use crate::links::likelihood::Noise;
     use crate::links::reception::{PowerMixture, SampledCurve};
     use measure::links::Readings;
-    use netsim::phy::reception::table::Table;
     use numbers::power::square;
+    use physics::reception::table::Table;
 
     fn instrument(share_sd: f64) -> Instrument {
         let readings =

@@ -57,7 +57,7 @@ fn pattern_rows(
         .zip(likelihoods)
         .map(|(&row, slope)| {
             let (tx, rx) = rows.ends(row as usize);
-            let sight = |own: &netsim::phy::link::End, other: &netsim::phy::link::End| {
+            let sight = |own: &physics::link::End, other: &physics::link::End| {
                 let [dx, dy] = [0, 1].map(|k| other.position_m[k] - own.position_m[k]);
                 if dx == 0.0 && dy == 0.0 {
                     return None;

@@ -3,8 +3,8 @@ use crate::links::likelihood::Noise;
 use crate::links::likelihood::tests::row;
 use crate::links::reception::{PowerMixture, SampledCurve};
 use measure::links::Readings;
-use netsim::phy::reception::Curve;
 use numbers::power::square;
+use physics::reception::Curve;
 
 /// Half of all frames at −90 dBm, 1.5 dB wide.
 #[derive(Debug)]
