@@ -43,6 +43,7 @@ use crate::wire::Eui64;
 use crate::wire::frame::{BeaconRepr, BeaconSlotframe, Content, FrameRepr};
 use bytes::Bytes;
 use down::Wanted;
+use physics::asn::Asn;
 use proto::rng::{Draws, Purpose};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -60,13 +61,13 @@ pub struct World<'a> {
     /// Seed of the experiment.
     pub seed: u64,
     /// Absolute number of the current slot.
-    pub asn: u64,
+    pub asn: Asn,
     /// When it begins (ns).
     pub now_ns: u64,
     /// When the frame that is being handled had arrived in full (ns); without one, when the slot begins.
     pub received_ns: u64,
     /// The first slot in which a change of the schedule counts: the current one, or the next if its radio has acted.
-    pub effective_asn: u64,
+    pub effective_asn: Asn,
     /// Set when a mote has become ready to send data, or is no longer.
     pub readiness_changed: &'a mut bool,
     /// Payloads of the swarm that frames for one mote alone brought in this slot.
@@ -401,7 +402,7 @@ impl Mote {
     pub fn beacon(
         &self,
         settings: &Settings,
-        asn: u64,
+        asn: Asn,
         [timeslot_id, hopping_sequence_id]: [u8; 2],
     ) -> FrameRepr {
         let slotframes = self.sf.minimal_cell().map(|slots| BeaconSlotframe {

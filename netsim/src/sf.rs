@@ -37,6 +37,7 @@ use crate::mac::{CellRef, Schedule};
 use crate::sixtop::{Event, Sixtop};
 use crate::wire::Eui64;
 use crate::wire::slots::SlotsRepr;
+use physics::asn::Asn;
 use proto::config::{Problem, Registered, TableSpec, Tag, Variant, Variants};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -53,7 +54,7 @@ pub struct Context<'a> {
     /// Whether it is a root.
     pub is_root: bool,
     /// Absolute number of the current slot.
-    pub asn: u64,
+    pub asn: Asn,
     /// When that begins (ns).
     pub now_ns: u64,
     /// Length of a slot (ns).
@@ -171,7 +172,7 @@ pub trait SchedulingFunction: Stored {
     fn handle_received(&mut self, _cx: &mut Context<'_>, _at: &CellRef, _from: Eui64, _dscp: u8) {}
 
     /// What a frame for everyone that is sent in a cell shall announce of slots.
-    fn announcement(&self, _own: Eui64, _at: &CellRef, _asn: u64) -> Option<SlotsRepr> {
+    fn announcement(&self, _own: Eui64, _at: &CellRef, _asn: Asn) -> Option<SlotsRepr> {
         None
     }
 

@@ -15,6 +15,7 @@ use netsim::wire::sixp::{
 };
 use netsim::wire::slots::{SlotSet, SlotsRepr};
 use netsim::wire::{Eui64, address};
+use physics::asn::Asn;
 use std::sync::Arc;
 
 /// One frame of every kind, as motes 0 (the root), 1, 2 and 3 on a line send them, then a datagram without and one with
@@ -114,7 +115,7 @@ fn unfragmented(from: u32, to: Option<u32>, datagram: Datagram) -> FrameRepr {
 fn beacon() -> BeaconRepr {
     let slotframe = BeaconSlotframe { handle: 0, slots: 101, links: vec![(0, 0, 0b1111)] };
     BeaconRepr {
-        asn: 0,
+        asn: Asn::FIRST,
         join_metric: 0,
         timeslot_id: 0,
         hopping_sequence_id: 0,

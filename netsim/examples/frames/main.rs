@@ -9,15 +9,28 @@ use netsim::wire::Eui64;
 use netsim::wire::frame::AckRepr;
 use netsim::wire::security::FrameSecurity;
 use netsim::wire::tap;
+use physics::asn::Asn;
 use std::io::{self, Write};
 
 fn main() -> io::Result<()> {
     let mut capture = tap::file_header().to_vec();
     for (asn, frame) in (0..).zip(kinds::frames()) {
-        capture.extend(tap::record(asn * 10_000_000, (26, 0), Some(-70.0), asn, &frame.to_vec()));
+        capture.extend(tap::record(
+            asn * 10_000_000,
+            (26, 0),
+            Some(-70.0),
+            Asn(asn),
+            &frame.to_vec(),
+        ));
         if frame.ack_request {
             let psdu = ack(frame.source, frame.sequence).to_vec();
-            capture.extend(tap::record(asn * 10_000_000 + 5_000_000, (26, 0), None, asn, &psdu));
+            capture.extend(tap::record(
+                asn * 10_000_000 + 5_000_000,
+                (26, 0),
+                None,
+                Asn(asn),
+                &psdu,
+            ));
         }
     }
     io::stdout().write_all(&capture)

@@ -8,6 +8,7 @@
 //! `cargo bench -p physics`
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use physics::asn::Asn;
 use physics::interference::o_qpsk::OQpsk;
 use physics::link::End;
 use physics::medium::links::Links;
@@ -49,7 +50,7 @@ fn ends(n: u32, side_m: f64) -> Vec<End> {
     (0..n).map(|id| End::new(id, [coordinate_m(id, 0), coordinate_m(id, 1), 0.0])).collect()
 }
 
-fn slot(asn: u64) -> Slot {
+fn slot(asn: Asn) -> Slot {
     Slot { asn, begins_ns: asn * 10_000_000 }
 }
 
@@ -79,7 +80,7 @@ fn own_slots(criterion: &mut Criterion) {
                 let sender = asn % 500;
                 let on_air = [frame(sender as u32, 15)];
                 let listening = &listening[sender as usize];
-                black_box(medium.resolve(&mut links, slot(asn), &on_air, listening).len())
+                black_box(medium.resolve(&mut links, slot(Asn(asn)), &on_air, listening).len())
             });
         });
         criterion.bench_function(&format!("period of 500 own slots, {name}"), |bencher| {
@@ -92,7 +93,7 @@ fn own_slots(criterion: &mut Criterion) {
                     asn += 1;
                     let on_air = [frame(sender, 15)];
                     let listening = &listening[sender as usize];
-                    black_box(medium.resolve(&mut links, slot(asn), &on_air, listening).len());
+                    black_box(medium.resolve(&mut links, slot(Asn(asn)), &on_air, listening).len());
                 }
             });
         });
@@ -117,14 +118,16 @@ fn sparse(criterion: &mut Criterion) {
             let listening: [Listening; 20] = std::array::from_fn(|k| {
                 Listening::synchronised(sender(k as u32) + 1, channel(k as u32), 0)
             });
-            let heard = medium.resolve(&mut links, slot(asn), &on_air, &listening);
+            let heard = medium.resolve(&mut links, slot(Asn(asn)), &on_air, &listening);
             black_box(heard.len());
             let acknowledgments: [Acknowledgment; 20] = std::array::from_fn(|k| Acknowledgment {
                 transmission: k as u32,
                 receiver: listening[k].receiver,
                 psdu_bytes: 27,
             });
-            black_box(medium.acknowledge(&mut links, slot(asn), &on_air, &acknowledgments).len())
+            black_box(
+                medium.acknowledge(&mut links, slot(Asn(asn)), &on_air, &acknowledgments).len(),
+            )
         });
     });
 }
@@ -143,7 +146,7 @@ fn shared(criterion: &mut Criterion) {
     criterion.bench_function("shared slot of 1000, 20 of them sending", |bencher| {
         bencher.iter(|| {
             asn += 1;
-            black_box(medium.resolve(&mut links, slot(asn), &on_air, &listening).len())
+            black_box(medium.resolve(&mut links, slot(Asn(asn)), &on_air, &listening).len())
         });
     });
 }

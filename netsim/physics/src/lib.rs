@@ -31,6 +31,7 @@
     )
 )]
 
+pub mod asn;
 pub mod catalogue;
 pub mod effect;
 pub mod end;

@@ -1,6 +1,7 @@
 //! Whom a mote has heard, and which of their frames it has had before.
 
 use crate::wire::Eui64;
+use physics::asn::Asn;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -11,11 +12,11 @@ pub struct Neighbours {
     /// Of each, the sequence number of its newest frame, continued beyond 255.
     newest: Vec<u64>,
     /// Of each, the numbers of the latest frames for us, continued likewise, and when each was heard first (ASN).
-    known: Vec<Vec<(u64, u64)>>,
+    known: Vec<Vec<(u64, Asn)>>,
     /// Of those that were forgotten, ascending by address: what they would send again is still known.
-    before: BTreeMap<Eui64, (u64, Vec<(u64, u64)>)>,
+    before: BTreeMap<Eui64, (u64, Vec<(u64, Asn)>)>,
     /// All that have sent a beacon lately, ascending by address, and when each did so last (ASN).
-    with_beacons: Vec<(Eui64, u64)>,
+    with_beacons: Vec<(Eui64, Asn)>,
     #[serde(skip)]
     next: Next,
 }
@@ -60,7 +61,7 @@ impl Neighbours {
 
     /// Number of those that have sent a beacon since then, forgotten ones included: a mote that has lost the network comes
     /// back to the same crowd. Nothing is known later of what was before.
-    pub fn n_with_beacons(&mut self, since_asn: u64) -> usize {
+    pub fn n_with_beacons(&mut self, since_asn: Asn) -> usize {
         self.with_beacons.retain(|(_, asn)| since_asn <= *asn);
         self.with_beacons.len()
     }
@@ -83,7 +84,7 @@ impl Neighbours {
     /// not one for us that was received before and is sent again because the acknowledgment was lost (IEEE Std 802.15.4-2015,
     /// 6.7.2).
     #[inline]
-    pub fn hear(&mut self, address: Eui64, sequence: Option<u8>, for_us: bool, asn: u64) -> bool {
+    pub fn hear(&mut self, address: Eui64, sequence: Option<u8>, for_us: bool, asn: Asn) -> bool {
         let Next(next) = self.next;
         let is_next = self.addresses.get(next) == Some(&address);
         let place = if is_next { next } else { self.place_of(address, sequence) };
@@ -134,16 +135,16 @@ mod tests {
     fn a_frame_sent_again_is_recognised_and_a_number_used_again_is_not() {
         let mut neighbours = Neighbours::default();
         let [a, b] = [1, 2].map(Eui64::of_mote);
-        assert!(neighbours.hear(a, Some(250), true, 1));
-        assert!(!neighbours.hear(a, Some(250), true, 2));
-        assert!(neighbours.hear(b, Some(250), true, 3));
+        assert!(neighbours.hear(a, Some(250), true, Asn(1)));
+        assert!(!neighbours.hear(a, Some(250), true, Asn(2)));
+        assert!(neighbours.hear(b, Some(250), true, Asn(3)));
         // A frame of higher priority in between.
-        assert!(neighbours.hear(a, Some(251), true, 4));
-        assert!(!neighbours.hear(a, Some(250), true, 5));
+        assert!(neighbours.hear(a, Some(251), true, Asn(4)));
+        assert!(!neighbours.hear(a, Some(250), true, Asn(5)));
         for sequence in 0..8 {
-            assert!(neighbours.hear(a, Some(sequence), true, 6));
+            assert!(neighbours.hear(a, Some(sequence), true, Asn(6)));
         }
-        assert!(neighbours.hear(a, Some(250), true, 7));
+        assert!(neighbours.hear(a, Some(250), true, Asn(7)));
         assert_eq!(neighbours.len(), 2);
     }
 
@@ -153,26 +154,26 @@ mod tests {
         let [a, b, c] = [1, 2, 3].map(Eui64::of_mote);
         let heard = [(b, None), (a, Some(1)), (c, None), (b, Some(7)), (b, None)];
         for (asn, (from, sequence)) in (1..).zip(heard) {
-            neighbours.hear(from, sequence, false, asn);
+            neighbours.hear(from, sequence, false, Asn(asn));
         }
-        assert_eq!((neighbours.len(), neighbours.n_with_beacons(0)), (3, 2));
-        assert_eq!(neighbours.n_with_beacons(3), 2);
-        assert_eq!(neighbours.n_with_beacons(4), 1);
+        assert_eq!((neighbours.len(), neighbours.n_with_beacons(Asn(0))), (3, 2));
+        assert_eq!(neighbours.n_with_beacons(Asn(3)), 2);
+        assert_eq!(neighbours.n_with_beacons(Asn(4)), 1);
         neighbours.forget();
-        assert_eq!((neighbours.len(), neighbours.n_with_beacons(0)), (0, 1));
+        assert_eq!((neighbours.len(), neighbours.n_with_beacons(Asn(0))), (0, 1));
     }
 
     #[test]
     fn what_was_received_before_synchronisation_was_lost_is_recognised_after_it() {
         let mut neighbours = Neighbours::default();
         let [a, b] = [1, 2].map(Eui64::of_mote);
-        assert!(neighbours.hear(a, Some(7), true, 1));
-        assert!(neighbours.hear(b, Some(7), false, 2));
+        assert!(neighbours.hear(a, Some(7), true, Asn(1)));
+        assert!(neighbours.hear(b, Some(7), false, Asn(2)));
         neighbours.forget();
         assert!(neighbours.is_empty());
-        assert!(!neighbours.hear(a, Some(7), true, 3));
-        assert!(neighbours.hear(b, Some(7), true, 4));
-        assert!(neighbours.hear(a, Some(8), true, 5));
+        assert!(!neighbours.hear(a, Some(7), true, Asn(3)));
+        assert!(neighbours.hear(b, Some(7), true, Asn(4)));
+        assert!(neighbours.hear(a, Some(8), true, Asn(5)));
     }
 
     #[test]
@@ -184,20 +185,20 @@ mod tests {
             let for_us = frame % 100 == 0;
             if for_us || frame % 7 == 0 {
                 let sequence = Some(frame as u8);
-                assert!(neighbours.hear(a, sequence, for_us, frame), "{frame}");
-                assert_eq!(neighbours.hear(a, sequence, for_us, frame), !for_us);
-                neighbours.hear(a, None, false, frame);
+                assert!(neighbours.hear(a, sequence, for_us, Asn(frame)), "{frame}");
+                assert_eq!(neighbours.hear(a, sequence, for_us, Asn(frame)), !for_us);
+                neighbours.hear(a, None, false, Asn(frame));
             }
         }
         // Nothing was heard for long: nobody repeats a frame after that.
-        assert!(neighbours.hear(a, Some(32), true, 20_001));
-        assert!(neighbours.hear(a, Some(32), true, 40_000));
+        assert!(neighbours.hear(a, Some(32), true, Asn(20_001)));
+        assert!(neighbours.hear(a, Some(32), true, Asn(40_000)));
     }
     #[test]
     fn neighbours_are_kept_in_order_however_they_are_heard() {
         let mut neighbours = Neighbours::default();
         for mote in [5, 2, 9, 2, 5, 9, 3, 5, 2, 3, 5, 9, 9, 2] {
-            neighbours.hear(Eui64::of_mote(mote), None, false, 0);
+            neighbours.hear(Eui64::of_mote(mote), None, false, Asn(0));
         }
         let expected = [2, 3, 5, 9].map(Eui64::of_mote);
         assert!(neighbours.addresses().eq(expected));

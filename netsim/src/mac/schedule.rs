@@ -7,6 +7,7 @@ mod tests;
 
 use crate::wire::Eui64;
 use listening::listening_slots;
+use physics::asn::Asn;
 use serde::{Deserialize, Serialize};
 use silence::Silence;
 
@@ -189,19 +190,19 @@ impl Slotframe {
 
     /// The cells in an absolute slot. Without [`Slotframe::background`].
     #[must_use]
-    pub fn cells_at(&self, asn: u64) -> &[Cell] {
+    pub fn cells_at(&self, asn: Asn) -> &[Cell] {
         self.at_slot(self.slot_of(asn))
     }
 
     /// The slot offset of an absolute slot.
     #[must_use]
-    pub fn slot_of(&self, asn: u64) -> u16 {
+    pub fn slot_of(&self, asn: Asn) -> u16 {
         (asn % u64::from(self.slots)) as u16
     }
 
     /// The first absolute slot, not before `from_asn`, with this slot offset.
     #[must_use]
-    pub fn next_asn(&self, slot: u16, from_asn: u64) -> u64 {
+    pub fn next_asn(&self, slot: u16, from_asn: Asn) -> Asn {
         let length = u64::from(self.slots);
         from_asn + (u64::from(slot) + length - from_asn % length) % length
     }
@@ -237,11 +238,11 @@ impl Slotframe {
     }
 
     /// Slots from `from` (included) to `until` (excluded) in which it receives.
-    fn n_receiving(&self, from: u64, until: u64) -> u64 {
+    fn n_receiving(&self, from: Asn, until: Asn) -> u64 {
         let length = u64::from(self.slots);
         let whole = (until - from) / length;
-        let rest = (from + whole * length..until)
-            .filter(|&asn| self.receives[usize::from(self.slot_of(asn))])
+        let rest = (from.0 + whole * length..until.0)
+            .filter(|&asn| self.receives[usize::from(self.slot_of(Asn(asn)))])
             .count();
         whole * u64::from(self.n_receives) + rest as u64
     }
@@ -278,9 +279,9 @@ pub struct Schedule {
     frames: Vec<Slotframe>,
     n_changes: u64,
     /// First slot that has not been counted.
-    counted_asn: u64,
+    counted_asn: Asn,
     /// First slot in which a change made now takes effect.
-    effective_asn: u64,
+    effective_asn: Asn,
     n_listening: u64,
     silence: Silence,
 }
@@ -293,7 +294,7 @@ impl Schedule {
     }
 
     /// Changes made from now on take effect in slot `asn`.
-    pub fn set_effective(&mut self, asn: u64) {
+    pub fn set_effective(&mut self, asn: Asn) {
         self.effective_asn = asn;
     }
 
@@ -325,7 +326,7 @@ impl Schedule {
     /// Whether there is no cell in an absolute slot. `beside_everyone`: nor none but those in which all contend, and a slotframe's
     /// background.
     #[must_use]
-    pub fn is_free(&self, asn: u64, beside_everyone: bool) -> bool {
+    pub fn is_free(&self, asn: Asn, beside_everyone: bool) -> bool {
         if beside_everyone {
             self.frames
                 .iter()
@@ -336,7 +337,7 @@ impl Schedule {
     }
 
     /// Cells in an absolute slot, lowest handle first.
-    pub fn cells_at(&self, asn: u64) -> impl Iterator<Item = CellRef> + '_ {
+    pub fn cells_at(&self, asn: Asn) -> impl Iterator<Item = CellRef> + '_ {
         self.frames.iter().flat_map(move |frame| {
             let cells =
                 frame.cells_at(asn).iter().copied().chain(frame.background_at(frame.slot_of(asn)));
@@ -347,7 +348,7 @@ impl Schedule {
     /// The cell in which a radio listens in an absolute slot, unless it transmits: the first one of the lowest handle.
     #[inline]
     #[must_use]
-    pub fn listens(&self, asn: u64) -> Option<CellRef> {
+    pub fn listens(&self, asn: Asn) -> Option<CellRef> {
         if self.silence.covers(asn) {
             return None;
         }
@@ -513,7 +514,7 @@ impl Schedule {
     }
 
     /// Slots before `until_asn`, since this schedule began, in which some cell receives.
-    pub fn n_listening(&self, until_asn: u64) -> u64 {
+    pub fn n_listening(&self, until_asn: Asn) -> u64 {
         let since = self.counted_asn.min(until_asn);
         self.n_listening + listening_slots(&self.frames, since, until_asn)
     }
@@ -544,7 +545,7 @@ impl Schedule {
         self.n_changes += 1;
     }
 
-    fn count_until(&mut self, until_asn: u64) {
+    fn count_until(&mut self, until_asn: Asn) {
         if self.counted_asn < until_asn {
             self.n_listening += listening_slots(&self.frames, self.counted_asn, until_asn);
             self.counted_asn = until_asn;

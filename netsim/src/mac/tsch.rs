@@ -20,6 +20,7 @@ use super::ration::Ration;
 use super::schedule::{CellKind, CellRef, Schedule};
 use crate::dice::Dice;
 use crate::wire::Eui64;
+use physics::asn::Asn;
 use proto::rng::Purpose;
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +30,7 @@ const N_PERIODS: u64 = 16;
 /// The next slot follows a frame with the pending bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Extra {
-    asn: u64,
+    asn: Asn,
     channel: u8,
     /// To whom we send; `None`: we listen.
     sends_to: Option<Eui64>,
@@ -77,7 +78,7 @@ struct Beacons {
 }
 
 /// What the pending bit announced has precedence in a slot in which all contend, or listen for everyone.
-fn follows_beside_everyone(config: &Config, schedule: &Schedule, asn: u64) -> bool {
+fn follows_beside_everyone(config: &Config, schedule: &Schedule, asn: Asn) -> bool {
     config.bursts_beside_everyone && schedule.is_free(asn, true)
 }
 
@@ -219,14 +220,14 @@ impl Tsch {
     /// joined only sends none yet.
     fn beacon_interval_ns(&mut self, config: &Config, now_ns: u64) -> u64 {
         let lately_ns = now_ns.saturating_sub(N_PERIODS * config.beacon_period_ns);
-        let n_senders = 1 + self.neighbours.n_with_beacons(lately_ns / config.slot_ns) as u64;
+        let n_senders = 1 + self.neighbours.n_with_beacons(Asn(lately_ns / config.slot_ns)) as u64;
         let crowd_ns = config.beacon_spacing_ns.saturating_mul(n_senders);
         config.beacon_period_ns.max(crowd_ns)
     }
 
     /// The first slot from `from_asn` on in which it may transmit.
     #[must_use]
-    pub fn next_tx_asn(&self, config: &Config, schedule: &Schedule, from_asn: u64) -> Option<u64> {
+    pub fn next_tx_asn(&self, config: &Config, schedule: &Schedule, from_asn: Asn) -> Option<Asn> {
         if !self.is_synced() {
             return None;
         }
@@ -235,7 +236,7 @@ impl Tsch {
         if self.queue.is_empty() && !beacon && self.extra.is_none() {
             return None;
         }
-        let mut first = u64::MAX;
+        let mut first = Asn::NEVER;
         if let Some(Extra { asn, sends_to: Some(_), .. }) = self.extra
             && from_asn <= asn
         {
@@ -261,7 +262,7 @@ impl Tsch {
                 }
             }
         }
-        (first != u64::MAX).then_some(first)
+        (first != Asn::NEVER).then_some(first)
     }
 
     /// What it sends in this slot. Cells of lower handles first (IEEE Std 802.15.4-2015, 6.2.6.4).
@@ -269,7 +270,7 @@ impl Tsch {
         &mut self,
         config: &Config,
         schedule: &Schedule,
-        asn: u64,
+        asn: Asn,
     ) -> Option<Transmission> {
         if !self.is_synced() {
             return None;
@@ -338,7 +339,7 @@ impl Tsch {
         &mut self,
         config: &Config,
         schedule: &Schedule,
-        asn: u64,
+        asn: Asn,
         place: usize,
         at: Option<CellRef>,
         channel: u8,
@@ -360,7 +361,7 @@ impl Tsch {
     }
 
     /// A frame was heard that is of no use, but for knowing that its sender is there.
-    pub fn hear(&mut self, from: Eui64, sequence: Option<u8>, asn: u64) {
+    pub fn hear(&mut self, from: Eui64, sequence: Option<u8>, asn: Asn) {
         self.neighbours.hear(from, sequence, false, asn);
     }
 
@@ -372,7 +373,7 @@ impl Tsch {
         from: Eui64,
         destination: Option<Eui64>,
         sequence: Option<u8>,
-        asn: u64,
+        asn: Asn,
         source_ns: i64,
     ) -> FrameHandling {
         let now_ns = asn * config.slot_ns;
@@ -390,13 +391,13 @@ impl Tsch {
     }
 
     /// A received unicast frame for us had the pending bit: listens in the next slot.
-    pub fn follow(&mut self, asn: u64, channel: u8) {
+    pub fn follow(&mut self, asn: Asn, channel: u8) {
         self.extra = Some(Extra { asn: asn + 1, channel, sends_to: None });
     }
 
     /// The slot, not before `from_asn`, in which it listens because of a pending bit.
     #[must_use]
-    pub fn follows_at(&self, from_asn: u64) -> Option<u64> {
+    pub fn follows_at(&self, from_asn: Asn) -> Option<Asn> {
         let extra = self.extra.filter(|extra| extra.sends_to.is_none() && from_asn <= extra.asn);
         extra.map(|extra| extra.asn)
     }
@@ -442,7 +443,7 @@ impl Tsch {
         transmission: Transmission,
         acknowledged: bool,
         source_ns: i64,
-        asn: u64,
+        asn: Asn,
     ) -> Done {
         let Transmission { at, channel, outgoing, pending } = transmission;
         let frame = match outgoing {

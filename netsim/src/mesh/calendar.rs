@@ -1,5 +1,6 @@
 //! In which slot which mote has something to do.
 
+use physics::asn::Asn;
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -9,30 +10,30 @@ use std::collections::BinaryHeap;
 /// Most motes act again within a slotframe: what is that near stands in a list for each slot, and only what is later in a heap
 /// (Varghese and Lauck: "Hashed and Hierarchical Timing Wheels", SOSP 1987, scheme 4).
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(from = "Vec<u64>", into = "Vec<u64>")]
+#[serde(from = "Vec<Asn>", into = "Vec<Asn>")]
 pub struct Calendar {
-    /// By mote; `u64::MAX`: never.
-    wake: Vec<u64>,
+    /// By mote; [`Asn::NEVER`]: it sleeps until something reaches it.
+    wake: Vec<Asn>,
     /// The slot after the latest one that was taken.
-    begin_asn: u64,
+    begin_asn: Asn,
     /// By slot modulo [`NEAR_SLOTS`], of those from `begin_asn` on: who acts there, and outdated entries.
     near: Vec<Vec<u32>>,
     /// By list, a bit: it has entries.
     has_entries: [u64; NEAR_SLOTS as usize / 64],
     /// Entries of other slots, and outdated ones. With those of `near` at least the entries of `wake`.
-    heap: BinaryHeap<Reverse<(u64, u32)>>,
+    heap: BinaryHeap<Reverse<(Asn, u32)>>,
 }
 
 /// Slots that have lists: more than most slotframes have.
 const NEAR_SLOTS: u64 = 256;
 
-impl From<Vec<u64>> for Calendar {
-    fn from(wake: Vec<u64>) -> Self {
-        let entries = (0..).zip(&wake).filter(|(_, asn)| **asn != u64::MAX);
+impl From<Vec<Asn>> for Calendar {
+    fn from(wake: Vec<Asn>) -> Self {
+        let entries = (0..).zip(&wake).filter(|(_, asn)| **asn != Asn::NEVER);
         let heap = entries.map(|(mote, &asn)| Reverse((asn, mote))).collect();
         Self {
             wake,
-            begin_asn: 0,
+            begin_asn: Asn::FIRST,
             near: vec![Vec::new(); NEAR_SLOTS as usize],
             has_entries: [0; NEAR_SLOTS as usize / 64],
             heap,
@@ -40,7 +41,7 @@ impl From<Vec<u64>> for Calendar {
     }
 }
 
-impl From<Calendar> for Vec<u64> {
+impl From<Calendar> for Vec<Asn> {
     fn from(calendar: Calendar) -> Self {
         calendar.wake
     }
@@ -56,12 +57,12 @@ impl Calendar {
     /// Nothing to do for `n` motes.
     #[must_use]
     pub fn new(n: usize) -> Self {
-        Self::from(vec![u64::MAX; n])
+        Self::from(vec![Asn::NEVER; n])
     }
 
     /// The mote acts in this slot, and not before; `None`: it sleeps until something reaches it.
-    pub fn set(&mut self, mote: u32, asn: Option<u64>) {
-        let asn = asn.unwrap_or(u64::MAX);
+    pub fn set(&mut self, mote: u32, asn: Option<Asn>) {
+        let asn = asn.unwrap_or(Asn::NEVER);
         let entry = &mut self.wake[mote as usize];
         if *entry == asn {
             return;
@@ -71,17 +72,17 @@ impl Calendar {
             let list = (asn % NEAR_SLOTS) as usize;
             self.near[list].push(mote);
             self.has_entries[list / 64] |= 1 << (list % 64);
-        } else if asn != u64::MAX {
+        } else if asn != Asn::NEVER {
             self.heap.push(Reverse((asn, mote)));
         }
     }
 
-    fn is_near(&self, asn: u64) -> bool {
-        asn.checked_sub(self.begin_asn).is_some_and(|ahead| ahead < NEAR_SLOTS)
+    fn is_near(&self, asn: Asn) -> bool {
+        self.begin_asn <= asn && asn - self.begin_asn < NEAR_SLOTS
     }
 
     /// The first slot in which somebody acts.
-    pub fn next_asn(&mut self) -> Option<u64> {
+    pub fn next_asn(&mut self) -> Option<Asn> {
         let near = self.next_near();
         loop {
             let Some(&Reverse((asn, mote))) = self.heap.peek() else { return near };
@@ -96,7 +97,7 @@ impl Calendar {
     }
 
     /// The first slot with a list in which somebody acts. Lists before it are emptied: their entries are outdated.
-    fn next_near(&mut self) -> Option<u64> {
+    fn next_near(&mut self) -> Option<Asn> {
         let first = self.begin_asn % NEAR_SLOTS;
         let mut ahead = 0;
         while ahead < NEAR_SLOTS {
@@ -123,14 +124,14 @@ impl Calendar {
     }
 
     /// Takes out those who act in the first slot in which somebody does, in ascending order. Each is then without an entry.
-    pub fn take(&mut self, asn: u64, motes: &mut Vec<u32>) {
+    pub fn take(&mut self, asn: Asn, motes: &mut Vec<u32>) {
         motes.clear();
         let is_near = self.is_near(asn);
         let wake = &mut self.wake;
-        let mut take = |mote: u32, at: u64| {
+        let mut take = |mote: u32, at: Asn| {
             let entry = &mut wake[mote as usize];
             if *entry == at {
-                *entry = u64::MAX;
+                *entry = Asn::NEVER;
                 motes.push(mote);
             }
         };
@@ -161,13 +162,13 @@ mod tests {
     fn motes_come_in_order_once_and_as_last_said() {
         let mut calendar = Calendar::new(4);
         for (mote, asn) in [(2, 5), (1, 5), (0, 9), (3, 5), (0, 7), (3, 6), (3, 5)] {
-            calendar.set(mote, Some(asn));
+            calendar.set(mote, Some(Asn(asn)));
         }
         let mut motes = Vec::new();
-        assert_eq!(calendar.next_asn(), Some(5));
-        calendar.take(5, &mut motes);
+        assert_eq!(calendar.next_asn(), Some(Asn(5)));
+        calendar.take(Asn(5), &mut motes);
         assert_eq!(motes, [1, 2, 3]);
-        assert_eq!(calendar.next_asn(), Some(7));
+        assert_eq!(calendar.next_asn(), Some(Asn(7)));
         calendar.set(0, None);
         assert_eq!(calendar.next_asn(), None);
         let mut again: Calendar = Vec::from(calendar).into();
@@ -178,26 +179,26 @@ mod tests {
     fn motes_act_when_they_last_said_near_or_far() {
         let mut dice = Dice::new(1, Purpose::Mac, 0);
         let mut calendar = Calendar::new(40);
-        let mut wake = [u64::MAX; 40];
+        let mut wake = [Asn::NEVER; 40];
         let mut motes = Vec::new();
-        let mut asn = 0;
+        let mut asn = Asn::FIRST;
         for round in 0..20_000 {
             for _ in 0..dice.below(4) {
                 let mote = dice.below(40) as usize;
                 // From the next slot on, mostly within the lists; some never.
                 let most = [10, 300, 5000][dice.below(3) as usize];
                 let ahead = dice.below(most);
-                wake[mote] = if dice.below(20) == 0 { u64::MAX } else { asn + ahead };
-                calendar.set(mote as u32, Some(wake[mote]).filter(|&asn| asn != u64::MAX));
+                wake[mote] = if dice.below(20) == 0 { Asn::NEVER } else { asn + ahead };
+                calendar.set(mote as u32, Some(wake[mote]).filter(|&asn| asn != Asn::NEVER));
             }
-            let next = wake.iter().copied().min().filter(|&asn| asn != u64::MAX);
+            let next = wake.iter().copied().min().filter(|&asn| asn != Asn::NEVER);
             assert_eq!(calendar.next_asn(), next, "{round}");
             // Time may also pass without anybody who acts.
             let Some(next) = next.filter(|_| dice.below(4) != 0) else { continue };
             calendar.take(next, &mut motes);
             let expected: Vec<u32> = (0..40).filter(|&mote| wake[mote as usize] == next).collect();
             assert_eq!(motes, expected, "{round}");
-            wake.iter_mut().filter(|asn| **asn == next).for_each(|asn| *asn = u64::MAX);
+            wake.iter_mut().filter(|asn| **asn == next).for_each(|asn| *asn = Asn::NEVER);
             asn = next + 1;
         }
     }

@@ -5,6 +5,7 @@ use crate::wire::frame::{AckRepr, FrameRepr};
 use crate::wire::security::Keys;
 use crate::wire::tap;
 use bytes::Bytes;
+use physics::asn::Asn;
 
 /// Frames since they were last taken, if they are wanted.
 #[derive(Clone, Debug, Default)]
@@ -33,7 +34,7 @@ impl Capture {
     }
 
     /// A frame was sent, whose first symbol was on the air at `begins_ns` (true time).
-    pub fn frame(&mut self, asn: u64, begins_ns: u64, channel: u8, frame: &FrameRepr) {
+    pub fn frame(&mut self, asn: Asn, begins_ns: u64, channel: u8, frame: &FrameRepr) {
         if self.wanted {
             let psdu = match &self.keys {
                 Some(keys) => frame.to_secured_vec(keys, asn),
@@ -44,7 +45,7 @@ impl Capture {
     }
 
     /// An acknowledgment was sent by `source`.
-    pub fn ack(&mut self, asn: u64, begins_ns: u64, channel: u8, source: Eui64, ack: &AckRepr) {
+    pub fn ack(&mut self, asn: Asn, begins_ns: u64, channel: u8, source: Eui64, ack: &AckRepr) {
         if self.wanted {
             let psdu = match &self.keys {
                 Some(keys) => ack.to_secured_vec(keys, source, asn),
@@ -54,7 +55,7 @@ impl Capture {
         }
     }
 
-    fn record(&mut self, asn: u64, begins_ns: u64, channel: u8, psdu: &[u8]) {
+    fn record(&mut self, asn: Asn, begins_ns: u64, channel: u8, psdu: &[u8]) {
         let channel = (channel.into(), self.page);
         self.slot.push((begins_ns, tap::record(begins_ns, channel, None, asn, psdu)));
     }
@@ -83,7 +84,7 @@ mod tests {
             let destination = Eui64(destination);
             let security = FrameSecurity::Unsecured;
             let ack = AckRepr { destination, sequence: 0, time_correction_us: 0, security };
-            capture.ack(7, begins_ns, 15, Eui64::of_mote(0), &ack);
+            capture.ack(Asn(7), begins_ns, 15, Eui64::of_mote(0), &ack);
         }
         assert_eq!(capture.take().len(), 0);
         capture.end_slot();

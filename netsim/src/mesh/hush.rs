@@ -2,6 +2,7 @@
 
 use crate::mac::blacklist::is_dedicated;
 use crate::mac::{Cell, CellOptions, CellRef, Schedule, Tsch};
+use physics::asn::Asn;
 
 /// By mote, the slots of its slotframe in which it listens. Computed from the motes' schedules when they change, and invalid
 /// for a mote while it acts; not part of the saved state.
@@ -22,7 +23,7 @@ pub(super) struct ListeningCache {
     /// `slots` entries per mote: the channel offset of the cell in which it listens there, or [`ASK`].
     channels: Vec<u8>,
     /// The absolute slot number asked for last, and its offset in the slotframe.
-    latest: (u64, usize),
+    latest: (Asn, usize),
     /// Links blacklist channels: the offset of a dedicated cell does not tell its channel.
     has_blacklists: bool,
 }
@@ -55,7 +56,7 @@ impl ListeningCache {
             bits: Vec::new(),
             words: 0,
             channels: Vec::new(),
-            latest: (0, 0),
+            latest: (Asn::FIRST, 0),
             has_blacklists,
         }
     }
@@ -95,7 +96,7 @@ impl ListeningCache {
         for (slot, channel) in channels.iter_mut().enumerate() {
             if listens[slot / 64] & 1 << (slot % 64) != 0 {
                 // All slotframes are as long as each other: a slot offset is an absolute slot.
-                let at = schedule.listens(slot as u64);
+                let at = schedule.listens(Asn(slot as u64));
                 let at = at.filter(|at| !self.has_blacklists || !is_dedicated(&at.cell));
                 *channel = at.and_then(|at| at.cell.channel.try_into().ok()).unwrap_or(ASK);
             }
@@ -112,7 +113,7 @@ impl ListeningCache {
 
     /// What the cache says of a mote in an absolute slot.
     #[inline]
-    pub(super) fn known(&mut self, mote: u32, asn: u64) -> Known {
+    pub(super) fn known(&mut self, mote: u32, asn: Asn) -> Known {
         let place = mote as usize;
         if !self.is_known[place] {
             return Known::Unknown;
@@ -212,8 +213,8 @@ mod tests {
         let (mut n_background, mut n_listening) = (0, 0);
         for asn in 0..1010 {
             for (mote, (mac, schedule)) in (0..).zip(&motes) {
-                let listening = mac.listening(&config, schedule, 1, asn);
-                let known = match cache.known(mote, asn) {
+                let listening = mac.listening(&config, schedule, 1, Asn(asn));
+                let known = match cache.known(mote, Asn(asn)) {
                     Known::Unknown => {
                         assert!(2 <= mote || listening.is_some(), "{mote} in {asn}");
                         continue;
@@ -221,13 +222,13 @@ mod tests {
                     Known::Listens(offset) => {
                         n_listening += 1;
                         let channel = listening.map(|listening| listening.channel);
-                        assert_eq!(channel, Some(channel_of(&config, asn, offset)));
+                        assert_eq!(channel, Some(channel_of(&config, Asn(asn), offset)));
                         continue;
                     }
                     Known::Silent => None,
                     Known::Background(at) => {
                         n_background += 1;
-                        Some(Listening::synchronised(Some(at), channel_of(&config, asn, 3)))
+                        Some(Listening::synchronised(Some(at), channel_of(&config, Asn(asn), 3)))
                     }
                 };
                 assert!(mote < 2, "{mote} in {asn}");

@@ -16,6 +16,7 @@ use crate::mote::settings::Settings;
 use crate::mote::{Mote, World};
 use crate::place::{self, Place};
 use crate::sf::oracle::OracleConfig;
+use physics::asn::Asn;
 use physics::medium::jam::Jams;
 use physics::medium::links::Links;
 use physics::medium::slot::SlotMedium;
@@ -47,7 +48,7 @@ pub struct State {
     /// Whether everybody takes part.
     pub formed: Formed,
     /// The first slot that has not been simulated.
-    pub asn: u64,
+    pub asn: Asn,
 }
 
 /// Whether everybody takes part.
@@ -124,17 +125,17 @@ impl Mesh {
             waiting: Waiting::new(n),
             events: Events::new(&settings.apps, experiment.seed),
             formed: Formed::default(),
-            asn: 0,
+            asn: Asn::FIRST,
         };
         let mut mesh =
             Self::with_state(experiment, config, settings, addresses, columns, records, state);
         for mote in 0..n as u32 {
             if mesh.state.place.is_alive(mote as usize) {
-                mesh.switch_on(mote, 0);
+                mesh.switch_on(mote, Asn::FIRST);
             }
         }
         if mesh.has_oracle {
-            mesh.look_whether_formed(0);
+            mesh.look_whether_formed(Asn::FIRST);
         }
         mesh
     }
@@ -222,8 +223,8 @@ impl Mesh {
     /// Runs to `input.until_ns`, or to the end of the first slot in which somebody heard a payload.
     pub fn step(&mut self, input: &NetInput<'_>) -> NetOutput {
         let slot_ns = self.config.slot_ns;
-        let from_asn = input.from_ns.div_ceil(slot_ns);
-        let until_asn = input.until_ns.div_ceil(slot_ns);
+        let from_asn = Asn::first_from(input.from_ns, slot_ns);
+        let until_asn = Asn::first_from(input.until_ns, slot_ns);
         self.state.place.travel(input.states);
         self.state.place.move_obstacles(input.moved_obstacles);
         self.obey(input.commands, from_asn);
@@ -236,7 +237,7 @@ impl Mesh {
         while asn < until_asn {
             let period_ns = asn * slot_ns / step_ns * step_ns;
             // Steps may be shorter than a control period: batteries are looked at when one begins, whatever the steps.
-            if asn == period_ns.div_ceil(slot_ns) {
+            if asn == Asn::first_from(period_ns, slot_ns) {
                 self.fail_empty_motes(asn);
             }
             self.hand_over_payloads(input, asn);
@@ -244,20 +245,20 @@ impl Mesh {
             // Steps may be shorter than a control period, or longer: what is redrawn with each must not depend on it.
             self.links.set_period(period_ns);
             self.ways.forget();
-            let end_asn = period_end_ns.div_ceil(slot_ns).min(until_asn).max(asn + 1);
+            let end_asn = Asn::first_from(period_end_ns, slot_ns).min(until_asn).max(asn + 1);
             if let Some(stopped_asn) = self.run(end_asn, input.stop_at_first_delivery) {
                 time_ns = input.until_ns.min((stopped_asn + 1) * slot_ns);
                 break;
             }
             asn = end_asn;
         }
-        self.state.asn = time_ns.div_ceil(slot_ns);
+        self.state.asn = Asn::first_from(time_ns, slot_ns);
         self.report(input, time_ns)
     }
 
     /// Runs to slot `end_asn`, which is not simulated. Returns the slot in which somebody heard a payload, where the run
     /// shall stop there.
-    fn run(&mut self, end_asn: u64, stop_at_first_delivery: bool) -> Option<u64> {
+    fn run(&mut self, end_asn: Asn, stop_at_first_delivery: bool) -> Option<Asn> {
         while let Some(asn) = self.next_asn().filter(|&asn| asn < end_asn) {
             self.occur(asn);
             if self.has_oracle {
@@ -273,15 +274,15 @@ impl Mesh {
     }
 
     /// The next slot in which something happens: a mote acts, or an event occurs.
-    fn next_asn(&mut self) -> Option<u64> {
+    fn next_asn(&mut self) -> Option<Asn> {
         let acts_asn = self.state.calendar.next_asn();
         let Some(event_ns) = self.state.events.next_ns() else { return acts_asn };
-        let event_asn = event_ns.div_ceil(self.config.slot_ns);
+        let event_asn = Asn::first_from(event_ns, self.config.slot_ns);
         Some(acts_asn.map_or(event_asn, |acts_asn| acts_asn.min(event_asn)))
     }
 
     /// Events that have occurred by slot `asn` reach the motes that they concern, where these are now.
-    fn occur(&mut self, asn: u64) {
+    fn occur(&mut self, asn: Asn) {
         let now_ns = asn * self.config.slot_ns;
         while let Some(event) = self.state.events.take(now_ns, self.seed) {
             let concerned = event.concerned(&self.state.place.last_seen_m);
@@ -314,7 +315,7 @@ impl Mesh {
     }
 
     /// A mote, and the world as it sees it in a slot.
-    pub(super) fn mote_and_world(&mut self, mote: u32, asn: u64) -> (&mut Mote, World<'_>) {
+    pub(super) fn mote_and_world(&mut self, mote: u32, asn: Asn) -> (&mut Mote, World<'_>) {
         let world = World {
             settings: &self.settings,
             addresses: &self.addresses,
@@ -331,18 +332,18 @@ impl Mesh {
     }
 
     /// Enters the next slot in which a mote acts, `from_asn` or later.
-    pub(super) fn reschedule(&mut self, mote: u32, from_asn: u64) {
+    pub(super) fn reschedule(&mut self, mote: u32, from_asn: Asn) {
         let slot_ns = self.config.slot_ns;
         let node = &self.state.motes[mote as usize];
         if self.has_oracle {
             let timeout_ns = node.apps.iter().filter_map(App::poll_timeout).min();
-            let timer_asn = timeout_ns.map(|due_ns| due_ns.div_ceil(slot_ns).max(from_asn));
+            let timer_asn = timeout_ns.map(|due_ns| Asn::first_from(due_ns, slot_ns).max(from_asn));
             let next = if self.state.waiting.is_at(mote) { Some(from_asn) } else { timer_asn };
             return self.state.calendar.set(mote, next);
         }
         let timeout = node.poll_timeout(&self.settings.mac);
         self.due_ns[mote as usize] = timeout.unwrap_or(u64::MAX);
-        let timer_asn = timeout.map(|due_ns| due_ns.div_ceil(slot_ns).max(from_asn));
+        let timer_asn = timeout.map(|due_ns| Asn::first_from(due_ns, slot_ns).max(from_asn));
         self.listening_cache.note(mote, &node.mac, &node.schedule);
         let tx_asn = node.mac.next_tx_asn(&self.settings.mac, &node.schedule, from_asn);
         let next = [timer_asn, tx_asn, node.mac.follows_at(from_asn)].into_iter().flatten().min();

@@ -23,6 +23,7 @@ use crate::lowpan::DropReason;
 use crate::mac::tsch::channel_of;
 use crate::mote::Brought;
 use bytes::Bytes;
+use physics::asn::Asn;
 use physics::medium::links::Links;
 use physics::medium::slot::{Listening, OnAir, Paths as _, Reception, Sent, Slot};
 use physics::timing::Airtime;
@@ -162,7 +163,7 @@ struct Hop {
 
 impl Mesh {
     /// A slot in which somebody has something to send.
-    pub(super) fn oracle_slot(&mut self, asn: u64) {
+    pub(super) fn oracle_slot(&mut self, asn: Asn) {
         let mut awake = std::mem::take(&mut self.scratch.awake);
         self.state.calendar.take(asn, &mut awake);
         for &mote in &awake {
@@ -186,7 +187,7 @@ impl Mesh {
         destination: u32,
         payload: Bytes,
         packet: u64,
-        asn: u64,
+        asn: Asn,
     ) {
         let settings = &self.settings;
         let to = self.addresses.eui64(destination);
@@ -207,7 +208,7 @@ impl Mesh {
     }
 
     /// What a mote held is lost with it.
-    pub(super) fn oracle_lose(&mut self, mote: u32, asn: u64) {
+    pub(super) fn oracle_lose(&mut self, mote: u32, asn: Asn) {
         let now_ns = asn * self.config.slot_ns;
         for packet in std::mem::take(&mut self.state.waiting.0[mote as usize]).into_keys() {
             self.state.packets.lose(packet, now_ns, DropReason::Killed);
@@ -215,7 +216,7 @@ impl Mesh {
     }
 
     /// Packets of a mote's applications that are due.
-    fn create_packets(&mut self, mote: u32, asn: u64) {
+    fn create_packets(&mut self, mote: u32, asn: Asn) {
         let now_ns = asn * self.config.slot_ns;
         let place = mote as usize;
         for app in 0..self.state.motes[place].apps.len() {
@@ -247,14 +248,14 @@ impl Mesh {
         }
     }
 
-    fn nearest_root(&mut self, mote: u32, asn: u64) -> u32 {
+    fn nearest_root(&mut self, mote: u32, asn: Asn) -> u32 {
         let roots = self.settings.roots.clone();
         let of_roots = roots.into_iter().map(|root| (self.way(mote, root, asn).0, root));
         of_roots.min().expect("a network has a root").1
     }
 
     /// Cost of the way from a mote to another, and the next hop.
-    fn way(&mut self, mote: u32, destination: u32, asn: u64) -> (u64, u32) {
+    fn way(&mut self, mote: u32, destination: u32, asn: Asn) -> (u64, u32) {
         let channel = self.config.hopping_sequence[0];
         let airtime = self.settings.mac.airtime;
         let at = Probe { channel, at_ns: asn * self.config.slot_ns, airtime };
@@ -263,7 +264,7 @@ impl Mesh {
     }
 
     /// Who sends what to whom: the oldest first.
-    fn choose_hops(&mut self, asn: u64) -> Vec<Hop> {
+    fn choose_hops(&mut self, asn: Asn) -> Vec<Hop> {
         let stamp = asn + 1;
         let waiting = std::mem::take(&mut self.state.waiting);
         let mut seen = std::mem::take(&mut self.scratch.seen);
@@ -303,7 +304,7 @@ impl Mesh {
     }
 
     /// Sends the frames, each on a channel for itself.
-    fn make_hops(&mut self, hops: &[Hop], asn: u64) {
+    fn make_hops(&mut self, hops: &[Hop], asn: Asn) {
         let channels: Vec<u8> =
             (0..).take(hops.len()).map(|at| channel_of(&self.settings.mac, asn, at)).collect();
         let on_air: Vec<OnAir> = hops

@@ -3,13 +3,14 @@
 use super::network::Mesh;
 use crate::energy;
 use crate::wire::address::ALL_NODES;
+use physics::asn::Asn;
 use physics::medium::jam::Jam;
 use proto::types::PacketPurpose;
 use proto::types::{AgentStates, EVERYONE, MoteCommand, MoteOrder};
 
 impl Mesh {
     /// Orders take effect at the beginning of slot `asn`.
-    pub(super) fn obey(&mut self, commands: &[MoteCommand], asn: u64) {
+    pub(super) fn obey(&mut self, commands: &[MoteCommand], asn: Asn) {
         self.state.place.obey(commands);
         for command in commands {
             match &command.order {
@@ -43,7 +44,7 @@ impl Mesh {
     }
 
     /// Motes whose batteries are empty fail, where the configuration wants that.
-    pub(super) fn fail_empty_motes(&mut self, asn: u64) {
+    pub(super) fn fail_empty_motes(&mut self, asn: Asn) {
         if !self.settings.battery_deaths {
             return;
         }
@@ -56,12 +57,12 @@ impl Mesh {
     }
 
     /// Whether the mote's battery is empty, where the configuration lets that end a mote.
-    pub(super) fn has_run_empty(&self, mote: u32, asn: u64) -> bool {
+    pub(super) fn has_run_empty(&self, mote: u32, asn: Asn) -> bool {
         self.settings.battery_deaths && self.is_empty(mote, asn)
     }
 
     /// Whether the mote has drawn what its battery held, until slot `asn`. Roots have none.
-    pub(super) fn is_empty(&self, mote: u32, asn: u64) -> bool {
+    pub(super) fn is_empty(&self, mote: u32, asn: Asn) -> bool {
         let node = &self.state.motes[mote as usize];
         let usage = node.tally.usage_until(asn, node.schedule.n_listening(asn));
         let drawn_uc = usage.charge_uc(self.settings.energy, self.config.slot_ns);
@@ -69,7 +70,7 @@ impl Mesh {
     }
 
     /// A mote whose robot is gone is off, and on again when the robot is back.
-    pub(super) fn follow_bodies(&mut self, states: &AgentStates, asn: u64) {
+    pub(super) fn follow_bodies(&mut self, states: &AgentStates, asn: Asn) {
         for mote in 0..self.experiment.agent_count as u32 {
             let place = mote as usize;
             if states.alive.get(place) && self.state.place.is_alive(place) {
@@ -81,7 +82,7 @@ impl Mesh {
     }
 
     /// Switches a mote on that is off.
-    pub(super) fn switch_on(&mut self, mote: u32, asn: u64) {
+    pub(super) fn switch_on(&mut self, mote: u32, asn: Asn) {
         let has_oracle = self.has_oracle;
         let (node, mut world) = self.mote_and_world(mote, asn);
         if node.tally.on_since_asn.is_none() {
@@ -95,7 +96,7 @@ impl Mesh {
     }
 
     /// Switches a mote off that is on.
-    pub(super) fn switch_off(&mut self, mote: u32, asn: u64) {
+    pub(super) fn switch_off(&mut self, mote: u32, asn: Asn) {
         let (node, mut world) = self.mote_and_world(mote, asn);
         if node.tally.on_since_asn.is_some() {
             node.switch_off(&mut world);
@@ -109,7 +110,7 @@ impl Mesh {
         }
     }
 
-    fn send_ordered(&mut self, mote: u32, destination: u32, payload: bytes::Bytes, asn: u64) {
+    fn send_ordered(&mut self, mote: u32, destination: u32, payload: bytes::Bytes, asn: Asn) {
         let now_ns = asn * self.config.slot_ns;
         if self.has_oracle {
             if destination != EVERYONE {

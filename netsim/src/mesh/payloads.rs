@@ -4,13 +4,14 @@ use super::network::Mesh;
 use crate::mote::settings::Transport;
 use crate::wire::address::ALL_NODES;
 use bytes::Bytes;
+use physics::asn::Asn;
 use proto::side::NetInput;
 use proto::types::PacketPurpose;
 
 impl Mesh {
     /// At the beginning of a control period every mote that is ready takes over what its robot says. Later within a
     /// period, where steps are shorter, only what is still waiting is replaced.
-    pub(super) fn hand_over_payloads(&mut self, input: &NetInput<'_>, asn: u64) {
+    pub(super) fn hand_over_payloads(&mut self, input: &NetInput<'_>, asn: Asn) {
         if self.settings.transport == Transport::None {
             return;
         }
@@ -38,7 +39,7 @@ impl Mesh {
         }
     }
 
-    fn hand_over(&mut self, mote: u32, payload: Bytes, asn: u64) {
+    fn hand_over(&mut self, mote: u32, payload: Bytes, asn: Asn) {
         match self.settings.transport {
             Transport::None => {}
             Transport::OwnCell | Transport::SharedCell | Transport::BroadcastSlotframe { .. } => {

@@ -7,6 +7,7 @@ use crate::lowpan::DropReason;
 use crate::mac::CellKind;
 use crate::mote::{Lack, Mote};
 use crate::wire::Eui64;
+use physics::asn::Asn;
 use proto::side::{NetInput, NetOutput};
 use proto::types::PacketPurpose;
 use proto::types::{
@@ -64,7 +65,7 @@ impl Mesh {
     }
 
     /// Looks whether everybody takes part now, if that has not been so before.
-    pub(super) fn look_whether_formed(&mut self, asn: u64) {
+    pub(super) fn look_whether_formed(&mut self, asn: Asn) {
         if !std::mem::take(&mut self.readiness_changed) || self.state.formed.formed_ns.is_some() {
             return;
         }
@@ -139,7 +140,7 @@ impl Mesh {
     #[must_use]
     pub fn statistics(&self, time_ns: u64) -> MoteStatistics {
         let slot_ns = self.config.slot_ns;
-        let asn = time_ns.div_ceil(slot_ns);
+        let asn = Asn::first_from(time_ns, slot_ns);
         let model = self.settings.energy;
         let airtime = self.settings.mac.airtime;
         let usages: Vec<energy::Usage> = self

@@ -3,6 +3,7 @@
 use crate::mac::tsch::{Listening, Outgoing, Transmission};
 use crate::mote::Brought;
 use crate::wire::frame::FrameRepr;
+use physics::asn::Asn;
 use physics::medium::slot::{self, Acknowledgment, OnAir, Reception};
 
 /// What a mote sends in the slot.
@@ -41,7 +42,7 @@ pub(super) struct Scratch {
     pub(super) sending: Vec<Sending>,
     pub(super) on_air: Vec<OnAir>,
     /// By mote: the slot in which it was last looked at as a listener or sender, plus one.
-    pub(super) seen: Vec<u64>,
+    pub(super) seen: Vec<Asn>,
     pub(super) listeners: Vec<(u32, Listening)>,
     pub(super) heard: Vec<slot::Listening>,
     pub(super) receptions: Vec<Reception>,
@@ -57,7 +58,7 @@ impl Scratch {
             awake: Vec::new(),
             sending: Vec::new(),
             on_air: Vec::new(),
-            seen: vec![0; n],
+            seen: vec![Asn::FIRST; n],
             listeners: Vec::new(),
             heard: Vec::new(),
             receptions: Vec::new(),

@@ -13,6 +13,7 @@ use crate::wire::datagram::Upper;
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{AckRepr, Content, FrameRepr};
 use bytes::Bytes;
+use physics::asn::Asn;
 use physics::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
 use physics::timing::TX_ACK_DELAY_NS;
 use proto::rng::{Draws, Purpose, ordered_link};
@@ -29,20 +30,20 @@ fn swarm_payload(frame: &FrameRepr) -> Option<&Bytes> {
 }
 
 /// Whether an acknowledgment is lost for the burden of the mote that sends it.
-fn loses_acknowledgment(settings: &Settings, seed: u64, from: u32, to: u32, asn: u64) -> bool {
+fn loses_acknowledgment(settings: &Settings, seed: u64, from: u32, to: u32, asn: Asn) -> bool {
     let loss = settings.burden(from).ack_loss;
-    let draw = || Draws::new(seed, Purpose::AckLoss).uniform(ordered_link(from, to), asn, 0);
+    let draw = || Draws::new(seed, Purpose::AckLoss).uniform(ordered_link(from, to), asn.0, 0);
     loss != 0.0 && draw() < loss
 }
 
 /// True time (ns) of what happens `within_ns` after the beginning of a slot.
-fn at_ns(asn: u64, slot_ns: u64, within_ns: i64) -> u64 {
+fn at_ns(asn: Asn, slot_ns: u64, within_ns: i64) -> u64 {
     (asn * slot_ns).saturating_add_signed(within_ns)
 }
 
 impl Mesh {
     /// Simulates a slot in which somebody acts.
-    pub(super) fn slot(&mut self, asn: u64) {
+    pub(super) fn slot(&mut self, asn: Asn) {
         let mut awake = std::mem::take(&mut self.scratch.awake);
         self.state.calendar.take(asn, &mut awake);
         for &mote in &awake {
@@ -69,7 +70,7 @@ impl Mesh {
         self.look_whether_formed(asn);
     }
 
-    fn let_time_pass(&mut self, mote: u32, asn: u64) {
+    fn let_time_pass(&mut self, mote: u32, asn: Asn) {
         self.listening_cache.forget(mote);
         let is_due = self.due_ns[mote as usize] <= asn * self.config.slot_ns;
         let (node, mut world) = self.mote_and_world(mote, asn);
@@ -82,7 +83,7 @@ impl Mesh {
     }
 
     /// A mote that has chosen whose time to keep takes it over, if that neighbour still keeps time.
-    pub(super) fn synchronise_if_wanted(&mut self, mote: u32, asn: u64, effective_asn: u64) {
+    pub(super) fn synchronise_if_wanted(&mut self, mote: u32, asn: Asn, effective_asn: Asn) {
         let Some(source) = self.state.motes[mote as usize].wants_sync.take() else { return };
         let now_ns = asn * self.config.slot_ns;
         let Some(other) = self.addresses.mote(source) else { return };
@@ -97,7 +98,7 @@ impl Mesh {
     }
 
     /// Ask: what does everybody who is awake send?
-    fn ask(&mut self, awake: &[u32], asn: u64) {
+    fn ask(&mut self, awake: &[u32], asn: Asn) {
         self.scratch.sending.clear();
         for &mote in awake {
             let node = &mut self.state.motes[mote as usize];
@@ -157,7 +158,7 @@ impl Mesh {
     }
 
     /// Who may hear any of it: those in reach who listen on the channel.
-    fn find_listeners(&mut self, asn: u64) {
+    fn find_listeners(&mut self, asn: Asn) {
         let stamp = asn + 1;
         let now_ns = asn * self.config.slot_ns;
         let Self { scratch, state, links, settings, seed, listening_cache, .. } = self;
@@ -234,7 +235,7 @@ impl Mesh {
 
     /// Those who listen because of a pending bit, where nobody in reach sends on their channel. The schedule, from which
     /// idle listening is counted otherwise, does not know of it.
-    fn note_followers(&mut self, awake: &[u32], asn: u64) {
+    fn note_followers(&mut self, awake: &[u32], asn: Asn) {
         for &mote in awake {
             let node = &mut self.state.motes[mote as usize];
             if node.mac.follows_at(asn) != Some(asn) {
@@ -248,7 +249,7 @@ impl Mesh {
     }
 
     /// Resolve: what does every listener receive?
-    fn resolve(&mut self, asn: u64) {
+    fn resolve(&mut self, asn: Asn) {
         let slot = Slot { asn, begins_ns: asn * self.config.slot_ns };
         let Self { scratch, links, medium, .. } = self;
         let receptions = medium.resolve(links, slot, &scratch.on_air, &scratch.heard);
@@ -257,7 +258,7 @@ impl Mesh {
     }
 
     /// Tell: receivers what has come, senders whether it was acknowledged.
-    fn tell(&mut self, asn: u64) {
+    fn tell(&mut self, asn: Asn) {
         let mut sending = std::mem::take(&mut self.scratch.sending);
         let listeners = std::mem::take(&mut self.scratch.listeners);
         let receptions = std::mem::take(&mut self.scratch.receptions);
@@ -320,7 +321,7 @@ impl Mesh {
         index: u32,
         sent: &mut Sending,
         rssi_dbm: f64,
-        asn: u64,
+        asn: Asn,
     ) {
         let now_ns = asn * self.config.slot_ns;
         let bytes = sent.psdu_bytes;
@@ -422,7 +423,7 @@ impl Mesh {
     }
 
     /// Which acknowledgments arrive.
-    fn acknowledge(&mut self, sending: &mut [Sending], asn: u64) {
+    fn acknowledge(&mut self, sending: &mut [Sending], asn: Asn) {
         if self.scratch.answers.is_empty() {
             return;
         }
@@ -457,7 +458,7 @@ impl Mesh {
     }
 
     /// What became of a transmission.
-    fn finish(&mut self, sent: Sending, asn: u64) {
+    fn finish(&mut self, sent: Sending, asn: Asn) {
         let is_secured = sent.frame().security.is_secured();
         let Sending { sender, transmission, psdu_bytes: bytes, answered_by, acknowledged, .. } =
             sent;
@@ -492,7 +493,7 @@ impl Mesh {
     }
 
     /// Payloads of the swarm that came in frames for one mote alone.
-    pub(super) fn pass_on_payloads(&mut self, asn: u64) {
+    pub(super) fn pass_on_payloads(&mut self, asn: Asn) {
         let end_ns = (asn + 1) * self.config.slot_ns;
         for brought in self.scratch.swarm.drain(..) {
             let number = self.inbox.send(Sent {

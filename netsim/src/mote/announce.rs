@@ -6,6 +6,7 @@ use crate::mac::CellRef;
 use crate::mote::settings::Settings;
 use crate::sf::Traffic;
 use crate::wire::frame::{Content, FrameRepr, MAX_PSDU};
+use physics::asn::Asn;
 
 impl Mote {
     /// Adds to a frame for everyone that is about to be sent in a cell what its scheduling function announces, as far as there
@@ -14,7 +15,7 @@ impl Mote {
         &self,
         settings: &Settings,
         at: &CellRef,
-        asn: u64,
+        asn: Asn,
         frame: &mut FrameRepr,
     ) -> Option<u16> {
         let mut slots = self.sf.announcement(self.address, at, asn)?;

@@ -2,6 +2,7 @@
 
 use crate::energy::Usage;
 use crate::lowpan::DropReason;
+use physics::asn::Asn;
 use serde::{Deserialize, Serialize};
 
 /// Counters of a mote.
@@ -39,11 +40,11 @@ pub struct Tally {
     /// When it was first ready to send data (ns).
     pub first_ready_ns: Option<u64>,
     /// Since when it has been on (ASN), if it is.
-    pub on_since_asn: Option<u64>,
+    pub on_since_asn: Option<Asn>,
     /// Slots during which it was on before.
     pub n_slots_on: u64,
     /// Since when it has been scanning (ASN), if it is.
-    pub scans_since_asn: Option<u64>,
+    pub scans_since_asn: Option<Asn>,
     /// Slots that the schedule gave to listening in which it sent or received instead.
     pub n_listening_used: u64,
     /// What became of the frames that layers gave to the MAC, whatever they carry.
@@ -92,36 +93,36 @@ impl Tally {
     }
 
     /// Is switched on in this slot.
-    pub fn switch_on(&mut self, asn: u64) {
+    pub fn switch_on(&mut self, asn: Asn) {
         self.on_since_asn = Some(asn);
     }
 
     /// Is switched off: this slot is not counted any more.
-    pub fn switch_off(&mut self, asn: u64) {
+    pub fn switch_off(&mut self, asn: Asn) {
         self.stop_scanning(asn);
         if let Some(since_asn) = self.on_since_asn.take() {
-            self.n_slots_on += asn.saturating_sub(since_asn);
+            self.n_slots_on += asn.saturating_since(since_asn);
         }
     }
 
     /// Scans from this slot on.
-    pub fn start_scanning(&mut self, asn: u64) {
+    pub fn start_scanning(&mut self, asn: Asn) {
         self.scans_since_asn = Some(asn);
     }
 
     /// Scans no more: this slot is not counted.
-    pub fn stop_scanning(&mut self, asn: u64) {
+    pub fn stop_scanning(&mut self, asn: Asn) {
         if let Some(since_asn) = self.scans_since_asn.take() {
-            self.usage.scan += asn.saturating_sub(since_asn);
+            self.usage.scan += asn.saturating_since(since_asn);
         }
     }
 
     /// All uses of the radio before slot `asn`. `n_listening`: slots that the schedule gave to listening.
     #[must_use]
-    pub fn usage_until(&self, asn: u64, n_listening: u64) -> Usage {
+    pub fn usage_until(&self, asn: Asn, n_listening: u64) -> Usage {
         let mut usage = self.usage;
         if let Some(since_asn) = self.scans_since_asn {
-            usage.scan += asn.saturating_sub(since_asn);
+            usage.scan += asn.saturating_since(since_asn);
         }
         usage.idle_listen += n_listening.saturating_sub(self.n_listening_used);
         usage.sleep = self.slots_on(asn).saturating_sub(usage.active_slots());
@@ -130,8 +131,8 @@ impl Tally {
 
     /// Slots before `asn` during which it was on.
     #[must_use]
-    pub fn slots_on(&self, asn: u64) -> u64 {
-        let now = self.on_since_asn.map_or(0, |since_asn| asn.saturating_sub(since_asn));
+    pub fn slots_on(&self, asn: Asn) -> u64 {
+        let now = self.on_since_asn.map_or(0, |since_asn| asn.saturating_since(since_asn));
         self.n_slots_on + now
     }
 }

@@ -10,6 +10,7 @@ use super::{
 };
 use crate::mac::{Cell, CellOptions};
 use crate::wire::Eui64;
+use physics::asn::Asn;
 use proto::config::{Choice, Problem, Section, variant};
 use serde::{Deserialize, Serialize};
 
@@ -64,7 +65,7 @@ impl AliceConfig {
     /// Absolute slotframe number (ASFN) of the slotframe of links: whole slotframes since slot 0, in the 16 bits that the
     /// authors' code keeps.
     #[must_use]
-    pub fn asfn(&self, asn: u64) -> u16 {
+    pub fn asfn(&self, asn: Asn) -> u16 {
         (asn / u64::from(self.unicast_slots)) as u16
     }
 

@@ -81,6 +81,7 @@ impl SchedulingFunction for Minimal {
 mod tests {
     use super::super::testing::{Bench, built};
     use super::*;
+    use physics::asn::Asn;
 
     #[test]
     fn rfc8180_4_1_the_only_cell_is_shared_advertises_and_lies_at_slot_0() {
@@ -92,7 +93,7 @@ mod tests {
         assert_eq!(at.cell.options, CellOptions::TX_RX_SHARED);
         assert_eq!((at.cell.neighbour, at.cell.kind), (None, CellKind::Advertising));
         assert_eq!(bench.schedule.slotframe(0).unwrap().slots(), 7);
-        assert_eq!(bench.schedule.n_listening(70), 10);
+        assert_eq!(bench.schedule.n_listening(Asn(70)), 10);
     }
 
     #[test]

@@ -158,7 +158,7 @@ impl<P: Policy> Msf<P> {
     /// When use is to be judged next, as time.
     fn find_due(&mut self, cx: &Context<'_>) {
         let first = [self.tx.due_asn(), self.rx.due_asn()].into_iter().flatten().min();
-        self.due_ns = first.map(|asn| cx.now_ns + asn.saturating_sub(cx.asn) * cx.slot_ns);
+        self.due_ns = first.map(|asn| cx.now_ns + asn.saturating_since(cx.asn) * cx.slot_ns);
     }
 
     /// § 5.1, step 2.

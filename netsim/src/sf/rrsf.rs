@@ -168,6 +168,7 @@ mod tests {
     use super::super::testing::{Bench, built, read};
     use super::*;
     use crate::wire::Eui64;
+    use physics::asn::Asn;
 
     #[test]
     fn p5_every_slot_schedules_one_mote_to_transmit_and_all_others_to_receive() {
@@ -175,7 +176,7 @@ mod tests {
         let motes: Vec<Bench> = (0..7).map(|mote| Bench::start(&config, mote)).collect();
         for slot in 0..7 {
             for (mote, bench) in (0..).zip(&motes) {
-                let cells: Vec<_> = bench.schedule.cells_at(slot).collect();
+                let cells: Vec<_> = bench.schedule.cells_at(Asn(slot)).collect();
                 let [at] = cells[..] else { panic!("one cell in every slot") };
                 let options = if slot == mote { CellOptions::TX } else { CellOptions::RX };
                 assert_eq!(
@@ -202,7 +203,7 @@ mod tests {
         assert_eq!(config.slotframe_slots(), 2500);
         let bench = Bench::start(&config, 2499);
         assert_eq!(bench.schedule.cells().count(), 1);
-        assert_eq!(bench.schedule.n_listening(25_000), 24_990);
+        assert_eq!(bench.schedule.n_listening(Asn(25_000)), 24_990);
     }
 
     #[test]
@@ -223,7 +224,7 @@ mod tests {
         let config = built("kind = \"rrsf\" # compat.shared_slot_0", 5);
         for mote in 0..5 {
             let bench = Bench::start(&config, mote);
-            let first = bench.schedule.cells_at(0).next().unwrap();
+            let first = bench.schedule.cells_at(Asn(0)).next().unwrap();
             assert_eq!((first.handle, first.cell.options), (0, CellOptions::TX_RX_SHARED));
             assert_eq!(bench.schedule.slotframe(0).unwrap().slots(), 5);
             let said = (mote != 0).then_some(OWN_HANDLE);

@@ -4,6 +4,7 @@ use super::{Config, Configured, Context, Entry, PayloadCells, SchedulingFunction
 use crate::mac::{Cell, CellKind, CellOptions, CellRef};
 use crate::wire::Eui64;
 use crate::wire::slots::{MAX_SLOTS, SlotSet, SlotsRepr, tag};
+use physics::asn::Asn;
 use proto::config::{Choice, Problem, Section, join, variant};
 use serde::{Deserialize, Serialize};
 
@@ -178,7 +179,7 @@ impl Sotdma {
         self.slot
     }
 
-    fn epoch(&self, asn: u64) -> u64 {
+    fn epoch(&self, asn: Asn) -> u64 {
         asn / u64::from(self.config.slotframe_slots)
     }
 
@@ -319,7 +320,7 @@ impl SchedulingFunction for Sotdma {
         std::mem::take(&mut self.wants_frame).then_some(OWN_HANDLE)
     }
 
-    fn announcement(&self, own: Eui64, at: &CellRef, asn: u64) -> Option<SlotsRepr> {
+    fn announcement(&self, own: Eui64, at: &CellRef, asn: Asn) -> Option<SlotsRepr> {
         if at.handle != OWN_HANDLE {
             return None;
         }

@@ -22,6 +22,7 @@ use crate::dice::Dice;
 use crate::mac::Schedule;
 use crate::sixtop::Sixtop;
 use crate::wire::Eui64;
+use physics::asn::Asn;
 use proto::config::{check, parse};
 use proto::rng::Purpose;
 
@@ -121,7 +122,7 @@ pub struct Bench {
     /// Its preferred parent. [`Bench::set_parent`] changes it.
     pub parent: Option<Eui64>,
     /// The current slot.
-    pub asn: u64,
+    pub asn: Asn,
     is_root: bool,
     sixtop: Sixtop,
     dice: Dice,
@@ -137,7 +138,7 @@ impl Bench {
             sf: config.create(mote),
             schedule: Schedule::new(),
             parent: None,
-            asn: 0,
+            asn: Asn(0),
             is_root: mote == 0,
             sixtop: Sixtop::default(),
             dice: Dice::new(1, Purpose::Scheduling, mote),
@@ -175,7 +176,7 @@ impl Bench {
     /// If it does not want to be called.
     pub fn pass_time(&mut self) {
         let next_ns = self.sf.poll_timeout().expect("it waits for something");
-        self.asn = next_ns.div_ceil(SLOT_NS);
+        self.asn = Asn(next_ns.div_ceil(SLOT_NS));
         self.tell(|sf, cx| sf.handle_timeout(cx));
     }
 

@@ -13,6 +13,7 @@ use super::sixp::{
     SixpRequest,
 };
 use super::slots::{SlotSet, SlotsRepr};
+use physics::asn::Asn;
 use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
@@ -293,7 +294,7 @@ pub(crate) fn frame() -> impl Strategy<Value = (FrameRepr, Option<Ipv6Addr>)> {
     let beacon = (0_u64..1 << 40, any::<u8>(), ids, vec(slotframe(), 0..4)).prop_map(
         |(asn, join_metric, (timeslot_id, hopping_sequence_id), slotframes)| {
             Content::Beacon(BeaconRepr {
-                asn,
+                asn: Asn(asn),
                 join_metric,
                 timeslot_id,
                 hopping_sequence_id,

@@ -11,6 +11,7 @@ use super::fragment::LowpanRepr;
 use super::security::FrameSecurity;
 use super::sixp::SixpRepr;
 use super::slots::SlotsRepr;
+use physics::asn::Asn;
 use serde::{Deserialize, Serialize};
 
 /// A MAC frame of IEEE 802.15.4, the fields that the simulation uses.
@@ -64,7 +65,7 @@ impl Content {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BeaconRepr {
     /// Absolute slot number in which it is sent.
-    pub asn: u64,
+    pub asn: Asn,
     /// How far the sender is from the root, in hops of rank: DAGRank − 1. The lower, the better to join through.
     pub join_metric: u8,
     /// Which template times its slots: 0, the standard's; others are agreed on beforehand.

@@ -16,6 +16,7 @@ use aes::Aes128;
 use ccm::aead::array::ArraySize;
 use ccm::consts::{U4, U13};
 use ccm::{AeadInOut, Ccm, KeyInit, TagSize};
+use physics::asn::Asn;
 use serde::{Deserialize, Serialize};
 
 /// Length of the message integrity code at levels 1 and 5 (bytes).
@@ -116,7 +117,7 @@ impl Keys {
         open_len: usize,
         security: FrameSecurity,
         source: Eui64,
-        asn: u64,
+        asn: Asn,
     ) {
         let Some(key) = self.of(security) else { return };
         let open_len = security.open_len(frame.len(), open_len);
@@ -135,7 +136,7 @@ impl Keys {
         open_len: usize,
         security: FrameSecurity,
         source: Eui64,
-        asn: u64,
+        asn: Asn,
     ) -> Result<&'a [u8], Malformed> {
         let Some(key) = self.of(security) else { return Ok(frame) };
         let end = frame.len().saturating_sub(MIC_LEN);
@@ -161,10 +162,10 @@ impl FrameSecurity {
 /// CCM* nonce in TSCH mode (9.3.2.2): the extended address of the sender, and the absolute slot number, most significant
 /// byte first.
 #[must_use]
-pub fn nonce(source: Eui64, asn: u64) -> [u8; 13] {
+pub fn nonce(source: Eui64, asn: Asn) -> [u8; 13] {
     let mut nonce = [0; 13];
     nonce[..8].copy_from_slice(&source.octets());
-    nonce[8..].copy_from_slice(&asn.to_be_bytes()[3..]);
+    nonce[8..].copy_from_slice(&asn.0.to_be_bytes()[3..]);
     nonce
 }
 

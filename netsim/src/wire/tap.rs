@@ -1,6 +1,8 @@
 //! Captures that Wireshark opens: classic pcap with link type 283, IEEE 802.15.4 TAP
 //! (<https://github.com/jkcko/ieee802.15.4-tap>). All fields least significant byte first.
 
+use physics::asn::Asn;
+
 /// LINKTYPE_IEEE802_15_4_TAP.
 const LINK_TYPE: u32 = 283;
 /// Says that timestamps are seconds and nanoseconds.
@@ -36,7 +38,7 @@ pub fn record(
     time_ns: u64,
     (channel, page): (u16, u8),
     rssi_dbm: Option<f32>,
-    asn: u64,
+    asn: Asn,
     psdu: &[u8],
 ) -> Vec<u8> {
     let mut fields = Vec::with_capacity(64);
@@ -47,7 +49,7 @@ pub fn record(
     let [low, high] = channel.to_le_bytes();
     put_field(&mut fields, CHANNEL, &[low, high, page]);
     put_field(&mut fields, START_OF_FRAME, &time_ns.to_le_bytes());
-    put_field(&mut fields, ASN, &asn.to_le_bytes());
+    put_field(&mut fields, ASN, &asn.0.to_le_bytes());
 
     let fields_len = 4 + fields.len();
     let length = (fields_len + psdu.len()) as u32;
@@ -78,7 +80,7 @@ mod tests {
     #[test]
     fn a_record_is_as_long_as_it_says_and_ends_with_the_frame() {
         let psdu = [1, 2, 3];
-        let record = record(3_000_000_007, (26, 0), Some(-90.0), 300, &psdu);
+        let record = record(3_000_000_007, (26, 0), Some(-90.0), Asn(300), &psdu);
         assert_eq!(record[..8], [3, 0, 0, 0, 7, 0, 0, 0]);
         assert_eq!(record[8..12], ((record.len() - 16) as u32).to_le_bytes());
         assert_eq!(record[8..12], record[12..16]);
@@ -95,7 +97,7 @@ mod tests {
 
     #[test]
     fn frames_that_nobody_received_have_no_strength() {
-        let with = record(0, (11, 0), Some(-50.0), 0, &[]).len();
-        assert_eq!(record(0, (11, 0), None, 0, &[]).len(), with - 8);
+        let with = record(0, (11, 0), Some(-50.0), Asn(0), &[]).len();
+        assert_eq!(record(0, (11, 0), None, Asn(0), &[]).len(), with - 8);
     }
 }

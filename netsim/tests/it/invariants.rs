@@ -7,6 +7,7 @@ use crate::model::scenario::{FUNCTIONS, RADIOS, Scenario, Spice};
 use netsim::lowpan::DropReason;
 use netsim::mesh::network::Mesh;
 use netsim::mote::Mote;
+use physics::asn::Asn;
 use proto::side::NetOutput;
 use proto::types::{Deliveries, FrameOutcome};
 use std::collections::BTreeSet;
@@ -171,7 +172,7 @@ impl Watch {
     }
 }
 
-fn slots_are_accounted_for(mote: &Mote, asn: u64, what: &dyn Fn() -> String) {
+fn slots_are_accounted_for(mote: &Mote, asn: Asn, what: &dyn Fn() -> String) {
     let n_listening = mote.schedule.n_listening(asn);
     let used = mote.tally.n_listening_used;
     assert!(used <= n_listening, "mote {} used {used} of {n_listening}: {}", mote.id, what());

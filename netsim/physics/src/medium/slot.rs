@@ -113,7 +113,7 @@ impl SlotMedium {
         for ear in &self.ears {
             let outcome = self.locker.outcome(
                 &*self.rule,
-                (self.seed, slot.asn),
+                (self.seed, slot.asn.0),
                 &self.emissions,
                 ear,
                 self.pairing.heard_by(ear),
@@ -181,7 +181,7 @@ impl SlotMedium {
             let ear = &self.ears[ear as usize];
             let outcome = self.locker.outcome(
                 &*self.rule,
-                (self.seed, slot.asn),
+                (self.seed, slot.asn.0),
                 &self.emissions,
                 ear,
                 self.pairing.heard_by(ear),

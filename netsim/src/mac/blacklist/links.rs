@@ -4,6 +4,7 @@ use super::{ChannelSet, Config, N_CHANNELS, Quality, is_dedicated, place_of, set
 use crate::mac::Cell;
 use crate::mac::tsch::channel_at;
 use crate::wire::Eui64;
+use physics::asn::Asn;
 use proto::rng::{Draws, Purpose};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -40,16 +41,16 @@ impl Link {
 }
 
 /// Whether the link from one mote to another follows the plain hopping sequence in a slot. Both ends compute the same.
-fn explores(config: &Config, from: Eui64, to: Eui64, asn: u64) -> bool {
+fn explores(config: &Config, from: Eui64, to: Eui64, asn: Asn) -> bool {
     let link = from.0 ^ to.0.rotate_left(32);
-    Draws::new(0, Purpose::BlacklistExploration).uniform(link, asn, 0) < config.explore
+    Draws::new(0, Purpose::BlacklistExploration).uniform(link, asn.0, 0) < config.explore
 }
 
 /// The first of the channels to choose from that is not blacklisted, or the last.
 fn channel_by(
     config: &Config,
     sequence: &[u8],
-    asn: u64,
+    asn: Asn,
     offset: u16,
     blacklist: ChannelSet,
 ) -> u8 {
@@ -73,7 +74,7 @@ impl Blacklists {
         sequence: &[u8],
         own: Eui64,
         cell: &Cell,
-        asn: u64,
+        asn: Asn,
     ) -> u8 {
         let plain = channel_at(sequence, asn, cell.channel);
         let Some(neighbour) = cell.neighbour.filter(|_| is_dedicated(cell)) else { return plain };
@@ -92,7 +93,7 @@ impl Blacklists {
 
     /// The blacklist that a frame carries in a dedicated cell that transmits, if it carries one.
     #[must_use]
-    pub fn offer(&self, config: &Config, own: Eui64, to: Eui64, asn: u64) -> Option<ChannelSet> {
+    pub fn offer(&self, config: &Config, own: Eui64, to: Eui64, asn: Asn) -> Option<ChannelSet> {
         let link = self.sends.get(&to)?;
         let is_due =
             link.wanted != link.agreed || !link.is_confirmed || explores(config, own, to, asn);

@@ -3,6 +3,7 @@ use super::*;
 use crate::mac::CellOptions;
 use crate::mac::tsch::channel_at;
 use crate::wire::Eui64;
+use physics::asn::Asn;
 use proptest::prelude::*;
 use proto::rng::{Draws, Purpose};
 
@@ -50,7 +51,7 @@ impl Pair {
     }
 
     /// The channels on which the two ends are in a slot.
-    fn channels(&self, asn: u64) -> [u8; 2] {
+    fn channels(&self, asn: Asn) -> [u8; 2] {
         let addresses = self.addresses();
         std::array::from_fn(|end| {
             self.ends[end].channel(&self.config, &SEQUENCE, addresses[end], &self.cells[end], asn)
@@ -58,7 +59,7 @@ impl Pair {
     }
 
     /// Sends a frame, which the receiver hears only if it is on the same channel.
-    fn send(&mut self, asn: u64, fate: impl Fn(u8) -> Fate) -> Fate {
+    fn send(&mut self, asn: Asn, fate: impl Fn(u8) -> Fate) -> Fate {
         let [from, to] = self.addresses();
         let [channel, listens] = self.channels(asn);
         let carried = self.ends[0].offer(&self.config, from, to, asn);
@@ -97,9 +98,9 @@ proptest! {
         for (asn, fate) in (first..).step_by(slots as usize).zip(fates) {
             let fate = if fate == Fate::AckLost { Fate::Acknowledged } else { fate };
             let fate = if n_failures == 15 { Fate::Acknowledged } else { fate };
-            let [sends, listens] = pair.channels(asn);
+            let [sends, listens] = pair.channels(Asn(asn));
             prop_assert_eq!(sends, listens);
-            prop_assert_eq!(pair.send(asn, |_| fate), fate);
+            prop_assert_eq!(pair.send(Asn(asn), |_| fate), fate);
             prop_assert!(pair.agree());
             n_failures = if fate == Fate::Acknowledged { 0 } else { n_failures + 1 };
         }
@@ -113,20 +114,20 @@ proptest! {
         let mut pair = Pair::new(config(arms));
         let [from, to] = pair.addresses();
         for (asn, fate) in (first..).step_by(slots as usize).zip(fates) {
-            let plain = channel_at(&SEQUENCE, asn, 3);
+            let plain = channel_at(&SEQUENCE, Asn(asn), 3);
             let draw = Draws::new(0, Purpose::BlacklistExploration);
             let explores = draw.uniform(from.0 ^ to.0.rotate_left(32), asn, 0) < 0.05;
             if explores {
-                prop_assert_eq!(pair.channels(asn), [plain; 2]);
+                prop_assert_eq!(pair.channels(Asn(asn)), [plain; 2]);
             }
-            let carries = pair.ends[0].offer(&pair.config, from, to, asn).is_some();
-            let fate = pair.send(asn, |_| fate);
+            let carries = pair.ends[0].offer(&pair.config, from, to, Asn(asn)).is_some();
+            let fate = pair.send(Asn(asn), |_| fate);
             if fate == Fate::Acknowledged && carries {
                 prop_assert!(pair.agree());
             }
             // A disagreement is known to the sender, whose frames say what it wants until one is acknowledged.
             if !pair.agree() {
-                prop_assert!(pair.ends[0].offer(&pair.config, from, to, asn + 1).is_some());
+                prop_assert!(pair.ends[0].offer(&pair.config, from, to, Asn(asn + 1)).is_some());
             }
         }
     }
@@ -138,7 +139,7 @@ fn delivery(config: Config, jammed: ChannelSet, n: u64, from: u64) -> f64 {
     let mut pair = Pair::new(config);
     let mut n_delivered = 0;
     for cell in 0..n {
-        let fate = pair.send(7 + 101 * cell, |channel| {
+        let fate = pair.send(Asn(7 + 101 * cell), |channel| {
             if jammed & set_of(channel) == 0 { Fate::Acknowledged } else { Fate::FrameLost }
         });
         n_delivered += u64::from(from <= cell && fate == Fate::Acknowledged);
@@ -168,12 +169,12 @@ fn a_channel_that_has_become_clean_is_used_again() {
     let lossy = |channel: u8| if channel < 19 { Fate::FrameLost } else { Fate::Acknowledged };
     let clean = |channel: u8| if channel < 19 { Fate::Acknowledged } else { Fate::FrameLost };
     for cell in 0..300 {
-        pair.send(101 * cell, lossy);
+        pair.send(Asn(101 * cell), lossy);
     }
     let [_, to] = pair.addresses();
     assert_eq!(pair.ends[0].of_sender(to) & 0x00ff, 0x00ff);
     for cell in 300..3000 {
-        pair.send(101 * cell, clean);
+        pair.send(Asn(101 * cell), clean);
     }
     let used = !pair.ends[0].of_sender(to);
     assert_eq!((used & 0x00ff).count_ones(), 6, "{used:#018b}");

@@ -1,10 +1,11 @@
 //! In how many slots a radio listens, counted from slotframes instead of slots.
 
 use super::Slotframe;
+use physics::asn::Asn;
 
 /// Slots from `from` (included) to `until` (excluded) in which at least one slotframe receives: the inclusion–exclusion
 /// principle over the slotframes, two residues meeting as the Chinese remainder theorem says.
-pub(super) fn listening_slots(frames: &[Slotframe], from: u64, until: u64) -> u64 {
+pub(super) fn listening_slots(frames: &[Slotframe], from: Asn, until: Asn) -> u64 {
     if frames.iter().any(|frame| frame.n_receives == frame.slots) {
         return until - from;
     }
@@ -32,7 +33,7 @@ pub(super) fn listening_slots(frames: &[Slotframe], from: u64, until: u64) -> u6
     if sets.iter().any(|set| set.offsets.len() as u64 == set.modulus) {
         return until - from;
     }
-    union_size(&sets, from, until)
+    union_size(&sets, from.0, until.0)
 }
 
 /// Numbers that leave one of `offsets` when divided by `modulus`.

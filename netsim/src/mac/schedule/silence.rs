@@ -1,6 +1,7 @@
 //! Slots in which no cell receives, found without looking at slotframes.
 
 use super::Slotframe;
+use physics::asn::Asn;
 use serde::{Deserialize, Serialize};
 
 /// Slots of all slotframes together, where these are as long as each other (RFC 9033, § 2).
@@ -38,7 +39,7 @@ impl Silence {
 
     /// Whether it is known that nothing receives in an absolute slot.
     #[inline]
-    pub(super) fn covers(&self, asn: u64) -> bool {
+    pub(super) fn covers(&self, asn: Asn) -> bool {
         if self.slots == 0 {
             return false;
         }

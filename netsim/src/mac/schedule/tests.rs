@@ -1,4 +1,5 @@
 use super::*;
+use physics::asn::Asn;
 use proptest::prelude::*;
 
 proptest! {
@@ -12,7 +13,7 @@ proptest! {
         length in 0u64..3000,
     ) {
         let mut schedule = Schedule::new();
-        schedule.set_effective(from);
+        schedule.set_effective(Asn(from));
         for (handle, (slots, cells, background)) in (0..).zip(&frames) {
             schedule.add_slotframe(handle, *slots);
             schedule.set_background(handle, background.then_some(3)).unwrap();
@@ -21,8 +22,8 @@ proptest! {
                 schedule.add(handle, Cell::new(slot % slots, 0, options, None)).unwrap();
             }
         }
-        let walked = (from..from + length).filter(|&asn| schedule.listens(asn).is_some()).count();
-        prop_assert_eq!(schedule.n_listening(from + length), walked as u64);
+        let walked = (from..from + length).filter(|&asn| schedule.listens(Asn(asn)).is_some()).count();
+        prop_assert_eq!(schedule.n_listening(Asn(from + length)), walked as u64);
     }
 }
 
@@ -56,10 +57,10 @@ proptest! {
             written.add(1, Cell::new(slot, 5, CellOptions::RX, None)).unwrap();
         }
         for asn in 0..100 {
-            prop_assert_eq!(implied.listens(asn), written.listens(asn));
-            prop_assert!(implied.cells_at(asn).eq(written.cells_at(asn)));
+            prop_assert_eq!(implied.listens(Asn(asn)), written.listens(Asn(asn)));
+            prop_assert!(implied.cells_at(Asn(asn)).eq(written.cells_at(Asn(asn))));
         }
-        prop_assert_eq!(implied.n_listening(1000), written.n_listening(1000));
+        prop_assert_eq!(implied.n_listening(Asn(1000)), written.n_listening(Asn(1000)));
     }
 }
 
@@ -68,17 +69,17 @@ fn a_background_gives_way_to_cells_and_comes_back_when_they_go() {
     let mut schedule = Schedule::new();
     schedule.add_slotframe(1, 4);
     schedule.set_background(1, Some(0)).unwrap();
-    assert_eq!(schedule.n_listening(8), 8);
-    schedule.set_effective(8);
+    assert_eq!(schedule.n_listening(Asn(8)), 8);
+    schedule.set_effective(Asn(8));
     schedule.add(1, Cell::new(2, 0, CellOptions::TX, None)).unwrap();
-    assert!(schedule.listens(10).is_none());
-    assert_eq!(schedule.n_listening(16), 14);
-    schedule.set_effective(16);
+    assert!(schedule.listens(Asn(10)).is_none());
+    assert_eq!(schedule.n_listening(Asn(16)), 14);
+    schedule.set_effective(Asn(16));
     assert_eq!(schedule.remove_where(1, |_| true), 1);
-    assert!(schedule.listens(10).is_some());
-    assert_eq!(schedule.n_listening(24), 22);
+    assert!(schedule.listens(Asn(10)).is_some());
+    assert_eq!(schedule.n_listening(Asn(24)), 22);
     schedule.resize(1, 6).unwrap();
-    assert!(schedule.listens(5).is_some());
+    assert!(schedule.listens(Asn(5)).is_some());
     assert_eq!(schedule.set_background(2, None), Err(ScheduleError::NoSlotframe(2)));
 }
 
@@ -118,9 +119,9 @@ fn of_two_cells_in_a_slot_the_lower_handle_is_listened_to() {
         schedule.add_slotframe(handle, slots);
         schedule.add(handle, Cell::new(0, handle.into(), CellOptions::RX, None)).unwrap();
     }
-    assert_eq!(schedule.listens(0).unwrap().handle, 1);
-    assert_eq!(schedule.listens(5).unwrap().handle, 2);
-    assert!(schedule.listens(1).is_none());
+    assert_eq!(schedule.listens(Asn(0)).unwrap().handle, 1);
+    assert_eq!(schedule.listens(Asn(5)).unwrap().handle, 2);
+    assert!(schedule.listens(Asn(1)).is_none());
 }
 
 proptest! {
@@ -148,8 +149,8 @@ proptest! {
         let _ = schedule.resize(resized, 5);
         schedule.remove_where(1, |cell| cell.channel == 1);
         for asn in 0..200 {
-            let first = schedule.cells_at(asn).find(|at| at.cell.options.rx);
-            prop_assert_eq!(schedule.listens(asn), first);
+            let first = schedule.cells_at(Asn(asn)).find(|at| at.cell.options.rx);
+            prop_assert_eq!(schedule.listens(Asn(asn)), first);
         }
     }
 }

@@ -6,11 +6,12 @@ use crate::mac::queue::Queued;
 use crate::mac::schedule::{Cell, CellRef};
 use crate::wire::Eui64;
 use crate::wire::frame::MAX_PSDU;
+use physics::asn::Asn;
 
 impl Tsch {
     /// The channel on which the mote uses a cell in a slot.
     #[inline]
-    pub(super) fn channel_in(&self, config: &Config, cell: &Cell, asn: u64) -> u8 {
+    pub(super) fn channel_in(&self, config: &Config, cell: &Cell, asn: Asn) -> u8 {
         match &config.blacklist {
             Some(blacklist) if is_dedicated(cell) => {
                 let sequence = &config.hopping_sequence;
@@ -24,7 +25,7 @@ impl Tsch {
     pub(super) fn offer_blacklist(
         &self,
         config: &Config,
-        asn: u64,
+        asn: Asn,
         at: Option<&CellRef>,
         queued: &mut Queued,
     ) {

@@ -3,6 +3,7 @@
 use super::channel::{BEACON_CHANNEL_OFFSET, scan_channel};
 use super::{Config, Listening, State, Tsch, channel_of, follows_beside_everyone};
 use crate::mac::schedule::Schedule;
+use physics::asn::Asn;
 
 impl Tsch {
     /// Whether it listens where its schedule says so, and nowhere else.
@@ -19,7 +20,7 @@ impl Tsch {
         config: &Config,
         schedule: &Schedule,
         seed: u64,
-        asn: u64,
+        asn: Asn,
     ) -> Option<Listening> {
         match &self.state {
             State::Off => None,
@@ -52,7 +53,7 @@ impl Tsch {
 
     /// The channel on which it listens in a slot while it looks for a network.
     #[must_use]
-    pub fn scans_on(&self, config: &Config, seed: u64, asn: u64) -> u8 {
+    pub fn scans_on(&self, config: &Config, seed: u64, asn: Asn) -> u8 {
         if asn * config.slot_ns < self.knows_slot_until_ns {
             channel_of(config, asn, BEACON_CHANNEL_OFFSET)
         } else {

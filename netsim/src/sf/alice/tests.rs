@@ -4,6 +4,7 @@ use super::*;
 use crate::mac::Slotframe;
 use crate::sf::Config;
 use crate::sf::testing::{Bench, built, read};
+use physics::asn::Asn;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
@@ -58,7 +59,10 @@ fn a_cell_is_the_hash_of_both_addresses_and_the_slotframe_worked_out_by_hand() {
     assert_eq!(config.cell(mote(5), mote(7), 100, 16), (3, 13));
     // From 7 to 5: x = 1897; 1897 ^ 3 ^ 15176 ^ 59 = 15385. 15385 mod 23 = 21, 1 + 15385 mod 15 = 11.
     assert_eq!(config.cell(mote(7), mote(5), 100, 16), (21, 11));
-    assert_eq!((config.asfn(22), config.asfn(23), config.asfn(23 * 65_536 + 1)), (0, 1, 0));
+    assert_eq!(
+        (config.asfn(Asn(22)), config.asfn(Asn(23)), config.asfn(Asn(23 * 65_536 + 1))),
+        (0, 1, 0)
+    );
     // Channel offset 0 is left to beacons; where there is one channel only, all offsets are the same.
     assert_eq!(config.cell(mote(5), mote(7), 100, 1).1, 1);
     let one = keys(&built("kind = \"alice\" # storing\nunicast_channels = \"one\"", 20));
@@ -181,7 +185,7 @@ fn after_a_loss_of_synchronisation_nothing_is_remembered() {
 fn a_restored_mote_moves_its_cells_as_if_nothing_had_happened() {
     let config = built(ALICE, 20);
     let (mut low, _) = link(&config, 5, 7);
-    low.asn = 1000;
+    low.asn = Asn(1000);
     low.tell(|sf, cx| sf.handle_timeout(cx));
     let mut other = low.restored(&config);
     for _ in 0..50 {
@@ -215,7 +219,7 @@ proptest! {
         prop_assert!(problems.is_empty());
         let (mut low, mut high) = link(&config.unwrap(), child, parent);
         for bench in [&mut low, &mut high] {
-            bench.asn = asn;
+            bench.asn = Asn(asn);
             bench.tell(|sf, cx| sf.handle_timeout(cx));
         }
         for (from, to) in [(&low, &high), (&high, &low)] {

@@ -8,6 +8,7 @@ use super::*;
 use crate::sixtop::Failure;
 use crate::wire::sixp::{ReturnCode, SixpBody};
 use harness::Network;
+use physics::asn::Asn;
 
 /// Cells of 6P's own making.
 pub(in crate::sf) fn negotiated<P: Policy>(
@@ -253,7 +254,7 @@ fn m10_clear_leaves_autonomous_cells() {
 fn m11_downward_traffic_gets_cells_and_loses_them_again() {
     let mut network = Network::new(2, MsfConfig::default());
     network.set_parent(1, Some(0));
-    while network.asn < 50_000 {
+    while network.asn < Asn(50_000) {
         network.send_data(0, 1);
         network.run(101);
     }

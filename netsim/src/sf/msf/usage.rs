@@ -1,5 +1,6 @@
 //! How much of their cells two motes use: RFC 9033, § 5.1.
 
+use physics::asn::Asn;
 use serde::{Deserialize, Serialize};
 
 /// NumCellsElapsed and NumCellsUsed, for the cells of one direction with the parent.
@@ -13,16 +14,16 @@ pub(super) struct Usage {
     /// Length of their slotframe (slots).
     length: u16,
     /// First absolute slot that is not in `elapsed`.
-    since_asn: u64,
+    since_asn: Asn,
     elapsed: u64,
     used: u64,
     /// Absolute slot after the one in which the last cell elapses; `None`: never.
-    due_asn: Option<u64>,
+    due_asn: Option<Asn>,
 }
 
 impl Usage {
     /// Replaces the cells, and keeps both counters.
-    pub(super) fn set_cells(&mut self, mut slots: Vec<u16>, length: u16, asn: u64, most: u16) {
+    pub(super) fn set_cells(&mut self, mut slots: Vec<u16>, length: u16, asn: Asn, most: u16) {
         slots.sort_unstable();
         if (&slots, length) == (&self.slots, self.length) {
             return;
@@ -33,7 +34,7 @@ impl Usage {
     }
 
     /// Begins anew: both counters are 0.
-    pub(super) fn restart(&mut self, asn: u64, most: u16) {
+    pub(super) fn restart(&mut self, asn: Asn, most: u16) {
         (self.elapsed, self.used, self.since_asn) = (0, 0, asn);
         self.find_due(most);
     }
@@ -49,7 +50,7 @@ impl Usage {
     }
 
     /// NumCellsElapsed: cells before `asn`.
-    pub(super) fn elapsed(&self, asn: u64) -> u64 {
+    pub(super) fn elapsed(&self, asn: Asn) -> u64 {
         let between = |&slot: &u16| {
             below(asn, slot, self.length) - below(self.since_asn.min(asn), slot, self.length)
         };
@@ -57,7 +58,7 @@ impl Usage {
     }
 
     /// The first absolute slot at whose beginning the agreed number of cells has elapsed.
-    pub(super) fn due_asn(&self) -> Option<u64> {
+    pub(super) fn due_asn(&self) -> Option<Asn> {
         self.due_asn
     }
 
@@ -72,7 +73,7 @@ impl Usage {
             return;
         }
         let (length, since) = (u64::from(self.length), self.since_asn);
-        let mut next: Vec<u64> = self
+        let mut next: Vec<Asn> = self
             .slots
             .iter()
             .map(|&slot| since + (u64::from(slot) + length - since % length) % length)
@@ -85,9 +86,9 @@ impl Usage {
 }
 
 /// Absolute slots below `limit` with a slot offset.
-fn below(limit: u64, slot: u16, length: u16) -> u64 {
+fn below(limit: Asn, slot: u16, length: u16) -> u64 {
     let (slot, length) = (u64::from(slot), u64::from(length));
-    if limit <= slot { 0 } else { (limit - slot - 1) / length + 1 }
+    if limit.0 <= slot { 0 } else { (limit.0 - slot - 1) / length + 1 }
 }
 
 #[cfg(test)]
@@ -105,13 +106,13 @@ mod tests {
             most in 1u16..30,
         ) {
             let (mut usage, mut asn, mut walked) = (Usage::default(), begin, 0);
-            usage.restart(begin, most);
+            usage.restart(Asn(begin), most);
             for (slots, duration) in phases {
-                usage.set_cells(slots.clone(), length, asn, most);
+                usage.set_cells(slots.clone(), length, Asn(asn), most);
                 let mut due = (walked >= u64::from(most)).then_some(asn);
                 for offset in 0..10_000 {
                     if offset == duration {
-                        prop_assert_eq!(usage.elapsed(asn + offset), walked);
+                        prop_assert_eq!(usage.elapsed(Asn(asn + offset)), walked);
                     }
                     let at = slots.iter().filter(|&&slot| (asn + offset) % u64::from(length) == u64::from(slot));
                     let n = at.count() as u64;
@@ -119,7 +120,7 @@ mod tests {
                         walked += n;
                     }
                     // How many have elapsed once this slot is over, if cells stayed as they are.
-                    let after = usage.elapsed(asn + offset + 1);
+                    let after = usage.elapsed(Asn(asn + offset + 1));
                     if due.is_none() && after >= u64::from(most) {
                         due = Some(asn + offset + 1);
                     }
@@ -128,7 +129,7 @@ mod tests {
                     }
                 }
                 // It may have passed unnoticed while the cells stayed as they were.
-                prop_assert_eq!(usage.due_asn().map(|due| due.max(asn)), due);
+                prop_assert_eq!(usage.due_asn().map(|due| due.max(Asn(asn))), due.map(Asn));
                 asn += duration;
             }
         }

@@ -3,6 +3,7 @@
 use super::*;
 use crate::mac::{CellRef, Slotframe};
 use crate::sf::testing::{Bench, built, read};
+use physics::asn::Asn;
 use proptest::prelude::*;
 
 fn mote(n: u32) -> Eui64 {
@@ -82,7 +83,7 @@ fn the_default_rules_listen_in_9_of_100_slots() {
     let mut bench = Bench::start(&built("kind = \"orchestra\"", 20), 5);
     bench.tell(|sf, cx| sf.handle_time_source(cx, Some(mote(3))));
     let (all, silent) = (397 * 17 * 31, 396 * 16 * 30);
-    assert_eq!(bench.schedule.n_listening(all), all - silent);
+    assert_eq!(bench.schedule.n_listening(Asn(all)), all - silent);
     assert_eq!((all - silent) * 1000 / all, 91);
 }
 
@@ -177,7 +178,7 @@ fn special_for_root_lets_roots_listen_in_every_slot_and_matches_neighbours_that_
     let config = built(&text, 20);
     let root = Bench::start(&config, 0);
     assert_eq!(root.schedule.slotframe(ROOT_LISTENS | 1).unwrap().slots(), 1);
-    assert!((0..100).all(|asn| root.schedule.listens(asn).is_some()));
+    assert!((0..100).all(|asn| root.schedule.listens(Asn(asn)).is_some()));
 
     let mut bench = Bench::start(&config, 12);
     assert_eq!(bench.sf.slotframe_of(Traffic::Unicast(mote(0))), Some(0));

@@ -1,6 +1,7 @@
 use super::super::testing::{Bench, built, read};
 use super::*;
 use crate::sf::Config as AnyConfig;
+use physics::asn::Asn;
 
 /// Ten slots for motes, two for all.
 const TEXT: &str =
@@ -16,7 +17,7 @@ fn sotdma(bench: &Bench) -> &Sotdma {
 
 /// Neighbour `from`, in its own slot, says whom it hears where.
 fn hear(bench: &mut Bench, from: u32, slot: u16, hears: &[(u16, u32)]) {
-    bench.asn = bench.asn / 12 * 12 + u64::from(slot);
+    bench.asn = Asn(bench.asn / 12 * 12 + u64::from(slot));
     let mut taken = SlotSet::default();
     hears.iter().for_each(|&(slot, _)| taken.insert(slot));
     let mut hears = hears.to_vec();
@@ -35,7 +36,7 @@ fn say(bench: &mut Bench, from: u32, slot: u16, announced: &SlotsRepr) {
 /// What a mote says in a slot.
 fn said(bench: &Bench, slot: u16) -> SlotsRepr {
     let at = CellRef { handle: OWN_HANDLE, cell: Cell::new(slot, 0, CellOptions::TX, None) };
-    bench.sf.announcement(bench.own, &at, bench.asn).unwrap()
+    bench.sf.announcement(bench.own, &at, Asn(bench.asn.0)).unwrap()
 }
 
 fn own_cells(bench: &Bench) -> Vec<u16> {

@@ -7,6 +7,7 @@ use crate::wire::fragment::Payload;
 use crate::wire::security::{FrameSecurity, Keys};
 use crate::wire::sink::{Put, Sink, length_of, write};
 use crate::wire::slots::OUI;
+use physics::asn::Asn;
 
 pub use physics::timing::MAX_PSDU_BYTES as MAX_PSDU;
 /// Identifier of the one network there is.
@@ -83,7 +84,7 @@ impl FrameRepr {
 
     /// The PSDU as it is sent in a slot, encrypted and authenticated as its security has it.
     #[must_use]
-    pub fn to_secured_vec(&self, keys: &Keys, asn: u64) -> Vec<u8> {
+    pub fn to_secured_vec(&self, keys: &Keys, asn: Asn) -> Vec<u8> {
         let mut bytes = vec![0; self.buffer_len()];
         let end = write_with_mic(self, self.security, &mut bytes);
         let header_len = length_of(&Header(self));
@@ -121,7 +122,7 @@ impl AckRepr {
 
     /// The PSDU as `source` sends it in a slot, authenticated as its security has it: there is nothing to encrypt.
     #[must_use]
-    pub fn to_secured_vec(&self, keys: &Keys, source: Eui64, asn: u64) -> Vec<u8> {
+    pub fn to_secured_vec(&self, keys: &Keys, source: Eui64, asn: Asn) -> Vec<u8> {
         let mut bytes = vec![0; self.buffer_len()];
         let end = write_with_mic(self, self.security, &mut bytes);
         keys.secure(&mut bytes[..end], length_of(self), self.security, source, asn);
@@ -259,7 +260,7 @@ impl Put for AckRepr {
 impl Put for BeaconRepr {
     fn put<S: Sink>(&self, sink: &mut S) {
         put_nested_short(TSCH_SYNCHRONIZATION, 6, sink);
-        sink.put(&self.asn.to_le_bytes()[..5]);
+        sink.put(&self.asn.0.to_le_bytes()[..5]);
         sink.put_u8(self.join_metric);
         put_nested_short(TIMESLOT, 1, sink);
         sink.put_u8(self.timeslot_id);

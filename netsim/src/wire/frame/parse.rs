@@ -14,6 +14,7 @@ use crate::wire::sink::ByteReader;
 use crate::wire::sixp::SixpRepr;
 use crate::wire::slots::{OUI, SlotsRepr};
 use crate::wire::{Eui64, Malformed};
+use physics::asn::Asn;
 use std::net::Ipv6Addr;
 use std::sync::Arc;
 
@@ -122,7 +123,7 @@ impl Addressing {
 pub fn unsecure(
     psdu: &[u8],
     keys: &Keys,
-    asn: u64,
+    asn: Asn,
     answered: Option<Eui64>,
 ) -> Result<(Vec<u8>, FrameSecurity), Malformed> {
     let end = psdu.len().saturating_sub(FCS_LEN);
@@ -305,7 +306,7 @@ fn parse_beacon(elements: &[u8]) -> Result<BeaconRepr, Malformed> {
         }
     }
     let (asn, join_metric) = synchronization.ok_or(reader.malformed("no TSCH synchronization"))?;
-    Ok(BeaconRepr { asn, join_metric, timeslot_id, hopping_sequence_id, slotframes })
+    Ok(BeaconRepr { asn: Asn(asn), join_metric, timeslot_id, hopping_sequence_id, slotframes })
 }
 
 fn parse_slotframe(reader: &mut ByteReader<'_>) -> Result<BeaconSlotframe, Malformed> {

@@ -5,6 +5,7 @@ use crate::wire::rpl::{DisRepr, RplMessage};
 use crate::wire::security::{FrameSecurity, Keys};
 use crate::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRepr};
 use crate::wire::slots::SlotSet;
+use physics::asn::Asn;
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -18,21 +19,21 @@ proptest! {
     ) {
         let security = if k1 { FrameSecurity::K1 } else { FrameSecurity::K2 };
         let frame = FrameRepr { security, ..plain.clone() };
-        let bytes = frame.to_secured_vec(&KEYS, asn);
+        let bytes = frame.to_secured_vec(&KEYS, Asn(asn));
         prop_assert_eq!(bytes.len(), plain.buffer_len() + security.overhead());
-        let (read, found) = unsecure(&bytes, &KEYS, asn, None).unwrap();
+        let (read, found) = unsecure(&bytes, &KEYS, Asn(asn), None).unwrap();
         prop_assert_eq!(found, security);
         prop_assert_eq!(FrameRepr::parse(&read, root), Ok(plain));
         let others = Keys { k1: KEYS.k2, k2: KEYS.k1 };
-        prop_assert!(unsecure(&bytes, &others, asn, None).is_err());
-        prop_assert!(unsecure(&bytes, &KEYS, asn ^ 1, None).is_err());
+        prop_assert!(unsecure(&bytes, &others, Asn(asn), None).is_err());
+        prop_assert!(unsecure(&bytes, &KEYS, Asn(asn ^ 1), None).is_err());
         let mut changed = bytes.clone();
         let end = changed.len() - 2;
         changed[flip.index(end)] ^= 1;
         let fcs = fcs(&changed[..end]).to_le_bytes();
         changed[end..].copy_from_slice(&fcs);
         // A frame whose security bit was flipped is one that is not secured.
-        let unsecured = unsecure(&changed, &KEYS, asn, None);
+        let unsecured = unsecure(&changed, &KEYS, Asn(asn), None);
         let found = unsecured.map(|(_, security)| security);
         prop_assert!(!matches!(found, Ok(FrameSecurity::K1 | FrameSecurity::K2)), "{:?}", found);
     }
@@ -40,11 +41,11 @@ proptest! {
     #[test]
     fn an_acknowledgment_is_read_with_the_address_of_its_sender(ack in arbitrary::ack(), asn in 0_u64..1 << 40) {
         let (own, security) = (Eui64::of_mote(3), FrameSecurity::K2);
-        let bytes = AckRepr { security, ..ack }.to_secured_vec(&KEYS, own, asn);
-        let (read, found) = unsecure(&bytes, &KEYS, asn, Some(own)).unwrap();
+        let bytes = AckRepr { security, ..ack }.to_secured_vec(&KEYS, own, Asn(asn));
+        let (read, found) = unsecure(&bytes, &KEYS, Asn(asn), Some(own)).unwrap();
         prop_assert_eq!((AckRepr::parse(&read), found), (Ok(ack), security));
-        prop_assert!(unsecure(&bytes, &KEYS, asn, Some(Eui64::of_mote(4))).is_err());
-        prop_assert!(unsecure(&bytes, &KEYS, asn, None).is_err());
+        prop_assert!(unsecure(&bytes, &KEYS, Asn(asn), Some(Eui64::of_mote(4))).is_err());
+        prop_assert!(unsecure(&bytes, &KEYS, Asn(asn), None).is_err());
     }
 
     #[test]
@@ -107,7 +108,7 @@ fn ieee802154_7_2_10_the_example_of_a_frame_check_sequence() {
 fn rfc8180_a_1_the_information_elements_of_a_beacon() {
     let slotframe = BeaconSlotframe { handle: 0, slots: 101, links: vec![(0, 0, 0x0f)] };
     let beacon = BeaconRepr {
-        asn: 0x05_0403_0201,
+        asn: Asn(0x05_0403_0201),
         join_metric: 2,
         timeslot_id: 0,
         hopping_sequence_id: 0,
@@ -207,7 +208,8 @@ const KEYS: Keys = Keys { k1: *b"6TiSCH minimal15", k2: [7; 16] };
 #[test]
 fn ieee802154_9_4_the_security_header_follows_the_addresses() {
     let plain = frame(Some(Eui64::of_mote(2)), Content::KeepAlive);
-    let bytes = FrameRepr { security: FrameSecurity::K2, ..plain.clone() }.to_secured_vec(&KEYS, 5);
+    let bytes =
+        FrameRepr { security: FrameSecurity::K2, ..plain.clone() }.to_secured_vec(&KEYS, Asn(5));
     assert_eq!(bytes.len(), plain.buffer_len() + 6);
     assert_eq!(bytes[..2], [0x09, 0xec]);
     assert_eq!(bytes[2..21], plain.to_vec()[2..21]);
@@ -215,7 +217,7 @@ fn ieee802154_9_4_the_security_header_follows_the_addresses() {
     let destination = Eui64::of_mote(1);
     let security = FrameSecurity::K2;
     let ack = AckRepr { destination, sequence: 9, time_correction_us: -2, security };
-    let bytes = ack.to_secured_vec(&KEYS, Eui64::of_mote(2), 5);
+    let bytes = ack.to_secured_vec(&KEYS, Eui64::of_mote(2), Asn(5));
     assert_eq!(bytes.len(), 25);
     assert_eq!(bytes[13..19], [0x6d, 2, 0x02, 0x0f, 0xfe, 0x0f]);
 }
@@ -226,7 +228,7 @@ fn a_beacon_stays_legible_and_another_frame_does_not() {
     for (security, is_legible) in [(FrameSecurity::K1, true), (FrameSecurity::K2, false)] {
         let slots = Some(Box::new(slots.clone()));
         let frame = FrameRepr { security, slots, ..frame(None, Content::KeepAlive) };
-        let (plain, secured) = (frame.to_vec(), frame.to_secured_vec(&KEYS, 5));
+        let (plain, secured) = (frame.to_vec(), frame.to_secured_vec(&KEYS, Asn(5)));
         // To the termination of the header elements.
         assert_eq!(plain[..19], secured[..19]);
         let end = plain.len() - 6;

@@ -1,5 +1,6 @@
 use super::*;
 use ccm::consts::U8;
+use physics::asn::Asn;
 
 /// IEEE Std 802.15.4-2006 and later, C.2: the key of all examples.
 const KEY: [u8; 16] = [
@@ -36,7 +37,7 @@ fn ieee802154_c_2_3_a_command_is_encrypted_and_authenticated() {
 
 #[test]
 fn ieee802154_9_3_2_2_the_nonce_is_the_sender_and_the_slot() {
-    let nonce = nonce(Eui64(0x0102_0304_0506_0708), 0x0a_0b0c_0d0e);
+    let nonce = nonce(Eui64(0x0102_0304_0506_0708), Asn(0x0a_0b0c_0d0e));
     assert_eq!(nonce, [1, 2, 3, 4, 5, 6, 7, 8, 0x0a, 0x0b, 0x0c, 0x0d, 0x0e]);
 }
 

@@ -13,6 +13,7 @@ use netsim::wire::frame::{AckRepr, Content, Envelope, FrameRepr, unsecure};
 use netsim::wire::rpl::RplMessage;
 use netsim::wire::security::{FrameSecurity, Keys};
 use netsim::wire::sixp::SixpRepr;
+use physics::asn::Asn;
 use proto::side::{NetInput, NetOutput, Setup};
 use proto::types::{AgentStates, MoteCommand, MoteOrder, NetRecord};
 use std::net::Ipv6Addr;
@@ -51,7 +52,7 @@ pub(super) enum What {
 /// A frame as it was on the air.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct OnAir {
-    pub(super) asn: u64,
+    pub(super) asn: Asn,
     /// When it began (ns of true time).
     pub(super) begins_ns: u64,
     pub(super) channel: u8,
@@ -91,7 +92,7 @@ pub(super) struct Bench {
     pub(super) mesh: Mesh,
     pub(super) states: AgentStates,
     /// The first slot that has not been simulated.
-    pub(super) asn: u64,
+    pub(super) asn: Asn,
     pub(super) frames: Vec<OnAir>,
     /// Packets but those of the join protocol.
     pub(super) ended: Vec<Ended>,
@@ -181,7 +182,7 @@ impl Bench {
         Self {
             mesh: Mesh::new(experiment, config, settings, addresses, site, columns, records),
             states: standing_at(places),
-            asn: 0,
+            asn: Asn(0),
             frames: Vec::new(),
             ended: Vec::new(),
             ended_joins: Vec::new(),
@@ -191,7 +192,7 @@ impl Bench {
     }
 
     /// Runs up to slot `asn`, which is not simulated.
-    pub(super) fn run_to(&mut self, asn: u64) -> NetOutput {
+    pub(super) fn run_to(&mut self, asn: Asn) -> NetOutput {
         assert!(self.asn < asn, "{asn} lies in the past");
         let order = |order| MoteCommand { source: "test".to_owned(), order };
         let commands: Vec<MoteCommand> = self.orders.drain(..).map(order).collect();
@@ -301,12 +302,12 @@ impl Bench {
             let channel = fields[16];
             let begins_ns = u64::from_le_bytes(fields[24..32].try_into().expect("eight bytes"));
             let asn = u64::from_le_bytes(fields[36..44].try_into().expect("eight bytes"));
-            self.note_frame(asn, begins_ns, channel, psdu);
+            self.note_frame(Asn(asn), begins_ns, channel, psdu);
         }
     }
 
     /// No frame is longer than 127 bytes, aMaxPhyPacketSize (IEEE Std 802.15.4-2015, 11.3).
-    fn note_frame(&mut self, asn: u64, begins_ns: u64, channel: u8, psdu: &[u8]) {
+    fn note_frame(&mut self, asn: Asn, begins_ns: u64, channel: u8, psdu: &[u8]) {
         assert!(psdu.len() <= 127, "{} bytes at {asn}", psdu.len());
         let keys = self.mesh.settings().join.security.map(|security| security.keys);
         let in_slot = |frame: &&mut OnAir| frame.asn == asn;
@@ -354,7 +355,7 @@ impl Bench {
 fn legible(
     psdu: &[u8],
     keys: Option<Keys>,
-    asn: u64,
+    asn: Asn,
     answering: Option<Eui64>,
 ) -> Option<(Vec<u8>, FrameSecurity)> {
     match keys {

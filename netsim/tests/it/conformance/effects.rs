@@ -1,6 +1,7 @@
 //! Effects on motes, in running networks: each shows where it should, with the sign and, where that is known, the size.
 
 use super::bench::{Bench, EAGER, EXACT, LINE, line, own_cells};
+use physics::asn::Asn;
 
 const N: usize = 4;
 /// Slots of the slotframe of [`config`].
@@ -42,7 +43,7 @@ fn airtimes_s(bench: &Bench) -> Vec<f64> {
 fn run(config: &str, at_once: usize, slotframes: u64, times: usize) -> Seen {
     let mut bench = Bench::new(&line(N), config);
     bench.form();
-    bench.run_to(bench.asn.next_multiple_of(SLOTFRAME) + 100 * SLOTFRAME);
+    bench.run_to(Asn(bench.asn.0.next_multiple_of(SLOTFRAME)) + 100 * SLOTFRAME);
     bench.ended.clear();
     let (before_s, begins) = (airtimes_s(&bench), bench.asn);
     for _ in 0..times {
@@ -179,11 +180,11 @@ fn motes_reboot_as_often_as_said_and_lose_what_they_hold() {
     let n_slots = 6_000_000;
     let begins = bench.asn;
     while bench.asn < begins + n_slots {
-        if bench.asn.is_multiple_of(1000) {
+        if bench.asn % 1000 == 0 {
             bench.send(3, 0, 40);
         }
         let from = bench.asn;
-        bench.run_to((from + 1).next_multiple_of(50));
+        bench.run_to(Asn((from.0 + 1).next_multiple_of(50)));
         n_slots_synced += if was_synced { bench.asn - from } else { 0 };
         let is_synced = bench.mote(2).mac.is_synced();
         n_lost_time += u64::from(was_synced && !is_synced);

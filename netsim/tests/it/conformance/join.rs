@@ -1,6 +1,7 @@
 //! J1, J2: admission in a network.
 
 use super::bench::{Bench, EAGER, FULL, LINE, OnAir, SLOT_NS, What, line, trace};
+use physics::asn::Asn;
 use proto::types::MoteOrder;
 
 /// CoAP's port.
@@ -19,14 +20,14 @@ fn unheard() -> Bench {
 fn j2_unanswered_requests_are_repeated_after_t0_times_1_2_4_8_16() {
     let mut bench = unheard();
     bench.run_until(101, 200_000, |bench| bench.mote(1).mac.is_synced());
-    let synced_asn = bench.mote(1).tally.first_synced_ns.unwrap() / SLOT_NS;
+    let synced_asn = Asn(bench.mote(1).tally.first_synced_ns.unwrap() / SLOT_NS);
     bench.run_until(10, 60_000, |bench| bench.mote(1).mac.is_scanning());
     let left_asn = bench.asn;
     let mut requests: Vec<OnAir> = bench.sent(1, is_join);
     // Each of them in six attempts with one sequence number.
     assert_eq!(requests.len(), 5 * 6);
     requests.dedup_by_key(|request| request.sequence);
-    let at: Vec<u64> = requests.iter().map(|request| request.asn).collect();
+    let at: Vec<Asn> = requests.iter().map(|request| request.asn).collect();
     assert_eq!(at.len(), 5);
     assert!(at[0] - synced_asn <= 10, "at once");
     let t0 = at[1] - at[0];

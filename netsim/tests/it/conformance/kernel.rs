@@ -3,14 +3,15 @@
 use super::bench::{Bench, EAGER, FULL, LINE, SLOT_NS, line, set_up};
 use crate::harness::text;
 use netsim::catalogue::Catalogue;
+use physics::asn::Asn;
 
 #[test]
 fn k4_a_step_ends_at_the_slot_it_was_told() {
     let mut bench = Bench::new(&line(3), &format!("{FULL}{EAGER}"));
     for asn in [1, 7, 100, 101, 12_345] {
-        assert_eq!(bench.run_to(asn).time_ns, asn * SLOT_NS);
-        assert_eq!(bench.mesh.state().asn, asn);
-        assert!(bench.frames.iter().all(|frame| frame.asn < asn));
+        assert_eq!(bench.run_to(Asn(asn)).time_ns, asn * SLOT_NS);
+        assert_eq!(bench.mesh.state().asn, Asn(asn));
+        assert!(bench.frames.iter().all(|frame| frame.asn < Asn(asn)));
     }
 }
 
@@ -26,7 +27,7 @@ fn k5_slotframes_one_by_one_or_all_at_once_end_in_the_same_slot_and_state() {
             for _ in 0..n_slotframes {
                 in_parts.run(slots);
             }
-            assert_eq!(in_parts.asn, n_slotframes * slots);
+            assert_eq!(in_parts.asn, Asn(n_slotframes * slots));
             assert_eq!(whole.mesh.state(), in_parts.mesh.state());
             assert_eq!(whole.capture, in_parts.capture);
         }

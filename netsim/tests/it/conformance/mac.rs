@@ -7,6 +7,7 @@ use netsim::mac::{Cell, CellOptions, Schedule};
 use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity;
+use physics::asn::Asn;
 use proto::types::MoteOrder;
 
 /// The minimal cell once in 101 slots, as the vectors have it.
@@ -168,7 +169,7 @@ fn with_the_simulators_rule_a_mote_counts_the_neighbours_it_had_before_it_lost_t
         let mut mac = Tsch::new(&config, own, 2, false, 1);
         mac.synchronise(&config, root, 0, 0);
         for from in [root, other] {
-            mac.handle_frame(&config, from, None, Some(1), 1, 0);
+            mac.handle_frame(&config, from, None, Some(1), Asn(1), 0);
         }
         assert_eq!(mac.neighbours().len(), 2);
         mac.scan(&config);
@@ -223,24 +224,24 @@ fn t9_a_frame_that_is_backed_off_stays_and_another_cell_of_the_slot_is_used() {
                 schedule.add(1, cell).unwrap();
             }
             mac.enqueue(frame_to(two, 22)).unwrap();
-            let first = mac.poll_slot(&config, &schedule, 0).unwrap();
+            let first = mac.poll_slot(&config, &schedule, Asn(0)).unwrap();
             assert_eq!(packet_of(&first.outgoing), 22);
-            let done = mac.handle_done(&config, first, false, 0, 0);
+            let done = mac.handle_done(&config, first, false, 0, Asn(0));
             assert_eq!(done, Done::Retry { destination: two, dscp: 0 });
             // The first window is 0 or 1 cells: whoever is silent now has drawn 1.
-            if mac.clone().poll_slot(&config, &schedule, 10).is_some() {
+            if mac.clone().poll_slot(&config, &schedule, Asn(10)).is_some() {
                 continue;
             }
             n_backed_off += 1;
             mac.enqueue(frame_to(one, 11)).unwrap();
-            let other = mac.poll_slot(&config, &schedule, 10).unwrap();
+            let other = mac.poll_slot(&config, &schedule, Asn(10)).unwrap();
             assert_eq!(packet_of(&other.outgoing), 11);
             assert_eq!(other.at.unwrap().cell.neighbour, Some(one));
             let waiting: Vec<(u64, u16)> =
                 mac.queue().iter().map(|queued| (queued.packet, queued.n_attempts)).collect();
             assert_eq!(waiting, [(22, 1)]);
-            mac.handle_done(&config, other, true, 0, 10);
-            let later = (2..4).find_map(|k| mac.poll_slot(&config, &schedule, 10 * k));
+            mac.handle_done(&config, other, true, 0, Asn(10));
+            let later = (2..4).find_map(|k| mac.poll_slot(&config, &schedule, Asn(10 * k)));
             assert_eq!(packet_of(&later.unwrap().outgoing), 22);
         }
     }
@@ -260,21 +261,21 @@ fn a_frame_is_not_sent_again_once_its_number_would_stand_for_another() {
         schedule.add(1, Cell::new(slot, 0, CellOptions::TX, Some(neighbour))).unwrap();
     }
     mac.enqueue(frame_to(one, 1)).unwrap();
-    let waits = mac.poll_slot(&config, &schedule, 0).unwrap();
-    mac.handle_done(&config, waits, false, 0, 0);
+    let waits = mac.poll_slot(&config, &schedule, Asn(0)).unwrap();
+    mac.handle_done(&config, waits, false, 0, Asn(0));
     for newer in 1..=127_u64 {
         mac.enqueue(frame_to(two, 1 + newer)).unwrap();
-        let sent = mac.poll_slot(&config, &schedule, 10 * newer + 1).unwrap();
+        let sent = mac.poll_slot(&config, &schedule, Asn(10 * newer + 1)).unwrap();
         assert_eq!(packet_of(&sent.outgoing), 1 + newer);
-        mac.handle_done(&config, sent, true, 0, 10 * newer + 1);
+        mac.handle_done(&config, sent, true, 0, Asn(10 * newer + 1));
         assert_eq!(mac.take_outrun(), []);
     }
     // Never sent: no matter how long it waits.
     mac.enqueue(frame_to(one, 200)).unwrap();
     mac.enqueue(frame_to(two, 300)).unwrap();
-    let sent = mac.poll_slot(&config, &schedule, 1281).unwrap();
+    let sent = mac.poll_slot(&config, &schedule, Asn(1281)).unwrap();
     assert_eq!(packet_of(&sent.outgoing), 300);
-    mac.handle_done(&config, sent, true, 0, 1281);
+    mac.handle_done(&config, sent, true, 0, Asn(1281));
     let outrun: Vec<u64> = mac.take_outrun().iter().map(|queued| queued.packet).collect();
     assert_eq!(outrun, [1]);
     assert_eq!(mac.queue().iter().map(|queued| queued.packet).collect::<Vec<_>>(), [200]);
@@ -302,7 +303,7 @@ fn pair_of_packets(pending_bit: bool) -> [(u64, u8); 2] {
     let frames = bench.sent(1, swarm_data);
     let [first, second] = &frames[..] else { panic!("{frames:?}") };
     assert!(first.answered && second.answered && first.asn % 101 == 3);
-    [(first.asn, first.channel), (second.asn, second.channel)]
+    [(first.asn.0, first.channel), (second.asn.0, second.channel)]
 }
 
 #[test]
@@ -352,11 +353,14 @@ fn t16_two_packets_leave_in_order_through_cells_of_two_slotframes() {
     mac.enqueue(frame_to(neighbour, 6)).unwrap();
     let mut sent = Vec::new();
     for asn in 0..10 {
-        assert_eq!(mac.next_tx_asn(&config, &schedule, asn), [1, 1, 2].get(asn as usize).copied());
-        if let Some(transmission) = mac.poll_slot(&config, &schedule, asn) {
+        assert_eq!(
+            mac.next_tx_asn(&config, &schedule, Asn(asn)),
+            [1, 1, 2].map(Asn).get(asn as usize).copied()
+        );
+        if let Some(transmission) = mac.poll_slot(&config, &schedule, Asn(asn)) {
             let at = transmission.at.unwrap();
             sent.push((asn, at.handle, packet_of(&transmission.outgoing)));
-            mac.handle_done(&config, transmission, true, 0, asn);
+            mac.handle_done(&config, transmission, true, 0, Asn(asn));
         }
     }
     assert_eq!(sent, [(1, 1, 5), (2, 2, 6)]);

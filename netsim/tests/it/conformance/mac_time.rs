@@ -6,6 +6,7 @@ use super::bench::{
 use netsim::mac::Schedule;
 use netsim::mac::tsch::{Config, Due, State, Tsch, channel_of};
 use netsim::wire::Eui64;
+use physics::asn::Asn;
 use proto::types::MoteOrder;
 use std::collections::BTreeSet;
 
@@ -42,7 +43,11 @@ fn t11_a_second_neighbour_ends_the_wait_at_once() {
     bench.run_until(1, 17_900, |bench| bench.mote(2).mac.is_synced());
     let synced_ns = bench.mote(2).tally.first_synced_ns.unwrap();
     assert!(synced_ns < decide_ns.unwrap());
-    assert_eq!(bench.frames.last().unwrap().asn, synced_ns / SLOT_NS, "in the slot of a beacon");
+    assert_eq!(
+        bench.frames.last().unwrap().asn,
+        Asn(synced_ns / SLOT_NS),
+        "in the slot of a beacon"
+    );
 }
 
 #[test]
@@ -101,7 +106,7 @@ fn a_mote_that_lost_its_time_follows_the_channels_of_beacons_for_as_long_as_its_
     let mut mac = Tsch::new(&config, Eui64::of_mote(1), 1, false, 1);
     let follows = |mac: &Tsch, slots: std::ops::Range<u64>| {
         let heard = |asn| mac.listening(&config, &schedule, 1, asn).unwrap().channel;
-        slots.clone().filter(|&asn| heard(asn) == channel_of(&config, asn, 0)).count()
+        slots.clone().filter(|&asn| heard(Asn(asn)) == channel_of(&config, Asn(asn), 0)).count()
     };
     mac.scan(&config);
     // One of sixteen channels, each for a second: some of ten thousand slots agree, far from all.
@@ -117,7 +122,9 @@ fn a_mote_that_lost_its_time_follows_the_channels_of_beacons_for_as_long_as_its_
     let heard = |asn| mac.listening(&config, &schedule, 1, asn).unwrap().channel;
     assert!(
         10_000
-            < (10_000..20_000).filter(|&asn| heard(asn) != channel_of(&config, asn, 0)).count()
+            < (10_000..20_000)
+                .filter(|&asn| heard(Asn(asn)) != channel_of(&config, Asn(asn), 0))
+                .count()
                 + 1_200
     );
 }
@@ -164,7 +171,7 @@ fn heard_for(config: &Config, seconds: u64) -> Tsch {
     let mut mac = Tsch::new(config, Eui64::of_mote(1), 1, false, 1);
     mac.synchronise(config, source, 0, 0);
     for asn in (500..=seconds * 100).step_by(500) {
-        mac.handle_frame(config, source, None, Some(asn as u8), asn, 0);
+        mac.handle_frame(config, source, None, Some(asn as u8), Asn(asn), 0);
     }
     mac
 }
@@ -231,7 +238,7 @@ fn t12_a_mote_whose_source_dies_scans_1750_slots_after_it_last_heard_it() {
             panic!("synchronised")
         };
         let heard_asn = heard_ns / SLOT_NS;
-        bench.run_to(heard_asn + least);
+        bench.run_to(Asn(heard_asn + least));
         assert!(bench.mote(1).mac.is_synced());
         bench.run(1 + most - least);
         assert!(bench.mote(1).mac.is_scanning());

@@ -4,6 +4,7 @@ use super::bench::{Bench, EAGER, LINE, What, line, own_cells, set_up, trace};
 use crate::harness::{network, pairs_of, period, reading_dbm, standing_at, text};
 use netsim::catalogue::Catalogue;
 use physics::End;
+use physics::asn::Asn;
 use physics::medium::links::Links;
 use physics::medium::slot::Sent;
 use physics::propagation::friis::friis_dbm;
@@ -79,8 +80,8 @@ fn c6_without_a_way_back_nothing_is_acknowledged_and_synchronisation_is_lost() {
     for (rows, stays) in [(&both[..], true), (&deaf[..], false)] {
         let mut bench = Bench::over_trace(2, trace(2, rows), &config);
         bench.form();
-        assert!(bench.asn < silent_asn, "{}", bench.asn);
-        bench.run_to(silent_asn);
+        assert!(bench.asn < Asn(silent_asn), "{}", bench.asn);
+        bench.run_to(Asn(silent_asn));
         let before = bench.mote(1).tally.clone();
         bench.frames.clear();
         // A mote that knows its clock runs free for 300 s at most.

@@ -17,6 +17,7 @@ use netsim::wire::fragment::LowpanRepr;
 use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity;
 use netsim::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRepr, SixpRequest};
+use physics::asn::Asn;
 use proto::types::MoteOrder;
 
 const MSF: &str = "[sf]\nkind = \"msf\"\n";
@@ -131,10 +132,10 @@ fn m5_a_new_parent_is_asked_for_cells_and_the_old_one_told_to_clear_them() {
     let mut bench = Bench::over_trace(7, trace(7, &rows), &format!("{EAGER}{rpl}{MSF}{app}"));
     bench.form();
     let is_settled = |bench: &Bench| bench.parent(6) == Some(5) && 1 <= negotiated(bench, 6, 5).0;
-    assert!(bench.asn < 500_000);
-    bench.run_to(500_000);
+    assert!(bench.asn < Asn(500_000));
+    bench.run_to(Asn(500_000));
     bench.run_until(101, 99_000, is_settled);
-    bench.run_to(599_900);
+    bench.run_to(Asn(599_900));
     assert!(is_settled(&bench));
     let before = negotiated(&bench, 6, 5);
     bench.frames.clear();
@@ -220,7 +221,7 @@ struct Lone<'a> {
     bench: &'a Bench,
     config: &'a str,
     mote: Mote,
-    asn: u64,
+    asn: Asn,
     sequence: u8,
 }
 

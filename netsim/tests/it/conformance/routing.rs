@@ -2,6 +2,7 @@
 
 use super::bench::{Bench, EAGER, LINE, NO_KEEP_ALIVES, OnAir, What, line, own_cells, trace};
 use netsim::wire::rpl::RplMessage;
+use physics::asn::Asn;
 
 #[test]
 fn r3_on_a_line_without_any_measurement_ranks_are_256_2048_3840() {
@@ -99,7 +100,7 @@ fn r11_in_a_diamond_the_better_side_is_kept_left_when_it_fails_and_taken_again()
     );
     let mut bench = Bench::over_trace(4, trace(4, &rows), &config);
     let mut parents = Vec::new();
-    while bench.asn < 1_000_000 {
+    while bench.asn < Asn(1_000_000) {
         bench.run(500);
         parents.push((bench.asn, bench.parent(3)));
         // Nobody is below itself.
@@ -113,7 +114,7 @@ fn r11_in_a_diamond_the_better_side_is_kept_left_when_it_fails_and_taken_again()
     }
     // How much of a time (s) mote 3 has had which parent.
     let share = |from_s: u64, until_s: u64, parent: Option<u32>| {
-        let of = parents.iter().filter(|(asn, _)| (from_s * 100..until_s * 100).contains(asn));
+        let of = parents.iter().filter(|(asn, _)| (from_s * 100..until_s * 100).contains(&asn.0));
         let (n, n_with) =
             of.fold((0, 0), |(n, with), (_, of)| (n + 1, with + u32::from(*of == parent)));
         f64::from(n_with) / f64::from(n)

@@ -4,6 +4,7 @@ use super::bench::{Bench, EAGER, FULL, LINE, OnAir, SLOT_NS, What, line, trace};
 use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity::{K1, K2, Unsecured};
+use physics::asn::Asn;
 use physics::timing::Airtime;
 
 const SECURED: &str = "[security]\n";
@@ -75,7 +76,7 @@ fn a_mote_takes_what_it_has_the_key_for_and_motes_with_keys_exempt_join_traffic(
     };
     let (root, pledge) = (bench.mote(0), bench.mote(1));
     assert!(root.joined && !pledge.joined);
-    let beacon = root.beacon(&settings, 7, [0, 0]);
+    let beacon = root.beacon(&settings, Asn(7), [0, 0]);
     assert_eq!(beacon.security, K1);
     for mote in [root, pledge] {
         assert!(mote.takes(&settings, &beacon));

@@ -1,6 +1,7 @@
 //! Kinds of traffic against what a static schedule makes of them, computed by hand.
 
 use super::bench::{Bench, EAGER, EXACT, Ended, LINE, OnAir, SLOT_NS, What, line, own_cells};
+use physics::asn::Asn;
 use proto::types::MoteOrder;
 use std::collections::BTreeSet;
 
@@ -23,10 +24,13 @@ fn two(app: &str) -> Bench {
 
 /// The first slot from `asn` on that is this one in the slotframe, and in which the mote sent nothing but CoAP: a frame of routing or
 /// a keep-alive goes first.
-fn next(bench: &Bench, asn: u64, mote: u32, sends: u64) -> u64 {
+fn next(bench: &Bench, asn: Asn, mote: u32, sends: u64) -> Asn {
     let others = bench.sent(mote, |what| *what != What::Udp(5683));
-    let taken: BTreeSet<u64> = others.iter().map(|frame| frame.asn).collect();
-    (asn..).find(|asn| asn % SLOTS == sends && !taken.contains(asn)).expect("a slot that is free")
+    let taken: BTreeSet<Asn> = others.iter().map(|frame| frame.asn).collect();
+    (asn.0..)
+        .map(Asn)
+        .find(|&asn| asn % SLOTS == sends && !taken.contains(&asn))
+        .expect("a slot that is free")
 }
 
 /// Frames of a mote with CoAP messages of applications.
@@ -50,12 +54,12 @@ fn the_round_trip_of_an_exchange_is_that_of_its_cells() {
         assert_eq!((exchange.source, exchange.destination), (0, 1));
         assert_eq!((exchange.lost.as_deref(), exchange.hops), (None, 1));
         let created_asn = exchange.created_ns / SLOT_NS;
-        let request_asn = next(&bench, created_asn, 0, ROOT_SENDS);
-        let response_asn = next(&bench, request_asn + 1, 1, MOTE_SENDS);
-        assert_eq!(exchange.ended_ns / SLOT_NS, response_asn, "{exchange:?}");
+        let request_asn = next(&bench, Asn(created_asn), 0, ROOT_SENDS);
+        let response_asn = next(&bench, Asn((request_asn + 1).0), 1, MOTE_SENDS);
+        assert_eq!(Asn(exchange.ended_ns / SLOT_NS), response_asn, "{exchange:?}");
         // In closed form: (10 − c) mod 101 slots to the root's cell, then 40 to the mote's, unless another frame goes first.
         let in_cells = (ROOT_SENDS + SLOTS - created_asn % SLOTS) % SLOTS + MOTE_SENDS - ROOT_SENDS;
-        n_undisturbed += usize::from(response_asn - created_asn == in_cells);
+        n_undisturbed += usize::from(response_asn - created_asn == Asn(in_cells));
         // IEEE Std 802.15.4-2015: 2.12 ms into the slot, and 32 µs for each of 6 bytes and of the frame's: 21 of the MAC header,
         // 2 of the FCS; 1 + 3 of the page and RPL's packet information (rank: a byte), 2 + 16 … of IPHC, UDP and CoAP behind.
         let air_ns = exchange.ended_ns % SLOT_NS - 2_120_000;
@@ -93,7 +97,7 @@ fn a_download_takes_an_exchange_per_block_and_stop_and_wait_bounds_its_time() {
         assert_eq!(block.asn, next(&bench, request.asn + 1, 0, ROOT_SENDS));
         asn = block.asn;
     }
-    assert_eq!(download.ended_ns / SLOT_NS, asn);
+    assert_eq!(Asn(download.ended_ns / SLOT_NS), asn);
     // In closed form: a slotframe for the answer to the trigger, which goes first, and one for each block, unless another frame of
     // either goes first.
     let others = |mote, sends| {
@@ -213,8 +217,8 @@ fn motes_within_the_radius_report_an_event_wherever_they_are_then() {
     let config = format!("{LINE}{EAGER}{EXACT}[rpl]\nmax_rank_increase = 0\n{cells}{app}");
     let mut bench = Bench::new(&line(4), &config);
     bench.form();
-    assert!(bench.asn < 200_000, "formed before the first event");
-    bench.run_to(205_000);
+    assert!(bench.asn < Asn(200_000), "formed before the first event");
+    bench.run_to(Asn(205_000));
     // At 11.18 m, 5 m and 11.18 m of it: motes 1, 2 and 3, three packets each.
     let created = |bench: &Bench, of: u32| {
         let of_it = of_kind(bench, "app").filter(|ended| ended.source == of);
@@ -225,7 +229,7 @@ fn motes_within_the_radius_report_an_event_wherever_they_are_then() {
     }
     // Then mote 3 is 14.9 m away.
     bench.states.x_m[3] = 34.0;
-    bench.run_to(215_000);
+    bench.run_to(Asn(215_000));
     for (mote, n) in [(1, 6), (2, 6), (3, 3)] {
         assert_eq!(created(&bench, mote).len(), n, "{mote}");
     }

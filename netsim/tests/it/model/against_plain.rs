@@ -6,6 +6,7 @@ use crate::harness::STEP_NS;
 use netsim::energy::Usage;
 use netsim::mesh::network::Mesh;
 use netsim::mote::Mote;
+use physics::asn::Asn;
 use proptest::prelude::*;
 use proto::side::NetOutput;
 
@@ -13,7 +14,7 @@ use proto::side::NetOutput;
 const SECONDS: u64 = 30;
 
 /// What the network under test has counted of a mote's radio.
-fn usage(mote: &Mote, asn: u64) -> Usage {
+fn usage(mote: &Mote, asn: Asn) -> Usage {
     mote.tally.usage_until(asn, mote.schedule.n_listening(asn))
 }
 
@@ -26,7 +27,7 @@ fn without_counts(mote: &Mote) -> Mote {
     (mote.tally.n_tx_unicast, mote.tally.n_tx_acked) = (0, 0);
     mote.tally.n_retransmissions = 0;
     // Each looks at a mote's changes in slots of its own.
-    mote.schedule.set_effective(0);
+    mote.schedule.set_effective(Asn(0));
     mote
 }
 

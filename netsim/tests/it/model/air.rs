@@ -1,5 +1,6 @@
 //! The air, naively: every emission at every ear, link by link, straight from the physics.
 
+use physics::asn::Asn;
 use physics::interference::Rule;
 use physics::link::{Covariates, End, Scene};
 use physics::medium::jam::Jams;
@@ -54,7 +55,7 @@ pub(crate) struct World<'a> {
     pub(crate) way_m: &'a [f64],
     pub(crate) jams: &'a Jams,
     pub(crate) period_ns: u64,
-    pub(crate) asn: u64,
+    pub(crate) asn: Asn,
     pub(crate) slot_ns: u64,
 }
 
@@ -83,7 +84,7 @@ impl World<'_> {
         };
         let u = |frame: &Arrived| {
             let link = ordered_link(frame.emission.sender, ear.receiver);
-            Draws::new(self.seed, frame.emission.purpose).uniform(link, self.asn, 0)
+            Draws::new(self.seed, frame.emission.purpose).uniform(link, self.asn.0, 0)
         };
         let mut locked: Option<Arrived> = None;
         for frame in arrived.iter().filter(|frame| in_time(frame)) {

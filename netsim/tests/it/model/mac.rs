@@ -8,6 +8,7 @@ use netsim::mac::{Cell, CellKind, CellOptions, CellRef, Schedule, Tsch};
 use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity;
+use physics::asn::Asn;
 use physics::timing::Airtime;
 use proptest::prelude::*;
 use proto::rng::Purpose;
@@ -63,7 +64,7 @@ struct Plain {
     /// When the next beacon falls due (ns), and whether one is.
     beacon: (u64, bool),
     /// Slot, channel and neighbour of the frame that was announced.
-    announced: Option<(u64, u8, Eui64)>,
+    announced: Option<(Asn, u8, Eui64)>,
     next_sequence: u8,
     /// By frame that has been sent: how many others were sent for the first time after it.
     n_newer: BTreeMap<u64, u64>,
@@ -94,7 +95,7 @@ impl Plain {
         dropped
     }
 
-    fn slot(&mut self, schedule: &Schedule, asn: u64) -> Option<Sent> {
+    fn slot(&mut self, schedule: &Schedule, asn: Asn) -> Option<Sent> {
         let now_ns = asn * SLOT_NS;
         if !self.beacon.1 && self.beacon.0 <= now_ns {
             let (low_ns, high_ns) = (BEACON_NS * 3 / 4, BEACON_NS * 5 / 4);
@@ -110,7 +111,7 @@ impl Plain {
         }
         for at in cells.iter().filter(|at| at.cell.options.tx) {
             let channel =
-                self.channels[(asn as usize + at.cell.channel as usize) % self.channels.len()];
+                self.channels[(asn.0 as usize + at.cell.channel as usize) % self.channels.len()];
             if self.beacon.1 && at.cell.kind != CellKind::Normal {
                 self.beacon.1 = false;
                 let (cell, is_shared) = (Some(name(at)), at.cell.options.shared);
@@ -134,7 +135,7 @@ impl Plain {
     fn send(
         &mut self,
         schedule: &Schedule,
-        asn: u64,
+        asn: Asn,
         place: usize,
         at: Option<&CellRef>,
         channel: u8,
@@ -162,7 +163,7 @@ impl Plain {
     }
 
     /// What becomes of what was sent. `Some`: a frame that is done with, and whether it was acknowledged.
-    fn done(&mut self, sent: Sent, acknowledged: bool, asn: u64) -> Option<(u64, bool)> {
+    fn done(&mut self, sent: Sent, acknowledged: bool, asn: Asn) -> Option<(u64, bool)> {
         let frame = sent.frame?;
         self.in_flight = 0;
         let Some(to) = frame.to else { return Some((frame.id, false)) };
@@ -171,7 +172,7 @@ impl Plain {
                 self.waits.remove(&to);
             }
             if sent.pending {
-                self.announced = Some((asn + 1, sent.channel, to));
+                self.announced = Some((Asn((asn + 1).0), sent.channel, to));
             }
             return Some((frame.id, true));
         }
@@ -381,7 +382,7 @@ impl Pair {
     }
 
     /// What happens between slots.
-    fn disturb(&mut self, asn: u64) {
+    fn disturb(&mut self, asn: Asn) {
         let now_ns = asn * SLOT_NS;
         if self.dice.below(2) == 0 {
             self.push();
@@ -421,7 +422,7 @@ impl Pair {
     }
 
     /// A slot: the MAC under test is woken only if it has asked for it.
-    fn slot(&mut self, asn: u64) -> bool {
+    fn slot(&mut self, asn: Asn) -> bool {
         let now_ns = asn * SLOT_NS;
         if self.mac.poll_timeout(&self.config).is_some_and(|due_ns| due_ns <= now_ns) {
             assert_eq!(self.mac.handle_timeout(&self.config, now_ns), None);
@@ -461,8 +462,8 @@ proptest! {
     fn cells_frames_retries_and_back_off_follow_the_rules_slot_by_slot(seed in any::<u64>()) {
         let mut pair = Pair::new(seed);
         for asn in 0..N_SLOTS {
-            pair.disturb(asn);
-            pair.slot(asn);
+            pair.disturb(Asn(asn));
+            pair.slot(Asn(asn));
         }
     }
 }
@@ -474,10 +475,10 @@ fn the_random_schedules_lead_to_every_kind_of_transmission() {
     for seed in 0..40 {
         let mut pair = Pair::new(seed);
         for asn in 0..N_SLOTS {
-            pair.disturb(asn);
+            pair.disturb(Asn(asn));
             let before = pair.plain.announced.is_some();
             let beacon_was_due = pair.plain.beacon.1;
-            let sent = pair.slot(asn);
+            let sent = pair.slot(Asn(asn));
             n_sent += u32::from(sent);
             n_pending += u32::from(sent && before);
             n_beacons += u32::from(beacon_was_due && !pair.plain.beacon.1);

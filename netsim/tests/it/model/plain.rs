@@ -22,6 +22,7 @@ use netsim::wire::address::ALL_NODES;
 use netsim::wire::datagram::Upper;
 use netsim::wire::fragment::LowpanRepr;
 use netsim::wire::frame::{Content, FrameRepr};
+use physics::asn::Asn;
 use physics::interference::Rule;
 use physics::link::End;
 use physics::medium::jam::{Jam, Jams};
@@ -104,7 +105,8 @@ impl Plain {
         };
         for mote in 0..n {
             if plain.place.is_alive(mote) {
-                plain.with(mote as u32, 0, 0, |mote, world| mote.switch_on(world));
+                plain
+                    .with(mote as u32, Asn::FIRST, Asn::FIRST, |mote, world| mote.switch_on(world));
             }
         }
         plain
@@ -114,8 +116,8 @@ impl Plain {
     fn with<T>(
         &mut self,
         mote: u32,
-        asn: u64,
-        effective_asn: u64,
+        asn: Asn,
+        effective_asn: Asn,
         act: impl FnOnce(&mut Mote, &mut World<'_>) -> T,
     ) -> T {
         let (mut readiness_changed, mut swarm) = (false, Vec::new());
@@ -133,7 +135,7 @@ impl Plain {
         };
         let result = act(&mut self.motes[mote as usize], &mut world);
         for brought in swarm {
-            self.heard.push((brought.receiver, brought.sender, asn));
+            self.heard.push((brought.receiver, brought.sender, asn.0));
         }
         result
     }
@@ -145,8 +147,8 @@ impl Plain {
         let asn = period_ns / slot_ns;
         let states = scenario.states(period);
         self.place.travel(&states);
-        self.obey(scenario, period, asn);
-        self.follow_bodies(&states, asn);
+        self.obey(scenario, period, Asn(asn));
+        self.follow_bodies(&states, Asn(asn));
         let lift_m = place::lift_m(self.config.antenna_height_m, &states);
         self.ends.clear();
         self.way_m.clear();
@@ -156,13 +158,13 @@ impl Plain {
                 self.way_m.push(self.place.way_m[mote]);
             }
         }
-        self.hand_over(scenario, &states, period, asn);
+        self.hand_over(scenario, &states, period, Asn(asn));
         for asn in asn..(period_ns + STEP_NS) / slot_ns {
-            self.slot(asn, period_ns);
+            self.slot(Asn(asn), period_ns);
         }
     }
 
-    fn obey(&mut self, scenario: &Scenario, period: u64, asn: u64) {
+    fn obey(&mut self, scenario: &Scenario, period: u64, asn: Asn) {
         let commands = scenario.commands(period);
         self.place.obey(&commands);
         for command in commands {
@@ -192,19 +194,19 @@ impl Plain {
         }
     }
 
-    fn switch_on(&mut self, mote: u32, asn: u64) {
+    fn switch_on(&mut self, mote: u32, asn: Asn) {
         if self.motes[mote as usize].tally.on_since_asn.is_none() {
             self.with(mote, asn, asn, |mote, world| mote.switch_on(world));
         }
     }
 
-    fn switch_off(&mut self, mote: u32, asn: u64) {
+    fn switch_off(&mut self, mote: u32, asn: Asn) {
         if self.motes[mote as usize].tally.on_since_asn.is_some() {
             self.with(mote, asn, asn, |mote, world| mote.switch_off(world));
         }
     }
 
-    fn follow_bodies(&mut self, states: &AgentStates, asn: u64) {
+    fn follow_bodies(&mut self, states: &AgentStates, asn: Asn) {
         for mote in 0..self.motes.len() {
             if states.alive.get(mote) && self.place.is_alive(mote) {
                 self.switch_on(mote as u32, asn);
@@ -214,7 +216,7 @@ impl Plain {
         }
     }
 
-    fn hand_over(&mut self, scenario: &Scenario, states: &AgentStates, period: u64, asn: u64) {
+    fn hand_over(&mut self, scenario: &Scenario, states: &AgentStates, period: u64, asn: Asn) {
         let now_ns = asn * self.config.slot_ns;
         let transport = self.settings.transport;
         for (mote, payload) in (0..).zip(scenario.payloads(period).iter()) {
@@ -250,7 +252,7 @@ impl Plain {
         }
     }
 
-    fn slot(&mut self, asn: u64, period_ns: u64) {
+    fn slot(&mut self, asn: Asn, period_ns: u64) {
         for mote in 0..self.motes.len() as u32 {
             self.with(mote, asn, asn, |mote, world| {
                 let due = mote.poll_timeout(&world.settings.mac);
@@ -297,7 +299,7 @@ impl Plain {
         }
     }
 
-    fn synchronise(&mut self, mote: u32, asn: u64, effective_asn: u64) {
+    fn synchronise(&mut self, mote: u32, asn: Asn, effective_asn: Asn) {
         let Some(source) = self.motes[mote as usize].wants_sync.take() else { return };
         let other = self.addresses.mote(source).expect("it was heard");
         let other = &self.motes[other as usize].mac;
@@ -310,7 +312,7 @@ impl Plain {
     }
 
     /// Everybody is asked, whether or not it is awake.
-    fn ask(&mut self, asn: u64) -> Vec<Sending> {
+    fn ask(&mut self, asn: Asn) -> Vec<Sending> {
         let mut sending = Vec::new();
         for (mote, node) in (0..).zip(&mut self.motes) {
             let transmission = node.mac.poll_slot(&self.settings.mac, &node.schedule, asn);
@@ -334,7 +336,7 @@ impl Plain {
         sending
     }
 
-    fn listen(&self, asn: u64, sending: &[Sending]) -> Vec<Listening> {
+    fn listen(&self, asn: Asn, sending: &[Sending]) -> Vec<Listening> {
         let mac = &self.settings.mac;
         let mut listening = Vec::new();
         for (mote, node) in (0..).zip(&self.motes) {
@@ -366,7 +368,7 @@ impl Plain {
         listening
     }
 
-    fn air(&self, asn: u64, period_ns: u64) -> air::World<'_> {
+    fn air(&self, asn: Asn, period_ns: u64) -> air::World<'_> {
         air::World {
             model: &self.config.model,
             rule: &*self.rule,
@@ -384,7 +386,7 @@ impl Plain {
 
     fn resolve(
         &self,
-        asn: u64,
+        asn: Asn,
         period_ns: u64,
         sending: &[Sending],
         listening: &[Listening],
@@ -419,7 +421,7 @@ impl Plain {
 
     fn receive(
         &mut self,
-        asn: u64,
+        asn: Asn,
         listening: &Listening,
         sent: &mut Sending,
         (which, rssi_dbm): (usize, f64),
@@ -440,7 +442,7 @@ impl Plain {
                     mote.handle_announcement(world, at, &sent.frame);
                 });
             }
-            self.heard.push((mote, sent.sender, asn));
+            self.heard.push((mote, sent.sender, asn.0));
             return SlotUse::RxBroadcast { bytes };
         }
         let (at, channel) = (listening.at, listening.channel);
@@ -467,7 +469,7 @@ impl Plain {
 
     fn acknowledge(
         &self,
-        asn: u64,
+        asn: Asn,
         period_ns: u64,
         frames: &[Emission],
         sending: &mut [Sending],
@@ -498,7 +500,7 @@ impl Plain {
         }
     }
 
-    fn finish(&mut self, asn: u64, sent: Sending) {
+    fn finish(&mut self, asn: Asn, sent: Sending) {
         let Sending { sender, transmission, frame, bytes, answered_by, acknowledged } = sent;
         let now_ns = asn * self.config.slot_ns;
         let source_ns = answered_by
@@ -526,7 +528,7 @@ impl Plain {
 }
 
 /// The first cell of the lowest handle that receives (IEEE Std 802.15.4-2015, 6.2.6.4), read cell by cell.
-fn first_to_receive(schedule: &Schedule, asn: u64) -> Option<CellRef> {
+fn first_to_receive(schedule: &Schedule, asn: Asn) -> Option<CellRef> {
     for frame in schedule.slotframes() {
         let slot = (asn % u64::from(frame.slots())) as u16;
         let mut here = frame.cells().iter().filter(|cell| cell.slot == slot).peekable();

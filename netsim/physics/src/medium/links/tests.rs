@@ -1,6 +1,7 @@
 //! Tests of links.
 
 use super::*;
+use crate::asn::Asn;
 use crate::effect::Effect;
 use crate::effect::shadowing::Shadowing;
 use crate::effect::system_gain::SystemGain;
@@ -295,7 +296,7 @@ fn in_a_jam_nothing_arrives_and_outside_everything() {
     for (asn, channel, hears) in
         [(50, 18, true), (150, 18, false), (150, 11, true), (250, 18, true)]
     {
-        let slot = Slot { asn, begins_ns: asn * 10_000_000 };
+        let slot = Slot { asn: Asn(asn), begins_ns: asn * 10_000_000 };
         let on_air = [OnAir { sender: 0, channel, starts_ns: 0, psdu_bytes: 50 }];
         let listening = [1, 2].map(|mote| Listening::synchronised(mote, channel, 0));
         let got = medium.resolve(&mut links, slot, &on_air, &listening);
@@ -418,7 +419,7 @@ fn where_frames_are_certain_the_same_ones_are_received_without_their_levels() {
             .map(|(receiver, channel, off_ns)| Listening::synchronised(receiver, channel, off_ns))
             .chain([Listening::scanning(1, 18)])
             .collect();
-        let slot = Slot { asn: 77, begins_ns: 770_000_000 };
+        let slot = Slot { asn: Asn(77), begins_ns: 770_000_000 };
         let mut resolved = [false, true].map(|asks| {
             let mut links = if asks { links(full()) } else { links(full()).without_levels() };
             links.set_positions(0, &positions[..4], &[0.0; 4]);

@@ -1,5 +1,6 @@
 //! What is on the air, who listens, and what arrives where.
 
+use crate::asn::Asn;
 use crate::timing::{Airtime, RX_OFFSET_NS, RX_WAIT_NS, TX_OFFSET_NS};
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Slot {
     /// Absolute number of the slot.
-    pub asn: u64,
+    pub asn: Asn,
     /// When it begins (ns).
     pub begins_ns: u64,
 }

@@ -3,6 +3,7 @@
 mod plain;
 
 use super::*;
+use crate::asn::Asn;
 use crate::interference::o_qpsk::OQpsk;
 use crate::interference::table::ByTable;
 use crate::reception::Curve;
@@ -56,7 +57,7 @@ impl Paths for Matrix {
 const SEED: u64 = 11;
 const CHANNEL: u8 = 17;
 
-fn slot(asn: u64) -> Slot {
+fn slot(asn: Asn) -> Slot {
     Slot { asn, begins_ns: asn * 10_000_000 }
 }
 
@@ -84,20 +85,22 @@ fn is_received(reception: Reception, of: u32) -> bool {
     matches!(reception, Reception::Received { transmission, .. } if transmission == of)
 }
 
-fn uniform(purpose: Purpose, sender: u32, receiver: u32, asn: u64) -> f64 {
-    Draws::new(SEED, purpose).uniform(ordered_link(sender, receiver), asn, 0)
+fn uniform(purpose: Purpose, sender: u32, receiver: u32, asn: Asn) -> f64 {
+    Draws::new(SEED, purpose).uniform(ordered_link(sender, receiver), asn.0, 0)
 }
 
 /// What becomes of a slot.
 fn resolved(air: &mut Matrix, on_air: &[OnAir], listening: &[Listening]) -> Vec<Reception> {
-    medium().resolve(air, slot(0), on_air, listening).to_vec()
+    medium().resolve(air, slot(Asn(0)), on_air, listening).to_vec()
 }
 
 /// How many of 1000 slots mote 2 receives the frame of mote 0, where mote 1 sends too.
 fn n_received(rule: Box<dyn Rule>, air: &mut Matrix, on_air: &[OnAir]) -> usize {
     let mut medium = SlotMedium::new(SEED, rule, false);
     (0..1000)
-        .filter(|&asn| is_received(medium.resolve(air, slot(asn), on_air, &[listens(2)])[0], 0))
+        .filter(|&asn| {
+            is_received(medium.resolve(air, slot(Asn(asn)), on_air, &[listens(2)])[0], 0)
+        })
         .count()
 }
 
@@ -108,8 +111,8 @@ fn c4_a_single_frame_whose_draw_is_not_below_the_probability_is_lost() {
     let mut medium = medium();
     let mut n_lost = 0;
     for asn in 0..1000 {
-        let got = medium.resolve(&mut air, slot(asn), &[frame(0, 0, 127)], &[listens(1)])[0];
-        let u = uniform(Purpose::SlotReception, 0, 1, asn);
+        let got = medium.resolve(&mut air, slot(Asn(asn)), &[frame(0, 0, 127)], &[listens(1)])[0];
+        let u = uniform(Purpose::SlotReception, 0, 1, Asn(asn));
         // The header is 5 of 133 bytes.
         let header = libm::pow(0.5, 5.0 / 133.0);
         let expected = if u < 0.5 {
@@ -132,7 +135,7 @@ fn c5_without_collision_the_stated_probability_decides_whatever_the_power() {
         air.set(0, 1, rssi_dbm, 1.0);
         let mut medium = medium();
         for asn in 0..1000 {
-            let got = medium.resolve(&mut air, slot(asn), &[frame(0, 0, 100)], &[listens(1)]);
+            let got = medium.resolve(&mut air, slot(Asn(asn)), &[frame(0, 0, 100)], &[listens(1)]);
             assert_eq!(got, [Reception::Received { transmission: 0, rssi_dbm }]);
         }
     }
@@ -149,9 +152,12 @@ fn c6_acknowledgments_arrive_with_the_probability_of_the_way_back() {
         let mut n_arrived = 0;
         for asn in 0..1000 {
             let on_air = [frame(0, 0, 60)];
-            assert!(is_received(medium.resolve(&mut air, slot(asn), &on_air, &[listens(1)])[0], 0));
-            let got = medium.acknowledge(&mut air, slot(asn), &on_air, &[acknowledgment])[0];
-            let u = uniform(Purpose::SlotAcknowledgment, 1, 0, asn);
+            assert!(is_received(
+                medium.resolve(&mut air, slot(Asn(asn)), &on_air, &[listens(1)])[0],
+                0
+            ));
+            let got = medium.acknowledge(&mut air, slot(Asn(asn)), &on_air, &[acknowledgment])[0];
+            let u = uniform(Purpose::SlotAcknowledgment, 1, 0, Asn(asn));
             assert_eq!(is_received(got, 0), u < probability);
             n_arrived += usize::from(is_received(got, 0));
         }
@@ -172,7 +178,7 @@ fn perfect_acknowledgments_always_arrive() {
         Acknowledgment { transmission: 1, receiver: 3, psdu_bytes: 27 },
     ];
     let on_air = [frame(0, 0, 60), frame(2, 0, 60)];
-    let got = medium.acknowledge(&mut air, slot(0), &on_air, &acknowledgments);
+    let got = medium.acknowledge(&mut air, slot(Asn(0)), &on_air, &acknowledgments);
     assert!(is_received(got[0], 0) && is_received(got[1], 1));
 }
 
@@ -282,7 +288,8 @@ fn within_the_header_a_stronger_frame_takes_over_and_after_it_only_destroys() {
     air.set(1, 2, -60.0, 1.0);
     let mut outcome = |rule: Box<dyn Rule>, starts_us: i64| {
         let on_air = [frame(0, 0, 127), frame(1, starts_us, 127)];
-        SlotMedium::new(SEED, rule, false).resolve(&mut air, slot(0), &on_air, &[listens(2)])[0]
+        SlotMedium::new(SEED, rule, false).resolve(&mut air, slot(Asn(0)), &on_air, &[listens(2)])
+            [0]
     };
     assert_eq!(SYNCHRONISATION_NS, 160_000);
     assert!(is_received(outcome(o_qpsk(), 100), 1));
@@ -300,7 +307,7 @@ fn q5_the_frame_that_is_not_locked_on_to_is_the_one_that_interferes() {
     let on_air = [frame(1, 10, 127), frame(0, 0, 127)];
     for rule in [o_qpsk(), by_table()] {
         let mut medium = SlotMedium::new(SEED, rule, false);
-        let got = medium.resolve(&mut air, slot(0), &on_air, &[listens(2)])[0];
+        let got = medium.resolve(&mut air, slot(Asn(0)), &on_air, &[listens(2)])[0];
         assert!(is_received(got, 1), "30 dB above the other: {got:?}");
     }
 }
@@ -372,7 +379,7 @@ fn n_acknowledged(air: &mut Matrix, on_air: &[OnAir; 2]) -> [usize; 2] {
     let mut medium = medium();
     let mut n = [0; 2];
     for asn in 0..1000 {
-        let got = medium.acknowledge(air, slot(asn), on_air, &acknowledgments);
+        let got = medium.acknowledge(air, slot(Asn(asn)), on_air, &acknowledgments);
         for (k, n) in n.iter_mut().enumerate() {
             *n += usize::from(is_received(got[k], k as u32));
         }
@@ -429,7 +436,7 @@ fn two_who_acknowledge_one_frame_speak_to_one_ear() {
     let acknowledgments =
         [3, 1].map(|receiver| Acknowledgment { transmission: 0, receiver, psdu_bytes: 27 });
     let mut medium = medium();
-    let got = medium.acknowledge(&mut air, slot(0), &[frame(0, 0, 60)], &acknowledgments);
+    let got = medium.acknowledge(&mut air, slot(Asn(0)), &[frame(0, 0, 60)], &acknowledgments);
     assert_eq!(got[0], Reception::Lost { transmission: 0 });
     assert!(is_received(got[1], 1), "10 dB stronger");
 }

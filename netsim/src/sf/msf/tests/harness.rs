@@ -5,6 +5,7 @@ use crate::dice::Dice;
 use crate::mac::Schedule;
 use crate::sixtop::{self, Sixtop, request};
 use crate::wire::sixp::SixpRepr;
+use physics::asn::Asn;
 use proto::rng::Purpose;
 use std::collections::VecDeque;
 
@@ -38,7 +39,7 @@ struct Frame {
 
 pub(in crate::sf) struct Network<P = Rfc9033> {
     pub(in crate::sf) motes: Vec<Mote<P>>,
-    pub(in crate::sf) asn: u64,
+    pub(in crate::sf) asn: Asn,
     /// Requests that were given to the MAC: by whom, what.
     pub(in crate::sf) sent: Vec<(usize, String)>,
     /// A mote that does not listen in a slot.
@@ -89,7 +90,7 @@ impl<P: Policy> Network<P> {
         };
         let mut network = Self {
             motes: (0..n).map(mote).collect(),
-            asn: 1,
+            asn: Asn(1),
             sent: vec![],
             deaf: None,
             mute: None,
@@ -361,7 +362,7 @@ impl<P: Policy> Network<P> {
 }
 
 impl<P: Policy> Mote<P> {
-    fn tell(&mut self, asn: u64, now_ns: u64, what: impl FnOnce(&mut Msf<P>, &mut Context<'_>)) {
+    fn tell(&mut self, asn: Asn, now_ns: u64, what: impl FnOnce(&mut Msf<P>, &mut Context<'_>)) {
         let mut cx = Context {
             own: self.own,
             is_root: self.is_root,

@@ -1,6 +1,7 @@
 //! Slots against a plain reference: every listener by itself, every frame against every other, bit by bit.
 
 use super::*;
+use crate::asn::Asn;
 use proptest::prelude::*;
 
 /// A whole slot to be resolved.
@@ -10,7 +11,7 @@ struct Case {
     listening: Vec<Listening>,
     /// By sender and receiver; `None`: nothing arrives.
     links: Vec<Vec<Option<(f64, f64)>>>,
-    asn: u64,
+    asn: Asn,
     by_table: bool,
     lists: bool,
 }
@@ -50,7 +51,7 @@ fn case() -> impl Strategy<Value = Case> {
                     });
                 }
             }
-            Case { on_air, listening, links, asn, by_table, lists }
+            Case { on_air, listening, links, asn: Asn(asn), by_table, lists }
         },
     )
 }
