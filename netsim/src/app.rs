@@ -42,6 +42,7 @@ use crate::wire::datagram::UdpRepr;
 use bytes::Bytes;
 use config::Largest;
 use proto::config::{Problem, Variant};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
 /// For whom a packet is.
@@ -50,7 +51,7 @@ pub enum Destination {
     /// The root of the sender's own DODAG.
     Root,
     /// A mote.
-    Mote(u32),
+    Mote(MoteId),
 }
 
 /// What a packet carries.
@@ -107,11 +108,11 @@ impl Packet {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Host {
     /// Number of the mote.
-    pub mote: u32,
+    pub mote: MoteId,
     /// Whether it is a root.
     pub is_root: bool,
     /// Number of the first root.
-    pub first_root: u32,
+    pub first_root: MoteId,
     /// Motes in the network.
     pub n_motes: u32,
     /// Length of a slot (ns).
@@ -135,7 +136,7 @@ pub struct Context<'a> {
     /// Packets from end to end, among them exchanges and downloads.
     pub packets: &'a mut Packets<DropReason>,
     /// Whether the mote has a route to another mote.
-    pub reaches: &'a dyn Fn(u32) -> bool,
+    pub reaches: &'a dyn Fn(MoteId) -> bool,
 }
 
 impl std::fmt::Debug for Context<'_> {
@@ -187,7 +188,7 @@ pub trait Traffic {
     /// A CoAP message of mote `from` arrived over so many hops.
     fn handle_message(
         &mut self,
-        _from: u32,
+        _from: MoteId,
         _hops: u32,
         _message: &CoapRepr,
         _cx: &mut Context<'_>,
@@ -222,7 +223,7 @@ pub struct Reading<'a> {
 
 impl Reading<'_> {
     /// A number of a mote that exists; otherwise a problem with `key`.
-    pub fn mote(&mut self, key: &str, number: u32) -> Option<u32> {
+    pub fn mote(&mut self, key: &str, number: u32) -> Option<MoteId> {
         let valid = Some(number).filter(|&mote| mote < self.n_motes);
         if valid.is_none() {
             let last = self.n_motes.saturating_sub(1);
@@ -230,11 +231,11 @@ impl Reading<'_> {
             let path = proto::config::join(self.path, key);
             self.problems.push(Problem::new(path, message).value(number).nearest(last));
         }
-        valid
+        valid.map(MoteId)
     }
 
     /// The numbers of a list that are those of motes; otherwise problems with entries of `key`.
-    pub fn motes(&mut self, key: &str, numbers: Vec<u32>) -> Vec<u32> {
+    pub fn motes(&mut self, key: &str, numbers: Vec<u32>) -> Vec<MoteId> {
         let motes = numbers.into_iter().enumerate();
         motes.filter_map(|(index, number)| self.mote(&format!("{key}[{index}]"), number)).collect()
     }

@@ -21,6 +21,7 @@ use physics::propagation::{self, BuildContext, Family};
 use physics::{interference, section};
 use proto::config::{FileReference, Lists, Node, Problem, Section, TableSpec, check, join};
 use proto::effect::only::refuse_runs;
+use proto::ids::MoteId;
 use proto::side::Setup;
 use proto::types::{MoteCommandKind, NS_PER_S, seconds};
 use std::collections::BTreeMap;
@@ -44,8 +45,8 @@ struct Keys {
     #[key(range = 0..=128, length = 1..=512)]
     hopping_sequence: Option<Vec<u8>>,
     /// Motes that are absent until an event of the timeline adds them.
-    #[key(range = 0..=u32::MAX, length = 0..)]
-    absent: Vec<u32>,
+    #[key(length = 0..)]
+    absent: Vec<MoteId>,
     /// The radio.
     #[key(table = section::SPEC, default)]
     phy: toml::Table,
@@ -122,7 +123,7 @@ pub fn commands(config: &Node, catalogue: &Catalogue) -> &'static [MoteCommandKi
 
 /// The motes that `config` leaves out until an order adds them.
 #[must_use]
-pub fn absent(config: &Node, catalogue: &Catalogue) -> Vec<u32> {
+pub fn absent(config: &Node, catalogue: &Catalogue) -> Vec<MoteId> {
     let keys = Keys::read(&effective(config, catalogue));
     keys.absent
 }
@@ -189,10 +190,10 @@ pub fn read(
     }
 
     let agent_count = setup.experiment.agent_count;
-    let mut absent: Vec<u32> = Vec::new();
+    let mut absent: Vec<MoteId> = Vec::new();
     for (index, &mote) in keys.absent.iter().enumerate() {
         let key = key_path(&format!("absent[{index}]"));
-        if agent_count <= mote as usize {
+        if agent_count <= mote.index() {
             let message = format!("must be the number of a mote, 0 to {}", agent_count - 1);
             problems.push(Problem::new(key, message).value(mote).nearest(agent_count - 1));
         } else if absent.contains(&mote) {

@@ -1,5 +1,6 @@
 //! Random numbers for protocol machines, where a sequence is natural: back-off, jitter, the choice of cells.
 
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, uniform};
 use serde::{Deserialize, Serialize};
 
@@ -9,14 +10,14 @@ use serde::{Deserialize, Serialize};
 pub struct Dice {
     seed: u64,
     purpose: Purpose,
-    mote: u32,
+    mote: MoteId,
     n_drawn: u64,
 }
 
 impl Dice {
     /// Draws of `mote` for `purpose`.
     #[must_use]
-    pub fn new(seed: u64, purpose: Purpose, mote: u32) -> Self {
+    pub fn new(seed: u64, purpose: Purpose, mote: MoteId) -> Self {
         Self { seed, purpose, mote, n_drawn: 0 }
     }
 
@@ -29,7 +30,7 @@ impl Dice {
     pub fn word(&mut self) -> u64 {
         let k = self.n_drawn;
         self.n_drawn += 1;
-        Draws::new(self.seed, self.purpose).words(u64::from(self.mote), 0, k)[0]
+        Draws::new(self.seed, self.purpose).words(u64::from(self.mote.0), 0, k)[0]
     }
 
     /// Uniform in [0, 1).

@@ -21,6 +21,9 @@
     )
 )]
 
+// Crates with scheduling functions of their own name the physics by it.
+pub use physics;
+
 pub mod app;
 pub mod broadcast;
 pub mod catalogue;

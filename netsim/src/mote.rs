@@ -44,6 +44,7 @@ use crate::wire::frame::{BeaconRepr, BeaconSlotframe, Content, FrameRepr};
 use bytes::Bytes;
 use down::Wanted;
 use physics::asn::Asn;
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -78,9 +79,9 @@ pub struct World<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Brought {
     /// Number of the mote that received it.
-    pub receiver: u32,
+    pub receiver: MoteId,
     /// Number of the mote that sent it first.
-    pub sender: u32,
+    pub sender: MoteId,
     /// When its sender made it (ns).
     pub sent_ns: u64,
     /// Number of hops from sender to receiver.
@@ -95,7 +96,7 @@ pub struct Brought {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mote {
     /// Number of the mote, which is that of its agent.
-    pub id: u32,
+    pub id: MoteId,
     /// Its link-layer address, derived from its number.
     pub address: Eui64,
     /// Whether it is a root.
@@ -171,7 +172,7 @@ pub struct MoteDice {
 }
 
 impl MoteDice {
-    fn new(seed: u64, mote: u32) -> Self {
+    fn new(seed: u64, mote: MoteId) -> Self {
         let dice_for = |purpose| Dice::new(seed, purpose, mote);
         Self {
             scheduling: dice_for(Purpose::Scheduling),
@@ -196,7 +197,7 @@ impl Mote {
     pub fn new(
         settings: &Settings,
         addresses: &Addresses,
-        mote: u32,
+        mote: MoteId,
         n_motes: u32,
         seed: u64,
     ) -> Self {
@@ -307,7 +308,7 @@ impl Mote {
             return;
         }
         let draws = Draws::new(world.seed, Purpose::Reboot);
-        let draw = draws.uniform(u64::from(self.id), self.n_reboots_drawn, 0);
+        let draw = draws.uniform(u64::from(self.id.0), self.n_reboots_drawn, 0);
         self.n_reboots_drawn += 1;
         // 1 - u lies in (0, 1]: the logarithm is finite.
         let wait_s = -libm::log(1.0 - draw) / rate_per_s;
@@ -332,7 +333,7 @@ impl Mote {
         }
         if let Transport::BroadcastSlotframe { slots, channel } = world.settings.transport {
             let own =
-                Cell::new((self.id % u32::from(slots)) as u16, channel, CellOptions::TX, None);
+                Cell::new((self.id.0 % u32::from(slots)) as u16, channel, CellOptions::TX, None);
             self.schedule.add_slotframe(SWARM_HANDLE, slots);
             self.schedule.set_background(SWARM_HANDLE, Some(channel)).expect("it was just added");
             self.schedule.add(SWARM_HANDLE, own).expect("its slot lies within");

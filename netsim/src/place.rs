@@ -1,6 +1,7 @@
 //! Where things are: the site, the motes, and how far each has moved.
 
 use physics::link::End;
+use proto::ids::MoteId;
 use proto::site::Site;
 use proto::types::{AgentStates, Bitmap, MoteCommand, MoteOrder, MovedObstacle};
 use serde::{Deserialize, Serialize};
@@ -23,10 +24,10 @@ pub struct Place {
 impl Place {
     /// At time 0, with `absent` motes left out.
     #[must_use]
-    pub fn new(agent_count: usize, absent: &[u32], site: Site) -> Self {
+    pub fn new(agent_count: usize, absent: &[MoteId], site: Site) -> Self {
         let mut present = Bitmap::filled(agent_count, true);
         for &mote in absent {
-            present.set(mote as usize, false);
+            present.set(mote.index(), false);
         }
         Self {
             site,
@@ -90,7 +91,8 @@ impl Place {
         for agent in states.alive.iter_ones() {
             let position_m = states.position_m(agent);
             if let Some(last_m) = self.last_seen_m[agent] {
-                let step = End::new(0, last_m).distance_squared_m2(&End::new(0, position_m));
+                let step = End::new(MoteId(0), last_m)
+                    .distance_squared_m2(&End::new(MoteId(0), position_m));
                 self.way_m[agent] += step.sqrt();
             }
             self.last_seen_m[agent] = Some(position_m);
@@ -112,7 +114,7 @@ pub fn end_of(states: &AgentStates, agent: u32, lift_m: f64) -> End {
     let [x, y, z] = states.position_m(place);
     let velocity = |column: &[f64]| column.get(place).copied();
     End {
-        id: agent,
+        id: MoteId(agent),
         position_m: [x, y, z + lift_m],
         heading_rad: states.heading_rad.get(place).copied(),
         velocity_mps: velocity(&states.vx_mps)

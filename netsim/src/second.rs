@@ -25,6 +25,7 @@ use copies::Copies;
 use proto::config::{
     Choice, Problem, Registered, Registry, Section, TableSpec, Tag, Variant, Variants, join,
 };
+use proto::ids::MoteId;
 use proto::side::{NetInput, NetOutput};
 use proto::site::Site;
 use proto::types::{DeliveryColumn, Experiment, Payloads};
@@ -169,7 +170,7 @@ impl Second {
         config: Config,
         columns: Vec<DeliveryColumn>,
         antenna_height_m: f64,
-        (absent, site): (&[u32], Site),
+        (absent, site): (&[MoteId], Site),
     ) -> Self {
         let n = experiment.agent_count;
         Self {

@@ -39,6 +39,7 @@ use crate::wire::Eui64;
 use crate::wire::slots::SlotsRepr;
 use physics::asn::Asn;
 use proto::config::{Problem, Registered, TableSpec, Tag, Variant, Variants};
+use proto::ids::MoteId;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::any::Any;
@@ -235,13 +236,13 @@ pub struct BuildContext<'a> {
     /// How many channels are hopped over.
     pub n_channels: u16,
     /// Motes that are roots.
-    pub roots: &'a [u32],
+    pub roots: &'a [MoteId],
     /// Whether slot 0 of the round robin is everybody's, as in BotNet: `netsim.compat.shared_slot_0`.
     pub shared_slot_0: bool,
     /// Whether motes store routes and so know their children: `netsim.rpl.mode = "storing"`.
     pub stores_routes: bool,
     /// Link-layer addresses of motes.
-    pub address: fn(u32) -> Eui64,
+    pub address: fn(MoteId) -> Eui64,
     /// What is found wrong.
     pub problems: Vec<Problem>,
     /// What should be checked before the results are trusted.
@@ -298,7 +299,7 @@ pub trait Configured: Debug + Send + Sync + 'static {
     type OfMote: SchedulingFunction + DeserializeOwned;
 
     /// The scheduling function of a mote, before it starts.
-    fn create(&self, mote: u32) -> Self::OfMote;
+    fn create(&self, mote: MoteId) -> Self::OfMote;
 
     /// Whether there are cells from one mote alone to one other that name the neighbour at both ends: `netsim.mac.blacklist`.
     fn has_dedicated_cells(&self) -> bool {
@@ -332,14 +333,14 @@ pub struct Config(Arc<dyn AnyConfigured>);
 
 /// [`Configured`] without the type of its motes' scheduling functions.
 trait AnyConfigured: Any + Debug + Send + Sync {
-    fn create(&self, mote: u32) -> Box<dyn SchedulingFunction>;
+    fn create(&self, mote: MoteId) -> Box<dyn SchedulingFunction>;
     fn read(&self, saved: &[u8]) -> Option<Box<dyn SchedulingFunction>>;
     fn has_dedicated_cells(&self) -> bool;
     fn advice(&self, network: &Formation<'_>) -> Option<String>;
 }
 
 impl<C: Configured> AnyConfigured for C {
-    fn create(&self, mote: u32) -> Box<dyn SchedulingFunction> {
+    fn create(&self, mote: MoteId) -> Box<dyn SchedulingFunction> {
         Box::new(Configured::create(self, mote))
     }
 
@@ -372,14 +373,14 @@ impl Config {
 
     /// The scheduling function of a mote, before it starts.
     #[must_use]
-    pub fn create(&self, mote: u32) -> AnySf {
+    pub fn create(&self, mote: MoteId) -> AnySf {
         AnySf(Held::Running(self.0.create(mote)))
     }
 
     /// Length (slots) of the slotframe that is meant where a control period is one slotframe.
     #[must_use]
     pub fn slotframe_slots(&self) -> u16 {
-        self.0.create(0).slotframe_slots()
+        self.0.create(MoteId(0)).slotframe_slots()
     }
 
     /// Whether motes have dedicated cells that both ends know.
@@ -545,10 +546,12 @@ mod tests {
         for text in OF_EACH_KIND {
             let config = built(text, 9);
             for mote in 0..9 {
-                let mut bench = Bench::start(&config, mote);
-                bench.tell(|sf, cx| sf.handle_beacon(cx, Eui64::of_mote(0), 0));
-                bench.set_parent(Some(Eui64::of_mote((mote + 1) % 9)));
-                bench.tell(|sf, cx| sf.handle_child(cx, Eui64::of_mote((mote + 8) % 9), true));
+                let mut bench = Bench::start(&config, MoteId(mote));
+                bench.tell(|sf, cx| sf.handle_beacon(cx, Eui64::of_mote(MoteId(0)), 0));
+                bench.set_parent(Some(Eui64::of_mote(MoteId((mote + 1) % 9))));
+                bench.tell(|sf, cx| {
+                    sf.handle_child(cx, Eui64::of_mote(MoteId((mote + 8) % 9)), true)
+                });
                 let stored = postcard::to_allocvec(&(&bench.sf, &bench.schedule)).unwrap();
                 let (mut sf, schedule): (AnySf, Schedule) = postcard::from_bytes(&stored).unwrap();
                 assert_eq!(sf, bench.sf);
@@ -562,14 +565,14 @@ mod tests {
     fn every_kind_of_frame_finds_a_cell_that_transmits_it() {
         for text in OF_EACH_KIND {
             let config = built(text, 9);
-            let mut bench = Bench::start(&config, 4);
-            bench.set_parent(Some(Eui64::of_mote(2)));
+            let mut bench = Bench::start(&config, MoteId(4));
+            bench.set_parent(Some(Eui64::of_mote(MoteId(2))));
             if text.contains("sotdma") {
                 // It listens before it takes a slot.
                 (0..3).for_each(|_| bench.pass_time());
             }
             for neighbour in [2, 3] {
-                let neighbour = Eui64::of_mote(neighbour);
+                let neighbour = Eui64::of_mote(MoteId(neighbour));
                 bench.tell(|sf, cx| sf.handle_queue(cx, neighbour, true));
                 for traffic in [Traffic::Beacon, Traffic::Broadcast, Traffic::Unicast(neighbour)] {
                     let handle = bench.sf.slotframe_of(traffic);

@@ -16,6 +16,7 @@ use netsim::wire::sixp::{
 use netsim::wire::slots::{SlotSet, SlotsRepr};
 use netsim::wire::{Eui64, address};
 use physics::asn::Asn;
+use proto::ids::MoteId;
 use std::sync::Arc;
 
 /// One frame of every kind, as motes 0 (the root), 1, 2 and 3 on a line send them, then a datagram without and one with
@@ -96,8 +97,8 @@ fn blacklists() -> impl Iterator<Item = FrameRepr> {
 
 fn frame(from: u32, to: Option<u32>, content: Content) -> FrameRepr {
     FrameRepr {
-        source: Eui64::of_mote(from),
-        destination: to.map(Eui64::of_mote),
+        source: Eui64::of_mote(MoteId(from)),
+        destination: to.map(MoteId).map(Eui64::of_mote),
         sequence: 1,
         ack_request: to.is_some(),
         pending: false,
@@ -163,7 +164,7 @@ fn sixp() -> impl Iterator<Item = SixpRepr> {
 }
 
 fn rpl() -> [FrameRepr; 5] {
-    let root = Eui64::of_mote(0).global();
+    let root = Eui64::of_mote(MoteId(0)).global();
     let configuration = DodagConfiguration {
         dio_interval_doublings: 9,
         dio_interval_min: 14,
@@ -190,14 +191,14 @@ fn rpl() -> [FrameRepr; 5] {
         instance: 0,
         ack_request: true,
         sequence: 240,
-        targets: vec![Eui64::of_mote(2).global()],
+        targets: vec![Eui64::of_mote(MoteId(2)).global()],
         path_sequence: 240,
         path_lifetime: 30,
-        parent: Some(Eui64::of_mote(1).global()),
+        parent: Some(Eui64::of_mote(MoteId(1)).global()),
     };
     let ack = RplMessage::DaoAck(DaoAckRepr { instance: 0, sequence: 240, status: 0 });
     let on_link = |mote: u32, to, message| Datagram {
-        source: Eui64::of_mote(mote).link_local(),
+        source: Eui64::of_mote(MoteId(mote)).link_local(),
         destination: to,
         upper: Upper::Rpl(message),
         hop_limit: 255,
@@ -209,7 +210,11 @@ fn rpl() -> [FrameRepr; 5] {
     [
         unfragmented(1, None, on_link(1, all, RplMessage::Dis(DisRepr {}))),
         unfragmented(0, None, on_link(0, all, RplMessage::Dio(dio.clone()))),
-        unfragmented(0, Some(1), on_link(0, Eui64::of_mote(1).link_local(), RplMessage::Dio(dio))),
+        unfragmented(
+            0,
+            Some(1),
+            on_link(0, Eui64::of_mote(MoteId(1)).link_local(), RplMessage::Dio(dio)),
+        ),
         unfragmented(2, Some(1), dao),
         unfragmented(0, Some(1), ack),
     ]
@@ -217,7 +222,7 @@ fn rpl() -> [FrameRepr; 5] {
 
 /// A pledge's request through a proxy, and the answer.
 fn join() -> [FrameRepr; 4] {
-    let pledge = Eui64::of_mote(3);
+    let pledge = Eui64::of_mote(MoteId(3));
     let request = |proxy_state| CojpRepr::Request {
         message_id: 1,
         pledge,
@@ -244,10 +249,10 @@ fn join() -> [FrameRepr; 4] {
     let local = |from, to| Datagram {
         source: Eui64::of_mote(from).link_local(),
         destination: Eui64::of_mote(to).link_local(),
-        ..udp(from, to, 0)
+        ..udp(from.0, to.0, 0)
     };
     [
-        unfragmented(3, Some(2), coap(request(None), local(3, 2))),
+        unfragmented(3, Some(2), coap(request(None), local(MoteId(3), MoteId(2)))),
         unfragmented(
             2,
             Some(1),
@@ -258,14 +263,14 @@ fn join() -> [FrameRepr; 4] {
             Some(2),
             marked(code_points::AF42, coap(response(Some(pledge)), down(udp(0, 2, 0), &[2]))),
         ),
-        unfragmented(2, Some(3), coap(response(None), local(2, 3))),
+        unfragmented(2, Some(3), coap(response(None), local(MoteId(2), MoteId(3)))),
     ]
 }
 
 /// To the neighbour, up, down by source route, from mote to mote by the root, to everyone; in fragments.
 fn data() -> Vec<FrameRepr> {
     let everyone = Datagram {
-        source: Eui64::of_mote(1).link_local(),
+        source: Eui64::of_mote(MoteId(1)).link_local(),
         destination: address::ALL_NODES,
         hop_limit: 1,
         ..udp(1, 0, 20)
@@ -279,7 +284,7 @@ fn data() -> Vec<FrameRepr> {
         unfragmented(1, None, everyone),
     ];
     for datagram in [udp(1, 0, 200), up(udp(2, 0, 200))] {
-        let room = payload_room(Some(Eui64::of_mote(0)), FrameSecurity::Unsecured);
+        let room = payload_room(Some(Eui64::of_mote(MoteId(0))), FrameSecurity::Unsecured);
         let tag = datagram.rpi.map_or(1, |_| 2);
         let fragments = Arc::new(datagram).fragment(tag, room).unwrap_or_default();
         for fragment in fragments {
@@ -293,8 +298,8 @@ fn data() -> Vec<FrameRepr> {
 fn udp(from: u32, to: u32, payload: usize) -> Datagram {
     Datagram {
         packet: 0,
-        source: Eui64::of_mote(from).global(),
-        destination: Eui64::of_mote(to).global(),
+        source: Eui64::of_mote(MoteId(from)).global(),
+        destination: Eui64::of_mote(MoteId(to)).global(),
         dscp: 0,
         hop_limit: 64,
         rpi: None,
@@ -316,8 +321,8 @@ fn up(datagram: Datagram) -> Datagram {
 }
 
 fn down(datagram: Datagram, hops: &[u32]) -> Datagram {
-    let hops = hops.iter().map(|&mote| Eui64::of_mote(mote).global()).collect();
-    let root = Eui64::of_mote(0).global();
+    let hops = hops.iter().map(|&mote| Eui64::of_mote(MoteId(mote)).global()).collect();
+    let root = Eui64::of_mote(MoteId(0)).global();
     let tunnel_hop_limit = (datagram.source != root).then_some(64);
     let route = Some(SourceRoute { root, hops, tunnel_hop_limit });
     Datagram { rpi: rpi(true, 256), route, ..datagram }

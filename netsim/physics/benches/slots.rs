@@ -18,6 +18,7 @@ use physics::propagation::experimental_randomness::{ExperimentalRandomness, Redr
 use physics::propagation::friis::Friis;
 use physics::propagation::{Propagation, Radio};
 use physics::reception::table::Table;
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
 use std::hint::black_box;
 use std::sync::Arc;
@@ -47,7 +48,7 @@ fn medium() -> SlotMedium {
 fn ends(n: u32, side_m: f64) -> Vec<End> {
     let draws = Draws::new(7, Purpose::Scenario);
     let coordinate_m = |id: u32, k| side_m * draws.uniform(u64::from(id), 0, k);
-    (0..n).map(|id| End::new(id, [coordinate_m(id, 0), coordinate_m(id, 1), 0.0])).collect()
+    (0..n).map(|id| End::new(MoteId(id), [coordinate_m(id, 0), coordinate_m(id, 1), 0.0])).collect()
 }
 
 fn slot(asn: Asn) -> Slot {
@@ -55,12 +56,12 @@ fn slot(asn: Asn) -> Slot {
 }
 
 fn frame(sender: u32, channel: u8) -> OnAir {
-    OnAir { sender, channel, starts_ns: 0, psdu_bytes: 80 }
+    OnAir { sender: MoteId(sender), channel, starts_ns: 0, psdu_bytes: 80 }
 }
 
-fn others(n: u32, silent: u32, channel: u8) -> Vec<Listening> {
+fn others(n: u32, silent: MoteId, channel: u8) -> Vec<Listening> {
     let listen = |mote| Listening::synchronised(mote, channel, 0);
-    (0..n).filter(|&mote| mote != silent).map(listen).collect()
+    (0..n).map(MoteId).filter(|&mote| mote != silent).map(listen).collect()
 }
 
 fn own_slots(criterion: &mut Criterion) {
@@ -70,7 +71,7 @@ fn own_slots(criterion: &mut Criterion) {
         let (mut links, mut medium) = (links(propagation, RADIO), medium());
         let mut ends = ends(500, 25.0);
         let listening: Vec<Vec<Listening>> =
-            (0..500).map(|sender| others(500, sender, 15)).collect();
+            (0..500).map(|sender| others(500, MoteId(sender), 15)).collect();
         let way_m = vec![0.0; 500];
         links.set_positions(0, &ends, &way_m);
         let mut asn = 0;
@@ -105,7 +106,7 @@ fn sparse(criterion: &mut Criterion) {
     let radio = Radio { tx_power_dbm: -45.0, ..RADIO };
     let (mut links, mut medium) = (links(Box::new(Friis { radio }), radio), medium());
     let place = |id: u32| [f64::from(id % 100), f64::from(id / 100), 0.0];
-    let ends: Vec<End> = (0..10_000).map(|id| End::new(id, place(id))).collect();
+    let ends: Vec<End> = (0..10_000).map(|id| End::new(MoteId(id), place(id))).collect();
     links.set_positions(0, &ends, &vec![0.0; 10_000]);
     let mut asn = 0;
     criterion.bench_function("sparse slot of 10,000 with acknowledgments", |bencher| {
@@ -116,7 +117,7 @@ fn sparse(criterion: &mut Criterion) {
             let on_air: [OnAir; 20] =
                 std::array::from_fn(|k| frame(sender(k as u32), channel(k as u32)));
             let listening: [Listening; 20] = std::array::from_fn(|k| {
-                Listening::synchronised(sender(k as u32) + 1, channel(k as u32), 0)
+                Listening::synchronised(MoteId(sender(k as u32) + 1), channel(k as u32), 0)
             });
             let heard = medium.resolve(&mut links, slot(Asn(asn)), &on_air, &listening);
             black_box(heard.len());
@@ -140,7 +141,7 @@ fn shared(criterion: &mut Criterion) {
         .collect();
     let listening: Vec<Listening> = (0..1000)
         .filter(|mote| mote % 50 != 0)
-        .map(|mote| Listening::synchronised(mote, 20, 0))
+        .map(|mote| Listening::synchronised(MoteId(mote), 20, 0))
         .collect();
     let mut asn = 0;
     criterion.bench_function("shared slot of 1000, 20 of them sending", |bencher| {

@@ -7,6 +7,7 @@ use physics::effect::{Effect, Entry};
 use physics::link::Link;
 use proto::config::Section;
 use proto::effect::{Catalogued, Level, Need};
+use proto::ids::MoteId;
 
 /// `kind = "low-antenna"`.
 pub const ENTRY: Entry = Entry::of::<LowAntenna>();
@@ -87,7 +88,7 @@ fn main() {
     let scene = Scene::default();
     let mut out = std::io::stdout().lock();
     for height_m in [0.1, 0.3, 1.0, 3.0] {
-        let ends = [[0.0, 0.0, height_m], [50.0, 0.0, height_m]].map(|at| End::new(0, at));
+        let ends = [[0.0, 0.0, height_m], [50.0, 0.0, height_m]].map(|at| End::new(MoteId(0), at));
         let budget = model.evaluate(&model.link(&scene, ends[0], ends[1], None, 0));
         let (rssi_dbm, probability) = (budget.rssi_dbm, budget.reception_probability);
         let _ = writeln!(out, "{height_m} m high: {rssi_dbm:.1} dBm, received {probability:.2}");
@@ -103,8 +104,8 @@ mod tests {
     fn an_antenna_on_the_ground_loses_all_and_one_at_the_scale_1_over_e_of_it() {
         let scene = Scene::default();
         let link = Link {
-            sender: End::new(0, [0.0, 0.0, 0.0]),
-            receiver: End::new(1, [9.0, 0.0, 0.5]),
+            sender: End::new(MoteId(0), [0.0, 0.0, 0.0]),
+            receiver: End::new(MoteId(1), [9.0, 0.0, 0.5]),
             distance_m: 9.0,
             channel: None,
             frequency_hz: 2.44e9,

@@ -1,10 +1,12 @@
 //! The ends of links: an antenna, and how it moves.
 
+use proto::ids::MoteId;
+
 /// One end of a link: an antenna and the body that carries it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct End {
     /// Number of the mote.
-    pub id: u32,
+    pub id: MoteId,
     /// Position of the antenna (m).
     pub position_m: [f64; 3],
     /// Direction the body faces (rad, from +x towards +y), if it is known.
@@ -16,7 +18,7 @@ pub struct End {
 impl End {
     /// An end with a known position, and without heading or velocity.
     #[must_use]
-    pub fn new(id: u32, position_m: [f64; 3]) -> Self {
+    pub fn new(id: MoteId, position_m: [f64; 3]) -> Self {
         Self { id, position_m, heading_rad: None, velocity_mps: None }
     }
 

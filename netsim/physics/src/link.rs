@@ -118,7 +118,7 @@ impl Link<'_> {
                     Side::Receiver => self.receiver.id,
                 };
                 let column = columns.iter().find(|column| column.name == name)?;
-                column.values.get(id as usize).copied()
+                column.values.get(id.index()).copied()
             }
             Covariates::Row(_) | Covariates::Columns { .. } => {
                 let prefix = match side {
@@ -136,6 +136,7 @@ impl Link<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::ids::MoteId;
 
     #[test]
     fn channels_11_and_26_lie_at_2405_and_2480_mhz() {
@@ -149,8 +150,8 @@ mod tests {
         let covariates = Covariates::Columns { names: &names, values: &[20.0, 5.0] };
         let scene = Scene { covariates, ..Scene::default() };
         let link = Link {
-            sender: End::new(0, [0.0; 3]),
-            receiver: End::new(1, [1.0, 0.0, 0.0]),
+            sender: End::new(MoteId(0), [0.0; 3]),
+            receiver: End::new(MoteId(1), [1.0, 0.0, 0.0]),
             distance_m: 1.0,
             channel: None,
             frequency_hz: 2.44e9,

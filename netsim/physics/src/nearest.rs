@@ -1,6 +1,7 @@
 //! Who is near whom: a uniform grid over the plane, and the k nearest neighbours found with it.
 
 use super::end::End;
+use proto::ids::MoteId;
 
 /// Points sorted into square cells.
 ///
@@ -192,18 +193,18 @@ fn unkey(key: u64) -> (i64, i64) {
 #[derive(Clone, Debug)]
 pub struct Nearest {
     /// Agents' numbers, ascending, and the place of each in `agents`.
-    places: Vec<(u32, u32)>,
+    places: Vec<(MoteId, u32)>,
     /// Per place in `agents`, the places of its neighbours, nearest first.
     neighbours: Vec<Vec<u32>>,
     /// Per place, the square of the distance (m²) and the number of the last of them.
-    last: Vec<Option<(f64, u32)>>,
+    last: Vec<Option<(f64, MoteId)>>,
 }
 
 impl Nearest {
     /// Finds the `k` nearest neighbours of every agent.
     #[must_use]
     pub fn find(agents: &[End], k: usize) -> Self {
-        let mut places: Vec<(u32, u32)> = agents.iter().map(|end| end.id).zip(0..).collect();
+        let mut places: Vec<(MoteId, u32)> = agents.iter().map(|end| end.id).zip(0..).collect();
         places.sort_unstable();
         // Too few agents for a grid to pay: all pairs.
         let grid = (64 <= agents.len() && 8 * k <= agents.len()).then(|| {
@@ -234,10 +235,10 @@ impl Nearest {
     /// Whether `other` is among the nearest of the agent with number `of`. `None`: that agent is not known.
     #[must_use]
     pub fn is_among(&self, of: &End, other: &End) -> Option<bool> {
-        let found = self.places.binary_search_by_key(&of.id, |&(id, _)| id).ok()?;
+        let found = self.places.binary_search_by_key(&of.id, |&(id, _)| MoteId(id.0)).ok()?;
         let place = self.places[found].1 as usize;
         Some(self.last[place].is_some_and(|(distance, id)| {
-            (of.distance_squared_m2(other), other.id) <= (distance, id)
+            (of.distance_squared_m2(other), other.id) <= (distance, MoteId(id.0))
         }))
     }
 
@@ -301,7 +302,11 @@ mod tests {
         let near = prop::array::uniform3(-20i32..20).prop_map(|p| p.map(|x| f64::from(x) / 4.0));
         let far = prop::array::uniform3(-1e9..1e9f64);
         prop::collection::vec(prop_oneof![20 => near, 1 => far], 1..200).prop_map(|positions| {
-            positions.into_iter().zip(0..).map(|(position, id)| End::new(id, position)).collect()
+            positions
+                .into_iter()
+                .zip(0..)
+                .map(|(position, id)| End::new(MoteId(id), position))
+                .collect()
         })
     }
 
@@ -319,7 +324,7 @@ mod tests {
                 prop_assert_eq!(n, found.len(), "twice the same");
                 for other in &agents {
                     if agent.distance_squared_m2(other) <= reach_m * reach_m {
-                        prop_assert!(found.binary_search(&other.id).is_ok());
+                        prop_assert!(found.binary_search(&other.id.0).is_ok());
                     }
                 }
             }
@@ -360,8 +365,11 @@ mod tests {
 
     #[test]
     fn of_two_equally_far_the_lower_number_is_nearer() {
-        let agents =
-            [End::new(0, [0.0; 3]), End::new(1, [1.0, 0.0, 0.0]), End::new(2, [-1.0, 0.0, 0.0])];
+        let agents = [
+            End::new(MoteId(0), [0.0; 3]),
+            End::new(MoteId(1), [1.0, 0.0, 0.0]),
+            End::new(MoteId(2), [-1.0, 0.0, 0.0]),
+        ];
         let nearest = Nearest::find(&agents, 1);
         assert_eq!(nearest.is_among(&agents[0], &agents[1]), Some(true));
         assert_eq!(nearest.is_among(&agents[0], &agents[2]), Some(false));

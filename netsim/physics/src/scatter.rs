@@ -5,6 +5,7 @@
 //! which a simulation advances.
 
 use super::standard::ChannelPlan;
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, normal, ordered_link, uniform, unordered_link};
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
@@ -136,28 +137,28 @@ impl PairBlock {
     /// The block of motes `a` and `b` in the period that begins at `period_ns`.
     #[inline]
     #[must_use]
-    pub fn new(seeds: impl Into<Seeds>, a: u32, b: u32, period_ns: u64) -> Self {
-        let (seeds, pair) = (seeds.into(), unordered_link(a, b));
+    pub fn new(seeds: impl Into<Seeds>, a: MoteId, b: MoteId, period_ns: u64) -> Self {
+        let (seeds, pair) = (seeds.into(), unordered_link(a.0, b.0));
         Self { seeds, pair, period_ns, is_drawn: false, words: [0; 4] }
     }
 
     /// As [`PairBlock::new`], where the words have been drawn already: see [`draw_blocks`].
     #[inline]
     #[must_use]
-    pub fn drawn(seeds: Seeds, a: u32, b: u32, period_ns: u64, words: [u64; 4]) -> Self {
+    pub fn drawn(seeds: Seeds, a: MoteId, b: MoteId, period_ns: u64, words: [u64; 4]) -> Self {
         Self { words, is_drawn: true, ..Self::new(seeds, a, b, period_ns) }
     }
 
     /// Uniform in [0, 1): a frame is received if this is less than its probability.
     #[inline]
-    pub fn reception(&mut self, sender: u32, receiver: u32) -> f64 {
+    pub fn reception(&mut self, sender: MoteId, receiver: MoteId) -> f64 {
         let [low_to_high, high_to_low, ..] = self.words();
         uniform(if sender < receiver { low_to_high } else { high_to_low })
     }
 
     /// Uniform in [0, 1): the level of this period, or of the frame of this direction.
     #[inline]
-    fn level(&mut self, sender: u32, receiver: u32, per_frame: bool) -> f64 {
+    fn level(&mut self, sender: MoteId, receiver: MoteId, per_frame: bool) -> f64 {
         let [_, _, first, second] = self.words();
         uniform(if per_frame && receiver < sender { second } else { first })
     }
@@ -260,7 +261,13 @@ impl Scatter {
     /// Its value (dB) on a link at a moment.
     #[inline]
     #[must_use]
-    pub fn value_db(&self, block: &mut PairBlock, sender: u32, receiver: u32, at: Moment) -> f64 {
+    pub fn value_db(
+        &self,
+        block: &mut PairBlock,
+        sender: MoteId,
+        receiver: MoteId,
+        at: Moment,
+    ) -> f64 {
         match self.law {
             Law::Uniform { span_db } => span_db * (self.level(block, sender, receiver, at) - 0.5),
             Law::Normal { sd_db } => {
@@ -286,7 +293,7 @@ impl Scatter {
                 let offset_sd = |node: u32, k: u64| {
                     draws.normal(u64::from(node), 0, k).clamp(-CLIP_SD, CLIP_SD)
                 };
-                tx_sd_db * offset_sd(sender, k) + rx_sd_db * offset_sd(receiver, k | 1)
+                tx_sd_db * offset_sd(sender.0, k) + rx_sd_db * offset_sd(receiver.0, k | 1)
             }
         }
     }
@@ -309,7 +316,7 @@ impl Scatter {
 
     /// A uniform number in [0, 1].
     #[inline]
-    fn level(&self, block: &mut PairBlock, sender: u32, receiver: u32, at: Moment) -> f64 {
+    fn level(&self, block: &mut PairBlock, sender: MoteId, receiver: MoteId, at: Moment) -> f64 {
         match self.renewal {
             Renewal::Period if self.shares_block() => block.level(sender, receiver, false),
             Renewal::Frame if self.shares_block() => block.level(sender, receiver, true),
@@ -341,18 +348,18 @@ impl Scatter {
 
     /// Whose draws they are.
     #[inline]
-    fn entity(&self, sender: u32, receiver: u32) -> u64 {
+    fn entity(&self, sender: MoteId, receiver: MoteId) -> u64 {
         if let Renewal::Time { is_common: true, .. } = self.renewal {
             0
         } else if self.is_reciprocal() {
-            unordered_link(sender, receiver)
+            unordered_link(sender.0, receiver.0)
         } else {
-            ordered_link(sender, receiver)
+            ordered_link(sender.0, receiver.0)
         }
     }
 
     /// A standard normal number.
-    fn deviate(&self, seeds: Seeds, sender: u32, receiver: u32, at: Moment) -> f64 {
+    fn deviate(&self, seeds: Seeds, sender: MoteId, receiver: MoteId, at: Moment) -> f64 {
         let entity = self.entity(sender, receiver);
         let draws = self.draws(seeds);
         let k = u64::from(self.ordinal) << 32;
@@ -558,7 +565,14 @@ mod tests {
         let at = Moment { period_ns: 0, sent_ns: 0, way_m: 1.0, channel: None };
         let n = 20_000;
         let mut values: Vec<f64> = (0..n)
-            .map(|i| scatter.value_db(&mut PairBlock::new(5, 0, i + 1, 0), 0, i + 1, at))
+            .map(|i| {
+                scatter.value_db(
+                    &mut PairBlock::new(5, MoteId(0), MoteId(i + 1), 0),
+                    MoteId(0),
+                    MoteId(i + 1),
+                    at,
+                )
+            })
             .collect();
         values.sort_by(f64::total_cmp);
         // Kolmogorov-Smirnov: 1.95/sqrt(n) is exceeded by one seed in 1000.
@@ -583,11 +597,16 @@ mod tests {
                 (Law::Nodes { tx_sd_db: 1.0, rx_sd_db: 2.0 }, Purpose::NodeOffset),
             ] {
                 let scatter = Scatter { law, renewal, purpose, ordinal: 0, directed: false };
-                let mut block = PairBlock::new(1, 4, 2, 7);
-                let there = scatter.value_db(&mut block, 4, 2, at);
-                let back = scatter.value_db(&mut block, 2, 4, at);
+                let mut block = PairBlock::new(1, MoteId(4), MoteId(2), 7);
+                let there = scatter.value_db(&mut block, MoteId(4), MoteId(2), at);
+                let back = scatter.value_db(&mut block, MoteId(2), MoteId(4), at);
                 assert_eq!(there == back, scatter.is_reciprocal(), "{scatter:?}");
-                let other = scatter.value_db(&mut PairBlock::new(1, 4, 3, 7), 4, 3, at);
+                let other = scatter.value_db(
+                    &mut PairBlock::new(1, MoteId(4), MoteId(3), 7),
+                    MoteId(4),
+                    MoteId(3),
+                    at,
+                );
                 assert_ne!(there, other, "{scatter:?}");
             }
         }

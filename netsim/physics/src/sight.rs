@@ -274,6 +274,7 @@ mod tests {
     use crate::link::Scene;
     use crate::nearest::Grid;
     use proptest::prelude::*;
+    use proto::ids::MoteId;
 
     fn path(from_m: [f64; 3], to_m: [f64; 3]) -> Path {
         Path { from_m, to_m }
@@ -392,7 +393,7 @@ mod tests {
             body_radius_m in 0.05..1.0f64,
         ) {
             let agents: Vec<End> =
-                (0..).zip(&places).map(|(id, &position_m)| End::new(id, position_m)).collect();
+                (0..).zip(&places).map(|(id, &position_m)| End::new(MoteId(id), position_m)).collect();
             let mut grid = Grid::default();
             grid.build_for(&agents, 4);
             let without = Scene { agents: &agents, ..Scene::default() };

@@ -15,6 +15,7 @@ use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
 use crate::lowpan::DropReason;
 use crate::wire::coap::{CoapRepr, Code, Token, Type};
 use proto::config::{Choice, OneOf, Section, Variant, variant};
+use proto::ids::MoteId;
 use proto::types::PacketPurpose;
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +30,7 @@ pub enum Servers {
     /// A random other mote each time.
     Random,
     /// One mote.
-    One(u32),
+    One(MoteId),
 }
 
 /// What is the same for all motes.
@@ -127,7 +128,7 @@ impl Coap {
     }
 
     /// The only mote that is asked, if it is one.
-    pub(super) fn one_server(&self) -> Option<u32> {
+    pub(super) fn one_server(&self) -> Option<MoteId> {
         match self.settings.servers {
             Servers::One(mote) => Some(mote),
             Servers::InTurn | Servers::Random => None,
@@ -140,10 +141,10 @@ impl Coap {
     }
 
     /// Whom the next request goes to; `None`: nobody can be asked now.
-    fn next_server(&mut self, cx: &Context<'_>) -> Option<u32> {
+    fn next_server(&mut self, cx: &Context<'_>) -> Option<MoteId> {
         let Host { mote: own, n_motes, .. } = self.host?;
         let open = &self.open;
-        let can_be_asked = |mote: u32| {
+        let can_be_asked = |mote: MoteId| {
             mote != own
                 && !open.iter().any(|(exchange, _)| exchange.peer == mote)
                 && (cx.reaches)(mote)
@@ -152,12 +153,13 @@ impl Coap {
             Servers::One(mote) => Some(mote).filter(|&mote| can_be_asked(mote)),
             Servers::InTurn => {
                 let in_turn = (0..n_motes).map(|k| (self.turn + k) % n_motes);
-                let mote = in_turn.into_iter().find(|&mote| can_be_asked(mote))?;
+                let mote = in_turn.into_iter().find(|&mote| can_be_asked(MoteId(mote)))?;
                 self.turn = (mote + 1) % n_motes;
-                Some(mote)
+                Some(MoteId(mote))
             }
             Servers::Random => {
-                let free: Vec<u32> = (0..n_motes).filter(|&mote| can_be_asked(mote)).collect();
+                let free: Vec<MoteId> =
+                    (0..n_motes).map(MoteId).filter(|&mote| can_be_asked(mote)).collect();
                 let n = free.len() as u64;
                 (n != 0).then(|| free[self.endpoint.stream.below(n) as usize])
             }
@@ -195,7 +197,7 @@ impl super::Kind for Coap {
     fn read(reading: &mut Reading<'_>) -> Option<Self> {
         let keys = Keys::read(reading.table);
         let servers = match keys.servers {
-            ServersKey::One(number) => Servers::One(reading.mote("servers", number)?),
+            ServersKey::One(number) => Servers::One(MoteId(reading.mote("servers", number)?.0)),
             ServersKey::Named(Named::InTurn) => Servers::InTurn,
             ServersKey::Named(Named::Random) => Servers::Random,
         };
@@ -216,7 +218,7 @@ impl super::Kind for Coap {
 
     fn largest(&self) -> Largest {
         let request = CoapRepr { token: Token::from(0), ..CoapRepr::request(Code::GET, "") };
-        let packet = coap_packet(0, self.response(&request).to_vec().into(), 0);
+        let packet = coap_packet(MoteId(0), self.response(&request).to_vec().into(), 0);
         Largest { key: "response_bytes", value: self.settings.response_bytes.into(), packet }
     }
 }
@@ -262,7 +264,7 @@ impl Traffic for Coap {
 
     fn handle_message(
         &mut self,
-        from: u32,
+        from: MoteId,
         hops: u32,
         message: &CoapRepr,
         cx: &mut Context<'_>,

@@ -8,6 +8,7 @@ use super::periodic::Periodic;
 use super::poisson::Poisson;
 use super::{Host, Kind, Packet, Reading, Traffic};
 use proto::config::{Problem, TableSpec, Tag, Variant, Variants};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
 /// Makes of the list of kinds the enumeration of their state machines, and what depends on the kind.
@@ -120,7 +121,7 @@ impl Spec {
 
     /// The motes with which the first root exchanges messages, if they are named, each with the key that names it.
     #[must_use]
-    pub fn other_ends(&self) -> Vec<(String, u32)> {
+    pub fn other_ends(&self) -> Vec<(String, MoteId)> {
         match &self.machine {
             Machine::Coap(coap) => {
                 coap.one_server().map(|mote| ("servers".to_owned(), mote)).into_iter().collect()

@@ -22,6 +22,7 @@ use crate::lowpan::DropReason;
 use crate::wire::coap::{Block, CoapRepr, Code, Token, Type};
 use bytes::Bytes;
 use proto::config::{Choice, OneOf, Problem, Section, Variant, join, variant};
+use proto::ids::MoteId;
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -69,7 +70,7 @@ enum Root {
     /// Has triggered a mote, for the first time then (ns); it has not answered.
     Triggers(Exchange, u64),
     /// A mote downloads; unless something is heard of it before that time (ns), it has given up.
-    Serves(u32, u64),
+    Serves(MoteId, u64),
 }
 
 /// A download at the mote.
@@ -80,7 +81,7 @@ struct Fetch {
     /// Its number in the account of packets.
     number: u64,
     /// The root.
-    server: u32,
+    server: MoteId,
 }
 
 /// Block-wise downloads: the server at the first root, a client at all other motes.
@@ -88,13 +89,13 @@ struct Fetch {
 pub struct Download {
     settings: Settings,
     /// Before it is assigned to a mote: who downloads; `None`: all motes but the root.
-    targets: Option<Vec<u32>>,
+    targets: Option<Vec<MoteId>>,
     host: Option<Host>,
     endpoint: Endpoint,
     is_ready: bool,
     root: Root,
     /// Motes that the root has not triggered yet.
-    remaining: VecDeque<u32>,
+    remaining: VecDeque<MoteId>,
     fetch: Option<Fetch>,
     /// Whether the mote has been triggered: it outlasts a reboot.
     has_begun: bool,
@@ -140,7 +141,7 @@ enum All {
 impl Download {
     /// A download by these motes in turn (`None`: by all but the root), not assigned to a mote.
     #[must_use]
-    pub fn new(settings: Settings, targets: Option<Vec<u32>>) -> Self {
+    pub fn new(settings: Settings, targets: Option<Vec<MoteId>>) -> Self {
         Self {
             settings,
             targets,
@@ -158,7 +159,7 @@ impl Download {
     }
 
     /// The motes that download, if they are listed.
-    pub(super) fn targets(&self) -> &[u32] {
+    pub(super) fn targets(&self) -> &[MoteId] {
         self.targets.as_deref().unwrap_or_default()
     }
 
@@ -168,7 +169,8 @@ impl Download {
 
     /// The root triggers the first mote that it has a route to.
     fn trigger_next(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
-        let Some(place) = self.remaining.iter().position(|&mote| (cx.reaches)(mote)) else {
+        let Some(place) = self.remaining.iter().position(|&mote| (cx.reaches)(MoteId(mote.0)))
+        else {
             let is_over = self.remaining.is_empty();
             self.root = if is_over { Root::Idle } else { Root::Looks(cx.now_ns + LOOK_NS) };
             return None;
@@ -176,7 +178,8 @@ impl Download {
         let mote = self.remaining.remove(place)?;
         let post = CoapRepr::request(Code::POST, &self.endpoint.path(TRIGGER));
         let timers = &self.settings.timers;
-        let (exchange, packet) = Exchange::begin(mote, post, timers, &mut self.endpoint, cx.now_ns);
+        let (exchange, packet) =
+            Exchange::begin(MoteId(mote.0), post, timers, &mut self.endpoint, cx.now_ns);
         self.root = Root::Triggers(exchange, cx.now_ns);
         Some(packet)
     }
@@ -210,7 +213,7 @@ impl Download {
         Some(CoapRepr { block2, size2, payload, ..request.response(Code::CONTENT) })
     }
 
-    fn handle_request(&mut self, from: u32, message: &CoapRepr, cx: &mut Context<'_>) -> Heard {
+    fn handle_request(&mut self, from: MoteId, message: &CoapRepr, cx: &mut Context<'_>) -> Heard {
         let resource = if self.is_root() { FILE } else { TRIGGER };
         if message.path.as_deref() != Some(&*self.endpoint.path(resource)) {
             return Heard::NotMine;
@@ -235,25 +238,25 @@ impl Download {
     }
 
     /// The root answers a request for a block.
-    fn serve(&mut self, from: u32, request: &CoapRepr, now_ns: u64) -> Option<CoapRepr> {
+    fn serve(&mut self, from: MoteId, request: &CoapRepr, now_ns: u64) -> Option<CoapRepr> {
         let response = self.block(request)?;
         if self.serves(from) {
             let is_last = response.block2.is_some_and(|block| !block.more);
             self.root = if is_last {
                 Root::Looks(now_ns)
             } else {
-                Root::Serves(from, now_ns + self.settings.timers.max_transmit_wait_ns())
+                Root::Serves(MoteId(from.0), now_ns + self.settings.timers.max_transmit_wait_ns())
             };
         }
         Some(response)
     }
 
     /// The mote has been triggered by `server`.
-    fn begin(&mut self, server: u32, cx: &mut Context<'_>) {
+    fn begin(&mut self, server: MoteId, cx: &mut Context<'_>) {
         if std::mem::replace(&mut self.has_begun, true) {
             return;
         }
-        let own = self.host.map_or(0, |host| host.mote);
+        let own = self.host.map_or_else(MoteId::default, |host| host.mote);
         let (app, bytes) = (self.endpoint.app, self.settings.size_bytes);
         let (number, _) = cx.packets.begin_download(app, server, own, cx.now_ns, bytes);
         self.fetch = Some(Fetch { block: 0, exchange: None, number, server });
@@ -261,7 +264,7 @@ impl Download {
     }
 
     /// Whether the root has triggered this mote: a request of its may outrun the answer to that.
-    fn serves(&self, mote: u32) -> bool {
+    fn serves(&self, mote: MoteId) -> bool {
         match &self.root {
             Root::Serves(served, _) => *served == mote,
             Root::Triggers(exchange, _) => exchange.peer == mote,
@@ -271,7 +274,7 @@ impl Download {
 
     fn handle_response(
         &mut self,
-        from: u32,
+        from: MoteId,
         hops: u32,
         message: &CoapRepr,
         cx: &mut Context<'_>,
@@ -280,7 +283,7 @@ impl Download {
             && exchange.is_answered_by(from, message)
         {
             let until_ns = cx.now_ns + self.settings.timers.max_transmit_wait_ns();
-            self.root = Root::Serves(from, until_ns);
+            self.root = Root::Serves(MoteId(from.0), until_ns);
             return Heard::Taken(None);
         }
         let Some(fetch) = &mut self.fetch else { return Heard::NotMine };
@@ -332,7 +335,8 @@ impl super::Kind for Download {
     }
 
     fn assigned(&self, host: &Host) -> Option<Self> {
-        let is_target = |mote: u32| self.targets.as_ref().is_none_or(|list| list.contains(&mote));
+        let is_target =
+            |mote: MoteId| self.targets.as_ref().is_none_or(|list| list.contains(&MoteId(mote.0)));
         if host.mote != host.first_root && !is_target(host.mote) {
             return None;
         }
@@ -342,7 +346,7 @@ impl super::Kind for Download {
             ..Self::new(self.settings, None)
         };
         if one.is_root() {
-            let others = (0..host.n_motes).filter(|&mote| mote != host.mote);
+            let others = (0..host.n_motes).map(MoteId).filter(|&mote| mote != host.mote);
             one.remaining =
                 self.targets.as_ref().map_or_else(|| others.collect(), |list| list.clone().into());
         }
@@ -360,7 +364,7 @@ impl super::Kind for Download {
             self.block(&get).map(|block| block.to_vec())
         });
         let longest = blocks.max_by_key(Vec::len).unwrap_or_default();
-        let packet = coap_packet(0, longest.into(), 0);
+        let packet = coap_packet(MoteId(0), longest.into(), 0);
         let (key, value) = ("block_bytes", self.settings.block_bytes());
         Largest { key, value, packet }
     }
@@ -417,7 +421,8 @@ impl Traffic for Download {
             Root::Triggers(exchange, first_ns) => match exchange.handle_timeout(&timers, now_ns) {
                 Timeout::Again(packet) => Some(packet),
                 Timeout::GivenUp => {
-                    let (own, mote) = (self.host.map_or(0, |host| host.mote), exchange.peer);
+                    let (own, mote) =
+                        (self.host.map_or_else(MoteId::default, |host| host.mote), exchange.peer);
                     let (app, bytes) = (self.endpoint.app, self.settings.size_bytes);
                     let (number, is_new) =
                         cx.packets.begin_download(app, own, mote, *first_ns, bytes);
@@ -434,7 +439,7 @@ impl Traffic for Download {
 
     fn handle_message(
         &mut self,
-        from: u32,
+        from: MoteId,
         hops: u32,
         message: &CoapRepr,
         cx: &mut Context<'_>,
@@ -454,7 +459,7 @@ impl Traffic for Download {
         // Who has been triggered outlasts a reboot, an exchange does not.
         match &self.root {
             Root::Serves(..) => return,
-            Root::Triggers(exchange, _) => self.remaining.push_front(exchange.peer),
+            Root::Triggers(exchange, _) => self.remaining.push_front(MoteId(exchange.peer.0)),
             Root::Idle | Root::Looks(_) => {}
         }
         self.root = Root::Idle;

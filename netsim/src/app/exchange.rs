@@ -6,6 +6,7 @@ use super::{Content, Destination, Host, Packet};
 use crate::wire::coap::{CoapRepr, Token};
 use bytes::Bytes;
 use proto::config::Section;
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
@@ -69,16 +70,16 @@ const MAX_LATENCY_NS: u64 = 100 * NS_PER_S;
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Answered {
     /// Clients and message IDs.
-    known: BTreeSet<(u32, u16)>,
+    known: BTreeSet<(MoteId, u16)>,
     /// The same in the order in which they came, with when each is forgotten (ns).
-    ends: VecDeque<(u64, u32, u16)>,
+    ends: VecDeque<(u64, MoteId, u16)>,
 }
 
 impl Answered {
     /// Notes a request of mote `from`. Returns whether it is a duplicate of one before.
     pub fn is_duplicate(
         &mut self,
-        from: u32,
+        from: MoteId,
         request: &CoapRepr,
         timers: &Timers,
         now_ns: u64,
@@ -120,7 +121,7 @@ impl Endpoint {
         Self {
             app: host.app,
             n_apps: host.n_apps,
-            first_id: draws.words(u64::from(host.mote), u64::MAX, 0)[0] as u16,
+            first_id: draws.words(u64::from(host.mote.0), u64::MAX, 0)[0] as u16,
             n_messages: 0,
             stream: Stream::new(host.seed, host.mote, host.app),
         }
@@ -146,7 +147,7 @@ impl Endpoint {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Exchange {
     /// The other end.
-    pub peer: u32,
+    pub peer: MoteId,
     message: Bytes,
     message_id: u16,
     token: u32,
@@ -167,7 +168,7 @@ pub enum Timeout {
 impl Exchange {
     /// Begins: `request` gets its message ID and its token. Returns the packet to be sent.
     pub fn begin(
-        peer: u32,
+        peer: MoteId,
         request: CoapRepr,
         timers: &Timers,
         endpoint: &mut Endpoint,
@@ -192,7 +193,7 @@ impl Exchange {
 
     /// Whether a message of `from` answers it.
     #[must_use]
-    pub fn is_answered_by(&self, from: u32, message: &CoapRepr) -> bool {
+    pub fn is_answered_by(&self, from: MoteId, message: &CoapRepr) -> bool {
         from == self.peer && message.answers(self.message_id, Token::from(self.token))
     }
 
@@ -213,6 +214,6 @@ impl Exchange {
 }
 
 /// A packet with a CoAP message to a mote.
-pub(super) fn coap_packet(to: u32, message: Bytes, created_ns: u64) -> Packet {
+pub(super) fn coap_packet(to: MoteId, message: Bytes, created_ns: u64) -> Packet {
     Packet { destination: Destination::Mote(to), content: Content::Coap(message), created_ns }
 }

@@ -1,5 +1,6 @@
 //! Packets from end to end: where each is from, and what becomes of it.
 
+use proto::ids::MoteId;
 use proto::types::PacketPurpose;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -12,9 +13,9 @@ pub struct Packet {
     /// What it is for.
     pub kind: PacketPurpose,
     /// Number of the mote that made it.
-    pub source: u32,
+    pub source: MoteId,
     /// Number of the mote that it is for.
-    pub destination: u32,
+    pub destination: MoteId,
     /// When it was made (ns).
     pub created_ns: u64,
     /// Its payload (bytes).
@@ -74,8 +75,8 @@ impl<R: Copy> Packets<R> {
     pub fn begin(
         &mut self,
         kind: PacketPurpose,
-        source: u32,
-        destination: u32,
+        source: MoteId,
+        destination: MoteId,
         created_ns: u64,
         bytes: u32,
     ) -> u64 {
@@ -92,16 +93,16 @@ impl<R: Copy> Packets<R> {
     pub fn begin_download(
         &mut self,
         app: u32,
-        source: u32,
-        destination: u32,
+        source: MoteId,
+        destination: MoteId,
         created_ns: u64,
         bytes: u32,
     ) -> (u64, bool) {
-        if let Some(&id) = self.downloads.get(&(app, destination)) {
+        if let Some(&id) = self.downloads.get(&(app, destination.0)) {
             return (id, false);
         }
         let id = self.begin(PacketPurpose::Download, source, destination, created_ns, bytes);
-        self.downloads.insert((app, destination), id);
+        self.downloads.insert((app, destination.0), id);
         (id, true)
     }
 
@@ -118,7 +119,7 @@ impl<R: Copy> Packets<R> {
     }
 
     /// A packet has come to a proxy over some hops, which passes it on to `destination`.
-    pub fn pass_on(&mut self, id: u64, destination: u32, hops: u32) {
+    pub fn pass_on(&mut self, id: u64, destination: MoteId, hops: u32) {
         if let Some(packet) = self.on_their_way.get_mut(&id) {
             packet.destination = destination;
             packet.hops_before += hops;
@@ -175,9 +176,10 @@ mod tests {
     #[test]
     fn a_packet_ends_once_and_all_are_accounted_for() {
         let mut packets = Packets::default();
-        let [a, b, c] =
-            [1, 2, 3].map(|source| packets.begin(PacketPurpose::Application, source, 0, 5, 9));
-        assert_eq!(packets.deliver(a, 8, 2).unwrap().source, 1);
+        let [a, b, c] = [1, 2, 3].map(|source| {
+            packets.begin(PacketPurpose::Application, MoteId(source), MoteId(0), 5, 9)
+        });
+        assert_eq!(packets.deliver(a, 8, 2).unwrap().source, MoteId(1));
         assert!(packets.deliver(a, 9, 2).is_none());
         packets.lose(a, 9, 'x');
         assert_eq!((packets.late(), packets.on_their_way().count()), (1, 2));
@@ -197,10 +199,10 @@ mod tests {
     fn a_mote_has_one_download_of_each_application() {
         let mut packets = Packets::<char>::default();
         let began = [(0, 3), (0, 4), (1, 3), (0, 3)]
-            .map(|(app, mote)| packets.begin_download(app, 0, mote, 5, 9));
+            .map(|(app, mote)| packets.begin_download(app, MoteId(0), MoteId(mote), 5, 9));
         assert_eq!(began, [(1, true), (2, true), (3, true), (1, false)]);
         packets.lose(1, 9, 'x');
-        assert_eq!(packets.begin_download(0, 0, 3, 10, 9), (1, false));
+        assert_eq!(packets.begin_download(0, MoteId(0), MoteId(3), 10, 9), (1, false));
         assert!(packets.deliver(1, 11, 1).is_none());
         assert_eq!((packets.created(PacketPurpose::Download), packets.late()), (3, 1));
     }

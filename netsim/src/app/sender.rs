@@ -4,6 +4,7 @@ use super::config::Largest;
 use super::{Content, Destination, Host, Packet, Reading};
 use crate::dice::Dice;
 use proto::config::{Choice, OneOf, Section};
+use proto::ids::MoteId;
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 
@@ -21,7 +22,7 @@ pub enum Peer {
     /// The root of the sender's DODAG.
     Root,
     /// A mote.
-    Mote(u32),
+    Mote(MoteId),
     /// Another mote, drawn for each packet.
     Random,
     /// Every other mote in turn: from a root, traffic down the network.
@@ -34,12 +35,12 @@ pub struct Sender {
     peer: Peer,
     payload_bytes: u16,
     /// Before it is assigned to a mote: by whom; `None`: by all that have somebody to send to.
-    senders: Option<Vec<u32>>,
-    own: u32,
+    senders: Option<Vec<MoteId>>,
+    own: MoteId,
     n_motes: u32,
     counter: u32,
     /// The mote to which the next packet of [`Peer::All`] goes.
-    turn: u32,
+    turn: MoteId,
 }
 
 /// Who sends to whom, and how much.
@@ -87,8 +88,16 @@ enum Named {
 impl Sender {
     /// Senders (`None`: all that have somebody to send to) with a destination and a length of payload (bytes).
     #[must_use]
-    pub fn new(senders: Option<Vec<u32>>, peer: Peer, payload_bytes: u16) -> Self {
-        Self { peer, payload_bytes, senders, own: 0, n_motes: 0, counter: 0, turn: 0 }
+    pub fn new(senders: Option<Vec<MoteId>>, peer: Peer, payload_bytes: u16) -> Self {
+        Self {
+            peer,
+            payload_bytes,
+            senders,
+            own: MoteId(0),
+            n_motes: 0,
+            counter: 0,
+            turn: MoteId(0),
+        }
     }
 
     /// The sender that keys describe; `None`: the destination is no mote, which has been said.
@@ -148,14 +157,18 @@ impl Sender {
             Peer::Mote(mote) => Destination::Mote(mote),
             Peer::Random => {
                 let other = dice.below(u64::from(self.n_motes) - 1) as u32;
-                Destination::Mote(if other < self.own { other } else { other + 1 })
+                Destination::Mote(if other < self.own.0 {
+                    MoteId(other)
+                } else {
+                    MoteId(other + 1)
+                })
             }
             Peer::All => {
                 if self.turn == self.own {
-                    self.turn = (self.turn + 1) % self.n_motes;
+                    self.turn = MoteId((self.turn.0 + 1) % self.n_motes);
                 }
                 let mote = self.turn;
-                self.turn = (self.turn + 1) % self.n_motes;
+                self.turn = MoteId((self.turn.0 + 1) % self.n_motes);
                 Destination::Mote(mote)
             }
         }

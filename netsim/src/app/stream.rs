@@ -1,5 +1,6 @@
 //! Random draws of one application of one mote.
 
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, uniform};
 use serde::{Deserialize, Serialize};
 
@@ -7,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stream {
     seed: u64,
-    mote: u32,
+    mote: MoteId,
     app: u32,
     n_drawn: u64,
 }
@@ -15,7 +16,7 @@ pub struct Stream {
 impl Stream {
     /// Draws of application `app` of mote `mote`.
     #[must_use]
-    pub fn new(seed: u64, mote: u32, app: u32) -> Self {
+    pub fn new(seed: u64, mote: MoteId, app: u32) -> Self {
         Self { seed, mote, app, n_drawn: 0 }
     }
 
@@ -28,7 +29,7 @@ impl Stream {
         let k = self.n_drawn;
         self.n_drawn += 1;
         let draws = Draws::new(self.seed, Purpose::Traffic);
-        draws.words(u64::from(self.mote), u64::from(self.app), k)[0]
+        draws.words(u64::from(self.mote.0), u64::from(self.app), k)[0]
     }
 
     /// A whole number from 0 to n − 1; n at least 1.

@@ -2,6 +2,7 @@ use super::*;
 use crate::wire::coap::{Block, Code, Type};
 use proptest::prelude::*;
 use proto::config::{Default, Field, Lists, Node, TableSpec, check, parse};
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 use proto::types::NS_PER_S;
 
@@ -18,7 +19,7 @@ pub(super) struct World {
 
 impl World {
     pub(super) fn of(mote: u32) -> Self {
-        Self { dice: Dice::new(7, Purpose::Application, mote), packets: Packets::default() }
+        Self { dice: Dice::new(7, Purpose::Application, MoteId(mote)), packets: Packets::default() }
     }
 
     pub(super) fn at(&mut self, now_ns: u64) -> Context<'_> {
@@ -39,7 +40,16 @@ fn periodic(peer: Peer, period_s: u64, jitter_ns: u64) -> Spec {
 
 pub(super) fn host(mote: u32, is_root: bool, n_motes: u32) -> Host {
     let slot_ns = SLOT_NS;
-    Host { mote, is_root, first_root: 0, n_motes, slot_ns, app: 0, n_apps: 1, seed: 7 }
+    Host {
+        mote: MoteId(mote),
+        is_root,
+        first_root: MoteId(0),
+        n_motes,
+        slot_ns,
+        app: 0,
+        n_apps: 1,
+        seed: 7,
+    }
 }
 
 pub(super) fn app(spec: &Spec, mote: u32, is_root: bool, n_motes: u32) -> App {
@@ -125,10 +135,10 @@ fn motes_that_become_ready_together_send_at_different_times() {
 fn nobody_sends_to_itself() {
     let new = |peer, own, is_root, n| App::new(&periodic(peer, 1, 0), &host(own, is_root, n));
     assert!(new(Peer::Root, 0, true, 5).is_none());
-    assert!(new(Peer::Mote(3), 3, false, 5).is_none());
+    assert!(new(Peer::Mote(MoteId(3)), 3, false, 5).is_none());
     assert!(new(Peer::All, 0, true, 1).is_none());
     assert!(new(Peer::Random, 0, true, 1).is_none());
-    let listed = Sender::new(Some(vec![2]), Peer::Root, 90);
+    let listed = Sender::new(Some(vec![MoteId(2)]), Peer::Root, 90);
     let machine = Machine::Periodic(periodic::Periodic::new(listed, NS_PER_S, 0));
     let listed = Spec { machine };
     assert!(App::new(&listed, &host(1, false, 5)).is_none());
@@ -142,7 +152,7 @@ fn a_root_that_sends_to_all_reaches_everybody_in_turn() {
     app.set_ready(true, &mut world.at(0));
     let packets = run(&mut app, 9 * NS_PER_S, &mut world);
     let to: Vec<_> = packets.iter().map(|packet| packet.destination).collect();
-    assert_eq!(to[..8], [0, 1, 3, 4, 0, 1, 3, 4].map(Destination::Mote));
+    assert_eq!(to[..8], [0, 1, 3, 4, 0, 1, 3, 4].map(MoteId).map(Destination::Mote));
 }
 
 #[test]
@@ -153,7 +163,7 @@ fn random_peers_are_all_the_others_equally_often() {
     let mut counts = [0u32; 4];
     for packet in run(&mut app, 3001 * NS_PER_S, &mut world) {
         let Destination::Mote(mote) = packet.destination else { unreachable!() };
-        counts[mote as usize] += 1;
+        counts[mote.index()] += 1;
     }
     assert_eq!(counts[1], 0);
     // Binomial(3000, 1/3): a standard deviation of 26.
@@ -260,7 +270,7 @@ fn a_configuration_says_who_sends_when_to_whom() {
             3 * NS_PER_S,
         )),
         Machine::Periodic(periodic::Periodic::new(
-            Sender::new(Some(vec![1, 2]), Peer::Mote(4), 30),
+            Sender::new(Some(vec![MoteId(1), MoteId(2)]), Peer::Mote(MoteId(4)), 30),
             2 * NS_PER_S,
             NS_PER_S,
         )),
@@ -276,7 +286,7 @@ fn a_configuration_says_who_sends_when_to_whom() {
             NS_PER_S,
         )),
         Machine::Coap(coap::Coap::new(coap::Settings {
-            servers: coap::Servers::One(3),
+            servers: coap::Servers::One(MoteId(3)),
             period_ns: 10 * NS_PER_S,
             is_poisson: true,
             response_bytes: 16,
@@ -289,7 +299,7 @@ fn a_configuration_says_who_sends_when_to_whom() {
                 szx: 2,
                 timers: exchanges::TIMERS,
             },
-            Some(vec![7, 2]),
+            Some(vec![MoteId(7), MoteId(2)]),
         )),
     ];
     assert_eq!(specs, expected.map(|machine| Some(Spec { machine })));

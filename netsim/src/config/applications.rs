@@ -8,6 +8,7 @@ use crate::wire::Eui64;
 use crate::wire::datagram::{Datagram, Upper};
 use crate::wire::security::FrameSecurity;
 use proto::config::{Problem, join};
+use proto::ids::MoteId;
 use std::sync::Arc;
 
 /// What exchanges between the first root and motes need.
@@ -17,7 +18,7 @@ pub(super) struct Surroundings<'a> {
     /// Motes in the network.
     pub(super) agent_count: usize,
     /// Motes that are roots, ascending.
-    pub(super) roots: &'a [u32],
+    pub(super) roots: &'a [MoteId],
     /// Whether routes down exist.
     pub(super) has_routes_down: bool,
     /// Whether packets are carried by the oracle.
@@ -55,7 +56,7 @@ fn check_exchanges(spec: &Spec, path: &str, given: &Surroundings<'_>, problems: 
         problems.push(Problem::new(kind, message));
     }
     let ends = spec.other_ends();
-    let mut listed: Vec<u32> = ends.iter().map(|(_, mote)| *mote).collect();
+    let mut listed: Vec<MoteId> = ends.iter().map(|(_, mote)| *mote).collect();
     listed.extend(given.roots.first());
     listed.sort_unstable();
     let mut before = Vec::new();
@@ -69,8 +70,9 @@ fn check_exchanges(spec: &Spec, path: &str, given: &Surroundings<'_>, problems: 
             continue;
         };
         let problem = Problem::new(join(path, &key), message).value(mote);
-        let free = (0..given.agent_count as u32).filter(|mote| listed.binary_search(mote).is_err());
-        problems.push(match free.min_by_key(|free| free.abs_diff(mote)) {
+        let free =
+            MoteId::first(given.agent_count).filter(|mote| listed.binary_search(mote).is_err());
+        problems.push(match free.min_by_key(|free| free.0.abs_diff(mote.0)) {
             Some(nearest) => problem.nearest(nearest),
             None => problem,
         });
@@ -98,7 +100,7 @@ pub(super) fn warn_of_queues(settings: &Settings, path: &str, warnings: &mut Vec
 
 /// Frames of the largest datagram of an application to a neighbour, without headers of routing: no way takes fewer.
 fn least_frames(settings: &Settings, largest: &Largest) -> usize {
-    let [own, to] = [1, 2].map(Eui64::of_mote);
+    let [own, to] = [1, 2].map(MoteId).map(Eui64::of_mote);
     let datagram = Datagram {
         packet: 0,
         source: own.global(),

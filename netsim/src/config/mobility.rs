@@ -4,6 +4,7 @@ use super::network::Given;
 use crate::mote::settings::Mobility;
 use crate::rpl::Handover;
 use proto::config::{Problem, Section, TableSpec, join};
+use proto::ids::MoteId;
 use proto::types::NS_PER_S;
 
 /// Description of `[netsim.mobility]`.
@@ -14,8 +15,8 @@ pub(super) const SPEC: TableSpec = Keys::SPEC;
 struct Keys {
     /// Motes that take part in routing as leaves (RFC 6550, § 8.5): other motes neither route nor join through them. For mobile
     /// motes among stationary routers.
-    #[key(range = 0..=u32::MAX, length = 0..=100_000)]
-    leaves: Vec<u32>,
+    #[key(length = 0..=100_000)]
+    leaves: Vec<MoteId>,
     /// Whether a mote synchronises to the beacons of every neighbour that is nearer to the root than itself, not of its time source
     /// alone: it then loses synchronisation only if it hears no such neighbour.
     #[key(default = false)]
@@ -56,14 +57,14 @@ struct Keys {
 pub(super) fn build(
     table: &toml::Table,
     given: &Given<'_>,
-    roots: &[u32],
+    roots: &[MoteId],
     problems: &mut Vec<Problem>,
 ) -> (Mobility, Option<Handover>) {
     let keys = Keys::read(table);
     let path = join(given.path, "mobility");
     for (index, &mote) in keys.leaves.iter().enumerate() {
         let path = join(&path, &format!("leaves[{index}]"));
-        if given.agent_count <= mote as usize {
+        if given.agent_count <= mote.index() {
             let last = given.agent_count - 1;
             let message = format!("must be the number of a mote, 0 to {last}");
             problems.push(Problem::new(path, message).value(mote).nearest(last));

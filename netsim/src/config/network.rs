@@ -14,6 +14,7 @@ use crate::sixtop;
 use crate::wire::Eui64;
 use physics::timing::Airtime;
 use proto::config::{Kind, Problem, Section, join};
+use proto::ids::MoteId;
 
 /// What the checked table is read with.
 pub(super) struct Given<'a> {
@@ -37,8 +38,8 @@ pub(super) struct Given<'a> {
 #[derive(Section)]
 pub(super) struct Keys {
     /// Motes that are roots, each of its own DODAG. Absent: mote 0.
-    #[key(range = 0..=u32::MAX, length = 1..=10_000)]
-    roots: Option<Vec<u32>>,
+    #[key(length = 1..=10_000)]
+    roots: Option<Vec<MoteId>>,
     /// Link-layer addresses of the first motes, as 02-00-00-00-00-00-00-05. Absent: 02-00-00-00-00-00-00-00 plus the mote's number,
     /// for mote 0 02-00-00-00-00-01-00-00.
     #[key(kind = Kind::List { of: &Kind::Text, min: 0, max: 100_000 })]
@@ -231,12 +232,12 @@ pub(super) fn build(
 /// Frames that wait before an acknowledgment where queues have no limit.
 const QUEUE_FRAMES: u16 = 10;
 
-fn roots(listed: Option<&[u32]>, given: &Given<'_>, problems: &mut Vec<Problem>) -> Vec<u32> {
-    let Some(listed) = listed else { return vec![0] };
+fn roots(listed: Option<&[MoteId]>, given: &Given<'_>, problems: &mut Vec<Problem>) -> Vec<MoteId> {
+    let Some(listed) = listed else { return vec![MoteId(0)] };
     let mut roots = Vec::new();
     for (index, &mote) in listed.iter().enumerate() {
         let path = join(given.path, &format!("roots[{index}]"));
-        if given.agent_count <= mote as usize {
+        if given.agent_count <= mote.index() {
             let last = given.agent_count - 1;
             let message = format!("must be the number of a mote, 0 to {last}");
             problems.push(Problem::new(path, message).value(mote).nearest(last));

@@ -3,14 +3,15 @@ use crate::dice::Dice;
 use crate::lowpan::DropReason;
 use crate::wire::Eui64;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 
 fn mote(n: u32) -> Eui64 {
-    Eui64::of_mote(n)
+    Eui64::of_mote(MoteId(n))
 }
 
 fn dice(n: u32) -> Dice {
-    Dice::new(1, Purpose::Join, n)
+    Dice::new(1, Purpose::Join, MoteId(n))
 }
 
 fn root() -> std::net::Ipv6Addr {
@@ -19,7 +20,7 @@ fn root() -> std::net::Ipv6Addr {
 
 /// The requests of a pledge that nobody answers: when each was sent, and when it gave up.
 fn unanswered(seed: u64, config: Config) -> (Vec<u64>, u64) {
-    let mut dice = Dice::new(seed, Purpose::Join, 5);
+    let mut dice = Dice::new(seed, Purpose::Join, MoteId(5));
     let mut pledge = Pledge::new(config, mote(5));
     pledge.start(mote(1), 0, &mut dice);
     let (mut sent, mut now_ns) = (Vec::new(), 0);

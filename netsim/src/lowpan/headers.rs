@@ -62,24 +62,25 @@ mod tests {
     use super::*;
     use crate::wire::address::ALL_NODES;
     use crate::wire::datagram::{UdpRepr, Upper};
+    use proto::ids::MoteId;
 
     fn mote(n: u32) -> Eui64 {
-        Eui64::of_mote(n)
+        Eui64::of_mote(MoteId(n))
     }
 
-    fn datagram(source: u32, destination: u32, hops: &[u32]) -> Datagram {
+    fn datagram(source: MoteId, destination: MoteId, hops: &[u32]) -> Datagram {
         let hops: Vec<_> = hops.iter().map(|&hop| mote(hop).global()).collect();
         Datagram {
             packet: 1,
-            source: mote(source).global(),
-            destination: mote(destination).global(),
+            source: mote(source.0).global(),
+            destination: mote(destination.0).global(),
             dscp: 0,
             hop_limit: 64,
             rpi: None,
             route: (!hops.is_empty()).then_some(SourceRoute {
                 root: mote(0).global(),
                 hops,
-                tunnel_hop_limit: (source != 0).then_some(64),
+                tunnel_hop_limit: (source != MoteId(0)).then_some(64),
             }),
             upper: Upper::Udp(UdpRepr {
                 source_port: 1,
@@ -91,36 +92,39 @@ mod tests {
 
     #[test]
     fn rfc6554_4_2_a_mote_on_the_route_takes_itself_off_and_passes_on() {
-        let Ok(Step::Onward(next)) = step(&datagram(0, 3, &[1, 2, 3]), mote(1)) else { panic!() };
-        assert_eq!(next, Datagram { hop_limit: 63, ..datagram(0, 3, &[2, 3]) });
+        let Ok(Step::Onward(next)) = step(&datagram(MoteId(0), MoteId(3), &[1, 2, 3]), mote(1))
+        else {
+            panic!()
+        };
+        assert_eq!(next, Datagram { hop_limit: 63, ..datagram(MoteId(0), MoteId(3), &[2, 3]) });
         let Ok(Step::Onward(next)) = step(&next, mote(2)) else { panic!() };
-        assert_eq!(next, Datagram { hop_limit: 62, ..datagram(0, 3, &[3]) });
+        assert_eq!(next, Datagram { hop_limit: 62, ..datagram(MoteId(0), MoteId(3), &[3]) });
         assert_eq!(step(&next, mote(3)), Ok(Step::Here));
     }
 
     #[test]
     fn rfc6554_4_2_routes_that_come_back_or_were_not_meant_for_this_mote_are_refused() {
         for (hops, at) in [(&[1, 2, 1, 3][..], 1), (&[2, 3], 1), (&[1], 1)] {
-            let refused = step(&datagram(0, 3, hops), mote(at));
+            let refused = step(&datagram(MoteId(0), MoteId(3), hops), mote(at));
             assert_eq!(refused, Err(DropReason::SourceRouteError), "{hops:?}");
         }
-        let mut group = datagram(0, 3, &[1, 2, 3]);
+        let mut group = datagram(MoteId(0), MoteId(3), &[1, 2, 3]);
         group.route.as_mut().unwrap().hops[1] = ALL_NODES;
         assert_eq!(step(&group, mote(1)), Err(DropReason::SourceRouteError));
     }
 
     #[test]
     fn rfc8200_3_a_datagram_with_one_hop_left_arrives_but_is_not_passed_on() {
-        let last = Datagram { hop_limit: 1, ..datagram(5, 0, &[]) };
+        let last = Datagram { hop_limit: 1, ..datagram(MoteId(5), MoteId(0), &[]) };
         assert_eq!(step(&last, mote(0)), Ok(Step::Here));
         assert_eq!(step(&last, mote(2)), Err(DropReason::TimeExceeded));
-        let routed = Datagram { hop_limit: 1, ..datagram(0, 2, &[1, 2]) };
+        let routed = Datagram { hop_limit: 1, ..datagram(MoteId(0), MoteId(2), &[1, 2]) };
         assert_eq!(step(&routed, mote(1)), Err(DropReason::TimeExceeded));
     }
 
     #[test]
     fn rfc2473_3_1_within_a_tunnel_the_outer_hop_limit_falls_and_the_inner_one_stays() {
-        let sent = Datagram { hop_limit: 1, ..datagram(5, 3, &[1, 2, 3]) };
+        let sent = Datagram { hop_limit: 1, ..datagram(MoteId(5), MoteId(3), &[1, 2, 3]) };
         let Ok(Step::Onward(next)) = step(&sent, mote(1)) else { panic!() };
         let Ok(Step::Onward(next)) = step(&next, mote(2)) else { panic!() };
         let limits = (next.hop_limit, next.route.as_ref().and_then(|route| route.tunnel_hop_limit));
@@ -134,12 +138,14 @@ mod tests {
 
     #[test]
     fn what_is_meant_for_the_link_or_a_group_is_never_passed_on() {
-        let group = Datagram { destination: ALL_NODES, ..datagram(1, 2, &[]) };
+        let group = Datagram { destination: ALL_NODES, ..datagram(MoteId(1), MoteId(2), &[]) };
         assert_eq!(step(&group, mote(7)), Ok(Step::Here));
-        let link = Datagram { destination: mote(2).link_local(), ..datagram(1, 2, &[]) };
+        let link =
+            Datagram { destination: mote(2).link_local(), ..datagram(MoteId(1), MoteId(2), &[]) };
         assert_eq!(step(&link, mote(2)), Ok(Step::Here));
         assert_eq!(step(&link, mote(7)), Err(DropReason::NoRoute));
-        let from_link = Datagram { source: mote(1).link_local(), ..datagram(1, 2, &[]) };
+        let from_link =
+            Datagram { source: mote(1).link_local(), ..datagram(MoteId(1), MoteId(2), &[]) };
         assert_eq!(step(&from_link, mote(7)), Err(DropReason::NoRoute));
     }
 }

@@ -3,6 +3,7 @@ use crate::wire::address::ALL_NODES;
 use crate::wire::datagram::{SourceRoute, UdpRepr, Upper};
 use line::{Line, datagram, down, mote};
 use proptest::prelude::*;
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 
 mod line;
@@ -12,7 +13,7 @@ const ROOM: usize = 90;
 const MODES: [Mode; 2] = [Mode::PerHopReassembly, Mode::FragmentForwarding];
 
 fn lowpan(n: u32, config: Config) -> Lowpan {
-    Lowpan::new(config, mote(n), n == 0, &mut Dice::new(3, Purpose::Lowpan, n))
+    Lowpan::new(config, mote(n), n == 0, &mut Dice::new(3, Purpose::Lowpan, MoteId(n)))
 }
 
 /// The parts of a datagram of `payload` bytes from mote `from` to the root.

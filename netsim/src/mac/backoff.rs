@@ -79,14 +79,15 @@ impl Backoff {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::ids::MoteId;
     use proto::rng::Purpose;
 
     #[test]
     fn t6_windows_double_from_1_to_127_cells() {
-        let neighbour = Eui64::of_mote(1);
+        let neighbour = Eui64::of_mote(MoteId(1));
         let mut longest = [0; 9];
         for seed in 0..2000 {
-            let mut dice = Dice::new(seed, Purpose::Mac, 0);
+            let mut dice = Dice::new(seed, Purpose::Mac, MoteId(0));
             let mut backoff = Backoff::new(1, 7);
             for longest in &mut longest {
                 backoff.fail(neighbour, &mut dice);
@@ -103,8 +104,8 @@ mod tests {
 
     #[test]
     fn success_ends_it_and_neighbours_do_not_share_it() {
-        let [a, b] = [1, 2].map(Eui64::of_mote);
-        let mut dice = Dice::new(1, Purpose::Mac, 0);
+        let [a, b] = [1, 2].map(MoteId).map(Eui64::of_mote);
+        let mut dice = Dice::new(1, Purpose::Mac, MoteId(0));
         let mut backoff = Backoff::new(3, 5);
         backoff.fail(a, &mut dice);
         backoff.fail(a, &mut dice);

@@ -176,6 +176,7 @@ impl Clock {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::ids::MoteId;
     use proto::rng::Purpose;
 
     const S: u64 = 1_000_000_000;
@@ -183,7 +184,7 @@ mod tests {
     #[test]
     fn a_clock_drifts_with_its_rate_and_is_put_right_to_a_tick() {
         for seed in 0..200 {
-            let mut dice = Dice::new(seed, Purpose::Mac, 1);
+            let mut dice = Dice::new(seed, Purpose::Mac, MoteId(1));
             let mut clock = Clock::new(30.0, 32_768, &mut dice);
             assert!(clock.deviation_ns(100 * S).abs() <= 3_000_000);
             clock.correct(-500, 100 * S, &mut dice);
@@ -199,9 +200,9 @@ mod tests {
         times_s: impl Iterator<Item = u64>,
         source_ns: impl Fn(u64) -> i64,
     ) {
-        let mut dice = Dice::new(7, Purpose::Mac, 2);
+        let mut dice = Dice::new(7, Purpose::Mac, MoteId(2));
         for at_s in times_s {
-            clock.learn(Eui64::of_mote(0), source_ns(at_s * S), at_s * S, &mut dice);
+            clock.learn(Eui64::of_mote(MoteId(0)), source_ns(at_s * S), at_s * S, &mut dice);
         }
     }
 
@@ -209,7 +210,8 @@ mod tests {
     fn a_rate_is_learned_from_corrections_whatever_their_spacing() {
         for seed in 0..100 {
             for every_s in [1, 7, 16] {
-                let mut clock = Clock::new(100.0, 32_768, &mut Dice::new(seed, Purpose::Mac, 1));
+                let mut clock =
+                    Clock::new(100.0, 32_768, &mut Dice::new(seed, Purpose::Mac, MoteId(1)));
                 let times_s = (0..=300).step_by(every_s);
                 let last_s = 300 / every_s as u64 * every_s as u64;
                 learn(&mut clock, times_s, |_| 0);
@@ -224,13 +226,13 @@ mod tests {
 
     #[test]
     fn nothing_is_known_before_two_windows_and_after_another_source() {
-        let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
+        let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, MoteId(1)));
         learn(&mut clock, 0..60, |_| 0);
         assert_eq!(clock.holds_ns(), None);
         learn(&mut clock, 60..=60, |_| 0);
         assert!(clock.holds_ns().is_some());
-        let mut dice = Dice::new(2, Purpose::Mac, 2);
-        clock.learn(Eui64::of_mote(5), 0, 61 * S, &mut dice);
+        let mut dice = Dice::new(2, Purpose::Mac, MoteId(2));
+        clock.learn(Eui64::of_mote(MoteId(5)), 0, 61 * S, &mut dice);
         assert_eq!(clock.holds_ns(), None);
         // Who follows the root keeps its rate: the estimate remains.
         let drifted_ns = clock.deviation_ns(161 * S) - clock.deviation_ns(61 * S);
@@ -239,26 +241,26 @@ mod tests {
 
     #[test]
     fn who_has_kept_a_source_for_two_minutes_runs_free_and_not_who_meets_others_all_the_time() {
-        let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
+        let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, MoteId(1)));
         learn(&mut clock, (0..140).step_by(5), |_| 0);
         assert_eq!(clock.runs_free_ns(), None);
         learn(&mut clock, 140..=140, |_| 0);
         let known_ns = clock.runs_free_ns();
         assert!(known_ns.is_some());
         // Another source does not make it forget how fast it is itself.
-        let mut dice = Dice::new(2, Purpose::Mac, 2);
-        clock.learn(Eui64::of_mote(5), 0, 141 * S, &mut dice);
+        let mut dice = Dice::new(2, Purpose::Mac, MoteId(2));
+        clock.learn(Eui64::of_mote(MoteId(5)), 0, 141 * S, &mut dice);
         assert_eq!(clock.runs_free_ns(), known_ns);
-        let mut restless = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
+        let mut restless = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, MoteId(1)));
         for at_s in 0..1000 {
-            restless.learn(Eui64::of_mote((at_s / 60) as u32), 0, at_s * S, &mut dice);
+            restless.learn(Eui64::of_mote(MoteId((at_s / 60) as u32)), 0, at_s * S, &mut dice);
         }
         assert_eq!(restless.runs_free_ns(), None);
     }
 
     #[test]
     fn who_is_switched_off_knows_nothing_of_its_clock() {
-        let new = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
+        let new = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, MoteId(1)));
         let mut clock = new.clone();
         learn(&mut clock, (0..=200).step_by(5), |_| 0);
         let drift_ns = |clock: &Clock| clock.deviation_ns(1200 * S) - clock.deviation_ns(200 * S);
@@ -269,7 +271,7 @@ mod tests {
 
     #[test]
     fn a_source_that_changes_its_pace_shortens_what_is_relied_on() {
-        let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, 1));
+        let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, MoteId(1)));
         learn(&mut clock, (0..=200).step_by(5), |_| 0);
         let calm_ns = clock.holds_ns().unwrap();
         // 50 ppm one way for a minute, then the other.

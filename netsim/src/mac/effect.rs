@@ -15,6 +15,7 @@ use proto::config::{
     Variants, join, typed, variant,
 };
 use proto::effect::{About, Catalogued, Fit};
+use proto::ids::MoteId;
 use serde::Deserialize;
 use std::fmt::Debug;
 
@@ -58,7 +59,7 @@ pub struct Duty {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Node {
     /// Number of the mote.
-    pub mote: u32,
+    pub mote: MoteId,
     /// Whether it is a root.
     pub is_root: bool,
 }
@@ -153,8 +154,8 @@ pub type Motes = Option<Vec<u32>>;
 
 /// Whether an effect whose key `motes` has this value concerns a mote.
 #[must_use]
-pub fn concerns(motes: &Motes, mote: u32) -> bool {
-    motes.as_ref().is_none_or(|motes| motes.contains(&mote))
+pub fn concerns(motes: &Motes, mote: MoteId) -> bool {
+    motes.as_ref().is_none_or(|motes| motes.contains(&mote.0))
 }
 
 /// Makes the effects of checked tables, in their order, and adds what is wrong with them together with the rest: they
@@ -193,17 +194,17 @@ pub fn build(
 
 /// What effects together lay on each mote; empty without effects.
 #[must_use]
-pub fn burdens(effects: &[Box<dyn Effect>], agent_count: usize, roots: &[u32]) -> Vec<Burden> {
+pub fn burdens(effects: &[Box<dyn Effect>], agent_count: usize, roots: &[MoteId]) -> Vec<Burden> {
     if effects.is_empty() {
         return Vec::new();
     }
-    let burden_of = |mote: u32| {
+    let burden_of = |mote: MoteId| {
         let node = Node { mote, is_root: roots.contains(&mote) };
         let mut burden = NO_BURDEN;
         effects.iter().for_each(|effect| effect.weigh(node, &mut burden));
         burden
     };
-    (0..agent_count as u32).map(burden_of).collect()
+    MoteId::first(agent_count).map(burden_of).collect()
 }
 
 #[cfg(test)]
@@ -232,7 +233,7 @@ pub(crate) mod testing {
         let list: Vec<toml::Table> = checked["effect"].clone().try_into().unwrap();
         let effects = build(&list, "effect", 4, true, &known, &mut problems);
         assert!(problems.is_empty(), "{problems:?}");
-        burdens(&effects, 4, &[0])
+        burdens(&effects, 4, &[MoteId(0)])
     }
 }
 
@@ -250,7 +251,7 @@ mod tests {
         assert_eq!(laid[1].ack_loss, 0.5);
         assert_eq!(laid[2].ack_loss, 0.75);
         assert!(laid.iter().all(|burden| burden.queue_frames == Some(4)));
-        assert!(burdens(&[], 4, &[0]).is_empty());
+        assert!(burdens(&[], 4, &[MoteId(0)]).is_empty());
         assert_eq!(NO_BURDEN, Burden::default());
     }
 

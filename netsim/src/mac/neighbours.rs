@@ -130,11 +130,12 @@ impl Neighbours {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::ids::MoteId;
 
     #[test]
     fn a_frame_sent_again_is_recognised_and_a_number_used_again_is_not() {
         let mut neighbours = Neighbours::default();
-        let [a, b] = [1, 2].map(Eui64::of_mote);
+        let [a, b] = [1, 2].map(MoteId).map(Eui64::of_mote);
         assert!(neighbours.hear(a, Some(250), true, Asn(1)));
         assert!(!neighbours.hear(a, Some(250), true, Asn(2)));
         assert!(neighbours.hear(b, Some(250), true, Asn(3)));
@@ -151,7 +152,7 @@ mod tests {
     #[test]
     fn neighbours_that_send_beacons_are_counted_by_themselves() {
         let mut neighbours = Neighbours::default();
-        let [a, b, c] = [1, 2, 3].map(Eui64::of_mote);
+        let [a, b, c] = [1, 2, 3].map(MoteId).map(Eui64::of_mote);
         let heard = [(b, None), (a, Some(1)), (c, None), (b, Some(7)), (b, None)];
         for (asn, (from, sequence)) in (1..).zip(heard) {
             neighbours.hear(from, sequence, false, Asn(asn));
@@ -166,7 +167,7 @@ mod tests {
     #[test]
     fn what_was_received_before_synchronisation_was_lost_is_recognised_after_it() {
         let mut neighbours = Neighbours::default();
-        let [a, b] = [1, 2].map(Eui64::of_mote);
+        let [a, b] = [1, 2].map(MoteId).map(Eui64::of_mote);
         assert!(neighbours.hear(a, Some(7), true, Asn(1)));
         assert!(neighbours.hear(b, Some(7), false, Asn(2)));
         neighbours.forget();
@@ -179,7 +180,7 @@ mod tests {
     #[test]
     fn a_number_that_comes_again_after_256_frames_is_a_new_frame() {
         let mut neighbours = Neighbours::default();
-        let a = Eui64::of_mote(1);
+        let a = Eui64::of_mote(MoteId(1));
         // One frame in a hundred is for us; some of the others are heard, beacons without a number among them.
         for frame in 0..20_000_u64 {
             let for_us = frame % 100 == 0;
@@ -198,9 +199,9 @@ mod tests {
     fn neighbours_are_kept_in_order_however_they_are_heard() {
         let mut neighbours = Neighbours::default();
         for mote in [5, 2, 9, 2, 5, 9, 3, 5, 2, 3, 5, 9, 9, 2] {
-            neighbours.hear(Eui64::of_mote(mote), None, false, Asn(0));
+            neighbours.hear(Eui64::of_mote(MoteId(mote)), None, false, Asn(0));
         }
-        let expected = [2, 3, 5, 9].map(Eui64::of_mote);
+        let expected = [2, 3, 5, 9].map(MoteId).map(Eui64::of_mote);
         assert!(neighbours.addresses().eq(expected));
     }
 }

@@ -270,12 +270,13 @@ mod tests {
     use super::*;
     use crate::wire::datagram::{Datagram, UdpRepr};
     use crate::wire::security::FrameSecurity;
+    use proto::ids::MoteId;
 
     fn frame(packet: u64, priority: Priority) -> Queued {
         Queued {
             frame: FrameRepr {
-                source: Eui64::of_mote(0),
-                destination: Some(Eui64::of_mote(1)),
+                source: Eui64::of_mote(MoteId(0)),
+                destination: Some(Eui64::of_mote(MoteId(1))),
                 sequence: 0,
                 ack_request: true,
                 pending: false,
@@ -347,8 +348,8 @@ mod tests {
         let payload = payload.into();
         Datagram {
             packet: 0,
-            source: Eui64::of_mote(0).global(),
-            destination: Eui64::of_mote(1).global(),
+            source: Eui64::of_mote(MoteId(0)).global(),
+            destination: Eui64::of_mote(MoteId(1)).global(),
             dscp,
             hop_limit: 64,
             rpi: None,
@@ -378,9 +379,9 @@ mod tests {
         let mut waits = frame(1, Join);
         waits.frame.content = whole(message.clone());
         queue.push(waits, 0).unwrap();
-        let to = Some(Eui64::of_mote(1));
+        let to = Some(Eui64::of_mote(MoteId(1)));
         assert!(queue.has_same(to, &whole(Datagram { packet: 7, ..message.clone() })));
-        assert!(!queue.has_same(Some(Eui64::of_mote(2)), &whole(message)));
+        assert!(!queue.has_same(Some(Eui64::of_mote(MoteId(2))), &whole(message)));
         assert!(!queue.has_same(to, &whole(datagram(ports::COAP, 0, &[2]))));
         assert!(!queue.has_same(to, &Content::KeepAlive));
     }

@@ -21,6 +21,7 @@ use super::schedule::{CellKind, CellRef, Schedule};
 use crate::dice::Dice;
 use crate::wire::Eui64;
 use physics::asn::Asn;
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +41,7 @@ struct Extra {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tsch {
     own: Eui64,
-    mote: u32,
+    mote: MoteId,
     is_root: bool,
     state: State,
     clock: Clock,
@@ -85,7 +86,7 @@ fn follows_beside_everyone(config: &Config, schedule: &Schedule, asn: Asn) -> bo
 impl Tsch {
     /// The MAC of a mote that is switched off.
     #[must_use]
-    pub fn new(config: &Config, own: Eui64, mote: u32, is_root: bool, seed: u64) -> Self {
+    pub fn new(config: &Config, own: Eui64, mote: MoteId, is_root: bool, seed: u64) -> Self {
         let mut dice = Dice::new(seed, Purpose::Mac, mote);
         let clock = if is_root {
             Clock::exact()

@@ -1,6 +1,7 @@
 //! In which slot which mote has something to do.
 
 use physics::asn::Asn;
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -17,11 +18,11 @@ pub struct Calendar {
     /// The slot after the latest one that was taken.
     begin_asn: Asn,
     /// By slot modulo [`NEAR_SLOTS`], of those from `begin_asn` on: who acts there, and outdated entries.
-    near: Vec<Vec<u32>>,
+    near: Vec<Vec<MoteId>>,
     /// By list, a bit: it has entries.
     has_entries: [u64; NEAR_SLOTS as usize / 64],
     /// Entries of other slots, and outdated ones. With those of `near` at least the entries of `wake`.
-    heap: BinaryHeap<Reverse<(Asn, u32)>>,
+    heap: BinaryHeap<Reverse<(Asn, MoteId)>>,
 }
 
 /// Slots that have lists: more than most slotframes have.
@@ -30,7 +31,7 @@ const NEAR_SLOTS: u64 = 256;
 impl From<Vec<Asn>> for Calendar {
     fn from(wake: Vec<Asn>) -> Self {
         let entries = (0..).zip(&wake).filter(|(_, asn)| **asn != Asn::NEVER);
-        let heap = entries.map(|(mote, &asn)| Reverse((asn, mote))).collect();
+        let heap = entries.map(|(mote, &asn)| Reverse((asn, MoteId(mote)))).collect();
         Self {
             wake,
             begin_asn: Asn::FIRST,
@@ -61,9 +62,9 @@ impl Calendar {
     }
 
     /// The mote acts in this slot, and not before; `None`: it sleeps until something reaches it.
-    pub fn set(&mut self, mote: u32, asn: Option<Asn>) {
+    pub fn set(&mut self, mote: MoteId, asn: Option<Asn>) {
         let asn = asn.unwrap_or(Asn::NEVER);
-        let entry = &mut self.wake[mote as usize];
+        let entry = &mut self.wake[mote.index()];
         if *entry == asn {
             return;
         }
@@ -89,7 +90,7 @@ impl Calendar {
             if near.is_some_and(|near| near <= asn) {
                 return near;
             }
-            if self.wake[mote as usize] == asn {
+            if self.wake[mote.index()] == asn {
                 return Some(asn);
             }
             self.heap.pop();
@@ -114,7 +115,7 @@ impl Calendar {
                 break;
             }
             let (asn, list) = (self.begin_asn + ahead, (list + skipped) as usize);
-            if self.near[list].iter().any(|&mote| self.wake[mote as usize] == asn) {
+            if self.near[list].iter().any(|&mote| self.wake[mote.index()] == asn) {
                 return Some(asn);
             }
             self.near[list].clear();
@@ -124,12 +125,12 @@ impl Calendar {
     }
 
     /// Takes out those who act in the first slot in which somebody does, in ascending order. Each is then without an entry.
-    pub fn take(&mut self, asn: Asn, motes: &mut Vec<u32>) {
+    pub fn take(&mut self, asn: Asn, motes: &mut Vec<MoteId>) {
         motes.clear();
         let is_near = self.is_near(asn);
         let wake = &mut self.wake;
-        let mut take = |mote: u32, at: Asn| {
-            let entry = &mut wake[mote as usize];
+        let mut take = |mote: MoteId, at: Asn| {
+            let entry = &mut wake[mote.index()];
             if *entry == at {
                 *entry = Asn::NEVER;
                 motes.push(mote);
@@ -162,14 +163,14 @@ mod tests {
     fn motes_come_in_order_once_and_as_last_said() {
         let mut calendar = Calendar::new(4);
         for (mote, asn) in [(2, 5), (1, 5), (0, 9), (3, 5), (0, 7), (3, 6), (3, 5)] {
-            calendar.set(mote, Some(Asn(asn)));
+            calendar.set(MoteId(mote), Some(Asn(asn)));
         }
         let mut motes = Vec::new();
         assert_eq!(calendar.next_asn(), Some(Asn(5)));
         calendar.take(Asn(5), &mut motes);
-        assert_eq!(motes, [1, 2, 3]);
+        assert_eq!(motes, [1, 2, 3].map(MoteId));
         assert_eq!(calendar.next_asn(), Some(Asn(7)));
-        calendar.set(0, None);
+        calendar.set(MoteId(0), None);
         assert_eq!(calendar.next_asn(), None);
         let mut again: Calendar = Vec::from(calendar).into();
         assert_eq!(again.next_asn(), None);
@@ -177,7 +178,7 @@ mod tests {
 
     #[test]
     fn motes_act_when_they_last_said_near_or_far() {
-        let mut dice = Dice::new(1, Purpose::Mac, 0);
+        let mut dice = Dice::new(1, Purpose::Mac, MoteId(0));
         let mut calendar = Calendar::new(40);
         let mut wake = [Asn::NEVER; 40];
         let mut motes = Vec::new();
@@ -189,14 +190,16 @@ mod tests {
                 let most = [10, 300, 5000][dice.below(3) as usize];
                 let ahead = dice.below(most);
                 wake[mote] = if dice.below(20) == 0 { Asn::NEVER } else { asn + ahead };
-                calendar.set(mote as u32, Some(wake[mote]).filter(|&asn| asn != Asn::NEVER));
+                calendar
+                    .set(MoteId(mote as u32), Some(wake[mote]).filter(|&asn| asn != Asn::NEVER));
             }
             let next = wake.iter().copied().min().filter(|&asn| asn != Asn::NEVER);
             assert_eq!(calendar.next_asn(), next, "{round}");
             // Time may also pass without anybody who acts.
             let Some(next) = next.filter(|_| dice.below(4) != 0) else { continue };
             calendar.take(next, &mut motes);
-            let expected: Vec<u32> = (0..40).filter(|&mote| wake[mote as usize] == next).collect();
+            let expected: Vec<MoteId> =
+                MoteId::first(40).filter(|mote| wake[mote.index()] == next).collect();
             assert_eq!(motes, expected, "{round}");
             wake.iter_mut().filter(|asn| **asn == next).for_each(|asn| *asn = Asn::NEVER);
             asn = next + 1;

@@ -76,6 +76,7 @@ impl Capture {
 mod tests {
     use super::*;
     use crate::wire::security::FrameSecurity;
+    use proto::ids::MoteId;
 
     #[test]
     fn what_is_sent_in_a_slot_is_in_the_order_in_which_it_began() {
@@ -84,7 +85,7 @@ mod tests {
             let destination = Eui64(destination);
             let security = FrameSecurity::Unsecured;
             let ack = AckRepr { destination, sequence: 0, time_correction_us: 0, security };
-            capture.ack(Asn(7), begins_ns, 15, Eui64::of_mote(0), &ack);
+            capture.ack(Asn(7), begins_ns, 15, Eui64::of_mote(MoteId(0)), &ack);
         }
         assert_eq!(capture.take().len(), 0);
         capture.end_slot();

@@ -6,6 +6,7 @@ use crate::second;
 use physics::interference::Interference;
 use physics::model::Model;
 use physics::standard::o_qpsk_2450::HOPPING_SEQUENCE;
+use proto::ids::MoteId;
 use std::sync::Arc;
 
 /// A valid configuration.
@@ -18,7 +19,7 @@ pub struct Config {
     /// Channels by absolute slot number; none: frames have no channel.
     pub hopping_sequence: Vec<u8>,
     /// Motes that are left out.
-    pub absent: Vec<u32>,
+    pub absent: Vec<MoteId>,
     /// Height of antennas above planar positions (m).
     pub antenna_height_m: f64,
     /// The radio model, shared with the network that uses it.

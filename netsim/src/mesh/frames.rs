@@ -6,6 +6,7 @@ use crate::mac::tsch::Outgoing;
 use crate::wire::Eui64;
 use crate::wire::datagram::Upper;
 use crate::wire::frame::Content;
+use proto::ids::MoteId;
 use proto::types::{EVERYONE, FrameOutcome, Frames};
 
 /// Kinds of frames, by what they are for.
@@ -29,7 +30,7 @@ impl FrameLog {
         &mut self,
         sent_ns: u64,
         sending: &[Sending],
-        mote_of: impl Fn(Eui64) -> Option<u32>,
+        mote_of: impl Fn(Eui64) -> Option<MoteId>,
     ) {
         let Some(frames) = &mut self.frames else { return };
         let first = frames.len();
@@ -40,8 +41,10 @@ impl FrameLog {
                 Outgoing::Frame(queued) => (queued.packet, queued.n_attempts),
             };
             frames.sent_ns.push(sent_ns);
-            frames.sender.push(sent.sender);
-            frames.destination.push(frame.destination.and_then(&mote_of).unwrap_or(EVERYONE));
+            frames.sender.push(sent.sender.0);
+            frames
+                .destination
+                .push(frame.destination.and_then(&mote_of).map_or(EVERYONE, |mote| mote.0));
             frames.channel.push(sent.transmission.channel.into());
             let at = sent.transmission.at;
             frames.channel_offset.push(at.map_or(u32::MAX, |at| at.cell.channel.into()));

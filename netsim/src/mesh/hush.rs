@@ -3,6 +3,7 @@
 use crate::mac::blacklist::is_dedicated;
 use crate::mac::{Cell, CellOptions, CellRef, Schedule, Tsch};
 use physics::asn::Asn;
+use proto::ids::MoteId;
 
 /// By mote, the slots of its slotframe in which it listens. Computed from the motes' schedules when they change, and invalid
 /// for a mote while it acts; not part of the saved state.
@@ -62,13 +63,13 @@ impl ListeningCache {
     }
 
     /// Makes the bits of a mote invalid, since it may change from now on.
-    pub(super) fn forget(&mut self, mote: u32) {
-        self.is_known[mote as usize] = false;
+    pub(super) fn forget(&mut self, mote: MoteId) {
+        self.is_known[mote.index()] = false;
     }
 
     /// Computes the bits of a mote, which stays as it is until [`ListeningCache::forget`].
-    pub(super) fn note(&mut self, mote: u32, mac: &Tsch, schedule: &Schedule) {
-        let place = mote as usize;
+    pub(super) fn note(&mut self, mote: MoteId, mac: &Tsch, schedule: &Schedule) {
+        let place = mote.index();
         self.is_known[place] = false;
         if !mac.follows_schedule() {
             return;
@@ -113,8 +114,8 @@ impl ListeningCache {
 
     /// What the cache says of a mote in an absolute slot.
     #[inline]
-    pub(super) fn known(&mut self, mote: u32, asn: Asn) -> Known {
-        let place = mote as usize;
+    pub(super) fn known(&mut self, mote: MoteId, asn: Asn) -> Known {
+        let place = mote.index();
         if !self.is_known[place] {
             return Known::Unknown;
         }
@@ -182,7 +183,7 @@ mod tests {
         let mut cache = ListeningCache::new(5, false);
         let mut motes: Vec<(Tsch, Schedule)> = (0..5)
             .map(|mote| {
-                let mac = Tsch::new(&config, Eui64::of_mote(mote), mote, true, 1);
+                let mac = Tsch::new(&config, Eui64::of_mote(MoteId(mote)), MoteId(mote), true, 1);
                 (mac, Schedule::new())
             })
             .collect();
@@ -198,23 +199,23 @@ mod tests {
                 let slot = (mote as u16 * 37 + u16::from(handle) * 50) % slots;
                 schedule.add(handle, Cell::new(slot, 0, CellOptions::RX, None)).unwrap();
             }
-            cache.note(mote, mac, schedule);
+            cache.note(MoteId(mote), mac, schedule);
         }
         motes[1].1.remove_where(2, |_| true);
-        cache.note(1, &motes[1].0, &motes[1].1);
+        cache.note(MoteId(1), &motes[1].0, &motes[1].1);
         // Mote 0 has a background that gives way to a cell in one slot.
         let schedule = &mut motes[0].1;
         schedule.remove_slotframe(1);
         schedule.remove_slotframe(2);
         schedule.set_background(0, Some(3)).unwrap();
         schedule.add(0, Cell::new(70, 0, CellOptions::TX, None)).unwrap();
-        cache.note(0, &motes[0].0, &motes[0].1);
-        cache.forget(2);
+        cache.note(MoteId(0), &motes[0].0, &motes[0].1);
+        cache.forget(MoteId(2));
         let (mut n_background, mut n_listening) = (0, 0);
         for asn in 0..1010 {
             for (mote, (mac, schedule)) in (0..).zip(&motes) {
                 let listening = mac.listening(&config, schedule, 1, Asn(asn));
-                let known = match cache.known(mote, Asn(asn)) {
+                let known = match cache.known(MoteId(mote), Asn(asn)) {
                     Known::Unknown => {
                         assert!(2 <= mote || listening.is_some(), "{mote} in {asn}");
                         continue;

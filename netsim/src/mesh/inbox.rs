@@ -2,6 +2,7 @@
 
 use bytes::Bytes;
 use physics::medium::resolve;
+use proto::ids::MoteId;
 use proto::types::{Deliveries, DeliveryColumn, EVERYONE, Heard, Medium, Payloads, Transmissions};
 
 /// Transmissions of a step, and receptions of them.
@@ -18,7 +19,7 @@ pub struct Inbox {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sent {
     /// Number of the mote that sent it.
-    pub sender: u32,
+    pub sender: MoteId,
     /// When (ns).
     pub sent_ns: u64,
     /// When the slot of its first frame ended (ns).
@@ -26,12 +27,12 @@ pub struct Sent {
     /// The payload as the robot gave it.
     pub payload: Bytes,
     /// For whom alone; `None`: everyone in reach.
-    pub destination: Option<u32>,
+    pub destination: Option<MoteId>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct HeardOne {
-    receiver: u32,
+    receiver: MoteId,
     transmission: u32,
     received_ns: u64,
     rssi_dbm: f32,
@@ -55,7 +56,7 @@ impl Inbox {
     #[inline]
     pub fn hear(
         &mut self,
-        receiver: u32,
+        receiver: MoteId,
         transmission: u32,
         received_ns: u64,
         rssi_dbm: f32,
@@ -93,7 +94,7 @@ impl Inbox {
         let mut ends = Vec::with_capacity(agent_count);
         let mut indices = Vec::with_capacity(self.heard.len());
         for heard in &self.heard {
-            ends.resize(heard.receiver as usize, indices.len() as u32);
+            ends.resize(heard.receiver.index(), indices.len() as u32);
             indices.push(heard.transmission);
         }
         ends.resize(agent_count, indices.len() as u32);
@@ -108,7 +109,7 @@ impl Inbox {
         let ordered = || order.iter().map(|&place| &self.sent[place as usize]);
         let deliveries = Deliveries {
             transmissions: Transmissions {
-                sender: ordered().map(|sent| sent.sender).collect(),
+                sender: ordered().map(|sent| sent.sender.0).collect(),
                 sent_ns: ordered().map(|sent| sent.sent_ns).collect(),
                 end_ns: ordered().map(|sent| sent.end_ns).collect(),
                 payloads: Payloads::new(lengths, data.into())
@@ -116,7 +117,7 @@ impl Inbox {
                 destination: if self.sent.iter().all(|sent| sent.destination.is_none()) {
                     Vec::new()
                 } else {
-                    ordered().map(|sent| sent.destination.unwrap_or(EVERYONE)).collect()
+                    ordered().map(|sent| sent.destination.map_or(EVERYONE, |mote| mote.0)).collect()
                 },
             },
             received_ns: if wants(DeliveryColumn::ReceivedNs) {
@@ -153,7 +154,7 @@ impl Inbox {
         self.places.clear();
         self.places.resize(agent_count, 0);
         for heard in &self.heard {
-            self.places[heard.receiver as usize] += 1;
+            self.places[heard.receiver.index()] += 1;
         }
         let mut before = 0;
         for place in &mut self.places {
@@ -162,7 +163,7 @@ impl Inbox {
         self.sorted.clear();
         self.sorted.resize(self.heard.len(), HeardOne::default());
         for heard in &self.heard {
-            let place = &mut self.places[heard.receiver as usize];
+            let place = &mut self.places[heard.receiver.index()];
             self.sorted[*place as usize] = *heard;
             *place += 1;
         }
@@ -181,16 +182,16 @@ mod tests {
             sender,
             sent_ns,
             end_ns: sent_ns + 1,
-            payload: vec![sender as u8].into(),
-            destination: (sender == 5).then_some(2),
+            payload: vec![sender.0 as u8].into(),
+            destination: (sender == MoteId(5)).then_some(MoteId(2)),
         };
-        let late = inbox.send(sent(3, 20));
-        let early = inbox.send(sent(5, 10));
-        let first = inbox.send(sent(1, 10));
-        inbox.hear(2, late, 21, -50.0, 1);
-        inbox.hear(0, late, 21, -60.0, 1);
-        inbox.hear(2, first, 11, -70.0, 2);
-        inbox.hear(2, early, 11, -80.0, 1);
+        let late = inbox.send(sent(MoteId(3), 20));
+        let early = inbox.send(sent(MoteId(5), 10));
+        let first = inbox.send(sent(MoteId(1), 10));
+        inbox.hear(MoteId(2), late, 21, -50.0, 1);
+        inbox.hear(MoteId(0), late, 21, -60.0, 1);
+        inbox.hear(MoteId(2), first, 11, -70.0, 2);
+        inbox.hear(MoteId(2), early, 11, -80.0, 1);
         let columns = [DeliveryColumn::RssiDbm, DeliveryColumn::Hops];
         let deliveries = inbox.deliveries(4, &columns);
         assert_eq!(deliveries.transmissions.sender, [1, 5, 3]);

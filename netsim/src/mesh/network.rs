@@ -20,6 +20,7 @@ use physics::asn::Asn;
 use physics::medium::jam::Jams;
 use physics::medium::links::Links;
 use physics::medium::slot::SlotMedium;
+use proto::ids::MoteId;
 use proto::side::{NetInput, NetOutput};
 use proto::site::Site;
 use proto::types::{DeliveryColumn, Experiment, NetRecord};
@@ -61,7 +62,7 @@ pub struct Formed {
 /// Frames heard over a link.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeardOf {
-    pub(super) sender: u32,
+    pub(super) sender: MoteId,
     pub(super) frames: u64,
     pub(super) sum_dbm: f64,
 }
@@ -109,7 +110,7 @@ impl Mesh {
         let n = experiment.agent_count;
         let place = Place::new(n, &config.absent, site);
         let motes = (0..n as u32)
-            .map(|mote| Mote::new(&settings, &addresses, mote, n as u32, experiment.seed))
+            .map(|mote| Mote::new(&settings, &addresses, MoteId(mote), n as u32, experiment.seed))
             .collect();
         let state = State {
             place,
@@ -131,7 +132,7 @@ impl Mesh {
             Self::with_state(experiment, config, settings, addresses, columns, records, state);
         for mote in 0..n as u32 {
             if mesh.state.place.is_alive(mote as usize) {
-                mesh.switch_on(mote, Asn::FIRST);
+                mesh.switch_on(MoteId(mote), Asn::FIRST);
             }
         }
         if mesh.has_oracle {
@@ -291,7 +292,7 @@ impl Mesh {
                 let reports = node.apps.iter_mut().find(|app| app.number == event.app);
                 if let Some(app) = reports.filter(|_| node.tally.on_since_asn.is_some()) {
                     app.machine().handle_event(event.at_ns);
-                    self.reschedule(mote, asn);
+                    self.reschedule(MoteId(mote), asn);
                 }
             }
         }
@@ -315,7 +316,7 @@ impl Mesh {
     }
 
     /// A mote, and the world as it sees it in a slot.
-    pub(super) fn mote_and_world(&mut self, mote: u32, asn: Asn) -> (&mut Mote, World<'_>) {
+    pub(super) fn mote_and_world(&mut self, mote: MoteId, asn: Asn) -> (&mut Mote, World<'_>) {
         let world = World {
             settings: &self.settings,
             addresses: &self.addresses,
@@ -328,13 +329,13 @@ impl Mesh {
             readiness_changed: &mut self.readiness_changed,
             swarm: &mut self.scratch.swarm,
         };
-        (&mut self.state.motes[mote as usize], world)
+        (&mut self.state.motes[mote.index()], world)
     }
 
     /// Enters the next slot in which a mote acts, `from_asn` or later.
-    pub(super) fn reschedule(&mut self, mote: u32, from_asn: Asn) {
+    pub(super) fn reschedule(&mut self, mote: MoteId, from_asn: Asn) {
         let slot_ns = self.config.slot_ns;
-        let node = &self.state.motes[mote as usize];
+        let node = &self.state.motes[mote.index()];
         if self.has_oracle {
             let timeout_ns = node.apps.iter().filter_map(App::poll_timeout).min();
             let timer_asn = timeout_ns.map(|due_ns| Asn::first_from(due_ns, slot_ns).max(from_asn));
@@ -342,7 +343,7 @@ impl Mesh {
             return self.state.calendar.set(mote, next);
         }
         let timeout = node.poll_timeout(&self.settings.mac);
-        self.due_ns[mote as usize] = timeout.unwrap_or(u64::MAX);
+        self.due_ns[mote.index()] = timeout.unwrap_or(u64::MAX);
         let timer_asn = timeout.map(|due_ns| Asn::first_from(due_ns, slot_ns).max(from_asn));
         self.listening_cache.note(mote, &node.mac, &node.schedule);
         let tx_asn = node.mac.next_tx_asn(&self.settings.mac, &node.schedule, from_asn);

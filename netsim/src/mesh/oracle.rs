@@ -27,6 +27,7 @@ use physics::asn::Asn;
 use physics::medium::links::Links;
 use physics::medium::slot::{Listening, OnAir, Paths as _, Reception, Sent, Slot};
 use physics::timing::Airtime;
+use proto::ids::MoteId;
 use proto::types::PacketPurpose;
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
@@ -39,7 +40,7 @@ pub struct Waiting(Vec<BTreeMap<u64, Datagram>>);
 /// A datagram on its way.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Datagram {
-    destination: u32,
+    destination: MoteId,
     /// Lengths of its frames (PSDU, bytes).
     frame_bytes: Vec<u16>,
     /// How many of them have made the present hop.
@@ -62,14 +63,14 @@ impl Waiting {
         let mut datagrams = self.0.iter().flat_map(BTreeMap::values);
         self.0.len() == n
             && datagrams.all(|datagram| {
-                (datagram.destination as usize) < n
+                datagram.destination.index() < n
                     && usize::from(datagram.n_across) < datagram.frame_bytes.len()
             })
     }
 
     /// Whether something waits at a mote.
-    pub(super) fn is_at(&self, mote: u32) -> bool {
-        !self.0[mote as usize].is_empty()
+    pub(super) fn is_at(&self, mote: MoteId) -> bool {
+        !self.0[mote.index()].is_empty()
     }
 }
 
@@ -77,15 +78,15 @@ impl Waiting {
 #[derive(Debug, Default)]
 pub(super) struct Ways {
     /// By mote: from whom it can receive, and at which cost; empty: not known yet.
-    incoming: Vec<Vec<(u32, u64)>>,
+    incoming: Vec<Vec<(MoteId, u64)>>,
     /// By destination: of each mote, the cost from there and the next hop.
-    to: BTreeMap<u32, Vec<(u64, u32)>>,
+    to: BTreeMap<MoteId, Vec<(u64, MoteId)>>,
 }
 
 /// Cost of one certain transmission: costs are whole numbers, so that sums do not depend on their order.
 const CERTAIN: f64 = 1e6;
 /// Cost where there is no way.
-const NO_WAY: (u64, u32) = (u64::MAX, u32::MAX);
+const NO_WAY: (u64, MoteId) = (u64::MAX, MoteId(u32::MAX));
 
 impl Ways {
     /// Motes have moved, or come and gone.
@@ -95,7 +96,13 @@ impl Ways {
     }
 
     /// Of each mote, what it costs from there to a destination, and the next hop.
-    fn to(&mut self, links: &mut Links, n: u32, destination: u32, slot: Probe) -> &[(u64, u32)] {
+    fn to(
+        &mut self,
+        links: &mut Links,
+        n: u32,
+        destination: MoteId,
+        slot: Probe,
+    ) -> &[(u64, MoteId)] {
         if self.incoming.is_empty() {
             self.incoming = incoming(links, n, slot);
         }
@@ -113,11 +120,13 @@ struct Probe {
 }
 
 /// Of each mote, from whom it receives, and how many transmissions that takes.
-fn incoming(links: &mut Links, n: u32, at: Probe) -> Vec<Vec<(u32, u64)>> {
+fn incoming(links: &mut Links, n: u32, at: Probe) -> Vec<Vec<(MoteId, u64)>> {
     let mut incoming = vec![Vec::new(); n as usize];
     let mut arrivals = Vec::new();
-    for sender in 0..n {
-        let receivers = links.neighbours(sender).map_or_else(|| (0..n).collect(), <[u32]>::to_vec);
+    for sender in MoteId::first(n as usize) {
+        let receivers = links
+            .neighbours(sender)
+            .map_or_else(|| (0..n).map(MoteId).collect(), <[MoteId]>::to_vec);
         let end_ns = at.at_ns + at.airtime.of(127).unsigned_abs();
         let sent = Sent { sender, channel: at.channel, sent_ns: at.at_ns, end_ns };
         arrivals.clear();
@@ -125,7 +134,7 @@ fn incoming(links: &mut Links, n: u32, at: Probe) -> Vec<Vec<(u32, u64)>> {
         for (receiver, arrival) in receivers.into_iter().zip(&arrivals) {
             if receiver != sender && 0.0 < arrival.reception_probability {
                 let cost = libm::round(CERTAIN / arrival.reception_probability) as u64;
-                incoming[receiver as usize].push((sender, cost));
+                incoming[receiver.index()].push((sender, cost));
             }
         }
     }
@@ -133,18 +142,18 @@ fn incoming(links: &mut Links, n: u32, at: Probe) -> Vec<Vec<(u32, u64)>> {
 }
 
 /// Dijkstra's algorithm, from the destination against the links.
-fn cheapest(incoming: &[Vec<(u32, u64)>], destination: u32) -> Vec<(u64, u32)> {
+fn cheapest(incoming: &[Vec<(MoteId, u64)>], destination: MoteId) -> Vec<(u64, MoteId)> {
     let mut ways = vec![NO_WAY; incoming.len()];
-    ways[destination as usize] = (0, destination);
+    ways[destination.index()] = (0, destination);
     let mut heap = BinaryHeap::from([Reverse((0, destination))]);
     while let Some(Reverse((cost, mote))) = heap.pop() {
-        if ways[mote as usize].0 < cost {
+        if ways[mote.index()].0 < cost {
             continue;
         }
-        for &(from, of_link) in &incoming[mote as usize] {
+        for &(from, of_link) in &incoming[mote.index()] {
             let way = (cost.saturating_add(of_link), mote);
-            if way < ways[from as usize] {
-                ways[from as usize] = way;
+            if way < ways[from.index()] {
+                ways[from.index()] = way;
                 heap.push(Reverse((way.0, from)));
             }
         }
@@ -155,8 +164,8 @@ fn cheapest(incoming: &[Vec<(u32, u64)>], destination: u32) -> Vec<(u64, u32)> {
 /// A hop that is made in a slot.
 #[derive(Clone, Copy, Debug)]
 struct Hop {
-    from: u32,
-    to: u32,
+    from: MoteId,
+    to: MoteId,
     packet: u64,
     bytes: u16,
 }
@@ -183,22 +192,22 @@ impl Mesh {
     /// A datagram that a robot or somebody outside sends to one mote.
     pub(super) fn oracle_send(
         &mut self,
-        mote: u32,
-        destination: u32,
+        mote: MoteId,
+        destination: MoteId,
         payload: Bytes,
         packet: u64,
         asn: Asn,
     ) {
         let settings = &self.settings;
         let to = self.addresses.eui64(destination);
-        let node = &mut self.state.motes[mote as usize];
+        let node = &mut self.state.motes[mote.index()];
         match node.frame_lengths(settings, to, payload.clone()) {
             Ok(frame_bytes) => {
                 let (n_across, n_failed, hops) = (0, 0, 0);
                 let payload = Some(payload);
                 let datagram =
                     Datagram { destination, frame_bytes, n_across, n_failed, hops, payload };
-                self.state.waiting.0[mote as usize].insert(packet, datagram);
+                self.state.waiting.0[mote.index()].insert(packet, datagram);
             }
             Err(reason) => {
                 node.tally.datagrams_dropped[reason.index()] += 1;
@@ -208,17 +217,17 @@ impl Mesh {
     }
 
     /// What a mote held is lost with it.
-    pub(super) fn oracle_lose(&mut self, mote: u32, asn: Asn) {
+    pub(super) fn oracle_lose(&mut self, mote: MoteId, asn: Asn) {
         let now_ns = asn * self.config.slot_ns;
-        for packet in std::mem::take(&mut self.state.waiting.0[mote as usize]).into_keys() {
+        for packet in std::mem::take(&mut self.state.waiting.0[mote.index()]).into_keys() {
             self.state.packets.lose(packet, now_ns, DropReason::Killed);
         }
     }
 
     /// Packets of a mote's applications that are due.
-    fn create_packets(&mut self, mote: u32, asn: Asn) {
+    fn create_packets(&mut self, mote: MoteId, asn: Asn) {
         let now_ns = asn * self.config.slot_ns;
-        let place = mote as usize;
+        let place = mote.index();
         for app in 0..self.state.motes[place].apps.len() {
             while self.state.motes[place].apps[app].poll_timeout().is_some_and(|at| at <= now_ns) {
                 let node = &mut self.state.motes[place];
@@ -248,19 +257,19 @@ impl Mesh {
         }
     }
 
-    fn nearest_root(&mut self, mote: u32, asn: Asn) -> u32 {
+    fn nearest_root(&mut self, mote: MoteId, asn: Asn) -> MoteId {
         let roots = self.settings.roots.clone();
         let of_roots = roots.into_iter().map(|root| (self.way(mote, root, asn).0, root));
         of_roots.min().expect("a network has a root").1
     }
 
     /// Cost of the way from a mote to another, and the next hop.
-    fn way(&mut self, mote: u32, destination: u32, asn: Asn) -> (u64, u32) {
+    fn way(&mut self, mote: MoteId, destination: MoteId, asn: Asn) -> (u64, MoteId) {
         let channel = self.config.hopping_sequence[0];
         let airtime = self.settings.mac.airtime;
         let at = Probe { channel, at_ns: asn * self.config.slot_ns, airtime };
         let n = self.experiment.agent_count as u32;
-        self.ways.to(&mut self.links, n, destination, at)[mote as usize]
+        self.ways.to(&mut self.links, n, destination, at)[mote.index()]
     }
 
     /// Who sends what to whom: the oldest first.
@@ -268,9 +277,9 @@ impl Mesh {
         let stamp = asn + 1;
         let waiting = std::mem::take(&mut self.state.waiting);
         let mut seen = std::mem::take(&mut self.scratch.seen);
-        let mut oldest: Vec<(u64, u32)> = (0..)
+        let mut oldest: Vec<(u64, MoteId)> = (0..)
             .zip(&waiting.0)
-            .filter_map(|(mote, queue)| Some((*queue.first_key_value()?.0, mote)))
+            .filter_map(|(mote, queue)| Some((*queue.first_key_value()?.0, MoteId(mote))))
             .collect();
         oldest.sort_unstable();
         let mut hops = Vec::new();
@@ -278,21 +287,21 @@ impl Mesh {
             if hops.len() == self.config.hopping_sequence.len() {
                 break;
             }
-            if seen[from as usize] == stamp {
+            if seen[from.index()] == stamp {
                 continue;
             }
             let mut tried = Vec::new();
-            for (&packet, datagram) in &waiting.0[from as usize] {
+            for (&packet, datagram) in &waiting.0[from.index()] {
                 if tried.contains(&datagram.destination) {
                     continue;
                 }
                 tried.push(datagram.destination);
                 let (cost, to) = self.way(from, datagram.destination, asn);
-                if cost == u64::MAX || seen[to as usize] == stamp {
+                if cost == u64::MAX || seen[to.index()] == stamp {
                     continue;
                 }
-                seen[from as usize] = stamp;
-                seen[to as usize] = stamp;
+                seen[from.index()] = stamp;
+                seen[to.index()] = stamp;
                 let bytes = datagram.frame_bytes[usize::from(datagram.n_across)];
                 hops.push(Hop { from, to, packet, bytes });
                 break;
@@ -344,21 +353,21 @@ impl Mesh {
 
     fn count_hop(&mut self, hop: &Hop, is_received: bool) {
         let Hop { from, to, packet, bytes } = *hop;
-        let datagram = self.state.waiting.0[from as usize].get_mut(&packet);
+        let datagram = self.state.waiting.0[from.index()].get_mut(&packet);
         let n_failed = datagram.map_or(0, |datagram| {
             let before = datagram.n_failed;
             datagram.n_failed = if is_received { 0 } else { before.saturating_add(1) };
             before
         });
         let n_secured_acks = u64::from(is_received && self.settings.join.security.is_some());
-        let tally = &mut self.state.motes[from as usize].tally;
+        let tally = &mut self.state.motes[from.index()].tally;
         tally.usage.secured_acks_received += n_secured_acks;
         tally.n_tx += 1;
         tally.n_tx_unicast += 1;
         tally.n_tx_acked += u64::from(is_received);
         tally.n_retransmissions += u64::from(n_failed != 0);
         tally.usage.count(SlotUse::TxUnicast { bytes, acked: is_received });
-        let tally = &mut self.state.motes[to as usize].tally;
+        let tally = &mut self.state.motes[to.index()].tally;
         tally.usage.secured_acks_sent += n_secured_acks;
         tally.n_rx += u64::from(is_received);
         tally.usage.count(if is_received {
@@ -370,7 +379,7 @@ impl Mesh {
 
     /// A frame has arrived: with the last one of its datagram, that is where the frame is.
     fn pass_on(&mut self, hop: &Hop, received_ns: u64, rssi_dbm: f64) {
-        let queue = &mut self.state.waiting.0[hop.from as usize];
+        let queue = &mut self.state.waiting.0[hop.from.index()];
         let Some(datagram) = queue.get_mut(&hop.packet) else { return };
         datagram.n_across += 1;
         if usize::from(datagram.n_across) < datagram.frame_bytes.len() {
@@ -380,7 +389,7 @@ impl Mesh {
         datagram.n_across = 0;
         datagram.hops += 1;
         if datagram.destination != hop.to {
-            self.state.waiting.0[hop.to as usize].insert(hop.packet, datagram);
+            self.state.waiting.0[hop.to.index()].insert(hop.packet, datagram);
             return;
         }
         let delivered = self.state.packets.deliver(hop.packet, received_ns, datagram.hops);

@@ -5,6 +5,7 @@ use crate::energy;
 use crate::wire::address::ALL_NODES;
 use physics::asn::Asn;
 use physics::medium::jam::Jam;
+use proto::ids::MoteId;
 use proto::types::PacketPurpose;
 use proto::types::{AgentStates, EVERYONE, MoteCommand, MoteOrder};
 
@@ -15,15 +16,15 @@ impl Mesh {
         for command in commands {
             match &command.order {
                 MoteOrder::Kill(mote) => {
-                    self.switch_off(*mote, asn);
+                    self.switch_off(MoteId(*mote), asn);
                 }
                 MoteOrder::Revive(mote) | MoteOrder::Add(mote) => {
                     // A mote that works again has the battery that it had.
-                    if self.has_run_empty(*mote, asn) {
+                    if self.has_run_empty(MoteId(*mote), asn) {
                         self.state.place.working.set(*mote as usize, false);
                     }
                     if self.state.place.is_alive(*mote as usize) {
-                        self.switch_on(*mote, asn);
+                        self.switch_on(MoteId(*mote), asn);
                     }
                 }
                 MoteOrder::Jam { channel, from_ns, until_ns, centre_m, radius_m } => {
@@ -36,7 +37,7 @@ impl Mesh {
                     });
                 }
                 MoteOrder::Send { mote, destination, payload } => {
-                    self.send_ordered(*mote, *destination, payload.clone(), asn);
+                    self.send_ordered(MoteId(*mote), MoteId(*destination), payload.clone(), asn);
                 }
             }
         }
@@ -49,21 +50,21 @@ impl Mesh {
             return;
         }
         for mote in 0..self.experiment.agent_count as u32 {
-            if self.state.motes[mote as usize].is_on() && self.is_empty(mote, asn) {
+            if self.state.motes[mote as usize].is_on() && self.is_empty(MoteId(mote), asn) {
                 self.state.place.working.set(mote as usize, false);
-                self.switch_off(mote, asn);
+                self.switch_off(MoteId(mote), asn);
             }
         }
     }
 
     /// Whether the mote's battery is empty, where the configuration lets that end a mote.
-    pub(super) fn has_run_empty(&self, mote: u32, asn: Asn) -> bool {
+    pub(super) fn has_run_empty(&self, mote: MoteId, asn: Asn) -> bool {
         self.settings.battery_deaths && self.is_empty(mote, asn)
     }
 
     /// Whether the mote has drawn what its battery held, until slot `asn`. Roots have none.
-    pub(super) fn is_empty(&self, mote: u32, asn: Asn) -> bool {
-        let node = &self.state.motes[mote as usize];
+    pub(super) fn is_empty(&self, mote: MoteId, asn: Asn) -> bool {
+        let node = &self.state.motes[mote.index()];
         let usage = node.tally.usage_until(asn, node.schedule.n_listening(asn));
         let drawn_uc = usage.charge_uc(self.settings.energy, self.config.slot_ns);
         !node.is_root && self.settings.battery_mah * energy::UC_PER_MAH <= drawn_uc
@@ -74,15 +75,15 @@ impl Mesh {
         for mote in 0..self.experiment.agent_count as u32 {
             let place = mote as usize;
             if states.alive.get(place) && self.state.place.is_alive(place) {
-                self.switch_on(mote, asn);
+                self.switch_on(MoteId(mote), asn);
             } else {
-                self.switch_off(mote, asn);
+                self.switch_off(MoteId(mote), asn);
             }
         }
     }
 
     /// Switches a mote on that is off.
-    pub(super) fn switch_on(&mut self, mote: u32, asn: Asn) {
+    pub(super) fn switch_on(&mut self, mote: MoteId, asn: Asn) {
         let has_oracle = self.has_oracle;
         let (node, mut world) = self.mote_and_world(mote, asn);
         if node.tally.on_since_asn.is_none() {
@@ -96,7 +97,7 @@ impl Mesh {
     }
 
     /// Switches a mote off that is on.
-    pub(super) fn switch_off(&mut self, mote: u32, asn: Asn) {
+    pub(super) fn switch_off(&mut self, mote: MoteId, asn: Asn) {
         let (node, mut world) = self.mote_and_world(mote, asn);
         if node.tally.on_since_asn.is_some() {
             node.switch_off(&mut world);
@@ -110,10 +111,10 @@ impl Mesh {
         }
     }
 
-    fn send_ordered(&mut self, mote: u32, destination: u32, payload: bytes::Bytes, asn: Asn) {
+    fn send_ordered(&mut self, mote: MoteId, destination: MoteId, payload: bytes::Bytes, asn: Asn) {
         let now_ns = asn * self.config.slot_ns;
         if self.has_oracle {
-            if destination != EVERYONE {
+            if destination != MoteId(EVERYONE) {
                 let bytes = payload.len() as u32;
                 let kind = PacketPurpose::Ordered;
                 let packet = self.state.packets.begin(kind, mote, destination, now_ns, bytes);
@@ -122,7 +123,7 @@ impl Mesh {
             }
             return;
         }
-        if destination == EVERYONE {
+        if destination == MoteId(EVERYONE) {
             let (node, mut world) = self.mote_and_world(mote, asn);
             node.say(&mut world, ALL_NODES, payload, 0);
         } else {

@@ -5,6 +5,7 @@ use crate::mote::settings::Transport;
 use crate::wire::address::ALL_NODES;
 use bytes::Bytes;
 use physics::asn::Asn;
+use proto::ids::MoteId;
 use proto::side::NetInput;
 use proto::types::PacketPurpose;
 
@@ -33,13 +34,13 @@ impl Mesh {
                 self.state.motes[mote as usize].tally.n_superseded += 1;
             }
             if is_new_period || waits {
-                self.hand_over(mote, data.slice(range), asn);
-                self.reschedule(mote, asn);
+                self.hand_over(MoteId(mote), data.slice(range), asn);
+                self.reschedule(MoteId(mote), asn);
             }
         }
     }
 
-    fn hand_over(&mut self, mote: u32, payload: Bytes, asn: Asn) {
+    fn hand_over(&mut self, mote: MoteId, payload: Bytes, asn: Asn) {
         match self.settings.transport {
             Transport::None => {}
             Transport::OwnCell | Transport::SharedCell | Transport::BroadcastSlotframe { .. } => {
@@ -48,7 +49,7 @@ impl Mesh {
             }
             Transport::UnicastNeighbours => {
                 let neighbours: Vec<_> =
-                    self.state.motes[mote as usize].mac.neighbours().addresses().collect();
+                    self.state.motes[mote.index()].mac.neighbours().addresses().collect();
                 let now_ns = asn * self.config.slot_ns;
                 for neighbour in neighbours {
                     let Some(other) = self.addresses.mote(neighbour) else { continue };

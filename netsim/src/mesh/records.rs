@@ -8,6 +8,7 @@ use crate::mac::CellKind;
 use crate::mote::{Lack, Mote};
 use crate::wire::Eui64;
 use physics::asn::Asn;
+use proto::ids::MoteId;
 use proto::side::{NetInput, NetOutput};
 use proto::types::PacketPurpose;
 use proto::types::{
@@ -59,7 +60,10 @@ impl Mesh {
             synced: Some(flags(&|mote| mote.mac.is_synced())),
             joined: Some(flags(&|mote| mote.joined)),
             rank: motes.iter().map(|mote| u32::from(mote.rpl.rank())).collect(),
-            parent: motes.iter().map(|mote| parent(mote).unwrap_or(u32::MAX)).collect(),
+            parent: motes
+                .iter()
+                .map(|mote| parent(mote).map_or(u32::MAX, |parent| parent.0))
+                .collect(),
             queue_length: motes.iter().map(|mote| mote.mac.queue_len() as u32).collect(),
         }
     }
@@ -90,11 +94,11 @@ impl Mesh {
         if formed_ns.is_none() {
             for mote in &self.state.motes {
                 if !mote.is_on() && self.has_run_empty(mote.id, self.state.asn) {
-                    formation.missing.push(mote.id);
+                    formation.missing.push(mote.id.0);
                     formation.reason.push(Lack::ALL.len() as u32);
                 }
                 if let (true, Some(lack)) = (mote.is_on(), mote.lacks()) {
-                    formation.missing.push(mote.id);
+                    formation.missing.push(mote.id.0);
                     formation.reason.push(lack as u32);
                 }
             }
@@ -121,8 +125,8 @@ impl Mesh {
         types::Packets {
             id: ended.iter().map(|ended| ended.packet.id).collect(),
             kind: ended.iter().map(|ended| ended.packet.kind as u32).collect(),
-            source: ended.iter().map(|ended| ended.packet.source).collect(),
-            destination: ended.iter().map(|ended| ended.packet.destination).collect(),
+            source: ended.iter().map(|ended| ended.packet.source.0).collect(),
+            destination: ended.iter().map(|ended| ended.packet.destination.0).collect(),
             created_ns: ended.iter().map(|ended| ended.packet.created_ns).collect(),
             ended_ns: ended.iter().map(|ended| ended.ended_ns).collect(),
             hops: ended.iter().map(|ended| ended.hops).collect(),
@@ -241,13 +245,15 @@ impl Mesh {
                         | u32::from(cell.options.shared) << 2
                         | u32::from(is_announced && cell.options.rx) << 3;
                     let number = |address: Eui64| self.addresses.mote(address);
-                    schedule.mote.push(mote.id);
+                    schedule.mote.push(mote.id.0);
                     schedule.slotframe.push(u32::from(frame.handle));
                     schedule.slotframe_slots.push(u32::from(frame.slots()));
                     schedule.slot.push(u32::from(cell.slot));
                     schedule.channel_offset.push(u32::from(cell.channel));
                     schedule.options.push(options);
-                    schedule.neighbour.push(cell.neighbour.and_then(number).unwrap_or(u32::MAX));
+                    schedule
+                        .neighbour
+                        .push(cell.neighbour.and_then(number).unwrap_or(MoteId(u32::MAX)).0);
                 }
             }
         }
@@ -256,11 +262,11 @@ impl Mesh {
 
     /// A frame was heard.
     #[inline]
-    pub(super) fn note_heard(&mut self, receiver: u32, sender: u32, rssi_dbm: f64) {
+    pub(super) fn note_heard(&mut self, receiver: MoteId, sender: MoteId, rssi_dbm: f64) {
         if self.state.heard.is_empty() {
             return;
         }
-        let heard_of = &mut self.state.heard[receiver as usize];
+        let heard_of = &mut self.state.heard[receiver.index()];
         match heard_of.binary_search_by_key(&sender, |heard| heard.sender) {
             Ok(place) => {
                 heard_of[place].frames += 1;
@@ -275,7 +281,7 @@ impl Mesh {
         for (receiver, heard_of) in (0..).zip(&self.state.heard) {
             for heard in heard_of {
                 links.receiver.push(receiver);
-                links.sender.push(heard.sender);
+                links.sender.push(heard.sender.0);
                 links.frames.push(heard.frames);
                 links.rssi_dbm.push((heard.sum_dbm / heard.frames as f64) as f32);
             }

@@ -5,11 +5,12 @@ use crate::mote::Brought;
 use crate::wire::frame::FrameRepr;
 use physics::asn::Asn;
 use physics::medium::slot::{self, Acknowledgment, OnAir, Reception};
+use proto::ids::MoteId;
 
 /// What a mote sends in the slot.
 #[derive(Debug)]
 pub(super) struct Sending {
-    pub(super) sender: u32,
+    pub(super) sender: MoteId,
     pub(super) transmission: Transmission,
     pub(super) beacon: Option<FrameRepr>,
     pub(super) psdu_bytes: u16,
@@ -19,7 +20,7 @@ pub(super) struct Sending {
     pub(super) n_received: u32,
     pub(super) n_missed: u32,
     /// Who shall acknowledge it, and has.
-    pub(super) answered_by: Option<u32>,
+    pub(super) answered_by: Option<MoteId>,
     /// How much later than it came the mote that acknowledges it had expected it (ns).
     pub(super) correction_ns: i64,
     pub(super) acknowledged: bool,
@@ -38,16 +39,16 @@ impl Sending {
 /// Room for what a slot needs, kept from slot to slot.
 #[derive(Debug)]
 pub(super) struct Scratch {
-    pub(super) awake: Vec<u32>,
+    pub(super) awake: Vec<MoteId>,
     pub(super) sending: Vec<Sending>,
     pub(super) on_air: Vec<OnAir>,
     /// By mote: the slot in which it was last looked at as a listener or sender, plus one.
     pub(super) seen: Vec<Asn>,
-    pub(super) listeners: Vec<(u32, Listening)>,
+    pub(super) listeners: Vec<(MoteId, Listening)>,
     pub(super) heard: Vec<slot::Listening>,
     pub(super) receptions: Vec<Reception>,
     pub(super) answers: Vec<Acknowledgment>,
-    pub(super) touched: Vec<u32>,
+    pub(super) touched: Vec<MoteId>,
     /// Payloads of the swarm that unicast frames brought.
     pub(super) swarm: Vec<Brought>,
 }

@@ -16,6 +16,7 @@ use bytes::Bytes;
 use physics::asn::Asn;
 use physics::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
 use physics::timing::TX_ACK_DELAY_NS;
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, ordered_link};
 
 /// The payload that a frame carries to everyone, if it is the swarm's.
@@ -30,9 +31,15 @@ fn swarm_payload(frame: &FrameRepr) -> Option<&Bytes> {
 }
 
 /// Whether an acknowledgment is lost for the burden of the mote that sends it.
-fn loses_acknowledgment(settings: &Settings, seed: u64, from: u32, to: u32, asn: Asn) -> bool {
+fn loses_acknowledgment(
+    settings: &Settings,
+    seed: u64,
+    from: MoteId,
+    to: MoteId,
+    asn: Asn,
+) -> bool {
     let loss = settings.burden(from).ack_loss;
-    let draw = || Draws::new(seed, Purpose::AckLoss).uniform(ordered_link(from, to), asn.0, 0);
+    let draw = || Draws::new(seed, Purpose::AckLoss).uniform(ordered_link(from.0, to.0), asn.0, 0);
     loss != 0.0 && draw() < loss
 }
 
@@ -70,9 +77,9 @@ impl Mesh {
         self.look_whether_formed(asn);
     }
 
-    fn let_time_pass(&mut self, mote: u32, asn: Asn) {
+    fn let_time_pass(&mut self, mote: MoteId, asn: Asn) {
         self.listening_cache.forget(mote);
-        let is_due = self.due_ns[mote as usize] <= asn * self.config.slot_ns;
+        let is_due = self.due_ns[mote.index()] <= asn * self.config.slot_ns;
         let (node, mut world) = self.mote_and_world(mote, asn);
         if is_due
             && node.poll_timeout(&world.settings.mac).is_some_and(|at_ns| at_ns <= world.now_ns)
@@ -83,11 +90,11 @@ impl Mesh {
     }
 
     /// A mote that has chosen whose time to keep takes it over, if that neighbour still keeps time.
-    pub(super) fn synchronise_if_wanted(&mut self, mote: u32, asn: Asn, effective_asn: Asn) {
-        let Some(source) = self.state.motes[mote as usize].wants_sync.take() else { return };
+    pub(super) fn synchronise_if_wanted(&mut self, mote: MoteId, asn: Asn, effective_asn: Asn) {
+        let Some(source) = self.state.motes[mote.index()].wants_sync.take() else { return };
         let now_ns = asn * self.config.slot_ns;
         let Some(other) = self.addresses.mote(source) else { return };
-        let other = &self.state.motes[other as usize].mac;
+        let other = &self.state.motes[other.index()].mac;
         if !other.is_synced() {
             return;
         }
@@ -98,10 +105,10 @@ impl Mesh {
     }
 
     /// Ask: what does everybody who is awake send?
-    fn ask(&mut self, awake: &[u32], asn: Asn) {
+    fn ask(&mut self, awake: &[MoteId], asn: Asn) {
         self.scratch.sending.clear();
         for &mote in awake {
-            let node = &mut self.state.motes[mote as usize];
+            let node = &mut self.state.motes[mote.index()];
             let Some(mut transmission) =
                 node.mac.poll_slot(&self.settings.mac, &node.schedule, asn)
             else {
@@ -167,8 +174,8 @@ impl Mesh {
         listeners.clear();
         heard.clear();
         for sending in sending.iter() {
-            seen[sending.sender as usize] = stamp;
-            let node = &mut state.motes[sending.sender as usize];
+            seen[sending.sender.index()] = stamp;
+            let node = &mut state.motes[sending.sender.index()];
             if node.schedule.listens(asn).is_some() {
                 node.tally.n_listening_used += 1;
             }
@@ -183,13 +190,13 @@ impl Mesh {
             let channel = sending.transmission.channel;
             let everyone = 0..state.motes.len() as u32;
             let neighbours = links.neighbours(sending.sender);
-            let n = neighbours.map_or(everyone.len(), <[u32]>::len);
+            let n = neighbours.map_or(everyone.len(), <[MoteId]>::len);
             for place in 0..n {
-                let mote = neighbours.map_or(place as u32, |neighbours| neighbours[place]);
+                let mote = neighbours.map_or(place as u32, |neighbours| neighbours[place].0);
                 if seen[mote as usize] == stamp {
                     continue;
                 }
-                let listening = match listening_cache.known(mote, asn) {
+                let listening = match listening_cache.known(MoteId(mote), asn) {
                     Known::Silent => continue,
                     Known::Background(at) => {
                         let channel = channel_of(&settings.mac, asn, at.cell.channel);
@@ -217,14 +224,14 @@ impl Mesh {
                     continue;
                 }
                 seen[mote as usize] = stamp;
-                listeners.push((mote, listening));
+                listeners.push((MoteId(mote), listening));
             }
         }
         if 1 < sending.len() {
             listeners.sort_unstable_by_key(|(mote, _)| *mote);
         }
         for (mote, listening) in listeners.iter() {
-            let deviation_ns = state.motes[*mote as usize].mac.deviation_ns(now_ns);
+            let deviation_ns = state.motes[mote.index()].mac.deviation_ns(now_ns);
             heard.push(if listening.scans {
                 slot::Listening::scanning(*mote, listening.channel)
             } else {
@@ -235,14 +242,14 @@ impl Mesh {
 
     /// Those who listen because of a pending bit, where nobody in reach sends on their channel. The schedule, from which
     /// idle listening is counted otherwise, does not know of it.
-    fn note_followers(&mut self, awake: &[u32], asn: Asn) {
+    fn note_followers(&mut self, awake: &[MoteId], asn: Asn) {
         for &mote in awake {
-            let node = &mut self.state.motes[mote as usize];
+            let node = &mut self.state.motes[mote.index()];
             if node.mac.follows_at(asn) != Some(asn) {
                 continue;
             }
             node.mac.end_following();
-            if node.schedule.listens(asn).is_none() && self.scratch.seen[mote as usize] != asn + 1 {
+            if node.schedule.listens(asn).is_none() && self.scratch.seen[mote.index()] != asn + 1 {
                 node.tally.usage.count(SlotUse::IdleListen);
             }
         }
@@ -297,15 +304,15 @@ impl Mesh {
         self.scratch.receptions = receptions;
     }
 
-    fn note_idle(&mut self, mote: u32, listening: &Listening) {
+    fn note_idle(&mut self, mote: MoteId, listening: &Listening) {
         if !listening.is_scheduled && !listening.scans {
-            self.state.motes[mote as usize].tally.usage.count(SlotUse::IdleListen);
+            self.state.motes[mote.index()].tally.usage.count(SlotUse::IdleListen);
         }
     }
 
     /// A listener's radio did something else than to find nothing.
-    fn note_use(&mut self, mote: u32, listening: &Listening, used: SlotUse) {
-        let tally = &mut self.state.motes[mote as usize].tally;
+    fn note_use(&mut self, mote: MoteId, listening: &Listening, used: SlotUse) {
+        let tally = &mut self.state.motes[mote.index()].tally;
         if listening.is_scheduled {
             tally.n_listening_used += 1;
         }
@@ -316,7 +323,7 @@ impl Mesh {
 
     fn receive(
         &mut self,
-        mote: u32,
+        mote: MoteId,
         listening: &Listening,
         index: u32,
         sent: &mut Sending,
@@ -325,7 +332,7 @@ impl Mesh {
     ) {
         let now_ns = asn * self.config.slot_ns;
         let bytes = sent.psdu_bytes;
-        self.state.motes[mote as usize].tally.n_rx += 1;
+        self.state.motes[mote.index()].tally.n_rx += 1;
         let on_air = self.scratch.on_air[index as usize];
         let source_ns = on_air.starts_ns;
         // Within the slot, however far off a clock is that scanning motes hear all the same.
@@ -333,7 +340,7 @@ impl Mesh {
             at_ns(asn, self.config.slot_ns, on_air.ends_ns(&self.settings.mac.airtime))
                 .clamp(now_ns, now_ns + self.config.slot_ns - 1);
         self.note_heard(mote, sent.sender, rssi_dbm);
-        let node = &mut self.state.motes[mote as usize];
+        let node = &mut self.state.motes[mote.index()];
         if !node.takes(&self.settings, sent.frame()) {
             node.tally.n_insecure += 1;
             return self.note_use(mote, listening, SlotUse::Overhear { bytes });
@@ -341,7 +348,7 @@ impl Mesh {
         if let (Some(payload), false) = (sent.payload, listening.scans) {
             // The swarm's payload for everyone: nothing above the MAC changes but what the robot knows.
             let frame = sent.frame();
-            let node = &mut self.state.motes[mote as usize];
+            let node = &mut self.state.motes[mote.index()];
             node.mac.handle_frame(
                 &self.settings.mac,
                 frame.source,
@@ -352,7 +359,7 @@ impl Mesh {
             );
             // Its clock may be relied on for less long than before.
             let wakes_ns = node.mac.poll_timeout(&self.settings.mac);
-            if wakes_ns.is_some_and(|at_ns| at_ns < self.due_ns[mote as usize]) {
+            if wakes_ns.is_some_and(|at_ns| at_ns < self.due_ns[mote.index()]) {
                 self.scratch.touched.push(mote);
             }
             if let (Some(at), false) = (&listening.at, listening.is_background) {
@@ -374,7 +381,7 @@ impl Mesh {
             rssi_dbm,
         };
         if let (Some(destination), false) = (arrived.frame.destination, listening.scans)
-            && destination != self.state.motes[mote as usize].address
+            && destination != self.state.motes[mote.index()].address
         {
             // Nobody above the MAC learns of it, and no timer depends on it.
             let (node, mut world) = self.mote_and_world(mote, asn);
@@ -382,7 +389,7 @@ impl Mesh {
             return self.note_use(mote, listening, SlotUse::Overhear { bytes });
         }
         // By its clock as it was then: the frame may correct it.
-        let expected_ns = self.state.motes[mote as usize].mac.deviation_ns(now_ns);
+        let expected_ns = self.state.motes[mote.index()].mac.deviation_ns(now_ns);
         let (node, mut world) = self.mote_and_world(mote, asn);
         world.effective_asn = asn + 1;
         world.received_ns = received_ns;
@@ -412,7 +419,7 @@ impl Mesh {
             sent.correction_ns = expected_ns - on_air.starts_ns;
             let security = sent.frame().security;
             if security.is_secured() {
-                self.state.motes[mote as usize].tally.usage.secured_acks_sent += 1;
+                self.state.motes[mote.index()].tally.usage.secured_acks_sent += 1;
             }
             self.scratch.answers.push(Acknowledgment {
                 transmission: index,
@@ -464,7 +471,7 @@ impl Mesh {
             sent;
         let now_ns = asn * self.config.slot_ns;
         let source_ns = match answered_by {
-            Some(mote) if acknowledged => self.state.motes[mote as usize].mac.deviation_ns(now_ns),
+            Some(mote) if acknowledged => self.state.motes[mote.index()].mac.deviation_ns(now_ns),
             _ => 0,
         };
         let (is_unicast, is_retransmission) = match &transmission.outgoing {

@@ -15,12 +15,13 @@ use crate::wire::datagram::{Datagram, Upper};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr, MAX_PSDU, payload_room};
 use crate::wire::security::FrameSecurity;
+use proto::ids::MoteId;
 
 /// What motes that move do beyond the standards.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mobility {
     /// Motes through which nobody routes or joins, ascending.
-    pub leaves: Vec<u32>,
+    pub leaves: Vec<MoteId>,
     /// Time is taken from beacons of all neighbours that are nearer to the root.
     pub time_from_beacons: bool,
     /// Datagrams go another way where one fails.
@@ -37,7 +38,7 @@ pub struct Mobility {
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// Motes that are roots, ascending.
-    pub roots: Vec<u32>,
+    pub roots: Vec<MoteId>,
     /// Settings of the MAC layer (TSCH).
     pub mac: tsch::Config,
     /// What effects lay on each mote; empty without effects.
@@ -103,13 +104,13 @@ impl Settings {
     /// What effects lay on a mote.
     #[inline]
     #[must_use]
-    pub fn burden(&self, mote: u32) -> &Burden {
-        self.burdens.get(mote as usize).unwrap_or(&NO_BURDEN)
+    pub fn burden(&self, mote: MoteId) -> &Burden {
+        self.burdens.get(mote.index()).unwrap_or(&NO_BURDEN)
     }
 
     /// Settings of routing of a mote.
     #[must_use]
-    pub fn rpl_of(&self, mote: u32) -> rpl::Config {
+    pub fn rpl_of(&self, mote: MoteId) -> rpl::Config {
         let is_leaf = self.mobility.leaves.binary_search(&mote).is_ok();
         rpl::Config { is_leaf, ..self.rpl.clone() }
     }

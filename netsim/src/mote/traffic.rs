@@ -7,6 +7,7 @@ use crate::lowpan::DropReason;
 use crate::wire::Eui64;
 use crate::wire::coap::CoapRepr;
 use crate::wire::datagram::{Datagram, UdpRepr};
+use proto::ids::MoteId;
 
 impl Mote {
     /// Does something with one application.
@@ -18,7 +19,7 @@ impl Mote {
     ) -> R {
         let Self { apps, dice, rpl, .. } = self;
         let addresses = world.addresses;
-        let reaches = |mote: u32| rpl.route(addresses.eui64(mote).global()).is_some();
+        let reaches = |mote: MoteId| rpl.route(addresses.eui64(mote).global()).is_some();
         let mut context = Context {
             now_ns: world.now_ns,
             received_ns: world.received_ns,

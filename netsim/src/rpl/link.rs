@@ -133,6 +133,7 @@ impl Etx {
 mod tests {
     use super::*;
     use crate::dice::Dice;
+    use proto::ids::MoteId;
     use proto::rng::Purpose;
 
     #[test]
@@ -158,7 +159,7 @@ mod tests {
 
     #[test]
     fn the_estimate_follows_a_link_and_its_change() {
-        let mut dice = Dice::new(5, Purpose::Routing, 0);
+        let mut dice = Dice::new(5, Purpose::Routing, MoteId(0));
         let mut etx = Etx::assumed(384);
         for (pdr, truth) in [(1.0, 1.0), (0.5, 2.0), (0.8, 1.25)] {
             for _ in 0..300 {

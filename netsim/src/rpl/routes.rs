@@ -223,12 +223,13 @@ impl Lifetime {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::ids::MoteId;
 
     const MINUTE: Lifetime = Lifetime { units: 1, unit_s: 60 };
     const MINUTE_NS: u64 = 60_000_000_000;
 
     fn mote(n: u16) -> Ipv6Addr {
-        Eui64::of_mote(n.into()).global()
+        Eui64::of_mote(MoteId(n.into())).global()
     }
 
     fn tree(links: &[(u16, u16)]) -> Routes {
@@ -284,7 +285,8 @@ mod tests {
 
     #[test]
     fn rfc6550_9_2_2_a_no_path_ends_the_route_through_its_sender_only() {
-        let (a, b) = (Via::Neighbour(Eui64::of_mote(5)), Via::Neighbour(Eui64::of_mote(6)));
+        let (a, b) =
+            (Via::Neighbour(Eui64::of_mote(MoteId(5))), Via::Neighbour(Eui64::of_mote(MoteId(6))));
         let none = Lifetime { units: 0, unit_s: 60 };
         let mut routes = Routes::default();
         routes.update(mote(2), a, 240, MINUTE, 0, 0);
@@ -296,7 +298,7 @@ mod tests {
 
     #[test]
     fn a_full_table_takes_news_of_known_targets_only() {
-        let via = Via::Neighbour(Eui64::of_mote(5));
+        let via = Via::Neighbour(Eui64::of_mote(MoteId(5)));
         let mut routes = Routes::default();
         assert_eq!(routes.update(mote(1), via, 240, MINUTE, 1, 0), Change::Updated);
         assert_eq!(routes.update(mote(2), via, 240, MINUTE, 1, 0), Change::Full);

@@ -11,6 +11,7 @@ mod vectors;
 use super::*;
 use crate::wire::address::ALL_RPL_NODES;
 use crate::wire::rpl::{DaoAckRepr, DaoRepr, DioRepr, DisRepr};
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 
 const SECOND_NS: u64 = 1_000_000_000;
@@ -23,7 +24,7 @@ struct Bench {
 }
 
 fn mote(n: u32) -> Eui64 {
-    Eui64::of_mote(n)
+    Eui64::of_mote(MoteId(n))
 }
 
 fn dio_of(root: u32, rank: u16) -> DioRepr {
@@ -33,7 +34,7 @@ fn dio_of(root: u32, rank: u16) -> DioRepr {
 
 impl Bench {
     fn new(config: Config, n: u32, is_root: bool) -> Self {
-        let mut dice = Dice::new(1, Purpose::Routing, n);
+        let mut dice = Dice::new(1, Purpose::Routing, MoteId(n));
         let mut rpl = Rpl::new(config, mote(n), is_root);
         rpl.start(0, &mut dice);
         Self { rpl, dice, now_ns: 0 }

@@ -125,12 +125,13 @@ const LONGEST_NS: u64 = 1 << 60;
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use proto::ids::MoteId;
     use proto::rng::Purpose;
 
     const MIN_NS: u64 = 8_000_000;
 
     fn dice(seed: u64) -> Dice {
-        Dice::new(seed, Purpose::Routing, 1)
+        Dice::new(seed, Purpose::Routing, MoteId(1))
     }
 
     /// Runs to the end of the current interval; returns the moments of transmission.

@@ -168,7 +168,7 @@ impl Reach {
             .around([x, y], self.range_m)
             .map(|place| around.agents[place as usize])
             .filter(|receiver| receiver.id != sender.id)
-            .filter_map(|receiver| Some((receiver.id, self.power_dbm(scene, sender, receiver)?)))
+            .filter_map(|receiver| Some((receiver.id.0, self.power_dbm(scene, sender, receiver)?)))
             .collect();
         receivers.sort_unstable_by_key(|&(id, _)| id);
         receivers
@@ -189,6 +189,7 @@ fn lambertian_gain(link: &Link<'_>, half_rad: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::ids::MoteId;
 
     const REACH: Reach = Reach {
         range_m: 4.0,
@@ -199,9 +200,9 @@ mod tests {
     };
 
     fn power_dbm(angle_rad: f64, distance_m: f64) -> Option<f64> {
-        let sender = End { heading_rad: Some(1.0), ..End::new(0, [0.0; 3]) };
+        let sender = End { heading_rad: Some(1.0), ..End::new(MoteId(0), [0.0; 3]) };
         let (x, y) = (libm::cos(1.0 + angle_rad), libm::sin(1.0 + angle_rad));
-        let receiver = End::new(1, [distance_m * x, distance_m * y, 0.0]);
+        let receiver = End::new(MoteId(1), [distance_m * x, distance_m * y, 0.0]);
         REACH.power_dbm(&Scene::default(), sender, receiver)
     }
 

@@ -1,6 +1,7 @@
 //! Frames that a second medium carried in a step, and who received them.
 
 use bytes::Bytes;
+use proto::ids::MoteId;
 
 /// What a second medium carried in a step.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,7 +14,7 @@ pub struct Carried {
 #[derive(Clone, Debug, PartialEq)]
 pub struct CarriedFrame {
     /// Number of the robot that sent it.
-    pub sender: u32,
+    pub sender: MoteId,
     /// When it began (ns).
     pub sent_ns: u64,
     /// When its last bit arrived (ns).

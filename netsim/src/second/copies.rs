@@ -2,6 +2,7 @@
 //!
 //! A copy is known by its sender and by the control period in which it was sent, as by a sequence number.
 
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -28,9 +29,9 @@ impl Copies {
     }
 
     /// Whether a copy is the first one; it is taken then. Copies that are 64 periods late count as first.
-    pub(super) fn is_first(&mut self, receiver: u32, sender: u32, period: u64) -> bool {
+    pub(super) fn is_first(&mut self, receiver: MoteId, sender: MoteId, period: u64) -> bool {
         let window =
-            self.0[receiver as usize].entry(sender).or_insert(Window { latest: period, taken: 0 });
+            self.0[receiver.index()].entry(sender.0).or_insert(Window { latest: period, taken: 0 });
         if window.latest < period {
             window.taken = window.taken.checked_shl((period - window.latest) as u32).unwrap_or(0);
             if 64 <= period - window.latest {
@@ -56,18 +57,18 @@ mod tests {
     fn each_period_of_each_sender_is_taken_once_in_whatever_order_copies_come() {
         let mut copies = Copies::new(3);
         let mut first = |receiver, sender, period| copies.is_first(receiver, sender, period);
-        assert!(first(0, 1, 5));
-        assert!(!first(0, 1, 5));
-        assert!(first(0, 2, 5), "of another sender");
-        assert!(first(2, 1, 5), "at another receiver");
-        assert!(first(0, 1, 8));
-        assert!(first(0, 1, 7), "late, and the first of its period");
-        assert!(!first(0, 1, 5));
-        assert!(!first(0, 1, 7));
-        assert!(first(0, 1, 8 + 64), "all before are forgotten");
-        assert!(first(0, 1, 9));
-        assert!(!first(0, 1, 9));
-        assert!(first(0, 1, u64::MAX));
-        assert!(!first(0, 1, u64::MAX));
+        assert!(first(MoteId(0), MoteId(1), 5));
+        assert!(!first(MoteId(0), MoteId(1), 5));
+        assert!(first(MoteId(0), MoteId(2), 5), "of another sender");
+        assert!(first(MoteId(2), MoteId(1), 5), "at another receiver");
+        assert!(first(MoteId(0), MoteId(1), 8));
+        assert!(first(MoteId(0), MoteId(1), 7), "late, and the first of its period");
+        assert!(!first(MoteId(0), MoteId(1), 5));
+        assert!(!first(MoteId(0), MoteId(1), 7));
+        assert!(first(MoteId(0), MoteId(1), 8 + 64), "all before are forgotten");
+        assert!(first(MoteId(0), MoteId(1), 9));
+        assert!(!first(MoteId(0), MoteId(1), 9));
+        assert!(first(MoteId(0), MoteId(1), u64::MAX));
+        assert!(!first(MoteId(0), MoteId(1), u64::MAX));
     }
 }

@@ -5,6 +5,7 @@ use super::carried::{Carried, CarriedFrame};
 use super::{BuildContext, Entry, SecondMedium, problem};
 use bytes::Bytes;
 use proto::config::{Range, Section, variant};
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, ordered_link};
 use proto::types::{NS_PER_S, seconds};
 use serde::{Deserialize, Serialize};
@@ -168,7 +169,13 @@ impl Infrared {
                 .map(|(id, power_dbm)| (id, power_dbm as f32))
                 .collect();
             let end_ns = sent_ns + self.slot_ns;
-            carried.frames.push(CarriedFrame { sender, sent_ns, end_ns, payload, receivers });
+            carried.frames.push(CarriedFrame {
+                sender: MoteId(sender),
+                sent_ns,
+                end_ns,
+                payload,
+                receivers,
+            });
         }
     }
 }

@@ -4,6 +4,7 @@ use super::carried::Carried;
 use super::copies::Copies;
 use bytes::Bytes;
 use physics::medium::resolve;
+use proto::ids::MoteId;
 use proto::types::{Deliveries, DeliveryColumn, EVERYONE, Heard, Medium, Payloads, Transmissions};
 
 /// A delivery.
@@ -19,10 +20,10 @@ struct Delivery {
 
 /// A transmission of either medium.
 struct Sent {
-    sender: u32,
+    sender: MoteId,
     sent_ns: u64,
     end_ns: u64,
-    destination: u32,
+    destination: MoteId,
     payload: Bytes,
 }
 
@@ -64,7 +65,7 @@ pub(super) fn merged(
             sender: frame.sender,
             sent_ns: frame.sent_ns,
             end_ns: frame.end_ns,
-            destination: EVERYONE,
+            destination: MoteId(EVERYONE),
             payload: frame.payload,
         });
     }
@@ -77,7 +78,7 @@ pub(super) fn merged(
         });
         heard.retain(|&(receiver, delivery)| {
             let sent = &sent[delivery.rank as usize];
-            copies.is_first(receiver, sent.sender, sent.sent_ns / *step_ns)
+            copies.is_first(MoteId(receiver), sent.sender, sent.sent_ns / *step_ns)
         });
     }
     // By (sent_ns, sender); of equal ones, the main network's first.
@@ -104,10 +105,12 @@ fn of_main(transmissions: &Transmissions) -> Vec<Sent> {
             let payload = payloads.data().slice(begin..end);
             begin = end;
             Sent {
-                sender: transmissions.sender[index],
+                sender: MoteId(transmissions.sender[index]),
                 sent_ns: transmissions.sent_ns[index],
                 end_ns: transmissions.end_ns[index],
-                destination: transmissions.destination.get(index).copied().unwrap_or(EVERYONE),
+                destination: MoteId(
+                    transmissions.destination.get(index).copied().unwrap_or(EVERYONE),
+                ),
                 payload,
             }
         })
@@ -129,12 +132,12 @@ fn deliveries(
     ends.resize(agent_count, indices.len() as u32);
     let lengths = sent.iter().map(|sent| sent.payload.len() as u32).collect();
     let data: Vec<u8> = sent.iter().flat_map(|sent| sent.payload.iter().copied()).collect();
-    let to_all = sent.iter().all(|sent| sent.destination == EVERYONE);
+    let to_all = sent.iter().all(|sent| sent.destination == MoteId(EVERYONE));
     let wants = |column| columns.contains(&column);
     let each = || heard.iter().map(|(_, delivery)| delivery);
     Deliveries {
         transmissions: Transmissions {
-            sender: sent.iter().map(|sent| sent.sender).collect(),
+            sender: sent.iter().map(|sent| sent.sender.0).collect(),
             sent_ns: sent.iter().map(|sent| sent.sent_ns).collect(),
             end_ns: sent.iter().map(|sent| sent.end_ns).collect(),
             payloads: Payloads::new(lengths, data.into())
@@ -142,7 +145,7 @@ fn deliveries(
             destination: if to_all {
                 Vec::new()
             } else {
-                sent.iter().map(|sent| sent.destination).collect()
+                sent.iter().map(|sent| sent.destination.0).collect()
             },
         },
         received_ns: if wants(DeliveryColumn::ReceivedNs) {

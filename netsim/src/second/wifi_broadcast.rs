@@ -5,6 +5,7 @@ use super::carried::Carried;
 use super::{BuildContext, Entry, SecondMedium, problem};
 use dcf::{Dcf, Timing};
 use proto::config::{Choice, Range, Section, variant};
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
 use proto::types::{NS_PER_S, seconds};
 
@@ -136,9 +137,9 @@ fn heard_by(
     (sense, range): (&Reach, &Reach),
     around: &Around<'_>,
     scene: (&physics::Scene<'_>, &physics::nearest::Grid),
-    sender: u32,
+    sender: MoteId,
 ) -> dcf::HeardBy {
-    let Some(sender) = around.end(sender) else { return dcf::HeardBy::default() };
+    let Some(sender) = around.end(sender.0) else { return dcf::HeardBy::default() };
     let sensed = sense.receivers(around, scene, sender);
     let received = sensed
         .iter()

@@ -12,6 +12,7 @@ use crate::mac::{Cell, CellOptions};
 use crate::wire::Eui64;
 use physics::asn::Asn;
 use proto::config::{Choice, Problem, Section, variant};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
 /// `kind = "alice"`.
@@ -170,7 +171,7 @@ pub struct Alice {
 impl Configured for AliceConfig {
     type OfMote = Alice;
 
-    fn create(&self, mote: u32) -> Alice {
+    fn create(&self, mote: MoteId) -> Alice {
         Alice::new(self, mote)
     }
 }
@@ -178,7 +179,7 @@ impl Configured for AliceConfig {
 impl Alice {
     /// The scheduling function of a mote.
     #[must_use]
-    pub fn new(config: &AliceConfig, mote: u32) -> Self {
+    pub fn new(config: &AliceConfig, mote: MoteId) -> Self {
         Self {
             config: config.clone(),
             others: Orchestra::new(&config.others(), mote),
@@ -228,7 +229,7 @@ impl SchedulingFunction for Alice {
     }
 
     fn stop(&mut self) {
-        *self = Self::new(&self.config, 0);
+        *self = Self::new(&self.config, MoteId(0));
     }
 
     /// That of the common cell, in which broadcast frames are sent.

@@ -7,6 +7,7 @@ use super::msf::policy::Policy;
 use super::msf::{self, Msf, MsfConfig};
 use super::{Config, Configured, Entry, PayloadCells};
 use proto::config::{Default, Field, Kind, Problem, Range, Section, Variant, join};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
 const QUANTILE: Field = Field {
@@ -68,7 +69,7 @@ pub struct EmsfConfig {
 impl Configured for EmsfConfig {
     type OfMote = Msf<Forecast>;
 
-    fn create(&self, _mote: u32) -> Msf<Forecast> {
+    fn create(&self, _mote: MoteId) -> Msf<Forecast> {
         Msf::with_policy(&self.msf, Forecast { quantile: self.quantile })
     }
 

@@ -10,6 +10,7 @@ use crate::mac::{CellOptions, Schedule};
 use crate::wire::Eui64;
 use crate::wire::sixp::SixpCell;
 use proto::config::{Section, Variant};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
 /// `kind = "llsf"`.
@@ -31,7 +32,7 @@ pub struct LlsfConfig(pub MsfConfig);
 impl Configured for LlsfConfig {
     type OfMote = Msf<DaisyChain>;
 
-    fn create(&self, _mote: u32) -> Msf<DaisyChain> {
+    fn create(&self, _mote: MoteId) -> Msf<DaisyChain> {
         Msf::with_policy(&self.0, DaisyChain)
     }
 

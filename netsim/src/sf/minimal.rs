@@ -3,6 +3,7 @@
 use super::{Config, Configured, Context, Entry, MAX_SLOTS, PayloadCells, SchedulingFunction};
 use crate::mac::{Cell, CellKind, CellOptions, Schedule};
 use proto::config::{Section, variant};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
 /// `kind = "minimal"`.
@@ -50,7 +51,7 @@ pub struct Minimal {
 impl Configured for MinimalConfig {
     type OfMote = Minimal;
 
-    fn create(&self, mote: u32) -> Minimal {
+    fn create(&self, mote: MoteId) -> Minimal {
         Minimal::new(self, mote)
     }
 }
@@ -58,7 +59,7 @@ impl Configured for MinimalConfig {
 impl Minimal {
     /// The scheduling function of a mote.
     #[must_use]
-    pub fn new(config: &MinimalConfig, _mote: u32) -> Self {
+    pub fn new(config: &MinimalConfig, _mote: MoteId) -> Self {
         Self { slotframe_slots: config.slotframe_slots }
     }
 }
@@ -86,7 +87,7 @@ mod tests {
     #[test]
     fn rfc8180_4_1_the_only_cell_is_shared_advertises_and_lies_at_slot_0() {
         let config = built("kind = \"minimal\"", 3);
-        let bench = Bench::start(&config, 1);
+        let bench = Bench::start(&config, MoteId(1));
         let cells: Vec<_> = bench.schedule.cells().collect();
         let [at] = cells[..] else { panic!("one cell, not {}", cells.len()) };
         assert_eq!((at.handle, at.cell.slot, at.cell.channel), (0, 0, 0));
@@ -100,6 +101,6 @@ mod tests {
     fn its_slotframe_is_as_long_as_configured() {
         let config = built("kind = \"minimal\"\nslotframe_slots = 101", 3);
         assert_eq!(config.slotframe_slots(), 101);
-        assert_eq!(config.create(0).minimal_cell(), Some(101));
+        assert_eq!(config.create(MoteId(0)).minimal_cell(), Some(101));
     }
 }

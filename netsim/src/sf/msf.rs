@@ -32,6 +32,7 @@ use cells::Cells;
 pub(super) use config::read;
 pub use config::{ENTRY, MsfConfig};
 use policy::{Policy, Rfc9033};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use usage::Usage;
@@ -92,7 +93,7 @@ pub struct Msf<P = Rfc9033> {
 impl Configured for MsfConfig {
     type OfMote = Msf;
 
-    fn create(&self, mote: u32) -> Msf {
+    fn create(&self, mote: MoteId) -> Msf {
         Msf::new(self, mote)
     }
 
@@ -104,7 +105,7 @@ impl Configured for MsfConfig {
 impl Msf {
     /// The scheduling function of a mote.
     #[must_use]
-    pub fn new(config: &MsfConfig, _mote: u32) -> Self {
+    pub fn new(config: &MsfConfig, _mote: MoteId) -> Self {
         Self::with_policy(config, Rfc9033)
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{Config, Configured, Context, Entry, PayloadCells, SchedulingFunction};
 use proto::config::Variant;
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
 /// `kind = "oracle"`.
@@ -27,7 +28,7 @@ pub struct Oracle {}
 impl Configured for OracleConfig {
     type OfMote = Oracle;
 
-    fn create(&self, _mote: u32) -> Oracle {
+    fn create(&self, _mote: MoteId) -> Oracle {
         Oracle {}
     }
 }

@@ -12,6 +12,7 @@ pub use config::{ENTRY, Hash, OrchestraConfig, Rule};
 use super::{Configured, Context, SchedulingFunction, Traffic};
 use crate::mac::{Cell, CellKind, CellOptions, Schedule};
 use crate::wire::Eui64;
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
 /// Added to the handle of [`Rule::SpecialForRoot`] for the slotframe in which a root listens: after all others.
@@ -53,7 +54,7 @@ pub struct Orchestra {
 impl Configured for OrchestraConfig {
     type OfMote = Orchestra;
 
-    fn create(&self, mote: u32) -> Orchestra {
+    fn create(&self, mote: MoteId) -> Orchestra {
         Orchestra::new(self, mote)
     }
 }
@@ -61,7 +62,7 @@ impl Configured for OrchestraConfig {
 impl Orchestra {
     /// The scheduling function of a mote.
     #[must_use]
-    pub fn new(config: &OrchestraConfig, _mote: u32) -> Self {
+    pub fn new(config: &OrchestraConfig, _mote: MoteId) -> Self {
         Self {
             config: config.clone(),
             is_root: false,

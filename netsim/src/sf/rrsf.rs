@@ -6,6 +6,7 @@ use super::{
 };
 use crate::mac::{Cell, CellKind, CellOptions};
 use proto::config::{Problem, Section, join, variant};
+use proto::ids::MoteId;
 use proto::types::seconds;
 use serde::{Deserialize, Serialize};
 
@@ -86,7 +87,7 @@ pub struct Rrsf {
 impl Configured for RrsfConfig {
     type OfMote = Rrsf;
 
-    fn create(&self, mote: u32) -> Rrsf {
+    fn create(&self, mote: MoteId) -> Rrsf {
         Rrsf::new(self, mote)
     }
 
@@ -116,8 +117,8 @@ impl Rrsf {
     ///
     /// If there is no slot for the mote.
     #[must_use]
-    pub fn new(config: &RrsfConfig, mote: u32) -> Self {
-        let slot = u16::try_from(mote).ok().filter(|&slot| slot < config.n_motes);
+    pub fn new(config: &RrsfConfig, mote: MoteId) -> Self {
+        let slot = u16::try_from(mote.0).ok().filter(|&slot| slot < config.n_motes);
         Self { config: config.clone(), mote: slot.expect("every mote has a slot") }
     }
 }
@@ -173,7 +174,7 @@ mod tests {
     #[test]
     fn p5_every_slot_schedules_one_mote_to_transmit_and_all_others_to_receive() {
         let config = built("kind = \"rrsf\"", 7);
-        let motes: Vec<Bench> = (0..7).map(|mote| Bench::start(&config, mote)).collect();
+        let motes: Vec<Bench> = (0..7).map(|mote| Bench::start(&config, MoteId(mote))).collect();
         for slot in 0..7 {
             for (mote, bench) in (0..).zip(&motes) {
                 let cells: Vec<_> = bench.schedule.cells_at(Asn(slot)).collect();
@@ -190,7 +191,7 @@ mod tests {
     #[test]
     fn mote_0_is_no_exception_and_beacons_are_sent_in_the_own_slot() {
         let config = built("kind = \"rrsf\"", 5);
-        let bench = Bench::start(&config, 0);
+        let bench = Bench::start(&config, MoteId(0));
         assert_eq!(bench.sf.minimal_cell(), None);
         let own: Vec<_> = bench.schedule.cells().collect();
         assert_eq!((own.len(), own[0].cell.slot, own[0].cell.kind), (1, 0, CellKind::Advertising));
@@ -201,7 +202,7 @@ mod tests {
     fn a_radio_listens_in_all_slots_but_one() {
         let config = built("kind = \"rrsf\"", 2500);
         assert_eq!(config.slotframe_slots(), 2500);
-        let bench = Bench::start(&config, 2499);
+        let bench = Bench::start(&config, MoteId(2499));
         assert_eq!(bench.schedule.cells().count(), 1);
         assert_eq!(bench.schedule.n_listening(Asn(25_000)), 24_990);
     }
@@ -209,21 +210,21 @@ mod tests {
     #[test]
     fn shared_slots_are_for_unicast_frames_alone() {
         let config = built("kind = \"rrsf\"\nshared_slots = 2", 5);
-        let bench = Bench::start(&config, 4);
+        let bench = Bench::start(&config, MoteId(4));
         assert_eq!(config.slotframe_slots(), 7);
         let shared =
             bench.schedule.cells().filter(|at| at.cell.options == CellOptions::TX_RX_SHARED);
         let shared: Vec<_> = shared.map(|at| (at.handle, at.cell.slot)).collect();
         assert_eq!(shared, [(SHARED_HANDLE, 5), (SHARED_HANDLE, 6)]);
         assert_eq!(bench.sf.slotframe_of(Traffic::Broadcast), Some(OWN_HANDLE));
-        assert_eq!(bench.sf.slotframe_of(Traffic::Unicast(Eui64::of_mote(1))), None);
+        assert_eq!(bench.sf.slotframe_of(Traffic::Unicast(Eui64::of_mote(MoteId(1)))), None);
     }
 
     #[test]
     fn botnets_shared_cell_covers_the_slot_of_mote_0() {
         let config = built("kind = \"rrsf\" # compat.shared_slot_0", 5);
         for mote in 0..5 {
-            let bench = Bench::start(&config, mote);
+            let bench = Bench::start(&config, MoteId(mote));
             let first = bench.schedule.cells_at(Asn(0)).next().unwrap();
             assert_eq!((first.handle, first.cell.options), (0, CellOptions::TX_RX_SHARED));
             assert_eq!(bench.schedule.slotframe(0).unwrap().slots(), 5);

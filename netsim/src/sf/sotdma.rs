@@ -6,6 +6,7 @@ use crate::wire::Eui64;
 use crate::wire::slots::{MAX_SLOTS, SlotSet, SlotsRepr, tag};
 use physics::asn::Asn;
 use proto::config::{Choice, Problem, Section, join, variant};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
 /// `kind = "sotdma"`.
@@ -152,7 +153,7 @@ pub struct Sotdma {
 impl Configured for SotdmaConfig {
     type OfMote = Sotdma;
 
-    fn create(&self, mote: u32) -> Sotdma {
+    fn create(&self, mote: MoteId) -> Sotdma {
         Sotdma::new(self, mote)
     }
 }
@@ -160,7 +161,7 @@ impl Configured for SotdmaConfig {
 impl Sotdma {
     /// The scheduling function of a mote.
     #[must_use]
-    pub fn new(config: &SotdmaConfig, _mote: u32) -> Self {
+    pub fn new(config: &SotdmaConfig, _mote: MoteId) -> Self {
         Self {
             config: config.clone(),
             slot: None,
@@ -256,7 +257,7 @@ impl SchedulingFunction for Sotdma {
     }
 
     fn stop(&mut self) {
-        *self = Self::new(&self.config, 0);
+        *self = Self::new(&self.config, MoteId(0));
     }
 
     fn slotframe_slots(&self) -> u16 {

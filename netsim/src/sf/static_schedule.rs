@@ -6,6 +6,7 @@ use super::{
 use crate::mac::{Cell, CellKind, CellOptions};
 use crate::wire::Eui64;
 use proto::config::{CheckedValue, Choice, Key, Kind, Problem, Section, join, variant};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -83,7 +84,7 @@ impl EndKey {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct End {
     /// Number of the mote.
-    pub mote: u32,
+    pub mote: MoteId,
     /// Link-layer address of the mote.
     pub address: Eui64,
 }
@@ -108,7 +109,7 @@ pub struct StaticCell {
 impl StaticCell {
     /// What it is for a mote; `None`: it does not concern it.
     #[must_use]
-    pub fn cell_for(&self, mote: u32) -> Option<Cell> {
+    pub fn cell_for(&self, mote: MoteId) -> Option<Cell> {
         let is = |end: Option<End>| end.is_some_and(|end| end.mote == mote);
         let (sends, receives) = (is(self.from), is(self.to));
         let options = CellOptions {
@@ -184,7 +185,9 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> 
         context.problems.extend(problems);
         return None;
     }
-    let end = |key: &EndKey| key.mote().map(|mote| End { mote, address: (context.address)(mote) });
+    let end = |key: &EndKey| {
+        key.mote().map(|mote| End { mote: MoteId(mote), address: (context.address)(MoteId(mote)) })
+    };
     let cells = keys.cell.iter().map(|cell| StaticCell {
         slot: cell.slot,
         channel: cell.channel,
@@ -208,20 +211,20 @@ fn warn(config: &StaticConfig, context: &mut BuildContext<'_>) {
         return;
     }
     let path = context.path;
-    let has = |mote: u32, which: &dyn Fn(&Cell) -> bool| {
+    let has = |mote: MoteId, which: &dyn Fn(&Cell) -> bool| {
         config.cells.iter().filter_map(|cell| cell.cell_for(mote)).any(|cell| which(&cell))
     };
     let advertises =
-        |mote: u32| has(mote, &|cell| cell.options.tx && cell.kind != CellKind::Normal);
+        |mote: MoteId| has(mote, &|cell| cell.options.tx && cell.kind != CellKind::Normal);
     if context.roots.len() < context.agent_count
-        && !context.roots.iter().any(|&root| advertises(root))
+        && !context.roots.iter().any(|&root| advertises(MoteId(root.0)))
     {
         context.warnings.push(format!(
             "{path}: no root has a cell for beacons: no other mote will ever be synchronised"
         ));
     }
     let mute: Vec<String> = (0..context.agent_count as u32)
-        .filter(|&mote| !has(mote, &|cell| cell.options.tx))
+        .filter(|&mote| !has(MoteId(mote), &|cell| cell.options.tx))
         .map(|mote| mote.to_string())
         .collect();
     if let [first, ..] = &mute[..] {
@@ -244,7 +247,7 @@ pub struct StaticSchedule {
 impl Configured for StaticConfig {
     type OfMote = StaticSchedule;
 
-    fn create(&self, mote: u32) -> StaticSchedule {
+    fn create(&self, mote: MoteId) -> StaticSchedule {
         StaticSchedule::new(self, mote)
     }
 
@@ -256,7 +259,7 @@ impl Configured for StaticConfig {
 impl StaticSchedule {
     /// The scheduling function of a mote.
     #[must_use]
-    pub fn new(config: &StaticConfig, mote: u32) -> Self {
+    pub fn new(config: &StaticConfig, mote: MoteId) -> Self {
         Self {
             slotframe_slots: config.slotframe_slots,
             minimal_cell_slots: config.minimal_cell_slots,
@@ -289,58 +292,58 @@ mod tests {
 
     const START: &str = "kind = \"static\"\nslotframe_slots = 10\n";
 
-    fn cells(text: &str, mote: u32) -> Vec<Cell> {
+    fn cells(text: &str, mote: MoteId) -> Vec<Cell> {
         let config = built(&format!("{START}minimal_cell_slots = 5\n{text}"), 4);
         let bench = Bench::start(&config, mote);
         bench.schedule.slotframe(HANDLE).unwrap().cells().to_vec()
     }
 
     fn mote(n: u32) -> Option<Eui64> {
-        Some(Eui64::of_mote(n))
+        Some(Eui64::of_mote(MoteId(n)))
     }
 
     #[test]
     fn a_cell_between_two_motes_concerns_no_other() {
         let text = "[[cell]]\nslot = 3\nchannel = 2\nfrom = 1\nto = 2";
-        let is = |mote: u32, options, neighbour| {
+        let is = |mote: MoteId, options, neighbour| {
             let [cell] = cells(text, mote)[..] else { panic!("one cell") };
             assert!(cell.is_same(&Cell::new(3, 2, options, neighbour)));
         };
-        is(1, CellOptions::TX, mote(2));
-        is(2, CellOptions::RX, mote(1));
-        assert!(cells(text, 0).is_empty());
+        is(MoteId(1), CellOptions::TX, mote(2));
+        is(MoteId(2), CellOptions::RX, mote(1));
+        assert!(cells(text, MoteId(0)).is_empty());
     }
 
     #[test]
     fn a_cell_to_all_is_heard_by_all_others_and_may_carry_beacons() {
         let text = "[[cell]]\nslot = 9\nfrom = 0\nto = \"all\"\nadvertising = true";
-        let is = |mote: u32, options, neighbour| {
+        let is = |mote: MoteId, options, neighbour| {
             let [cell] = cells(text, mote)[..] else { panic!("one cell") };
             let wanted = Cell::new(9, 0, options, neighbour).of_kind(CellKind::Advertising);
             assert!(cell.is_same(&wanted));
         };
-        is(0, CellOptions::TX, None);
-        is(1, CellOptions::RX, mote(0));
-        is(3, CellOptions::RX, mote(0));
+        is(MoteId(0), CellOptions::TX, None);
+        is(MoteId(1), CellOptions::RX, mote(0));
+        is(MoteId(3), CellOptions::RX, mote(0));
     }
 
     #[test]
     fn a_cell_from_any_is_shared() {
-        let options = |text: &str, mote: u32| cells(text, mote)[0].options;
+        let options = |text: &str, mote: MoteId| cells(text, mote)[0].options;
         let text = "[[cell]]\nslot = 0\nfrom = \"any\"\nto = \"all\"";
-        assert_eq!(options(text, 2), CellOptions::TX_RX_SHARED);
+        assert_eq!(options(text, MoteId(2)), CellOptions::TX_RX_SHARED);
         let text = "[[cell]]\nslot = 0\nfrom = \"any\"\nto = 2";
-        assert_eq!(options(text, 2), CellOptions::RX);
-        assert_eq!(options(text, 1), CellOptions::TX_SHARED);
-        assert_eq!(cells(text, 1)[0].neighbour, mote(2));
+        assert_eq!(options(text, MoteId(2)), CellOptions::RX);
+        assert_eq!(options(text, MoteId(1)), CellOptions::TX_SHARED);
+        assert_eq!(cells(text, MoteId(1))[0].neighbour, mote(2));
         let text = "[[cell]]\nslot = 0\nfrom = 1\nto = 2\nshared = true";
-        assert_eq!(options(text, 1), CellOptions::TX_SHARED);
+        assert_eq!(options(text, MoteId(1)), CellOptions::TX_SHARED);
     }
 
     #[test]
     fn its_minimal_cell_lies_in_a_slotframe_of_its_own_length() {
         let config = built(&format!("{START}minimal_cell_slots = 5"), 4);
-        let bench = Bench::start(&config, 1);
+        let bench = Bench::start(&config, MoteId(1));
         assert_eq!(bench.schedule.slotframe(0).unwrap().slots(), 5);
         assert_eq!(bench.schedule.slotframe(HANDLE).unwrap().slots(), 10);
         assert_eq!(config.slotframe_slots(), 10);

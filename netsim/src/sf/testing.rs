@@ -24,6 +24,7 @@ use crate::sixtop::Sixtop;
 use crate::wire::Eui64;
 use physics::asn::Asn;
 use proto::config::{check, parse};
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 
 /// Length of a slot of a [`Bench`] (ns).
@@ -83,7 +84,7 @@ impl<'a> Section<'a> {
             path: "netsim.sf",
             agent_count: self.agent_count,
             n_channels: N_CHANNELS,
-            roots: &[0],
+            roots: &[MoteId(0)],
             shared_slot_0: self.shared_slot_0,
             stores_routes: self.stores_routes,
             address: Eui64::of_mote,
@@ -132,14 +133,14 @@ pub struct Bench {
 impl Bench {
     /// A mote that has just become synchronised in slot 0; mote 0 is the root.
     #[must_use]
-    pub fn start(config: &Config, mote: u32) -> Self {
+    pub fn start(config: &Config, mote: MoteId) -> Self {
         let mut bench = Self {
             own: Eui64::of_mote(mote),
             sf: config.create(mote),
             schedule: Schedule::new(),
             parent: None,
             asn: Asn(0),
-            is_root: mote == 0,
+            is_root: mote == MoteId(0),
             sixtop: Sixtop::default(),
             dice: Dice::new(1, Purpose::Scheduling, mote),
             unusable: Vec::new(),

@@ -62,11 +62,12 @@ fn matching(
 mod tests {
     use super::*;
     use crate::mac::{CellOptions as Own, Schedule};
+    use proto::ids::MoteId;
 
     fn schedule() -> Schedule {
         let mut schedule = Schedule::new();
         schedule.add_slotframe(2, 101);
-        let (peer, other) = (Some(Eui64::of_mote(1)), Some(Eui64::of_mote(2)));
+        let (peer, other) = (Some(Eui64::of_mote(MoteId(1))), Some(Eui64::of_mote(MoteId(2))));
         for (slot, channel, options, neighbour) in [
             (7, 9, Own::RX, peer),
             (1, 4, Own::RX, peer),
@@ -82,7 +83,7 @@ mod tests {
     }
 
     fn ask(request: &SixpRequest) -> SixpAnswer {
-        answer(schedule().slotframe(2).unwrap(), Eui64::of_mote(1), request).unwrap()
+        answer(schedule().slotframe(2).unwrap(), Eui64::of_mote(MoteId(1)), request).unwrap()
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Link-layer addresses, and the IPv6 addresses derived from them.
 
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::net::Ipv6Addr;
@@ -22,13 +23,13 @@ pub const ALL_RPL_NODES: Ipv6Addr = Ipv6Addr::new(0xff02, 0, 0, 0, 0, 0, 0, 0x1a
 impl Eui64 {
     /// The default address of a mote: 02-00-00-00-00-00-00-00 plus its number; mote 0 has 02-00-00-00-00-01-00-00.
     #[must_use]
-    pub fn of_mote(mote: u32) -> Self {
-        let low = if mote == 0 {
+    pub fn of_mote(mote: MoteId) -> Self {
+        let low = if mote == MoteId(0) {
             0x1_0000
-        } else if mote < 0x1_0000 {
-            u64::from(mote)
+        } else if mote < MoteId(0x1_0000) {
+            u64::from(mote.0)
         } else {
-            0x1_0000_0000 | u64::from(mote)
+            0x1_0000_0000 | u64::from(mote.0)
         };
         Self(UNIVERSAL_LOCAL | low)
     }

@@ -17,13 +17,14 @@ use physics::asn::Asn;
 use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 use std::net::Ipv6Addr;
 use std::sync::Arc;
 
 /// Motes' addresses, addresses that IPHC makes of short ones, and any.
 pub(crate) fn eui64() -> impl Strategy<Value = Eui64> {
     prop_oneof![
-        4 => (0_u32..70_000).prop_map(Eui64::of_mote),
+        4 => (0_u32..70_000).prop_map(|mote| Eui64::of_mote(MoteId(mote))),
         1 => any::<u16>().prop_map(|short| Eui64(0x0200_00ff_fe00_0000 | u64::from(short))),
         1 => any::<u64>().prop_map(Eui64),
     ]

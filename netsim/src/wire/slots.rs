@@ -149,6 +149,7 @@ pub fn tag(address: Eui64, epoch: u64) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::ids::MoteId;
 
     fn repr(n_slots: u16, taken: &[u16], first: u8, tags: &[u8]) -> SlotsRepr {
         let mut set = SlotSet::default();
@@ -198,8 +199,9 @@ mod tests {
     #[test]
     fn motes_whose_tags_agree_differ_soon() {
         // A tag is one of 256: of 128,000 pairs 500 agree, with a standard deviation of 22.
-        let agree =
-            |a: u32, b: u32, epoch| tag(Eui64::of_mote(a), epoch) == tag(Eui64::of_mote(b), epoch);
+        let agree = |a: u32, b: u32, epoch| {
+            tag(Eui64::of_mote(MoteId(a)), epoch) == tag(Eui64::of_mote(MoteId(b)), epoch)
+        };
         let pairs = || (0..500_u32).flat_map(|a| (1..257).map(move |b| (a, a + b)));
         let n = pairs().filter(|&(a, b)| agree(a, b, 7)).count();
         assert!((380..620).contains(&n), "{n}");

@@ -7,6 +7,7 @@ use netsim::catalogue::Catalogue;
 use physics::propagation::{Reception, friis::friis_dbm};
 use physics::reception::{Curve as _, table::Table};
 use physics::{End, Scene};
+use proto::ids::MoteId;
 use proto::types::AgentStates;
 
 /// 4.5 standard errors of a frequency over n draws, plus half a draw: a correct program exceeds it once in 150,000
@@ -324,7 +325,7 @@ fn the_model_that_is_evaluated_against_rows_is_the_one_that_runs() {
     let setup = setup(2, "[phy]\npropagation = \"gaussian\"\nsigma_m = 2");
     let (config, ..) = netsim::config::read(&setup, Catalogue::built_in()).unwrap();
     let scene = Scene::default();
-    let [a, b] = [End::new(0, [0.0; 3]), End::new(1, [3.0, 0.0, 0.0])];
+    let [a, b] = [End::new(MoteId(0), [0.0; 3]), End::new(MoteId(1), [3.0, 0.0, 0.0])];
     let budget = config.model.evaluate(&config.model.link(&scene, a, b, None, 0));
     let mut network = network(2, "[phy]\npropagation = \"gaussian\"\nsigma_m = 2");
     let n = 2000;

@@ -13,6 +13,7 @@ use physics::{effect, interference};
 use proto::config::{Default, Field, Kind, Range, Variant, typed};
 use proto::effect::About;
 use proto::formula::FIT;
+use proto::ids::MoteId;
 use proto::side::{NetSimulator as _, Setup};
 use serde::{Deserialize, Serialize};
 
@@ -111,7 +112,7 @@ struct OneCell {
 impl Configured for OneCell {
     type OfMote = Self;
 
-    fn create(&self, _mote: u32) -> Self {
+    fn create(&self, _mote: MoteId) -> Self {
         self.clone()
     }
 }

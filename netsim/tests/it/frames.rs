@@ -7,6 +7,7 @@ use netsim::wire::Eui64;
 use netsim::wire::datagram::Datagram;
 use netsim::wire::fragment::{LowpanRepr, reassemble};
 use netsim::wire::frame::{Content, Envelope, FrameRepr, MAX_PSDU};
+use proto::ids::MoteId;
 
 #[test]
 fn every_kind_is_as_long_as_it_says_and_fits_a_frame() {
@@ -24,7 +25,7 @@ fn every_kind_is_as_long_as_it_says_and_fits_a_frame() {
 
 #[test]
 fn every_kind_that_is_whole_is_read_again() {
-    let root = Eui64::of_mote(0).global();
+    let root = Eui64::of_mote(MoteId(0)).global();
     for frame in kinds::frames() {
         match &frame.content {
             Content::Lowpan(LowpanRepr::First(_) | LowpanRepr::Next(_)) => {

@@ -3,6 +3,7 @@
 use super::harness::{STEP_NS, interval, network, pairs_of, period, setup, standing_at, started};
 use netsim::catalogue::Catalogue;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
 use proto::side::NetSimulator as _;
 use proto::types::{AgentStates, Deliveries, DeliveryColumn};
@@ -209,7 +210,7 @@ fn plainly(
     let n = states.len();
     let mut radios = Radios::default();
     for i in 0..n {
-        radios.push(End::new(i as u32, states.position_m(i)), 0.0);
+        radios.push(End::new(MoteId(i as u32), states.position_m(i)), 0.0);
         let sent_ns = period_ns + (i as u64 % config.n_slots) * config.slot_ns;
         let channel = config.hopping_sequence.first().map(|_| {
             let slot = (sent_ns / config.slot_ns) as usize;

@@ -155,7 +155,7 @@ impl Watch {
         for (mote, since) in motes.iter().zip(&mut self.astray_since_ns) {
             let source = mote.mac.time_source().and_then(|source| mesh.addresses().mote(source));
             let off_ns = source.map(|source| {
-                let theirs = motes[source as usize].mac.deviation_ns(now_ns);
+                let theirs = motes[source.index()].mac.deviation_ns(now_ns);
                 mote.mac.deviation_ns(now_ns).abs_diff(theirs)
             });
             if off_ns.is_some_and(|off_ns| GUARD_NS < off_ns) && mac.keep_alive_ns != 0 {

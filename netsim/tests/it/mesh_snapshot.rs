@@ -6,6 +6,7 @@ use crate::model::scenario::{FUNCTIONS, RADIOS, Scenario, Spice};
 use netsim::dice::Dice;
 use netsim::mote::Mote;
 use netsim::sim::Network;
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 use proto::side::{NetOutput, NetSimulator as _};
 
@@ -56,7 +57,7 @@ fn restored_at_any_slot_and_continued_equals_never_having_stopped() {
     let mut n_midst = [0; 3];
     for mut scenario in scenarios(24).chain(secured(24)) {
         scenario.config.push_str(BURDENS);
-        let mut dice = Dice::new(scenario.seed, Purpose::Scenario, 9);
+        let mut dice = Dice::new(scenario.seed, Purpose::Scenario, MoteId(9));
         let mut network = scenario.network();
         let n_slots = scenario.end_ns / SLOT_NS;
         let mut saved_at: Vec<u64> = (0..4).map(|_| dice.below(n_slots)).collect();
@@ -143,7 +144,7 @@ fn a_step_of_many_slots_equals_as_many_of_one() {
     for scenario in scenarios(20) {
         let mut whole = scenario.network();
         let mut parts = scenario.network();
-        let mut dice = Dice::new(scenario.seed, Purpose::Scenario, 8);
+        let mut dice = Dice::new(scenario.seed, Purpose::Scenario, MoteId(8));
         for period in 0..scenario.end_ns / STEP_NS {
             let (from_ns, until_ns) = (period * STEP_NS, (period + 1) * STEP_NS);
             let expected = scenario.step_network(&mut whole, from_ns, until_ns);

@@ -6,6 +6,7 @@ use netsim::catalogue::Catalogue;
 use netsim::dice::Dice;
 use netsim::mesh::network::Mesh;
 use netsim::sf::sotdma::Sotdma;
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 use proto::side::{NetInput, NetOutput, Setup};
 use proto::types::{AgentStates, NS_PER_S};
@@ -42,7 +43,7 @@ impl Field {
         let (settings, addresses) = *config.network.take().expect("the full network");
         let Setup { experiment, site, columns, records, .. } = setup;
         let mesh = Mesh::new(experiment, config, settings, addresses, site, columns, records);
-        let mut dice = Dice::new(seed, Purpose::Scenario, 0);
+        let mut dice = Dice::new(seed, Purpose::Scenario, MoteId(0));
         let side_m = RANGE_M * (std::f64::consts::PI * n as f64 / 9.0).sqrt();
         let mut states = AgentStates::at_origin(n);
         let mut velocities_mps = Vec::new();

@@ -13,6 +13,7 @@ use measure::table::DataTable;
 use numbers::format::trimmed;
 use numbers::power::square;
 use physics::scatter::{Moment, PairBlock};
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
 use std::collections::BTreeMap;
 use study::COMMON;
@@ -194,7 +195,7 @@ impl<'a> FrameDraws<'a> {
             let model = &self.rows.model;
             for frame in 0..n_frames {
                 let sent_ns = first_ns + frame;
-                let mut block = PairBlock::new(self.seed, tx, rx, sent_ns);
+                let mut block = PairBlock::new(self.seed, MoteId(tx), MoteId(rx), sent_ns);
                 let at = Moment {
                     period_ns: sent_ns,
                     sent_ns,
@@ -204,10 +205,10 @@ impl<'a> FrameDraws<'a> {
                 let scatter_db: f64 = model
                     .scatters()
                     .iter()
-                    .map(|scatter| scatter.value_db(&mut block, tx, rx, at))
+                    .map(|scatter| scatter.value_db(&mut block, MoteId(tx), MoteId(rx), at))
                     .sum();
                 let budget = model.evaluate_at(link, scatter_db);
-                if block.reception(tx, rx) < budget.reception_probability {
+                if block.reception(MoteId(tx), MoteId(rx)) < budget.reception_probability {
                     let mut reading = budget.register_rssi_dbm;
                     if 0.0 < quantum_db {
                         reading = (reading / quantum_db).round() * quantum_db;

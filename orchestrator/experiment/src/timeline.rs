@@ -1,6 +1,7 @@
 //! `[[timeline]]`: faults and traffic that the experiment file orders, each at its time.
 
 use proto::config::{Choice, Lists, Node, OneOf, Problem, Section, check};
+use proto::ids::MoteId;
 use proto::types::{MoteCommand, MoteCommandKind, MoteOrder, NS_PER_S, seconds};
 
 /// The entries as a key of the whole file, so that they are checked like any other.
@@ -150,12 +151,14 @@ impl Timeline {
     }
 
     /// Only motes of `absent` can be added; an entry that names another is a problem.
-    pub(super) fn check_added(&self, absent: &[u32], problems: &mut Vec<Problem>) {
+    pub(super) fn check_added(&self, absent: &[MoteId], problems: &mut Vec<Problem>) {
         let mut added: Vec<(usize, u32)> = self
             .entries
             .iter()
             .filter_map(|entry| match entry.order {
-                MoteOrder::Add(mote) if !absent.contains(&mote) => Some((entry.index, mote)),
+                MoteOrder::Add(mote) if !absent.contains(&MoteId(mote)) => {
+                    Some((entry.index, mote))
+                }
                 _ => None,
             })
             .collect();

@@ -9,6 +9,7 @@ use physics::link::{Covariates, End, Link, Scene, channel_hz};
 use physics::reception::Curve as _;
 use physics::reception::table::Table;
 use physics::scatter::{Moment, PairBlock, Renewal};
+use proto::ids::MoteId;
 use proto::site::{Foliage, Site, Wall};
 use report::svg::{Axis, Chart};
 use schemars::JsonSchema;
@@ -232,10 +233,10 @@ fn swept(
                 ("temperature_c".to_owned(), row.temperature_c),
                 ("relative_speed_mps".to_owned(), row.speed_mps),
             ];
-            let mut sender = End::new(0, [0.0, 0.0, 1.5]);
+            let mut sender = End::new(MoteId(0), [0.0, 0.0, 1.5]);
             sender.heading_rad = Some(row.heading_rad);
-            let receiver = End::new(1, [row.distance_m, 0.0, 1.5]);
-            let agents = [sender, receiver, End::new(2, [10.0, 0.0, 1.5])];
+            let receiver = End::new(MoteId(1), [row.distance_m, 0.0, 1.5]);
+            let agents = [sender, receiver, End::new(MoteId(2), [10.0, 0.0, 1.5])];
             let scene = Scene {
                 site: Some(&site),
                 agents: &agents,
@@ -267,7 +268,12 @@ fn drawn(effect: &dyn Effect) -> Option<Picture> {
             _ => 0,
         };
         let at = Moment { period_ns, sent_ns, way_m, channel };
-        scatter.value_db(&mut PairBlock::new(1, 0, other, 0), 0, other, at)
+        scatter.value_db(
+            &mut PairBlock::new(1, MoteId(0), MoteId(other), 0),
+            MoteId(0),
+            MoteId(other),
+            at,
+        )
     };
     let (x, where_): (_, &'static str) = match scatter.renewal {
         Renewal::Coherence { .. } => ("way of both ends (m)", "one link, one draw of many"),
@@ -306,8 +312,8 @@ fn power_dbm(i: usize, [low, high]: [f64; 2]) -> f64 {
 fn plain<T>(use_link: impl FnOnce(&Link<'_>) -> T) -> T {
     let scene = Scene::default();
     use_link(&Link {
-        sender: End::new(0, [0.0, 0.0, 1.5]),
-        receiver: End::new(1, [8.0, 0.0, 1.5]),
+        sender: End::new(MoteId(0), [0.0, 0.0, 1.5]),
+        receiver: End::new(MoteId(1), [8.0, 0.0, 1.5]),
         distance_m: 8.0,
         channel: Some(18),
         frequency_hz: channel_hz(18),

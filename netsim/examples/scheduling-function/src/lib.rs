@@ -1,12 +1,14 @@
 //! A scheduling function of one's own: every mote listens in one cell, which wanders from slotframe to slotframe.
 
 use netsim::mac::{Cell, CellOptions};
+use netsim::physics::asn::Asn;
 use netsim::sf::{
     BuildContext, Config, Configured, Context, Entry, PayloadCells, SchedulingFunction, Traffic,
     minimal,
 };
 use netsim::wire::Eui64;
 use proto::config::{Default, Field, Kind, Problem, Variant, join, typed};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -56,7 +58,7 @@ pub struct WanderingConfig {
 
 impl WanderingConfig {
     /// Slot and channel offset in which a mote listens in the slotframe that contains the slot `asn`.
-    pub fn cell_of(&self, mote: Eui64, asn: u64, n_channels: u16) -> (u16, u16) {
+    pub fn cell_of(&self, mote: Eui64, asn: Asn, n_channels: u16) -> (u16, u16) {
         let number = asn / u64::from(self.slotframe_slots);
         let mixed = (mote.0 ^ number.rotate_left(32)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let slot = (mixed >> 48) % u64::from(self.slotframe_slots);
@@ -68,7 +70,7 @@ impl WanderingConfig {
 impl Configured for WanderingConfig {
     type OfMote = Wandering;
 
-    fn create(&self, _mote: u32) -> Wandering {
+    fn create(&self, _mote: MoteId) -> Wandering {
         Wandering { config: self.clone(), waiting: BTreeSet::new(), next_ns: None }
     }
 }
@@ -164,7 +166,7 @@ mod tests {
 
     #[test]
     fn in_every_slotframe_a_frame_goes_where_its_receiver_listens() {
-        let (mut from, mut to) = (Bench::start(&config(), 3), Bench::start(&config(), 5));
+        let (mut from, mut to) = (Bench::start(&config(), MoteId(3)), Bench::start(&config(), MoteId(5)));
         let receiver = to.own;
         from.tell(|sf, cx| sf.handle_queue(cx, receiver, true));
         let mut places = BTreeSet::new();
@@ -184,8 +186,8 @@ mod tests {
 
     #[test]
     fn a_restored_mote_goes_on_as_if_nothing_had_happened() {
-        let mut mote = Bench::start(&config(), 3);
-        mote.tell(|sf, cx| sf.handle_queue(cx, Eui64::of_mote(5), true));
+        let mut mote = Bench::start(&config(), MoteId(3));
+        mote.tell(|sf, cx| sf.handle_queue(cx, Eui64::of_mote(MoteId(5)), true));
         let mut restored = mote.restored(&config());
         for _ in 0..20 {
             mote.pass_time();

@@ -178,7 +178,7 @@ impl AntennaPattern {
             return dipole_db(z, flat_squared);
         }
         let heading_rad =
-            here.heading_rad.or_else(|| self.headings_rad.get(here.id as usize).copied());
+            here.heading_rad.or_else(|| self.headings_rad.get(here.id.index()).copied());
         let Some(heading_rad) = heading_rad.filter(|_| flat_squared != 0.0) else { return 0.0 };
         let bearing_rad = libm::atan2(y, x) - heading_rad;
         match &self.shape {

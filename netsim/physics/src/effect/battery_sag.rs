@@ -62,7 +62,7 @@ impl Effect for BatterySag {
 
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         let sags =
-            self.nodes.as_ref().is_none_or(|nodes| nodes.binary_search(&link.sender.id).is_ok());
+            self.nodes.as_ref().is_none_or(|nodes| nodes.binary_search(&link.sender.id.0).is_ok());
         if sags { self.db_per_hour * (link.time_ns as f64 / 3.6e12) } else { 0.0 }
     }
 }

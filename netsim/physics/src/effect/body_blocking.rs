@@ -70,6 +70,7 @@ mod tests {
     use super::*;
     use crate::effect::testing::along_x;
     use crate::link::End;
+    use proto::ids::MoteId;
 
     #[test]
     fn bodies_in_the_path_add_up_and_the_ends_are_none() {
@@ -78,7 +79,7 @@ mod tests {
             let ends = [[0.0, 0.0], [10.0, 0.0]];
             let agents: Vec<End> = (0..)
                 .zip(ends.iter().chain(places))
-                .map(|(id, &[x, y])| End::new(id, [x, y, 1.0]))
+                .map(|(id, &[x, y])| End::new(MoteId(id), [x, y, 1.0]))
                 .collect();
             let mut scene = Scene { agents: &agents, ..Scene::default() };
             effect.prepare(&mut scene);

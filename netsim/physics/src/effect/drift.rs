@@ -83,6 +83,7 @@ impl Effect for Drift {
 mod tests {
     use crate::effect::testing::made;
     use crate::scatter::{Moment, PairBlock};
+    use proto::ids::MoteId;
 
     #[test]
     fn all_links_drift_together_and_forget_over_the_correlation_time() {
@@ -90,7 +91,12 @@ mod tests {
         let value = |a: u32, b: u32, time_s: f64| {
             let period_ns = (1e9 * time_s) as u64;
             let at = Moment { period_ns, sent_ns: period_ns, way_m: 0.0, channel: None };
-            scatter.value_db(&mut PairBlock::new(7, a, b, period_ns), a, b, at)
+            scatter.value_db(
+                &mut PairBlock::new(7, MoteId(a), MoteId(b), period_ns),
+                MoteId(a),
+                MoteId(b),
+                at,
+            )
         };
         assert_eq!(value(1, 2, 50.0), value(2, 1, 50.0));
         assert_eq!(value(1, 2, 50.0), value(5, 9, 50.0));

@@ -77,6 +77,7 @@ impl Effect for FastFading {
 mod tests {
     use super::*;
     use crate::scatter::{Moment, PairBlock};
+    use proto::ids::MoteId;
 
     fn draws(k_factor_db: f64, n: u64) -> Vec<f64> {
         let scatter = FastFading { k_factor_db, ordinal: 0 }.scatter().unwrap();
@@ -84,7 +85,12 @@ mod tests {
         (0..n)
             .map(|sent_ns| {
                 let at = Moment { period_ns: 0, sent_ns, way_m: 0.0, channel: None };
-                scatter.value_db(&mut PairBlock::new(5, 0, 1, 0), 0, 1, at)
+                scatter.value_db(
+                    &mut PairBlock::new(5, MoteId(0), MoteId(1), 0),
+                    MoteId(0),
+                    MoteId(1),
+                    at,
+                )
             })
             .inspect(|&value_db| assert!(least <= value_db && value_db <= most, "{value_db}"))
             .collect()

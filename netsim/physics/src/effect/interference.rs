@@ -150,7 +150,7 @@ impl Effect for Interference {
             && self
                 .receivers
                 .as_ref()
-                .is_none_or(|receivers| receivers.binary_search(&link.receiver.id).is_ok());
+                .is_none_or(|receivers| receivers.binary_search(&link.receiver.id.0).is_ok());
         if is_hit { self.duty } else { 0.0 }
     }
 

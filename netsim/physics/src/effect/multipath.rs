@@ -114,13 +114,19 @@ impl Effect for Multipath {
 mod tests {
     use super::*;
     use crate::scatter::{Moment, PairBlock};
+    use proto::ids::MoteId;
 
     #[test]
     fn channels_are_correlated_as_said_places_are_not_and_directions_are_alike() {
         let scatter = Multipath { sd_db: 1.0, coherence_hz: 10e6, ordinal: 0 }.scatter().unwrap();
         let value = |a: u32, b: u32, channel: u8, way_m: f64| {
             let at = Moment { period_ns: 5, sent_ns: 9, way_m, channel: Some(channel) };
-            scatter.value_db(&mut PairBlock::new(3, a, b, 5), a, b, at)
+            scatter.value_db(
+                &mut PairBlock::new(3, MoteId(a), MoteId(b), 5),
+                MoteId(a),
+                MoteId(b),
+                at,
+            )
         };
         assert_eq!(value(4, 9, 17, 0.0), value(9, 4, 17, 0.0));
         assert_eq!(value(4, 9, 17, 0.0), value(9, 4, 17, 0.06), "the same place");

@@ -93,7 +93,7 @@ impl Effect for NodeOffset {
     }
 
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
-        offset_db(&self.tx_db, link.sender.id) + offset_db(&self.rx_db, link.receiver.id)
+        offset_db(&self.tx_db, link.sender.id.0) + offset_db(&self.rx_db, link.receiver.id.0)
     }
 
     fn max_gain_db(&self) -> f64 {
@@ -120,6 +120,7 @@ mod tests {
     use crate::effect::testing::{along_x, made, problems};
     use crate::link::Scene;
     use crate::scatter::{Moment, PairBlock};
+    use proto::ids::MoteId;
 
     #[test]
     fn stated_values_are_those_of_sender_and_receiver() {
@@ -138,11 +139,15 @@ mod tests {
         let at = Moment { period_ns: 0, sent_ns: 0, way_m: 0.0, channel: None };
         let value = |a, b| scatter.value_db(&mut PairBlock::new(7, a, b, 0), a, b, at);
         // What nodes share cancels: a rectangle of links sums to nothing.
-        let rectangle = value(0, 1) - value(0, 2) - value(3, 1) + value(3, 2);
-        assert!(rectangle.abs() < 1e-12 && value(0, 1) != value(1, 0));
+        let rectangle =
+            value(MoteId(0), MoteId(1)) - value(MoteId(0), MoteId(2)) - value(MoteId(3), MoteId(1))
+                + value(MoteId(3), MoteId(2));
+        assert!(
+            rectangle.abs() < 1e-12 && value(MoteId(0), MoteId(1)) != value(MoteId(1), MoteId(0))
+        );
         // 20,000 disjoint links: the variance, 25, has a standard error of 0.25. Beyond 4.5 of them: one seed in 150,000.
         let n = 20_000;
-        let squares: f64 = (0..n).map(|i| value(2 * i, 2 * i + 1).powi(2)).sum();
+        let squares: f64 = (0..n).map(|i| value(MoteId(2 * i), MoteId(2 * i + 1)).powi(2)).sum();
         assert!((squares / f64::from(n) - 25.0).abs() < 1.13, "{}", squares / f64::from(n));
     }
 }

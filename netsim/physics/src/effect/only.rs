@@ -78,7 +78,7 @@ impl Effect for Limited {
     }
 
     fn acts_on(&self, link: &Link<'_>) -> bool {
-        self.only.concerns(&[link.sender.id, link.receiver.id])
+        self.only.concerns(&[link.sender.id.0, link.receiver.id.0])
             && self.only.acts_in(link.scene.run)
             && self.only.acts_at_ns(link.time_ns)
             && self.only.holds(|read| read(link), |name| covariate(link, name))
@@ -139,6 +139,7 @@ mod tests {
     use crate::model::Model;
     use crate::propagation::{Radio, friis::Friis};
     use crate::reception::table::Table;
+    use proto::ids::MoteId;
     use proto::types::Covariate;
 
     fn gain(only: &str) -> Box<dyn Effect> {
@@ -159,8 +160,12 @@ mod tests {
         let scene = Scene::default();
         let nodes = gain("{ nodes = [1, 5] }");
         assert!(acts(&*nodes, |_| {}, &scene));
-        assert!(acts(&*nodes, |link| (link.sender.id, link.receiver.id) = (5, 0), &scene));
-        assert!(!acts(&*nodes, |link| link.receiver.id = 2, &scene));
+        assert!(acts(
+            &*nodes,
+            |link| (link.sender.id, link.receiver.id) = (MoteId(5), MoteId(0)),
+            &scene
+        ));
+        assert!(!acts(&*nodes, |link| link.receiver.id = MoteId(2), &scene));
         let span = gain("{ from_s = 1800.1, until_s = 3600.3 }");
         for (time_ns, expected) in [
             (1_800_099_000_000, false),
@@ -180,8 +185,12 @@ mod tests {
         assert!(!acts(&*channel, |link| link.channel = None, &scene));
         let directed = gain("{ where = 'tx == 0 and rx != 2', nodes = [0] }");
         assert!(acts(&*directed, |_| {}, &scene));
-        assert!(!acts(&*directed, |link| link.receiver.id = 2, &scene));
-        assert!(!acts(&*directed, |link| (link.sender.id, link.receiver.id) = (1, 0), &scene));
+        assert!(!acts(&*directed, |link| link.receiver.id = MoteId(2), &scene));
+        assert!(!acts(
+            &*directed,
+            |link| (link.sender.id, link.receiver.id) = (MoteId(1), MoteId(0)),
+            &scene
+        ));
     }
 
     #[test]
@@ -211,7 +220,7 @@ mod tests {
         let scene = Scene::default();
         let [here, there] = [[0, 1], [0, 2]].map(|[tx, rx]| {
             let mut link = along_x(10.0, 1.0, Some(15), &scene);
-            (link.sender.id, link.receiver.id) = (tx, rx);
+            (link.sender.id, link.receiver.id) = (MoteId(tx), MoteId(rx));
             link
         });
         let only = "\nonly = { nodes = [1] }";
@@ -267,7 +276,7 @@ mod tests {
         let scene = Scene::default();
         let ordinals = |tx, rx| {
             let mut link = along_x(10.0, 1.0, Some(15), &scene);
-            (link.sender.id, link.receiver.id) = (tx, rx);
+            (link.sender.id, link.receiver.id) = (MoteId(tx), MoteId(rx));
             model.limited_scatters(&link).map(|scatter| scatter.ordinal).collect::<Vec<_>>()
         };
         assert_eq!(ordinals(0, 1), [0]);

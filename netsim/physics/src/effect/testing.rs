@@ -8,6 +8,7 @@ use crate::propagation::Radio;
 use crate::propagation::friis::Friis;
 use crate::reception::table::Table;
 use proto::effect::Fixed;
+use proto::ids::MoteId;
 
 /// A link from node 0 at x = 0 to node 1 at x = `distance_m`, both antennas so high.
 pub(crate) fn along_x<'a>(
@@ -17,8 +18,8 @@ pub(crate) fn along_x<'a>(
     scene: &'a Scene<'a>,
 ) -> Link<'a> {
     Link {
-        sender: End::new(0, [0.0, 0.0, height_m]),
-        receiver: End::new(1, [distance_m, 0.0, height_m]),
+        sender: End::new(MoteId(0), [0.0, 0.0, height_m]),
+        receiver: End::new(MoteId(1), [distance_m, 0.0, height_m]),
         distance_m,
         channel,
         frequency_hz: channel.map_or(2.44e9, channel_hz),

@@ -4,6 +4,7 @@ use super::filter::Filters;
 use crate::link::{End, Scene, distance_squared_m2};
 use crate::model::{LinkBudget, Model};
 use crate::scatter::{Moment, PairBlock, Seeds};
+use proto::ids::MoteId;
 
 /// A frame on the air.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,7 +36,7 @@ impl Radios {
     pub fn push(&mut self, end: End, way_m: f64) {
         self.ends.push(end);
         self.way_m.push(way_m);
-        self.id.push(end.id);
+        self.id.push(end.id.0);
         for (column, coordinate) in self.position_m.iter_mut().zip(end.position_m) {
             column.push(coordinate);
         }
@@ -78,7 +79,7 @@ impl PairState {
     /// Uniform in [0, 1): a frame is received if this is less than its probability.
     #[inline]
     pub fn draw(&mut self, sender_id: u32, receiver_id: u32) -> f64 {
-        self.block.reception(sender_id, receiver_id)
+        self.block.reception(MoteId(sender_id), MoteId(receiver_id))
     }
 }
 
@@ -94,7 +95,7 @@ impl Air<'_> {
     #[must_use]
     pub fn pair(&self, a: usize, b: usize) -> PairState {
         let id = &self.radios.id;
-        let block = PairBlock::new(self.seeds, id[a], id[b], self.period_ns);
+        let block = PairBlock::new(self.seeds, MoteId(id[a]), MoteId(id[b]), self.period_ns);
         PairState { block, shared_db: None }
     }
 
@@ -103,7 +104,8 @@ impl Air<'_> {
     #[must_use]
     pub fn drawn_pair(&self, a: usize, b: usize, words: [u64; 4]) -> PairState {
         let id = &self.radios.id;
-        let block = PairBlock::drawn(self.seeds, id[a], id[b], self.period_ns, words);
+        let block =
+            PairBlock::drawn(self.seeds, MoteId(id[a]), MoteId(id[b]), self.period_ns, words);
         PairState { block, shared_db: None }
     }
 
@@ -133,7 +135,9 @@ impl Air<'_> {
         let at = self.moment(receiver, frame, frames[frame]);
         let block = &mut pair.block;
         let scatters = self.model.limited_scatters(&link);
-        scatters.map(|scatter| scatter.value_db(block, id[frame], id[receiver], at)).sum()
+        scatters
+            .map(|scatter| scatter.value_db(block, MoteId(id[frame]), MoteId(id[receiver]), at))
+            .sum()
     }
 
     /// The scatter (dB) that both directions share.
@@ -148,7 +152,7 @@ impl Air<'_> {
         let (a, b) = (self.radios.id[a], self.radios.id[b]);
         let mut shared_db = 0.0;
         for scatter in self.model.symmetric_scatters() {
-            shared_db += scatter.value_db(&mut pair.block, a, b, at);
+            shared_db += scatter.value_db(&mut pair.block, MoteId(a), MoteId(b), at);
         }
         pair.shared_db = Some(shared_db);
         shared_db
@@ -175,7 +179,7 @@ impl Air<'_> {
         let (sender, receiver) = (self.radios.id[frame], self.radios.id[receiver]);
         let mut own_db = 0.0;
         for scatter in directed {
-            own_db += scatter.value_db(&mut pair.block, sender, receiver, at);
+            own_db += scatter.value_db(&mut pair.block, MoteId(sender), MoteId(receiver), at);
         }
         shared_db + own_db
     }

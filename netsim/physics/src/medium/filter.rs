@@ -8,6 +8,7 @@
 use crate::link::{End, Scene};
 use crate::model::Model;
 use crate::propagation::{Reach, Reception};
+use proto::ids::MoteId;
 
 /// Filters of a model, for frames without and with a known channel.
 #[derive(Clone, Debug, Default)]
@@ -116,7 +117,7 @@ impl Filter {
         let mut by_curve = false;
         let value_at = |key: u64| {
             let distance_m = near_edge_m2(key).sqrt();
-            let [sender, receiver] = [0.0, distance_m].map(|x| End::new(0, [x, 0.0, 0.0]));
+            let [sender, receiver] = [0.0, distance_m].map(|x| End::new(MoteId(0), [x, 0.0, 0.0]));
             let link = model.link(&scene, sender, receiver, channel, 0);
             let budget = model.evaluate(&link);
             match model.propagation.predict(&link).reception {

@@ -32,6 +32,7 @@ use crate::nearest::{Grid, Nearest};
 use crate::propagation::Reach;
 use crate::scatter::{Moment, PairBlock, Renewal, Scatter, Seeds};
 use budgets::Budgets;
+use proto::ids::MoteId;
 use proto::site::Site;
 use proto::types::Covariate;
 use rows::SenderRows;
@@ -76,8 +77,8 @@ const NOWHERE: u32 = u32::MAX;
 
 impl Place {
     #[inline]
-    fn index_of(&self, mote: u32) -> Option<usize> {
-        let place = *self.place_of.get(mote as usize)?;
+    fn index_of(&self, mote: MoteId) -> Option<usize> {
+        let place = *self.place_of.get(mote.index())?;
         (place != NOWHERE).then_some(place as usize)
     }
 }
@@ -151,14 +152,14 @@ impl Links {
         }
         self.rows.note_moves((&self.place.ends, &self.place.way_m), (ends, way_m));
         for end in &self.place.ends {
-            self.place.place_of[end.id as usize] = NOWHERE;
+            self.place.place_of[end.id.index()] = NOWHERE;
         }
-        let n_motes = ends.last().map_or(0, |end| end.id as usize + 1);
+        let n_motes = ends.last().map_or(0, |end| end.id.index() + 1);
         if self.place.place_of.len() < n_motes {
             self.place.place_of.resize(n_motes, NOWHERE);
         }
         for (place, end) in (0..).zip(ends) {
-            self.place.place_of[end.id as usize] = place;
+            self.place.place_of[end.id.index()] = place;
         }
         self.place.ends.clear();
         self.place.ends.extend_from_slice(ends);
@@ -193,13 +194,13 @@ impl Links {
 
     /// What of a frame arrives at one receiver.
     #[must_use]
-    pub fn arrival(&mut self, sent: Sent, receiver: u32) -> Arrival {
+    pub fn arrival(&mut self, sent: Sent, receiver: MoteId) -> Arrival {
         let mut arrival = Arrival::NOTHING;
         self.each_arrival(sent, &[receiver], |found| arrival = found);
         arrival
     }
 
-    fn each_arrival(&mut self, sent: Sent, receivers: &[u32], mut found: impl FnMut(Arrival)) {
+    fn each_arrival(&mut self, sent: Sent, receivers: &[MoteId], mut found: impl FnMut(Arrival)) {
         let Some(from) = self.place.index_of(sent.sender) else {
             receivers.iter().for_each(|_| found(Arrival::NOTHING));
             return;
@@ -243,7 +244,7 @@ impl Links {
 }
 
 impl Paths for Links {
-    fn neighbours(&mut self, sender: u32) -> Option<&[u32]> {
+    fn neighbours(&mut self, sender: MoteId) -> Option<&[MoteId]> {
         let Some(from) = self.place.index_of(sender) else { return Some(&[]) };
         self.rows.refresh(&self.place.ends, from, self.reach, !self.lasting.is_empty());
         self.rows.neighbours(sender)
@@ -254,11 +255,11 @@ impl Paths for Links {
     }
 
     #[inline]
-    fn is_on(&self, mote: u32) -> bool {
+    fn is_on(&self, mote: MoteId) -> bool {
         self.place.index_of(mote).is_some()
     }
 
-    fn arrivals(&mut self, sent: Sent, receivers: &[u32], arrivals: &mut Vec<Arrival>) {
+    fn arrivals(&mut self, sent: Sent, receivers: &[MoteId], arrivals: &mut Vec<Arrival>) {
         self.each_arrival(sent, receivers, |arrival| arrivals.push(arrival));
     }
 }
@@ -282,7 +283,7 @@ impl OnAir<'_> {
     #[inline]
     fn arrival_at(
         &self,
-        receiver: u32,
+        receiver: MoteId,
         rows: &mut SenderRows,
         budgets: Option<&mut Budgets>,
     ) -> Arrival {

@@ -50,7 +50,7 @@ pub(super) const CHUNK: usize = 64;
 pub(super) fn places(air: &Air<'_>, agent_count: usize) -> Vec<Option<u32>> {
     let mut place_of = vec![None; agent_count];
     for (place, end) in (0..).zip(&air.radios.ends) {
-        place_of[end.id as usize] = Some(place);
+        place_of[end.id.index()] = Some(place);
     }
     place_of
 }

@@ -104,7 +104,7 @@ impl Propagation for Trace {
     }
 
     fn predict(&self, link: &Link<'_>) -> Prediction {
-        let (src, dst) = (link.sender.id as usize, link.receiver.id as usize);
+        let (src, dst) = (link.sender.id.index(), link.receiver.id.index());
         let row = match link.channel {
             Some(channel @ 11..=26) if src < self.n_nodes && dst < self.n_nodes => {
                 let place = (src * self.n_nodes + dst) * N_CHANNELS + usize::from(channel - 11);
@@ -179,6 +179,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
 mod tests {
     use super::*;
     use crate::link::{End, Scene};
+    use proto::ids::MoteId;
 
     /// Three nodes, two channels, one minute; the third row repeats the first one's link and channel.
     const TEXT: &str = "{\"tx_length\": 100, \"start_date\": \"2018-01-11T16:32:22.0\", \
@@ -193,8 +194,8 @@ mod tests {
     fn predict(trace: &Trace, src: u32, dst: u32, channel: u8, time_s: f64) -> (f64, f64) {
         let scene = Scene::default();
         let prediction = trace.predict(&Link {
-            sender: End::new(src, [0.0; 3]),
-            receiver: End::new(dst, [0.0; 3]),
+            sender: End::new(MoteId(src), [0.0; 3]),
+            receiver: End::new(MoteId(dst), [0.0; 3]),
             distance_m: 1.0,
             channel: Some(channel),
             frequency_hz: 2.4e9,

@@ -4,6 +4,7 @@ use super::*;
 use coap::{Coap, Servers, Settings};
 use download::Download;
 use exchange::Timers;
+use proto::ids::MoteId;
 use proto::types::PacketPurpose;
 
 /// Those of RFC 7252, § 4.8.
@@ -23,7 +24,7 @@ fn coap(servers: Servers) -> Spec {
 
 fn download(size_bytes: u32, szx: u8) -> Spec {
     let settings = download::Settings { after_ns: 0, size_bytes, szx, timers: TIMERS };
-    Spec { machine: Machine::Download(Download::new(settings, Some(vec![1]))) }
+    Spec { machine: Machine::Download(Download::new(settings, Some(vec![MoteId(1)]))) }
 }
 
 fn message(packet: &Packet) -> CoapRepr {
@@ -32,7 +33,7 @@ fn message(packet: &Packet) -> CoapRepr {
 
 fn to(packet: &Packet) -> u32 {
     match packet.destination {
-        Destination::Mote(mote) => mote,
+        Destination::Mote(mote) => mote.0,
         Destination::Root => panic!("CoAP is for a mote"),
     }
 }
@@ -45,7 +46,7 @@ fn give(
     now_ns: u64,
     world: &mut World,
 ) -> Option<Packet> {
-    match app.machine().handle_message(from, 1, &message(packet), &mut world.at(now_ns)) {
+    match app.machine().handle_message(MoteId(from), 1, &message(packet), &mut world.at(now_ns)) {
         Heard::NotMine => panic!("nobody takes {packet:?}"),
         Heard::Taken(answer) => answer,
     }
@@ -71,7 +72,7 @@ fn rfc7252_5_2_1_the_response_is_in_the_acknowledgment_and_ends_the_exchange() {
     let [ended] = &world.packets.take_ended()[..] else { panic!("one exchange") };
     assert_eq!((ended.ended_ns - ended.packet.created_ns, ended.lost), (2 * NS_PER_S, None));
     // The same again belongs to nothing.
-    let again = root.machine().handle_message(1, 1, &content, &mut world.at(13 * NS_PER_S));
+    let again = root.machine().handle_message(MoteId(1), 1, &content, &mut world.at(13 * NS_PER_S));
     assert_eq!(again, Heard::NotMine);
     // Then the other one, and mote 1 again.
     let at = [20, 30].map(|at_s| {
@@ -91,7 +92,7 @@ fn rfc7252_5_2_1_the_response_is_in_the_acknowledgment_and_ends_the_exchange() {
 fn rfc7252_4_2_timeouts_double_and_after_four_retransmissions_the_client_gives_up() {
     let mut firsts = Vec::new();
     for mote in 1..50 {
-        let mut root = app(&coap(Servers::One(mote)), 0, true, 50);
+        let mut root = app(&coap(Servers::One(MoteId(mote))), 0, true, 50);
         let mut world = World::of(0);
         root.machine().reseed(u64::from(mote));
         root.set_ready(true, &mut world.at(0));
@@ -187,8 +188,12 @@ fn transfer(
         if let Some((_, from, packet)) = flying.pop_front_if(|(at_ns, ..)| *at_ns <= now_ns) {
             let other = 1 - from;
             let app = apps[other].machine();
-            let heard =
-                app.handle_message(from as u32, 1, &message(&packet), &mut world.at(now_ns));
+            let heard = app.handle_message(
+                MoteId(from as u32),
+                1,
+                &message(&packet),
+                &mut world.at(now_ns),
+            );
             if let Heard::Taken(Some(answer)) = heard {
                 sent.push(answer.clone());
                 if !is_lost(&answer) {
@@ -279,7 +284,7 @@ fn rfc7252_4_2_losses_retransmissions_duplicates_and_round_trips_are_those_of_in
     // Longer than MAX_TRANSMIT_WAIT: no exchange waits for another.
     let period_ns = 100 * NS_PER_S;
     let settings = Settings {
-        servers: Servers::One(1),
+        servers: Servers::One(MoteId(1)),
         period_ns,
         is_poisson: false,
         response_bytes: 16,

@@ -1,10 +1,11 @@
 //! Motes on a line, each with a queue from which one frame per slotframe goes to its next hop. No MAC.
 
 use super::*;
+use proto::ids::MoteId;
 use std::collections::VecDeque;
 
 pub(super) fn mote(n: u32) -> Eui64 {
-    Eui64::of_mote(n)
+    Eui64::of_mote(MoteId(n))
 }
 
 /// From one mote to another, without a route.

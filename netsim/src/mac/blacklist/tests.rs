@@ -5,6 +5,7 @@ use crate::mac::tsch::channel_at;
 use crate::wire::Eui64;
 use physics::asn::Asn;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
 
 /// IEEE Std 802.15.4-2015's for 16 channels.
@@ -38,7 +39,7 @@ enum Fate {
 
 impl Pair {
     fn new(config: Config) -> Self {
-        let [sender, receiver] = [1, 2].map(Eui64::of_mote);
+        let [sender, receiver] = [1, 2].map(MoteId).map(Eui64::of_mote);
         let cells = [
             Cell::new(7, 3, CellOptions::TX, Some(receiver)),
             Cell::new(7, 3, CellOptions::RX, Some(sender)),
@@ -47,7 +48,7 @@ impl Pair {
     }
 
     fn addresses(&self) -> [Eui64; 2] {
-        [1, 2].map(Eui64::of_mote)
+        [1, 2].map(MoteId).map(Eui64::of_mote)
     }
 
     /// The channels on which the two ends are in a slot.
@@ -204,7 +205,7 @@ fn the_best_channels_are_used_and_of_equal_ones_those_in_use() {
 
 #[test]
 fn shared_beacon_and_nobodys_cells_are_not_dedicated() {
-    let other = Some(Eui64::of_mote(1));
+    let other = Some(Eui64::of_mote(MoteId(1)));
     let is = |options, neighbour| is_dedicated(&Cell::new(1, 0, options, neighbour));
     assert!(is(CellOptions::TX, other) && is(CellOptions::RX, other));
     assert!(!is(CellOptions::TX_SHARED, other) && !is(CellOptions::TX_RX_SHARED, None));

@@ -1,6 +1,7 @@
 use super::*;
 use physics::asn::Asn;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 
 proptest! {
     #[test]
@@ -99,7 +100,7 @@ fn t17_a_slotframe_that_shrinks_loses_cells_beyond_its_end() {
 #[test]
 fn t20_cells_differ_by_each_of_five_attributes() {
     let cell = Cell::new(1, 2, CellOptions::TX, None);
-    let neighbour = Some(Eui64::of_mote(1));
+    let neighbour = Some(Eui64::of_mote(MoteId(1)));
     for other in [
         Cell { slot: 2, ..cell },
         Cell { channel: 3, ..cell },

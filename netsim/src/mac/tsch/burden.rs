@@ -10,7 +10,7 @@ impl Tsch {
     #[must_use]
     pub fn burdened(mut self, burden: &Burden, seed: u64) -> Self {
         if burden.max_drift_ppm != 0.0 {
-            let entity = u64::from(self.mote);
+            let entity = u64::from(self.mote.0);
             let draw = Draws::new(seed, Purpose::ClockDrift).uniform(entity, 0, 0);
             self.clock = self.clock.faster((2.0 * draw - 1.0) * burden.max_drift_ppm);
         }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::wire::rpl::DodagConfiguration;
+use proto::ids::MoteId;
 
 /// A DIO of a DODAG that uses MRHOF.
 fn mrhof_dio(rank: u16) -> DioRepr {
@@ -21,7 +22,7 @@ fn rfc6719_5_the_parent_set_has_three_members() {
 
 #[test]
 fn rfc6719_3_3_rank_is_the_largest_of_the_three_that_the_parent_set_gives() {
-    let mut dice = Dice::new(7, Purpose::Routing, 0);
+    let mut dice = Dice::new(7, Purpose::Routing, MoteId(0));
     let mut n_sets = [0; 4];
     for max_rank_increase in [0, 100, 300, 7168] {
         for hop in [64, 256] {

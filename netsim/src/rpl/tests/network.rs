@@ -3,6 +3,7 @@
 use super::*;
 use crate::wire::datagram::RpiRepr;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 use std::collections::BTreeSet;
 
 /// Time from a message's sending to its reception (ns).
@@ -25,14 +26,14 @@ struct Network {
 impl Network {
     fn new(config: &Config, roots: usize, pdr: Vec<Vec<f64>>, seed: u64) -> Self {
         let n = pdr.len();
-        let dice = |i| Dice::new(seed, Purpose::Routing, i as u32);
+        let dice = |i| Dice::new(seed, Purpose::Routing, MoteId(i as u32));
         let mote = |i| Rpl::new(config.clone(), super::mote(i as u32), i < roots);
         let mut network = Self {
             motes: (0..n).map(mote).collect(),
             dice: (0..n).map(dice).collect(),
             pdr,
             alive: vec![true; n],
-            air: Dice::new(seed, Purpose::Mac, 0),
+            air: Dice::new(seed, Purpose::Mac, MoteId(0)),
             now_ns: 0,
             flying: VecDeque::new(),
         };

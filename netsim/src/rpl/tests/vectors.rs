@@ -1,6 +1,7 @@
 //! Conformance vectors R3 to R11; R1, R2, R7, R9 and R12 are with what they concern.
 
 use super::*;
+use proto::ids::MoteId;
 
 #[test]
 fn r3_default_ranks_on_a_line() {
@@ -134,7 +135,7 @@ fn r10_solicitations_by_mode() {
         (Solicitation::Off, None),
     ] {
         let config = Config { solicitation, ..Config::default() };
-        let mut dice = Dice::new(1, Purpose::Routing, 9);
+        let mut dice = Dice::new(1, Purpose::Routing, MoteId(9));
         let mut rpl = Rpl::new(config, mote(9), false);
         rpl.set_proxy(Some(mote(3)));
         rpl.start(0, &mut dice);

@@ -16,6 +16,7 @@
 
 use crate::second::carried::{Carried, CarriedFrame};
 use bytes::Bytes;
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
@@ -92,7 +93,7 @@ struct Station {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct OnAir {
     number: u64,
-    sender: u32,
+    sender: MoteId,
     sent_ns: u64,
     end_ns: u64,
     payload: Bytes,
@@ -131,7 +132,7 @@ impl Dcf {
         let Ok(state) = postcard::from_bytes::<State>(state) else { return false };
         let fits = state.stations.len() == n
             && state.on_air.iter().all(|frame| {
-                exists(frame.sender)
+                exists(frame.sender.0)
                     && frame.sensed.iter().all(|&id| exists(id))
                     && frame.received.iter().all(|&(id, _)| exists(id))
             });
@@ -155,7 +156,7 @@ impl Dcf {
         arrivals: Vec<(u64, u32, Bytes)>,
         until_ns: u64,
         seed: u64,
-        heard_by: &mut dyn FnMut(u32) -> HeardBy,
+        heard_by: &mut dyn FnMut(MoteId) -> HeardBy,
         carried: &mut Carried,
     ) {
         let draws = Draws::new(seed, Purpose::SecondMediumBackoff);
@@ -252,7 +253,7 @@ impl Dcf {
         &mut self,
         senders: &[u32],
         now_ns: u64,
-        heard_by: &mut dyn FnMut(u32) -> HeardBy,
+        heard_by: &mut dyn FnMut(MoteId) -> HeardBy,
         events: &mut Events,
     ) {
         let mut begun = Vec::with_capacity(senders.len());
@@ -264,7 +265,7 @@ impl Dcf {
             begun.push((sender, payload));
         }
         for (sender, payload) in begun {
-            let HeardBy { sensed, received } = heard_by(sender);
+            let HeardBy { sensed, received } = heard_by(MoteId(sender));
             let number = self.state.next;
             self.state.next += 1;
             let mut possible = received.iter().map(|&(id, _)| id).peekable();
@@ -279,7 +280,15 @@ impl Dcf {
             let end_ns = now_ns + self.timing.airtime_ns(payload.len());
             events.push(Reverse((end_ns, Event::End { number })));
             let sent_ns = now_ns;
-            let frame = OnAir { number, sender, sent_ns, end_ns, payload, sensed, received };
+            let frame = OnAir {
+                number,
+                sender: MoteId(sender),
+                sent_ns,
+                end_ns,
+                payload,
+                sensed,
+                received,
+            };
             self.state.on_air.push(frame);
         }
     }
@@ -292,8 +301,8 @@ impl Dcf {
         let stations = &mut self.state.stations;
         let mut receivers = frame.received;
         receivers.retain(|&(id, _)| stations[id as usize].receives == Some(number));
-        self.draw(frame.sender, draws);
-        for id in frame.sensed.iter().copied().chain([frame.sender]) {
+        self.draw(frame.sender.0, draws);
+        for id in frame.sensed.iter().copied().chain([frame.sender.0]) {
             let station = &mut self.state.stations[id as usize];
             if station.receives == Some(number) {
                 station.receives = None;

@@ -6,12 +6,13 @@ use crate::sf::Config;
 use crate::sf::testing::{Bench, built, read};
 use physics::asn::Asn;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 use std::collections::BTreeSet;
 
 const ALICE: &str = "kind = \"alice\" # storing";
 
 fn mote(n: u32) -> Eui64 {
-    Eui64::of_mote(n)
+    Eui64::of_mote(MoteId(n))
 }
 
 fn keys(config: &Config) -> AliceConfig {
@@ -28,7 +29,8 @@ fn place(cell: &Cell) -> (u16, u16) {
 
 /// Two motes of which one is the other's parent, and both know.
 fn link(config: &Config, child: u32, parent: u32) -> (Bench, Bench) {
-    let (mut low, mut high) = (Bench::start(config, child), Bench::start(config, parent));
+    let (mut low, mut high) =
+        (Bench::start(config, MoteId(child)), Bench::start(config, MoteId(parent)));
     low.set_parent(Some(mote(parent)));
     low.tell(|sf, cx| sf.handle_known_to_parent(cx));
     high.tell(|sf, cx| sf.handle_child(cx, mote(child), true));
@@ -37,7 +39,7 @@ fn link(config: &Config, child: u32, parent: u32) -> (Bench, Bench) {
 
 #[test]
 fn beacons_come_before_the_common_cell_and_that_before_links_with_periods_397_31_23() {
-    let bench = Bench::start(&built(ALICE, 20), 5);
+    let bench = Bench::start(&built(ALICE, 20), MoteId(5));
     let frames: Vec<_> =
         bench.schedule.slotframes().iter().map(|frame| (frame.handle, frame.slots())).collect();
     assert_eq!(frames, [(0, 397), (1, 31), (2, 23)]);
@@ -45,7 +47,7 @@ fn beacons_come_before_the_common_cell_and_that_before_links_with_periods_397_31
     assert_eq!((common.slot, common.channel, common.options), (0, 1, CellOptions::TX_RX_SHARED));
     let text = "kind = \"alice\" # storing\neb_slots = 41\ncommon_slots = 19\nunicast_slots = 7";
     let config = built(text, 20);
-    let bench = Bench::start(&config, 5);
+    let bench = Bench::start(&config, MoteId(5));
     let lengths: Vec<_> = bench.schedule.slotframes().iter().map(Slotframe::slots).collect();
     assert_eq!(lengths, [41, 19, 7]);
     assert_eq!(config.slotframe_slots(), 19);
@@ -139,7 +141,7 @@ fn links_that_collide_in_one_slotframe_part_in_the_next_ones() {
 
 #[test]
 fn a_frame_for_the_parent_waits_for_its_cell_once_the_parent_knows_the_mote() {
-    let mut bench = Bench::start(&built(ALICE, 20), 5);
+    let mut bench = Bench::start(&built(ALICE, 20), MoteId(5));
     bench.set_parent(Some(mote(7)));
     assert_eq!(bench.sf.slotframe_of(Traffic::Unicast(mote(7))), Some(1));
     bench.tell(|sf, cx| sf.handle_known_to_parent(cx));
@@ -156,7 +158,7 @@ fn a_frame_for_the_parent_waits_for_its_cell_once_the_parent_knows_the_mote() {
 #[test]
 fn frames_for_former_relatives_are_dropped_unless_that_is_switched_off() {
     let abandons = |text: &str| {
-        let mut bench = Bench::start(&built(text, 20), 5);
+        let mut bench = Bench::start(&built(text, 20), MoteId(5));
         bench.set_parent(Some(mote(7)));
         bench.tell(|sf, cx| sf.handle_child(cx, mote(9), true));
         assert!(![7, 9].iter().any(|&n| bench.sf.abandons(UNICAST_HANDLE, mote(n))));
@@ -172,8 +174,8 @@ fn frames_for_former_relatives_are_dropped_unless_that_is_switched_off() {
 
 #[test]
 fn after_a_loss_of_synchronisation_nothing_is_remembered() {
-    let mut bench = Bench::start(&built(ALICE, 20), 5);
-    let fresh = built(ALICE, 20).create(5);
+    let mut bench = Bench::start(&built(ALICE, 20), MoteId(5));
+    let fresh = built(ALICE, 20).create(MoteId(5));
     bench.set_parent(Some(mote(7)));
     bench.tell(|sf, cx| sf.handle_child(cx, mote(9), true));
     assert_ne!(bench.sf, fresh);

@@ -5,18 +5,20 @@ use crate::mac::Cell;
 use crate::sf::msf::tests::harness::Network;
 use crate::sf::msf::tests::negotiated;
 use crate::sf::testing::{Bench, built, read};
+use proto::ids::MoteId;
 
 const PARENT: u32 = 9;
 
 /// A mote with a parent, which receives from children in these slots of a slotframe of 20, and transmits in others.
 fn bench(receives: &[u16], transmits: &[u16]) -> Bench {
-    let mut bench = Bench::start(&built("kind = \"llsf\"\nslotframe_slots = 20", 20), 5);
-    bench.parent = Some(Eui64::of_mote(PARENT));
+    let mut bench = Bench::start(&built("kind = \"llsf\"\nslotframe_slots = 20", 20), MoteId(5));
+    bench.parent = Some(Eui64::of_mote(MoteId(PARENT)));
     let cell = |&slot: &u16, options, neighbour| {
         Cell::new(slot, 3, options, Some(Eui64::of_mote(neighbour)))
     };
-    let mut cells: Vec<Cell> = receives.iter().map(|slot| cell(slot, CellOptions::RX, 6)).collect();
-    cells.extend(transmits.iter().map(|slot| cell(slot, CellOptions::TX, PARENT)));
+    let mut cells: Vec<Cell> =
+        receives.iter().map(|slot| cell(slot, CellOptions::RX, MoteId(6))).collect();
+    cells.extend(transmits.iter().map(|slot| cell(slot, CellOptions::TX, MoteId(PARENT))));
     bench.schedule.add_all(NEGOTIATED, &cells).unwrap();
     bench
 }

@@ -9,6 +9,7 @@ use crate::sixtop::Failure;
 use crate::wire::sixp::{ReturnCode, SixpBody};
 use harness::Network;
 use physics::asn::Asn;
+use proto::ids::MoteId;
 
 /// Cells of 6P's own making.
 pub(in crate::sf) fn negotiated<P: Policy>(
@@ -305,7 +306,7 @@ fn rfc9033_8_candidates_avoid_the_first_slot_and_every_cell_of_the_mote() {
             &[SixpCell { slot: 5, channel: 0 }],
         );
         let own = hash::autonomous_cell(cx.own, 7, 16).0;
-        let root = hash::autonomous_cell(Eui64::of_mote(0), 7, 16).0;
+        let root = hash::autonomous_cell(Eui64::of_mote(MoteId(0)), 7, 16).0;
         let mut slots: Vec<u16> =
             msf.candidates(cx, CellOptions::TX, 9).iter().map(|candidate| candidate.slot).collect();
         slots.sort_unstable();
@@ -316,7 +317,7 @@ fn rfc9033_8_candidates_avoid_the_first_slot_and_every_cell_of_the_mote() {
 
 #[test]
 fn rfc9033_2_broadcast_frames_keep_to_the_minimal_cell() {
-    let msf = Msf::new(&MsfConfig::default(), 1);
+    let msf = Msf::new(&MsfConfig::default(), MoteId(1));
     assert_eq!(msf.slotframe_of(Traffic::Beacon), Some(MINIMAL));
     assert_eq!(msf.slotframe_of(Traffic::Broadcast), Some(MINIMAL));
     assert_eq!(msf.slotframe_of(Traffic::Unicast(Eui64(1))), None);

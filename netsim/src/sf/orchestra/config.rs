@@ -3,6 +3,7 @@
 use crate::sf::{BuildContext, Config, Entry, MAX_SLOTS, PayloadCells};
 use crate::wire::Eui64;
 use proto::config::{Choice, Problem, Section, join, variant};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -113,7 +114,7 @@ impl OrchestraConfig {
     /// Warns of motes that have all their cells in common.
     pub(in crate::sf) fn warn_of_equal_motes(&self, context: &mut BuildContext<'_>) {
         let mut hashes = BTreeSet::new();
-        let addresses = (0..context.agent_count as u32).map(context.address);
+        let addresses = MoteId::first(context.agent_count).map(context.address);
         let n_same = addresses.filter(|&address| !hashes.insert(self.hash(address))).count();
         if n_same != 0 {
             let key = join(context.path, "hash");
@@ -232,7 +233,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> 
         is_collision_free: false,
         hash: keys.hash,
     };
-    let mut addresses = (0..context.agent_count as u32).map(context.address);
+    let mut addresses = MoteId::first(context.agent_count).map(context.address);
     let mut taken = BTreeSet::new();
     config.is_collision_free = context.agent_count <= usize::from(unicast_active_slots)
         && addresses.all(|address| taken.insert(config.unicast_slot(address)));

@@ -5,9 +5,10 @@ use crate::mac::{CellRef, Slotframe};
 use crate::sf::testing::{Bench, built, read};
 use physics::asn::Asn;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 
 fn mote(n: u32) -> Eui64 {
-    Eui64::of_mote(n)
+    Eui64::of_mote(MoteId(n))
 }
 
 fn with_rules(rules: &str) -> String {
@@ -25,12 +26,12 @@ fn place(cell: &Cell) -> (u16, u16) {
 #[test]
 fn o2_the_default_rules_have_handles_in_order_and_periods_397_17_31() {
     let config = built("kind = \"orchestra\"", 20);
-    let bench = Bench::start(&config, 5);
+    let bench = Bench::start(&config, MoteId(5));
     let frames: Vec<_> =
         bench.schedule.slotframes().iter().map(|frame| (frame.handle, frame.slots())).collect();
     assert_eq!(frames, [(0, 397), (1, 17), (2, 31)]);
     let config = built("kind = \"orchestra\"\neb_slots = 299\ncommon_slots = 7", 20);
-    let bench = Bench::start(&config, 5);
+    let bench = Bench::start(&config, MoteId(5));
     let frames: Vec<_> = bench.schedule.slotframes().iter().map(Slotframe::slots).collect();
     assert_eq!(frames, [299, 17, 7]);
     assert_eq!(config.slotframe_slots(), 7);
@@ -39,7 +40,7 @@ fn o2_the_default_rules_have_handles_in_order_and_periods_397_17_31() {
 #[test]
 fn default_common_is_one_shared_cell_that_advertises_only_without_a_slotframe_for_beacons() {
     let common = |text: &str| {
-        let bench = Bench::start(&built(text, 20), 5);
+        let bench = Bench::start(&built(text, 20), MoteId(5));
         let handle = bench.sf.slotframe_of(Traffic::Broadcast).unwrap();
         let [cell] = cells(&bench, handle)[..] else { panic!("one cell") };
         assert_eq!((cell.slot, cell.channel), (0, 1));
@@ -52,7 +53,7 @@ fn default_common_is_one_shared_cell_that_advertises_only_without_a_slotframe_fo
 
 #[test]
 fn beacons_are_sent_in_the_own_slot_and_heard_in_that_of_the_time_source_which_moves_with_it() {
-    let mut bench = Bench::start(&built("kind = \"orchestra\"", 20), 5);
+    let mut bench = Bench::start(&built("kind = \"orchestra\"", 20), MoteId(5));
     let own = Cell::new(5, 0, CellOptions::TX, None).of_kind(CellKind::AdvertisingOnly);
     assert!(cells(&bench, 0)[0].is_same(&own));
     for source in [3, 9] {
@@ -72,7 +73,7 @@ fn beacons_are_sent_in_the_own_slot_and_heard_in_that_of_the_time_source_which_m
 
 #[test]
 fn beacon_cells_in_one_slot_are_one_cell() {
-    let mut bench = Bench::start(&built("kind = \"orchestra\"\neb_slots = 10", 20), 5);
+    let mut bench = Bench::start(&built("kind = \"orchestra\"\neb_slots = 10", 20), MoteId(5));
     bench.tell(|sf, cx| sf.handle_time_source(cx, Some(mote(15))));
     let [cell] = cells(&bench, 0)[..] else { panic!("one cell") };
     assert_eq!(cell.options, CellOptions { tx: true, rx: true, shared: false });
@@ -80,7 +81,7 @@ fn beacon_cells_in_one_slot_are_one_cell() {
 
 #[test]
 fn the_default_rules_listen_in_9_of_100_slots() {
-    let mut bench = Bench::start(&built("kind = \"orchestra\"", 20), 5);
+    let mut bench = Bench::start(&built("kind = \"orchestra\"", 20), MoteId(5));
     bench.tell(|sf, cx| sf.handle_time_source(cx, Some(mote(3))));
     let (all, silent) = (397 * 17 * 31, 396 * 16 * 30);
     assert_eq!(bench.schedule.n_listening(Asn(all)), all - silent);
@@ -89,7 +90,7 @@ fn the_default_rules_listen_in_9_of_100_slots() {
 
 #[test]
 fn unicast_non_storing_transmits_in_the_slot_of_the_receiver_while_a_frame_waits() {
-    let mut bench = Bench::start(&built("kind = \"orchestra\"", 250), 21);
+    let mut bench = Bench::start(&built("kind = \"orchestra\"", 250), MoteId(21));
     let listens = Cell::new(4, 23, CellOptions::RX, None);
     assert!(matches!(cells(&bench, 1)[..], [cell] if cell.is_same(&listens)));
     assert_eq!(bench.sf.slotframe_of(Traffic::Unicast(mote(200))), Some(1));
@@ -104,7 +105,7 @@ fn unicast_non_storing_transmits_in_the_slot_of_the_receiver_while_a_frame_waits
 #[test]
 fn unicast_storing_receiver_based_has_cells_to_parent_and_children_only() {
     let text = with_rules("\"eb-per-time-source\", \"unicast-storing\"");
-    let mut bench = Bench::start(&built(&text, 20), 5);
+    let mut bench = Bench::start(&built(&text, 20), MoteId(5));
     assert_eq!(bench.sf.slotframe_of(Traffic::Unicast(mote(7))), Some(2));
     bench.set_parent(Some(mote(7)));
     bench.tell(|sf, cx| sf.handle_child(cx, mote(9), true));
@@ -123,7 +124,7 @@ fn unicast_storing_receiver_based_has_cells_to_parent_and_children_only() {
 #[test]
 fn unicast_storing_keeps_a_slot_that_another_neighbour_needs() {
     let text = with_rules("\"unicast-storing\"");
-    let mut bench = Bench::start(&built(&text, 40), 5);
+    let mut bench = Bench::start(&built(&text, 40), MoteId(5));
     for child in [9, 26] {
         bench.tell(|sf, cx| sf.handle_child(cx, mote(child), true));
     }
@@ -135,7 +136,7 @@ fn unicast_storing_keeps_a_slot_that_another_neighbour_needs() {
 #[test]
 fn sender_based_transmits_to_the_parent_once_it_knows_us() {
     let text = with_rules("\"unicast-storing\"") + "\nsender_based = true";
-    let mut bench = Bench::start(&built(&text, 20), 5);
+    let mut bench = Bench::start(&built(&text, 20), MoteId(5));
     bench.set_parent(Some(mote(7)));
     assert_eq!(bench.sf.slotframe_of(Traffic::Unicast(mote(7))), Some(1));
     let listens = Cell::new(7, 7, CellOptions::RX, None);
@@ -152,7 +153,7 @@ fn sender_based_transmits_to_the_parent_once_it_knows_us() {
 fn sender_based_cells_are_dedicated_where_every_mote_has_a_slot_of_its_own() {
     let shared = |n_motes: usize| {
         let text = with_rules("\"unicast-storing\"") + "\nsender_based = true";
-        let mut bench = Bench::start(&built(&text, n_motes), 5);
+        let mut bench = Bench::start(&built(&text, n_motes), MoteId(5));
         bench.tell(|sf, cx| sf.handle_child(cx, mote(7), true));
         let sends = |cell: &&Cell| cell.options.tx;
         cells(&bench, 0).iter().find(sends).unwrap().options.shared
@@ -164,7 +165,7 @@ fn sender_based_cells_are_dedicated_where_every_mote_has_a_slot_of_its_own() {
 #[test]
 fn link_based_gives_each_direction_of_each_link_its_slot() {
     let text = with_rules("\"link-based\"");
-    let mut bench = Bench::start(&built(&text, 20), 5);
+    let mut bench = Bench::start(&built(&text, 20), MoteId(5));
     bench.tell(|sf, cx| sf.handle_child(cx, mote(7), true));
     // (5 + 264 * 7) mod 17 and (7 + 264 * 5) mod 17.
     let sends = Cell::new(0, 9, CellOptions::TX_SHARED, Some(mote(7)));
@@ -176,11 +177,11 @@ fn link_based_gives_each_direction_of_each_link_its_slot() {
 fn special_for_root_lets_roots_listen_in_every_slot_and_matches_neighbours_that_are_roots() {
     let text = with_rules("\"unicast-non-storing\", \"special-for-root\"");
     let config = built(&text, 20);
-    let root = Bench::start(&config, 0);
+    let root = Bench::start(&config, MoteId(0));
     assert_eq!(root.schedule.slotframe(ROOT_LISTENS | 1).unwrap().slots(), 1);
     assert!((0..100).all(|asn| root.schedule.listens(Asn(asn)).is_some()));
 
-    let mut bench = Bench::start(&config, 12);
+    let mut bench = Bench::start(&config, MoteId(12));
     assert_eq!(bench.sf.slotframe_of(Traffic::Unicast(mote(0))), Some(0));
     bench.tell(|sf, cx| sf.handle_beacon(cx, mote(3), 1));
     bench.tell(|sf, cx| sf.handle_beacon(cx, mote(0), 0));
@@ -197,7 +198,7 @@ fn special_for_root_lets_roots_listen_in_every_slot_and_matches_neighbours_that_
 fn after_a_loss_of_synchronisation_nothing_is_remembered() {
     let text = with_rules("\"eb-per-time-source\", \"unicast-storing\", \"special-for-root\"");
     let config = built(&text, 20);
-    let mut bench = Bench::start(&config, 5);
+    let mut bench = Bench::start(&config, MoteId(5));
     let fresh = bench.sf.clone();
     bench.set_parent(Some(mote(7)));
     bench.tell(|sf, cx| sf.handle_child(cx, mote(9), true));
@@ -210,7 +211,7 @@ fn after_a_loss_of_synchronisation_nothing_is_remembered() {
 #[test]
 fn cells_that_stay_keep_their_counters() {
     let text = with_rules("\"unicast-storing\"");
-    let mut bench = Bench::start(&built(&text, 20), 5);
+    let mut bench = Bench::start(&built(&text, 20), MoteId(5));
     bench.tell(|sf, cx| sf.handle_child(cx, mote(9), true));
     let at = CellRef { handle: 0, cell: cells(&bench, 0)[1] };
     bench.schedule.count_tx(&at, true);
@@ -247,7 +248,7 @@ fn motes_beyond_256_share_all_cells_unless_two_octets_count() {
           \"last-two-octets\" tells them apart"]
     );
     let config = built("kind = \"orchestra\"\nhash = \"last-two-octets\"", 300);
-    let bench = Bench::start(&config, 299);
+    let bench = Bench::start(&config, MoteId(299));
     assert_eq!(cells(&bench, 0)[0].slot, 299);
 }
 
@@ -270,7 +271,7 @@ proptest! {
         let (config, problems, _) = read(&text, 600);
         prop_assert!(problems.is_empty());
         let config = config.unwrap();
-        let (mut low, mut high) = (Bench::start(&config, child), Bench::start(&config, parent));
+        let (mut low, mut high) = (Bench::start(&config, MoteId(child)), Bench::start(&config, MoteId(parent)));
         low.set_parent(Some(mote(parent)));
         high.tell(|sf, cx| sf.handle_child(cx, mote(child), true));
         low.tell(|sf, cx| sf.handle_known_to_parent(cx));

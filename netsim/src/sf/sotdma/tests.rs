@@ -2,6 +2,7 @@ use super::super::testing::{Bench, built, read};
 use super::*;
 use crate::sf::Config as AnyConfig;
 use physics::asn::Asn;
+use proto::ids::MoteId;
 
 /// Ten slots for motes, two for all.
 const TEXT: &str =
@@ -23,14 +24,14 @@ fn hear(bench: &mut Bench, from: u32, slot: u16, hears: &[(u16, u32)]) {
     let mut hears = hears.to_vec();
     hears.sort_unstable();
     let epoch = bench.asn / 12;
-    let tags = hears.iter().map(|&(_, mote)| tag(Eui64::of_mote(mote), epoch)).collect();
+    let tags = hears.iter().map(|&(_, mote)| tag(Eui64::of_mote(MoteId(mote)), epoch)).collect();
     say(bench, from, slot, &SlotsRepr { n_slots: 10, taken, first: 0, tags });
 }
 
 fn say(bench: &mut Bench, from: u32, slot: u16, announced: &SlotsRepr) {
     let cell = Cell::new(slot, 0, CellOptions::RX, None);
     let at = CellRef { handle: OWN_HANDLE, cell };
-    bench.tell(|sf, cx| sf.handle_announcement(cx, &at, Eui64::of_mote(from), announced));
+    bench.tell(|sf, cx| sf.handle_announcement(cx, &at, Eui64::of_mote(MoteId(from)), announced));
 }
 
 /// What a mote says in a slot.
@@ -45,7 +46,7 @@ fn own_cells(bench: &Bench) -> Vec<u16> {
 
 /// A mote that has taken a slot.
 fn settled(mote: u32) -> (Bench, u16) {
-    let mut bench = Bench::start(&small(), mote);
+    let mut bench = Bench::start(&small(), MoteId(mote));
     (0..4).for_each(|_| bench.pass_time());
     let slot = sotdma(&bench).slot().unwrap();
     assert_eq!(own_cells(&bench), [slot]);
@@ -57,7 +58,7 @@ fn a_mote_listens_for_two_slotframes_and_takes_a_slot_that_neither_it_nor_a_neig
  {
     // Ten motes with random choices; of ten slots eight are taken.
     for mote in 1..11 {
-        let mut bench = Bench::start(&small(), mote);
+        let mut bench = Bench::start(&small(), MoteId(mote));
         assert_eq!((bench.sf.poll_timeout(), own_cells(&bench)), (Some(120_000_000), vec![]));
         let mut is_ready = true;
         bench.tell(|sf, cx| is_ready = sf.is_ready(cx));
@@ -77,7 +78,7 @@ fn a_mote_listens_for_two_slotframes_and_takes_a_slot_that_neither_it_nor_a_neig
 
 #[test]
 fn where_every_slot_is_taken_within_two_hops_one_that_few_neighbours_hear_anybody_in_is_shared() {
-    let mut bench = Bench::start(&small(), 1);
+    let mut bench = Bench::start(&small(), MoteId(1));
     (0..2).for_each(|_| bench.pass_time());
     let all: Vec<(u16, u32)> = (0..10).filter(|&slot| slot != 4).map(|slot| (slot, 30)).collect();
     hear(&mut bench, 20, 4, &all);
@@ -137,13 +138,13 @@ fn of_two_motes_in_one_slot_the_one_heard_last_is_announced() {
     let tag_of = |bench: &Bench, mote| Some(tag(Eui64::of_mote(mote), bench.asn / 12));
     for mote in [20, 21, 20] {
         hear(&mut bench, mote, slot, &[(own, 1)]);
-        assert_eq!(said(&bench, own).tag_in(slot), tag_of(&bench, mote));
+        assert_eq!(said(&bench, own).tag_in(slot), tag_of(&bench, MoteId(mote)));
         bench.pass_time();
     }
     assert_eq!(said(&bench, own).taken.len(), 1);
     // Who changes its slot leaves the old one free.
     hear(&mut bench, 20, (own + 2) % 10, &[(own, 1)]);
-    assert_eq!(said(&bench, own).tag_in(slot), tag_of(&bench, 21));
+    assert_eq!(said(&bench, own).tag_in(slot), tag_of(&bench, MoteId(21)));
     hear(&mut bench, 21, (own + 3) % 10, &[(own, 1)]);
     assert!(!said(&bench, own).taken.has(slot));
 }
@@ -151,7 +152,7 @@ fn of_two_motes_in_one_slot_the_one_heard_last_is_announced() {
 #[test]
 fn who_has_not_been_heard_for_as_many_slotframes_as_are_set_is_forgotten() {
     for (key, n) in [("", 8), ("\nforget_slotframes = 3", 3)] {
-        let mut bench = Bench::start(&built(&format!("{TEXT}{key}"), 9), 1);
+        let mut bench = Bench::start(&built(&format!("{TEXT}{key}"), 9), MoteId(1));
         (0..4).for_each(|_| bench.pass_time());
         let own = sotdma(&bench).slot().unwrap();
         hear(&mut bench, 20, (own + 1) % 10, &[(own, 1)]);
@@ -168,7 +169,7 @@ fn who_has_not_been_heard_for_as_many_slotframes_as_are_set_is_forgotten() {
 fn a_frame_goes_out_in_every_slotframe_in_which_the_slot_is_not_checked() {
     for (every, heard_by, expected) in [(16, true, 16.0), (2, true, 2.0), (16, false, 4.0)] {
         let text = format!("kind = \"sotdma\"\nslotframe_slots = 12\ncheck_slotframes = {every}");
-        let mut bench = Bench::start(&built(&text, 9), 1);
+        let mut bench = Bench::start(&built(&text, 9), MoteId(1));
         (0..4).for_each(|_| bench.pass_time());
         let own = sotdma(&bench).slot().unwrap();
         let hears = if heard_by { vec![(own, 1)] } else { vec![] };

@@ -3,6 +3,7 @@ use crate::wire::arbitrary;
 use crate::wire::oscore::Context;
 use crate::wire::security::Keys;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 
 proptest! {
     #[test]
@@ -30,7 +31,7 @@ proptest! {
 
 #[test]
 fn rfc9031_8_1_1_a_join_request_is_a_post_to_j_at_6tisch_arpa() {
-    let pledge = Eui64::of_mote(5);
+    let pledge = Eui64::of_mote(MoteId(5));
     let request =
         CojpRepr::Request { message_id: 0x0102, pledge, proxy_state: None, network_id: 0xabcd };
     let mut expected = vec![0x58, 0x02, 0x01, 0x02, 2, 0, 0, 0, 0, 0, 0, 5, 0x3b];
@@ -40,7 +41,7 @@ fn rfc9031_8_1_1_a_join_request_is_a_post_to_j_at_6tisch_arpa() {
 
 #[test]
 fn rfc8974_3_a_proxy_keeps_its_state_in_the_token_and_takes_the_scheme_off() {
-    let pledge = Eui64::of_mote(5);
+    let pledge = Eui64::of_mote(MoteId(5));
     let proxied = Some(pledge);
     let request =
         |proxy_state| CojpRepr::Request { message_id: 7, pledge, proxy_state, network_id: 1 };
@@ -53,7 +54,7 @@ fn rfc8974_3_a_proxy_keeps_its_state_in_the_token_and_takes_the_scheme_off() {
 
 #[test]
 fn rfc9031_8_4_a_join_response_has_a_key_set_of_one() {
-    let pledge = Eui64::of_mote(5);
+    let pledge = Eui64::of_mote(MoteId(5));
     let response = |key_index| CojpRepr::Response {
         message_id: 7,
         pledge,
@@ -71,7 +72,7 @@ fn rfc9031_8_4_a_join_response_has_a_key_set_of_one() {
 
 #[test]
 fn rfc9031_8_4_2_a_join_response_may_tell_the_join_rate() {
-    let pledge = Eui64::of_mote(5);
+    let pledge = Eui64::of_mote(MoteId(5));
     for (rate, written) in [
         (0, &[7, 0][..]),
         (23, &[7, 23]),
@@ -98,7 +99,7 @@ const JOIN_KEY: [u8; 16] = *b"a key of nobody.";
 
 /// A request under OSCORE, and the contexts of both ends.
 fn protected(sequence: u32, proxy_state: Option<Eui64>) -> (CojpRepr, [Context; 2]) {
-    let pledge = Eui64::of_mote(5);
+    let pledge = Eui64::of_mote(MoteId(5));
     let of_pledge = Context::of_pledge(&JOIN_KEY, pledge);
     let request = CojpRepr::Request { message_id: 7, pledge, proxy_state, network_id: 0xabcd };
     let request = request.protect(&of_pledge, sequence);
@@ -119,14 +120,14 @@ fn rfc9031_8_1_1_a_protected_request_names_the_pledge_in_the_oscore_option() {
     assert_eq!(CojpRepr::parse(&bytes).as_ref(), Ok(&request));
     let read = request.unprotect_request(&registrar);
     assert!(matches!(read, Some(CojpRepr::Request { network_id: 0xabcd, .. })), "{read:?}");
-    let (proxied, _) = protected(1, Some(Eui64::of_mote(5)));
+    let (proxied, _) = protected(1, Some(Eui64::of_mote(MoteId(5))));
     assert_eq!(proxied.buffer_len(), bytes.len() + 8 - 6);
     assert_eq!(CojpRepr::parse(&proxied.to_vec()), Ok(proxied));
 }
 
 #[test]
 fn rfc9031_8_4_3_a_protected_response_brings_both_keys_and_nobody_else_reads_it() {
-    let pledge = Eui64::of_mote(5);
+    let pledge = Eui64::of_mote(MoteId(5));
     let (_, [of_pledge, registrar]) = protected(300, None);
     let keys = Some(Keys { k1: [1; 16], k2: [2; 16] });
     let (key_index, join_rate_bytes_s, proxy_state) = (1, None, None);
@@ -146,6 +147,6 @@ fn rfc9031_8_4_3_a_protected_response_brings_both_keys_and_nobody_else_reads_it(
     assert_eq!(CojpRepr::parse(&bytes).as_ref(), Ok(&response));
     assert_eq!(response.unprotect_response(&of_pledge, 298..=301, pledge), Some(plain));
     assert_eq!(response.unprotect_response(&of_pledge, 301..=310, pledge), None);
-    let other = Context::of_pledge(&JOIN_KEY, Eui64::of_mote(6));
+    let other = Context::of_pledge(&JOIN_KEY, Eui64::of_mote(MoteId(6)));
     assert_eq!(response.unprotect_response(&other, 300..=300, pledge), None);
 }

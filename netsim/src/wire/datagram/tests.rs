@@ -3,6 +3,7 @@ use crate::wire::arbitrary;
 use crate::wire::rpl::DisRepr;
 use crate::wire::{Eui64, address};
 use proptest::prelude::*;
+use proto::ids::MoteId;
 
 proptest! {
     #[test]
@@ -41,13 +42,13 @@ proptest! {
                 bytes[0] = 0xf1;
             }
         }
-        let hop = Eui64::of_mote(1);
+        let hop = Eui64::of_mote(MoteId(1));
         let _ = Datagram::parse(&bytes, hop, None, None);
     }
 }
 
 fn mote(n: u32) -> Ipv6Addr {
-    Eui64::of_mote(n).global()
+    Eui64::of_mote(MoteId(n)).global()
 }
 
 fn udp(source: u32, destination: u32) -> Datagram {
@@ -76,7 +77,7 @@ const UP: RpiRepr = RpiRepr {
 };
 
 fn bytes(datagram: &Datagram, from: u32, to: u32) -> Vec<u8> {
-    datagram.to_vec(Eui64::of_mote(from), Some(Eui64::of_mote(to)))
+    datagram.to_vec(Eui64::of_mote(MoteId(from)), Some(Eui64::of_mote(MoteId(to))))
 }
 
 #[test]
@@ -121,13 +122,13 @@ fn rfc6282_4_3_3_ports_take_a_byte_to_four() {
 #[test]
 fn rfc6282_3_1_1_multicast_to_the_link_takes_a_byte() {
     let datagram = Datagram {
-        source: Eui64::of_mote(5).link_local(),
+        source: Eui64::of_mote(MoteId(5)).link_local(),
         destination: address::ALL_RPL_NODES,
         hop_limit: 255,
         upper: Upper::Rpl(RplMessage::Dis(DisRepr {})),
         ..udp(5, 0)
     };
-    let bytes = datagram.to_vec(Eui64::of_mote(5), None);
+    let bytes = datagram.to_vec(Eui64::of_mote(MoteId(5)), None);
     assert_eq!(bytes[..4], [0x7b, 0x3b, 58, 0x1a]);
     assert_eq!(bytes[4..6], [155, 0]);
     assert_eq!(bytes.len(), 4 + 4 + 2);
@@ -175,7 +176,7 @@ fn rfc9008_8_3_1_the_root_encapsulates_what_is_not_its_own() {
     assert_eq!(bytes[7..13], [0x83, 5, 3, 0xa1, 6, 60]);
     assert_eq!(bytes[13..16], [0x7c, 0x55, 62]);
     assert_eq!(datagram.uncompressed_len(), 40 + 8 + 40 + 8 + 3);
-    let (hop, next) = (Eui64::of_mote(0), Some(Eui64::of_mote(2)));
+    let (hop, next) = (Eui64::of_mote(MoteId(0)), Some(Eui64::of_mote(MoteId(2))));
     Datagram::parse(&bytes, hop, next, None).unwrap_err();
     assert_eq!(Datagram::parse(&bytes, hop, next, Some(mote(0))), Ok(datagram));
 }
@@ -195,14 +196,15 @@ fn rfc6554_3_the_routing_header_lacks_the_next_hop_and_the_common_prefix() {
 fn a_wrong_checksum_is_noticed() {
     let mut bytes = bytes(&udp(5, 0), 5, 0);
     *bytes.last_mut().unwrap() ^= 1;
-    let result = Datagram::parse(&bytes, Eui64::of_mote(5), Some(Eui64::of_mote(0)), None);
+    let result =
+        Datagram::parse(&bytes, Eui64::of_mote(MoteId(5)), Some(Eui64::of_mote(MoteId(0))), None);
     assert_eq!(result.unwrap_err().what, "wrong checksum");
 }
 
 /// What the standing networks of `murmuration bench` send.
 #[test]
 fn a_payload_of_72_bytes_makes_a_datagram_of_90_to_a_root_some_hops_away() {
-    let [source, relay, root] = [5, 3, 0].map(Eui64::of_mote);
+    let [source, relay, root] = [5, 3, 0].map(MoteId).map(Eui64::of_mote);
     let payload = Bytes::from(vec![0; 72]);
     let upper = Upper::Udp(UdpRepr { source_port: 61_616, destination_port: 61_616, payload });
     let datagram = Datagram { rpi: Some(UP), upper, ..udp(5, 0) };

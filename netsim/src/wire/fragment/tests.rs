@@ -3,6 +3,7 @@ use crate::wire::Eui64;
 use crate::wire::arbitrary;
 use crate::wire::datagram::{SourceRoute, UdpRepr, Upper};
 use proptest::prelude::*;
+use proto::ids::MoteId;
 
 /// Fragments as their frames carry them.
 fn parts(fragments: &[Fragment]) -> Vec<LowpanRepr> {
@@ -51,8 +52,8 @@ proptest! {
 fn udp(payload: usize) -> Datagram {
     Datagram {
         packet: 0,
-        source: Eui64::of_mote(0).global(),
-        destination: Eui64::of_mote(3).global(),
+        source: Eui64::of_mote(MoteId(0)).global(),
+        destination: Eui64::of_mote(MoteId(3)).global(),
         dscp: 0,
         hop_limit: 64,
         rpi: None,
@@ -70,7 +71,7 @@ fn rfc4944_5_3_the_headers_of_fragments() {
     let fragments = Arc::new(udp(200)).fragment(0x0102, 104).unwrap();
     let bytes: Vec<_> = parts(&fragments)
         .iter()
-        .map(|part| part.to_vec(Eui64::of_mote(0), Some(Eui64::of_mote(3))))
+        .map(|part| part.to_vec(Eui64::of_mote(MoteId(0)), Some(Eui64::of_mote(MoteId(3)))))
         .collect();
     // 248 bytes in all. In the first there may be 4 bytes of fragment header and 23 of compressed headers, which stand
     // for 48: 121 covered, 120 of them a multiple of 8.
@@ -84,14 +85,14 @@ fn rfc4944_5_3_the_headers_of_fragments() {
 #[test]
 fn rfc8930_6_a_first_fragment_still_fits_where_less_can_be_left_out() {
     let room = 104;
-    let hops: Vec<_> = (1..=3).map(|n| Eui64::of_mote(n).global()).collect();
-    let root = Eui64::of_mote(0).global();
+    let hops: Vec<_> = (1..=3).map(|n| Eui64::of_mote(MoteId(n)).global()).collect();
+    let root = Eui64::of_mote(MoteId(0)).global();
     let route = Some(SourceRoute { root, hops, tunnel_hop_limit: None });
     let datagram = Arc::new(Datagram { route, ..udp(300) });
     let mut fragments = datagram.fragment(1, room).unwrap();
     let whole: Vec<u8> = vec![7; 300];
     for hop in 0..3 {
-        let (from, to) = (Eui64::of_mote(hop), Some(Eui64::of_mote(hop + 1)));
+        let (from, to) = (Eui64::of_mote(MoteId(hop)), Some(Eui64::of_mote(MoteId(hop + 1))));
         let parts = parts(&fragments);
         let bytes: Vec<_> = parts.iter().map(|part| part.to_vec(from, to)).collect();
         assert!(bytes.iter().all(|bytes| bytes.len() <= room), "hop {hop}");
@@ -110,7 +111,7 @@ fn rfc8930_6_a_first_fragment_still_fits_where_less_can_be_left_out() {
 fn datagrams_beyond_11_bits_and_headers_beyond_a_frame_are_not_cut() {
     assert!(Arc::new(udp(1999)).fragment(1, 104).is_some());
     assert!(Arc::new(udp(2000)).fragment(1, 104).is_none());
-    let root = Eui64::of_mote(0).global();
+    let root = Eui64::of_mote(MoteId(0)).global();
     let hops = (1..100).map(|n| Eui64(n * 0x1234_5678_9abc).global()).collect();
     let route = Some(SourceRoute { root, hops, tunnel_hop_limit: None });
     assert!(Arc::new(Datagram { route, ..udp(10) }).fragment(1, 104).is_none());
@@ -119,6 +120,6 @@ fn datagrams_beyond_11_bits_and_headers_beyond_a_frame_are_not_cut() {
 #[test]
 fn a_whole_datagram_is_not_a_fragment() {
     let whole = LowpanRepr::Whole(Arc::new(udp(3)));
-    let bytes = whole.to_vec(Eui64::of_mote(0), Some(Eui64::of_mote(3)));
+    let bytes = whole.to_vec(Eui64::of_mote(MoteId(0)), Some(Eui64::of_mote(MoteId(3))));
     assert_eq!(FragmentHeader::parse(&bytes), Ok(None));
 }

@@ -7,6 +7,7 @@ use crate::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRep
 use crate::wire::slots::SlotSet;
 use physics::asn::Asn;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 use std::sync::Arc;
 
 proptest! {
@@ -40,11 +41,11 @@ proptest! {
 
     #[test]
     fn an_acknowledgment_is_read_with_the_address_of_its_sender(ack in arbitrary::ack(), asn in 0_u64..1 << 40) {
-        let (own, security) = (Eui64::of_mote(3), FrameSecurity::K2);
+        let (own, security) = (Eui64::of_mote(MoteId(3)), FrameSecurity::K2);
         let bytes = AckRepr { security, ..ack }.to_secured_vec(&KEYS, own, Asn(asn));
         let (read, found) = unsecure(&bytes, &KEYS, Asn(asn), Some(own)).unwrap();
         prop_assert_eq!((AckRepr::parse(&read), found), (Ok(ack), security));
-        prop_assert!(unsecure(&bytes, &KEYS, Asn(asn), Some(Eui64::of_mote(4))).is_err());
+        prop_assert!(unsecure(&bytes, &KEYS, Asn(asn), Some(Eui64::of_mote(MoteId(4)))).is_err());
         prop_assert!(unsecure(&bytes, &KEYS, Asn(asn), None).is_err());
     }
 
@@ -85,7 +86,7 @@ proptest! {
 }
 
 fn frame(destination: Option<Eui64>, content: Content) -> FrameRepr {
-    let source = Eui64::of_mote(1);
+    let source = Eui64::of_mote(MoteId(1));
     FrameRepr {
         source,
         destination,
@@ -125,8 +126,10 @@ fn rfc8180_a_1_the_information_elements_of_a_beacon() {
 
 #[test]
 fn ieee802154_7_2_frame_control_and_addresses() {
-    let unicast =
-        FrameRepr { ack_request: true, ..frame(Some(Eui64::of_mote(2)), Content::KeepAlive) };
+    let unicast = FrameRepr {
+        ack_request: true,
+        ..frame(Some(Eui64::of_mote(MoteId(2))), Content::KeepAlive)
+    };
     let expected = [0x21, 0xec, 9, 0xcd, 0xab, 2, 0, 0, 0, 0, 0, 0, 2, 1, 0, 0, 0, 0, 0, 0, 2];
     assert_eq!(unicast.to_vec()[..21], expected);
     assert_eq!(unicast.buffer_len(), 23);
@@ -140,7 +143,7 @@ fn ieee802154_7_2_frame_control_and_addresses() {
 fn rfc8480_6_1_6p_goes_in_an_ietf_information_element() {
     let answer = SixpAnswer { code: ReturnCode::Success, content: AnswerContent::Nothing };
     let message = SixpRepr { version: 0, sfid: 0, seqnum: 1, body: SixpBody::Response(answer) };
-    let bytes = frame(Some(Eui64::of_mote(2)), Content::Sixp(message)).to_vec();
+    let bytes = frame(Some(Eui64::of_mote(MoteId(2))), Content::Sixp(message)).to_vec();
     // Group 5, five bytes: the subtype and an empty response.
     assert_eq!(bytes[1], 0xee);
     assert_eq!(bytes[21..30], [0x00, 0x3f, 0x05, 0xa8, 0xc9, 0x10, 0, 0, 1]);
@@ -157,8 +160,8 @@ fn ieee802154_7_4_1_what_is_announced_of_slots_ends_before_the_payload() {
     assert_eq!(alone[15..alone.len() - 2], announced);
     let datagram = Datagram {
         packet: 0,
-        source: Eui64::of_mote(1).link_local(),
-        destination: Eui64::of_mote(2).link_local(),
+        source: Eui64::of_mote(MoteId(1)).link_local(),
+        destination: Eui64::of_mote(MoteId(2)).link_local(),
         dscp: 0,
         hop_limit: 255,
         rpi: None,
@@ -166,7 +169,7 @@ fn ieee802154_7_4_1_what_is_announced_of_slots_ends_before_the_payload() {
         upper: Upper::Rpl(RplMessage::Dis(DisRepr {})),
     };
     let content = Content::Lowpan(LowpanRepr::Whole(Arc::new(datagram)));
-    let without = frame(Some(Eui64::of_mote(2)), content);
+    let without = frame(Some(Eui64::of_mote(MoteId(2))), content);
     let with = FrameRepr { slots, ..without.clone() }.to_vec();
     let without = without.to_vec();
     assert_eq!(with[21..31], announced);
@@ -177,7 +180,7 @@ fn ieee802154_7_4_1_what_is_announced_of_slots_ends_before_the_payload() {
 
 #[test]
 fn ieee802154_7_4_2_7_a_time_correction_has_twelve_bits() {
-    let destination = Eui64::of_mote(1);
+    let destination = Eui64::of_mote(MoteId(1));
     let security = FrameSecurity::Unsecured;
     let ack = AckRepr { destination, sequence: 9, time_correction_us: -2, security };
     let expected = [0x02, 0x2e, 9, 0xcd, 0xab, 1, 0, 0, 0, 0, 0, 0, 2, 0x02, 0x0f, 0xfe, 0x0f];
@@ -187,7 +190,7 @@ fn ieee802154_7_4_2_7_a_time_correction_has_twelve_bits() {
 
 #[test]
 fn a_frame_full_to_its_room_has_127_bytes() {
-    for destination in [None, Some(Eui64::of_mote(2))] {
+    for destination in [None, Some(Eui64::of_mote(MoteId(2)))] {
         for security in [FrameSecurity::Unsecured, FrameSecurity::K2] {
             let empty = FrameRepr { security, ..frame(destination, Content::KeepAlive) };
             let room = payload_room(destination, security);
@@ -207,17 +210,17 @@ const KEYS: Keys = Keys { k1: *b"6TiSCH minimal15", k2: [7; 16] };
 
 #[test]
 fn ieee802154_9_4_the_security_header_follows_the_addresses() {
-    let plain = frame(Some(Eui64::of_mote(2)), Content::KeepAlive);
+    let plain = frame(Some(Eui64::of_mote(MoteId(2))), Content::KeepAlive);
     let bytes =
         FrameRepr { security: FrameSecurity::K2, ..plain.clone() }.to_secured_vec(&KEYS, Asn(5));
     assert_eq!(bytes.len(), plain.buffer_len() + 6);
     assert_eq!(bytes[..2], [0x09, 0xec]);
     assert_eq!(bytes[2..21], plain.to_vec()[2..21]);
     assert_eq!(bytes[21..23], [0x6d, 2]);
-    let destination = Eui64::of_mote(1);
+    let destination = Eui64::of_mote(MoteId(1));
     let security = FrameSecurity::K2;
     let ack = AckRepr { destination, sequence: 9, time_correction_us: -2, security };
-    let bytes = ack.to_secured_vec(&KEYS, Eui64::of_mote(2), Asn(5));
+    let bytes = ack.to_secured_vec(&KEYS, Eui64::of_mote(MoteId(2)), Asn(5));
     assert_eq!(bytes.len(), 25);
     assert_eq!(bytes[13..19], [0x6d, 2, 0x02, 0x0f, 0xfe, 0x0f]);
 }
@@ -238,7 +241,7 @@ fn a_beacon_stays_legible_and_another_frame_does_not() {
 
 #[test]
 fn ieee802154_7_4_2_a_blacklist_is_a_vendor_specific_header_element() {
-    let destination = Some(Eui64::of_mote(2));
+    let destination = Some(Eui64::of_mote(MoteId(2)));
     let of = |content| FrameRepr { blacklist: Some(0x8001), ..frame(destination, content) };
     // Element 0 of five octets: the vendor, then channels 11 and 26.
     let element = [0x05, 0x00, 0x00, 0x00, 0x02, 0x01, 0x80];
@@ -249,8 +252,8 @@ fn ieee802154_7_4_2_a_blacklist_is_a_vendor_specific_header_element() {
     let dis = Upper::Rpl(RplMessage::Dis(DisRepr {}));
     let datagram = Datagram {
         packet: 0,
-        source: Eui64::of_mote(1).link_local(),
-        destination: Eui64::of_mote(2).link_local(),
+        source: Eui64::of_mote(MoteId(1)).link_local(),
+        destination: Eui64::of_mote(MoteId(2)).link_local(),
         dscp: 0,
         hop_limit: 64,
         rpi: None,

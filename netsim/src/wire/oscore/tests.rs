@@ -1,4 +1,5 @@
 use super::*;
+use proto::ids::MoteId;
 
 /// RFC 8613, appendix C: master secret and master salt of all examples.
 const SECRET: [u8; 16] = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16];
@@ -57,15 +58,15 @@ fn rfc8613_c_7_a_response_has_the_nonce_of_its_request() {
 #[test]
 fn each_pledge_has_a_key_of_its_own() {
     let key = |mote| pre_shared_key(&SECRET, Eui64::of_mote(mote));
-    assert_ne!(key(1), key(2));
+    assert_ne!(key(MoteId(1)), key(MoteId(2)));
     let mut message = vec![1, 2, 3];
-    Context::of_pledge(&SECRET, Eui64::of_mote(1)).protect_request(0, &mut message);
+    Context::of_pledge(&SECRET, Eui64::of_mote(MoteId(1))).protect_request(0, &mut message);
     let read = |mote| {
         let registrar = Context::of_registrar(&SECRET, Eui64::of_mote(mote));
         registrar.unprotect_request(0, &message)
     };
-    assert_eq!(read(1), Some(vec![1, 2, 3]));
-    assert_eq!(read(2), None);
+    assert_eq!(read(MoteId(1)), Some(vec![1, 2, 3]));
+    assert_eq!(read(MoteId(2)), None);
 }
 
 #[test]

@@ -6,6 +6,7 @@ use netsim::rpl::routes::Via;
 use netsim::sf::msf::NEGOTIATED;
 use netsim::wire::Eui64;
 use netsim::wire::rpl::RplMessage;
+use proto::ids::MoteId;
 use proto::types::MoteOrder;
 
 #[test]
@@ -74,7 +75,7 @@ fn end_to_end(sf: &str) -> Bench {
     let mut bench = Bench::new(&line(3), &config);
     bench.run(120_000);
     // In one run of ten the shared cell has just cost a mote its synchronisation: it finds back.
-    let address = |mote: u32| Eui64::of_mote(mote).global();
+    let address = |mote: u32| Eui64::of_mote(MoteId(mote)).global();
     let expected = [(address(1), Via::Parent(address(0))), (address(2), Via::Parent(address(1)))];
     bench.run_until(101, 60_000, |bench| {
         let root = &bench.mote(0).rpl;
@@ -111,7 +112,8 @@ fn end_to_end_three_motes_with_msf_have_cells_of_their_own() {
     let bench = end_to_end("msf");
     for (mote, parent) in [(1, 0), (2, 1)] {
         let own = bench.cells(mote, NEGOTIATED).into_iter().any(|at| {
-            at.cell.options == CellOptions::TX && at.cell.neighbour == Some(Eui64::of_mote(parent))
+            at.cell.options == CellOptions::TX
+                && at.cell.neighbour == Some(Eui64::of_mote(MoteId(parent)))
         });
         assert!(own, "{mote}");
     }

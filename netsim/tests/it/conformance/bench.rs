@@ -14,6 +14,7 @@ use netsim::wire::rpl::RplMessage;
 use netsim::wire::security::{FrameSecurity, Keys};
 use netsim::wire::sixp::SixpRepr;
 use physics::asn::Asn;
+use proto::ids::MoteId;
 use proto::side::{NetInput, NetOutput, Setup};
 use proto::types::{AgentStates, MoteCommand, MoteOrder, NetRecord};
 use std::net::Ipv6Addr;
@@ -276,7 +277,7 @@ impl Bench {
 
     /// The number of the mote with an address.
     pub(super) fn number(&self, address: Eui64) -> u32 {
-        self.mesh.addresses().mote(address).expect("an address of this network")
+        self.mesh.addresses().mote(address).expect("an address of this network").0
     }
 
     /// Cells of a slotframe of a mote.
@@ -313,10 +314,10 @@ impl Bench {
         let in_slot = |frame: &&mut OnAir| frame.asn == asn;
         for frame in self.frames.iter_mut().rev().take_while(in_slot) {
             // An acknowledgment does not name its sender: only whom it answers.
-            let answering = frame.destination.map(Eui64::of_mote);
+            let answering = frame.destination.map(MoteId).map(Eui64::of_mote);
             let Some((ack, security)) = legible(psdu, keys, asn, answering) else { continue };
             if let Ok(ack) = AckRepr::parse(&ack)
-                && ack.destination == Eui64::of_mote(frame.source)
+                && ack.destination == Eui64::of_mote(MoteId(frame.source))
                 && ack.sequence == frame.sequence
             {
                 (frame.answered, frame.correction_us) = (true, Some(ack.time_correction_us));
@@ -368,7 +369,7 @@ fn what(psdu: &[u8], envelope: &Envelope<'_>) -> What {
     if let Ok(Some((header, _))) = FragmentHeader::parse(envelope.payload) {
         return What::Fragment(header);
     }
-    let root: Ipv6Addr = Eui64::of_mote(0).global();
+    let root: Ipv6Addr = Eui64::of_mote(MoteId(0)).global();
     let frame = FrameRepr::parse(psdu, Some(root)).expect("what is on the air can be read");
     match frame.content {
         Content::Beacon(beacon) => What::Beacon { join_metric: beacon.join_metric },

@@ -3,6 +3,7 @@
 use super::bench::{Bench, EAGER, FULL, LINE, NO_KEEP_ALIVES, OnAir, What, line};
 use netsim::wire::Eui64;
 use netsim::wire::security::FrameSecurity::K2;
+use proto::ids::MoteId;
 
 /// Slots of a slotframe, coprime with the 16 channels: a cell visits all of them.
 const SLOTS: u64 = 11;
@@ -56,7 +57,7 @@ fn what_a_link_learns_of_a_channel_is_its_analytic_delivery_ratio() {
     let mut bench = Bench::new(&line(2), &format!("{FULL}{}{mac}{ONE_CELL}", wifi(duty)));
     bench.form();
     bench.run(SLOTS * 500);
-    let root = Eui64::of_mote(0);
+    let root = Eui64::of_mote(MoteId(0));
     let n = 9600;
     // Sum of the estimates, and how often they were read, of channels under WiFi and of others.
     let mut sums = [(0.0, 0.0); 2];
@@ -88,7 +89,7 @@ fn what_a_link_learns_of_a_channel_is_its_analytic_delivery_ratio() {
 /// Slotframes after formation in which the ends of the link from mote 1 to mote 0 do not agree, in a row: how many there are, and
 /// the longest.
 fn disagreements(bench: &mut Bench, n: u64) -> (u64, u64) {
-    let [root, sender] = [0, 1].map(Eui64::of_mote);
+    let [root, sender] = [0, 1].map(MoteId).map(Eui64::of_mote);
     let (mut n_disagreements, mut longest, mut length) = (0, 0, 0);
     for _ in 0..n {
         bench.run(SLOTS);
@@ -149,7 +150,7 @@ fn in_a_secured_network_lists_go_legibly_in_authenticated_headers() {
     };
     let ((least, most), (least_with, most_with)) = (lengths(&without), lengths(&with));
     assert_eq!((least_with, most_with), (least + 9, most + 9));
-    let [root, sender] = [0, 1].map(Eui64::of_mote);
+    let [root, sender] = [0, 1].map(MoteId).map(Eui64::of_mote);
     let in_force = bench.mote(0).mac.blacklists().of_receiver(sender);
     // Eight of 16 channels stay, all of them clean: the others have lost 24 frames of 25 or their acknowledgments.
     assert_eq!(in_force, 0b0011_1100_0000_1111, "{in_force:#018b}");

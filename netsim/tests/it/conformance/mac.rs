@@ -8,6 +8,7 @@ use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity;
 use physics::asn::Asn;
+use proto::ids::MoteId;
 use proto::types::MoteOrder;
 
 /// The minimal cell once in 101 slots, as the vectors have it.
@@ -165,8 +166,8 @@ fn t8_beacons_keep_to_advertising_cells() {
 fn with_the_simulators_rule_a_mote_counts_the_neighbours_it_had_before_it_lost_the_network() {
     for is_on in [false, true] {
         let config = settings(&format!("{FULL}[compat]\neb_rule = {is_on}\n")).mac;
-        let [root, other, own] = [0, 1, 2].map(Eui64::of_mote);
-        let mut mac = Tsch::new(&config, own, 2, false, 1);
+        let [root, other, own] = [0, 1, 2].map(MoteId).map(Eui64::of_mote);
+        let mut mac = Tsch::new(&config, own, MoteId(2), false, 1);
         mac.synchronise(&config, root, 0, 0);
         for from in [root, other] {
             mac.handle_frame(&config, from, None, Some(1), Asn(1), 0);
@@ -180,7 +181,7 @@ fn with_the_simulators_rule_a_mote_counts_the_neighbours_it_had_before_it_lost_t
 fn frame_to(neighbour: Eui64, packet: u64) -> Queued {
     Queued {
         frame: FrameRepr {
-            source: Eui64::of_mote(0),
+            source: Eui64::of_mote(MoteId(0)),
             destination: Some(neighbour),
             sequence: 0,
             ack_request: true,
@@ -211,11 +212,11 @@ fn packet_of(outgoing: &Outgoing) -> u64 {
 #[test]
 fn t9_a_frame_that_is_backed_off_stays_and_another_cell_of_the_slot_is_used() {
     let config = settings("").mac;
-    let [one, two] = [1, 2].map(Eui64::of_mote);
+    let [one, two] = [1, 2].map(MoteId).map(Eui64::of_mote);
     let mut n_backed_off = 0;
     for order in [[one, two], [two, one]] {
         for seed in 0..20 {
-            let mut mac = Tsch::new(&config, Eui64::of_mote(0), 0, true, seed);
+            let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(0)), MoteId(0), true, seed);
             mac.start_root(0);
             let mut schedule = Schedule::new();
             schedule.add_slotframe(1, 10);
@@ -252,8 +253,8 @@ fn t9_a_frame_that_is_backed_off_stays_and_another_cell_of_the_slot_is_used() {
 #[test]
 fn a_frame_is_not_sent_again_once_its_number_would_stand_for_another() {
     let config = settings("").mac;
-    let [one, two] = [1, 2].map(Eui64::of_mote);
-    let mut mac = Tsch::new(&config, Eui64::of_mote(0), 0, true, 1);
+    let [one, two] = [1, 2].map(MoteId).map(Eui64::of_mote);
+    let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(0)), MoteId(0), true, 1);
     mac.start_root(0);
     let mut schedule = Schedule::new();
     schedule.add_slotframe(1, 10);
@@ -341,8 +342,8 @@ fn t15_frames_for_a_neighbour_with_a_cell_of_its_own_keep_to_it() {
 #[test]
 fn t16_two_packets_leave_in_order_through_cells_of_two_slotframes() {
     let config = settings("").mac;
-    let neighbour = Eui64::of_mote(1);
-    let mut mac = Tsch::new(&config, Eui64::of_mote(0), 0, true, 1);
+    let neighbour = Eui64::of_mote(MoteId(1));
+    let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(0)), MoteId(0), true, 1);
     mac.start_root(0);
     let mut schedule = Schedule::new();
     for (handle, slot) in [(1, 1), (2, 2)] {
@@ -368,7 +369,7 @@ fn t16_two_packets_leave_in_order_through_cells_of_two_slotframes() {
 
 #[test]
 fn t18_cells_are_found_by_options_by_neighbour_and_without_neighbour() {
-    let [one, two] = [1, 2].map(|mote| Some(Eui64::of_mote(mote)));
+    let [one, two] = [1, 2].map(|mote| Some(Eui64::of_mote(MoteId(mote))));
     let mut schedule = Schedule::new();
     schedule.add_slotframe(0, 10);
     schedule.add_slotframe(1, 10);
@@ -389,6 +390,9 @@ fn t18_cells_are_found_by_options_by_neighbour_and_without_neighbour() {
     assert_eq!(slots(&|cell| cell.options == CellOptions::TX && cell.neighbour == two), [3]);
     assert_eq!(slots(&|cell| cell.neighbour == one), [1, 2]);
     assert_eq!(slots(&|cell| cell.neighbour.is_none()), [0, 4]);
-    assert_eq!(slots(&|cell| cell.neighbour == Some(Eui64::of_mote(3))), [0u16; 0]);
-    assert!(schedule.has_dedicated_tx(Eui64::of_mote(2)) && schedule.has_tx_to(Eui64::of_mote(1)));
+    assert_eq!(slots(&|cell| cell.neighbour == Some(Eui64::of_mote(MoteId(3)))), [0u16; 0]);
+    assert!(
+        schedule.has_dedicated_tx(Eui64::of_mote(MoteId(2)))
+            && schedule.has_tx_to(Eui64::of_mote(MoteId(1)))
+    );
 }

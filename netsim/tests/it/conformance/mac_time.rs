@@ -7,6 +7,7 @@ use netsim::mac::Schedule;
 use netsim::mac::tsch::{Config, Due, State, Tsch, channel_of};
 use netsim::wire::Eui64;
 use physics::asn::Asn;
+use proto::ids::MoteId;
 use proto::types::MoteOrder;
 use std::collections::BTreeSet;
 
@@ -54,14 +55,14 @@ fn t11_a_second_neighbour_ends_the_wait_at_once() {
 fn t11_the_lower_join_metric_wins_and_lists_are_emptied() {
     let config = settings("").mac;
     for metrics in [[100, 1], [1, 100]] {
-        let mut mac = Tsch::new(&config, Eui64::of_mote(9), 9, false, 1);
+        let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(9)), MoteId(9), false, 1);
         mac.scan(&config);
-        assert_eq!(mac.handle_beacon(&config, Eui64::of_mote(3), metrics[0], 0), None);
+        assert_eq!(mac.handle_beacon(&config, Eui64::of_mote(MoteId(3)), metrics[0], 0), None);
         // The same neighbour again is no second one.
-        assert_eq!(mac.handle_beacon(&config, Eui64::of_mote(3), metrics[0], 5), None);
+        assert_eq!(mac.handle_beacon(&config, Eui64::of_mote(MoteId(3)), metrics[0], 5), None);
         let best = if metrics[0] == 1 { 3 } else { 4 };
-        let choice = mac.handle_beacon(&config, Eui64::of_mote(4), metrics[1], 9);
-        assert_eq!(choice, Some(Eui64::of_mote(best)));
+        let choice = mac.handle_beacon(&config, Eui64::of_mote(MoteId(4)), metrics[1], 9);
+        assert_eq!(choice, Some(Eui64::of_mote(MoteId(best))));
         assert_eq!(*mac.state(), State::Scanning { heard: Vec::new(), decide_ns: None });
     }
 }
@@ -71,8 +72,8 @@ fn t12_a_source_that_is_not_heard_is_lost_after_1750_slots() {
     // Keep-alives beyond the end of the run.
     let mut config = settings("").mac;
     config.keep_alive_ns = 1_000_000 * SLOT_NS;
-    let mut mac = Tsch::new(&config, Eui64::of_mote(1), 1, false, 1);
-    mac.synchronise(&config, Eui64::of_mote(0), 0, 0);
+    let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(1)), MoteId(1), false, 1);
+    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 0);
     assert_eq!(mac.poll_timeout(&config), Some(1750 * SLOT_NS));
     assert_eq!(mac.handle_timeout(&config, 1750 * SLOT_NS - 1), None);
     assert_eq!(mac.handle_timeout(&config, 1750 * SLOT_NS), Some(Due::Desynchronised));
@@ -81,17 +82,17 @@ fn t12_a_source_that_is_not_heard_is_lost_after_1750_slots() {
 #[test]
 fn t12_a_mote_without_a_way_to_the_root_keeps_nobodys_time_and_looks_for_a_network_again() {
     let config = settings("").mac;
-    let mut mac = Tsch::new(&config, Eui64::of_mote(1), 1, false, 1);
-    mac.synchronise(&config, Eui64::of_mote(0), 0, 0);
+    let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(1)), MoteId(1), false, 1);
+    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 0);
     mac.lose_time_source(&config);
     assert_eq!(mac.poll_timeout(&config), Some(config.desynchronise_ns));
     assert_eq!(mac.handle_timeout(&config, config.desynchronise_ns - 1), None);
     let mut found = mac.clone();
-    found.set_time_source(&config, Eui64::of_mote(2), 5_000_000_000);
-    assert_eq!(found.time_source(), Some(Eui64::of_mote(2)));
+    found.set_time_source(&config, Eui64::of_mote(MoteId(2)), 5_000_000_000);
+    assert_eq!(found.time_source(), Some(Eui64::of_mote(MoteId(2))));
     assert_eq!(mac.handle_timeout(&config, config.desynchronise_ns), Some(Due::Desynchronised));
     // The root keeps its own.
-    let mut root = Tsch::new(&config, Eui64::of_mote(0), 0, true, 1);
+    let mut root = Tsch::new(&config, Eui64::of_mote(MoteId(0)), MoteId(0), true, 1);
     root.start_root(0);
     root.lose_time_source(&config);
     assert_eq!(root.handle_timeout(&config, 100 * config.desynchronise_ns), None);
@@ -103,7 +104,7 @@ fn a_mote_that_lost_its_time_follows_the_channels_of_beacons_for_as_long_as_its_
     let mut config = settings("").mac;
     (config.scans_hopping, config.max_drift_ppm) = (true, 40.0);
     let schedule = Schedule::new();
-    let mut mac = Tsch::new(&config, Eui64::of_mote(1), 1, false, 1);
+    let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(1)), MoteId(1), false, 1);
     let follows = |mac: &Tsch, slots: std::ops::Range<u64>| {
         let heard = |asn| mac.listening(&config, &schedule, 1, asn).unwrap().channel;
         slots.clone().filter(|&asn| heard(Asn(asn)) == channel_of(&config, Asn(asn), 0)).count()
@@ -111,13 +112,13 @@ fn a_mote_that_lost_its_time_follows_the_channels_of_beacons_for_as_long_as_its_
     mac.scan(&config);
     // One of sixteen channels, each for a second: some of ten thousand slots agree, far from all.
     assert!((300..1_200).contains(&follows(&mac, 0..10_000)), "{}", follows(&mac, 0..10_000));
-    mac.synchronise(&config, Eui64::of_mote(0), 0, 10_000 * SLOT_NS);
+    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 10_000 * SLOT_NS);
     mac.scan(&config);
     // Half a slot of 10 ms over twice 40 ppm: 62.5 s, or 6,250 slots.
     assert_eq!(follows(&mac, 10_000..16_250), 6_250);
     assert!(follows(&mac, 16_250..26_250) < 1_200);
     let config = Config { scans_hopping: false, ..config.clone() };
-    mac.synchronise(&config, Eui64::of_mote(0), 0, 10_000 * SLOT_NS);
+    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 10_000 * SLOT_NS);
     mac.scan(&config);
     let heard = |asn| mac.listening(&config, &schedule, 1, asn).unwrap().channel;
     assert!(
@@ -132,13 +133,13 @@ fn a_mote_that_lost_its_time_follows_the_channels_of_beacons_for_as_long_as_its_
 #[test]
 fn t12_a_keep_alive_that_comes_to_nothing_is_asked_for_again_before_time_is_lost() {
     let config = settings("").mac;
-    let mut mac = Tsch::new(&config, Eui64::of_mote(1), 1, false, 1);
-    mac.synchronise(&config, Eui64::of_mote(0), 0, 0);
+    let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(1)), MoteId(1), false, 1);
+    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 0);
     let mut asked_ns = Vec::new();
     while let Some(at_ns) = mac.poll_timeout(&config) {
         match mac.handle_timeout(&config, at_ns) {
             Some(Due::KeepAlive(source)) => {
-                assert_eq!(source, Eui64::of_mote(0));
+                assert_eq!(source, Eui64::of_mote(MoteId(0)));
                 asked_ns.push(at_ns);
             }
             Some(Due::Desynchronised) => break,
@@ -156,8 +157,8 @@ fn t12_a_keep_alive_that_comes_to_nothing_is_asked_for_again_before_time_is_lost
 fn t12_motes_that_hear_the_same_beacon_do_not_ask_in_the_same_slots() {
     let config = settings("").mac;
     let asks_in = |mote: u32| {
-        let mut mac = Tsch::new(&config, Eui64::of_mote(mote), mote, false, 1);
-        mac.synchronise(&config, Eui64::of_mote(0), 0, 0);
+        let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(mote)), MoteId(mote), false, 1);
+        mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 0);
         mac.poll_timeout(&config).unwrap() / SLOT_NS
     };
     let slots: BTreeSet<u64> = (1..=20).map(asks_in).collect();
@@ -167,8 +168,8 @@ fn t12_motes_that_hear_the_same_beacon_do_not_ask_in_the_same_slots() {
 
 /// A mote that has heard mote 0, whose clock is right, every 5 s for so long.
 fn heard_for(config: &Config, seconds: u64) -> Tsch {
-    let source = Eui64::of_mote(0);
-    let mut mac = Tsch::new(config, Eui64::of_mote(1), 1, false, 1);
+    let source = Eui64::of_mote(MoteId(0));
+    let mut mac = Tsch::new(config, Eui64::of_mote(MoteId(1)), MoteId(1), false, 1);
     mac.synchronise(config, source, 0, 0);
     for asn in (500..=seconds * 100).step_by(500) {
         mac.handle_frame(config, source, None, Some(asn as u8), Asn(asn), 0);
@@ -188,7 +189,7 @@ fn a_mote_that_has_learned_its_clock_does_without_its_source_for_longer_and_not_
         match mac.handle_timeout(&config, at_ns) {
             Some(Due::KeepAlive(_)) => asked_ns.push(at_ns),
             Some(Due::SourceLost(source)) => {
-                assert_eq!(source, Eui64::of_mote(0));
+                assert_eq!(source, Eui64::of_mote(MoteId(0)));
                 break at_ns;
             }
             _ => {}

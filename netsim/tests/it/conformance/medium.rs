@@ -9,6 +9,7 @@ use physics::medium::links::Links;
 use physics::medium::slot::Sent;
 use physics::propagation::friis::friis_dbm;
 use physics::reception::{Curve as _, table::Table};
+use proto::ids::MoteId;
 use std::sync::Arc;
 
 #[test]
@@ -17,12 +18,12 @@ fn c1_on_a_line_of_six_next_neighbours_hear_each_other_on_every_channel() {
     let (config, ..) = netsim::config::read(&set_up(6, config, 1), Catalogue::built_in()).unwrap();
     let mut links = Links::new(Arc::clone(&config.model), 1, &config.hopping_sequence, None);
     let ends: Vec<End> =
-        (0..6).map(|mote| End::new(mote, [10.0 * f64::from(mote), 0.0, 0.0])).collect();
+        (0..6).map(|mote| End::new(MoteId(mote), [10.0 * f64::from(mote), 0.0, 0.0])).collect();
     links.set_positions(0, &ends, &[0.0; 6]);
     for channel in 11..27 {
         for (sender, receiver) in (0..6).flat_map(|one| (0..6).map(move |other| (one, other))) {
-            let sent = Sent { sender, channel, sent_ns: 0, end_ns: 4_000_000 };
-            let arrival = links.arrival(sent, receiver);
+            let sent = Sent { sender: MoteId(sender), channel, sent_ns: 0, end_ns: 4_000_000 };
+            let arrival = links.arrival(sent, MoteId(receiver));
             if sender.abs_diff(receiver) == 1 {
                 assert_eq!((arrival.reception_probability, arrival.rssi_dbm), (1.0, -10.0));
             } else {

@@ -18,6 +18,7 @@ use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity;
 use netsim::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRepr, SixpRequest};
 use physics::asn::Asn;
+use proto::ids::MoteId;
 use proto::types::MoteOrder;
 
 const MSF: &str = "[sf]\nkind = \"msf\"\n";
@@ -26,7 +27,7 @@ const HASTY: &str = "max_num_cells = 10\nlim_numcellsused_high = 7\nlim_numcells
 
 /// Negotiated cells of a mote with a neighbour: to transmit, to receive.
 fn negotiated(bench: &Bench, mote: usize, peer: u32) -> (usize, usize) {
-    let with = |at: &CellRef| at.cell.neighbour == Some(Eui64::of_mote(peer));
+    let with = |at: &CellRef| at.cell.neighbour == Some(Eui64::of_mote(MoteId(peer)));
     let cells: Vec<CellRef> = bench.cells(mote, NEGOTIATED).into_iter().filter(with).collect();
     let n = |options| cells.iter().filter(|at| at.cell.options == options).count();
     (n(CellOptions::TX), n(CellOptions::RX))
@@ -61,7 +62,7 @@ fn requests(bench: &Bench, mote: u32) -> Vec<(&'static str, u32)> {
 fn assert_agreement(bench: &Bench, one: usize, other: usize) {
     let places = |mote: usize, peer: usize, options| {
         let cells = bench.cells(mote, NEGOTIATED).into_iter().map(|at| at.cell);
-        let peer = Some(Eui64::of_mote(peer as u32));
+        let peer = Some(Eui64::of_mote(MoteId(peer as u32)));
         let of = cells.filter(|cell| cell.neighbour == peer && cell.options == options);
         of.map(|cell| (cell.slot, cell.channel)).collect::<Vec<_>>()
     };
@@ -91,7 +92,7 @@ fn m2_the_root_listens_in_its_autonomous_cell_from_the_start_and_others_once_the
             .collect()
     };
     bench.run(1);
-    let expected = [0, 1].map(|mote| autonomous_cell(Eui64::of_mote(mote), 101, 16));
+    let expected = [0, 1].map(|mote| autonomous_cell(Eui64::of_mote(MoteId(mote)), 101, 16));
     assert_eq!(listens(&bench, 0), [expected[0]]);
     while bench.mote(1).mac.is_scanning() {
         assert!(bench.mote(1).schedule.slotframes().is_empty());
@@ -199,7 +200,7 @@ fn m11_traffic_down_gets_cells_to_receive_and_loses_them_again() {
 
 #[test]
 fn m12_who_keeps_time_and_must_be_admitted_has_a_cell_to_its_proxy() {
-    let root = Eui64::of_mote(0);
+    let root = Eui64::of_mote(MoteId(0));
     let expected = autonomous_cell(root, 101, 16);
     for secure in [true, false] {
         let join = format!("[join]\nsecure = {secure}\n[rpl]\nsolicitation = \"off\"\n");
@@ -253,8 +254,8 @@ impl Lone<'_> {
     fn hears_at(&mut self, at: Option<CellRef>, content: Content) -> (bool, bool) {
         self.sequence = self.sequence.wrapping_add(1);
         let frame = FrameRepr {
-            source: Eui64::of_mote(0),
-            destination: Some(Eui64::of_mote(1)),
+            source: Eui64::of_mote(MoteId(0)),
+            destination: Some(Eui64::of_mote(MoteId(1))),
             sequence: self.sequence,
             ack_request: true,
             pending: false,
@@ -295,8 +296,8 @@ fn rfc9031_6_1_1_requests_that_proxies_forward_do_not_count_as_use_of_cells() {
         let upper = UdpRepr { source_port: 1, destination_port: 2, payload: vec![0; 8].into() };
         let datagram = Datagram {
             packet: 0,
-            source: Eui64::of_mote(0).link_local(),
-            destination: Eui64::of_mote(1).link_local(),
+            source: Eui64::of_mote(MoteId(0)).link_local(),
+            destination: Eui64::of_mote(MoteId(1)).link_local(),
             dscp,
             hop_limit: 64,
             rpi: None,
@@ -307,7 +308,7 @@ fn rfc9031_6_1_1_requests_that_proxies_forward_do_not_count_as_use_of_cells() {
         assert_eq!(content.dscp(), dscp);
         assert_eq!(lone.hears_at(Some(own), content), (true, true));
         lone.does(|mote, world| {
-            let done = Done::Retry { destination: Eui64::of_mote(0), dscp };
+            let done = Done::Retry { destination: Eui64::of_mote(MoteId(0)), dscp };
             mote.handle_done(world, Some(to_root), done, false);
         });
         assert_eq!(used(&lone), [tx + n, rx + n], "{dscp}");
@@ -318,7 +319,7 @@ fn rfc9031_6_1_1_requests_that_proxies_forward_do_not_count_as_use_of_cells() {
 fn rfc9033_12_frames_of_a_neighbour_in_quarantine_are_dropped_for_as_long_as_it_lasts() {
     let config = format!("{FULL}{EAGER}{NO_KEEP_ALIVES}{MSF}");
     let mut bench = Bench::new(&line(2), &config);
-    let root = Eui64::of_mote(0);
+    let root = Eui64::of_mote(MoteId(0));
     bench.run_until(1, 300_000, |bench| bench.mote(1).sixtop.is_busy(root));
     let mote = bench.mote(1).clone();
     let mut lone = Lone { bench: &bench, config: &config, mote, asn: bench.asn, sequence: 100 };

@@ -6,6 +6,7 @@ use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity::{K1, K2, Unsecured};
 use physics::asn::Asn;
 use physics::timing::Airtime;
+use proto::ids::MoteId;
 
 const SECURED: &str = "[security]\n";
 
@@ -64,8 +65,8 @@ fn a_mote_takes_what_it_has_the_key_for_and_motes_with_keys_exempt_join_traffic(
     bench.run_until(1, 20_000, |bench| bench.mote(1).mac.is_synced());
     let settings = bench.mesh.settings().clone();
     let frame = |security, destination: Option<u32>| FrameRepr {
-        source: Eui64::of_mote(9),
-        destination: destination.map(Eui64::of_mote),
+        source: Eui64::of_mote(MoteId(9)),
+        destination: destination.map(MoteId).map(Eui64::of_mote),
         sequence: 0,
         ack_request: destination.is_some(),
         pending: false,

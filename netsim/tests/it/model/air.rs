@@ -7,6 +7,7 @@ use physics::medium::jam::Jams;
 use physics::model::Model;
 use physics::scatter::{Moment, PairBlock, Renewal};
 use physics::timing::{SYNCHRONISATION_NS, airtime_ns};
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, ordered_link};
 use proto::site::Site;
 
@@ -151,7 +152,7 @@ impl World<'_> {
     }
 
     fn arrive(&self, which: usize, emission: Emission, receiver: u32) -> Option<Arrived> {
-        let place = |mote: u32| self.ends.iter().position(|end| end.id == mote);
+        let place = |mote: u32| self.ends.iter().position(|end| end.id == MoteId(mote));
         let (from, to) = (place(emission.sender)?, place(receiver)?);
         if from == to {
             return None;

@@ -11,6 +11,7 @@ use netsim::wire::security::FrameSecurity;
 use physics::asn::Asn;
 use physics::timing::Airtime;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 use std::collections::BTreeMap;
 
@@ -253,7 +254,7 @@ fn random_cell(dice: &mut Dice, slots: u16) -> Cell {
     let mut below = |n: u64| dice.below(n) as usize;
     let (slot, channel) = (below(slots.into()) as u16, below(4) as u16);
     let (option, kind, neighbour) = (options[below(4)], kinds[below(4)], below(6) as u32);
-    let neighbour = (neighbour < 3).then(|| Eui64::of_mote(neighbour));
+    let neighbour = (neighbour < 3).then(|| Eui64::of_mote(MoteId(neighbour)));
     Cell::new(slot, channel, option, neighbour).of_kind(kind)
 }
 
@@ -296,7 +297,7 @@ struct Pair {
 
 impl Pair {
     fn new(seed: u64) -> Self {
-        let mut dice = Dice::new(seed, Purpose::Scenario, 0);
+        let mut dice = Dice::new(seed, Purpose::Scenario, MoteId(0));
         let config = config(&mut dice);
         let mut schedule = Schedule::new();
         let mut handles = Vec::new();
@@ -310,8 +311,8 @@ impl Pair {
                 }
             }
         }
-        let own = Eui64::of_mote(9);
-        let mut mac = Tsch::new(&config, own, 9, true, seed);
+        let own = Eui64::of_mote(MoteId(9));
+        let mut mac = Tsch::new(&config, own, MoteId(9), true, seed);
         let mut plain = Plain {
             capacity: config.queue_capacity.map(usize::from),
             retries: config.max_retries,
@@ -325,7 +326,7 @@ impl Pair {
             announced: None,
             next_sequence: 0,
             n_newer: BTreeMap::new(),
-            dice: Dice::new(seed, Purpose::Mac, 9),
+            dice: Dice::new(seed, Purpose::Mac, MoteId(9)),
         };
         mac.start_root(0);
         mac.enable_beacons(&config, true, 0);
@@ -338,7 +339,7 @@ impl Pair {
         self.n_pushed += 1;
         let to = self.dice.below(5) as u32;
         let latest_only = self.dice.below(8) == 0;
-        let to = (to < 4 && !latest_only).then(|| Eui64::of_mote(to));
+        let to = (to < 4 && !latest_only).then(|| Eui64::of_mote(MoteId(to)));
         let slotframes = [None, None, Some(0), Some(1), Some(SWARM_HANDLE)];
         let frame = Waiting {
             id: self.n_pushed,
@@ -355,7 +356,7 @@ impl Pair {
         };
         let queued = Queued {
             frame: FrameRepr {
-                source: Eui64::of_mote(9),
+                source: Eui64::of_mote(MoteId(9)),
                 destination: to,
                 sequence: 0,
                 ack_request: to.is_some(),
@@ -398,7 +399,7 @@ impl Pair {
                 self.schedule.remove_where(handle, |cell| cell.slot == slot);
             }
             24..27 => {
-                let to = Some(Eui64::of_mote(self.dice.below(4) as u32));
+                let to = Some(Eui64::of_mote(MoteId(self.dice.below(4) as u32)));
                 let taken = self.mac.take_where(|queued| queued.destination() == to);
                 let ours: Vec<u64> = taken.iter().map(|queued| queued.packet).collect();
                 let of_it = |frame: &&Waiting| frame.to == to;

@@ -29,6 +29,7 @@ use physics::medium::jam::{Jam, Jams};
 use physics::timing::{
     ACK_WAIT_NS, RX_ACK_DELAY_NS, RX_OFFSET_NS, RX_WAIT_NS, TX_ACK_DELAY_NS, TX_OFFSET_NS,
 };
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 use proto::types::PacketPurpose;
 use proto::types::{AgentStates, MoteOrder};
@@ -84,7 +85,7 @@ impl Plain {
         let n = scenario.n;
         let place = Place::new(n, &config.absent, setup.site);
         let motes = (0..n as u32)
-            .map(|mote| Mote::new(&settings, &addresses, mote, n as u32, scenario.seed))
+            .map(|mote| Mote::new(&settings, &addresses, MoteId(mote), n as u32, scenario.seed))
             .collect();
         let mut plain = Self {
             motes,
@@ -135,7 +136,7 @@ impl Plain {
         };
         let result = act(&mut self.motes[mote as usize], &mut world);
         for brought in swarm {
-            self.heard.push((brought.receiver, brought.sender, asn.0));
+            self.heard.push((brought.receiver.0, brought.sender.0, asn.0));
         }
         result
     }
@@ -180,11 +181,12 @@ impl Plain {
                     self.jams.add(Jam { channel, from_ns, until_ns, centre_m, radius_m });
                 }
                 MoteOrder::Send { mote, destination, payload } => {
-                    let to = self.addresses.eui64(destination).global();
+                    let to = self.addresses.eui64(MoteId(destination)).global();
                     let now_ns = asn * self.config.slot_ns;
                     let bytes = payload.len() as u32;
                     let kind = PacketPurpose::Ordered;
-                    let packet = self.packets.begin(kind, mote, destination, now_ns, bytes);
+                    let packet =
+                        self.packets.begin(kind, MoteId(mote), MoteId(destination), now_ns, bytes);
                     self.with(mote, asn, asn, |mote, world| {
                         mote.say(world, to, payload, packet);
                         mote.pump(world);
@@ -232,8 +234,13 @@ impl Plain {
                     for neighbour in neighbours {
                         let to = self.addresses.mote(neighbour).expect("it was heard");
                         let bytes = payload.len() as u32;
-                        let packet =
-                            self.packets.begin(PacketPurpose::Swarm, mote, to, now_ns, bytes);
+                        let packet = self.packets.begin(
+                            PacketPurpose::Swarm,
+                            MoteId(mote),
+                            to,
+                            now_ns,
+                            bytes,
+                        );
                         let payload = payload.clone();
                         self.with(mote, asn, asn, |mote, world| {
                             mote.say(world, neighbour.link_local(), payload, packet);
@@ -302,7 +309,7 @@ impl Plain {
     fn synchronise(&mut self, mote: u32, asn: Asn, effective_asn: Asn) {
         let Some(source) = self.motes[mote as usize].wants_sync.take() else { return };
         let other = self.addresses.mote(source).expect("it was heard");
-        let other = &self.motes[other as usize].mac;
+        let other = &self.motes[other.index()].mac;
         if other.is_synced() {
             let source_ns = other.deviation_ns(asn * self.config.slot_ns);
             self.with(mote, asn, effective_asn, |mote, world| {

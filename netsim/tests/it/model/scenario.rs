@@ -6,6 +6,7 @@ use netsim::catalogue::Catalogue;
 use netsim::dice::Dice;
 use netsim::mesh::network::Mesh;
 use netsim::sim::Network;
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 use proto::side::{NetInput, NetOutput, NetSimulator as _, Setup};
 use proto::types::{
@@ -77,7 +78,7 @@ impl Spice {
 impl Scenario {
     /// A network of 3 to 12 motes that runs for so many seconds.
     pub(crate) fn draw(function: &str, radio: &str, spice: Spice, seed: u64, seconds: u64) -> Self {
-        let mut dice = Dice::new(seed, Purpose::Scenario, 0);
+        let mut dice = Dice::new(seed, Purpose::Scenario, MoteId(0));
         let n = 3 + dice.below(10) as usize;
         let config = config(function, radio, n, &mut dice);
         let end_ns = seconds * NS_PER_S;

@@ -107,7 +107,7 @@ fn blocks_of_squares(rows: &ModelledLinks) -> Blocks {
                 let (tx, rx) = rows.ends(row);
                 let mut key = 0u64;
                 for end in [tx, rx] {
-                    if !rows.still().get(&end.id).copied().unwrap_or(true) {
+                    if !rows.still().get(&end.id.0).copied().unwrap_or(true) {
                         key = scramble(key ^ square(end.position_m, side_m));
                     }
                 }
@@ -301,7 +301,7 @@ pub(super) fn cells_of(rows: &ModelledLinks, scales: Scales) -> RowCells {
         let (tx, rx) = rows.ends(row);
         let (low, high) = if tx.id < rx.id { (tx, rx) } else { (rx, tx) };
         [low, high].iter().fold(0u64, |key, end| {
-            if rows.still().get(&end.id).copied().unwrap_or(true) {
+            if rows.still().get(&end.id.0).copied().unwrap_or(true) {
                 key
             } else {
                 scramble(key ^ square(end.position_m, side_m))

@@ -8,6 +8,7 @@ use crate::linear::{Column, Dependence, Direction, Group, Linearised, Partition,
 use crate::thresholds::{NODE_SQUARES_ACROSS, SHORTEST_CLUSTER_SHARE};
 use physics::link::End;
 use proto::effect::Search;
+use proto::ids::MoteId;
 use std::collections::BTreeMap;
 
 /// A column moves something if it moves some row by this (dB).
@@ -135,7 +136,7 @@ impl LinkStudy {
     fn ends_of(&self) -> Vec<[u32; 2]> {
         let is_still = |id: u32| self.rows.still().get(&id).copied().unwrap_or(true);
         let ends = || (0..self.n_rows()).flat_map(|row| both(self.rows.ends(row)));
-        let places_m = || ends().filter(|end| !is_still(end.id)).map(|end| end.position_m);
+        let places_m = || ends().filter(|end| !is_still(end.id.0)).map(|end| end.position_m);
         let span_m = (0..2)
             .map(|axis| {
                 let along = || places_m().map(|place_m| place_m[axis]);
@@ -145,9 +146,9 @@ impl LinkStudy {
         let side_m = (span_m / NODE_SQUARES_ACROSS).max(1e-3);
         let key = |end: &End| {
             let square = end.position_m.map(|m| (m / side_m).floor() as i64);
-            (end.id, if is_still(end.id) { [0; 3] } else { square })
+            (end.id, if is_still(end.id.0) { [0; 3] } else { square })
         };
-        let mut all: Vec<(u32, [i64; 3])> = ends().map(key).collect();
+        let mut all: Vec<(MoteId, [i64; 3])> = ends().map(key).collect();
         all.sort_unstable();
         all.dedup();
         let number = |end: &End| all.binary_search(&key(end)).unwrap_or_default() as u32;

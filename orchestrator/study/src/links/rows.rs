@@ -8,6 +8,7 @@ use physics::Model;
 use physics::effect::Effect;
 use physics::link::{Covariates, End, Link, Scene};
 use physics::propagation::Reception;
+use proto::ids::MoteId;
 use proto::site::Site;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -68,7 +69,7 @@ impl ModelledLinks {
         let end = |row: &LinkRow, mote: u32, place: [f64; 3], heading: f64| {
             let place = [place[0], place[1], if place[2].is_nan() { 0.0 } else { place[2] }];
             End {
-                id: mote,
+                id: MoteId(mote),
                 position_m: place,
                 heading_rad: (!heading.is_nan()).then_some(heading),
                 velocity_mps: tracks
@@ -365,7 +366,7 @@ fn silent_frames(rows: &[LinkRow]) -> Vec<f64> {
 fn stand_still(ends: &[(End, End)]) -> BTreeMap<u32, bool> {
     let mut extents: BTreeMap<u32, ([f64; 3], [f64; 3])> = BTreeMap::new();
     for end in ends.iter().flat_map(|(tx, rx)| [tx, rx]) {
-        let (low, high) = extents.entry(end.id).or_insert((end.position_m, end.position_m));
+        let (low, high) = extents.entry(end.id.0).or_insert((end.position_m, end.position_m));
         for k in 0..3 {
             low[k] = low[k].min(end.position_m[k]);
             high[k] = high[k].max(end.position_m[k]);
@@ -457,7 +458,7 @@ fn agents(rows: &[LinkRow], tracks: &BTreeMap<(u32, u32), Track>) -> (Vec<End>, 
                 let from = agents.len() as u32;
                 for ((_, mote), track) in tracks.range((row.run, 0)..=(row.run, u32::MAX)) {
                     if let Some(place) = place_at(track, row.time_s) {
-                        agents.push(End::new(*mote, place));
+                        agents.push(End::new(MoteId(*mote), place));
                     }
                 }
                 (from, agents.len() as u32)

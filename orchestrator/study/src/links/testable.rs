@@ -61,9 +61,9 @@ fn has_still_views(rows: &ModelledLinks) -> bool {
     for row in 0..rows.len() {
         let (tx, rx) = rows.ends(row);
         for (own, other) in [(tx, rx), (rx, tx)] {
-            if own.heading_rad.is_none() && still.get(&own.id).copied().unwrap_or(false) {
+            if own.heading_rad.is_none() && still.get(&own.id.0).copied().unwrap_or(false) {
                 let place = [0, 1].map(|k| other.position_m[k].to_bits());
-                views.entry(own.id).or_default().insert(place);
+                views.entry(own.id.0).or_default().insert(place);
             }
         }
     }

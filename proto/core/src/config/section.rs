@@ -1,6 +1,7 @@
 //! A section of the configuration as a struct, which is its description, too.
 
 use super::{Field, Kind, Node, Range, TableSpec, Variant};
+use crate::ids::{AgentId, MoteId};
 
 /// A checked table: what a `Section` is read from.
 pub type CheckedTable = toml::Table;
@@ -274,6 +275,20 @@ macro_rules! integers {
 }
 
 integers!(u8, u16, u32, u64, usize);
+
+macro_rules! numbers_of {
+    ($($name:ty),*) => {$(
+        impl Key for $name {
+            const KIND: Kind = u32::KIND;
+
+            fn from_value(value: &CheckedValue) -> Option<Self> {
+                u32::from_value(value).map(Self)
+            }
+        }
+    )*};
+}
+
+numbers_of!(AgentId, MoteId);
 
 impl Key for i64 {
     const KIND: Kind = Kind::Integer { min: Self::MIN, max: Self::MAX };

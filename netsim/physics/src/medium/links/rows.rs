@@ -3,6 +3,7 @@
 use crate::link::End;
 use crate::nearest::Grid;
 use crate::propagation::Reach;
+use proto::ids::MoteId;
 
 /// What is kept, by sender.
 #[derive(Debug, Default)]
@@ -17,7 +18,7 @@ pub(super) struct SenderRows {
     grid_of: u32,
     /// Values kept.
     n_kept: usize,
-    found: Vec<u32>,
+    found: Vec<MoteId>,
     values: Vec<f64>,
 }
 
@@ -38,7 +39,7 @@ enum Neighbours {
     #[default]
     Everyone,
     /// These, ascending.
-    List(Vec<u32>),
+    List(Vec<MoteId>),
 }
 
 /// Fewer radios than this are not worth lists.
@@ -50,7 +51,7 @@ impl SenderRows {
     /// Takes note of who has moved, come or gone.
     pub(super) fn note_moves(&mut self, before: (&[End], &[f64]), after: (&[End], &[f64])) {
         self.change += 1;
-        let highest = |ends: &[End]| ends.last().map_or(0, |end| end.id as usize + 1);
+        let highest = |ends: &[End]| ends.last().map_or(0, |end| end.id.index() + 1);
         let n_motes = highest(before.0).max(highest(after.0));
         if self.moved_in.len() < n_motes {
             self.moved_in.resize(n_motes, 0);
@@ -59,23 +60,23 @@ impl SenderRows {
         let mut old = before.0.iter().zip(before.1).peekable();
         for (end, way_m) in after.0.iter().zip(after.1) {
             while let Some((gone, _)) = old.next_if(|(old, _)| old.id < end.id) {
-                self.moved_in[gone.id as usize] = self.change;
+                self.moved_in[gone.id.index()] = self.change;
             }
             let same = old.next_if(|(old, _)| old.id == end.id).is_some_and(|(old, old_way_m)| {
                 old.position_m == end.position_m && old_way_m == way_m
             });
             if !same {
-                self.moved_in[end.id as usize] = self.change;
+                self.moved_in[end.id.index()] = self.change;
             }
         }
         for (gone, _) in old {
-            self.moved_in[gone.id as usize] = self.change;
+            self.moved_in[gone.id.index()] = self.change;
         }
     }
 
     /// Brings the row of the sender at a place among `ends` up to date. `keeps`: values are kept in it.
     pub(super) fn refresh(&mut self, ends: &[End], from: usize, reach: Reach, keeps: bool) {
-        let sender = ends[from].id as usize;
+        let sender = ends[from].id.index();
         if self.rows[sender].of == self.change {
             return;
         }
@@ -91,15 +92,15 @@ impl SenderRows {
         *n_kept -= row.lasting_db.len();
         let n_values = match is_list {
             true => found.len(),
-            false => ends.last().map_or(0, |end| end.id as usize + 1),
+            false => ends.last().map_or(0, |end| end.id.index() + 1),
         };
         values.clear();
         if keeps && *n_kept + n_values <= MOST_KEPT {
             values.resize(n_values, f64::NAN);
             if sender_stands {
                 for (place, value) in values.iter_mut().enumerate() {
-                    let mote = if is_list { found[place] } else { place as u32 };
-                    if stands(mote as usize)
+                    let mote = if is_list { found[place] } else { MoteId::from_index(place) };
+                    if stands(mote.index())
                         && let Some(known) = row.place_of(mote)
                     {
                         *value = row.lasting_db[known];
@@ -145,8 +146,8 @@ impl SenderRows {
     }
 
     /// Who may be within reach of a sender whose row is up to date.
-    pub(super) fn neighbours(&self, sender: u32) -> Option<&[u32]> {
-        match &self.rows[sender as usize].reach {
+    pub(super) fn neighbours(&self, sender: MoteId) -> Option<&[MoteId]> {
+        match &self.rows[sender.index()].reach {
             Neighbours::Everyone => None,
             Neighbours::List(list) => Some(list),
         }
@@ -156,11 +157,11 @@ impl SenderRows {
     #[inline]
     pub(super) fn lasting_db(
         &mut self,
-        sender: u32,
-        receiver: u32,
+        sender: MoteId,
+        receiver: MoteId,
         compute_db: impl FnOnce() -> f64,
     ) -> f64 {
-        let row = &mut self.rows[sender as usize];
+        let row = &mut self.rows[sender.index()];
         let Some(place) = row.place_of(receiver) else { return compute_db() };
         let kept = &mut row.lasting_db[place];
         if kept.is_nan() {
@@ -173,9 +174,9 @@ impl SenderRows {
 impl Row {
     /// Where the value for a receiver is kept, if it is.
     #[inline]
-    fn place_of(&self, receiver: u32) -> Option<usize> {
+    fn place_of(&self, receiver: MoteId) -> Option<usize> {
         let place = match &self.reach {
-            Neighbours::Everyone => receiver as usize,
+            Neighbours::Everyone => receiver.index(),
             Neighbours::List(list) => list.binary_search(&receiver).ok()?,
         };
         (place < self.lasting_db.len()).then_some(place)

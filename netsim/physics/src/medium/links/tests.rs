@@ -21,6 +21,7 @@ use crate::propagation::{AssignedRssi, Propagation, Radio};
 use crate::reception::Curve;
 use crate::reception::table::Table;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 use proto::site::Wall;
 
 const SEED: u64 = 5;
@@ -56,7 +57,7 @@ fn links(model: Model) -> Links {
 }
 
 fn ends(positions_m: &[[f64; 2]]) -> Vec<End> {
-    positions_m.iter().zip(0..).map(|(&[x, y], id)| End::new(id, [x, y, 0.0])).collect()
+    positions_m.iter().zip(0..).map(|(&[x, y], id)| End::new(MoteId(id), [x, y, 0.0])).collect()
 }
 
 fn placed(model: Model, positions_m: &[[f64; 2]]) -> Links {
@@ -66,18 +67,18 @@ fn placed(model: Model, positions_m: &[[f64; 2]]) -> Links {
 }
 
 fn sent(sender: u32, channel: u8, sent_ns: u64) -> Sent {
-    Sent { sender, channel, sent_ns, end_ns: sent_ns + 4_256_000 }
+    Sent { sender: MoteId(sender), channel, sent_ns, end_ns: sent_ns + 4_256_000 }
 }
 
 fn probability(links: &mut Links, sender: u32, receiver: u32) -> f64 {
-    links.arrival(sent(sender, 18, 0), receiver).reception_probability
+    links.arrival(sent(sender, 18, 0), MoteId(receiver)).reception_probability
 }
 
 #[test]
 fn a_link_has_the_power_of_its_channel() {
     let mut links = placed(model(Friis { radio: RADIO }, vec![]), &[[0.0; 2], [30.0, 40.0]]);
     for (channel, hz) in [(11, 2.405e9), (18, 2.440e9), (26, 2.480e9)] {
-        let got = links.arrival(sent(0, channel, 0), 1);
+        let got = links.arrival(sent(0, channel, 0), MoteId(1));
         assert_eq!(got.rssi_dbm, friis_dbm(0.0, 50.0, hz));
         let table = Table::dust().reception_probability(got.rssi_dbm);
         assert_eq!(got.reception_probability, table);
@@ -87,12 +88,12 @@ fn a_link_has_the_power_of_its_channel() {
 #[test]
 fn nobody_hears_himself_or_who_is_off() {
     let mut links = placed(model(Full { rssi: assigned() }, vec![]), &[[0.0; 2], [1.0, 0.0]]);
-    assert!(links.arrival(sent(0, 18, 0), 0).is_nothing());
-    assert!(!links.arrival(sent(0, 18, 0), 1).is_nothing());
-    assert!(links.arrival(sent(0, 18, 0), 2).is_nothing());
-    assert!(links.arrival(sent(7, 18, 0), 1).is_nothing());
+    assert!(links.arrival(sent(0, 18, 0), MoteId(0)).is_nothing());
+    assert!(!links.arrival(sent(0, 18, 0), MoteId(1)).is_nothing());
+    assert!(links.arrival(sent(0, 18, 0), MoteId(2)).is_nothing());
+    assert!(links.arrival(sent(7, 18, 0), MoteId(1)).is_nothing());
     links.set_positions(PERIOD_NS, &ends(&[[0.0; 2]]), &[0.0]);
-    assert!(links.arrival(sent(0, 18, 0), 1).is_nothing(), "switched off");
+    assert!(links.arrival(sent(0, 18, 0), MoteId(1)).is_nothing(), "switched off");
 }
 
 #[test]
@@ -100,12 +101,12 @@ fn c2_frozen_links_stay_over_100_slots_even_if_motes_move_and_are_the_same_in_bo
     let randomness = ExperimentalRandomness { radio: RADIO, redraw: Redraw::Frozen };
     let mut places = [[0.0; 2], [20.0, 0.0], [0.0, 30.0]];
     let mut links = placed(model(randomness, vec![]), &places);
-    let first = links.arrival(sent(0, 18, 0), 1);
+    let first = links.arrival(sent(0, 18, 0), MoteId(1));
     for asn in 1..100 {
         places[2][1] += 0.1;
         links.set_positions(asn * PERIOD_NS, &ends(&places), &[0.0, 0.0, asn as f64 * 0.1]);
-        assert_eq!(links.arrival(sent(0, 18, asn * 10_000_000), 1), first);
-        assert_eq!(links.arrival(sent(1, 18, asn * 10_000_000), 0), first);
+        assert_eq!(links.arrival(sent(0, 18, asn * 10_000_000), MoteId(1)), first);
+        assert_eq!(links.arrival(sent(1, 18, asn * 10_000_000), MoteId(0)), first);
     }
 }
 
@@ -116,12 +117,12 @@ fn levels_of_a_period_change_with_it_and_levels_of_a_frame_with_every_frame() {
         let places = ends(&[[0.0; 2], [5.0, 0.0]]);
         let mut links = links(model(randomness, vec![]));
         links.set_positions(0, &places, &[0.0; 2]);
-        let first = links.arrival(sent(0, 18, 2_120_000), 1);
-        let second = links.arrival(sent(0, 18, 12_120_000), 1);
+        let first = links.arrival(sent(0, 18, 2_120_000), MoteId(1));
+        let second = links.arrival(sent(0, 18, 12_120_000), MoteId(1));
         assert_eq!(first != second, changes_in_period);
-        assert_eq!(links.arrival(sent(0, 18, 2_120_000), 1), first, "asked again");
+        assert_eq!(links.arrival(sent(0, 18, 2_120_000), MoteId(1)), first, "asked again");
         links.set_positions(PERIOD_NS, &places, &[0.0; 2]);
-        let next = links.arrival(sent(0, 18, PERIOD_NS + 2_120_000), 1);
+        let next = links.arrival(sent(0, 18, PERIOD_NS + 2_120_000), MoteId(1));
         assert_ne!(first, next);
         let friis = friis_dbm(0.0, 5.0, 2.44e9);
         for arrival in [first, second, next] {
@@ -136,8 +137,13 @@ fn a_period_has_the_levels_of_a_propagation_only_run() {
     let mut links = placed(model(randomness, vec![]), &[[0.0; 2], [5.0, 0.0]]);
     let scatter = links.model.scatters()[0];
     let at = Moment { period_ns: 0, sent_ns: 77, way_m: 0.0, channel: None };
-    let level_db = scatter.value_db(&mut PairBlock::new(SEED, 0, 1, 0), 0, 1, at);
-    let got = links.arrival(sent(0, 18, 77), 1).rssi_dbm;
+    let level_db = scatter.value_db(
+        &mut PairBlock::new(SEED, MoteId(0), MoteId(1), 0),
+        MoteId(0),
+        MoteId(1),
+        at,
+    );
+    let got = links.arrival(sent(0, 18, 77), MoteId(1)).rssi_dbm;
     assert_eq!(got, friis_dbm(0.0, 5.0, 2.44e9) - 20.0 + level_db);
 }
 
@@ -146,12 +152,12 @@ fn shadowing_changes_with_the_way_of_either_end() {
     let places = ends(&[[0.0; 2], [20.0, 0.0]]);
     let mut links = links(model(Friis { radio: RADIO }, vec![shadowing()]));
     links.set_positions(0, &places, &[0.0, 0.0]);
-    let first = links.arrival(sent(0, 18, 0), 1);
-    assert_eq!(links.arrival(sent(0, 18, 50), 1), first);
+    let first = links.arrival(sent(0, 18, 0), MoteId(1));
+    assert_eq!(links.arrival(sent(0, 18, 50), MoteId(1)), first);
     links.set_positions(PERIOD_NS, &places, &[0.0, 0.0]);
-    assert_eq!(links.arrival(sent(0, 18, PERIOD_NS), 1), first);
+    assert_eq!(links.arrival(sent(0, 18, PERIOD_NS), MoteId(1)), first);
     links.set_positions(2 * PERIOD_NS, &places, &[0.0, 3.0]);
-    assert_ne!(links.arrival(sent(0, 18, 2 * PERIOD_NS), 1), first);
+    assert_ne!(links.arrival(sent(0, 18, 2 * PERIOD_NS), MoteId(1)), first);
 }
 
 #[test]
@@ -178,8 +184,10 @@ fn limited_scatter_is_that_of_the_unlimited_effect_where_it_acts_and_nothing_els
                 let acts =
                     (sender == 1 || receiver == 1) && (20_000_000..40_000_000).contains(&sent_ns);
                 let other = if acts { &mut everywhere } else { &mut plain };
-                let (got, expected) =
-                    (limited.arrival(frame, receiver), other.arrival(frame, receiver));
+                let (got, expected) = (
+                    limited.arrival(frame, MoteId(receiver)),
+                    other.arrival(frame, MoteId(receiver)),
+                );
                 assert_eq!(got, expected, "{kind} {sender} {receiver} {sent_ns}");
             }
         }
@@ -193,7 +201,7 @@ fn the_horizon_is_where_frames_become_too_weak_to_be_received_unless_it_is_set()
     let places = [[0.0; 2], [3.8, 0.0], [4.1, 0.0], [54.0, 0.0], [57.0, 0.0]];
     let mut near = placed(weak(), &places);
     let arrives = |links: &mut Links| {
-        [1, 2, 3, 4].map(|receiver| !links.arrival(sent(0, 18, 0), receiver).is_nothing())
+        [1, 2, 3, 4].map(|receiver| !links.arrival(sent(0, 18, 0), MoteId(receiver)).is_nothing())
     };
     assert_eq!(arrives(&mut near), [true, false, false, false]);
     let mut far = Links::new(Arc::new(weak()), SEED, &CHANNELS, Some(-120.0));
@@ -206,7 +214,7 @@ fn the_horizon_is_where_frames_become_too_weak_to_be_received_unless_it_is_set()
 fn the_full_model_delivers_over_any_distance() {
     let mut links = placed(model(Full { rssi: assigned() }, vec![]), &[[0.0; 2], [1e7, 0.0]]);
     assert_eq!(probability(&mut links, 0, 1), 1.0);
-    assert_eq!(links.neighbours(0), None);
+    assert_eq!(links.neighbours(MoteId(0)), None);
 }
 
 #[test]
@@ -214,7 +222,7 @@ fn the_disk_ends_at_its_radius() {
     let disk = UnitDisk { radius_m: 10.0, rssi: assigned() };
     let mut links = placed(model(disk, vec![]), &[[0.0; 2], [10.0, 0.0], [0.0, 10.01]]);
     assert_eq!(probability(&mut links, 0, 1), 1.0);
-    assert!(links.arrival(sent(0, 18, 0), 2).is_nothing(), "and disturbs nobody beyond");
+    assert!(links.arrival(sent(0, 18, 0), MoteId(2)).is_nothing(), "and disturbs nobody beyond");
 }
 
 #[test]
@@ -275,7 +283,7 @@ fn c7_a_trace_is_replayed_by_time_and_channel() {
     let trace = Trace::new(&k7::read(TEXT.as_bytes()).unwrap(), 10_000_000);
     let mut links = placed(model(trace, vec![]), &[[0.0; 2], [0.0; 2]]);
     let mut at = |channel, sent_ns| {
-        let arrival = links.arrival(sent(0, channel, sent_ns), 1);
+        let arrival = links.arrival(sent(0, channel, sent_ns), MoteId(1));
         (arrival.rssi_dbm, arrival.reception_probability)
     };
     assert_eq!(at(18, 2_120_000), (-69.9, 0.75));
@@ -297,8 +305,8 @@ fn in_a_jam_nothing_arrives_and_outside_everything() {
         [(50, 18, true), (150, 18, false), (150, 11, true), (250, 18, true)]
     {
         let slot = Slot { asn: Asn(asn), begins_ns: asn * 10_000_000 };
-        let on_air = [OnAir { sender: 0, channel, starts_ns: 0, psdu_bytes: 50 }];
-        let listening = [1, 2].map(|mote| Listening::synchronised(mote, channel, 0));
+        let on_air = [OnAir { sender: MoteId(0), channel, starts_ns: 0, psdu_bytes: 50 }];
+        let listening = [1, 2].map(|mote| Listening::synchronised(MoteId(mote), channel, 0));
         let got = medium.resolve(&mut links, slot, &on_air, &listening);
         assert_eq!(matches!(got[0], Reception::Received { .. }), hears, "{asn} {channel}");
         assert!(matches!(got[1], Reception::Received { .. }), "outside the disc");
@@ -358,7 +366,7 @@ proptest! {
                 }
                 before[mote] = place;
                 if let Some([x, y]) = place {
-                    ends.push(End::new(mote as u32, [x, y, 0.0]));
+                    ends.push(End::new(MoteId(mote as u32), [x, y, 0.0]));
                     ways.push(way_m[mote]);
                 }
             }
@@ -367,20 +375,20 @@ proptest! {
             let mut new = made();
             new.set_positions(now_ns, &ends, &ways);
             for sender in ends.iter().step_by(7) {
-                let sent = sent(sender.id, 18, now_ns + 2_120_000);
+                let sent = sent(sender.id.0, 18, now_ns + 2_120_000);
                 let mut plain = Vec::new();
                 for receiver in 0..places.len() as u32 {
-                    plain.push(new.arrival(sent, receiver));
+                    plain.push(new.arrival(sent, MoteId(receiver)));
                 }
                 // In another order, some of them twice.
                 for receiver in (0..places.len() as u32).rev().chain([0]) {
-                    prop_assert_eq!(old.arrival(sent, receiver), plain[receiver as usize]);
+                    prop_assert_eq!(old.arrival(sent, MoteId(receiver)), plain[receiver as usize]);
                 }
                 // Outside of the neighbours nothing arrives.
                 if let Some(neighbours) = old.neighbours(sender.id) {
                     prop_assert!(neighbours.is_sorted());
                     for (receiver, arrival) in (0..).zip(&plain) {
-                        let is_listed = neighbours.binary_search(&receiver).is_ok();
+                        let is_listed = neighbours.binary_search(&MoteId(receiver)).is_ok();
                         prop_assert!(is_listed || arrival.is_nothing(), "{}", receiver);
                     }
                 }
@@ -394,7 +402,7 @@ fn many_have_neighbours_and_few_of_them() {
     let places: Vec<[f64; 2]> = (0..900).map(|i| [f64::from(i % 30), f64::from(i / 30)]).collect();
     let mut links = placed(model(Friis { radio: RADIO }, vec![loss()]), &places);
     // 3.9 m: 48 or 49 places of a unit grid within.
-    let neighbours = links.neighbours(15 * 30 + 15).unwrap();
+    let neighbours = links.neighbours(MoteId(15 * 30 + 15)).unwrap();
     assert!((40..60).contains(&neighbours.len()), "{}", neighbours.len());
 }
 
@@ -406,18 +414,20 @@ fn where_frames_are_certain_the_same_ones_are_received_without_their_levels() {
     let jam = Jam { channel: 18, from_ns: 0, until_ns: 1, centre_m: [0.0; 2], radius_m: 0.0 };
     let mut n_levels = [0; 2];
     for (on_air, is_jammed) in [
-        (vec![frame(1, 0)], false),
-        (vec![frame(1, 700_000)], false),
-        (vec![frame(9, 0)], false),
-        (vec![frame(1, 0), frame(3, 200_000)], false),
-        (vec![frame(1, 0)], true),
+        (vec![frame(MoteId(1), 0)], false),
+        (vec![frame(MoteId(1), 700_000)], false),
+        (vec![frame(MoteId(9), 0)], false),
+        (vec![frame(MoteId(1), 0), frame(MoteId(3), 200_000)], false),
+        (vec![frame(MoteId(1), 0)], true),
     ] {
         // Radio 4 is off, and 9 does not exist.
         let positions = ends(&[[0.0, 0.0], [3.0, 1.0], [5.0, 5.0], [900.0, 2.0], [1.0, 1.0]]);
         let listening: Vec<Listening> = [(0, 18, 0), (2, 18, -600_000), (3, 11, 0), (4, 18, 0)]
             .into_iter()
-            .map(|(receiver, channel, off_ns)| Listening::synchronised(receiver, channel, off_ns))
-            .chain([Listening::scanning(1, 18)])
+            .map(|(receiver, channel, off_ns)| {
+                Listening::synchronised(MoteId(receiver), channel, off_ns)
+            })
+            .chain([Listening::scanning(MoteId(1), 18)])
             .collect();
         let slot = Slot { asn: Asn(77), begins_ns: 770_000_000 };
         let mut resolved = [false, true].map(|asks| {

@@ -2,6 +2,7 @@
 
 use crate::asn::Asn;
 use crate::timing::{Airtime, RX_OFFSET_NS, RX_WAIT_NS, TX_OFFSET_NS};
+use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
 /// Which slot.
@@ -17,7 +18,7 @@ pub struct Slot {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OnAir {
     /// Number of the mote.
-    pub sender: u32,
+    pub sender: MoteId,
     /// IEEE 802.15.4 channel, 11 to 26.
     pub channel: u8,
     /// Deviation (ns) of the sender's clock from the true time: by so much the frame begins later than macTsTxOffset.
@@ -44,7 +45,7 @@ impl OnAir {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Listening {
     /// Number of the mote.
-    pub receiver: u32,
+    pub receiver: MoteId,
     /// IEEE 802.15.4 channel, 11 to 26.
     pub channel: u8,
     /// From when (ns after the slot's true begin) it hears a frame that begins.
@@ -56,14 +57,14 @@ pub struct Listening {
 impl Listening {
     /// A synchronised mote whose clock deviates by so much (ns): within macTsRxWait about its own macTsTxOffset.
     #[must_use]
-    pub fn synchronised(receiver: u32, channel: u8, deviation_ns: i64) -> Self {
+    pub fn synchronised(receiver: MoteId, channel: u8, deviation_ns: i64) -> Self {
         let opens_ns = RX_OFFSET_NS + deviation_ns;
         Self { receiver, channel, opens_ns, closes_ns: opens_ns + RX_WAIT_NS }
     }
 
     /// A mote that scans: it hears whatever begins in the slot.
     #[must_use]
-    pub fn scanning(receiver: u32, channel: u8) -> Self {
+    pub fn scanning(receiver: MoteId, channel: u8) -> Self {
         Self { receiver, channel, opens_ns: i64::MIN, closes_ns: i64::MAX }
     }
 }
@@ -74,7 +75,7 @@ pub struct Acknowledgment {
     /// Of which frame: its place among the slot's transmissions.
     pub transmission: u32,
     /// Who sends it: who received the frame.
-    pub receiver: u32,
+    pub receiver: MoteId,
     /// Length (bytes), header and check sequence of the MAC included.
     pub psdu_bytes: u16,
 }
@@ -102,7 +103,7 @@ pub enum Reception {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sent {
     /// Number of the mote.
-    pub sender: u32,
+    pub sender: MoteId,
     /// IEEE 802.15.4 channel, 11 to 26.
     pub channel: u8,
     /// When it begins (ns).
@@ -144,7 +145,7 @@ impl Arrival {
 /// Which motes each sender's frames can reach, and at which power.
 pub trait Paths {
     /// All motes, ascending, at which the sender's frames can arrive; `None`: they can arrive at any mote.
-    fn neighbours(&mut self, sender: u32) -> Option<&[u32]>;
+    fn neighbours(&mut self, sender: MoteId) -> Option<&[MoteId]>;
 
     /// Whether a frame that has the slot to itself is received by every radio that is on and listens, and nobody asks how
     /// strong it was: then levels need not be computed.
@@ -153,10 +154,10 @@ pub trait Paths {
     }
 
     /// Whether a mote's radio is on. Asked where [`Paths::is_certain`].
-    fn is_on(&self, _mote: u32) -> bool {
+    fn is_on(&self, _mote: MoteId) -> bool {
         true
     }
 
     /// Adds to `arrivals`, for each of `receivers`, what of a frame arrives there.
-    fn arrivals(&mut self, sent: Sent, receivers: &[u32], arrivals: &mut Vec<Arrival>);
+    fn arrivals(&mut self, sent: Sent, receivers: &[MoteId], arrivals: &mut Vec<Arrival>);
 }

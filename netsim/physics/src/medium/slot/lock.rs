@@ -4,6 +4,7 @@ use super::air::Arrival;
 use super::pairing::{Ear, Emission};
 use crate::interference::Rule;
 use crate::timing::Airtime;
+use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, ordered_link};
 
 /// What became of a receiver, in terms of emissions.
@@ -19,7 +20,7 @@ pub(super) enum ReceiverOutcome {
 struct Candidate {
     begins_ns: i64,
     ends_ns: i64,
-    sender: u32,
+    sender: MoteId,
     purpose: Purpose,
     emission: usize,
     arrival: Arrival,
@@ -73,7 +74,7 @@ impl Locker {
         heard: impl Iterator<Item = (usize, Arrival)>,
     ) -> ReceiverOutcome {
         let draw = |frame: &Candidate| {
-            let link = ordered_link(frame.sender, ear.receiver);
+            let link = ordered_link(frame.sender.0, ear.receiver.0);
             Draws::new(seed, frame.purpose).uniform(link, asn, 0)
         };
         let begins_in_time =

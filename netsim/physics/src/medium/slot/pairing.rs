@@ -2,12 +2,13 @@
 
 use super::air::{Arrival, Listening, Paths, Sent};
 use crate::timing::{ACK_WAIT_NS, RX_ACK_DELAY_NS};
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 
 /// Something on the air. Times count from the slot's true begin.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Emission {
-    pub(super) sender: u32,
+    pub(super) sender: MoteId,
     pub(super) channel: u8,
     pub(super) begins_ns: i64,
     pub(super) ends_ns: i64,
@@ -31,7 +32,7 @@ impl Emission {
 /// A receiver that is on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ear {
-    pub(super) receiver: u32,
+    pub(super) receiver: MoteId,
     pub(super) channel: u8,
     pub(super) opens_ns: i64,
     pub(super) closes_ns: i64,
@@ -84,7 +85,7 @@ pub(super) struct Pairing {
     ears_on: Vec<Vec<u32>>,
     /// Ear by mote.
     ear_of: Vec<u32>,
-    receivers: Vec<u32>,
+    receivers: Vec<MoteId>,
     asked: Vec<u32>,
     arrivals: Vec<Arrival>,
 }
@@ -119,7 +120,7 @@ impl Pairing {
             }
         }
         for ear in &*ears {
-            if let Some(place) = self.ear_of.get_mut(ear.receiver as usize) {
+            if let Some(place) = self.ear_of.get_mut(ear.receiver.index()) {
                 *place = NONE;
             }
         }
@@ -135,7 +136,7 @@ impl Pairing {
             is_used[usize::from(emission.channel)] = true;
         }
         for (number, ear) in (0..).zip(ears) {
-            let mote = ear.receiver as usize;
+            let mote = ear.receiver.index();
             if self.ear_of.len() <= mote {
                 self.ear_of.resize(mote + 1, NONE);
             }
@@ -146,7 +147,7 @@ impl Pairing {
         }
         // Half duplex.
         for emission in emissions {
-            if let Some(place) = self.ear_of.get_mut(emission.sender as usize)
+            if let Some(place) = self.ear_of.get_mut(emission.sender.index())
                 && let Some(ear) = ears.get(*place as usize)
                 && ear.silent_from_ns < emission.ends_ns
             {
@@ -154,7 +155,7 @@ impl Pairing {
             }
         }
         for (number, ear) in (0..).zip(ears) {
-            if self.ear_of[ear.receiver as usize] == number {
+            if self.ear_of[ear.receiver.index()] == number {
                 self.ears_on[usize::from(ear.channel)].push(number);
             }
         }
@@ -166,7 +167,7 @@ impl Pairing {
         receivers.clear();
         asked.clear();
         let on_channel = &ears_on[usize::from(emission.channel)];
-        let mut ask = |number: u32, receiver: u32| {
+        let mut ask = |number: u32, receiver: MoteId| {
             if receiver != emission.sender {
                 asked.push(number);
                 receivers.push(receiver);
@@ -177,7 +178,7 @@ impl Pairing {
             && neighbours.len() < on_channel.len()
         {
             for &mote in neighbours {
-                let number = ear_of.get(mote as usize).copied().unwrap_or(NONE);
+                let number = ear_of.get(mote.index()).copied().unwrap_or(NONE);
                 if ears.get(number as usize).is_some_and(|ear| ear.channel == emission.channel) {
                     ask(number, mote);
                 }
@@ -204,7 +205,7 @@ impl Pairing {
         &mut self,
         paths: &mut P,
         sent: Sent,
-        receiver: u32,
+        receiver: MoteId,
     ) -> Arrival {
         self.arrivals.clear();
         paths.arrivals(sent, &[receiver], &mut self.arrivals);

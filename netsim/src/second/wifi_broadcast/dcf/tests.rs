@@ -1,4 +1,5 @@
 use super::*;
+use proto::ids::MoteId;
 
 const TIMING: Timing = Timing {
     slot_ns: 20_000,
@@ -10,9 +11,9 @@ const TIMING: Timing = Timing {
 };
 
 /// Everyone among `n` stations hears everyone else.
-fn all(n: u32) -> impl FnMut(u32) -> HeardBy {
-    move |sender| {
-        let sensed: Vec<u32> = (0..n).filter(|&id| id != sender).collect();
+fn all(n: u32) -> impl FnMut(MoteId) -> HeardBy {
+    move |sender: MoteId| {
+        let sensed: Vec<u32> = (0..n).filter(|&id| id != sender.0).collect();
         HeardBy { received: sensed.iter().map(|&id| (id, -50.0)).collect(), sensed }
     }
 }
@@ -46,8 +47,8 @@ fn frames_that_begin_at_the_same_instant_are_lost_and_hidden_ones_too() {
     let carried = run(&mut dcf, &[(100_000, 0), (100_000, 1)], 3, 10_000_000, 1);
     assert!(carried.frames.iter().all(|frame| frame.receivers.is_empty()));
     // 0 and 2 hear 1 alone, and do not sense each other.
-    let mut line = |sender: u32| {
-        let sensed = if sender == 1 { vec![0, 2] } else { vec![1] };
+    let mut line = |sender: MoteId| {
+        let sensed = if sender == MoteId(1) { vec![0, 2] } else { vec![1] };
         HeardBy { received: sensed.iter().map(|&id| (id, 0.0)).collect(), sensed }
     };
     let mut carried = Carried::default();

@@ -6,6 +6,7 @@ use crate::mac::Schedule;
 use crate::sixtop::{self, Sixtop, request};
 use crate::wire::sixp::SixpRepr;
 use physics::asn::Asn;
+use proto::ids::MoteId;
 use proto::rng::Purpose;
 use std::collections::VecDeque;
 
@@ -70,7 +71,7 @@ impl<P: Policy> Network<P> {
     pub(in crate::sf) fn with_policy(n: u32, config: MsfConfig, seed: u64, policy: P) -> Self {
         let slotframe_ns = u64::from(config.slotframe_slots) * SLOT_NS;
         let mote = |number: u32| Mote {
-            own: Eui64::of_mote(number),
+            own: Eui64::of_mote(MoteId(number)),
             msf: Msf::with_policy(&config, policy.clone()),
             sixtop: Sixtop::new(sixtop::Config {
                 sfid: SFID,
@@ -84,7 +85,7 @@ impl<P: Policy> Network<P> {
             n_inconsistent: 0,
             is_root: number == 0,
             parent: None,
-            dice: Dice::new(seed, Purpose::Scheduling, number),
+            dice: Dice::new(seed, Purpose::Scheduling, MoteId(number)),
             queue: VecDeque::new(),
             backoff: 0,
         };
@@ -96,7 +97,7 @@ impl<P: Policy> Network<P> {
             mute: None,
             gone: None,
             loss: (0.0, 0.0),
-            dice: Dice::new(seed, Purpose::Mac, n),
+            dice: Dice::new(seed, Purpose::Mac, MoteId(n)),
             codes: vec![],
         };
         for mote in 0..network.motes.len() {

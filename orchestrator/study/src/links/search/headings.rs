@@ -39,7 +39,7 @@ fn nodes_without(rows: &ModelledLinks, train: &[u32]) -> Vec<u32> {
     for &row in train {
         let (tx, rx) = rows.ends(row as usize);
         for end in [tx, rx] {
-            *known.entry(end.id).or_insert(false) |= end.heading_rad.is_some();
+            *known.entry(end.id.0).or_insert(false) |= end.heading_rad.is_some();
         }
     }
     let is_sought = |id: &u32, known: bool| !known && still.get(id).copied().unwrap_or(false);
@@ -65,7 +65,7 @@ fn pattern_rows(
                 let bearing_rad = libm::atan2(dy, dx);
                 let (unknown, heading_rad) = match own.heading_rad {
                     Some(heading_rad) => (None, heading_rad),
-                    None => (Some(nodes.binary_search(&own.id).ok()?), 0.0),
+                    None => (Some(nodes.binary_search(&own.id.0).ok()?), 0.0),
                 };
                 Some(Sight { bearing: unit(bearing_rad - heading_rad), unknown })
             };

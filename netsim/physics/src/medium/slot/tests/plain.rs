@@ -3,6 +3,7 @@
 use super::*;
 use crate::asn::Asn;
 use proptest::prelude::*;
+use proto::ids::MoteId;
 
 /// A whole slot to be resolved.
 #[derive(Clone, Debug)]
@@ -37,17 +38,17 @@ fn case() -> impl Strategy<Value = Case> {
         |(frames, ears, links, asn, by_table, lists)| {
             let mut on_air: Vec<OnAir> = Vec::new();
             for (sender, channel, starts_ns, psdu_bytes) in frames {
-                if on_air.iter().all(|other| other.sender != sender) {
-                    on_air.push(OnAir { sender, channel, starts_ns, psdu_bytes });
+                if on_air.iter().all(|other| other.sender != MoteId(sender)) {
+                    on_air.push(OnAir { sender: MoteId(sender), channel, starts_ns, psdu_bytes });
                 }
             }
             let mut listening: Vec<Listening> = Vec::new();
             for (receiver, channel, deviation_ns, scans) in ears {
-                if listening.iter().all(|other| other.receiver != receiver) {
+                if listening.iter().all(|other| other.receiver != MoteId(receiver)) {
                     listening.push(if scans {
-                        Listening::scanning(receiver, channel)
+                        Listening::scanning(MoteId(receiver), channel)
                     } else {
-                        Listening::synchronised(receiver, channel, deviation_ns)
+                        Listening::synchronised(MoteId(receiver), channel, deviation_ns)
                     });
                 }
             }
@@ -63,7 +64,7 @@ impl Case {
         for (sender, row) in (0..).zip(&self.links) {
             for (receiver, link) in (0..).zip(row) {
                 if let &Some((dbm, probability)) = link {
-                    air.set(sender, receiver, dbm, probability);
+                    air.set(MoteId(sender), MoteId(receiver), dbm, probability);
                 }
             }
         }
@@ -98,7 +99,7 @@ impl Case {
         for (number, frame) in (0..).zip(&self.on_air) {
             let nothing = air.get(frame.sender, ear.receiver).is_nothing();
             if frame.channel == ear.channel && !nothing {
-                arriving.push((Self::span(frame).0, frame.sender, number));
+                arriving.push((Self::span(frame).0, frame.sender.0, number));
             }
         }
         arriving.sort_unstable();
