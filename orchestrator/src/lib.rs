@@ -9,7 +9,6 @@
 //! | [`mod@sweep`] | many experiments that differ in what a sweep says |
 //! | [`mod@compare_runs`] | what changed from one run, or one sweep, to another |
 //! | [`mod@check`] | what a file of measurements holds, and which effects it can show |
-//! | [`mod@dry_run`] | what a run or a sweep would take |
 //! | [`starters`] | the experiments that `new` writes |
 //! | [`campaign`] | templates of measurement campaigns |
 //! | [`mod@demo`] | the loop from measurements to a better model, on a hidden effect |
@@ -27,7 +26,6 @@ pub mod compare_runs;
 pub mod conformance;
 pub mod console;
 pub mod demo;
-pub mod dry_run;
 pub mod effects;
 pub mod export;
 pub mod starters;

@@ -26,8 +26,8 @@ pub use merge::{MergeReport, merge};
 pub use shard::{Shard, ShardError};
 
 use crate::console::{self, ProgressDisplay};
-use crate::dry_run::{DryRun, JOURNAL_LINE_BYTES};
 use crate::run::disk_space;
+use crate::run::dry_run::DryRun;
 use crate::run::{RunError, StartOptions};
 use experiment::Overrides;
 use journal::{Journal, JournalContent, TrialRow};
@@ -165,6 +165,8 @@ pub struct SweepReport {
 pub const TABLE_FILE: &str = "trials.parquet";
 /// The lines that the table is made of.
 const JOURNAL_FILE: &str = "trials.jsonl";
+/// What a line of the journal takes (bytes).
+const JOURNAL_LINE_BYTES: u64 = 4000;
 
 /// Whether a file says that it is a sweep.
 #[must_use]

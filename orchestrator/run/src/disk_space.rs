@@ -27,7 +27,7 @@ pub fn fits(least_bytes: u64, out: &Path) -> Result<(), String> {
 }
 
 /// What to say if a recording that has taken so many bytes for `step` of `n_steps` steps will not fit.
-pub fn outgrows(dir: &Path, step: u64, n_steps: u64) -> Option<String> {
+pub(crate) fn outgrows(dir: &Path, step: u64, n_steps: u64) -> Option<String> {
     let so_far = size_of(dir) as f64;
     let to_come = so_far / step.max(1) as f64 * n_steps.saturating_sub(step) as f64;
     let free = free_bytes(dir)?;
@@ -42,7 +42,7 @@ pub fn outgrows(dir: &Path, step: u64, n_steps: u64) -> Option<String> {
 }
 
 /// Steps of an experiment after its network has formed.
-pub fn n_steps(plan: &Plan) -> u64 {
+pub(crate) fn n_steps(plan: &Plan) -> u64 {
     plan.duration_ns.div_ceil(plan.experiment.step_ns)
 }
 
@@ -52,7 +52,7 @@ pub fn least_bytes(plan: &Plan) -> u64 {
 }
 
 /// What to say before a run that fits only if the robots are done early.
-pub fn fits_if_ended_early(plan: &Plan, out: &Path) -> Option<String> {
+pub(crate) fn fits_if_ended_early(plan: &Plan, out: &Path) -> Option<String> {
     let least = least_bytes_to_the_end(plan);
     let free = free_bytes(out).filter(|&free| free < least)?;
     Some(format!(
@@ -74,7 +74,7 @@ fn least_bytes_to_the_end(plan: &Plan) -> u64 {
 }
 
 /// Bytes of all files below a folder.
-pub fn size_of(folder: &Path) -> u64 {
+pub(crate) fn size_of(folder: &Path) -> u64 {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     entries
         .map(|entry| match entry.metadata() {
@@ -86,7 +86,7 @@ pub fn size_of(folder: &Path) -> u64 {
 }
 
 /// Free space for this user where `path` is or will be.
-pub fn free_bytes(path: &Path) -> Option<u64> {
+pub(crate) fn free_bytes(path: &Path) -> Option<u64> {
     let path = std::path::absolute(path).ok()?;
     let existing = path.ancestors().find(|path| path.exists())?;
     let stat = statvfs(existing).ok()?;
@@ -94,7 +94,7 @@ pub fn free_bytes(path: &Path) -> Option<u64> {
 }
 
 /// Bytes for people, with three digits.
-pub fn bytes(n: u64) -> String {
+pub(crate) fn bytes(n: u64) -> String {
     const UNITS: [&str; 4] = ["kB", "MB", "GB", "TB"];
     if n < 1000 {
         return format!("{n} bytes");

@@ -3,6 +3,7 @@
 mod attempt;
 mod course;
 pub mod disk_space;
+pub mod dry_run;
 pub mod interrupt;
 mod milestones;
 mod polled;

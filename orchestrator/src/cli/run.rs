@@ -3,7 +3,7 @@
 use super::replay::Serving;
 use super::{AllowArgs, Failure, OverrideArgs, check_place, is_stdout, on_runtime, write_json};
 use crate::console::{Screen, say, warn};
-use crate::dry_run::DryRun;
+use crate::run::dry_run::DryRun;
 use crate::run::run_answer::RunAnswer;
 use crate::run::{self, LiveView, ResumeOptions, RunOptions, RunReport, StartOptions};
 use clap::Args;

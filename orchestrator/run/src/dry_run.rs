@@ -4,8 +4,8 @@
 //! folder, and are extrapolated in proportion to steps. A simulator that runs elsewhere is not disturbed: then only the least
 //! space is known.
 
-use crate::run::disk_space::{bytes, free_bytes, least_bytes, n_steps, size_of};
-use crate::run::{FormedFiles, RunError, StartOptions, record_of, start};
+use crate::disk_space::{bytes, free_bytes, least_bytes, n_steps, size_of};
+use crate::{FormedFiles, RunError, StartOptions, record_of, start};
 use drive::{Driver, Failure, Observer, Schedule, Taken, Uninterrupted, Wanted};
 use experiment::Plan;
 use numbers::format::{count, count_of};
@@ -19,13 +19,11 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// What the schema of the answer is called.
-pub const SCHEMA: &str = "dry-run/1";
+const SCHEMA: &str = "dry-run/1";
 /// How long steps are taken for the estimate.
 const MEASURED: Duration = Duration::from_secs(2);
 /// What a report takes (bytes).
 const REPORT_BYTES: u64 = 100_000;
-/// What a line of a sweep's journal takes (bytes).
-pub(crate) const JOURNAL_LINE_BYTES: u64 = 4000;
 
 /// What a run or a sweep would take.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -102,7 +100,7 @@ impl DryRun {
     }
 
     /// Warns of too little space.
-    pub(crate) fn check_space(&mut self) {
+    pub fn check_space(&mut self) {
         let expected = self.disk_bytes.unwrap_or(self.least_disk_bytes);
         if let Some(free) = self.free_bytes.filter(|&free| free < expected) {
             self.warnings.push(format!(
