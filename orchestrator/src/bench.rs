@@ -10,7 +10,6 @@ mod peers;
 mod standing;
 mod swarm;
 
-use crate::run::{Processes, RunError, StartOptions, record_of, start};
 use drive::coupling::{StepOutcome, StepPlan};
 use drive::{Taken, Wanted};
 use experiment::{Overrides, Plan};
@@ -20,6 +19,7 @@ use proto::exchange::Configured;
 use proto::types::NetRecord;
 use record::{Ending, Recorder, RunHeader};
 use report;
+use run::{Processes, RunError, StartOptions, record_of, start};
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;

@@ -34,9 +34,8 @@ mod task;
 
 use crate::bench::{self, BenchOptions};
 use crate::conformance::{self, ConformanceOptions};
-use crate::console::{LoggedStderr, complain, leave_stdout_to_answers, run_log, say};
 use crate::effects;
-use crate::run::StartOptions;
+use ::run::StartOptions;
 use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
 use arguments::{MOST_SEED, whole_number};
 use clap::{Args, FromArgMatches as _, Parser, Subcommand};
@@ -49,6 +48,7 @@ use proto_host::{ServeArgs, ServeOptions, init_logging_to, use_threads};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use terminal::{LoggedStderr, complain, leave_stdout_to_answers, run_log, say};
 
 /// Simulate robot swarms that communicate over a radio mesh, and find missing physics from measurements
 ///
@@ -354,11 +354,11 @@ pub fn main() -> ExitCode {
     let result = match cli.command {
         Command::Netsim(options) => {
             let args = ServeArgs { options, log: cli.log, log_json: cli.log_json };
-            return served(crate::run::serve_network(&args));
+            return served(::run::serve_network(&args));
         }
         Command::Robotsim(options) => {
             let args = ServeArgs { options, log: cli.log, log_json: cli.log_json };
-            return served(crate::run::serve_robots(&args));
+            return served(::run::serve_robots(&args));
         }
         Command::Become(args) => {
             let error = become_command(args.parent, &args.words);
@@ -456,7 +456,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
 
 /// One thread suffices: the work is in the simulators, and handing over between threads would cost more than it gains.
 fn on_runtime<T>(work: impl Future<Output = T>) -> Result<T, Failure> {
-    crate::run::on_runtime(work).map_err(Failure::work)
+    ::run::on_runtime(work).map_err(Failure::work)
 }
 
 fn effects_command(args: &EffectsArgs) -> Result<(), Failure> {

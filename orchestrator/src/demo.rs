@@ -9,7 +9,6 @@ pub mod hidden;
 mod page;
 
 use crate::campaign::{LinkCampaign, TrackCampaign};
-use crate::run::interrupt::Interrupt;
 use answers::{ComparisonAnswer, DiagnosisAnswer, RunSummaryAnswer};
 use demo_answer::{DemoAnswer, Estimate, Outcome, SCHEMA, SwarmResult};
 use diagnose::simulate;
@@ -19,6 +18,7 @@ use measure::config::Compared;
 use measure::table::DataTable;
 use numbers::format::{count, number};
 use proto::bounds::{COMMAND_BYTES, DESCRIPTION_BYTES};
+use run::interrupt::Interrupt;
 use serde::de::DeserializeOwned;
 use std::fs::File;
 use std::path::{Path, PathBuf};

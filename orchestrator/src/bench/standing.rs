@@ -4,11 +4,11 @@ use super::{
     BenchOptions, Printer, begin_record, end_record, number_or_dash, record_failed, step,
     temporary_folder,
 };
-use crate::run::{Processes, RunError, start};
 use drive::Wanted;
 use experiment::{Overrides, Plan};
 use proto::types::{NS_PER_S, seconds};
 use record::Recorder;
+use run::{Processes, RunError, start};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::{self, Write as _};

@@ -3,11 +3,11 @@
 use super::Failure;
 use super::inputs::{Watching, compared, table};
 use super::stop::Stopper;
-use crate::console::say;
 use clap::Args;
 use diagnose::between::{Between, BetweenError, BetweenRequest, words};
 use std::path::{Path, PathBuf};
 use study::choices::Choices;
+use terminal::say;
 
 /// Two campaigns in place of one.
 #[derive(Args)]

@@ -4,12 +4,12 @@ use super::choice::ChoiceArgs;
 use super::inputs::print_account;
 use super::{Failure, OverrideArgs, inputs, write_json};
 use crate::check::{self, CHECK_SCHEMA, ExperimentCheck, SweepCheck, packet_check};
-use crate::console::{say, warn};
-use crate::run::FormedFiles;
-use crate::sweep;
 use clap::Args;
 use measure::packets;
+use run::FormedFiles;
 use std::path::{Path, PathBuf};
+use sweep;
+use terminal::{say, warn};
 
 #[derive(Args)]
 pub(super) struct CheckArgs {

@@ -1,7 +1,6 @@
 //! `murmuration convert`: logs become a table of measurements.
 
 use super::{Failure, check_place, place_for, write_json};
-use crate::console::{say, warn};
 use ::convert::channels::ChannelShare;
 use ::convert::mapping::Mapping;
 use ::convert::output::{self, OutputFormat};
@@ -9,6 +8,7 @@ use ::convert::{Conversion, ConvertError, InputReport};
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use terminal::{say, warn};
 
 #[derive(Args)]
 pub(super) struct ConvertArgs {

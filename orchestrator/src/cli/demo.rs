@@ -2,11 +2,11 @@
 
 use super::arguments::whole_number;
 use super::{Failure, check_place, on_runtime, write_json};
-use crate::console::say;
 use crate::demo::{DemoError, DemoOptions, demo};
 use clap::Args;
 use numbers::format::{number_within, shortest};
 use std::path::{Path, PathBuf};
+use terminal::say;
 
 /// The folder of a demo, if no other is asked for.
 const FOLDER: &str = "demo";

@@ -1,11 +1,11 @@
 //! `docs`: opens the documentation site.
 
 use super::Failure;
-use crate::console::say;
 use clap::Args;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use terminal::say;
 
 /// The variable that names the site: its folder, or its first page.
 const VARIABLE: &str = "MURMURATION_DOCS";

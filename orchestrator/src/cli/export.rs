@@ -1,10 +1,10 @@
 //! `murmuration export`.
 
 use super::Failure;
-use crate::console::say;
 use crate::export::{self, ExportError, ExportFormat};
 use clap::Args;
 use std::path::PathBuf;
+use terminal::say;
 
 #[derive(Args)]
 pub(super) struct ExportArgs {

@@ -3,7 +3,6 @@
 use super::Failure;
 use super::search_log::SearchLog;
 use super::stop::Stopper;
-use crate::console::{say, warn};
 use diagnose::Observer;
 use diagnose::defects::MeasurementDefect;
 use diagnose::progress::SearchProgress;
@@ -14,6 +13,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 use study::StopFlag;
 use study::open::DataAccount;
+use terminal::{say, warn};
 
 /// The configuration that is compared with measurements, with `--set` applied.
 pub(super) fn compared(path: &Path, set: &[String]) -> Result<Compared, Failure> {

@@ -8,7 +8,6 @@ use super::packets::{Adding, ResimulationArgs};
 use super::stop::{BudgetArgs, Stopper};
 use super::task;
 use super::{Failure, inputs, write_json, write_whole};
-use crate::console::say;
 use clap::Args;
 use diagnose::corrected_data::CorrectedData;
 use diagnose::extend::extension;
@@ -19,6 +18,7 @@ use report::measured::MeasuredAnswer;
 use report::packets::NetworkAnswer;
 use std::path::{Path, PathBuf};
 use study::open::{self, Subject};
+use terminal::say;
 
 /// The same, and how long the search may take; or two files in place of one.
 #[derive(Args)]

@@ -6,7 +6,6 @@ use super::foreign::{Foreign, ForeignArgs};
 use super::packets::ResimulationArgs;
 use super::stop::Stopper;
 use super::{Failure, check_place, is_stdout, residuals, write_json, write_whole};
-use crate::console::say;
 use clap::Args;
 use diagnose::Request;
 use diagnose::between::Between;
@@ -19,6 +18,7 @@ use report::packets::NetworkAnswer;
 use std::path::{Path, PathBuf};
 use study::choices::Choices;
 use study::open::{self, Subject};
+use terminal::say;
 
 /// A configuration and measurements.
 #[derive(Args)]

@@ -1,11 +1,11 @@
 //! `new`: writes a starter experiment.
 
 use super::Failure;
-use crate::console::say;
 use crate::starters::StarterKind;
 use clap::Args;
 use experiment::{as_file_name, is_file_name, program_name, quoted};
 use std::path::{Path, PathBuf};
+use terminal::say;
 
 #[derive(Args)]
 pub(super) struct NewArgs {

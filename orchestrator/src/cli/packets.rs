@@ -3,7 +3,6 @@
 use super::inputs::Watching;
 use super::stop::Stopper;
 use super::{Failure, write_json, write_whole};
-use crate::console::say;
 use clap::Args;
 use diagnose::{Effects, Stopped};
 use measure::config::Compared;
@@ -15,6 +14,7 @@ use network::{
     ComparisonOptions, ExtendedExperiment, PacketError, PacketFiles, PacketRequest, Worded,
 };
 use std::path::{Path, PathBuf};
+use terminal::say;
 
 /// How the experiment is simulated again, to be compared with measured packets.
 #[derive(Args, Clone)]

@@ -5,11 +5,11 @@ use super::choice::ChoiceArgs;
 use super::inputs::{self, Watching};
 use super::stop::{BudgetArgs, Stopper};
 use super::{Failure, check_place, write_json};
-use crate::console::say;
 use clap::Args;
 use diagnose::Request;
 use diagnose::power::{self, Question};
 use std::path::PathBuf;
+use terminal::say;
 
 #[derive(Args)]
 pub(super) struct PowerArgs {

@@ -1,11 +1,11 @@
 //! `murmuration recover` and `murmuration reproduce`.
 
 use super::{AllowArgs, Failure, StartOptions, TlsArgs, check_place, on_runtime, write_json};
-use crate::console::{Screen, say};
-use crate::run::{self, Reproduction};
 use clap::Args;
 use experiment::Overrides;
+use run::{self, Reproduction};
 use std::path::PathBuf;
+use terminal::{Screen, say};
 
 #[derive(Args)]
 pub(super) struct RecoverArgs {

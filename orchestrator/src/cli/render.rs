@@ -2,8 +2,6 @@
 
 use super::answer_file::Answer;
 use super::{Failure, check_place, on_runtime, place_for, replay, write_json, write_whole};
-use crate::console::{ProgressDisplay, say};
-use crate::run::interrupt::Interrupt;
 use clap::{ArgGroup, Args, ValueEnum};
 use numbers::format::{count, count_of, trimmed};
 use picture::colours::Theme;
@@ -14,9 +12,11 @@ use picture::stage::{Director, Stage, TRAIL_NS};
 use picture::svg::svg;
 use picture::video::{Format, VideoError, VideoWriter};
 use proto::types::{NS_PER_S, seconds};
+use run::interrupt::Interrupt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use terminal::{ProgressDisplay, say};
 use view::recorded::RecordedRun;
 
 #[derive(Args)]

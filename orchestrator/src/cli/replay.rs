@@ -2,12 +2,12 @@
 
 use super::answer_file::Answer;
 use super::{Failure, check_place, on_runtime, residuals, write_whole};
-use crate::console::say;
-use crate::run::interrupt::Interrupt;
 use clap::Args;
+use run::interrupt::Interrupt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
+use terminal::say;
 use view::page;
 use view::recorded::RecordedRun;
 use view::server::{RunSource, Server, Shown};

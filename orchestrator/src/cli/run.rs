@@ -2,17 +2,17 @@
 
 use super::replay::Serving;
 use super::{AllowArgs, Failure, OverrideArgs, check_place, is_stdout, on_runtime, write_json};
-use crate::console::{Screen, say, warn};
-use crate::run::dry_run::DryRun;
-use crate::run::run_answer::RunAnswer;
-use crate::run::{self, LiveView, ResumeOptions, RunOptions, RunReport, StartOptions};
 use clap::Args;
 use metrics::kpi::kpi_summary::{ExchangeOutcome, KpiSummary};
 use proto::types::seconds;
 use record::ReplacePolicy;
 use record::run_summary::{RunSummary, TaskSummary};
+use run::dry_run::DryRun;
+use run::run_answer::RunAnswer;
+use run::{self, LiveView, ResumeOptions, RunOptions, RunReport, StartOptions};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use terminal::{Screen, say, warn};
 use view::live::Pace;
 use view::server::Shown;
 

@@ -5,15 +5,9 @@ use crate::bench::BenchAnswer;
 use crate::check::data_check::DataCheck;
 use crate::check::packet_check::PacketCheck;
 use crate::check::{ExperimentCheck, SweepCheck};
-use crate::compare_runs::runs_comparison::RunsComparison;
 use crate::conformance::ConformanceAnswer;
-use crate::console::say;
 use crate::demo::demo_answer::DemoAnswer;
 use crate::effects::EffectsAnswer;
-use crate::run::Reproduction;
-use crate::run::dry_run::DryRun;
-use crate::run::run_answer::RunAnswer;
-use crate::sweep::sweep_summary::SweepSummary;
 use ::convert::{Conversion, mapping};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -30,9 +24,15 @@ use network::task::comparison::TaskComparison;
 use picture::scene::Scene;
 use record::run_summary::RunSummary;
 use record::verify::VerifyReport;
+use run::Reproduction;
+use run::dry_run::DryRun;
+use run::run_answer::RunAnswer;
 use schemars::generate::SchemaSettings;
 use schemars::{Schema, SchemaGenerator};
 use serde_json::{Value, json};
+use sweep::SweepSummary;
+use sweep::compare_runs::RunsComparison;
+use terminal::say;
 
 /// What has a schema: experiment files, mapping files, and each answer by the command that gives it.
 #[derive(Args)]

@@ -2,11 +2,11 @@
 
 use super::help::command;
 use super::{Failure, on_stdout};
-use crate::console::say;
 use clap::Args;
 use clap_complete::Shell;
 use experiment::program_name;
 use std::path::PathBuf;
+use terminal::say;
 
 #[derive(Args)]
 pub(super) struct CompletionsArgs {

@@ -2,7 +2,6 @@
 
 use super::arguments::whole_number;
 use super::{Failure, check_place, inputs, is_stdout, on_stdout, place_for, write_json};
-use crate::console::{say, warn};
 use clap::Args;
 use diagnose::simulate::simulation::Simulation;
 use diagnose::simulate::{self, Simulated};
@@ -10,6 +9,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use terminal::{say, warn};
 
 #[derive(Args)]
 pub(super) struct SimulateArgs {

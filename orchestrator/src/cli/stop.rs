@@ -2,13 +2,13 @@
 //! printed.
 
 use super::{Failure, on_runtime};
-use crate::console::warn;
-use crate::run::interrupt::Interrupt;
 use clap::Args;
+use run::interrupt::Interrupt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use study::StopFlag;
+use terminal::warn;
 
 /// As a shell reports an end by Ctrl-C.
 const INTERRUPTED: i32 = 130;

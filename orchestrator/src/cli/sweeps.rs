@@ -3,16 +3,16 @@
 use super::{
     AllowArgs, Failure, FileArgs, check_place, is_stdout, on_runtime, write_json, write_whole,
 };
-use crate::compare_runs;
-use crate::console::{say, warn};
-use crate::run::StartOptions;
-use crate::sweep::engine::{self, EngineOptions, EngineReport, quoted};
-use crate::sweep::{self, MergeReport, Shard, SweepError, SweepOptions, SweepReport};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use numbers::format::count_of;
+use run::StartOptions;
 use std::path::PathBuf;
 use std::time::Duration;
+use sweep::compare_runs;
+use sweep::engine::{self, EngineOptions, EngineReport, quoted};
+use sweep::{self, MergeReport, Shard, SweepError, SweepOptions, SweepReport};
+use terminal::{say, warn};
 
 #[derive(Args)]
 pub(super) struct SweepArgs {
@@ -275,7 +275,7 @@ pub(super) fn compare_runs(args: &CompareRunsArgs) -> Result<(), Failure> {
     for warning in &changes.warnings {
         warn(warning);
     }
-    say(compare_runs::words::text(&changes));
+    say(compare_runs::text(&changes));
     write_json(args.json.as_deref(), &changes)
 }
 

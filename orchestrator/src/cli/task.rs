@@ -2,9 +2,9 @@
 
 use super::Failure;
 use super::inputs::Watching;
-use crate::console::say;
 use network::task::comparison::TaskComparison;
 use network::{ComparisonOptions, TaskError, TaskFiles, TaskRequest, Worded};
+use terminal::say;
 
 /// Prints whether the robots or the network cause the error of the task.
 pub(super) fn split(

@@ -117,6 +117,7 @@ const WALLS: &[(&str, &[&str])] = &[
     ("network", &["mcap", "record", "report"]),
     ("report", &["orchestrator", "run"]),
     ("run", &["clap_complete", "clap_mangen", "orchestrator"]),
+    ("sweep", &["clap_complete", "clap_mangen", "orchestrator"]),
     ("view", &["gif", "tiny-skia", "ttf-parser"]),
 ];
 

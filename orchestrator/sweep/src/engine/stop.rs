@@ -1,7 +1,7 @@
 //! Ctrl-C, SIGTERM and SIGHUP while jobs are followed.
 
 use super::EngineError;
-use crate::run::interrupt::Interrupt;
+use run::interrupt::Interrupt;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 

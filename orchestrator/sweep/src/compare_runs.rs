@@ -1,12 +1,15 @@
 //! What changed from one run, or one sweep, to another: in the configuration, in the task, in the network; seed by seed.
 
 mod rows;
-pub mod runs_comparison;
-pub mod words;
+mod runs_comparison;
+mod words;
 
-use crate::sweep::statistics::SampleSummary;
+pub use runs_comparison::RunsComparison;
+pub use words::text;
+
+use crate::statistics::SampleSummary;
 use rows::{Pairing, RunFolder};
-use runs_comparison::{Change, ChangedKey, RunsComparison, SCHEMA, SettingComparison};
+use runs_comparison::{Change, ChangedKey, SCHEMA, SettingComparison};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -6,7 +6,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 
 /// What the schema of the answer is called.
-pub const SCHEMA: &str = "compare-runs/1";
+pub(super) const SCHEMA: &str = "compare-runs/1";
 
 /// What changed from A to B, seed by seed.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]

@@ -10,7 +10,7 @@ use report::layout::number_cell;
 pub(super) fn verdict(contents: &SweepPage<'_>) -> Option<Markup> {
     let SweepPage { plan, summary, .. } = contents;
     let total = plan.n_trials();
-    let of_settings = |n: fn(&crate::sweep::sweep_summary::SettingSummary) -> usize| {
+    let of_settings = |n: fn(&crate::sweep_summary::SettingSummary) -> usize| {
         summary.settings.iter().map(n).sum::<usize>()
     };
     let failed = of_settings(|setting| setting.failed);

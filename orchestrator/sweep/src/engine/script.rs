@@ -1,6 +1,6 @@
 //! The job script of a task array: each task runs one shard.
 
-use crate::sweep::plan::SweepPlan;
+use crate::plan::SweepPlan;
 use proto::config::ClusterLine;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -88,7 +88,7 @@ fn quoted_path(path: &Path) -> String {
 }
 
 /// A word for a shell, in quotation marks where it needs them.
-pub(crate) fn quoted(word: &str) -> String {
+pub fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {
         word.to_owned()

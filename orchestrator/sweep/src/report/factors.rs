@@ -1,7 +1,7 @@
 //! What varies in a sweep, and how pictures show it: one factor along the axis, the others as rows and columns of panels.
 
 use super::names::{Catalogue, Name};
-use crate::sweep::plan::SweepPlan;
+use crate::plan::SweepPlan;
 use numbers::format::{number, shortest};
 use numbers::statistics::mean;
 use proto::config::{Node, Value};

@@ -5,7 +5,7 @@
 use super::command::{CommandError, job_number, output};
 use super::script::ShardScript;
 use super::{Engine, Queue};
-use crate::sweep::plan::SweepPlan;
+use crate::plan::SweepPlan;
 use std::fmt::Write as _;
 use std::path::Path;
 

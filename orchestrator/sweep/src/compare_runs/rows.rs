@@ -1,9 +1,9 @@
 //! The trials of a folder, and which trial of one belongs to which of another.
 
 use super::{CompareRunsError, Pair};
-use crate::sweep::sweep_summary::SCHEMA;
-use crate::sweep::table::{CASE, SEED, SETTING, STATUS};
-use crate::sweep::{TABLE_FILE, figures};
+use crate::sweep_summary::SCHEMA;
+use crate::table::{CASE, SEED, SETTING, STATUS};
+use crate::{TABLE_FILE, figures};
 use metrics::figures::FigureValue;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};

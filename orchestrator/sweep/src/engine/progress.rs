@@ -1,9 +1,9 @@
 //! How far the shards of a sweep are, read from their journals while other machines write them.
 
-use crate::sweep::SweepError;
-use crate::sweep::journal::{self, JournalError};
-use crate::sweep::plan::SweepPlan;
-use crate::sweep::shard::{self, Shard};
+use crate::SweepError;
+use crate::journal::{self, JournalError};
+use crate::plan::SweepPlan;
+use crate::shard::{self, Shard};
 use proto::bounds::JOURNAL_BYTES;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;

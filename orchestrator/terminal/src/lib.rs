@@ -1,10 +1,9 @@
 //! What a person reads while it works: results on standard output, progress and errors on standard error.
 
-use crate::run::Audience;
-use drive;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use proto::types::{Formation, seconds};
 use record::run_log::RunLog;
+use run::Audience;
 use std::ffi::OsString;
 use std::fmt::{Display, Write as _};
 use std::io::{IsTerminal as _, Write as _};
@@ -19,7 +18,7 @@ pub fn run_log() -> &'static RunLog {
 }
 
 /// Standard error, whose lines go to the log of the run, too.
-pub(crate) struct LoggedStderr;
+pub struct LoggedStderr;
 
 impl std::io::Write for LoggedStderr {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {

@@ -3,11 +3,25 @@
 //!
 //! `OUT/<name>/trials.jsonl` holds a line for each finished trial, so a sweep resumes even after a crash. The table, the summary
 //! and the report are made from those lines once all trials are finished. A shard runs some of the trials and has a journal of
-//! its own; [`merge()`] makes the table from the journals of all shards. `engine` has the shards run by a batch system.
+//! its own; [`merge()`] makes the table from the journals of all shards. [`engine`] has the shards run by a batch system.
+//!
+//! | module | content |
+//! |---|---|
+//! | `plan` | the settings and seeds that an experiment file states; `design` draws the settings |
+//! | `worker` | runs trials, each in simulators that are reused |
+//! | `journal` | the lines of finished trials, which survive a kill at any moment |
+//! | `shard`, `merge` | parts of a sweep on several machines, and one table of all |
+//! | [`engine`] | batch systems that run the shards, one file each |
+//! | `table`, `results` | the table and the summary; `statistics` and `setting_figures` of each setting |
+//! | `report` | the page |
+//! | `dry_run` | what the trials would take |
+//! | [`compare_runs`] | what changed from one run, or one sweep, to another |
 
+pub mod compare_runs;
 mod design;
-pub(crate) mod engine;
-pub(crate) mod figures;
+mod dry_run;
+pub mod engine;
+mod figures;
 mod journal;
 mod merge;
 mod plan;
@@ -15,32 +29,32 @@ mod report;
 mod results;
 mod setting_figures;
 mod shard;
-pub(crate) mod statistics;
-pub mod sweep_summary;
-pub(crate) mod table;
+mod statistics;
+mod sweep_summary;
+mod table;
 mod worker;
 
-pub use engine::{EngineError, EngineOptions, EngineReport};
+pub use dry_run::dry_run;
+use engine::EngineError;
 pub use journal::JournalError;
 pub use merge::{MergeReport, merge};
 pub use shard::{Shard, ShardError};
+pub use sweep_summary::SweepSummary;
 
-use crate::console::{self, ProgressDisplay};
-use crate::run::disk_space;
-use crate::run::dry_run::DryRun;
-use crate::run::{RunError, StartOptions};
 use experiment::Overrides;
 use journal::{Journal, JournalContent, TrialRow};
 use plan::{SweepPlan, SweepTrial};
 use proto::config::Refusal;
 use record::RecordError;
 use results::FinishedSweep;
+use run::disk_space;
+use run::{RunError, StartOptions};
 use sha2::{Digest as _, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
-use sweep_summary::SweepSummary;
+use terminal::ProgressDisplay;
 use worker::{Said, TrialQueue};
 
 /// What to sweep and where to put it.
@@ -162,11 +176,9 @@ pub struct SweepReport {
 }
 
 /// The table of a sweep.
-pub const TABLE_FILE: &str = "trials.parquet";
+const TABLE_FILE: &str = "trials.parquet";
 /// The lines that the table is made of.
 const JOURNAL_FILE: &str = "trials.jsonl";
-/// What a line of the journal takes (bytes).
-const JOURNAL_LINE_BYTES: u64 = 4000;
 
 /// Whether a file says that it is a sweep.
 #[must_use]
@@ -273,7 +285,7 @@ fn run_trials(
     let jobs = jobs(options, plan)?;
     let (trials, journal_name) = selected(plan, shard)?;
     for warning in &plan.warnings {
-        console::warn(warning);
+        terminal::warn(warning);
     }
     let dir = options.out.join(&plan.name);
     check_folder(&dir, shard)?;
@@ -300,7 +312,7 @@ fn run_trials(
         &format!("{part}sweep of {} trials, {jobs} at a time", plan.n_trials()),
     );
     for warning in &known.warnings {
-        console::warn(warning);
+        terminal::warn(warning);
     }
     let program = program(&options.start.executable)?;
     let mut rows: BTreeMap<SweepTrial, TrialRow> = BTreeMap::new();
@@ -315,7 +327,7 @@ fn run_trials(
     let n_before = rows.len();
     let n_other = rows.values().filter(|row| row.program != program).count();
     if n_other != 0 {
-        console::warn(format!(
+        terminal::warn(format!(
             "{n_other} trials were run by another build of this program; --restart runs them again"
         ));
     }
@@ -400,60 +412,6 @@ fn check_folder(dir: &Path, shard: Option<Shard>) -> Result<(), SweepError> {
     Ok(())
 }
 
-/// Estimates the time and space of the trials of a sweep, or of one shard of it, that have not been run.
-///
-/// # Errors
-///
-/// The sweep cannot be run, or its longest trial fails in its first steps.
-pub async fn dry_run(options: &SweepOptions, shard: Option<Shard>) -> Result<DryRun, SweepError> {
-    let plan = plan::load(&options.config, &options.overrides)?;
-    permitted(options, &plan)?;
-    let jobs = jobs(options, &plan)?;
-    let (trials, journal_name) = selected(&plan, shard)?;
-    let done = if options.restart {
-        BTreeSet::new()
-    } else {
-        journal::keys(&options.out.join(&plan.name).join(journal_name))
-    };
-    let trials: Vec<SweepTrial> =
-        trials.into_iter().filter(|trial| !done.contains(&plan.key(*trial))).collect();
-    // The longest trial is measured, the others are taken to be shorter in proportion.
-    let longest = trials.iter().copied().max_by(|&a, &b| plan.effort(a).total_cmp(&plan.effort(b)));
-    let longest = longest.or_else(|| plan.trials().next());
-    let Some(longest) = longest else { unreachable!("a sweep has a setting and a seed") };
-    let failed = |error: RunError| SweepError::Run {
-        trial: plan.trial_name(longest),
-        error: Box::new(error),
-    };
-    let trial = plan.plan(longest)?;
-    let dry = DryRun::of_run(&trial, &options.start, &options.out).await.map_err(failed)?;
-    let share = |trial: SweepTrial| plan.effort(trial) / plan.effort(longest);
-    let shares: f64 = trials.iter().map(|&trial| share(trial)).sum();
-    let kept: Vec<SweepTrial> = trials.iter().copied().filter(|&t| plan.keeps(t)).collect();
-    let kept_shares: f64 = kept.iter().map(|&trial| share(trial)).sum();
-    let n_trials = trials.len() as u64;
-    let lines = JOURNAL_LINE_BYTES.saturating_mul(n_trials);
-    let n_jobs = jobs.min(trials.len().max(1)) as u64;
-    let mut dry = DryRun {
-        name: plan.name.clone(),
-        trials: n_trials,
-        wall_s: dry.wall_s.filter(|_| n_trials != 0).map(|wall_s| wall_s * shares / n_jobs as f64),
-        memory_bytes: dry.memory_bytes.map(|bytes| bytes.saturating_mul(n_jobs)),
-        disk_bytes: dry.disk_bytes.map(|bytes| (bytes as f64 * kept_shares) as u64 + lines),
-        least_disk_bytes: least_bytes(&plan, &trials)?,
-        folder: options.out.join(&plan.name).display().to_string(),
-        basis: format!(
-            "of its longest trial, {}, {}; shorter trials in proportion, {n_jobs} at a time",
-            plan.trial_name(longest),
-            dry.basis
-        ),
-        warnings: plan.warnings.clone(),
-        ..dry
-    };
-    dry.check_space();
-    Ok(dry)
-}
-
 /// The least that trials take on the disk.
 fn least_bytes(plan: &SweepPlan, trials: &[SweepTrial]) -> Result<u64, Refusal> {
     // Trials of a setting differ in their seeds alone.
@@ -504,7 +462,7 @@ fn collect(
             Said::Done(trial, row) => {
                 if let (true, Some(reason)) = (row.has_failed(), &row.reason) {
                     let name = plan.trial_name(trial);
-                    console::warn(format!("trial {name} failed twice: {reason}"));
+                    terminal::warn(format!("trial {name} failed twice: {reason}"));
                     account.failed.push((name, reason.clone()));
                 }
                 if let Err(error) = journal.add(&row) {

@@ -4,9 +4,9 @@ use super::journal::{FAILED, TrialRow};
 use super::plan::{SweepPlan, SweepTrial};
 use super::results;
 use super::{Work, figures};
-use crate::run::{self, RunError, Sides, TrialResult};
 use drive::peer::SideError;
 use metrics::figures::FiguresByName;
+use run::{self, RunError, Sides, TrialResult};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::Sender;
 use std::time::Instant;
@@ -60,7 +60,7 @@ impl TrialQueue {
 
 /// Works until nothing is left. That nobody listens any more is no failure.
 pub(super) fn work(work: &Work<'_>, queue: &TrialQueue, said: &Sender<Said>) {
-    let n_starts = match crate::run::on_runtime(trials(work, queue, said)) {
+    let n_starts = match run::on_runtime(trials(work, queue, said)) {
         Ok(n_starts) => n_starts,
         Err(source) => {
             let error = SideError::Start { side: "a worker", reason: source.to_string() };

@@ -13,13 +13,12 @@ mod slurm;
 mod stop;
 mod submission;
 
-pub(crate) use script::quoted;
+pub use script::quoted;
 
 use super::merge::{self, MergeReport};
 use super::plan::{self, SweepPlan};
 use super::shard;
 use super::{SweepError, SweepOptions, check_folder};
-use crate::console;
 use command::CommandError;
 use record::RecordError;
 use script::ShardScript;
@@ -129,14 +128,14 @@ impl std::fmt::Debug for EngineOptions {
 
 impl EngineOptions {
     /// The engine of this name, if there is one.
-    pub(crate) fn new(name: &str, shards: Option<u32>, threads: u16) -> Option<Self> {
+    pub fn new(name: &str, shards: Option<u32>, threads: u16) -> Option<Self> {
         let engine = BUILT_IN.into_iter().find(|engine| engine.name() == name)?;
         Some(Self { engine, shards, threads })
     }
 }
 
 /// The names of all engines.
-pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+pub fn names() -> impl Iterator<Item = &'static str> {
     BUILT_IN.into_iter().map(Engine::name)
 }
 
@@ -316,7 +315,7 @@ pub enum EngineReport {
 /// # Errors
 ///
 /// The sweep cannot be run.
-pub(crate) fn emit(options: &SweepOptions, of_engine: EngineOptions) -> Result<String, SweepError> {
+pub fn emit(options: &SweepOptions, of_engine: EngineOptions) -> Result<String, SweepError> {
     let plan = plan::load(&options.config, &options.overrides)?;
     let dir = options.out.join(&plan.name);
     let n_shards = n_shards(&plan, &dir, of_engine.shards, None)?;
@@ -329,13 +328,10 @@ pub(crate) fn emit(options: &SweepOptions, of_engine: EngineOptions) -> Result<S
 /// # Errors
 ///
 /// See [`EngineError`] and [`SweepError`].
-pub(crate) fn run(
-    options: &SweepOptions,
-    of_engine: EngineOptions,
-) -> Result<EngineReport, SweepError> {
+pub fn run(options: &SweepOptions, of_engine: EngineOptions) -> Result<EngineReport, SweepError> {
     let plan = plan::load(&options.config, &options.overrides)?;
     for warning in &plan.warnings {
-        console::warn(warning);
+        terminal::warn(warning);
     }
     let dir = options.out.join(&plan.name);
     if shard::is_foreign(&dir)? {
@@ -444,7 +440,7 @@ impl EngineWork<'_> {
             return Ok(EngineReport::Submitted(format!("all shards are finished; run {merge}")));
         }
         if let Some(before) = &before {
-            console::warn(format!(
+            terminal::warn(format!(
                 "{title} {} submitted before; a shard that still runs keeps its journal, and its second task waits, then fails",
                 before.job_words("was", "were")
             ));

@@ -7,7 +7,7 @@ use super::command::{CommandError, job_number, output};
 use super::script::{ShardScript, quoted};
 use super::stop::StopSignal;
 use super::{Engine, Queue, Task, TaskState};
-use crate::sweep::plan::SweepPlan;
+use crate::plan::SweepPlan;
 use proto::config::ClusterLine;
 use std::fmt::Write as _;
 use std::path::Path;

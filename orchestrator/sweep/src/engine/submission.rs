@@ -2,8 +2,8 @@
 //! jobs that are there, rather than submit others.
 
 use super::{EngineError, EngineWork, FOLDER};
-use crate::sweep::SweepError;
-use crate::sweep::plan::SweepPlan;
+use crate::SweepError;
+use crate::plan::SweepPlan;
 use proto::bounds::DESCRIPTION_BYTES;
 use proto::digest::hex;
 use record::RecordError;

@@ -5,12 +5,12 @@ use super::progress::Progress;
 use super::stop::StopSignal;
 use super::submission::{Submission, job_words};
 use super::{BUILT_IN, Engine, EngineError, EngineWork, FOLDER, Queue, Task, TaskState};
-use crate::console::{self, ProgressDisplay};
-use crate::sweep::SweepError;
+use crate::SweepError;
 use proto::bounds::COMMAND_BYTES;
 use record::bounded::read_text_file;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
+use terminal::ProgressDisplay;
 
 /// How often the engine is asked about its tasks: at first, and at most after long. In between, a twentieth of the time since the
 /// beginning, so that short sweeps end soon and long ones do not burden the controller.
@@ -88,7 +88,7 @@ fn refuse_running(
     let engine = BUILT_IN.into_iter().find(|engine| engine.name() == other.engine);
     let title = engine.map_or("another engine", Engine::title);
     let Some((engine, queue)) = engine.and_then(|engine| Some((engine, engine.queue()?))) else {
-        console::warn(format!(
+        terminal::warn(format!(
             "{title} {} submitted for this folder before, and cannot be looked up; make sure that none of its tasks runs",
             other.job_words("was", "were")
         ));
@@ -175,7 +175,7 @@ impl Follower<'_> {
     }
 
     fn warn(&self, text: &str) {
-        self.display.aside(|| console::warn(text));
+        self.display.aside(|| terminal::warn(text));
     }
 
     fn interrupted(&self, signal: &'static str) -> EngineError {
@@ -339,7 +339,7 @@ impl Follower<'_> {
         if n_new != 0 {
             let shards = numbers::format::count_of(u64::from(self.work.n_shards), "shard");
             let text = format!("{title} job {job}: {n_new} of {shards} submitted");
-            self.display.aside(|| console::note(&text));
+            self.display.aside(|| terminal::note(&text));
         }
         Ok(Ok(()))
     }

@@ -5,7 +5,6 @@ use super::plan::{self, SweepPlan, SweepTrial};
 use super::results::{self, FinishedSweep};
 use super::shard::{self, Shard, ShardError};
 use super::{JOURNAL_FILE, SweepError, SweepOptions, SweepReport};
-use crate::console;
 use numbers::format::count_of;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -38,7 +37,7 @@ pub fn merge(options: &SweepOptions) -> Result<MergeReport, SweepError> {
     let begun = Instant::now();
     let plan = plan::load(&options.config, &options.overrides)?;
     for warning in &plan.warnings {
-        console::warn(warning);
+        terminal::warn(warning);
     }
     let dir = options.out.join(&plan.name);
     let shards = shard::shards_in(&dir)?;
@@ -52,7 +51,7 @@ pub fn merge(options: &SweepOptions) -> Result<MergeReport, SweepError> {
     }
     let (mut journal, known) = Journal::open(&dir, JOURNAL_FILE, false)?;
     for warning in &known.warnings {
-        console::warn(warning);
+        terminal::warn(warning);
     }
     // A later sweep without shards resumes from the journal of the whole sweep, so that it gets all rows.
     let mut rows: BTreeMap<SweepTrial, TrialRow> = BTreeMap::new();
@@ -107,7 +106,7 @@ fn read_all(
         let path = dir.join(shard.journal_name());
         let (rows, warnings) = journal::read_rows(&path)?;
         for warning in warnings {
-            console::warn(warning);
+            terminal::warn(warning);
         }
         let keys = rows.iter().map(|row| row.key.as_str());
         check_keys(&path, keys, |key| names.contains_key(key))?;
@@ -230,7 +229,7 @@ fn missing(
 fn warn_of_builds(rows: &BTreeMap<SweepTrial, TrialRow>) {
     let builds: BTreeSet<&str> = rows.values().map(|row| row.program.as_str()).collect();
     if 1 < builds.len() {
-        console::warn(format!(
+        terminal::warn(format!(
             "{} different builds of this program ran the trials; their results may differ for that reason",
             builds.len()
         ));

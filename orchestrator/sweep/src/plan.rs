@@ -1,13 +1,13 @@
 //! A sweep that has been read and checked: its settings, its trials, and what identifies each.
 
 use super::design::{self, Setting};
-use crate::run::{self, FormedFiles};
 use experiment::sweep::{self as spec, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
 use experiment::{Overrides, Plan};
 use proto::config::Refusal;
 use proto::config::{Node, Problem, Value};
 use proto::digest::hex;
 use rayon::prelude::*;
+use run::{self, FormedFiles};
 use sha2::{Digest as _, Sha256};
 use std::path::{Path, PathBuf};
 
