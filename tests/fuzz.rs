@@ -13,7 +13,6 @@ use experiment::Overrides;
 use measure::config::Compared;
 use measure::table::DataTable;
 use network::tracks::Tracks;
-use orchestrator::check;
 use proto::side::{NetSimulator as _, RobotSimulator as _};
 use record::formed::FormedNetwork;
 use std::path::{Path, PathBuf};

@@ -34,7 +34,6 @@ mod task;
 
 use crate::bench::{self, BenchOptions};
 use crate::conformance::{self, ConformanceOptions};
-use crate::effects;
 use ::run::StartOptions;
 use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
 use arguments::{MOST_SEED, whole_number};

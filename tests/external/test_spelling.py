@@ -12,7 +12,7 @@ IGNORED = ROOT / "tests" / "external" / "spelling_ignored.txt"
 SKIPPED = "*.csv,*.gz,*.k7,*.png,*.svg,*_pb2*,*.ipynb"
 PAGES = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs", "python", "configs", "tests/external/README.md"]
 # Help texts are the comments of the arguments.
-HELP_TEXTS = ["cli.rs", "cli", "bench.rs", "export.rs", "starters.rs"]
+HELP_TEXTS = ["src/cli.rs", "src/cli", "src/bench.rs", "export/src/lib.rs", "src/starters.rs"]
 
 
 def misspelt(*arguments):
@@ -28,7 +28,7 @@ def test_texts_have_no_known_misspelling():
 
 
 def test_help_texts_have_no_known_misspelling():
-    assert misspelt(*(f"orchestrator/src/{name}" for name in HELP_TEXTS)) == ""
+    assert misspelt(*(f"orchestrator/{name}" for name in HELP_TEXTS)) == ""
 
 
 def test_a_misspelling_is_found(tmp_path):

@@ -1,9 +1,9 @@
 //! Measurements that something is wrong with: refused in words, or used with a warning that says what was seen and what it does
 //! to the answer.
 
+use check::{DataCheck, text};
 use measure::config::Compared;
 use measure::table::DataTable;
-use orchestrator::check::{self, data_check::DataCheck, words::text};
 use std::path::Path;
 use study::choices::Choices;
 use study::open::{self, OpenError};

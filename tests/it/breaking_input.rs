@@ -2,7 +2,6 @@
 
 use experiment::Overrides;
 use measure::table::DataTable;
-use orchestrator::check;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;

@@ -14,7 +14,7 @@ fn written(name: &str) -> (PathBuf, String) {
 
 #[test]
 fn the_catalogue_is_what_the_effects_say_of_themselves() {
-    let page = orchestrator::effects::page();
+    let page = effects::page();
     let (path, mut text) = written("docs/effects.md");
     if std::env::var_os("UPDATE_REFERENCE").is_some() {
         std::fs::write(&path, &page).unwrap();
@@ -173,7 +173,7 @@ const WITHOUT_CAMPAIGN: [(&str, &str, &str); 8] = [
 #[test]
 fn every_effect_is_hidden_in_some_campaign_or_says_why_it_cannot_be() {
     let names = |of: &str| -> BTreeSet<&str> {
-        let all = orchestrator::effects::all();
+        let all = effects::all();
         all.iter().filter(|effect| effect.of == of).map(|effect| effect.variant.name).collect()
     };
     for (of, hidden) in [

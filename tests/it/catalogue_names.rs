@@ -12,7 +12,7 @@ const NAMED: &[(&str, &str, &str)] = &[
     ("bench/standing.rs", "orchestra", "what is measured is a configuration like any other"),
     ("cli/formula.rs", "formula", "the name of an argument"),
     ("cli/measured.rs", "formula", "the name of an argument"),
-    ("src/effects.rs", "table", "a description of the type of a key"),
+    ("effects/src/lib.rs", "table", "a description of the type of a key"),
     ("network/src/split.rs", "interference", "a key of netsim.phy"),
     ("network/src/split.rs", "trace", "the configuration that is written has measured levels"),
     ("study/src/formula.rs", "formula", "what a user's own expression is added as"),

@@ -3,12 +3,11 @@
 use super::choice::ChoiceArgs;
 use super::inputs::print_account;
 use super::{Failure, OverrideArgs, inputs, write_json};
-use crate::check::{self, CHECK_SCHEMA, ExperimentCheck, SweepCheck, packet_check};
+use check::{CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use clap::Args;
 use measure::packets;
 use run::FormedFiles;
 use std::path::{Path, PathBuf};
-use sweep;
 use terminal::{say, warn};
 
 #[derive(Args)]
@@ -44,14 +43,14 @@ fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
     let config = config.transpose()?;
     let table = inputs::table(data)?;
     if packets::has_shape(&table).is_ok() {
-        let checked = packet_check::packets(&table).map_err(Failure::request)?;
+        let checked = check::packets(&table).map_err(Failure::request)?;
         print_account(&checked.account);
         say(checked.text().trim_end());
         return write_json(args.json.as_deref(), &checked);
     }
     let checked = check::data(config, &table, &args.choices.choices()).map_err(Failure::request)?;
     print_account(&checked.account);
-    say(check::words::text(&checked).trim_end());
+    say(check::text(&checked).trim_end());
     write_json(args.json.as_deref(), &checked)
 }
 

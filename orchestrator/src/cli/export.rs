@@ -1,8 +1,8 @@
 //! `murmuration export`.
 
 use super::Failure;
-use crate::export::{self, ExportError, ExportFormat};
 use clap::Args;
+use export::{ExportError, ExportFormat};
 use std::path::PathBuf;
 use terminal::say;
 

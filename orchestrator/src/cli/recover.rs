@@ -3,7 +3,7 @@
 use super::{AllowArgs, Failure, StartOptions, TlsArgs, check_place, on_runtime, write_json};
 use clap::Args;
 use experiment::Overrides;
-use run::{self, Reproduction};
+use run::Reproduction;
 use std::path::PathBuf;
 use terminal::{Screen, say};
 

@@ -9,7 +9,7 @@ use record::ReplacePolicy;
 use record::run_summary::{RunSummary, TaskSummary};
 use run::dry_run::DryRun;
 use run::run_answer::RunAnswer;
-use run::{self, LiveView, ResumeOptions, RunOptions, RunReport, StartOptions};
+use run::{LiveView, ResumeOptions, RunOptions, RunReport, StartOptions};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use terminal::{Screen, say, warn};

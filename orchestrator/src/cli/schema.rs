@@ -2,13 +2,10 @@
 
 use super::Failure;
 use crate::bench::BenchAnswer;
-use crate::check::data_check::DataCheck;
-use crate::check::packet_check::PacketCheck;
-use crate::check::{ExperimentCheck, SweepCheck};
 use crate::conformance::ConformanceAnswer;
 use crate::demo::demo_answer::DemoAnswer;
-use crate::effects::EffectsAnswer;
 use ::convert::{Conversion, mapping};
+use check::{DataCheck, ExperimentCheck, PacketCheck, SweepCheck};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use diagnose::between::Between;
@@ -17,6 +14,7 @@ use diagnose::diagnosis::Diagnosis;
 use diagnose::extend::extension::Extension;
 use diagnose::power::answer::Power;
 use diagnose::simulate::simulation::Simulation;
+use effects::EffectsAnswer;
 use network::comparison::NetworkComparison;
 use network::diagnosis::NetworkDiagnosis;
 use network::extension::NetworkExtension;

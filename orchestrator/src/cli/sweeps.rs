@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 use sweep::compare_runs;
 use sweep::engine::{self, EngineOptions, EngineReport, quoted};
-use sweep::{self, MergeReport, Shard, SweepError, SweepOptions, SweepReport};
+use sweep::{MergeReport, Shard, SweepError, SweepOptions, SweepReport};
 use terminal::{say, warn};
 
 #[derive(Args)]

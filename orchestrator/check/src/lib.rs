@@ -1,13 +1,19 @@
 //! What a file of measurements holds, and which effects it can show. With a configuration, level and noise are fitted to find defects.
+//!
+//! | module | content |
+//! |---|---|
+//! | here | links and robots; `data_check` is the answer, `words` its text |
+//! | `packet_check` | packets, with its answer and text |
+//! | `file_check` | the answers about an experiment file and a sweep |
 
-pub mod data_check;
+mod data_check;
 mod file_check;
-pub mod packet_check;
-pub mod words;
+mod packet_check;
+mod words;
 
+pub use data_check::DataCheck;
 use data_check::{
-    CovariateFacts, DataCheck, Facts, LinkCounts, LinkFacts, Motes, NotTestable, RobotFacts,
-    RowKind, SCHEMA,
+    CovariateFacts, Facts, LinkCounts, LinkFacts, Motes, NotTestable, RobotFacts, RowKind, SCHEMA,
 };
 use diagnose::defects;
 pub use file_check::{CHECK_SCHEMA, ExperimentCheck, SweepCheck};
@@ -17,6 +23,7 @@ use measure::links::LinkRow;
 use measure::robots::CommandKind;
 use measure::table::DataTable;
 use numbers::statistics::quantile_lower;
+pub use packet_check::{PacketCheck, packets};
 use proto::effect::Level;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -26,6 +33,7 @@ use study::open::{self, DataAccount, OpenError, Subject};
 use study::robots::RobotStudy;
 use study::thresholds::WINDOW_S;
 use study::{Candidate, Study};
+pub use words::text;
 
 /// Looks at a file of measurements. Without a configuration, free space and bodies that obey at once are taken.
 ///

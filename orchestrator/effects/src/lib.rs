@@ -1,6 +1,13 @@
 //! The catalogue of physical effects: what there is, and what each one says of itself.
 //!
 //! Nothing is written down here: both simulators' lists are read out, so that an effect is complete where it is defined.
+//!
+//! | module | content |
+//! |---|---|
+//! | here | the list, and an effect as text and as JSON |
+//! | `examples` | its example, ready to be pasted |
+//! | `picture` | its plot |
+//! | [`page()`] | the page of all effects in the user guide |
 
 mod examples;
 mod page;

@@ -1,4 +1,9 @@
 //! A run in the formats of other programs: CSV tables, or a bag of ROS 2.
+//!
+//! | module | content |
+//! |---|---|
+//! | `tables` | CSV tables |
+//! | `rosbag` | a bag of ROS 2; `cdr` is the encoding of its messages |
 
 mod cdr;
 mod rosbag;

@@ -9,7 +9,7 @@ use serde::Serialize;
 use std::collections::BTreeSet;
 
 /// What the schema of the answer is called.
-pub const SCHEMA: &str = "check-data/1";
+pub(super) const SCHEMA: &str = "check-data/1";
 
 /// What a file of measurements holds, and which effects it can show.
 #[derive(Clone, Debug, Serialize, JsonSchema)]

@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 use study::open::file_of;
 
 /// What the schema of the answer is called.
-pub const SCHEMA: &str = "check-packets/1";
+pub(super) const SCHEMA: &str = "check-packets/1";
 
 /// What a file of measured packets holds.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
