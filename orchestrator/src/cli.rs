@@ -32,12 +32,12 @@ mod stop;
 mod sweeps;
 mod task;
 
-use crate::bench::{self, BenchOptions};
-use crate::conformance::{self, ConformanceOptions};
 use ::run::StartOptions;
 use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
 use arguments::{MOST_SEED, whole_number};
+use bench::BenchOptions;
 use clap::{Args, FromArgMatches as _, Parser, Subcommand};
+use conformance::ConformanceOptions;
 use diagnose::DiagnoseError;
 use diagnose::extend::ExtendError;
 use drive::peer::become_command;

@@ -12,7 +12,7 @@ IGNORED = ROOT / "tests" / "external" / "spelling_ignored.txt"
 SKIPPED = "*.csv,*.gz,*.k7,*.png,*.svg,*_pb2*,*.ipynb"
 PAGES = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs", "python", "configs", "tests/external/README.md"]
 # Help texts are the comments of the arguments.
-HELP_TEXTS = ["src/cli.rs", "src/cli", "src/bench.rs", "export/src/lib.rs", "src/starters.rs"]
+HELP_TEXTS = ["src/cli.rs", "src/cli", "bench/src/lib.rs", "export/src/lib.rs", "demo/src/starters.rs"]
 
 
 def misspelt(*arguments):

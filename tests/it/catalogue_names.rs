@@ -4,12 +4,12 @@ use checks::{product_code, rust_files};
 
 /// Where the orchestrator may have a name of a catalogue: the end of a file's path, the name, and why.
 const NAMED: &[(&str, &str, &str)] = &[
-    ("bench.rs", "boids", "what is measured is a configuration like any other"),
-    ("bench.rs", "full", "what is measured is a configuration like any other"),
-    ("bench.rs", "olfati-saber", "what is measured is a configuration like any other"),
-    ("bench.rs", "random-jump", "what is measured is a configuration like any other"),
-    ("bench/standing.rs", "msf", "what is measured is a configuration like any other"),
-    ("bench/standing.rs", "orchestra", "what is measured is a configuration like any other"),
+    ("bench/src/lib.rs", "boids", "what is measured is a configuration like any other"),
+    ("bench/src/lib.rs", "full", "what is measured is a configuration like any other"),
+    ("bench/src/lib.rs", "olfati-saber", "what is measured is a configuration like any other"),
+    ("bench/src/lib.rs", "random-jump", "what is measured is a configuration like any other"),
+    ("bench/src/standing.rs", "msf", "what is measured is a configuration like any other"),
+    ("bench/src/standing.rs", "orchestra", "what is measured is a configuration like any other"),
     ("cli/formula.rs", "formula", "the name of an argument"),
     ("cli/measured.rs", "formula", "the name of an argument"),
     ("effects/src/lib.rs", "table", "a description of the type of a key"),

@@ -2,8 +2,8 @@
 
 use super::arguments::whole_number;
 use super::{Failure, check_place, on_runtime, write_json};
-use crate::demo::{DemoError, DemoOptions, demo};
 use clap::Args;
+use demo::{DemoError, DemoOptions, demo};
 use numbers::format::{number_within, shortest};
 use std::path::{Path, PathBuf};
 use terminal::say;

@@ -1,8 +1,8 @@
 //! `new`: writes a starter experiment.
 
 use super::Failure;
-use crate::starters::StarterKind;
 use clap::Args;
+use demo::starters::StarterKind;
 use experiment::{as_file_name, is_file_name, program_name, quoted};
 use std::path::{Path, PathBuf};
 use terminal::say;

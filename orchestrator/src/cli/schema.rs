@@ -1,13 +1,13 @@
 //! `murmuration schema`: the JSON Schema of experiment files, and of the answers that `--json` and `summary.json` hold.
 
 use super::Failure;
-use crate::bench::BenchAnswer;
-use crate::conformance::ConformanceAnswer;
-use crate::demo::demo_answer::DemoAnswer;
 use ::convert::{Conversion, mapping};
+use bench::BenchAnswer;
 use check::{DataCheck, ExperimentCheck, PacketCheck, SweepCheck};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
+use conformance::ConformanceAnswer;
+use demo::DemoAnswer;
 use diagnose::between::Between;
 use diagnose::compare::comparison::Comparison;
 use diagnose::diagnosis::Diagnosis;

@@ -117,7 +117,9 @@ const WALLS: &[(&str, &[&str])] = &[
     ("network", &["mcap", "record", "report"]),
     ("report", &["orchestrator", "run"]),
     ("run", &["clap_complete", "clap_mangen", "orchestrator"]),
-    ("sweep", &["clap_complete", "clap_mangen", "orchestrator"]),
+    ("check", SHELL),
+    ("check", &["experiment", "metrics", "record", "report"]),
+    ("export", &["hyper", "report", "tokio", "tonic"]),
     ("view", &["gif", "tiny-skia", "ttf-parser"]),
 ];
 
@@ -132,6 +134,21 @@ fn what_a_package_links_stays_behind_its_wall() {
                     .is_some_and(|rest| rest.is_empty() || rest.starts_with('-'))
             });
             assert!(found.is_none(), "{package} links {}", found.unwrap());
+        }
+    }
+}
+
+/// Packages that the command line alone calls.
+const COMMANDS: [&str; 7] = ["bench", "check", "conformance", "demo", "effects", "export", "sweep"];
+
+#[test]
+fn commands_do_without_each_other_and_without_the_command_line() {
+    for package in COMMANDS {
+        let linked = linked_by(package);
+        assert!(linked.iter().any(|name| name == package), "{package}: {linked:?}");
+        let others = COMMANDS.into_iter().filter(|&other| other != package);
+        for other in others.chain(["clap_complete", "clap_mangen", "orchestrator"]) {
+            assert!(!linked.iter().any(|name| name == other), "{package} links {other}");
         }
     }
 }

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 /// A campaign that measures links between stationary motes: they take turns in sending, each time to another mote.
 #[derive(Clone, Copy, Debug)]
-pub struct LinkCampaign {
+pub(super) struct LinkCampaign {
     /// Where the motes are (m).
     pub motes_m: &'static [[f64; 2]],
     /// Number of frames.
@@ -17,7 +17,7 @@ pub struct LinkCampaign {
 
 /// A campaign that measures tracks of robots. Each drives along a hexagon with a corner every 4 s.
 #[derive(Clone, Copy, Debug)]
-pub struct TrackCampaign {
+pub(super) struct TrackCampaign {
     /// Velocity along each side (m/s).
     pub sides_mps: [[f64; 2]; 6],
     /// Where the first robot starts (m). The others start 8 m farther east each.
@@ -41,7 +41,7 @@ const SIDE_SAMPLES: u32 = 20;
 impl LinkCampaign {
     /// The rows as CSV. The readings are placeholders.
     #[must_use]
-    pub fn template(&self) -> String {
+    pub(super) fn template(&self) -> String {
         let mut csv = "time_s,tx,rx,channel,".to_owned();
         if self.temperature_c.is_some() {
             csv += "temperature_c,";
@@ -73,7 +73,7 @@ impl LinkCampaign {
 impl TrackCampaign {
     /// The rows as CSV. The positions are placeholders.
     #[must_use]
-    pub fn template(&self) -> String {
+    pub(super) fn template(&self) -> String {
         let mut csv = "time_s,agent,x_m,y_m,z_m,cmd_vx_mps,cmd_vy_mps\n".to_owned();
         for agent in 0..self.robots {
             let [mut x_m, mut y_m] = [self.start_m[0] + f64::from(agent) * 8.0, self.start_m[1]];

@@ -1,16 +1,29 @@
-//! The loop from measurements to a better model, on an effect that a seed hides: what `demo` does.
+//! Starter experiments, which `new` writes, and the loop from measurements to a better model, on an effect that a seed hides: what
+//! `demo` does.
 //!
 //! Every step is a command of this program in a process of its own, so the diagnosis reads the model and the measurements, and
 //! nothing else. The file that states the truth is written after it.
+//!
+//! | module | content |
+//! |---|---|
+//! | here | the steps of the loop |
+//! | `hidden` | which effects can be hidden, and the one that a seed hides |
+//! | `answers` | what the steps answer |
+//! | `demo_answer`, `page` | what was hidden and what was found, as JSON and as a page |
+//! | [`starters`] | starter experiments, some with measurements |
+//! | `campaign` | templates of the measurement campaigns of both |
 
 mod answers;
-pub mod demo_answer;
-pub mod hidden;
+mod campaign;
+mod demo_answer;
+mod hidden;
 mod page;
+pub mod starters;
 
 use crate::campaign::{LinkCampaign, TrackCampaign};
 use answers::{ComparisonAnswer, DiagnosisAnswer, RunSummaryAnswer};
-use demo_answer::{DemoAnswer, Estimate, Outcome, SCHEMA, SwarmResult};
+pub use demo_answer::DemoAnswer;
+use demo_answer::{Estimate, Outcome, SCHEMA, SwarmResult};
 use diagnose::simulate;
 use experiment::program_name;
 use hidden::{HiddenEffect, Measured};
@@ -26,7 +39,7 @@ use std::process::Stdio;
 use thiserror::Error;
 
 /// The model, as a template.
-const MODEL: &str = include_str!("demo/model.toml");
+const MODEL: &str = include_str!("model.toml");
 
 /// The campaign that measures links, in and around the building of the model, for two hours.
 const LINKS: LinkCampaign = LinkCampaign {

@@ -1,4 +1,11 @@
 //! Does a simulator keep the contract? Asked of a running one, by using it as the orchestrator would and as it would not.
+//!
+//! | module | content |
+//! |---|---|
+//! | here | the promises of both sides, and the answer |
+//! | `probe` | what differs between robots and network |
+//! | `predictions` | the promises of a robot simulator that predicts motion |
+//! | `reseed` | the promises about snapshots and seeds |
 
 mod predictions;
 mod probe;

@@ -18,7 +18,6 @@ use peers::{PeerFigures, ROWS};
 use proto::exchange::Configured;
 use proto::types::NetRecord;
 use record::{Ending, Recorder, RunHeader};
-use report;
 use run::{Processes, RunError, StartOptions, record_of, start};
 use schemars::JsonSchema;
 use serde::Serialize;

@@ -8,12 +8,12 @@ use std::fmt::Write as _;
 const LIST: &str = include_str!("hidden.toml");
 
 /// What stands for no effect in `--effect`.
-pub const NONE: &str = "none";
+pub(super) const NONE: &str = "none";
 
 /// What a demo measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Measured {
+pub(super) enum Measured {
     /// Received signal strength between motes.
     Links,
     /// Tracks of robots.
@@ -49,7 +49,7 @@ struct Entry {
 
 /// The effect that a demo hides.
 #[derive(Clone, Debug, PartialEq)]
-pub struct HiddenEffect {
+pub(super) struct HiddenEffect {
     /// Its name in the catalogue.
     pub kind: String,
     /// What is measured.
@@ -61,7 +61,7 @@ pub struct HiddenEffect {
 impl HiddenEffect {
     /// Its section of a configuration.
     #[must_use]
-    pub fn section(&self) -> String {
+    pub(super) fn section(&self) -> String {
         let mut text = format!("[[{}]]\nkind = \"{}\"\n", self.measured.section(), self.kind);
         for (key, value) in &self.settings {
             let _ = writeln!(text, "{key} = {value}");
@@ -71,7 +71,7 @@ impl HiddenEffect {
 
     /// Its numbers by the names that a diagnosis gives them: `loss_db`, `velocity_mps[0]`.
     #[must_use]
-    pub fn numbers(&self) -> Vec<(String, f64)> {
+    pub(super) fn numbers(&self) -> Vec<(String, f64)> {
         let mut numbers = Vec::new();
         for (key, value) in &self.settings {
             match value {
@@ -101,7 +101,7 @@ fn list() -> Vec<Entry> {
 
 /// Names of the effects that can be hidden.
 #[must_use]
-pub fn names() -> Vec<String> {
+pub(super) fn names() -> Vec<String> {
     list().into_iter().map(|entry| entry.kind).collect()
 }
 
@@ -110,7 +110,7 @@ pub fn names() -> Vec<String> {
 /// # Errors
 ///
 /// The wanted effect is not in the list. The error names the nearest ones.
-pub fn draw(seed: u64, wanted: Option<&str>) -> Result<Option<HiddenEffect>, String> {
+pub(super) fn draw(seed: u64, wanted: Option<&str>) -> Result<Option<HiddenEffect>, String> {
     let list = list();
     let draws = Draws::new(seed, Purpose::Demo);
     let entry = match wanted {
@@ -118,10 +118,9 @@ pub fn draw(seed: u64, wanted: Option<&str>) -> Result<Option<HiddenEffect>, Str
         Some(name) => match list.iter().find(|entry| entry.kind == name) {
             Some(entry) => Some(entry),
             None => {
-                let names: Vec<&str> = list.iter().map(|entry| entry.kind.as_str()).collect();
                 return Err(format!(
                     "{name:?} is not an effect that the demo can hide; choose {}, or {NONE}",
-                    names.join(", ")
+                    names().join(", ")
                 ));
             }
         },
@@ -167,8 +166,8 @@ mod tests {
         for name in names() {
             for seed in 0..20 {
                 let hidden = draw(seed, Some(&name)).unwrap().unwrap();
-                let text = super::super::truth_text(super::super::MODEL, Some(&hidden));
-                let text = super::super::filled(&text, seed, 10, "links.csv");
+                let text = crate::truth_text(crate::MODEL, Some(&hidden));
+                let text = crate::filled(&text, seed, 10, "links.csv");
                 let refusal = measure::config::Compared::of_text(
                     std::path::Path::new("truth.toml"),
                     text.clone(),

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 /// What the schema of this answer is called.
-pub const SCHEMA: &str = "demo/1";
+pub(super) const SCHEMA: &str = "demo/1";
 
 /// What a demo found.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -172,7 +172,7 @@ impl DemoAnswer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::demo::hidden::{draw, names};
+    use crate::hidden::{draw, names};
     use serde_json::json;
 
     fn diagnosis(verdict: &str, accepted: &[(&str, &[&str])]) -> DiagnosisAnswer {
