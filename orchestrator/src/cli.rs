@@ -3,12 +3,15 @@
 mod answer_file;
 mod answers;
 mod arguments;
+mod bench;
 mod between;
 mod check;
 mod choice;
+mod conformance;
 mod convert;
 mod demo;
 mod docs;
+mod effects;
 mod export;
 mod foreign;
 mod formula;
@@ -31,13 +34,12 @@ mod simulate;
 mod stop;
 mod sweeps;
 mod task;
+mod verify;
 
 use ::run::StartOptions;
 use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
 use arguments::{MOST_SEED, whole_number};
-use bench::BenchOptions;
 use clap::{Args, FromArgMatches as _, Parser, Subcommand};
-use conformance::ConformanceOptions;
 use diagnose::DiagnoseError;
 use diagnose::extend::ExtendError;
 use drive::peer::become_command;
@@ -47,7 +49,7 @@ use proto_host::{ServeArgs, ServeOptions, init_logging_to, use_threads};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use terminal::{LoggedStderr, complain, leave_stdout_to_answers, run_log, say};
+use terminal::{LoggedStderr, complain, leave_stdout_to_answers, run_log};
 
 /// Simulate robot swarms that communicate over a radio mesh, and find missing physics from measurements
 ///
@@ -109,11 +111,11 @@ enum Command {
     /// Print the JSON Schema of experiment files, mapping files or answers
     Schema(schema::SchemaArgs),
     /// List the physical effects, or explain one
-    Effects(EffectsArgs),
+    Effects(effects::EffectsArgs),
     /// Check that a recorded run is complete and consistent
-    Verify(VerifyArgs),
+    Verify(verify::VerifyArgs),
     /// Test whether a running simulator conforms to the contract
-    Conformance(ConformanceArgs),
+    Conformance(conformance::ConformanceArgs),
     /// Convert logs to a table of measurements
     ///
     /// A mapping file names the logs, and which of their columns fill the columns of the table.
@@ -129,7 +131,7 @@ enum Command {
     /// Estimate how large an effect must be for a campaign to detect it
     Power(power::PowerArgs),
     /// Measure the speed of the simulators
-    Bench(BenchArgs),
+    Bench(bench::BenchArgs),
     /// Print the completions of a shell
     ///
     /// For bash: save the output as ~/.local/share/bash-completion/completions/NAME, with NAME the name of this program.
@@ -231,76 +233,6 @@ struct BecomeArgs {
     /// The command
     #[arg(last = true, required = true)]
     words: Vec<OsString>,
-}
-
-#[derive(Args)]
-struct EffectsArgs {
-    /// The effect to explain [default: list all]
-    name: Option<String>,
-    /// Write the list or the explanation as JSON to this file; - for standard output
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Plot the effect to this file (SVG); - for standard output
-    #[arg(long, value_name = "FILE", requires = "name")]
-    svg: Option<PathBuf>,
-}
-
-#[derive(Args)]
-struct VerifyArgs {
-    /// Folder of the run
-    run: PathBuf,
-    /// Write the results as JSON to this file; - for standard output
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-}
-
-#[derive(Args)]
-struct ConformanceArgs {
-    /// Which kind of simulator to test
-    side: ConformanceSide,
-    /// URL of the simulator
-    url: String,
-    /// Configuration of the simulator (TOML), with its keys at the top level [default: empty]
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
-    /// Number of robots in the test
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    agents: u32,
-    #[command(flatten)]
-    tls: TlsArgs,
-    /// Write the results as JSON to this file; - for standard output
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-}
-
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum ConformanceSide {
-    /// A robot simulator
-    Robotsim,
-    /// A network simulator
-    Netsim,
-}
-
-#[derive(Args)]
-struct BenchArgs {
-    /// Measure all rows of this table only [default: all rows of propagation and the small rows of the others]
-    #[arg(long, value_name = "TABLE")]
-    table: Option<bench::Which>,
-    /// Measure only rows with this number of agents. Repeatable
-    #[arg(long, value_name = "N")]
-    agents: Vec<u32>,
-    /// Number of steps to measure per row [default: enough for one second]
-    #[arg(long, value_name = "N")]
-    steps: Option<u64>,
-    /// Also measure with recording and with parallel coupling
-    #[arg(long)]
-    all: bool,
-    /// Number of threads per simulator [default: one per core]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    threads: Option<u16>,
-    /// Write the results as JSON to this file; - for standard output
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
 }
 
 /// Something went wrong: what to say and how to exit.
@@ -418,35 +350,16 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::CompareRuns(args) => sweeps::compare_runs(&args),
         Command::Check(args) => check::check(&args),
         Command::Schema(args) => schema::schema(&args),
-        Command::Effects(args) => effects_command(&args),
-        Command::Verify(args) => verify_command(&args),
+        Command::Effects(args) => effects::effects(&args),
+        Command::Verify(args) => verify::verify(&args),
         Command::Convert(args) => convert::convert(&args),
         Command::Compare(args) => measured::compare(&args),
         Command::Extend(args) => measured::extend(&args),
         Command::Diagnose(args) => measured::diagnose(&args),
         Command::Power(args) => power::power(&args),
         Command::Simulate(args) => simulate::simulate(&args),
-        Command::Conformance(args) => conformance_command(&args),
-        Command::Bench(args) => {
-            let options = BenchOptions {
-                table: args.table,
-                agents: args.agents,
-                steps: args.steps,
-                all: args.all,
-                start: start(args.threads)?,
-            };
-            let rows = bench::rows(options.table);
-            if let Some(agents) = options.agents.iter().find(|agents| !rows.contains(agents)) {
-                let rows: Vec<String> = rows.iter().map(u32::to_string).collect();
-                return Err(Failure::request(format!(
-                    "--agents {agents}: no row has this number of agents; choose from {}",
-                    rows.join(", ")
-                )));
-            }
-            let mut print = |text: &str| say(text);
-            let table = on_runtime(bench::bench(&options, &mut print))?.map_err(Failure::work)?;
-            write_json(args.json.as_deref(), &table.answer())
-        }
+        Command::Conformance(args) => conformance::conformance(&args),
+        Command::Bench(args) => bench::bench(&args, start(args.threads)?),
         Command::Become(_) | Command::Netsim(_) | Command::Robotsim(_) => {
             unreachable!("served in main")
         }
@@ -456,79 +369,4 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
 /// One thread suffices: the work is in the simulators, and handing over between threads would cost more than it gains.
 fn on_runtime<T>(work: impl Future<Output = T>) -> Result<T, Failure> {
     ::run::on_runtime(work).map_err(Failure::work)
-}
-
-fn effects_command(args: &EffectsArgs) -> Result<(), Failure> {
-    let found = match &args.name {
-        Some(name) => effects::find(name).map_err(Failure::request)?,
-        None => effects::all(),
-    };
-    if let Some(path) = &args.svg {
-        let name = args.name.as_deref().unwrap_or_default();
-        let picture = found.iter().find_map(effects::Listed::picture).ok_or_else(|| {
-            Failure::request(format!(
-                "--svg: {name} acts on robots, and only radio effects have a plot; leave out --svg"
-            ))
-        })?;
-        write_whole("--svg", path, picture.svg(name))?;
-    }
-    match args.json.as_deref() {
-        Some(path) => write_json(Some(path), &effects::answer(&found))?,
-        None if args.name.is_none() => say(effects::table()),
-        None => {
-            let texts: Vec<String> = found.iter().map(effects::Listed::explained).collect();
-            say(texts.join("\n\n"));
-        }
-    }
-    Ok(())
-}
-
-fn verify_command(args: &VerifyArgs) -> Result<(), Failure> {
-    let report = record::verify(&args.run).map_err(Failure::work)?;
-    for problem in &report.problems {
-        complain(problem);
-    }
-    write_json(args.json.as_deref(), &report)?;
-    let (files, steps, digests) = (report.files.len(), report.steps, report.digests);
-    let counted =
-        format!("{files} files intact, {steps} steps, {digests} digests recomputed and equal");
-    if report.problems.is_empty() {
-        say(format!("{}: valid. {counted}", args.run.display()));
-        Ok(())
-    } else {
-        Err(Failure::work(format!(
-            "{}: {} problems; {counted}",
-            args.run.display(),
-            report.problems.len()
-        )))
-    }
-}
-
-fn conformance_command(args: &ConformanceArgs) -> Result<(), Failure> {
-    let config_toml = match &args.config {
-        Some(path) => experiment::text_of(path)
-            .map_err(|error| Failure::request(format!("--config {error}")))?,
-        None => String::new(),
-    };
-    let options = ConformanceOptions {
-        url: args.url.clone(),
-        tls: args.tls.tls(),
-        config_toml,
-        agents: args.agents,
-    };
-    let found = match args.side {
-        ConformanceSide::Robotsim => on_runtime(conformance::robots(&options))?,
-        ConformanceSide::Netsim => on_runtime(conformance::network(&options))?,
-    }
-    .map_err(Failure::request)?;
-    say(&found);
-    write_json(args.json.as_deref(), &found.answer())?;
-    if found.is_good() {
-        Ok(())
-    } else {
-        Err(Failure::work(format!(
-            "{} violates the contract; see the checks marked BROKEN",
-            found.name
-        )))
-    }
 }

@@ -123,8 +123,7 @@ impl Outcome {
     }
 
     /// Whether nothing that was named is false, and what was hidden is named.
-    #[must_use]
-    pub fn is_right(self) -> bool {
+    pub(super) fn is_right(self) -> bool {
         matches!(self, Self::Named | Self::OneOfSeveral | Self::NothingHidden)
     }
 }

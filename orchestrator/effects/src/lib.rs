@@ -141,8 +141,7 @@ fn wrapped(text: &str, indent: &str) -> String {
 
 impl Listed {
     /// What measurements must have for it to be tested.
-    #[must_use]
-    pub fn needs(&self) -> Vec<String> {
+    fn needs(&self) -> Vec<String> {
         if self.about.needs.is_empty() {
             return vec!["no further columns".to_owned()];
         }
@@ -155,8 +154,7 @@ impl Listed {
     }
 
     /// How it is configured: a table, ready to be pasted.
-    #[must_use]
-    pub fn example(&self) -> String {
+    fn example(&self) -> String {
         format!("[[{}]]\n{}", self.section, self.keys())
     }
 

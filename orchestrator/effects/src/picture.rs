@@ -129,8 +129,7 @@ impl Picture {
     }
 
     /// Title and surroundings.
-    #[must_use]
-    pub fn caption(&self) -> String {
+    pub(super) fn caption(&self) -> String {
         let [low, high] = limits(&self.points);
         let (first, last) = (self.points[0][0], self.points[self.points.len() - 1][0]);
         format!(
@@ -146,8 +145,7 @@ impl Picture {
     }
 
     /// The curve as a line of blocks.
-    #[must_use]
-    pub fn sparkline(&self, width: usize) -> String {
+    pub(super) fn sparkline(&self, width: usize) -> String {
         const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
         let [low, high] = limits(&self.points);
         (0..width)

@@ -282,8 +282,7 @@ fn times(n: u32) -> String {
 
 impl EngineError {
     /// 2: the request was wrong; 1: the work failed.
-    #[must_use]
-    pub fn exit_status(&self) -> u8 {
+    pub(super) fn exit_status(&self) -> u8 {
         match self {
             Self::TooMany { .. }
             | Self::Shards { .. }

@@ -103,8 +103,7 @@ pub enum ShardError {
 
 impl ShardError {
     /// 2: the request was wrong; 1: the work failed.
-    #[must_use]
-    pub fn exit_status(&self) -> u8 {
+    pub(super) fn exit_status(&self) -> u8 {
         if matches!(self, Self::Folder { .. }) { 1 } else { 2 }
     }
 }

@@ -27,7 +27,7 @@ pub struct SweepSummary {
 
 impl SweepSummary {
     /// Name of the file in the folder of a sweep.
-    pub const FILE: &'static str = "summary.json";
+    pub(super) const FILE: &'static str = "summary.json";
 }
 
 /// A setting, and what its trials came to.

@@ -192,7 +192,7 @@ impl ProgressDisplay {
     }
 
     /// Step `step` is done and stands at `time_ns`.
-    pub fn step_done(&mut self, step: u64, time_ns: u64) {
+    fn step_done(&mut self, step: u64, time_ns: u64) {
         if !self.is_time(step) {
             return;
         }
@@ -207,14 +207,7 @@ impl ProgressDisplay {
     }
 
     /// Step `step` of `formation` is done and stands at `time_ns` of at most `limit_ns`; there are `n` motes.
-    pub fn forming(
-        &mut self,
-        step: u64,
-        time_ns: u64,
-        limit_ns: u64,
-        formation: &Formation,
-        n: usize,
-    ) {
+    fn forming(&mut self, step: u64, time_ns: u64, limit_ns: u64, formation: &Formation, n: usize) {
         if !self.is_time(step) {
             return;
         }

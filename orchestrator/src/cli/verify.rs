@@ -1,0 +1,37 @@
+//! `murmuration verify`.
+
+use super::{Failure, write_json};
+use clap::Args;
+use std::path::PathBuf;
+use terminal::{complain, say};
+
+#[derive(Args)]
+pub(super) struct VerifyArgs {
+    /// Folder of the run
+    run: PathBuf,
+    /// Write the results as JSON to this file; - for standard output
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Reports whether a recorded run is complete and consistent.
+pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
+    let report = record::verify(&args.run).map_err(Failure::work)?;
+    for problem in &report.problems {
+        complain(problem);
+    }
+    write_json(args.json.as_deref(), &report)?;
+    let (files, steps, digests) = (report.files.len(), report.steps, report.digests);
+    let counted =
+        format!("{files} files intact, {steps} steps, {digests} digests recomputed and equal");
+    if report.problems.is_empty() {
+        say(format!("{}: valid. {counted}", args.run.display()));
+        Ok(())
+    } else {
+        Err(Failure::work(format!(
+            "{}: {} problems; {counted}",
+            args.run.display(),
+            report.problems.len()
+        )))
+    }
+}
