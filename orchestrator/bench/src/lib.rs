@@ -157,29 +157,6 @@ impl Mode {
     }
 }
 
-/// One measured cell.
-#[derive(Clone, Debug)]
-struct BenchCell {
-    agents: u32,
-    model: BenchModel,
-    robots: RobotMotion,
-    mode: Mode,
-    n_steps: usize,
-    median_ms: f64,
-    p90_ms: f64,
-}
-
-/// The measured table.
-#[derive(Clone, Debug)]
-pub struct BenchTable {
-    cells: Vec<BenchCell>,
-    swarm: Option<swarm::SwarmTable>,
-    standing: Option<standing::StandingTable>,
-    /// Two empty calls, one to each side, and back (ms); where rows of few robots are measured, which cost little more.
-    exchange_ms: Option<f64>,
-    threads: Option<u16>,
-}
-
 /// Where the tables go: line by line, as they are measured.
 struct Printer<'a> {
     say: &'a mut dyn FnMut(&str),
@@ -208,7 +185,7 @@ impl Printer<'_> {
 pub async fn bench(
     options: &BenchOptions,
     say: &mut dyn FnMut(&str),
-) -> Result<BenchTable, RunError> {
+) -> Result<BenchAnswer, RunError> {
     let mut printer = Printer { say, has_begun: false };
     let mut cells = Vec::new();
     let modes: &[Mode] = if options.all {
@@ -260,7 +237,8 @@ pub async fn bench(
         ));
         Some(exchange_ms)
     };
-    Ok(BenchTable { cells, swarm, standing, exchange_ms, threads: options.start.threads })
+    let threads = options.start.threads;
+    Ok(BenchAnswer { schema: "bench/1", threads, exchange_ms, rows: cells, swarm, standing })
 }
 
 /// Numbers of agents of the rows of a table, or of all, ascending.
@@ -308,7 +286,7 @@ async fn measure(
     robots: RobotMotion,
     mode: Mode,
     options: &BenchOptions,
-) -> Result<BenchCell, RunError> {
+) -> Result<RowAnswer, RunError> {
     let plan = plan(agents, model, robots, mode)?;
     let started = start(&plan, &options.start, Wanted::Nothing, None).await?;
     let mut coupled = started.coupled;
@@ -325,14 +303,20 @@ async fn measure(
         end_record(recorder)?;
     }
     times_ms.sort_by(f64::total_cmp);
-    Ok(BenchCell {
+    let figures = PeerFigures::for_agents(agents);
+    // The robots of the peers jump.
+    let peers = figures.filter(|_| robots == RobotMotion::Jumping);
+    Ok(RowAnswer {
         agents,
-        model,
-        robots,
-        mode,
-        n_steps: times_ms.len(),
+        model: model.name(),
+        controller: robots.name(),
+        mode: mode.name(),
+        steps: times_ms.len(),
         median_ms: quantile_lower(&times_ms, 0.5),
         p90_ms: quantile_lower(&times_ms, 0.9),
+        botnet_ms: peers.and_then(|figures| figures.botnet_ms(model)),
+        paper_ms: peers.and_then(|figures| figures.paper_ms(model)),
+        to_reach_ms: figures.and_then(|figures| figures.goal_ms(model)),
     })
 }
 
@@ -445,22 +429,7 @@ const MIN_STEPS: usize = 20;
 /// Least time measured.
 const MEASURED: Duration = Duration::from_secs(1);
 
-impl BenchTable {
-    /// The answer for programs.
-    #[must_use]
-    pub fn answer(&self) -> BenchAnswer {
-        BenchAnswer {
-            schema: "bench/1",
-            threads: self.threads,
-            exchange_ms: self.exchange_ms,
-            rows: self.cells.iter().map(BenchCell::answer).collect(),
-            swarm: self.swarm.as_ref().map(swarm::SwarmTable::answer),
-            standing: self.standing.as_ref().map(standing::StandingTable::answer),
-        }
-    }
-}
-
-/// The JSON of [`BenchTable`].
+/// The measured tables.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct BenchAnswer {
     /// The format of this answer.
@@ -515,43 +484,15 @@ fn heading() -> String {
     )
 }
 
-impl BenchCell {
-    fn answer(&self) -> RowAnswer {
-        let (figures, peers) = (PeerFigures::for_agents(self.agents), self.peers());
-        RowAnswer {
-            agents: self.agents,
-            model: self.model.name(),
-            controller: self.robots.name(),
-            mode: self.mode.name(),
-            steps: self.n_steps,
-            median_ms: self.median_ms,
-            p90_ms: self.p90_ms,
-            botnet_ms: peers.and_then(|figures| figures.botnet_ms(self.model)),
-            paper_ms: peers.and_then(|figures| figures.paper_ms(self.model)),
-            to_reach_ms: figures.and_then(|figures| figures.goal_ms(self.model)),
-        }
-    }
-
-    /// What the peers take, whose robots jump.
-    fn peers(&self) -> Option<&'static PeerFigures> {
-        PeerFigures::for_agents(self.agents).filter(|_| self.robots == RobotMotion::Jumping)
-    }
-}
-
-impl fmt::Display for BenchCell {
+impl fmt::Display for RowAnswer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { agents, model, robots, mode, median_ms, p90_ms, .. } = self;
-        let (figures, peers) = (PeerFigures::for_agents(*agents), self.peers());
-        let botnet_ms = peers.and_then(|figures| figures.botnet_ms(*model));
+        let Self { agents, model, controller, mode, median_ms, p90_ms, botnet_ms, .. } = self;
         write!(
             f,
-            "{agents:>6}  {:<24} {:<13} {:<22} {median_ms:>9.3} {p90_ms:>9.3} {:>9} {:>8} {:>8}  {}",
-            model.name(),
-            robots.name(),
-            mode.name(),
-            number_or_dash(figures.and_then(|figures| figures.goal_ms(*model))),
-            number_or_dash(botnet_ms),
-            number_or_dash(peers.and_then(|figures| figures.paper_ms(*model))),
+            "{agents:>6}  {model:<24} {controller:<13} {mode:<22} {median_ms:>9.3} {p90_ms:>9.3} {:>9} {:>8} {:>8}  {}",
+            number_or_dash(self.to_reach_ms),
+            number_or_dash(*botnet_ms),
+            number_or_dash(self.paper_ms),
             botnet_ms.map_or_else(|| "-".to_owned(), |peer| format!("{:.1}", peer / median_ms)),
         )
     }

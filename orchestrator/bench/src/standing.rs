@@ -76,25 +76,6 @@ const PAYLOAD_BYTES: u32 = 72;
 /// Between neighbours of the grid (m).
 const SPACING_M: f64 = 10.0;
 
-/// One measured row.
-#[derive(Clone, Debug)]
-struct StandingCell {
-    row: StandingRow,
-    formed_ns: Option<u64>,
-    /// Wall time until the network had formed (s).
-    forming_s: f64,
-    /// Wall time of the hour after that (s).
-    hour_s: f64,
-    n_delivered: u64,
-    n_lost: u64,
-}
-
-/// The measured table.
-#[derive(Clone, Debug)]
-pub(super) struct StandingTable {
-    cells: Vec<StandingCell>,
-}
-
 impl StandingRow {
     fn side(&self) -> u32 {
         (1..).find(|side| self.motes <= side * side).unwrap_or(self.motes)
@@ -149,7 +130,7 @@ pub(super) async fn bench(
     rows: &[StandingRow],
     options: &BenchOptions,
     printer: &mut Printer<'_>,
-) -> Result<StandingTable, RunError> {
+) -> Result<Vec<RowAnswer>, RunError> {
     printer.heading(&heading());
     let mut cells = Vec::new();
     for row in rows {
@@ -157,10 +138,10 @@ pub(super) async fn bench(
         printer.row(&cell);
         cells.push(cell);
     }
-    Ok(StandingTable { cells })
+    Ok(cells)
 }
 
-async fn measure(row: StandingRow, options: &BenchOptions) -> Result<StandingCell, RunError> {
+async fn measure(row: StandingRow, options: &BenchOptions) -> Result<RowAnswer, RunError> {
     let folder = temporary_folder()?;
     let places = folder.path().join("places.csv");
     std::fs::write(&places, row.places())
@@ -174,11 +155,24 @@ async fn measure(row: StandingRow, options: &BenchOptions) -> Result<StandingCel
     let mut run =
         StandingRun { plan: &plan, coupled: &mut coupled, recorder: &mut recorder, ends: [0; 2] };
     let measured = run.measure().await;
-    let [n_delivered, n_lost] = run.ends;
+    let [delivered, lost] = run.ends;
     coupled.stop().await;
-    let (formed_ns, forming_s, hour_s) = measured?;
+    let (formed_ns, forming_wall_s, hour_wall_s) = measured?;
     recorder.map_or(Ok(()), end_record)?;
-    Ok(StandingCell { row, formed_ns, forming_s, hour_s, n_delivered, n_lost })
+    Ok(RowAnswer {
+        motes: row.motes,
+        roots: row.roots,
+        scheduling_function: row.sf,
+        app_period_s: row.app_period_s,
+        formed_s: formed_ns.map(seconds),
+        forming_wall_s,
+        hour_wall_s,
+        delivered,
+        lost,
+        simulator_6tisch_s: row.simulator_s,
+        tsch_sim_s: row.tsch_sim_s,
+        to_reach_s: row.to_reach_s,
+    })
 }
 
 struct StandingRun<'a> {
@@ -215,28 +209,7 @@ impl StandingRun<'_> {
     }
 }
 
-impl StandingTable {
-    /// The answer for programs.
-    pub(super) fn answer(&self) -> Vec<RowAnswer> {
-        let rows = self.cells.iter().map(|cell| RowAnswer {
-            motes: cell.row.motes,
-            roots: cell.row.roots,
-            scheduling_function: cell.row.sf,
-            app_period_s: cell.row.app_period_s,
-            formed_s: cell.formed_ns.map(seconds),
-            forming_wall_s: cell.forming_s,
-            hour_wall_s: cell.hour_s,
-            delivered: cell.n_delivered,
-            lost: cell.n_lost,
-            simulator_6tisch_s: cell.row.simulator_s,
-            tsch_sim_s: cell.row.tsch_sim_s,
-            to_reach_s: cell.row.to_reach_s,
-        });
-        rows.collect()
-    }
-}
-
-/// A row of the answer for programs.
+/// A measured row.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct RowAnswer {
     /// Number of motes, roots included.
@@ -289,23 +262,22 @@ fn heading() -> String {
     )
 }
 
-impl fmt::Display for StandingCell {
+impl fmt::Display for RowAnswer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let StandingRow { motes, roots, sf, app_period_s, simulator_s, tsch_sim_s, to_reach_s } =
-            self.row;
-        let formed =
-            self.formed_ns.map_or_else(|| "no".to_owned(), |ns| format!("{:.0}", seconds(ns)));
-        let peer_s = if sf == "msf" { simulator_s.or(tsch_sim_s) } else { tsch_sim_s };
+        let Self { motes, roots, scheduling_function: sf, app_period_s, formed_s, .. } = self;
+        let Self { simulator_6tisch_s, tsch_sim_s, delivered, .. } = self;
+        let formed = formed_s.map_or_else(|| "no".to_owned(), |s| format!("{s:.0}"));
+        let peer_s = if *sf == "msf" { simulator_6tisch_s.or(*tsch_sim_s) } else { *tsch_sim_s };
         write!(
             f,
             "{motes:>6} {roots:>5}  {sf:<9} {app_period_s:>6} {formed:>9} {:>9.3} {:>9.3} {:>8.2} {:>9} {:>10} {:>8}  {}",
-            self.forming_s,
-            self.hour_s,
-            100.0 * self.n_delivered as f64 / (self.n_delivered + self.n_lost).max(1) as f64,
-            number_or_dash(to_reach_s),
-            number_or_dash(simulator_s),
-            number_or_dash(tsch_sim_s),
-            peer_s.map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / self.hour_s)),
+            self.forming_wall_s,
+            self.hour_wall_s,
+            100.0 * *delivered as f64 / (delivered + self.lost).max(1) as f64,
+            number_or_dash(self.to_reach_s),
+            number_or_dash(*simulator_6tisch_s),
+            number_or_dash(*tsch_sim_s),
+            peer_s.map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / self.hour_wall_s)),
         )
     }
 }

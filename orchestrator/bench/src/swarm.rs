@@ -51,23 +51,6 @@ const MANY: u32 = 500;
 /// Simulated time after which a network that has not formed is given up (ns).
 const LIMIT_NS: u64 = 14_400 * NS_PER_S;
 
-/// One measured row.
-#[derive(Clone, Debug)]
-struct SwarmCell {
-    row: SwarmRow,
-    /// When the network had formed (ns of simulated time); `None`: it had not in time.
-    formed_ns: Option<u64>,
-    n_steps: usize,
-    median_ms: f64,
-    p90_ms: f64,
-}
-
-/// The measured table.
-#[derive(Clone, Debug)]
-pub(super) struct SwarmTable {
-    cells: Vec<SwarmCell>,
-}
-
 fn plan(agents: u32) -> Result<Plan, RunError> {
     // The root's one frame in a slotframe does not suffice to answer so many, each by itself.
     let answers = if agents < MANY { "" } else { "join.secure = false\nrpl.dao_ack = false\n" };
@@ -87,7 +70,7 @@ pub(super) async fn bench(
     rows: &[SwarmRow],
     options: &BenchOptions,
     printer: &mut Printer<'_>,
-) -> Result<SwarmTable, RunError> {
+) -> Result<Vec<RowAnswer>, RunError> {
     printer.heading(&heading());
     let mut cells = Vec::new();
     for &row in rows {
@@ -102,17 +85,20 @@ pub(super) async fn bench(
         let (formed_ns, mut times_ms) = measured?;
         recorder.map_or(Ok(()), end_record)?;
         times_ms.sort_by(f64::total_cmp);
-        let cell = SwarmCell {
-            row,
-            formed_ns,
-            n_steps: times_ms.len(),
+        let cell = RowAnswer {
+            agents: row.agents,
+            formed_s: formed_ns.map(seconds),
+            steps: times_ms.len(),
             median_ms: quantile_lower(&times_ms, 0.5),
             p90_ms: quantile_lower(&times_ms, 0.9),
+            botnet_ms: row.botnet_ms,
+            paper_ms: row.paper_ms,
+            to_reach_ms: row.to_reach_ms,
         };
         printer.row(&cell);
         cells.push(cell);
     }
-    Ok(SwarmTable { cells })
+    Ok(cells)
 }
 
 /// When the network had formed, and the wall time of each control period after that (ms).
@@ -147,24 +133,7 @@ async fn form(
     Ok(None)
 }
 
-impl SwarmTable {
-    /// The answer for programs.
-    pub(super) fn answer(&self) -> Vec<RowAnswer> {
-        let rows = self.cells.iter().map(|cell| RowAnswer {
-            agents: cell.row.agents,
-            formed_s: cell.formed_ns.map(seconds),
-            steps: cell.n_steps,
-            median_ms: cell.median_ms,
-            p90_ms: cell.p90_ms,
-            botnet_ms: cell.row.botnet_ms,
-            paper_ms: cell.row.paper_ms,
-            to_reach_ms: cell.row.to_reach_ms,
-        });
-        rows.collect()
-    }
-}
-
-/// A row of the answer for programs.
+/// A measured row.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct RowAnswer {
     /// Number of robots.
@@ -198,21 +167,18 @@ fn heading() -> String {
     )
 }
 
-impl fmt::Display for SwarmCell {
+impl fmt::Display for RowAnswer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { row, formed_ns, median_ms, p90_ms, .. } = self;
-        let Some(formed_ns) = formed_ns else {
-            return write!(f, "{:>6}  does not form within {} s", row.agents, seconds(LIMIT_NS));
+        let Self { agents, formed_s, median_ms, p90_ms, botnet_ms, to_reach_ms, .. } = self;
+        let Some(formed_s) = formed_s else {
+            return write!(f, "{agents:>6}  does not form within {} s", seconds(LIMIT_NS));
         };
-        let botnet = row.botnet_ms.map_or_else(|| "does not form".to_owned(), |ms| ms.to_string());
+        let botnet = botnet_ms.map_or_else(|| "does not form".to_owned(), |ms| ms.to_string());
         write!(
             f,
-            "{:>6}  {:>9.1} {median_ms:>9.3} {p90_ms:>9.3} {:>9} {botnet:>14} {:>8}  {}",
-            row.agents,
-            seconds(*formed_ns),
-            row.to_reach_ms,
-            number_or_dash(row.paper_ms),
-            row.botnet_ms.map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / median_ms)),
+            "{agents:>6}  {formed_s:>9.1} {median_ms:>9.3} {p90_ms:>9.3} {to_reach_ms:>9} {botnet:>14} {:>8}  {}",
+            number_or_dash(self.paper_ms),
+            botnet_ms.map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / median_ms)),
         )
     }
 }

@@ -47,6 +47,6 @@ pub(super) fn bench(args: &BenchArgs, start: StartOptions) -> Result<(), Failure
         )));
     }
     let mut print = |text: &str| say(text);
-    let table = on_runtime(bench::bench(&options, &mut print))?.map_err(Failure::work)?;
-    write_json(args.json.as_deref(), &table.answer())
+    let answer = on_runtime(bench::bench(&options, &mut print))?.map_err(Failure::work)?;
+    write_json(args.json.as_deref(), &answer)
 }
