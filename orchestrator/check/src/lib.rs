@@ -22,7 +22,7 @@ use measure::config::Compared;
 use measure::links::LinkRow;
 use measure::robots::CommandKind;
 use measure::table::DataTable;
-use numbers::statistics::quantile_lower;
+use numbers::statistics::{self, quantile_lower};
 pub use packet_check::{PacketCheck, packets};
 use proto::effect::Level;
 use std::collections::BTreeSet;
@@ -81,10 +81,8 @@ fn bare(subject: Subject, table: &DataTable) -> Result<Compared, OpenError> {
 }
 
 fn range(values: impl Iterator<Item = f64>) -> Option<[f64; 2]> {
-    values.filter(|value| value.is_finite()).fold(None, |range, value| match range {
-        None => Some([value, value]),
-        Some([low, high]) => Some([low.min(value), high.max(value)]),
-    })
+    let [low, high] = statistics::range(values.filter(|value| value.is_finite()));
+    (low <= high).then_some([low, high])
 }
 
 fn links(study: &LinkStudy, account: DataAccount) -> DataCheck {

@@ -3,6 +3,7 @@
 use super::DECIMALS;
 use super::Listed;
 use numbers::format::trimmed;
+use numbers::statistics::range;
 use physics::catalogue::Catalogue;
 use physics::effect::{self, Effect};
 use physics::link::{Covariates, End, Link, Scene, channel_hz};
@@ -176,9 +177,7 @@ impl Picture {
 }
 
 fn limits(points: &[[f64; 2]]) -> [f64; 2] {
-    points
-        .iter()
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &[_, y]| [low.min(y), high.max(y)])
+    range(points.iter().map(|point| point[1]))
 }
 
 fn spread(points: &[[f64; 2]]) -> f64 {

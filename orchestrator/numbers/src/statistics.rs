@@ -28,6 +28,13 @@ pub fn mean_ignoring_nan(values: impl IntoIterator<Item = f64>) -> f64 {
     sum / n as f64
 }
 
+/// The least and the greatest value, without those that are NaN: infinite, and the first above the second, if there is none.
+#[must_use]
+pub fn range(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    let none = [f64::INFINITY, f64::NEG_INFINITY];
+    values.into_iter().fold(none, |[low, high], value| [low.min(value), high.max(value)])
+}
+
 /// A sum divided by a number, or by a duration, if that is positive. For means whose sum is kept while a run goes on.
 #[must_use]
 pub fn ratio(sum: f64, n: f64) -> Option<f64> {

@@ -10,6 +10,7 @@ use maud::{Markup, html};
 use metrics::measures::Event;
 use metrics::{DistanceBin, Measures, Sample, Task, Trajectories};
 use numbers::format::{count, count_of, number, percent, shortest};
+use numbers::statistics::range;
 use proto::types::seconds;
 use record::FinishedRun;
 use std::borrow::Cow;
@@ -77,11 +78,7 @@ fn trajectories(measures: &Measures) -> Figure {
     let leader = measures.task.leader;
     let [starts, stops] = ends;
     let everything = || points.iter().flatten().chain(starts).chain(stops).copied().flatten();
-    let span = |axis: usize| {
-        everything().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], point| {
-            [low.min(point[axis]), high.max(point[axis])]
-        })
-    };
+    let span = |axis: usize| range(everything().map(|point| point[axis]));
     let width = map_width(span(0), span(1));
     let (x, y, height) = equal_scales(span(0), span(1), width);
     let n = starts.len();

@@ -13,6 +13,7 @@ use network::error_split::{NetworkErrorSplit, PartOfFigure};
 use network::task::comparison::{TaskComparison, TaskErrorSplit};
 use numbers::format::{capitalised, count, number, percent, with_unit};
 use numbers::quantity;
+use numbers::statistics::range;
 use serde::Serialize;
 
 /// An answer about a network or a swarm's task.
@@ -328,8 +329,7 @@ fn again(contents: &PacketsPage<'_>) -> Option<Markup> {
 
 /// Bounds with some room about them.
 fn bounds(values: &[f64]) -> Option<[f64; 2]> {
-    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let [low, high] = range(values.iter().copied());
     let room = 0.05 * (high - low).max(1e-3 * high.abs()).max(1e-6);
     (low <= high).then_some([low - room, high + room])
 }

@@ -7,7 +7,7 @@ mod words;
 pub use runs_comparison::RunsComparison;
 pub use words::text;
 
-use crate::statistics::SampleSummary;
+use crate::sweep_summary::MetricSpread;
 use rows::{Pairing, RunFolder};
 use runs_comparison::{Change, ChangedKey, SCHEMA, SettingComparison};
 use std::collections::BTreeMap;
@@ -141,18 +141,18 @@ fn change(name: &str, pairs: &[Pair<'_>]) -> Option<Change> {
     let both: Vec<[f64; 2]> =
         pairs.iter().filter_map(|pair| Some([*pair.a.get(name)?, *pair.b.get(name)?])).collect();
     let summary_of = |f: &dyn Fn(&[f64; 2]) -> f64| {
-        SampleSummary::from_values(&both.iter().map(f).collect::<Vec<_>>())
+        MetricSpread::from_values(&both.iter().map(f).collect::<Vec<_>>())
     };
     let count = |f: &dyn Fn(&[f64; 2]) -> bool| both.iter().filter(|pair| f(pair)).count();
     let (a, b) = (summary_of(&|pair| pair[0])?, summary_of(&|pair| pair[1])?);
     let difference = summary_of(&|pair| pair[1] - pair[0])?;
     let size = [a.min, a.max, b.min, b.max].into_iter().map(f64::abs).fold(0.0, f64::max);
     Some(Change {
-        pairs: difference.n,
+        pairs: both.len(),
         median_a: a.median,
         median_b: b.median,
         median_difference: difference.median,
-        median_difference_interval_95: difference.interval_95,
+        median_difference_interval_95: difference.median_interval_95,
         mean_difference: difference.mean,
         min_difference: difference.min,
         max_difference: difference.max,

@@ -329,9 +329,7 @@ pub fn emit(options: &SweepOptions, of_engine: EngineOptions) -> Result<String, 
 /// See [`EngineError`] and [`SweepError`].
 pub fn run(options: &SweepOptions, of_engine: EngineOptions) -> Result<EngineReport, SweepError> {
     let plan = plan::load(&options.config, &options.overrides)?;
-    for warning in &plan.warnings {
-        terminal::warn(warning);
-    }
+    terminal::warn_all(&plan.warnings);
     let dir = options.out.join(&plan.name);
     if shard::is_foreign(&dir)? {
         return Err(SweepError::Foreign(dir));

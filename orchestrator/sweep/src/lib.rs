@@ -284,9 +284,7 @@ fn run_trials(
     permitted(options, plan)?;
     let jobs = jobs(options, plan)?;
     let (trials, journal_name) = selected(plan, shard)?;
-    for warning in &plan.warnings {
-        terminal::warn(warning);
-    }
+    terminal::warn_all(&plan.warnings);
     let dir = options.out.join(&plan.name);
     check_folder(&dir, shard)?;
     std::fs::create_dir_all(&dir)
@@ -311,9 +309,7 @@ fn run_trials(
         "orchestrator",
         &format!("{part}sweep of {} trials, {jobs} at a time", plan.n_trials()),
     );
-    for warning in &known.warnings {
-        terminal::warn(warning);
-    }
+    terminal::warn_all(&known.warnings);
     let program = program(&options.start.executable)?;
     let mut rows: BTreeMap<SweepTrial, TrialRow> = BTreeMap::new();
     for &trial in &trials {

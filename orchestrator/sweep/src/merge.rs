@@ -36,9 +36,7 @@ type Found = (TrialRow, PathBuf);
 pub fn merge(options: &SweepOptions) -> Result<MergeReport, SweepError> {
     let begun = Instant::now();
     let plan = plan::load(&options.config, &options.overrides)?;
-    for warning in &plan.warnings {
-        terminal::warn(warning);
-    }
+    terminal::warn_all(&plan.warnings);
     let dir = options.out.join(&plan.name);
     let shards = shard::shards_in(&dir)?;
     let Some(n_shards) = shards.first().map(|shard| shard.count()) else {
@@ -50,9 +48,7 @@ pub fn merge(options: &SweepOptions) -> Result<MergeReport, SweepError> {
         return Err(ShardError::Missing(missing).into());
     }
     let (mut journal, known) = Journal::open(&dir, JOURNAL_FILE, false)?;
-    for warning in &known.warnings {
-        terminal::warn(warning);
-    }
+    terminal::warn_all(&known.warnings);
     // A later sweep without shards resumes from the journal of the whole sweep, so that it gets all rows.
     let mut rows: BTreeMap<SweepTrial, TrialRow> = BTreeMap::new();
     let mut new_rows = Vec::new();
@@ -105,9 +101,7 @@ fn read_all(
     for shard in shards {
         let path = dir.join(shard.journal_name());
         let (rows, warnings) = journal::read_rows(&path)?;
-        for warning in warnings {
-            terminal::warn(warning);
-        }
+        terminal::warn_all(warnings);
         let keys = rows.iter().map(|row| row.key.as_str());
         check_keys(&path, keys, |key| names.contains_key(key))?;
         for row in rows {

@@ -8,14 +8,14 @@ mod panels;
 
 use super::plan::SweepPlan;
 use super::setting_figures::SettingFigures;
-use super::statistics::{FEWEST, SampleSummary};
-use super::sweep_summary::SweepSummary;
+use super::statistics::FEWEST;
+use super::sweep_summary::{MetricSpread, SweepSummary};
 use factors::{Factor, View, describe, views};
 use maud::{Markup, html};
 use names::{Catalogue, Name};
 use numbers::format::{count, count_of, number, percent};
 use numbers::quantity;
-use numbers::statistics::mean;
+use numbers::statistics::{mean, range};
 use record::ColumnKind;
 use report::layout::{self, listing, number_cell};
 
@@ -125,9 +125,7 @@ impl MetricFigures<'_> {
 
     /// The value that all trials have, but for what rounding does.
     fn constant(&self) -> Option<f64> {
-        let values = || self.figures.values.iter().flatten().copied();
-        let [low, high] =
-            [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)];
+        let [low, high] = range(self.figures.values.iter().flatten().copied());
         (low <= high && high - low <= 1e-9 * low.abs().max(high.abs())).then_some(low)
     }
 
@@ -247,14 +245,15 @@ fn shown_value(metric: &MetricFigures<'_>, value: f64) -> String {
 /// Median and interval, or share, of a setting in words.
 fn shown(figures: &SettingFigures<'_>, number_of_setting: usize) -> String {
     let Some(spread) = &figures.spreads[number_of_setting] else { return "nothing".to_owned() };
+    let n = figures.values[number_of_setting].len();
     if figures.is_share() {
-        return format!("{} of {} trials", percent(spread.mean), spread.n);
+        return format!("{} of {n} trials", percent(spread.mean));
     }
     let interval = spread
-        .interval_95
+        .median_interval_95
         .map(|[low, high]| format!(" ({} to {})", number(low), number(high)))
         .unwrap_or_default();
-    format!("{}{interval}, {} trials", number(spread.median), spread.n)
+    format!("{}{interval}, {n} trials", number(spread.median))
 }
 
 fn table(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> Markup {
@@ -279,7 +278,7 @@ fn table(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> Markup {
                     tr {
                         (number_cell(setting))
                         td { (describe(factors, setting)) }
-                        (number_cell(spread.as_ref().map_or(0, |spread| spread.n)))
+                        (number_cell(figures.values[setting].len()))
                         @if let Some(spread) = spread {
                             @for cell in cells(spread, figures.is_share()) { (number_cell(cell)) }
                         }
@@ -291,7 +290,7 @@ fn table(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> Markup {
 }
 
 /// The cells of a setting, under the headings of the table.
-fn cells(spread: &SampleSummary, is_share: bool) -> Vec<String> {
+fn cells(spread: &MetricSpread, is_share: bool) -> Vec<String> {
     if is_share {
         return vec![percent(spread.mean)];
     }
@@ -299,7 +298,7 @@ fn cells(spread: &SampleSummary, is_share: bool) -> Vec<String> {
     let sd = spread.sd.map_or_else(String::new, |sd| format!(" ± {}", number(sd)));
     vec![
         number(spread.median),
-        spread.interval_95.map_or_else(|| "–".to_owned(), |[low, high]| pair(low, high)),
+        spread.median_interval_95.map_or_else(|| "–".to_owned(), |[low, high]| pair(low, high)),
         pair(spread.q25, spread.q75),
         pair(spread.min, spread.max),
         number(spread.mean) + &sd,

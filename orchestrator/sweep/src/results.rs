@@ -3,11 +3,11 @@
 use super::journal::TrialRow;
 use super::plan::{SweepPlan, SweepTrial};
 use super::setting_figures::SettingFigures;
-use super::statistics::SampleSummary;
 use super::sweep_summary::{MetricSummary, SCHEMA, SettingSummary, SweepSummary};
 use super::table::{self, TableColumn};
 use super::{TABLE_FILE, report};
 use numbers::format::number;
+use numbers::statistics::range;
 use proto::config::most_similar;
 use record::run_summary::RunSummary;
 use record::{RecordError, pretty};
@@ -182,9 +182,7 @@ fn shown<'a>(plan: &SweepPlan, columns: &'a [TableColumn]) -> (Vec<&'a TableColu
 
 /// Whether a figure is not the same in all trials, but for what rounding does.
 fn differs(column: &TableColumn) -> bool {
-    let numbers: Vec<f64> = column.numbers().into_iter().flatten().collect();
-    let low = numbers.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = numbers.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let [low, high] = range(column.numbers().into_iter().flatten());
     1e-9 * low.abs().max(high.abs()) < high - low
 }
 
@@ -207,11 +205,8 @@ fn summary(
     let settings = plan.settings.iter().enumerate().map(|(number, setting)| {
         let rows = || rows.iter().filter(|(trial, _)| trial.setting == number).map(|(_, row)| row);
         let metrics = figures.iter().map(|figures| {
-            let spread = figures.spreads[number].as_ref();
-            (
-                figures.column.name.clone(),
-                spread.map_or(MetricSummary::NONE, MetricSummary::from_sample),
-            )
+            let (n, spread) = (figures.values[number].len(), figures.spreads[number]);
+            (figures.column.name.clone(), MetricSummary { n, spread })
         });
         SettingSummary {
             setting: number,
@@ -261,51 +256,28 @@ fn text(plan: &SweepPlan, figures: &[SettingFigures<'_>]) -> String {
     const MOST_FIGURES: usize = 4;
     const MOST_SETTINGS: usize = 60;
     let figures = &figures[..figures.len().min(MOST_FIGURES)];
-    let names: Vec<String> =
-        plan.settings.iter().take(MOST_SETTINGS).map(|setting| setting.describe()).collect();
-    let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(7);
-    let cells: Vec<Vec<String>> = figures
-        .iter()
-        .map(|figures| {
-            let cell = |spread: &Option<SampleSummary>| {
-                spread.map_or("-".to_owned(), |s| cell(figures, &s))
-            };
-            figures.spreads.iter().take(MOST_SETTINGS).map(cell).collect()
-        })
-        .collect();
-    let headings: Vec<&str> = figures.iter().map(|figures| figures.column.name.as_str()).collect();
-    let widths: Vec<usize> = headings
-        .iter()
-        .zip(&cells)
-        .map(|(heading, cells)| {
-            cells.iter().map(|cell| cell.chars().count()).chain([heading.len()]).max().unwrap_or(0)
-        })
-        .collect();
-    let mut text = format!("{:width$}", "setting");
-    for (heading, width) in headings.iter().zip(&widths) {
-        let _ = write!(text, "  {heading:>width$}");
-    }
-    for (row, name) in names.iter().enumerate() {
-        let _ = write!(text, "\n{name:width$}");
-        for (cells, width) in cells.iter().zip(&widths) {
-            let _ = write!(text, "  {:>width$}", cells[row]);
-        }
-    }
+    let headings = figures.iter().map(|figures| figures.column.name.clone());
+    let mut rows = vec![std::iter::once("setting".to_owned()).chain(headings).collect()];
+    rows.extend(plan.settings.iter().take(MOST_SETTINGS).enumerate().map(|(number, setting)| {
+        let cells = figures.iter().map(|figures| cell(figures, number));
+        std::iter::once(setting.describe()).chain(cells).collect()
+    }));
+    let mut text = terminal::aligned(&rows).join("\n");
     if MOST_SETTINGS < plan.settings.len() {
         let _ = write!(text, "\n… and {} more settings", plan.settings.len() - MOST_SETTINGS);
     }
     text
 }
 
-fn cell(figures: &SettingFigures<'_>, spread: &SampleSummary) -> String {
+fn cell(figures: &SettingFigures<'_>, setting: usize) -> String {
+    let Some(spread) = &figures.spreads[setting] else { return "-".to_owned() };
+    let n = figures.values[setting].len();
     if figures.is_share() {
-        let n = libm::round(spread.mean * spread.n as f64);
-        return format!("{n} of {}", spread.n);
+        return format!("{} of {n}", libm::round(spread.mean * n as f64));
     }
-    let interval = spread.interval_95.map_or_else(
-        || format!("n {}", spread.n),
-        |[a, b]| format!("{} … {}", number(a), number(b)),
-    );
+    let interval = spread
+        .median_interval_95
+        .map_or_else(|| format!("n {n}"), |[a, b]| format!("{} … {}", number(a), number(b)));
     format!("{} [{interval}]", number(spread.median))
 }
 

@@ -1,7 +1,7 @@
 //! One figure of all trials, setting by setting.
 
 use super::plan::SweepPlan;
-use super::statistics::SampleSummary;
+use super::sweep_summary::MetricSpread;
 use super::table::TableColumn;
 use record::ColumnKind;
 
@@ -12,7 +12,7 @@ pub(super) struct SettingFigures<'a> {
     /// The values of each setting.
     pub(super) values: Vec<Vec<f64>>,
     /// What they tell.
-    pub(super) spreads: Vec<Option<SampleSummary>>,
+    pub(super) spreads: Vec<Option<MetricSpread>>,
 }
 
 impl<'a> SettingFigures<'a> {
@@ -32,7 +32,7 @@ impl<'a> SettingFigures<'a> {
                 formed.filter_map(|(number, _)| *number).collect()
             })
             .collect();
-        let spreads = values.iter().map(|values| SampleSummary::from_values(values)).collect();
+        let spreads = values.iter().map(|values| MetricSpread::from_values(values)).collect();
         Self { column, values, spreads }
     }
 

@@ -1,30 +1,8 @@
 //! Medians with intervals, of samples and of differences between pairs.
 
+use super::sweep_summary::MetricSpread;
 use numbers::statistics::{mean, quantile, standard_deviation};
 use proto::rng::{Draws, Purpose};
-
-/// Statistics of a sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SampleSummary {
-    /// How many values.
-    pub(crate) n: usize,
-    /// Least.
-    pub(crate) min: f64,
-    /// A quarter lies below.
-    pub(crate) q25: f64,
-    /// Half lies below.
-    pub(crate) median: f64,
-    /// Three quarters lie below.
-    pub(crate) q75: f64,
-    /// Greatest.
-    pub(crate) max: f64,
-    /// Mean.
-    pub(crate) mean: f64,
-    /// Standard deviation, with n − 1; `None` of a single value.
-    pub(crate) sd: Option<f64>,
-    /// Where the median lies with 95 % confidence; `None` of fewer than [`FEWEST`] values.
-    pub(crate) interval_95: Option<[f64; 2]>,
-}
 
 /// Of fewer values a bootstrap interval of the median says nothing: with five it covers the median in 92 % of cases at
 /// best, with less in fewer.
@@ -32,23 +10,21 @@ pub(crate) const FEWEST: usize = 5;
 /// Resamples: the ends of an interval then scatter by about a fiftieth of its length.
 const RESAMPLES: u64 = 4000;
 
-impl SampleSummary {
+impl MetricSpread {
     /// Of these values; `None` of none.
     pub(crate) fn from_values(values: &[f64]) -> Option<Self> {
         let mut ascending = values.to_vec();
         ascending.sort_by(f64::total_cmp);
         let (&min, &max) = (ascending.first()?, ascending.last()?);
-        let n = ascending.len();
         Some(Self {
-            n,
             min,
             q25: quantile(&ascending, 0.25),
             median: quantile(&ascending, 0.5),
             q75: quantile(&ascending, 0.75),
             max,
             mean: mean(ascending.iter().copied()),
-            sd: (1 < n).then(|| standard_deviation(ascending.iter().copied())),
-            interval_95: interval(&ascending),
+            sd: (1 < ascending.len()).then(|| standard_deviation(ascending.iter().copied())),
+            median_interval_95: interval(&ascending),
         })
     }
 }
@@ -102,15 +78,17 @@ mod tests {
     #[test]
     fn a_spread_is_that_of_numpy() {
         // numpy: quantile([1, 2, 4, 8, 16], [.25, .5, .75]) = 2, 4, 8; mean 6.2; std(ddof=1) = 6.0992...
-        let spread = SampleSummary::from_values(&[8.0, 1.0, 16.0, 2.0, 4.0]).unwrap();
+        let spread = MetricSpread::from_values(&[8.0, 1.0, 16.0, 2.0, 4.0]).unwrap();
         assert_eq!(
             [spread.min, spread.q25, spread.median, spread.q75, spread.max],
             [1.0, 2.0, 4.0, 8.0, 16.0]
         );
         assert!((spread.mean - 6.2).abs() < 1e-12);
         assert!((spread.sd.unwrap() - 6.099_180_272_790_763).abs() < 1e-12);
-        assert!(SampleSummary::from_values(&[]).is_none());
-        assert!(SampleSummary::from_values(&[1.0, 2.0, 3.0, 4.0]).unwrap().interval_95.is_none());
+        assert!(MetricSpread::from_values(&[]).is_none());
+        assert!(
+            MetricSpread::from_values(&[1.0, 2.0, 3.0, 4.0]).unwrap().median_interval_95.is_none()
+        );
     }
 
     #[test]
@@ -123,7 +101,8 @@ mod tests {
             .filter(|&sample| {
                 let values: Vec<f64> =
                     (0..15).map(|i| -libm::log(1.0 - draws.uniform(sample, i, 0))).collect();
-                let [low, high] = SampleSummary::from_values(&values).unwrap().interval_95.unwrap();
+                let [low, high] =
+                    MetricSpread::from_values(&values).unwrap().median_interval_95.unwrap();
                 low <= std::f64::consts::LN_2 && std::f64::consts::LN_2 <= high
             })
             .count();
@@ -132,11 +111,14 @@ mod tests {
 
     #[test]
     fn an_interval_of_equal_values_is_a_point_and_moves_with_them() {
-        assert_eq!(SampleSummary::from_values(&[3.0; 8]).unwrap().interval_95, Some([3.0, 3.0]));
+        assert_eq!(
+            MetricSpread::from_values(&[3.0; 8]).unwrap().median_interval_95,
+            Some([3.0, 3.0])
+        );
         let values = [0.1, 0.5, 0.7, 0.2, 0.9, 0.4];
         let moved = values.map(|value| value + 100.0);
-        let [a, b] =
-            [&values, &moved].map(|v| SampleSummary::from_values(v).unwrap().interval_95.unwrap());
+        let [a, b] = [&values, &moved]
+            .map(|v| MetricSpread::from_values(v).unwrap().median_interval_95.unwrap());
         assert!((a[0] + 100.0 - b[0]).abs() < 1e-9 && (a[1] + 100.0 - b[1]).abs() < 1e-9);
     }
 }

@@ -1,6 +1,5 @@
 //! `summary.json` of a sweep: the settings, and what their trials came to.
 
-use super::statistics::SampleSummary;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -82,24 +81,4 @@ pub struct MetricSpread {
     pub mean: f64,
     /// Standard deviation; null of a single trial.
     pub sd: Option<f64>,
-}
-
-impl MetricSummary {
-    /// Of a figure that no trial has.
-    pub(super) const NONE: Self = Self { n: 0, spread: None };
-
-    /// Of the trials that have it.
-    pub(super) fn from_sample(spread: &SampleSummary) -> Self {
-        let spread_of_values = MetricSpread {
-            median: spread.median,
-            median_interval_95: spread.interval_95,
-            q25: spread.q25,
-            q75: spread.q75,
-            min: spread.min,
-            max: spread.max,
-            mean: spread.mean,
-            sd: spread.sd,
-        };
-        Self { n: spread.n, spread: Some(spread_of_values) }
-    }
 }

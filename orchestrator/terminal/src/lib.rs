@@ -59,6 +59,24 @@ pub fn say(line: impl Display) {
     };
 }
 
+/// Rows of a table as lines, with columns as wide as need be: the first to the left, numbers to the right.
+#[must_use]
+pub fn aligned(rows: &[Vec<String>]) -> Vec<String> {
+    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..rows.first().map_or(0, Vec::len)).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let mut line = String::new();
+        for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
+            let _ = match column {
+                0 => write!(line, "{cell:<width$}"),
+                _ => write!(line, "  {cell:>width$}"),
+            };
+        }
+        line
+    };
+    rows.iter().map(line).collect()
+}
+
 /// An error on standard error.
 pub fn complain(error: impl Display) {
     let _ = writeln!(std::io::stderr(), "error: {error}");
@@ -68,6 +86,11 @@ pub fn complain(error: impl Display) {
 pub fn warn(warning: impl Display) {
     run_log().add("orchestrator", &format!("warning: {warning}"));
     let _ = writeln!(std::io::stderr(), "warning: {warning}");
+}
+
+/// Warnings on standard error, a line each.
+pub fn warn_all(warnings: impl IntoIterator<Item = impl Display>) {
+    warnings.into_iter().for_each(warn);
 }
 
 /// Something that happened, on standard error.
@@ -145,29 +168,17 @@ impl ProgressDisplay {
 
     /// `done` of `n` trials are done, `n_now` of them since this began.
     pub fn trials(&mut self, done: u64, n: u64, n_now: u64) {
-        let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };
-        if self.shown.elapsed() < every && done < n {
-            return;
+        if self.is_due() || n <= done {
+            self.show(done, format!("{done} of {n} trials{}", self.speed(done, n, n_now)));
         }
-        self.shown = Instant::now();
-        let rate = n_now as f64 / self.begun.elapsed().as_secs_f64();
-        let left_s = n.saturating_sub(done) as f64 / rate;
-        self.show(done, format!("{done} of {n} trials  {rate:.1} a second  {left_s:.0} s left"));
     }
 
     /// `done` of `n` trials are done on other machines, `n_now` of them since this began; `activity` says what tasks are doing.
     pub fn shards(&mut self, done: u64, n: u64, n_now: u64, activity: &str) {
-        let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };
-        if self.shown.elapsed() < every || activity.is_empty() {
+        if activity.is_empty() || !self.is_due() {
             return;
         }
-        self.shown = Instant::now();
-        let rate = n_now as f64 / self.begun.elapsed().as_secs_f64();
-        let left_s = n.saturating_sub(done) as f64 / rate;
-        let speed = match n_now {
-            0 => String::new(),
-            _ => format!("  {rate:.1} a second  {left_s:.0} s left"),
-        };
+        let speed = if n_now == 0 { String::new() } else { self.speed(done, n, n_now) };
         self.show(done, format!("{done} of {n} trials{speed}  ({activity})"));
     }
 
@@ -181,14 +192,16 @@ impl ProgressDisplay {
 
     /// `done` of `n` frames of a video are drawn.
     pub fn frames(&mut self, done: u64, n: u64) {
-        let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };
-        if self.shown.elapsed() < every {
-            return;
+        if self.is_due() {
+            self.show(done, format!("{done} of {n} frames{}", self.speed(done, n, done)));
         }
-        self.shown = Instant::now();
-        let rate = done as f64 / self.begun.elapsed().as_secs_f64();
+    }
+
+    /// How many of `n` are done a second, and how long the rest takes. `n_now`: those that were done since this began.
+    fn speed(&self, done: u64, n: u64, n_now: u64) -> String {
+        let rate = n_now as f64 / self.begun.elapsed().as_secs_f64();
         let left_s = n.saturating_sub(done) as f64 / rate;
-        self.show(done, format!("{done} of {n} frames  {rate:.1} a second  {left_s:.0} s left"));
+        format!("  {rate:.1} a second  {left_s:.0} s left")
     }
 
     /// Step `step` is done and stands at `time_ns`.
@@ -225,15 +238,17 @@ impl ProgressDisplay {
 
     fn is_time(&mut self, step: u64) -> bool {
         // The clock is not looked at more often than a person could tell.
-        if self.bar.is_none() && !step.is_multiple_of(16) {
-            return false;
-        }
+        (self.bar.is_some() || step.is_multiple_of(16)) && self.is_due()
+    }
+
+    /// Whether it is time for the next line.
+    fn is_due(&mut self) -> bool {
         let every = if self.bar.is_some() { FRAME_EVERY } else { LINE_EVERY };
-        if self.shown.elapsed() < every {
-            return false;
+        let is_due = every <= self.shown.elapsed();
+        if is_due {
+            self.shown = Instant::now();
         }
-        self.shown = Instant::now();
-        true
+        is_due
     }
 
     fn show(&self, step: u64, line: String) {

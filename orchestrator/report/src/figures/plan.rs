@@ -2,15 +2,14 @@
 
 use super::{equal_scales, map_width};
 use crate::svg::Chart;
+use numbers::statistics;
 
 /// Where the motes are; `None` for those that do not exist.
 pub(super) type Places = [Option<[f64; 2]>];
 
 /// From where to where places are along an axis.
 fn span(places: &Places, axis: usize) -> [f64; 2] {
-    places.iter().flatten().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| {
-        [low.min(place[axis]), high.max(place[axis])]
-    })
+    statistics::range(places.iter().flatten().map(|place| place[axis]))
 }
 
 /// The width of a plan of all motes.

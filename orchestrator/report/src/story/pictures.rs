@@ -8,6 +8,7 @@ use crate::svg::{Axis, Chart};
 use maud::{Markup, html};
 use numbers::format::number;
 use numbers::normal::Z_90;
+use numbers::statistics::range;
 use std::collections::BTreeMap;
 
 /// Bins of the covariate.
@@ -57,11 +58,7 @@ fn map(story: &Story<'_>) -> (Markup, f64) {
         .chain(walls.iter().flatten().copied())
         .chain(foliage.iter().flatten().copied())
         .collect();
-    let span = |axis: usize| {
-        places.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| {
-            [low.min(place[axis]), high.max(place[axis])]
-        })
-    };
+    let span = |axis: usize| range(places.iter().map(|place| place[axis]));
     let (x, y, height) = equal_scales(span(0), span(1), HALF);
     let mut chart = Chart::new(x, y, HALF, height);
     for area in &foliage {

@@ -35,35 +35,24 @@ fn table(text: &mut String, setting: &SettingComparison) {
         let _ = writeln!(text, "  none of {} figures differs", changes.len());
         return;
     }
-    let rows: Vec<[String; 6]> = changed
-        .iter()
-        .map(|(name, change)| {
-            let interval = change.median_difference_interval_95.map_or_else(
-                || "-".to_owned(),
-                |[low, high]| format!("{} … {}", number(low), number(high)),
-            );
-            [
-                (*name).clone(),
-                number(change.median_a),
-                number(change.median_b),
-                number(change.median_difference),
-                interval,
-                format!("{} / {} of {}", change.b_greater, change.b_less, change.pairs),
-            ]
-        })
-        .collect();
-    let headings =
-        ["figure", "A", "B", "B − A", "95 % interval", "B greater / less"].map(str::to_owned);
-    let width = |column: usize| {
-        rows.iter().chain([&headings]).map(|row| row[column].chars().count()).max().unwrap_or(0)
-    };
-    let widths: [usize; 6] = std::array::from_fn(width);
-    for row in [&headings].into_iter().chain(&rows) {
-        let _ = write!(text, "  {:<1$}", row[0], widths[0]);
-        for column in 1..6 {
-            let _ = write!(text, "  {:>1$}", row[column], widths[column]);
-        }
-        text.push('\n');
+    let headings = ["figure", "A", "B", "B − A", "95 % interval", "B greater / less"];
+    let mut rows = vec![headings.map(str::to_owned).to_vec()];
+    rows.extend(changed.iter().map(|(name, change)| {
+        let interval = change.median_difference_interval_95.map_or_else(
+            || "-".to_owned(),
+            |[low, high]| format!("{} … {}", number(low), number(high)),
+        );
+        vec![
+            (*name).clone(),
+            number(change.median_a),
+            number(change.median_b),
+            number(change.median_difference),
+            interval,
+            format!("{} / {} of {}", change.b_greater, change.b_less, change.pairs),
+        ]
+    }));
+    for line in terminal::aligned(&rows) {
+        let _ = writeln!(text, "  {line}");
     }
     if !same.is_empty() {
         let _ = writeln!(text, "  {} do not differ", count_of(same.len() as u64, "further figure"));

@@ -4,6 +4,7 @@ use super::factors::describe;
 use super::{MetricFigures, SweepPage, shown_value};
 use maud::{Markup, html};
 use numbers::format::{count, count_of, percent, shortest};
+use numbers::statistics::range;
 use report::layout::number_cell;
 
 /// Whether all trials ended, and what to look at first.
@@ -165,8 +166,7 @@ pub(super) fn what_varies(contents: &SweepPage<'_>) -> Option<Markup> {
     }
     let values = |factor: &super::factors::Factor| match &factor.numbers {
         Some(numbers) if factor.is_range => {
-            let low = numbers.iter().copied().fold(f64::INFINITY, f64::min);
-            let high = numbers.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let [low, high] = range(numbers.iter().copied());
             format!("{} samples, {} to {}", plan.sweep.samples, shortest(low), shortest(high))
         }
         _ => factor.levels.join(", "),

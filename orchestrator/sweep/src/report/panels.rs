@@ -3,6 +3,7 @@
 use super::factors::{Factor, Panel, View, describe};
 use super::{MetricFigures, shown};
 use maud::{Markup, html};
+use numbers::statistics::range;
 use report::layout;
 use report::svg::{Axis, Chart};
 
@@ -86,10 +87,7 @@ const HEIGHT: f64 = 244.0;
 impl<'a> Shared<'a> {
     fn new(view: &'a View, factors: &'a [Factor], metric: &'a MetricFigures<'a>) -> Option<Self> {
         let figures = metric.figures;
-        let ends = |values: &mut dyn Iterator<Item = f64>| {
-            values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], v| [a.min(v), b.max(v)])
-        };
-        let [low, high] = ends(&mut figures.values.iter().flatten().copied());
+        let [low, high] = range(figures.values.iter().flatten().copied());
         if high < low {
             return None;
         }
@@ -111,7 +109,7 @@ impl<'a> Shared<'a> {
         };
         let label =
             factor.map_or_else(|| "setting (number)".to_owned(), |factor| factor.name.label());
-        let [left, right] = ends(&mut places.iter().copied());
+        let [left, right] = range(places.iter().copied());
         // A list of values has its ticks where the values are.
         let is_list = factor.is_some_and(|factor| !factor.is_range);
         let marked = |axis: Axis| if is_list { axis.ticks_at(&places) } else { axis };
@@ -168,7 +166,7 @@ impl<'a> Shared<'a> {
             let Some(spread) = &figures.spreads[setting] else { continue };
             let Some(middle) = self.metric.middle(setting) else { continue };
             let title = format!("{}: {}", describe(self.factors, setting), shown(figures, setting));
-            let interval = spread.interval_95.filter(|_| !figures.is_share());
+            let interval = spread.median_interval_95.filter(|_| !figures.is_share());
             let interval = interval.unwrap_or([middle, middle]);
             chart.interval(place + 0.5 * self.step, middle, interval, &title);
         }
@@ -178,8 +176,7 @@ impl<'a> Shared<'a> {
 
 /// Whether numbers can have places on one scale.
 fn is_even(factor: &Factor, numbers: &[f64]) -> bool {
-    let low = numbers.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = numbers.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let [low, high] = range(numbers.iter().copied());
     factor.is_range || low <= 0.0 || high <= 20.0 * low
 }
 
