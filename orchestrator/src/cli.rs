@@ -36,8 +36,8 @@ mod sweeps;
 mod task;
 mod verify;
 
-use ::run::StartOptions;
-use answers::{check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
+use ::run::{RunError, StartOptions};
+use answers::{check_json, check_place, is_stdout, on_stdout, place_for, write_json, write_whole};
 use arguments::{MOST_SEED, whole_number};
 use clap::{Args, FromArgMatches as _, Parser, Subcommand};
 use diagnose::DiagnoseError;
@@ -250,6 +250,11 @@ impl Failure {
 
     fn request(error: impl ToString) -> Self {
         Self { status: 2, text: error.to_string() }
+    }
+
+    /// A run did not leave complete results.
+    fn of_run(error: RunError) -> Self {
+        Self { status: error.exit_status(), text: error.to_string() }
     }
 
     /// A question about links or robots has no answer: files, choices and names are the user's.

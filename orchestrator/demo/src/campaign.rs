@@ -1,6 +1,10 @@
 //! Templates of measurement campaigns: rows without measured values, which `simulate` fills in.
 
+use diagnose::simulate::{Simulated, simulate};
+use measure::config::Compared;
+use measure::table::DataTable;
 use std::fmt::Write as _;
+use std::path::Path;
 
 /// A campaign that measures links between stationary motes: they take turns in sending, each time to another mote.
 #[derive(Clone, Copy, Debug)]
@@ -88,4 +92,22 @@ impl TrackCampaign {
         }
         csv
     }
+}
+
+/// What a campaign measures. `truth`: name and text of the model that makes the measurements; `template`: name and rows of the
+/// table.
+///
+/// # Errors
+///
+/// The measurements cannot be simulated.
+pub(super) fn simulated(
+    truth: (&str, &str),
+    template: (&str, &str),
+    seed: u64,
+) -> Result<Simulated, String> {
+    let config = Compared::of_text(Path::new(truth.0), truth.1.to_owned(), &[]);
+    let config = config.map_err(|refusal| refusal.to_string())?;
+    let table = DataTable::of_csv(Path::new(template.0), template.1.as_bytes());
+    let table = table.map_err(|refusal| refusal.to_string())?;
+    simulate(&config, &table, seed, None).map_err(|refusal| refusal.to_string())
 }

@@ -24,11 +24,8 @@ use crate::campaign::{LinkCampaign, TrackCampaign};
 use answers::{ComparisonAnswer, DiagnosisAnswer, RunSummaryAnswer};
 pub use demo_answer::DemoAnswer;
 use demo_answer::{Estimate, Outcome, SCHEMA, SwarmResult};
-use diagnose::simulate;
 use experiment::program_name;
 use hidden::{HiddenEffect, Measured};
-use measure::config::Compared;
-use measure::table::DataTable;
 use numbers::format::{count, number};
 use proto::bounds::{COMMAND_BYTES, DESCRIPTION_BYTES};
 use run::interrupt::Interrupt;
@@ -351,13 +348,9 @@ impl Demo<'_> {
         data: &str,
         template: &str,
     ) -> Result<(usize, usize), DemoError> {
-        let simulation = |refusal: String| DemoError::Simulation(refusal);
-        let config = Compared::of_text(Path::new(TRUTH_FILE), truth.to_owned(), &[])
-            .map_err(|refusal| simulation(refusal.to_string()))?;
-        let table = DataTable::of_csv(Path::new(data), template.as_bytes())
-            .map_err(|refusal| simulation(refusal.to_string()))?;
-        let simulated = simulate::simulate(&config, &table, self.options.seed, None)
-            .map_err(|refusal| simulation(refusal.to_string()))?;
+        let simulated =
+            campaign::simulated((TRUTH_FILE, truth), (data, template), self.options.seed)
+                .map_err(DemoError::Simulation)?;
         self.write(data, &simulated.to_csv())?;
         let received = simulated.names.iter().position(|name| name == "received");
         let n_received = received.map_or(simulated.n_rows(), |column| {

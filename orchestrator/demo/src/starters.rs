@@ -1,10 +1,6 @@
 //! Starter experiments: what `new` writes.
 
-use crate::campaign::{LinkCampaign, TrackCampaign};
-use diagnose::simulate;
-use measure::config::Compared;
-use measure::table::DataTable;
-use std::path::Path;
+use crate::campaign::{self, LinkCampaign, TrackCampaign};
 
 /// What a starter is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -110,12 +106,7 @@ fn measured(
     let truth = format!(
         "# The model that made {data}: model.toml with the effect that it lacks.\n\n{sections}{missing}"
     );
-    let config = Compared::of_text(Path::new("truth.toml"), truth.clone(), &[])
-        .map_err(|refusal| refusal.to_string())?;
-    let table = DataTable::of_csv(Path::new(data), template.as_bytes())
-        .map_err(|refusal| refusal.to_string())?;
-    let simulated =
-        simulate::simulate(&config, &table, SEED, None).map_err(|refusal| refusal.to_string())?;
+    let simulated = campaign::simulated(("truth.toml", &truth), (data, template), SEED)?;
     Ok(vec![
         StarterFile { name: "model.toml", text: model.replace("@EFFECT@", "") },
         StarterFile { name: data, text: simulated.to_csv() },

@@ -46,6 +46,31 @@ impl Interrupt {
     }
 }
 
+/// As a shell reports an end by Ctrl-C.
+const INTERRUPTED: i32 = 130;
+
+/// Calls `act` with the first signal, in a thread of its own. A second signal ends the process.
+///
+/// # Errors
+///
+/// The thread cannot be started.
+pub fn on_signal(act: impl FnOnce(&'static str) + Send + 'static) -> std::io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    // Signals are heard from here on, not only once the thread runs.
+    let mut interrupt = {
+        let _guard = runtime.enter();
+        Interrupt::listen()
+    };
+    let listen = move || {
+        runtime.block_on(async {
+            act(interrupt.first().await);
+            interrupt.first().await;
+        });
+        std::process::exit(INTERRUPTED);
+    };
+    std::thread::Builder::new().name("signals".to_owned()).spawn(listen).map(|_| ())
+}
+
 impl Interrupts for Interrupt {
     fn seen(&self) -> Option<&'static str> {
         self.seen

@@ -49,6 +49,11 @@ pub(super) fn check_place(option: &str, path: &Path) -> Result<(), Failure> {
     place_for(option, path).map(|_| ()).map_err(Failure::request)
 }
 
+/// The same of `--json`, if it is given.
+pub(super) fn check_json(path: Option<&Path>) -> Result<(), Failure> {
+    path.map_or(Ok(()), |path| check_place("--json", path))
+}
+
 /// A file beside the one that is to be written, to become it.
 pub(super) fn place_for(option: &str, path: &Path) -> Result<tempfile::NamedTempFile, String> {
     let folder =

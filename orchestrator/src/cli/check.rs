@@ -8,7 +8,7 @@ use clap::Args;
 use measure::packets;
 use run::FormedFiles;
 use std::path::{Path, PathBuf};
-use terminal::{say, warn};
+use terminal::{say, warn_all};
 
 #[derive(Args)]
 pub(super) struct CheckArgs {
@@ -57,9 +57,7 @@ fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
 fn check_sweep(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
     let (n_settings, n_trials, warnings) =
         sweep::check(config, &args.change.overrides()).map_err(Failure::request)?;
-    for warning in &warnings {
-        warn(warning);
-    }
+    warn_all(&warnings);
     say(format!(
         "{}: valid. A sweep of {n_settings} settings, {n_trials} trials",
         config.display()
@@ -73,9 +71,7 @@ fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
     let mut plan = experiment::load(config, &args.change.overrides()).map_err(Failure::request)?;
     FormedFiles::default().open(&mut plan).map_err(Failure::request)?;
     let n_steps = plan.duration_ns.div_ceil(plan.experiment.step_ns);
-    for warning in &plan.warnings {
-        warn(warning);
-    }
+    warn_all(&plan.warnings);
     say(format!(
         "{}: valid. {} agents, seed {}, {n_steps} steps of {} ms",
         config.display(),

@@ -8,7 +8,7 @@ use ::convert::{Conversion, ConvertError, InputReport};
 use clap::Args;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use terminal::{say, warn};
+use terminal::{say, warn, warn_all};
 
 #[derive(Args)]
 pub(super) struct ConvertArgs {
@@ -106,9 +106,7 @@ fn print(out: &Path, answer: &Conversion) {
     for run in answer.channels.chunk_by(|a, b| a.run == b.run) {
         say(channels(run));
     }
-    for warning in &answer.warnings {
-        warn(warning);
-    }
+    warn_all(&answer.warnings);
 }
 
 /// The channels of a run on which fewer or more hops were received than on the mean channel.

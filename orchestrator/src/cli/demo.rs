@@ -1,7 +1,7 @@
 //! `demo`: the loop from measurements to a better model, on a hidden effect.
 
 use super::arguments::whole_number;
-use super::{Failure, check_place, on_runtime, write_json};
+use super::{Failure, check_json, on_runtime, write_json};
 use clap::Args;
 use demo::{DemoError, DemoOptions, demo};
 use numbers::format::{number_within, shortest};
@@ -37,9 +37,7 @@ pub(super) struct DemoArgs {
 
 /// Runs the demo, and prints what it shows step by step.
 pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
-    if let Some(path) = &args.json {
-        check_place("--json", path)?;
-    }
+    check_json(args.json.as_deref())?;
     let folder = match &args.out {
         Some(folder) => folder.clone(),
         None => free_folder()?,

@@ -13,7 +13,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 use study::StopFlag;
 use study::open::DataAccount;
-use terminal::{say, warn};
+use terminal::{say, warn, warn_all};
 
 /// The configuration that is compared with measurements, with `--set` applied.
 pub(super) fn compared(path: &Path, set: &[String]) -> Result<Compared, Failure> {
@@ -54,9 +54,7 @@ pub(super) fn print_account(account: &DataAccount) {
             rejected.rows, rejected.reason, rejected.first_line
         ));
     }
-    for warning in &account.warnings {
-        warn(warning);
-    }
+    warn_all(&account.warnings);
 }
 
 /// Prints what is read and found while a question about measurements is answered, shows the progress, and stops the work.

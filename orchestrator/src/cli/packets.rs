@@ -90,12 +90,15 @@ fn failure(error: PacketError) -> Failure {
     }
 }
 
+/// Prints an answer, and returns it.
+pub(super) fn print_answer<A>(Worded { answer, text }: Worded<A>) -> A {
+    say(text);
+    answer
+}
+
 /// `murmuration compare` of packets.
 pub(super) fn compare(request: &PacketRequest) -> Result<NetworkComparison, Failure> {
-    let Worded { answer, text } =
-        network::compare(request, &Watching::new(None)).map_err(Failure::request)?;
-    say(text);
-    Ok(answer)
+    network::compare(request, &Watching::new(None)).map_err(Failure::request).map(print_answer)
 }
 
 /// Where the error comes from.
@@ -116,9 +119,7 @@ pub(super) fn diagnose(
     stopper: &Stopper,
 ) -> Result<NetworkDiagnosis, Failure> {
     let watching = Watching::new(Some(stopper));
-    let Worded { answer, text } = network::diagnose(request, &watching).map_err(failure)?;
-    say(text);
-    Ok(answer)
+    network::diagnose(request, &watching).map_err(failure).map(print_answer)
 }
 
 /// Which effects are added to an experiment, and where it is written.

@@ -4,7 +4,7 @@ use super::arguments::whole_number;
 use super::choice::ChoiceArgs;
 use super::inputs::{self, Watching};
 use super::stop::{BudgetArgs, Stopper};
-use super::{Failure, check_place, write_json};
+use super::{Failure, check_json, write_json};
 use clap::Args;
 use diagnose::Request;
 use diagnose::power::{self, Question};
@@ -47,9 +47,7 @@ pub(super) struct PowerArgs {
 
 /// `murmuration power`.
 pub(super) fn power(args: &PowerArgs) -> Result<(), Failure> {
-    if let Some(path) = &args.json {
-        check_place("--json", path)?;
-    }
+    check_json(args.json.as_deref())?;
     let stopper = Stopper::listen(args.budget)?;
     let (config, table) = inputs::files(&args.config, &args.set, &args.like)?;
     let request = Request::new(&config, &table).with_choices(args.choices.choices());

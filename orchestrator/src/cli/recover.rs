@@ -1,6 +1,6 @@
 //! `murmuration recover` and `murmuration reproduce`.
 
-use super::{AllowArgs, Failure, StartOptions, TlsArgs, check_place, on_runtime, write_json};
+use super::{AllowArgs, Failure, StartOptions, TlsArgs, check_json, on_runtime, write_json};
 use clap::Args;
 use experiment::Overrides;
 use run::Reproduction;
@@ -43,11 +43,8 @@ pub(super) struct ReproduceArgs {
 
 /// Makes a result of what a killed run had recorded.
 pub(super) fn recover(args: &RecoverArgs) -> Result<(), Failure> {
-    if let Some(path) = &args.json {
-        check_place("--json", path)?;
-    }
-    let finished = run::recover(&args.folder)
-        .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
+    check_json(args.json.as_deref())?;
+    let finished = run::recover(&args.folder).map_err(Failure::of_run)?;
     let summary = &finished.summary;
     say(format!(
         "{}: {} steps recovered, {:.1} s simulated",
@@ -62,9 +59,7 @@ pub(super) fn recover(args: &RecoverArgs) -> Result<(), Failure> {
 
 /// Runs a recorded experiment again and compares.
 pub(super) fn reproduce(args: &ReproduceArgs, start: StartOptions) -> Result<(), Failure> {
-    if let Some(path) = &args.json {
-        check_place("--json", path)?;
-    }
+    check_json(args.json.as_deref())?;
     let temporary = tempfile::tempdir().map_err(Failure::work)?;
     let out = args.out.as_deref().unwrap_or(temporary.path());
     let overrides = Overrides {
@@ -76,7 +71,7 @@ pub(super) fn reproduce(args: &ReproduceArgs, start: StartOptions) -> Result<(),
     let screen = &mut Screen::default();
     let start = args.allow.over(start);
     let answer = on_runtime(run::reproduce(&args.run, out, &start, &overrides, screen))?
-        .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
+        .map_err(Failure::of_run)?;
     write_json(args.json.as_deref(), &answer)?;
     let Reproduction { equal, different, first_different_step, versions, .. } = &answer;
     if different.is_empty() {

@@ -1,7 +1,7 @@
 //! `murmuration render`.
 
 use super::answer_file::Answer;
-use super::{Failure, check_place, on_runtime, place_for, replay, write_json, write_whole};
+use super::{Failure, check_json, check_place, place_for, replay, write_json, write_whole};
 use clap::{ArgGroup, Args, ValueEnum};
 use numbers::format::{count, count_of, trimmed};
 use picture::colours::Theme;
@@ -12,7 +12,7 @@ use picture::stage::{Director, Stage, TRAIL_NS};
 use picture::svg::svg;
 use picture::video::{Format, VideoError, VideoWriter};
 use proto::types::{NS_PER_S, seconds};
-use run::interrupt::Interrupt;
+use run::interrupt::on_signal;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -87,8 +87,6 @@ const LEAST_SIZE: [u32; 2] = [320, 240];
 const MOST_SIZE: u32 = 4096;
 /// Most frames per second of a GIF: players show shorter frames for longer.
 const MOST_GIF_FPS: u32 = 50;
-/// As a shell reports an end by Ctrl-C.
-const INTERRUPTED: i32 = 130;
 
 fn time_s(text: &str) -> Result<f64, String> {
     let time_s: Option<f64> = text.parse().ok();
@@ -201,9 +199,7 @@ fn picture(args: &RenderArgs, at_s: f64, output: &Path) -> Result<(), Failure> {
         )));
     }
     check_place("--output", output)?;
-    if let Some(path) = &args.json {
-        check_place("--json", path)?;
-    }
+    check_json(args.json.as_deref())?;
     let run = args.open()?;
     args.check_follow(&run)?;
     let at_ns = time_ns("--at", at_s, &run)?;
@@ -291,8 +287,11 @@ fn video(args: &RenderArgs, path: &Path) -> Result<(), Failure> {
     let schedule = Schedule::new(args, &run)?;
     let style = args.style();
     let failed = |error: VideoError| Failure::work(format!("--video {}: {error}", path.display()));
-    let is_interrupted = interruption()?;
-    let is_interrupted = || is_interrupted.load(Ordering::Relaxed);
+    let interrupt = Arc::new(AtomicBool::new(false));
+    let set = Arc::clone(&interrupt);
+    // The work ends after the frame under way, and removes what it wrote.
+    on_signal(move |_| set.store(true, Ordering::Relaxed)).map_err(Failure::work)?;
+    let is_interrupted = || interrupt.load(Ordering::Relaxed);
     let size = style.size.map(|pixels| pixels as u16);
     let theme = Theme::new(style.is_dark);
     let mut writer =
@@ -382,26 +381,6 @@ fn format_of(args: &RenderArgs, path: &Path) -> Result<Format, Failure> {
         )));
     }
     Ok(format)
-}
-
-/// Listens for Ctrl-C, SIGTERM and SIGHUP, which set the flag: the work ends after the frame under way, and removes what it wrote. A
-/// second signal ends the process.
-fn interruption() -> Result<Arc<AtomicBool>, Failure> {
-    let flag = Arc::new(AtomicBool::new(false));
-    let set = Arc::clone(&flag);
-    let listen = move || {
-        let ended = on_runtime(async {
-            let mut interrupt = Interrupt::listen();
-            interrupt.first().await;
-            set.store(true, Ordering::Relaxed);
-            interrupt.first().await;
-        });
-        if ended.is_ok() {
-            std::process::exit(INTERRUPTED);
-        }
-    };
-    let thread = std::thread::Builder::new().name("signals".to_owned());
-    thread.spawn(listen).map(|_| flag).map_err(Failure::work)
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! `murmuration run`.
 
 use super::replay::Serving;
-use super::{AllowArgs, Failure, OverrideArgs, check_place, is_stdout, on_runtime, write_json};
+use super::{
+    AllowArgs, Failure, OverrideArgs, check_json, check_place, is_stdout, on_runtime, write_json,
+};
 use clap::Args;
 use metrics::kpi::kpi_summary::{ExchangeOutcome, KpiSummary};
 use proto::types::seconds;
@@ -12,7 +14,7 @@ use run::run_answer::RunAnswer;
 use run::{LiveView, ResumeOptions, RunOptions, RunReport, StartOptions};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use terminal::{Screen, say, warn};
+use terminal::{Screen, say, warn_all};
 use view::live::Pace;
 use view::server::Shown;
 
@@ -66,9 +68,7 @@ pub(super) struct RunArgs {
 /// `murmuration run`.
 pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     // A place that cannot be written is found before the work, not after it.
-    if let Some(path) = &args.json {
-        check_place("--json", path)?;
-    }
+    check_json(args.json.as_deref())?;
     if let Some(path) = &args.save_formed {
         if is_stdout(path) {
             return Err(Failure::request("--save-formed -: give the path of a file"));
@@ -104,8 +104,7 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
             on_runtime(run::run(&options, screen))?
         }
     };
-    let report =
-        report.map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
+    let report = report.map_err(Failure::of_run)?;
     describe(&report);
     write_json(args.json.as_deref(), &RunAnswer::from_report(&report))?;
     if let Some(serving) = serving
@@ -135,13 +134,15 @@ fn live_speed(text: &str) -> Result<f64, String> {
 fn dry_run(args: &RunArgs, config: &Path, start: &StartOptions) -> Result<(), Failure> {
     let plan = experiment::load(config, &args.change.overrides());
     let plan = plan.map_err(Failure::request)?;
-    let dry = on_runtime(DryRun::of_run(&plan, start, &args.out))?
-        .map_err(|error| Failure { status: error.exit_status(), text: error.to_string() })?;
-    for warning in &dry.warnings {
-        warn(warning);
-    }
+    let dry = on_runtime(DryRun::of_run(&plan, start, &args.out))?.map_err(Failure::of_run)?;
+    show_dry_run(&dry, args.json.as_deref())
+}
+
+/// Shows what a run or a sweep would take.
+pub(super) fn show_dry_run(dry: &DryRun, json: Option<&Path>) -> Result<(), Failure> {
+    warn_all(&dry.warnings);
     say(dry.text());
-    write_json(args.json.as_deref(), &dry)
+    write_json(json, dry)
 }
 
 fn describe(report: &RunReport) {

@@ -1,14 +1,14 @@
 //! `murmuration simulate`: the campaign that a model would have measured.
 
 use super::arguments::whole_number;
-use super::{Failure, check_place, inputs, is_stdout, on_stdout, place_for, write_json};
+use super::{Failure, check_place, inputs, is_stdout, write_json, write_whole};
 use clap::Args;
 use diagnose::simulate::simulation::Simulation;
 use diagnose::simulate::{self, Simulated};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use terminal::{say, warn};
 
 #[derive(Args)]
@@ -46,7 +46,8 @@ pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
     let (config, table) = inputs::files(&args.config, &args.set, &args.like)?;
     let simulated =
         simulate::simulate(&config, &table, args.seed, None).map_err(Failure::request)?;
-    write(&args.output, ending, &simulated)?;
+    let content = content(ending, &simulated).map_err(Failure::work)?;
+    write_whole("--output", &args.output, content)?;
     if simulated.is_noise_estimated {
         warn(format!(
             "the configuration does not set the noise. Used {:.4} {}, estimated from {}; this estimate includes the \
@@ -75,19 +76,13 @@ pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
     write_json(args.json.as_deref(), &Simulation::summarise(&simulated, args.seed))
 }
 
-fn write(path: &Path, ending: &str, simulated: &Simulated) -> Result<(), Failure> {
-    let failed =
-        |error: std::io::Error| Failure::work(format!("--output {}: {error}", path.display()));
-    let csv = simulated.to_csv();
-    if is_stdout(path) {
-        return on_stdout(csv.as_bytes()).map_err(failed);
+/// The campaign as CSV, gzipped if the name of the file ends so.
+fn content(ending: &str, simulated: &Simulated) -> std::io::Result<Vec<u8>> {
+    let csv = simulated.to_csv().into_bytes();
+    if ending != "gz" {
+        return Ok(csv);
     }
-    let mut file = place_for("--output", path).map_err(Failure::work)?;
-    if ending == "gz" {
-        let mut encoder = GzEncoder::new(&mut file, Compression::default());
-        encoder.write_all(csv.as_bytes()).and_then(|()| encoder.try_finish()).map_err(failed)?;
-    } else {
-        file.write_all(csv.as_bytes()).map_err(failed)?;
-    }
-    file.persist(path).map(|_| ()).map_err(|error| failed(error.error))
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::default());
+    encoder.write_all(&csv)?;
+    encoder.finish()
 }

@@ -1,17 +1,15 @@
 //! What ends a search of measurements early: Ctrl-C, SIGTERM, or a time budget. Fits under way end early, and partial results are
 //! printed.
 
-use super::{Failure, on_runtime};
+use super::Failure;
 use clap::Args;
-use run::interrupt::Interrupt;
+use run::interrupt::on_signal;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use study::StopFlag;
 use terminal::warn;
 
-/// As a shell reports an end by Ctrl-C.
-const INTERRUPTED: i32 = 130;
 /// Longest budget (s): a year.
 const LONGEST_S: f64 = 365.0 * 86_400.0;
 
@@ -47,26 +45,20 @@ impl Stopper {
         let flag = StopFlag::default();
         let is_interrupted = Arc::new(AtomicBool::new(false));
         let (of_signal, interrupted) = (flag.clone(), is_interrupted.clone());
-        let work = move || {
-            let ended = on_runtime(async {
-                let mut interrupt = Interrupt::listen();
-                let name = interrupt.first().await;
-                interrupted.store(true, Ordering::Relaxed);
-                of_signal.set();
-                warn(format!("{name}: partial results follow; press Ctrl-C again to abort"));
-                interrupt.first().await;
-            });
-            if ended.is_ok() {
-                std::process::exit(INTERRUPTED);
-            }
+        let interrupt = move |name| {
+            interrupted.store(true, Ordering::Relaxed);
+            of_signal.set();
+            warn(format!("{name}: partial results follow; press Ctrl-C again to abort"));
         };
-        thread("signals", work)?;
+        on_signal(interrupt).map_err(Failure::work)?;
         if let Some(budget) = budget {
             let of_clock = flag.clone();
-            thread("budget", move || {
+            let clock = move || {
                 std::thread::sleep(budget);
                 of_clock.set();
-            })?;
+            };
+            let thread = std::thread::Builder::new().name("budget".to_owned());
+            thread.spawn(clock).map_err(Failure::work)?;
         }
         Ok(Self { flag, begun, budget, is_interrupted })
     }
@@ -120,11 +112,6 @@ impl Stopper {
             self.reason()
         ))
     }
-}
-
-fn thread(name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), Failure> {
-    let thread = std::thread::Builder::new().name(name.to_owned());
-    thread.spawn(work).map(|_| ()).map_err(Failure::work)
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! The commands that run many experiments.
 
+use super::run::show_dry_run;
 use super::{
-    AllowArgs, Failure, FileArgs, check_place, is_stdout, on_runtime, write_json, write_whole,
+    AllowArgs, Failure, FileArgs, check_json, check_place, is_stdout, on_runtime, write_json,
+    write_whole,
 };
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -12,7 +14,7 @@ use std::time::Duration;
 use sweep::compare_runs;
 use sweep::engine::{self, EngineOptions, EngineReport, quoted};
 use sweep::{MergeReport, Shard, SweepError, SweepOptions, SweepReport};
-use terminal::{say, warn};
+use terminal::{say, warn, warn_all};
 
 #[derive(Args)]
 pub(super) struct SweepArgs {
@@ -118,9 +120,7 @@ fn base_arguments(arguments: impl Iterator<Item = String>) -> Vec<String> {
 
 /// `murmuration sweep`.
 pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure> {
-    if let Some(path) = &args.file.json {
-        check_place("--json", path)?;
-    }
+    check_json(args.file.json.as_deref())?;
     let options = SweepOptions {
         config: args.file.config.clone(),
         overrides: args.file.change.overrides(),
@@ -141,11 +141,7 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
     }
     if args.dry_run {
         let dry = on_runtime(sweep::dry_run(&options, args.shard))?.map_err(failed)?;
-        for warning in &dry.warnings {
-            warn(warning);
-        }
-        say(dry.text());
-        return write_json(args.file.json.as_deref(), &dry);
+        return show_dry_run(&dry, args.file.json.as_deref());
     }
     if let Some(shard) = args.shard {
         if args.file.json.is_some() {
@@ -163,10 +159,7 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
         return show_merged(&merged, &retry, args);
     }
     let report = sweep::sweep(&options).map_err(failed)?;
-    let before = match report.n_before {
-        0 => String::new(),
-        n => format!(", {n} of them finished earlier"),
-    };
+    let before = finished_earlier(report.n_before);
     let done = format!(
         "{before} in {:.1} s, {} of simulators started",
         report.wall_s,
@@ -202,6 +195,10 @@ fn run_engine(
     }
 }
 
+fn finished_earlier(n_trials: usize) -> String {
+    if n_trials == 0 { String::new() } else { format!(", {n_trials} of them finished earlier") }
+}
+
 fn show_merged(merged: &MergeReport, retry: &str, args: &SweepArgs) -> Result<(), Failure> {
     let done = format!(" of {} merged", count_of(merged.n_shards.into(), "shard"));
     show(&merged.sweep, &done, retry, args)
@@ -213,9 +210,7 @@ fn failed(error: SweepError) -> Failure {
 
 /// Shows the results of a whole sweep: what was done, and what to do about trials that failed.
 fn show(report: &SweepReport, done: &str, retry: &str, args: &SweepArgs) -> Result<(), Failure> {
-    for warning in &report.summary.warnings {
-        warn(warning);
-    }
+    warn_all(&report.summary.warnings);
     say(format!("{}: {}{done}", report.summary.name, count_of(report.n_trials as u64, "trial")));
     say(&report.text);
     say(format!("results in {}", report.dir.display()));
@@ -234,10 +229,7 @@ fn show(report: &SweepReport, done: &str, retry: &str, args: &SweepArgs) -> Resu
 /// Runs one shard of a sweep.
 fn run_shard(options: &SweepOptions, shard: Shard) -> Result<(), Failure> {
     let report = sweep::run_shard(options, shard).map_err(failed)?;
-    let before = match report.n_before {
-        0 => String::new(),
-        n => format!(", {n} of them finished earlier"),
-    };
+    let before = finished_earlier(report.n_before);
     say(format!(
         "{}: shard {shard} has {} of {}{before}; {:.1} s, {} of simulators started",
         report.name,
@@ -272,9 +264,7 @@ pub(super) struct CompareRunsArgs {
 /// `murmuration compare-runs`.
 pub(super) fn compare_runs(args: &CompareRunsArgs) -> Result<(), Failure> {
     let changes = compare_runs::compare_runs(&args.a, &args.b).map_err(Failure::request)?;
-    for warning in &changes.warnings {
-        warn(warning);
-    }
+    warn_all(&changes.warnings);
     say(compare_runs::text(&changes));
     write_json(args.json.as_deref(), &changes)
 }

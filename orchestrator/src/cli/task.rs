@@ -2,9 +2,9 @@
 
 use super::Failure;
 use super::inputs::Watching;
+use super::packets::print_answer;
 use network::task::comparison::TaskComparison;
-use network::{ComparisonOptions, TaskError, TaskFiles, TaskRequest, Worded};
-use terminal::say;
+use network::{ComparisonOptions, TaskError, TaskFiles, TaskRequest};
 
 /// Prints whether the robots or the network cause the error of the task.
 pub(super) fn split(
@@ -16,8 +16,5 @@ pub(super) fn split(
         TaskError::From { .. } => Failure::request(format!("--from {error}")),
         TaskError::File(_) => Failure::request(error),
     })?;
-    let Worded { answer, text } =
-        network::task(&request, &Watching::new(None)).map_err(Failure::request)?;
-    say(text);
-    Ok(answer)
+    network::task(&request, &Watching::new(None)).map_err(Failure::request).map(print_answer)
 }

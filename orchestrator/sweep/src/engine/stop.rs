@@ -1,12 +1,9 @@
 //! Ctrl-C, SIGTERM and SIGHUP while jobs are followed.
 
 use super::EngineError;
-use run::interrupt::Interrupt;
+use run::interrupt::on_signal;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
-
-/// As a shell reports an end by Ctrl-C.
-const INTERRUPTED: i32 = 130;
 
 /// Whether someone said stop.
 #[derive(Clone, Debug, Default)]
@@ -19,20 +16,7 @@ impl StopSignal {
     pub(super) fn listen() -> Result<Self, EngineError> {
         let stop = Self::default();
         let heard = stop.clone();
-        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        // Signals are heard from here on, not only once the thread runs.
-        let mut interrupt = {
-            let _guard = runtime.enter();
-            Interrupt::listen()
-        };
-        let listen = move || {
-            runtime.block_on(async {
-                heard.set(interrupt.first().await);
-                interrupt.first().await;
-            });
-            std::process::exit(INTERRUPTED);
-        };
-        std::thread::Builder::new().name("signals".to_owned()).spawn(listen)?;
+        on_signal(move |signal| heard.set(signal))?;
         Ok(stop)
     }
 
