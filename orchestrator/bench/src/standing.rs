@@ -209,7 +209,7 @@ impl StandingRun<'_> {
     }
 }
 
-/// A measured row.
+/// A row of the answer for programs.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct RowAnswer {
     /// Number of motes, roots included.

@@ -133,7 +133,7 @@ async fn form(
     Ok(None)
 }
 
-/// A measured row.
+/// A row of the answer for programs.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(super) struct RowAnswer {
     /// Number of robots.

@@ -38,15 +38,6 @@ pub struct ConformanceOptions {
     pub agents: u32,
 }
 
-/// One promise of the contract, and whether the simulator keeps it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Finding {
-    /// What the contract demands, as a sentence.
-    pub promise: &'static str,
-    /// Whether it was kept.
-    pub verdict: ContractVerdict,
-}
-
 /// Whether a promise was kept.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ContractVerdict {
@@ -62,20 +53,33 @@ pub enum ContractVerdict {
     NotAnnounced,
 }
 
+/// A promise of the contract, as a sentence, and whether the simulator keeps it.
+type Finding = (&'static str, ContractVerdict);
+
+impl From<Result<(), String>> for ContractVerdict {
+    fn from(result: Result<(), String>) -> Self {
+        result.map_or_else(Self::Broken, |()| Self::Kept)
+    }
+}
+
 /// All findings.
 #[derive(Clone, Debug)]
 pub struct Conformance {
     /// Who was asked.
     pub name: String,
-    /// What was found.
-    pub findings: Vec<Finding>,
+    findings: Vec<Finding>,
 }
 
 impl Conformance {
     /// Whether every promise that experiments rely on was kept.
     #[must_use]
     pub fn is_good(&self) -> bool {
-        !self.findings.iter().any(|finding| matches!(finding.verdict, ContractVerdict::Broken(_)))
+        self.n_broken() == 0
+    }
+
+    fn n_broken(&self) -> usize {
+        let verdicts = self.findings.iter().map(|(_, verdict)| verdict);
+        verdicts.filter(|verdict| matches!(verdict, ContractVerdict::Broken(_))).count()
     }
 
     /// The answer for programs.
@@ -116,44 +120,31 @@ struct FindingAnswer<'a> {
 }
 
 impl<'a> FindingAnswer<'a> {
-    fn new(finding: &'a Finding) -> Self {
-        let (verdict, reason) = match &finding.verdict {
+    fn new((promise, verdict): &'a Finding) -> Self {
+        let (verdict, reason) = match verdict {
             ContractVerdict::Kept => ("kept", None),
             ContractVerdict::Broken(reason) => ("broken", Some(reason.as_str())),
             ContractVerdict::Lax(reason) => ("lax", Some(reason.as_str())),
             ContractVerdict::Undecided(reason) => ("undecided", Some(reason.as_str())),
             ContractVerdict::NotAnnounced => ("not-announced", None),
         };
-        Self { promise: finding.promise, verdict, reason }
+        Self { promise, verdict, reason }
     }
 }
 
 impl fmt::Display for Conformance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for finding in &self.findings {
-            match &finding.verdict {
-                ContractVerdict::Kept => writeln!(f, "  kept    {}", finding.promise)?,
-                ContractVerdict::Broken(reason) => {
-                    writeln!(f, "  BROKEN  {}: {reason}", finding.promise)?
-                }
-                ContractVerdict::Lax(reason) => {
-                    writeln!(f, "  lax     {}: {reason}", finding.promise)?
-                }
-                ContractVerdict::Undecided(reason) => {
-                    writeln!(f, "  ?       {}: {reason}", finding.promise)?
-                }
-                ContractVerdict::NotAnnounced => {
-                    writeln!(f, "  –       {}: not announced", finding.promise)?
-                }
+        for (promise, verdict) in &self.findings {
+            match verdict {
+                ContractVerdict::Kept => writeln!(f, "  kept    {promise}")?,
+                ContractVerdict::Broken(reason) => writeln!(f, "  BROKEN  {promise}: {reason}")?,
+                ContractVerdict::Lax(reason) => writeln!(f, "  lax     {promise}: {reason}")?,
+                ContractVerdict::Undecided(reason) => writeln!(f, "  ?       {promise}: {reason}")?,
+                ContractVerdict::NotAnnounced => writeln!(f, "  –       {promise}: not announced")?,
             }
         }
-        let broken = self
-            .findings
-            .iter()
-            .filter(|f| matches!(f.verdict, ContractVerdict::Broken(_)))
-            .count();
-        let kept = self.findings.iter().filter(|f| f.verdict == ContractVerdict::Kept).count();
-        write!(f, "{}: {kept} checks passed, {broken} failed", self.name)
+        let kept = self.findings.iter().filter(|(_, it)| *it == ContractVerdict::Kept).count();
+        write!(f, "{}: {kept} checks passed, {} failed", self.name, self.n_broken())
     }
 }
 
@@ -175,6 +166,8 @@ pub async fn network(options: &ConformanceOptions) -> Result<Conformance, SideEr
     ask::<drive::peer::NetworkSide>(options).await
 }
 
+const SESSION: &str = "a session gives the same replies as single calls";
+
 /// How long any answer may take.
 const DEADLINE: Duration = Duration::from_secs(10);
 /// The period of the experiment (ns).
@@ -188,8 +181,7 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
     let mut findings = Vec::new();
     let mut found = |promise, result: Result<(), String>| {
         let is_kept = result.is_ok();
-        let verdict = result.map_or_else(ContractVerdict::Broken, |()| ContractVerdict::Kept);
-        findings.push(Finding { promise, verdict });
+        findings.push((promise, result.into()));
         is_kept
     };
     let version = described.contract_version;
@@ -235,12 +227,9 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
     );
     found("the same seed gives the same replies after Configure", session.same(1, &first).await);
     if described.session {
-        found("a session gives the same replies as single calls", session.streams(&first).await);
+        found(SESSION, session.streams(&first).await);
     } else {
-        findings.push(Finding {
-            promise: "a session gives the same replies as single calls",
-            verdict: ContractVerdict::NotAnnounced,
-        });
+        findings.push((SESSION, ContractVerdict::NotAnnounced));
     }
     for (promise, request) in
         S::malformed(N_STEPS + 1, (N_STEPS + 1) * STEP_NS, options.agents as usize)
@@ -249,31 +238,24 @@ async fn ask<S: Probe>(options: &ConformanceOptions) -> Result<Conformance, Side
             Ok(()) => ContractVerdict::Kept,
             Err(reason) => ContractVerdict::Lax(reason),
         };
-        findings.push(Finding { promise, verdict });
+        findings.push((promise, verdict));
     }
-    let predictions = S::predictions(&session, &described).await;
-    findings.extend(predictions.into_iter().map(|(promise, verdict)| Finding { promise, verdict }));
-    let snapshots = reseed::judged(&session, &described).await;
-    findings.extend(snapshots.into_iter().map(|(promise, verdict)| Finding { promise, verdict }));
+    findings.extend(S::predictions(&session, &described).await);
+    findings.extend(reseed::judged(&session, &described).await);
     // Last: both begin other experiments.
-    let whole = if described.full_digest {
-        let result = session.compares_everything(&described).await;
-        result.map_or_else(ContractVerdict::Broken, |()| ContractVerdict::Kept)
-    } else {
-        ContractVerdict::NotAnnounced
+    let whole = match described.full_digest {
+        true => session.compares_everything(&described).await.into(),
+        false => ContractVerdict::NotAnnounced,
     };
     let promise =
         "when asked for the full digest, Barrier has it, of all that was asked and replied";
-    findings.push(Finding { promise, verdict: whole });
+    findings.push((promise, whole));
     if let Some(promise) = S::HOLD {
-        let verdict = if described.hold {
-            S::holds(&session)
-                .await
-                .map_or_else(ContractVerdict::Broken, |()| ContractVerdict::Kept)
-        } else {
-            ContractVerdict::NotAnnounced
+        let holds = match described.hold {
+            true => S::holds(&session).await.into(),
+            false => ContractVerdict::NotAnnounced,
         };
-        findings.push(Finding { promise, verdict });
+        findings.push((promise, holds));
     }
     Ok(Conformance { name, findings })
 }
@@ -295,14 +277,21 @@ impl<S: Probe> Questions<'_, S> {
         within(S::configure(self.client.clone(), request)).await
     }
 
+    /// Takes a step, and checks the reply by itself.
+    async fn step(&self, step: u64) -> Result<S::StepResponse, String> {
+        let (until_ns, n) = (step * STEP_NS, self.n as usize);
+        let request = S::step_request(step, until_ns, n);
+        let reply = within(S::step(self.client.clone(), request)).await.map_err(status_text)?;
+        S::check(&reply, step, until_ns, n)?;
+        Ok(reply)
+    }
+
     /// Takes some steps, checking each. Returns the replies.
     async fn run(&self, first: u64) -> Result<Vec<Vec<u8>>, String> {
         let mut replies = Vec::new();
         let mut exchange = S::Exchange::default();
         for step in first..first + N_STEPS {
-            let request = S::step_request(step, step * STEP_NS, self.n as usize);
-            let reply = within(S::step(self.client.clone(), request)).await.map_err(status_text)?;
-            S::check(&reply, step, step * STEP_NS, self.n as usize)?;
+            let reply = self.step(step).await?;
             let digest =
                 S::expected_digest(&reply, step, step * STEP_NS, self.n as usize, &mut exchange)?;
             let standing = self.barrier(step).await?;

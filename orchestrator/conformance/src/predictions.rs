@@ -1,6 +1,6 @@
 //! Whether a robot simulator predicts recorded motion as the contract says.
 
-use super::{ContractVerdict, N_STEPS, Questions, status_text, within};
+use super::{ContractVerdict, Finding, N_STEPS, Questions, status_text, within};
 use drive::peer::{Described, RobotSide};
 use proto::prediction::{MotionCommandKind, PredictedWindow, PredictionStep, PredictionWindow};
 use proto_messages::{convert, v1};
@@ -40,14 +40,11 @@ fn windows() -> Vec<PredictionWindow> {
 pub(super) async fn judged(
     questions: &Questions<'_, RobotSide>,
     described: &Described,
-) -> Vec<(&'static str, ContractVerdict)> {
+) -> Vec<Finding> {
     let promises = [COMPLETE, STATELESS, REFUSES];
     if !described.predictions {
         return promises.map(|promise| (promise, ContractVerdict::NotAnnounced)).into();
     }
-    let verdict = |result: Result<(), String>| {
-        result.map_or_else(ContractVerdict::Broken, |()| ContractVerdict::Kept)
-    };
     let found = questions.executed().await;
     let (kind, predicted) = match found {
         Ok(found) => found,
@@ -59,7 +56,7 @@ pub(super) async fn judged(
     };
     vec![
         (COMPLETE, ContractVerdict::Kept),
-        (STATELESS, verdict(questions.stateless(kind, &predicted).await)),
+        (STATELESS, questions.stateless(kind, &predicted).await.into()),
         (REFUSES, refuses),
     ]
 }

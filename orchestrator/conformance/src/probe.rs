@@ -1,6 +1,6 @@
 //! What differs between asking robots and asking a network.
 
-use super::{ContractVerdict, Questions, STEP_NS, predictions, status_text, within};
+use super::{Finding, Questions, STEP_NS, predictions, status_text, within};
 use bytes::Bytes;
 use drive::peer::{Described, NetworkSide, RobotSide, Service};
 use prost::Message as _;
@@ -63,7 +63,7 @@ pub(super) trait Probe: Service {
     fn predictions(
         _: &Questions<'_, Self>,
         _: &Described,
-    ) -> impl Future<Output = Vec<(&'static str, ContractVerdict)>> + Send
+    ) -> impl Future<Output = Vec<Finding>> + Send
     where
         Self: Sized,
     {
@@ -217,10 +217,7 @@ impl Probe for RobotSide {
         questions.hold_and_let_go().await
     }
 
-    async fn predictions(
-        questions: &Questions<'_, Self>,
-        described: &Described,
-    ) -> Vec<(&'static str, ContractVerdict)> {
+    async fn predictions(questions: &Questions<'_, Self>, described: &Described) -> Vec<Finding> {
         predictions::judged(questions, described).await
     }
 

@@ -1,7 +1,7 @@
 //! Whether a simulator that is restored with another seed draws by that seed.
 
 use super::probe::Probe;
-use super::{ContractVerdict, N_STEPS, Questions, STEP_NS, status_text, within};
+use super::{ContractVerdict, Finding, N_STEPS, Questions, STEP_NS, status_text, within};
 use bytes::Bytes;
 use drive::peer::Described;
 
@@ -12,7 +12,7 @@ pub(super) const RESEEDS: &str = "a snapshot restored with another seed gives th
 pub(super) async fn judged<S: Probe>(
     questions: &Questions<'_, S>,
     described: &Described,
-) -> Vec<(&'static str, ContractVerdict)> {
+) -> Vec<Finding> {
     if !described.reseed {
         return [CONTINUES, RESEEDS].map(|it| (it, ContractVerdict::NotAnnounced)).into();
     }
@@ -24,13 +24,8 @@ pub(super) async fn judged<S: Probe>(
         Err(reason) => vec![(CONTINUES, ContractVerdict::Broken(reason))],
         Ok((state, replies)) => {
             let continues = questions.continues(&state, &replies).await;
-            vec![
-                (
-                    CONTINUES,
-                    continues.map_or_else(ContractVerdict::Broken, |()| ContractVerdict::Kept),
-                ),
-                (RESEEDS, questions.reseeds(&state, &replies).await),
-            ]
+            let reseeds = questions.reseeds(&state, &replies).await;
+            vec![(CONTINUES, continues.into()), (RESEEDS, reseeds)]
         }
     }
 }
@@ -53,10 +48,7 @@ impl<S: Probe> Questions<'_, S> {
     async fn further(&self) -> Result<Vec<Vec<u8>>, String> {
         let mut replies = Vec::new();
         for step in N_STEPS + 1..=2 * N_STEPS {
-            let request = S::step_request(step, step * STEP_NS, self.n as usize);
-            let reply = within(S::step(self.client.clone(), request)).await.map_err(status_text)?;
-            S::check(&reply, step, step * STEP_NS, self.n as usize)?;
-            replies.push(S::bytes(reply));
+            replies.push(S::bytes(self.step(step).await?));
         }
         Ok(replies)
     }

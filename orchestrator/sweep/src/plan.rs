@@ -3,6 +3,7 @@
 use super::design::{self, Setting};
 use experiment::sweep::{self as spec, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
 use experiment::{Overrides, Plan};
+use indexmap::IndexSet;
 use proto::config::Refusal;
 use proto::config::{Node, Problem, Value};
 use proto::digest::hex;
@@ -105,31 +106,14 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
             })
         })
         .collect();
-    let mut refusal: Option<Refusal> = None;
-    let mut good = Vec::new();
-    for checked in checked {
-        match (checked, &mut refusal) {
-            (Ok(checked), _) => good.push(checked),
-            (Err(error), None) => refusal = Some(error),
-            (Err(error), Some(refusal)) => refusal.merge(error),
-        }
-    }
-    if let Some(refusal) = refusal {
+    let (good, refused): (Vec<_>, Vec<_>) = checked.into_iter().partition(Result::is_ok);
+    if let Some(refusal) = merged(refused.into_iter().filter_map(Result::err)) {
         return Err(refusal);
     }
-    let mut commands: Option<Refusal> = None;
-    for found in good.iter_mut().filter_map(|checked| checked.commands.take()) {
-        match &mut commands {
-            None => commands = Some(found),
-            Some(commands) => commands.merge(found),
-        }
-    }
-    let mut warnings: Vec<String> = Vec::new();
-    for warning in good.iter().flat_map(|checked| &checked.warnings) {
-        if !warnings.contains(warning) {
-            warnings.push(warning.clone());
-        }
-    }
+    let mut good: Vec<CheckedSetting> = good.into_iter().flatten().collect();
+    let commands = merged(good.iter_mut().filter_map(|checked| checked.commands.take()));
+    let warnings: IndexSet<&String> = good.iter().flat_map(|checked| &checked.warnings).collect();
+    let warnings = warnings.into_iter().cloned().collect();
     Ok(SweepPlan {
         path: path.to_owned(),
         base,
@@ -146,6 +130,13 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
         warnings,
         formed,
         text,
+    })
+}
+
+fn merged(refusals: impl Iterator<Item = Refusal>) -> Option<Refusal> {
+    refusals.reduce(|mut all, refusal| {
+        all.merge(refusal);
+        all
     })
 }
 
@@ -325,13 +316,8 @@ impl SweepPlan {
     }
 
     /// Keys that vary, in the order of the table.
-    pub(crate) fn keys(&self) -> Vec<&str> {
-        let mut keys: Vec<&str> = Vec::new();
-        for (key, _) in self.settings.iter().flat_map(|setting| &setting.values) {
-            if !keys.contains(&key.as_str()) {
-                keys.push(key);
-            }
-        }
-        keys
+    pub(crate) fn keys(&self) -> IndexSet<&str> {
+        let values = self.settings.iter().flat_map(|setting| &setting.values);
+        values.map(|(key, _)| key.as_str()).collect()
     }
 }

@@ -2,6 +2,7 @@
 
 use super::journal::TrialRow;
 use super::plan::{SweepPlan, SweepTrial};
+use indexmap::IndexMap;
 use metrics::figures::FigureValue;
 use proto::config::Value as Written;
 use record::table::{Cell, Heading, Table};
@@ -124,19 +125,13 @@ fn kind_of(plan: &SweepPlan, key: &str) -> ColumnKind {
 
 /// Names of all figures that are a number or a truth value in some trial.
 fn figures<'a>(trials: &[SweepTrial], rows: &'a BTreeMap<SweepTrial, TrialRow>) -> Vec<&'a str> {
-    let mut names: Vec<&str> = Vec::new();
-    let mut known: BTreeMap<&str, bool> = BTreeMap::new();
+    let mut known: IndexMap<&str, bool> = IndexMap::new();
     for row in trials.iter().filter_map(|trial| rows.get(trial)) {
         for (name, value) in &row.values {
-            let has_value = known.entry(name).or_insert_with(|| {
-                names.push(name);
-                false
-            });
-            *has_value |= value.is_some();
+            *known.entry(name).or_default() |= value.is_some();
         }
     }
-    names.retain(|name| known.get(name) == Some(&true));
-    names
+    known.into_iter().filter_map(|(name, has_value)| has_value.then_some(name)).collect()
 }
 
 /// Writes the table.

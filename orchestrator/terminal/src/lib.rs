@@ -62,7 +62,8 @@ pub fn say(line: impl Display) {
 /// Rows of a table as lines, with columns as wide as need be: the first to the left, numbers to the right.
 #[must_use]
 pub fn aligned(rows: &[Vec<String>]) -> Vec<String> {
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let width =
+        |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths: Vec<usize> = (0..rows.first().map_or(0, Vec::len)).map(width).collect();
     let line = |row: &Vec<String>| {
         let mut line = String::new();
