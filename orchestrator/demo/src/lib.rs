@@ -91,7 +91,7 @@ pub struct DemoOptions {
     pub program: PathBuf,
     /// The seed of all draws.
     pub seed: u64,
-    /// Name of the effect to hide, [`hidden::NONE`] for none, or absent to let the seed choose.
+    /// Name of the effect to hide, `none` for none, or absent to let the seed choose.
     pub effect: Option<String>,
     /// Number of robots of the swarm.
     pub robots: u32,

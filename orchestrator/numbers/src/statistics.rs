@@ -113,6 +113,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_range_passes_over_what_is_no_number() {
+        assert_eq!(range([2.0, f64::NAN, -1.0, 3.0]), [-1.0, 3.0]);
+        assert_eq!(range([]), [f64::INFINITY, f64::NEG_INFINITY]);
+    }
+
+    #[test]
     fn means_and_deviations_are_those_of_numpy() {
         // numpy: mean([8, 1, 16, 2, 4]) = 6.2, std(ddof=1) = 6.099180272790763; equal up to rounding.
         let values = [8.0, 1.0, 16.0, 2.0, 4.0];

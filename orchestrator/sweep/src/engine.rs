@@ -1,6 +1,6 @@
 //! Engines: batch systems that run the shards of a sweep on the machines of a cluster.
 //!
-//! An engine is one file and one entry of [`BUILT_IN`]. It writes a job script whose tasks each run one shard, and submits it.
+//! An engine is one file and one entry of `BUILT_IN`. It writes a job script whose tasks each run one shard, and submits it.
 //! Nothing here decides which machine runs what. All tasks and this program share the folder of the sweep: progress is read from
 //! the journals of the shards, and the table is made by [`merge`](super::merge()).
 
@@ -309,7 +309,7 @@ pub enum EngineReport {
     Submitted(String),
 }
 
-/// The job script that [`run`] would submit. Leaves nothing.
+/// The job script that [`run()`] would submit. Leaves nothing.
 ///
 /// # Errors
 ///

@@ -271,3 +271,16 @@ impl ProgressDisplay {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_aligned_by_characters() {
+        let rows = [["figure", "A", "B − A"], ["x", "1.25", "−3"]];
+        let rows = rows.map(|row| row.map(str::to_owned).to_vec());
+        assert_eq!(aligned(&rows), ["figure     A  B − A", "x       1.25     −3"]);
+        assert!(aligned(&[]).is_empty());
+    }
+}
