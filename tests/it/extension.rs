@@ -150,8 +150,8 @@ impl Controller for Row {
 }
 
 fn network() -> netsim::catalogue::Catalogue {
-    let mut network = netsim::catalogue::Catalogue::default();
-    network.physics = catalogues().radio;
+    let physics = catalogues().radio;
+    let mut network = netsim::catalogue::Catalogue { physics, ..Default::default() };
     network.mac_effects.add(&LIGHT);
     network
 }

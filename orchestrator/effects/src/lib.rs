@@ -431,9 +431,7 @@ mod tests {
                     let lists = robotsim::catalogue::Catalogue::built_in().lists();
                     (&robotsim::dynamics::effect::SPEC, lists)
                 }
-                _ => {
-                    (&netsim::mac::effect::SPEC, physics::catalogue::Catalogue::built_in().lists())
-                }
+                _ => (&netsim::mac::effect::SPEC, netsim::catalogue::Catalogue::built_in().lists()),
             };
             proto::config::check(&node, "", spec, &lists, &mut problems);
             assert!(problems.is_empty(), "{name}: {problems:?}");
