@@ -1,7 +1,7 @@
 //! The tables that logs become, and their columns.
 
 use measure::table::DataTable;
-use measure::{Rejected, links, packets, robots, time_of_day};
+use measure::{Rejected, links, packets, robots};
 use proto::config::{Choice, Default, Field, Key as _, OneOf, Section, TableSpec};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -47,24 +47,6 @@ pub struct Column {
     doc: &'static str,
 }
 
-const fn column(
-    name: &'static str,
-    content: Content,
-    tables: &'static [TableKind],
-    doc: &'static str,
-) -> Column {
-    Column { name, content, tables, is_intermediate: false, doc }
-}
-
-const fn intermediate(
-    name: &'static str,
-    content: Content,
-    tables: &'static [TableKind],
-    doc: &'static str,
-) -> Column {
-    Column { is_intermediate: true, ..column(name, content, tables, doc) }
-}
-
 use Content::{Heading, Label, Number, Time};
 const LINKS: &[TableKind] = &[TableKind::Links];
 const ROBOTS: &[TableKind] = &[TableKind::Robots];
@@ -72,163 +54,134 @@ const PACKETS: &[TableKind] = &[TableKind::Packets];
 const PLACED: &[TableKind] = &[TableKind::Links, TableKind::Robots];
 const ALL: &[TableKind] = &[TableKind::Links, TableKind::Robots, TableKind::Packets];
 
-/// All columns, in the order in which tables have them.
-pub const COLUMNS: &[Column] = &[
-    column(
-        "run",
-        Number,
-        ALL,
-        "Number of the campaign. By default, runs are numbered by file if there are several.",
-    ),
-    column(
-        "time_s",
-        Time,
-        ALL,
-        "Time of the row; in a table of packets, when the packet was created. A number, or a date (ISO 8601).",
-    ),
-    column(
-        time_of_day::START,
-        Number,
-        ALL,
-        "Epoch time (s) from which time_s counts. By default it is written where the log or `start` states it: times are dates or epoch \
-             times, or the header has a date. State it where the log counts from its own beginning.",
-    ),
-    column("tx", Label, LINKS, "Links: the node that sends, by number or name."),
-    column("rx", Label, LINKS, "Links: the node that may receive, by number or name."),
-    column("channel", Number, LINKS, "Links: IEEE 802.15.4 channel, 11 to 26."),
-    column("tx_x_m", Number, LINKS, "Links: x of the sender (m, east)."),
-    column("tx_y_m", Number, LINKS, "Links: y of the sender (m, north)."),
-    column("tx_z_m", Number, LINKS, "Links: height of the sender above ground (m)."),
-    column("rx_x_m", Number, LINKS, "Links: x of the receiver (m, east)."),
-    column("rx_y_m", Number, LINKS, "Links: y of the receiver (m, north)."),
-    column("rx_z_m", Number, LINKS, "Links: height of the receiver above ground (m)."),
-    column(
-        "tx_heading_rad",
-        Heading,
-        LINKS,
-        "Links: where the sender faces (rad, from +x towards +y).",
-    ),
-    column(
-        "rx_heading_rad",
-        Heading,
-        LINKS,
-        "Links: where the receiver faces (rad, from +x towards +y).",
-    ),
-    column(
-        "rssi_dbm",
-        Number,
-        LINKS,
-        "Links: received signal strength (dBm); of an aggregated row, the mean.",
-    ),
-    column(
-        "received",
-        Number,
-        LINKS,
-        "Link samples: 1 if the frame was received, 0 if it was lost.",
-    ),
-    column("frames", Number, LINKS, "Aggregated links: frames sent."),
-    column("pdr", Number, LINKS, "Aggregated links: fraction of the frames received, 0 to 1."),
-    column(
-        "rssi_sd_db",
-        Number,
-        LINKS,
-        "Aggregated links: standard deviation of the received signal strength (dB).",
-    ),
-    intermediate(
-        "received_frames",
-        Number,
-        LINKS,
-        "Aggregated links: frames received or acknowledged; divided by `frames` it gives `pdr`.",
-    ),
-    column("agent", Label, ROBOTS, "Robots: the robot, by number or name."),
-    // In a table of links those of a node, which join onto both ends.
-    column("x_m", Number, PLACED, "Robots and places of nodes: x (m, east)."),
-    column("y_m", Number, PLACED, "Robots and places of nodes: y (m, north)."),
-    column(
-        "z_m",
-        Number,
-        PLACED,
-        "Robots and places of nodes: z (m); of nodes, the height above ground.",
-    ),
-    column(
-        "heading_rad",
-        Heading,
-        PLACED,
-        "Robots and places of nodes: heading (rad, from +x towards +y).",
-    ),
-    intermediate(
-        "latitude_deg",
-        Number,
-        PLACED,
-        "Robots and places of nodes: latitude (degrees), which gives x_m and y_m together with longitude_deg.",
-    ),
-    intermediate(
-        "longitude_deg",
-        Number,
-        PLACED,
-        "Robots and places of nodes: longitude (degrees).",
-    ),
-    intermediate(
-        "node",
-        Label,
-        LINKS,
-        "Links: the node that a row of places belongs to. The input is joined onto senders and receivers.",
-    ),
-    column("cmd_vx_mps", Number, ROBOTS, "Robots: commanded velocity along x (m/s)."),
-    column("cmd_vy_mps", Number, ROBOTS, "Robots: commanded velocity along y (m/s)."),
-    column("cmd_vz_mps", Number, ROBOTS, "Robots: commanded velocity along z (m/s)."),
-    column("cmd_speed_mps", Number, ROBOTS, "Robots: commanded speed (m/s)."),
-    column(
-        "cmd_yaw_rate_radps",
-        Number,
-        ROBOTS,
-        "Robots: commanded yaw rate (rad/s), of a unicycle.",
-    ),
-    column("cmd_steer_rad", Number, ROBOTS, "Robots: commanded steering angle (rad), of a car."),
-    column("cmd_ax_mps2", Number, ROBOTS, "Robots: commanded acceleration along x (m/s²)."),
-    column("cmd_ay_mps2", Number, ROBOTS, "Robots: commanded acceleration along y (m/s²)."),
-    column(
-        "cmd_az_mps2",
-        Number,
-        ROBOTS,
-        "Robots: commanded acceleration along z (m/s²), which is 0 at hover.",
-    ),
-    column("cmd_thrust_n", Number, ROBOTS, "Robots: commanded thrust (N), of a quadrotor."),
-    column(
-        "cmd_roll_rad",
-        Number,
-        ROBOTS,
-        "Robots: commanded roll (rad), positive with the right side down.",
-    ),
-    column(
-        "cmd_pitch_rad",
-        Number,
-        ROBOTS,
-        "Robots: commanded pitch (rad), positive with the nose down.",
-    ),
-    column("cmd_yaw_rad", Heading, ROBOTS, "Robots: commanded yaw (rad, from +x towards +y)."),
-    column(
-        "source",
-        Label,
-        PACKETS,
-        "Packets: the node that created the packet, by number or name.",
-    ),
-    column(
-        "destination",
-        Label,
-        PACKETS,
-        "Packets: the node that the packet is for, by number or name.",
-    ),
-    column("received_s", Time, PACKETS, "Packets: time of arrival; empty if the packet was lost."),
-    column("hops", Number, PACKETS, "Packets: number of hops."),
-    column("payload_bytes", Number, PACKETS, "Packets: size of the payload (bytes)."),
-    column(
-        "sequence",
-        Number,
-        PACKETS,
-        "Packets: sequence number, in which gaps show lost packets.",
-    ),
-];
+/// Columns by the tables that have them, each with its content. A comment is what a mapping should know of it.
+macro_rules! columns {
+    ($(in $tables:ident {
+        $($(#[doc = $doc:literal])+ $name:ident: $content:ident $(, intermediate = $is:literal)?;)+
+    })+) => {
+        /// All columns, in the order in which tables have them.
+        pub const COLUMNS: &[Column] = &[$($(Column {
+            name: stringify!($name),
+            content: $content,
+            tables: $tables,
+            is_intermediate: [$($is,)? false][0],
+            doc: concat!($($doc),+).trim_ascii_start(),
+        },)+)+];
+    };
+}
+
+columns! {
+    in ALL {
+        /// Number of the campaign. By default, runs are numbered by file if there are several.
+        run: Number;
+        /// Time of the row; in a table of packets, when the packet was created. A number, or a date (ISO 8601).
+        time_s: Time;
+        /// Epoch time (s) from which time_s counts. By default it is written where the log or `start` states it: times are
+        /// dates or epoch times, or the header has a date. State it where the log counts from its own beginning.
+        start_epoch_s: Number;
+    }
+    in LINKS {
+        /// Links: the node that sends, by number or name.
+        tx: Label;
+        /// Links: the node that may receive, by number or name.
+        rx: Label;
+        /// Links: IEEE 802.15.4 channel, 11 to 26.
+        channel: Number;
+        /// Links: x of the sender (m, east).
+        tx_x_m: Number;
+        /// Links: y of the sender (m, north).
+        tx_y_m: Number;
+        /// Links: height of the sender above ground (m).
+        tx_z_m: Number;
+        /// Links: x of the receiver (m, east).
+        rx_x_m: Number;
+        /// Links: y of the receiver (m, north).
+        rx_y_m: Number;
+        /// Links: height of the receiver above ground (m).
+        rx_z_m: Number;
+        /// Links: where the sender faces (rad, from +x towards +y).
+        tx_heading_rad: Heading;
+        /// Links: where the receiver faces (rad, from +x towards +y).
+        rx_heading_rad: Heading;
+        /// Links: received signal strength (dBm); of an aggregated row, the mean.
+        rssi_dbm: Number;
+        /// Link samples: 1 if the frame was received, 0 if it was lost.
+        received: Number;
+        /// Aggregated links: frames sent.
+        frames: Number;
+        /// Aggregated links: fraction of the frames received, 0 to 1.
+        pdr: Number;
+        /// Aggregated links: standard deviation of the received signal strength (dB).
+        rssi_sd_db: Number;
+        /// Aggregated links: frames received or acknowledged; divided by `frames` it gives `pdr`.
+        received_frames: Number, intermediate = true;
+    }
+    in ROBOTS {
+        /// Robots: the robot, by number or name.
+        agent: Label;
+    }
+    in PLACED {
+        // In a table of links those of a node, which join onto both ends.
+        /// Robots and places of nodes: x (m, east).
+        x_m: Number;
+        /// Robots and places of nodes: y (m, north).
+        y_m: Number;
+        /// Robots and places of nodes: z (m); of nodes, the height above ground.
+        z_m: Number;
+        /// Robots and places of nodes: heading (rad, from +x towards +y).
+        heading_rad: Heading;
+        /// Robots and places of nodes: latitude (degrees), which gives x_m and y_m together with longitude_deg.
+        latitude_deg: Number, intermediate = true;
+        /// Robots and places of nodes: longitude (degrees).
+        longitude_deg: Number, intermediate = true;
+    }
+    in LINKS {
+        /// Links: the node that a row of places belongs to. The input is joined onto senders and receivers.
+        node: Label, intermediate = true;
+    }
+    in ROBOTS {
+        /// Robots: commanded velocity along x (m/s).
+        cmd_vx_mps: Number;
+        /// Robots: commanded velocity along y (m/s).
+        cmd_vy_mps: Number;
+        /// Robots: commanded velocity along z (m/s).
+        cmd_vz_mps: Number;
+        /// Robots: commanded speed (m/s).
+        cmd_speed_mps: Number;
+        /// Robots: commanded yaw rate (rad/s), of a unicycle.
+        cmd_yaw_rate_radps: Number;
+        /// Robots: commanded steering angle (rad), of a car.
+        cmd_steer_rad: Number;
+        /// Robots: commanded acceleration along x (m/s²).
+        cmd_ax_mps2: Number;
+        /// Robots: commanded acceleration along y (m/s²).
+        cmd_ay_mps2: Number;
+        /// Robots: commanded acceleration along z (m/s²), which is 0 at hover.
+        cmd_az_mps2: Number;
+        /// Robots: commanded thrust (N), of a quadrotor.
+        cmd_thrust_n: Number;
+        /// Robots: commanded roll (rad), positive with the right side down.
+        cmd_roll_rad: Number;
+        /// Robots: commanded pitch (rad), positive with the nose down.
+        cmd_pitch_rad: Number;
+        /// Robots: commanded yaw (rad, from +x towards +y).
+        cmd_yaw_rad: Heading;
+    }
+    in PACKETS {
+        /// Packets: the node that created the packet, by number or name.
+        source: Label;
+        /// Packets: the node that the packet is for, by number or name.
+        destination: Label;
+        /// Packets: time of arrival; empty if the packet was lost.
+        received_s: Time;
+        /// Packets: number of hops.
+        hops: Number;
+        /// Packets: size of the payload (bytes).
+        payload_bytes: Number;
+        /// Packets: sequence number, in which gaps show lost packets.
+        sequence: Number;
+    }
+}
 
 /// What a column is filled from, as a mapping states it.
 #[derive(OneOf)]
