@@ -177,9 +177,9 @@ fn a_run_and_its_resimulation_under_the_same_seed_are_the_same_bytes() {
             &mut |again| {
                 let step = again.outcome.step;
                 let of_run = recorded.next_step().unwrap().expect("as many steps");
-                let robots = v1::RobotSimServiceStepResponse::from(&*again.outcome.robots);
+                let robots = v1::RobotSimServiceStepResponse::from((*again.outcome.robots).clone());
                 assert_eq!(bytes(&robots), bytes(&of_run.robots), "step {step}");
-                let network = v1::NetSimServiceStepResponse::from(&*again.outcome.network);
+                let network = v1::NetSimServiceStepResponse::from((*again.outcome.network).clone());
                 assert_eq!(bytes(&network), bytes(&of_run.net), "step {step}");
                 let commands: Vec<v1::MoteCommand> =
                     again.commands.iter().cloned().map(Into::into).collect();

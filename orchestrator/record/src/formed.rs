@@ -201,9 +201,9 @@ impl FormedNetwork {
                 let request = v1::NetSimServiceCommandRequest { commands };
                 messages.push(message(Topic::NetCommand, request.encode_to_vec()));
             }
-            let reply = v1::RobotSimServiceStepResponse::from(&**robots);
+            let reply = v1::RobotSimServiceStepResponse::from((**robots).clone());
             messages.push(message(Topic::RobotStep, reply.encode_to_vec()));
-            let reply = v1::NetSimServiceStepResponse::from(&**network);
+            let reply = v1::NetSimServiceStepResponse::from((**network).clone());
             messages.push(message(Topic::NetStep, reply.encode_to_vec()));
             let barrier = v1::RobotSimServiceBarrierResponse {
                 step: *step,

@@ -201,9 +201,9 @@ fn messages_come_back_as_they_were_but_for_what_has_a_file_of_its_own() {
     for step in 1..=STEPS {
         let recorded = reader.next_step().unwrap().unwrap();
         let taken = taken(step);
-        assert_eq!(recorded.robots, v1::RobotSimServiceStepResponse::from(&*taken.robots));
+        assert_eq!(recorded.robots, v1::RobotSimServiceStepResponse::from((*taken.robots).clone()));
         let network = NetworkStep { capture: Bytes::new(), ..(*taken.network).clone() };
-        assert_eq!(recorded.net, v1::NetSimServiceStepResponse::from(&network));
+        assert_eq!(recorded.net, v1::NetSimServiceStepResponse::from(network));
         assert_eq!(recorded.barrier.digest, taken.digest.to_vec());
     }
     assert_eq!(reader.next_step().unwrap(), None);

@@ -275,9 +275,9 @@ impl RunWriter {
                 log.write(Topic::NetCommand, step, time_ns, &request)?;
                 run.n_ordered += 1;
             }
-            let reply = v1::RobotSimServiceStepResponse::from(&**robots);
+            let reply = v1::RobotSimServiceStepResponse::from((**robots).clone());
             log.write(Topic::RobotStep, step, time_ns, &reply)?;
-            let mut reply = v1::NetSimServiceStepResponse::from(&**network);
+            let mut reply = v1::NetSimServiceStepResponse::from((**network).clone());
             // In a file of its own.
             reply.capture.clear();
             log.write(Topic::NetStep, step, time_ns, &reply)?;

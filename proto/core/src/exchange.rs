@@ -3,8 +3,8 @@
 //! [`crate::side`] is the same exchange as a simulator sees it. This is the view of the program that drives two simulators. It has
 //! what the service around a simulator adds: the number of the step, orders from outside, the texts of a configuration.
 
-use crate::config::{self, Problem};
-use crate::side::{NetOutput, RobotOutput, Setup};
+use crate::config::{self, Node, Problem};
+use crate::side::{NetOutput, NetStart, RobotOutput, RobotStart, Setup};
 use crate::site::{self, Site};
 use crate::types::{
     AgentCommand, AgentMessage, AgentStates, Deliveries, DeliveryColumn, Experiment, Formation,
@@ -40,34 +40,37 @@ impl ConfigureRequest {
     ///
     /// Text that is no TOML, a site that is none.
     pub fn setup(&self) -> Result<Setup, Vec<Problem>> {
-        let within = |field: &'static str| {
-            move |problems: Vec<Problem>| -> Vec<Problem> {
-                problems.into_iter().map(|problem| problem.within(field)).collect()
-            }
-        };
-        let mut problems = Vec::new();
-        let site = match config::parse(&self.site_toml).map_err(within("site_toml")) {
-            Ok(node) => site::read(&node, "site", &mut problems).0,
-            Err(more) => {
-                problems.extend(more);
-                Site::default()
-            }
-        };
-        let config = config::parse(&self.config_toml).map_err(within("config_toml"));
-        match config {
-            Ok(config) if problems.is_empty() => Ok(Setup {
-                experiment: self.experiment.clone(),
-                site,
-                config,
-                path: String::new(),
-                files: self.files.clone(),
-                columns: self.columns.clone(),
-                records: self.records.clone(),
-            }),
-            Ok(_) => Err(problems),
-            Err(more) => Err([problems, more].concat()),
-        }
+        let (site, config) = sections(&self.site_toml, &self.config_toml)?;
+        Ok(Setup {
+            experiment: self.experiment.clone(),
+            site,
+            config,
+            path: String::new(),
+            files: self.files.clone(),
+            columns: self.columns.clone(),
+            records: self.records.clone(),
+        })
     }
+}
+
+/// The site and a side's own section, from the texts of a request.
+///
+/// # Errors
+///
+/// Every problem with the texts: no TOML, no site.
+pub fn sections(site_toml: &str, config_toml: &str) -> Result<(Site, Node), Vec<Problem>> {
+    let mut problems = Vec::new();
+    let site = parsed("site_toml", site_toml, &mut problems)
+        .map_or_else(Site::default, |node| site::read(&node, "site", &mut problems).0);
+    let config = parsed("config_toml", config_toml, &mut problems);
+    config.filter(|_| problems.is_empty()).map(|config| (site, config)).ok_or(problems)
+}
+
+fn parsed(field: &str, text: &str, problems: &mut Vec<Problem>) -> Option<Node> {
+    let parsed = config::parse(text);
+    parsed
+        .map_err(|errors| problems.extend(errors.into_iter().map(|error| error.within(field))))
+        .ok()
 }
 
 /// The robots' reply to [`ConfigureRequest`].
@@ -83,6 +86,14 @@ pub struct RobotsStart {
     pub columns: Vec<DeliveryColumn>,
     /// Steps may bring [`RobotsStep::messages`].
     pub messages: bool,
+}
+
+impl From<RobotStart> for RobotsStart {
+    fn from(start: RobotStart) -> Self {
+        let RobotStart { effective, states, payloads, columns, messages } = start;
+        let (effective_toml, payloads) = (effective.to_string(), Some(payloads));
+        Self { effective_toml, states, payloads, columns, messages }
+    }
 }
 
 /// The network's reply to [`ConfigureRequest`].
@@ -102,6 +113,20 @@ pub struct NetworkStart {
     pub statistics: Option<MoteStatistics>,
     /// What a capture file begins with, if the radio's traffic will be kept.
     pub capture_header: Bytes,
+}
+
+impl From<NetStart> for NetworkStart {
+    fn from(start: NetStart) -> Self {
+        Self {
+            effective_toml: start.effective.to_string(),
+            motes: Some(start.motes),
+            warnings: start.warnings,
+            formation: start.formation,
+            records: start.records,
+            statistics: start.statistics,
+            capture_header: start.capture_header,
+        }
+    }
 }
 
 /// How both sides were configured.
@@ -148,27 +173,18 @@ impl RobotsStep {
     /// What a simulator of this process put out.
     #[must_use]
     pub fn of_output(step: u64, time_ns: u64, held: bool, output: RobotOutput) -> Self {
-        let RobotOutput {
-            states,
-            payloads,
-            moved_obstacles,
-            commands,
-            task_complete,
-            messages,
-            figures,
-        } = output;
         Self {
             step,
             time_ns,
-            states,
-            payloads,
-            moved_obstacles,
-            commands,
+            states: output.states,
+            payloads: output.payloads,
+            moved_obstacles: output.moved_obstacles,
+            commands: output.commands,
             applied_commands: Vec::new(),
-            task_complete,
+            task_complete: output.task_complete,
             held,
-            messages,
-            figures,
+            messages: output.messages,
+            figures: output.figures,
         }
     }
 }
@@ -208,33 +224,20 @@ impl NetworkStep {
     /// What a simulator of this process put out.
     #[must_use]
     pub fn of_output(step: u64, output: NetOutput) -> Self {
-        let NetOutput {
-            time_ns,
-            deliveries,
-            motes,
-            commands,
-            formation,
-            packets,
-            capture,
-            statistics,
-            schedule,
-            heard_links,
-            frames,
-        } = output;
         Self {
             step,
-            time_ns,
-            deliveries,
-            motes: Some(motes),
-            commands,
+            time_ns: output.time_ns,
+            deliveries: output.deliveries,
+            motes: Some(output.motes),
+            commands: output.commands,
             applied_commands: Vec::new(),
-            formation,
-            packets,
-            capture,
-            statistics,
-            schedule,
-            heard_links,
-            frames,
+            formation: output.formation,
+            packets: output.packets,
+            capture: output.capture,
+            statistics: output.statistics,
+            schedule: output.schedule,
+            heard_links: output.heard_links,
+            frames: output.frames,
         }
     }
 }

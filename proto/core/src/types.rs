@@ -322,28 +322,28 @@ impl Default for Heard {
     }
 }
 
-/// What carried a delivery.
+/// What carried a delivery, numbered as in the contract.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Medium {
     /// The radio mesh.
-    Radio,
+    Radio = 1,
     /// Nothing: the ideal baseline.
-    Truth,
+    Truth = 2,
     /// A broadcast medium beside the radio mesh.
-    Second,
+    Second = 3,
 }
 
-/// A column of [`Deliveries`] that is filled in only on request.
+/// A column of [`Deliveries`] that is filled in only on request, numbered as in the contract.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum DeliveryColumn {
     /// [`Deliveries::received_ns`].
-    ReceivedNs,
+    ReceivedNs = 1,
     /// [`Deliveries::rssi_dbm`].
-    RssiDbm,
+    RssiDbm = 2,
     /// [`Deliveries::hops`].
-    Hops,
+    Hops = 3,
     /// [`Deliveries::medium`].
-    Medium,
+    Medium = 4,
 }
 
 /// What was delivered during a period. Optional columns have one entry per delivery, in the order (receiver, index).
@@ -540,16 +540,16 @@ pub struct MovedObstacle {
     pub centre_m: [f64; 2],
 }
 
-/// How the two simulators take turns.
+/// How the two simulators take turns, numbered as in the contract.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Coupling {
     /// Robots first, then the network over their new positions.
-    Sequential,
+    Sequential = 1,
     /// Both at once, each on what the other reached before.
-    Parallel,
+    Parallel = 2,
     /// The network first, to its first delivery; the robots follow.
-    Event,
+    Event = 3,
 }
 
 /// What both simulators receive when an experiment begins.

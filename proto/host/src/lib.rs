@@ -12,6 +12,7 @@ mod orders;
 mod predict;
 mod robots;
 mod serve;
+mod service;
 mod snapshot;
 
 pub use cores::{cores, use_threads};

@@ -1,19 +1,17 @@
 //! What both sides' lifecycles share: counting steps and time, and running a simulator where it cannot do harm.
 
-use crate::snapshot;
+use crate::orders::OrdersFromOutside;
+use crate::{MAX_MESSAGE_BYTES, snapshot};
 use bytes::Bytes;
 use prost::Message;
-use proto::config::{self, Node, Problem};
-use proto::digest::full::StartRequest;
+use proto::config::Problem;
 use proto::digest::{self, Digest};
-use proto::side::{MAX_AGENTS, NotASnapshot, Setup};
-use proto::site::{self, Site};
-use proto::types::{AgentStates, Coupling, Experiment};
-use proto_messages::convert::{self, InvalidField};
+use proto::side::{MAX_AGENTS, NotASnapshot};
+use proto::types::{AgentStates, Experiment};
+use proto_messages::convert::InvalidField;
 use proto_messages::v1;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 use tonic::Status;
@@ -146,89 +144,30 @@ impl Ledger {
     }
 }
 
-/// A request to configure, in either service's form.
-pub(super) struct ConfigureFields {
-    pub(super) seed: u64,
-    pub(super) agent_count: u32,
-    pub(super) step_ns: u64,
-    pub(super) coupling: i32,
-    pub(super) site_toml: String,
-    pub(super) config_toml: String,
-    pub(super) files: Vec<v1::File>,
-    pub(super) columns: Vec<i32>,
-    pub(super) records: Vec<i32>,
-}
-
-/// The texts and files of a request to configure, as they were sent.
-pub(super) struct Sent {
-    site_toml: String,
-    config_toml: String,
-    files: Vec<v1::File>,
-}
-
-impl Sent {
-    /// The request, for the digest of the start.
-    pub(super) fn request<'a>(&'a self, setup: &'a Setup) -> StartRequest<'a> {
-        let files = self.files.iter();
-        StartRequest {
-            experiment: &setup.experiment,
-            site_toml: &self.site_toml,
-            config_toml: &self.config_toml,
-            files: files.map(|file| (file.path.as_str(), &file.content[..])).collect(),
-            columns: &setup.columns,
-            records: &setup.records,
-        }
+/// Checks what a simulator could not be configured for at all.
+pub(super) fn admissible(agent_count: u32, step_ns: u64) -> Result<(), Status> {
+    if agent_count == 0 {
+        return Err(Status::invalid_argument("agent_count: must be at least 1, got 0"));
     }
+    if MAX_AGENTS < agent_count {
+        return Err(Status::resource_exhausted(format!(
+            "agent_count: must be at most {MAX_AGENTS}, got {agent_count}"
+        )));
+    }
+    if step_ns == 0 {
+        return Err(Status::invalid_argument("step_ns: must be at least 1, got 0"));
+    }
+    Ok(())
 }
 
-impl ConfigureFields {
-    pub(super) fn setup(self) -> Result<(Setup, Sent), Status> {
-        if self.agent_count == 0 {
-            return Err(Status::invalid_argument("agent_count: must be at least 1, got 0"));
-        }
-        if MAX_AGENTS < self.agent_count {
-            return Err(Status::resource_exhausted(format!(
-                "agent_count: must be at most {MAX_AGENTS}, got {}",
-                self.agent_count
-            )));
-        }
-        if self.step_ns == 0 {
-            return Err(Status::invalid_argument("step_ns: must be at least 1, got 0"));
-        }
-        let coupling: Coupling = convert::coupling(self.coupling).map_err(malformed)?;
-        let columns = convert::columns(&self.columns).map_err(malformed)?;
-        let records = convert::records(&self.records).map_err(malformed)?;
-        let mut problems = Vec::new();
-        let site = parse("site_toml", &self.site_toml, &mut problems)
-            .map_or_else(Site::default, |node| site::read(&node, "site", &mut problems).0);
-        let config = parse("config_toml", &self.config_toml, &mut problems);
-        let Some(config) = config.filter(|_| problems.is_empty()) else {
-            return Err(refusal(&problems));
-        };
-        let files = self.files.iter();
-        let files: BTreeMap<String, Bytes> =
-            files.map(|file| (file.path.clone(), file.content.clone())).collect();
-        let experiment = Experiment {
-            seed: self.seed,
-            agent_count: self.agent_count as usize,
-            step_ns: self.step_ns,
-            coupling,
-        };
-        let path = String::new();
-        let sent =
-            Sent { site_toml: self.site_toml, config_toml: self.config_toml, files: self.files };
-        Ok((Setup { experiment, site, config, path, files, columns, records }, sent))
-    }
+/// Path and content of files in the order in which they were sent, in which a digest covers them.
+pub(super) fn sent(files: &[v1::File]) -> Vec<(&str, &[u8])> {
+    files.iter().map(|file| (file.path.as_str(), &file.content[..])).collect()
 }
 
-pub(super) fn parse(field: &str, text: &str, problems: &mut Vec<Problem>) -> Option<Node> {
-    match config::parse(text) {
-        Ok(node) => Some(node),
-        Err(errors) => {
-            problems.extend(errors.into_iter().map(|error| error.within(field)));
-            None
-        }
-    }
+/// The limits that both services state.
+pub(super) fn limits() -> v1::Limits {
+    v1::Limits { max_message_bytes: MAX_MESSAGE_BYTES as u64, max_agents: MAX_AGENTS }
 }
 
 /// The status of a call whose message breaks the contract.
@@ -238,7 +177,7 @@ pub(super) fn malformed(invalid: InvalidField) -> Status {
 
 /// The problems of a configuration as one status: all of them, or the first ones and how many more there are. A status travels
 /// in HTTP/2 headers, which clients accept up to 16 KiB in all: the details encoded by 4/3, the text by up to 3.
-pub(super) fn refusal(problems: &[Problem]) -> Status {
+pub(super) fn refusal(problems: Vec<Problem>) -> Status {
     const DETAILS_BYTES: usize = 7_000;
     const TEXT_BYTES: usize = 1_200;
     let more = |n: usize| format!("and {n} more problem{}", if n == 1 { "" } else { "s" });
@@ -283,6 +222,39 @@ fn shortened(text: &str, n_bytes: usize) -> String {
 /// What a service keeps of a configured experiment besides its simulator.
 pub(super) trait Active: Serialize + DeserializeOwned + Send + 'static {
     fn ledger(&self) -> &Ledger;
+}
+
+/// A simulator as a service.
+pub struct Host<S, A> {
+    pub(super) shared: Shared<S, A>,
+    /// Of the simulator, which may be busy when it is asked to describe itself.
+    pub(super) config_schema_json: Arc<str>,
+    pub(super) orders: Arc<OrdersFromOutside>,
+}
+
+impl<S, A> Clone for Host<S, A> {
+    fn clone(&self) -> Self {
+        Self {
+            shared: self.shared.clone(),
+            config_schema_json: Arc::clone(&self.config_schema_json),
+            orders: Arc::clone(&self.orders),
+        }
+    }
+}
+
+impl<S, A> Host<S, A> {
+    /// A service around a simulator that is not configured yet, which takes orders from anyone.
+    pub(super) fn around(simulator: S, config_schema_json: &str) -> Self {
+        let inner = Arc::new(Mutex::new(Lifecycle { simulator, active: None }));
+        let shared = Shared { inner };
+        Self { shared, config_schema_json: config_schema_json.into(), orders: Arc::default() }
+    }
+
+    /// The same service, which takes orders from those alone.
+    #[must_use]
+    pub fn with_orders(self, orders: OrdersFromOutside) -> Self {
+        Self { orders: Arc::new(orders), ..self }
+    }
 }
 
 /// A simulator, and its experiment once it is configured.
@@ -374,11 +346,6 @@ impl<S, A> Clone for Shared<S, A> {
 }
 
 impl<S: Send + 'static, A: Active> Shared<S, A> {
-    /// Shares a simulator that is not configured yet.
-    pub(super) fn new(simulator: S) -> Self {
-        Self { inner: Arc::new(Mutex::new(Lifecycle { simulator, active: None })) }
-    }
-
     /// Runs `call` on the simulator: here if that is quick, else on a thread for blocking work. The lock is held for the
     /// call alone, never across an await. A panic ends the experiment, not the process.
     pub(super) async fn call<R: Send + 'static>(

@@ -1,17 +1,15 @@
 //! `Predict`: checked, asked of the simulator, and answered.
 
-use super::lifecycle::{malformed, parse, refusal};
+use super::lifecycle::{malformed, refusal};
+use proto::exchange;
 use proto::prediction::{MAX_STEPS, MAX_TOTAL_NS, PredictionRequest};
 use proto::side::RobotSimulator;
-use proto::site::{self, Site};
 use proto_messages::convert;
-use proto_messages::v1;
+use proto_messages::robot_sim;
 use tonic::Status;
 
 /// A request whose every field is valid.
-pub(super) fn checked(
-    request: v1::RobotSimServicePredictRequest,
-) -> Result<PredictionRequest, Status> {
+pub(super) fn checked(request: robot_sim::PredictRequest) -> Result<PredictionRequest, Status> {
     let n_steps: usize = request.windows.iter().map(|window| window.duration_ns.len()).sum();
     if MAX_STEPS < n_steps {
         return Err(Status::resource_exhausted(format!(
@@ -27,21 +25,16 @@ pub(super) fn checked(
     }
     let command_kind = convert::motion_command_kind(request.command_kind).map_err(malformed)?;
     let windows = convert::prediction_windows(request.windows).map_err(malformed)?;
-    let mut problems = Vec::new();
-    let site = parse("site_toml", &request.site_toml, &mut problems)
-        .map_or_else(Site::default, |node| site::read(&node, "site", &mut problems).0);
-    let config = parse("config_toml", &request.config_toml, &mut problems);
-    match config.filter(|_| problems.is_empty()) {
-        Some(config) => Ok(PredictionRequest { site, config, command_kind, windows }),
-        None => Err(refusal(&problems)),
-    }
+    let (site, config) =
+        exchange::sections(&request.site_toml, &request.config_toml).map_err(refusal)?;
+    Ok(PredictionRequest { site, config, command_kind, windows })
 }
 
 /// What the simulator predicts.
 pub(super) fn reply<S: RobotSimulator>(
     simulator: &S,
     request: &PredictionRequest,
-) -> Result<v1::RobotSimServicePredictResponse, Status> {
-    let predicted = simulator.predict(request).map_err(|problems| refusal(&problems))?;
+) -> Result<robot_sim::PredictResponse, Status> {
+    let predicted = simulator.predict(request).map_err(refusal)?;
     Ok(convert::predicted_response(&predicted, &request.windows, request.command_kind))
 }

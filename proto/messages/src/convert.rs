@@ -4,26 +4,26 @@
 //! is wrong with it. Nothing malformed passes this border.
 
 mod exchange;
+mod kinds;
 mod messages;
 mod predictions;
 mod records;
 mod tasks;
 
 pub use exchange::{
-    network_request, network_start, network_step, robots_request, robots_start, robots_step,
+    network_request, network_start, network_step, reported_motes, robots_request, robots_start,
+    robots_step,
 };
-pub use predictions::{
-    motion_command_kind, predicted_response, predicted_windows, prediction_windows,
-};
-pub use records::{formation, frames, heard_links, packets, records, schedule, statistics};
+pub use kinds::{Numbered, columns, coupling, known, motion_command_kind, numbers, records};
+pub use predictions::{predicted_response, predicted_windows, prediction_windows};
+pub use records::{formation, frames, heard_links, packets, schedule, statistics};
 pub use tasks::{agent_messages, task_figures};
 
 use crate::v1;
 use bytes::Bytes;
 use proto::types::{
-    AgentCommand, AgentOrder, AgentStates, Bitmap, Coupling, Covariate, Deliveries, DeliveryColumn,
-    EVERYONE, Heard, Medium, MoteCommand, MoteOrder, MoteStates, MovedObstacle, Payloads,
-    Transmissions,
+    AgentCommand, AgentOrder, AgentStates, Bitmap, Covariate, Deliveries, EVERYONE, Heard, Medium,
+    MoteCommand, MoteOrder, MoteStates, MovedObstacle, Payloads, Transmissions,
 };
 
 /// A field of a message that breaks the contract.
@@ -167,6 +167,8 @@ fn deliveries_of(message: v1::Deliveries, n_agents: usize) -> Result<Deliveries>
     }
     let payloads = payloads(sent.payloads, n_sent).map_err(|i| i.within("transmissions"))?;
     let heard = heard(message.heard_end, message.heard, message.heard_bitmap, n_agents, n_sent)?;
+    let medium = message.medium.into_iter();
+    let medium = medium.map(|number| Medium::of_number(number).unwrap_or(Medium::Radio));
     let deliveries = Deliveries {
         transmissions: Transmissions {
             sender: sent.sender,
@@ -179,15 +181,7 @@ fn deliveries_of(message: v1::Deliveries, n_agents: usize) -> Result<Deliveries>
         received_ns: message.received_ns,
         rssi_dbm: message.rssi_dbm,
         hops: message.hops,
-        medium: message
-            .medium
-            .into_iter()
-            .map(|medium| match v1::Medium::try_from(medium) {
-                Ok(v1::Medium::Truth) => Medium::Truth,
-                Ok(v1::Medium::Second) => Medium::Second,
-                _ => Medium::Radio,
-            })
-            .collect(),
+        medium: medium.collect(),
     };
     let columns = [
         ("received_ns", deliveries.received_ns.len()),
@@ -428,40 +422,6 @@ pub fn moved_obstacles(messages: Vec<v1::MovedObstacle>) -> Result<Vec<MovedObst
                 Ok(MovedObstacle { name: message.name, centre_m: [message.x_m, message.y_m] })
             } else {
                 Err(InvalidField::new("moved_obstacles", NUMBER))
-            }
-        })
-        .collect()
-}
-
-/// Coupling from its number; not stated means sequential.
-///
-/// # Errors
-///
-/// A number that the contract does not know.
-pub fn coupling(number: i32) -> Result<Coupling> {
-    match v1::Coupling::try_from(number) {
-        Ok(v1::Coupling::Unspecified | v1::Coupling::Sequential) => Ok(Coupling::Sequential),
-        Ok(v1::Coupling::Parallel) => Ok(Coupling::Parallel),
-        Ok(v1::Coupling::Event) => Ok(Coupling::Event),
-        Err(_) => Err(InvalidField::new("coupling", format!("is unknown: {number}"))),
-    }
-}
-
-/// Delivery columns from their numbers.
-///
-/// # Errors
-///
-/// A number that the contract does not know.
-pub fn columns(numbers: &[i32]) -> Result<Vec<DeliveryColumn>> {
-    numbers
-        .iter()
-        .map(|&number| match v1::DeliveryColumn::try_from(number) {
-            Ok(v1::DeliveryColumn::ReceivedNs) => Ok(DeliveryColumn::ReceivedNs),
-            Ok(v1::DeliveryColumn::RssiDbm) => Ok(DeliveryColumn::RssiDbm),
-            Ok(v1::DeliveryColumn::Hops) => Ok(DeliveryColumn::Hops),
-            Ok(v1::DeliveryColumn::Medium) => Ok(DeliveryColumn::Medium),
-            Ok(v1::DeliveryColumn::Unspecified) | Err(_) => {
-                Err(InvalidField::new("columns", format!("unknown column: {number}")))
             }
         })
         .collect()

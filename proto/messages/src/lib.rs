@@ -16,6 +16,54 @@ pub mod v1 {
     include!("../generated/cosim.v1.rs");
 }
 
+/// Messages of the robots' service, by their names within it.
+pub mod robot_sim {
+    pub use crate::v1::robot_sim_service_session_request::Request as SessionCall;
+    pub use crate::v1::robot_sim_service_session_response::Response as SessionReply;
+    pub use crate::v1::{
+        RobotSimServiceBarrierRequest as BarrierRequest,
+        RobotSimServiceBarrierResponse as BarrierResponse,
+        RobotSimServiceCommandRequest as CommandRequest,
+        RobotSimServiceCommandResponse as CommandResponse,
+        RobotSimServiceConfigureRequest as ConfigureRequest,
+        RobotSimServiceConfigureResponse as ConfigureResponse,
+        RobotSimServiceDescribeRequest as DescribeRequest,
+        RobotSimServiceDescribeResponse as DescribeResponse,
+        RobotSimServicePredictRequest as PredictRequest,
+        RobotSimServicePredictResponse as PredictResponse,
+        RobotSimServiceRestoreRequest as RestoreRequest,
+        RobotSimServiceRestoreResponse as RestoreResponse,
+        RobotSimServiceSessionRequest as SessionRequest,
+        RobotSimServiceSessionResponse as SessionResponse,
+        RobotSimServiceSnapshotRequest as SnapshotRequest,
+        RobotSimServiceSnapshotResponse as SnapshotResponse,
+        RobotSimServiceStepRequest as StepRequest, RobotSimServiceStepResponse as StepResponse,
+    };
+}
+
+/// Messages of the network's service, by their names within it.
+pub mod net_sim {
+    pub use crate::v1::net_sim_service_session_request::Request as SessionCall;
+    pub use crate::v1::net_sim_service_session_response::Response as SessionReply;
+    pub use crate::v1::{
+        NetSimServiceBarrierRequest as BarrierRequest,
+        NetSimServiceBarrierResponse as BarrierResponse,
+        NetSimServiceCommandRequest as CommandRequest,
+        NetSimServiceCommandResponse as CommandResponse,
+        NetSimServiceConfigureRequest as ConfigureRequest,
+        NetSimServiceConfigureResponse as ConfigureResponse,
+        NetSimServiceDescribeRequest as DescribeRequest,
+        NetSimServiceDescribeResponse as DescribeResponse,
+        NetSimServiceRestoreRequest as RestoreRequest,
+        NetSimServiceRestoreResponse as RestoreResponse,
+        NetSimServiceSessionRequest as SessionRequest,
+        NetSimServiceSessionResponse as SessionResponse,
+        NetSimServiceSnapshotRequest as SnapshotRequest,
+        NetSimServiceSnapshotResponse as SnapshotResponse, NetSimServiceStepRequest as StepRequest,
+        NetSimServiceStepResponse as StepResponse,
+    };
+}
+
 /// The compiled `.proto` files, for reflection and for self-describing records.
 pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!("../generated/cosim.v1.bin");
 

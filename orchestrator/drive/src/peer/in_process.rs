@@ -81,13 +81,7 @@ impl<T: RobotSimulator> Peer<RobotSide> for InProcess<T> {
         let setup = request.setup().map_err(unacceptable(RobotSide::SIDE))?;
         let start = self.simulator.configure(&setup).map_err(unacceptable(RobotSide::SIDE))?;
         self.begin();
-        Ok(RobotsStart {
-            effective_toml: start.effective.to_string(),
-            states: start.states,
-            payloads: Some(start.payloads),
-            columns: start.columns,
-            messages: start.messages,
-        })
+        Ok(start.into())
     }
 
     async fn step(
@@ -117,15 +111,7 @@ impl<T: NetSimulator> Peer<NetworkSide> for InProcess<T> {
         let setup = request.setup().map_err(unacceptable(NetworkSide::SIDE))?;
         let start = self.simulator.configure(&setup).map_err(unacceptable(NetworkSide::SIDE))?;
         self.begin();
-        Ok(NetworkStart {
-            effective_toml: start.effective.to_string(),
-            motes: Some(start.motes),
-            warnings: start.warnings,
-            formation: start.formation,
-            records: start.records,
-            statistics: start.statistics,
-            capture_header: start.capture_header,
-        })
+        Ok(start.into())
     }
 
     async fn step(

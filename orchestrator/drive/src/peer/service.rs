@@ -4,13 +4,11 @@ use super::{Described, NetworkSide, RobotSide, Side, Standing};
 use bytes::Bytes;
 use proto::digest::{Digest, full};
 use proto::exchange::ConfigureRequest;
-use proto::types::MoteCommandKind;
-use proto::types::{DeliveryColumn, NetRecord};
 use proto_host::MAX_MESSAGE_BYTES;
 use proto_host::services::net_sim_service_client::NetSimServiceClient;
 use proto_host::services::robot_sim_service_client::RobotSimServiceClient;
 use proto_messages::convert::{self, InvalidField};
-use proto_messages::v1;
+use proto_messages::{net_sim, robot_sim};
 use std::future::Future;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::Channel;
@@ -105,19 +103,17 @@ pub trait Service: Side {
 /// Both implementations differ in the names of the generated types alone.
 macro_rules! service {
     (
-        $side:ty, $client:ident, $call:path, $reply:path, $start_of:path, $step_of:path,
-        $digest_of:path,
-        $describe:ident, $configure:ident, $configured:ident, $step:ident, $stepped:ident,
-        $barrier:ident, $session:ident, $sessioned:ident, $snapshot:ident, $restore:ident, |$d:ident| $described:expr
+        $side:ty, $client:ident, $messages:ident, $start_of:path, $step_of:path, $digest_of:path,
+        |$d:ident| $described:expr
     ) => {
         impl Service for $side {
             type Client = $client<Channel>;
-            type ConfigureRequest = v1::$configure;
-            type ConfigureResponse = v1::$configured;
-            type StepRequest = v1::$step;
-            type StepResponse = v1::$stepped;
-            type SessionRequest = v1::$session;
-            type SessionResponse = v1::$sessioned;
+            type ConfigureRequest = $messages::ConfigureRequest;
+            type ConfigureResponse = $messages::ConfigureResponse;
+            type StepRequest = $messages::StepRequest;
+            type StepResponse = $messages::StepResponse;
+            type SessionRequest = $messages::SessionRequest;
+            type SessionResponse = $messages::SessionResponse;
 
             fn client(channel: Channel) -> Self::Client {
                 $client::new(channel)
@@ -126,7 +122,7 @@ macro_rules! service {
             }
 
             async fn describe(mut client: Self::Client) -> Reply<Described> {
-                let $d = client.describe(v1::$describe {}).await?.into_inner();
+                let $d = client.describe($messages::DescribeRequest {}).await?.into_inner();
                 Ok($described)
             }
 
@@ -145,7 +141,8 @@ macro_rules! service {
             }
 
             async fn barrier(mut client: Self::Client, step: u64, time_ns: u64) -> Reply<Standing> {
-                let reply = client.barrier(v1::$barrier { step, time_ns }).await?.into_inner();
+                let reply =
+                    client.barrier($messages::BarrierRequest { step, time_ns }).await?.into_inner();
                 Ok(Standing { step: reply.step, time_ns: reply.time_ns, digest: reply.digest })
             }
 
@@ -157,7 +154,7 @@ macro_rules! service {
             }
 
             async fn snapshot(mut client: Self::Client) -> Reply<Bytes> {
-                Ok(client.snapshot(v1::$snapshot {}).await?.into_inner().state)
+                Ok(client.snapshot($messages::SnapshotRequest {}).await?.into_inner().state)
             }
 
             async fn restore(
@@ -165,22 +162,25 @@ macro_rules! service {
                 state: Bytes,
                 seed: Option<u64>,
             ) -> Reply<(u64, u64)> {
-                let reply = client.restore(v1::$restore { state, seed }).await?.into_inner();
+                let reply =
+                    client.restore($messages::RestoreRequest { state, seed }).await?.into_inner();
                 Ok((reply.step, reply.time_ns))
             }
 
             fn session_step(request: Self::StepRequest) -> Self::SessionRequest {
-                use $call as Call;
-                v1::$session { request: Some(Call::Step(request)) }
+                use $messages::SessionCall as Call;
+                $messages::SessionRequest { request: Some(Call::Step(request)) }
             }
 
             fn session_barrier(step: u64, time_ns: u64) -> Self::SessionRequest {
-                use $call as Call;
-                v1::$session { request: Some(Call::Barrier(v1::$barrier { step, time_ns })) }
+                use $messages::SessionCall as Call;
+                $messages::SessionRequest {
+                    request: Some(Call::Barrier($messages::BarrierRequest { step, time_ns })),
+                }
             }
 
             fn step_of(response: Self::SessionResponse) -> Option<Self::StepResponse> {
-                use $reply as Reply;
+                use $messages::SessionReply as Reply;
                 match response.response {
                     Some(Reply::Step(step)) => Some(step),
                     Some(Reply::Barrier(_)) | None => None,
@@ -188,7 +188,7 @@ macro_rules! service {
             }
 
             fn barrier_of(response: Self::SessionResponse) -> Option<Standing> {
-                use $reply as Reply;
+                use $messages::SessionReply as Reply;
                 match response.response {
                     Some(Reply::Barrier(reply)) => Some(Standing {
                         step: reply.step,
@@ -219,7 +219,7 @@ macro_rules! service {
             }
 
             fn request(input: &Self::Input<'_>, confirmed_digest: Bytes) -> Self::StepRequest {
-                v1::$step { confirmed_digest, ..input.into() }
+                $messages::StepRequest { confirmed_digest, ..input.into() }
             }
 
             fn reply(
@@ -235,21 +235,10 @@ macro_rules! service {
 service!(
     RobotSide,
     RobotSimServiceClient,
-    v1::robot_sim_service_session_request::Request,
-    v1::robot_sim_service_session_response::Response,
+    robot_sim,
     convert::robots_start,
     convert::robots_step,
     full::of_robots_start,
-    RobotSimServiceDescribeRequest,
-    RobotSimServiceConfigureRequest,
-    RobotSimServiceConfigureResponse,
-    RobotSimServiceStepRequest,
-    RobotSimServiceStepResponse,
-    RobotSimServiceBarrierRequest,
-    RobotSimServiceSessionRequest,
-    RobotSimServiceSessionResponse,
-    RobotSimServiceSnapshotRequest,
-    RobotSimServiceRestoreRequest,
     |d| Described {
         name: d.name,
         version: d.version,
@@ -273,21 +262,10 @@ service!(
 service!(
     NetworkSide,
     NetSimServiceClient,
-    v1::net_sim_service_session_request::Request,
-    v1::net_sim_service_session_response::Response,
+    net_sim,
     convert::network_start,
     convert::network_step,
     full::of_network_start,
-    NetSimServiceDescribeRequest,
-    NetSimServiceConfigureRequest,
-    NetSimServiceConfigureResponse,
-    NetSimServiceStepRequest,
-    NetSimServiceStepResponse,
-    NetSimServiceBarrierRequest,
-    NetSimServiceSessionRequest,
-    NetSimServiceSessionResponse,
-    NetSimServiceSnapshotRequest,
-    NetSimServiceRestoreRequest,
     |d| Described {
         name: d.name,
         version: d.version,
@@ -299,34 +277,11 @@ service!(
         stop_at_first_delivery: d.stop_at_first_delivery,
         commands: false,
         hold: false,
-        mote_commands: kinds(&d.commands),
-        columns: columns(&d.columns),
-        records: records(&d.records),
+        mote_commands: convert::known(&d.commands),
+        columns: convert::known(&d.columns),
+        records: convert::known(&d.records),
         full_digest: d.full_digest,
         predictions: false,
         max_agents: d.limits.unwrap_or_default().max_agents,
     }
 );
-
-/// Kinds of order that are known here.
-fn kinds(numbers: &[i32]) -> Vec<MoteCommandKind> {
-    let known = |&number: &i32| match v1::MoteCommandKind::try_from(number) {
-        Ok(v1::MoteCommandKind::Kill) => Some(MoteCommandKind::Kill),
-        Ok(v1::MoteCommandKind::Revive) => Some(MoteCommandKind::Revive),
-        Ok(v1::MoteCommandKind::Add) => Some(MoteCommandKind::Add),
-        Ok(v1::MoteCommandKind::Jam) => Some(MoteCommandKind::Jam),
-        Ok(v1::MoteCommandKind::Send) => Some(MoteCommandKind::Send),
-        Ok(v1::MoteCommandKind::Unspecified) | Err(_) => None,
-    };
-    numbers.iter().filter_map(known).collect()
-}
-
-/// Columns that are known here.
-fn columns(numbers: &[i32]) -> Vec<DeliveryColumn> {
-    numbers.iter().filter_map(|&number| convert::columns(&[number]).ok()).flatten().collect()
-}
-
-/// Records that are known here.
-fn records(numbers: &[i32]) -> Vec<NetRecord> {
-    numbers.iter().filter_map(|&number| convert::records(&[number]).ok()).flatten().collect()
-}

@@ -5,10 +5,10 @@
 use super::Digest;
 use super::parts::{self, Fields, optional};
 use crate::exchange::{ConfigureRequest, NetworkStart, NetworkStep, RobotsStart, RobotsStep};
-use crate::side::{NetInput, NetOutput, RobotInput, RobotOutput};
+use crate::side::{NetInput, RobotInput};
 use crate::types::{
-    AgentCommand, AgentStates, Coupling, Deliveries, DeliveryColumn, Experiment, Frames,
-    MoteCommand, MoteStates, MovedObstacle, NetRecord, Payloads,
+    AgentCommand, AgentStates, DeliveryColumn, Experiment, MoteCommand, MovedObstacle, NetRecord,
+    Payloads,
 };
 
 /// What a side is asked to begin, as it crosses.
@@ -45,12 +45,7 @@ impl<'a> From<&'a ConfigureRequest> for StartRequest<'a> {
 impl StartRequest<'_> {
     fn write(&self, fields: &mut Fields) {
         let Experiment { seed, agent_count, step_ns, coupling } = self.experiment;
-        let coupling = match coupling {
-            Coupling::Sequential => 1,
-            Coupling::Parallel => 2,
-            Coupling::Event => 3,
-        };
-        fields.u64(*seed).u32(*agent_count as u32).u64(*step_ns).u8(coupling);
+        fields.u64(*seed).u32(*agent_count as u32).u64(*step_ns).u8(*coupling as u8);
         fields.text(self.site_toml).text(self.config_toml).length(self.files.len());
         for (path, content) in &self.files {
             fields.text(path).bytes(content);
@@ -61,12 +56,7 @@ impl StartRequest<'_> {
 fn columns(fields: &mut Fields, columns: &[DeliveryColumn]) {
     fields.length(columns.len());
     for column in columns {
-        fields.u32(match column {
-            DeliveryColumn::ReceivedNs => 1,
-            DeliveryColumn::RssiDbm => 2,
-            DeliveryColumn::Hops => 3,
-            DeliveryColumn::Medium => 4,
-        });
+        fields.u32(*column as u32);
     }
 }
 
@@ -185,11 +175,6 @@ fn of_robots(
     [parts::states(states), parts::payloads(payloads), parts::moved_obstacles(moved_obstacles)]
 }
 
-fn of_network(deliveries: Option<&Deliveries>, motes: Option<&MoteStates>) -> [Digest; 4] {
-    let [sent, heard, links] = parts::deliveries(deliveries);
-    [sent, heard, links, optional(motes, parts::motes)]
-}
-
 /// What the robots replied to a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RobotsReply {
@@ -199,46 +184,18 @@ pub struct RobotsReply {
 }
 
 impl RobotsReply {
-    /// Of a reply that the driver took.
+    /// Of a reply.
     #[must_use]
     pub fn of_step(reply: &RobotsStep) -> Self {
         let shared = of_robots(&reply.states, &reply.payloads, &reply.moved_obstacles);
-        let rest = [
+        let mut fields = Fields::default();
+        fields.u64(reply.step).u64(reply.time_ns).flag(reply.held).flag(reply.task_complete);
+        fields.parts(&shared).parts(&[
             parts::agent_commands(&reply.commands),
             parts::agent_commands(&reply.applied_commands),
             parts::messages(&reply.messages),
             parts::figures(&reply.figures),
-        ];
-        Self::new(reply.step, reply.time_ns, reply.held, reply.task_complete, shared, rest)
-    }
-
-    /// Of what a simulator put out for `input`, and the orders from outside that took effect.
-    #[must_use]
-    pub fn of_output(
-        input: &RobotInput<'_>,
-        output: &RobotOutput,
-        applied: &[AgentCommand],
-    ) -> Self {
-        let shared = of_robots(&output.states, &output.payloads, &output.moved_obstacles);
-        let rest = [
-            parts::agent_commands(&output.commands),
-            parts::agent_commands(applied),
-            parts::messages(&output.messages),
-            parts::figures(&output.figures),
-        ];
-        Self::new(input.step, input.until_ns, input.hold, output.task_complete, shared, rest)
-    }
-
-    fn new(
-        step: u64,
-        time_ns: u64,
-        held: bool,
-        task_complete: bool,
-        shared: [Digest; 3],
-        rest: [Digest; 4],
-    ) -> Self {
-        let mut fields = Fields::default();
-        fields.u64(step).u64(time_ns).flag(held).flag(task_complete).parts(&shared).parts(&rest);
+        ]);
         Self { shared, digest: fields.end() }
     }
 }
@@ -252,11 +209,13 @@ pub struct NetworkReply {
 }
 
 impl NetworkReply {
-    /// Of a reply that the driver took.
+    /// Of a reply.
     #[must_use]
     pub fn of_step(reply: &NetworkStep) -> Self {
-        let shared = of_network(Some(&reply.deliveries), reply.motes.as_ref());
-        let rest = [
+        let [sent, heard, links] = parts::deliveries(Some(&reply.deliveries));
+        let shared = [sent, heard, links, optional(reply.motes.as_ref(), parts::motes)];
+        let mut fields = Fields::default();
+        fields.u64(reply.step).u64(reply.time_ns).parts(&shared).parts(&[
             parts::agent_commands(&reply.commands),
             parts::mote_commands(&reply.applied_commands),
             optional(reply.formation.as_ref(), parts::formation),
@@ -264,37 +223,9 @@ impl NetworkReply {
             optional(reply.statistics.as_ref(), parts::statistics),
             optional(reply.schedule.as_ref(), parts::schedule),
             optional(reply.heard_links.as_ref(), parts::heard_links),
-        ];
-        Self::new(reply.step, reply.time_ns, shared, rest, reply.frames.as_ref())
-    }
-
-    /// Of what a simulator put out for step `step`, and the orders from outside that took effect.
-    #[must_use]
-    pub fn of_output(step: u64, output: &NetOutput, applied: &[MoteCommand]) -> Self {
-        let shared = of_network(Some(&output.deliveries), Some(&output.motes));
-        let rest = [
-            parts::agent_commands(&output.commands),
-            parts::mote_commands(applied),
-            optional(output.formation.as_ref(), parts::formation),
-            optional(output.packets.as_ref(), parts::packets),
-            optional(output.statistics.as_ref(), parts::statistics),
-            optional(output.schedule.as_ref(), parts::schedule),
-            optional(output.heard_links.as_ref(), parts::heard_links),
-        ];
-        Self::new(step, output.time_ns, shared, rest, output.frames.as_ref())
-    }
-
-    fn new(
-        step: u64,
-        time_ns: u64,
-        shared: [Digest; 4],
-        rest: [Digest; 7],
-        frames: Option<&Frames>,
-    ) -> Self {
-        let mut fields = Fields::default();
-        fields.u64(step).u64(time_ns).parts(&shared).parts(&rest);
+        ]);
         // A record that came later than the rule: where it is not kept, digests are what they were.
-        if let Some(frames) = frames {
+        if let Some(frames) = &reply.frames {
             fields.parts(&[parts::frames(frames)]);
         }
         Self { shared, digest: fields.end() }

@@ -4,8 +4,8 @@
 use super::{Digest, update};
 use crate::types::{
     AgentCommand, AgentMessage, AgentOrder, AgentStates, Bitmap, Covariate, Deliveries, Formation,
-    Frames, Heard, HeardLinks, Medium, MoteCommand, MoteOrder, MoteStates, MoteStatistics,
-    MovedObstacle, NetRecord, PacketKind, Packets, Payloads, Schedule, Statistic, TaskFigure,
+    Frames, Heard, HeardLinks, MoteCommand, MoteOrder, MoteStates, MoteStatistics, MovedObstacle,
+    NetRecord, PacketKind, Packets, Payloads, Schedule, Statistic, TaskFigure,
 };
 use sha2::{Digest as _, Sha256};
 
@@ -99,14 +99,7 @@ impl Fields {
     pub(super) fn records(&mut self, records: &[NetRecord]) -> &mut Self {
         self.length(records.len());
         for record in records {
-            self.u32(match record {
-                NetRecord::Packets => 1,
-                NetRecord::Capture => 2,
-                NetRecord::Statistics => 3,
-                NetRecord::Schedule => 4,
-                NetRecord::HeardLinks => 5,
-                NetRecord::Frames => 6,
-            });
+            self.u32(*record as u32);
         }
         self
     }
@@ -217,13 +210,7 @@ pub(super) fn deliveries(deliveries: Option<&Deliveries>) -> [Digest; 3] {
     };
     let mut links = Fields::default();
     links.u64s(received_ns).f32s(rssi_dbm).u32s(hops).length(medium.len());
-    update(&mut links.0, medium, |medium| {
-        u32::to_le_bytes(match medium {
-            Medium::Radio => 1,
-            Medium::Truth => 2,
-            Medium::Second => 3,
-        })
-    });
+    update(&mut links.0, medium, |medium| (medium as u32).to_le_bytes());
     [sent.end(), receptions.end(), links.end()]
 }
 

@@ -3,21 +3,21 @@
 use super::Bitmap;
 use serde::{Deserialize, Serialize};
 
-/// Something that a network keeps only on request.
+/// Something that a network keeps only on request, numbered as in the contract.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum NetRecord {
     /// [`Packets`], in every step.
-    Packets,
+    Packets = 1,
     /// The radio's traffic as a capture file, in every step.
-    Capture,
+    Capture = 2,
     /// [`MoteStatistics`], in steps that ask for them.
-    Statistics,
+    Statistics = 3,
     /// [`Schedule`], in steps that ask for it.
-    Schedule,
+    Schedule = 4,
     /// [`HeardLinks`], in steps that ask for them.
-    HeardLinks,
+    HeardLinks = 5,
     /// [`Frames`], in every step.
-    Frames,
+    Frames = 6,
 }
 
 impl NetRecord {
@@ -319,17 +319,17 @@ impl Frames {
     }
 }
 
-/// What became of a frame at the mote it was for.
+/// What became of a frame at the mote it was for, numbered as in the contract.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FrameOutcome {
     /// It was for everyone in reach.
-    Broadcast,
+    Broadcast = 0,
     /// It was not received.
-    Lost,
+    Lost = 1,
     /// It was received, and the acknowledgment was lost.
-    NotAcknowledged,
+    NotAcknowledged = 2,
     /// It was received and acknowledged.
-    Acknowledged,
+    Acknowledged = 3,
 }
 
 impl FrameOutcome {

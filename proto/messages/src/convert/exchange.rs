@@ -1,16 +1,15 @@
 //! Whole requests and replies, from messages to values and back.
 
 use super::{
-    InvalidField, Result, agent_commands, agent_messages, columns, coupling, deliveries, formation,
-    frames, heard_links, mote_commands, motes, moved_obstacles, packets, payloads, records,
-    schedule, states, statistics, task_figures,
+    InvalidField, Numbered as _, Result, agent_commands, agent_messages, columns, coupling,
+    deliveries, formation, frames, heard_links, known, mote_commands, motes, moved_obstacles,
+    numbers, packets, payloads, records, schedule, states, statistics, task_figures,
 };
 use crate::v1;
 use bytes::Bytes;
 use proto::exchange::{ConfigureRequest, NetworkStart, NetworkStep, RobotsStart, RobotsStep};
 use proto::side::{NetInput, RobotInput};
-use proto::types::{DeliveryColumn, Experiment, MoteStates, NetRecord};
-use std::collections::BTreeMap;
+use proto::types::{Experiment, MoteStates};
 
 /// A request to configure the robots from its message.
 ///
@@ -18,6 +17,7 @@ use std::collections::BTreeMap;
 ///
 /// A coupling that does not exist.
 pub fn robots_request(message: v1::RobotSimServiceConfigureRequest) -> Result<ConfigureRequest> {
+    let files = message.files.into_iter();
     Ok(ConfigureRequest {
         experiment: Experiment {
             seed: message.seed,
@@ -27,7 +27,7 @@ pub fn robots_request(message: v1::RobotSimServiceConfigureRequest) -> Result<Co
         },
         site_toml: message.site_toml,
         config_toml: message.config_toml,
-        files: by_path(message.files),
+        files: files.map(|file| (file.path, file.content)).collect(),
         columns: Vec::new(),
         records: Vec::new(),
         full_digest: message.full_digest,
@@ -40,24 +40,18 @@ pub fn robots_request(message: v1::RobotSimServiceConfigureRequest) -> Result<Co
 ///
 /// A coupling, a column or a record that does not exist.
 pub fn network_request(message: v1::NetSimServiceConfigureRequest) -> Result<ConfigureRequest> {
-    Ok(ConfigureRequest {
-        experiment: Experiment {
-            seed: message.seed,
-            agent_count: message.agent_count as usize,
-            step_ns: message.step_ns,
-            coupling: coupling(message.coupling)?,
-        },
+    let shared = robots_request(v1::RobotSimServiceConfigureRequest {
+        seed: message.seed,
+        agent_count: message.agent_count,
+        step_ns: message.step_ns,
+        coupling: message.coupling,
         site_toml: message.site_toml,
         config_toml: message.config_toml,
-        files: by_path(message.files),
-        columns: columns(&message.columns)?,
-        records: records(&message.records)?,
+        files: message.files,
         full_digest: message.full_digest,
-    })
-}
-
-fn by_path(files: Vec<v1::File>) -> BTreeMap<String, Bytes> {
-    files.into_iter().map(|file| (file.path, file.content)).collect()
+    })?;
+    let (columns, records) = (columns(&message.columns)?, records(&message.records)?);
+    Ok(ConfigureRequest { columns, records, ..shared })
 }
 
 /// The robots' reply to `Configure` from its message. Columns that this version of the contract does not know are left out: no
@@ -70,12 +64,11 @@ pub fn robots_start(
     message: v1::RobotSimServiceConfigureResponse,
     n_agents: usize,
 ) -> Result<RobotsStart> {
-    let known = |&number: &i32| columns(&[number]).ok();
     Ok(RobotsStart {
         effective_toml: message.effective_config_toml,
         states: states(message.states, n_agents)?,
-        payloads: optional(message.payloads, |it| payloads(Some(it), n_agents))?,
-        columns: message.columns.iter().filter_map(known).flatten().collect(),
+        payloads: message.payloads.map(|it| payloads(Some(it), n_agents)).transpose()?,
+        columns: known(&message.columns),
         messages: message.messages,
     })
 }
@@ -91,7 +84,7 @@ pub fn network_start(
 ) -> Result<NetworkStart> {
     Ok(NetworkStart {
         effective_toml: message.effective_config_toml,
-        motes: optional_motes(message.motes, n_agents)?,
+        motes: reported_motes(message.motes, n_agents)?,
         warnings: message.warnings,
         formation: formation(message.formation, n_agents)?,
         records: records(&message.records)?,
@@ -138,7 +131,7 @@ pub fn network_step(
         step: message.step,
         time_ns: message.time_ns,
         deliveries: deliveries(message.deliveries, n_agents)?.unwrap_or_default(),
-        motes: optional_motes(message.motes, n_agents)?,
+        motes: reported_motes(message.motes, n_agents)?,
         commands: agent_commands(message.commands, n_agents)?,
         applied_commands: mote_commands(message.applied_commands, n_agents).map_err(applied)?,
         formation: formation(message.formation, n_agents)?,
@@ -152,51 +145,39 @@ pub fn network_step(
     Ok((reply, message.digest))
 }
 
-fn optional<M, T>(message: Option<M>, read: impl FnOnce(M) -> Result<T>) -> Result<Option<T>> {
-    message.map(read).transpose()
-}
-
 /// A complaint about orders that were applied, whose field bears that in its name.
 fn applied(invalid: InvalidField) -> InvalidField {
     InvalidField::new(format!("applied_{}", invalid.field), invalid.reason)
 }
 
 /// Motes that are not reported are not made up.
-fn optional_motes(message: Option<v1::MoteStates>, n_agents: usize) -> Result<Option<MoteStates>> {
-    optional(message, |it| motes(Some(it), n_agents))
+///
+/// # Errors
+///
+/// A column of the wrong length.
+pub fn reported_motes(
+    message: Option<v1::MoteStates>,
+    n_agents: usize,
+) -> Result<Option<MoteStates>> {
+    message.map(|it| motes(Some(it), n_agents)).transpose()
 }
 
-fn files(request: &ConfigureRequest) -> Vec<v1::File> {
-    let file = |(path, content): (&String, &Bytes)| v1::File {
-        path: path.clone(),
-        content: content.clone(),
-    };
-    request.files.iter().map(file).collect()
-}
-
-fn column_numbers(columns: &[DeliveryColumn]) -> Vec<i32> {
-    columns.iter().map(|&column| v1::DeliveryColumn::from(column).into()).collect()
-}
-
-fn record_numbers(records: &[NetRecord]) -> Vec<i32> {
-    records.iter().map(|&record| v1::NetRecord::from(record).into()).collect()
-}
-
-/// Owned values as the messages that they become.
-fn each<T: Clone + Into<M>, M>(values: &[T]) -> Vec<M> {
-    values.iter().cloned().map(Into::into).collect()
+/// Values as the messages that they become.
+fn each<T: Into<M>, M>(values: impl IntoIterator<Item = T>) -> Vec<M> {
+    values.into_iter().map(Into::into).collect()
 }
 
 impl From<&ConfigureRequest> for v1::RobotSimServiceConfigureRequest {
     fn from(request: &ConfigureRequest) -> Self {
+        let files = request.files.clone().into_iter();
         Self {
             seed: request.experiment.seed,
             agent_count: request.experiment.agent_count as u32,
             step_ns: request.experiment.step_ns,
-            coupling: v1::Coupling::from(request.experiment.coupling).into(),
+            coupling: request.experiment.coupling.number(),
             site_toml: request.site_toml.clone(),
             config_toml: request.config_toml.clone(),
-            files: files(request),
+            files: files.map(|(path, content)| v1::File { path, content }).collect(),
             full_digest: request.full_digest,
         }
     }
@@ -204,17 +185,18 @@ impl From<&ConfigureRequest> for v1::RobotSimServiceConfigureRequest {
 
 impl From<&ConfigureRequest> for v1::NetSimServiceConfigureRequest {
     fn from(request: &ConfigureRequest) -> Self {
+        let shared = v1::RobotSimServiceConfigureRequest::from(request);
         Self {
-            seed: request.experiment.seed,
-            agent_count: request.experiment.agent_count as u32,
-            step_ns: request.experiment.step_ns,
-            coupling: v1::Coupling::from(request.experiment.coupling).into(),
-            site_toml: request.site_toml.clone(),
-            config_toml: request.config_toml.clone(),
-            columns: column_numbers(&request.columns),
-            files: files(request),
-            records: record_numbers(&request.records),
-            full_digest: request.full_digest,
+            seed: shared.seed,
+            agent_count: shared.agent_count,
+            step_ns: shared.step_ns,
+            coupling: shared.coupling,
+            site_toml: shared.site_toml,
+            config_toml: shared.config_toml,
+            columns: numbers(&request.columns),
+            files: shared.files,
+            records: numbers(&request.records),
+            full_digest: shared.full_digest,
         }
     }
 }
@@ -225,7 +207,7 @@ impl From<&RobotsStart> for v1::RobotSimServiceConfigureResponse {
             effective_config_toml: start.effective_toml.clone(),
             states: Some(start.states.clone().into()),
             payloads: start.payloads.clone().map(Into::into),
-            columns: column_numbers(&start.columns),
+            columns: numbers(&start.columns),
             messages: start.messages,
         }
     }
@@ -238,7 +220,7 @@ impl From<&NetworkStart> for v1::NetSimServiceConfigureResponse {
             motes: start.motes.clone().map(Into::into),
             warnings: start.warnings.clone(),
             formation: start.formation.clone().map(Into::into),
-            records: record_numbers(&start.records),
+            records: numbers(&start.records),
             statistics: start.statistics.clone().map(Into::into),
             capture_header: start.capture_header.clone(),
         }
@@ -253,7 +235,7 @@ impl From<&RobotInput<'_>> for v1::RobotSimServiceStepRequest {
             until_ns: input.until_ns,
             deliveries: input.deliveries.cloned().map(Into::into),
             motes: input.motes.cloned().map(Into::into),
-            commands: each(input.commands),
+            commands: each(input.commands.to_vec()),
             confirmed_digest: Bytes::new(),
             hold: input.hold,
         }
@@ -268,53 +250,53 @@ impl From<&NetInput<'_>> for v1::NetSimServiceStepRequest {
             until_ns: input.until_ns,
             states: Some(input.states.clone().into()),
             payloads: Some(input.payloads.clone().into()),
-            moved_obstacles: each(input.moved_obstacles),
-            commands: each(input.commands),
+            moved_obstacles: each(input.moved_obstacles.to_vec()),
+            commands: each(input.commands.to_vec()),
             stop_at_first_delivery: input.stop_at_first_delivery,
             confirmed_digest: Bytes::new(),
-            records: record_numbers(input.records),
+            records: numbers(input.records),
         }
     }
 }
 
-/// Without the digest, which only a stream carries.
-impl From<&RobotsStep> for v1::RobotSimServiceStepResponse {
-    fn from(reply: &RobotsStep) -> Self {
+/// Without the digest, which only a service adds.
+impl From<RobotsStep> for v1::RobotSimServiceStepResponse {
+    fn from(reply: RobotsStep) -> Self {
         Self {
             step: reply.step,
             time_ns: reply.time_ns,
-            states: Some(reply.states.clone().into()),
-            payloads: Some(reply.payloads.clone().into()),
-            moved_obstacles: each(&reply.moved_obstacles),
-            commands: each(&reply.commands),
-            applied_commands: each(&reply.applied_commands),
+            states: Some(reply.states.into()),
+            payloads: Some(reply.payloads.into()),
+            moved_obstacles: each(reply.moved_obstacles),
+            commands: each(reply.commands),
+            applied_commands: each(reply.applied_commands),
             task_complete: reply.task_complete,
             digest: Bytes::new(),
             held: reply.held,
-            messages: (!reply.messages.is_empty()).then(|| reply.messages.clone().into()),
-            figures: each(&reply.figures),
+            messages: (!reply.messages.is_empty()).then(|| reply.messages.into()),
+            figures: each(reply.figures),
         }
     }
 }
 
-/// Without the digest, which only a stream carries.
-impl From<&NetworkStep> for v1::NetSimServiceStepResponse {
-    fn from(reply: &NetworkStep) -> Self {
+/// Without the digest, which only a service adds.
+impl From<NetworkStep> for v1::NetSimServiceStepResponse {
+    fn from(reply: NetworkStep) -> Self {
         Self {
             step: reply.step,
             time_ns: reply.time_ns,
-            deliveries: Some(reply.deliveries.clone().into()),
-            motes: reply.motes.clone().map(Into::into),
-            commands: each(&reply.commands),
-            applied_commands: each(&reply.applied_commands),
+            deliveries: Some(reply.deliveries.into()),
+            motes: reply.motes.map(Into::into),
+            commands: each(reply.commands),
+            applied_commands: each(reply.applied_commands),
             digest: Bytes::new(),
-            formation: reply.formation.clone().map(Into::into),
-            packets: reply.packets.clone().map(Into::into),
-            capture: reply.capture.clone(),
-            statistics: reply.statistics.clone().map(Into::into),
-            schedule: reply.schedule.clone().map(Into::into),
-            heard_links: reply.heard_links.clone().map(Into::into),
-            frames: reply.frames.clone().map(Into::into),
+            formation: reply.formation.map(Into::into),
+            packets: reply.packets.map(Into::into),
+            capture: reply.capture,
+            statistics: reply.statistics.map(Into::into),
+            schedule: reply.schedule.map(Into::into),
+            heard_links: reply.heard_links.map(Into::into),
+            frames: reply.frames.map(Into::into),
         }
     }
 }
@@ -351,7 +333,7 @@ mod tests {
             }],
             figures: vec![TaskFigure { name: "mapped_ratio".to_owned(), value: 0.5 }],
         };
-        let (back, digest) = robots_step((&robots).into(), 2).unwrap();
+        let (back, digest) = robots_step(robots.clone().into(), 2).unwrap();
         assert_eq!((back, digest), (robots, Bytes::new()));
         let network = NetworkStep {
             step: 3,
@@ -367,13 +349,13 @@ mod tests {
             capture: Bytes::from_static(b"frames"),
             ..NetworkStep::default()
         };
-        let (back, _) = network_step((&network).into(), 2).unwrap();
+        let (back, _) = network_step(network.clone().into(), 2).unwrap();
         assert_eq!(back, network);
     }
 
     #[test]
     fn an_order_that_was_applied_is_checked_as_any_other() {
-        let mut message = v1::NetSimServiceStepResponse::from(&NetworkStep::default());
+        let mut message = v1::NetSimServiceStepResponse::from(NetworkStep::default());
         let order = v1::mote_command::Order::Kill(v1::mote_command::Kill { mote: 9 });
         message.applied_commands =
             vec![v1::MoteCommand { source: String::new(), order: Some(order) }];

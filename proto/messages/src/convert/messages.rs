@@ -1,10 +1,11 @@
 //! From values to messages. A value is valid, so this cannot fail.
 
+use super::numbers;
 use crate::v1;
 use bytes::Bytes;
 use proto::types::{
-    AgentCommand, AgentOrder, AgentStates, Bitmap, Coupling, Deliveries, DeliveryColumn, Heard,
-    Medium, MoteCommand, MoteCommandKind, MoteOrder, MoteStates, MovedObstacle, Payloads,
+    AgentCommand, AgentOrder, AgentStates, Bitmap, Deliveries, Heard, MoteCommand, MoteOrder,
+    MoteStates, MovedObstacle, Payloads,
 };
 
 impl From<AgentStates> for v1::AgentStates {
@@ -54,15 +55,7 @@ impl From<Deliveries> for v1::Deliveries {
             received_ns: deliveries.received_ns,
             rssi_dbm: deliveries.rssi_dbm,
             hops: deliveries.hops,
-            medium: deliveries
-                .medium
-                .into_iter()
-                .map(|medium| match medium {
-                    Medium::Radio => v1::Medium::Radio.into(),
-                    Medium::Truth => v1::Medium::Truth.into(),
-                    Medium::Second => v1::Medium::Second.into(),
-                })
-                .collect(),
+            medium: numbers(&deliveries.medium),
         }
     }
 }
@@ -113,42 +106,9 @@ impl From<MoteCommand> for v1::MoteCommand {
     }
 }
 
-impl From<MoteCommandKind> for v1::MoteCommandKind {
-    fn from(kind: MoteCommandKind) -> Self {
-        match kind {
-            MoteCommandKind::Kill => Self::Kill,
-            MoteCommandKind::Revive => Self::Revive,
-            MoteCommandKind::Add => Self::Add,
-            MoteCommandKind::Jam => Self::Jam,
-            MoteCommandKind::Send => Self::Send,
-        }
-    }
-}
-
 impl From<MovedObstacle> for v1::MovedObstacle {
     fn from(moved: MovedObstacle) -> Self {
         let [x_m, y_m] = moved.centre_m;
         Self { name: moved.name, x_m, y_m }
-    }
-}
-
-impl From<Coupling> for v1::Coupling {
-    fn from(coupling: Coupling) -> Self {
-        match coupling {
-            Coupling::Sequential => Self::Sequential,
-            Coupling::Parallel => Self::Parallel,
-            Coupling::Event => Self::Event,
-        }
-    }
-}
-
-impl From<DeliveryColumn> for v1::DeliveryColumn {
-    fn from(column: DeliveryColumn) -> Self {
-        match column {
-            DeliveryColumn::ReceivedNs => Self::ReceivedNs,
-            DeliveryColumn::RssiDbm => Self::RssiDbm,
-            DeliveryColumn::Hops => Self::Hops,
-            DeliveryColumn::Medium => Self::Medium,
-        }
     }
 }

@@ -9,32 +9,6 @@ use proto::prediction::{
 /// The latest that a window may start (ns): after about 31 years.
 const LATEST_NS: u64 = 1_000_000_000_000_000_000;
 
-/// A kind of command from its number.
-///
-/// # Errors
-///
-/// It is not stated, or this version of the contract does not know it.
-pub fn motion_command_kind(number: i32) -> Result<MotionCommandKind> {
-    match v1::MotionCommandKind::try_from(number) {
-        Ok(v1::MotionCommandKind::Velocity) => Ok(MotionCommandKind::Velocity),
-        Ok(v1::MotionCommandKind::SpeedAndYawRate) => Ok(MotionCommandKind::SpeedAndYawRate),
-        Ok(v1::MotionCommandKind::SpeedAndSteering) => Ok(MotionCommandKind::SpeedAndSteering),
-        Ok(v1::MotionCommandKind::Unspecified) | Err(_) => {
-            Err(InvalidField::new("command_kind", format!("must be 1, 2 or 3, got {number}")))
-        }
-    }
-}
-
-impl From<MotionCommandKind> for v1::MotionCommandKind {
-    fn from(kind: MotionCommandKind) -> Self {
-        match kind {
-            MotionCommandKind::Velocity => Self::Velocity,
-            MotionCommandKind::SpeedAndYawRate => Self::SpeedAndYawRate,
-            MotionCommandKind::SpeedAndSteering => Self::SpeedAndSteering,
-        }
-    }
-}
-
 /// Windows to predict.
 ///
 /// # Errors
@@ -217,6 +191,7 @@ fn column_of(field: &str, column: &[f64], n: usize) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::convert::motion_command_kind;
 
     fn window() -> PredictionWindow {
         let step = |speed_mps| PredictionStep { duration_ns: 100, command: [speed_mps, 0.5, 0.0] };

@@ -4,31 +4,9 @@ use super::{InvalidField, NUMBER, Result, bitmap, is_number};
 use crate::v1;
 use bytes::Bytes;
 use proto::types::{
-    Formation, FrameOutcome, Frames, HeardLinks, MoteStatistics, NetRecord, PacketKind, Packets,
-    Schedule, Statistic, is_statistic_name,
+    Formation, FrameOutcome, Frames, HeardLinks, MoteStatistics, PacketKind, Packets, Schedule,
+    Statistic, is_statistic_name,
 };
-
-/// Kinds of record from their numbers.
-///
-/// # Errors
-///
-/// A number that the contract does not know.
-pub fn records(numbers: &[i32]) -> Result<Vec<NetRecord>> {
-    numbers
-        .iter()
-        .map(|&number| match v1::NetRecord::try_from(number) {
-            Ok(v1::NetRecord::Packets) => Ok(NetRecord::Packets),
-            Ok(v1::NetRecord::Capture) => Ok(NetRecord::Capture),
-            Ok(v1::NetRecord::Statistics) => Ok(NetRecord::Statistics),
-            Ok(v1::NetRecord::Schedule) => Ok(NetRecord::Schedule),
-            Ok(v1::NetRecord::HeardLinks) => Ok(NetRecord::HeardLinks),
-            Ok(v1::NetRecord::Frames) => Ok(NetRecord::Frames),
-            Ok(v1::NetRecord::Unspecified) | Err(_) => {
-                Err(InvalidField::new("records", format!("unknown record: {number}")))
-            }
-        })
-        .collect()
-}
 
 /// Formation from a message.
 ///
@@ -345,19 +323,6 @@ fn unique<'a>(field: &str, names: impl Iterator<Item = &'a str>) -> Result<()> {
     Ok(())
 }
 
-impl From<NetRecord> for v1::NetRecord {
-    fn from(record: NetRecord) -> Self {
-        match record {
-            NetRecord::Packets => Self::Packets,
-            NetRecord::Capture => Self::Capture,
-            NetRecord::Statistics => Self::Statistics,
-            NetRecord::Schedule => Self::Schedule,
-            NetRecord::HeardLinks => Self::HeardLinks,
-            NetRecord::Frames => Self::Frames,
-        }
-    }
-}
-
 impl From<Formation> for v1::Formation {
     fn from(formation: Formation) -> Self {
         let Formation { formed_ns, missing, reason, reasons } = formation;
@@ -419,14 +384,8 @@ impl From<Schedule> for v1::Schedule {
 
 impl From<Frames> for v1::Frames {
     fn from(frames: Frames) -> Self {
-        let outcome = frames.outcome.into_iter().map(|outcome| match outcome {
-            FrameOutcome::Broadcast => v1::FrameOutcome::Unspecified.into(),
-            FrameOutcome::Lost => v1::FrameOutcome::Lost.into(),
-            FrameOutcome::NotAcknowledged => v1::FrameOutcome::NotAcknowledged.into(),
-            FrameOutcome::Acknowledged => v1::FrameOutcome::Acknowledged.into(),
-        });
         Self {
-            outcome: outcome.collect(),
+            outcome: frames.outcome.iter().map(|&outcome| outcome as i32).collect(),
             sent_ns: frames.sent_ns,
             sender: frames.sender,
             destination: frames.destination,

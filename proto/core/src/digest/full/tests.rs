@@ -3,9 +3,9 @@
 use super::*;
 use crate::digest::hex;
 use crate::types::{
-    AgentMessage, AgentOrder, Bitmap, Covariate, Formation, FrameOutcome, Frames, Heard,
-    HeardLinks, Medium, MoteOrder, MoteStatistics, PacketKind, Packets, Schedule, Statistic,
-    TaskFigure, Transmissions,
+    AgentMessage, AgentOrder, Bitmap, Coupling, Covariate, Deliveries, Formation, FrameOutcome,
+    Frames, Heard, HeardLinks, Medium, MoteOrder, MoteStates, MoteStatistics, PacketKind, Packets,
+    Schedule, Statistic, TaskFigure, Transmissions,
 };
 use bytes::Bytes;
 

@@ -1,5 +1,6 @@
 use super::*;
-use proto::types::Bitmap;
+use crate::convert::records;
+use proto::types::{Bitmap, NetRecord};
 
 const N: usize = 9;
 
