@@ -5,15 +5,13 @@
 //! the file records those steps as its own first ones, so that its results have the same shape as those of any other run.
 
 use super::bounded::read_file;
-use super::log::{StoredMessage, Topic};
+use super::log::{StoredMessage, Topic, configuration_messages, step_messages};
 use super::read::{ReadError, RunReader};
 use super::{StepRecord, values};
 use bytes::Bytes;
-use prost::Message;
 use proto::bounds::FORMED_BYTES;
 use proto::digest;
 use proto::exchange::Configured;
-use proto_messages::v1;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
 use std::io::Write as _;
@@ -173,46 +171,10 @@ impl FormedNetwork {
     }
 
     fn messages(&self) -> Vec<StoredMessage> {
-        let message = |topic: Topic, bytes: Vec<u8>| (topic as u8, bytes);
-        let Configured { robots_request, robots_start, network_request, network_start } =
-            &self.configured;
-        let mut messages = vec![
-            message(
-                Topic::RobotConfigureRequest,
-                v1::RobotSimServiceConfigureRequest::from(robots_request).encode_to_vec(),
-            ),
-            message(
-                Topic::RobotConfigureResponse,
-                v1::RobotSimServiceConfigureResponse::from(robots_start).encode_to_vec(),
-            ),
-            message(
-                Topic::NetConfigureRequest,
-                v1::NetSimServiceConfigureRequest::from(network_request).encode_to_vec(),
-            ),
-            message(
-                Topic::NetConfigureResponse,
-                v1::NetSimServiceConfigureResponse::from(network_start).encode_to_vec(),
-            ),
-        ];
-        for record in &self.steps {
-            let StepRecord { step, time_ns, robots, network, commands, digest } = record;
-            if !commands.is_empty() {
-                let commands = commands.iter().cloned().map(Into::into).collect();
-                let request = v1::NetSimServiceCommandRequest { commands };
-                messages.push(message(Topic::NetCommand, request.encode_to_vec()));
-            }
-            let reply = v1::RobotSimServiceStepResponse::from((**robots).clone());
-            messages.push(message(Topic::RobotStep, reply.encode_to_vec()));
-            let reply = v1::NetSimServiceStepResponse::from((**network).clone());
-            messages.push(message(Topic::NetStep, reply.encode_to_vec()));
-            let barrier = v1::RobotSimServiceBarrierResponse {
-                step: *step,
-                time_ns: *time_ns,
-                digest: digest.to_vec().into(),
-            };
-            messages.push(message(Topic::Barrier, barrier.encode_to_vec()));
-        }
-        messages
+        let steps = self.steps.iter();
+        let steps = steps.flat_map(|step| step_messages(step, step.network.capture.clone()));
+        let messages = configuration_messages(&self.configured).into_iter().chain(steps);
+        messages.map(|(topic, bytes)| (topic as u8, bytes)).collect()
     }
 }
 

@@ -3,7 +3,7 @@
 
 use super::checkpoint::Checkpoint;
 use super::hashed_file::Fingerprint;
-use super::log::{MessageLog, Topic};
+use super::log::{MessageLog, configuration_messages, step_messages};
 use super::pcap::{self, Capture, CapturePart};
 use super::periods::Periods;
 use super::run_summary::OrdersFromOutside;
@@ -171,18 +171,11 @@ impl RunWriter {
         if let Some(run) = &self.run {
             return Err(RecordError::Order { got: 0, expected: run.n_steps + 1 });
         }
+        if let Some(log) = &mut self.log {
+            log.write(0, 0, configuration_messages(&configured))?;
+        }
         let Configured { robots_request, robots_start, network_request, network_start } =
             configured;
-        if let Some(log) = &mut self.log {
-            let request = v1::RobotSimServiceConfigureRequest::from(&robots_request);
-            log.write(Topic::RobotConfigureRequest, 0, 0, &request)?;
-            let reply = v1::RobotSimServiceConfigureResponse::from(&robots_start);
-            log.write(Topic::RobotConfigureResponse, 0, 0, &reply)?;
-            let request = v1::NetSimServiceConfigureRequest::from(&network_request);
-            log.write(Topic::NetConfigureRequest, 0, 0, &request)?;
-            let reply = v1::NetSimServiceConfigureResponse::from(&network_start);
-            log.write(Topic::NetConfigureResponse, 0, 0, &reply)?;
-        }
         let n = self.n_agents;
         let motes = network_start.motes.unwrap_or_else(|| MoteStates::all_working(n));
         let statistics = network_start.statistics;
@@ -269,24 +262,9 @@ impl RunWriter {
             }
         }
         if let Some(log) = &mut self.log {
-            if !commands.is_empty() {
-                let commands = commands.iter().cloned().map(Into::into).collect();
-                let request = v1::NetSimServiceCommandRequest { commands };
-                log.write(Topic::NetCommand, step, time_ns, &request)?;
-                run.n_ordered += 1;
-            }
-            let reply = v1::RobotSimServiceStepResponse::from((**robots).clone());
-            log.write(Topic::RobotStep, step, time_ns, &reply)?;
-            let mut reply = v1::NetSimServiceStepResponse::from((**network).clone());
-            // In a file of its own.
-            reply.capture.clear();
-            log.write(Topic::NetStep, step, time_ns, &reply)?;
-            let barrier = v1::RobotSimServiceBarrierResponse {
-                step,
-                time_ns,
-                digest: digest.to_vec().into(),
-            };
-            log.write(Topic::Barrier, step, time_ns, &barrier)?;
+            // The radio's traffic is in a file of its own.
+            log.write(step, time_ns, step_messages(&record, Bytes::new()))?;
+            run.n_ordered += u64::from(!commands.is_empty());
         }
         if !robots.held {
             run.measures.task_figures.clone_from(&robots.figures);
