@@ -2,7 +2,6 @@
 //! read as text.
 
 use super::error_split::NetworkErrorSplit;
-use diagnose::json_number;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
 use schemars::JsonSchema;
@@ -58,11 +57,9 @@ pub struct AmongSeeds {
     /// Packets made before this time were not compared (s).
     pub from_s: f64,
     /// Measured less the mean of the seeds, by figure; figures that are unknown are left out.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "IndexMap<String, Option<f64>>")]
     pub scores: IndexMap<String, f64>,
     /// Measured less the ends of the middle 90 % of the seeds, by figure.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "IndexMap<String, [Option<f64>; 2]>")]
     pub intervals: IndexMap<String, [f64; 2]>,
     /// The figures that are compared.
@@ -73,7 +70,6 @@ pub struct AmongSeeds {
     #[serde(rename = "where")]
     pub places: [BySource; 1],
     /// Chance that a run of the model lies as far out in some figure.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub p_value: f64,
 }
@@ -88,18 +84,13 @@ pub struct Kpi {
     /// What the figure is, in a sentence.
     pub doc: &'static str,
     /// Its measured value; null where it is unknown.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub measured: f64,
     /// Its values under the seeds of the model.
     pub model: KpiOfModel,
     /// Chance that a run of the model lies as far out in it, on either side; null where it is unknown.
-    #[serde(serialize_with = "json_number::serialize")]
-    #[schemars(with = "Option<f64>")]
     pub p_value: Option<f64>,
     /// How far out the measurement lies, in standard deviations.
-    #[serde(serialize_with = "json_number::serialize")]
-    #[schemars(with = "Option<f64>")]
     pub z: Option<f64>,
 }
 
@@ -107,19 +98,15 @@ pub struct Kpi {
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct KpiOfModel {
     /// Mean of the seeds.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub mean: f64,
     /// Lower end of the middle 90 % of the seeds.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub low: f64,
     /// Upper end of the middle 90 % of the seeds.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub high: f64,
     /// The value under each seed.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Vec<Option<f64>>")]
     pub seeds: Vec<f64>,
 }
@@ -134,7 +121,6 @@ pub struct MoteDelivery {
     /// Those of them that arrived.
     pub arrived: u32,
     /// The share that arrived, as measured.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub delivery: f64,
     /// The share that arrives in the model.
@@ -147,15 +133,12 @@ pub struct MoteDelivery {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct DeliveryOfModel {
     /// Mean of the seeds.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub mean: f64,
     /// Lower end of the middle 90 % of the seeds.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub low: f64,
     /// Upper end of the middle 90 % of the seeds.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub high: f64,
 }
@@ -169,7 +152,6 @@ pub struct BySource {
     /// Always null: a share of an error is not defined for one measured run.
     pub explained: (),
     /// Chance that a run of the model lies as far out in the delivery of some mote.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub p_value: f64,
     /// The error of each mote, a bin per mote.
@@ -186,11 +168,9 @@ pub struct MoteBin {
     /// Packets that it made, as measured.
     pub n: u32,
     /// Measured share that arrived less the mean of the seeds.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub bias: f64,
     /// The magnitude of that.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub rmse: f64,
 }

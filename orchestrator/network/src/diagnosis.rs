@@ -2,7 +2,6 @@
 
 use super::comparison::{AmongSeeds, Kpi};
 use diagnose::diagnosis::{Parameter, Verdict};
-use diagnose::json_number;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
 use schemars::JsonSchema;
@@ -54,11 +53,9 @@ pub struct NetworkRung {
     /// `as configured`, or what this model has beyond the one before: `+ ack-loss`.
     pub model: String,
     /// Log density of the packets (nats).
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub log_score: f64,
     /// Chance that a run of this model lies as far out as the packets.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub p_value: f64,
     /// Always null: only diagnoses of links and robots have it.
@@ -75,24 +72,16 @@ pub struct NetworkCandidate {
     /// Name of the effect.
     pub effect: &'static str,
     /// How much more probable the packets are with it (nats); null: it was not tried.
-    #[serde(serialize_with = "json_number::serialize")]
-    #[schemars(with = "Option<f64>")]
     pub gain: Option<f64>,
     /// Standard error of the gain that comes from the choice of seeds (nats).
-    #[serde(serialize_with = "json_number::serialize")]
-    #[schemars(with = "Option<f64>")]
     pub standard_error: Option<f64>,
     /// Chance of as great a gain, of any candidate, without any effect.
-    #[serde(serialize_with = "json_number::serialize")]
-    #[schemars(with = "Option<f64>")]
     pub p_value: Option<f64>,
     /// Whether it was accepted.
     pub accepted: bool,
     /// Effects that make the packets as probable.
     pub indistinguishable_from: Vec<&'static str>,
     /// Chance that a run of the model with it lies as far out as the packets.
-    #[serde(serialize_with = "json_number::serialize")]
-    #[schemars(with = "Option<f64>")]
     pub p_value_with: Option<f64>,
     /// Its number as fitted, by key; empty where it was not fitted.
     pub parameters: IndexMap<&'static str, Parameter>,
@@ -112,8 +101,6 @@ pub struct UnexplainedFigure {
     /// Always null: only diagnoses of links and robots have it.
     pub explained: (),
     /// Chance that a run of the last model lies as far out in it.
-    #[serde(serialize_with = "json_number::serialize")]
-    #[schemars(with = "Option<f64>")]
     pub p_value: Option<f64>,
     /// Always null: only diagnoses of links and robots have it.
     pub formula: (),
@@ -129,11 +116,9 @@ pub struct NextCampaign {
     /// The figure in which they differ most.
     pub figure: &'static str,
     /// By how much they differ in it, in standard deviations of a run.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub apart: f64,
     /// How many more campaigns like this one would do, on average.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub campaigns: f64,
     /// The same in words.

@@ -1,6 +1,5 @@
 //! Where an error comes from: what a comparison of a network, or of a swarm's task, says of its parts.
 
-use diagnose::json_number;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -28,7 +27,6 @@ pub struct ErrorPart {
     /// Name of the part: `robot`, `radio` or `protocol`; of a task's error `network` or `robot`.
     pub part: &'static str,
     /// Chance of as much in any figure if nothing is wrong with this part.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub p_value: f64,
     /// Whether it is significant.
@@ -45,23 +43,18 @@ pub struct NetworkFigureSplit {
     /// Unit of the figure; empty for a number without.
     pub unit: &'static str,
     /// Its measured value.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub measured: f64,
     /// Mean of the runs of the model as configured.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub whole: f64,
     /// Mean of the runs with measured tracks.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub with_tracks: f64,
     /// Mean of the runs with measured tracks and a trace of the model's own links, sampled as the measured links are.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub with_tracks_and_own_links: f64,
     /// Mean of the runs with measured tracks and a trace of the measured links.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub with_tracks_and_links: f64,
     /// How much of the error each part is; null where that is unknown.
@@ -72,19 +65,15 @@ pub struct NetworkFigureSplit {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct PartOfFigure {
     /// The estimate.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub value: f64,
     /// Lower end of the 90 % interval.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub low: f64,
     /// Upper end of the 90 % interval.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub high: f64,
     /// Of a network: how far out it is, in standard deviations.
-    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "json_number::serialize")]
-    #[schemars(with = "Option<f64>")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub z: Option<f64>,
 }

@@ -1,7 +1,6 @@
 //! What was added to the configuration of a network: the answer that programs read as JSON.
 
 use diagnose::diagnosis::Parameter;
-use diagnose::json_number;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -22,11 +21,9 @@ pub struct NetworkExtension {
     /// The number of each effect as fitted: by effect, then by key.
     pub parameters: IndexMap<&'static str, IndexMap<&'static str, Parameter>>,
     /// Chance that a run of the model lies as far out as the packets, before and after.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "[Option<f64>; 2]")]
     pub p_value: [f64; 2],
     /// Log density of the packets before and after (nats).
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "[Option<f64>; 2]")]
     pub log_score: [f64; 2],
 }

@@ -17,8 +17,8 @@ pub struct FigureSpec<S> {
 pub(super) const fn figure<S>(
     name: &'static str,
     unit: &'static str,
-    doc: &'static str,
     scale: S,
+    doc: &'static str,
 ) -> FigureSpec<S> {
     FigureSpec { name, unit, doc, scale }
 }

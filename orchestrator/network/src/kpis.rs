@@ -15,29 +15,21 @@ pub enum Scale {
     Ratio,
 }
 
+use Scale::{Ratio, Share};
+
 /// All figures, in the order of [`NetworkFigures::values`].
 pub const KPIS: [FigureSpec<Scale>; 11] = [
-    figure("delivery", "", "share of packets that arrived", Scale::Share),
-    figure("delivery_worst", "", "share of packets that arrived, of the worst mote", Scale::Share),
-    figure("latency_p10_s", "s", "10 % quantile of the latency", Scale::Ratio),
-    figure("latency_p50_s", "s", "median of the latency", Scale::Ratio),
-    figure("latency_p90_s", "s", "90 % quantile of the latency", Scale::Ratio),
-    figure("latency_per_hop_s", "s", "median of the latency per hop", Scale::Ratio),
-    figure("hops_mean", "hops", "mean number of hops", Scale::Ratio),
-    figure(
-        "join_p50_s",
-        "s",
-        "arrival time of a mote's first packet: median over motes",
-        Scale::Ratio,
-    ),
-    figure(
-        "join_last_s",
-        "s",
-        "arrival time of a mote's first packet: the last mote",
-        Scale::Ratio,
-    ),
-    figure("silence_s", "s", "longest time between two arrived packets of a mote", Scale::Ratio),
-    figure("packets", "packets", "number of packets created", Scale::Ratio),
+    figure("delivery", "", Share, "share of packets that arrived"),
+    figure("delivery_worst", "", Share, "share of packets that arrived, of the worst mote"),
+    figure("latency_p10_s", "s", Ratio, "10 % quantile of the latency"),
+    figure("latency_p50_s", "s", Ratio, "median of the latency"),
+    figure("latency_p90_s", "s", Ratio, "90 % quantile of the latency"),
+    figure("latency_per_hop_s", "s", Ratio, "median of the latency per hop"),
+    figure("hops_mean", "hops", Ratio, "mean number of hops"),
+    figure("join_p50_s", "s", Ratio, "arrival time of a mote's first packet: median over motes"),
+    figure("join_last_s", "s", Ratio, "arrival time of a mote's first packet: the last mote"),
+    figure("silence_s", "s", Ratio, "longest time between two arrived packets of a mote"),
+    figure("packets", "packets", Ratio, "number of packets created"),
 ];
 
 /// Packets of one mote, sent and delivered.

@@ -178,6 +178,9 @@ impl Figures<'_> {
                 doc,
                 cells: values.into_iter().map(|value| value.map_or_else(dash, words)).collect(),
             };
+        let known = |heading, doc, name: &str, words: &dyn Fn(f64) -> String| {
+            figure(heading, doc, self.values(name), words)
+        };
         let integer = |value: f64| count(value as u64);
         let (ended, why) = self.ended();
         let empty = self.values("battery_empty");
@@ -192,12 +195,7 @@ impl Figures<'_> {
                 };
                 format!("{mote}{state}")
             }),
-            figure(
-                "joined (s)",
-                "when it was first admitted",
-                self.values("first_joined_s"),
-                &number,
-            ),
+            known("joined (s)", "when it was first admitted", "first_joined_s", &number),
             each("parent", "its preferred parent", &|mote| {
                 self.parent(mote).map_or_else(dash, |parent| parent.to_string())
             }),
@@ -206,33 +204,28 @@ impl Figures<'_> {
                 rank.map_or_else(dash, u32::to_string)
             }),
             figure("hops", "to the root, along parents", self.depth(), &integer),
-            figure(
+            known(
                 "expected",
                 "packets that it should have sent while it was alive",
-                self.values("expected"),
+                "expected",
                 &integer,
             ),
-            figure("created", "packets created", self.values("created"), &integer),
-            figure("delivered", "packets delivered", self.values("delivered"), &integer),
-            figure("dropped", "packets dropped on the way", self.values("dropped"), &integer),
-            figure(
+            known("created", "packets created", "created", &integer),
+            known("delivered", "packets delivered", "delivered", &integer),
+            known("dropped", "packets dropped on the way", "dropped", &integer),
+            known(
                 "delivery",
                 "delivered, of those delivered or dropped",
-                self.values("delivery_ratio"),
+                "delivery_ratio",
                 &percent,
             ),
-            figure(
-                "latency (s)",
-                "from creation to delivery, median",
-                self.values("median_latency_s"),
-                &number,
-            ),
-            figure("95 %", "95 % quantile of latency (s)", self.values("p95_latency_s"), &number),
-            figure("max", "longest latency (s)", self.values("max_latency_s"), &number),
-            figure(
+            known("latency (s)", "from creation to delivery, median", "median_latency_s", &number),
+            known("95 %", "95 % quantile of latency (s)", "p95_latency_s", &number),
+            known("max", "longest latency (s)", "max_latency_s", &number),
+            known(
                 "parents",
                 "changes of the preferred parent, the first choice apart",
-                self.values("parent_changes"),
+                "parent_changes",
                 &integer,
             ),
             figure(
@@ -241,7 +234,7 @@ impl Figures<'_> {
                 self.energy_values("duty_cycle"),
                 &percent,
             ),
-            figure("charge (C)", "charge drawn", self.values("charge_uc"), &|uc| number(uc / 1e6)),
+            known("charge (C)", "charge drawn", "charge_uc", &|uc| number(uc / 1e6)),
             figure(
                 "lifetime",
                 "how long its battery lasts at that rate",

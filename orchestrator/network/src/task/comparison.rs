@@ -2,7 +2,6 @@
 
 use crate::comparison::Kpi;
 use crate::error_split::{ErrorPart, PartOfFigure};
-use diagnose::json_number;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
 use schemars::JsonSchema;
@@ -27,11 +26,9 @@ pub struct TaskComparison {
     /// When the task began (s).
     pub from_s: f64,
     /// Measured less the mean of the seeds, by figure; figures that are unknown are left out.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "IndexMap<String, Option<f64>>")]
     pub scores: IndexMap<String, f64>,
     /// Measured less the ends of the middle 90 % of the seeds, by figure.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "IndexMap<String, [Option<f64>; 2]>")]
     pub intervals: IndexMap<String, [f64; 2]>,
     /// The figures that are compared.
@@ -40,7 +37,6 @@ pub struct TaskComparison {
     #[serde(rename = "where")]
     pub places: [(); 0],
     /// Chance that a run of the model lies as far out in some figure.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub p_value: f64,
     /// The verdict.
@@ -97,19 +93,15 @@ pub struct TaskFigureSplit {
     /// Its unit; empty for a number without.
     pub unit: &'static str,
     /// Its measured value.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub measured: f64,
     /// Mean of the runs of the model as configured.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub whole: f64,
     /// Mean of the runs in which robots hear what the model's network delivers along the measured tracks.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub own_network_along_tracks: f64,
     /// Mean of the runs in which robots hear what was heard.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub with_what_was_heard: f64,
     /// How much of the error each part is, `neither` among them; null where that is unknown.
@@ -120,15 +112,12 @@ pub struct TaskFigureSplit {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct PlacesOff {
     /// Of the model as configured.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub whole: f64,
     /// Of robots that hear what the model's network delivers along the measured tracks.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub own_network_along_tracks: f64,
     /// Of robots that hear what was heard.
-    #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub with_what_was_heard: f64,
 }

@@ -18,79 +18,36 @@ pub enum TaskScale {
     Ratio,
 }
 
+use TaskScale::{Plain, Ratio};
+
 /// How many figures there are.
 pub(super) const N: usize = 13;
 
 /// All figures, in the order of their values.
 pub const FIGURES: [FigureSpec<TaskScale>; N] = [
-    figure(
-        "mean_speed_mps",
-        "m/s",
-        "speed of a robot: mean over robots and time",
-        TaskScale::Ratio,
-    ),
-    figure(
-        "flock_speed_mps",
-        "m/s",
-        "speed of the mean velocity: mean over time",
-        TaskScale::Ratio,
-    ),
+    figure("mean_speed_mps", "m/s", Ratio, "speed of a robot: mean over robots and time"),
+    figure("flock_speed_mps", "m/s", Ratio, "speed of the mean velocity: mean over time"),
     figure(
         "speed_along_leader_mps",
         "m/s",
+        Plain,
         "mean velocity along that of the leader: mean over time",
-        TaskScale::Plain,
     ),
-    figure(
-        "leader_distance_m",
-        "m",
-        "distance from the leader: mean over robots and time",
-        TaskScale::Ratio,
-    ),
-    figure(
-        "polarisation",
-        "",
-        "polarisation of the headings, 0 to 1: mean over time",
-        TaskScale::Plain,
-    ),
+    figure("leader_distance_m", "m", Ratio, "distance from the leader: mean over robots and time"),
+    figure("polarisation", "", Plain, "polarisation of the headings, 0 to 1: mean over time"),
     figure(
         "radial_speed_mps",
         "m/s",
+        Plain,
         "speed away from the centre: mean over robots and time",
-        TaskScale::Plain,
     ),
-    figure(
-        "cohesion_m",
-        "m",
-        "distance from the centre: mean over robots and time",
-        TaskScale::Ratio,
-    ),
-    figure(
-        "min_distance_m",
-        "m",
-        "minimum distance between two robots at any time",
-        TaskScale::Ratio,
-    ),
-    figure(
-        "final_spread_m",
-        "m",
-        "root mean square distance from the centre at the end",
-        TaskScale::Ratio,
-    ),
-    figure(
-        "line_rms_m",
-        "m",
-        "root mean square distance from the line at the end",
-        TaskScale::Ratio,
-    ),
-    figure(
-        "circle_rms_m",
-        "m",
-        "root mean square distance from the circle at the end",
-        TaskScale::Ratio,
-    ),
-    figure("centre_x_m", "m", "displacement of the centre of all robots, east", TaskScale::Plain),
-    figure("centre_y_m", "m", "displacement of the centre of all robots, north", TaskScale::Plain),
+    figure("cohesion_m", "m", Ratio, "distance from the centre: mean over robots and time"),
+    figure("min_distance_m", "m", Ratio, "minimum distance between two robots at any time"),
+    figure("final_spread_m", "m", Ratio, "root mean square distance from the centre at the end"),
+    figure("line_rms_m", "m", Ratio, "root mean square distance from the line at the end"),
+    figure("circle_rms_m", "m", Ratio, "root mean square distance from the circle at the end"),
+    figure("centre_x_m", "m", Plain, "displacement of the centre of all robots, east"),
+    figure("centre_y_m", "m", Plain, "displacement of the centre of all robots, north"),
 ];
 
 /// Figures of one swarm.
