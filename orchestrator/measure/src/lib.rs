@@ -65,6 +65,19 @@ pub struct Rejected {
 /// Why a row is rejected that stands in the file before.
 pub const TWICE: &str = "duplicate of an earlier row";
 
+/// The first reason for which rows were rejected, as an addition to an error.
+pub(crate) fn first_rejection(rejected: &[Rejected]) -> String {
+    rejected.first().map_or_else(String::new, |Rejected { reason, rows, first_line }| {
+        format!(" ({rows} rows rejected: {reason}, first on line {first_line})")
+    })
+}
+
+/// A whole number that fits.
+pub(crate) fn to_u32(number: f64) -> Option<u32> {
+    (number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number))
+        .then_some(number as u32)
+}
+
 /// Counts rejected rows by reason, in the order in which the reasons first occurred.
 #[derive(Clone, Debug, std::default::Default)]
 pub struct Rejections(Vec<Rejected>);

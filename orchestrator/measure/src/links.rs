@@ -3,12 +3,12 @@
 mod warnings;
 
 use super::ranges::RangeCheck;
-use super::table::DataTable;
-use super::time_of_day::{self, TIME_OF_DAY};
+use super::table::{DataTable, covariates};
+use super::time_of_day;
 use super::warnings::rejection_warnings;
-use super::{Rejected, Rejections, TWICE};
+use super::{Rejected, Rejections, TWICE, first_rejection, to_u32};
 use proto::effect::CONSTANT;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 /// Measurements of links: a row per frame and possible receiver, or per several frames.
 #[derive(Clone, Debug)]
@@ -131,9 +131,6 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     let column = |name: &str| table.column(name);
     let cell = |column: Option<&[f64]>, row: usize| column.map_or(f64::NAN, |column| column[row]);
     let is_aggregated = column("received").is_none();
-    let strange: BTreeMap<usize, usize> =
-        table.strange.iter().rev().map(|&(row, column, _)| (row, column)).collect();
-
     let mut warnings = Vec::new();
     let readings = column("rssi_dbm").unwrap_or_default();
     let n_readings = readings.iter().filter(|rssi| rssi.is_finite()).count();
@@ -167,11 +164,6 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     let mut seen = BTreeSet::new();
     for index in 0..n_rows {
         let line = table.line(index);
-        if let Some(&column) = strange.get(&index) {
-            let name = &table.names()[column];
-            rejections.add(&format!("{name} is not a finite number"), line);
-            continue;
-        }
         if let Some(reason) = ranges.refusal(index, line) {
             rejections.add(&reason, line);
             continue;
@@ -220,34 +212,14 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
         }
     }
 
-    let mut covariates = Vec::new();
-    for name in table.names().iter().filter(|name| !KNOWN.contains(&name.as_str())) {
-        let values: Vec<f64> =
-            kept.iter().map(|&row| table.column(name).map_or(f64::NAN, |c| c[row])).collect();
-        let mut known = values.iter().copied().filter(|value| value.is_finite());
-        if name == CONSTANT {
-            warnings.push(format!(
+    let covariates = covariates(table, &KNOWN, &kept, &mut warnings, |name| {
+        (name == CONSTANT).then(|| {
+            format!(
                 "the column {CONSTANT} is ignored, because answers use this name for what is the same in every row; rename \
                  the column"
-            ));
-            continue;
-        }
-        match known.next() {
-            None => warnings.push(format!("{name} holds no number; the column is ignored")),
-            Some(first) if known.all(|value| value == first) => {
-                warnings.push(format!(
-                    "{name} is {first} in every row, so its influence cannot be tested"
-                ));
-            }
-            Some(_) => covariates.push((name.clone(), values)),
-        }
-    }
-    if table.column(TIME_OF_DAY).is_none()
-        && let Some(hours) = time_of_day::covariate(table)
-    {
-        let hours = kept.iter().map(|&row| hours[row]).collect();
-        covariates.push((TIME_OF_DAY.to_owned(), hours));
-    }
+            )
+        })
+    });
     let (frames, received) = counts(&rows);
     if !rows.is_empty() && 0.0 < frames && frames <= received {
         warnings.push(
@@ -277,10 +249,7 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
         return Err(format!(
             "no frame was received in {} usable rows, so there is no RSSI reading to compare with{}",
             links.rows.len(),
-            links.rejected.first().map_or_else(String::new, |rejected| format!(
-                " ({} rows rejected: {}, first on line {})",
-                rejected.rows, rejected.reason, rejected.first_line
-            ))
+            first_rejection(&links.rejected)
         ));
     }
     Ok(links)
@@ -298,12 +267,6 @@ fn counts(rows: &[LinkRow]) -> (f64, f64) {
 pub fn has_losses(rows: &[LinkRow]) -> bool {
     let (frames, received) = counts(rows);
     0.0 < received && received < frames
-}
-
-/// A whole number that fits.
-fn to_u32(number: f64) -> Option<u32> {
-    (number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number))
-        .then_some(number as u32)
 }
 
 /// A row with numbers of motes and channel, or why it cannot be used.

@@ -2,6 +2,7 @@
 
 use crate::table::DataTable;
 use proto::config::Range;
+use std::collections::BTreeMap;
 
 /// Ranges by the unit that a column's name ends in.
 const BY_UNIT: [(&str, Range); 17] = [
@@ -34,9 +35,11 @@ pub fn of_column(name: &str) -> Range {
     BY_UNIT.iter().find(|(unit, _)| name.ends_with(unit)).map_or(ANY_UNIT, |&(_, range)| range)
 }
 
-/// Finds values of a table outside their ranges, and keeps account of them.
+/// Finds fields of a table that are no numbers and values outside their ranges, and keeps account of the latter.
 pub(crate) struct RangeCheck<'a> {
     columns: Vec<Checked<'a>>,
+    /// Of rows with a field that is no finite number: the column of the first.
+    strange: BTreeMap<usize, &'a str>,
 }
 
 struct Checked<'a> {
@@ -59,11 +62,17 @@ impl<'a> RangeCheck<'a> {
             // Most files have no such value: their rows are not looked at again.
             .filter(|column| column.values.iter().any(|&value| column.is_outside(value)))
             .collect();
-        Self { columns }
+        // Of a row with several the first.
+        let strange = table.strange.iter().rev();
+        let strange = strange.map(|&(row, column, _)| (row, table.names()[column].as_str()));
+        Self { columns, strange: strange.collect() }
     }
 
-    /// Why a row cannot be used, if a value of it is outside its range.
+    /// Why a row cannot be used, if a field of it is no number or outside its range.
     pub(crate) fn refusal(&mut self, row: usize, line: usize) -> Option<String> {
+        if let Some(name) = self.strange.get(&row) {
+            return Some(format!("{name} is not a finite number"));
+        }
         let column =
             self.columns.iter_mut().find(|column| column.is_outside(column.values[row]))?;
         let (rows, ..) = column.outside.get_or_insert((0, column.values[row], line));

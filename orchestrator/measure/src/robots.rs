@@ -6,10 +6,10 @@ mod warnings;
 pub use commands::CommandKind;
 
 use super::ranges::RangeCheck;
-use super::table::DataTable;
-use super::time_of_day::{self, TIME_OF_DAY};
+use super::table::{DataTable, covariates};
+use super::time_of_day;
 use super::warnings::rejection_warnings;
-use super::{Rejected, Rejections, TWICE};
+use super::{Rejected, Rejections, TWICE, first_rejection, to_u32};
 use numbers::power::square;
 use numbers::statistics::median_high;
 use robotsim::dynamics::{Drive, Shape};
@@ -97,18 +97,11 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
     let cell = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
     let mut warnings = commands.check(table)?;
 
-    let strange: BTreeMap<usize, usize> =
-        table.strange.iter().rev().map(|&(row, column, _)| (row, column)).collect();
     let mut ranges = RangeCheck::new(table, &[]);
     let mut rejections = Rejections::default();
     let mut kept: Vec<(RobotSample, usize)> = Vec::with_capacity(table.n_rows());
     for row in 0..table.n_rows() {
         let line = table.line(row);
-        if let Some(&column) = strange.get(&row) {
-            let name = &table.names()[column];
-            rejections.add(&format!("{name} is not a finite number"), line);
-            continue;
-        }
         if let Some(reason) = ranges.refusal(row, line) {
             rejections.add(&reason, line);
             continue;
@@ -168,15 +161,11 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
     }
     let (samples, rows): (Vec<RobotSample>, Vec<usize>) = unique.into_iter().unzip();
     if samples.len() < FEWEST_ROWS {
-        let rejected = rejections.into_list();
         return Err(format!(
             "only {} of {} rows are usable, too few to fit a model{}",
             samples.len(),
             table.n_rows(),
-            rejected.first().map_or_else(String::new, |rejected| format!(
-                " ({} rows rejected: {}, first on line {})",
-                rejected.rows, rejected.reason, rejected.first_line
-            ))
+            first_rejection(&rejections.into_list())
         ));
     }
     let mut tracks: Vec<Range<usize>> = Vec::new();
@@ -193,14 +182,13 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
             }),
         samples,
         tracks,
-        covariates: Vec::new(),
+        covariates: covariates(table, &KNOWN, &rows, &mut warnings, |_| None),
         commands,
         shape,
         rejected: rejections.into_list(),
         warnings,
         n_rows: table.n_rows(),
     };
-    robots.take_covariates(table, &rows);
     robots.warnings.extend(rejection_warnings(&robots.rejected, robots.n_rows));
     robots.warnings.extend(warnings::track_warnings(&robots));
     robots.check_units()?;
@@ -222,29 +210,6 @@ impl RobotSamples {
         self.tracks.iter().flat_map(|track| {
             self.samples[track.clone()].windows(2).map(|pair| (&pair[0], &pair[1]))
         })
-    }
-
-    fn take_covariates(&mut self, table: &DataTable, rows: &[usize]) {
-        for name in table.names().iter().filter(|name| !KNOWN.contains(&name.as_str())) {
-            let Some(column) = table.column(name) else { continue };
-            let values: Vec<f64> = rows.iter().map(|&row| column[row]).collect();
-            let mut known = values.iter().copied().filter(|value| value.is_finite());
-            match known.next() {
-                None => {
-                    self.warnings.push(format!("{name} holds no number; the column is ignored"))
-                }
-                Some(first) if known.all(|value| value == first) => self.warnings.push(format!(
-                    "{name} is {first} in every row, so its influence cannot be tested"
-                )),
-                Some(_) => self.covariates.push((name.clone(), values)),
-            }
-        }
-        if table.column(TIME_OF_DAY).is_none()
-            && let Some(hours) = time_of_day::covariate(table)
-        {
-            let hours = rows.iter().map(|&row| hours[row]).collect();
-            self.covariates.push((TIME_OF_DAY.to_owned(), hours));
-        }
     }
 
     /// Refuses, or warns of, numbers that look like another unit.
@@ -346,12 +311,6 @@ fn distance_m(a: &RobotSample, b: &RobotSample) -> f64 {
 
 fn or_zero(number: f64) -> f64 {
     if number.is_nan() { 0.0 } else { number }
-}
-
-/// A whole number that fits.
-fn to_u32(number: f64) -> Option<u32> {
-    (number.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&number))
-        .then_some(number as u32)
 }
 
 /// A warning where the time of a robot runs backwards in the file.

@@ -1,5 +1,6 @@
 //! A file as named columns of numbers.
 
+use super::time_of_day::{self, TIME_OF_DAY};
 use proto::bounds::{CELLS, COLUMNS, ROWS};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -103,6 +104,42 @@ impl DataTable {
     pub fn line(&self, row: usize) -> usize {
         row + self.first_line
     }
+}
+
+/// Every numeric column that says anything and is not among `known`, and the time of day where it is known: name, and a value
+/// for each of `rows`. Warns of columns that say nothing.
+///
+/// * `ignored`: why a column is not used, by its name.
+pub(crate) fn covariates(
+    table: &DataTable,
+    known: &[&str],
+    rows: &[usize],
+    warnings: &mut Vec<String>,
+    ignored: impl Fn(&str) -> Option<String>,
+) -> Vec<(String, Vec<f64>)> {
+    let mut covariates = Vec::new();
+    let others = table.names().iter().filter(|name| !known.contains(&name.as_str()));
+    for (name, column) in others.filter_map(|name| Some((name, table.column(name)?))) {
+        if let Some(reason) = ignored(name) {
+            warnings.push(reason);
+            continue;
+        }
+        let values: Vec<f64> = rows.iter().map(|&row| column[row]).collect();
+        let mut finite = values.iter().copied().filter(|value| value.is_finite());
+        match finite.next() {
+            None => warnings.push(format!("{name} holds no number; the column is ignored")),
+            Some(first) if finite.all(|value| value == first) => warnings
+                .push(format!("{name} is {first} in every row, so its influence cannot be tested")),
+            Some(_) => covariates.push((name.clone(), values)),
+        }
+    }
+    if table.column(TIME_OF_DAY).is_none()
+        && let Some(hours) = time_of_day::covariate(table)
+    {
+        let hours = rows.iter().map(|&row| hours[row]).collect();
+        covariates.push((TIME_OF_DAY.to_owned(), hours));
+    }
+    covariates
 }
 
 #[cfg(test)]
