@@ -16,7 +16,7 @@ use proto::site::Site;
 use proto::types::{AgentStates, Bitmap, TaskFigure, seconds};
 
 /// Measures of a run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Measures {
     /// What the robots were asked to do.
     pub task: Task,
@@ -112,36 +112,10 @@ impl Measures {
             solids: Solids::from_site(&site, &task),
             task,
             site,
-            series: Vec::new(),
-            n_steps: 0,
-            time_ns: 0,
-            start_ns: 0,
             kpis,
-            hearing: Hearing::default(),
-            completed_at_step: None,
-            task_figures: Vec::new(),
-            transmissions: 0,
-            sent_bytes: 0,
-            attempts: 0,
-            deliveries: 0,
-            unicast_deliveries: 0,
-            second_medium_deliveries: None,
-            is_distance_sampled: false,
-            distances: Distances::default(),
-            delay_ns: 0,
-            flock_speed_sum: 0.0,
-            speed_sum: 0.0,
-            duration_ns: 0,
-            agent_duration_ns: 0,
-            n_alive: 0,
-            neighbour_sum: 0,
-            isolated: 0,
             isolated_by_agent: vec![[0; 2]; states.len()],
             last_states: states.clone(),
-            events: Vec::new(),
-            working: None,
-            killed: Vec::new(),
-            swarm: SwarmMeasures::default(),
+            ..Self::default()
         }
     }
 

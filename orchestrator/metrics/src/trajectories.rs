@@ -3,7 +3,7 @@
 use proto::types::AgentStates;
 
 /// Paths of some agents at equally spaced steps.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Trajectories {
     /// The agents followed, ascending.
     pub agents: Vec<usize>,
