@@ -247,15 +247,12 @@ service!(
         snapshots: d.snapshots,
         reseed: d.reseed,
         parallel: d.parallel,
-        stop_at_first_delivery: false,
         commands: d.commands,
         hold: d.hold,
-        mote_commands: Vec::new(),
-        columns: Vec::new(),
-        records: Vec::new(),
         full_digest: d.full_digest,
         predictions: d.predictions,
         max_agents: d.limits.unwrap_or_default().max_agents,
+        ..Described::default()
     }
 );
 
@@ -275,13 +272,11 @@ service!(
         reseed: d.reseed,
         parallel: d.parallel,
         stop_at_first_delivery: d.stop_at_first_delivery,
-        commands: false,
-        hold: false,
         mote_commands: convert::known(&d.commands),
         columns: convert::known(&d.columns),
         records: convert::known(&d.records),
         full_digest: d.full_digest,
-        predictions: false,
         max_agents: d.limits.unwrap_or_default().max_agents,
+        ..Described::default()
     }
 );
