@@ -1,5 +1,7 @@
 //! Times as logs write them, as whole nanoseconds: epoch times in double precision would be rounded to a quarter of a microsecond.
 
+use chrono::NaiveDate;
+
 /// Nanoseconds of a second.
 pub const NS_PER_S: i128 = 1_000_000_000;
 
@@ -50,27 +52,12 @@ fn date_and_time(text: &str) -> Option<i128> {
     let mut parts = date.split(separator);
     let (year, month, day) =
         (digits(parts.next()?, 4)?, digits(parts.next()?, 2)?, digits(parts.next()?, 2)?);
-    let is_leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
-    let days_in_month = match month {
-        2 => 28 + i128::from(is_leap),
-        4 | 6 | 9 | 11 => 30,
-        1..=12 => 31,
-        _ => return None,
-    };
-    if parts.next().is_some() || !(1..=days_in_month).contains(&day) {
+    let date = NaiveDate::from_ymd_opt(year as i32, month as u32, day as u32)?;
+    if parts.next().is_some() {
         return None;
     }
     let time_ns = time_of_day(time).filter(|&time_ns| time_ns < 86_401 * NS_PER_S)?;
-    Some((days_since_1970(year, month, day) * 86_400 - offset_s) * NS_PER_S + time_ns)
-}
-
-/// Days from 1970-01-01 to a date of the Gregorian calendar. The count begins on the first of March of year 0, so that the leap
-/// day is the last of its year.
-fn days_since_1970(year: i128, month: i128, day: i128) -> i128 {
-    let (y, m) = if month <= 2 { (year - 1, month + 9) } else { (year, month - 3) };
-    365 * y + y.div_euclid(4) - y.div_euclid(100) + y.div_euclid(400) + (153 * m + 2) / 5 + day
-        - 1
-        - 719_468
+    Some((i128::from(date.to_epoch_days()) * 86_400 - offset_s) * NS_PER_S + time_ns)
 }
 
 /// A time without its offset from UTC, and the offset (s).

@@ -7,6 +7,7 @@
 
 use super::RecordError;
 use super::bounded::read_file;
+use chrono::DateTime;
 use nix::errno::Errno;
 use nix::sys::signal::kill;
 use nix::unistd::Pid;
@@ -56,21 +57,10 @@ impl fmt::Display for LockHolder {
     }
 }
 
-/// Unix time as text, UTC.
+/// Unix time as text, UTC; 1970 for one that is no date.
 pub(crate) fn utc(unix_s: u64) -> String {
-    let (days, second) = (unix_s / 86_400, unix_s % 86_400);
-    // Days since 0000-03-01, in eras of 400 years (Hinnant, "chrono-compatible low-level date algorithms").
-    let days = days + 719_468;
-    let (era, day_of_era) = (days / 146_097, days % 146_097);
-    let year_of_era =
-        (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_from_march = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
-    let year = era * 400 + year_of_era + u64::from(month <= 2);
-    let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
-    format!("{year:04}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02} UTC")
+    let time = i64::try_from(unix_s).ok().and_then(DateTime::from_timestamp_secs);
+    time.unwrap_or_default().format("%Y-%m-%d %H:%M:%S UTC").to_string()
 }
 
 /// The time now (s, Unix time, with fractions).
