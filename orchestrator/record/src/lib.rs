@@ -50,6 +50,7 @@ use directory::{Directory, Published};
 use experiment::{OutputConfig, Start};
 use hashed_file::Fingerprint;
 use metrics::Measures;
+use proto::config::Choice;
 use proto::digest::Digest;
 use proto::exchange::{Configured, NetworkStep, RobotsStep};
 use proto::types::{Coupling, MoteCommand, NetRecord};
@@ -154,8 +155,8 @@ impl Ending {
 }
 
 /// Whether a run ran to its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
 pub enum Status {
     /// It did.
     Complete,
@@ -163,18 +164,6 @@ pub enum Status {
     Failed,
     /// Someone stopped it.
     Interrupted,
-}
-
-impl Status {
-    /// The word for it in `summary.json`.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Complete => "complete",
-            Self::Failed => "failed",
-            Self::Interrupted => "interrupted",
-        }
-    }
 }
 
 /// What a run has left.

@@ -11,6 +11,7 @@ use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterPrope
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::parser::parse_message_type;
 use parquet::schema::types::ColumnPath;
+use proto::config::Choice;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -49,8 +50,8 @@ pub struct Heading<'a> {
     pub is_nullable: bool,
 }
 
-/// The type of a column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The type of a column, by its name in the data dictionary.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColumnKind {
     /// `BOOLEAN`.
     Bool,
@@ -64,21 +65,6 @@ pub enum ColumnKind {
     U64,
     /// `BYTE_ARRAY`, UTF-8.
     Text,
-}
-
-impl ColumnKind {
-    /// Its name in the data dictionary.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Bool => "bool",
-            Self::F32 => "f32",
-            Self::F64 => "f64",
-            Self::U32 => "u32",
-            Self::U64 => "u64",
-            Self::Text => "text",
-        }
-    }
 }
 
 /// A value on its way into a row.

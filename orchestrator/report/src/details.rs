@@ -1,7 +1,6 @@
 //! The end of a run's page: what the experiment was, how to do it again, and tables for those who need the numbers.
 
 use super::layout::{listing, number_cell};
-use super::top::coupling_in_words;
 use maud::{Markup, html};
 use numbers::format::{count, percent, shortest};
 use record::{FinishedRun, TRUTH_BASELINE};
@@ -13,7 +12,7 @@ pub(super) fn facts(contents: &FinishedRun<'_>) -> Option<Markup> {
         ("seed", header.seed.to_string()),
         ("agents", header.agent_count.to_string()),
         ("control period", format!("{} s", shortest(header.step_ns as f64 / 1e9))),
-        ("coupling", coupling_in_words(header.coupling).to_owned()),
+        ("coupling", header.coupling.name().to_owned()),
     ];
     facts.extend(header.labels.iter().map(|(label, value)| {
         if label == "knowledge" && value == "truth" {

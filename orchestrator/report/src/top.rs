@@ -31,19 +31,10 @@ pub(super) fn heading(contents: &FinishedRun<'_>) -> Option<Markup> {
                 @if let Some(started_s) = started_s {
                     ", the first " (shortest(started_s)) " s of them before the robots start"
                 }
-                ", " (coupling_in_words(header.coupling)) " coupling, seed " (header.seed) "."
+                ", " (header.coupling.name()) " coupling, seed " (header.seed) "."
             }
         }
     })
-}
-
-/// The word for a coupling, as configurations have it.
-pub(super) fn coupling_in_words(coupling: Coupling) -> &'static str {
-    match coupling {
-        Coupling::Sequential => "sequential",
-        Coupling::Parallel => "parallel",
-        Coupling::Event => "event",
-    }
 }
 
 pub(super) fn notices(contents: &FinishedRun<'_>) -> Option<Markup> {

@@ -7,6 +7,7 @@ pub use records::{
     PacketPurpose, Packets, Schedule, Statistic, is_statistic_name,
 };
 
+use crate::config::Choice;
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
@@ -541,7 +542,7 @@ pub struct MovedObstacle {
 }
 
 /// How the two simulators take turns, numbered as in the contract.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Coupling {
     /// Robots first, then the network over their new positions.

@@ -1,6 +1,7 @@
 //! What a network keeps for the record of a run, as valid values. `netsim.proto` defines each of them.
 
 use super::Bitmap;
+use crate::config::Choice;
 use serde::{Deserialize, Serialize};
 
 /// Something that a network keeps only on request, numbered as in the contract.
@@ -320,7 +321,7 @@ impl Frames {
 }
 
 /// What became of a frame at the mote it was for, numbered as in the contract.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FrameOutcome {
     /// It was for everyone in reach.
     Broadcast = 0,
@@ -330,19 +331,6 @@ pub enum FrameOutcome {
     NotAcknowledged = 2,
     /// It was received and acknowledged.
     Acknowledged = 3,
-}
-
-impl FrameOutcome {
-    /// Its name in tables.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Broadcast => "broadcast",
-            Self::Lost => "lost",
-            Self::NotAcknowledged => "not-acknowledged",
-            Self::Acknowledged => "acknowledged",
-        }
-    }
 }
 
 /// Whether every mote that is to take part in the network does.
