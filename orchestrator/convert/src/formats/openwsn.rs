@@ -48,38 +48,21 @@ pub(super) struct PacketKeys {
 const MOST_HOPS: usize = 6;
 const N_BYTES: usize = 38;
 
-/// The columns: fields have the names that they have in the table.
-const COLUMNS: &[(&str, &str)] = &[
-    ("time_s", "time_s"),
-    ("source", "source"),
-    ("destination", "destination"),
-    ("received_s", "received_s"),
-    ("hops", "hops"),
-    ("sequence", "sequence"),
-    ("hop1_node", "hop1_node"),
-    ("hop1_transmissions", "hop1_transmissions"),
-    ("hop1_channel", "hop1_channel"),
-    ("hop1_rssi_dbm", "hop1_rssi_dbm"),
-    ("hop2_node", "hop2_node"),
-    ("hop2_transmissions", "hop2_transmissions"),
-    ("hop2_channel", "hop2_channel"),
-    ("hop2_rssi_dbm", "hop2_rssi_dbm"),
-    ("hop3_node", "hop3_node"),
-    ("hop3_transmissions", "hop3_transmissions"),
-    ("hop3_channel", "hop3_channel"),
-    ("hop3_rssi_dbm", "hop3_rssi_dbm"),
-    ("hop4_node", "hop4_node"),
-    ("hop4_transmissions", "hop4_transmissions"),
-    ("hop4_channel", "hop4_channel"),
-    ("hop4_rssi_dbm", "hop4_rssi_dbm"),
-    ("hop5_node", "hop5_node"),
-    ("hop5_transmissions", "hop5_transmissions"),
-    ("hop5_channel", "hop5_channel"),
-    ("hop5_rssi_dbm", "hop5_rssi_dbm"),
-    ("hop6_node", "hop6_node"),
-    ("hop6_transmissions", "hop6_transmissions"),
-    ("hop6_channel", "hop6_channel"),
-    ("hop6_rssi_dbm", "hop6_rssi_dbm"),
+/// Fields that have the names that they have in the table, and those of each hop.
+macro_rules! columns {
+    [$($name:literal),+; hops $($hop:literal),+] => { &[
+        $(($name, $name),)+
+        $(
+            (concat!("hop", $hop, "_node"), concat!("hop", $hop, "_node")),
+            (concat!("hop", $hop, "_transmissions"), concat!("hop", $hop, "_transmissions")),
+            (concat!("hop", $hop, "_channel"), concat!("hop", $hop, "_channel")),
+            (concat!("hop", $hop, "_rssi_dbm"), concat!("hop", $hop, "_rssi_dbm")),
+        )+
+    ] };
+}
+
+const COLUMNS: &[(&str, &str)] = columns![
+    "time_s", "source", "destination", "received_s", "hops", "sequence"; hops 1, 2, 3, 4, 5, 6
 ];
 
 fn open<'a>(
