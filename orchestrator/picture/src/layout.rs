@@ -59,6 +59,8 @@ const NUMBERED: usize = 80;
 const FADES: usize = 8;
 /// Shades of ground.
 const GROUND_SHADES: usize = 24;
+/// Width of the outline of a robot that is lost.
+pub(crate) const LOST_WIDTH: f32 = 1.3;
 /// Corners of a robot that faces +x, in units of its radius: a dart.
 pub(crate) const DART: [[f32; 2]; 4] = [[1.15, 0.0], [-0.85, 0.8], [-0.45, 0.0], [-0.85, -0.8]];
 
@@ -425,23 +427,16 @@ impl<'a> Layout<'a> {
         let lost = self.theme.lost;
         // Those that exist lie over those that are lost.
         for robot in scene.robots.iter().filter(|robot| !robot.alive) {
-            if let Some(path) =
-                dart(camera.place([robot.x_m, robot.y_m]), robot.heading_rad, radius)
-            {
-                let number = Some(robot.robot);
-                shapes.push(Shape::Line {
-                    path,
-                    colour: lost,
-                    width: 1.3,
-                    dash: None,
-                    robot: number,
-                });
+            let place = camera.place([robot.x_m, robot.y_m]);
+            if let Some(path) = dart(place, robot.heading_rad, radius).finish() {
+                let (width, robot) = (LOST_WIDTH, Some(robot.robot));
+                shapes.push(Shape::Line { path, colour: lost, width, dash: None, robot });
             }
         }
         let mut crosses = PathBuilder::new();
         for robot in scene.robots.iter().filter(|robot| robot.alive) {
             let place = camera.place([robot.x_m, robot.y_m]);
-            if let Some(path) = dart(place, robot.heading_rad, radius) {
+            if let Some(path) = dart(place, robot.heading_rad, radius).finish() {
                 let (colour, robot) = (self.theme.group(robot.group), Some(robot.robot));
                 shapes.push(Shape::Fill { path, colour, is_crisp: false, robot });
             }
@@ -504,13 +499,13 @@ impl<'a> Layout<'a> {
 }
 
 /// A robot at a place, facing a heading.
-pub(crate) fn dart([x, y]: [f32; 2], heading_rad: f32, radius: f32) -> Option<tiny_skia::Path> {
+pub(crate) fn dart([x, y]: [f32; 2], heading_rad: f32, radius: f32) -> PathBuilder {
     let (sin, cos) = (libm::sinf(heading_rad) * radius, libm::cosf(heading_rad) * radius);
     let mut path = PathBuilder::new();
     let corners =
         DART.map(|[along, left]| [x + cos * along - sin * left, y - sin * along - cos * left]);
     polygon_of(&mut path, corners.into_iter());
-    path.finish()
+    path
 }
 
 fn polygon_of(path: &mut PathBuilder, corners: impl Iterator<Item = [f32; 2]>) {

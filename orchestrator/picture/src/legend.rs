@@ -3,7 +3,7 @@
 use crate::colours::{SHADES, Theme};
 use crate::drawing::{Anchor, Shape, Text, dashed, fill, line, segment};
 use crate::font::Font;
-use crate::layout::{LinkColour, Style, dart, ground_range};
+use crate::layout::{LOST_WIDTH, LinkColour, Style, dart, ground_range};
 use crate::scene::{Knowledge, Obstacle};
 use crate::stage::{Stage, TRAIL_NS};
 use numbers::format::{number, trimmed};
@@ -45,14 +45,7 @@ pub(crate) fn legend(
     }
     if stage.is_any_lost() {
         row.entry(18.0, "robot that is lost", |shapes, [x, y]| {
-            let path = dart([x + 8.0, y], 0.0, 7.0);
-            shapes.extend(path.map(|path| Shape::Line {
-                path,
-                colour: theme.lost,
-                width: 1.3,
-                dash: None,
-                robot: None,
-            }));
+            line(shapes, dart([x + 8.0, y], 0.0, 7.0), theme.lost, LOST_WIDTH);
         });
     }
     if stage.has_trails() {
@@ -118,13 +111,7 @@ impl Row<'_> {
     fn robot(&mut self, words: &str, group: usize) {
         let colour = self.theme.group(group);
         self.entry(18.0, words, |shapes, [x, y]| {
-            let path = dart([x + 8.0, y], 0.0, 7.0);
-            shapes.extend(path.map(|path| Shape::Fill {
-                path,
-                colour,
-                is_crisp: false,
-                robot: None,
-            }));
+            fill(shapes, dart([x + 8.0, y], 0.0, 7.0), colour);
         });
     }
 

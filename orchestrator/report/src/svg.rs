@@ -22,7 +22,7 @@ impl Render for Px {
 }
 
 /// An axis: what it shows, from where to where.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Axis {
     /// What it shows, with the unit.
     pub label: String,
@@ -46,15 +46,7 @@ impl Axis {
         // Ends that no label could tell apart.
         let least = 1e-9 * min.abs().max(max.abs());
         let max = if least < max - min { max } else { min + min.abs().max(1.0) };
-        Self {
-            label: label.to_owned(),
-            min,
-            max,
-            is_percent: false,
-            least_step: 0.0,
-            names: Vec::new(),
-            marked: Vec::new(),
-        }
+        Self { label: label.to_owned(), min, max, ..Self::default() }
     }
 
     /// The same with ticks in per cent.
