@@ -53,20 +53,7 @@ pub fn packets(message: Option<v1::Packets>, n_motes: usize) -> Result<Option<Pa
 
 fn packets_of(message: v1::Packets, n_motes: usize) -> Result<Packets> {
     let n = message.id.len();
-    same_length(
-        n,
-        "id",
-        &[
-            ("kind", message.kind.len()),
-            ("source", message.source.len()),
-            ("destination", message.destination.len()),
-            ("created_ns", message.created_ns.len()),
-            ("ended_ns", message.ended_ns.len()),
-            ("hops", message.hops.len()),
-            ("payload_bytes", message.payload_bytes.len()),
-            ("outcome", message.outcome.len()),
-        ],
-    )?;
+    same_length(&message.lengths())?;
     motes_exist("source", &message.source, n_motes, false)?;
     motes_exist("destination", &message.destination, n_motes, true)?;
     unique("kinds", message.kinds.iter().map(|kind| kind.name.as_str()))?;
@@ -82,27 +69,7 @@ fn packets_of(message: v1::Packets, n_motes: usize) -> Result<Packets> {
         let reason = format!("must not be before created_ns; entry {i} is");
         return Err(InvalidField::new("ended_ns", reason));
     }
-    Ok(Packets {
-        id: message.id,
-        kind: message.kind,
-        source: message.source,
-        destination: message.destination,
-        created_ns: message.created_ns,
-        ended_ns: message.ended_ns,
-        hops: message.hops,
-        payload_bytes: message.payload_bytes,
-        outcome: message.outcome,
-        kinds: message
-            .kinds
-            .into_iter()
-            .map(|v1::PacketKind { name, is_application, created }| PacketKind {
-                name,
-                is_application,
-                created,
-            })
-            .collect(),
-        reasons: message.reasons,
-    })
+    Ok(message.into_value())
 }
 
 /// Statistics from a message.
@@ -159,22 +126,11 @@ pub fn schedule(message: Option<v1::Schedule>, n_motes: usize) -> Result<Option<
 }
 
 fn schedule_of(message: v1::Schedule, n_motes: usize) -> Result<Schedule> {
-    let v1::Schedule { mote, slotframe, slotframe_slots, slot, channel_offset, options, neighbour } =
-        message;
-    same_length(
-        mote.len(),
-        "mote",
-        &[
-            ("slotframe", slotframe.len()),
-            ("slotframe_slots", slotframe_slots.len()),
-            ("slot", slot.len()),
-            ("channel_offset", channel_offset.len()),
-            ("options", options.len()),
-            ("neighbour", neighbour.len()),
-        ],
-    )?;
-    motes_exist("mote", &mote, n_motes, false)?;
-    motes_exist("neighbour", &neighbour, n_motes, true)?;
+    same_length(&message.lengths())?;
+    let v1::Schedule { mote, slotframe, slotframe_slots, slot, channel_offset, neighbour, .. } =
+        &message;
+    motes_exist("mote", mote, n_motes, false)?;
+    motes_exist("neighbour", neighbour, n_motes, true)?;
     if let Some(i) = (0..slot.len()).find(|&i| slotframe_slots[i] <= slot[i]) {
         let reason = format!("must be less than slotframe_slots; entry {i} is not");
         return Err(InvalidField::new("slot", reason));
@@ -186,7 +142,7 @@ fn schedule_of(message: v1::Schedule, n_motes: usize) -> Result<Schedule> {
         );
         return Err(InvalidField::new("mote", reason));
     }
-    Ok(Schedule { mote, slotframe, slotframe_slots, slot, channel_offset, options, neighbour })
+    Ok(message.into_value())
 }
 
 /// Who has heard whom, from a message.
@@ -200,14 +156,14 @@ pub fn heard_links(message: Option<v1::HeardLinks>, n_motes: usize) -> Result<Op
 }
 
 fn heard_links_of(message: v1::HeardLinks, n_motes: usize) -> Result<HeardLinks> {
-    let v1::HeardLinks { receiver, sender, frames, rssi_dbm } = message;
+    same_length(&message.lengths())?;
+    let v1::HeardLinks { receiver, sender, rssi_dbm, .. } = &message;
     let n = receiver.len();
-    same_length(n, "receiver", &[("sender", sender.len()), ("frames", frames.len())])?;
     if !rssi_dbm.is_empty() {
-        same_length(n, "receiver", &[("rssi_dbm", rssi_dbm.len())])?;
+        same_length(&[("receiver", n), ("rssi_dbm", rssi_dbm.len())])?;
     }
-    motes_exist("receiver", &receiver, n_motes, false)?;
-    motes_exist("sender", &sender, n_motes, false)?;
+    motes_exist("receiver", receiver, n_motes, false)?;
+    motes_exist("sender", sender, n_motes, false)?;
     if let Some(i) = (1..n).find(|&i| (receiver[i], sender[i]) <= (receiver[i - 1], sender[i - 1]))
     {
         let reason =
@@ -217,7 +173,7 @@ fn heard_links_of(message: v1::HeardLinks, n_motes: usize) -> Result<HeardLinks>
     if let Some(rssi) = rssi_dbm.iter().find(|rssi| !is_number(f64::from(**rssi))) {
         return Err(InvalidField::new("rssi_dbm", format!("{NUMBER}, got {rssi}")));
     }
-    Ok(HeardLinks { receiver, sender, frames, rssi_dbm })
+    Ok(message.into_value())
 }
 
 /// Frames from a message.
@@ -233,23 +189,7 @@ pub fn frames(message: Option<v1::Frames>, n_motes: usize) -> Result<Option<Fram
 
 fn frames_of(message: v1::Frames, n_motes: usize) -> Result<Frames> {
     let n = message.sent_ns.len();
-    same_length(
-        n,
-        "sent_ns",
-        &[
-            ("sender", message.sender.len()),
-            ("destination", message.destination.len()),
-            ("channel", message.channel.len()),
-            ("channel_offset", message.channel_offset.len()),
-            ("kind", message.kind.len()),
-            ("length_bytes", message.length_bytes.len()),
-            ("packet", message.packet.len()),
-            ("attempt", message.attempt.len()),
-            ("n_received", message.n_received.len()),
-            ("n_missed", message.n_missed.len()),
-            ("outcome", message.outcome.len()),
-        ],
-    )?;
+    same_length(&message.lengths())?;
     motes_exist("sender", &message.sender, n_motes, false)?;
     motes_exist("destination", &message.destination, n_motes, true)?;
     unique("kinds", message.kinds.iter().map(String::as_str))?;
@@ -259,32 +199,23 @@ fn frames_of(message: v1::Frames, n_motes: usize) -> Result<Frames> {
         let reason = format!("must be in the order (sent_ns, sender); entry {i} is not");
         return Err(InvalidField::new("sent_ns", reason));
     }
-    let outcome = message.outcome.iter().map(|&number| match v1::FrameOutcome::try_from(number) {
-        Ok(v1::FrameOutcome::Unspecified) => Ok(FrameOutcome::Broadcast),
-        Ok(v1::FrameOutcome::Lost) => Ok(FrameOutcome::Lost),
-        Ok(v1::FrameOutcome::NotAcknowledged) => Ok(FrameOutcome::NotAcknowledged),
-        Ok(v1::FrameOutcome::Acknowledged) => Ok(FrameOutcome::Acknowledged),
-        Err(_) => Err(InvalidField::new("outcome", format!("unknown outcome: {number}"))),
-    });
-    Ok(Frames {
-        outcome: outcome.collect::<Result<_>>()?,
-        sent_ns: message.sent_ns,
-        sender: message.sender,
-        destination: message.destination,
-        channel: message.channel,
-        channel_offset: message.channel_offset,
-        kind: message.kind,
-        length_bytes: message.length_bytes,
-        packet: message.packet,
-        attempt: message.attempt,
-        n_received: message.n_received,
-        n_missed: message.n_missed,
-        kinds: message.kinds,
-    })
+    if let Some(number) = message.outcome.iter().find(|number| outcome(**number).is_none()) {
+        return Err(InvalidField::new("outcome", format!("unknown outcome: {number}")));
+    }
+    Ok(message.into_value())
 }
 
-fn same_length(n: usize, first: &str, columns: &[(&str, usize)]) -> Result<()> {
-    match columns.iter().find(|(_, length)| *length != n) {
+/// The outcome of a frame from its number, if this version of the contract knows it.
+fn outcome(number: i32) -> Option<FrameOutcome> {
+    use FrameOutcome::{Acknowledged, Broadcast, Lost, NotAcknowledged};
+    let all = [Broadcast, Lost, NotAcknowledged, Acknowledged];
+    all.into_iter().find(|outcome| *outcome as i32 == number)
+}
+
+/// Columns by name, each with its length: that of the first.
+fn same_length(columns: &[(&str, usize)]) -> Result<()> {
+    let Some(((first, n), others)) = columns.split_first() else { return Ok(()) };
+    match others.iter().find(|(_, length)| length != n) {
         Some((field, length)) => Err(InvalidField::new(
             *field,
             format!("must have {n} entries, as {first}, got {length}"),
@@ -336,32 +267,6 @@ impl From<Formation> for v1::Formation {
     }
 }
 
-impl From<Packets> for v1::Packets {
-    fn from(packets: Packets) -> Self {
-        Self {
-            id: packets.id,
-            kind: packets.kind,
-            source: packets.source,
-            destination: packets.destination,
-            created_ns: packets.created_ns,
-            ended_ns: packets.ended_ns,
-            hops: packets.hops,
-            payload_bytes: packets.payload_bytes,
-            outcome: packets.outcome,
-            kinds: packets
-                .kinds
-                .into_iter()
-                .map(|PacketKind { name, is_application, created }| v1::PacketKind {
-                    name,
-                    is_application,
-                    created,
-                })
-                .collect(),
-            reasons: packets.reasons,
-        }
-    }
-}
-
 impl From<MoteStatistics> for v1::MoteStatistics {
     fn from(statistics: MoteStatistics) -> Self {
         let columns =
@@ -374,38 +279,102 @@ impl From<MoteStatistics> for v1::MoteStatistics {
     }
 }
 
-impl From<Schedule> for v1::Schedule {
-    fn from(schedule: Schedule) -> Self {
-        let Schedule { mote, slotframe, slotframe_slots, slot, channel_offset, options, neighbour } =
-            schedule;
-        Self { mote, slotframe, slotframe_slots, slot, channel_offset, options, neighbour }
-    }
+/// The message of a record whose columns have the same names in the value.
+trait Columns {
+    type Value;
+
+    /// The columns by name, each with its length.
+    fn lengths(&self) -> Vec<(&'static str, usize)>;
+
+    /// The value of a message that was found valid.
+    fn into_value(self) -> Self::Value;
 }
 
-impl From<Frames> for v1::Frames {
-    fn from(frames: Frames) -> Self {
-        Self {
-            outcome: frames.outcome.iter().map(|&outcome| outcome as i32).collect(),
-            sent_ns: frames.sent_ns,
-            sender: frames.sender,
-            destination: frames.destination,
-            channel: frames.channel,
-            channel_offset: frames.channel_offset,
-            kind: frames.kind,
-            length_bytes: frames.length_bytes,
-            packet: frames.packet,
-            attempt: frames.attempt,
-            n_received: frames.n_received,
-            n_missed: frames.n_missed,
-            kinds: frames.kinds,
+/// Records by their columns. After these come lists of another length, or columns that may be empty.
+macro_rules! records {
+    ($($name:ident { $($column:ident),+; $($list:ident),* })+) => {$(
+        impl From<$name> for v1::$name {
+            fn from(record: $name) -> Self {
+                Self {
+                    $($column: record.$column.converted(),)+
+                    $($list: record.$list.converted(),)*
+                }
+            }
         }
+
+        impl Columns for v1::$name {
+            type Value = $name;
+
+            fn lengths(&self) -> Vec<(&'static str, usize)> {
+                vec![$((stringify!($column), self.$column.len())),+]
+            }
+
+            fn into_value(self) -> $name {
+                $name {
+                    $($column: self.$column.converted(),)+
+                    $($list: self.$list.converted(),)*
+                }
+            }
+        }
+    )+};
+}
+
+records! {
+    Packets {
+        id, kind, source, destination, created_ns, ended_ns, hops, payload_bytes, outcome;
+        kinds, reasons
+    }
+    Schedule { mote, slotframe, slotframe_slots, slot, channel_offset, options, neighbour; }
+    HeardLinks { receiver, sender, frames; rssi_dbm }
+    Frames {
+        sent_ns, sender, destination, channel, channel_offset, kind, length_bytes, packet, attempt,
+        n_received, n_missed, outcome;
+        kinds
     }
 }
 
-impl From<HeardLinks> for v1::HeardLinks {
-    fn from(links: HeardLinks) -> Self {
-        let HeardLinks { receiver, sender, frames, rssi_dbm } = links;
-        Self { receiver, sender, frames, rssi_dbm }
+/// A column of a message from that of a value, or the other way round. Most are the same.
+trait Converted<T> {
+    fn converted(self) -> T;
+}
+
+impl<T> Converted<T> for T {
+    fn converted(self) -> T {
+        self
+    }
+}
+
+impl Converted<Vec<i32>> for Vec<FrameOutcome> {
+    fn converted(self) -> Vec<i32> {
+        self.into_iter().map(|outcome| outcome as i32).collect()
+    }
+}
+
+impl Converted<Vec<FrameOutcome>> for Vec<i32> {
+    fn converted(self) -> Vec<FrameOutcome> {
+        self.into_iter().filter_map(outcome).collect()
+    }
+}
+
+impl Converted<Vec<v1::PacketKind>> for Vec<PacketKind> {
+    fn converted(self) -> Vec<v1::PacketKind> {
+        let kind = |PacketKind { name, is_application, created }| v1::PacketKind {
+            name,
+            is_application,
+            created,
+        };
+        self.into_iter().map(kind).collect()
+    }
+}
+
+impl Converted<Vec<PacketKind>> for Vec<v1::PacketKind> {
+    fn converted(self) -> Vec<PacketKind> {
+        let kind = |v1::PacketKind { name, is_application, created }| PacketKind {
+            name,
+            is_application,
+            created,
+        };
+        self.into_iter().map(kind).collect()
     }
 }
 
