@@ -146,7 +146,7 @@ fn what_changes_readings_is_told_to_be_untestable_and_moves_nothing() {
         "[netsim.phy]\npropagation = \"log-distance\"\nexponent = 4.0\ntx_power_dbm = 20.0\n";
     assert_eq!(compared(FRIIS, &table).scores, compared(other, &table).scores);
     let one = study(FRIIS, &table);
-    for candidate in one.candidates() {
+    for candidate in one.candidates().iter() {
         let why = candidate.untestable.as_deref().unwrap_or_default();
         let decides = ["interference", "noise-floor", "reception-curve"];
         if decides.contains(&candidate.name.as_str()) || candidate.is_of_losses() {

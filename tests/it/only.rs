@@ -8,7 +8,7 @@ use proto::effect::Level;
 use std::fmt::Write as _;
 use std::path::Path;
 use study::choices::Choices;
-use study::{NotLimited, Study, open};
+use study::{NotLimited, Study, TermId, open};
 use tests::{answers, folder, orchestrator, run, said};
 
 /// Four robots on a circle drive east side by side, over a radio that delivers everything.
@@ -118,8 +118,8 @@ fn config(text: &str) -> Compared {
     Compared::of_text(Path::new("model.toml"), text.to_owned(), &[]).unwrap()
 }
 
-fn named(study: &impl Study, name: &str) -> usize {
-    study.candidates().iter().position(|candidate| candidate.name == name).unwrap()
+fn named(study: &impl Study, name: &str) -> TermId {
+    study.candidates().find(|candidate| candidate.name == name).unwrap()
 }
 
 fn table(csv: &str) -> DataTable {

@@ -15,7 +15,7 @@ use proto::effect::Level;
 use std::sync::Arc;
 use study::open::Subject;
 use study::symbolic::FittedFormula;
-use study::{COMMON, Estimate, Study};
+use study::{COMMON, Estimate, Study, TermId};
 
 /// The measurements that a diagnosis is about.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +36,7 @@ pub(crate) fn numbers<'a, S: Study>(
     search: &Search<'a, S>,
     study: &'a S,
     all_rows: Option<&'a S>,
-    terms: &[usize],
+    terms: &[TermId],
 ) -> (&'a S, Arc<S::Fit>) {
     let found = search.full_fit(terms, COMMON, None);
     let Some(all_rows) = all_rows else { return (study, found) };
@@ -184,7 +184,7 @@ fn curve<S: Study>(
     study: &S,
     ladder: &Ladder,
     residuals: &Unexplained,
-    (step, term): (usize, usize),
+    (step, term): (usize, TermId),
 ) -> Option<Structure> {
     let candidate = &study.candidates()[term];
     let covariate = candidate.curve_over()?;
@@ -220,12 +220,12 @@ fn also(formula: &FittedFormula) -> Option<AlsoAlong> {
     Some(AlsoAlong { formula: text.clone(), target: (*target).to_owned() })
 }
 
-fn trial_of(ladder: &Ladder, term: usize) -> Option<&CandidateTest> {
+fn trial_of(ladder: &Ladder, term: TermId) -> Option<&CandidateTest> {
     ladder.tests.iter().find(|test| test.term == term)
 }
 
 /// The estimates of terms.
-type Estimates = Vec<(usize, Vec<Estimate>)>;
+type Estimates = Vec<(TermId, Vec<Estimate>)>;
 
 /// The level of the blocks on which the gain of a test is: of the common split, where that decided.
 fn held_out_level<S: Study>(study: &S, level: Level, test: Option<&CandidateTest>) -> Level {
@@ -239,9 +239,9 @@ fn held_out_level<S: Study>(study: &S, level: Level, test: Option<&CandidateTest
 const AFTER_CURVE: &str = "found beside structure that no effect explains, and may be part of it";
 
 /// Whether an effect was accepted after a curve was.
-fn is_after_curve<S: Study>(study: &S, ladder: &Ladder, term: usize) -> bool {
+fn is_after_curve<S: Study>(study: &S, ladder: &Ladder, term: TermId) -> bool {
     let candidates = study.candidates();
-    let is_curve = |term: &usize| candidates[*term].curve_over().is_some();
+    let is_curve = |term: &TermId| candidates[*term].curve_over().is_some();
     !is_curve(&term) && ladder.accepted.iter().take_while(|&&other| other != term).any(is_curve)
 }
 
@@ -254,16 +254,16 @@ fn tested<S: Study>(
 ) -> (Vec<Tested>, Estimates) {
     let candidates = study.candidates();
     let (mut listed, mut known) = (Vec::new(), Vec::new());
-    for (term, candidate) in candidates.iter().enumerate() {
+    for (term, candidate) in candidates.ids().zip(candidates.iter()) {
         let test = trial_of(ladder, term);
         let accepted = ladder.accepted.contains(&term);
         // Of a curve and the one that stands in for it, one is listed.
-        let stands_in = |&other: &usize| candidates[other].stands_in_for == Some(term);
+        let stands_in = |&other: &TermId| candidates[other].stands_in_for == Some(term);
         if candidate.stands_in_for.is_some() && !accepted || ladder.accepted.iter().any(stands_in) {
             continue;
         }
         let gain = test.map_or(Gain::NONE, |test| test.gain);
-        let is_other = |&&tie: &&usize| {
+        let is_other = |&&tie: &&TermId| {
             let [a, b] = [candidate, &candidates[tie]];
             a.curve_over().is_none() || a.curve_over() != b.curve_over()
         };

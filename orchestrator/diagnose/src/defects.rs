@@ -18,7 +18,7 @@ use std::fmt::Write as _;
 use study::defects::evidence::Evidence;
 use study::defects::{self, Correction, Defect, PREFIX};
 use study::links::LinkStudy;
-use study::{COMMON, Study as _};
+use study::{COMMON, Study as _, TermId};
 
 /// A defect of the measurement.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
@@ -146,14 +146,14 @@ fn suspected(study: &LinkStudy) -> Vec<Defect> {
 }
 
 /// Defects under the model with some terms.
-fn under(study: &LinkStudy, terms: &[usize]) -> Vec<Defect> {
+fn under(study: &LinkStudy, terms: &[TermId]) -> Vec<Defect> {
     let fit = study.fit(terms, &study.fitted_rows(), COMMON, None);
     Evidence::new(study, &fit).map_or_else(Vec::new, |evidence| defects::found(&evidence))
 }
 
 /// The suspected defects that are significant under the model with the accepted terms, too. Of both p-values the greater counts.
 #[must_use]
-fn confirmed(study: &LinkStudy, accepted: &[usize], suspected: Vec<Defect>) -> Vec<Defect> {
+fn confirmed(study: &LinkStudy, accepted: &[TermId], suspected: Vec<Defect>) -> Vec<Defect> {
     if accepted.is_empty() || suspected.is_empty() {
         return suspected;
     }

@@ -11,7 +11,7 @@ use extension::{Extension, SCHEMA};
 use measure::config::Compared;
 use std::fmt::Write as _;
 use study::open::DataAccount;
-use study::{COMMON, Study};
+use study::{COMMON, Study, TermId};
 
 /// Why nothing can be added.
 #[derive(Debug, thiserror::Error)]
@@ -51,11 +51,10 @@ pub struct ExtendedConfig {
 /// # Errors
 ///
 /// There is none, or the data do not suffice for it.
-pub(crate) fn candidate<S: Study>(study: &S, name: &str) -> Result<usize, ExtendError> {
+pub(crate) fn candidate<S: Study>(study: &S, name: &str) -> Result<TermId, ExtendError> {
     let candidates = study.candidates();
     let found = candidates
-        .iter()
-        .position(|candidate| candidate.name == name && candidate.curve_over().is_none())
+        .find(|candidate| candidate.name == name && candidate.curve_over().is_none())
         .ok_or_else(|| {
             let names = candidates
                 .iter()
@@ -75,7 +74,7 @@ pub(crate) fn candidate<S: Study>(study: &S, name: &str) -> Result<usize, Extend
 
 /// Fits several new terms in two ways, and keeps the likelier fit. Together, each term starts where it would by itself. One after
 /// the other, each starts from the residuals of those before it: a disturbed band shows only once the reception curve is right.
-fn fit_together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[usize]) {
+fn fit_together<S: Study>(study: &S, search: &Search<'_, S>, terms: &[TermId]) {
     if terms.len() < 2 || search.is_stopped() {
         return;
     }
@@ -104,11 +103,11 @@ pub(crate) fn extended_config<S: Measured>(
     (config, account): (&Compared, &DataAccount),
     study: &S,
     search: &Search<'_, S>,
-    terms: &[usize],
+    terms: &[TermId],
     all_rows: Option<&S>,
 ) -> Result<ExtendedConfig, ExtendError> {
     let candidates = study.candidates();
-    let terms: Vec<usize> =
+    let terms: Vec<TermId> =
         terms.iter().copied().filter(|&term| candidates[term].curve_over().is_none()).collect();
     if terms.is_empty() {
         return Err(ExtendError::Nothing);

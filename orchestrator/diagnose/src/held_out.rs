@@ -2,14 +2,14 @@
 
 use super::ladder::Search;
 use rayon::prelude::*;
-use study::COMMON;
 use study::view::{RowPredictions, Viewed};
+use study::{COMMON, TermId};
 
 /// Every row as predicted by a fit to the other folds.
 pub(crate) fn predictions<S: Viewed>(
     study: &S,
     search: &Search<'_, S>,
-    terms: &[usize],
+    terms: &[TermId],
 ) -> RowPredictions {
     let start = search.full_fit(terms, COMMON, None);
     let blocks = study.blocks(COMMON);

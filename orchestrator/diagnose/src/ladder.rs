@@ -13,14 +13,14 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use study::thresholds::{FAMILY_ERROR, FEWEST_BLOCKS, HOPELESS_NATS, SPECIAL_CASE_NATS};
-use study::{COMMON, Candidate, RowScore, Study};
+use study::{COMMON, Candidate, RowScore, Study, TermId};
 use tracing::debug;
 
 /// The result of the last test of a candidate on top of the accepted terms.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CandidateTest {
-    /// Index of the candidate among those of the study.
-    pub term: usize,
+    /// The candidate.
+    pub term: TermId,
     /// Gain in held-out log score, over blocks of the level at which its covariate varies.
     pub gain: Gain,
     /// The same over blocks of time, the split that all candidates share and are ordered by.
@@ -35,8 +35,8 @@ pub(crate) struct CandidateTest {
     pub is_acceptable: bool,
     /// It predicts rows left out better, beyond chance, but moves no more than what rows that depend on each other may share.
     pub is_withheld: bool,
-    /// Candidates that these data cannot distinguish from it, as indices.
-    pub ties: Vec<usize>,
+    /// Candidates that these data cannot distinguish from it.
+    pub ties: Vec<TermId>,
 }
 
 impl CandidateTest {
@@ -65,8 +65,8 @@ impl CandidateTest {
 /// One model of the stepwise selection, with its held-out scores.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LadderStep {
-    /// Terms in the model, as indices of candidates.
-    pub terms: Vec<usize>,
+    /// Terms in the model, as numbers of candidates.
+    pub terms: Vec<TermId>,
     /// Mean held-out scores on the common split.
     pub scores: Scores,
 }
@@ -75,7 +75,7 @@ pub(crate) struct LadderStep {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Ladder {
     /// Terms in the order in which they were added.
-    pub accepted: Vec<usize>,
+    pub accepted: Vec<TermId>,
     /// The model as configured, then with each term.
     pub rungs: Vec<LadderStep>,
     /// For each candidate the test that decided: of the round in which it was accepted, else of the last.
@@ -87,8 +87,8 @@ pub(crate) struct Ladder {
 }
 
 impl Ladder {
-    /// Candidates that were withheld in the last round, as indices.
-    pub(crate) fn withheld(&self) -> impl Iterator<Item = usize> + '_ {
+    /// Candidates that were withheld in the last round.
+    pub(crate) fn withheld(&self) -> impl Iterator<Item = TermId> + '_ {
         self.tests.iter().filter(|test| test.is_withheld).map(|test| test.term)
     }
 
@@ -120,7 +120,7 @@ impl<F> Default for Known<F> {
     }
 }
 
-type Key = (Vec<usize>, Level);
+type Key = (Vec<TermId>, Level);
 type Cache<T> = Mutex<BTreeMap<Key, T>>;
 
 fn cached<T: Clone>(cache: &Cache<T>, key: &Key) -> Option<T> {
@@ -157,7 +157,7 @@ impl<'a, S: Study> Search<'a, S> {
     /// A fit to all rows, which starts from `parent` if it has not been made yet.
     pub(crate) fn full_fit(
         &self,
-        terms: &[usize],
+        terms: &[TermId],
         level: Level,
         parent: Option<&S::Fit>,
     ) -> Arc<S::Fit> {
@@ -173,7 +173,7 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// Every row predicted by a fit to the other folds, in blocks of `level`.
-    pub(crate) fn held_out_scores(&self, terms: &[usize], level: Level) -> Arc<Vec<RowScore>> {
+    pub(crate) fn held_out_scores(&self, terms: &[TermId], level: Level) -> Arc<Vec<RowScore>> {
         let level = self.study.judging_level(level);
         let key = (terms.to_vec(), level);
         if let Some(scores) = cached(&self.known.held_out, &key) {
@@ -223,7 +223,7 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// Fits to all rows at every level, from one at some level.
-    fn prepare(&self, terms: &[usize], from: &S::Fit) {
+    fn prepare(&self, terms: &[TermId], from: &S::Fit) {
         self.levels().into_par_iter().for_each(|level| {
             self.full_fit(terms, level, Some(from));
         });
@@ -242,7 +242,7 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// Gain of `terms` over `parent`, at a level.
-    pub(crate) fn gain(&self, terms: &[usize], parent: &[usize], level: Level) -> Gain {
+    pub(crate) fn gain(&self, terms: &[TermId], parent: &[TermId], level: Level) -> Gain {
         let blocks = self.study.blocks(level);
         Gain::from_scores(
             &self.held_out_scores(terms, level),
@@ -253,7 +253,7 @@ impl<'a, S: Study> Search<'a, S> {
 
     /// The gain of one term. For a curve, which names no physical cause, the p-value is that of Student's t without the correction for
     /// skewness.
-    fn term_gain(&self, term: usize, terms: &[usize], parent: &[usize], level: Level) -> Gain {
+    fn term_gain(&self, term: TermId, terms: &[TermId], parent: &[TermId], level: Level) -> Gain {
         let gain = self.gain_in_time(terms, parent, (term, level));
         let is_curve = self.study.candidates()[term].curve_over().is_some();
         if is_curve { gain.by_students_t() } else { gain }
@@ -263,7 +263,7 @@ impl<'a, S: Study> Search<'a, S> {
     /// (nats).
     fn fit_if_promising(
         &self,
-        terms: &[usize],
+        terms: &[TermId],
         level: Level,
         parent: &S::Fit,
         least: f64,
@@ -278,7 +278,7 @@ impl<'a, S: Study> Search<'a, S> {
 
     /// Tests a candidate on top of `accepted`: screens it, fits it, and scores it on held-out rows. A candidate that is untestable,
     /// hopeless by its likelihood, or no better than a special case of it keeps a gain of 0.
-    fn test_candidate(&self, accepted: &[usize], term: usize) -> CandidateTest {
+    fn test_candidate(&self, accepted: &[TermId], term: TermId) -> CandidateTest {
         let candidate = &self.study.candidates()[term];
         let hopeless = CandidateTest {
             term,
@@ -328,21 +328,21 @@ impl<'a, S: Study> Search<'a, S> {
     /// Whether a special case of a candidate, a nested model, raises the likelihood nearly as much as the candidate, by `rise` (nats).
     fn is_no_better_than_special_case(
         &self,
-        accepted: &[usize],
-        term: usize,
+        accepted: &[TermId],
+        term: TermId,
         level: Level,
         rise: f64,
     ) -> bool {
         let candidates = self.study.candidates();
         let general = &candidates[term];
         let parent = self.full_fit(accepted, level, None);
-        let is_special = |&special: &usize| {
+        let is_special = |&special: &TermId| {
             let candidate = &candidates[special];
             candidate.is_tried()
                 && !accepted.contains(&special)
                 && general.generalises.contains(&candidate.name)
         };
-        (0..candidates.len()).filter(is_special).any(|special| {
+        candidates.ids().filter(is_special).any(|special| {
             let terms = with_term(accepted, special);
             // As it is tried by itself, perhaps at this moment: whoever comes first, the fit is the same.
             let fit = self.fit_if_promising(&terms, level, &parent, HOPELESS_NATS / 2.0);
@@ -365,12 +365,12 @@ impl<'a, S: Study> Search<'a, S> {
     fn apply_acceptance_rule(
         &self,
         tests: &mut [CandidateTest],
-        accepted: &[usize],
-        removed: &[usize],
+        accepted: &[TermId],
+        removed: &[TermId],
         floor: f64,
     ) {
         let gains: Vec<Gain> = tests.iter().map(|test| test.gain).collect();
-        let terms: Vec<usize> = tests.iter().map(|test| test.term).collect();
+        let terms: Vec<TermId> = tests.iter().map(|test| test.term).collect();
         let share_removed = |index: usize| self.share_removed(terms[index], accepted);
         let verdicts = acceptance::judge(&gains, self.n_tried(), floor, share_removed);
         for (test, verdict) in tests.iter_mut().zip(verdicts) {
@@ -397,17 +397,16 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// For a curve without a constant part the candidate that has one; any other term itself.
-    fn stand_in_for(&self, term: usize) -> usize {
-        let mut all = self.study.candidates().iter();
-        all.position(|candidate| candidate.stands_in_for == Some(term)).unwrap_or(term)
+    fn stand_in_for(&self, term: TermId) -> TermId {
+        let all = self.study.candidates();
+        all.find(|candidate| candidate.stands_in_for == Some(term)).unwrap_or(term)
     }
 
     /// Tests every candidate on top of `accepted`, in parallel.
-    fn test_all(&self, accepted: &[usize], round: usize) -> Vec<CandidateTest> {
+    fn test_all(&self, accepted: &[TermId], round: usize) -> Vec<CandidateTest> {
         let candidates = self.study.candidates();
-        let wanted: Vec<usize> = (0..candidates.len())
-            .filter(|&term| candidates[term].stands_in_for.is_none())
-            .collect();
+        let wanted: Vec<TermId> =
+            candidates.ids().filter(|&term| candidates[term].stands_in_for.is_none()).collect();
         let n = wanted.len();
         let done = AtomicUsize::new(0);
         let try_one = |term| {
@@ -433,7 +432,7 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// The model as configured, then with each term.
-    fn rungs(&self, accepted: &[usize]) -> Vec<LadderStep> {
+    fn rungs(&self, accepted: &[TermId]) -> Vec<LadderStep> {
         let all = self.full_fit(accepted, COMMON, None);
         let upto = |n: usize| {
             if 0 < n {
@@ -444,7 +443,7 @@ impl<'a, S: Study> Search<'a, S> {
         (0..=accepted.len()).map(upto).collect()
     }
 
-    fn rung(&self, terms: &[usize]) -> LadderStep {
+    fn rung(&self, terms: &[TermId]) -> LadderStep {
         LadderStep {
             terms: terms.to_vec(),
             scores: Scores::mean(&self.held_out_scores(terms, COMMON)),
@@ -452,12 +451,12 @@ impl<'a, S: Study> Search<'a, S> {
     }
 }
 
-fn with_term(accepted: &[usize], term: usize) -> Vec<usize> {
+fn with_term(accepted: &[TermId], term: TermId) -> Vec<TermId> {
     accepted.iter().copied().chain([term]).collect()
 }
 
 /// The terms without one of them.
-pub(crate) fn without_term(accepted: &[usize], term: usize) -> Vec<usize> {
+pub(crate) fn without_term(accepted: &[TermId], term: TermId) -> Vec<TermId> {
     accepted.iter().copied().filter(|&other| other != term).collect()
 }
 

@@ -17,7 +17,7 @@ use study::thresholds::{
     FAMILY_ERROR, FEWEST_COMPARED_GROUPS, LIMITED_NATS, LIMITED_SHARE, MOST_LIMITED,
     MOST_LIMITED_OF_A_KIND, TESTED_LIMITS, TIME_LIMIT_NATS, UNCORRECTED_LEVEL,
 };
-use study::{COMMON, Candidate, Study};
+use study::{COMMON, Candidate, Study, TermId};
 use tracing::debug;
 
 /// Moments at which something may have begun or ended that are tried first: so many quantiles of the times …
@@ -28,8 +28,8 @@ const FINE_MOMENTS: usize = 24;
 /// A limited effect that the slopes ask for.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Proposal {
-    /// The effect, by the number of its candidate.
-    pub term: usize,
+    /// The effect.
+    pub term: TermId,
     /// Its table `only`.
     pub only: toml::Table,
     /// Its amplitude, in units of the column.
@@ -91,11 +91,11 @@ impl Span {
 pub(crate) fn proposals<S: Study>(
     study: &S,
     search: &Search<'_, S>,
-    accepted: &[usize],
+    accepted: &[TermId],
 ) -> Vec<Proposal> {
     let candidates = study.candidates();
-    let may_be = |term: &usize| may_be_limited(&candidates[*term]);
-    let others = (0..candidates.len()).filter(|term| may_be(term) && !accepted.contains(term));
+    let may_be = |term: &TermId| may_be_limited(&candidates[*term]);
+    let others = candidates.ids().filter(|term| may_be(term) && !accepted.contains(term));
     let mut found = asked_for(study, search, accepted, &others.collect::<Vec<_>>());
     for &term in accepted.iter().filter(|term| may_be(term)) {
         found.extend(asked_for(study, search, &without_term(accepted, term), &[term]));
@@ -121,8 +121,8 @@ pub(crate) fn proposals<S: Study>(
 fn asked_for<S: Study>(
     study: &S,
     search: &Search<'_, S>,
-    model: &[usize],
-    terms: &[usize],
+    model: &[TermId],
+    terms: &[TermId],
 ) -> Vec<Proposal> {
     if study.is_stopped() {
         return Vec::new();
@@ -133,11 +133,11 @@ fn asked_for<S: Study>(
     let dependence = study.dependence();
     let mut partitions = study.partitions();
     partitions.retain(|partition| partition.key.is_some());
-    let columns: Vec<(usize, Vec<Column>)> =
+    let columns: Vec<(TermId, Vec<Column>)> =
         terms.iter().map(|&term| (term, study.columns(&fit, term))).collect();
     let n_columns: usize = columns.iter().map(|(_, columns)| columns.len()).sum();
     let n_groups: usize = partitions.iter().map(|partition| partition.groups.len()).sum();
-    let pairs: Vec<(usize, &Column)> = columns
+    let pairs: Vec<(TermId, &Column)> = columns
         .iter()
         .flat_map(|(term, columns)| columns.iter().map(move |column| (*term, column)))
         .collect();
@@ -150,7 +150,7 @@ fn asked_for<S: Study>(
             n_tests: (2 * n_columns * (n_groups + 1) * (2 * MOMENTS + 1)) as f64,
             design_effect: study.design_effect(),
         };
-        let of_column = |&(term, column): &(usize, &Column)| {
+        let of_column = |&(term, column): &(TermId, &Column)| {
             let of_groups = |partition| asked.of_groups(term, column, partition);
             let mut found: Vec<Proposal> = partitions.iter().filter_map(of_groups).collect();
             found.extend(asked.of_time(term, column, None));
@@ -159,7 +159,7 @@ fn asked_for<S: Study>(
         let of_rows: Vec<Proposal> = pairs.par_iter().flat_map_iter(of_column).collect();
         found.extend(of_rows);
     }
-    let in_time = |&term: &usize| {
+    let in_time = |&term: &TermId| {
         let (only, rise) = study.span_of_search(&fit, term)?;
         Some(Proposal { term, only, amplitude: f64::NAN, rise, p_value: f64::NAN })
     };
@@ -189,7 +189,7 @@ fn constant_of_one<S: Study>(
 ) -> Option<Proposal> {
     let is_constant =
         |c: &Candidate| c.linear_in == Some(CONSTANT) && may_be_limited(c) && c.is_tried();
-    let term = study.candidates().iter().position(is_constant)?;
+    let term = study.candidates().find(is_constant)?;
     let column = study.columns(fit, term).into_iter().next()?;
     let span_s = study::span_s(span);
     let promise = |group: &Group| {
@@ -275,19 +275,20 @@ pub(crate) fn selection<S: Study>(
 }
 
 /// The effect of which another is to be tried, where a term is such an effect and each of those there are is in the model already.
-fn wanted_another<S: Study>(study: &S, ladder: &Ladder, term: usize) -> Option<usize> {
+fn wanted_another<S: Study>(study: &S, ladder: &Ladder, term: TermId) -> Option<TermId> {
     let candidates = study.candidates();
     let first = candidates[term].another_of.unwrap_or(term);
-    let all = (0..candidates.len())
+    let all = candidates
+        .ids()
         .filter(|&other| other == first || candidates[other].another_of == Some(first));
-    let all: Vec<usize> = all.collect();
+    let all: Vec<TermId> = all.collect();
     let is_last = all.last() == Some(&term) && all.len() < MOST_LIMITED_OF_A_KIND;
     (is_last && all.iter().all(|other| ladder.accepted.contains(other))).then_some(first)
 }
 
 /// Whether a limited effect is asked for by the slopes of a fit: its p-value, of one test.
 #[must_use]
-pub(crate) fn p_value<S: Study>(study: &S, fit: &S::Fit, term: usize) -> f64 {
+pub(crate) fn p_value<S: Study>(study: &S, fit: &S::Fit, term: TermId) -> f64 {
     let Some(rows) = study.linearised(fit) else { return 1.0 };
     let dependence = study.dependence();
     let columns = study.columns(fit, term);
@@ -312,9 +313,8 @@ pub(crate) fn screened<S: Study>(study: &S) -> Vec<String> {
     names.extend(
         limited.iter().map(|found| format!("{} ({})", candidates[found.term].name, found.only)),
     );
-    let tried: Vec<usize> =
-        (0..candidates.len()).filter(|&term| candidates[term].is_tried()).collect();
-    let is_found = |term: usize| p_value(study, &fit, term) * (tried.len() as f64) < FAMILY_ERROR;
+    let tried: Vec<TermId> = candidates.ids().filter(|&term| candidates[term].is_tried()).collect();
+    let is_found = |term: TermId| p_value(study, &fit, term) * (tried.len() as f64) < FAMILY_ERROR;
     names.extend(
         tried.iter().filter(|&&term| is_found(term)).map(|&term| candidates[term].name.clone()),
     );
@@ -382,7 +382,7 @@ impl Asked<'_> {
     }
 
     /// Effects limited to one of the groups, and perhaps to a time.
-    fn of_groups(&self, term: usize, column: &Column, partition: &Partition) -> Option<Proposal> {
+    fn of_groups(&self, term: TermId, column: &Column, partition: &Partition) -> Option<Proposal> {
         let key = partition.key?;
         let of_group = |group: &Group| on_rows(column, &group.rows);
         let columns: Vec<Column> = partition.groups.iter().map(of_group).collect();
@@ -409,7 +409,7 @@ impl Asked<'_> {
     }
 
     /// A column as it acts always, from a moment on or until one. `beside`: what acts on all rows alike, always; none: the column.
-    fn of_time(&self, term: usize, column: &Column, beside: Option<&Column>) -> Option<Proposal> {
+    fn of_time(&self, term: TermId, column: &Column, beside: Option<&Column>) -> Option<Proposal> {
         let whole = beside.unwrap_or(column);
         let spans = self.promising(column);
         let test = |span: Span| self.tests.test(&self.during(column, span), &[whole]);

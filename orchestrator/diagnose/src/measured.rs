@@ -19,7 +19,7 @@ use study::open::{self, OpenError, Predicted, Subject};
 use study::robots::RobotStudy;
 use study::thresholds::MOST_MISSING_SHARE;
 use study::view::Viewed;
-use study::{COMMON, StopFlag};
+use study::{COMMON, StopFlag, TermId};
 
 /// Positions that are as close (m) are the same.
 const SAME_M: f64 = 1e-9;
@@ -71,7 +71,7 @@ pub(crate) trait Measured: Viewed + Sized {
     fn comparison(&self, search: &Search<'_, Self>, account: &DataAccount) -> Comparison;
 
     /// The rows of the study, and the errors of the configured model and of that with some terms, as plots need them.
-    fn measured_rows(&self, search: &Search<'_, Self>, terms: &[usize]) -> MeasuredRows;
+    fn measured_rows(&self, search: &Search<'_, Self>, terms: &[TermId]) -> MeasuredRows;
 
     /// What an error may depend on: a value per row.
     fn error_covariates(&self) -> Vec<(String, Vec<f64>)>;
@@ -93,7 +93,7 @@ pub(crate) trait Measured: Viewed + Sized {
 /// Effects that a configuration is extended by.
 #[derive(Clone, Copy)]
 pub(crate) struct Added<'a> {
-    pub(crate) terms: &'a [usize],
+    pub(crate) terms: &'a [TermId],
     pub(crate) names: &'a [String],
     /// The text of the extended configuration.
     pub(crate) text: &'a str,
@@ -156,7 +156,7 @@ impl Measured for LinkStudy {
         compare::links(self, search, account)
     }
 
-    fn measured_rows(&self, _search: &Search<'_, Self>, _terms: &[usize]) -> MeasuredRows {
+    fn measured_rows(&self, _search: &Search<'_, Self>, _terms: &[TermId]) -> MeasuredRows {
         rows::of_links(self)
     }
 
@@ -208,7 +208,7 @@ impl Measured for RobotStudy {
         compare::robots(self, search, account)
     }
 
-    fn measured_rows(&self, search: &Search<'_, Self>, terms: &[usize]) -> MeasuredRows {
+    fn measured_rows(&self, search: &Search<'_, Self>, terms: &[TermId]) -> MeasuredRows {
         rows::of_robots(self, search, terms)
     }
 

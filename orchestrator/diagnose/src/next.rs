@@ -7,7 +7,7 @@ use numbers::format::trimmed;
 use numbers::power::integer_power;
 use numbers::quantity;
 use study::thresholds::{CONDITION_BINS, FEWEST_BIN_ROWS, LEAST_NEXT_DIFFERENCE, WIDE_INTERVAL};
-use study::{COMMON, Estimate, PredictionDifference, Study};
+use study::{COMMON, Estimate, PredictionDifference, Study, TermId};
 
 /// Decimals of a covariate in a sentence.
 const DECIMALS: usize = 6;
@@ -103,7 +103,7 @@ pub(crate) fn measurements<S: Study>(
     study: &S,
     search: &Search<'_, S>,
     ladder: &Ladder,
-    estimates: &[(usize, Vec<Estimate>)],
+    estimates: &[(TermId, Vec<Estimate>)],
 ) -> Vec<NextMeasurement> {
     let candidates = study.candidates();
     let chosen = search.full_fit(&ladder.accepted, COMMON, None);

@@ -20,6 +20,7 @@ use crate::rows::{self, PredictedRows};
 use crate::scan;
 use measure::account::DataAccount;
 use std::sync::Arc;
+use study::TermId;
 use study::defects::Defect;
 use study::formula::{FORMULA, FormulaRequest};
 use study::links::LinkStudy;
@@ -209,7 +210,7 @@ fn extended<S: Measured>(
         Effects::Named(names) => {
             let formula = extending.formula.as_ref().map(|_| FORMULA);
             let names = names.iter().map(String::as_str).chain(formula);
-            let terms: Result<Vec<usize>, ExtendError> =
+            let terms: Result<Vec<TermId>, ExtendError> =
                 names.map(|name| extend::candidate(&campaign.study, name)).collect();
             (terms?, Arc::default())
         }

@@ -4,10 +4,10 @@ use crate::held_out;
 use crate::ladder::Search;
 use crate::measured::Measured;
 use measure::robots::RobotSample;
-use study::COMMON;
 use study::links::LinkStudy;
 use study::robots::RobotStudy;
 use study::view::RowPredictions;
+use study::{COMMON, TermId};
 
 /// Measured rows, and the predictions of fits that have not seen them.
 #[derive(Clone, Debug)]
@@ -61,7 +61,7 @@ pub struct RobotRows {
 pub(crate) fn predicted<S: Measured>(
     study: &S,
     search: &Search<'_, S>,
-    terms: &[usize],
+    terms: &[TermId],
 ) -> PredictedRows {
     PredictedRows {
         rows: study.measured_rows(search, terms),
@@ -89,7 +89,7 @@ pub(crate) fn of_links(study: &LinkStudy) -> MeasuredRows {
 pub(crate) fn of_robots(
     study: &RobotStudy,
     search: &Search<'_, RobotStudy>,
-    terms: &[usize],
+    terms: &[TermId],
 ) -> MeasuredRows {
     let robots = study.robots();
     let place = |sample: &RobotSample| [sample.position_m[0], sample.position_m[1]];

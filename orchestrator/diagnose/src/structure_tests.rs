@@ -16,7 +16,7 @@ use study::choices::Choices;
 use study::folds::scramble;
 use study::open::Subject;
 use study::robots::{RobotStudy, StatedSettings};
-use study::{COMMON, Study as _};
+use study::{COMMON, Study as _, TermId};
 
 /// Robots that a tide carries to the east, always, now more and now less: by as much as the noise in some seconds.
 fn carried(n_steps: usize) -> DataTable {
@@ -41,8 +41,8 @@ fn study(table: &DataTable) -> RobotStudy {
         .unwrap()
 }
 
-fn index(study: &RobotStudy, name: &str) -> usize {
-    study.candidates().iter().position(|candidate| candidate.name == name).unwrap()
+fn index(study: &RobotStudy, name: &str) -> TermId {
+    study.candidates().find(|candidate| candidate.name == name).unwrap()
 }
 
 /// The mean of what follows the tide is `wind` to begin with. What follows it explains the mean, too.
@@ -51,7 +51,7 @@ fn what_no_effect_explains_is_one_thing_with_its_mean() {
     let study = study(&carried(6000));
     let search = Search::new(&study, &|_| {});
     let ladder = search.stepwise_selection();
-    let names = |terms: &[usize]| -> Vec<String> {
+    let names = |terms: &[TermId]| -> Vec<String> {
         terms.iter().map(|&term| study.candidates()[term].name.clone()).collect()
     };
     assert_eq!(names(&ladder.accepted), ["curve:tide_m"]);

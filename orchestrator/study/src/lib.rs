@@ -15,11 +15,13 @@ pub mod open;
 pub mod robots;
 mod stop;
 pub mod symbolic;
+mod term;
 pub mod thresholds;
 pub mod view;
 
 pub use limits::{NotLimited, span_s};
 pub use stop::StopFlag;
+pub use term::{PerTerm, TermId};
 
 use folds::Blocks;
 use linear::{Column, Dependence, Direction, Linearised, Partition};
@@ -56,10 +58,10 @@ pub struct Candidate {
     /// To which rows it is limited, if it is: its table `only`.
     pub only: Option<toml::Table>,
     /// The effect of which this is another one, by number: it is tried where that is in the model.
-    pub another_of: Option<usize>,
+    pub another_of: Option<TermId>,
     /// The curve without a constant part that this is, with one. It is not tried by itself, but stands in for that curve where
     /// it explains what an effect did that was accepted before.
-    pub stands_in_for: Option<usize>,
+    pub stands_in_for: Option<TermId>,
 }
 
 impl Candidate {
@@ -92,7 +94,7 @@ impl Candidate {
 
     /// Whether it is tried on top of these terms.
     #[must_use]
-    pub fn is_tried_beside(&self, terms: &[usize]) -> bool {
+    pub fn is_tried_beside(&self, terms: &[TermId]) -> bool {
         self.is_tried() && self.another_of.is_none_or(|first| terms.contains(&first))
     }
 
@@ -195,7 +197,7 @@ pub trait Study: Sync {
     type Fit: Clone + Send + Sync;
 
     /// What may be missing, in a fixed order.
-    fn candidates(&self) -> &[Candidate];
+    fn candidates(&self) -> &PerTerm<Candidate>;
 
     /// How many rows there are: frames, sums of frames, or windows of motion.
     fn n_rows(&self) -> usize;
@@ -231,7 +233,7 @@ pub trait Study: Sync {
     /// * `start`: a fit of fewer or other terms, from which the search may start.
     fn fit(
         &self,
-        terms: &[usize],
+        terms: &[TermId],
         train: &[u32],
         level: Level,
         start: Option<&Self::Fit>,
@@ -239,7 +241,7 @@ pub trait Study: Sync {
 
     /// A quick fit to all rows of the last of `terms` on top of its parent: whether it is worth a fit. What the parent has is
     /// held or taken for straight lines. None where there is no quick way.
-    fn screen(&self, _terms: &[usize], _level: Level, _parent: &Self::Fit) -> Option<Self::Fit> {
+    fn screen(&self, _terms: &[TermId], _level: Level, _parent: &Self::Fit) -> Option<Self::Fit> {
         None
     }
 
@@ -263,7 +265,7 @@ pub trait Study: Sync {
 
     /// A short formula of the covariate of an accepted curve, for the residuals of a fit without that curve. None where the term is no
     /// curve, or no formula fits.
-    fn formula_of_curve(&self, term: usize, fit_without: &Self::Fit) -> Option<FittedFormula>;
+    fn formula_of_curve(&self, term: TermId, fit_without: &Self::Fit) -> Option<FittedFormula>;
 
     /// A short formula of a covariate for the residuals of a fit.
     fn formula_of_residuals(&self, covariate: &str, fit: &Self::Fit) -> Option<FittedFormula>;
@@ -272,7 +274,7 @@ pub trait Study: Sync {
     fn with_parameter_held(
         &self,
         _fit: &Self::Fit,
-        _term: usize,
+        _term: TermId,
         _key: &str,
         _value: f64,
     ) -> Option<Self::Fit> {
@@ -284,11 +286,11 @@ pub trait Study: Sync {
 
     /// What an effect that may be added to a fit would move, at each of the places where a search for it starts: by the amplitude
     /// it has there. Empty where it does something else than move means.
-    fn columns(&self, fit: &Self::Fit, term: usize) -> Vec<Column>;
+    fn columns(&self, fit: &Self::Fit, term: TermId) -> Vec<Column>;
 
     /// What the numbers of a curve that may be added to a fit would move, by unit of each. Empty where it does something else than
     /// move means, and for effects.
-    fn columns_of_curve(&self, fit: &Self::Fit, term: usize) -> Vec<Column>;
+    fn columns_of_curve(&self, fit: &Self::Fit, term: TermId) -> Vec<Column>;
 
     /// Constants that rows may be off by.
     fn directions(&self) -> Vec<Direction>;
@@ -308,22 +310,22 @@ pub trait Study: Sync {
     /// # Errors
     ///
     /// The limits are wrong, or the candidate is none that can be limited.
-    fn add_limited(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited>;
+    fn add_limited(&mut self, term: TermId, limits: &toml::Table) -> Result<TermId, NotLimited>;
 
     /// Of a random level that rows share: the probability of as much agreement of these rows, in what a fit without it leaves, by
     /// chance. None for all else.
-    fn agreement(&self, _fit: &Self::Fit, _term: usize) -> Option<f64> {
+    fn agreement(&self, _fit: &Self::Fit, _term: TermId) -> Option<f64> {
         None
     }
 
     /// The span of time, as a table `only`, in which an effect whose place is sought promises much more than always, on top of a fit;
     /// with what it promises (nats).
-    fn span_of_search(&self, _fit: &Self::Fit, _term: usize) -> Option<(toml::Table, f64)> {
+    fn span_of_search(&self, _fit: &Self::Fit, _term: TermId) -> Option<(toml::Table, f64)> {
         None
     }
 
     /// Adds another of an effect of which several may act, and returns the number of the new candidate; none where that makes no sense.
-    fn add_another(&mut self, _term: usize) -> Option<usize> {
+    fn add_another(&mut self, _term: TermId) -> Option<TermId> {
         None
     }
 
@@ -334,11 +336,11 @@ pub trait Study: Sync {
     fn scores(&self, fit: &Self::Fit, test: &[u32]) -> Vec<RowScore>;
 
     /// Parameters of a term, with intervals, from a fit to all rows; and a warning where two of them are not identifiable.
-    fn estimates(&self, fit: &Self::Fit, term: usize) -> (Vec<Estimate>, Option<String>);
+    fn estimates(&self, fit: &Self::Fit, term: TermId) -> (Vec<Estimate>, Option<String>);
 
     /// The configuration of a term as fitted: the keys of its section, `kind` among them. None where it is not in the fit,
     /// or is no effect.
-    fn settings(&self, fit: &Self::Fit, term: usize) -> Option<toml::Table>;
+    fn settings(&self, fit: &Self::Fit, term: TermId) -> Option<toml::Table>;
 }
 
 /// Whether a value lies at an end of a parameter's range.

@@ -57,6 +57,7 @@ use super::linear::{Column, Dependence, Direction, Linearised, Partition};
 use super::symbolic::FittedFormula;
 use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, StopFlag, Study};
 use crate::thresholds::{DECORRELATION_M, DEFAULT_DECORRELATION_M, MOST_SEARCHED_ROWS};
+use crate::{PerTerm, TermId};
 use basis::{Bases, Basis};
 use cells::{Random, RandomEffectSds, RowCells, Scales};
 use fit::{FitProblem, FreeRandomEffects, IterationLimits, LinkFit};
@@ -84,8 +85,8 @@ const CORRELATION_S: &str = "correlation_s";
 pub struct LinkStudy {
     /// The measurements and the model.
     pub rows: ModelledLinks,
-    candidates: Vec<Candidate>,
-    specs: Vec<TermSpec>,
+    candidates: PerTerm<Candidate>,
+    specs: PerTerm<TermSpec>,
     time: Blocks,
     place: Blocks,
     /// Links and channels, where nothing was measured twice.
@@ -196,7 +197,7 @@ impl LinkStudy {
 
     /// What each term is made of.
     #[must_use]
-    pub fn specs(&self) -> &[TermSpec] {
+    pub fn specs(&self) -> &PerTerm<TermSpec> {
         &self.specs
     }
 
@@ -212,7 +213,7 @@ impl LinkStudy {
         covariates::by_name(&self.rows)
     }
 
-    fn specs_of(&self, terms: &[usize]) -> Vec<&TermSpec> {
+    fn specs_of(&self, terms: &[TermId]) -> Vec<&TermSpec> {
         terms.iter().map(|&term| &self.specs[term]).collect()
     }
 
@@ -263,7 +264,7 @@ impl LinkStudy {
 
     fn run(
         &self,
-        terms: &[usize],
+        terms: &[TermId],
         states: Vec<TermState>,
         train: &[u32],
         from: FitOptions<'_>,
@@ -389,7 +390,7 @@ const WARM_ROUNDS: usize = 2;
 impl Study for LinkStudy {
     type Fit = LinkFit;
 
-    fn candidates(&self) -> &[Candidate] {
+    fn candidates(&self) -> &PerTerm<Candidate> {
         &self.candidates
     }
 
@@ -415,7 +416,7 @@ impl Study for LinkStudy {
 
     fn fit(
         &self,
-        terms: &[usize],
+        terms: &[TermId],
         train: &[u32],
         level: Level,
         start: Option<&LinkFit>,
@@ -425,7 +426,7 @@ impl Study for LinkStudy {
             let empty = || self.run(&[], Vec::new(), train, FitOptions::quick(level, None));
             return start.cloned().unwrap_or_else(empty);
         }
-        let known = |term: usize| {
+        let known = |term: TermId| {
             let fit = start?;
             let index = fit.terms.iter().position(|&other| other == term)?;
             // What was searched with all rows is searched again without those left out, and at another level, where links have
@@ -465,7 +466,7 @@ impl Study for LinkStudy {
         self.run(terms, best, train, FitOptions::to_convergence(level, start))
     }
 
-    fn screen(&self, terms: &[usize], level: Level, parent: &LinkFit) -> Option<LinkFit> {
+    fn screen(&self, terms: &[TermId], level: Level, parent: &LinkFit) -> Option<LinkFit> {
         let (&term, _) = terms.split_last()?;
         // A trial holds the spreads of random effects, so it cannot show what another one is worth.
         if self.stop.is_set() || self.specs[term].is_random() {
@@ -501,7 +502,7 @@ impl Study for LinkStudy {
         self.standardised(fit)
     }
 
-    fn formula_of_curve(&self, term: usize, fit_without: &LinkFit) -> Option<FittedFormula> {
+    fn formula_of_curve(&self, term: TermId, fit_without: &LinkFit) -> Option<FittedFormula> {
         self.curve_as_formula(term, fit_without)
     }
 
@@ -512,7 +513,7 @@ impl Study for LinkStudy {
     fn with_parameter_held(
         &self,
         fit: &LinkFit,
-        term: usize,
+        term: TermId,
         key: &str,
         value: f64,
     ) -> Option<LinkFit> {
@@ -523,11 +524,11 @@ impl Study for LinkStudy {
         self.linearised_at(fit)
     }
 
-    fn columns(&self, _fit: &LinkFit, term: usize) -> Vec<Column> {
+    fn columns(&self, _fit: &LinkFit, term: TermId) -> Vec<Column> {
         self.columns_of(term)
     }
 
-    fn columns_of_curve(&self, _fit: &LinkFit, term: usize) -> Vec<Column> {
+    fn columns_of_curve(&self, _fit: &LinkFit, term: TermId) -> Vec<Column> {
         self.curve_columns_of(term)
     }
 
@@ -543,19 +544,19 @@ impl Study for LinkStudy {
         self.dependence_of()
     }
 
-    fn add_limited(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited> {
+    fn add_limited(&mut self, term: TermId, limits: &toml::Table) -> Result<TermId, NotLimited> {
         self.limit(term, limits)
     }
 
-    fn span_of_search(&self, fit: &LinkFit, term: usize) -> Option<(toml::Table, f64)> {
+    fn span_of_search(&self, fit: &LinkFit, term: TermId) -> Option<(toml::Table, f64)> {
         self.window_of(fit, term)
     }
 
-    fn add_another(&mut self, term: usize) -> Option<usize> {
+    fn add_another(&mut self, term: TermId) -> Option<TermId> {
         self.another(term)
     }
 
-    fn agreement(&self, fit: &LinkFit, term: usize) -> Option<f64> {
+    fn agreement(&self, fit: &LinkFit, term: TermId) -> Option<f64> {
         match self.specs[term] {
             TermSpec::Drift(_) => Some(self.p_value_of_agreement(fit)),
             TermSpec::NodeOffset(_) => Some(self.p_value_of_nodes(&fit.without_links())),
@@ -584,11 +585,11 @@ impl Study for LinkStudy {
             .collect()
     }
 
-    fn estimates(&self, fit: &LinkFit, term: usize) -> (Vec<Estimate>, Option<String>) {
+    fn estimates(&self, fit: &LinkFit, term: TermId) -> (Vec<Estimate>, Option<String>) {
         self.estimates_of(fit, term)
     }
 
-    fn settings(&self, fit: &LinkFit, term: usize) -> Option<toml::Table> {
+    fn settings(&self, fit: &LinkFit, term: TermId) -> Option<toml::Table> {
         self.settings_of(fit, term)
     }
 }

@@ -35,6 +35,7 @@ use super::folds::Blocks;
 use super::formula::set;
 use super::{Candidate, Estimate, StopFlag};
 use crate::thresholds::{ROBOTS_COLLINEAR, WINDOW_S};
+use crate::{PerTerm, TermId};
 use density::ResidualDensity;
 use derivatives::Derivatives;
 use foreign::ForeignBase;
@@ -60,7 +61,7 @@ use terms::{Starts, Term};
 #[derive(Debug)]
 pub struct RobotStudy {
     model: RobotModel,
-    candidates: Vec<Candidate>,
+    candidates: PerTerm<Candidate>,
     in_time: Blocks,
     in_place: Blocks,
     configured: RobotFit,
@@ -68,7 +69,7 @@ pub struct RobotStudy {
     rejected: Vec<Rejected>,
     /// How many windows fits may see.
     n_fitted: usize,
-    cache: Mutex<BTreeMap<Vec<usize>, RobotFit>>,
+    cache: Mutex<BTreeMap<Vec<TermId>, RobotFit>>,
 }
 
 /// The configured model and what may be added to it.
@@ -83,7 +84,7 @@ struct RobotModel {
     given_sd_m: Option<f64>,
     /// Numbers that every model has: shares by which measurements correct, a car's wheelbase where it is not given.
     base: Vec<Number>,
-    terms: Vec<Term>,
+    terms: PerTerm<Term>,
     /// Whether fits are to stop.
     stop: StopFlag,
     /// Directions in which windows go by the configured model: cosine and sine.
@@ -142,7 +143,7 @@ fn check_window(robots: &RobotSamples, window_s: f64) -> Result<(), ChoiceError>
 /// A model fitted to some windows.
 #[derive(Clone, Debug)]
 pub struct RobotFit {
-    terms: Vec<usize>,
+    terms: Vec<TermId>,
     values: Vec<f64>,
     density: ResidualDensity,
     log_likelihood: f64,
@@ -187,7 +188,7 @@ pub enum RobotStudyError {
 
 impl RobotFit {
     /// The numbers of a term.
-    fn numbers(&self, model: &RobotModel, term: usize) -> &[f64] {
+    fn numbers(&self, model: &RobotModel, term: TermId) -> &[f64] {
         if !self.terms.contains(&term) {
             return &[];
         }
@@ -196,7 +197,7 @@ impl RobotFit {
     }
 
     /// Where the numbers of a term, which the fit has, begin among all.
-    fn first(&self, model: &RobotModel, term: usize) -> usize {
+    fn first(&self, model: &RobotModel, term: TermId) -> usize {
         let before = self.terms.iter().take_while(|&&other| other != term);
         model.base.len() + before.map(|&other| model.n_numbers(other)).sum::<usize>()
     }
@@ -209,7 +210,7 @@ impl RobotFit {
 }
 
 impl RobotModel {
-    fn n_numbers(&self, term: usize) -> usize {
+    fn n_numbers(&self, term: TermId) -> usize {
         match &self.terms[term] {
             Term::Effect(effect) => effect.parameters.len(),
             Term::Noise(_) => 0,
@@ -218,12 +219,12 @@ impl RobotModel {
     }
 
     /// Whether a fit estimates the noise of measured positions.
-    fn is_noise_free(&self, terms: &[usize]) -> bool {
+    fn is_noise_free(&self, terms: &[TermId]) -> bool {
         self.given_sd_m.is_none()
             || terms.iter().any(|&term| matches!(self.terms[term], Term::Noise(_)))
     }
 
-    fn curve(&self, term: usize) -> Option<&curve::RobotCurve> {
+    fn curve(&self, term: TermId) -> Option<&curve::RobotCurve> {
         match &self.terms[term] {
             Term::Curve(curve) => Some(curve),
             Term::Effect(_) | Term::Noise(_) => None,
@@ -231,7 +232,7 @@ impl RobotModel {
     }
 
     /// Where a search for one more term starts.
-    fn starts(&self, term: usize, parent: &RobotFit, train: &[u32]) -> Vec<Vec<f64>> {
+    fn starts(&self, term: TermId, parent: &RobotFit, train: &[u32]) -> Vec<Vec<f64>> {
         match &self.terms[term] {
             Term::Effect(effect) => match &effect.starts {
                 Starts::At(starts) => starts.clone(),
@@ -242,7 +243,7 @@ impl RobotModel {
         }
     }
 
-    fn numbers_of(&self, terms: &[usize]) -> Vec<Number> {
+    fn numbers_of(&self, terms: &[TermId]) -> Vec<Number> {
         let mut numbers = self.base.clone();
         for &term in terms {
             match &self.terms[term] {
@@ -443,7 +444,7 @@ impl RobotStudy {
         &self.configured
     }
 
-    fn cached_fit(&self, terms: &[usize]) -> Option<RobotFit> {
+    fn cached_fit(&self, terms: &[TermId]) -> Option<RobotFit> {
         self.cache.lock().unwrap_or_else(PoisonError::into_inner).get(terms).cloned()
     }
 
@@ -451,7 +452,7 @@ impl RobotStudy {
     fn confounded(
         &self,
         fit: &RobotFit,
-        term: usize,
+        term: TermId,
         covariance: Option<&DMatrix<f64>>,
     ) -> Option<String> {
         let covariance = covariance?;
@@ -474,7 +475,7 @@ impl RobotStudy {
 
     /// The `[[robotsim.dynamics.effect]]` that a term of a fit is; none where it is a curve.
     #[must_use]
-    pub fn effect_table(&self, fit: &RobotFit, term: usize) -> Option<toml::Table> {
+    pub fn effect_table(&self, fit: &RobotFit, term: TermId) -> Option<toml::Table> {
         if !fit.terms.contains(&term) {
             return None;
         }

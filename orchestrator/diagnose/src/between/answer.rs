@@ -17,7 +17,7 @@ use measure::time_of_day::TIME_OF_DAY;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use study::open::Subject;
 use study::thresholds::{INTERVAL_PROBABILITY, UNCHANGED_SHARE};
-use study::{COMMON, Estimate, Study};
+use study::{COMMON, Estimate, Study, TermId};
 
 /// Two campaigns, and what is known of them beside the pooled study.
 #[derive(Clone, Copy, Debug)]
@@ -63,7 +63,7 @@ pub(super) fn answer<S: Study>(
         with_changes(error, search, &found.terms, &sides.is_b);
     }
     let fit = search.full_fit(&found.terms, COMMON, None);
-    let estimates = |term: usize| study.estimates(&fit, term);
+    let estimates = |term: TermId| study.estimates(&fit, term);
     let (possible, changed): (Vec<&FoundChange>, Vec<&FoundChange>) =
         found.changes.iter().partition(|change| change.is_only_possible);
     let of_change = |change: &&FoundChange| {
@@ -105,7 +105,7 @@ pub(super) fn answer<S: Study>(
         is_complete,
     };
     let [a, b] = campaigns.accounts.map(DataAccount::clone);
-    let is_change = |term: &&usize| found.changes.iter().any(|change| change.effect == **term);
+    let is_change = |term: &&TermId| found.changes.iter().any(|change| change.effect == **term);
     let not_found = found.tested.iter().filter(|term| !is_change(term));
     let not_found = not_found.map(|&term| study.candidates()[term].name.clone()).collect();
     let mut between = Between {
@@ -159,7 +159,7 @@ fn change<S: Study>(
     study: &S,
     change: &FoundChange,
     settings: Option<toml::Table>,
-    estimates: &dyn Fn(usize) -> (Vec<Estimate>, Option<String>),
+    estimates: &dyn Fn(TermId) -> (Vec<Estimate>, Option<String>),
 ) -> Change {
     let candidate = &study.candidates()[change.in_b];
     let (in_b, warning) = estimates(change.in_b);

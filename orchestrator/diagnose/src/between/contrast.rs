@@ -16,7 +16,7 @@ use study::thresholds::{
     DIFFERENCE_NATS, DIFFERENCE_SHARE, FAMILY_ERROR, MOST_FITTED_DIFFERENCES,
     MOST_INSIGNIFICANT_DIFFERENCES, MOST_TESTED_DIFFERENCES, WORTH_SHARE,
 };
-use study::{Study, linear::Partition};
+use study::{Study, TermId, linear::Partition};
 
 /// The key that limits an effect to campaigns.
 pub(super) const RUNS: &str = "runs";
@@ -72,7 +72,7 @@ pub(super) struct One {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Difference {
     /// The effect, by the number of its candidate.
-    pub term: usize,
+    pub term: TermId,
     /// The robot or node at which it differs; none: everywhere.
     pub one: Option<One>,
     /// What the difference promises to raise the log likelihood by (nats).
@@ -91,7 +91,7 @@ pub(super) struct Difference {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct InBoth {
     /// The effect, by the number of its candidate.
-    pub term: usize,
+    pub term: TermId,
     /// What it promises to raise the log likelihood by (nats).
     pub rise: f64,
 }
@@ -167,7 +167,7 @@ impl<'a> Contrasts<'a> {
     #[must_use]
     pub(super) fn differences(
         &self,
-        columns: &[(usize, Column)],
+        columns: &[(TermId, Column)],
         design_effect: f64,
     ) -> Vec<Difference> {
         let groups = || {
@@ -178,7 +178,7 @@ impl<'a> Contrasts<'a> {
             limiting.flat_map(|(key, groups)| groups.iter().map(move |group| (key, group)))
         };
         let n_tests = (columns.len() * (1 + groups().count())) as f64;
-        let of_column = |(term, column): &(usize, Column)| -> Vec<Difference> {
+        let of_column = |(term, column): &(TermId, Column)| -> Vec<Difference> {
             let difference = |one: Option<One>, there: &Column, beside: &[&Column]| {
                 let rise = self.tests.rise(there, beside) / design_effect;
                 (DIFFERENCE_NATS < rise).then(|| Difference {
@@ -283,9 +283,9 @@ impl<'a> Contrasts<'a> {
 
     /// Effects that both campaigns together ask for, the most promising first.
     #[must_use]
-    pub(super) fn in_both(&self, columns: &[(usize, Column)]) -> Vec<InBoth> {
+    pub(super) fn in_both(&self, columns: &[(TermId, Column)]) -> Vec<InBoth> {
         let n_tests = columns.len() as f64;
-        let of_column = |(term, column): &(usize, Column)| {
+        let of_column = |(term, column): &(TermId, Column)| {
             let test = self.tests.test(column, &[])?;
             (n_tests * test.p_value < FAMILY_ERROR)
                 .then_some(InBoth { term: *term, rise: test.rise })

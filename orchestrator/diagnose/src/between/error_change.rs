@@ -13,7 +13,7 @@ use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::{BTreeMap, BTreeSet};
 use study::folds::Blocks;
 use study::thresholds::{FEWEST_CHANGE_BLOCKS, NEW_PLACES_SHARE};
-use study::{COMMON, RowScore, Study};
+use study::{COMMON, RowScore, Study, TermId};
 
 /// How well the model of A predicts both campaigns.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
@@ -63,7 +63,7 @@ impl ErrorChange {
 pub(super) fn with_changes<S: Study>(
     error: &mut ErrorChange,
     search: &Search<'_, S>,
-    terms: &[usize],
+    terms: &[TermId],
     is_b: &[bool],
 ) {
     let scores = search.held_out_scores(terms, COMMON);
@@ -83,7 +83,7 @@ pub(super) fn with_changes<S: Study>(
 pub(super) fn error_change<S: Study>(
     study: &S,
     search: &Search<'_, S>,
-    terms: &[usize],
+    terms: &[TermId],
     is_b: &[bool],
 ) -> Option<ErrorChange> {
     let start = search.full_fit(terms, COMMON, None);

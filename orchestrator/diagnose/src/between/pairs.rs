@@ -3,21 +3,21 @@
 use super::contrast::{RUNS, Sides};
 use super::search::{Found, limited, runs};
 use proto::effect::Level;
-use study::{Candidate, Study};
+use study::{Candidate, Study, TermId};
 
 /// An effect that both campaigns have, with a model in which each has its own.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pair {
     /// The term that acts in both.
-    pub of: usize,
+    pub of: TermId,
     /// The model with it.
-    pub parent: Vec<usize>,
+    pub parent: Vec<TermId>,
     /// The model with one for each campaign in its place.
-    pub terms: Vec<usize>,
+    pub terms: Vec<TermId>,
     /// The term that acts in A.
-    pub in_a: usize,
+    pub in_a: TermId,
     /// The term that acts in B.
-    pub in_b: usize,
+    pub in_b: TermId,
     /// How many times wider intervals are than those of independent rows.
     pub widening: f64,
 }
@@ -37,7 +37,7 @@ pub(super) fn pairs<S: Study>(study: &mut S, found: &Found<S::Fit>, sides: &Side
             continue;
         }
         let named = |candidate: &Candidate| candidate.name == effect;
-        let Some(effect) = study.candidates().iter().position(named) else { continue };
+        let Some(effect) = study.candidates().find(named) else { continue };
         let mut of_side = |runs_of: &[u32]| {
             let mut only = only.clone();
             only.insert(RUNS.to_owned(), runs(runs_of));

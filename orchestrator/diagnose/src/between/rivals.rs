@@ -7,7 +7,7 @@ use crate::ladder::Search;
 use crate::progress::SearchProgress;
 use std::sync::Arc;
 use study::thresholds::DISTINGUISHED_LEVEL;
-use study::{COMMON, Study};
+use study::{COMMON, Study, TermId};
 use tracing::debug;
 
 /// A score test cannot find an effect whose place, heading or node must be searched. In one campaign only, it may explain all that
@@ -25,10 +25,10 @@ pub(super) fn at_a_place<S: Study>(
         let search = Search::new(&*study, report).with_known(Arc::clone(&found.known));
         search.full_fit(&found.base, COMMON, None)
     };
-    let is_sought = |term: &usize| {
+    let is_sought = |term: &TermId| {
         may_change(&study.candidates()[*term]) && study.columns(&fit, *term).is_empty()
     };
-    let sought: Vec<usize> = (0..study.candidates().len()).filter(is_sought).collect();
+    let sought: Vec<TermId> = study.candidates().ids().filter(is_sought).collect();
     let mut rivals = Vec::new();
     for effect in sought {
         for (campaign, runs) in [("A", &sides.runs_a), ("B", &sides.runs_b)] {

@@ -14,7 +14,7 @@ use study::linear::{Column, Linearised};
 use study::thresholds::{
     DISTINGUISHED_LEVEL, FAMILY_ERROR, IN_BOTH_SHARE, MOST_CHANGES, MOST_IN_BOTH,
 };
-use study::{COMMON, Candidate, RowScore, Study};
+use study::{COMMON, Candidate, RowScore, Study, TermId};
 use tracing::debug;
 
 /// An effect that a diagnosis of A accepted.
@@ -29,8 +29,8 @@ pub(super) struct BaseTerm {
 impl BaseTerm {
     /// Those of a selection.
     #[must_use]
-    pub(super) fn of<S: Study>(study: &S, accepted: &[usize]) -> Vec<Self> {
-        let of_term = |&term: &usize| {
+    pub(super) fn of<S: Study>(study: &S, accepted: &[TermId]) -> Vec<Self> {
+        let of_term = |&term: &TermId| {
             let candidate = &study.candidates()[term];
             Self { effect: candidate.effect().to_owned(), only: candidate.only.clone() }
         };
@@ -49,14 +49,14 @@ impl BaseTerm {
 /// A change, as terms of the pooled study.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct FoundChange {
-    /// The effect, by the number of its candidate without limits.
-    pub effect: usize,
+    /// The effect, without limits.
+    pub effect: TermId,
     /// The robot or node at which it changed; none: everywhere.
     pub one: Option<One>,
     /// The term that acts in A; none where the model of A lacks it.
-    pub in_a: Option<usize>,
+    pub in_a: Option<TermId>,
     /// The term that acts in B.
-    pub in_b: usize,
+    pub in_b: TermId,
     /// Gain on held-out rows, over the model without the change.
     pub gain: Gain,
     /// P-value times the number of tests.
@@ -75,15 +75,15 @@ pub(super) struct FoundChange {
 #[derive(Clone, Debug)]
 pub(super) struct Found<F> {
     /// All terms of the final model.
-    pub terms: Vec<usize>,
+    pub terms: Vec<TermId>,
     /// What the model of A has beyond the configuration, as terms of the pooled study.
-    pub base: Vec<usize>,
+    pub base: Vec<TermId>,
     /// Changes, in the order in which they were found.
     pub changes: Vec<FoundChange>,
     /// Terms that act in both campaigns; whether A alone shows each.
-    pub common: Vec<(usize, bool)>,
-    /// Effects that were tested as changes, by the numbers of their candidates.
-    pub tested: Vec<usize>,
+    pub common: Vec<(TermId, bool)>,
+    /// Effects that were tested as changes.
+    pub tested: Vec<TermId>,
     /// What A shows and cannot be carried over to B, because it depends on the time since the start of A.
     pub of_time_in_a: Vec<String>,
     /// Whether the search came to its end.
@@ -94,7 +94,7 @@ pub(super) struct Found<F> {
 
 /// One explanation of the residuals.
 struct Explanation {
-    terms: Vec<usize>,
+    terms: Vec<TermId>,
     what: What,
     gain: Gain,
     scores: Arc<Vec<RowScore>>,
@@ -103,7 +103,7 @@ struct Explanation {
 
 enum What {
     Change(FoundChange),
-    Common(usize),
+    Common(TermId),
 }
 
 /// Whether a candidate may change: an effect of the catalogue that moves means.
@@ -263,8 +263,9 @@ impl<S: Study> Stepwise for Rounds<'_, S> {
                 found.changes.push(FoundChange { ties, ruled_out, is_only_possible, ..change });
             }
         }
-        let added = &study.candidates()[*terms.last().unwrap_or(&0)].name;
-        report(SearchProgress::Accepted { name: added });
+        if let Some(&added) = terms.last() {
+            report(SearchProgress::Accepted { name: &study.candidates()[added].name });
+        }
         found.terms = terms;
         Ok(Round::Changed)
     }
@@ -307,11 +308,11 @@ pub(super) fn change_name<S: Study>(study: &S, change: &FoundChange) -> String {
 }
 
 /// What A accepted, as terms of the pooled study. What acts from a time of A on, or until one, acts in A only.
-fn base_terms<S: Study>(study: &mut S, base: &[BaseTerm], sides: &Sides) -> Vec<usize> {
+fn base_terms<S: Study>(study: &mut S, base: &[BaseTerm], sides: &Sides) -> Vec<TermId> {
     let mut terms = Vec::new();
     for term in base {
         let named = |candidate: &Candidate| candidate.name == term.effect && candidate.is_tried();
-        let Some(effect) = study.candidates().iter().position(named) else { continue };
+        let Some(effect) = study.candidates().find(named) else { continue };
         let made = match &term.only {
             None if term.is_of_time() => None,
             None => Some(effect),
@@ -333,11 +334,15 @@ pub(super) fn runs(numbers: &[u32]) -> toml::Value {
 }
 
 /// The candidate of an effect with limits, which is added unless there is one.
-pub(super) fn limited<S: Study>(study: &mut S, effect: usize, only: &toml::Table) -> Option<usize> {
+pub(super) fn limited<S: Study>(
+    study: &mut S,
+    effect: TermId,
+    only: &toml::Table,
+) -> Option<TermId> {
     let name = study.candidates()[effect].name.clone();
     let is_known =
         |candidate: &Candidate| candidate.only.as_ref() == Some(only) && candidate.effect() == name;
-    let known = study.candidates().iter().position(is_known);
+    let known = study.candidates().find(is_known);
     known.or_else(|| study.add_limited(effect, only).ok())
 }
 
@@ -345,8 +350,8 @@ pub(super) fn limited<S: Study>(study: &mut S, effect: usize, only: &toml::Table
 struct Proposals {
     /// To be fitted, the most promising first.
     proposals: Vec<Proposal>,
-    /// The effects that were tested as changes, by the numbers of their candidates.
-    tested: Vec<usize>,
+    /// The effects that were tested as changes.
+    tested: Vec<TermId>,
 }
 
 /// An extension of the model that is fitted.
@@ -369,7 +374,8 @@ fn proposals<S: Study>(
     let rows = study.linearised(&fit)?;
     let contrasts = Contrasts::new(study, &rows, dependences, sides);
     let candidates = study.candidates();
-    let columns: Vec<(usize, Column)> = (0..candidates.len())
+    let columns: Vec<(TermId, Column)> = candidates
+        .ids()
         .filter(|&term| may_change(&candidates[term]))
         .flat_map(|term| {
             let of_term = study.columns(&fit, term).into_iter();
@@ -392,13 +398,13 @@ fn proposals<S: Study>(
 /// The term of the model that is the same effect at the same robot or node, in both campaigns.
 fn replaced<S: Study>(
     study: &S,
-    terms: &[usize],
-    effect: usize,
+    terms: &[TermId],
+    effect: TermId,
     one: Option<&One>,
-) -> Option<usize> {
+) -> Option<TermId> {
     let name = study.candidates()[effect].name.as_str();
     let limits = one.map(|one| only(Some(one), None));
-    let is_same = |&&term: &&usize| {
+    let is_same = |&&term: &&TermId| {
         let candidate = &study.candidates()[term];
         candidate.effect() == name && candidate.only == limits
     };
@@ -436,14 +442,14 @@ fn adjusted<S: Study>(
 
 /// A model with a proposed extension.
 struct ProposedModel {
-    terms: Vec<usize>,
+    terms: Vec<TermId>,
     proposal: Proposal,
     /// The term that acts in A, if the effect is split in two.
-    in_a: Option<usize>,
+    in_a: Option<TermId>,
     /// The term that is new: of a change the one that acts in B.
-    term: usize,
+    term: TermId,
     /// The model in which the effect acts in both campaigns alike.
-    in_both: Vec<usize>,
+    in_both: Vec<TermId>,
 }
 
 /// The model with a proposed extension. An effect that it has in both campaigns is split in two, one for each.

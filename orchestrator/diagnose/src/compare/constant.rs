@@ -24,7 +24,7 @@ pub(super) fn found(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Option
     let is_constant = |candidate: &study::Candidate| {
         candidate.linear_in == Some(CONSTANT) && candidate.untestable.is_none()
     };
-    let term = study.candidates().iter().position(is_constant)?;
+    let term = study.candidates().find(is_constant)?;
     let parent = search.full_fit(&[], COMMON, None);
     let fit = search.full_fit(&[term], COMMON, Some(&parent));
     let [deviation, _, surprise] = study.residuals(&fit);

@@ -7,11 +7,11 @@ use proto::effect::{CONSTANT, Level};
 use rayon::prelude::*;
 use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
-use study::Study;
 use study::thresholds::{
     FAMILY_ERROR, NESTED_LEVEL, PREFERRED_SHARE, RIVAL_SHARE, TIED_ERRORS, UNCORRECTED_LEVEL,
     WORTH_NATS,
 };
+use study::{Study, TermId};
 use tracing::debug;
 
 /// The index of the wanted test with the greatest gain on the common split; the first of equal ones.
@@ -35,8 +35,8 @@ impl<S: Study> Search<'_, S> {
     pub(super) fn choose(
         &self,
         tests: &[CandidateTest],
-        accepted: &[usize],
-        removed: &[usize],
+        accepted: &[TermId],
+        removed: &[TermId],
     ) -> Option<usize> {
         let candidates = self.study.candidates();
         let is_curve = |test: &CandidateTest| self.is_curve(test);
@@ -138,7 +138,7 @@ impl<S: Study> Search<'_, S> {
         &self,
         best: usize,
         tests: &[CandidateTest],
-        accepted: &[usize],
+        accepted: &[TermId],
     ) -> Option<usize> {
         let candidates = self.study.candidates();
         let general = &candidates[tests[best].term].generalises;
@@ -166,7 +166,7 @@ impl<S: Study> Search<'_, S> {
         &self,
         best: usize,
         tests: &[CandidateTest],
-        accepted: &[usize],
+        accepted: &[TermId],
     ) -> Option<usize> {
         let candidates = self.study.candidates();
         if candidates[tests[best].term].level != Level::Random {
@@ -202,7 +202,7 @@ impl<S: Study> Search<'_, S> {
     }
 
     /// Gain of one candidate over another on the common split.
-    fn gain_between(&self, a: &CandidateTest, b: &CandidateTest, accepted: &[usize]) -> Gain {
+    fn gain_between(&self, a: &CandidateTest, b: &CandidateTest, accepted: &[TermId]) -> Gain {
         self.gain_between_at(a, b, accepted, COMMON)
     }
 
@@ -211,7 +211,7 @@ impl<S: Study> Search<'_, S> {
         &self,
         a: &CandidateTest,
         b: &CandidateTest,
-        accepted: &[usize],
+        accepted: &[TermId],
         level: Level,
     ) -> Gain {
         self.gain(&with_term(accepted, a.term), &with_term(accepted, b.term), level)
@@ -226,7 +226,7 @@ impl<S: Study> Search<'_, S> {
 
     /// Whether two candidates are indistinguishable: their held-out scores agree within [`TIED_ERRORS`], and neither gains
     /// significantly on top of the other.
-    fn is_tied(&self, a: &CandidateTest, b: &CandidateTest, accepted: &[usize]) -> bool {
+    fn is_tied(&self, a: &CandidateTest, b: &CandidateTest, accepted: &[TermId]) -> bool {
         let difference = self.gain_between(a, b, accepted);
         // What is not beyond chance by its own measure may well explain more where places and nodes are known.
         let apart = if b.is_significant { difference.gain.abs() } else { difference.gain };
@@ -247,7 +247,7 @@ impl<S: Study> Search<'_, S> {
 
     /// Whether a candidate that is not significant on held-out places or nodes raises the likelihood of all rows by at least
     /// [`RIVAL_SHARE`] as much as the chosen one.
-    fn is_rival(&self, best: &CandidateTest, test: &CandidateTest, accepted: &[usize]) -> bool {
+    fn is_rival(&self, best: &CandidateTest, test: &CandidateTest, accepted: &[TermId]) -> bool {
         let candidate = &self.study.candidates()[test.term];
         if candidate.untestable.is_some()
             || !candidate.is_tried_beside(accepted)
@@ -275,12 +275,12 @@ impl<S: Study> Search<'_, S> {
         &self,
         best: usize,
         tests: &[CandidateTest],
-        accepted: &[usize],
-    ) -> Vec<usize> {
+        accepted: &[TermId],
+    ) -> Vec<TermId> {
         let is_curve = self.is_curve(&tests[best]);
         // Of two of one effect, whichever is first is the first.
-        let first = |term: usize| self.study.candidates()[term].another_of.unwrap_or(term);
-        let is_same_effect = |term: usize| first(term) == first(tests[best].term);
+        let first = |term: TermId| self.study.candidates()[term].another_of.unwrap_or(term);
+        let is_same_effect = |term: TermId| first(term) == first(tests[best].term);
         // That something is missing was shown: what gains nearly as much need not be beyond chance by itself to be a cause of it.
         let gains_as_much = |test: &CandidateTest| {
             test.gain.p_value < UNCORRECTED_LEVEL
@@ -304,17 +304,17 @@ impl<S: Study> Search<'_, S> {
 
     /// Drops ties that the terms accepted later resolve: candidates that were indistinguishable from an accepted one when it was
     /// accepted, and no longer are.
-    pub(super) fn drop_resolved_ties(&self, decided: &mut [CandidateTest], accepted: &[usize]) {
+    pub(super) fn drop_resolved_ties(&self, decided: &mut [CandidateTest], accepted: &[TermId]) {
         let Some(&last) = accepted.last() else { return };
         for test in decided.iter_mut().filter(|test| test.term != last) {
             let rest = without_term(accepted, test.term);
-            let is_still_tied = |&rival: &usize| {
+            let is_still_tied = |&rival: &TermId| {
                 let mut again = self.test_candidate(&rest, rival);
                 again.is_significant = again.gain.p_value < FAMILY_ERROR;
                 (again.is_significant || self.is_rival(test, &again, &rest))
                     && self.is_tied(test, &again, &rest)
             };
-            let ties: Vec<usize> = test.ties.par_iter().copied().filter(is_still_tied).collect();
+            let ties: Vec<TermId> = test.ties.par_iter().copied().filter(is_still_tied).collect();
             test.ties = ties;
         }
     }
@@ -324,7 +324,7 @@ impl<S: Study> Search<'_, S> {
         &self,
         test: &CandidateTest,
         tests: &[CandidateTest],
-        accepted: &[usize],
+        accepted: &[TermId],
     ) -> bool {
         let others = tests.iter().filter(|other| other.is_significant && self.is_curve(other));
         others
@@ -338,7 +338,7 @@ impl<S: Study> Search<'_, S> {
         &self,
         test: &CandidateTest,
         special: &CandidateTest,
-        accepted: &[usize],
+        accepted: &[TermId],
     ) -> Option<f64> {
         let [general, within] = [test, special].map(|test| &self.study.candidates()[test.term]);
         if !general.generalises.contains(&within.name) {
@@ -364,7 +364,7 @@ impl<S: Study> Search<'_, S> {
         &self,
         chosen: usize,
         tests: &[CandidateTest],
-        accepted: &[usize],
+        accepted: &[TermId],
     ) -> Option<usize> {
         let more: Vec<(usize, f64)> = (0..tests.len())
             .filter(|&index| {
@@ -385,8 +385,8 @@ impl<S: Study> Search<'_, S> {
     pub(super) fn exchange_step(
         &self,
         tests: &[CandidateTest],
-        accepted: &[usize],
-    ) -> Option<(usize, usize)> {
+        accepted: &[TermId],
+    ) -> Option<(TermId, usize)> {
         let candidates = self.study.candidates();
         for (index, test) in tests.iter().enumerate() {
             let new = &candidates[test.term];
@@ -417,21 +417,21 @@ impl<S: Study> Search<'_, S> {
     /// constant offset.
     pub(super) fn nonlinear_replacement(
         &self,
-        accepted: &[usize],
-        removed: &[usize],
-    ) -> Option<(Vec<usize>, CandidateTest)> {
+        accepted: &[TermId],
+        removed: &[TermId],
+    ) -> Option<(Vec<TermId>, CandidateTest)> {
         let candidates = self.study.candidates();
-        let is_new = |curve: &usize| {
+        let is_new = |curve: &TermId| {
             candidates[*curve].is_tried()
                 && candidates[*curve].curve_over().is_some()
                 && !accepted.contains(curve)
                 && !removed.contains(curve)
         };
-        let level = candidates.iter().position(|candidate| candidate.linear_in == Some(CONSTANT));
-        let curves: Vec<usize> = (0..candidates.len()).filter(is_new).collect();
+        let level = candidates.find(|candidate| candidate.linear_in == Some(CONSTANT));
+        let curves: Vec<TermId> = candidates.ids().filter(is_new).collect();
         let effects = accepted.iter().filter(|&&old| candidates[old].curve_over().is_none());
         let pairs = effects.flat_map(|&old| curves.iter().map(move |&curve| (old, curve)));
-        let has_in_it = |&(old, curve): &(usize, usize)| {
+        let has_in_it = |&(old, curve): &(TermId, TermId)| {
             candidates[curve].generalises.contains(&candidates[old].name)
         };
         let beyond = pairs.filter(has_in_it).filter_map(|(old, curve)| {
@@ -459,19 +459,19 @@ impl<S: Study> Search<'_, S> {
     pub(super) fn single_replacement(
         &self,
         decided: &[CandidateTest],
-        accepted: &[usize],
-        removed: &[usize],
-    ) -> Option<(Vec<usize>, CandidateTest)> {
-        let mut tied: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        accepted: &[TermId],
+        removed: &[TermId],
+    ) -> Option<(Vec<TermId>, CandidateTest)> {
+        let mut tied: BTreeMap<TermId, Vec<TermId>> = BTreeMap::new();
         for test in decided {
             for &rival in &test.ties {
                 tied.entry(rival).or_default().push(test.term);
             }
         }
-        let is_new = |term: &usize| !accepted.contains(term) && !removed.contains(term);
+        let is_new = |term: &TermId| !accepted.contains(term) && !removed.contains(term);
         tied.retain(|rival, olds| 1 < olds.len() && is_new(rival));
         tied.into_iter().find_map(|(rival, olds)| {
-            let rest: Vec<usize> =
+            let rest: Vec<TermId> =
                 accepted.iter().copied().filter(|term| !olds.contains(term)).collect();
             let all = self.full_fit(&with_term(accepted, rival), COMMON, None);
             self.prepare(&rest, &all);
@@ -480,7 +480,7 @@ impl<S: Study> Search<'_, S> {
             let common = self.gain(&with_term(&rest, rival), &rest, COMMON);
             let over = self.gain(&with_term(&rest, rival), accepted, COMMON);
             let is_likely = test.gain.p_value < UNCORRECTED_LEVEL && common.p_value < FAMILY_ERROR;
-            debug!(rival, gain = over.gain, p = test.gain.p_value, "one for many");
+            debug!(?rival, gain = over.gain, p = test.gain.p_value, "one for many");
             (is_likely && 0.0 <= over.gain)
                 .then(|| (olds, CandidateTest { common, ..test }.accepted_on_common_split()))
         })
@@ -488,13 +488,13 @@ impl<S: Study> Search<'_, S> {
 
     /// Backward elimination: removes accepted terms that no longer gain significantly. The last one was tested just now; it is weighed again
     /// only against the mean of a curve without one. Returns the removed terms.
-    pub(super) fn backward_elimination(&self, accepted: &mut Vec<usize>) -> Vec<usize> {
+    pub(super) fn backward_elimination(&self, accepted: &mut Vec<TermId>) -> Vec<TermId> {
         let candidates = self.study.candidates();
         let mut removed = Vec::new();
         let mut index = 0;
         while index < accepted.len() {
             let term = accepted[index];
-            let lacks_mean = |&other: &usize| other != term && self.stand_in_for(other) != other;
+            let lacks_mean = |&other: &TermId| other != term && self.stand_in_for(other) != other;
             if index + 1 == accepted.len() && !accepted.iter().any(lacks_mean) {
                 break;
             }

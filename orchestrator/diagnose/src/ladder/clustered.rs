@@ -6,11 +6,11 @@ use crate::score_test::{ScoreTest, ScoreTests};
 use crate::{gate, limits};
 use proto::effect::{CONSTANT, Level};
 use std::ops::Range;
-use study::Study;
 use study::thresholds::{
     EVIDENT_NATS, FAMILY_ERROR, FAR_HALF_INTERVALS, FEWEST_BLOCKS_WITHIN, UNCORRECTED_LEVEL,
     WORTH_NATS,
 };
+use study::{Study, TermId};
 use tracing::debug;
 
 impl<S: Study> Search<'_, S> {
@@ -18,9 +18,9 @@ impl<S: Study> Search<'_, S> {
     /// no gain to vary.
     pub(super) fn gain_in_time(
         &self,
-        terms: &[usize],
-        parent: &[usize],
-        limited: (usize, Level),
+        terms: &[TermId],
+        parent: &[TermId],
+        limited: (TermId, Level),
     ) -> Gain {
         let (term, level) = limited;
         let gain = self.gain(terms, parent, level);
@@ -45,7 +45,7 @@ impl<S: Study> Search<'_, S> {
 
     /// Whether what a term moves is beyond what rows that depend on each other may share: those of a node, and those that follow each
     /// other. A covariate that changes in time is no cause where the error drifts as slowly.
-    pub(super) fn stands_clustered(&self, term: usize, others: &[usize]) -> bool {
+    pub(super) fn stands_clustered(&self, term: TermId, others: &[TermId]) -> bool {
         let candidate = &self.study.candidates()[term];
         let fit = self.full_fit(others, COMMON, None);
         if candidate.level == Level::Random {
@@ -103,8 +103,8 @@ impl<S: Study> Search<'_, S> {
     pub(super) fn most_evident(
         &self,
         tests: &[CandidateTest],
-        accepted: &[usize],
-        removed: &[usize],
+        accepted: &[TermId],
+        removed: &[TermId],
     ) -> Option<usize> {
         let least = EVIDENT_NATS.max(WORTH_NATS * self.all.len() as f64);
         let may_be = |test: &CandidateTest| {
@@ -120,7 +120,7 @@ impl<S: Study> Search<'_, S> {
     }
 
     /// The share of the error that a term removes beside those accepted.
-    pub(super) fn share_removed(&self, term: usize, accepted: &[usize]) -> f64 {
+    pub(super) fn share_removed(&self, term: TermId, accepted: &[TermId]) -> f64 {
         let level = self.study.candidates()[term].level;
         let now = Scores::mean(&self.held_out_scores(&with_term(accepted, term), level));
         now.share_removed(&Scores::mean(&self.held_out_scores(accepted, level)))
@@ -128,7 +128,7 @@ impl<S: Study> Search<'_, S> {
 
     /// Whether an effect that is limited to some rows, or moves all alike, is asked for by the slopes of the fit of others. Of few blocks, such
     /// as those of one robot, a mean of gains tells little.
-    pub(super) fn is_asked_for(&self, term: usize, others: &[usize]) -> bool {
+    pub(super) fn is_asked_for(&self, term: TermId, others: &[TermId]) -> bool {
         let candidate = &self.study.candidates()[term];
         (candidate.only.is_some() || candidate.linear_in == Some(CONSTANT))
             && limits::p_value(self.study, &self.full_fit(others, COMMON, None), term)
@@ -137,9 +137,9 @@ impl<S: Study> Search<'_, S> {
 
     /// Whether a term is the level about which random effects vary, and is far from nothing beside them: it is not given up for them, which
     /// follow any level.
-    pub(super) fn is_level_of_random(&self, term: usize, others: &[usize]) -> bool {
+    pub(super) fn is_level_of_random(&self, term: TermId, others: &[TermId]) -> bool {
         let candidates = self.study.candidates();
-        let is_random = |other: &usize| candidates[*other].level == Level::Random;
+        let is_random = |other: &TermId| candidates[*other].level == Level::Random;
         if candidates[term].linear_in != Some(CONSTANT) || !others.iter().any(is_random) {
             return false;
         }
@@ -151,7 +151,7 @@ impl<S: Study> Search<'_, S> {
     }
 
     /// Whether all rows are off by a constant that is worth removing, beside these terms.
-    pub(super) fn is_off(&self, terms: &[usize]) -> bool {
+    pub(super) fn is_off(&self, terms: &[TermId]) -> bool {
         let gate = gate::gate(self.study, &self.full_fit(terms, COMMON, None));
         gate.misfits.iter().any(|misfit| misfit.of.is_none())
     }

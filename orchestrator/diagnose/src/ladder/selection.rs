@@ -7,20 +7,20 @@ use crate::progress::SearchProgress;
 use crate::stepwise::{self, Round, Stepwise};
 use proto::effect::Level;
 use std::convert::Infallible;
-use study::Study;
 use study::thresholds::MOST_ACCEPTED;
+use study::{Study, TermId};
 
 /// What is selected.
 #[derive(Clone)]
 struct Selection {
     /// Terms in the order in which they were added.
-    accepted: Vec<usize>,
+    accepted: Vec<TermId>,
     /// For each of them the test that decided.
     decided: Vec<CandidateTest>,
     /// The model as configured, then with each term.
     rungs: Vec<LadderStep>,
     /// Terms that were removed once. They are not accepted again.
-    removed: Vec<usize>,
+    removed: Vec<TermId>,
     /// All tests of the round that found nothing more.
     last: Vec<CandidateTest>,
 }
@@ -63,7 +63,7 @@ impl<S: Study> Search<'_, S> {
             }
         }
         let mut tests = decided;
-        let is_decided: Vec<usize> = tests.iter().map(|test| test.term).collect();
+        let is_decided: Vec<TermId> = tests.iter().map(|test| test.term).collect();
         tests.extend(last.into_iter().filter(|test| !is_decided.contains(&test.term)));
         Ladder { accepted, rungs, tests, too_little, stopped }
     }
@@ -111,7 +111,7 @@ impl<S: Study> Rounds<'_, '_, S> {
         if !tests.iter().any(|test| test.is_acceptable) {
             // Beside accepted effects, only levels of links, nodes and channels: what they explain comes in small parts from
             // all rows, of which blocks of time tell little.
-            let is_random = |term: usize| search.study.candidates()[term].level == Level::Random;
+            let is_random = |term: TermId| search.study.candidates()[term].level == Level::Random;
             let may_be = |test: &CandidateTest| accepted.is_empty() || is_random(test.term);
             for test in tests.iter_mut().filter(|test| test.is_plausible && may_be(test)) {
                 let is_certain = acceptance::is_certain_by_total(
@@ -136,7 +136,7 @@ impl<S: Study> Rounds<'_, '_, S> {
         &self,
         tests: &mut [CandidateTest],
         selection: &Selection,
-    ) -> Option<(usize, Vec<usize>)> {
+    ) -> Option<(usize, Vec<TermId>)> {
         let search = self.search;
         let Selection { accepted, decided, removed, .. } = selection;
         search
@@ -158,13 +158,13 @@ impl<S: Study> Rounds<'_, '_, S> {
         &self,
         mut tests: Vec<CandidateTest>,
         best: usize,
-        in_place_of: Vec<usize>,
+        in_place_of: Vec<TermId>,
         selection: &mut Selection,
     ) {
         let search = self.search;
         let candidates = search.study.candidates();
         let Selection { accepted, decided, rungs, removed, .. } = selection;
-        let name = |term: usize| candidates[term].name.as_str();
+        let name = |term: TermId| candidates[term].name.as_str();
         if in_place_of.is_empty() {
             (search.report)(SearchProgress::Accepted { name: name(tests[best].term) });
         } else {
@@ -181,7 +181,7 @@ impl<S: Study> Rounds<'_, '_, S> {
         decided.push(test);
         removed.extend(search.backward_elimination(accepted));
         for test in &mut *decided {
-            let in_its_place = |&&term: &&usize| {
+            let in_its_place = |&&term: &&TermId| {
                 !accepted.contains(&test.term) && candidates[term].stands_in_for == Some(test.term)
             };
             test.term = accepted.iter().find(in_its_place).copied().unwrap_or(test.term);

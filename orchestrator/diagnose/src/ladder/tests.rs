@@ -6,7 +6,7 @@ use study::folds::Blocks;
 use study::linear::{Column, Dependence, Direction, Group, Linearised, Partition};
 use study::symbolic::FittedFormula;
 use study::thresholds::{FAMILY_ERROR, PREFERRED_SHARE, UNCORRECTED_LEVEL, WORTH_NATS};
-use study::{Estimate, NotLimited, Residuals};
+use study::{Estimate, NotLimited, PerTerm, Residuals, TermId};
 
 const ROWS: u64 = 3000;
 /// Members whose rows take turns.
@@ -14,15 +14,15 @@ const MEMBERS: u32 = 10;
 
 /// y = Σ βₖ xₖ + noise of variance 1.
 struct Lines {
-    candidates: Vec<Candidate>,
-    columns: Vec<Vec<f64>>,
+    candidates: PerTerm<Candidate>,
+    columns: PerTerm<Vec<f64>>,
     y: Vec<f64>,
     blocks: Blocks,
 }
 
 #[derive(Clone)]
 struct LineFit {
-    terms: Vec<usize>,
+    terms: Vec<TermId>,
     slopes: Vec<f64>,
     log_likelihood: f64,
 }
@@ -52,7 +52,7 @@ impl Lines {
     fn of_rows(n_rows: u64, names: &[&str], seed: u64, measured: impl Fn(&[f64]) -> f64) -> Self {
         let draws = Draws::new(seed, Purpose::Resample);
         let column = |k: usize| (0..n_rows).map(|row| draws.normal(row, k as u64, 0)).collect();
-        let columns: Vec<Vec<f64>> = (0..names.len()).map(column).collect();
+        let columns: PerTerm<Vec<f64>> = (0..names.len()).map(column).collect();
         let y = (0..n_rows as usize)
             .map(|row| {
                 let values: Vec<f64> = columns.iter().map(|column| column[row]).collect();
@@ -63,6 +63,18 @@ impl Lines {
         let blocks = Blocks::of_keys("blocks", &keys);
         let candidates = names.iter().map(|name| candidate(name)).collect();
         Self { candidates, columns, y, blocks }
+    }
+
+    /// The term of a name.
+    fn term(&self, name: &str) -> TermId {
+        self.candidates.find(|candidate| candidate.name == name).unwrap()
+    }
+
+    fn set_column(&mut self, name: &str, column: &[f64]) {
+        let term = self.term(name);
+        let columns = self.columns.ids().zip(self.columns.iter());
+        let columns = columns.map(|(other, own)| if other == term { column } else { own });
+        self.columns = columns.map(<[f64]>::to_vec).collect();
     }
 
     fn predicted(&self, fit: &LineFit, row: usize) -> f64 {
@@ -79,7 +91,7 @@ impl Lines {
 impl Study for Lines {
     type Fit = LineFit;
 
-    fn candidates(&self) -> &[Candidate] {
+    fn candidates(&self) -> &PerTerm<Candidate> {
         &self.candidates
     }
 
@@ -94,7 +106,7 @@ impl Study for Lines {
     /// Coordinate descent to the least squares.
     fn fit(
         &self,
-        terms: &[usize],
+        terms: &[TermId],
         train: &[u32],
         _level: Level,
         _start: Option<&LineFit>,
@@ -128,7 +140,7 @@ impl Study for Lines {
         Residuals { components: Vec::new(), mean_square: None }
     }
 
-    fn formula_of_curve(&self, _term: usize, _fit_without: &LineFit) -> Option<FittedFormula> {
+    fn formula_of_curve(&self, _term: TermId, _fit_without: &LineFit) -> Option<FittedFormula> {
         None
     }
 
@@ -158,7 +170,7 @@ impl Study for Lines {
     fn linearised(&self, fit: &LineFit) -> Option<Linearised> {
         let one = |value: f64| [value, 0.0, 0.0];
         let left = |row: usize| self.y[row] - self.predicted(fit, row);
-        let column = |&term: &usize| self.columns[term].iter().map(|x| one(*x)).collect();
+        let column = |&term: &TermId| self.columns[term].iter().map(|x| one(*x)).collect();
         Some(Linearised {
             slopes: (0..self.y.len()).map(|row| one(left(row))).collect(),
             weights: vec![one(1.0); self.y.len()],
@@ -167,11 +179,11 @@ impl Study for Lines {
         })
     }
 
-    fn columns(&self, _fit: &LineFit, term: usize) -> Vec<Column> {
+    fn columns(&self, _fit: &LineFit, term: TermId) -> Vec<Column> {
         vec![self.columns[term].iter().map(|x| [*x, 0.0, 0.0]).collect()]
     }
 
-    fn columns_of_curve(&self, _fit: &LineFit, _term: usize) -> Vec<Column> {
+    fn columns_of_curve(&self, _fit: &LineFit, _term: TermId) -> Vec<Column> {
         Vec::new()
     }
 
@@ -198,7 +210,7 @@ impl Study for Lines {
         }
     }
 
-    fn add_limited(&mut self, term: usize, only: &toml::Table) -> Result<usize, NotLimited> {
+    fn add_limited(&mut self, term: TermId, only: &toml::Table) -> Result<TermId, NotLimited> {
         let members: Option<Vec<i64>> = only.get("agents").and_then(|agents| {
             Some(agents.as_array()?.iter().filter_map(toml::Value::as_integer).collect())
         });
@@ -211,18 +223,18 @@ impl Study for Lines {
                 && moment_s("until_s").is_none_or(|until_s| time_s < until_s)
         };
         let column = self.columns[term].iter().enumerate();
-        self.columns.push(column.map(|(row, x)| if is_in(row) { *x } else { 0.0 }).collect());
+        let column = column.map(|(row, x)| if is_in(row) { *x } else { 0.0 }).collect();
         let unlimited = self.candidates[term].clone();
         let name = format!("{} (only {only:?})", unlimited.name);
         self.candidates.push(Candidate { name, only: Some(only.clone()), ..unlimited });
-        Ok(self.columns.len() - 1)
+        Ok(self.columns.push(column))
     }
 
-    fn estimates(&self, _fit: &LineFit, _term: usize) -> (Vec<Estimate>, Option<String>) {
+    fn estimates(&self, _fit: &LineFit, _term: TermId) -> (Vec<Estimate>, Option<String>) {
         (Vec::new(), None)
     }
 
-    fn settings(&self, _fit: &LineFit, _term: usize) -> Option<toml::Table> {
+    fn settings(&self, _fit: &LineFit, _term: TermId) -> Option<toml::Table> {
         None
     }
 }
@@ -253,19 +265,21 @@ fn a_term_that_is_significant_and_not_worth_having_is_refused() {
     // 0.5 · 0.07² = 0.0025 nats a row and 0.5 % of the error: 29 nats in all, but a quarter and a half of what is worth having.
     let study = Lines::of_rows(4 * ROWS, &["a", "b"], 3, |x| 0.07 * x[0]);
     let search = Search::new(&study, &|_| {});
-    let gain = search.gain(&[0], &[], Level::Time);
+    let gain = search.gain(&[study.term("a")], &[], Level::Time);
     assert!(gain.p_value < FAMILY_ERROR && gain.gain < WORTH_NATS, "{gain:?}");
-    assert_eq!(search.stepwise_selection().accepted, Vec::<usize>::new());
+    assert_eq!(search.stepwise_selection().accepted, Vec::<TermId>::new());
 }
 
 #[test]
 fn two_columns_that_are_one_are_tied() {
     let mut study = Lines::new(&["a", "b", "c"], 3, |x| 0.5 * x[0]);
-    study.columns[2] = study.columns[0].iter().map(|x| 2.0 * x).collect();
+    let [a, c] = ["a", "c"].map(|name| study.term(name));
+    let twice: Vec<f64> = study.columns[a].iter().map(|x| 2.0 * x).collect();
+    study.set_column("c", &twice);
     let ladder = Search::new(&study, &|_| {}).stepwise_selection();
     assert_eq!(ladder.accepted.len(), 1);
     let test = ladder.tests.iter().find(|test| test.term == ladder.accepted[0]).unwrap();
-    assert_eq!(test.ties, [2 - ladder.accepted[0]]);
+    assert_eq!(test.ties, [if test.term == a { c } else { a }]);
 }
 
 #[test]
@@ -273,20 +287,21 @@ fn what_gains_as_much_is_tied_even_where_chance_cannot_be_excluded_for_it_alone(
     let (mut n_alike, mut n_less) = (0, 0);
     for seed in 0..100 {
         let mut study = Lines::of_rows(1500, &["a", "b", "c"], seed, |x| 0.2 * x[0]);
+        let [a, b, c] = ["a", "b", "c"].map(|name| study.term(name));
         for scatter in [0.3, 1.0] {
-            let noise = study.columns[1].clone();
-            let mixed = study.columns[0].iter().zip(&noise).map(|(a, b)| a + scatter * b);
-            study.columns[2] = mixed.collect();
+            let mixed = study.columns[a].iter().zip(&study.columns[b]);
+            let mixed: Vec<f64> = mixed.map(|(a, b)| a + scatter * b).collect();
+            study.set_column("c", &mixed);
             let ladder = Search::new(&study, &|_| {}).stepwise_selection();
-            let Some(test) = ladder.tests.iter().find(|test| test.term == 0) else { continue };
+            let Some(test) = ladder.tests.iter().find(|test| test.term == a) else { continue };
             let search = Search::new(&study, &|_| {});
-            let other = search.gain(&[2], &[], Level::Time);
-            if ladder.accepted != [0] || other.p_value < FAMILY_ERROR {
+            let other = search.gain(&[c], &[], Level::Time);
+            if ladder.accepted != [a] || other.p_value < FAMILY_ERROR {
                 continue;
             }
             let is_near = PREFERRED_SHARE * test.common.gain <= other.gain
                 && other.p_value < UNCORRECTED_LEVEL;
-            let is_tied = test.ties.contains(&2);
+            let is_tied = test.ties.contains(&c);
             assert!(is_near || !is_tied, "seed {seed}, scatter {scatter}");
             n_alike += u32::from(is_tied);
             n_less += u32::from(!is_near);
@@ -309,7 +324,7 @@ fn a_search_reports_rounds_what_it_tried_and_what_it_accepted() {
 
 fn selected(study: &mut Lines) -> Vec<(String, Option<toml::Table>)> {
     let (ladder, _) = crate::limits::selection(study, None, &|_| {});
-    let candidate = |&term: &usize| &study.candidates[term];
+    let candidate = |&term: &TermId| &study.candidates[term];
     let only =
         |c: &Candidate| (c.name.split(' ').next().unwrap_or_default().to_owned(), c.only.clone());
     ladder.accepted.iter().map(candidate).map(only).collect()
@@ -318,7 +333,8 @@ fn selected(study: &mut Lines) -> Vec<(String, Option<toml::Table>)> {
 /// Lines of which y is measured with its row.
 fn of_row(seed: u64, measured: impl Fn(usize, &[f64]) -> f64) -> Lines {
     let mut study = Lines::new(&["a", "b"], seed, |_| 0.0);
-    study.candidates.iter_mut().for_each(|candidate| candidate.about = Some(&ABOUT));
+    let described = |own: &Candidate| Candidate { about: Some(&ABOUT), ..own.clone() };
+    study.candidates = study.candidates.iter().map(described).collect();
     for row in 0..study.y.len() {
         let values: Vec<f64> = study.columns.iter().map(|column| column[row]).collect();
         study.y[row] += measured(row, &values);
@@ -348,11 +364,12 @@ fn what_gains_by_no_more_than_rows_in_a_row_share_is_withheld_and_said() {
         let draws = Draws::new(seed, Purpose::Resample);
         let strength = |row: usize| 0.3 + 0.9 * draws.normal((row / 800) as u64, 2000, 0);
         let mut study = Lines::of_rows(24 * 800, &["a", "b"], seed, |_| 0.0);
-        for row in 0..study.y.len() {
-            study.y[row] += strength(row) * study.columns[0][row];
+        let column = &study.columns[study.term("a")];
+        for (row, (y, x)) in study.y.iter_mut().zip(column).enumerate() {
+            *y += strength(row) * x;
         }
         let ladder = Search::new(&study, &|_| {}).stepwise_selection();
-        let withheld: Vec<usize> = ladder.withheld().collect();
+        let withheld: Vec<TermId> = ladder.withheld().collect();
         assert!(withheld.iter().all(|term| !ladder.accepted.contains(term)), "seed {seed}");
         n_withheld += withheld.len();
     }

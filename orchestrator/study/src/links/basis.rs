@@ -6,6 +6,7 @@
 use super::active::ActiveEffect;
 use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
+use crate::TermId;
 use physics::effect::Effect;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -136,7 +137,7 @@ pub struct Bases {
 }
 
 /// By term and state: none where the term is no sum of columns.
-type BasisCache = Mutex<BTreeMap<(usize, String), Option<Arc<Basis>>>>;
+type BasisCache = Mutex<BTreeMap<(TermId, String), Option<Arc<Basis>>>>;
 
 impl Bases {
     /// The columns of a term in a state, whatever its values; none where it is no sum of columns. `keep`: for the next who
@@ -144,7 +145,7 @@ impl Bases {
     pub fn exact(
         &self,
         rows: &ModelledLinks,
-        term: usize,
+        term: TermId,
         spec: &TermSpec,
         state: &TermState,
         keep: bool,
@@ -169,7 +170,7 @@ impl Bases {
     pub fn tangent(
         &self,
         rows: &ModelledLinks,
-        term: usize,
+        term: TermId,
         spec: &TermSpec,
         state: &TermState,
     ) -> Option<Arc<Basis>> {
@@ -191,7 +192,7 @@ fn is_fitted_by_values(spec: &TermSpec) -> bool {
 
 fn looked_up(
     known: &BasisCache,
-    key: (usize, String),
+    key: (TermId, String),
     compute: impl FnOnce() -> Option<Arc<Basis>>,
 ) -> Option<Arc<Basis>> {
     let look = || known.lock().unwrap_or_else(PoisonError::into_inner);

@@ -5,7 +5,7 @@ use super::terms::{LinkCurve, TermSpec};
 use super::{LinkStudy, testable};
 use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, RowValues};
 use crate::thresholds::{CURVE_KNOTS, FINE_CURVE_KNOTS, ROWS_PER_KNOT};
-use crate::{Candidate, knots};
+use crate::{Candidate, PerTerm, knots};
 use physics::catalogue::Catalogue;
 use physics::effect;
 use proto::config::Registry;
@@ -22,7 +22,7 @@ const TIME: &str = "time_s";
 const READING_GIVEN: &str = "acts on RSSI readings only, which --given-rssi takes as given";
 
 /// Every term that may be added.
-pub(super) fn specs(rows: &ModelledLinks, effects: &Registry<effect::Entry>) -> Vec<TermSpec> {
+pub(super) fn specs(rows: &ModelledLinks, effects: &Registry<effect::Entry>) -> PerTerm<TermSpec> {
     let effects = effects.iter().filter(|entry| entry.variant.name != FORMULA).map(|entry| {
         match entry.fit.role {
             Role::RandomPerNode => TermSpec::NodeOffset(entry),

@@ -10,7 +10,7 @@ use crate::thresholds::{
     CERTAIN_PASS, JACKKNIFE_GROUPS, LINKS_COLLINEAR, MOST_COMPARED_ROWS, MOST_PROFILED_ROWS,
     TAIL_90,
 };
-use crate::{Estimate, Study as _, caution, joined};
+use crate::{Estimate, Study as _, TermId, caution, joined};
 use numbers::normal::{FALL_90_NATS, Z_90};
 use numbers::optimise::roots::ParabolicRoot;
 use numbers::power::square;
@@ -23,7 +23,7 @@ impl LinkStudy {
     pub(super) fn estimates_of(
         &self,
         fit: &LinkFit,
-        term: usize,
+        term: TermId,
     ) -> (Vec<Estimate>, Option<String>) {
         let (mut estimates, caution) = self.fitted_estimates(fit, term);
         let mut cautions: Vec<String> = caution.into_iter().collect();
@@ -48,7 +48,7 @@ impl LinkStudy {
         (estimates, joined(cautions))
     }
 
-    fn fitted_estimates(&self, fit: &LinkFit, term: usize) -> (Vec<Estimate>, Option<String>) {
+    fn fitted_estimates(&self, fit: &LinkFit, term: TermId) -> (Vec<Estimate>, Option<String>) {
         let specs = self.specs_of(&fit.terms);
         let Some(place) = fit.terms.iter().position(|&other| other == term) else {
             return (Vec::new(), None);
@@ -159,7 +159,7 @@ impl LinkStudy {
         }
     }
 
-    pub(super) fn settings_of(&self, fit: &LinkFit, term: usize) -> Option<toml::Table> {
+    pub(super) fn settings_of(&self, fit: &LinkFit, term: TermId) -> Option<toml::Table> {
         let place = fit.terms.iter().position(|&other| other == term)?;
         let spec = &self.specs[term];
         let entry = spec.entry()?;
@@ -421,7 +421,7 @@ impl LinkStudy {
     pub(super) fn held_at(
         &self,
         fit: &LinkFit,
-        term: usize,
+        term: TermId,
         key: &str,
         value: f64,
     ) -> Option<LinkFit> {

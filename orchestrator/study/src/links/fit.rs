@@ -7,7 +7,7 @@ use super::likelihood::{Instrument, Noise, RowLikelihood, RowPrediction};
 use super::reception::SampledCurve;
 use super::rows::ModelledLinks;
 use super::terms::{TermSpec, TermState};
-use crate::StopFlag;
+use crate::{StopFlag, TermId};
 use nalgebra::{DMatrix, DVector};
 use numbers::power::square;
 use physics::effect::Effect;
@@ -20,7 +20,7 @@ mod objective;
 #[derive(Clone, Debug)]
 pub struct LinkFit {
     /// Terms, as indices of candidates.
-    pub terms: Vec<usize>,
+    pub terms: Vec<TermId>,
     /// Their states, in the same order.
     pub states: Vec<TermState>,
     /// How frames vary about the mean level, and which pass.
@@ -130,18 +130,18 @@ impl<'a> FitProblem<'a> {
             .collect()
     }
 
-    /// Contribution of a term to each row of the training set: mean power (dB), shift of the reception curve (dB), log survival.
+    /// Contribution of the term at a place to each row of the training set: mean power (dB), shift of the reception curve (dB), log survival.
     fn contribution(
         &self,
-        term: usize,
+        place: usize,
         state: &TermState,
         effect: Option<&dyn Effect>,
     ) -> Vec<[f64; 3]> {
-        if let Some(basis) = &self.bases[term] {
+        if let Some(basis) = &self.bases[place] {
             let added = |&row: &u32| [basis.contribution(&state.values, row as usize), 0.0, 0.0];
             return self.train.iter().map(added).collect();
         }
-        match (self.specs[term], effect) {
+        match (self.specs[place], effect) {
             (TermSpec::Curve(curve), _) => self
                 .train
                 .iter()
@@ -210,11 +210,11 @@ impl<'a> FitProblem<'a> {
     fn point_at(&self, states: Vec<TermState>, noise: Noise, random: Random) -> Point {
         let effects = self.effects(&states);
         let parts = (0..self.specs.len())
-            .map(|term| {
+            .map(|place| {
                 self.contribution(
-                    term,
-                    &states[term],
-                    effects[term].as_ref().map(ActiveEffect::get),
+                    place,
+                    &states[place],
+                    effects[place].as_ref().map(ActiveEffect::get),
                 )
             })
             .collect();
@@ -230,7 +230,7 @@ impl<'a> FitProblem<'a> {
     #[must_use]
     pub fn fit(
         &self,
-        terms: &[usize],
+        terms: &[TermId],
         states: Vec<TermState>,
         noise: Option<Noise>,
         random: Random,
@@ -309,11 +309,11 @@ impl<'a> FitProblem<'a> {
     fn rough_noise(&self, states: &[TermState]) -> Noise {
         let effects = self.effects(states);
         let parts = (0..self.specs.len())
-            .map(|term| {
+            .map(|place| {
                 self.contribution(
-                    term,
-                    &states[term],
-                    effects[term].as_ref().map(ActiveEffect::get),
+                    place,
+                    &states[place],
+                    effects[place].as_ref().map(ActiveEffect::get),
                 )
             })
             .collect();
@@ -385,7 +385,7 @@ impl<'a> FitProblem<'a> {
         let mut jacobian = vec![0.0; n * p];
         let mut scores: Vec<(usize, Vec<f64>)> = Vec::new();
         let mut index = 0;
-        for (term, (spec, state)) in self.specs.iter().zip(&point.states).enumerate() {
+        for (place, (spec, state)) in self.specs.iter().zip(&point.states).enumerate() {
             if let TermSpec::Curve(curve) = spec
                 && !curve.is_loss
             {
@@ -397,9 +397,9 @@ impl<'a> FitProblem<'a> {
                 index += curve.knots.len();
                 continue;
             }
-            if let Some(basis) = &self.bases[term] {
+            if let Some(basis) = &self.bases[place] {
                 for k in 0..state.values.len() {
-                    if self.held == Some((term, k)) {
+                    if self.held == Some((place, k)) {
                         index += 1;
                         continue;
                     }
@@ -412,7 +412,7 @@ impl<'a> FitProblem<'a> {
                 continue;
             }
             for k in 0..state.values.len() {
-                if self.held == Some((term, k)) {
+                if self.held == Some((place, k)) {
                     index += 1;
                     continue;
                 }
@@ -433,24 +433,24 @@ impl<'a> FitProblem<'a> {
                     continue;
                 }
                 let part =
-                    self.contribution(term, &displaced, effect.as_ref().map(ActiveEffect::get));
+                    self.contribution(place, &displaced, effect.as_ref().map(ActiveEffect::get));
                 // What moves means only enters by the weights of rows; everything else by the outer product of its
                 // scores.
                 let is_mean = effect.as_ref().is_some_and(ActiveEffect::is_plain)
                     && part
                         .iter()
-                        .zip(&point.levels.parts[term])
+                        .zip(&point.levels.parts[place])
                         .all(|(a, b)| a[1] == b[1] && a[2] == b[2]);
                 if is_mean {
-                    for (i, (a, b)) in part.iter().zip(&point.levels.parts[term]).enumerate() {
+                    for (i, (a, b)) in part.iter().zip(&point.levels.parts[place]).enumerate() {
                         jacobian[i * p + index] = (a[0] - b[0]) / step;
                     }
                 } else {
                     let mut effects = point.effects.clone();
                     let has_curve = effect.as_ref().is_some_and(ActiveEffect::is_instrument);
-                    effects[term] = effect;
+                    effects[place] = effect;
                     let mut parts = point.levels.parts.clone();
-                    parts[term] = part;
+                    parts[place] = part;
                     let levels = self.levels(parts, &effects);
                     let likelihoods = if has_curve {
                         let instrument = self.instrument(&effects, point.instrument.noise());

@@ -7,13 +7,17 @@ use super::search::windows;
 use super::terms::{TermSpec, TermState};
 use crate::limits::{NotLimited, limited_name};
 use crate::thresholds::LIMITED_OBSTACLE_NATS;
-use crate::{Candidate, Study as _};
+use crate::{Candidate, Study as _, TermId};
 use physics::effect::only;
 use proto::effect::{Level, Search};
 
 impl LinkStudy {
-    pub(super) fn limit(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited> {
-        let Some(&TermSpec::Effect(entry)) = self.specs.get(term) else {
+    pub(super) fn limit(
+        &mut self,
+        term: TermId,
+        limits: &toml::Table,
+    ) -> Result<TermId, NotLimited> {
+        let TermSpec::Effect(entry) = self.specs[term] else {
             return Err(NotLimited::Candidate);
         };
         let mut problems = Vec::new();
@@ -36,24 +40,22 @@ impl LinkStudy {
         let is_sought = spec.search() == Search::Places;
         let level = if is_of_time && is_sought { Level::Time } else { unlimited.level };
         self.candidates.push(Candidate { name, only: Some(only), level, ..unlimited });
-        self.specs.push(spec);
-        Ok(self.specs.len() - 1)
+        Ok(self.specs.push(spec))
     }
 
     /// Another of an effect of which several may act.
-    pub(super) fn another(&mut self, term: usize) -> Option<usize> {
+    pub(super) fn another(&mut self, term: TermId) -> Option<TermId> {
         let TermSpec::Effect(entry) = self.specs[term] else { return None };
         if !entry.fit.is_repeatable {
             return None;
         }
         let another_of = Some(term);
         self.candidates.push(Candidate { another_of, ..self.candidates[term].clone() });
-        self.specs.push(self.specs[term].clone());
-        Some(self.specs.len() - 1)
+        Some(self.specs.push(self.specs[term].clone()))
     }
 
     /// The span of time in which an obstacle explains much more than always.
-    pub(super) fn window_of(&self, fit: &LinkFit, term: usize) -> Option<(toml::Table, f64)> {
+    pub(super) fn window_of(&self, fit: &LinkFit, term: TermId) -> Option<(toml::Table, f64)> {
         let is_place = self.specs[term].search() == Search::Places;
         if !is_place || !matches!(self.specs[term], TermSpec::Effect(_)) {
             return None;

@@ -3,9 +3,9 @@
 use super::LinkStudy;
 use super::fit::LinkFit;
 use super::terms::{TermSpec, TermState};
-use crate::Study as _;
 use crate::linear::{Column, Dependence, Direction, Group, Linearised, Partition, numbered};
 use crate::thresholds::{NODE_SQUARES_ACROSS, SHORTEST_CLUSTER_SHARE};
+use crate::{Study as _, TermId};
 use physics::link::End;
 use proto::effect::Search;
 use proto::ids::MoteId;
@@ -53,7 +53,7 @@ impl LinkStudy {
         })
     }
 
-    pub(super) fn columns_of(&self, term: usize) -> Vec<Column> {
+    pub(super) fn columns_of(&self, term: TermId) -> Vec<Column> {
         let spec = &self.specs[term];
         let is_plain_search = matches!(spec.search(), Search::Starts);
         if !matches!(spec, TermSpec::Effect(_) | TermSpec::Limited(..)) || !is_plain_search {
@@ -72,7 +72,7 @@ impl LinkStudy {
         TermState::starts(spec).iter().filter_map(column).collect()
     }
 
-    pub(super) fn curve_columns_of(&self, term: usize) -> Vec<Column> {
+    pub(super) fn curve_columns_of(&self, term: TermId) -> Vec<Column> {
         let TermSpec::Curve(curve) = &self.specs[term] else { return Vec::new() };
         if curve.is_loss {
             return Vec::new();

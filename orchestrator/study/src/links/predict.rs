@@ -8,7 +8,7 @@ use super::likelihood::{Instrument, RegisterResponse, RowPrediction};
 use super::terms::TermSpec;
 use crate::symbolic::{self, FittedFormula, UnexplainedResiduals};
 use crate::thresholds::LEAST_EXPECTED_PASS;
-use crate::{Component, PredictionDifference, Residuals, RowScore};
+use crate::{Component, PredictionDifference, Residuals, RowScore, TermId};
 use numbers::statistics::mean_ignoring_nan;
 use physics::effect::formula::NAMES;
 use proto::effect::CONSTANT;
@@ -186,7 +186,7 @@ impl LinkStudy {
     /// The formula of an accepted curve, for the residuals of a fit without it.
     pub(super) fn curve_as_formula(
         &self,
-        term: usize,
+        term: TermId,
         fit_without: &LinkFit,
     ) -> Option<FittedFormula> {
         let TermSpec::Curve(curve) = &self.specs[term] else { return None };

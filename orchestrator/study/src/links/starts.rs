@@ -4,7 +4,7 @@ use super::fit::LinkFit;
 use super::likelihood::RowLikelihood;
 use super::terms::{TermSpec, TermState};
 use super::{CORRELATION_S, FitOptions, LinkStudy, search};
-use crate::{Study, span_s};
+use crate::{Study, TermId, span_s};
 use proto::effect::{Level, Search};
 
 /// From more starts than so many a trial goes on from the best few after its first step.
@@ -17,7 +17,7 @@ impl LinkStudy {
     /// The best of short fits from several starts.
     pub(super) fn best_of(
         &self,
-        terms: &[usize],
+        terms: &[TermId],
         starts: Vec<Vec<TermState>>,
         train: &[u32],
         from: FitOptions<'_>,
@@ -38,7 +38,7 @@ impl LinkStudy {
     /// Of many starts of trials those that are best after a step.
     pub(super) fn promising(
         &self,
-        terms: &[usize],
+        terms: &[TermId],
         starts: Vec<Vec<TermState>>,
         train: &[u32],
         from: FitOptions<'_>,
@@ -60,12 +60,12 @@ impl LinkStudy {
     }
 
     /// Whether a term has random levels that change over one of several lengths or times.
-    pub(super) fn asks_for_scale(&self, term: usize) -> bool {
+    pub(super) fn asks_for_scale(&self, term: TermId) -> bool {
         self.scales_of(term).is_some()
     }
 
     /// The key of the length or time over which random levels of a term change, and the values that are tried.
-    fn scales_of(&self, term: usize) -> Option<(&'static str, Vec<f64>)> {
+    fn scales_of(&self, term: TermId) -> Option<(&'static str, Vec<f64>)> {
         match self.specs[term] {
             TermSpec::Shadowing(_) => Some(("decorrelation_m", self.lengths().collect())),
             TermSpec::Drift(_) | TermSpec::LinkDrift(_) => {
@@ -76,7 +76,7 @@ impl LinkStudy {
     }
 
     /// Whether the term has places or nodes that a search finds.
-    pub(super) fn is_searched(&self, term: usize) -> bool {
+    pub(super) fn is_searched(&self, term: TermId) -> bool {
         matches!(self.specs[term].search(), Search::Headings | Search::Places | Search::Nodes)
     }
 
@@ -89,13 +89,13 @@ impl LinkStudy {
     /// A pattern with headings of still nodes, on top of `parent`: pattern and headings are found in turn.
     pub(super) fn heading(
         &self,
-        term: usize,
+        term: TermId,
         mut state: TermState,
         train: &[u32],
         level: Level,
         parent: &LinkFit,
     ) -> TermState {
-        let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
+        let terms: Vec<TermId> = parent.terms.iter().copied().chain([term]).collect();
         for _ in 0..HEADING_ROUNDS {
             let states = parent.states.iter().cloned().chain([state.clone()]).collect();
             let fit = self.run(&terms, states, train, FitOptions::quick(level, Some(parent)));
@@ -110,8 +110,8 @@ impl LinkStudy {
     /// The states from which a search for a term starts, `parent` being the fit without it.
     pub(super) fn starts_of(
         &self,
-        term: usize,
-        terms: &[usize],
+        term: TermId,
+        terms: &[TermId],
         train: &[u32],
         level: Level,
         parent: Option<&LinkFit>,
@@ -121,7 +121,7 @@ impl LinkStudy {
         if self.is_searched(term) {
             // Searches take turns: each is made on top of those before it.
             let place = terms.iter().position(|&other| other == term).unwrap_or_default();
-            let terms: Vec<usize> = terms
+            let terms: Vec<TermId> = terms
                 .iter()
                 .enumerate()
                 .filter(|&(index, &other)| {

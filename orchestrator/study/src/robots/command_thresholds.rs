@@ -4,6 +4,7 @@ use super::fit_state::FitState;
 use super::motion::MeasuredTracks;
 use super::terms::Term;
 use super::{RobotFit, RobotModel};
+use crate::TermId;
 use measure::robots::RobotSample;
 use numbers::normal::FALL_90_NATS;
 use numbers::power::square;
@@ -98,7 +99,7 @@ impl Between {
 
 impl RobotModel {
     /// The part of commands on which a term has a threshold.
-    pub(super) fn threshold_on(&self, term: usize) -> Option<Part> {
+    pub(super) fn threshold_on(&self, term: TermId) -> Option<Part> {
         match &self.terms[term] {
             Term::Effect(effect) => effect.threshold_on(),
             Term::Noise(_) | Term::Curve(_) => None,
@@ -106,7 +107,7 @@ impl RobotModel {
     }
 
     /// Where the threshold of a term, if it has one, is among the commands.
-    fn between(&self, fit: &RobotFit, term: usize) -> Option<Between> {
+    fn between(&self, fit: &RobotFit, term: TermId) -> Option<Between> {
         let mut sizes = self.tracks.sizes(self.threshold_on(term)?);
         sizes.dedup();
         let threshold = fit.numbers(self, term)[0];
@@ -118,7 +119,7 @@ impl RobotModel {
     fn with_threshold(
         &self,
         fit: &RobotFit,
-        term: usize,
+        term: TermId,
         threshold: f64,
         train: &[u32],
     ) -> Option<(RobotFit, FitState)> {
@@ -160,7 +161,7 @@ impl RobotModel {
     pub(super) fn threshold_interval(
         &self,
         fit: &RobotFit,
-        term: usize,
+        term: TermId,
         train: &[u32],
     ) -> Option<(f64, f64)> {
         let between = self.between(fit, term)?;

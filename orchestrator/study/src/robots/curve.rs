@@ -3,6 +3,7 @@
 use super::density::Residual;
 use super::motion::{Gains, MeasuredTracks};
 use super::{RobotFit, RobotModel};
+use crate::TermId;
 use crate::knots;
 use numbers::statistics::mean_ignoring_nan;
 use std::ops::Range;
@@ -93,7 +94,7 @@ impl RobotModel {
     /// What the curves of a fit do where measurements count as much as it says.
     pub(super) fn actings(&self, fit: &RobotFit) -> Vec<Acting<'_>> {
         let gains = self.gains(fit);
-        let acting = |&term: &usize| {
+        let acting = |&term: &TermId| {
             let curve = self.curve(term)?;
             let first = fit.first(self, term);
             Some(self.acting(curve, first..first + self.n_numbers(term), gains))

@@ -7,6 +7,7 @@ use super::fit_state::{FitState, LEAST_DAMPED, Unchanged};
 use super::motion::ModelPaths;
 use super::objective::{Likelihood, Slopes};
 use super::{RobotFit, RobotModel};
+use crate::TermId;
 use crate::folds::Blocks;
 use crate::thresholds::CURVE_PRIOR_SD;
 use nalgebra::DMatrix;
@@ -39,9 +40,9 @@ const N_FOLLOWED: usize = 3;
 
 impl RobotModel {
     /// Fits `terms` to the windows `train`. `start` holds the numbers of some of the terms.
-    pub(super) fn fitted(&self, terms: &[usize], train: &[u32], start: &RobotFit) -> RobotFit {
+    pub(super) fn fitted(&self, terms: &[TermId], train: &[u32], start: &RobotFit) -> RobotFit {
         // Numbers that are known, and the first term that is not.
-        let known: Vec<usize> =
+        let known: Vec<TermId> =
             terms.iter().copied().filter(|term| start.terms.contains(term)).collect();
         let mut fit = self.fit_to_convergence(self.with_terms(&known, start), train);
         for &term in terms.iter().filter(|term| !known.contains(term)) {
@@ -56,7 +57,7 @@ impl RobotModel {
     }
 
     /// The numbers of a fit for other terms, all of which it has.
-    pub(super) fn with_terms(&self, terms: &[usize], fit: &RobotFit) -> RobotFit {
+    pub(super) fn with_terms(&self, terms: &[TermId], fit: &RobotFit) -> RobotFit {
         let mut values = fit.values[..self.base.len()].to_vec();
         for term in terms {
             values.extend_from_slice(fit.numbers(self, *term));
@@ -65,7 +66,7 @@ impl RobotModel {
     }
 
     /// A fit with one more term: from the best of its starts.
-    fn with_term_added(&self, parent: &RobotFit, term: usize, train: &[u32]) -> RobotFit {
+    fn with_term_added(&self, parent: &RobotFit, term: TermId, train: &[u32]) -> RobotFit {
         let best = self
             .best_starts(parent, term, train)
             .into_iter()
@@ -78,10 +79,10 @@ impl RobotModel {
     pub(super) fn best_starts(
         &self,
         parent: &RobotFit,
-        term: usize,
+        term: TermId,
         train: &[u32],
     ) -> Vec<(RobotFit, FitState)> {
-        let terms: Vec<usize> = parent.terms.iter().copied().chain([term]).collect();
+        let terms: Vec<TermId> = parent.terms.iter().copied().chain([term]).collect();
         let begin = |start: Vec<f64>| {
             let fit = RobotFit {
                 terms: terms.clone(),

@@ -2,13 +2,17 @@
 
 use super::RobotStudy;
 use super::terms::Term;
-use crate::Candidate;
 use crate::limits::{NotLimited, limited_name};
+use crate::{Candidate, TermId};
 use robotsim::dynamics::effect::only;
 
 impl RobotStudy {
-    pub(super) fn limit(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited> {
-        let Some(Term::Effect(effect)) = self.model.terms.get(term) else {
+    pub(super) fn limit(
+        &mut self,
+        term: TermId,
+        limits: &toml::Table,
+    ) -> Result<TermId, NotLimited> {
+        let Term::Effect(effect) = &self.model.terms[term] else {
             return Err(NotLimited::Candidate);
         };
         let mut problems = Vec::new();
@@ -26,7 +30,6 @@ impl RobotStudy {
             stands_in_for: None,
             ..unlimited
         });
-        self.model.terms.push(Term::Effect(limited));
-        Ok(self.model.terms.len() - 1)
+        Ok(self.model.terms.push(Term::Effect(limited)))
     }
 }

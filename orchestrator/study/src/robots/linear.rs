@@ -4,9 +4,9 @@ use super::density::Residual;
 use super::fit_state::Unchanged;
 use super::terms::{Starts, Term};
 use super::{RobotFit, RobotStudy};
-use crate::Study as _;
 use crate::linear::{Column, Dependence, Direction, Group, Linearised, Partition, numbered};
 use crate::thresholds::SHORTEST_CLUSTER_WINDOWS;
+use crate::{Study as _, TermId};
 use proto::effect::Parameter;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -46,13 +46,13 @@ impl RobotStudy {
         })
     }
 
-    pub(super) fn columns_of(&self, fit: &RobotFit, term: usize) -> Vec<Column> {
+    pub(super) fn columns_of(&self, fit: &RobotFit, term: TermId) -> Vec<Column> {
         let Term::Effect(effect) = &self.model.terms[term] else { return Vec::new() };
         let Starts::At(starts) = &effect.starts else { return Vec::new() };
         let all: Vec<u32> = (0..self.n_rows() as u32).collect();
         let Some(without) = self.model.residuals(fit, &all) else { return Vec::new() };
         let step = starts.len().div_ceil(MOST_STARTS).max(1);
-        let terms: Vec<usize> = fit.terms.iter().copied().chain([term]).collect();
+        let terms: Vec<TermId> = fit.terms.iter().copied().chain([term]).collect();
         let moved_by = |start: &[f64]| -> Option<Column> {
             let values = fit.values.iter().chain(start).copied().collect();
             let terms = terms.clone();
@@ -81,12 +81,12 @@ impl RobotStudy {
         starts.par_iter().flat_map_iter(columns).collect()
     }
 
-    pub(super) fn curve_columns_of(&self, fit: &RobotFit, term: usize) -> Vec<Column> {
+    pub(super) fn curve_columns_of(&self, fit: &RobotFit, term: TermId) -> Vec<Column> {
         if self.model.curve(term).is_none() {
             return Vec::new();
         }
         let all: Vec<u32> = (0..self.n_rows() as u32).collect();
-        let terms: Vec<usize> = fit.terms.iter().copied().chain([term]).collect();
+        let terms: Vec<TermId> = fit.terms.iter().copied().chain([term]).collect();
         let n_before = fit.values.len();
         let new = std::iter::repeat_n(0.0, self.model.n_numbers(term));
         let values = fit.values.iter().copied().chain(new).collect();

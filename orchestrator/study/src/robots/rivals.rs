@@ -2,7 +2,7 @@
 
 use super::terms::Term;
 use super::{RobotFit, RobotStudy};
-use crate::PredictionDifference;
+use crate::{PredictionDifference, TermId};
 use numbers::power::square;
 
 impl RobotStudy {
@@ -28,7 +28,7 @@ impl RobotStudy {
     pub(super) fn held_at(
         &self,
         fit: &RobotFit,
-        term: usize,
+        term: TermId,
         key: &str,
         value: f64,
     ) -> Option<RobotFit> {

@@ -4,6 +4,7 @@ use super::derivatives::Derivatives;
 use super::fit_state::FitState;
 use super::objective::{Likelihood, Slopes};
 use super::{RobotFit, RobotModel};
+use crate::TermId;
 use crate::thresholds::{SCREEN_CLIMBING_NATS, SCREEN_QUIET_NATS};
 use numbers::optimise::Termination;
 use numbers::optimise::levenberg_marquardt::LevenbergMarquardt;
@@ -18,7 +19,7 @@ impl RobotModel {
         &self,
         parent: &RobotFit,
         known: &Derivatives,
-        term: usize,
+        term: TermId,
         train: &[u32],
     ) -> Option<RobotFit> {
         let known = known.at_rows(train);

@@ -9,7 +9,8 @@ use crate::linear::{Column, Dependence, Direction, Linearised, Partition};
 use crate::symbolic::FittedFormula;
 use crate::thresholds::TAIL_90;
 use crate::{
-    Candidate, Estimate, PredictionDifference, Residuals, RowScore, Study, caution, joined,
+    Candidate, Estimate, PerTerm, PredictionDifference, Residuals, RowScore, Study, TermId,
+    caution, joined,
 };
 use numbers::normal::Z_90;
 use numbers::power::square;
@@ -20,7 +21,7 @@ use std::sync::PoisonError;
 impl Study for RobotStudy {
     type Fit = RobotFit;
 
-    fn candidates(&self) -> &[Candidate] {
+    fn candidates(&self) -> &PerTerm<Candidate> {
         &self.candidates
     }
 
@@ -45,7 +46,7 @@ impl Study for RobotStudy {
 
     fn fit(
         &self,
-        terms: &[usize],
+        terms: &[TermId],
         train: &[u32],
         _level: Level,
         start: Option<&RobotFit>,
@@ -79,7 +80,7 @@ impl Study for RobotStudy {
         fit
     }
 
-    fn screen(&self, terms: &[usize], _level: Level, parent: &RobotFit) -> Option<RobotFit> {
+    fn screen(&self, terms: &[TermId], _level: Level, parent: &RobotFit) -> Option<RobotFit> {
         let (&term, before) = terms.split_last()?;
         // The parent's derivatives are in the order of its terms.
         if before != parent.terms || self.is_stopped() {
@@ -109,7 +110,7 @@ impl Study for RobotStudy {
         self.standardised(fit)
     }
 
-    fn formula_of_curve(&self, term: usize, fit_without: &RobotFit) -> Option<FittedFormula> {
+    fn formula_of_curve(&self, term: TermId, fit_without: &RobotFit) -> Option<FittedFormula> {
         let (Term::Curve(curve), Some(name)) =
             (&self.model.terms[term], self.candidates[term].curve_over())
         else {
@@ -130,7 +131,7 @@ impl Study for RobotStudy {
     fn with_parameter_held(
         &self,
         fit: &RobotFit,
-        term: usize,
+        term: TermId,
         key: &str,
         value: f64,
     ) -> Option<RobotFit> {
@@ -141,11 +142,11 @@ impl Study for RobotStudy {
         self.linearised_at(fit)
     }
 
-    fn columns(&self, fit: &RobotFit, term: usize) -> Vec<Column> {
+    fn columns(&self, fit: &RobotFit, term: TermId) -> Vec<Column> {
         self.columns_of(fit, term)
     }
 
-    fn columns_of_curve(&self, fit: &RobotFit, term: usize) -> Vec<Column> {
+    fn columns_of_curve(&self, fit: &RobotFit, term: TermId) -> Vec<Column> {
         self.curve_columns_of(fit, term)
     }
 
@@ -161,7 +162,7 @@ impl Study for RobotStudy {
         self.dependence_of()
     }
 
-    fn add_limited(&mut self, term: usize, limits: &toml::Table) -> Result<usize, NotLimited> {
+    fn add_limited(&mut self, term: TermId, limits: &toml::Table) -> Result<TermId, NotLimited> {
         self.limit(term, limits)
     }
 
@@ -182,7 +183,7 @@ impl Study for RobotStudy {
         residuals.iter().map(score).collect()
     }
 
-    fn estimates(&self, fit: &RobotFit, term: usize) -> (Vec<Estimate>, Option<String>) {
+    fn estimates(&self, fit: &RobotFit, term: TermId) -> (Vec<Estimate>, Option<String>) {
         let effect = match &self.model.terms[term] {
             Term::Effect(effect) => effect,
             Term::Noise(_) => return (vec![self.noise(fit)], None),
@@ -230,7 +231,7 @@ impl Study for RobotStudy {
         (estimates, joined(cautions).or_else(|| self.confounded(fit, term, covariance.as_ref())))
     }
 
-    fn settings(&self, fit: &RobotFit, term: usize) -> Option<toml::Table> {
+    fn settings(&self, fit: &RobotFit, term: TermId) -> Option<toml::Table> {
         self.effect_table(fit, term)
     }
 }

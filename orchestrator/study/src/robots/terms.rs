@@ -5,7 +5,7 @@ use super::curve::RobotCurve;
 use super::motion::MeasuredTracks;
 use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, RowValues, set};
 use crate::thresholds::{CURVE_KNOTS, FINE_CURVE_KNOTS, ROWS_PER_KNOT};
-use crate::{CURVE, Candidate, FINE};
+use crate::{CURVE, Candidate, FINE, PerTerm};
 use measure::robots::RobotSample;
 use proto::config::{Node, Value, check};
 use proto::effect::{Body, FromModel, Level, Need, Parameter, Role, Search, only};
@@ -78,9 +78,9 @@ pub(super) fn all(
     dynamics: &toml::Table,
     is_noise_given: bool,
     catalogue: &Catalogue,
-) -> (Vec<Candidate>, Vec<Term>) {
-    let mut candidates = Vec::new();
-    let mut terms = Vec::new();
+) -> (PerTerm<Candidate>, PerTerm<Term>) {
+    let mut candidates = PerTerm::default();
+    let mut terms = PerTerm::default();
     let shape = tracks.robots.shape;
     for entry in catalogue.effects.iter().filter(|entry| entry.variant.name != FORMULA) {
         let variants: &[&[_]] =
@@ -145,12 +145,10 @@ pub(super) fn all(
             [("", CURVE_KNOTS), (FINE, FINE_CURVE_KNOTS)].into_iter().take(1 + usize::from(fine));
         for (prefix, n_knots) in kinds {
             let Some(curve) = RobotCurve::new(tracks, values.clone(), n_knots) else { continue };
-            let place = candidates.len();
             let coarse = format!("{CURVE}{name}");
-            for (curve, stands_in_for) in
-                [(curve.clone(), None), (curve.with_constant(), Some(place))]
-            {
-                candidates.push(Candidate {
+            let mut stands_in_for = None;
+            for curve in [curve.clone(), curve.with_constant()] {
+                let term = candidates.push(Candidate {
                     name: format!("{prefix}{coarse}"),
                     about: None,
                     level: Level::Time,
@@ -164,6 +162,7 @@ pub(super) fn all(
                     stands_in_for,
                 });
                 terms.push(Term::Curve(curve));
+                stands_in_for = Some(term);
             }
         }
     }

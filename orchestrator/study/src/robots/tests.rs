@@ -4,9 +4,9 @@ mod driven;
 mod foreign;
 
 use super::*;
-use crate::Study as _;
 use crate::folds::scramble;
 use crate::thresholds::MEMORY_S;
+use crate::{Study as _, TermId};
 use driven::{NOISE_M, STEP_S, driven};
 use measure::robots;
 use measure::table::DataTable;
@@ -39,8 +39,8 @@ fn study(table: &DataTable) -> RobotStudy {
         .unwrap()
 }
 
-fn index(study: &RobotStudy, name: &str) -> usize {
-    study.candidates().iter().position(|candidate| candidate.name == name).unwrap()
+fn index(study: &RobotStudy, name: &str) -> TermId {
+    study.candidates().find(|candidate| candidate.name == name).unwrap()
 }
 
 #[test]
