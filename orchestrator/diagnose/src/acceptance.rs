@@ -8,20 +8,50 @@ use crate::gain::{Gain, Scores};
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use study::thresholds::{FAMILY_ERROR, LEAST_ERROR_SHARE, WORTH_NATS, WORTH_SHARE};
 
-/// The decision of the acceptance rule on one term.
+/// What was decided on one term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Acceptance {
-    /// Significant at [`FAMILY_ERROR`] after Holm's correction for all candidates.
-    pub is_significant: bool,
-    /// Significant at [`FAMILY_ERROR`] if it were the only candidate, and worth having.
-    pub is_plausible: bool,
+pub(crate) enum Verdict {
+    /// Neither significant after the correction nor plausible.
+    Rejected,
+    /// Significant at [`FAMILY_ERROR`] after Holm's correction for all candidates, but not to be added: it is not worth having, or was
+    /// removed before.
+    Significant,
+    /// Significant at [`FAMILY_ERROR`] only if it were the only candidate, and worth having.
+    Plausible,
+    /// Significant after the correction, and worth having.
+    Acceptable,
+    /// Acceptable by its gain, but it moves no more than what rows that depend on each other may share.
+    Withheld,
 }
 
-impl Acceptance {
+impl Verdict {
+    /// The verdict on a term by its gain. `is_plausible`: significant if it were the only candidate, and to be added.
+    #[must_use]
+    pub(crate) fn by_gain(is_significant: bool, is_plausible: bool) -> Self {
+        match (is_significant, is_plausible) {
+            (false, false) => Self::Rejected,
+            (true, false) => Self::Significant,
+            (false, true) => Self::Plausible,
+            (true, true) => Self::Acceptable,
+        }
+    }
+
+    /// Significant after the correction for all candidates.
+    #[must_use]
+    pub(crate) fn is_significant(self) -> bool {
+        matches!(self, Self::Significant | Self::Acceptable)
+    }
+
+    /// Significant if it were the only candidate, and worth having.
+    #[must_use]
+    pub(crate) fn is_plausible(self) -> bool {
+        matches!(self, Self::Plausible | Self::Acceptable)
+    }
+
     /// Significant after the correction, and worth having.
     #[must_use]
     pub(crate) fn is_acceptable(self) -> bool {
-        self.is_significant && self.is_plausible
+        self == Self::Acceptable
     }
 }
 
@@ -37,13 +67,13 @@ pub(crate) fn judge(
     n_candidates: usize,
     least_share: f64,
     share_removed: impl Fn(usize) -> f64,
-) -> Vec<Acceptance> {
+) -> Vec<Verdict> {
     let is_significant = holm(gains, n_candidates);
     let judge_one = |(index, is_significant): (usize, bool)| {
         let gain = &gains[index];
         let is_plausible = gain.p_value < FAMILY_ERROR
             && is_worth(gain.gain, least_share, || share_removed(index));
-        Acceptance { is_significant, is_plausible }
+        Verdict::by_gain(is_significant, is_plausible)
     };
     is_significant.into_iter().enumerate().map(judge_one).collect()
 }
@@ -122,9 +152,8 @@ mod tests {
     fn one_term_is_judged_as_the_first_of_many() {
         let alone = |p_value| judge(&[gain(1.0, p_value)], 10, 0.0, |_| 0.0)[0];
         assert!(alone(0.0004).is_acceptable());
-        let plausible = alone(0.004);
-        assert!(plausible.is_plausible && !plausible.is_significant);
-        assert!(!alone(0.006).is_plausible);
+        assert_eq!(alone(0.004), Verdict::Plausible);
+        assert_eq!(alone(0.006), Verdict::Rejected);
     }
 
     #[test]

@@ -4,7 +4,7 @@ mod choice;
 mod clustered;
 mod selection;
 
-use super::acceptance::{self, Acceptance};
+use super::acceptance::{self, Verdict};
 use super::gain::{Gain, Scores};
 use super::progress::SearchProgress;
 use proto::effect::Level;
@@ -27,14 +27,8 @@ pub(crate) struct CandidateTest {
     pub common: Gain,
     /// By how much it raises the log likelihood of all rows (nats); 0 where it was not fitted.
     pub rise: f64,
-    /// Significant after Holm's correction for all candidates.
-    pub is_significant: bool,
-    /// Significant if it were the only candidate, and worth having.
-    pub is_plausible: bool,
-    /// Significant after the correction, and worth having: it may be accepted.
-    pub is_acceptable: bool,
-    /// It predicts rows left out better, beyond chance, but moves no more than what rows that depend on each other may share.
-    pub is_withheld: bool,
+    /// What was decided on it.
+    pub verdict: Verdict,
     /// Candidates that these data cannot distinguish from it.
     pub ties: Vec<TermId>,
 }
@@ -42,23 +36,18 @@ pub(crate) struct CandidateTest {
 impl CandidateTest {
     /// Whether it may replace another: it is acceptable, or neither is and it is plausible.
     fn is_as_certain_as(&self, other: &Self) -> bool {
-        self.is_acceptable || self.is_plausible && !other.is_acceptable
+        self.verdict.is_acceptable()
+            || self.verdict.is_plausible() && !other.verdict.is_acceptable()
     }
 
     /// The test as reported once its candidate is accepted: with the gain on the common split where that decided.
     fn into_accepted(self) -> Self {
-        if self.is_acceptable { self } else { self.accepted_on_common_split() }
+        if self.verdict.is_acceptable() { self } else { self.accepted_on_common_split() }
     }
 
     /// The same test, judged by the gain on the common split.
     fn accepted_on_common_split(self) -> Self {
-        Self {
-            gain: self.common,
-            is_significant: true,
-            is_plausible: true,
-            is_acceptable: true,
-            ..self
-        }
+        Self { gain: self.common, verdict: Verdict::Acceptable, ..self }
     }
 }
 
@@ -89,7 +78,8 @@ pub(crate) struct Ladder {
 impl Ladder {
     /// Candidates that were withheld in the last round.
     pub(crate) fn withheld(&self) -> impl Iterator<Item = TermId> + '_ {
-        self.tests.iter().filter(|test| test.is_withheld).map(|test| test.term)
+        let withheld = self.tests.iter().filter(|test| test.verdict == Verdict::Withheld);
+        withheld.map(|test| test.term)
     }
 
     /// Whether there was enough to tell something, and the search came to its end.
@@ -285,10 +275,7 @@ impl<'a, S: Study> Search<'a, S> {
             gain: Gain::NONE,
             common: Gain::NONE,
             rise: 0.0,
-            is_significant: false,
-            is_plausible: false,
-            is_acceptable: false,
-            is_withheld: false,
+            verdict: Verdict::Rejected,
             ties: Vec::new(),
         };
         let level = candidate.level;
@@ -375,23 +362,20 @@ impl<'a, S: Study> Search<'a, S> {
         let verdicts = acceptance::judge(&gains, self.n_tried(), floor, share_removed);
         for (test, verdict) in tests.iter_mut().zip(verdicts) {
             let is_asked_for = || self.is_asked_for(test.term, accepted) && 0.0 < test.gain.gain;
-            test.is_significant = verdict.is_significant || is_asked_for();
+            let is_significant = verdict.is_significant() || is_asked_for();
             let is_worth = || {
                 let share = || self.share_removed(test.term, accepted);
                 is_asked_for() && acceptance::is_worth(test.gain.gain, floor, share)
             };
-            let verdict =
-                Acceptance { is_plausible: verdict.is_plausible || is_worth(), ..verdict };
-            test.is_plausible = verdict.is_plausible && !removed.contains(&test.term);
-            let may_be = test.is_significant && test.is_plausible;
-            test.is_acceptable = may_be && self.stands_clustered(test.term, accepted);
-            if may_be && !test.is_acceptable {
+            let is_plausible =
+                (verdict.is_plausible() || is_worth()) && !removed.contains(&test.term);
+            test.verdict = Verdict::by_gain(is_significant, is_plausible);
+            if test.verdict.is_acceptable() && !self.stands_clustered(test.term, accepted) {
                 debug!(
                     name = self.study.candidates()[test.term].name,
                     "no more than what rows share"
                 );
-                (test.is_significant, test.is_plausible) = (false, false);
-                test.is_withheld = true;
+                test.verdict = Verdict::Withheld;
             }
         }
     }

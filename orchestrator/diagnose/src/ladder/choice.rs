@@ -1,6 +1,7 @@
 //! Choice among acceptable candidates, and the candidates that are statistically indistinguishable from the chosen one.
 
 use super::{COMMON, CandidateTest, Search, with_term, without_term};
+use crate::acceptance::Verdict;
 use crate::gain::Gain;
 use crate::progress::SearchProgress;
 use proto::effect::{CONSTANT, Level};
@@ -40,12 +41,13 @@ impl<S: Study> Search<'_, S> {
     ) -> Option<usize> {
         let candidates = self.study.candidates();
         let is_curve = |test: &CandidateTest| self.is_curve(test);
-        let effect = greatest_gain(tests, &|test| test.is_acceptable && !is_curve(test));
+        let effect = greatest_gain(tests, &|test| test.verdict.is_acceptable() && !is_curve(test));
         // An acceptable effect already shows that something is missing. So a curve is compared with that effect if the curve is
         // significant by itself, even if it is not after the correction for all candidates.
         let best_curve = |wanted: &dyn Fn(&CandidateTest) -> bool| {
             greatest_gain(tests, &|test| {
-                let may_compete = test.is_acceptable || effect.is_some() && test.is_plausible;
+                let may_compete =
+                    test.verdict.is_acceptable() || effect.is_some() && test.verdict.is_plausible();
                 is_curve(test) && wanted(test) && may_compete
             })
         };
@@ -75,7 +77,7 @@ impl<S: Study> Search<'_, S> {
         // Random effects are about a mean that is right: what all rows are off by goes first. So it does where it does mostly what another
         // effect with more numbers does.
         let level = |test: &CandidateTest| {
-            test.is_acceptable && candidates[test.term].linear_in == Some(CONSTANT)
+            test.verdict.is_acceptable() && candidates[test.term].linear_in == Some(CONSTANT)
         };
         if let Some(level) = tests.iter().position(level)
             && (candidates[tests[best].term].level == Level::Random
@@ -88,7 +90,7 @@ impl<S: Study> Search<'_, S> {
         let n_parameters = |index: usize| candidates[tests[index].term].n_parameters;
         for rival in 0..tests.len() {
             if rival != best
-                && tests[rival].is_acceptable
+                && tests[rival].verdict.is_acceptable()
                 && !is_curve(&tests[rival])
                 && n_parameters(rival) < n_parameters(best)
                 && self.is_tied(&tests[best], &tests[rival], accepted)
@@ -98,7 +100,7 @@ impl<S: Study> Search<'_, S> {
         }
         // That something is missing is beyond doubt: what is beyond chance as the only candidate goes first if it explains more.
         let explains_more = |test: &CandidateTest| {
-            if test.is_acceptable
+            if test.verdict.is_acceptable()
                 || FAMILY_ERROR < test.gain.p_value
                 || removed.contains(&test.term)
                 || is_curve(test)
@@ -115,7 +117,7 @@ impl<S: Study> Search<'_, S> {
             let over = self.gain_between_at(&tests[curve], &tests[best], accepted, level);
             // A level of its own for every node or link follows any curve: there it need not be much better.
             let is_random = candidates[tests[best].term].level == Level::Random;
-            let margin = if is_random && tests[curve].is_acceptable {
+            let margin = if is_random && tests[curve].verdict.is_acceptable() {
                 0.0
             } else {
                 (2.0 * over.standard_error).max(WORTH_NATS / 10.0)
@@ -144,16 +146,16 @@ impl<S: Study> Search<'_, S> {
         let general = &candidates[tests[best].term].generalises;
         let goes_before = |test: &CandidateTest| {
             let special = &candidates[test.term];
-            if !test.is_plausible || !general.contains(&special.name) {
+            if !test.verdict.is_plausible() || !general.contains(&special.name) {
                 return false;
             }
-            if test.is_acceptable && special.level == Level::Place {
+            if test.verdict.is_acceptable() && special.level == Level::Place {
                 return true;
             }
             let over = self.gain_between(&tests[best], test, accepted);
-            let margin = if test.is_acceptable { 2.0 * over.standard_error } else { 0.0 };
+            let margin = if test.verdict.is_acceptable() { 2.0 * over.standard_error } else { 0.0 };
             over.gain <= margin
-                && (test.is_acceptable || self.stands_clustered(test.term, accepted))
+                && (test.verdict.is_acceptable() || self.stands_clustered(test.term, accepted))
         };
         greatest_gain(tests, &goes_before)
     }
@@ -173,7 +175,7 @@ impl<S: Study> Search<'_, S> {
             return None;
         }
         let is_law = |test: &CandidateTest| {
-            test.is_acceptable
+            test.verdict.is_acceptable()
                 && candidates[test.term].level != Level::Random
                 && !self.is_curve(test)
         };
@@ -229,7 +231,8 @@ impl<S: Study> Search<'_, S> {
     fn is_tied(&self, a: &CandidateTest, b: &CandidateTest, accepted: &[TermId]) -> bool {
         let difference = self.gain_between(a, b, accepted);
         // What is not beyond chance by its own measure may well explain more where places and nodes are known.
-        let apart = if b.is_significant { difference.gain.abs() } else { difference.gain };
+        let apart =
+            if b.verdict.is_significant() { difference.gain.abs() } else { difference.gain };
         if TIED_ERRORS * difference.standard_error < apart {
             return false;
         }
@@ -242,7 +245,7 @@ impl<S: Study> Search<'_, S> {
             let gain = self.term_gain(second.term, &both, &with_term(accepted, first.term), level);
             gain.p_value < FAMILY_ERROR && WORTH_NATS / 2.0 < gain.gain
         };
-        !((b.is_significant && adds(a, b)) || adds(b, a))
+        !((b.verdict.is_significant() && adds(a, b)) || adds(b, a))
     }
 
     /// Whether a candidate that is not significant on held-out places or nodes raises the likelihood of all rows by at least
@@ -288,7 +291,7 @@ impl<S: Study> Search<'_, S> {
                 && self.study.candidates()[test.term].untestable.is_none()
         };
         let is_tied = |(index, test): &(usize, &CandidateTest)| {
-            let is_likely = test.is_significant
+            let is_likely = test.verdict.is_significant()
                 || is_curve && test.is_as_certain_as(&tests[best])
                 || !is_curve && gains_as_much(test);
             let is_rival = || !is_curve && self.is_rival(&tests[best], test, accepted);
@@ -310,8 +313,10 @@ impl<S: Study> Search<'_, S> {
             let rest = without_term(accepted, test.term);
             let is_still_tied = |&rival: &TermId| {
                 let mut again = self.test_candidate(&rest, rival);
-                again.is_significant = again.gain.p_value < FAMILY_ERROR;
-                (again.is_significant || self.is_rival(test, &again, &rest))
+                if again.gain.p_value < FAMILY_ERROR {
+                    again.verdict = Verdict::Significant;
+                }
+                (again.verdict.is_significant() || self.is_rival(test, &again, &rest))
                     && self.is_tied(test, &again, &rest)
             };
             let ties: Vec<TermId> = test.ties.par_iter().copied().filter(is_still_tied).collect();
@@ -326,7 +331,8 @@ impl<S: Study> Search<'_, S> {
         tests: &[CandidateTest],
         accepted: &[TermId],
     ) -> bool {
-        let others = tests.iter().filter(|other| other.is_significant && self.is_curve(other));
+        let others =
+            tests.iter().filter(|other| other.verdict.is_significant() && self.is_curve(other));
         others
             .filter_map(|other| self.p_value_beyond_nested(test, other, accepted))
             .any(|p_value| UNCORRECTED_LEVEL < p_value)
@@ -390,7 +396,7 @@ impl<S: Study> Search<'_, S> {
         let candidates = self.study.candidates();
         for (index, test) in tests.iter().enumerate() {
             let new = &candidates[test.term];
-            if !test.is_plausible || self.is_curve(test) {
+            if !test.verdict.is_plausible() || self.is_curve(test) {
                 continue;
             }
             for &old in accepted {

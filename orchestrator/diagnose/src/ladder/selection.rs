@@ -1,7 +1,7 @@
 //! One stepwise selection of effects.
 
 use super::{CandidateTest, Ladder, LadderStep, Search, with_term};
-use crate::acceptance;
+use crate::acceptance::{self, Verdict};
 use crate::gain::Scores;
 use crate::progress::SearchProgress;
 use crate::stepwise::{self, Round, Stepwise};
@@ -108,26 +108,27 @@ impl<S: Study> Rounds<'_, '_, S> {
         let Selection { accepted, rungs, removed, .. } = selection;
         let floor = acceptance::least_share(&self.configured, &rungs[rungs.len() - 1].scores);
         search.apply_acceptance_rule(tests, accepted, removed, floor);
-        if !tests.iter().any(|test| test.is_acceptable) {
+        if !tests.iter().any(|test| test.verdict.is_acceptable()) {
             // Beside accepted effects, only levels of links, nodes and channels: what they explain comes in small parts from
             // all rows, of which blocks of time tell little.
             let is_random = |term: TermId| search.study.candidates()[term].level == Level::Random;
             let may_be = |test: &CandidateTest| accepted.is_empty() || is_random(test.term);
-            for test in tests.iter_mut().filter(|test| test.is_plausible && may_be(test)) {
+            for test in tests.iter_mut().filter(|test| test.verdict.is_plausible() && may_be(test))
+            {
                 let is_certain = acceptance::is_certain_by_total(
                     &test.gain,
                     search.n_tried(),
                     search.study.design_effect(),
                 );
-                test.is_significant = is_certain && search.stands_clustered(test.term, accepted);
-                test.is_acceptable = test.is_significant;
+                if is_certain && search.stands_clustered(test.term, accepted) {
+                    test.verdict = Verdict::Acceptable;
+                }
             }
         }
-        if !tests.iter().any(|test| test.is_acceptable)
+        if !tests.iter().any(|test| test.verdict.is_acceptable())
             && let Some(index) = search.most_evident(tests, accepted, removed)
         {
-            let test = &mut tests[index];
-            (test.is_significant, test.is_plausible, test.is_acceptable) = (true, true, true);
+            tests[index].verdict = Verdict::Acceptable;
         }
     }
 
