@@ -14,6 +14,7 @@ use numbers::power::square;
 use numbers::statistics::{self, mean_ignoring_nan, nth_quantile, quantile_nearest};
 use study::folds::Blocks;
 use study::links::LinkStudy;
+use study::links::predict::LinkResiduals;
 use study::open::Subject;
 use study::robots::RobotStudy;
 use study::thresholds::{BOOTSTRAP_RESAMPLES, ERROR_BINS, FEWEST_ERROR_BIN_ROWS, TAIL_90};
@@ -39,7 +40,7 @@ pub(crate) fn links(
 ) -> Comparison {
     let scores = search.held_out_scores(&[], COMMON);
     let fit = search.full_fit(&[], COMMON, None);
-    let [deviation, scaled, surprise] = study.residuals(&fit);
+    let LinkResiduals { deviation, scaled, surprise } = study.residuals(&fit);
     let constant = constant::found(study, search);
     let inside: Vec<f64> = scaled
         .iter()

@@ -7,6 +7,7 @@ use super::comparison::Offset;
 use crate::ladder::Search;
 use proto::effect::CONSTANT;
 use study::links::LinkStudy;
+use study::links::predict::LinkResiduals;
 use study::{COMMON, Study as _};
 
 /// The model with a constant fitted.
@@ -27,7 +28,7 @@ pub(super) fn found(study: &LinkStudy, search: &Search<'_, LinkStudy>) -> Option
     let term = study.candidates().find(is_constant)?;
     let parent = search.full_fit(&[], COMMON, None);
     let fit = search.full_fit(&[term], COMMON, Some(&parent));
-    let [deviation, _, surprise] = study.residuals(&fit);
+    let LinkResiduals { deviation, surprise, .. } = study.residuals(&fit);
     let (estimates, _) = study.estimates(&fit, term);
     let offset_db = estimates.first().and_then(|it| Offset::significant(it.value, it.low, it.high));
     Some(Constant { offset_db, deviation, surprise })

@@ -3,7 +3,7 @@
 use super::likelihood::RowPrediction;
 use super::reception::PowerMixture;
 use super::register::{PowerRange, Register};
-use super::rows::ModelledLinks;
+use super::rows::{Contribution, ModelledLinks};
 use physics::effect::Effect;
 use physics::link::Link;
 use physics::scatter::Renewal;
@@ -78,15 +78,15 @@ impl<'a> AlteredRegister<'a> {
     }
 }
 
-/// What a model with terms says about a row. `added`: power, shift, logarithm of survival that the terms add.
+/// What a model with terms says about a row. `added`: what the terms add.
 pub(super) fn level(
     rows: &ModelledLinks,
     row: usize,
-    added: [f64; 3],
+    added: Contribution,
     otherwise: &AlteredRegister<'_>,
 ) -> RowPrediction {
     let base = &rows.base[row];
-    let power_dbm = base.power_dbm + added[0];
+    let power_dbm = base.power_dbm + added.power_db;
     let (register_db, range) = if otherwise.is_bent {
         let rssi_dbm = rows.links.rows[row].rssi_dbm;
         rows.link(row, |link| {
@@ -113,8 +113,8 @@ pub(super) fn level(
         power_dbm,
         register_db,
         range,
-        shift_db: base.shift_db + added[1],
-        ln_survival: base.ln_survival + added[2],
+        shift_db: base.shift_db + added.shift_db,
+        ln_survival: base.ln_survival + added.ln_survival,
         stated: base.stated,
     }
 }

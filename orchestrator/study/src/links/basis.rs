@@ -45,8 +45,8 @@ fn means(rows: &ModelledLinks, effect: &dyn Effect, which: &[usize]) -> Option<V
     which
         .iter()
         .map(|&row| {
-            let [power, shift, survival] = rows.effect(effect, row);
-            (shift == 0.0 && survival == 0.0).then_some(power)
+            let added = rows.contribution(effect, row);
+            (added.shift_db == 0.0 && added.ln_survival == 0.0).then_some(added.power_db)
         })
         .collect()
 }

@@ -5,7 +5,7 @@ use super::basis::Basis;
 use super::cells::{NewtonStep, Random, RandomEffectSds, RowCells, Scales};
 use super::likelihood::{Instrument, Noise, RowLikelihood, RowPrediction};
 use super::reception::SampledCurve;
-use super::rows::ModelledLinks;
+use super::rows::{Contribution, ModelledLinks};
 use super::terms::{TermSpec, TermState};
 use crate::{StopFlag, TermId};
 use nalgebra::{DMatrix, DVector};
@@ -102,8 +102,8 @@ const CONVERGED_NATS: f64 = 1e-4;
 /// Levels of the rows that are fitted, and what terms add to them.
 #[derive(Clone)]
 struct Levels {
-    /// By term, by row: power, shift, logarithm of survival.
-    parts: Vec<Vec<[f64; 3]>>,
+    /// By term, by row.
+    parts: Vec<Vec<Contribution>>,
     levels: Vec<RowPrediction>,
 }
 
@@ -130,15 +130,16 @@ impl<'a> FitProblem<'a> {
             .collect()
     }
 
-    /// Contribution of the term at a place to each row of the training set: mean power (dB), shift of the reception curve (dB), log survival.
+    /// Contribution of the term at a place to each row of the training set.
     fn contribution(
         &self,
         place: usize,
         state: &TermState,
         effect: Option<&dyn Effect>,
-    ) -> Vec<[f64; 3]> {
+    ) -> Vec<Contribution> {
         if let Some(basis) = &self.bases[place] {
-            let added = |&row: &u32| [basis.contribution(&state.values, row as usize), 0.0, 0.0];
+            let power_db = |row: u32| basis.contribution(&state.values, row as usize);
+            let added = |&row: &u32| Contribution::of_power(power_db(row));
             return self.train.iter().map(added).collect();
         }
         match (self.specs[place], effect) {
@@ -148,19 +149,17 @@ impl<'a> FitProblem<'a> {
                 .map(|&row| curve.contribution(&state.values, row as usize))
                 .collect(),
             (_, Some(effect)) => {
-                self.train.iter().map(|&row| self.rows.effect(effect, row as usize)).collect()
+                self.train.iter().map(|&row| self.rows.contribution(effect, row as usize)).collect()
             }
             (_, None) => Vec::new(),
         }
     }
 
-    fn levels(&self, parts: Vec<Vec<[f64; 3]>>, effects: &[Option<ActiveEffect>]) -> Levels {
-        let mut added = vec![[0.0; 3]; self.train.len()];
+    fn levels(&self, parts: Vec<Vec<Contribution>>, effects: &[Option<ActiveEffect>]) -> Levels {
+        let mut added = vec![Contribution::default(); self.train.len()];
         for part in &parts {
             for (sum, term) in added.iter_mut().zip(part) {
-                for k in 0..3 {
-                    sum[k] += term[k];
-                }
+                *sum += *term;
             }
         }
         let otherwise = AlteredRegister::from_effects(effects, self.rows);
@@ -440,10 +439,10 @@ impl<'a> FitProblem<'a> {
                     && part
                         .iter()
                         .zip(&point.levels.parts[place])
-                        .all(|(a, b)| a[1] == b[1] && a[2] == b[2]);
+                        .all(|(a, b)| a.shift_db == b.shift_db && a.ln_survival == b.ln_survival);
                 if is_mean {
                     for (i, (a, b)) in part.iter().zip(&point.levels.parts[place]).enumerate() {
-                        jacobian[i * p + index] = (a[0] - b[0]) / step;
+                        jacobian[i * p + index] = (a.power_db - b.power_db) / step;
                     }
                 } else {
                     let mut effects = point.effects.clone();
@@ -522,17 +521,11 @@ impl LinkFit {
         row: usize,
         otherwise: &AlteredRegister<'_>,
     ) -> RowPrediction {
-        let mut added = [0.0; 3];
+        let mut added = Contribution::default();
         for ((spec, state), effect) in specs.iter().zip(&self.states).zip(&self.effects) {
             match (spec, effect) {
-                (TermSpec::Curve(curve), _) => {
-                    let part = curve.contribution(&state.values, row);
-                    added = std::array::from_fn(|k| added[k] + part[k]);
-                }
-                (_, Some(effect)) => {
-                    let part = rows.effect(effect.get(), row);
-                    added = std::array::from_fn(|k| added[k] + part[k]);
-                }
+                (TermSpec::Curve(curve), _) => added += curve.contribution(&state.values, row),
+                (_, Some(effect)) => added += rows.contribution(effect.get(), row),
                 (_, None) => {}
             }
         }

@@ -44,12 +44,16 @@ impl LinkStudy {
                 }
             }
         }
-        let [deviations, ..] = self.residuals(fit);
         Some(Linearised {
             slopes: moved(rows.iter().map(|row| row.over_level)),
             weights: moved(rows.iter().map(|row| row.weight.max(0.0))),
             estimated,
-            errors: deviations.into_iter().map(|db| [db, f64::NAN, f64::NAN]).collect(),
+            errors: self
+                .residuals(fit)
+                .deviation
+                .into_iter()
+                .map(|db| [db, f64::NAN, f64::NAN])
+                .collect(),
         })
     }
 

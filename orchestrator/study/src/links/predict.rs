@@ -45,6 +45,17 @@ pub(super) fn instrument_for<'a>(
     tables.entry(key).or_insert_with(|| fit.instrument.with_sd(libm::exp(key as f64 / 50.0)))
 }
 
+/// Residuals of all rows, NaN where there is none.
+#[derive(Clone, Debug)]
+pub struct LinkResiduals {
+    /// Deviations of readings (dB); where readings are given, of the share of frames received.
+    pub deviation: Vec<f64>,
+    /// The same in standard deviations.
+    pub scaled: Vec<f64>,
+    /// Surprise of reception in standard deviations; NaN where readings are given.
+    pub surprise: Vec<f64>,
+}
+
 /// The random effects of a row.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RandomEffect {
@@ -124,26 +135,26 @@ impl LinkStudy {
         (0..self.rows.len()).map(one).collect()
     }
 
-    /// Residuals of the rows under a fit: deviations of readings (dB), the same in standard deviations, and the surprise
-    /// of reception in standard deviations. NaN where there is none. Where readings are given, deviations are of the share of
-    /// frames received, and no surprise is beside them.
+    /// Residuals of the rows under a fit.
     #[must_use]
-    pub fn residuals(&self, fit: &LinkFit) -> [Vec<f64>; 3] {
-        let mut all = [(); 3].map(|()| vec![f64::NAN; self.rows.len()]);
+    pub fn residuals(&self, fit: &LinkFit) -> LinkResiduals {
+        let nothing = vec![f64::NAN; self.rows.len()];
+        let [deviation, scaled, surprise] = [nothing.clone(), nothing.clone(), nothing];
+        let mut all = LinkResiduals { deviation, scaled, surprise };
         for (row, predicted) in self.predictions(fit).into_iter().enumerate() {
             let measured = &self.rows.links.rows[row];
             if self.rows.links.readings.is_given {
-                all[0][row] = measured.received / measured.frames - predicted.passes;
-                all[1][row] = all[0][row] / predicted.passes_sd;
+                all.deviation[row] = measured.received / measured.frames - predicted.passes;
+                all.scaled[row] = all.deviation[row] / predicted.passes_sd;
                 continue;
             }
             if measured.rssi_dbm.is_finite() {
-                all[0][row] = measured.rssi_dbm - predicted.rssi_dbm;
-                all[1][row] = all[0][row] / predicted.sd_db;
+                all.deviation[row] = measured.rssi_dbm - predicted.rssi_dbm;
+                all.scaled[row] = all.deviation[row] / predicted.sd_db;
             }
             if self.rows.links.readings.has_losses && measured.received.is_finite() {
                 let share = measured.received / measured.frames;
-                all[2][row] = (share - predicted.passes) / predicted.passes_sd;
+                all.surprise[row] = (share - predicted.passes) / predicted.passes_sd;
             }
         }
         all
@@ -173,7 +184,7 @@ impl LinkStudy {
 
     /// Standardised residuals of readings and of reception.
     pub(super) fn standardised(&self, fit: &LinkFit) -> Residuals {
-        let [deviation, scaled, surprise] = self.residuals(fit);
+        let LinkResiduals { deviation, scaled, surprise } = self.residuals(fit);
         Residuals {
             components: vec![
                 Component { standardised: scaled, is_of_error: true },
@@ -193,8 +204,7 @@ impl LinkStudy {
         let (deviation, target) = if curve.is_loss {
             (self.excess_losses(fit_without), LOSS)
         } else {
-            let [deviation, ..] = self.residuals(fit_without);
-            (deviation, MEAN)
+            (self.residuals(fit_without).deviation, MEAN)
         };
         if curve.covariate == CONSTANT {
             return symbolic::constant(&deviation, target);
@@ -213,7 +223,7 @@ impl LinkStudy {
     ) -> Option<FittedFormula> {
         let covariates = self.covariates();
         let (name, values) = covariates.iter().find(|(name, _)| name == covariate)?;
-        let [deviation, ..] = self.residuals(fit);
+        let LinkResiduals { deviation, .. } = self.residuals(fit);
         let others = self.formula_covariates(&covariates);
         let deviations = UnexplainedResiduals { values: &deviation, factor: None, target: MEAN };
         symbolic::of_covariate((name, values), &others, deviations, &self.time)

@@ -11,6 +11,7 @@ use physics::propagation::Reception;
 use proto::ids::MoteId;
 use proto::site::Site;
 use std::collections::BTreeMap;
+use std::ops::AddAssign;
 use std::sync::Arc;
 
 /// Measured links, and the model that is compared with them.
@@ -50,6 +51,33 @@ pub struct BasePrediction {
     pub ln_survival: f64,
     /// Probability of reception, where the base model states it whatever the power.
     pub stated: Option<f64>,
+}
+
+/// What a term adds to the prediction of a row.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Contribution {
+    /// To the mean power at the receiver (dB).
+    pub power_db: f64,
+    /// To the shift of the reception curve (dB).
+    pub shift_db: f64,
+    /// To the logarithm of the probability that nothing but weakness loses a frame.
+    pub ln_survival: f64,
+}
+
+impl Contribution {
+    /// To the mean power only (dB).
+    #[must_use]
+    pub fn of_power(power_db: f64) -> Self {
+        Self { power_db, ..Self::default() }
+    }
+}
+
+impl AddAssign for Contribution {
+    fn add_assign(&mut self, other: Self) {
+        self.power_db += other.power_db;
+        self.shift_db += other.shift_db;
+        self.ln_survival += other.ln_survival;
+    }
 }
 
 /// A number of frames sent is usual if at least so many rows without a received frame have it; so many numbers count.
@@ -181,20 +209,17 @@ impl ModelledLinks {
         self.agents_of_row.iter().any(|(from, to)| from + 2 < *to)
     }
 
-    /// What an effect adds to a row: power, shift of the curve, logarithm of survival.
+    /// What an effect adds to the prediction of a row.
     #[must_use]
-    pub fn effect(&self, effect: &dyn Effect, row: usize) -> [f64; 3] {
+    pub fn contribution(&self, effect: &dyn Effect, row: usize) -> Contribution {
         let given_dbm = self.given_dbm(row);
         self.link(row, |link| {
-            if let Some(rssi_dbm) = given_dbm {
-                let loss = effect.loss_at(link, rssi_dbm);
-                return [0.0, effect.curve_shift_db(link), ln_survival(loss)];
-            }
-            [
-                effect.contribution_db(link),
-                effect.curve_shift_db(link),
-                ln_survival(effect.loss(link)),
-            ]
+            let (power_db, loss) = match given_dbm {
+                Some(rssi_dbm) => (0.0, effect.loss_at(link, rssi_dbm)),
+                None => (effect.contribution_db(link), effect.loss(link)),
+            };
+            let shift_db = effect.curve_shift_db(link);
+            Contribution { power_db, shift_db, ln_survival: ln_survival(loss) }
         })
     }
 

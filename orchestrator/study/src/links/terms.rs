@@ -1,5 +1,6 @@
 //! Terms that may be added to a radio model, and their state in a fit.
 
+use super::rows::Contribution;
 use crate::formula::{FormulaCandidate, set};
 use crate::{CURVE, FINE, LOSS_CURVE, knots};
 use physics::effect::{Effect, Entry, build_one};
@@ -129,15 +130,15 @@ impl LinkCurve {
         if x.is_nan() { [(0, 0.0); 2] } else { knots::shares(&self.knots, x) }
     }
 
-    /// Contribution to a row with these values at the knots: mean power (dB), shift of the reception curve (dB), and log probability
-    /// that a frame is not lost otherwise.
+    /// Contribution to a row with these values at the knots.
     #[must_use]
-    pub fn contribution(&self, values: &[f64], row: usize) -> [f64; 3] {
+    pub fn contribution(&self, values: &[f64], row: usize) -> Contribution {
         let value = self.shares(row).iter().map(|&(k, part)| part * values[k]).sum::<f64>();
         if self.is_loss {
-            [0.0, 0.0, libm::log(1.0 - value.clamp(0.0, MOST_LOST))]
+            let ln_survival = libm::log(1.0 - value.clamp(0.0, MOST_LOST));
+            Contribution { ln_survival, ..Contribution::default() }
         } else {
-            [value, 0.0, 0.0]
+            Contribution::of_power(value)
         }
     }
 }
