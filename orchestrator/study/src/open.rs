@@ -3,8 +3,8 @@
 use super::Study;
 use super::choices::{ChoiceError, Choices, ConditionRows};
 use super::links::LinkStudy;
-use super::links::covariates;
 use super::links::rows::ModelledLinks;
+use super::links::rows::covariates;
 use super::robots::{RobotStudy, RobotStudyError, StatedSettings, body_for};
 use super::thresholds::FEWEST_BLOCKS;
 use measure::DataError;

@@ -1,12 +1,12 @@
 //! Fits a radio model with further terms to rows: Newton's method on the likelihood of the instrument.
 
-use super::active::{ActiveEffect, AlteredRegister, level};
-use super::basis::Basis;
-use super::cells::{NewtonStep, Random, RandomEffectSds, RowCells, Scales};
-use super::likelihood::{Instrument, Noise, RowLikelihood, RowPrediction};
-use super::reception::SampledCurve;
-use super::rows::{Contribution, ModelledLinks};
-use super::terms::{TermSpec, TermState};
+use crate::links::likelihood::reception::{PowerMixture, SampledCurve};
+use crate::links::likelihood::{Instrument, Noise, RowLikelihood, RowPrediction};
+use crate::links::random_effects::{NewtonStep, Random, RandomEffectSds, RowCells, Scales};
+use crate::links::rows::{Contribution, ModelledLinks};
+use crate::links::terms::active::{ActiveEffect, AlteredRegister, level};
+use crate::links::terms::basis::Basis;
+use crate::links::terms::{TermSpec, TermState};
 use crate::{StopFlag, TermId};
 use nalgebra::{DMatrix, DVector};
 use numbers::power::square;
@@ -14,7 +14,12 @@ use physics::effect::Effect;
 use proto::effect;
 use std::sync::Arc;
 
+mod linear;
+mod noise_bound;
 mod objective;
+pub(super) mod run;
+pub mod search;
+mod starts;
 
 /// A model of links fitted to measurements: terms with their states, noise and random levels.
 #[derive(Clone, Debug)]
@@ -179,7 +184,7 @@ impl<'a> FitProblem<'a> {
             SampledCurve::tabulate(curve.unwrap_or_else(|| self.rows.model.reception_curve()));
         let mut spread = self.rows.base_spread();
         for scatter in effects.iter().flatten().filter_map(|active| active.effect.scatter()) {
-            spread = spread.and(&super::spread_of(&scatter.law));
+            spread = spread.and(&PowerMixture::of_law(&scatter.law));
         }
         let instrument = Instrument::new(curve, spread, noise, self.rows.links.readings);
         if instrument.readings.is_aggregated && !instrument.readings.is_given {

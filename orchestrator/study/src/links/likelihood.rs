@@ -1,11 +1,11 @@
 //! How likely a row is under a model: the likelihood of the instrument, lost frames and rounding included.
 
-use super::reception::{AveragedCurve, PowerMixture, SampledCurve};
-use super::register::{PowerRange, width_db};
 use crate::RowScore;
 use crate::thresholds::STRAY_FRAMES;
 use density::FadingDensity;
 use measure::links::{LinkRow, Readings};
+use reception::{AveragedCurve, PowerMixture, SampledCurve};
+use register::{PowerRange, width_db};
 
 /// Prediction of a row by a model: received power, register and loss.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,7 +76,9 @@ pub struct Instrument {
 
 mod aggregated;
 mod density;
+pub mod reception;
 mod reception_share;
+pub mod register;
 mod tables;
 
 /// Between two points a step apart, each with its value and slope.

@@ -1,11 +1,15 @@
 //! What a fitted model predicts for the rows, and their residuals.
 
-use super::LinkStudy;
-use super::active::AlteredRegister;
-use super::cells::RowCells;
-use super::fit::LinkFit;
-use super::likelihood::{Instrument, RegisterResponse, RowPrediction};
-use super::terms::TermSpec;
+mod correction;
+mod estimates;
+mod view;
+
+use crate::links::LinkStudy;
+use crate::links::fit::LinkFit;
+use crate::links::likelihood::{Instrument, RegisterResponse, RowPrediction};
+use crate::links::random_effects::RowCells;
+use crate::links::terms::TermSpec;
+use crate::links::terms::active::AlteredRegister;
 use crate::symbolic::{self, FittedFormula, UnexplainedResiduals};
 use crate::thresholds::LEAST_EXPECTED_PASS;
 use crate::{Component, PredictionDifference, Residuals, RowScore, TermId};

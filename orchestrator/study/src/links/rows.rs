@@ -1,6 +1,10 @@
 //! Measured links as the physics sees them.
 
-use super::register::Register;
+pub(super) mod blocks;
+pub mod covariates;
+pub mod testable;
+
+use crate::links::likelihood::register::Register;
 use crate::thresholds::{MOST_AGENT_POSITIONS, STILL_M};
 use measure::Rejections;
 use measure::links::{LinkRow, LinkSamples, has_losses};

@@ -1,7 +1,12 @@
 //! Terms that may be added to a radio model, and their state in a fit.
 
-use super::rows::Contribution;
+pub(super) mod active;
+pub mod basis;
+pub(super) mod candidates;
+mod limited_effects;
+
 use crate::formula::{FormulaCandidate, set};
+use crate::links::rows::Contribution;
 use crate::{CURVE, FINE, LOSS_CURVE, knots};
 use physics::effect::{Effect, Entry, build_one};
 use proto::config::{Default, Registry};

@@ -1,7 +1,9 @@
 //! The likelihood of a fit as a function that is maximised.
 
-use super::{CONVERGED_NATS, FitProblem, Point};
-use crate::links::cells::{NewtonStep, Solver};
+use super::CONVERGED_NATS;
+use super::FitProblem;
+use super::Point;
+use crate::links::random_effects::{NewtonStep, Solver};
 use nalgebra::{DMatrix, DVector};
 use numbers::optimise::levenberg_marquardt::{LevenbergMarquardt, Objective};
 

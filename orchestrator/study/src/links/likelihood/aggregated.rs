@@ -9,8 +9,12 @@
 //!
 //! Its derivatives over μ follow from the posterior moments of u: (E u − μ)/τ² and 1/τ² − Var u/τ⁴.
 
+use super::Instrument;
+use super::PowerRange;
+use super::RegisterResponse;
+use super::RowLikelihood;
+use super::RowPrediction;
 use super::tables::{FrameMoments, FrameTable, SilentRowTable};
-use super::{Instrument, PowerRange, RegisterResponse, RowLikelihood, RowPrediction};
 use crate::RowScore;
 use crate::thresholds::{FRAME_CORRELATION, MEAN_READING_SD_DB, STRAY_FRAMES};
 use measure::links::LinkRow;

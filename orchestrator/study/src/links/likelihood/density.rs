@@ -1,7 +1,7 @@
 //! How dense strengths lie about their mean, under noise and whatever varies beside.
 
 use super::RowLikelihood;
-use crate::links::reception::PowerMixture;
+use crate::links::likelihood::reception::PowerMixture;
 use numbers::power::integer_power;
 
 /// Step of a table (standard deviations of the noise).

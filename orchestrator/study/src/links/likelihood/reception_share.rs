@@ -13,7 +13,10 @@
 //! everything else. A binomial alone would be sure of itself by hundreds of nats a row, and one frame of a thousand lost at a level
 //! where all pass would decide over the curve.
 
-use super::{Instrument, RowLikelihood, RowPrediction, normal_crps};
+use super::Instrument;
+use super::RowLikelihood;
+use super::RowPrediction;
+use super::normal_crps;
 use crate::RowScore;
 use measure::links::LinkRow;
 
@@ -92,7 +95,7 @@ mod tests {
     use super::super::tests::row;
     use super::*;
     use crate::links::likelihood::Noise;
-    use crate::links::reception::{PowerMixture, SampledCurve};
+    use crate::links::likelihood::reception::{PowerMixture, SampledCurve};
     use measure::links::Readings;
     use numbers::power::square;
     use physics::reception::table::Table;
@@ -113,7 +116,7 @@ mod tests {
         RowPrediction {
             power_dbm,
             register_db: 0.0,
-            range: crate::links::register::PowerRange::shifted(0.0),
+            range: crate::links::likelihood::register::PowerRange::shifted(0.0),
             shift_db: 0.5,
             ln_survival: -0.1,
             stated: None,

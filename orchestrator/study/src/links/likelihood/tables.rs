@@ -1,6 +1,7 @@
 //! What many rows of several frames ask for, tabulated over the level.
 
-use super::{RowLikelihood, cubic};
+use super::RowLikelihood;
+use super::cubic;
 
 /// Log likelihood of rows in which no frame was received over the mean power, tabulated at equal steps.
 #[derive(Clone, Debug)]

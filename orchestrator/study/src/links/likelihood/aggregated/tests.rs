@@ -1,7 +1,7 @@
 use super::*;
 use crate::links::likelihood::Noise;
+use crate::links::likelihood::reception::{PowerMixture, SampledCurve};
 use crate::links::likelihood::tests::row;
-use crate::links::reception::{PowerMixture, SampledCurve};
 use measure::links::Readings;
 use numbers::power::square;
 use physics::reception::Curve;

@@ -16,14 +16,14 @@
 //! such thresholds, so that the bound holds for any curve of reception: where the model is right, σ is at most 1.1906 times the root
 //! mean square of the plain errors.
 
-use super::fit::{FitProblem, NOISE_DB};
-use super::likelihood::{Noise, RowPrediction};
-use super::predict::plain_error_db;
+use super::{FitProblem, NOISE_DB};
+use crate::links::likelihood::{Noise, RowPrediction};
+use crate::links::predict::plain_error_db;
 use crate::thresholds::{NOISE_BOUND_ERRORS, NOISE_BOUND_RATIO};
 
 /// The greatest standard deviation of the noise (dB) that plain errors allow: readings less mean levels (dB), NaN of lost frames.
 /// Infinite if no frame was received.
-pub(super) fn greatest_sd_db(plain_errors_db: impl Iterator<Item = f64>) -> f64 {
+pub(in crate::links) fn greatest_sd_db(plain_errors_db: impl Iterator<Item = f64>) -> f64 {
     let (mut squares, mut n) = (0.0, 0.0);
     for error_db in plain_errors_db.filter(|error_db| !error_db.is_nan()) {
         squares += error_db * error_db;
@@ -38,7 +38,7 @@ pub(super) fn greatest_sd_db(plain_errors_db: impl Iterator<Item = f64>) -> f64 
 impl FitProblem<'_> {
     /// The noise, no greater than the readings of received frames allow. `levels`: of the rows that are fitted, without random
     /// effects. These follow the readings, so that errors about levels with them would be too small; without, the bound is looser.
-    pub(super) fn bounded(&self, noise: Noise, levels: &[RowPrediction]) -> Noise {
+    pub(in crate::links) fn bounded(&self, noise: Noise, levels: &[RowPrediction]) -> Noise {
         // The bound is derived for readings of single frames.
         if self.rows.links.readings.is_aggregated || self.fixed_sd_db.is_some() {
             return noise;

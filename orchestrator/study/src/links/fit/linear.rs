@@ -1,9 +1,9 @@
 //! Slopes of the log likelihoods of link rows, and what effects move their levels by.
 
-use super::LinkStudy;
-use super::fit::LinkFit;
-use super::terms::{TermSpec, TermState};
+use super::LinkFit;
 use crate::linear::{Column, Dependence, Direction, Group, Linearised, Partition, numbered};
+use crate::links::LinkStudy;
+use crate::links::terms::{TermSpec, TermState};
 use crate::thresholds::{NODE_SQUARES_ACROSS, SHORTEST_CLUSTER_SHARE};
 use crate::{Study as _, TermId};
 use physics::link::End;
@@ -24,7 +24,7 @@ fn moved(values: impl Iterator<Item = f64>) -> Column {
 }
 
 impl LinkStudy {
-    pub(super) fn linearised_at(&self, fit: &LinkFit) -> Option<Linearised> {
+    pub(in crate::links) fn linearised_at(&self, fit: &LinkFit) -> Option<Linearised> {
         if self.rows.links.readings.is_given {
             return None;
         }
@@ -57,7 +57,7 @@ impl LinkStudy {
         })
     }
 
-    pub(super) fn columns_of(&self, term: TermId) -> Vec<Column> {
+    pub(in crate::links) fn columns_of(&self, term: TermId) -> Vec<Column> {
         let spec = &self.specs[term];
         let is_plain_search = matches!(spec.search(), Search::Starts);
         if !matches!(spec, TermSpec::Effect(_) | TermSpec::Limited(..)) || !is_plain_search {
@@ -76,7 +76,7 @@ impl LinkStudy {
         TermState::starts(spec).iter().filter_map(column).collect()
     }
 
-    pub(super) fn curve_columns_of(&self, term: TermId) -> Vec<Column> {
+    pub(in crate::links) fn curve_columns_of(&self, term: TermId) -> Vec<Column> {
         let TermSpec::Curve(curve) = &self.specs[term] else { return Vec::new() };
         if curve.is_loss {
             return Vec::new();
@@ -91,7 +91,7 @@ impl LinkStudy {
         (0..curve.knots.len()).map(column).collect()
     }
 
-    pub(super) fn directions_of(&self) -> Vec<Direction> {
+    pub(in crate::links) fn directions_of(&self) -> Vec<Direction> {
         if self.rows.links.readings.is_given {
             return Vec::new();
         }
@@ -99,7 +99,7 @@ impl LinkStudy {
         vec![Direction { name: "readings are off", unit: "dB", column }]
     }
 
-    pub(super) fn partitions_of(&self) -> Vec<Partition> {
+    pub(in crate::links) fn partitions_of(&self) -> Vec<Partition> {
         let measured = &self.rows.links.rows;
         let by = |of, key, members: &dyn Fn(usize) -> Vec<u32>| {
             let mut rows: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
@@ -121,7 +121,7 @@ impl LinkStudy {
         partitions
     }
 
-    pub(super) fn dependence_of(&self) -> Dependence {
+    pub(in crate::links) fn dependence_of(&self) -> Dependence {
         let measured = &self.rows.links.rows;
         let times_s: Vec<f64> = measured.iter().map(|row| row.time_s).collect();
         let known = || times_s.iter().copied().filter(|time_s| time_s.is_finite());

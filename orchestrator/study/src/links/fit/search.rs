@@ -8,11 +8,11 @@ pub mod headings;
 pub mod places;
 pub mod windows;
 
-use super::cells::RowCells;
-use super::fit::LinkFit;
-use super::likelihood::RowLikelihood;
-use super::rows::ModelledLinks;
-use super::terms::{TermSpec, TermState};
+use super::LinkFit;
+use crate::links::likelihood::RowLikelihood;
+use crate::links::random_effects::RowCells;
+use crate::links::rows::ModelledLinks;
+use crate::links::terms::{TermSpec, TermState};
 use numbers::optimise::pattern_search::PatternSearch;
 use std::collections::BTreeMap;
 

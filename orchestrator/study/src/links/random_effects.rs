@@ -5,9 +5,13 @@
 //! rows, however many cells there are. This is a Schur complement, in the Gaussian case as in lme4 (Bates et al., Fitting linear
 //! mixed-effects models using lme4, Journal of Statistical Software 67 (2015), § 3); here the weights come from the likelihood.
 
+mod agreement;
+pub(super) mod cells;
+pub mod covariance;
+pub(super) mod scales;
 mod step;
 
-use super::rows::ModelledLinks;
+use crate::links::rows::ModelledLinks;
 use physics::scatter::{Law, Renewal};
 
 pub use step::{NewtonStep, Solver};
@@ -40,7 +44,7 @@ pub struct Scales {
 
 impl Scales {
     /// The same with the times of the drifts that a configuration has.
-    pub(super) fn configured(mut self, rows: &ModelledLinks) -> Self {
+    pub(in crate::links) fn configured(mut self, rows: &ModelledLinks) -> Self {
         for scatter in rows.model.scatters() {
             if let Renewal::Time { length_s, is_common } = scatter.renewal {
                 let scale = if is_common { &mut self.drift_s } else { &mut self.link_drift_s };
@@ -53,7 +57,7 @@ impl Scales {
 
 impl RandomEffectSds {
     /// Random levels that the configuration itself has.
-    pub(super) fn configured(rows: &ModelledLinks) -> Self {
+    pub(in crate::links) fn configured(rows: &ModelledLinks) -> Self {
         let mut known = Self::default();
         for scatter in
             rows.model.scatters().iter().filter(|scatter| scatter.renewal != Renewal::Frame)

@@ -8,8 +8,8 @@
 mod nodes;
 mod rows;
 
-use super::LinkStudy;
-use super::fit::LinkFit;
+use crate::links::LinkStudy;
+use crate::links::fit::LinkFit;
 use crate::thresholds::{COURSE_SPANS, MOST_COURSES, PERMUTATIONS};
 use proto::rng::{Draws, Purpose};
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 impl LinkStudy {
     /// Probability that links which change by themselves agree as much in what a fit leaves of their readings. 1 where there are fewer
     /// than two links.
-    pub(super) fn p_value_of_agreement(&self, fit: &LinkFit) -> f64 {
+    pub(in crate::links) fn p_value_of_agreement(&self, fit: &LinkFit) -> f64 {
         let mut links: BTreeMap<[u32; 3], Vec<(f64, f64)>> = BTreeMap::new();
         let mut ends: BTreeMap<u32, (f64, f64)> = BTreeMap::new();
         for (row, residual_db) in self.residuals_db(fit) {

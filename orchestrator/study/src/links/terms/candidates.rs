@@ -1,9 +1,10 @@
 //! What may be missing: every effect of the catalogue, and a smooth curve over every covariate.
 
-use super::rows::ModelledLinks;
-use super::terms::{LinkCurve, TermSpec};
-use super::{LinkStudy, testable};
+use super::{LinkCurve, TermSpec};
 use crate::formula::{FORMULA, FormulaFitError, FormulaRequest, RowValues};
+use crate::links::LinkStudy;
+use crate::links::rows::ModelledLinks;
+use crate::links::rows::{covariates, testable};
 use crate::thresholds::{CURVE_KNOTS, FINE_CURVE_KNOTS, ROWS_PER_KNOT};
 use crate::{Candidate, PerTerm, knots};
 use physics::catalogue::Catalogue;
@@ -22,7 +23,10 @@ const TIME: &str = "time_s";
 const READING_GIVEN: &str = "acts on RSSI readings only, which --given-rssi takes as given";
 
 /// Every term that may be added.
-pub(super) fn specs(rows: &ModelledLinks, effects: &Registry<effect::Entry>) -> PerTerm<TermSpec> {
+pub(in crate::links) fn specs(
+    rows: &ModelledLinks,
+    effects: &Registry<effect::Entry>,
+) -> PerTerm<TermSpec> {
     let effects = effects.iter().filter(|entry| entry.variant.name != FORMULA).map(|entry| {
         match entry.fit.role {
             Role::RandomPerNode => TermSpec::NodeOffset(entry),
@@ -42,7 +46,7 @@ pub(super) fn specs(rows: &ModelledLinks, effects: &Registry<effect::Entry>) -> 
         let values: Vec<f64> = measured.iter().map(|row| place_of(row)[axis]).collect();
         (format!("{end}_{}_m", ["x", "y"][axis]), values, true)
     });
-    let derived = super::covariates::by_name(rows)
+    let derived = covariates::by_name(rows)
         .into_iter()
         .filter(|(name, _)| DERIVED.contains(&name.as_str()))
         .map(|(name, values)| (name, values, true));
@@ -126,7 +130,11 @@ impl LinkStudy {
 }
 
 /// How a term stands among the others.
-pub(super) fn candidate(spec: &TermSpec, rows: &ModelledLinks, catalogue: &Catalogue) -> Candidate {
+pub(in crate::links) fn candidate(
+    spec: &TermSpec,
+    rows: &ModelledLinks,
+    catalogue: &Catalogue,
+) -> Candidate {
     match spec {
         TermSpec::Curve(curve) => Candidate {
             name: curve.name(),

@@ -1,8 +1,8 @@
 //! Headings of nodes that stand still and tell none: found together with the pattern of their antennas.
 
-use super::super::likelihood::RowLikelihood;
-use super::super::rows::ModelledLinks;
-use super::super::terms::TermState;
+use crate::links::likelihood::RowLikelihood;
+use crate::links::rows::ModelledLinks;
+use crate::links::terms::TermState;
 use nalgebra::{DMatrix, DVector};
 use numbers::optimise::levenberg_marquardt::{LevenbergMarquardt, Objective, damped};
 use std::collections::BTreeMap;

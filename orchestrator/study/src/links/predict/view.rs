@@ -1,7 +1,7 @@
 //! Predictions row by row, for pictures.
 
-use super::LinkStudy;
-use super::fit::LinkFit;
+use crate::links::LinkStudy;
+use crate::links::fit::LinkFit;
 use crate::view::{RowPredictions, Viewed};
 
 impl Viewed for LinkStudy {

@@ -1,6 +1,8 @@
 //! The span of time in which a hidden obstacle explains most: a truck that came and went.
 
-use super::{LinkPath, ObstacleShape, shapes_of};
+use super::LinkPath;
+use super::ObstacleShape;
+use super::shapes_of;
 use crate::links::likelihood::RowLikelihood;
 use crate::links::rows::ModelledLinks;
 

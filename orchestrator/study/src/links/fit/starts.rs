@@ -1,9 +1,12 @@
 //! From where a fit starts, and which start is best.
 
-use super::fit::LinkFit;
-use super::likelihood::RowLikelihood;
-use super::terms::{TermSpec, TermState};
-use super::{CORRELATION_S, FitOptions, LinkStudy, search};
+use super::LinkFit;
+use super::run::FitOptions;
+use super::search;
+use crate::links::LinkStudy;
+use crate::links::likelihood::RowLikelihood;
+use crate::links::random_effects::scales::CORRELATION_S;
+use crate::links::terms::{TermSpec, TermState};
 use crate::{Study, TermId, span_s};
 use proto::effect::{Level, Search};
 
@@ -15,7 +18,7 @@ const HEADING_ROUNDS: usize = 3;
 
 impl LinkStudy {
     /// The best of short fits from several starts.
-    pub(super) fn best_of(
+    pub(in crate::links) fn best_of(
         &self,
         terms: &[TermId],
         starts: Vec<Vec<TermState>>,
@@ -36,7 +39,7 @@ impl LinkStudy {
     }
 
     /// Of many starts of trials those that are best after a step.
-    pub(super) fn promising(
+    pub(in crate::links) fn promising(
         &self,
         terms: &[TermId],
         starts: Vec<Vec<TermState>>,
@@ -60,7 +63,7 @@ impl LinkStudy {
     }
 
     /// Whether a term has random levels that change over one of several lengths or times.
-    pub(super) fn asks_for_scale(&self, term: TermId) -> bool {
+    pub(in crate::links) fn asks_for_scale(&self, term: TermId) -> bool {
         self.scales_of(term).is_some()
     }
 
@@ -76,18 +79,22 @@ impl LinkStudy {
     }
 
     /// Whether the term has places or nodes that a search finds.
-    pub(super) fn is_searched(&self, term: TermId) -> bool {
+    pub(in crate::links) fn is_searched(&self, term: TermId) -> bool {
         matches!(self.specs[term].search(), Search::Headings | Search::Places | Search::Nodes)
     }
 
     /// The log likelihoods of rows under a fit, with their derivatives over the levels.
-    pub(super) fn row_likelihoods(&self, fit: &LinkFit, train: &[u32]) -> Vec<RowLikelihood> {
+    pub(in crate::links) fn row_likelihoods(
+        &self,
+        fit: &LinkFit,
+        train: &[u32],
+    ) -> Vec<RowLikelihood> {
         let specs = self.specs_of(&fit.terms);
         search::row_likelihoods(&self.rows, fit, &specs, &self.cells(fit.scales), train)
     }
 
     /// A pattern with headings of still nodes, on top of `parent`: pattern and headings are found in turn.
-    pub(super) fn heading(
+    pub(in crate::links) fn heading(
         &self,
         term: TermId,
         mut state: TermState,
@@ -108,7 +115,7 @@ impl LinkStudy {
     }
 
     /// The states from which a search for a term starts, `parent` being the fit without it.
-    pub(super) fn starts_of(
+    pub(in crate::links) fn starts_of(
         &self,
         term: TermId,
         terms: &[TermId],

@@ -1,9 +1,9 @@
 //! Effects at certain values, and what a model with them says about a row.
 
-use super::likelihood::RowPrediction;
-use super::reception::PowerMixture;
-use super::register::{PowerRange, Register};
-use super::rows::{Contribution, ModelledLinks};
+use crate::links::likelihood::RowPrediction;
+use crate::links::likelihood::reception::PowerMixture;
+use crate::links::likelihood::register::{PowerRange, Register};
+use crate::links::rows::{Contribution, ModelledLinks};
 use physics::effect::Effect;
 use physics::link::Link;
 use physics::scatter::Renewal;
@@ -12,43 +12,46 @@ use std::sync::Arc;
 
 /// An effect at certain values of its parameters.
 #[derive(Clone, Debug)]
-pub(super) struct ActiveEffect {
-    pub(super) effect: Arc<dyn Effect>,
+pub(in crate::links) struct ActiveEffect {
+    pub(in crate::links) effect: Arc<dyn Effect>,
     /// What registers make of powers with it.
     register: Register,
 }
 
 impl ActiveEffect {
-    pub(super) fn new(effect: Box<dyn Effect>, rows: &ModelledLinks) -> Self {
+    pub(in crate::links) fn new(effect: Box<dyn Effect>, rows: &ModelledLinks) -> Self {
         let register = rows.register_of(&*effect);
         Self { effect: Arc::from(effect), register }
     }
 
-    pub(super) fn get(&self) -> &dyn Effect {
+    pub(in crate::links) fn get(&self) -> &dyn Effect {
         &*self.effect
     }
 
     /// Whether it changes how frames vary about the mean, or which pass at a level.
-    pub(super) fn is_instrument(&self) -> bool {
+    pub(in crate::links) fn is_instrument(&self) -> bool {
         self.effect.curve().is_some() || self.effect.scatter().is_some()
     }
 
     /// Whether it changes nothing but means.
-    pub(super) fn is_plain(&self) -> bool {
+    pub(in crate::links) fn is_plain(&self) -> bool {
         self.register == Register::Exact && !self.is_instrument()
     }
 }
 
 /// The effects that change what registers read.
 #[derive(Clone, Debug)]
-pub(super) struct AlteredRegister<'a> {
+pub(in crate::links) struct AlteredRegister<'a> {
     effects: Vec<&'a dyn Effect>,
     is_bent: bool,
 }
 
 impl<'a> AlteredRegister<'a> {
     /// Selects them among the effects of a model's terms.
-    pub(super) fn from_effects(effects: &'a [Option<ActiveEffect>], rows: &ModelledLinks) -> Self {
+    pub(in crate::links) fn from_effects(
+        effects: &'a [Option<ActiveEffect>],
+        rows: &ModelledLinks,
+    ) -> Self {
         let all = || effects.iter().flatten();
         let is_bent = rows.is_bent || all().any(|active| active.register == Register::Bent);
         let otherwise = all().filter(|active| active.register != Register::Exact);
@@ -56,12 +59,12 @@ impl<'a> AlteredRegister<'a> {
     }
 
     /// Whether some register does more than shift, its least and greatest reading apart.
-    pub(super) fn is_bent(&self) -> bool {
+    pub(in crate::links) fn is_bent(&self) -> bool {
         self.is_bent
     }
 
     /// What the register of a row reads of a power (dBm); none where it but shifts.
-    pub(super) fn read<'b>(
+    pub(in crate::links) fn read<'b>(
         &'b self,
         rows: &'b ModelledLinks,
         row: usize,
@@ -79,7 +82,7 @@ impl<'a> AlteredRegister<'a> {
 }
 
 /// What a model with terms says about a row. `added`: what the terms add.
-pub(super) fn level(
+pub(in crate::links) fn level(
     rows: &ModelledLinks,
     row: usize,
     added: Contribution,
@@ -146,7 +149,7 @@ impl ModelledLinks {
             .filter(|scatter| scatter.renewal == Renewal::Frame)
             .filter(|scatter| scatter.purpose != Purpose::FrameNoise)
             .fold(PowerMixture::none(), |spread, scatter| {
-                spread.and(&super::spread_of(&scatter.law))
+                spread.and(&PowerMixture::of_law(&scatter.law))
             })
     }
 }

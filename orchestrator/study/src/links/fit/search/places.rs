@@ -3,7 +3,9 @@
 //! The likelihood is a staircase in the coordinates: it changes where an edge passes another way. A profile stops at the first
 //! step that is high; a walk goes on to what lies behind it.
 
-use super::{LinkPath, ObstacleShape, ways};
+use super::LinkPath;
+use super::ObstacleShape;
+use super::ways;
 use crate::links::likelihood::RowLikelihood;
 use crate::links::rows::ModelledLinks;
 use crate::links::terms::TermState;

@@ -1,6 +1,6 @@
 //! What measurements have, and so which effects can be tested on them.
 
-use super::rows::ModelledLinks;
+use super::ModelledLinks;
 use crate::thresholds::FEWEST_VIEWS;
 use proto::effect::{Level, Need};
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,6 +1,6 @@
 //! What the error of a link model may depend on: the columns of the file, and what follows from them.
 
-use super::rows::ModelledLinks;
+use super::ModelledLinks;
 use physics::link::{Link, channel_hz};
 
 /// Covariates by name, with a value per row; NaN where it is unknown.

@@ -1,10 +1,11 @@
 //! What a fit says of rows that were changed, and a study of measurements that were corrected.
 
-use super::fit::LinkFit;
-use super::likelihood::RowPrediction;
-use super::rows::ModelledLinks;
-use super::{ChoiceError, LinkStudy};
+use crate::choices::ChoiceError;
 use crate::defects::Correction;
+use crate::links::LinkStudy;
+use crate::links::fit::LinkFit;
+use crate::links::likelihood::RowPrediction;
+use crate::links::rows::ModelledLinks;
 
 impl LinkStudy {
     /// What a fit says of every row, random effects apart. `rows`: those of the study, or as many in their place, such as rows with

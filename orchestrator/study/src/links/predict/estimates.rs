@@ -1,11 +1,16 @@
 //! The numbers of a fit: with intervals, and as a section of a configuration.
 
-use super::cells::Random;
-use super::covariance::{CorrelationLength, Products};
-use super::fit::LinkFit;
-use super::terms::TermSpec;
-use super::{CORRELATION_S, FitOptions, LinkStudy, group, search};
 use crate::COMMON;
+use crate::links::LinkStudy;
+use crate::links::fit::LinkFit;
+use crate::links::fit::run::FitOptions;
+use crate::links::fit::search;
+use crate::links::random_effects::Random;
+use crate::links::random_effects::cells::HALF_WAVE_M;
+use crate::links::random_effects::covariance::{CorrelationLength, Products};
+use crate::links::random_effects::scales::CORRELATION_S;
+use crate::links::rows::blocks;
+use crate::links::terms::TermSpec;
 use crate::thresholds::{
     CERTAIN_PASS, JACKKNIFE_GROUPS, LINKS_COLLINEAR, MOST_COMPARED_ROWS, MOST_PROFILED_ROWS,
     TAIL_90,
@@ -20,7 +25,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF as _};
 use std::collections::BTreeMap;
 
 impl LinkStudy {
-    pub(super) fn estimates_of(
+    pub(in crate::links) fn estimates_of(
         &self,
         fit: &LinkFit,
         term: TermId,
@@ -59,7 +64,7 @@ impl LinkStudy {
         match specs[place] {
             TermSpec::Shadowing(_) => {
                 // Levels of neighbouring places are not independent of each other.
-                let n = determined[0].min(group::n_pairs(&self.rows) as f64);
+                let n = determined[0].min(blocks::n_pairs(&self.rows) as f64);
                 let level = spread("sd_db", sd.link_db, n);
                 return with_length(level, "decorrelation_m", "m", self.decorrelation(fit));
             }
@@ -159,7 +164,7 @@ impl LinkStudy {
         }
     }
 
-    pub(super) fn settings_of(&self, fit: &LinkFit, term: TermId) -> Option<toml::Table> {
+    pub(in crate::links) fn settings_of(&self, fit: &LinkFit, term: TermId) -> Option<toml::Table> {
         let place = fit.terms.iter().position(|&other| other == term)?;
         let spec = &self.specs[term];
         let entry = spec.entry()?;
@@ -185,7 +190,7 @@ impl LinkStudy {
         let products = self.products(fit, edges, |one, other| {
             let channel = |row: usize| self.rows.links.rows[row].channel;
             let apart = channel(one)?.abs_diff(channel(other)?);
-            (self.way_m(one, other) < group::HALF_WAVE_M).then_some(5.0 * f64::from(apart))
+            (self.way_m(one, other) < HALF_WAVE_M).then_some(5.0 * f64::from(apart))
         });
         (libm::hypot(sd.channel_db, sd.link_db), products.length())
     }
@@ -296,7 +301,10 @@ impl LinkStudy {
 
     /// Residuals of readings under a fit, row by row (dB). Rows that might as well have been lost are left out: they are read only
     /// where their level is high.
-    pub(super) fn residuals_db(&self, fit: &LinkFit) -> impl Iterator<Item = (usize, f64)> {
+    pub(in crate::links) fn residuals_db(
+        &self,
+        fit: &LinkFit,
+    ) -> impl Iterator<Item = (usize, f64)> {
         let predictions = self.predictions(fit).into_iter().enumerate();
         predictions
             .filter(|(row, predicted)| {
@@ -418,7 +426,7 @@ const END_STEPS: usize = 6;
 
 impl LinkStudy {
     /// A fit with a parameter at another value, all others fitted again.
-    pub(super) fn held_at(
+    pub(in crate::links) fn held_at(
         &self,
         fit: &LinkFit,
         term: TermId,
@@ -436,7 +444,13 @@ impl LinkStudy {
 
     /// The 90 % interval of a parameter by its profile: how far it can be moved, all others fitted again, until the
     /// likelihood has fallen as far as chance lets it.
-    pub(super) fn profile(&self, fit: &LinkFit, place: usize, k: usize, error: f64) -> (f64, f64) {
+    pub(in crate::links) fn profile(
+        &self,
+        fit: &LinkFit,
+        place: usize,
+        k: usize,
+        error: f64,
+    ) -> (f64, f64) {
         let specs = self.specs_of(&fit.terms);
         let parameter = &specs[place].parameters()[k];
         let best = fit.states[place].values[k];

@@ -4,9 +4,9 @@
 //! is worth a fit.
 
 use super::active::ActiveEffect;
-use super::rows::ModelledLinks;
-use super::terms::{TermSpec, TermState};
+use super::{TermSpec, TermState};
 use crate::TermId;
+use crate::links::rows::ModelledLinks;
 use physics::effect::Effect;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};

@@ -1,6 +1,7 @@
 //! One step of Newton's method over parameters and random levels.
 
-use super::{Random, RowCells};
+use super::Random;
+use super::RowCells;
 use crate::links::likelihood::RowLikelihood;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;

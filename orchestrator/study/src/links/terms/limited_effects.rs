@@ -1,18 +1,18 @@
 //! Effects of the catalogue that are limited to some links, as candidates.
 
-use super::LinkStudy;
 use super::candidates::candidate;
-use super::fit::LinkFit;
-use super::search::windows;
-use super::terms::{TermSpec, TermState};
+use super::{TermSpec, TermState};
 use crate::limits::{NotLimited, limited_name};
+use crate::links::LinkStudy;
+use crate::links::fit::LinkFit;
+use crate::links::fit::search::windows;
 use crate::thresholds::LIMITED_OBSTACLE_NATS;
 use crate::{Candidate, Study as _, TermId};
 use physics::effect::only;
 use proto::effect::{Level, Search};
 
 impl LinkStudy {
-    pub(super) fn limit(
+    pub(in crate::links) fn limit(
         &mut self,
         term: TermId,
         limits: &toml::Table,
@@ -44,7 +44,7 @@ impl LinkStudy {
     }
 
     /// Another of an effect of which several may act.
-    pub(super) fn another(&mut self, term: TermId) -> Option<TermId> {
+    pub(in crate::links) fn another(&mut self, term: TermId) -> Option<TermId> {
         let TermSpec::Effect(entry) = self.specs[term] else { return None };
         if !entry.fit.is_repeatable {
             return None;
@@ -55,7 +55,11 @@ impl LinkStudy {
     }
 
     /// The span of time in which an obstacle explains much more than always.
-    pub(super) fn window_of(&self, fit: &LinkFit, term: TermId) -> Option<(toml::Table, f64)> {
+    pub(in crate::links) fn window_of(
+        &self,
+        fit: &LinkFit,
+        term: TermId,
+    ) -> Option<(toml::Table, f64)> {
         let is_place = self.specs[term].search() == Search::Places;
         if !is_place || !matches!(self.specs[term], TermSpec::Effect(_)) {
             return None;

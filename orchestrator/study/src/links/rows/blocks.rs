@@ -1,18 +1,10 @@
-//! Which rows belong together: blocks that are left out together, and cells that share a random level.
+//! Which rows are left out together, and which are enough for a search.
 
-use super::SIDE;
-use super::cells::{RowCells, Scales};
-use super::rows::ModelledLinks;
+use super::ModelledLinks;
 use crate::choices::{ChoiceError, Choices, SplitBy};
 use crate::folds::{Blocks, scramble};
-use crate::thresholds::{
-    COMMON_SPAN, DRIFT_TIMES_S, FEWEST_BLOCKS, FEWEST_DRIFT_LEVELS, FEWEST_PLACE_BLOCKS,
-    LEAST_COMMON_SPAN, MOST_DRIFT_LEVELS, THINNED_RUN_ROWS, TIME_BLOCKS,
-};
+use crate::thresholds::{FEWEST_BLOCKS, FEWEST_PLACE_BLOCKS, THINNED_RUN_ROWS, TIME_BLOCKS};
 use std::collections::{BTreeMap, BTreeSet};
-
-/// Half a wavelength at 2.44 GHz (m).
-pub(super) const HALF_WAVE_M: f64 = 0.0614;
 
 /// Rows by time in blocks of equal numbers; by pair where time is unknown or constant. Rows that are `scored` by a fit to the
 /// others are in blocks of their own, as many as else of all.
@@ -67,7 +59,7 @@ fn link_channel_blocks(rows: &ModelledLinks) -> Blocks {
     Blocks { clusters, ..Blocks::of_keys("links and channels", &keys) }
 }
 
-fn pair(a: u32, b: u32) -> u64 {
+pub(in crate::links) fn pair(a: u32, b: u32) -> u64 {
     (u64::from(a.min(b)) << 32) | u64::from(a.max(b))
 }
 
@@ -77,12 +69,12 @@ fn pairs(rows: &ModelledLinks) -> Vec<u64> {
 }
 
 /// How many unordered pairs of nodes there are.
-pub(super) fn n_pairs(rows: &ModelledLinks) -> usize {
+pub(in crate::links) fn n_pairs(rows: &ModelledLinks) -> usize {
     pairs(rows).into_iter().collect::<BTreeSet<_>>().len()
 }
 
 /// How many nodes send, and how many receive.
-pub(super) fn n_ends(rows: &ModelledLinks) -> [usize; 2] {
+pub(in crate::links) fn n_ends(rows: &ModelledLinks) -> [usize; 2] {
     let senders: BTreeSet<u32> = rows.links.rows.iter().map(|row| row.tx).collect();
     let receivers: BTreeSet<u32> = rows.links.rows.iter().map(|row| row.rx).collect();
     [senders.len(), receivers.len()]
@@ -155,16 +147,19 @@ fn node_blocks(rows: &ModelledLinks) -> Blocks {
 }
 
 /// Blocks by what varies: in time, with places, and, where nothing was measured twice, links and channels.
-pub(super) struct Grouped {
-    pub(super) time: Blocks,
-    pub(super) place: Blocks,
-    pub(super) once: Option<Blocks>,
+pub(in crate::links) struct Grouped {
+    pub(in crate::links) time: Blocks,
+    pub(in crate::links) place: Blocks,
+    pub(in crate::links) once: Option<Blocks>,
     /// Why blocks of places stand for blocks of time, if they do by default.
-    pub(super) fallback: Option<String>,
+    pub(in crate::links) fallback: Option<String>,
 }
 
 /// Rows in blocks, as chosen or as suits them.
-pub(super) fn grouped(rows: &ModelledLinks, choices: &Choices) -> Result<Grouped, ChoiceError> {
+pub(in crate::links) fn grouped(
+    rows: &ModelledLinks,
+    choices: &Choices,
+) -> Result<Grouped, ChoiceError> {
     let runs: Vec<u32> = rows.links.rows.iter().map(|row| row.run).collect();
     let scored = choices.scored_rows(&runs);
     let grouped = match choices.split {
@@ -241,116 +236,14 @@ fn split_blocks(
 }
 
 /// The square (or cube) of a place.
-fn square(place_m: [f64; 3], side_m: f64) -> u64 {
+pub(in crate::links) fn square(place_m: [f64; 3], side_m: f64) -> u64 {
     place_m
         .iter()
         .fold(17, |key, coordinate| scramble(key ^ ((coordinate / side_m).floor() as i64 as u64)))
 }
 
-/// From the first row to the last (s).
-fn length_s(rows: &ModelledLinks) -> f64 {
-    let times_s = || rows.links.rows.iter().map(|row| row.time_s);
-    times_s().fold(f64::NEG_INFINITY, f64::max) - times_s().fold(f64::INFINITY, f64::min)
-}
-
-/// Times over which levels may drift in the course of these rows (s).
-pub(super) fn drift_times_s(rows: &ModelledLinks) -> Vec<f64> {
-    let length_s = length_s(rows);
-    let suits = |time_s: &f64| {
-        let n_levels = length_s / (SIDE * time_s);
-        (FEWEST_DRIFT_LEVELS..=MOST_DRIFT_LEVELS).contains(&n_levels)
-    };
-    let suiting: Vec<f64> = DRIFT_TIMES_S.into_iter().filter(suits).collect();
-    // Where none suits, one that is a twentieth of the whole.
-    if suiting.is_empty() && 0.0 < length_s { vec![0.05 * length_s] } else { suiting }
-}
-
-/// A span of time: its campaign, and its number.
-type Span = (u32, i64);
-
-/// The span of time, of the campaign of a row, of a length (s); the same for all rows where there is none.
-fn span(rows: &ModelledLinks, row: usize, span_s: Option<f64>) -> Span {
-    let measured = &rows.links.rows[row];
-    span_s.map_or((0, 0), |span_s| (measured.run, (measured.time_s / span_s).floor() as i64))
-}
-
-/// Spans of time in which all links share a level that drifts over a time (s): of each row, and how each is correlated with that
-/// before.
-fn spans_of_drift(rows: &ModelledLinks, correlation_s: f64) -> (Vec<u32>, Vec<f64>) {
-    let length_s = length_s(rows);
-    let span_s = (COMMON_SPAN * correlation_s).max(LEAST_COMMON_SPAN * length_s);
-    let spans: Vec<Span> = (0..rows.len()).map(|row| span(rows, row, Some(span_s))).collect();
-    let mut sorted = spans.clone();
-    sorted.sort_unstable();
-    sorted.dedup();
-    let apart = |before: &Span, after: &Span| {
-        let apart_s = (after.1 - before.1) as f64 * span_s;
-        if before.0 == after.0 { libm::exp(-apart_s / correlation_s) } else { 0.0 }
-    };
-    let later = sorted.windows(2).map(|pair| apart(&pair[0], &pair[1]));
-    let correlations = sorted.first().map(|_| 0.0).into_iter().chain(later).collect();
-    (numbered(&spans).0, correlations)
-}
-
-/// Cells of random levels.
-pub(super) fn cells_of(rows: &ModelledLinks, scales: Scales) -> RowCells {
-    let side_m = SIDE * scales.decorrelation_m;
-    let ids: Vec<u32> = rows.still().keys().copied().collect();
-    let node = |id: u32| ids.binary_search(&id).unwrap_or_default() as u32;
-    let places = |row: usize, side_m: f64| {
-        let (tx, rx) = rows.ends(row);
-        let (low, high) = if tx.id < rx.id { (tx, rx) } else { (rx, tx) };
-        [low, high].iter().fold(0u64, |key, end| {
-            if rows.still().get(&end.id.0).copied().unwrap_or(true) {
-                key
-            } else {
-                scramble(key ^ square(end.position_m, side_m))
-            }
-        })
-    };
-    let links: Vec<(u64, u64)> = (0..rows.len())
-        .map(|row| {
-            let measured = &rows.links.rows[row];
-            (pair(measured.tx, measured.rx), places(row, side_m))
-        })
-        .collect();
-    let (link, n_links) = numbered(&links);
-    // Links drift on all channels alike.
-    let channels: Vec<(u32, (u8, u64), Span)> = (0..rows.len())
-        .map(|row| {
-            let fine = || {
-                let channel = rows.links.rows[row].channel.unwrap_or(0);
-                (channel, places(row, HALF_WAVE_M))
-            };
-            let fine = if scales.link_drift_s.is_some() { (0, 0) } else { fine() };
-            (link[row], fine, span(rows, row, scales.link_drift_s.map(|time_s| SIDE * time_s)))
-        })
-        .collect();
-    let (channel, n_channels) = numbered(&channels);
-    let mut link_of_channel = vec![0; n_channels];
-    for (row, &cell) in channel.iter().enumerate() {
-        link_of_channel[cell as usize] = link[row];
-    }
-    let nodes = rows.links.rows.iter().map(|row| (node(row.tx), node(row.rx))).collect();
-    let (times, correlations) = match scales.drift_s {
-        Some(correlation_s) => spans_of_drift(rows, correlation_s),
-        None => (Vec::new(), Vec::new()),
-    };
-    let n_nodes = ids.len();
-    RowCells { link, channel, link_of_channel, n_links, nodes, n_nodes, times, correlations }
-}
-
-/// Numbers keys in the order in which they sort.
-fn numbered<T: Ord + Clone>(keys: &[T]) -> (Vec<u32>, usize) {
-    let mut sorted = keys.to_vec();
-    sorted.sort_unstable();
-    sorted.dedup();
-    let number = |key: &T| sorted.binary_search(key).unwrap_or_default() as u32;
-    (keys.iter().map(number).collect(), sorted.len())
-}
-
 /// Marks about `most` of the rows: short runs of each pair's, spread evenly over everything.
-pub(super) fn spread_evenly(rows: &ModelledLinks, most: usize) -> Vec<bool> {
+pub(in crate::links) fn spread_evenly(rows: &ModelledLinks, most: usize) -> Vec<bool> {
     let mut seen: BTreeMap<u64, u64> = BTreeMap::new();
     let share = most as f64 / rows.len() as f64;
     let limit = (share * u64::MAX as f64) as u64;

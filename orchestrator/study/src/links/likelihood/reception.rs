@@ -2,6 +2,7 @@
 
 use crate::thresholds::STRAY_FRAMES;
 use physics::reception::Curve;
+use physics::scatter::Law;
 
 /// Step of the tables (dB).
 const STEP_DB: f64 = 0.1;
@@ -17,6 +18,12 @@ const KERNEL_REACH_SD: f64 = 5.0;
 pub struct PowerMixture(pub Vec<(f64, f64)>);
 
 impl PowerMixture {
+    /// How a random contribution varies from frame to frame.
+    #[must_use]
+    pub fn of_law(law: &Law) -> Self {
+        Self(law.levels())
+    }
+
     /// No spread: the deviation is 0 dB with certainty.
     #[must_use]
     pub fn none() -> Self {
