@@ -44,177 +44,23 @@ impl Solver<'_> {
         gradient: &DVector<f64>,
         damping: f64,
     ) -> Option<NewtonStep> {
-        let p = self.n_parameters;
-        let sd = random.sd;
-        // Levels that cross links follow the parameters.
-        let first = if 0.0 < sd.tx_db || 0.0 < sd.rx_db { 0 } else { 2 * self.cells.n_nodes };
-        let end = if 0.0 < sd.time_db { self.cells.n_crossing() } else { 2 * self.cells.n_nodes };
-        let crossing = first..end;
-        let size = p + crossing.len();
-        let mut matrix = DMatrix::zeros(size, size);
-        let mut vector = DVector::zeros(size);
-        matrix.view_mut((0, 0), (p, p)).copy_from(extra);
-        vector.rows_mut(0, p).copy_from(gradient);
-        let n_links = self.cells.n_links;
-        let n_channels = self.cells.link_of_channel.len();
-        // Sums over cells: weight, gradient, and the weighted dense entries.
-        let has_cells = 0.0 < sd.link_db || 0.0 < sd.channel_db;
-        let mut channel = Sums::new(if 0.0 < sd.channel_db { n_channels } else { 0 });
-        let mut link = Sums::new(if has_cells { n_links } else { 0 });
-        let mut entries: Vec<(usize, f64)> = Vec::with_capacity(p + 2);
-        let (mut lower, mut pulls) = (vec![0.0; size * size], vec![0.0; size]);
-        for (index, &row) in self.train.iter().enumerate() {
-            let slope = &self.slopes[index];
-            self.entries(index, row as usize, &crossing, &mut entries);
-            // Entries ascend: those up to the k-th are of the lower triangle.
-            for (k, &(i, a)) in entries.iter().enumerate() {
-                pulls[i] += a * slope.over_level;
-                let scaled = slope.weight * a;
-                let line = &mut lower[i * size..][..size];
-                for &(j, b) in &entries[..=k] {
-                    line[j] += scaled * b;
-                }
-            }
-            if 0.0 < sd.channel_db {
-                let cell = self.cells.channel[row as usize] as usize;
-                channel.add(cell, slope, &entries);
-            } else if 0.0 < sd.link_db {
-                link.add(self.cells.link[row as usize] as usize, slope, &entries);
-            }
-        }
-        matrix += DMatrix::from_row_slice(size, size, &lower);
-        vector += DVector::from_vec(pulls);
-        let mut half_log_determinant = 0.0;
-        let mut out = random.clone();
-        if 0.0 < sd.channel_db {
-            let cost = 1.0 / (sd.channel_db * sd.channel_db);
-            for cell in 0..n_channels {
-                let weight = channel.weight[cell];
-                out.channel_weight[cell] = weight;
-                // No row of this fit lies in the cell, so its random effect stays at the prior mean.
-                if weight == 0.0 && channel.dense[cell].is_empty() {
-                    continue;
-                }
-                let total = weight + cost;
-                half_log_determinant += 0.5 * libm::log(total / cost);
-                let pull = channel.gradient[cell] - cost * random.channel_db[cell];
-                channel.eliminate(cell, total, pull, &mut matrix, &mut vector);
-                if 0.0 < sd.link_db {
-                    let into = self.cells.link_of_channel[cell] as usize;
-                    let rest = 1.0 - weight / total;
-                    link.weight[into] += weight * rest;
-                    link.gradient[into] += channel.gradient[cell] - weight * pull / total;
-                    let dense = std::mem::take(&mut channel.dense[cell]);
-                    for &(i, a) in &dense {
-                        link.put(into, i, a * rest);
-                    }
-                    channel.dense[cell] = dense;
-                }
-            }
-        }
-        if 0.0 < sd.link_db {
-            let cost = 1.0 / (sd.link_db * sd.link_db);
-            for cell in 0..n_links {
-                let weight = link.weight[cell];
-                out.link_weight[cell] = weight;
-                // As for cells of channels.
-                if weight == 0.0 && link.dense[cell].is_empty() {
-                    continue;
-                }
-                let total = weight + cost;
-                half_log_determinant += 0.5 * libm::log(total / cost);
-                let pull = link.gradient[cell] - cost * random.link_db[cell];
-                link.eliminate(cell, total, pull, &mut matrix, &mut vector);
-            }
-        }
-        let nodes = first..crossing.end.min(2 * self.cells.n_nodes);
-        for place in nodes {
-            let deviation = self.cells.sd_of_crossing(place, sd);
-            let cost = 1.0 / (deviation * deviation).max(1e-12);
-            let at = p + place - first;
-            matrix[(at, at)] += cost;
-            vector[at] -= cost * random.crossing_db[place];
-            half_log_determinant -= 0.5 * libm::log(cost);
-        }
-        let times = p + 2 * self.cells.n_nodes - first;
-        let cost = 1.0 / (sd.time_db * sd.time_db);
-        if 0.0 < sd.time_db {
-            let levels = &random.crossing_db[2 * self.cells.n_nodes..];
-            self.cells.over_inverse_correlations(|row, column, entry| {
-                matrix[(times + row, times + column)] += cost * entry;
-                vector[times + row] -= cost * entry * levels[column];
-                if row != column {
-                    vector[times + column] -= cost * entry * levels[row];
-                }
-            });
-            for correlation in &self.cells.correlations {
-                let fresh = 1.0 - correlation * correlation;
-                half_log_determinant += 0.5 * libm::log(fresh / cost);
-            }
-        }
-        for i in 0..size {
-            for j in 0..i {
-                matrix[(j, i)] = matrix[(i, j)];
-            }
-        }
-        let mut information = matrix.view((0, 0), (p, p)).into_owned();
-        let n = crossing.len();
-        if 0 < n {
-            let factor = matrix.view((p, p), (n, n)).into_owned().cholesky()?;
-            half_log_determinant +=
-                factor.l_dirty().diagonal().iter().map(|d| libm::log(*d)).sum::<f64>();
-            let inverse = factor.inverse();
-            for place in crossing.clone() {
-                out.crossing_variance[place] = inverse[(place - first, place - first)];
-            }
-            if 0.0 < sd.time_db {
-                // The trace of their prior precision times their posterior covariance.
-                let mut trace = 0.0;
-                self.cells.over_inverse_correlations(|row, column, entry| {
-                    let count = if row == column { 1.0 } else { 2.0 };
-                    trace += count * entry * inverse[(times - p + row, times - p + column)];
-                });
-                let n_times = self.cells.correlations.len() as f64;
-                out.times_determined = (n_times - cost * trace).clamp(1e-9, n_times);
-            }
-            let cross = matrix.view((p, 0), (n, p)).into_owned();
-            information -= cross.transpose() * factor.solve(&cross);
-        }
-        // Only parameters are damped: random effects have a prior, which keeps their part positive definite.
-        for i in 0..p {
-            matrix[(i, i)] = matrix[(i, i)] * (1.0 + damping) + 1e-12;
-        }
-        let solution = matrix.cholesky()?.solve(&vector);
-        out.crossing_db.fill(0.0);
-        for place in crossing {
-            out.crossing_db[place] = solution[p + place - first];
-        }
-        let along =
-            |dense: &[(usize, f64)]| -> f64 { dense.iter().map(|&(i, a)| a * solution[i]).sum() };
-        out.link_db.fill(0.0);
-        out.channel_db.fill(0.0);
-        if 0.0 < sd.link_db {
-            let cost = 1.0 / (sd.link_db * sd.link_db);
-            for cell in 0..n_links {
-                let pull = link.gradient[cell] - cost * random.link_db[cell];
-                out.link_db[cell] = (pull - along(&link.dense[cell])) / (link.weight[cell] + cost);
-            }
-        }
-        if 0.0 < sd.channel_db {
-            let cost = 1.0 / (sd.channel_db * sd.channel_db);
-            for cell in 0..n_channels {
-                let weight = channel.weight[cell];
-                let pull = channel.gradient[cell] - cost * random.channel_db[cell];
-                let link_step = out.link_db[self.cells.link_of_channel[cell] as usize];
-                out.channel_db[cell] =
-                    (pull - along(&channel.dense[cell]) - weight * link_step) / (weight + cost);
-            }
-        }
+        let mut system = System::new(self, random, extra, gradient);
+        system.add_rows();
+        system.eliminate_channels();
+        system.eliminate_links();
+        system.add_priors_of_nodes();
+        system.add_priors_of_times();
+        system.matrix.fill_upper_triangle_with_lower_triangle();
+        let information = system.eliminate_crossing()?;
+        let solution = system.solved(damping)?;
+        system.set_crossing(&solution);
+        system.set_links(&solution);
+        system.set_channels(&solution);
         Some(NewtonStep {
-            parameters: solution.rows(0, p).into_owned(),
-            random: out,
+            parameters: solution.rows(0, self.n_parameters).into_owned(),
+            random: system.after,
             information,
-            half_log_determinant,
+            half_log_determinant: system.half_log_determinant,
         })
     }
 
@@ -238,6 +84,243 @@ impl Solver<'_> {
     }
 }
 
+/// The system of linear equations of one step. Its dense part has the parameters, then the levels that cross links; cells of links and
+/// channels are eliminated.
+struct System<'a> {
+    solver: &'a Solver<'a>,
+    /// Random levels before the step.
+    before: &'a Random,
+    /// Random levels after the step.
+    after: Random,
+    /// Which of the levels that cross links are in the dense part.
+    crossing: Range<usize>,
+    /// Information of the dense part.
+    matrix: DMatrix<f64>,
+    /// Its gradient.
+    vector: DVector<f64>,
+    /// Sums over cells of links and channels; none where the model has no such level.
+    channel: Sums,
+    /// Sums over cells of links; none where the model has no such level.
+    link: Sums,
+    half_log_determinant: f64,
+}
+
+/// The precision of a level with this standard deviation.
+fn precision(sd_db: f64) -> f64 {
+    1.0 / (sd_db * sd_db)
+}
+
+impl<'a> System<'a> {
+    fn new(
+        solver: &'a Solver<'a>,
+        before: &'a Random,
+        extra: &DMatrix<f64>,
+        gradient: &DVector<f64>,
+    ) -> Self {
+        let (p, cells, sd) = (solver.n_parameters, solver.cells, before.sd);
+        let first = if 0.0 < sd.tx_db || 0.0 < sd.rx_db { 0 } else { 2 * cells.n_nodes };
+        let end = if 0.0 < sd.time_db { cells.n_crossing() } else { 2 * cells.n_nodes };
+        let size = p + (first..end).len();
+        let mut matrix = DMatrix::zeros(size, size);
+        let mut vector = DVector::zeros(size);
+        matrix.view_mut((0, 0), (p, p)).copy_from(extra);
+        vector.rows_mut(0, p).copy_from(gradient);
+        let sums = |sd_db: f64, n: usize| Sums::new(if 0.0 < sd_db { n } else { 0 });
+        Self {
+            solver,
+            before,
+            after: before.clone(),
+            crossing: first..end,
+            matrix,
+            vector,
+            channel: sums(sd.channel_db, cells.link_of_channel.len()),
+            link: sums(sd.link_db, cells.n_links),
+            half_log_determinant: 0.0,
+        }
+    }
+
+    /// Where a level that crosses links stands in the dense part.
+    fn place_of(&self, crossing: usize) -> usize {
+        self.solver.n_parameters + crossing - self.crossing.start
+    }
+
+    /// Adds what the rows say: to the lower triangle of the dense part, and to the finest cells.
+    fn add_rows(&mut self) {
+        let Solver { cells, train, slopes, .. } = *self.solver;
+        let size = self.vector.len();
+        let sd = self.before.sd;
+        let mut entries: Vec<(usize, f64)> = Vec::with_capacity(self.solver.n_parameters + 2);
+        let (mut lower, mut pulls) = (vec![0.0; size * size], vec![0.0; size]);
+        for (index, &row) in train.iter().enumerate() {
+            let slope = &slopes[index];
+            self.solver.entries(index, row as usize, &self.crossing, &mut entries);
+            // Entries ascend: those up to the k-th are of the lower triangle.
+            for (k, &(i, a)) in entries.iter().enumerate() {
+                pulls[i] += a * slope.over_level;
+                let scaled = slope.weight * a;
+                let line = &mut lower[i * size..][..size];
+                for &(j, b) in &entries[..=k] {
+                    line[j] += scaled * b;
+                }
+            }
+            if 0.0 < sd.channel_db {
+                self.channel.add(cells.channel[row as usize] as usize, slope, &entries);
+            } else if 0.0 < sd.link_db {
+                self.link.add(cells.link[row as usize] as usize, slope, &entries);
+            }
+        }
+        self.matrix += DMatrix::from_row_slice(size, size, &lower);
+        self.vector += DVector::from_vec(pulls);
+    }
+
+    /// Eliminates the levels of links and channels; what is left of their cells is added to those of links.
+    fn eliminate_channels(&mut self) {
+        let cost = precision(self.before.sd.channel_db);
+        for cell in 0..self.channel.n_cells() {
+            let weight = self.channel.weight[cell];
+            self.after.channel_weight[cell] = weight;
+            // No row of this fit lies in the cell, so its random effect stays at the prior mean.
+            if self.channel.has_no_row(cell) {
+                continue;
+            }
+            let total = weight + cost;
+            self.half_log_determinant += 0.5 * libm::log(total / cost);
+            let pull = self.channel.gradient[cell] - cost * self.before.channel_db[cell];
+            self.channel.eliminate(cell, total, pull, &mut self.matrix, &mut self.vector);
+            if 0.0 < self.before.sd.link_db {
+                let into = self.solver.cells.link_of_channel[cell] as usize;
+                let rest = 1.0 - weight / total;
+                self.link.weight[into] += weight * rest;
+                self.link.gradient[into] += self.channel.gradient[cell] - weight * pull / total;
+                for &(i, a) in &self.channel.dense[cell] {
+                    self.link.put(into, i, a * rest);
+                }
+            }
+        }
+    }
+
+    /// Eliminates the levels of links.
+    fn eliminate_links(&mut self) {
+        let cost = precision(self.before.sd.link_db);
+        for cell in 0..self.link.n_cells() {
+            let weight = self.link.weight[cell];
+            self.after.link_weight[cell] = weight;
+            // As for cells of channels.
+            if self.link.has_no_row(cell) {
+                continue;
+            }
+            let total = weight + cost;
+            self.half_log_determinant += 0.5 * libm::log(total / cost);
+            let pull = self.link.gradient[cell] - cost * self.before.link_db[cell];
+            self.link.eliminate(cell, total, pull, &mut self.matrix, &mut self.vector);
+        }
+    }
+
+    /// Adds that levels of nodes are independent of each other.
+    fn add_priors_of_nodes(&mut self) {
+        let cells = self.solver.cells;
+        for place in self.crossing.start..self.crossing.end.min(2 * cells.n_nodes) {
+            let deviation = cells.sd_of_crossing(place, self.before.sd);
+            let cost = 1.0 / (deviation * deviation).max(1e-12);
+            let at = self.place_of(place);
+            self.matrix[(at, at)] += cost;
+            self.vector[at] -= cost * self.before.crossing_db[place];
+            self.half_log_determinant -= 0.5 * libm::log(cost);
+        }
+    }
+
+    /// Adds how levels of times are correlated with each other.
+    fn add_priors_of_times(&mut self) {
+        let sd_db = self.before.sd.time_db;
+        if sd_db <= 0.0 {
+            return;
+        }
+        let cells = self.solver.cells;
+        let (times, cost) = (self.place_of(2 * cells.n_nodes), precision(sd_db));
+        let levels = &self.before.crossing_db[2 * cells.n_nodes..];
+        cells.over_inverse_correlations(|row, column, entry| {
+            self.matrix[(times + row, times + column)] += cost * entry;
+            self.vector[times + row] -= cost * entry * levels[column];
+            if row != column {
+                self.vector[times + column] -= cost * entry * levels[row];
+            }
+        });
+        for correlation in &cells.correlations {
+            let fresh = 1.0 - correlation * correlation;
+            self.half_log_determinant += 0.5 * libm::log(fresh / cost);
+        }
+    }
+
+    /// The information about the parameters, levels that cross links eliminated; sets the variances of these.
+    fn eliminate_crossing(&mut self) -> Option<DMatrix<f64>> {
+        let (p, n) = (self.solver.n_parameters, self.crossing.len());
+        let mut information = self.matrix.view((0, 0), (p, p)).into_owned();
+        if n == 0 {
+            return Some(information);
+        }
+        let factor = self.matrix.view((p, p), (n, n)).into_owned().cholesky()?;
+        self.half_log_determinant +=
+            factor.l_dirty().diagonal().iter().map(|d| libm::log(*d)).sum::<f64>();
+        let inverse = factor.inverse();
+        for (index, place) in self.crossing.clone().enumerate() {
+            self.after.crossing_variance[place] = inverse[(index, index)];
+        }
+        let (cells, sd_db) = (self.solver.cells, self.before.sd.time_db);
+        if 0.0 < sd_db {
+            let times = 2 * cells.n_nodes - self.crossing.start;
+            // The trace of their prior precision times their posterior covariance.
+            let mut trace = 0.0;
+            cells.over_inverse_correlations(|row, column, entry| {
+                let count = if row == column { 1.0 } else { 2.0 };
+                trace += count * entry * inverse[(times + row, times + column)];
+            });
+            let n_times = cells.correlations.len() as f64;
+            self.after.times_determined = (n_times - precision(sd_db) * trace).clamp(1e-9, n_times);
+        }
+        let cross = self.matrix.view((p, 0), (n, p)).into_owned();
+        information -= cross.transpose() * factor.solve(&cross);
+        Some(information)
+    }
+
+    /// Solves the dense part. Only parameters are damped: random effects have a prior, which keeps their part positive definite.
+    fn solved(&self, damping: f64) -> Option<DVector<f64>> {
+        let mut matrix = self.matrix.clone();
+        for i in 0..self.solver.n_parameters {
+            matrix[(i, i)] = matrix[(i, i)] * (1.0 + damping) + 1e-12;
+        }
+        Some(matrix.cholesky()?.solve(&self.vector))
+    }
+
+    fn set_crossing(&mut self, solution: &DVector<f64>) {
+        self.after.crossing_db.fill(0.0);
+        for place in self.crossing.clone() {
+            self.after.crossing_db[place] = solution[self.place_of(place)];
+        }
+    }
+
+    fn set_links(&mut self, solution: &DVector<f64>) {
+        let cost = precision(self.before.sd.link_db);
+        self.after.link_db.fill(0.0);
+        for cell in 0..self.link.n_cells() {
+            let pull = self.link.gradient[cell] - cost * self.before.link_db[cell];
+            self.after.link_db[cell] =
+                (pull - self.link.along(cell, solution)) / (self.link.weight[cell] + cost);
+        }
+    }
+
+    fn set_channels(&mut self, solution: &DVector<f64>) {
+        let cost = precision(self.before.sd.channel_db);
+        self.after.channel_db.fill(0.0);
+        for cell in 0..self.channel.n_cells() {
+            let weight = self.channel.weight[cell];
+            let pull = self.channel.gradient[cell] - cost * self.before.channel_db[cell];
+            let link_step = self.after.link_db[self.solver.cells.link_of_channel[cell] as usize];
+            self.after.channel_db[cell] =
+                (pull - self.channel.along(cell, solution) - weight * link_step) / (weight + cost);
+        }
+    }
+}
+
 /// Sums over the rows of cells.
 struct Sums {
     weight: Vec<f64>,
@@ -248,6 +331,20 @@ struct Sums {
 impl Sums {
     fn new(n: usize) -> Self {
         Self { weight: vec![0.0; n], gradient: vec![0.0; n], dense: vec![Vec::new(); n] }
+    }
+
+    fn n_cells(&self) -> usize {
+        self.weight.len()
+    }
+
+    /// Whether no row lies in a cell.
+    fn has_no_row(&self, cell: usize) -> bool {
+        self.weight[cell] == 0.0 && self.dense[cell].is_empty()
+    }
+
+    /// By how much the dense part moves a cell.
+    fn along(&self, cell: usize, solution: &DVector<f64>) -> f64 {
+        self.dense[cell].iter().map(|&(i, a)| a * solution[i]).sum()
     }
 
     fn add(&mut self, cell: usize, slope: &RowLikelihood, entries: &[(usize, f64)]) {
