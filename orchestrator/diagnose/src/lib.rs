@@ -57,7 +57,6 @@ pub mod gate;
 mod held_out;
 pub mod json_number;
 mod ladder;
-mod limits;
 mod measured;
 mod next;
 mod pipeline;

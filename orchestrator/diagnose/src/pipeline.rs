@@ -11,8 +11,7 @@ use crate::corrected_data::CorrectedData;
 use crate::defects::{self, MeasurementDefect};
 use crate::diagnosis::Diagnosis;
 use crate::extend::{self, ExtendError, ExtendedConfig};
-use crate::ladder::{Known, Ladder, Search};
-use crate::limits;
+use crate::ladder::{self, Known, Ladder, Search};
 use crate::measured::{Added, Measured, opened};
 use crate::progress::SearchProgress;
 use crate::request::{DiagnoseError, Observer, Request, Stopped, stop_flag};
@@ -247,8 +246,8 @@ pub fn screen(
     observer: &dyn Observer,
 ) -> Result<Vec<String>, DiagnoseError> {
     Ok(match open::subject(request.table)? {
-        Subject::Links => limits::screened(&opened::<LinkStudy>(request, observer)?.0),
-        Subject::Robots => limits::screened(&opened::<RobotStudy>(request, observer)?.0),
+        Subject::Links => ladder::screened(&opened::<LinkStudy>(request, observer)?.0),
+        Subject::Robots => ladder::screened(&opened::<RobotStudy>(request, observer)?.0),
     })
 }
 
@@ -303,8 +302,8 @@ impl<S: Measured> Campaign<S> {
         report: &(dyn Fn(SearchProgress<'_>) + Sync),
     ) -> (Ladder, Arc<Known<S::Fit>>) {
         match &mut self.thin {
-            Some(thin) => limits::selection(thin, Some(&mut self.study), report),
-            None => limits::selection(&mut self.study, None, report),
+            Some(thin) => ladder::select(thin, Some(&mut self.study), report),
+            None => ladder::select(&mut self.study, None, report),
         }
     }
 }

@@ -98,6 +98,15 @@ impl Candidate {
         self.is_tried() && self.another_of.is_none_or(|first| terms.contains(&first))
     }
 
+    /// Whether it may act on some rows only: an effect of the catalogue, without limits, that moves means.
+    #[must_use]
+    pub fn may_be_limited(&self) -> bool {
+        self.is_tried()
+            && self.only.is_none()
+            && self.about.is_some()
+            && self.level != Level::Random
+    }
+
     /// It is a curve of the share of frames that are lost, not of what is read.
     #[must_use]
     pub fn is_of_losses(&self) -> bool {

@@ -1,7 +1,7 @@
 //! Explanations that no score test proposes, held against the changes that were found.
 
 use super::contrast::Sides;
-use super::search::{Found, limited, may_change, only};
+use super::search::{Found, limited, only};
 use crate::gain::Gain;
 use crate::ladder::Search;
 use crate::progress::SearchProgress;
@@ -26,7 +26,7 @@ pub(super) fn at_a_place<S: Study>(
         search.full_fit(&found.base, COMMON, None)
     };
     let is_sought = |term: &TermId| {
-        may_change(&study.candidates()[*term]) && study.columns(&fit, *term).is_empty()
+        study.candidates()[*term].may_be_limited() && study.columns(&fit, *term).is_empty()
     };
     let sought: Vec<TermId> = study.candidates().ids().filter(is_sought).collect();
     let mut rivals = Vec::new();

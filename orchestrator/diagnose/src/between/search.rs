@@ -7,7 +7,6 @@ use crate::gain::{Gain, Scores};
 use crate::ladder::{Known, Search, without_term};
 use crate::progress::SearchProgress;
 use crate::stepwise::{self, Round, Stepwise};
-use proto::effect::Level;
 use std::convert::Infallible;
 use std::sync::Arc;
 use study::linear::{Column, Linearised};
@@ -104,14 +103,6 @@ struct Explanation {
 enum What {
     Change(FoundChange),
     Common(TermId),
-}
-
-/// Whether a candidate may change: an effect of the catalogue that moves means.
-pub(super) fn may_change(candidate: &Candidate) -> bool {
-    candidate.is_tried()
-        && candidate.only.is_none()
-        && candidate.about.is_some()
-        && candidate.level != Level::Random
 }
 
 /// Looks for changes. `base`: what a diagnosis of A accepted.
@@ -376,7 +367,7 @@ fn proposals<S: Study>(
     let candidates = study.candidates();
     let columns: Vec<(TermId, Column)> = candidates
         .ids()
-        .filter(|&term| may_change(&candidates[term]))
+        .filter(|&term| candidates[term].may_be_limited())
         .flat_map(|term| {
             let of_term = study.columns(&fit, term).into_iter();
             of_term.map(move |column| (term, column)).collect::<Vec<_>>()

@@ -1,48 +1,15 @@
 //! What the slopes of a fit say of a term, of rows that depend on each other.
 
-use super::{COMMON, CandidateTest, Search, with_term};
-use crate::gain::{Gain, Scores};
+use super::limits;
+use super::search::{Search, with_term};
+use crate::gate;
 use crate::score_test::{ScoreTest, ScoreTests};
-use crate::{gate, limits};
 use proto::effect::{CONSTANT, Level};
-use std::ops::Range;
-use study::thresholds::{
-    EVIDENT_NATS, FAMILY_ERROR, FAR_HALF_INTERVALS, FEWEST_BLOCKS_WITHIN, UNCORRECTED_LEVEL,
-    WORTH_NATS,
-};
-use study::{Study, TermId};
+use study::thresholds::{FAMILY_ERROR, FAR_HALF_INTERVALS, UNCORRECTED_LEVEL};
+use study::{COMMON, Study, TermId};
 use tracing::debug;
 
 impl<S: Study> Search<'_, S> {
-    /// The gain of terms over `parent`, its p-value from the blocks of the span of time to which a term is limited: in all others there is
-    /// no gain to vary.
-    pub(super) fn gain_in_time(
-        &self,
-        terms: &[TermId],
-        parent: &[TermId],
-        limited: (TermId, Level),
-    ) -> Gain {
-        let (term, level) = limited;
-        let gain = self.gain(terms, parent, level);
-        let span_s = self.study.candidates()[term].only.as_ref().map(study::span_s);
-        let is_limited = |span_s: &Range<f64>| span_s.start.is_finite() || span_s.end.is_finite();
-        let Some(span_s) = span_s.filter(is_limited) else { return gain };
-        let mut scores = self.held_out_scores(terms, level).to_vec();
-        for (score, time_s) in scores.iter_mut().zip(self.study.dependence().times_s) {
-            if !span_s.contains(&time_s) {
-                score.log = f64::NAN;
-            }
-        }
-        let blocks = self.study.blocks(level);
-        let before = self.held_out_scores(parent, level);
-        let within = Gain::from_scores(&scores, &before, blocks.dependent());
-        if within.n_blocks < FEWEST_BLOCKS_WITHIN {
-            gain
-        } else {
-            Gain { p_value: within.p_value, ..gain }
-        }
-    }
-
     /// Whether what a term moves is beyond what rows that depend on each other may share: those of a node, and those that follow each
     /// other. A covariate that changes in time is no cause where the error drifts as slowly.
     pub(super) fn stands_clustered(&self, term: TermId, others: &[TermId]) -> bool {
@@ -96,34 +63,6 @@ impl<S: Study> Search<'_, S> {
         debug!(name = candidate.name, least, n = known.len(), "clustered");
         // Where nothing can be told, the gain on rows left out decides.
         known.is_empty() || least * (known.len() as f64) < UNCORRECTED_LEVEL
-    }
-
-    /// Of random levels that are evident from all rows at once, those that raise the likelihood most. Where nodes never come back to a place,
-    /// rows left out tell little of levels of places; the likelihood, levels integrated out, tells all.
-    pub(super) fn most_evident(
-        &self,
-        tests: &[CandidateTest],
-        accepted: &[TermId],
-        removed: &[TermId],
-    ) -> Option<usize> {
-        let least = EVIDENT_NATS.max(WORTH_NATS * self.all.len() as f64);
-        let may_be = |test: &CandidateTest| {
-            self.study.candidates()[test.term].level == Level::Random
-                && !removed.contains(&test.term)
-                && least < test.rise
-                && 0.0 < test.gain.gain
-        };
-        let evident = (0..tests.len()).filter(|&index| may_be(&tests[index]));
-        evident
-            .max_by(|&a, &b| tests[a].rise.total_cmp(&tests[b].rise))
-            .filter(|&index| self.stands_clustered(tests[index].term, accepted))
-    }
-
-    /// The share of the error that a term removes beside those accepted.
-    pub(super) fn share_removed(&self, term: TermId, accepted: &[TermId]) -> f64 {
-        let level = self.study.candidates()[term].level;
-        let now = Scores::mean(&self.held_out_scores(&with_term(accepted, term), level));
-        now.share_removed(&Scores::mean(&self.held_out_scores(accepted, level)))
     }
 
     /// Whether an effect that is limited to some rows, or moves all alike, is asked for by the slopes of the fit of others. Of few blocks, such

@@ -1,12 +1,14 @@
 //! The search over a study that is made up: a straight-line model with unit noise, in which candidates are columns.
 
 use super::*;
+use proto::effect::Level;
 use proto::rng::{Draws, Purpose};
+use std::sync::Mutex;
 use study::folds::Blocks;
 use study::linear::{Column, Dependence, Direction, Group, Linearised, Partition};
 use study::symbolic::FittedFormula;
 use study::thresholds::{FAMILY_ERROR, PREFERRED_SHARE, UNCORRECTED_LEVEL, WORTH_NATS};
-use study::{Estimate, NotLimited, PerTerm, Residuals, TermId};
+use study::{Candidate, Estimate, NotLimited, PerTerm, Residuals, RowScore};
 
 const ROWS: u64 = 3000;
 /// Members whose rows take turns.
@@ -323,7 +325,7 @@ fn a_search_reports_rounds_what_it_tried_and_what_it_accepted() {
 }
 
 fn selected(study: &mut Lines) -> Vec<(String, Option<toml::Table>)> {
-    let (ladder, _) = crate::limits::selection(study, None, &|_| {});
+    let (ladder, _) = select(study, None, &|_| {});
     let candidate = |&term: &TermId| &study.candidates[term];
     let only =
         |c: &Candidate| (c.name.split(' ').next().unwrap_or_default().to_owned(), c.only.clone());

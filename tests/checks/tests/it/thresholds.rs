@@ -18,7 +18,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
     (
         "limits of iterations and of memory",
         &[
-            ("diagnose/src/limits.rs", &["MOST_ROUNDS"]),
+            ("diagnose/src/ladder.rs", &["MOST_ROUNDS"]),
             ("network/src/candidate_fits.rs", &["FINAL_TRIES", "ROUNDS"]),
             ("network/src/task/figures.rs", &["MOST_LOOKS"]),
             ("study/src/defects/evidence.rs", &["STEPS"]),
@@ -91,7 +91,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
     (
         "steps and ranges of derivatives, grids, tables and random walks",
         &[
-            ("diagnose/src/limits.rs", &["FINE_MOMENTS", "MOMENTS"]),
+            ("diagnose/src/ladder/limits/column.rs", &["FINE_MOMENTS", "MOMENTS"]),
             ("network/src/candidate_fits.rs", &["PLACES"]),
             ("network/src/candidates.rs", &["BETWEEN", "STEPS"]),
             ("study/src/defects/clock_skew.rs", &["FINE_S", "STEP_S"]),
