@@ -21,9 +21,11 @@ use super::folds::Blocks;
 use super::limits::NotLimited;
 use super::linear::{Column, Dependence, Direction, Linearised, Partition};
 use super::symbolic::FittedFormula;
-use super::{Candidate, Estimate, PredictionDifference, Residuals, RowScore, StopFlag, Study};
+use super::{
+    Candidate, Estimate, PerTerm, PredictionDifference, Residuals, RowScore, StopFlag, Study,
+    TermId,
+};
 use crate::thresholds::{DECORRELATION_M, DEFAULT_DECORRELATION_M, MOST_SEARCHED_ROWS};
-use crate::{PerTerm, TermId};
 use fit::LinkFit;
 use likelihood::Instrument;
 use physics::catalogue::Catalogue;

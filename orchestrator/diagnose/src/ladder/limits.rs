@@ -24,12 +24,8 @@ pub(super) struct Proposal {
     pub term: TermId,
     /// Its table `only`.
     pub only: toml::Table,
-    /// Its amplitude, in units of the column.
-    pub amplitude: f64,
     /// What it promises to raise the log likelihood by (nats).
     pub rise: f64,
-    /// P-value times the number of tests.
-    pub p_value: f64,
 }
 
 /// The limited effects that the slopes of a model ask for, the most promising first. An effect that the model has is looked for in the
@@ -56,8 +52,8 @@ pub(super) fn proposals<S: Study>(
             && kept.len() < MOST_LIMITED
             && kept.iter().all(is_new)
         {
-            let Proposal { term, only, rise, p_value, .. } = &proposal;
-            debug!(name = candidates[*term].name, %only, rise, p_value, "asked for");
+            let Proposal { term, only, rise } = &proposal;
+            debug!(name = candidates[*term].name, %only, rise, "asked for");
             kept.push(proposal);
         }
     }
@@ -100,7 +96,7 @@ fn asked_for<S: Study>(
         let of_column = |&(term, column): &(TermId, &Column)| {
             let of_groups = |partition| asked.of_groups(term, column, partition);
             let mut found: Vec<Proposal> = partitions.iter().filter_map(of_groups).collect();
-            found.extend(asked.of_time(term, column, None));
+            found.extend(asked.of_time(term, column, None).map(|(proposal, _)| proposal));
             found
         };
         let of_rows: Vec<Proposal> = pairs.par_iter().flat_map_iter(of_column).collect();
@@ -108,7 +104,7 @@ fn asked_for<S: Study>(
     }
     let in_time = |&term: &TermId| {
         let (only, rise) = study.span_of_search(&fit, term)?;
-        Some(Proposal { term, only, amplitude: f64::NAN, rise, p_value: f64::NAN })
+        Some(Proposal { term, only, rise })
     };
     let in_time: Vec<Proposal> = terms.iter().filter_map(in_time).collect();
     let rivals = in_time.iter().filter_map(|proposal| {
@@ -158,13 +154,7 @@ fn constant_of_one<S: Study>(
     let (key, id, rise) = groups.flatten().max_by(|a, b| a.2.total_cmp(&b.2))?;
     let mut only = span.clone();
     only.insert(key.to_owned(), toml::Value::Array(vec![i64::from(id).into()]));
-    (LIMITED_NATS < rise).then_some(Proposal {
-        term,
-        only,
-        amplitude: f64::NAN,
-        rise,
-        p_value: f64::NAN,
-    })
+    (LIMITED_NATS < rise).then_some(Proposal { term, only, rise })
 }
 
 /// Whether a limited effect is asked for by the slopes of a fit: its p-value, of one test.

@@ -130,27 +130,28 @@ impl Asked<'_> {
             .collect();
         promising.sort_by(|a, b| b.1.total_cmp(&a.1));
         let found = promising.into_iter().take(TESTED_LIMITS).filter_map(|(group, _)| {
-            let mut found = self.of_time(term, &columns[group], Some(column))?;
+            let (mut found, amplitude) = self.of_time(term, &columns[group], Some(column))?;
             let id = i64::from(partition.groups[group].id);
             found.only.insert(key.to_owned(), toml::Value::Array(vec![id.into()]));
-            Some((group, found))
+            Some((group, found, amplitude))
         });
-        let (group, found) = found.max_by(|a, b| a.1.rise.total_cmp(&b.1.rise))?;
+        let (group, found, own) = found.max_by(|a, b| a.1.rise.total_cmp(&b.1.rise))?;
         let amplitude = |column: &Column| Some(self.tests.test(column, &[])?.amplitude);
         let others = (0..columns.len())
             .filter(|other| *other != group)
             .map(|other| amplitude(&columns[other]));
         let others: Vec<f64> = others.flatten().collect();
-        stands_out(found.amplitude, &others).then_some(found)
+        stands_out(own, &others).then_some(found)
     }
 
-    /// A column as it acts always, from a moment on or until one. `beside`: what acts on all rows alike, always; none: the column.
+    /// A column as it acts always, from a moment on or until one, with its amplitude. `beside`: what acts on all rows alike, always; none:
+    /// the column.
     pub(super) fn of_time(
         &self,
         term: TermId,
         column: &Column,
         beside: Option<&Column>,
-    ) -> Option<Proposal> {
+    ) -> Option<(Proposal, f64)> {
         let whole = beside.unwrap_or(column);
         let spans = self.promising(column);
         let test = |span: Span| self.tests.test(&self.during(column, span), &[whole]);
@@ -188,8 +189,7 @@ impl Asked<'_> {
                 only.insert("until_s".to_owned(), rounded(until_s).into());
             }
         }
-        let p_value = self.n_tests * found.p_value;
-        Some(Proposal { term, only, amplitude: own.amplitude, rise: own.rise, p_value })
+        Some((Proposal { term, only, rise: own.rise }, own.amplitude))
     }
 
     /// The moment of a span more exactly.
