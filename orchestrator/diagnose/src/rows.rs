@@ -34,14 +34,23 @@ pub enum MeasuredRows {
 /// Measured links, a value per row.
 #[derive(Clone, Debug)]
 pub struct LinkRows {
-    /// Places of sender and receiver of each row (m), and whether each of them moves.
-    pub ends: Vec<[([f64; 2], bool); 2]>,
+    /// Sender and receiver of each row.
+    pub ends: Vec<[LinkEnd; 2]>,
     /// Mote numbers of sender and receiver.
     pub motes: Vec<[u32; 2]>,
     /// Frames sent, and frames received of them, NaN where unknown.
     pub frames: Vec<[f64; 2]>,
     /// Step of the readings (dB), 0 if they are not rounded.
     pub quantum_db: f64,
+}
+
+/// An end of a measured link.
+#[derive(Clone, Copy, Debug)]
+pub struct LinkEnd {
+    /// Its place (m, east and north).
+    pub place_m: [f64; 2],
+    /// Whether it moves in the course of the measurements.
+    pub is_moving: bool,
 }
 
 /// Measured robots, a value per window.
@@ -75,7 +84,8 @@ pub(crate) fn predicted<S: Measured>(
 pub(crate) fn of_links(study: &LinkStudy) -> MeasuredRows {
     let measured = &study.rows.links.rows;
     let ends = measured.iter().zip(study.moving()).map(|(row, [tx, rx])| {
-        [([row.tx_m[0], row.tx_m[1]], tx), ([row.rx_m[0], row.rx_m[1]], rx)]
+        [(row.tx_m, tx), (row.rx_m, rx)]
+            .map(|([x_m, y_m, _], is_moving)| LinkEnd { place_m: [x_m, y_m], is_moving })
     });
     MeasuredRows::Links(LinkRows {
         ends: ends.collect(),

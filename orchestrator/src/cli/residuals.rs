@@ -26,7 +26,8 @@ pub(super) fn csv(found: &PredictedRows) -> Result<Vec<u8>, csv::Error> {
     let (unit, level_unit, names, keys): (_, _, _, Vec<[f64; 6]>) = match &found.rows {
         MeasuredRows::Links(links) => {
             let rows = links.ends.iter().zip(&links.motes);
-            let keys = rows.map(|([(tx, _), (rx, _)], motes)| {
+            let keys = rows.map(|(ends, motes)| {
+                let [tx, rx] = ends.map(|end| end.place_m);
                 [f64::from(motes[0]), f64::from(motes[1]), tx[0], tx[1], rx[0], rx[1]]
             });
             ("db", "dbm", LINK_KEYS, keys.collect())

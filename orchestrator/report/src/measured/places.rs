@@ -3,7 +3,7 @@
 use super::{MeasuredPage, Picture, figures};
 use crate::figures::{HALF, equal_scales, map_width};
 use crate::svg::Chart;
-use diagnose::rows::{LinkRows, MeasuredRows, RobotRows};
+use diagnose::rows::{LinkEnd, LinkRows, MeasuredRows, RobotRows};
 use maud::Markup;
 use numbers::format::number;
 use std::collections::BTreeMap;
@@ -81,9 +81,7 @@ pub(super) fn maps(contents: &MeasuredPage<'_>) -> Option<Markup> {
 
 fn maps_of_models(contents: &MeasuredPage<'_>) -> Vec<Picture> {
     let rows: Vec<[f64; 2]> = match &contents.rows.rows {
-        MeasuredRows::Links(links) => {
-            links.ends.iter().flatten().map(|(place, _)| *place).collect()
-        }
+        MeasuredRows::Links(links) => links.ends.iter().flatten().map(|end| end.place_m).collect(),
         MeasuredRows::Robots(robots) => robots.tracks.iter().flatten().copied().collect(),
     };
     let site = contents.site;
@@ -167,9 +165,9 @@ fn map(
     if let MeasuredRows::Links(links) = &contents.rows.rows {
         let ends = links.ends.iter().flatten().zip(links.motes.iter().flatten());
         let still =
-            ends.filter(|((place, moves), _)| !moves && place.iter().all(|c| c.is_finite()));
+            ends.filter(|(end, _)| !end.is_moving && end.place_m.iter().all(|c| c.is_finite()));
         let mut motes: Vec<(u32, [f64; 2])> =
-            still.map(|((place, _), mote)| (*mote, *place)).collect();
+            still.map(|(end, mote)| (*mote, end.place_m)).collect();
         let order = |a: &[f64; 2], b: &[f64; 2]| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]));
         motes.sort_by(|a, b| a.0.cmp(&b.0).then(order(&a.1, &b.1)));
         motes.dedup();
@@ -224,19 +222,17 @@ fn pairs(
     let mut ends_of: BTreeMap<(u32, u32), [[f64; 2]; 2]> = BTreeMap::new();
     let mut means = Means(BTreeMap::new());
     for ((ends, motes), &error) in links.ends.iter().zip(&links.motes).zip(errors) {
-        if !error.is_finite() || !ends.iter().flat_map(|(place, _)| place).all(|c| c.is_finite()) {
+        if !error.is_finite() || !ends.iter().flat_map(|end| end.place_m).all(f64::is_finite) {
             continue;
         }
-        let [(tx_m, tx_moves), (rx_m, rx_moves)] = *ends;
-        if !tx_moves && !rx_moves {
+        let [tx_m, rx_m] = ends.map(|end| end.place_m);
+        if !ends.iter().any(|end| end.is_moving) {
             let key = (motes[0].min(motes[1]), motes[0].max(motes[1]));
             ends_of.entry(key).or_insert([tx_m, rx_m]);
             means.add(key, tx_m, error);
         }
-        for (place, moves) in ends {
-            if *moves {
-                spots.add(square(*place), *place, error);
-            }
+        for LinkEnd { place_m, .. } in ends.iter().filter(|end| end.is_moving) {
+            spots.add(square(*place_m), *place_m, error);
         }
     }
     let stride = means.0.len().div_ceil(MOST_PAIRS).max(1);

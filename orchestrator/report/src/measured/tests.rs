@@ -1,6 +1,6 @@
 use super::*;
 use diagnose::diagnosis::{Affects, NextMeasurement, Parameter, Rung, Structure, Tested, Verdict};
-use diagnose::rows::LinkRows;
+use diagnose::rows::{LinkEnd, LinkRows};
 use indexmap::IndexMap;
 use measure::Rejected;
 use measure::account::DataFile;
@@ -27,9 +27,14 @@ fn view(shift_db: f64) -> RowPredictions {
 }
 
 fn contents(answer: MeasuredAnswer<'_>, site: &Site, after: Option<RowPredictions>) -> String {
-    let place = |row: usize| [row as f64, (row % 7) as f64];
+    let end = |(row, is_moving): (usize, bool)| {
+        let place_m = [row as f64, (row % 7) as f64];
+        LinkEnd { place_m, is_moving }
+    };
     let rows = LinkRows {
-        ends: (0..40).map(|row| [(place(row % 4), false), (place(row), true)]).collect(),
+        ends: (0..40)
+            .map(|row| [(row as usize % 4, false), (row as usize, true)].map(end))
+            .collect(),
         motes: (0..40).map(|row| [row % 4, 9]).collect(),
         frames: (0..40).map(|row| [1.0, f64::from(u8::from(10 <= row))]).collect(),
         quantum_db: 1.0,
