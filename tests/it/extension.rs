@@ -6,16 +6,15 @@ use diagnose::simulate::simulate;
 use measure::config::{Catalogues, Compared};
 use measure::table::DataTable;
 use metrics::Task;
-use netsim::mac::effect as mac;
+use netsim::mac::effect::{self as mac, Burden, Node};
 use network::candidates;
 use physics::effect as radio;
 use physics::link::Link;
-use proto::config::{Default, Field, Kind, Range, Registry, Variant, typed};
-use proto::effect::{About, Fit, Level, Parameter, Role};
+use proto::config::{Registry, Section, variant};
+use proto::effect::{Catalogued, Level, Parameter, Role};
 use robotsim::controller::{self, Controller, Demands, Goal, View};
 use robotsim::dynamics::Command;
 use robotsim::dynamics::effect::{self as robots, Situation};
-use serde::Deserialize;
 use std::f64::consts::TAU;
 use study::choices::Choices;
 use study::{Candidate, Study as _, open};
@@ -29,45 +28,45 @@ fn phase(time_s: f64) -> f64 {
     TAU * time_s / PERIOD_S
 }
 
-const ABOUT: About = About {
-    mechanism: "It comes and goes.",
-    equation: "",
-    source: "",
-    validity: "",
-    trace: "",
-    needs: &[],
-    example: "",
-};
-
-const fn number(key: &'static str) -> Field {
-    let kind = Kind::Number(Range::closed(-20.0, 20.0));
-    Field { key, doc: "How much.", kind, default: Default::Required }
-}
-
 /// How strong it is, which is what a fit finds.
 const fn amplitude(key: &'static str, unit: &'static str) -> Parameter {
     Parameter { key, unit, min: -20.0, max: 20.0, starts: &[0.0], step: 0.01 }
 }
 
-/// A radio whose links are stronger and weaker in turn.
-static RADIO_TIDE: radio::Entry = radio::Entry {
-    variant: Variant { name: "radio-tide", doc: "Tides.", fields: &[number("tide_db")] },
-    about: ABOUT,
-    fit: Fit { parameters: &[amplitude("tide_db", "dB")], in_runs: Some(&[]), ..Fit::PLAIN },
-    check: radio::UNCHECKED,
-    build: |table, _| Some(Box::new(typed::<RadioTide>(table))),
-};
+/// `kind = "radio-tide"`.
+static RADIO_TIDE: radio::Entry = radio::Entry::of::<RadioTide>();
 
-#[derive(Debug, Deserialize)]
+/// A radio whose links are stronger and weaker in turn.
+///
+/// # Mechanism
+///
+/// It comes and goes.
+///
+/// # Equation
+///
+/// RSSI' = RSSI + tide_db sin(2 pi t / 3.1 s)
+///
+/// # Source
+///
+/// None.
+///
+/// # Validity
+///
+/// Of tests only.
+///
+/// # Trace
+///
+/// Errors that repeat.
+#[derive(Debug, Catalogued, Section)]
+#[effect(name = "radio-tide", in_runs = Some(&[]))]
 struct RadioTide {
+    /// How much (dB).
+    #[key(range = -20.0..=20.0)]
+    #[fit(unit = "dB", starts = [0.0], step = 0.01)]
     tide_db: f64,
 }
 
 impl radio::Effect for RadioTide {
-    fn name(&self) -> &'static str {
-        RADIO_TIDE.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         self.tide_db * phase(link.time_ns as f64 / 1e9).sin()
     }
@@ -77,39 +76,73 @@ impl radio::Effect for RadioTide {
     }
 }
 
+/// `kind = "radio-luck"`.
+static RADIO_LUCK: radio::Entry = radio::Entry::new::<RadioLuck>(radio::UNCHECKED, |_, _| None);
+
 /// A random level per node that is called otherwise than that of the catalogue.
-static RADIO_LUCK: radio::Entry = radio::Entry {
-    variant: Variant { name: "radio-luck", doc: "Luck.", fields: &[] },
-    about: ABOUT,
-    fit: Fit {
-        parameters: &[amplitude("tx_sd_db", "dB"), amplitude("rx_sd_db", "dB")],
-        level: Level::Random,
-        role: Role::RandomPerNode,
-        ..Fit::PLAIN
-    },
-    check: radio::UNCHECKED,
-    build: |_, _| None,
-};
+///
+/// # Mechanism
+///
+/// It comes and goes.
+///
+/// # Equation
+///
+/// RSSI' = RSSI + level
+///
+/// # Source
+///
+/// None.
+///
+/// # Validity
+///
+/// Of tests only.
+///
+/// # Trace
+///
+/// Errors of a node.
+#[derive(Catalogued, Section)]
+#[effect(
+    name = "radio-luck",
+    parameters = &[amplitude("tx_sd_db", "dB"), amplitude("rx_sd_db", "dB")],
+    level = Level::Random,
+    role = Role::RandomPerNode,
+)]
+struct RadioLuck;
+
+/// `kind = "robot-tide"`.
+static ROBOT_TIDE: robots::Entry = robots::Entry::of::<RobotTide>();
 
 /// Robots that are faster and slower in turn than they are told.
-static ROBOT_TIDE: robots::Entry = robots::Entry {
-    variant: Variant { name: "robot-tide", doc: "Tides.", fields: &[number("share")] },
-    about: ABOUT,
-    fit: Fit { parameters: &[amplitude("share", "")], ..Fit::PLAIN },
-    check: robots::UNCHECKED,
-    build: |table| Some(Box::new(typed::<RobotTide>(table))),
-};
-
-#[derive(Debug, Deserialize)]
+///
+/// # Mechanism
+///
+/// It comes and goes.
+///
+/// # Equation
+///
+/// v = u (1 + share sin(2 pi t / 3.1 s))
+///
+/// # Source
+///
+/// None.
+///
+/// # Validity
+///
+/// Of tests only.
+///
+/// # Trace
+///
+/// Errors that repeat.
+#[derive(Debug, Catalogued, Section)]
+#[effect(name = "robot-tide")]
 struct RobotTide {
+    /// How much.
+    #[key(range = -20.0..=20.0)]
+    #[fit(starts = [0.0], step = 0.01)]
     share: f64,
 }
 
 impl robots::Effect for RobotTide {
-    fn name(&self) -> &'static str {
-        ROBOT_TIDE.variant.name
-    }
-
     fn drift_mps(&self, at: &Situation<'_>) -> [f64; 3] {
         at.velocity_mps.map(|speed| self.share * phase(at.time_s).sin() * speed)
     }
@@ -123,24 +156,55 @@ impl robots::Effect for RobotTide {
     }
 }
 
-/// Motes on which nothing weighs.
-static LIGHT: mac::Entry = mac::Entry {
-    variant: Variant { name: "light-motes", doc: "Nothing.", fields: &[number("weight")] },
-    about: ABOUT,
-    fit: Fit { parameters: &[amplitude("weight", "")], level: Level::Run, ..Fit::PLAIN },
-    needs_kept_time: false,
-    build: |_| None,
-};
+/// `kind = "light-motes"`.
+static LIGHT: mac::Entry = mac::Entry::of::<LightMotes>();
 
-/// Robots that stand in a row.
+/// Motes on which nothing weighs.
+///
+/// # Mechanism
+///
+/// It comes and goes.
+///
+/// # Equation
+///
+/// nothing
+///
+/// # Source
+///
+/// None.
+///
+/// # Validity
+///
+/// Of tests only.
+///
+/// # Trace
+///
+/// None.
+#[derive(Debug, Catalogued, Section)]
+#[effect(name = "light-motes", level = Level::Run)]
+struct LightMotes {
+    /// How much.
+    #[key(range = -20.0..=20.0)]
+    #[fit(starts = [0.0], step = 0.01)]
+    weight: f64,
+}
+
+impl mac::Effect for LightMotes {
+    fn weigh(&self, _node: Node, burden: &mut Burden) {
+        burden.ack_loss += 0.0 * self.weight;
+    }
+}
+
+/// `kind = "row"`.
 static ROW: controller::Entry = controller::Entry {
-    variant: Variant { name: "row", doc: "A row.", fields: &[] },
+    variant: variant::<Row>("row"),
     demands: Demands { jumps: true, ..Demands::NONE },
     goal: Goal::Line,
     build: |_, _, _| Some(Box::new(Row)),
 };
 
-#[derive(Debug)]
+/// Robots that stand in a row.
+#[derive(Debug, Section)]
 struct Row;
 
 impl Controller for Row {

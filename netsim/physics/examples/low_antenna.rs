@@ -53,10 +53,6 @@ pub struct LowAntenna {
 }
 
 impl Effect for LowAntenna {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         let near = |height_m: f64| libm::exp(-height_m.max(0.0) / self.scale_m);
         -self.loss_db * (near(link.sender.position_m[2]) + near(link.receiver.position_m[2]))

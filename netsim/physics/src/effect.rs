@@ -36,17 +36,14 @@ use super::scatter::Scatter;
 use proto::config::{
     Problem, Registered, Registry, Section, TableSpec, Tag, Variant, Variants, variant,
 };
-use proto::effect::{About, Catalogued, Fit};
+use proto::effect::{About, Catalogued, Fit, Named};
 use std::ops::RangeInclusive;
 
 /// One physical effect. Stateless: everything it depends on is an argument.
 ///
 /// The contributions attach at four places: the mean power (dB), its scatter, the probability that a frame survives, and
 /// what the receiver's register reads. Most effects use one of them; the others have neutral defaults.
-pub trait Effect: Send + Sync + std::fmt::Debug {
-    /// Its name in configurations, records and reports.
-    fn name(&self) -> &'static str;
-
+pub trait Effect: Named + Send + Sync + std::fmt::Debug {
     /// What it adds to the received power (dB). Attenuation is negative.
     fn contribution_db(&self, _link: &Link<'_>) -> f64 {
         0.0

@@ -9,16 +9,10 @@ pub mod fsk;
 pub mod o_qpsk;
 pub mod table;
 
-use proto::config::{
-    Default, Field, Kind, Range, Registered, Registry, TableSpec, Tag, Variant, Variants, typed,
-};
-use serde::Deserialize;
+use proto::config::{Registered, Registry, Section, TableSpec, Tag, Variant, Variants};
 
 /// How interference decides. Stateless.
 pub trait Rule: Send + Sync + std::fmt::Debug {
-    /// Its name in configurations, records and reports.
-    fn name(&self) -> &'static str;
-
     /// What a frame that is received with this power (dBm) adds to the interference with another (mW). Contributions add
     /// up.
     fn disturbance_mw(&self, rssi_dbm: f64) -> f64;
@@ -56,17 +50,17 @@ pub struct Interference {
 }
 
 /// Description of `[netsim.phy.interference]`.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "Interference model: how simultaneous frames affect each other.",
-    fields: &[Field {
-        key: "horizon_dbm",
-        doc: "Frames that arrive with less than this power (dBm) cause no interference. Absent: frames too weak to be \
-              received cause none. Lower values extend the interference range of every mote, and the run time.",
-        kind: Kind::Number(Range::closed(-200.0, 0.0)),
-        default: Default::Absent,
-    }],
-    tag: Some(&TAG),
-};
+pub const SPEC: TableSpec = Keys::SPEC;
+
+/// Interference model: how simultaneous frames affect each other.
+#[derive(Section)]
+#[section(tag = TAG)]
+struct Keys {
+    /// Frames that arrive with less than this power (dBm) cause no interference. Absent: frames too weak to be received cause none.
+    /// Lower values extend the interference range of every mote, and the run time.
+    #[key(range = -200.0..=0.0)]
+    horizon_dbm: Option<f64>,
+}
 
 /// The key that selects a rule.
 pub const TAG: Tag = Tag {
@@ -76,13 +70,13 @@ pub const TAG: Tag = Tag {
     variants: Variants::List(LIST),
 };
 
-/// Key of every rule: the noise against which disturbances are weighed.
-const NOISE_FIELD: Field = Field {
-    key: "noise_floor_dbm",
-    doc: "Noise power in the receiver's channel (dBm). -105: the 6TiSCH simulator's.",
-    kind: Kind::Number(Range::closed(-200.0, 0.0)),
-    default: Default::Number(-105.0),
-};
+/// The noise against which a rule weighs disturbances.
+#[derive(Section)]
+struct Noise {
+    /// Noise power in the receiver's channel (dBm). -105: the 6TiSCH simulator's.
+    #[key(range = -200.0..=0.0, default = -105.0)]
+    noise_floor_dbm: f64,
+}
 
 /// A rule that can be configured.
 #[derive(Debug)]
@@ -108,12 +102,8 @@ pub(crate) const BUILT_IN: &[Entry] = &[o_qpsk::ENTRY, table::ENTRY, fsk::ENTRY]
 /// Makes interference of a checked table. `None`: the rule is none that is known, which the check has reported.
 #[must_use]
 pub fn build(table: &toml::Table, known: &Registry<Entry>) -> Option<Interference> {
-    #[derive(Deserialize)]
-    struct Keys {
-        horizon_dbm: Option<f64>,
-    }
     let rule = (known.selected(table, &TAG)?.build)(table)?;
-    let Keys { horizon_dbm } = typed(table);
+    let Keys { horizon_dbm } = Keys::read(table);
     Some(Interference { rule, horizon_dbm })
 }
 
@@ -139,7 +129,7 @@ mod tests {
     #[test]
     fn o_qpsk_is_the_default() {
         let interference = parse_and_build("");
-        assert_eq!(interference.rule.name(), "o-qpsk");
+        assert!(format!("{:?}", interference.rule).starts_with("OQpsk"));
         assert_eq!(interference.horizon_dbm, None);
     }
 
@@ -147,7 +137,7 @@ mod tests {
     fn rules_are_selected_by_kind() {
         let interference =
             parse_and_build("kind = \"table\"\nnoise_floor_dbm = -100.0\nhorizon_dbm = -110.0");
-        assert_eq!(interference.rule.name(), "table");
+        assert!(format!("{:?}", interference.rule).starts_with("ByTable"));
         assert_eq!(interference.horizon_dbm, Some(-110.0));
         // 10 dB above -100 dBm: a disturbance that loses the noise within it.
         let expected = milliwatts(-90.0) - milliwatts(-100.0);
@@ -156,12 +146,12 @@ mod tests {
 
     #[test]
     fn without_interference_nothing_is_lost_to_it() {
-        for text in ["", "kind = \"table\""] {
+        for (text, is_table) in [("", false), ("kind = \"table\"", true)] {
             let rule = parse_and_build(text).rule;
             for signal_dbm in [-120.0, -104.0, -95.0, -80.0, -10.0] {
                 let factor = rule.survival(signal_dbm, 0.0, 4_256_000, 4_256_000);
                 // Where the table has 0 even without interference, there is nothing to lose.
-                assert!(factor == 1.0 || factor == 0.0 && rule.name() == "table", "{signal_dbm}");
+                assert!(factor == 1.0 || factor == 0.0 && is_table, "{signal_dbm}");
             }
         }
     }
@@ -179,7 +169,7 @@ mod tests {
                     let half = rule.survival(signal_dbm, disturbance, 2_128_000, 4_256_000);
                     assert!((0.0..=1.0).contains(&whole) && whole <= half + 1e-12);
                     // Rounding of an alternating sum of terms up to 10^4.
-                    assert!(whole <= before + 1e-9, "{} {signal_dbm} {step}", rule.name());
+                    assert!(whole <= before + 1e-9, "{text} {signal_dbm} {step}");
                     assert!((half * half - whole).abs() < 1e-9, "stretches multiply");
                     before = whole;
                 }

@@ -19,16 +19,11 @@ pub mod unit_disk;
 use super::link::{Link, Scene};
 use super::scatter::Scatter;
 use bytes::Bytes;
-use proto::config::{
-    Default, Field, Kind, Problem, Range, Registered, Section, Tag, Variant, Variants,
-};
+use proto::config::{Problem, Registered, Section, Tag, Variant, Variants};
 use std::collections::BTreeMap;
 
 /// A base model of propagation. Stateless: everything it depends on is an argument.
 pub trait Propagation: Send + Sync + std::fmt::Debug {
-    /// Its name in configurations, records and reports.
-    fn name(&self) -> &'static str;
-
     /// Mean power of a frame at the receiver, and how it decides reception.
     fn predict(&self, link: &Link<'_>) -> Prediction;
 
@@ -211,13 +206,13 @@ pub const TAG: Tag = Tag {
     variants: Variants::List(LIST),
 };
 
-/// Key of connectivity models: what every received frame reads.
-const RSSI_FIELD: Field = Field {
-    key: "rssi_dbm",
-    doc: "RSSI reading of every frame (dBm). Absent: computed by the Friis equation. It does not affect reception.",
-    kind: Kind::Number(Range::closed(-200.0, 100.0)),
-    default: Default::Absent,
-};
+/// The key of connectivity models, which say who receives a frame whatever its power.
+#[derive(Section)]
+struct Reading {
+    /// RSSI reading of every frame (dBm). Absent: computed by the Friis equation. It does not affect reception.
+    #[key(range = -200.0..=100.0)]
+    rssi_dbm: Option<f64>,
+}
 
 /// The power that connectivity models assign: Friis, unless configured.
 #[derive(Clone, Copy, Debug, PartialEq)]

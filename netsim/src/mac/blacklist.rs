@@ -26,8 +26,7 @@ pub use links::Blacklists;
 
 use crate::mac::{Cell, CellKind};
 use proto::config::{
-    Default, Field, Kind, Problem, Range, Registered, Registry, TableSpec, Tag, Variant, Variants,
-    join, typed,
+    Problem, Registered, Registry, Section, TableSpec, Tag, Variant, Variants, join,
 };
 use serde::{Deserialize, Serialize};
 
@@ -99,31 +98,21 @@ const NONE: Entry = Entry {
     build: |_, _, _, _| None,
 };
 
-/// The key `offsets`, which every rule has.
-pub const OFFSETS: Field = Field {
-    key: "offsets",
-    doc: "Number of channel offsets to choose from, the first being that of the cell. More avoid more channels, but may collide \
-          with cells of other links in the same slot. 3: as most links have in the schedule of MABO-TSCH's implementation.",
-    kind: Kind::Integer { min: 2, max: 512 },
-    default: Default::Integer(3),
-};
-
-/// The key `spacing`, which every rule has.
-pub const SPACING: Field = Field {
-    key: "spacing",
-    doc: "Difference between one of these channel offsets and the next. 7: as in that schedule.",
-    kind: Kind::Integer { min: 1, max: 511 },
-    default: Default::Integer(7),
-};
-
-/// The key `explore`, which every rule has.
-pub const EXPLORE: Field = Field {
-    key: "explore",
-    doc: "Fraction of cells in which the link follows the plain hopping sequence, so that a blacklisted channel that has become \
-          good is noticed. 0.05: the initial value of MABO-TSCH's implementation.",
-    kind: Kind::Number(Range::closed(0.001, 1.0)),
-    default: Default::Number(0.05),
-};
+/// The keys that every rule has.
+#[derive(Section)]
+struct Common {
+    /// Number of channel offsets to choose from, the first being that of the cell. More avoid more channels, but may collide with cells
+    /// of other links in the same slot. 3: as most links have in the schedule of MABO-TSCH's implementation.
+    #[key(range = 2..=512, default = 3)]
+    offsets: u16,
+    /// Difference between one of these channel offsets and the next. 7: as in that schedule.
+    #[key(range = 1..=511, default = 7)]
+    spacing: u16,
+    /// Fraction of cells in which the link follows the plain hopping sequence, so that a blacklisted channel that has become good is
+    /// noticed. 0.05: the initial value of MABO-TSCH's implementation.
+    #[key(range = 0.001..=1.0, default = 0.05)]
+    explore: f64,
+}
 
 /// Channel blacklisting as configured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -213,7 +202,7 @@ pub fn build(
             "must not be a multiple of the length of netsim.hopping_sequence, {n}, because all channel offsets then \
              have the same channel"
         );
-        let problem = Problem::new(join(path, SPACING.key), message).value(config.spacing);
+        let problem = Problem::new(join(path, "spacing"), message).value(config.spacing);
         problems.push(problem.nearest(config.spacing - 1));
     }
     if sf.get("kind").and_then(toml::Value::as_str) == Some("static") {
@@ -234,13 +223,12 @@ pub fn undedicated((sf, sf_path): (&toml::Table, &str), path: &str) -> Problem {
 }
 
 /// The cells of a static schedule, as far as they must be the same at both ends.
-#[derive(Deserialize)]
+#[derive(Section)]
 struct StaticKeys {
-    #[serde(default)]
     cell: Vec<StaticCell>,
 }
 
-#[derive(Deserialize)]
+#[derive(Section)]
 struct StaticCell {
     from: toml::Value,
     to: toml::Value,
@@ -249,8 +237,7 @@ struct StaticCell {
 
 /// A receiver cannot tell the cell of a sender to it alone from one that the sender shares, or uses for everyone.
 fn check_cells(sf: &toml::Table, path: &str, sf_path: &str, problems: &mut Vec<Problem>) {
-    let keys: StaticKeys = typed(sf);
-    for (index, cell) in keys.cell.iter().enumerate() {
+    for (index, cell) in StaticKeys::read(sf).cell.iter().enumerate() {
         let at = format!("{sf_path}.cell[{index}]");
         let is_shared = cell.shared.unwrap_or(!cell.from.is_integer());
         let problem = match (cell.from.is_integer(), cell.to.is_integer()) {

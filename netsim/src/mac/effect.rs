@@ -11,12 +11,10 @@ pub mod processing_delay;
 pub mod queue_limit;
 
 use proto::config::{
-    Default, Field, Kind, Problem, Registered, Registry, Section, TableSpec, Tag, Variant,
-    Variants, join, typed, variant,
+    Problem, Registered, Registry, Section, TableSpec, Tag, Variant, Variants, join, variant,
 };
-use proto::effect::{About, Catalogued, Fit};
+use proto::effect::{About, Catalogued, Fit, Named};
 use proto::ids::MoteId;
-use serde::Deserialize;
 use std::fmt::Debug;
 
 /// Impairments of a mote that the protocols do not expect.
@@ -65,10 +63,7 @@ pub struct Node {
 }
 
 /// One effect. Stateless: it says what it adds to the burden of a mote, and the mote's layers bear that.
-pub trait Effect: Send + Sync + Debug {
-    /// Its name in configurations, records and reports.
-    fn name(&self) -> &'static str;
-
+pub trait Effect: Named + Send + Sync + Debug {
     /// Adds its part to the burden of a mote.
     fn weigh(&self, node: Node, burden: &mut Burden);
 }
@@ -131,31 +126,20 @@ pub(crate) const BUILT_IN: &[Entry] = &[
     queue_limit::ENTRY,
 ];
 
-/// The key with the motes that an effect concerns, whose numbers [`build`] checks.
-pub const MOTES: Field = Field {
-    key: "motes",
-    doc: "Numbers of the affected motes. Absent: all; for node-reboots all except the roots.",
-    kind: Kind::List {
-        of: &Kind::Integer { min: 0, max: u32::MAX as i64 },
-        min: 1,
-        max: 1_000_000,
-    },
-    default: Default::Absent,
-};
-
-/// The part of an effect's keys that this module reads itself.
-#[derive(Deserialize)]
-struct Concerned {
-    motes: Motes,
+/// The motes that an effect concerns, whose numbers [`build`] checks.
+#[derive(Clone, Debug, PartialEq, Section)]
+pub struct Concerned {
+    /// Numbers of the affected motes. Absent: all; for node-reboots all except the roots.
+    #[key(length = 1..=1_000_000)]
+    pub motes: Option<Vec<MoteId>>,
 }
 
-/// The motes that an effect concerns; `None`: all.
-pub type Motes = Option<Vec<u32>>;
-
-/// Whether an effect whose key `motes` has this value concerns a mote.
-#[must_use]
-pub fn concerns(motes: &Motes, mote: MoteId) -> bool {
-    motes.as_ref().is_none_or(|motes| motes.contains(&mote.0))
+impl Concerned {
+    /// Whether the effect concerns a mote.
+    #[must_use]
+    pub fn includes(&self, mote: MoteId) -> bool {
+        self.motes.as_ref().is_none_or(|motes| motes.contains(&mote))
+    }
 }
 
 /// Makes the effects of checked tables, in their order, and adds what is wrong with them together with the rest: they
@@ -175,11 +159,11 @@ pub fn build(
     for (index, table) in tables.iter().enumerate() {
         let at = format!("{path}[{index}]");
         let Some(entry) = known.selected(table, &TAG) else { continue };
-        let Concerned { motes } = typed(table);
+        let Concerned { motes } = Concerned::read(table);
         let numbers = motes.into_iter().flatten().enumerate();
-        for (place, mote) in numbers.filter(|(_, mote)| agent_count <= *mote as usize) {
+        for (place, mote) in numbers.filter(|(_, mote)| agent_count <= mote.index()) {
             let last = agent_count as i64 - 1;
-            let key = join(&at, &format!("{}[{place}]", MOTES.key));
+            let key = join(&at, &format!("motes[{place}]"));
             let problem = Problem::new(key, format!("must be the number of a mote, 0 to {last}"));
             problems.push(problem.value(mote).nearest(last));
         }
@@ -211,27 +195,22 @@ pub fn burdens(effects: &[Box<dyn Effect>], agent_count: usize, roots: &[MoteId]
 pub(crate) mod testing {
     use super::*;
 
+    #[derive(Section)]
+    struct All {
+        #[key(tables = SPEC)]
+        effect: Vec<toml::Table>,
+    }
+
     /// What a table of keys lays on motes 0, a root, and 1 to 3.
     pub(crate) fn laid(tables: &str) -> Vec<Burden> {
         let table: toml::Table = tables.parse().unwrap();
         let text = toml::to_string(&table).unwrap();
         let node = proto::config::parse(&text).unwrap();
         let mut problems = Vec::new();
-        let spec = TableSpec {
-            doc: "",
-            fields: &[Field {
-                key: "effect",
-                doc: "",
-                kind: Kind::Tables(&SPEC),
-                default: Default::Absent,
-            }],
-            tag: None,
-        };
         let known = Registry::new(BUILT_IN);
         let lists = proto::config::Lists::default().with(LIST, &known);
-        let checked = proto::config::check(&node, "", &spec, &lists, &mut problems).table;
-        let list: Vec<toml::Table> = checked["effect"].clone().try_into().unwrap();
-        let effects = build(&list, "effect", 4, true, &known, &mut problems);
+        let checked = proto::config::check(&node, "", &All::SPEC, &lists, &mut problems).table;
+        let effects = build(&All::read(&checked).effect, "effect", 4, true, &known, &mut problems);
         assert!(problems.is_empty(), "{problems:?}");
         burdens(&effects, 4, &[MoteId(0)])
     }

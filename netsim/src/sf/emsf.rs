@@ -6,29 +6,26 @@
 use super::msf::policy::Policy;
 use super::msf::{self, Msf, MsfConfig};
 use super::{Config, Configured, Entry, PayloadCells};
-use proto::config::{Default, Field, Kind, Problem, Range, Section, Variant, join};
+use proto::config::{Field, Problem, Section, Variant, join, joined};
 use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
-const QUANTILE: Field = Field {
-    key: "quantile",
-    doc: "Probability that the cells suffice for the frames of a slotframe.",
-    kind: Kind::Number(Range::closed(0.5, 0.9999)),
-    default: Default::Number(0.9),
-};
+/// The key that EMSF has beside those of MSF.
+#[derive(Section)]
+struct Own {
+    /// Probability that the cells suffice for the frames of a slotframe.
+    #[key(range = 0.5..=0.9999, default = 0.9)]
+    quantile: f64,
+}
 
 /// The key of MSF that decides when a cell is added, which EMSF replaces, and its place among them.
 const LIMIT: (&str, usize) = ("lim_numcellsused_high", 2);
 
 /// The keys of MSF without that limit, and EMSF's own.
-const FIELDS: &[Field] = &{
-    let mut fields = [QUANTILE; MsfConfig::SPEC.fields.len()];
-    let mut place = 0;
-    while place + 1 < fields.len() {
-        fields[place] = MsfConfig::SPEC.fields[if place < LIMIT.1 { place } else { place + 1 }];
-        place += 1;
-    }
-    fields
+const FIELDS: &[Field] = {
+    let (before, from_limit) = MsfConfig::SPEC.fields.split_at(LIMIT.1);
+    let after = from_limit.split_at(1).1;
+    &joined::<{ MsfConfig::SPEC.fields.len() }>(&[before, after, Own::SPEC.fields])
 };
 
 /// `kind = "emsf"`.
@@ -52,7 +49,7 @@ pub const ENTRY: Entry = Entry {
         let mut keys = table.clone();
         keys.insert(LIMIT.0.to_owned(), toml::Value::Integer(most));
         let msf = msf::read(&keys, context)?;
-        let quantile = table.get("quantile").and_then(toml::Value::as_float)?;
+        let Own { quantile } = Own::read(table);
         Some(Config::new(EmsfConfig { msf, quantile }))
     },
 };

@@ -10,102 +10,105 @@ use physics::link::Link;
 use physics::propagation::{self, Family, NOT_REPLAYED, Prediction, Propagation, Reach, Reception};
 use physics::reception::{self, Curve};
 use physics::{effect, interference};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::About;
-use proto::formula::FIT;
+use proto::config::{Range, Section, variant};
+use proto::effect::Catalogued;
 use proto::ids::MoteId;
 use proto::side::{NetSimulator as _, Setup};
 use serde::{Deserialize, Serialize};
 
-const fn number(key: &'static str, range: Range) -> Field {
-    Field { key, doc: "A number.", kind: Kind::Number(range), default: Default::Required }
-}
-
-const ABOUT: About = About {
-    mechanism: "",
-    equation: "",
-    source: "",
-    validity: "",
-    trace: "",
-    needs: &[],
-    example: "",
-};
+/// `kind = "flat-loss"`.
+static LOSS: effect::Entry = effect::Entry::of::<FlatLoss>();
 
 /// A loss that is the same for all links.
-static LOSS: effect::Entry = effect::Entry {
-    variant: Variant {
-        name: "flat-loss",
-        doc: "A loss.",
-        fields: &[number("loss_db", Range::closed(0.0, 60.0))],
-    },
-    about: ABOUT,
-    fit: FIT,
-    check: effect::UNCHECKED,
-    build: |table, _| Some(Box::new(typed::<Loss>(table))),
-};
-
-#[derive(Debug, Deserialize)]
-struct Loss {
+///
+/// # Mechanism
+///
+/// A cable takes power from every antenna.
+///
+/// # Equation
+///
+/// RSSI' = RSSI - loss_db
+///
+/// # Source
+///
+/// An example: not taken from the literature.
+///
+/// # Validity
+///
+/// The same on all channels.
+///
+/// # Trace
+///
+/// All links are weaker by the same.
+#[derive(Debug, Catalogued, Section)]
+#[effect(name = "flat-loss")]
+struct FlatLoss {
+    /// The loss (dB).
+    #[key(range = 0.0..=60.0)]
+    #[fit(unit = "dB", starts = [3.0], step = 0.05)]
     loss_db: f64,
 }
 
-impl effect::Effect for Loss {
-    fn name(&self) -> &'static str {
-        LOSS.variant.name
-    }
-
+impl effect::Effect for FlatLoss {
     fn contribution_db(&self, _link: &Link<'_>) -> f64 {
         -self.loss_db
     }
 }
 
-/// Motes that send one frame, and then nothing for longer than any test lasts.
-static MUTE: mac::Entry = mac::Entry {
-    variant: Variant {
-        name: "mute-motes",
-        doc: "Silence.",
-        fields: &[number("fraction", Range::closed(0.0, 1e-6)), mac::MOTES],
-    },
-    about: ABOUT,
-    fit: FIT,
-    needs_kept_time: true,
-    build: |table| Some(Box::new(typed::<Mute>(table))),
-};
+/// `kind = "mute-motes"`.
+static MUTE: mac::Entry = mac::Entry { needs_kept_time: true, ..mac::Entry::of::<MuteMotes>() };
 
-#[derive(Debug, Deserialize)]
-struct Mute {
+/// Motes that send one frame, and then nothing for longer than any test lasts.
+///
+/// # Mechanism
+///
+/// Their transmitters are limited.
+///
+/// # Equation
+///
+/// airtime <= fraction
+///
+/// # Source
+///
+/// An example: not taken from the literature.
+///
+/// # Validity
+///
+/// At all times.
+///
+/// # Trace
+///
+/// They send nothing.
+#[derive(Debug, Catalogued, Section)]
+#[effect(name = "mute-motes")]
+struct MuteMotes {
+    /// Fraction of the time for which they may transmit.
+    #[key(range = 0.0..=1e-6)]
     fraction: f64,
-    motes: mac::Motes,
+    #[key(flatten)]
+    concerned: mac::Concerned,
 }
 
-impl mac::Effect for Mute {
-    fn name(&self) -> &'static str {
-        MUTE.variant.name
-    }
-
+impl mac::Effect for MuteMotes {
     fn weigh(&self, node: Node, burden: &mut Burden) {
-        if mac::concerns(&self.motes, node.mote) {
+        if self.concerned.includes(node.mote) {
             burden.duty = Some(Duty { fraction: self.fraction, window_ns: 1_000_000_000 });
         }
     }
 }
 
-const LENGTH: Field = Field {
-    key: "length",
-    doc: "Of the slotframe (slots).",
-    kind: Kind::Integer { min: 1, max: 20 },
-    default: Default::Integer(11),
+/// `kind = "one-cell"`.
+static ONE_CELL: sf::Entry = sf::Entry {
+    variant: variant::<OneCell>("one-cell"),
+    payload_cells: PayloadCells::Shared,
+    build: |table, _| Some(sf::Config::new(OneCell::read(table))),
 };
 
 /// The minimal cell, every so many slots.
-static ONE_CELL: sf::Entry = sf::Entry {
-    variant: Variant { name: "one-cell", doc: "One cell for everything.", fields: &[LENGTH] },
-    payload_cells: PayloadCells::Shared,
-    build: |table, _| Some(sf::Config::new(typed::<OneCell>(table))),
-};
-
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Section, Serialize, Deserialize)]
 struct OneCell {
+    /// Length of the slotframe (slots).
+    #[key(range = 1..=20, default = 11)]
     length: u16,
 }
 
@@ -131,28 +134,23 @@ impl SchedulingFunction for OneCell {
     }
 }
 
-/// Frames go to motes of higher number only.
+/// `propagation = "upwards-only"`.
 static UPWARDS: propagation::Entry = propagation::Entry {
-    variant: Variant {
-        name: "upwards-only",
-        doc: "One way.",
-        fields: &[number("power_dbm", Range::closed(-100.0, 0.0))],
-    },
+    variant: variant::<Upwards>("upwards-only"),
     family: Family::Connectivity,
     replay: NOT_REPLAYED,
-    build: |table, _| Some(Box::new(typed::<Upwards>(table))),
+    build: |table, _| Some(Box::new(Upwards::read(table))),
 };
 
-#[derive(Debug, Deserialize)]
+/// Frames go to motes of higher number only.
+#[derive(Debug, Section)]
 struct Upwards {
+    /// Power of every frame (dBm).
+    #[key(range = -100.0..=0.0)]
     power_dbm: f64,
 }
 
 impl Propagation for Upwards {
-    fn name(&self) -> &'static str {
-        UPWARDS.variant.name
-    }
-
     fn predict(&self, link: &Link<'_>) -> Prediction {
         let is_upwards = link.sender.id < link.receiver.id;
         let reception = Reception::Stated(if is_upwards { 1.0 } else { 0.0 });
@@ -164,18 +162,17 @@ impl Propagation for Upwards {
     }
 }
 
-/// All or nothing.
+/// `kind = "step-curve"`.
 static STEP: reception::Entry = reception::Entry {
-    variant: Variant {
-        name: "step-curve",
-        doc: "A step.",
-        fields: &[number("threshold_dbm", Range::closed(-200.0, 0.0))],
-    },
-    build: |table, _, _| Some(Box::new(typed::<Step>(table))),
+    variant: variant::<Step>("step-curve"),
+    build: |table, _, _| Some(Box::new(Step::read(table))),
 };
 
-#[derive(Debug, Deserialize)]
+/// All or nothing.
+#[derive(Debug, Section)]
 struct Step {
+    /// Power from which on frames are received (dBm).
+    #[key(range = -200.0..=0.0)]
     threshold_dbm: f64,
 }
 
@@ -193,26 +190,21 @@ impl Curve for Step {
     }
 }
 
-/// Nobody disturbs anybody.
+/// `kind = "no-interference"`.
 static PEACE: interference::Entry = interference::Entry {
-    variant: Variant {
-        name: "no-interference",
-        doc: "Peace.",
-        fields: &[number("share", Range::FRACTION)],
-    },
-    build: |table| Some(Box::new(typed::<Peace>(table))),
+    variant: variant::<Peace>("no-interference"),
+    build: |table| Some(Box::new(Peace::read(table))),
 };
 
-#[derive(Debug, Deserialize)]
+/// Nobody disturbs anybody.
+#[derive(Debug, Section)]
 struct Peace {
+    /// Probability that a frame survives.
+    #[key(range = Range::FRACTION)]
     share: f64,
 }
 
 impl interference::Rule for Peace {
-    fn name(&self) -> &'static str {
-        PEACE.variant.name
-    }
-
     fn disturbance_mw(&self, _rssi_dbm: f64) -> f64 {
         0.0
     }

@@ -7,6 +7,12 @@ pub mod only;
 
 pub use proto_derive::Catalogued;
 
+/// What has a name in configurations, records and reports. `#[derive(Catalogued)]` makes an effect's.
+pub trait Named {
+    /// That name.
+    fn name(&self) -> &'static str;
+}
+
 /// An effect of the catalogue, whose struct is its description. `#[derive(Catalogued)]` makes all three of documentation and attributes.
 pub trait Catalogued {
     /// Its name in configurations, records and reports.

@@ -20,7 +20,7 @@ use reader::Want;
 use std::fmt;
 
 pub use operators::{FUNCTIONS, Function};
-pub use written::{Bound, FIELDS, FIT, MOST_NAMES, Written};
+pub use written::{Bound, Keys, MOST_NAMES, Written};
 
 /// Longest expression (bytes).
 pub const MOST_BYTES: usize = 1000;

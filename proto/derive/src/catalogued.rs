@@ -14,6 +14,7 @@ pub(crate) fn catalogued(input: &DeriveInput) -> Result<TokenStream> {
     let own = &input.ident;
     let said = Said::of(&input.attrs)?;
     let name = said.name.ok_or_else(|| Error::new(own.span(), "#[effect(name = \"...\")]"))?;
+    let makes = said.makes.unwrap_or_else(|| own.clone());
     let needs = said.needs.map_or(quote!(&[]), |needs| quote!(#needs));
     let example = said.example.unwrap_or_default();
     let part = |heading: &str| {
@@ -24,7 +25,18 @@ pub(crate) fn catalogued(input: &DeriveInput) -> Result<TokenStream> {
         [part("Mechanism")?, part("Equation")?, part("Source")?, part("Validity")?, part("Trace")?];
     let (names, values): (Vec<Ident>, Vec<Expr>) = said.fit.into_iter().unzip();
     let parameters = parameters(&data.fields)?;
+    let parameters = if names.iter().any(|name| name == "parameters") {
+        quote!()
+    } else {
+        quote!(parameters: &[#(#parameters),*],)
+    };
     Ok(quote! {
+        impl ::proto::effect::Named for #makes {
+            fn name(&self) -> &'static str {
+                #name
+            }
+        }
+
         impl ::proto::effect::Catalogued for #own {
             const NAME: &'static str = #name;
             const ABOUT: ::proto::effect::About = ::proto::effect::About {
@@ -37,7 +49,7 @@ pub(crate) fn catalogued(input: &DeriveInput) -> Result<TokenStream> {
                 example: #example,
             };
             const FIT: ::proto::effect::Fit = ::proto::effect::Fit {
-                parameters: &[#(#parameters),*],
+                #parameters
                 #(#names: #values,)*
                 ..::proto::effect::Fit::PLAIN
             };
@@ -49,6 +61,7 @@ pub(crate) fn catalogued(input: &DeriveInput) -> Result<TokenStream> {
 #[derive(Default)]
 struct Said {
     name: Option<LitStr>,
+    makes: Option<Ident>,
     needs: Option<Expr>,
     example: Option<String>,
     fit: Vec<(Ident, Expr)>,
@@ -62,6 +75,7 @@ impl Said {
                 let word = meta.path.require_ident()?.clone();
                 match word.to_string().as_str() {
                     "name" => said.name = Some(meta.value()?.parse()?),
+                    "makes" => said.makes = Some(meta.value()?.parse()?),
                     "needs" => said.needs = Some(meta.value()?.parse()?),
                     "example" => said.example = Some(meta.value()?.parse::<LitStr>()?.value()),
                     _ => said.fit.push((word, meta.value()?.parse()?)),

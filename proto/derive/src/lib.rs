@@ -64,13 +64,15 @@ pub fn one_of(input: TokenStream) -> TokenStream {
     derive(input, one_of::one_of)
 }
 
-/// Makes the struct of an effect say what people should know of it, and how it is fitted: `proto::effect::Catalogued`.
+/// Makes the struct of an effect say its name, what people should know of it, and how it is fitted: `proto::effect::Named` and
+/// `proto::effect::Catalogued`.
 ///
 /// The documentation of the struct has, after its first paragraph, the sections `# Mechanism`, `# Equation`, `# Source`,
 /// `# Validity` and `# Trace`; what follows further headings is for readers of the code.
 ///
-/// `#[effect(name = "...", needs = &[...], example = "...")]` says the rest of it; all other words are fields of `Fit`, those that are
-/// not said being those of `Fit::PLAIN`. `#[fit(unit = "dB", starts = [3.0], step = 0.1)]` marks a key that is fitted, from the least to
+/// `#[effect(name = "...", needs = &[...], example = "...")]` says the rest of it. Where the struct holds only the keys of the effect,
+/// `makes = Type` is the effect itself, which has the name. All other words are fields of `Fit`, those that are not said being those of
+/// `Fit::PLAIN`. `#[fit(unit = "dB", starts = [3.0], step = 0.1)]` marks a key that is fitted, from the least to
 /// the greatest value of the key or of `range = 0.0..=9.0`; `key = "velocity_mps[0]"` names an entry of a list.
 #[proc_macro_derive(Catalogued, attributes(effect, fit))]
 pub fn catalogued(input: TokenStream) -> TokenStream {

@@ -35,7 +35,7 @@ use proto::config::{
     Choice, Default, Field, Kind, Problem, Registered, Registry, Section, TableSpec, Tag, Variant,
     Variants, variant,
 };
-use proto::effect::{About, Catalogued, Fit};
+use proto::effect::{About, Catalogued, Fit, Named};
 
 /// One physical effect. Stateless: everything it depends on is an argument.
 ///
@@ -44,10 +44,7 @@ use proto::effect::{About, Catalogued, Fit};
 /// follow with lag and limits ([`Effect::lag_s`], [`Effect::limit_per_s`]); their thrust is changed ([`Effect::thrust_gain`]); the ground and the air add theirs
 /// ([`Effect::ground_scale`], [`Effect::drift_mps`]); and at last the position is measured ([`Effect::localization`]). Most
 /// effects use one of these; the others have neutral defaults.
-pub trait Effect: Send + Sync + std::fmt::Debug {
-    /// Its name in configurations, records and reports.
-    fn name(&self) -> &'static str;
-
+pub trait Effect: Named + Send + Sync + std::fmt::Debug {
     /// What limits it to some robots or times, if anything does. Nothing else of it depends on that.
     fn limits(&self) -> Option<&only::Limits> {
         None

@@ -2,9 +2,8 @@
 //! and simulated as those that are built in.
 
 use crate::air::setup;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use proto::effect::About;
-use proto::formula::FIT;
+use proto::config::{Section, variant};
+use proto::effect::Catalogued;
 use proto::rng::Draws;
 use proto::side::{RobotInput, RobotSimulator as _};
 use robotsim::catalogue::Catalogue;
@@ -13,42 +12,41 @@ use robotsim::dynamics::Command;
 use robotsim::dynamics::effect::{self, Effect, Situation};
 use robotsim::scenario::{self, Place, Scenario};
 use robotsim::sim::Swarm;
-use serde::Deserialize;
 
-const fn number(key: &'static str) -> Field {
-    let kind = Kind::Number(Range::closed(0.0, 9.0));
-    Field { key, doc: "A number.", kind, default: Default::Number(1.0) }
-}
-
-const ABOUT: About = About {
-    mechanism: "",
-    equation: "",
-    source: "",
-    validity: "",
-    trace: "",
-    needs: &[],
-    example: "",
-};
+/// `kind = "east-drift"`.
+static DRIFT: effect::Entry = effect::Entry::of::<EastDrift>();
 
 /// A drift to the east.
-static DRIFT: effect::Entry = effect::Entry {
-    variant: Variant { name: "east-drift", doc: "A drift.", fields: &[number("east_mps")] },
-    about: ABOUT,
-    fit: FIT,
-    check: effect::UNCHECKED,
-    build: |table| Some(Box::new(typed::<Drift>(table))),
-};
-
-#[derive(Debug, Deserialize)]
-struct Drift {
+///
+/// # Mechanism
+///
+/// Something carries the robots.
+///
+/// # Equation
+///
+/// v = u + east_mps
+///
+/// # Source
+///
+/// An example: not taken from the literature.
+///
+/// # Validity
+///
+/// The same at all times and places.
+///
+/// # Trace
+///
+/// An error to the east.
+#[derive(Debug, Catalogued, Section)]
+#[effect(name = "east-drift")]
+struct EastDrift {
+    /// Velocity of the drift (m/s).
+    #[key(range = 0.0..=9.0, default = 1.0)]
+    #[fit(unit = "m/s", starts = [0.1], step = 0.01)]
     east_mps: f64,
 }
 
-impl Effect for Drift {
-    fn name(&self) -> &'static str {
-        DRIFT.variant.name
-    }
-
+impl Effect for EastDrift {
     fn drift_mps(&self, _at: &Situation<'_>) -> [f64; 3] {
         [self.east_mps, 0.0, 0.0]
     }
@@ -58,13 +56,13 @@ impl Effect for Drift {
     }
 }
 
-/// Robots that rise.
+/// `kind = "rise"`.
 static RISE: controller::Entry = controller::Entry {
-    variant: Variant { name: "rise", doc: "Up.", fields: &[number("up_mps")] },
+    variant: variant::<Rise>("rise"),
     demands: Demands::NONE,
     goal: Goal::Other,
     build: |table, context, problems| {
-        let rise: Rise = typed(table);
+        let rise = Rise::read(table);
         if context.speed_cap_mps < rise.up_mps {
             problems.push(context.problem("up_mps", "is beyond the cap").value(rise.up_mps));
         }
@@ -72,8 +70,11 @@ static RISE: controller::Entry = controller::Entry {
     },
 };
 
-#[derive(Debug, Deserialize)]
+/// Robots that rise.
+#[derive(Debug, Section)]
 struct Rise {
+    /// How fast (m/s).
+    #[key(range = 0.0..=9.0, default = 1.0)]
     up_mps: f64,
 }
 
@@ -83,15 +84,16 @@ impl Controller for Rise {
     }
 }
 
-/// Robots that jump up, and ask a network to carry messages.
+/// `kind = "leap"`.
 static LEAP: controller::Entry = controller::Entry {
-    variant: Variant { name: "leap", doc: "Up at once.", fields: &[] },
+    variant: variant::<Leap>("leap"),
     demands: Demands { jumps: true, sends_messages: true },
     goal: Goal::Other,
     build: |_, _, _| Some(Box::new(Leap)),
 };
 
-#[derive(Debug)]
+/// Robots that jump up, and ask a network to carry messages.
+#[derive(Debug, Section)]
 struct Leap;
 
 impl Controller for Leap {
@@ -100,14 +102,17 @@ impl Controller for Leap {
     }
 }
 
-/// One robot above the other.
+/// `kind = "tower"`.
 static TOWER: scenario::Entry = scenario::Entry {
-    variant: Variant { name: "tower", doc: "A tower.", fields: &[number("floor_m")] },
-    build: |table, _, _| Some(Box::new(typed::<Tower>(table))),
+    variant: variant::<Tower>("tower"),
+    build: |table, _, _| Some(Box::new(Tower::read(table))),
 };
 
-#[derive(Debug, Deserialize)]
+/// One robot above the other.
+#[derive(Debug, Section)]
 struct Tower {
+    /// Height of a floor (m).
+    #[key(range = 0.0..=9.0, default = 1.0)]
     floor_m: f64,
 }
 

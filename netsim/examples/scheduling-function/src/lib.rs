@@ -7,36 +7,20 @@ use netsim::sf::{
     minimal,
 };
 use netsim::wire::Eui64;
-use proto::config::{Default, Field, Kind, Problem, Variant, join, typed};
+use proto::config::{Problem, Section, join, variant};
 use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
-const fn slots(key: &'static str, doc: &'static str, default: i64) -> Field {
-    Field {
-        key,
-        doc,
-        kind: Kind::Integer { min: 2, max: 1000 },
-        default: Default::Integer(default),
-    }
-}
-
 /// `kind = "wandering-receiver"`.
 pub static ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "wandering-receiver",
-        doc: "Every mote listens in one cell, which its address and the number of the slotframe determine.",
-        fields: &[
-            slots("slotframe_slots", "Length of the slotframe with these cells (slots).", 17),
-            slots("minimal_slots", "Length of the slotframe with the minimal cell (slots).", 31),
-        ],
-    },
+    variant: variant::<WanderingConfig>("wandering-receiver"),
     payload_cells: PayloadCells::Shared,
     build,
 };
 
 fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> {
-    let config: WanderingConfig = typed(table);
+    let config = WanderingConfig::read(table);
     if config.slotframe_slots == config.minimal_slots {
         let key = join(context.path, "slotframe_slots");
         let message = "must differ from minimal_slots, or some cells would always coincide with the minimal cell";
@@ -47,12 +31,14 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> 
     Some(Config::new(config))
 }
 
-/// Keys of `[netsim.sf]`, the same for all motes.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// Every mote listens in one cell, which its address and the number of the slotframe determine.
+#[derive(Clone, Debug, PartialEq, Eq, Section, Serialize, Deserialize)]
 pub struct WanderingConfig {
-    /// Length of the slotframe with the cells of motes (slots).
+    /// Length of the slotframe with these cells (slots).
+    #[key(range = 2..=1000, default = 17)]
     pub slotframe_slots: u16,
     /// Length of the slotframe with the minimal cell (slots).
+    #[key(range = 2..=1000, default = 31)]
     pub minimal_slots: u16,
 }
 
@@ -152,7 +138,7 @@ impl SchedulingFunction for Wandering {
 mod tests {
     use super::*;
     use netsim::catalogue::Catalogue;
-    use netsim::sf::testing::{Bench, Section};
+    use netsim::sf::testing::{Bench, Section as Keys};
 
     fn catalogue() -> Catalogue {
         let mut catalogue = Catalogue::default();
@@ -161,7 +147,7 @@ mod tests {
     }
 
     fn config() -> Config {
-        Section::new("kind = \"wandering-receiver\"", 9).built(&catalogue())
+        Keys::new("kind = \"wandering-receiver\"", 9).built(&catalogue())
     }
 
     #[test]
@@ -200,7 +186,7 @@ mod tests {
     fn equal_lengths_are_refused_with_the_nearest_valid_choice() {
         let text = "kind = \"wandering-receiver\"\nslotframe_slots = 31";
         assert_eq!(
-            Section::new(text, 9).read(&catalogue()).problems,
+            Keys::new(text, 9).read(&catalogue()).problems,
             [
                 "netsim.sf.slotframe_slots: must differ from minimal_slots, or some cells would always coincide with the \
               minimal cell, got 31 (nearest valid: 32)"

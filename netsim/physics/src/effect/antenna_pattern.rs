@@ -63,6 +63,7 @@ enum ShapeKey {
 #[derive(Catalogued, Section)]
 #[effect(
     name = "antenna-pattern",
+    makes = AntennaPattern,
     needs = &[Need::Positions, Need::Headings, Need::Readings],
     example = "front_to_back_db = 10.0\nboresight_rad = 0.0\n",
     variants = &[&[("shape", Fixed::Text("cardioid"))]],
@@ -211,10 +212,6 @@ fn dipole_db(up: f64, aside_squared: f64) -> f64 {
 }
 
 impl Effect for AntennaPattern {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         self.gain_db(&link.sender, &link.receiver) + self.gain_db(&link.receiver, &link.sender)
     }

@@ -56,10 +56,6 @@ pub struct BatterySag {
 }
 
 impl Effect for BatterySag {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         let sags =
             self.nodes.as_ref().is_none_or(|nodes| nodes.binary_search(&link.sender.id.0).is_ok());

@@ -52,10 +52,6 @@ pub struct BodyBlocking {
 }
 
 impl Effect for BodyBlocking {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         -self.loss_db * bodies_in_first_zone(link, self.blocker_radius_m).count() as f64
     }

@@ -59,10 +59,6 @@ pub fn knife_edge_db(v: f64) -> f64 {
 }
 
 impl Effect for Diffraction {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         let Some(site) = link.scene.site else { return 0.0 };
         let path = Path::direct(link);

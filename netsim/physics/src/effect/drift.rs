@@ -60,10 +60,6 @@ pub struct Drift {
 }
 
 impl Effect for Drift {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn scatter(&self) -> Option<Scatter> {
         (self.sd_db != 0.0).then_some(Scatter {
             law: Law::Normal { sd_db: self.sd_db },

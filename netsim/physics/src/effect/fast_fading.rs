@@ -54,10 +54,6 @@ pub struct FastFading {
 }
 
 impl Effect for FastFading {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn scatter(&self) -> Option<Scatter> {
         Some(Scatter {
             law: Law::Rician { k_factor_db: self.k_factor_db },

@@ -3,77 +3,69 @@
 use super::{Effect, Entry};
 use crate::link::{End, Link, Side};
 use crate::sight::Path;
-use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
-use proto::effect::{About, Need};
-use proto::formula::{Bound, FIELDS, FIT, Written};
-use serde::Deserialize;
+use proto::config::{Choice, Problem, Section};
+use proto::effect::{Catalogued, Need};
+use proto::formula::{Bound, Keys as FormulaKeys, Written};
 
 /// `kind = "formula"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "formula",
-        doc: "A user-defined expression of covariates and named parameters.",
-        fields: &[
-            FIELDS[0],
-            FIELDS[1],
-            FIELDS[2],
-            Field {
-                key: "target",
-                doc: "The quantity that the expression is added to.",
-                kind: Kind::Choice(&[
-                    Choice {
-                        name: "mean",
-                        doc: "The received power (dB). Attenuation is negative.",
-                    },
-                    Choice {
-                        name: "noise",
-                        doc: "The receiver's noise (dB): frames must be stronger by this to be received as well.",
-                    },
-                    Choice {
-                        name: "loss",
-                        doc: "The probability (0 to 1) that a frame is lost, independently of its strength.",
-                    },
-                ]),
-                default: Default::Text("mean"),
-            },
-            Field {
-                key: "limit_db",
-                doc: "Limit of the expression's absolute value (dB); larger values are clipped. It also bounds the range of \
-                      links, so a small limit makes runs faster.",
-                kind: Kind::Number(Range::closed(0.0, 200.0)),
-                default: Default::Number(40.0),
-            },
-        ],
+pub const ENTRY: Entry = Entry::new::<Keys>(
+    |table, path, problems| {
+        written(table, path, problems);
     },
-    about: About {
-        mechanism: "For effects outside the catalogue: an expression of distance, frequency, positions, time, headings and \
-                    any column of the measurements, with named parameters.",
-        equation: "RSSI' = RSSI + expression (mean), curve(RSSI - expression) (noise), P(received)' = P(received) (1 - expression) \
-                   (loss)",
-        source: "User-defined. diagnose writes formulas for unexplained structure in this form.",
-        validity: "As valid as the expression. It adds nothing if a name has no value or the result is not a number. Results \
-                   are clipped to limit_db, and loss probabilities to 0 to 1.",
-        trace: "An error that depends on the covariates of the expression.",
-        needs: &[Need::Readings],
-        example: "expression = \"-a * max(temperature_c - onset_c, 0)\"\ntarget = \"mean\"\n\
-         parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\
-         parameters.onset_c = { start = 25.0, min = 0.0, max = 60.0 }\n",
+    |table, _| {
+        let expression = written(table, "", &mut Vec::new())?.bound(&NAMES);
+        let Keys { target, limit_db, .. } = Keys::read(table);
+        Some(Box::new(Formula { expression, target, limit_db }))
     },
-    fit: FIT,
-    check: |table, path, problems| {
-        Written::read(table, path, &NAMES.map(|(name, _)| name), problems);
-    },
-    build: |table, _| {
-        let known = NAMES.map(|(name, _)| name);
-        let written = Written::read(table, "", &known, &mut Vec::new())?;
-        let Keys { target, limit_db } = typed(table);
-        Some(Box::new(Formula { expression: written.bound(&NAMES), target, limit_db }))
-    },
-};
+);
 
-#[derive(Deserialize)]
+fn written(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> Option<Written> {
+    Written::read(&Keys::read(table).formula, path, &NAMES.map(|(name, _)| name), problems)
+}
+
+/// A user-defined expression of covariates and named parameters.
+///
+/// # Mechanism
+///
+/// For effects outside the catalogue: an expression of distance, frequency, positions, time, headings and any column of the
+/// measurements, with named parameters.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI + expression (mean), curve(RSSI - expression) (noise), P(received)' = P(received) (1 - expression) (loss)
+/// ```
+///
+/// # Source
+///
+/// User-defined. diagnose writes formulas for unexplained structure in this form.
+///
+/// # Validity
+///
+/// As valid as the expression. It adds nothing if a name has no value or the result is not a number. Results are clipped to limit_db,
+/// and loss probabilities to 0 to 1.
+///
+/// # Trace
+///
+/// An error that depends on the covariates of the expression.
+#[derive(Catalogued, Section)]
+#[effect(
+    name = "formula",
+    makes = Formula,
+    needs = &[Need::Readings],
+    example = "expression = \"-a * max(temperature_c - onset_c, 0)\"\ntarget = \"mean\"\n\
+               parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\
+               parameters.onset_c = { start = 25.0, min = 0.0, max = 60.0 }\n",
+)]
 struct Keys {
+    #[key(flatten)]
+    formula: FormulaKeys,
+    /// The quantity that the expression is added to.
+    #[key(default = Target::Mean)]
     target: Target,
+    /// Limit of the expression's absolute value (dB); larger values are clipped. It also bounds the range of links, so a small limit
+    /// makes runs faster.
+    #[key(range = 0.0..=200.0, default = 40.0)]
     limit_db: f64,
 }
 
@@ -130,14 +122,13 @@ fn walls_crossed(link: &Link<'_>) -> f64 {
 }
 
 /// What an expression is added to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 pub enum Target {
-    /// The received power (dB).
+    /// The received power (dB). Attenuation is negative.
     Mean,
-    /// The receiver's noise (dB).
+    /// The receiver's noise (dB): frames must be stronger by this to be received as well.
     Noise,
-    /// The probability of loss.
+    /// The probability (0 to 1) that a frame is lost, independently of its strength.
     Loss,
 }
 
@@ -192,10 +183,6 @@ pub(super) fn covariate(link: &Link<'_>, name: &str) -> Option<f64> {
 }
 
 impl Effect for Formula {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         self.value_db(Target::Mean, link)
     }

@@ -56,6 +56,7 @@ pub const ENTRY: Entry = Entry::new::<Keys>(check, |table, _| {
 #[derive(Catalogued, Section)]
 #[effect(
     name = "hidden-obstacle",
+    makes = HiddenObstacle,
     needs = &[Need::Positions, Need::Readings],
     example = "loss_db = 8.0\nfrom_m = [10.0, -2.0]\nto_m = [10.0, 2.0]\n",
     level = Level::Place,
@@ -132,10 +133,6 @@ pub struct HiddenObstacle {
 }
 
 impl Effect for HiddenObstacle {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         let path = Path::direct(link);
         let is_cut = match &self.extent {

@@ -55,6 +55,7 @@ pub const ENTRY: Entry = Entry::new::<Keys>(check, |table, _| {
 #[derive(Catalogued, Section)]
 #[effect(
     name = "interference",
+    makes = Interference,
     needs = &[Need::Channels, Need::Losses],
     example = "centre_mhz = 2437.0\nduty = 0.3\n",
     variants = &[&[("centre_mhz", Fixed::Number(2412.0)), ("width_mhz", Fixed::Number(22.0))], &[("centre_mhz", Fixed::Number(2437.0)), ("width_mhz", Fixed::Number(22.0))], &[("centre_mhz", Fixed::Number(2462.0)), ("width_mhz", Fixed::Number(22.0))]],
@@ -135,10 +136,6 @@ pub struct Interference {
 }
 
 impl Effect for Interference {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn band_hz(&self) -> Option<RangeInclusive<f64>> {
         Some(self.centre_hz - self.half_width_hz..=self.centre_hz + self.half_width_hz)
     }

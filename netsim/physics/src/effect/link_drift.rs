@@ -3,62 +3,67 @@
 use super::drift::Drift;
 use super::{Effect, Entry, UNCHECKED};
 use crate::scatter::{Law, Renewal, Scatter};
-use proto::config::{Section, Variant};
-use proto::effect::{About, Catalogued, Fit, Level, Need, Role};
+use proto::config::Section;
+use proto::effect::{Catalogued, Level, Need, Role};
 use proto::rng::Purpose;
 
 /// `kind = "link-drift"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "link-drift",
-        doc: "An offset of each link, the same in both directions, that changes slowly in time.",
-        fields: Drift::SPEC.fields,
-    },
-    about: About {
-        mechanism: "People, doors and vehicles come and go, and plants move, near some links and not near others: the \
-                    received power of a link between stationary nodes varies over minutes.",
-        equation: "RSSI' = RSSI + X(t), X ~ N(0, sd_db^2) per unordered pair; correlation e^(-time / correlation_s)",
-        source: "G. E. Uhlenbeck, L. S. Ornstein, Physical Review 36 (1930) 823 (the process); N. Patwari, J. Wilson, RF sensor networks for device-free localization, Proceedings of the IEEE 98 (2010) 1961 (people change links near them).",
-        validity: "Links are independent of each other, although real neighbouring links share obstacles. Clipped at 5 sd.",
-        trace: "Errors of one link that are correlated for minutes and in both directions, but not with those of other \
-                links.",
-        needs: &[Need::Readings, Need::Time, Need::Still],
-        example: "sd_db = 3.0\ncorrelation_s = 300.0\n",
-    },
-    fit: Fit {
-        parameters: <Drift as Catalogued>::FIT.parameters,
-        level: Level::Random,
-        role: Role::RandomPerLinkInTime,
-        ..Fit::PLAIN
-    },
-    check: UNCHECKED,
-    build: |table, ordinal| Some(Box::new(LinkDrift(Drift { ordinal, ..Drift::read(table) }))),
-};
+pub const ENTRY: Entry = Entry::new::<LinkDrift>(UNCHECKED, |table, ordinal| {
+    let LinkDrift { drift } = LinkDrift::read(table);
+    Some(Box::new(LinkDrift { drift: Drift { ordinal, ..drift } }))
+});
 
-/// An offset of each link that changes slowly in time.
+/// An offset of each link, the same in both directions, that changes slowly in time.
 ///
-/// # Model
+/// # Mechanism
 ///
-/// A stationary Gauss-Markov process in time: N(0, sd²) in dB, with correlation e^(−Δ/correlation) over the time Δ (G. E. Uhlenbeck,
-/// L. S. Ornstein, On the theory of the Brownian motion, Physical Review 36 (1930) 823). Links are independent of each other.
+/// People, doors and vehicles come and go, and plants move, near some links and not near others: the received power of a link between
+/// stationary nodes varies over minutes.
+///
+/// # Equation
+///
+/// ```text
+/// RSSI' = RSSI + X(t), X ~ N(0, sd_db^2) per unordered pair; correlation e^(-time / correlation_s)
+/// ```
+///
+/// # Source
+///
+/// G. E. Uhlenbeck, L. S. Ornstein, Physical Review 36 (1930) 823 (the process); N. Patwari, J. Wilson, RF sensor networks for
+/// device-free localization, Proceedings of the IEEE 98 (2010) 1961 (people change links near them).
 ///
 /// # Validity
 ///
-/// The same on all channels and in both directions of a link. Values are those at the begin of a control period, and clipped at ±5 sd.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LinkDrift(pub Drift);
+/// Links are independent of each other, although real neighbouring links share obstacles. Clipped at 5 sd.
+///
+/// # Trace
+///
+/// Errors of one link that are correlated for minutes and in both directions, but not with those of other links.
+///
+/// # Model
+///
+/// A stationary Gauss-Markov process. The same on all channels. Values are those at the begin of a control period.
+#[derive(Clone, Copy, Debug, PartialEq, Catalogued, Section)]
+#[effect(
+    name = "link-drift",
+    needs = &[Need::Readings, Need::Time, Need::Still],
+    example = "sd_db = 3.0\ncorrelation_s = 300.0\n",
+    parameters = Drift::FIT.parameters,
+    level = Level::Random,
+    role = Role::RandomPerLinkInTime,
+)]
+pub struct LinkDrift {
+    /// Its law.
+    #[key(flatten)]
+    pub drift: Drift,
+}
 
 impl Effect for LinkDrift {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn scatter(&self) -> Option<Scatter> {
-        (self.0.sd_db != 0.0).then_some(Scatter {
-            law: Law::Normal { sd_db: self.0.sd_db },
-            renewal: Renewal::Time { length_s: self.0.correlation_s, is_common: false },
+        (self.drift.sd_db != 0.0).then_some(Scatter {
+            law: Law::Normal { sd_db: self.drift.sd_db },
+            renewal: Renewal::Time { length_s: self.drift.correlation_s, is_common: false },
             purpose: Purpose::LinkDrift,
-            ordinal: self.0.ordinal,
+            ordinal: self.drift.ordinal,
             directed: false,
         })
     }

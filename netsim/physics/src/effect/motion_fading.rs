@@ -48,6 +48,7 @@ pub const ENTRY: Entry = Entry::new::<Keys>(UNCHECKED, |table, _| {
 #[derive(Catalogued, Section)]
 #[effect(
     name = "motion-fading",
+    makes = MotionFading,
     needs = &[Need::Movement, Need::Losses],
     example = "rician_k_db = -5.0\n",
     variants = &[&[("law", Fixed::Text("coherence-time"))], &[("law", Fixed::Text("correlation"))]],
@@ -148,10 +149,6 @@ fn relative_speed_mps(link: &Link<'_>) -> Option<f64> {
 }
 
 impl Effect for MotionFading {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn loss(&self, link: &Link<'_>) -> f64 {
         let speed_mps = relative_speed_mps(link).filter(|speed_mps| speed_mps.is_finite());
         let Some(speed_mps) = speed_mps.filter(|&speed_mps| speed_mps != 0.0) else { return 0.0 };

@@ -44,6 +44,7 @@ pub const ENTRY: Entry = Entry::new::<Keys>(UNCHECKED, |table, ordinal| {
 #[derive(Catalogued, Section)]
 #[effect(
     name = "multipath",
+    makes = Multipath,
     needs = &[Need::Channels, Need::Readings],
     example = "sd_db = 4.0\ncoherence_mhz = 5.0\n",
     level = Level::Random,
@@ -87,10 +88,6 @@ pub struct Multipath {
 }
 
 impl Effect for Multipath {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn scatter(&self) -> Option<Scatter> {
         Some(Scatter {
             law: Law::Normal { sd_db: self.sd_db },

@@ -88,10 +88,6 @@ fn most(values_db: &[f64]) -> f64 {
 }
 
 impl Effect for NodeOffset {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         offset_db(&self.tx_db, link.sender.id.0) + offset_db(&self.rx_db, link.receiver.id.0)
     }

@@ -46,10 +46,6 @@ pub struct NoiseFloor {
 }
 
 impl Effect for NoiseFloor {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn max_gain_db(&self) -> f64 {
         -self.shift_db
     }

@@ -4,6 +4,7 @@ use super::formula::{NAMES, Read, covariate};
 use super::{Curve, Effect, Scatter};
 use crate::link::{Link, Scene};
 use proto::config::{Problem, TableSpec};
+use proto::effect::Named;
 use proto::effect::only::{self, FROM_S, RUNS, UNTIL_S, condition, members};
 use std::ops::RangeInclusive;
 
@@ -72,11 +73,13 @@ struct Limited {
     only: Only,
 }
 
-impl Effect for Limited {
+impl Named for Limited {
     fn name(&self) -> &'static str {
         self.effect.name()
     }
+}
 
+impl Effect for Limited {
     fn acts_on(&self, link: &Link<'_>) -> bool {
         self.only.concerns(&[link.sender.id.0, link.receiver.id.0])
             && self.only.acts_in(link.scene.run)

@@ -58,10 +58,6 @@ pub struct PathLossExponent {
 }
 
 impl Effect for PathLossExponent {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         if link.distance_m <= self.reference_distance_m {
             return 0.0;

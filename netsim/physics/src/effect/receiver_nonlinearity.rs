@@ -50,10 +50,6 @@ pub struct ReceiverNonlinearity {
 }
 
 impl Effect for ReceiverNonlinearity {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn register_dbm(&self, _: &Link<'_>, register_dbm: f64) -> f64 {
         if register_dbm <= self.saturation_dbm {
             return register_dbm;

@@ -78,10 +78,6 @@ impl Curve for ReceptionCurve {
 }
 
 impl Effect for ReceptionCurve {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn curve(&self) -> Option<&dyn Curve> {
         Some(self)
     }

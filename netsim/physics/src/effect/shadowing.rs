@@ -60,10 +60,6 @@ pub struct Shadowing {
 }
 
 impl Effect for Shadowing {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn scatter(&self) -> Option<Scatter> {
         Some(Scatter {
             law: Law::Normal { sd_db: self.sd_db },

@@ -51,10 +51,6 @@ pub struct SystemGain {
 }
 
 impl Effect for SystemGain {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, _: &Link<'_>) -> f64 {
         if self.register_only { 0.0 } else { self.gain_db }
     }

@@ -59,10 +59,6 @@ const COLDEST_C: f64 = -60.0;
 const WARMEST_C: f64 = 125.0;
 
 impl Effect for Temperature {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         let celsius_of = |side: Side| link.covariate("temperature_c", side);
         let temperature_c = match (celsius_of(Side::Sender), celsius_of(Side::Receiver)) {

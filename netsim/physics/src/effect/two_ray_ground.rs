@@ -82,10 +82,6 @@ impl TwoRayGround {
 const DEEPEST_DB: f64 = -100.0;
 
 impl Effect for TwoRayGround {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         let ([ax, ay, az], [bx, by, bz]) = (link.sender.position_m, link.receiver.position_m);
         if az <= 0.0 || bz <= 0.0 {

@@ -59,10 +59,6 @@ fn weissberger_db(depth_m: f64, frequency_hz: f64) -> f64 {
 }
 
 impl Effect for Vegetation {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         let Some(site) = link.scene.site else { return 0.0 };
         if site.foliage.is_empty() {

@@ -51,10 +51,6 @@ pub struct WallAttenuation {
 }
 
 impl Effect for WallAttenuation {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         let Some(site) = link.scene.site else { return 0.0 };
         let path = Path::direct(link);

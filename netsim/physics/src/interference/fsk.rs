@@ -1,38 +1,24 @@
 //! Interference by the bit error rate of binary FSK.
 
 use super::{Entry, Rule, milliwatts};
-use crate::reception::fsk::{BANDWIDTH, BIT_RATE, NOISE_FLOOR, bit_error_rate};
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use crate::reception::fsk::{Receiver, bit_error_rate};
+use proto::config::{Section, variant};
 
 /// `kind = "fsk"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "fsk",
-        doc: "The bit error rate of 2-FSK, detected without phase, over the signal-to-interference-and-noise ratio, for every \
-              bit with interference.",
-        fields: &[
-            NOISE_FLOOR,
-            BANDWIDTH,
-            BIT_RATE,
-            Field {
-                key: "co_channel_rejection_db",
-                doc: "Co-channel rejection (dB): how much stronger a frame of 20 bytes must be than another one on its \
-                      channel for 1 % of such frames to be lost, and for a receiver to switch to it from an earlier frame. \
-                      10: receivers of 2-FSK with modulation index 1.",
-                kind: Kind::Number(Range::closed(-10.0, 40.0)),
-                default: Default::Number(10.0),
-            },
-        ],
-    },
-    build: |table| Some(Box::new(Fsk::new(&typed(table)))),
+    variant: variant::<Keys>("fsk"),
+    build: |table| Some(Box::new(Fsk::new(&Keys::read(table)))),
 };
 
-#[derive(Deserialize)]
+/// The bit error rate of 2-FSK, detected without phase, over the signal-to-interference-and-noise ratio, for every bit with
+/// interference.
+#[derive(Section)]
 struct Keys {
-    noise_floor_dbm: f64,
-    bandwidth_hz: f64,
-    bit_rate_bps: f64,
+    #[key(flatten)]
+    receiver: Receiver,
+    /// Co-channel rejection (dB): how much stronger a frame of 20 bytes must be than another one on its channel for 1 % of such frames to
+    /// be lost, and for a receiver to switch to it from an earlier frame. 10: receivers of 2-FSK with modulation index 1.
+    #[key(range = -10.0..=40.0, default = 10.0)]
     co_channel_rejection_db: f64,
 }
 
@@ -61,13 +47,13 @@ const CRITERION_BITS: f64 = 224.0;
 
 impl Fsk {
     fn new(keys: &Keys) -> Self {
-        let gain = keys.bandwidth_hz / keys.bit_rate_bps;
+        let gain = keys.receiver.gain();
         let criterion = -libm::expm1(libm::log(0.99) / CRITERION_BITS);
         let ratio = -2.0 * libm::log(2.0 * criterion);
         Self {
-            noise_mw: milliwatts(keys.noise_floor_dbm),
+            noise_mw: milliwatts(keys.receiver.noise_floor_dbm),
             gain,
-            bit_ns: 1e9 / keys.bit_rate_bps,
+            bit_ns: 1e9 / keys.receiver.bit_rate_bps,
             weight: milliwatts(keys.co_channel_rejection_db) * gain / ratio,
             capture_db: keys.co_channel_rejection_db,
         }
@@ -80,10 +66,6 @@ impl Fsk {
 }
 
 impl Rule for Fsk {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn disturbance_mw(&self, rssi_dbm: f64) -> f64 {
         self.weight * milliwatts(rssi_dbm)
     }
@@ -115,7 +97,8 @@ mod tests {
 
     fn rule(co_channel_rejection_db: f64) -> Fsk {
         let (noise_floor_dbm, bandwidth_hz, bit_rate_bps) = (-117.0, 100e3, 50e3);
-        Fsk::new(&Keys { noise_floor_dbm, bandwidth_hz, bit_rate_bps, co_channel_rejection_db })
+        let receiver = Receiver { noise_floor_dbm, bandwidth_hz, bit_rate_bps };
+        Fsk::new(&Keys { receiver, co_channel_rejection_db })
     }
 
     #[test]

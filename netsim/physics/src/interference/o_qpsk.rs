@@ -1,47 +1,34 @@
 //! Interference by the bit error rate of IEEE 802.15.4's O-QPSK.
 
-use super::{Entry, NOISE_FIELD, Rule, milliwatts};
+use super::{Entry, Noise, Rule, milliwatts};
 use crate::memo::Memo;
 use crate::reception::o_qpsk::bit_error_rate;
-use proto::config::{Default, Field, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Section, variant};
 
 /// `kind = "o-qpsk"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "o-qpsk",
-        doc: "The bit error rate of 2.4 GHz O-QPSK over the signal-to-interference-and-noise ratio (IEEE Std \
-              802.15.4-2006, E.4.1.8), for every bit with interference.",
-        fields: &[
-            NOISE_FIELD,
-            Field {
-                key: "co_channel_rejection_db",
-                doc: "Co-channel rejection (dB): how much stronger a frame of 20 bytes must be than another one on its \
-                      channel for 1 % of such frames to be lost, and for a receiver to switch to it from an earlier frame. \
-                      3: the data sheet of the CC2420. 0.5: as if the other frame were white noise.",
-                kind: Kind::Number(Range::closed(-10.0, 40.0)),
-                default: Default::Number(3.0),
-            },
-            Field {
-                key: "bit_rate_bps",
-                doc: "Bit rate (bit/s). Absent: 250000, that of 2.4 GHz.",
-                kind: Kind::Number(Range::closed(1e2, 1e9)),
-                default: Default::Absent,
-            },
-        ],
-    },
+    variant: variant::<Keys>("o-qpsk"),
     build: |table| {
-        let keys: Keys = typed(table);
-        let rule = OQpsk::new(keys.noise_floor_dbm, keys.co_channel_rejection_db);
+        let keys = Keys::read(table);
+        let rule = OQpsk::new(keys.noise.noise_floor_dbm, keys.co_channel_rejection_db);
         let bit_ns = keys.bit_rate_bps.map_or(rule.bit_ns, |bps| 1e9 / bps);
         Some(Box::new(OQpsk { bit_ns, ..rule }))
     },
 };
 
-#[derive(Deserialize)]
+/// The bit error rate of 2.4 GHz O-QPSK over the signal-to-interference-and-noise ratio (IEEE Std 802.15.4-2006, E.4.1.8), for every bit
+/// with interference.
+#[derive(Section)]
 struct Keys {
-    noise_floor_dbm: f64,
+    #[key(flatten)]
+    noise: Noise,
+    /// Co-channel rejection (dB): how much stronger a frame of 20 bytes must be than another one on its channel for 1 % of such frames to
+    /// be lost, and for a receiver to switch to it from an earlier frame. 3: the data sheet of the CC2420. 0.5: as if the other frame
+    /// were white noise.
+    #[key(range = -10.0..=40.0, default = 3.0)]
     co_channel_rejection_db: f64,
+    /// Bit rate (bit/s). Absent: 250000, that of 2.4 GHz.
+    #[key(range = 1e2..=1e9)]
     bit_rate_bps: Option<f64>,
 }
 
@@ -119,10 +106,6 @@ impl OQpsk {
 }
 
 impl Rule for OQpsk {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn disturbance_mw(&self, rssi_dbm: f64) -> f64 {
         self.weight * power_mw(rssi_dbm)
     }

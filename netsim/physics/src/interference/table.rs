@@ -1,29 +1,22 @@
 //! Interference by the 6TiSCH simulator's table.
 
-use super::{Entry, NOISE_FIELD, Rule, milliwatts};
+use super::{Entry, Noise, Rule, milliwatts};
 use crate::reception::Curve;
 use crate::reception::table::Table;
-use proto::config::{Variant, typed};
-use serde::Deserialize;
+use proto::config::{Section, variant};
 
 /// `kind = "table"`.
 pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "table",
-        doc: "As in the 6TiSCH simulator: the signal-to-interference-and-noise ratio is converted to the RSSI with the \
-              same ratio over noise alone, which is looked up in the simulator's table. All frames arrive from 26 dB, and \
-              none below 7.25 dB.",
-        fields: &[NOISE_FIELD],
-    },
-    build: |table| {
-        let keys: Keys = typed(table);
-        Some(Box::new(ByTable::new(keys.noise_floor_dbm)))
-    },
+    variant: variant::<Keys>("table"),
+    build: |table| Some(Box::new(ByTable::new(Keys::read(table).noise.noise_floor_dbm))),
 };
 
-#[derive(Deserialize)]
+/// As in the 6TiSCH simulator: the signal-to-interference-and-noise ratio is converted to the RSSI with the same ratio over noise
+/// alone, which is looked up in the simulator's table. All frames arrive from 26 dB, and none below 7.25 dB.
+#[derive(Section)]
 struct Keys {
-    noise_floor_dbm: f64,
+    #[key(flatten)]
+    noise: Noise,
 }
 
 /// Interference by the 6TiSCH simulator's table.
@@ -88,10 +81,6 @@ impl ByTable {
 }
 
 impl Rule for ByTable {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn disturbance_mw(&self, rssi_dbm: f64) -> f64 {
         (milliwatts(rssi_dbm) - self.noise_mw).max(0.0)
     }

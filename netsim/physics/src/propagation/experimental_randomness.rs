@@ -66,10 +66,6 @@ pub struct ExperimentalRandomness {
 }
 
 impl Propagation for ExperimentalRandomness {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn predict(&self, link: &Link<'_>) -> Prediction {
         let friis_dbm = friis_dbm(self.radio.total_dbm(), link.distance_m, link.frequency_hz);
         Prediction { rssi_dbm: friis_dbm - 0.5 * SPAN_DB, reception: Reception::ByCurve }

@@ -75,10 +75,6 @@ pub struct Friis {
 }
 
 impl Propagation for Friis {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn predict(&self, link: &Link<'_>) -> Prediction {
         let rssi_dbm = friis_dbm(self.radio.total_dbm(), link.distance_m, link.frequency_hz);
         Prediction { rssi_dbm, reception: Reception::ByCurve }

@@ -1,8 +1,7 @@
 //! Everyone hears everyone.
 
 use super::{
-    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, RSSI_FIELD, Reach,
-    Reception,
+    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, Reach, Reading, Reception,
 };
 use crate::link::Link;
 use proto::config::{Section, variant};
@@ -14,15 +13,15 @@ pub const ENTRY: Entry = Entry {
     replay: NOT_REPLAYED,
     build: |table, context| {
         let keys = Keys::read(table);
-        Some(Box::new(Full { rssi: AssignedRssi::new(context.radio, keys.rssi_dbm) }))
+        Some(Box::new(Full { rssi: AssignedRssi::new(context.radio, keys.reading.rssi_dbm) }))
     },
 };
 
 /// Full connectivity: every frame arrives.
 #[derive(Section)]
 struct Keys {
-    #[key(field = RSSI_FIELD)]
-    rssi_dbm: Option<f64>,
+    #[key(flatten)]
+    reading: Reading,
 }
 
 /// Every frame arrives, over any distance: the ideal radio.
@@ -33,10 +32,6 @@ pub struct Full {
 }
 
 impl Propagation for Full {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn predict(&self, link: &Link<'_>) -> Prediction {
         Prediction { rssi_dbm: self.rssi.dbm(link), reception: Reception::Stated(1.0) }
     }

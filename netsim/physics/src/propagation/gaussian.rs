@@ -2,8 +2,7 @@
 
 use super::friis::within;
 use super::{
-    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, RSSI_FIELD, Reach,
-    Reception,
+    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, Reach, Reading, Reception,
 };
 use crate::link::Link;
 use proto::config::{Range, Section, variant};
@@ -15,7 +14,7 @@ pub const ENTRY: Entry = Entry {
     replay: NOT_REPLAYED,
     build: |table, context| {
         let keys = Keys::read(table);
-        let rssi = AssignedRssi::new(context.radio, keys.rssi_dbm);
+        let rssi = AssignedRssi::new(context.radio, keys.reading.rssi_dbm);
         Some(Box::new(Gaussian { sigma_m: keys.sigma_m, rssi }))
     },
 };
@@ -26,8 +25,8 @@ struct Keys {
     /// Width sigma (m): half of the frames arrive over 1.18 sigma.
     #[key(range = Range::LENGTH)]
     sigma_m: f64,
-    #[key(field = RSSI_FIELD)]
-    rssi_dbm: Option<f64>,
+    #[key(flatten)]
+    reading: Reading,
 }
 
 /// From this many widths on nothing arrives; the well has left 1.5 · 10⁻⁸ there.
@@ -49,10 +48,6 @@ pub struct Gaussian {
 }
 
 impl Propagation for Gaussian {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn predict(&self, link: &Link<'_>) -> Prediction {
         let widths = link.distance_m / self.sigma_m;
         let pdr = if widths <= CUT_SIGMAS { libm::exp(-0.5 * widths * widths) } else { 0.0 };

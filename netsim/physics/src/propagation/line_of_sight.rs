@@ -2,8 +2,7 @@
 
 use super::friis::within;
 use super::{
-    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, RSSI_FIELD, Reach,
-    Reception,
+    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, Reach, Reading, Reception,
 };
 use crate::link::{Link, Scene};
 use crate::sight::{Path, is_blocked_by_body, off_heading_rad, prepare_bodies};
@@ -20,7 +19,7 @@ pub const ENTRY: Entry = Entry {
             radius_m: keys.radius_m,
             field_of_view_rad: keys.field_of_view_rad,
             body_radius_m: keys.robots_block.then_some(keys.body_radius_m),
-            rssi: AssignedRssi::new(context.radio, keys.rssi_dbm),
+            rssi: AssignedRssi::new(context.radio, keys.reading.rssi_dbm),
         }))
     },
 };
@@ -41,8 +40,8 @@ struct Keys {
     /// Radius of a robot's body, a ball around its antenna (m). Used with robots_block only.
     #[key(range = Range::LENGTH, default = 0.1)]
     body_radius_m: f64,
-    #[key(field = RSSI_FIELD)]
-    rssi_dbm: Option<f64>,
+    #[key(flatten)]
+    reading: Reading,
 }
 
 /// Line of sight, for light and as an abstraction of radio at high frequencies.
@@ -86,10 +85,6 @@ fn is_in_view(link: &Link<'_>, angle_rad: f64) -> bool {
 }
 
 impl Propagation for LineOfSight {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn predict(&self, link: &Link<'_>) -> Prediction {
         Prediction {
             rssi_dbm: self.rssi.dbm(link),

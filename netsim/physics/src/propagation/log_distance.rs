@@ -45,10 +45,6 @@ pub struct LogDistance {
 }
 
 impl Propagation for LogDistance {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn predict(&self, link: &Link<'_>) -> Prediction {
         let d0 = self.reference_distance_m;
         let near_m = link.distance_m.min(d0);

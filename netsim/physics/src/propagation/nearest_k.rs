@@ -1,8 +1,7 @@
 //! The k nearest.
 
 use super::{
-    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, RSSI_FIELD, Reach,
-    Reception,
+    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, Reach, Reading, Reception,
 };
 use crate::link::{Link, Scene};
 use crate::nearest::Nearest;
@@ -15,7 +14,7 @@ pub const ENTRY: Entry = Entry {
     replay: NOT_REPLAYED,
     build: |table, context| {
         let keys = Keys::read(table);
-        let rssi = AssignedRssi::new(context.radio, keys.rssi_dbm);
+        let rssi = AssignedRssi::new(context.radio, keys.reading.rssi_dbm);
         Some(Box::new(NearestK { k: keys.k, rssi }))
     },
 };
@@ -26,8 +25,8 @@ struct Keys {
     /// How many.
     #[key(range = 0..=1_000_000)]
     k: usize,
-    #[key(field = RSSI_FIELD)]
-    rssi_dbm: Option<f64>,
+    #[key(flatten)]
+    reading: Reading,
 }
 
 /// The topological neighbourhood of the swarm literature: the receiver hears the k radios nearest to it, whether they
@@ -46,10 +45,6 @@ pub struct NearestK {
 }
 
 impl Propagation for NearestK {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn predict(&self, link: &Link<'_>) -> Prediction {
         let nearest = link.scene.nearest.as_ref();
         let among = nearest.and_then(|nearest| nearest.is_among(&link.receiver, &link.sender));

@@ -40,10 +40,6 @@ pub struct ProbabilisticDisk {
 }
 
 impl Propagation for ProbabilisticDisk {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn predict(&self, link: &Link<'_>) -> Prediction {
         let friis_dbm = friis_dbm(self.radio.total_dbm(), link.distance_m, link.frequency_hz);
         Prediction { rssi_dbm: friis_dbm - BELOW_FRIIS_DB, reception: Reception::ByCurve }

@@ -99,10 +99,6 @@ impl Trace {
 }
 
 impl Propagation for Trace {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn predict(&self, link: &Link<'_>) -> Prediction {
         let (src, dst) = (link.sender.id.index(), link.receiver.id.index());
         let row = match link.channel {

@@ -2,8 +2,7 @@
 
 use super::friis::within;
 use super::{
-    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, RSSI_FIELD, Reach,
-    Reception,
+    AssignedRssi, Entry, Family, NOT_REPLAYED, Prediction, Propagation, Reach, Reading, Reception,
 };
 use crate::link::Link;
 use proto::config::{Range, Section, variant};
@@ -15,7 +14,7 @@ pub const ENTRY: Entry = Entry {
     replay: NOT_REPLAYED,
     build: |table, context| {
         let keys = Keys::read(table);
-        let rssi = AssignedRssi::new(context.radio, keys.rssi_dbm);
+        let rssi = AssignedRssi::new(context.radio, keys.reading.rssi_dbm);
         Some(Box::new(UnitDisk { radius_m: keys.radius_m, rssi }))
     },
 };
@@ -26,8 +25,8 @@ struct Keys {
     /// The radius (m), itself included. BotNet uses 3 without and 10 with its network.
     #[key(range = Range::LENGTH)]
     radius_m: f64,
-    #[key(field = RSSI_FIELD)]
-    rssi_dbm: Option<f64>,
+    #[key(flatten)]
+    reading: Reading,
 }
 
 /// The unit disk of the literature, closed: reception is certain where d ≤ radius, impossible elsewhere.
@@ -44,10 +43,6 @@ pub struct UnitDisk {
 }
 
 impl Propagation for UnitDisk {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn predict(&self, link: &Link<'_>) -> Prediction {
         let inside = link.distance_m <= self.radius_m;
         Prediction {

@@ -2,38 +2,14 @@
 
 use super::o_qpsk::NEVER;
 use super::{Curve, Entry};
-use proto::config::{Default, Field, Kind, Range, Section, variant};
-
-/// The key `noise_floor_dbm`, which interference has as well.
-pub const NOISE_FLOOR: Field = Field {
-    key: "noise_floor_dbm",
-    doc: "Noise power in the receiver's bandwidth (dBm).",
-    kind: Kind::Number(Range::closed(-200.0, 0.0)),
-    default: Default::Number(-117.0),
-};
-
-/// The key `bandwidth_hz`, which interference has as well.
-pub const BANDWIDTH: Field = Field {
-    key: "bandwidth_hz",
-    doc: "Bandwidth in which that noise is collected (Hz).",
-    kind: Kind::Number(Range::closed(1e2, 1e9)),
-    default: Default::Number(100e3),
-};
-
-/// The key `bit_rate_bps`, which interference has as well.
-pub const BIT_RATE: Field = Field {
-    key: "bit_rate_bps",
-    doc: "Bit rate (bit/s).",
-    kind: Kind::Number(Range::closed(1e2, 1e9)),
-    default: Default::Number(50e3),
-};
+use proto::config::{Section, variant};
 
 /// `kind = "fsk"`.
 pub const ENTRY: Entry = Entry {
     variant: variant::<Keys>("fsk"),
     build: |table, _, _| {
-        let keys = Keys::read(table);
-        Some(Box::new(Fsk::new(keys.noise_floor_dbm, keys.gain(), keys.frame_bytes)))
+        let Keys { receiver, frame_bytes } = Keys::read(table);
+        Some(Box::new(Fsk::new(receiver.noise_floor_dbm, receiver.gain(), frame_bytes)))
     },
 };
 
@@ -124,19 +100,30 @@ impl Curve for Fsk {
 /// The bit error rate of 2-FSK, detected without phase, over the signal-to-noise ratio, for every bit of the frame.
 #[derive(Section)]
 struct Keys {
-    #[key(field = NOISE_FLOOR)]
-    noise_floor_dbm: f64,
-    #[key(field = BANDWIDTH)]
-    bandwidth_hz: f64,
-    #[key(field = BIT_RATE)]
-    bit_rate_bps: f64,
+    #[key(flatten)]
+    receiver: Receiver,
     /// Length of a frame on air (bytes). 127: the longest of 6TiSCH.
     #[key(range = 1..=2047, default = 127)]
     frame_bytes: u32,
 }
 
-impl Keys {
-    fn gain(&self) -> f64 {
+/// The receiver of such frames, which interference weighs as well.
+#[derive(Section)]
+pub(crate) struct Receiver {
+    /// Noise power in the receiver's bandwidth (dBm).
+    #[key(range = -200.0..=0.0, default = -117.0)]
+    pub(crate) noise_floor_dbm: f64,
+    /// Bandwidth in which that noise is collected (Hz).
+    #[key(range = 1e2..=1e9, default = 100e3)]
+    pub(crate) bandwidth_hz: f64,
+    /// Bit rate (bit/s).
+    #[key(range = 1e2..=1e9, default = 50e3)]
+    pub(crate) bit_rate_bps: f64,
+}
+
+impl Receiver {
+    /// Bandwidth over bit rate.
+    pub(crate) fn gain(&self) -> f64 {
         self.bandwidth_hz / self.bit_rate_bps
     }
 }

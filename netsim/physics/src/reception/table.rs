@@ -1,32 +1,20 @@
 //! The measured RSSI → PDR table.
 
 use super::{Curve, Entry};
-use proto::config::{Default, Field, Kind, Problem, Range, Variant};
+use proto::config::{Problem, Section, variant};
 
 /// `kind = "table"`.
-pub const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "table",
-        doc: "A table of reception probability over RSSI, with linear interpolation.",
-        fields: &[Field {
-            key: "points",
-            doc: "Points [RSSI in dBm, probability], with ascending RSSI and non-decreasing probability; 0 below the first \
-                  point, constant beyond the last. Absent: the table of the 6TiSCH simulator, -97 dBm: 0 to -79 dBm: 1, \
-                  measured on SmartMesh IP (Dust) motes, both end points synthetic.",
-            kind: Kind::List {
-                of: &Kind::List {
-                    of: &Kind::Number(Range::closed(-1000.0, 1000.0)),
-                    min: 2,
-                    max: 2,
-                },
-                min: 2,
-                max: 10_000,
-            },
-            default: Default::Absent,
-        }],
-    },
-    build,
-};
+pub const ENTRY: Entry = Entry { variant: variant::<Keys>("table"), build };
+
+/// A table of reception probability over RSSI, with linear interpolation.
+#[derive(Section)]
+struct Keys {
+    /// Points \[RSSI in dBm, probability\], with ascending RSSI and non-decreasing probability; 0 below the first point, constant beyond
+    /// the last. Absent: the table of the 6TiSCH simulator, -97 dBm: 0 to -79 dBm: 1, measured on SmartMesh IP (Dust) motes, both end
+    /// points synthetic.
+    #[key(length = 2..=10_000, range = -1000.0..=1000.0)]
+    points: Option<Vec<[f64; 2]>>,
+}
 
 /// RSSI (dBm) and probability of reception of IEEE 802.15.4 frames, in steps of 1 dB from −97 to −79 dBm.
 ///
@@ -104,14 +92,8 @@ impl Curve for Table {
 }
 
 fn build(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> Option<Box<dyn Curve>> {
-    let Some(points) = table.get("points") else { return Some(Box::new(Table::dust())) };
-    let points: Vec<(f64, f64)> = points
-        .clone()
-        .try_into::<Vec<[f64; 2]>>()
-        .ok()?
-        .into_iter()
-        .map(|[rssi, probability]| (rssi, probability))
-        .collect();
+    let Some(points) = Keys::read(table).points else { return Some(Box::new(Table::dust())) };
+    let points: Vec<(f64, f64)> = points.into_iter().map(|[rssi, pdr]| (rssi, pdr)).collect();
     let before = problems.len();
     for (index, &(_, probability)) in points.iter().enumerate() {
         if !(0.0..=1.0).contains(&probability) {

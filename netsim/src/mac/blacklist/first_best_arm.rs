@@ -1,6 +1,6 @@
 //! MABO-TSCH with the "first best arm" policy: all channels but the best are blacklisted.
 
-use super::{ChannelSet, Config, EXPLORE, Entry, N_CHANNELS, OFFSETS, Quality, Rule, SPACING};
+use super::{ChannelSet, Common, Config, Entry, N_CHANNELS, Quality, Rule};
 use proto::config::{Problem, Section, join, variant};
 use serde::{Deserialize, Serialize};
 
@@ -16,13 +16,14 @@ pub const ENTRY: Entry = Entry {
             let problem = Problem::new(join(path, "arms"), message).value(keys.arms);
             problems.push(if 1 < n { problem.nearest(n - 1) } else { problem });
         }
+        let Common { offsets, spacing, explore } = keys.common;
         let weight = (100.0 * keys.weight).round() as u8;
         Some(Config {
             rule: Rule::FirstBestArm(FirstBestArm { arms: keys.arms, weight }),
             channels,
-            offsets: keys.offsets,
-            spacing: keys.spacing,
-            explore: keys.explore,
+            offsets,
+            spacing,
+            explore,
             max_failures: MAX_FAILURES,
         })
     },
@@ -42,12 +43,8 @@ struct Keys {
     /// average. 0.2: as in MABO-TSCH's implementation.
     #[key(range = 0.01..=1.0, default = 0.2)]
     weight: f64,
-    #[key(field = OFFSETS)]
-    offsets: u16,
-    #[key(field = SPACING)]
-    spacing: u16,
-    #[key(field = EXPLORE)]
-    explore: f64,
+    #[key(flatten)]
+    common: Common,
 }
 
 /// All channels but the best are blacklisted.

@@ -1,6 +1,6 @@
 //! Acknowledgments that do not come.
 
-use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
+use super::{Burden, Concerned, Effect, Entry, Node};
 use proto::config::{Range, Section};
 use proto::effect::{Catalogued, Level, Need};
 
@@ -46,17 +46,13 @@ pub struct AckLoss {
     #[fit(unit = "", range = 0.0..=1.0, starts = [0.1, 0.25, 0.5], step = 0.01)]
     pub probability: f64,
     /// The motes that it concerns.
-    #[key(field = MOTES)]
-    pub motes: Motes,
+    #[key(flatten)]
+    pub concerned: Concerned,
 }
 
 impl Effect for AckLoss {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn weigh(&self, node: Node, burden: &mut Burden) {
-        if concerns(&self.motes, node.mote) {
+        if self.concerned.includes(node.mote) {
             burden.ack_loss = 1.0 - (1.0 - burden.ack_loss) * (1.0 - self.probability);
         }
     }

@@ -1,6 +1,6 @@
 //! Clocks worse than the guard time allows for.
 
-use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
+use super::{Burden, Concerned, Effect, Entry, Node};
 use proto::config::Section;
 use proto::effect::{Catalogued, Level, Need};
 
@@ -48,17 +48,13 @@ pub struct ClockDrift {
     #[fit(unit = "ppm", starts = [60.0, 120.0, 250.0], step = 1.0)]
     pub max_ppm: f64,
     /// The motes that it concerns.
-    #[key(field = MOTES)]
-    pub motes: Motes,
+    #[key(flatten)]
+    pub concerned: Concerned,
 }
 
 impl Effect for ClockDrift {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn weigh(&self, node: Node, burden: &mut Burden) {
-        if !node.is_root && concerns(&self.motes, node.mote) {
+        if !node.is_root && self.concerned.includes(node.mote) {
             burden.max_drift_ppm += self.max_ppm;
         }
     }

@@ -1,6 +1,6 @@
 //! Airtime that is rationed.
 
-use super::{Burden, Duty, Effect, Entry, MOTES, Motes, Node, concerns};
+use super::{Burden, Concerned, Duty, Effect, Entry, Node};
 use proto::config::Section;
 use proto::effect::{Catalogued, Fixed, Level, Need};
 
@@ -50,19 +50,15 @@ pub struct DutyCycleLimit {
     #[key(range = 0.1..=86_400.0, default = 60.0)]
     pub window_s: f64,
     /// The motes that it concerns.
-    #[key(field = MOTES)]
-    pub motes: Motes,
+    #[key(flatten)]
+    pub concerned: Concerned,
 }
 
 impl Effect for DutyCycleLimit {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn weigh(&self, node: Node, burden: &mut Burden) {
         let window_ns = (self.window_s * 1e9).round() as u64;
         let stricter = burden.duty.is_none_or(|duty| self.fraction < duty.fraction);
-        if stricter && concerns(&self.motes, node.mote) {
+        if stricter && self.concerned.includes(node.mote) {
             burden.duty = Some(Duty { fraction: self.fraction, window_ns });
         }
     }

@@ -1,8 +1,9 @@
 //! Motes that begin anew.
 
-use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
-use proto::config::{Field, Section};
+use super::{Burden, Effect, Entry, Node};
+use proto::config::Section;
 use proto::effect::{Catalogued, Level, Need};
+use proto::ids::MoteId;
 
 /// `kind = "node-reboots"`.
 pub const ENTRY: Entry = Entry::of::<NodeReboots>();
@@ -44,18 +45,14 @@ pub struct NodeReboots {
     #[key(range = 1.0..=1e9)]
     #[fit(unit = "s", starts = [600.0, 1800.0, 7200.0], step = 10.0)]
     pub mean_interval_s: f64,
-    /// The motes that it concerns.
-    #[key(field = Field { doc: "Numbers of the affected motes. Absent: all except the roots.", ..MOTES })]
-    pub motes: Motes,
+    /// Numbers of the affected motes. Absent: all except the roots.
+    #[key(length = 1..=1_000_000)]
+    pub motes: Option<Vec<MoteId>>,
 }
 
 impl Effect for NodeReboots {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn weigh(&self, node: Node, burden: &mut Burden) {
-        if concerns(&self.motes, node.mote) && (self.motes.is_some() || !node.is_root) {
+        if self.motes.as_ref().map_or(!node.is_root, |motes| motes.contains(&node.mote)) {
             burden.reboots_per_s += 1.0 / self.mean_interval_s;
         }
     }

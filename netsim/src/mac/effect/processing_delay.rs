@@ -1,6 +1,6 @@
 //! Motes that take their time.
 
-use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
+use super::{Burden, Concerned, Effect, Entry, Node};
 use proto::config::Section;
 use proto::effect::{Catalogued, Level, Need};
 
@@ -47,17 +47,13 @@ pub struct ProcessingDelay {
     #[fit(unit = "s", starts = [0.25, 1.0, 4.0], step = 0.01)]
     pub delay_s: f64,
     /// The motes that it concerns.
-    #[key(field = MOTES)]
-    pub motes: Motes,
+    #[key(flatten)]
+    pub concerned: Concerned,
 }
 
 impl Effect for ProcessingDelay {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn weigh(&self, node: Node, burden: &mut Burden) {
-        if concerns(&self.motes, node.mote) {
+        if self.concerned.includes(node.mote) {
             burden.processing_ns += (self.delay_s * 1e9).round() as u64;
         }
     }

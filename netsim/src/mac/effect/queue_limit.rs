@@ -1,6 +1,6 @@
 //! Queues with less room than thought.
 
-use super::{Burden, Effect, Entry, MOTES, Motes, Node, concerns};
+use super::{Burden, Concerned, Effect, Entry, Node};
 use proto::config::Section;
 use proto::effect::{Catalogued, Level, Need};
 
@@ -44,17 +44,13 @@ pub struct QueueLimit {
     #[fit(unit = "frames", range = 1.0..=1e4, starts = [1.0, 2.0, 4.0], step = 1.0)]
     pub frames: u16,
     /// The motes that it concerns.
-    #[key(field = MOTES)]
-    pub motes: Motes,
+    #[key(flatten)]
+    pub concerned: Concerned,
 }
 
 impl Effect for QueueLimit {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn weigh(&self, node: Node, burden: &mut Burden) {
-        if concerns(&self.motes, node.mote) {
+        if self.concerned.includes(node.mote) {
             let most = burden.queue_frames.unwrap_or(u16::MAX);
             burden.queue_frames = Some(most.min(self.frames));
         }

@@ -1,35 +1,21 @@
 //! A formula as configurations write it: `expression`, `parameters`, `columns`.
 
 use super::{Formula, operators};
-use crate::config::{Default, Field, Kind, Problem};
-use crate::effect::{Fit, Level};
+use crate::config::{Problem, Section};
 
-/// How every effect that is a formula is fitted: its parameters are those that the configuration names.
-pub const FIT: Fit = Fit { level: Level::Time, ..Fit::PLAIN };
-
-/// Keys of every effect that is a formula.
-pub const FIELDS: [Field; 3] = [
-    Field {
-        key: "expression",
-        doc: "The expression: numbers, names, + - * / ^, parentheses and functions.",
-        kind: Kind::Text,
-        default: Default::Required,
-    },
-    Field {
-        key: "parameters",
-        doc: "Parameters of the expression: for each name a table with value, or with start if it is not fitted yet, and \
-              with the range min to max of the fit.",
-        kind: Kind::Anything,
-        default: Default::Absent,
-    },
-    Field {
-        key: "columns",
-        doc: "Columns of the measurements whose names resemble a known name; list them to confirm that they are not typing \
-              errors. Other columns need not be listed.",
-        kind: Kind::List { of: &Kind::Text, min: 1, max: 100 },
-        default: Default::Absent,
-    },
-];
+/// The keys that every effect has whose equation is a formula of the user's.
+#[derive(Section)]
+pub struct Keys {
+    /// The expression: numbers, names, + - * / ^, parentheses and functions.
+    expression: String,
+    /// Parameters of the expression: for each name a table with value, or with start if it is not fitted yet, and with the range min
+    /// to max of the fit.
+    parameters: Option<toml::Value>,
+    /// Columns of the measurements whose names resemble a known name; list them to confirm that they are not typing errors. Other
+    /// columns need not be listed.
+    #[key(length = 1..=100)]
+    columns: Vec<String>,
+}
 
 /// More names than this no expression may use.
 pub const MOST_NAMES: usize = 32;
@@ -44,28 +30,22 @@ pub struct Written {
 }
 
 impl Written {
-    /// Reads the keys of [`FIELDS`] of a table that stands at `path`. `known`: names that every expression may use.
+    /// Reads the keys of a table that stands at `path`. `known`: names that every expression may use.
     ///
     /// Nothing is returned where something is wrong, which is then among the problems.
     pub fn read(
-        table: &toml::Table,
+        keys: &Keys,
         path: &str,
         known: &[&str],
         problems: &mut Vec<Problem>,
     ) -> Option<Self> {
         let before = problems.len();
-        let parameters = parameters(table, &format!("{path}.parameters"), known, problems);
-        let columns: Vec<&str> = table
-            .get("columns")
-            .and_then(toml::Value::as_array)
-            .map(|columns| columns.iter().filter_map(toml::Value::as_str).collect())
-            .unwrap_or_default();
+        let parameters = parameters(keys, &format!("{path}.parameters"), known, problems);
         let mut names: Vec<&str> = known.to_vec();
         names.extend(parameters.iter().map(|(name, _)| name.as_str()));
-        names.extend(columns);
-        let expression = table.get("expression")?.as_str()?;
+        names.extend(keys.columns.iter().map(String::as_str));
         let key = format!("{path}.expression");
-        match Formula::parse(expression, &names, &|_| true) {
+        match Formula::parse(&keys.expression, &names, &|_| true) {
             Ok(formula) if MOST_NAMES < formula.names().len() => {
                 let message = format!("must not use more than {MOST_NAMES} names");
                 problems.push(Problem::new(key, message).value(formula.names().len()));
@@ -177,12 +157,12 @@ impl<R> Bound<R> {
 }
 
 fn parameters(
-    table: &toml::Table,
+    keys: &Keys,
     path: &str,
     known: &[&str],
     problems: &mut Vec<Problem>,
 ) -> Vec<(String, f64)> {
-    let Some(written) = table.get("parameters") else { return Vec::new() };
+    let Some(written) = &keys.parameters else { return Vec::new() };
     let Some(written) = written.as_table() else {
         problems.push(Problem::new(path, "must be a table of parameters").value(written));
         return Vec::new();
@@ -242,7 +222,7 @@ mod tests {
     fn read(text: &str) -> (Option<Written>, String) {
         let mut problems = Vec::new();
         let written = Written::read(
-            &text.parse::<toml::Table>().unwrap(),
+            &Keys::read(&text.parse().unwrap()),
             "effect[2]",
             &["distance_m"],
             &mut problems,

@@ -46,10 +46,6 @@ struct AccelerationLimit {
 }
 
 impl Effect for AccelerationLimit {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn limit_per_s(&self, part: Part) -> f64 {
         match part {
             Part::Speed => self.limit_mps2,

@@ -48,10 +48,6 @@ struct ActuatorLag {
 }
 
 impl Effect for ActuatorLag {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn lag_s(&self, part: Part) -> f64 {
         if part == self.on { self.tau_s } else { 0.0 }
     }

@@ -49,10 +49,6 @@ struct DeadBand {
 }
 
 impl Effect for DeadBand {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn shape(&self, shape: Shape, mut demand: Drive) -> Drive {
         let pass = |size: f64| if size < self.threshold_mps { 0.0 } else { size };
         match self.on {

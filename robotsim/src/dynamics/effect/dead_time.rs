@@ -47,10 +47,6 @@ struct DeadTime {
 }
 
 impl Effect for DeadTime {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn delay_s(&self, part: Part) -> f64 {
         if part == self.on { self.delay_s } else { 0.0 }
     }

@@ -49,10 +49,6 @@ struct Downwash {
 }
 
 impl Effect for Downwash {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn drift_mps(&self, at: &Situation<'_>) -> [f64; 3] {
         let mut drift_mps = [0.0; 3];
         let ahead_s = at.time_s - at.surroundings.others_at_s;

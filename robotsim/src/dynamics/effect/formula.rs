@@ -2,87 +2,68 @@
 
 use super::{Effect, Entry, Situation};
 use crate::dynamics::norm;
-use proto::config::{Choice, Default, Field, Kind, Range, Variant, typed};
-use proto::effect::About;
-use proto::formula::{Bound, FIELDS, FIT, Written};
-use serde::Deserialize;
+use proto::config::{Choice, Problem, Section};
+use proto::effect::Catalogued;
+use proto::formula::{Bound, Keys as FormulaKeys, Written};
 
 /// `kind = "formula"`.
-pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "formula",
-        doc: "A user-defined expression of covariates and named parameters, added to the velocity.",
-        fields: &[
-            FIELDS[0],
-            FIELDS[1],
-            FIELDS[2],
-            Field {
-                key: "target",
-                doc: "The direction in which the expression's value is added to the velocity (m/s).",
-                kind: Kind::Choice(&[
-                    Choice { name: "ahead", doc: "The direction of motion; at rest, the heading." },
-                    Choice { name: "left", doc: "At a right angle to the left of ahead." },
-                    Choice { name: "east", doc: "+x." },
-                    Choice { name: "north", doc: "+y." },
-                    Choice { name: "up", doc: "+z." },
-                ]),
-                default: Default::Text("ahead"),
-            },
-            Field {
-                key: "limit_mps",
-                doc: "Limit of the expression's absolute value (m/s); larger values are clipped.",
-                kind: Kind::Number(Range::closed(0.0, 1e3)),
-                default: Default::Number(10.0),
-            },
-        ],
+pub(super) const ENTRY: Entry = Entry::new::<Keys>(
+    |table, path, problems| {
+        written(table, path, problems);
     },
-    about: About {
-        mechanism: "For effects outside the catalogue: an expression of time, position, velocity, heading and any column of \
-                    the measurements, with named parameters.",
-        equation: "v = u + expression * direction",
-        source: "The user's.",
-        validity: "As valid as the expression. It adds nothing if a name has no value or the result is not a number. Results \
-                   are clipped to limit_mps. Columns of measurements have values in comparisons and fits only; in a run, \
-                   only names that describe the robot do.",
-        trace: "An error that depends on the covariates of the expression.",
-        needs: &[],
-        example: "expression = \"-a * max(speed_mps - onset_mps, 0)\"\ntarget = \"ahead\"\n\
-         parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\
-         parameters.onset_mps = { start = 1.0, min = 0.0, max = 10.0 }\n",
+    |table| {
+        let expression = written(table, "", &mut Vec::new())?.bound(&NAMES);
+        let Keys { target, limit_mps, .. } = Keys::read(table);
+        Some(Box::new(Formula { expression, target, limit_mps }))
     },
-    fit: FIT,
-    check: |table, path, problems| {
-        Written::read(table, path, &NAMES.map(|(name, _)| name), problems);
-    },
-    build: |table| {
-        let known = NAMES.map(|(name, _)| name);
-        let written = Written::read(table, "", &known, &mut Vec::new())?;
-        let Keys { target, limit_mps } = typed(table);
-        let target = match target {
-            TargetKey::Ahead => Target::Ahead,
-            TargetKey::Left => Target::Left,
-            TargetKey::East => Target::Axis(0),
-            TargetKey::North => Target::Axis(1),
-            TargetKey::Up => Target::Axis(2),
-        };
-        Some(Box::new(Formula { expression: written.bound(&NAMES), target, limit_mps }))
-    },
-};
+);
 
-#[derive(Deserialize)]
-struct Keys {
-    target: TargetKey,
-    limit_mps: f64,
+fn written(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> Option<Written> {
+    Written::read(&Keys::read(table).formula, path, &NAMES.map(|(name, _)| name), problems)
 }
 
-#[derive(Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum TargetKey {
-    Ahead,
-    Left,
-    East,
-    North,
-    Up,
+/// A user-defined expression of covariates and named parameters, added to the velocity.
+///
+/// # Mechanism
+///
+/// For effects outside the catalogue: an expression of time, position, velocity, heading and any column of the measurements, with
+/// named parameters.
+///
+/// # Equation
+///
+/// ```text
+/// v = u + expression * direction
+/// ```
+///
+/// # Source
+///
+/// The user's.
+///
+/// # Validity
+///
+/// As valid as the expression. It adds nothing if a name has no value or the result is not a number. Results are clipped to limit_mps.
+/// Columns of measurements have values in comparisons and fits only; in a run, only names that describe the robot do.
+///
+/// # Trace
+///
+/// An error that depends on the covariates of the expression.
+#[derive(Catalogued, Section)]
+#[effect(
+    name = "formula",
+    makes = Formula,
+    example = "expression = \"-a * max(speed_mps - onset_mps, 0)\"\ntarget = \"ahead\"\n\
+               parameters.a = { start = 0.1, min = 0.0, max = 1.0 }\n\
+               parameters.onset_mps = { start = 1.0, min = 0.0, max = 10.0 }\n",
+)]
+struct Keys {
+    #[key(flatten)]
+    formula: FormulaKeys,
+    /// The direction in which the expression's value is added to the velocity (m/s).
+    #[key(default = Target::Ahead)]
+    target: Target,
+    /// Limit of the expression's absolute value (m/s); larger values are clipped.
+    #[key(range = 0.0..=1e3, default = 10.0)]
+    limit_mps: f64,
 }
 
 /// Reads a number off a robot.
@@ -102,12 +83,18 @@ pub const NAMES: [(&str, Read); 9] = [
 ];
 
 /// In which direction the value of an expression is added.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Choice)]
 enum Target {
+    /// The direction of motion; at rest, the heading.
     Ahead,
+    /// At a right angle to the left of ahead.
     Left,
-    /// Along x, y or z.
-    Axis(usize),
+    /// +x.
+    East,
+    /// +y.
+    North,
+    /// +z.
+    Up,
 }
 
 /// An expression of the user's, along a direction.
@@ -156,7 +143,9 @@ impl Formula {
                 let length = libm::hypot(x, y);
                 if length == 0.0 { [0.0; 3] } else { [-y / length, x / length, 0.0] }
             }
-            Target::Axis(axis) => std::array::from_fn(|k| if k == axis { 1.0 } else { 0.0 }),
+            Target::East => [1.0, 0.0, 0.0],
+            Target::North => [0.0, 1.0, 0.0],
+            Target::Up => [0.0, 0.0, 1.0],
         }
     }
 }
@@ -165,10 +154,6 @@ impl Formula {
 const STANDING_MPS: f64 = 1e-9;
 
 impl Effect for Formula {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn drift_mps(&self, at: &Situation<'_>) -> [f64; 3] {
         let value = self
             .expression

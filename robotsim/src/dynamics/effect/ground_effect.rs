@@ -51,10 +51,6 @@ struct GroundEffect {
 }
 
 impl Effect for GroundEffect {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn thrust_gain(&self, at: &Situation<'_>) -> f64 {
         if self.rotor_radius_m == 0.0 {
             return 1.0;

@@ -45,10 +45,6 @@ struct HeadingBias {
 }
 
 impl Effect for HeadingBias {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn shape(&self, shape: Shape, demand: Drive) -> Drive {
         if shape.is_turning() {
             return demand;

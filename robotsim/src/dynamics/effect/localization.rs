@@ -59,10 +59,6 @@ impl Localization {
 }
 
 impl Effect for Localization {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn localization(&self) -> Option<Localization> {
         Some(*self)
     }

@@ -2,6 +2,7 @@
 
 use super::{Drive, Effect, Localization, Part, Shape, Situation, formula};
 use proto::config::{Problem, TableSpec};
+use proto::effect::Named;
 use proto::effect::only::{self, FROM_S, RUNS, UNTIL_S, condition, members};
 
 /// The key of the robots that an effect concerns.
@@ -188,11 +189,13 @@ struct Limited {
     limits: Limits,
 }
 
-impl Effect for Limited {
+impl Named for Limited {
     fn name(&self) -> &'static str {
         self.effect.name()
     }
+}
 
+impl Effect for Limited {
     fn limits(&self) -> Option<&Limits> {
         Some(&self.limits)
     }

@@ -68,10 +68,6 @@ impl Payload {
 }
 
 impl Effect for Payload {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn thrust_gain(&self, _at: &Situation<'_>) -> f64 {
         self.gain()
     }

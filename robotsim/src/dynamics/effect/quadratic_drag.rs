@@ -45,10 +45,6 @@ struct QuadraticDrag {
 }
 
 impl Effect for QuadraticDrag {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn shape(&self, shape: Shape, demand: Drive) -> Drive {
         // The positive root, in the form that is exact for small q, too.
         with_speed(shape, demand, |speed_mps| {

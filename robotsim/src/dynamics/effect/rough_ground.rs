@@ -57,10 +57,6 @@ struct RoughGround {
 }
 
 impl Effect for RoughGround {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     /// Over a chord that lies partly inside, the mean of both, by length.
     fn ground_scale(&self, from_m: [f64; 3], to_m: [f64; 3]) -> f64 {
         let from = [from_m[0] - self.centre_m[0], from_m[1] - self.centre_m[1]];

@@ -49,10 +49,6 @@ struct Slip {
 }
 
 impl Effect for Slip {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn shape(&self, shape: Shape, mut demand: Drive) -> Drive {
         match (self.on, shape.is_turning()) {
             (Part::Speed, false) => demand.map(|part| part * self.scale),

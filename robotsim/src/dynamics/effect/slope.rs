@@ -46,10 +46,6 @@ struct Slope {
 }
 
 impl Effect for Slope {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn drift_mps(&self, at: &Situation<'_>) -> [f64; 3] {
         let [x_m, y_m, _] = at.position_m;
         let terrain = at.surroundings.terrain;

@@ -45,10 +45,6 @@ struct SpeedLimit {
 }
 
 impl Effect for SpeedLimit {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn shape(&self, shape: Shape, demand: Drive) -> Drive {
         with_speed(shape, demand, |speed_mps| speed_mps.min(self.limit_mps))
     }

@@ -49,10 +49,6 @@ struct SteeringBias {
 }
 
 impl Effect for SteeringBias {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn shape(&self, shape: Shape, [speed_mps, turn, rest]: Drive) -> Drive {
         match shape {
             Shape::Velocity => [speed_mps, turn, rest],

@@ -45,10 +45,6 @@ struct ThrustScale {
 }
 
 impl Effect for ThrustScale {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn thrust_gain(&self, _at: &Situation<'_>) -> f64 {
         self.scale
     }

@@ -46,10 +46,6 @@ struct TurnSlowdown {
 }
 
 impl Effect for TurnSlowdown {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn slowdown_s(&self) -> f64 {
         self.gain
     }

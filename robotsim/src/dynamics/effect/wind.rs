@@ -57,10 +57,6 @@ struct Wind {
 }
 
 impl Effect for Wind {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn drift_mps(&self, at: &Situation<'_>) -> [f64; 3] {
         let [x, y, z] = self.velocity_mps;
         let (sin, cos) = libm::sincos(self.turning_radps * at.time_s);

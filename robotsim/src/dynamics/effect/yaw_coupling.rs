@@ -46,10 +46,6 @@ struct YawCoupling {
 }
 
 impl Effect for YawCoupling {
-    fn name(&self) -> &'static str {
-        ENTRY.variant.name
-    }
-
     fn sideways_s(&self) -> f64 {
         self.gain
     }

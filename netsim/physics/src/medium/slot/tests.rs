@@ -277,7 +277,7 @@ fn equal_frames_collide() {
     for starts_us in [0, 40, 500] {
         let on_air = [frame(MoteId(0), 0, 127), frame(MoteId(1), starts_us, 127)];
         for rule in [o_qpsk(), by_table()] {
-            let name = rule.name();
+            let name = format!("{rule:?}");
             let n = n_received(rule, &mut air, &on_air);
             assert!(n == 0, "{name} {starts_us}: {n}");
         }
