@@ -129,8 +129,7 @@ pub(crate) struct Keys {
     #[key(range = 0.0..=1e3, default = 0.3)]
     pub(crate) diameter_m: f64,
     /// What happens when robots touch each other, walls and obstacles. Absent: collisions are only counted.
-    #[key(table = contacts::SPEC)]
-    contacts: Option<toml::Table>,
+    contacts: Option<contacts::Keys>,
     /// Moving obstacles of `[site]`. Robots and radio use their current positions.
     obstacle: Vec<obstacles::Keys>,
     /// Robots that are absent for a time: late, lost or temporarily away.

@@ -1,7 +1,7 @@
 //! What the parts of `[robotsim]` are described with and checked against.
 
 use bytes::Bytes;
-use proto::config::{Default, Field, Kind, Problem, join};
+use proto::config::{Problem, join};
 use std::collections::BTreeMap;
 
 /// What a part of a configuration is checked against.
@@ -23,14 +23,4 @@ impl Context<'_> {
     pub fn problem(&self, key: &str, message: impl Into<String>) -> Problem {
         Problem::new(join(&self.path, key), message)
     }
-}
-
-/// Describes a key.
-pub(crate) const fn field(
-    key: &'static str,
-    doc: &'static str,
-    kind: Kind,
-    default: Default,
-) -> Field {
-    Field { key, doc, kind, default }
 }

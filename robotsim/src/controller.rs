@@ -19,11 +19,11 @@ mod olfati_saber;
 mod random_jump;
 mod random_waypoint;
 
-use crate::context::{Context, field};
+use crate::context::Context;
 use crate::dynamics::{Command, norm};
 use crate::exploration::{Settings as ExplorationSettings, State as Exploration};
 use crate::knowledge::{Knowledge, Seen};
-use proto::config::{Kind, Problem, Registered, TableSpec, Tag, Variant, Variants};
+use proto::config::{Problem, Registered, Section, TableSpec, Tag, Variant, Variants};
 use proto::rng::Draws;
 use proto::types::{AgentStates, MoteStates};
 use rayon::prelude::*;
@@ -49,16 +49,15 @@ pub(crate) const BUILT_IN: &[Entry] = &[
 ];
 
 /// Description of `[robotsim.controller]`.
-pub(crate) const SPEC: TableSpec = TableSpec {
-    doc: "The control law of the robots.",
-    fields: &[field(
-        active_connectivity::KEY,
-        "Motion that keeps the link to the routing parent.",
-        Kind::Table(&active_connectivity::SPEC),
-        proto::config::Default::Absent,
-    )],
-    tag: Some(&TAG),
-};
+pub(crate) const SPEC: TableSpec = Keys::SPEC;
+
+/// The control law of the robots.
+#[derive(Section)]
+#[section(tag = TAG)]
+pub(crate) struct Keys {
+    /// Motion that keeps the link to the routing parent.
+    pub(crate) active_connectivity: Option<active_connectivity::Keys>,
+}
 
 /// The key that selects a controller.
 pub(crate) const TAG: Tag =

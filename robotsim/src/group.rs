@@ -3,7 +3,7 @@
 use crate::catalogue::Catalogue;
 use crate::config::Keys;
 use crate::context::Context;
-use crate::controller::active_connectivity::{self, ActiveConnectivity};
+use crate::controller::active_connectivity::ActiveConnectivity;
 use crate::controller::{self, Controller, Team};
 use crate::dynamics::contacts::Contacts;
 use crate::dynamics::effect::only::refuse_measured;
@@ -112,7 +112,7 @@ pub(crate) fn build(
         let kind = catalogue.controllers.selected(table, &controller::TAG);
         let controller = kind.and_then(|kind| (kind.build)(table, &context, &mut own));
         let controller = controller.map(|controller| ActiveConnectivity::around(controller, table));
-        let keeps_links = table.contains_key(active_connectivity::KEY);
+        let keeps_links = controller::Keys::read(table).active_connectivity.is_some();
         let jumping = kind.filter(|kind| kind.demands.jumps).map(|kind| kind.variant.name);
         if let (Some(name), true) = (jumping, contacts.is_some()) {
             let message = format!(
@@ -138,7 +138,7 @@ pub(crate) fn build(
         }
         if let (Some(name), true) = (jumping, keeps_links) {
             let message = format!("does not apply to {name}, whose robots do not move but jump");
-            own.push(Problem::new(join(&context.path, active_connectivity::KEY), message));
+            own.push(Problem::new(join(&context.path, "active_connectivity"), message));
         }
         // What groups share is wrong once.
         own.retain(|problem| !unread.contains(&problem.path) && !problems.contains(problem));

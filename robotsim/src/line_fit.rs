@@ -3,14 +3,17 @@
 //! Two readings of "least squares": the sum of squared *vertical* distances to y = m x + c, which is what the line
 //! formation of the BotNet paper prints, or of squared *orthogonal* distances, which does not depend on where east is.
 
+use proto::config::Choice;
+
 /// Which distances are to be small.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
+///
+/// Vertical ones: ordinary least squares of y on x. Orthogonal ones: total least squares, Pearson 1901.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fit {
-    /// Orthogonal distances (total least squares, Pearson 1901).
-    Orthogonal,
-    /// Vertical distances (ordinary least squares of y on x).
+    /// Along y, as the BotNet paper prints.
     Vertical,
+    /// Across the line.
+    Orthogonal,
 }
 
 /// Second moments of some points about their centroid.

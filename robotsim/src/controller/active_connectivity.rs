@@ -2,13 +2,7 @@
 
 use super::{Controller, ExplorationSettings, ParentLink, View, add, scaled, sub};
 use crate::dynamics::{Command, norm};
-use proto::config::{Section, TableSpec};
-
-/// The key of `[robotsim.controller]`.
-pub(crate) const KEY: &str = "active_connectivity";
-
-/// Description of the table.
-pub(super) const SPEC: TableSpec = Keys::SPEC;
+use proto::config::Section;
 
 /// A controller whose robots keep the link to their parent.
 ///
@@ -41,7 +35,7 @@ pub(crate) struct ActiveConnectivity {
 /// Active connectivity: a robot moves away from its routing parent more slowly as the link weakens, and back when it is nearly
 /// lost.
 #[derive(Debug, Section)]
-struct Keys {
+pub(crate) struct Keys {
     /// Received signal strength (dBm) of the parent below which a robot turns back.
     #[key(range = -300.0..=100.0, default = -85.0)]
     rssi_floor_dbm: f64,
@@ -53,8 +47,8 @@ struct Keys {
 impl ActiveConnectivity {
     /// A controller as its checked table says: with active connectivity around it, if there is any.
     pub(crate) fn around(inner: Box<dyn Controller>, table: &toml::Table) -> Box<dyn Controller> {
-        match table.get(KEY).and_then(toml::Value::as_table) {
-            Some(own) => Box::new(Self { inner, keys: Keys::read(own) }),
+        match super::Keys::read(table).active_connectivity {
+            Some(keys) => Box::new(Self { inner, keys }),
             None => inner,
         }
     }

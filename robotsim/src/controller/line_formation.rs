@@ -1,53 +1,16 @@
 //! Robots that form a straight line, wherever it may lie.
 
 use super::{Controller, Demands, Entry, Goal, View};
-use crate::context::field;
 use crate::dynamics::Command;
 use crate::line_fit::{Fit, Moments};
-use proto::config::{Choice, Default, Kind, Range, Variant, typed};
-use serde::Deserialize;
+use proto::config::{Choice, Section, variant};
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "line-formation",
-        doc: "Line formation: every robot moves to the straight line that fits the robots it knows of.",
-        fields: &[
-            field(
-                "law",
-                "Weight of a robot's own position in the fit.",
-                Kind::Choice(&[
-                    Choice { name: "paper", doc: "Counted once, as in the BotNet paper." },
-                    Choice { name: "botnet", doc: "Counted twice, as in BotNet's code." },
-                ]),
-                Default::Text("paper"),
-            ),
-            field(
-                "fit",
-                "Which distances to the line the fit minimises.",
-                Kind::Choice(&[
-                    Choice { name: "vertical", doc: "Along y, as the BotNet paper prints." },
-                    Choice { name: "orthogonal", doc: "Across the line." },
-                ]),
-                Default::Text("vertical"),
-            ),
-            field(
-                "step_cap_m",
-                "Maximum displacement per control step (m). Default: BotNet's.",
-                Kind::Number(Range::above(0.0, 1e6)),
-                Default::Number(0.1),
-            ),
-            field(
-                "threshold_m",
-                "A robot closer to its line than this stays (m); the task is complete when all stay. Default: BotNet's.",
-                Kind::Number(Range::closed(0.0, 1e6)),
-                Default::Number(0.001),
-            ),
-        ],
-    },
+    variant: variant::<LineFormation>("line-formation"),
     demands: Demands::NONE,
     goal: Goal::Line,
     build: |table, context, problems| {
-        let this: LineFormation = typed(table);
+        let this = LineFormation::read(table);
         if this.step_cap_m <= this.threshold_m {
             problems.push(
                 context
@@ -62,6 +25,8 @@ pub(super) const ENTRY: Entry = Entry {
     },
 };
 
+/// Line formation: every robot moves to the straight line that fits the robots it knows of.
+///
 /// Line formation by local least squares.
 ///
 /// # Model
@@ -77,19 +42,28 @@ pub(super) const ENTRY: Entry = Entry {
 ///
 /// A robot that knows of nobody, or only of robots at its own place, has no line and stays. Robots do not avoid each
 /// other. "Done" is what the robots believe; they may have formed several lines.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct LineFormation {
+    /// Weight of a robot's own position in the fit.
+    #[key(default = Law::Paper)]
     law: Law,
+    /// Which distances to the line the fit minimises.
+    #[key(default = Fit::Vertical)]
     fit: Fit,
+    /// Maximum displacement per control step (m). Default: BotNet's.
+    #[key(above = 0.0, most = 1e6, default = 0.1)]
     step_cap_m: f64,
+    /// A robot closer to its line than this stays (m); the task is complete when all stay. Default: BotNet's.
+    #[key(range = 0.0..=1e6, default = 0.001)]
     threshold_m: f64,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
 enum Law {
-    Botnet,
+    /// Counted once, as in the BotNet paper.
     Paper,
+    /// Counted twice, as in BotNet's code.
+    Botnet,
 }
 
 impl LineFormation {

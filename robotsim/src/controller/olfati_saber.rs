@@ -1,79 +1,28 @@
 //! Flocking as a lattice that moves, after Olfati-Saber.
 
 use super::{Controller, Demands, Entry, Goal, View, add, norm, scaled, sub};
-use crate::context::field;
 use crate::dynamics::Command;
-use proto::config::{Default, Kind, Range, Variant, typed};
-use serde::Deserialize;
-
-const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e6));
-const ANY: Kind = Kind::Number(Range::closed(-1e6, 1e6));
-const SPEED: Kind = Kind::Number(Range::closed(-1e4, 1e4));
+use proto::config::{Section, key, variant};
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "olfati-saber",
-        doc: "Olfati-Saber flocking: robots form a lattice and follow a virtual leader that all know.",
-        fields: &[
-            field(
-                "distance_m",
-                "d: desired distance between neighbours (m). Default: the source's.",
-                POSITIVE,
-                Default::Number(7.0),
-            ),
-            field(
-                "range_ratio",
-                "r / d: interaction range per desired distance. Default: the source's.",
-                Kind::Number(Range::above(1.0, 10.0)),
-                Default::Number(1.2),
-            ),
-            field(
-                "target_m",
-                "Initial position of the virtual leader (x, y in m).",
-                Kind::List { of: &ANY, min: 2, max: 2 },
-                Default::Absent,
-            ),
-            field(
-                "target_velocity_mps",
-                "Its velocity (x, y in m/s).",
-                Kind::List { of: &SPEED, min: 2, max: 2 },
-                Default::Absent,
-            ),
-            field(
-                "target_gain_per_s2",
-                "c1: position gain towards the virtual leader (1/s²).",
-                Kind::Number(Range::closed(0.0, 1e3)),
-                Default::Number(0.1),
-            ),
-            field(
-                "target_damping_per_s",
-                "c2: velocity gain towards the virtual leader (1/s). Default: 2 √c1.",
-                Kind::Number(Range::closed(0.0, 1e3)),
-                Default::Absent,
-            ),
-        ],
-    },
+    variant: variant::<OlfatiSaber>("olfati-saber"),
     demands: Demands::NONE,
     goal: Goal::Other,
     build: |table, context, problems| {
         table.entry("target_m").or_insert(vec![0.0, 0.0].into());
         table.entry("target_velocity_mps").or_insert(vec![0.0, 0.0].into());
-        let Gain { target_gain_per_s2 } = typed(table);
+        let target_gain_per_s2: f64 = key(table, "target_gain_per_s2");
         let critical_per_s = 2.0 * libm::sqrt(target_gain_per_s2);
         table.entry("target_damping_per_s").or_insert(critical_per_s.into());
-        let this: OlfatiSaber = typed(table);
+        let this = OlfatiSaber::read(table);
         let [vx, vy] = this.target_velocity_mps;
         super::check_speed("target_velocity_mps", libm::hypot(vx, vy), context, problems);
         Some(Box::new(this))
     },
 };
 
-/// The key from which the default of another one follows.
-#[derive(Deserialize)]
-struct Gain {
-    target_gain_per_s2: f64,
-}
-
+/// Olfati-Saber flocking: robots form a lattice and follow a virtual leader that all know.
+///
 /// α-lattice flocking with a navigational feedback.
 ///
 /// # Model
@@ -96,13 +45,25 @@ struct Gain {
 ///
 /// Stable where Δt times the sum of the a_ij stays below 2. The lattice is somewhat tighter than d where c1 pulls it
 /// together.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Section)]
 struct OlfatiSaber {
+    /// d: desired distance between neighbours (m). Default: the source's.
+    #[key(above = 0.0, most = 1e6, default = 7.0)]
     distance_m: f64,
+    /// r / d: interaction range per desired distance. Default: the source's.
+    #[key(above = 1.0, most = 10.0, default = 1.2)]
     range_ratio: f64,
+    /// Initial position of the virtual leader (x, y in m).
+    #[key(range = -1e6..=1e6, absent)]
     target_m: [f64; 2],
+    /// Its velocity (x, y in m/s).
+    #[key(range = -1e4..=1e4, absent)]
     target_velocity_mps: [f64; 2],
+    /// c1: position gain towards the virtual leader (1/s²).
+    #[key(range = 0.0..=1e3, default = 0.1)]
     target_gain_per_s2: f64,
+    /// c2: velocity gain towards the virtual leader (1/s). Default: 2 √c1.
+    #[key(range = 0.0..=1e3, absent)]
     target_damping_per_s: f64,
 }
 

@@ -1,41 +1,28 @@
 //! Contacts: robots that cannot be where a wall, an obstacle or another robot is.
 
 use super::norm;
-use crate::context::field;
-use proto::config::{Default, Kind, Range, TableSpec, Tag, Variant, Variants, typed};
+use proto::config::Section;
 use proto::site::{Obstacle, Site, Wall};
-use serde::Deserialize;
 
-/// Description of `[robotsim.contacts]`.
-pub(crate) const SPEC: TableSpec = TableSpec {
-    doc: "What happens when robots touch each other, walls and obstacles.",
-    fields: &[],
-    tag: Some(&Tag {
-        key: "kind",
-        doc: "The response to contacts.",
-        default: None,
-        variants: Variants::Fixed(VARIANTS),
-    }),
-};
+/// What happens when robots touch each other, walls and obstacles.
+#[derive(Section)]
+pub(crate) struct Keys {
+    /// The response to contacts.
+    #[key(tag)]
+    kind: Option<Response>,
+}
 
-const VARIANTS: &[Variant] = &[
-    Variant {
-        name: "count",
-        doc: "Robots pass through; collisions are only counted.",
-        fields: &[],
+#[derive(Section)]
+enum Response {
+    /// Robots pass through; collisions are only counted.
+    Count,
+    /// Contacts are resolved: robots are discs of `diameter_m` that push each other, and walls and obstacles of `\[site\]` are solid.
+    Resolve {
+        /// Coefficient of restitution of bodies with inertia: ratio of the speed after a contact to that before.
+        #[key(range = 0.0..=1.0, default = 0.0)]
+        restitution: f64,
     },
-    Variant {
-        name: "resolve",
-        doc: "Contacts are resolved: robots are discs of `diameter_m` that push each other, and walls and obstacles of \
-              `[site]` are solid.",
-        fields: &[field(
-            "restitution",
-            "Coefficient of restitution of bodies with inertia: ratio of the speed after a contact to that before.",
-            Kind::Number(Range::closed(0.0, 1.0)),
-            Default::Number(0.0),
-        )],
-    },
-];
+}
 
 /// How contacts are resolved.
 ///
@@ -97,14 +84,14 @@ const N_ROUNDS: usize = 8;
 const CLEARANCE: f64 = 1e-9;
 
 impl Contacts {
-    /// Of a checked table: `None` where they are only counted.
-    pub(crate) fn build(table: &toml::Table, diameter_m: f64) -> Option<Self> {
-        #[derive(Deserialize)]
-        struct Keys {
-            restitution: Option<f64>,
+    /// As configured: `None` where they are only counted.
+    pub(crate) fn build(keys: &Keys, diameter_m: f64) -> Option<Self> {
+        match keys.kind.as_ref()? {
+            Response::Count => None,
+            &Response::Resolve { restitution } => {
+                Some(Self { radius_m: 0.5 * diameter_m, restitution })
+            }
         }
-        let Keys { restitution } = typed(table);
-        Some(Self { radius_m: 0.5 * diameter_m, restitution: restitution? })
     }
 
     /// Robots of this diameter (m) that part with no speed of their own.

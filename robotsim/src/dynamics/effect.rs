@@ -32,8 +32,7 @@ pub use localization::Localization;
 use super::body::{Drive, Part, Shape};
 use super::surroundings::Surroundings;
 use proto::config::{
-    Choice, Default, Field, Kind, Problem, Registered, Registry, Section, TableSpec, Tag, Variant,
-    Variants, variant,
+    Problem, Registered, Registry, Section, TableSpec, Tag, Variant, Variants, variant,
 };
 use proto::effect::{About, Catalogued, Fit, Named};
 
@@ -245,16 +244,13 @@ pub fn build_one(entry: &Entry, table: &toml::Table) -> Option<Box<dyn Effect>> 
     (entry.build)(table).and_then(|effect| only::limited(effect, table))
 }
 
-/// The key that says which actuator an effect concerns.
-const ON: Field = Field {
-    key: "on",
-    doc: "The actuator that the effect acts on. Point masses have only one.",
-    kind: Kind::Choice(&[
-        Choice { name: "speed", doc: "Velocity, or speed along the heading." },
-        Choice { name: "turn", doc: "Yaw rate or steering." },
-    ]),
-    default: Default::Text("speed"),
-};
+/// The actuator that an effect concerns.
+#[derive(Clone, Debug, PartialEq, Section)]
+struct Actuator {
+    /// The actuator that the effect acts on. Point masses have only one.
+    #[key(default = Part::Speed)]
+    on: Part,
+}
 
 /// A demand whose speed (the norm, or the speed along the heading) is changed, direction and turning as they are.
 fn with_speed(shape: Shape, demand: Drive, speed_mps: impl Fn(f64) -> f64) -> Drive {

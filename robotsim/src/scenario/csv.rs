@@ -1,26 +1,14 @@
 //! Places from a file.
 
 use super::{Entry, Place, Scenario};
-use crate::context::{Context, field};
-use proto::config::{Default, Kind, Problem, Variant, most_similar, typed};
+use crate::context::Context;
+use proto::config::{FilePath, Problem, Section, most_similar, variant};
 use proto::rng::Draws;
-use serde::Deserialize;
 
 pub(super) const ENTRY: Entry = Entry {
-    variant: Variant {
-        name: "csv",
-        doc: "Positions from a CSV file: a header agent,x_m,y_m[,z_m][,heading_rad], then one line per agent in any order. \
-          Lines that begin with # are comments.",
-        fields: &[field(
-            "file",
-            "The file, relative to the configuration.",
-            Kind::File,
-            Default::Required,
-        )],
-    },
+    variant: variant::<Keys>("csv"),
     build: |table, context, problems| {
-        let Keys { file } = typed(table);
-        let file = &file?;
+        let FilePath(file) = &Keys::read(table).file?;
         let Some(content) = context.files.get(file) else {
             problems.push(context.problem("file", "was not provided").value(format!("{file:?}")));
             return None;
@@ -40,10 +28,13 @@ pub(super) const ENTRY: Entry = Entry {
     },
 };
 
-#[derive(Deserialize)]
+/// Positions from a CSV file: a header agent,x_m,y_m\[,z_m\]\[,heading_rad\], then one line per agent in any order. Lines that begin with #
+/// are comments.
+#[derive(Section)]
 struct Keys {
-    /// Required, but nothing can stand in for it where it is missing.
-    file: Option<String>,
+    /// The file, relative to the configuration.
+    #[key(required)]
+    file: Option<FilePath>,
 }
 
 /// Of the problems within a file, at most this many are shown.

@@ -1,6 +1,6 @@
 //! Actuators that follow with a time constant.
 
-use super::{Effect, Entry, ON, Part};
+use super::{Actuator, Effect, Entry, Part};
 use proto::config::Section;
 use proto::effect::{Catalogued, Fixed};
 
@@ -43,13 +43,13 @@ struct ActuatorLag {
     #[key(range = 0.0..=60.0)]
     #[fit(unit = "s", range = 0.0..=10.0, starts = [0.0, 0.05, 0.15, 0.5, 1.5], step = 0.005)]
     tau_s: f64,
-    #[key(field = ON)]
-    on: Part,
+    #[key(flatten)]
+    actuator: Actuator,
 }
 
 impl Effect for ActuatorLag {
     fn lag_s(&self, part: Part) -> f64 {
-        if part == self.on { self.tau_s } else { 0.0 }
+        if part == self.actuator.on { self.tau_s } else { 0.0 }
     }
 }
 

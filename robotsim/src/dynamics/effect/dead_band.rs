@@ -1,6 +1,6 @@
 //! Small commands that move nothing.
 
-use super::{Drive, Effect, Entry, ON, Part, Shape, with_speed};
+use super::{Actuator, Drive, Effect, Entry, Part, Shape, with_speed};
 use proto::config::Section;
 use proto::effect::{Catalogued, Fixed, Need, Search};
 
@@ -44,14 +44,14 @@ struct DeadBand {
     #[key(range = 0.0..=1e4)]
     #[fit(unit = "m/s", range = 0.0..=100.0, starts = [0.03, 0.06, 0.12, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0], step = 0.02)]
     threshold_mps: f64,
-    #[key(field = ON)]
-    on: Part,
+    #[key(flatten)]
+    actuator: Actuator,
 }
 
 impl Effect for DeadBand {
     fn shape(&self, shape: Shape, mut demand: Drive) -> Drive {
         let pass = |size: f64| if size < self.threshold_mps { 0.0 } else { size };
-        match self.on {
+        match self.actuator.on {
             Part::Speed => with_speed(shape, demand, pass),
             Part::Turn => {
                 if shape.is_turning() && demand[1].abs() < self.threshold_mps {

@@ -1,6 +1,6 @@
 //! Commands that act later.
 
-use super::{Effect, Entry, ON, Part};
+use super::{Actuator, Effect, Entry, Part};
 use proto::config::Section;
 use proto::effect::{Catalogued, Fixed};
 
@@ -42,13 +42,13 @@ struct DeadTime {
     #[key(range = 0.0..=60.0)]
     #[fit(unit = "s", range = 0.0..=5.0, starts = [0.0, 0.03, 0.1, 0.3, 1.0], step = 0.005)]
     delay_s: f64,
-    #[key(field = ON)]
-    on: Part,
+    #[key(flatten)]
+    actuator: Actuator,
 }
 
 impl Effect for DeadTime {
     fn delay_s(&self, part: Part) -> f64 {
-        if part == self.on { self.delay_s } else { 0.0 }
+        if part == self.actuator.on { self.delay_s } else { 0.0 }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Wheels that slip, or are not as large as assumed.
 
-use super::{Drive, Effect, Entry, ON, Part, Shape};
+use super::{Actuator, Drive, Effect, Entry, Part, Shape};
 use proto::config::Section;
 use proto::effect::{Catalogued, Fixed, Need};
 
@@ -44,13 +44,13 @@ struct Slip {
     #[key(range = 0.0..=10.0)]
     #[fit(unit = "1", range = 0.0..=5.0, starts = [1.0], step = 0.005)]
     scale: f64,
-    #[key(field = ON)]
-    on: Part,
+    #[key(flatten)]
+    actuator: Actuator,
 }
 
 impl Effect for Slip {
     fn shape(&self, shape: Shape, mut demand: Drive) -> Drive {
-        match (self.on, shape.is_turning()) {
+        match (self.actuator.on, shape.is_turning()) {
             (Part::Speed, false) => demand.map(|part| part * self.scale),
             (Part::Speed, true) => {
                 demand[0] *= self.scale;
