@@ -7,8 +7,8 @@
 //! What can be chosen by name, such as the effects of a simulator, is a list that is open: whoever runs the simulator may
 //! add to it. A description therefore only names the list, and the lists themselves ([`Lists`]) are passed to the check.
 //!
-//! The check fills in defaults, so a default is written in the description and nowhere else: [`typed`] reads the section's
-//! typed struct from the checked table, and cannot fail.
+//! The check fills in defaults, so a default is written in the description and nowhere else: [`Section::read`] reads the section's
+//! struct, which is its description, from the checked table, and cannot fail.
 
 mod assignment;
 mod check;
@@ -18,7 +18,6 @@ mod schema;
 mod section;
 mod spec;
 mod tree;
-mod typed;
 
 pub use assignment::set;
 pub use check::{Checked, FileReference, Touch, TouchTarget, check};
@@ -32,7 +31,6 @@ pub use section::{
 };
 pub use spec::{Choice, Default, Field, Kind, Range, TableSpec, Tag, Variant, Variants};
 pub use tree::{Node, Value, parse};
-pub use typed::typed;
 
 /// Something wrong with a configuration.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -13,9 +13,7 @@ use robotsim::dynamics::effect::{self, Effect, Situation};
 use robotsim::scenario::{self, Place, Scenario};
 use robotsim::sim::Swarm;
 
-/// `kind = "east-drift"`.
 static DRIFT: effect::Entry = effect::Entry::of::<EastDrift>();
-
 /// A drift to the east.
 ///
 /// # Mechanism
@@ -42,7 +40,6 @@ static DRIFT: effect::Entry = effect::Entry::of::<EastDrift>();
 struct EastDrift {
     /// Velocity of the drift (m/s).
     #[key(range = 0.0..=9.0, default = 1.0)]
-    #[fit(unit = "m/s", starts = [0.1], step = 0.01)]
     east_mps: f64,
 }
 
