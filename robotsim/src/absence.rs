@@ -2,14 +2,17 @@
 
 use crate::context::Context;
 use proto::config::{Problem, Section};
+use proto::ids::AgentId;
+use proto::time::SimDuration;
 use proto::types::{AgentStates, Bitmap, NS_PER_S};
 
 /// Some robots that are not there for a time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Absence {
-    robots: Vec<u32>,
-    from_ns: u64,
-    until_ns: u64,
+    robots: Vec<AgentId>,
+    /// Since the robots started.
+    from: SimDuration,
+    until: SimDuration,
 }
 
 /// Robots that are absent for a time. They do not move, send, receive or collide, and metrics exclude them.
@@ -35,9 +38,9 @@ pub(crate) fn build(
 ) -> Vec<Absence> {
     let mut absences = Vec::new();
     for (index, Keys { robots, from_s, until_s }) in keys.iter().enumerate() {
-        let (robots, from_s, until_s) = (robots.clone(), *from_s, *until_s);
+        let (from_s, until_s) = (*from_s, *until_s);
         let key_path = |key: &str| format!("{}[{index}].{key}", context.path);
-        for robot in &robots {
+        for robot in robots {
             if context.n_agents <= *robot as usize {
                 let n = context.n_agents;
                 let problem = Problem::new(
@@ -52,23 +55,31 @@ pub(crate) fn build(
                 Problem::new(key_path("until_s"), format!("must be later than from_s, {from_s:?}"));
             problems.push(problem.value(format!("{until_s:?}")));
         }
-        let ns = |time_s: f64| libm::round(time_s * NS_PER_S as f64) as u64;
-        let (from_ns, until_ns) = (ns(from_s), until_s.map_or(u64::MAX, ns));
-        absences.push(Absence { robots, from_ns, until_ns });
+        let duration =
+            |time_s: f64| SimDuration::from_ns(libm::round(time_s * NS_PER_S as f64) as u64);
+        absences.push(Absence {
+            robots: robots.iter().copied().map(AgentId).collect(),
+            from: duration(from_s),
+            until: until_s.map_or(SimDuration::MAX, duration),
+        });
     }
     absences
 }
 
 /// Marks who is there at a time since the robots started; the others are at rest. Returns those who have just gone.
-pub(crate) fn mark(absences: &[Absence], time_ns: u64, states: &mut AgentStates) -> Vec<usize> {
+pub(crate) fn mark(
+    absences: &[Absence],
+    time: SimDuration,
+    states: &mut AgentStates,
+) -> Vec<AgentId> {
     if absences.is_empty() {
         return Vec::new();
     }
     let before = std::mem::replace(&mut states.alive, Bitmap::filled(states.x_m.len(), true));
     for absence in absences {
-        if (absence.from_ns..absence.until_ns).contains(&time_ns) {
+        if (absence.from..absence.until).contains(&time) {
             for &robot in &absence.robots {
-                states.alive.set(robot as usize, false);
+                states.alive.set(robot.index(), false);
             }
         }
     }
@@ -76,5 +87,5 @@ pub(crate) fn mark(absences: &[Absence], time_ns: u64, states: &mut AgentStates)
     for &robot in &gone {
         [states.vx_mps[robot], states.vy_mps[robot], states.vz_mps[robot]] = [0.0; 3];
     }
-    gone
+    gone.into_iter().map(AgentId::from_index).collect()
 }

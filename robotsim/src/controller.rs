@@ -24,6 +24,7 @@ use crate::dynamics::{Command, norm};
 use crate::exploration::{Settings as ExplorationSettings, State as Exploration};
 use crate::knowledge::{Knowledge, Seen};
 use proto::config::{Problem, Registered, Section, TableSpec, Tag, Variant, Variants};
+use proto::ids::AgentId;
 use proto::rng::Draws;
 use proto::types::{AgentStates, MoteStates};
 use rayon::prelude::*;
@@ -154,39 +155,39 @@ impl<'a> Links<'a> {
 
     /// Whether a robot's radio works.
     #[must_use]
-    pub fn is_alive(&self, agent: usize) -> Option<bool> {
-        self.motes.map(|motes| motes.alive.get(agent))
+    pub fn is_alive(&self, agent: AgentId) -> Option<bool> {
+        self.motes.map(|motes| motes.alive.get(agent.index()))
     }
 
     /// Whether it keeps the network's time.
     #[must_use]
-    pub fn is_synced(&self, agent: usize) -> Option<bool> {
-        self.motes?.synced.as_ref().map(|synced| synced.get(agent))
+    pub fn is_synced(&self, agent: AgentId) -> Option<bool> {
+        self.motes?.synced.as_ref().map(|synced| synced.get(agent.index()))
     }
 
     /// Whether it has been admitted.
     #[must_use]
-    pub fn has_joined(&self, agent: usize) -> Option<bool> {
-        self.motes?.joined.as_ref().map(|joined| joined.get(agent))
+    pub fn has_joined(&self, agent: AgentId) -> Option<bool> {
+        self.motes?.joined.as_ref().map(|joined| joined.get(agent.index()))
     }
 
     /// Rank of the mote in routing (RPL); `None` without a network.
     #[must_use]
-    pub fn rank(&self, agent: usize) -> Option<u32> {
-        self.motes?.rank.get(agent).copied()
+    pub fn rank(&self, agent: AgentId) -> Option<u32> {
+        self.motes?.rank.get(agent.index()).copied()
     }
 
     /// Its preferred parent in routing; `Some(None)`: it has none.
     #[must_use]
-    pub fn parent(&self, agent: usize) -> Option<Option<u32>> {
-        let parent = self.motes?.parent.get(agent).copied()?;
-        Some((parent != u32::MAX).then_some(parent))
+    pub fn parent(&self, agent: AgentId) -> Option<Option<AgentId>> {
+        let parent = self.motes?.parent.get(agent.index()).copied()?;
+        Some((parent != u32::MAX).then_some(AgentId(parent)))
     }
 
     /// Packets that wait in its queue.
     #[must_use]
-    pub fn queue_length(&self, agent: usize) -> Option<u32> {
-        self.motes?.queue_length.get(agent).copied()
+    pub fn queue_length(&self, agent: AgentId) -> Option<u32> {
+        self.motes?.queue_length.get(agent.index()).copied()
     }
 }
 
@@ -208,7 +209,7 @@ enum ParentLink {
 
 impl View<'_> {
     /// A robot's link to its preferred parent in routing.
-    fn parent_link(&self, agent: usize) -> ParentLink {
+    fn parent_link(&self, agent: AgentId) -> ParentLink {
         let has_joined = self.links.has_joined(agent).unwrap_or(true);
         let parent = self.links.parent(agent);
         if has_joined && parent == Some(None) {
@@ -232,9 +233,14 @@ impl View<'_> {
         }
     }
 
+    /// Where a robot is (m).
+    fn position_m(&self, agent: AgentId) -> [f64; 3] {
+        self.states.position_m(agent.index())
+    }
+
     /// How a robot moved in the step before (m/s).
-    fn velocity_mps(&self, agent: usize) -> [f64; 3] {
-        let states = self.states;
+    fn velocity_mps(&self, agent: AgentId) -> [f64; 3] {
+        let (states, agent) = (self.states, agent.index());
         [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]]
     }
 }
@@ -243,7 +249,7 @@ impl View<'_> {
 /// sees, and keeps no state between steps.
 pub trait Controller: std::fmt::Debug + Send + Sync {
     /// The command for one robot, for the period that begins.
-    fn command(&self, view: &View<'_>, agent: usize) -> Command;
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command;
 
     /// Whether it uses the received signal strength of frames.
     fn wants_rssi(&self) -> bool {
@@ -284,10 +290,10 @@ impl Team {
     #[must_use]
     pub fn commands(&self, view: &View<'_>) -> Vec<Command> {
         let n = view.states.len();
-        let command = |agent| {
-            if view.states.alive.get(agent) {
-                let group = self.groups.partition_point(|(end, _)| *end <= agent);
-                self.groups[group].1.command(view, agent)
+        let command = |place| {
+            if view.states.alive.get(place) {
+                let group = self.groups.partition_point(|(end, _)| *end <= place);
+                self.groups[group].1.command(view, AgentId::from_index(place))
             } else {
                 Command::Velocity([0.0; 3])
             }

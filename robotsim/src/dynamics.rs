@@ -26,7 +26,9 @@ use effect::{Localization, Situation};
 use physics::{Order, Physics, Robot};
 use point_mass::Cap;
 use proto::config::{Problem, Registry, Section, TableSpec, join};
+use proto::ids::AgentId;
 use proto::site::Site;
+use proto::time::SimTime;
 use proto::types::AgentStates;
 use serde::{Deserialize, Serialize};
 use surroundings::Surroundings;
@@ -110,10 +112,10 @@ pub struct Memory {
 /// A step, and what is around the robots then.
 #[derive(Clone, Copy, Debug)]
 pub struct Step<'a> {
-    /// When it begins (ns).
-    pub from_ns: u64,
-    /// When it ends (ns).
-    pub until_ns: u64,
+    /// When it begins.
+    pub from: SimTime,
+    /// When it ends.
+    pub until: SimTime,
     /// The place: its ground, walls and obstacles.
     pub site: &'a Site,
     /// How obstacles of the place move.
@@ -190,11 +192,12 @@ impl Dynamics {
     /// only, the last one that acts decides.
     fn localization_at(
         &self,
-        agent: usize,
+        agent: AgentId,
         time_s: f64,
         states: &AgentStates,
     ) -> Option<Localization> {
-        let surroundings = Surroundings { agent: agent as u32, ..Surroundings::default() };
+        let surroundings = Surroundings { agent, ..Surroundings::default() };
+        let agent = agent.index();
         let at = Situation {
             time_s,
             position_m: states.position_m(agent),
@@ -256,7 +259,7 @@ impl Dynamics {
         states: &AgentStates,
         memory: &mut [Memory],
     ) -> Motion {
-        let agent = surroundings.agent as usize;
+        let agent = surroundings.agent.index();
         let inertial = self.physics.is_inertial();
         let is_plain = self.physics.is_bare() && !self.physics.shape().is_turning() && !inertial;
         let command = match command {
@@ -289,7 +292,7 @@ impl Dynamics {
     /// Moves a robot on and returns by how much (m) it would go.
     fn go(
         &self,
-        agent: usize,
+        agent: AgentId,
         motion: Motion,
         [from_s, until_s]: [f64; 2],
         surroundings: &Surroundings<'_>,
@@ -302,6 +305,7 @@ impl Dynamics {
             Motion::Velocity(velocity) => return velocity.map(|component| component * dt_s),
             Motion::Body(demand) => demand,
         };
+        let agent = agent.index();
         let mut bare = Memory::default();
         let memory = memory.get_mut(agent).unwrap_or(&mut bare);
         if memory.orders.is_empty() {

@@ -26,7 +26,9 @@ use base::Base;
 use explorer::Explorer;
 use grid::{Cell, Grid};
 use message::{CORNER_BYTES, HEADER_BYTES, Order, RUN_BYTES, Report};
+use proto::ids::AgentId;
 use proto::site::Site;
+use proto::time::{SimDuration, SimTime};
 use proto::types::{AgentMessage, AgentStates, Deliveries, TaskFigure};
 use serde::{Deserialize, Serialize};
 use tally::Tally;
@@ -37,17 +39,17 @@ pub struct Settings {
     /// The area in cells.
     pub grid: Grid,
     /// The robot to which maps are sent and which sends the others to places; it stays where it is.
-    pub base: usize,
+    pub base: AgentId,
     /// How far a robot sees (m).
     pub range_m: f64,
     /// How fast it goes (m/s).
     pub speed_mps: f64,
-    /// How often robots report, and the base answers (ns).
-    pub report_ns: u64,
-    /// After this time (ns) without an answer a message is sent again.
-    pub retry_ns: u64,
-    /// After this time (ns) without a word from the base a robot that waits for one goes back towards where it began. `None`: never.
-    pub return_ns: Option<u64>,
+    /// How often robots report, and the base answers.
+    pub report_every: SimDuration,
+    /// After this time without an answer a message is sent again.
+    pub retry_after: SimDuration,
+    /// After this time without a word from the base a robot that waits for one goes back towards where it began. `None`: never.
+    pub return_after: Option<SimDuration>,
     /// Most octets of a message: room for a run of cells at least, and for a way with one corner.
     pub message_bytes: usize,
 }
@@ -75,8 +77,8 @@ pub struct State {
     explorers: Vec<Explorer>,
     base: Base,
     tally: Tally,
-    /// By robot: when it reports next, and when the base answers it next (ns). Empty before the first step.
-    due_ns: Vec<[u64; 2]>,
+    /// By robot: when it reports next, and when the base answers it next. Empty before the first step.
+    due: Vec<[SimTime; 2]>,
     /// Where each robot goes (m).
     aims_m: Vec<Option<[f64; 2]>>,
     is_done: bool,
@@ -85,9 +87,9 @@ pub struct State {
 /// What a step of the explorers is made of.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moment<'a> {
-    /// Where the step begins and ends (ns).
-    pub(crate) from_ns: u64,
-    pub(crate) until_ns: u64,
+    /// When the step begins and ends.
+    pub(crate) from: SimTime,
+    pub(crate) until: SimTime,
     /// Where the robots are.
     pub(crate) states: &'a AgentStates,
     /// Where they take themselves to be.
@@ -109,14 +111,15 @@ impl State {
         let grid = &settings.grid;
         let n = states.len();
         let solid = grid.solid(site, moves);
-        let starts: Vec<u16> = (0..n).filter_map(|agent| cell_of(grid, states, agent)).collect();
+        let starts: Vec<u16> =
+            AgentId::first(n).filter_map(|agent| cell_of(grid, states, agent)).collect();
         let tally = Tally::new(grid, &solid, &starts);
         Self {
             solid,
             explorers: vec![Explorer::new(grid.n_cells()); n],
             base: Base::new(grid.n_cells(), n),
             tally,
-            due_ns: Vec::new(),
+            due: Vec::new(),
             aims_m: vec![None; n],
             is_done: false,
         }
@@ -128,13 +131,13 @@ impl State {
         self.solid.len() == n_cells
             && self.explorers.len() == n_robots
             && self.aims_m.len() == n_robots
-            && (self.due_ns.is_empty() || self.due_ns.len() == n_robots)
+            && (self.due.is_empty() || self.due.len() == n_robots)
     }
 
     /// The point (m) to which a robot goes, if anywhere.
     #[must_use]
-    pub fn aim_m(&self, agent: usize) -> Option<[f64; 2]> {
-        self.aims_m[agent]
+    pub fn aim_m(&self, agent: AgentId) -> Option<[f64; 2]> {
+        self.aims_m[agent.index()]
     }
 
     /// Nothing that robots can get to is unknown, and the base knows all that they have seen.
@@ -155,40 +158,40 @@ impl State {
         settings: &Settings,
         moment: &Moment<'_>,
     ) -> Vec<AgentMessage> {
-        let now_ns = moment.from_ns;
+        let now = moment.from;
         let n = moment.states.len();
-        if self.due_ns.is_empty() {
+        if self.due.is_empty() {
             // Spread over the time between two reports, so that not all speak at once.
-            let phase = |agent: usize| now_ns + settings.report_ns * agent as u64 / n as u64;
-            self.due_ns = (0..n).map(|agent| [phase(agent); 2]).collect();
-            self.tally.begin(now_ns);
+            let phase = |place: u64| now + settings.report_every * place / n as u64;
+            self.due = (0..n as u64).map(|place| [phase(place); 2]).collect();
+            self.tally.begin(now);
         }
         self.look(settings, moment);
         if let (Source::Heard, Some(deliveries)) = (moment.source, moment.deliveries) {
             self.read(settings, moment, deliveries);
         }
-        self.base.plan(settings, now_ns);
+        self.base.plan(settings, now);
         let mut messages = Vec::new();
         let believed = |agent| cell_of(&settings.grid, moment.believed, agent);
-        for agent in (0..n).filter(|&agent| moment.states.alive.get(agent)) {
+        for agent in AgentId::first(n).filter(|agent| moment.states.alive.get(agent.index())) {
             if agent == settings.base {
                 continue;
             }
             match moment.source {
                 Source::Heard => {
-                    let base = moment.states.alive.get(settings.base);
-                    if self.is_due(settings, agent, 0, now_ns)
+                    let base = moment.states.alive.get(settings.base.index());
+                    if self.is_due(settings, agent, 0, now)
                         && let Some(cell) = believed(agent)
                     {
                         let (reports, n_again) =
-                            self.explorers[agent].poll_reports(settings, cell, now_ns);
+                            self.explorers[agent.index()].poll_reports(settings, cell, now);
                         self.tally.count_reports(reports.len() as u64, n_again);
                         let send = |report: Report| message(agent, settings.base, report.encode());
                         messages.extend(reports.into_iter().map(send));
                     }
                     if base
-                        && self.is_due(settings, agent, 1, now_ns)
-                        && let Some(order) = self.base.poll_order(settings, agent, now_ns)
+                        && self.is_due(settings, agent, 1, now)
+                        && let Some(order) = self.base.poll_order(settings, agent, now)
                     {
                         self.tally.count_order();
                         messages.push(message(settings.base, agent, order.encode()));
@@ -196,7 +199,7 @@ impl State {
                 }
                 Source::Truth => {
                     if let Some(cell) = believed(agent) {
-                        self.tell_at_once(settings, agent, cell, now_ns);
+                        self.tell_at_once(settings, agent, cell, now);
                     }
                 }
             }
@@ -205,32 +208,33 @@ impl State {
             let [x_m, y_m, _] = moment.believed.position_m(agent);
             self.aims_m[agent] = self.explorers[agent].aim_m(&settings.grid, [x_m, y_m]);
         }
-        let is_alive = |agent: &usize| moment.states.alive.get(*agent) && *agent != settings.base;
+        let is_alive =
+            |agent: &AgentId| moment.states.alive.get(agent.index()) && *agent != settings.base;
         self.is_done = self.base.is_out_of_frontiers()
-            && (0..n)
-                .filter(is_alive)
-                .all(|agent| self.explorers[agent].has_told_all() && self.base.knows(agent));
-        let said_ns = |agent| self.base.said_ns(agent);
-        self.tally.add(moment, settings.base, said_ns);
+            && AgentId::first(n).filter(is_alive).all(|agent| {
+                self.explorers[agent.index()].has_told_all() && self.base.knows(agent)
+            });
+        let said = |agent| self.base.said(agent);
+        self.tally.add(moment, settings.base, said);
         messages
     }
 
     /// Everyone looks around.
     fn look(&mut self, settings: &Settings, moment: &Moment<'_>) {
-        let now_ns = moment.from_ns;
+        let now = moment.from;
         let grid = &settings.grid;
-        for agent in 0..moment.states.len() {
+        for agent in AgentId::first(moment.states.len()) {
             let Some(cell) = cell_of(grid, moment.states, agent) else { continue };
-            if !moment.states.alive.get(agent) {
+            if !moment.states.alive.get(agent.index()) {
                 continue;
             }
             let (base, tally, solid) = (&mut self.base, &mut self.tally, &self.solid);
-            self.explorers[agent].look(grid, solid, settings.range_m, cell, |seen| {
-                tally.see(seen, now_ns);
+            self.explorers[agent.index()].look(grid, solid, settings.range_m, cell, |seen| {
+                tally.see(seen, now);
                 // What the base sees itself is on its map at once.
                 let what = if solid[usize::from(seen)] { Cell::Occupied } else { Cell::Free };
                 if agent == settings.base && base.put(seen, what) {
-                    tally.map(seen, now_ns);
+                    tally.map(seen, now);
                 }
             });
         }
@@ -239,79 +243,77 @@ impl State {
     /// Everyone reads what was delivered.
     fn read(&mut self, settings: &Settings, moment: &Moment<'_>, deliveries: &Deliveries) {
         let sent = &deliveries.transmissions;
-        let now_ns = moment.from_ns;
+        let now = moment.from;
         let payloads: Vec<&[u8]> = sent.payloads.iter().collect();
-        if moment.states.alive.get(settings.base) {
-            for index in deliveries.heard_by(settings.base) {
+        if moment.states.alive.get(settings.base.index()) {
+            for index in deliveries.heard_by(settings.base.index()) {
                 if let Some(report) = Report::decode(payloads[index]) {
-                    self.take_report(
-                        sent.sender[index] as usize,
-                        &report,
-                        sent.sent_ns[index],
-                        now_ns,
-                    );
+                    let said = SimTime::from_ns(sent.sent_ns[index]);
+                    self.take_report(AgentId(sent.sender[index]), &report, said, now);
                 }
             }
         }
-        for agent in (0..moment.states.len()).filter(|&agent| agent != settings.base) {
+        let others = AgentId::first(moment.states.len()).filter(|agent| *agent != settings.base);
+        for agent in others {
             let Some(cell) = cell_of(&settings.grid, moment.believed, agent) else { continue };
-            if !moment.states.alive.get(agent) {
+            if !moment.states.alive.get(agent.index()) {
                 continue;
             }
-            for index in deliveries.heard_by(agent) {
-                let is_from_base = sent.sender[index] as usize == settings.base;
+            let explorer = &mut self.explorers[agent.index()];
+            for index in deliveries.heard_by(agent.index()) {
+                let is_from_base = AgentId(sent.sender[index]) == settings.base;
                 if let Some(order) = Order::decode(payloads[index]).filter(|_| is_from_base) {
-                    self.explorers[agent].handle_order(&settings.grid, cell, now_ns, &order);
+                    explorer.handle_order(&settings.grid, cell, now, &order);
                 }
             }
-            self.explorers[agent].come_back(settings, cell, now_ns);
+            explorer.come_back(settings, cell, now);
         }
     }
 
-    fn take_report(&mut self, from: usize, report: &Report, said_ns: u64, now_ns: u64) {
+    fn take_report(&mut self, from: AgentId, report: &Report, said: SimTime, now: SimTime) {
         let tally = &mut self.tally;
-        self.base.handle_report(from, report, said_ns, now_ns, |cell| tally.map(cell, now_ns));
+        self.base.handle_report(from, report, said, now, |cell| tally.map(cell, now));
     }
 
     /// The ideal baseline: what a robot has to say, and what the base has to say to it, is known at once.
-    fn tell_at_once(&mut self, settings: &Settings, agent: usize, cell: u16, now_ns: u64) {
+    fn tell_at_once(&mut self, settings: &Settings, agent: AgentId, cell: u16, now: SimTime) {
         loop {
-            let (reports, _) = self.explorers[agent].poll_reports(settings, cell, now_ns);
+            let (reports, _) = self.explorers[agent.index()].poll_reports(settings, cell, now);
             if reports.is_empty() {
                 break;
             }
             for report in reports {
-                self.take_report(agent, &report, now_ns, now_ns);
+                self.take_report(agent, &report, now, now);
             }
-            self.answer(settings, agent, cell, now_ns);
+            self.answer(settings, agent, cell, now);
         }
-        self.base.plan(settings, now_ns);
-        self.answer(settings, agent, cell, now_ns);
+        self.base.plan(settings, now);
+        self.answer(settings, agent, cell, now);
     }
 
-    fn answer(&mut self, settings: &Settings, agent: usize, cell: u16, now_ns: u64) {
-        if let Some(order) = self.base.poll_order(settings, agent, now_ns) {
-            self.explorers[agent].handle_order(&settings.grid, cell, now_ns, &order);
+    fn answer(&mut self, settings: &Settings, agent: AgentId, cell: u16, now: SimTime) {
+        if let Some(order) = self.base.poll_order(settings, agent, now) {
+            self.explorers[agent.index()].handle_order(&settings.grid, cell, now, &order);
         }
     }
 
     /// Whether it is a robot's time to report (0), or the base's to answer it (1).
-    fn is_due(&mut self, settings: &Settings, agent: usize, which: usize, now_ns: u64) -> bool {
-        let due_ns = &mut self.due_ns[agent][which];
-        let is_due = *due_ns <= now_ns;
-        while *due_ns <= now_ns {
-            *due_ns += settings.report_ns;
+    fn is_due(&mut self, settings: &Settings, agent: AgentId, which: usize, now: SimTime) -> bool {
+        let due = &mut self.due[agent.index()][which];
+        let is_due = *due <= now;
+        while *due <= now {
+            *due += settings.report_every;
         }
         is_due
     }
 }
 
 /// The cell in which an agent is.
-fn cell_of(grid: &Grid, states: &AgentStates, agent: usize) -> Option<u16> {
-    let [x_m, y_m, _] = states.position_m(agent);
+fn cell_of(grid: &Grid, states: &AgentStates, agent: AgentId) -> Option<u16> {
+    let [x_m, y_m, _] = states.position_m(agent.index());
     grid.cell_at([x_m, y_m])
 }
 
-fn message(sender: usize, destination: usize, payload: bytes::Bytes) -> AgentMessage {
-    AgentMessage { sender: sender as u32, destination: destination as u32, payload }
+fn message(sender: AgentId, destination: AgentId, payload: bytes::Bytes) -> AgentMessage {
+    AgentMessage { sender: sender.0, destination: destination.0, payload }
 }

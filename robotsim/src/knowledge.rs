@@ -8,7 +8,9 @@
 use crate::exploration::message;
 use crate::payload::{self, Motion};
 use proto::config::{Choice, Section};
-use proto::types::{AgentStates, Deliveries, Heard, NS_PER_S, seconds};
+use proto::ids::AgentId;
+use proto::time::{SimDuration, SimTime};
+use proto::types::{AgentStates, Deliveries, Heard, NS_PER_S};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -25,9 +27,9 @@ pub enum Source {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Seen {
     /// Number of the robot that is known of.
-    pub agent: u32,
-    /// Of when the knowledge is (ns).
-    pub sent_ns: u64,
+    pub agent: AgentId,
+    /// Of when the knowledge is.
+    pub sent: SimTime,
     /// Where it was, and how it moved.
     pub motion: Motion,
     /// Received strength of the frame that carried it (dBm), where that was asked for.
@@ -45,18 +47,18 @@ pub struct Memory {
     pub extrapolate: bool,
 }
 
-/// Whom one robot remembers: by agent, when it was known last (ns), and what.
-pub type Remembered = BTreeMap<u32, (u64, Seen)>;
+/// Whom one robot remembers: by agent, when it was known last, and what.
+pub type Remembered = BTreeMap<AgentId, (SimTime, Seen)>;
 
 impl Memory {
-    /// Adds what is known at `now_ns`, and forgets what is too old.
-    pub fn take_up(&self, knowledge: &Knowledge<'_>, now_ns: u64, all: &mut [Remembered]) {
-        let keep_ns = libm::round(self.keep_s * NS_PER_S as f64) as u64;
-        for (agent, remembered) in all.iter_mut().enumerate() {
+    /// Adds what is known at `now`, and forgets what is too old.
+    pub fn take_up(&self, knowledge: &Knowledge<'_>, now: SimTime, all: &mut [Remembered]) {
+        let keep = SimDuration::from_ns(libm::round(self.keep_s * NS_PER_S as f64) as u64);
+        for (agent, remembered) in AgentId::first(all.len()).zip(all) {
             knowledge.for_each_known_to(agent, |seen| {
-                remembered.insert(seen.agent, (now_ns, *seen));
+                remembered.insert(seen.agent, (now, *seen));
             });
-            remembered.retain(|_, (known_ns, _)| now_ns - *known_ns <= keep_ns);
+            remembered.retain(|_, (known, _)| now - *known <= keep);
         }
     }
 }
@@ -66,16 +68,16 @@ impl Memory {
 struct Recollection<'a> {
     all: &'a [Remembered],
     extrapolate: bool,
-    now_ns: u64,
+    now: SimTime,
 }
 
 impl Recollection<'_> {
-    fn for_each_known_to(&self, agent: usize, mut visit: impl FnMut(&Seen)) {
-        for (known_ns, seen) in self.all[agent].values() {
+    fn for_each_known_to(&self, agent: AgentId, mut visit: impl FnMut(&Seen)) {
+        for (known, seen) in self.all[agent.index()].values() {
             let mut seen = *seen;
             if self.extrapolate {
                 // What was heard in a period was true at its end, which is when it came to be known.
-                let age_s = seconds(self.now_ns - known_ns);
+                let age_s = (self.now - *known).seconds();
                 let motion = &mut seen.motion;
                 for (place, velocity) in motion.position_m.iter_mut().zip(motion.velocity_mps) {
                     *place += velocity * age_s;
@@ -120,7 +122,12 @@ impl<'a> Knowledge<'a> {
         {
             let motion = payload::decode(bytes);
             n_foreign += u64::from(motion.is_none() && !message::is_message(bytes));
-            seen.push(motion.map(|motion| Seen { agent, sent_ns, motion, rssi_dbm: None }));
+            seen.push(motion.map(|motion| Seen {
+                agent: AgentId(agent),
+                sent: SimTime::from_ns(sent_ns),
+                motion,
+                rssi_dbm: None,
+            }));
             repeated |= std::mem::replace(&mut on_air[agent as usize], true);
         }
         let mut rssi_begins = Vec::new();
@@ -134,9 +141,9 @@ impl<'a> Knowledge<'a> {
         Self { seen, deliveries: Some(deliveries), rssi_begins, repeated, n_foreign, memory: None }
     }
 
-    /// The truth at `now_ns`.
+    /// The truth at `now`.
     #[must_use]
-    pub fn truth(states: &AgentStates, now_ns: u64) -> Self {
+    pub fn truth(states: &AgentStates, now: SimTime) -> Self {
         let seen = (0..states.len())
             .map(|agent| {
                 let motion = Motion {
@@ -147,7 +154,8 @@ impl<'a> Knowledge<'a> {
                         states.vz_mps[agent],
                     ],
                 };
-                let seen = Seen { agent: agent as u32, sent_ns: now_ns, motion, rssi_dbm: None };
+                let id = AgentId::from_index(agent);
+                let seen = Seen { agent: id, sent: now, motion, rssi_dbm: None };
                 states.alive.get(agent).then_some(seen)
             })
             .collect();
@@ -167,32 +175,33 @@ impl<'a> Knowledge<'a> {
 
     /// What robots remember, in place of what they know by themselves.
     #[must_use]
-    pub fn with_memory(self, memory: &Memory, all: &'a [Remembered], now_ns: u64) -> Self {
-        let memory = Recollection { all, extrapolate: memory.extrapolate, now_ns };
+    pub fn with_memory(self, memory: &Memory, all: &'a [Remembered], now: SimTime) -> Self {
+        let memory = Recollection { all, extrapolate: memory.extrapolate, now };
         Self { memory: Some(memory), ..self }
     }
 
     /// Visits every robot that `agent` knows of, itself excepted, each once, in an order that is always the same.
-    pub fn for_each_known_to(&self, agent: usize, mut visit: impl FnMut(&Seen)) {
+    pub fn for_each_known_to(&self, agent: AgentId, mut visit: impl FnMut(&Seen)) {
         if let Some(memory) = &self.memory {
             memory.for_each_known_to(agent, visit);
             return;
         }
         let mut visit_other = |seen: &Seen| {
-            if seen.agent as usize != agent {
+            if seen.agent != agent {
                 visit(seen);
             }
         };
+        let place = agent.index();
         match self.deliveries {
             None => self.seen.iter().flatten().for_each(visit_other),
             Some(deliveries) if !self.repeated && self.rssi_begins.is_empty() => deliveries
-                .heard_by(agent)
+                .heard_by(place)
                 .filter_map(|index| self.seen[index].as_ref())
                 .for_each(visit_other),
             // The order in which others are visited is the same whether strengths are reported or not: sums depend on it.
             Some(deliveries) if !self.repeated => {
-                let rssi_dbm = &deliveries.rssi_dbm[self.rssi_begins[agent]..];
-                for (index, &rssi_dbm) in deliveries.heard_by(agent).zip(rssi_dbm) {
+                let rssi_dbm = &deliveries.rssi_dbm[self.rssi_begins[place]..];
+                for (index, &rssi_dbm) in deliveries.heard_by(place).zip(rssi_dbm) {
                     if let Some(seen) = &self.seen[index] {
                         visit_other(&Seen { rssi_dbm: Some(rssi_dbm), ..*seen });
                     }
@@ -200,19 +209,19 @@ impl<'a> Knowledge<'a> {
             }
             Some(deliveries) => {
                 let rssi_dbm =
-                    self.rssi_begins.get(agent).map(|&begin| &deliveries.rssi_dbm[begin..]);
+                    self.rssi_begins.get(place).map(|&begin| &deliveries.rssi_dbm[begin..]);
                 // Transmissions are in order of time: of a sender, the largest index is the last frame.
-                let mut latest: Vec<(u32, usize, usize)> = (0..)
-                    .zip(deliveries.heard_by(agent))
-                    .filter_map(|(place, index)| {
-                        self.seen[index].map(|seen| (seen.agent, index, place))
+                let mut latest: Vec<(AgentId, usize, usize)> = (0..)
+                    .zip(deliveries.heard_by(place))
+                    .filter_map(|(nth, index)| {
+                        self.seen[index].map(|seen| (seen.agent, index, nth))
                     })
                     .collect();
                 latest.sort_unstable();
-                for (position, &(sender, index, place)) in latest.iter().enumerate() {
+                for (position, &(sender, index, nth)) in latest.iter().enumerate() {
                     let is_last = latest.get(position + 1).is_none_or(|next| next.0 != sender);
                     if let (true, Some(seen)) = (is_last, &self.seen[index]) {
-                        visit_other(&Seen { rssi_dbm: rssi_dbm.map(|all| all[place]), ..*seen });
+                        visit_other(&Seen { rssi_dbm: rssi_dbm.map(|all| all[nth]), ..*seen });
                     }
                 }
             }
@@ -284,8 +293,8 @@ mod tests {
 
     fn known_to_0(knowledge: &Knowledge<'_>) -> Vec<(u32, u64, f64)> {
         let mut known = Vec::new();
-        knowledge.for_each_known_to(0, |seen| {
-            known.push((seen.agent, seen.sent_ns, seen.motion.position_m[0]));
+        knowledge.for_each_known_to(AgentId(0), |seen| {
+            known.push((seen.agent.0, seen.sent.ns(), seen.motion.position_m[0]));
         });
         known
     }
@@ -319,7 +328,10 @@ mod tests {
     fn nobody_learns_of_itself() {
         let deliveries = deliveries(&[(0, 10, Some(1.0)), (2, 20, Some(2.0))]);
         assert_eq!(known_to_0(&Knowledge::heard(Some(&deliveries), 4)), [(2, 20, 2.0)]);
-        assert_eq!(known_to_0(&Knowledge::truth(&AgentStates::at_origin(2), 5)), [(1, 5, 0.0)]);
+        assert_eq!(
+            known_to_0(&Knowledge::truth(&AgentStates::at_origin(2), SimTime::from_ns(5))),
+            [(1, 5, 0.0)]
+        );
     }
 
     #[test]
@@ -333,6 +345,6 @@ mod tests {
     fn the_truth_leaves_out_those_that_do_not_exist() {
         let mut states = AgentStates::at_origin(3);
         states.alive.set(1, false);
-        assert_eq!(known_to_0(&Knowledge::truth(&states, 0)), [(2, 0, 0.0)]);
+        assert_eq!(known_to_0(&Knowledge::truth(&states, SimTime::START)), [(2, 0, 0.0)]);
     }
 }

@@ -5,10 +5,11 @@ use crate::dynamics::physics::{Order, Physics, Robot};
 use crate::dynamics::surroundings::Surroundings;
 use crate::dynamics::{self, Dynamics, Shape};
 use proto::config::{Node, Problem, Value, check};
+use proto::ids::AgentId;
 use proto::prediction::{
     MotionCommandKind, PredictedState, PredictedWindow, PredictionRequest, PredictionWindow,
 };
-use proto::types::seconds;
+use proto::time::{SimDuration, SimTime};
 
 /// Predicts windows by `[robotsim.dynamics]`, the section and its checks being those of runs; nothing else of the configuration
 /// matters.
@@ -75,12 +76,13 @@ fn predicted(
     request: &PredictionRequest,
 ) -> PredictedWindow {
     let around = Surroundings {
-        agent: window.agent,
+        agent: AgentId(window.agent),
         terrain: Some(&request.site.terrain),
         ..Surroundings::default()
     };
     let first = window.steps.first().map_or([0.0; 3], |step| step.command);
-    let start_s = seconds(window.start_ns);
+    let start = SimTime::from_ns(window.start_ns);
+    let start_s = start.seconds();
     let mut robot = Robot {
         position_m: window.position_m,
         heading_rad: window.heading_rad,
@@ -96,22 +98,23 @@ fn predicted(
         }
     }
     let mut orders = vec![Order { from_s: f64::NEG_INFINITY, demand: first }];
-    let mut at_ns = window.start_ns;
+    let mut at = start;
     for step in &window.steps {
         if orders.last().is_some_and(|last| last.demand != step.command) {
-            orders.push(Order { from_s: seconds(at_ns), demand: step.command });
+            orders.push(Order { from_s: at.seconds(), demand: step.command });
         }
-        at_ns += step.duration_ns;
+        at += SimDuration::from_ns(step.duration_ns);
     }
     let mut next = 0;
-    let mut at_ns = window.start_ns;
+    let mut at = start;
     let mut states = Vec::with_capacity(window.steps.len());
     for step in &window.steps {
-        let until_ns = at_ns + step.duration_ns;
-        physics.advance(&mut robot, &orders, &mut next, seconds(at_ns), seconds(until_ns), &around);
+        let until = at + SimDuration::from_ns(step.duration_ns);
+        let [at_s, until_s] = [at, until].map(SimTime::seconds);
+        physics.advance(&mut robot, &orders, &mut next, at_s, until_s, &around);
         states
             .push(PredictedState { position_m: robot.position_m, heading_rad: robot.heading_rad });
-        at_ns = until_ns;
+        at = until;
     }
     states
 }

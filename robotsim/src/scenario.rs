@@ -13,6 +13,7 @@ mod square;
 
 use crate::context::Context;
 use proto::config::{Kind, Problem, Range, Registered, TableSpec, Tag, Variant, Variants};
+use proto::ids::AgentId;
 use proto::rng::{Draws, Purpose};
 use proto::types::AgentStates;
 
@@ -71,11 +72,11 @@ pub struct Place {
 /// An arrangement of robots.
 pub trait Scenario: std::fmt::Debug + Send + Sync {
     /// Where robot `agent` of `n_agents` begins.
-    fn place(&self, agent: usize, n_agents: usize, draws: Draws) -> Place;
+    fn place(&self, agent: AgentId, n_agents: usize, draws: Draws) -> Place;
 
     /// Where all begin, for arrangements in which each depends on the others.
     fn places(&self, n_agents: usize, draws: Draws) -> Vec<Place> {
-        (0..n_agents).map(|agent| self.place(agent, n_agents, draws)).collect()
+        AgentId::first(n_agents).map(|agent| self.place(agent, n_agents, draws)).collect()
     }
 }
 

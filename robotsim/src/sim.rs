@@ -8,11 +8,13 @@ use crate::exploration::{self, Moment};
 use crate::knowledge::{Knowledge, Remembered, Source};
 use crate::{absence, obstacles, payload, predict, scenario};
 use proto::config::Problem;
+use proto::ids::AgentId;
 use proto::prediction::{PredictedWindow, PredictionRequest};
 use proto::rng::{Draws, Purpose};
 use proto::side::{NotASnapshot, RobotInput, RobotOutput, RobotSimulator, RobotStart, Setup};
 use proto::site::Site;
-use proto::types::{AgentOrder, AgentStates, DeliveryColumn, seconds};
+use proto::time::{SimDuration, SimTime};
+use proto::types::{AgentOrder, AgentStates, DeliveryColumn};
 use serde::{Deserialize, Serialize};
 
 /// The robots of an experiment.
@@ -45,8 +47,8 @@ struct State {
     orders: Vec<Option<AgentOrder>>,
     /// Transmissions so far whose payload was not one of ours.
     n_foreign: u64,
-    /// For how long the robots have been free to move (ns).
-    free_ns: u64,
+    /// For how long the robots have been free to move.
+    free: SimDuration,
     /// What the agents remember of each other. Empty: they have no memory.
     remembered: Vec<Remembered>,
     /// What agents that explore know. `None`: nobody explores.
@@ -84,9 +86,10 @@ impl RobotSimulator for Swarm {
         fleet.complete(&mut states);
         let mut memory = fleet.memory(n_agents);
         let site = setup.site.clone();
-        absence::mark(&config.behaviour.absences, 0, &mut states);
+        absence::mark(&config.behaviour.absences, SimDuration::ZERO, &mut states);
         fleet.make_room(&site, &mut states);
-        let start = Step { from_ns: 0, until_ns: 0, site: &site, courses: &[], seed };
+        let start =
+            Step { from: SimTime::START, until: SimTime::START, site: &site, courses: &[], seed };
         let measured = fleet.measured(&start, &states, &mut memory);
         if config.behaviour.knowledge == Source::Truth {
             tracing::info!(
@@ -116,7 +119,7 @@ impl RobotSimulator for Swarm {
             site,
             orders: vec![None; n_agents],
             n_foreign: 0,
-            free_ns: 0,
+            free: SimDuration::ZERO,
             remembered: vec![
                 Remembered::default();
                 if config.behaviour.memory.is_some() { n_agents } else { 0 }
@@ -136,7 +139,8 @@ impl RobotSimulator for Swarm {
                 order => Some(order),
             };
         }
-        let span_s = [seconds(input.from_ns), seconds(input.until_ns)];
+        let [from, until] = [input.from_ns, input.until_ns].map(SimTime::from_ns);
+        let span_s = [from.seconds(), until.seconds()];
         let moved_obstacles = obstacles::moved(&behaviour.courses, &state.site, span_s);
         if input.hold {
             behaviour.fleet.stand_still(&mut state.memory);
@@ -144,14 +148,14 @@ impl RobotSimulator for Swarm {
         }
         let knowledge = match behaviour.knowledge {
             Source::Heard => Knowledge::heard(input.deliveries, state.states.len()),
-            Source::Truth => Knowledge::truth(&state.states, input.from_ns),
+            Source::Truth => Knowledge::truth(&state.states, from),
         };
         state.note_foreign(knowledge.n_foreign(), input.step);
         if let Some(memory) = &behaviour.memory {
-            memory.take_up(&knowledge, input.from_ns, &mut state.remembered);
+            memory.take_up(&knowledge, from, &mut state.remembered);
         }
         let knowledge = match &behaviour.memory {
-            Some(memory) => knowledge.with_memory(memory, &state.remembered, input.from_ns),
+            Some(memory) => knowledge.with_memory(memory, &state.remembered, from),
             None => knowledge,
         };
 
@@ -160,8 +164,8 @@ impl RobotSimulator for Swarm {
             (&behaviour.exploration, &mut state.exploration)
         {
             let moment = Moment {
-                from_ns: input.from_ns,
-                until_ns: input.until_ns,
+                from,
+                until,
                 states: &state.states,
                 believed: state.measured.as_ref().unwrap_or(&state.states),
                 deliveries: input.deliveries,
@@ -169,10 +173,10 @@ impl RobotSimulator for Swarm {
             };
             messages = exploration.advance(settings, &moment);
         }
-        let dt_s = seconds(input.until_ns - input.from_ns);
+        let dt_s = (until - from).seconds();
         let view = View {
             step: input.step,
-            time_s: seconds(state.free_ns),
+            time_s: state.free.seconds(),
             dt_s,
             states: state.believed(),
             knowledge: &knowledge,
@@ -196,20 +200,15 @@ impl RobotSimulator for Swarm {
                 Some(AgentOrder::Release) | None => {}
             }
         }
-        let step = Step {
-            from_ns: input.from_ns,
-            until_ns: input.until_ns,
-            site: &state.site,
-            courses: &behaviour.courses,
-            seed: state.seed,
-        };
-        state.free_ns += input.until_ns - input.from_ns;
+        let step =
+            Step { from, until, site: &state.site, courses: &behaviour.courses, seed: state.seed };
+        state.free += until - from;
         behaviour.fleet.advance(&step, &commands, &mut state.states, &mut state.memory);
-        for gone in absence::mark(&behaviour.absences, state.free_ns, &mut state.states) {
-            if let Some(memory) = state.memory.get_mut(gone) {
+        for gone in absence::mark(&behaviour.absences, state.free, &mut state.states) {
+            if let Some(memory) = state.memory.get_mut(gone.index()) {
                 behaviour.fleet.stand_still(std::slice::from_mut(memory));
             }
-            if let Some(remembered) = state.remembered.get_mut(gone) {
+            if let Some(remembered) = state.remembered.get_mut(gone.index()) {
                 remembered.clear();
             }
         }
@@ -322,10 +321,10 @@ impl State {
 
 /// Robots that begin outside the area that they are to explore.
 fn outside(settings: &exploration::Settings, states: &AgentStates, path: &str) -> Vec<Problem> {
-    let place_m = |agent: usize| [states.x_m[agent], states.y_m[agent]];
-    let is_outside = |&agent: &usize| settings.grid.cell_at(place_m(agent)).is_none();
-    let Some(first) = (0..states.len()).find(is_outside) else { return Vec::new() };
-    let n = (0..states.len()).filter(|agent| is_outside(agent)).count();
+    let place_m = |agent: AgentId| [states.x_m[agent.index()], states.y_m[agent.index()]];
+    let is_outside = |&agent: &AgentId| settings.grid.cell_at(place_m(agent)).is_none();
+    let Some(first) = AgentId::first(states.len()).find(is_outside) else { return Vec::new() };
+    let n = AgentId::first(states.len()).filter(is_outside).count();
     let message = format!(
         "must place all robots inside the area from controller.from_m to controller.to_m; {n} start outside, the first is \
          robot {first}"

@@ -12,6 +12,7 @@ use physics::effect as radio;
 use physics::link::Link;
 use proto::config::{Registry, Section, variant};
 use proto::effect::{Catalogued, Level, Parameter, Role};
+use proto::ids::AgentId;
 use robotsim::controller::{self, Controller, Demands, Goal, View};
 use robotsim::dynamics::Command;
 use robotsim::dynamics::effect::{self as robots, Situation};
@@ -208,7 +209,7 @@ static ROW: controller::Entry = controller::Entry {
 struct Row;
 
 impl Controller for Row {
-    fn command(&self, _view: &View<'_>, _agent: usize) -> Command {
+    fn command(&self, _view: &View<'_>, _agent: AgentId) -> Command {
         Command::Velocity([0.0; 3])
     }
 }

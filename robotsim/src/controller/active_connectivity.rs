@@ -3,6 +3,7 @@
 use super::{Controller, ExplorationSettings, ParentLink, View, add, scaled, sub};
 use crate::dynamics::{Command, norm};
 use proto::config::Section;
+use proto::ids::AgentId;
 
 /// A controller whose robots keep the link to their parent.
 ///
@@ -54,8 +55,8 @@ impl ActiveConnectivity {
     }
 
     /// A velocity as the link allows it.
-    fn allowed(&self, view: &View<'_>, agent: usize, velocity_mps: [f64; 3]) -> [f64; 3] {
-        let own_m = view.states.position_m(agent);
+    fn allowed(&self, view: &View<'_>, agent: AgentId, velocity_mps: [f64; 3]) -> [f64; 3] {
+        let own_m = view.position_m(agent);
         match view.parent_link(agent) {
             ParentLink::Root | ParentLink::Lost(None) => velocity_mps,
             ParentLink::Heard { rssi_dbm, to } => {
@@ -83,7 +84,7 @@ impl ActiveConnectivity {
 }
 
 impl Controller for ActiveConnectivity {
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
         match self.inner.command(view, agent) {
             Command::Velocity(velocity_mps) => {
                 Command::Velocity(self.allowed(view, agent, velocity_mps))
@@ -127,7 +128,7 @@ mod tests {
     struct Wants(Command);
 
     impl Controller for Wants {
-        fn command(&self, _view: &View<'_>, _agent: usize) -> Command {
+        fn command(&self, _view: &View<'_>, _agent: AgentId) -> Command {
             self.0
         }
     }
@@ -173,7 +174,7 @@ mod tests {
         let keys = Keys { rssi_floor_dbm: -80.0, rssi_margin_db: 10.0 };
         let this = ActiveConnectivity { inner: Box::new(Wants(wanted)), keys };
         assert!(this.wants_rssi());
-        this.command(&view, 0)
+        this.command(&view, AgentId(0))
     }
 
     fn velocity(wanted: [f64; 3], rssi_dbm: f32) -> [f64; 3] {

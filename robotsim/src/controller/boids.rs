@@ -3,6 +3,7 @@
 use super::{Controller, Demands, Entry, Goal, View, add, norm, scaled, sub};
 use crate::dynamics::Command;
 use proto::config::{Kind, Range, Section, variant};
+use proto::ids::AgentId;
 
 const WEIGHT: Kind = Kind::Number(Range::closed(0.0, 1e3));
 const RADIUS: Kind = Kind::Number(Range::above(0.0, 1e6));
@@ -64,8 +65,8 @@ struct Boids {
 }
 
 impl Controller for Boids {
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
-        let own_m = view.states.position_m(agent);
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
+        let own_m = view.position_m(agent);
         let own_mps = view.velocity_mps(agent);
         let (mut away, mut velocities, mut places) = ([0.0; 3], [0.0; 3], [0.0; 3]);
         let mut n = 0.0;
@@ -93,7 +94,7 @@ impl Controller for Boids {
             acceleration = scaled(acceleration, self.acceleration_cap_mps2 / size);
         }
         let start = if norm(own_mps) < 1e-9 {
-            let angle = std::f64::consts::TAU * view.draws.uniform(agent as u64, 0, 0);
+            let angle = std::f64::consts::TAU * view.draws.uniform(u64::from(agent.0), 0, 0);
             [self.speed_mps * libm::cos(angle), self.speed_mps * libm::sin(angle), 0.0]
         } else {
             own_mps

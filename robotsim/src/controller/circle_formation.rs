@@ -3,6 +3,7 @@
 use super::{Controller, Demands, Entry, Goal, View};
 use crate::dynamics::Command;
 use proto::config::{Section, variant};
+use proto::ids::AgentId;
 
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<CircleFormation>("circle-formation"),
@@ -112,8 +113,8 @@ fn direction(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
 }
 
 impl Controller for CircleFormation {
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
-        let [x_m, y_m, _] = view.states.position_m(agent);
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
+        let [x_m, y_m, _] = view.position_m(agent);
         let own_m = [x_m, y_m];
         let mut places = vec![own_m];
         view.knowledge.for_each_known_to(agent, |seen| {

@@ -3,6 +3,7 @@
 use super::{Controller, Demands, Entry, Goal, View};
 use crate::dynamics::Command;
 use proto::config::{Choice, Section, variant};
+use proto::ids::AgentId;
 
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<Consensus>("consensus"),
@@ -47,8 +48,8 @@ enum Over {
 }
 
 impl Controller for Consensus {
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
-        let own_m = view.states.position_m(agent);
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
+        let own_m = view.position_m(agent);
         let (mut sum, mut n) = ([0.0; 3], 0.0);
         view.knowledge.for_each_known_to(agent, |seen| {
             for axis in 0..3 {

@@ -3,6 +3,7 @@
 use super::{Controller, Demands, Entry, Goal, View};
 use crate::dynamics::Command;
 use proto::config::{Section, variant};
+use proto::ids::AgentId;
 
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<ConstantVelocity>("constant-velocity"),
@@ -25,7 +26,7 @@ struct ConstantVelocity {
 }
 
 impl Controller for ConstantVelocity {
-    fn command(&self, _view: &View<'_>, _agent: usize) -> Command {
+    fn command(&self, _view: &View<'_>, _agent: AgentId) -> Command {
         let [vx, vy] = self.velocity_mps;
         Command::Velocity([vx, vy, 0.0])
     }

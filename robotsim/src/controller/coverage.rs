@@ -3,6 +3,7 @@
 use super::{Controller, Demands, Entry, Goal, View};
 use crate::dynamics::Command;
 use proto::config::{Kind, Range, Section, variant};
+use proto::ids::AgentId;
 
 const ANY: Kind = Kind::Number(Range::closed(-1e6, 1e6));
 
@@ -56,8 +57,8 @@ struct Coverage {
 }
 
 impl Controller for Coverage {
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
-        let [x_m, y_m, _] = view.states.position_m(agent);
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
+        let [x_m, y_m, _] = view.position_m(agent);
         let own_m = [x_m, y_m];
         let ([x0, y0], [x1, y1]) = (self.from_m, self.to_m);
         let mut cell = vec![[x0, y0], [x1, y0], [x1, y1], [x0, y1]];

@@ -4,6 +4,7 @@ use super::{Controller, Demands, Entry, Goal, ParentLink, View, add, norm, scale
 use crate::context::Context;
 use crate::dynamics::Command;
 use proto::config::{Kind, Problem, Range, Section, variant};
+use proto::ids::AgentId;
 
 const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e4));
 
@@ -76,8 +77,8 @@ impl Controller for Dispersion {
         true
     }
 
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
-        let own_m = view.states.position_m(agent);
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
+        let own_m = view.position_m(agent);
         match view.parent_link(agent) {
             ParentLink::Root => Command::Velocity([0.0; 3]),
             ParentLink::Heard { rssi_dbm, to } => {
@@ -96,8 +97,8 @@ impl Controller for Dispersion {
 }
 
 /// Σ_j (x_i − x_j) / d_ij² over those a robot knows of.
-fn away_from_others(view: &View<'_>, agent: usize) -> [f64; 3] {
-    let own_m = view.states.position_m(agent);
+fn away_from_others(view: &View<'_>, agent: AgentId) -> [f64; 3] {
+    let own_m = view.position_m(agent);
     let mut away = [0.0; 3];
     view.knowledge.for_each_known_to(agent, |seen| {
         let apart = sub(own_m, seen.motion.position_m);
@@ -151,7 +152,7 @@ mod tests {
         };
         let this = Dispersion { speed_mps: 2.0, rssi_floor_dbm: -80.0, rssi_margin_db: 10.0 };
         assert!(this.wants_rssi());
-        match this.command(&view, 0) {
+        match this.command(&view, AgentId(0)) {
             Command::Velocity(velocity_mps) => velocity_mps,
             command => panic!("{command:?}"),
         }

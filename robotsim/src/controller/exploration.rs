@@ -6,6 +6,8 @@ use crate::dynamics::Command;
 use crate::exploration::grid::{Grid, MAX_CELLS};
 use crate::exploration::{MIN_MESSAGE_BYTES, Settings};
 use proto::config::{Kind, Problem, Range, Section, variant};
+use proto::ids::AgentId;
+use proto::time::SimDuration;
 use proto::types::NS_PER_S;
 
 const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e4));
@@ -43,8 +45,8 @@ struct Raw {
     speed_mps: f64,
     /// The robot that is the base: it collects maps, sends waypoints, and stays where it is. Routes to it are shortest if it is a
     /// root of the network.
-    #[key(range = 0..=u32::MAX, default = 0)]
-    base: usize,
+    #[key(default = 0)]
+    base: AgentId,
     /// Minimum interval between reports of a robot, and between answers of the base to it (s).
     #[key(range = 1e-3..=1e4, default = 1.0)]
     report_s: f64,
@@ -95,7 +97,7 @@ impl Raw {
             let message =
                 "requires experiment.agents of at least 2: a base and robots that explore";
             problems.push(context.problem("base", message));
-        } else if last < self.base {
+        } else if last < self.base.index() {
             let message = format!("must be the number of a robot, 0 to {last}");
             problems.push(context.problem("base", message).value(self.base).nearest(last));
         }
@@ -116,15 +118,16 @@ impl Raw {
             );
             return None;
         };
-        let ns = |seconds: f64| libm::round(seconds * NS_PER_S as f64) as u64;
+        let duration =
+            |seconds: f64| SimDuration::from_ns(libm::round(seconds * NS_PER_S as f64) as u64);
         Some(Settings {
             grid,
             base: self.base,
             range_m: self.range_m,
             speed_mps: self.speed_mps,
-            report_ns: ns(self.report_s),
-            retry_ns: ns(self.retry_s),
-            return_ns: self.return_after_s.map(ns),
+            report_every: duration(self.report_s),
+            retry_after: duration(self.retry_s),
+            return_after: self.return_after_s.map(duration),
             message_bytes: self.message_bytes,
         })
     }
@@ -155,12 +158,12 @@ struct Exploration {
 }
 
 impl Controller for Exploration {
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
         let aim_m = view.exploration.and_then(|exploration| exploration.aim_m(agent));
         let Some([x_m, y_m]) = aim_m.filter(|_| agent != self.settings.base) else {
             return Command::Velocity([0.0; 3]);
         };
-        let [at_x_m, at_y_m, _] = view.states.position_m(agent);
+        let [at_x_m, at_y_m, _] = view.position_m(agent);
         let (dx_m, dy_m) = (x_m - at_x_m, y_m - at_y_m);
         let off_m = libm::hypot(dx_m, dy_m);
         let speed_mps = self.settings.speed_mps.min(off_m / view.dt_s);

@@ -4,6 +4,7 @@ use super::{Controller, Demands, Entry, Goal, View};
 use crate::dynamics::Command;
 use crate::knowledge::Seen;
 use proto::config::{Choice, Kind, Range, Section, variant};
+use proto::ids::AgentId;
 
 const RADIUS: Kind = Kind::Number(Range::closed(1e-3, 1e6));
 const SPEED: Kind = Kind::Number(Range::closed(-1e4, 1e4));
@@ -18,7 +19,7 @@ pub(super) const ENTRY: Entry = Entry {
         table.entry("leader_weight").or_insert(default.max(1.0).into());
         table.entry("leader_velocity_mps").or_insert(vec![7.0, 0.0].into());
         let this = Flocking::read(table);
-        if context.n_agents <= this.leader {
+        if context.n_agents <= this.leader.index() {
             let last = context.n_agents - 1;
             problems.push(
                 context
@@ -88,8 +89,8 @@ struct Flocking {
     #[key(kind = RADIUS, default = 0.8)]
     collision_radius_m: f64,
     /// The agent that leads.
-    #[key(range = 0..=u32::MAX, default = 0)]
-    leader: usize,
+    #[key(default = 0)]
+    leader: AgentId,
     /// No robot leads; all follow the law. leader_velocity_mps and leader_weight are unused.
     #[key(default = false)]
     leaderless: bool,
@@ -169,14 +170,14 @@ impl Flocking {
         let [vx, vy] = self.leader_velocity_mps;
         let length_m = libm::hypot(vx, vy) * (view.time_s + view.dt_s);
         let [x_m, y_m] = crate::path::point_at(points, self.leader_path_closed, length_m);
-        let own_m = view.states.position_m(self.leader);
+        let own_m = view.position_m(self.leader);
         Some([(x_m - own_m[0]) / view.dt_s, (y_m - own_m[1]) / view.dt_s, 0.0])
     }
 
     /// A follower's velocity (m/s) on account of one other robot.
     fn term(&self, own_m: [f64; 3], own_mps: [f64; 3], seen: &Seen) -> [f64; 3] {
         let weight = |on| {
-            let is_leader = seen.agent as usize == self.leader && !self.leaderless;
+            let is_leader = seen.agent == self.leader && !self.leaderless;
             let weighted = is_leader && self.leader_weight_on == on;
             if weighted { self.leader_weight } else { 1.0 }
         };
@@ -191,19 +192,16 @@ impl Flocking {
 }
 
 impl Controller for Flocking {
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
         let [vx, vy] = self.leader_velocity_mps;
         let leading = [vx, vy, 0.0];
         if agent == self.leader && !self.leaderless {
             return Command::Velocity(self.leading(view).unwrap_or(leading));
         }
-        let states = view.states;
-        let own_m = states.position_m(agent);
+        let own_m = view.position_m(agent);
         let own_mps = match self.law {
             Law::Botnet => leading,
-            Law::Paper | Law::Zavlanos => {
-                [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]]
-            }
+            Law::Paper | Law::Zavlanos => view.velocity_mps(agent),
         };
         let mut velocity = [0.0; 3];
         view.knowledge.for_each_known_to(agent, |seen| {
@@ -223,13 +221,14 @@ impl Controller for Flocking {
 mod tests {
     use super::*;
     use crate::payload::Motion;
+    use proto::time::SimTime;
 
     fn flocking(law: Law, flock_radius_m: f64) -> Flocking {
         Flocking {
             law,
             flock_radius_m,
             collision_radius_m: 0.8,
-            leader: 0,
+            leader: AgentId(0),
             leaderless: false,
             input: Input::Velocity,
             leader_velocity_mps: [7.0, 0.0],
@@ -244,7 +243,7 @@ mod tests {
     /// A leader (agent 0) at the origin.
     fn leader(velocity_mps: [f64; 3]) -> Seen {
         let motion = Motion { position_m: [0.0; 3], velocity_mps };
-        Seen { agent: 0, sent_ns: 0, motion, rssi_dbm: None }
+        Seen { agent: AgentId(0), sent: SimTime::START, motion, rssi_dbm: None }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::{Controller, Demands, Entry, Goal, View};
 use crate::dynamics::Command;
 use proto::config::Variant;
+use proto::ids::AgentId;
 
 pub(super) const ENTRY: Entry = Entry {
     variant: Variant {
@@ -19,7 +20,7 @@ pub(super) const ENTRY: Entry = Entry {
 struct Hold;
 
 impl Controller for Hold {
-    fn command(&self, _view: &View<'_>, _agent: usize) -> Command {
+    fn command(&self, _view: &View<'_>, _agent: AgentId) -> Command {
         Command::Velocity([0.0; 3])
     }
 }

@@ -4,6 +4,7 @@ use super::{Controller, Demands, Entry, Goal, View};
 use crate::dynamics::Command;
 use crate::line_fit::{Fit, Moments};
 use proto::config::{Choice, Section, variant};
+use proto::ids::AgentId;
 
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<LineFormation>("line-formation"),
@@ -68,8 +69,8 @@ enum Law {
 
 impl LineFormation {
     /// Where the robot would have to be (m), relative to where it is.
-    fn offset_m(&self, view: &View<'_>, agent: usize) -> [f64; 2] {
-        let own = [view.states.x_m[agent], view.states.y_m[agent]];
+    fn offset_m(&self, view: &View<'_>, agent: AgentId) -> [f64; 2] {
+        let [own_x_m, own_y_m, _] = view.position_m(agent);
         let own_weight = match self.law {
             Law::Botnet => 2.0,
             Law::Paper => 1.0,
@@ -79,7 +80,7 @@ impl LineFormation {
             visit(0.0, 0.0, own_weight);
             view.knowledge.for_each_known_to(agent, |seen| {
                 let [x, y, _] = seen.motion.position_m;
-                visit(x - own[0], y - own[1], 1.0);
+                visit(x - own_x_m, y - own_y_m, 1.0);
             });
         });
         let Some((moments, [dx, dy])) =
@@ -95,7 +96,7 @@ impl LineFormation {
 }
 
 impl Controller for LineFormation {
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
         let [x, y] = self.offset_m(view, agent);
         let distance_m = libm::hypot(x, y);
         if distance_m <= self.threshold_m {

@@ -3,6 +3,7 @@
 use super::{Controller, Demands, Entry, Goal, View, add, norm, scaled, sub};
 use crate::dynamics::Command;
 use proto::config::{Section, key, variant};
+use proto::ids::AgentId;
 
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<OlfatiSaber>("olfati-saber"),
@@ -86,8 +87,8 @@ fn bump(z: f64) -> f64 {
 }
 
 impl Controller for OlfatiSaber {
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
-        let own_m = view.states.position_m(agent);
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
+        let own_m = view.position_m(agent);
         let own_mps = view.velocity_mps(agent);
         let wanted = sigma_norm(self.distance_m);
         let range = sigma_norm(self.range_ratio * self.distance_m);

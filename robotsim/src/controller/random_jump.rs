@@ -3,6 +3,7 @@
 use super::{Controller, Demands, Entry, Goal, View};
 use crate::dynamics::Command;
 use proto::config::{Choice, Section, variant};
+use proto::ids::AgentId;
 use proto::rng::uniform;
 
 pub(super) const ENTRY: Entry = Entry {
@@ -77,9 +78,9 @@ enum Arena {
 }
 
 impl Controller for RandomJump {
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
-        let (x, y) = (view.states.x_m[agent], view.states.y_m[agent]);
-        let [a, b, ..] = view.draws.words(agent as u64, view.step, 0);
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
+        let [x, y, _] = view.position_m(agent);
+        let [a, b, ..] = view.draws.words(u64::from(agent.0), view.step, 0);
         let [to_x, to_y] =
             [(x, a), (y, b)].map(|(from, word)| from + self.jump_m * (2.0 * uniform(word) - 1.0));
         Command::Jump(match self.arena {

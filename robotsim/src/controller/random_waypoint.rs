@@ -3,6 +3,7 @@
 use super::{Controller, Demands, Entry, Goal, View, scaled, sub};
 use crate::dynamics::Command;
 use proto::config::{Kind, Range, Section, variant};
+use proto::ids::AgentId;
 use proto::rng::{Draws, uniform};
 
 const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e6));
@@ -62,15 +63,15 @@ struct RandomWaypoint {
 
 impl RandomWaypoint {
     /// Place `k` of an agent (m), and the speed from there to the next (m/s).
-    fn leg(&self, draws: Draws, agent: usize, k: u64) -> ([f64; 3], f64) {
-        let [a, b, c, _] = draws.words(agent as u64, k, 0);
+    fn leg(&self, draws: Draws, agent: AgentId, k: u64) -> ([f64; 3], f64) {
+        let [a, b, c, _] = draws.words(u64::from(agent.0), k, 0);
         let [x_m, y_m] = [a, b].map(|word| self.side_m * (uniform(word) - 0.5));
         let speed_mps = self.slowest_mps + uniform(c) * (self.fastest_mps - self.slowest_mps);
         ([x_m, y_m, 0.0], speed_mps)
     }
 
     /// Where the point of an agent is at a time (m).
-    fn position_at(&self, draws: Draws, agent: usize, time_s: f64) -> [f64; 3] {
+    fn position_at(&self, draws: Draws, agent: AgentId, time_s: f64) -> [f64; 3] {
         let mut left_s = time_s;
         let (mut from_m, mut speed_mps) = self.leg(draws, agent, 0);
         for k in 1.. {
@@ -92,8 +93,8 @@ impl RandomWaypoint {
 }
 
 impl Controller for RandomWaypoint {
-    fn command(&self, view: &View<'_>, agent: usize) -> Command {
-        let own_m = view.states.position_m(agent);
+    fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
+        let own_m = view.position_m(agent);
         let mut goal_m = self.position_at(view.draws, agent, view.time_s + view.dt_s);
         goal_m[2] = own_m[2];
         Command::Velocity(scaled(sub(goal_m, own_m), 1.0 / view.dt_s))

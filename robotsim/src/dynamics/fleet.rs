@@ -8,8 +8,9 @@ use super::effect::Localization;
 use super::rigid::RigidBody;
 use super::surroundings::{Other, Surroundings, all_but};
 use super::{Command, Dynamics, Memory, Motion, Step};
+use proto::ids::AgentId;
 use proto::rng::{Draws, Purpose};
-use proto::types::{AgentStates, seconds};
+use proto::types::AgentStates;
 use rigid_world::Pusher;
 
 /// The robots of a swarm: kind after kind, each with a number of robots.
@@ -41,8 +42,8 @@ impl Fleet {
     }
 
     /// How a robot moves.
-    pub(super) fn dynamics(&self, agent: usize) -> &Dynamics {
-        let kind = self.kinds.partition_point(|(end, _)| *end <= agent);
+    pub(super) fn dynamics(&self, agent: AgentId) -> &Dynamics {
+        let kind = self.kinds.partition_point(|(end, _)| *end <= agent.index());
         &self.kinds[kind].1
     }
 
@@ -50,8 +51,8 @@ impl Fleet {
     pub(super) fn alive_bodies<'a>(
         &'a self,
         states: &'a AgentStates,
-    ) -> impl Iterator<Item = usize> + 'a {
-        states.alive.iter_ones().filter(|&agent| !self.dynamics(agent).is_rigid())
+    ) -> impl Iterator<Item = AgentId> + 'a {
+        alive(states).filter(|&agent| !self.dynamics(agent).is_rigid())
     }
 
     fn any(&self, mut has: impl FnMut(&Dynamics) -> bool) -> bool {
@@ -102,8 +103,8 @@ impl Fleet {
         states: &mut AgentStates,
         memory: &mut [Memory],
     ) {
-        let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
-        let dt_s = seconds(step.until_ns - step.from_ns);
+        let (from_s, until_s) = (step.from.seconds(), step.until.seconds());
+        let dt_s = (step.until - step.from).seconds();
         let draws = Some(Draws::new(step.seed, Purpose::Gust));
         let terrain = Some(&step.site.terrain);
         let base = Surroundings {
@@ -118,18 +119,19 @@ impl Fleet {
         let any_rigid = self.any(Dynamics::is_rigid);
         let mut pushers = Vec::new();
         if any_rigid {
-            pushers
-                .extend(self.alive_bodies(states).map(|agent| (agent, states.position_m(agent))));
+            pushers.extend(
+                self.alive_bodies(states).map(|agent| (agent, states.position_m(agent.index()))),
+            );
         }
         if let Some(contacts) = &self.contacts {
             self.advance_in_contact(contacts, step, (&base, &others), commands, states, memory);
         } else {
-            let bodies: Vec<usize> = self.alive_bodies(states).collect();
+            let bodies: Vec<AgentId> = self.alive_bodies(states).collect();
             for agent in bodies {
                 let dynamics = self.dynamics(agent);
                 let near = all_but(&others, agent);
-                let surroundings = Surroundings { agent: agent as u32, others: &near, ..base };
-                let command = commands[agent];
+                let surroundings = Surroundings { agent, others: &near, ..base };
+                let command = commands[agent.index()];
                 let motion = dynamics.take_up(command, from_s, dt_s, &surroundings, states, memory);
                 let (velocity, displacement) = match motion {
                     Motion::Velocity(velocity) => (velocity, velocity.map(|part| part * dt_s)),
@@ -140,6 +142,7 @@ impl Fleet {
                         (way_m.map(|part| part / dt_s), way_m)
                     }
                 };
+                let agent = agent.index();
                 states.x_m[agent] += displacement[0];
                 states.y_m[agent] += displacement[1];
                 states.z_m[agent] += displacement[2];
@@ -149,7 +152,7 @@ impl Fleet {
         if any_rigid {
             let pushers = pushers.into_iter().map(|(agent, begin_m)| Pusher {
                 begin_m,
-                end_m: states.position_m(agent),
+                end_m: states.position_m(agent.index()),
                 radius_m: 0.5 * self.diameter_m,
             });
             let pushers: Vec<Pusher> = pushers.collect();
@@ -162,7 +165,7 @@ impl Fleet {
                 commands[agent]
             );
             let [vx, vy] = [states.vx_mps[agent], states.vy_mps[agent]];
-            if !self.dynamics(agent).has_heading()
+            if !self.dynamics(AgentId::from_index(agent)).has_heading()
                 && !states.heading_rad.is_empty()
                 && (vx != 0.0 || vy != 0.0)
             {
@@ -191,13 +194,13 @@ impl Fleet {
         if !self.any(Dynamics::has_localization) {
             return None;
         }
-        let now_s = seconds(step.until_ns);
+        let now_s = step.until.seconds();
         let draws = Draws::new(step.seed, Purpose::Localization);
         let mut measured = states.clone();
-        for (agent, memory) in memory.iter_mut().enumerate() {
+        for (agent, memory) in AgentId::first(memory.len()).zip(memory) {
             let dynamics = self.dynamics(agent);
             if dynamics.has_localization() {
-                memory.track.push((now_s, states.position_m(agent)));
+                memory.track.push((now_s, states.position_m(agent.index())));
             }
             let Some(Localization { sd_m, delay_s, scale }) =
                 dynamics.localization_at(agent, now_s, states)
@@ -209,28 +212,34 @@ impl Fleet {
             let position_m = memory.position_m(now_s - delay_s);
             let noise_m: [f64; 3] = std::array::from_fn(|axis| {
                 let axis_sd_m = if axis < 2 { sd_m } else { 0.0 };
-                axis_sd_m * draws.normal(agent as u64, step.until_ns, axis as u64)
+                axis_sd_m * draws.normal(u64::from(agent.0), step.until.ns(), axis as u64)
             });
             let columns = [&mut measured.x_m, &mut measured.y_m, &mut measured.z_m];
             for (axis, column) in columns.into_iter().enumerate() {
-                column[agent] = scale * position_m[axis] + noise_m[axis];
+                column[agent.index()] = scale * position_m[axis] + noise_m[axis];
             }
         }
         Some(measured)
     }
 
     /// All agents that are alive, if effects depend on them.
-    pub(super) fn others(&self, states: &AgentStates) -> Vec<(usize, Other)> {
+    pub(super) fn others(&self, states: &AgentStates) -> Vec<(AgentId, Other)> {
         let heeds = |dynamics: &Dynamics| {
             dynamics.physics.effects().iter().any(|effect| effect.heeds_others())
         };
         if !self.any(heeds) {
             return Vec::new();
         }
-        let other = |agent| Other {
-            position_m: states.position_m(agent),
-            velocity_mps: [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]],
+        let other = |agent: AgentId| {
+            let place = agent.index();
+            let velocity_mps = [states.vx_mps[place], states.vy_mps[place], states.vz_mps[place]];
+            Other { position_m: states.position_m(place), velocity_mps }
         };
-        states.alive.iter_ones().map(|agent| (agent, other(agent))).collect()
+        alive(states).map(|agent| (agent, other(agent))).collect()
     }
+}
+
+/// The agents that are there.
+fn alive(states: &AgentStates) -> impl Iterator<Item = AgentId> + '_ {
+    states.alive.iter_ones().map(AgentId::from_index)
 }

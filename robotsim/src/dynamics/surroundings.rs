@@ -1,5 +1,6 @@
 //! What is around a robot, as far as its motion depends on it.
 
+use proto::ids::AgentId;
 use proto::rng::Draws;
 use proto::site::Terrain;
 
@@ -7,7 +8,7 @@ use proto::site::Terrain;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Surroundings<'a> {
     /// The robot's number.
-    pub agent: u32,
+    pub agent: AgentId,
     /// The measured run, where measurements are compared with the model.
     pub run: Option<u32>,
     /// The ground. `None`: it is level.
@@ -50,6 +51,6 @@ pub struct Other {
 }
 
 /// All other robots but this one.
-pub(super) fn all_but(others: &[(usize, Other)], agent: usize) -> Vec<Other> {
+pub(super) fn all_but(others: &[(AgentId, Other)], agent: AgentId) -> Vec<Other> {
     others.iter().filter(|(number, _)| *number != agent).map(|(_, other)| *other).collect()
 }

@@ -4,6 +4,8 @@ use super::Settings;
 use super::grid::Cell;
 use super::message::{Order, Report};
 use super::way::{Costs, corners};
+use proto::ids::AgentId;
+use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 
 /// What the base knows.
@@ -22,9 +24,9 @@ pub(super) struct Base {
 struct Known {
     /// Where it said that it stands.
     cell: Option<u16>,
-    /// When it was heard last, and when it had said that (ns).
-    heard_ns: u64,
-    said_ns: u64,
+    /// When it was heard last, and when it had said that.
+    heard: SimTime,
+    said: SimTime,
     /// Number of the last order that it said to have taken.
     taken: u16,
     /// All parts up to this number have come, and of the 16 after it these.
@@ -32,10 +34,10 @@ struct Known {
     later: u16,
     /// It has reported a part since it was answered.
     waits: bool,
-    /// Number of its last order, the path that it was sent, and when (ns); `None`: it was not sent yet.
+    /// Number of its last order, the path that it was sent, and when; `None`: it was not sent yet.
     order: u16,
     way: Vec<u16>,
-    sent_ns: Option<u64>,
+    sent: Option<SimTime>,
     /// The frontier to which it is sent.
     goal: Option<u16>,
 }
@@ -64,13 +66,13 @@ impl Base {
         is_new
     }
 
-    /// A robot's report has come, which it made at `said_ns`. `visit` receives the cells that are new on the map.
+    /// A robot's report has come, which it made at `said`. `visit` receives the cells that are new on the map.
     pub(super) fn handle_report(
         &mut self,
-        from: usize,
+        from: AgentId,
         report: &Report,
-        said_ns: u64,
-        now_ns: u64,
+        said: SimTime,
+        now: SimTime,
         mut visit: impl FnMut(u16),
     ) {
         let n_cells = self.map.len();
@@ -82,8 +84,8 @@ impl Base {
                 }
             }
         }
-        let known = &mut self.robots[from];
-        known.heard_ns = now_ns;
+        let known = &mut self.robots[from.index()];
+        known.heard = now;
         // Who has nothing to do may have been taken for lost.
         self.has_news |= known.goal.is_none();
         if report.part != 0 {
@@ -91,8 +93,8 @@ impl Base {
             known.receive(report.part);
         }
         // Reports overtake each other: where it was before is no news.
-        if known.cell.is_none() || known.said_ns <= said_ns {
-            known.said_ns = said_ns;
+        if known.cell.is_none() || known.said <= said {
+            known.said = said;
             if usize::from(report.cell) < n_cells
                 && (known.cell, known.taken) != (Some(report.cell), report.order)
             {
@@ -103,15 +105,15 @@ impl Base {
         }
     }
 
-    /// When what was last heard of a robot had been said (ns); `None`: nothing was heard.
-    pub(super) fn said_ns(&self, robot: usize) -> Option<u64> {
-        let known = &self.robots[robot];
-        known.cell.map(|_| known.said_ns)
+    /// When what was last heard of a robot had been said; `None`: nothing was heard.
+    pub(super) fn said(&self, robot: AgentId) -> Option<SimTime> {
+        let known = &self.robots[robot.index()];
+        known.cell.map(|_| known.said)
     }
 
     /// Whether it has heard of a robot.
-    pub(super) fn knows(&self, robot: usize) -> bool {
-        self.robots[robot].cell.is_some()
+    pub(super) fn knows(&self, robot: AgentId) -> bool {
+        self.robots[robot.index()].cell.is_some()
     }
 
     /// No robot that it knows of can get to anything unknown.
@@ -124,8 +126,8 @@ impl Base {
     /// Of all robots without a goal and all frontiers that no other robot will see from its goal, the pair with the shortest way comes
     /// first (Burgard et al. 2005, with the way as the only cost), then the next. A goal is kept until the robot is there, or it
     /// is none any more.
-    pub(super) fn plan(&mut self, settings: &Settings, now_ns: u64) {
-        let is_lost = |known: &Known| known.heard_ns + LOST_AFTER * settings.retry_ns < now_ns;
+    pub(super) fn plan(&mut self, settings: &Settings, now: SimTime) {
+        let is_lost = |known: &Known| known.heard + LOST_AFTER * settings.retry_after < now;
         for known in &mut self.robots {
             if known.goal.is_some() && is_lost(known) {
                 known.goal = None;
@@ -201,18 +203,18 @@ impl Base {
     pub(super) fn poll_order(
         &mut self,
         settings: &Settings,
-        robot: usize,
-        now_ns: u64,
+        robot: AgentId,
+        now: SimTime,
     ) -> Option<Order> {
-        let known = &mut self.robots[robot];
-        let is_due = known.sent_ns.is_none_or(|sent_ns| sent_ns + settings.retry_ns <= now_ns);
+        let known = &mut self.robots[robot.index()];
+        let is_due = known.sent.is_none_or(|sent| sent + settings.retry_after <= now);
         let has_order = known.taken != known.order && is_due;
         if !has_order && !known.waits {
             return None;
         }
         known.waits = false;
         if known.taken != known.order {
-            known.sent_ns = Some(now_ns);
+            known.sent = Some(now);
         }
         let corners = if known.taken == known.order { Vec::new() } else { known.way.clone() };
         Some(Order { received: known.received, later: known.later, number: known.order, corners })
@@ -237,7 +239,7 @@ impl Known {
         self.goal = Some(goal);
         self.way = way;
         self.order = self.order.wrapping_add(1);
-        self.sent_ns = None;
+        self.sent = None;
     }
 }
 
@@ -270,16 +272,21 @@ mod tests {
     use super::super::grid::Grid;
     use super::super::message::Run;
     use super::*;
+    use proto::time::SimDuration;
+
+    fn at(ns: u64) -> SimTime {
+        SimTime::from_ns(ns)
+    }
 
     fn settings() -> Settings {
         Settings {
             grid: Grid::new([0.0, 0.0], [20.0, 3.0], 1.0).unwrap(),
-            base: 0,
+            base: AgentId(0),
             range_m: 3.0,
             speed_mps: 1.0,
-            report_ns: 1_000,
-            retry_ns: 5_000,
-            return_ns: None,
+            report_every: SimDuration::from_ns(1_000),
+            retry_after: SimDuration::from_ns(5_000),
+            return_after: None,
             message_bytes: 40,
         }
     }
@@ -293,27 +300,33 @@ mod tests {
     fn corridor() -> (Settings, Base) {
         let settings = settings();
         let mut base = Base::new(settings.grid.n_cells(), 3);
-        base.handle_report(1, &report(1, 0, 27, &[(5, 10), (25, 10), (45, 10)]), 0, 0, |_| ());
-        base.handle_report(2, &report(1, 0, 32, &[]), 0, 0, |_| ());
+        base.handle_report(
+            AgentId(1),
+            &report(1, 0, 27, &[(5, 10), (25, 10), (45, 10)]),
+            at(0),
+            at(0),
+            |_| (),
+        );
+        base.handle_report(AgentId(2), &report(1, 0, 32, &[]), at(0), at(0), |_| ());
         (settings, base)
     }
 
     #[test]
     fn each_robot_is_sent_to_the_frontier_that_is_nearest_and_no_two_to_one() {
         let (settings, mut base) = corridor();
-        base.plan(&settings, 10);
+        base.plan(&settings, at(10));
         let goals: Vec<_> = base.robots.iter().map(|known| known.goal).collect();
         assert_eq!(goals, [None, Some(25), Some(34)], "the ends of the middle row");
-        let order = base.poll_order(&settings, 1, 10).unwrap();
+        let order = base.poll_order(&settings, AgentId(1), at(10)).unwrap();
         assert_eq!((order.received, order.number, order.corners), (1, 1, vec![27, 25]));
-        assert_eq!(base.poll_order(&settings, 1, 11), None, "it is on its way");
+        assert_eq!(base.poll_order(&settings, AgentId(1), at(11)), None, "it is on its way");
         // With one end explored both could go to the other; the nearer does, and its fellow stays.
         for cell in [0, 20, 40] {
             for cell in cell..cell + 5 {
                 base.put(cell, Cell::Free);
             }
         }
-        base.plan(&settings, 20);
+        base.plan(&settings, at(20));
         assert_eq!(base.robots[1].goal, None);
         assert_eq!(base.robots[2].goal, Some(34));
         assert!(!base.is_out_of_frontiers());
@@ -322,40 +335,40 @@ mod tests {
     #[test]
     fn an_order_that_was_not_taken_is_sent_again() {
         let (settings, mut base) = corridor();
-        base.plan(&settings, 0);
-        let first = base.poll_order(&settings, 2, 0).unwrap();
-        assert_eq!(base.poll_order(&settings, 2, 4_999), None);
-        assert_eq!(base.poll_order(&settings, 2, 5_000), Some(first));
-        base.handle_report(2, &report(0, 1, 33, &[]), 6_000, 6_000, |_| ());
-        assert_eq!(base.poll_order(&settings, 2, 20_000), None);
+        base.plan(&settings, at(0));
+        let first = base.poll_order(&settings, AgentId(2), at(0)).unwrap();
+        assert_eq!(base.poll_order(&settings, AgentId(2), at(4_999)), None);
+        assert_eq!(base.poll_order(&settings, AgentId(2), at(5_000)), Some(first));
+        base.handle_report(AgentId(2), &report(0, 1, 33, &[]), at(6_000), at(6_000), |_| ());
+        assert_eq!(base.poll_order(&settings, AgentId(2), at(20_000)), None);
     }
 
     #[test]
     fn parts_that_come_in_any_order_are_told_of() {
         let (settings, mut base) = corridor();
         for part in [4, 2, 7, 2] {
-            base.handle_report(1, &report(part, 0, 27, &[]), 1, 1, |_| ());
+            base.handle_report(AgentId(1), &report(part, 0, 27, &[]), at(1), at(1), |_| ());
         }
-        let order = base.poll_order(&settings, 1, 1).unwrap();
+        let order = base.poll_order(&settings, AgentId(1), at(1)).unwrap();
         assert_eq!((order.received, order.later), (2, 0b1_0010));
-        base.handle_report(1, &report(3, 0, 27, &[]), 2, 2, |_| ());
-        let order = base.poll_order(&settings, 1, 2).unwrap();
+        base.handle_report(AgentId(1), &report(3, 0, 27, &[]), at(2), at(2), |_| ());
+        let order = base.poll_order(&settings, AgentId(1), at(2)).unwrap();
         assert_eq!((order.received, order.later), (4, 0b100));
     }
 
     #[test]
     fn the_goal_of_a_robot_that_is_not_heard_any_more_is_for_others() {
         let (settings, mut base) = corridor();
-        base.plan(&settings, 0);
-        base.handle_report(2, &report(0, 1, 34, &[]), 19_000, 19_000, |_| ());
+        base.plan(&settings, at(0));
+        base.handle_report(AgentId(2), &report(0, 1, 34, &[]), at(19_000), at(19_000), |_| ());
         for row in [15, 35, 55] {
             for cell in row..row + 5 {
                 base.put(cell, Cell::Free);
             }
         }
-        base.plan(&settings, 20_000);
+        base.plan(&settings, at(20_000));
         assert_eq!((base.robots[1].goal, base.robots[2].goal), (Some(25), None));
-        base.plan(&settings, 20_001);
+        base.plan(&settings, at(20_001));
         assert_eq!((base.robots[1].goal, base.robots[2].goal), (None, Some(25)));
     }
 
@@ -372,15 +385,15 @@ mod tests {
             // Those that are free stay so.
             base.put(cell, Cell::Occupied);
         }
-        base.handle_report(1, &report(0, 0, 0, &[]), 0, 0, |_| ());
-        base.plan(&settings, 0);
-        assert_eq!(base.poll_order(&settings, 1, 0).unwrap().corners, [0, 4]);
-        base.handle_report(1, &report(0, 1, 4, &[]), 1, 1, |_| ());
-        base.plan(&settings, 1);
-        assert_eq!(base.poll_order(&settings, 1, 1).unwrap().corners, [4, 44]);
-        base.handle_report(1, &report(0, 2, 44, &[]), 2, 2, |_| ());
-        base.plan(&settings, 2);
-        assert_eq!(base.poll_order(&settings, 1, 2).unwrap().corners, [44, 48]);
+        base.handle_report(AgentId(1), &report(0, 0, 0, &[]), at(0), at(0), |_| ());
+        base.plan(&settings, at(0));
+        assert_eq!(base.poll_order(&settings, AgentId(1), at(0)).unwrap().corners, [0, 4]);
+        base.handle_report(AgentId(1), &report(0, 1, 4, &[]), at(1), at(1), |_| ());
+        base.plan(&settings, at(1));
+        assert_eq!(base.poll_order(&settings, AgentId(1), at(1)).unwrap().corners, [4, 44]);
+        base.handle_report(AgentId(1), &report(0, 2, 44, &[]), at(2), at(2), |_| ());
+        base.plan(&settings, at(2));
+        assert_eq!(base.poll_order(&settings, AgentId(1), at(2)).unwrap().corners, [44, 48]);
         assert_eq!(base.robots[1].goal, Some(48));
     }
 }

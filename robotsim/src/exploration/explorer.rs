@@ -4,6 +4,7 @@ use super::Settings;
 use super::grid::{Cell, Grid};
 use super::message::{MAX_RUN, Order, Report, Run};
 use super::way::{Costs, corners, straight};
+use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -23,17 +24,17 @@ pub(super) struct Explorer {
     order: u16,
     /// Where its way turns, the next corner first.
     way: VecDeque<u16>,
-    /// The cell in which it began, and when (ns) it last heard the base, or began.
-    heard: Option<(u16, u64)>,
-    /// Its last report: cell and order, and when (ns).
-    told: Option<(u16, u16, u64)>,
+    /// The cell in which it began, and when it last heard the base, or began.
+    heard: Option<(u16, SimTime)>,
+    /// Its last report: cell and order, and when.
+    told: Option<(u16, u16, SimTime)>,
 }
 
 /// A reported part of the map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Part {
     runs: Vec<Run>,
-    told_ns: u64,
+    told: SimTime,
 }
 
 /// Parts that may be on their way: as many as an order acknowledges.
@@ -82,9 +83,9 @@ impl Explorer {
     }
 
     /// Takes an order: parts that have arrived are not reported again, and a newer path replaces the one before.
-    pub(super) fn handle_order(&mut self, grid: &Grid, cell: u16, now_ns: u64, order: &Order) {
-        let (began, _) = self.heard.unwrap_or((cell, now_ns));
-        self.heard = Some((began, now_ns));
+    pub(super) fn handle_order(&mut self, grid: &Grid, cell: u16, now: SimTime, order: &Order) {
+        let (began, _) = self.heard.unwrap_or((cell, now));
+        self.heard = Some((began, now));
         self.parts.retain(|&part, _| {
             let after = part.wrapping_sub(order.received);
             let is_received = part <= order.received
@@ -109,12 +110,12 @@ impl Explorer {
 
     /// Turns back to where it began, where there was a network, over cells that it has seen, if it is too long ago that it heard
     /// the base and it waits for a word: about what it has reported, or where to go.
-    pub(super) fn come_back(&mut self, settings: &Settings, cell: u16, now_ns: u64) {
-        let Some(return_ns) = settings.return_ns else { return };
-        let &mut (back, heard_ns) = self.heard.get_or_insert((cell, now_ns));
+    pub(super) fn come_back(&mut self, settings: &Settings, cell: u16, now: SimTime) {
+        let Some(return_after) = settings.return_after else { return };
+        let &mut (back, heard) = self.heard.get_or_insert((cell, now));
         let waits = self.way.is_empty() || !self.parts.is_empty();
         let is_there = cell == back || self.way.back() == Some(&back);
-        if now_ns < heard_ns + return_ns || !waits || is_there {
+        if now < heard + return_after || !waits || is_there {
             return;
         }
         let grid = &settings.grid;
@@ -129,16 +130,16 @@ impl Explorer {
         &mut self,
         settings: &Settings,
         cell: u16,
-        now_ns: u64,
+        now: SimTime,
     ) -> (Vec<Report>, u64) {
         let mut reports = Vec::new();
         let mut n_again = 0;
         let report = |part, runs| Report { part, order: self.order, cell, runs };
-        let is_due = |part: &Part| part.told_ns + settings.retry_ns <= now_ns;
+        let is_due = |part: &Part| part.told + settings.retry_after <= now;
         for (&number, part) in
             self.parts.iter_mut().filter(|(_, part)| is_due(part)).take(MAX_AT_A_TIME)
         {
-            part.told_ns = now_ns;
+            part.told = now;
             n_again += 1;
             reports.push(report(number, part.runs.clone()));
         }
@@ -148,17 +149,17 @@ impl Explorer {
                 break;
             }
             reports.push(report(self.next, runs.clone()));
-            self.parts.insert(self.next, Part { runs, told_ns: now_ns });
+            self.parts.insert(self.next, Part { runs, told: now });
             self.next = self.next.wrapping_add(1);
         }
-        let is_news = self.told.is_none_or(|(told_cell, told_order, told_ns)| {
-            (told_cell, told_order) != (cell, self.order) || told_ns + settings.retry_ns <= now_ns
+        let is_news = self.told.is_none_or(|(told_cell, told_order, told)| {
+            (told_cell, told_order) != (cell, self.order) || told + settings.retry_after <= now
         });
         if reports.is_empty() && is_news {
             reports.push(report(0, Vec::new()));
         }
         if !reports.is_empty() {
-            self.told = Some((cell, self.order, now_ns));
+            self.told = Some((cell, self.order, now));
         }
         (reports, n_again)
     }
@@ -221,16 +222,18 @@ fn take_runs(fresh: &mut BTreeSet<u16>, map: &[Cell], n_max: usize) -> Vec<Run> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::ids::AgentId;
+    use proto::time::SimDuration;
 
     fn settings() -> Settings {
         Settings {
             grid: Grid::new([0.0, 0.0], [10.0, 10.0], 1.0).unwrap(),
-            base: 0,
+            base: AgentId(0),
             range_m: 3.0,
             speed_mps: 1.0,
-            report_ns: 1_000,
-            retry_ns: 5_000,
-            return_ns: None,
+            report_every: SimDuration::from_ns(1_000),
+            retry_after: SimDuration::from_ns(5_000),
+            return_after: None,
             message_bytes: 16,
         }
     }
@@ -250,7 +253,8 @@ mod tests {
         assert_eq!(n_seen, 29, "a disc of three cells");
         let mut told = Vec::new();
         for round in 0..3 {
-            let (reports, n_again) = robot.poll_reports(&settings, 55, 1_000 * round);
+            let (reports, n_again) =
+                robot.poll_reports(&settings, 55, SimTime::from_ns(1_000 * round));
             assert_eq!(n_again, 0);
             told.extend(reports);
         }
@@ -261,12 +265,12 @@ mod tests {
             told.iter().flat_map(|r| &r.runs).flat_map(|r| r.cells()).collect();
         assert_eq!(cells.len(), n_seen);
         // The first and the third came.
-        robot.handle_order(&grid, 55, 0, &order(1, 0b10, 0, &[]));
-        assert_eq!(robot.poll_reports(&settings, 55, 4_000), (vec![], 0));
-        let (reports, n_again) = robot.poll_reports(&settings, 55, 5_000);
+        robot.handle_order(&grid, 55, SimTime::START, &order(1, 0b10, 0, &[]));
+        assert_eq!(robot.poll_reports(&settings, 55, SimTime::from_ns(4_000)), (vec![], 0));
+        let (reports, n_again) = robot.poll_reports(&settings, 55, SimTime::from_ns(5_000));
         assert_eq!((reports[0].part, reports.len(), n_again), (2, 1, 1));
         assert!(!robot.has_told_all());
-        robot.handle_order(&grid, 55, 0, &order(3, 0, 0, &[]));
+        robot.handle_order(&grid, 55, SimTime::START, &order(3, 0, 0, &[]));
         assert!(robot.has_told_all());
     }
 
@@ -280,7 +284,7 @@ mod tests {
             robot.look(&grid, &solid, 1.0, cell, |_| ());
         }
         // The base takes it to be in cell 50, and sends it from there to the north.
-        robot.handle_order(&grid, 53, 0, &order(0, 0, 1, &[50, 90]));
+        robot.handle_order(&grid, 53, SimTime::START, &order(0, 0, 1, &[50, 90]));
         let mut at_m = grid.centre_m(53);
         let mut passed = BTreeSet::new();
         while let Some(aim_m) = robot.aim_m(&grid, at_m) {
@@ -294,12 +298,12 @@ mod tests {
             |cell: u16| robot.map[usize::from(cell)] == Cell::Free || cell.is_multiple_of(10);
         assert!(passed.iter().all(|&cell| known(cell)), "{passed:?}");
         // Across corners of cells that it has not seen itself, too.
-        robot.handle_order(&grid, 90, 0, &order(0, 0, 2, &[90, 45, 49]));
+        robot.handle_order(&grid, 90, SimTime::START, &order(0, 0, 2, &[90, 45, 49]));
         assert!(robot.aim_m(&grid, at_m).is_some() && robot.way.back() == Some(&49));
         robot.way.clear();
         // An older order, or the same again, changes nothing.
-        robot.handle_order(&grid, 90, 0, &order(0, 0, 1, &[90, 95]));
-        robot.handle_order(&grid, 90, 0, &order(0, 0, 2, &[90, 95]));
+        robot.handle_order(&grid, 90, SimTime::START, &order(0, 0, 1, &[90, 95]));
+        robot.handle_order(&grid, 90, SimTime::START, &order(0, 0, 2, &[90, 95]));
         assert_eq!(robot.aim_m(&grid, at_m), None);
     }
 }

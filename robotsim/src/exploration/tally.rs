@@ -3,7 +3,9 @@
 use super::Moment;
 use super::grid::Grid;
 use super::way::Costs;
-use proto::types::{TaskFigure, seconds};
+use proto::ids::AgentId;
+use proto::time::{SimDuration, SimTime};
+use proto::types::TaskFigure;
 use serde::{Deserialize, Serialize};
 
 /// What is counted.
@@ -12,16 +14,16 @@ pub(super) struct Tally {
     /// By cell: robots can get there.
     is_reachable: Vec<bool>,
     n_reachable: u64,
-    /// By cell: when a robot saw it first (ns). `u64::MAX`: none has.
-    seen_ns: Vec<u64>,
+    /// By cell: when a robot saw it first. [`SimTime::NEVER`]: none has.
+    seen: Vec<SimTime>,
     n_seen: u64,
     n_mapped: u64,
     /// Of all cells on the map, those that robots cannot get to included: how many, and the time from sight to map (ns).
     n_on_map: u64,
     delay_ns: u128,
-    begun_ns: u64,
-    /// When so much of what robots can get to was on the map (ns after the beginning).
-    mapped_90_ns: Option<u64>,
+    begun: SimTime,
+    /// How long after the beginning so much of what robots can get to was on the map.
+    mapped_90: Option<SimDuration>,
     /// Age of what the base has heard, times the length of the step, summed over steps and robots (ns²), and those lengths (ns).
     age_ns2: u128,
     age_over_ns: u128,
@@ -51,13 +53,13 @@ impl Tally {
         Self {
             is_reachable,
             n_reachable,
-            seen_ns: vec![u64::MAX; grid.n_cells()],
+            seen: vec![SimTime::NEVER; grid.n_cells()],
             n_seen: 0,
             n_mapped: 0,
             n_on_map: 0,
             delay_ns: 0,
-            begun_ns: 0,
-            mapped_90_ns: None,
+            begun: SimTime::START,
+            mapped_90: None,
             age_ns2: 0,
             age_over_ns: 0,
             n_reports: 0,
@@ -67,27 +69,27 @@ impl Tally {
     }
 
     /// The robots are free to move.
-    pub(super) fn begin(&mut self, now_ns: u64) {
-        self.begun_ns = now_ns;
+    pub(super) fn begin(&mut self, now: SimTime) {
+        self.begun = now;
     }
 
     /// A robot has seen a cell that it did not know.
-    pub(super) fn see(&mut self, cell: u16, now_ns: u64) {
+    pub(super) fn see(&mut self, cell: u16, now: SimTime) {
         let place = usize::from(cell);
-        if self.seen_ns[place] == u64::MAX {
-            self.seen_ns[place] = now_ns;
+        if self.seen[place] == SimTime::NEVER {
+            self.seen[place] = now;
             self.n_seen += u64::from(self.is_reachable[place]);
         }
     }
 
     /// A cell is on the map.
-    pub(super) fn map(&mut self, cell: u16, now_ns: u64) {
+    pub(super) fn map(&mut self, cell: u16, now: SimTime) {
         let place = usize::from(cell);
         self.n_on_map += 1;
-        self.delay_ns += u128::from(now_ns.saturating_sub(self.seen_ns[place]));
+        self.delay_ns += u128::from(now.saturating_since(self.seen[place]).ns());
         self.n_mapped += u64::from(self.is_reachable[place]);
-        if self.mapped_90_ns.is_none() && MOST * self.n_reachable as f64 <= self.n_mapped as f64 {
-            self.mapped_90_ns = Some(now_ns - self.begun_ns);
+        if self.mapped_90.is_none() && MOST * self.n_reachable as f64 <= self.n_mapped as f64 {
+            self.mapped_90 = Some(now - self.begun);
         }
     }
 
@@ -100,17 +102,18 @@ impl Tally {
         self.n_orders += 1;
     }
 
-    /// A step: how old is what the base has heard of each robot? `said_ns` says when that was said.
+    /// A step: how old is what the base has heard of each robot? `said` says when that was said.
     pub(super) fn add(
         &mut self,
         moment: &Moment<'_>,
-        base: usize,
-        said_ns: impl Fn(usize) -> Option<u64>,
+        base: AgentId,
+        said: impl Fn(AgentId) -> Option<SimTime>,
     ) {
-        let step_ns = u128::from(moment.until_ns - moment.from_ns);
-        for agent in moment.states.alive.iter_ones().filter(|&agent| agent != base) {
-            let said_ns = said_ns(agent).unwrap_or(self.begun_ns).max(self.begun_ns);
-            self.age_ns2 += step_ns * u128::from(moment.from_ns.saturating_sub(said_ns));
+        let step_ns = u128::from((moment.until - moment.from).ns());
+        let agents = moment.states.alive.iter_ones().map(AgentId::from_index);
+        for agent in agents.filter(|agent| *agent != base) {
+            let said = said(agent).unwrap_or(self.begun).max(self.begun);
+            self.age_ns2 += step_ns * u128::from(moment.from.saturating_since(said).ns());
             self.age_over_ns += step_ns;
         }
     }
@@ -122,7 +125,7 @@ impl Tally {
         [
             ("mapped_ratio", ratio(self.n_mapped, self.n_reachable)),
             ("seen_ratio", ratio(self.n_seen, self.n_reachable)),
-            ("mapped_90_s", self.mapped_90_ns.map(seconds)),
+            ("mapped_90_s", self.mapped_90.map(SimDuration::seconds)),
             ("map_delay_s", mean_s(self.delay_ns, u128::from(self.n_on_map))),
             ("map_age_s", mean_s(self.age_ns2, self.age_over_ns)),
             ("map_reports", Some(self.n_reports as f64)),

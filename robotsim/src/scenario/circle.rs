@@ -2,6 +2,7 @@
 
 use super::{Entry, LENGTH, Place, Scenario};
 use proto::config::{Section, variant};
+use proto::ids::AgentId;
 use proto::rng::Draws;
 use std::f64::consts::TAU;
 
@@ -21,8 +22,8 @@ struct Circle {
 }
 
 impl Scenario for Circle {
-    fn place(&self, agent: usize, n_agents: usize, _draws: Draws) -> Place {
-        let angle_rad = TAU * agent as f64 / n_agents as f64;
+    fn place(&self, agent: AgentId, n_agents: usize, _draws: Draws) -> Place {
+        let angle_rad = TAU * f64::from(agent.0) / n_agents as f64;
         Place {
             position_m: [
                 self.radius_m * libm::cos(angle_rad),

@@ -3,6 +3,7 @@
 use super::{Entry, Place, Scenario};
 use crate::context::Context;
 use proto::config::{FilePath, Problem, Section, most_similar, variant};
+use proto::ids::AgentId;
 use proto::rng::Draws;
 
 pub(super) const ENTRY: Entry = Entry {
@@ -55,8 +56,8 @@ struct Csv {
 }
 
 impl Scenario for Csv {
-    fn place(&self, agent: usize, _n_agents: usize, _draws: Draws) -> Place {
-        self.places[agent]
+    fn place(&self, agent: AgentId, _n_agents: usize, _draws: Draws) -> Place {
+        self.places[agent.index()]
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{Entry, Place, Scenario};
 use proto::config::{Section, variant};
+use proto::ids::AgentId;
 use proto::rng::{Draws, uniform};
 use std::f64::consts::{PI, TAU};
 
@@ -27,8 +28,8 @@ pub fn radius_m(n_agents: usize, density_per_m2: f64) -> f64 {
 }
 
 impl Scenario for Disc {
-    fn place(&self, agent: usize, n_agents: usize, draws: Draws) -> Place {
-        let [a, b, ..] = draws.words(agent as u64, 0, 0);
+    fn place(&self, agent: AgentId, n_agents: usize, draws: Draws) -> Place {
+        let [a, b, ..] = draws.words(u64::from(agent.0), 0, 0);
         let radius_m = radius_m(n_agents, self.density_per_m2) * libm::sqrt(uniform(a));
         let angle_rad = TAU * uniform(b);
         Place {

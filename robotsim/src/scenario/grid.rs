@@ -2,6 +2,7 @@
 
 use super::{Entry, LENGTH, Place, Scenario};
 use proto::config::{Section, variant};
+use proto::ids::AgentId;
 use proto::rng::Draws;
 
 pub(super) const ENTRY: Entry = Entry {
@@ -23,13 +24,14 @@ struct Grid {
 }
 
 impl Scenario for Grid {
-    fn place(&self, agent: usize, n_agents: usize, _draws: Draws) -> Place {
+    fn place(&self, agent: AgentId, n_agents: usize, _draws: Draws) -> Place {
         let square = (1..).find(|columns| n_agents <= columns * columns).unwrap_or(1);
         let columns = self.columns.unwrap_or(square).min(n_agents);
         let rows = n_agents.div_ceil(columns);
         let offset_m =
             |index: usize, n: usize| self.spacing_m * (index as f64 - 0.5 * (n - 1) as f64);
-        let position_m = [offset_m(agent % columns, columns), offset_m(agent / columns, rows), 0.0];
+        let (row, column) = (agent.index() / columns, agent.index() % columns);
+        let position_m = [offset_m(column, columns), offset_m(row, rows), 0.0];
         Place { position_m, heading_rad: None }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{Entry, LENGTH, Place, Scenario};
 use proto::config::{Section, variant};
+use proto::ids::AgentId;
 use proto::rng::Draws;
 
 pub(super) const ENTRY: Entry = Entry {
@@ -38,12 +39,13 @@ struct Line {
 }
 
 impl Scenario for Line {
-    fn place(&self, agent: usize, _n_agents: usize, draws: Draws) -> Place {
-        let y_m = match agent.checked_sub(1) {
+    fn place(&self, agent: AgentId, _n_agents: usize, draws: Draws) -> Place {
+        let y_m = match agent.0.checked_sub(1) {
             None => 0.0,
             Some(i) => {
-                let jitter_m = self.jitter_m * (2.0 * draws.uniform(agent as u64, 0, 0) - 1.0);
-                let y_m = self.spacing_m * (i / 2 + 1) as f64 + jitter_m;
+                let jitter_m =
+                    self.jitter_m * (2.0 * draws.uniform(u64::from(agent.0), 0, 0) - 1.0);
+                let y_m = self.spacing_m * f64::from(i / 2 + 1) + jitter_m;
                 if i % 2 == 0 { y_m } else { -y_m }
             }
         };

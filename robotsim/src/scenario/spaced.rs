@@ -2,6 +2,7 @@
 
 use super::{Entry, LENGTH, Place, Scenario};
 use proto::config::{Section, variant};
+use proto::ids::AgentId;
 use proto::rng::{Draws, uniform};
 
 pub(super) const ENTRY: Entry = Entry {
@@ -50,10 +51,10 @@ struct Spaced {
 
 impl Spaced {
     /// Where `agent` begins, after those before it.
-    fn next(&self, agent: usize, before: &[Place], draws: Draws) -> Place {
+    fn next(&self, agent: AgentId, before: &[Place], draws: Draws) -> Place {
         let mut attempt = 0;
         loop {
-            let [a, b, ..] = draws.words(agent as u64, 0, attempt);
+            let [a, b, ..] = draws.words(u64::from(agent.0), 0, attempt);
             let [x_m, y_m] = [a, b].map(|word| self.side_m * (uniform(word) - 0.5));
             let is_free = before.iter().all(|place| {
                 let [x, y, _] = place.position_m;
@@ -72,13 +73,13 @@ impl Spaced {
 const MOST_ATTEMPTS: u64 = 1_000_000;
 
 impl Scenario for Spaced {
-    fn place(&self, agent: usize, _n_agents: usize, draws: Draws) -> Place {
-        self.places(agent + 1, draws).pop().unwrap_or_default()
+    fn place(&self, agent: AgentId, _n_agents: usize, draws: Draws) -> Place {
+        self.places(agent.index() + 1, draws).pop().unwrap_or_default()
     }
 
     fn places(&self, n_agents: usize, draws: Draws) -> Vec<Place> {
         let mut places = Vec::with_capacity(n_agents);
-        for agent in 0..n_agents {
+        for agent in AgentId::first(n_agents) {
             let next = self.next(agent, &places, draws);
             places.push(next);
         }
@@ -104,6 +105,6 @@ mod tests {
             }
         }
         assert_eq!(spaced.places(40, draws), places[..40]);
-        assert_eq!(spaced.place(39, 100, draws), places[39]);
+        assert_eq!(spaced.place(AgentId(39), 100, draws), places[39]);
     }
 }

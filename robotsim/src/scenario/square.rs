@@ -2,6 +2,7 @@
 
 use super::{Entry, LENGTH, Place, Scenario};
 use proto::config::{Section, variant};
+use proto::ids::AgentId;
 use proto::rng::{Draws, uniform};
 
 pub(super) const ENTRY: Entry = Entry {
@@ -20,8 +21,8 @@ struct Square {
 }
 
 impl Scenario for Square {
-    fn place(&self, agent: usize, _n_agents: usize, draws: Draws) -> Place {
-        let [a, b, ..] = draws.words(agent as u64, 0, 0);
+    fn place(&self, agent: AgentId, _n_agents: usize, draws: Draws) -> Place {
+        let [a, b, ..] = draws.words(u64::from(agent.0), 0, 0);
         let [x_m, y_m] = [a, b].map(|word| self.side_m * (uniform(word) - 0.5));
         Place { position_m: [x_m, y_m, 0.0], heading_rad: None }
     }

@@ -4,6 +4,7 @@
 use crate::air::setup;
 use proto::config::{Section, variant};
 use proto::effect::Catalogued;
+use proto::ids::AgentId;
 use proto::rng::Draws;
 use proto::side::{RobotInput, RobotSimulator as _};
 use robotsim::catalogue::Catalogue;
@@ -76,7 +77,7 @@ struct Rise {
 }
 
 impl Controller for Rise {
-    fn command(&self, _view: &View<'_>, _agent: usize) -> Command {
+    fn command(&self, _view: &View<'_>, _agent: AgentId) -> Command {
         Command::Velocity([0.0, 0.0, self.up_mps])
     }
 }
@@ -94,7 +95,7 @@ static LEAP: controller::Entry = controller::Entry {
 struct Leap;
 
 impl Controller for Leap {
-    fn command(&self, _view: &View<'_>, _agent: usize) -> Command {
+    fn command(&self, _view: &View<'_>, _agent: AgentId) -> Command {
         Command::Jump([0.0, 0.0, 1.0])
     }
 }
@@ -114,8 +115,8 @@ struct Tower {
 }
 
 impl Scenario for Tower {
-    fn place(&self, agent: usize, _n_agents: usize, _draws: Draws) -> Place {
-        Place { position_m: [0.0, 0.0, agent as f64 * self.floor_m], heading_rad: None }
+    fn place(&self, agent: AgentId, _n_agents: usize, _draws: Draws) -> Place {
+        Place { position_m: [0.0, 0.0, f64::from(agent.0) * self.floor_m], heading_rad: None }
     }
 }
 

@@ -7,6 +7,7 @@ use super::neighbours::others;
 use crate::thresholds::FEWEST_RUNS_ALIKE;
 use measure::robots::{RobotSample, RobotSamples};
 use numbers::power::square;
+use proto::ids::AgentId;
 use proto::rng::Draws;
 use proto::site::Terrain;
 use robotsim::dynamics::physics::{Order, Physics, Robot};
@@ -538,7 +539,7 @@ impl MeasuredTracks {
 
     pub(super) fn surroundings(&self, sample: usize) -> Surroundings<'_> {
         Surroundings {
-            agent: self.robots.samples[sample].agent,
+            agent: AgentId(self.robots.samples[sample].agent),
             run: Some(self.robots.samples[sample].run),
             terrain: Some(&self.terrain),
             others: self.others.get(sample).map_or(&[], |others| others),

@@ -51,7 +51,7 @@ enum Read {
 
 /// Names that a condition may use beside those of the effect formula, and the bodies that have them.
 const NAMES: [(&str, ReadCommand, Has); 4] = [
-    ("agent", |moment| Some(f64::from(moment.at.surroundings.agent)), Has::Any),
+    ("agent", |moment| Some(f64::from(moment.at.surroundings.agent.0)), Has::Any),
     (
         "commanded_speed_mps",
         |moment| {
@@ -145,7 +145,7 @@ impl Limits {
             Read::Situation(read) => Some(read(&moment.at)),
             Read::Command(read) => read(moment),
         };
-        only.concerns(&[around.agent])
+        only.concerns(&[around.agent.0])
             && only.acts_in(around.run)
             && only.acts_at(moment.at.time_s)
             && only.holds(read, |column| around.columns.value(column))
@@ -270,6 +270,7 @@ mod tests {
     use crate::dynamics::body::Drive;
     use crate::dynamics::physics::{Order, Physics, Robot};
     use crate::dynamics::surroundings::{Columns, Surroundings};
+    use proto::ids::AgentId;
 
     /// Where a robot comes to from the origin within 4 s under commands, each from its time (s) on.
     fn end(physics: &Physics, orders: &[(f64, Drive)], around: &Surroundings<'_>) -> Robot {
@@ -291,7 +292,7 @@ mod tests {
 
     const EAST: &[(f64, Drive)] = &[(0.0, [1.0, 0.0, 0.0])];
     const NOTHING: Surroundings<'static> = Surroundings {
-        agent: 0,
+        agent: AgentId(0),
         run: None,
         terrain: None,
         others: &[],
@@ -310,7 +311,7 @@ mod tests {
             (3, Some(1), 4.0),
             (3, None, 4.0),
         ] {
-            let around = Surroundings { agent, run, ..NOTHING };
+            let around = Surroundings { agent: AgentId(agent), run, ..NOTHING };
             assert_eq!(x_m(text, EAST, &around), expected_m, "{agent} {run:?}");
         }
     }
@@ -326,7 +327,7 @@ mod tests {
         assert!((x_m(lag, EAST, &NOTHING) - (4.0 - behind_m)).abs() < 1e-12);
         let late = "[[effect]]\nkind = 'dead-time'\ndelay_s = 1.0\nonly = { agents = [1] }";
         assert_eq!(x_m(late, EAST, &NOTHING), 4.0);
-        assert_eq!(x_m(late, EAST, &Surroundings { agent: 1, ..NOTHING }), 3.0);
+        assert_eq!(x_m(late, EAST, &Surroundings { agent: AgentId(1), ..NOTHING }), 3.0);
     }
 
     #[test]
@@ -365,7 +366,7 @@ mod tests {
                     [[effect]]\nkind = 'actuator-lag'\ntau_s = 1.0\nonly = { agents = [4] }";
         let behind_m = |tau_s: f64| tau_s * (1.0 - (-4.0 / tau_s).exp());
         let expected_m = [4.0, 2.0, 1.0, 4.0 - behind_m(0.5), 4.0 - behind_m(1.0)];
-        for (agent, expected_m) in (0..).zip(expected_m) {
+        for (agent, expected_m) in (0..).map(AgentId).zip(expected_m) {
             let reached_m = x_m(text, EAST, &Surroundings { agent, ..NOTHING });
             assert!((reached_m - expected_m).abs() < 1e-12, "{agent}: {reached_m}");
         }

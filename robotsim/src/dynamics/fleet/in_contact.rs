@@ -5,8 +5,9 @@ use crate::dynamics::contacts::{Contacts, Disc, solids};
 use crate::dynamics::surroundings::{Other, Surroundings, all_but};
 use crate::dynamics::{Command, Memory, Motion, Step, norm};
 use crate::obstacles::Course;
+use proto::ids::AgentId;
 use proto::site::Site;
-use proto::types::{AgentStates, seconds};
+use proto::types::AgentStates;
 
 impl Fleet {
     /// [`Self::advance`] in parts so short that robots cannot pass through each other, with contacts resolved after each.
@@ -14,20 +15,20 @@ impl Fleet {
         &self,
         contacts: &Contacts,
         step: &Step<'_>,
-        (base, others): (&Surroundings<'_>, &[(usize, Other)]),
+        (base, others): (&Surroundings<'_>, &[(AgentId, Other)]),
         commands: &[Command],
         states: &mut AgentStates,
         memory: &mut [Memory],
     ) {
-        let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
-        let dt_s = seconds(step.until_ns - step.from_ns);
+        let (from_s, until_s) = (step.from.seconds(), step.until.seconds());
+        let dt_s = (step.until - step.from).seconds();
         let mut solids = solids(step.site);
         let mut fastest_mps = step.courses.iter().map(Course::speed_mps).fold(0.0, f64::max);
         let mut robots = Vec::new();
-        let bodies: Vec<usize> = self.alive_bodies(states).collect();
+        let bodies: Vec<AgentId> = self.alive_bodies(states).collect();
         for agent in bodies {
-            let command = commands[agent];
-            let own_mps = memory.get(agent).map_or([0.0; 3], |memory| memory.drive);
+            let command = commands[agent.index()];
+            let own_mps = memory.get(agent.index()).map_or([0.0; 3], |memory| memory.drive);
             let asked_mps = match command {
                 Command::Acceleration(asked_mps2) => {
                     dt_s * self.dynamics(agent).physics.most_mps2(asked_mps2)
@@ -39,9 +40,10 @@ impl Fleet {
             };
             fastest_mps = fastest_mps.max(norm(own_mps) + asked_mps);
             let dynamics = self.dynamics(agent);
-            let surroundings = Surroundings { agent: agent as u32, ..*base };
+            let surroundings = Surroundings { agent, ..*base };
             let motion = dynamics.take_up(command, from_s, dt_s, &surroundings, states, memory);
-            robots.push((agent, motion, states.position_m(agent), all_but(others, agent)));
+            let begin_m = states.position_m(agent.index());
+            robots.push((agent, motion, begin_m, all_but(others, agent)));
         }
         let n = contacts.n_parts(dt_s, fastest_mps);
         let mut discs: Vec<Disc> = Vec::with_capacity(robots.len());
@@ -53,34 +55,36 @@ impl Fleet {
                     course.solid(step.site, [time_s(part), to_s]);
             }
             discs.clear();
-            for (agent, motion, _, near) in &robots {
-                let surroundings = Surroundings { agent: *agent as u32, others: near, ..*base };
-                let motion = match *motion {
+            for &(agent, motion, _, ref near) in &robots {
+                let surroundings = Surroundings { agent, others: near, ..*base };
+                let motion = match motion {
                     Motion::Jump(way_m) => Motion::Jump(way_m.map(|part_m| part_m / n as f64)),
                     motion => motion,
                 };
-                let from_m = states.position_m(*agent);
+                let from_m = states.position_m(agent.index());
                 let span_s = [time_s(part), to_s];
-                let dynamics = self.dynamics(*agent);
-                let way_m = dynamics.go(*agent, motion, span_s, &surroundings, states, memory);
+                let dynamics = self.dynamics(agent);
+                let way_m = dynamics.go(agent, motion, span_s, &surroundings, states, memory);
                 let is_inertial = dynamics.physics.is_inertial();
                 let disc = Disc {
                     position_m: from_m,
-                    velocity_mps: is_inertial.then(|| memory[*agent].drive),
+                    velocity_mps: is_inertial.then(|| memory[agent.index()].drive),
                     driven_mps: way_m.map(|part_m| part_m / (to_s - time_s(part))),
                 };
                 discs.push(contacts.walk(&solids, disc, way_m));
             }
             contacts.separate(&solids, &mut discs);
             for ((agent, ..), disc) in robots.iter().zip(&discs) {
+                let agent = agent.index();
                 let [x_m, y_m, z_m] = disc.position_m;
-                (states.x_m[*agent], states.y_m[*agent], states.z_m[*agent]) = (x_m, y_m, z_m);
+                (states.x_m[agent], states.y_m[agent], states.z_m[agent]) = (x_m, y_m, z_m);
                 if let Some(velocity_mps) = disc.velocity_mps {
-                    memory[*agent].drive = velocity_mps;
+                    memory[agent].drive = velocity_mps;
                 }
             }
         }
         for (agent, _, begin_m, _) in robots {
+            let agent = agent.index();
             let end_m = states.position_m(agent);
             [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]] =
                 std::array::from_fn(|i| (end_m[i] - begin_m[i]) / dt_s);
@@ -115,6 +119,7 @@ mod tests {
     use crate::dynamics::contacts::unit;
     use proptest::prelude::*;
     use proto::site::Wall;
+    use proto::time::SimTime;
 
     const STEP_NS: u64 = 100_000_000;
 
@@ -143,8 +148,8 @@ mod tests {
         }
         let free = vec![Command::Acceleration([0.0; 3]); start.len()];
         for step in 0..n_steps {
-            let (from_ns, until_ns) = (step * STEP_NS, (step + 1) * STEP_NS);
-            let step = Step { from_ns, until_ns, site, courses: &[], seed: 1 };
+            let [from, until] = [step, step + 1].map(|n| SimTime::from_ns(n * STEP_NS));
+            let step = Step { from, until, site, courses: &[], seed: 1 };
             dynamics.advance(&step, &free, &mut states, &mut memory);
         }
         let end = |agent: usize| (states.position_m(agent), memory[agent].drive);

@@ -2,14 +2,15 @@
 
 mod contacts;
 
-use super::Fleet;
+use super::{Fleet, alive};
 use crate::dynamics::rigid::RigidBody;
 use crate::dynamics::surroundings::{Other, Surroundings, all_but};
 use crate::dynamics::{Command, Memory, Motion, Step, norm, wrapped};
 use crate::obstacles::Course;
 use contacts::{Contacts, Partner, Round};
+use proto::ids::AgentId;
 use proto::site::Site;
-use proto::types::{AgentStates, seconds};
+use proto::types::AgentStates;
 
 /// Longest part (s) of a step after which contacts are looked for.
 const PART_S: f64 = 0.005;
@@ -181,7 +182,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// A robot in the world.
 struct Disc<'a> {
-    agent: usize,
+    agent: AgentId,
     body: &'a RigidBody,
     round: usize,
     motion: Motion,
@@ -195,16 +196,16 @@ impl Fleet {
     pub(super) fn advance_rigid(
         &self,
         step: &Step<'_>,
-        (base, others, pushers): (&Surroundings<'_>, &[(usize, Other)], &[Pusher]),
+        (base, others, pushers): (&Surroundings<'_>, &[(AgentId, Other)], &[Pusher]),
         commands: &[Command],
         states: &mut AgentStates,
         memory: &mut [Memory],
     ) {
-        let (from_s, until_s) = (seconds(step.from_ns), seconds(step.until_ns));
-        let dt_s = seconds(step.until_ns - step.from_ns);
-        let rigid: Vec<usize> =
-            states.alive.iter_ones().filter(|&agent| self.dynamics(agent).is_rigid()).collect();
-        let heights_m = rigid.iter().map(|&agent| states.z_m[agent]);
+        let (from_s, until_s) = (step.from.seconds(), step.until.seconds());
+        let dt_s = (step.until - step.from).seconds();
+        let rigid: Vec<AgentId> =
+            alive(states).filter(|&agent| self.dynamics(agent).is_rigid()).collect();
+        let heights_m = rigid.iter().map(|agent| states.z_m[agent.index()]);
         let highest_m = heights_m.fold(f64::NEG_INFINITY, f64::max);
         let pushers: Vec<Pusher> =
             pushers.iter().copied().filter(|pusher| pusher.is_below(highest_m)).collect();
@@ -219,17 +220,18 @@ impl Fleet {
         for agent in rigid {
             let dynamics = self.dynamics(agent);
             let Some(body) = dynamics.physics.rigid() else { continue };
-            let around = Surroundings { agent: agent as u32, ..*base };
-            let command = commands[agent];
+            let around = Surroundings { agent, ..*base };
+            let command = commands[agent.index()];
             let motion = dynamics.take_up(command, from_s, dt_s, &around, states, memory);
             let most_mps = dt_s * body.force_cap_n / body.mass_kg;
-            fastest_mps = fastest_mps.max(norm(memory[agent].drive) + most_mps);
+            let before = &memory[agent.index()];
+            fastest_mps = fastest_mps.max(norm(before.drive) + most_mps);
             smallest_m = smallest_m.min(body.body_diameter_m);
-            let begin_m = states.position_m(agent);
+            let begin_m = states.position_m(agent.index());
             discs.push(Disc {
                 agent,
                 body,
-                round: world.add(body, begin_m, memory[agent].spin_radps),
+                round: world.add(body, begin_m, before.spin_radps),
                 motion,
                 begin_m,
                 others: all_but(others, agent),
@@ -246,6 +248,7 @@ impl Fleet {
             self.advance_part(&mut world, &discs, span_s, base, states, memory);
         }
         for Disc { agent, begin_m, .. } in discs {
+            let agent = agent.index();
             let end_m = states.position_m(agent);
             [states.vx_mps[agent], states.vy_mps[agent], states.vz_mps[agent]] =
                 std::array::from_fn(|i| (end_m[i] - begin_m[i]) / dt_s);
@@ -264,16 +267,16 @@ impl Fleet {
         let h_s = span_s[1] - span_s[0];
         let mut free = Vec::with_capacity(discs.len());
         for disc in discs {
-            let agent = disc.agent;
-            let surroundings = Surroundings { agent: agent as u32, others: &disc.others, ..*base };
-            let before_mps = memory[agent].drive;
+            let (agent, place) = (disc.agent, disc.agent.index());
+            let surroundings = Surroundings { agent, others: &disc.others, ..*base };
+            let before_mps = memory[place].drive;
             let dynamics = self.dynamics(agent);
             let way_m = dynamics.go(agent, disc.motion, span_s, &surroundings, states, memory);
-            let after_mps = memory[agent].drive;
+            let after_mps = memory[place].drive;
             let (left_mps, way_m) = disc.body.braked([before_mps, after_mps], way_m, h_s);
-            memory[agent].drive = left_mps;
+            memory[place].drive = left_mps;
             let velocity_mps = [way_m[0] / h_s, way_m[1] / h_s];
-            let spin_radps = disc.body.slowed(memory[agent].spin_radps, h_s);
+            let spin_radps = disc.body.slowed(memory[place].spin_radps, h_s);
             free.push((velocity_mps, spin_radps));
             let robot = &mut world.contacts.rounds[disc.round];
             (robot.velocity_mps, robot.spin_radps) = (velocity_mps, spin_radps);
@@ -281,7 +284,7 @@ impl Fleet {
         world.contacts.step(h_s);
         world.keep_energy(discs, &free);
         for (disc, (free_mps, _)) in discs.iter().zip(free) {
-            let agent = disc.agent;
+            let agent = disc.agent.index();
             let robot = &world.contacts.rounds[disc.round];
             [states.x_m[agent], states.y_m[agent]] = robot.position_m;
             // What contacts changed, its drive did not.

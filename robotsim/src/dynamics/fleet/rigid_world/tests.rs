@@ -6,6 +6,7 @@ use crate::dynamics::Dynamics;
 use crate::dynamics::inertial::GRAVITY_MPS2;
 use proptest::prelude::*;
 use proto::site::{Obstacle, Wall};
+use proto::time::SimTime;
 
 const STEP_NS: u64 = 100_000_000;
 const GROUND_MPS2: f64 = 0.2 * GRAVITY_MPS2;
@@ -41,8 +42,8 @@ fn run_each(
         (memory[agent].drive, memory[agent].spin_radps) = (velocity_mps, spin_radps);
     }
     for step in 0..n_steps {
-        let (from_ns, until_ns) = (step * STEP_NS, (step + 1) * STEP_NS);
-        let step = Step { from_ns, until_ns, site, courses: &[], seed: 1 };
+        let [from, until] = [step, step + 1].map(|n| SimTime::from_ns(n * STEP_NS));
+        let step = Step { from, until, site, courses: &[], seed: 1 };
         fleet.advance(&step, commands, &mut states, &mut memory);
     }
     let end =
