@@ -527,24 +527,36 @@ mod tests {
     use super::testing::{Bench, built};
     use super::*;
 
-    const OF_EACH_KIND: &[&str] = &[
-        "kind = \"minimal\"",
-        "kind = \"msf\"",
-        "kind = \"llsf\"",
-        "kind = \"emsf\"\nquantile = 0.99",
-        "kind = \"rrsf\"\nshared_slots = 2",
-        "kind = \"rrsf\" # compat.shared_slot_0",
-        "kind = \"sotdma\"",
-        "kind = \"orchestra\"",
-        "kind = \"orchestra\"\nrules = [\"eb-per-time-source\", \"unicast-storing\", \"special-for-root\", \"default-common\"]",
-        "kind = \"alice\" # storing",
-        "kind = \"static\"\nslotframe_slots = 3\n[[cell]]\nslot = 1\nfrom = \"any\"\nto = \"all\"\nadvertising = true",
+    /// Keys that some require, or that change what they do.
+    const KEYS: &[(&str, &str)] = &[
+        ("emsf", "\nquantile = 0.99"),
+        ("rrsf", "\nshared_slots = 2"),
+        ("rrsf", " # compat.shared_slot_0"),
+        ("orchestra", ""),
+        (
+            "orchestra",
+            "\nrules = [\"eb-per-time-source\", \"unicast-storing\", \"special-for-root\", \"default-common\"]",
+        ),
+        ("alice", " # storing"),
+        (
+            "static",
+            "\nslotframe_slots = 3\n[[cell]]\nslot = 1\nfrom = \"any\"\nto = \"all\"\nadvertising = true",
+        ),
     ];
+
+    /// Every scheduling function of the list that gives motes cells: with [`KEYS`], or with its defaults.
+    fn of_each_kind() -> Vec<String> {
+        let entries = BUILT_IN.iter().filter(|entry| entry.payload_cells != PayloadCells::None);
+        let names = entries.map(|entry| entry.variant.name);
+        let plain = names.filter(|name| KEYS.iter().all(|(known, _)| known != name));
+        let all = plain.map(|name| (name, "")).chain(KEYS.iter().copied());
+        all.map(|(name, keys)| format!("kind = {name:?}{keys}")).collect()
+    }
 
     #[test]
     fn every_kind_can_be_stored_and_goes_on_from_there() {
-        for text in OF_EACH_KIND {
-            let config = built(text, 9);
+        for text in of_each_kind() {
+            let config = built(&text, 9);
             for mote in 0..9 {
                 let mut bench = Bench::start(&config, MoteId(mote));
                 bench.tell(|sf, cx| sf.handle_beacon(cx, Eui64::of_mote(MoteId(0)), 0));
@@ -563,8 +575,8 @@ mod tests {
 
     #[test]
     fn every_kind_of_frame_finds_a_cell_that_transmits_it() {
-        for text in OF_EACH_KIND {
-            let config = built(text, 9);
+        for text in of_each_kind() {
+            let config = built(&text, 9);
             let mut bench = Bench::start(&config, MoteId(4));
             bench.set_parent(Some(Eui64::of_mote(MoteId(2))));
             if text.contains("sotdma") {

@@ -75,6 +75,24 @@ fn the_shortest_of_each_kind_is_what_the_simulators_tests_add_and_has_under_40_l
 }
 
 #[test]
+fn what_contributors_are_shown_is_in_the_file_that_is_named_and_has_under_30_lines_of_code() {
+    let (_, page) = written("CONTRIBUTING.md");
+    for kind in ["an effect", "a controller", "a scheduling function", "a key"] {
+        let section = page.split(&format!("## Add {kind}\n")).nth(1).unwrap();
+        let section = section.split("\n## ").next().unwrap();
+        let file = section.split('`').find(|word| word.ends_with(".rs")).unwrap();
+        let (_, source) = written(file);
+        let blocks = blocks(section);
+        assert_eq!(blocks.len(), 1, "{kind}");
+        for part in blocks[0].trim().split("\n\n") {
+            assert!(source.contains(part), "not in {file}:\n{part}");
+        }
+        let is_code = |line: &&str| !line.trim().is_empty() && !line.trim().starts_with("//");
+        assert!(blocks[0].lines().filter(is_code).count() < 30, "{kind}");
+    }
+}
+
+#[test]
 fn the_formula_of_the_walk_through_is_accepted_and_its_error_is_the_one_shown() {
     let (_, guide) = written("docs/adding-an-effect.md");
     let toml = guide.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();

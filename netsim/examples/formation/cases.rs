@@ -1,6 +1,8 @@
 //! What is run.
 
 use crate::structure::Structure;
+use netsim::catalogue::Catalogue;
+use netsim::sf::PayloadCells;
 use netsim::sim::Network;
 use proto::config::parse;
 use proto::side::{NetInput, NetOutput, NetSimulator, Setup};
@@ -8,11 +10,13 @@ use proto::site::Site;
 use proto::types::{AgentStates, Coupling, Experiment, NS_PER_S, NetRecord, Payloads};
 use std::collections::BTreeMap;
 
-/// The scheduling functions.
-pub(crate) const SCHEDULERS: [&str; 9] =
-    ["minimal", "msf", "llsf", "emsf", "rrsf", "sotdma", "orchestra", "alice", "static"];
+/// The scheduling functions: all that give motes cells.
+pub(crate) fn schedulers() -> impl Iterator<Item = &'static str> {
+    let all = Catalogue::built_in().scheduling_functions.iter();
+    all.filter(|entry| entry.payload_cells != PayloadCells::None).map(|entry| entry.variant.name)
+}
 
-/// The propagation models, with the keys of `[netsim.phy]`. `trace` replays what was measured, whatever the line.
+/// Propagation models, with the keys of `[netsim.phy]`. `trace` replays what was measured, whatever the line.
 pub(crate) const MODELS: [(&str, &str); 8] = [
     ("full", "propagation = \"full\""),
     ("unit-disk", "propagation = \"unit-disk\"\nradius_m = 10.0"),

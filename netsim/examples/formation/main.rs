@@ -10,7 +10,7 @@
 mod cases;
 mod structure;
 
-use cases::{Case, MODELS, SCHEDULERS};
+use cases::{Case, MODELS, schedulers};
 use proto::types::seconds;
 use std::io::{self, Write};
 use structure::Structure;
@@ -66,7 +66,7 @@ fn main() -> io::Result<()> {
     let wanted = |only: &Option<String>, name: &str| only.as_ref().is_none_or(|only| only == name);
     let mut times = Vec::new();
     let mut structures = Vec::new();
-    for scheduler in SCHEDULERS.iter().filter(|name| wanted(&options.scheduler, name)) {
+    for scheduler in schedulers().filter(|name| wanted(&options.scheduler, name)) {
         for (model, keys) in MODELS.iter().filter(|(name, _)| wanted(&options.model, name)) {
             let (mut of_time, mut of_structure) = (Vec::new(), Vec::new());
             for &n in &options.motes {

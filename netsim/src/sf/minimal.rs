@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 
 /// `kind = "minimal"`.
 pub const ENTRY: Entry = Entry {
-    variant: variant::<MinimalConfig>("minimal"),
+    variant: variant::<Minimal>("minimal"),
     payload_cells: PayloadCells::Shared,
-    build: |table, _| Some(Config::new(MinimalConfig::read(table))),
+    build: |table, _| Some(Config::new(Minimal::read(table))),
 };
 
 /// Handle of the slotframe that holds the minimal cell.
@@ -30,37 +30,21 @@ pub fn install(schedule: &mut Schedule, slotframe_slots: u16) {
 
 /// The minimal configuration (RFC 8180): one shared cell at the beginning of the slotframe carries all frames.
 ///
-/// Keys of `[netsim.sf]`.
+/// Everybody contends for one slot of a slotframe, broadcast frames without back-off: right for a network that forms, and the
+/// yardstick for anything better.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Section)]
-pub struct MinimalConfig {
+pub struct Minimal {
     /// Length of the slotframe (slots). RFC 8180 leaves it open. 7: Contiki-NG's; with 101, the 6TiSCH simulator's, one cell per
     /// second is too few for the keep-alives of ten motes.
     #[key(range = 1..=MAX_SLOTS, default = 7)]
     pub slotframe_slots: u16,
 }
 
-/// No cell but the minimal one.
-///
-/// Everybody contends for one slot of a slotframe, broadcast frames without back-off: right for a network that forms, and the
-/// yardstick for anything better.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Minimal {
-    slotframe_slots: u16,
-}
+impl Configured for Minimal {
+    type OfMote = Self;
 
-impl Configured for MinimalConfig {
-    type OfMote = Minimal;
-
-    fn create(&self, mote: MoteId) -> Minimal {
-        Minimal::new(self, mote)
-    }
-}
-
-impl Minimal {
-    /// The scheduling function of a mote.
-    #[must_use]
-    pub fn new(config: &MinimalConfig, _mote: MoteId) -> Self {
-        Self { slotframe_slots: config.slotframe_slots }
+    fn create(&self, _mote: MoteId) -> Self {
+        self.clone()
     }
 }
 
