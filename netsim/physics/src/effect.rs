@@ -117,11 +117,15 @@ pub trait Effect: Named + Send + Sync + std::fmt::Debug {
 }
 
 /// Description of one `[[netsim.phy.effect]]`.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "A physical effect added to the base propagation model.",
-    fields: &[proto::effect::only::field(&only::SPEC)],
-    tag: Some(&TAG),
-};
+pub const SPEC: TableSpec = Common::SPEC;
+
+/// A physical effect added to the base propagation model.
+#[derive(Section)]
+#[section(tag = TAG)]
+struct Common {
+    #[key(doc = proto::effect::only::DOC)]
+    only: Option<only::Keys>,
+}
 
 /// The key that selects an effect.
 pub const TAG: Tag =

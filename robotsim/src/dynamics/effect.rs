@@ -141,11 +141,15 @@ pub struct Situation<'a> {
 }
 
 /// Description of one `[[robotsim.dynamics.effect]]`.
-pub const SPEC: TableSpec = TableSpec {
-    doc: "A physical effect between command and motion.",
-    fields: &[proto::effect::only::field(&only::SPEC)],
-    tag: Some(&TAG),
-};
+pub const SPEC: TableSpec = Common::SPEC;
+
+/// A physical effect between command and motion.
+#[derive(Section)]
+#[section(tag = TAG)]
+struct Common {
+    #[key(doc = proto::effect::only::DOC)]
+    only: Option<only::Keys>,
+}
 
 /// The key that selects an effect.
 pub const TAG: Tag =

@@ -1,47 +1,46 @@
 //! Effects that act on some links only: the table `only` of a `[[netsim.phy.effect]]`.
 
 use super::formula::{NAMES, Read, covariate};
-use super::{Curve, Effect, Scatter};
+use super::{Common, Curve, Effect, Scatter};
 use crate::link::{Link, Scene};
-use proto::config::{Problem, TableSpec};
+use proto::config::{Problem, Section};
 use proto::effect::Named;
-use proto::effect::only::{self, FROM_S, RUNS, UNTIL_S, condition, members};
+use proto::effect::only::{self, Limits, MOST_ENTRIES, Span};
 use std::ops::RangeInclusive;
 
-/// The key of the nodes that an effect concerns.
-const NODES: &str = "nodes";
-
-/// Description of the table `only`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "The links on which an effect acts: all keys given must hold.",
-    fields: &[
-        members(
-            NODES,
-            "Numbers of nodes: the effect acts on frames that one of them sends or receives.",
-        ),
-        RUNS,
-        FROM_S,
-        UNTIL_S,
-        condition(
-            "Condition on the link, such as \"distance_m > 30 and temperature_c > 25\". It compares expressions by < <= > >= == !=, \
-             joined by and, or, not, and uses the names of the effect formula (distance_m, channel, time_s, tx, rx, …), columns of \
-             the measurements and covariates of the robots. The effect does not act where a missing value decides.",
-        ),
-    ],
-    tag: None,
-};
+/// The links on which an effect acts: all keys given must hold.
+#[derive(Section)]
+pub(super) struct Keys {
+    /// Numbers of nodes: the effect acts on frames that one of them sends or receives.
+    #[key(length = 1..=MOST_ENTRIES)]
+    nodes: Option<Vec<u32>>,
+    #[key(flatten)]
+    span: Span,
+    /// Condition on the link, such as "distance_m > 30 and temperature_c > 25". It compares expressions by < <= > >= == !=, joined by and,
+    /// or, not, and uses the names of the effect formula (distance_m, channel, time_s, tx, rx, …), columns of the measurements and
+    /// covariates of the robots. The effect does not act where a missing value decides.
+    #[key(name = "where")]
+    condition: Option<String>,
+}
 
 /// What limits an effect.
 type Only = only::Only<Read>;
 
+/// Reads the table `only` of a checked effect that stands at `path`, if it has one without problems.
+fn read(effect: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> Option<Only> {
+    let Keys { nodes, span, condition } = Common::read(effect).only?;
+    let limits = Limits { members: ("nodes", nodes), span, condition };
+    only::read(limits, path, &NAMES, problems)
+}
+
 /// Adds what is wrong with the table `only` of a checked effect that stands at `path`.
 pub(super) fn check(effect: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
-    only::read(effect, path, NODES, &NAMES, problems);
+    read(effect, path, problems);
 }
 
 /// A table `only` as a program writes it, checked. `path`: of the effect, for problems.
 pub fn checked(limits: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> toml::Table {
-    only::checked(limits, &SPEC, check, path, problems)
+    only::checked(limits, &Keys::SPEC, check, path, problems)
 }
 
 /// The effect where its checked table limits it, and as it is where not. Nothing where the limits are wrong.
@@ -49,14 +48,15 @@ pub(super) fn limited(effect: Box<dyn Effect>, table: &toml::Table) -> Option<Bo
     if !table.contains_key(only::KEY) {
         return Some(effect);
     }
-    let only = only::read(table, "", NODES, &NAMES, &mut Vec::new())?;
+    let only = read(table, "", &mut Vec::new())?;
     Some(Box::new(Limited { effect, only }))
 }
 
 /// Columns of measurements, or covariates of robots, that the table `only` of an effect names.
 #[must_use]
 pub fn columns(effect: &toml::Table) -> Vec<String> {
-    let only = only::read(effect, "", NODES, &NAMES, &mut Vec::new());
+    let effect = only::checked_within(effect, &Keys::SPEC);
+    let only = read(&effect, "", &mut Vec::new());
     let is_column = |name: &&String| !NAMES.iter().any(|(known, _)| known == name);
     only.iter().flat_map(|only| only.names().iter().filter(is_column)).cloned().collect()
 }

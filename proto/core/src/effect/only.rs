@@ -1,71 +1,47 @@
 //! Where and when an effect acts: the table `only` that every effect accepts.
 //!
-//! Each simulator names the keys of its own table by the fields of this module, and reads the table by [`read`], so that both check
-//! it and decide alike.
+//! Each simulator describes its own table, with the keys of [`Span`] in it, and reads it by [`read`], so that both decide alike.
 
-use crate::config::{Default, Field, Kind, Lists, Node, Problem, Range, TableSpec, check};
+use crate::config::{Lists, Node, Problem, Section, TableSpec, check};
 use crate::formula::{Bound, Formula, MOST_NAMES, Written};
 
 /// The key of the table.
 pub const KEY: &str = "only";
+/// What the key of the table means.
+pub const DOC: &str = "Limits the effect to some agents, runs, times or conditions; all keys given must hold. Absent: it acts everywhere and always.";
 /// The key of its condition.
 const WHERE: &str = "where";
 /// No list of the table has more entries.
-const MOST_ENTRIES: usize = 10_000;
+pub const MOST_ENTRIES: usize = 10_000;
 
-/// The key `only` of an effect. `spec`: the simulator's own description of the table.
-#[must_use]
-pub const fn field(spec: &'static TableSpec) -> Field {
-    Field {
-        key: KEY,
-        doc: "Limits the effect to some agents, runs, times or conditions; all keys given must hold. Absent: it acts everywhere and always.",
-        kind: Kind::Table(spec),
-        default: Default::Absent,
-    }
+/// The runs and times at which an effect acts.
+#[derive(Clone, Debug, Section)]
+pub struct Span {
+    /// Numbers of the measured runs (column run) in which the effect acts. For comparisons with measurements; a simulation is no run of
+    /// a campaign and refuses this key.
+    #[key(length = 1..=MOST_ENTRIES)]
+    runs: Option<Vec<u32>>,
+    /// Time from which the effect acts (s), itself included. Absent: from the start.
+    #[key(range = 0.0..=MOST_S)]
+    from_s: Option<f64>,
+    /// Time from which the effect no longer acts (s). Absent: it does not end.
+    #[key(above = 0.0, most = MOST_S)]
+    until_s: Option<f64>,
 }
-
-/// The key that lists whom the effect concerns: `agents` or `nodes`.
-#[must_use]
-pub const fn members(key: &'static str, doc: &'static str) -> Field {
-    Field { key, doc, kind: NUMBERS, default: Default::Absent }
-}
-
-/// The key that lists runs.
-pub const RUNS: Field = Field {
-    key: "runs",
-    doc: "Numbers of the measured runs (column run) in which the effect acts. For comparisons with measurements; a simulation is no \
-          run of a campaign and refuses this key.",
-    kind: NUMBERS,
-    default: Default::Absent,
-};
-
-/// The key for when the effect begins to act.
-pub const FROM_S: Field = Field {
-    key: "from_s",
-    doc: "Time from which the effect acts (s), itself included. Absent: from the start.",
-    kind: Kind::Number(Range::closed(0.0, MOST_S)),
-    default: Default::Absent,
-};
-
-/// The key for when the effect ceases to act.
-pub const UNTIL_S: Field = Field {
-    key: "until_s",
-    doc: "Time from which the effect no longer acts (s). Absent: it does not end.",
-    kind: Kind::Number(Range::above(0.0, MOST_S)),
-    default: Default::Absent,
-};
 
 /// Nanoseconds of later times than this (s) do not fit into a time.
 const MOST_S: f64 = 1e10;
 
-/// The key with a condition over the names that `doc` lists.
-#[must_use]
-pub const fn condition(doc: &'static str) -> Field {
-    Field { key: WHERE, doc, kind: Kind::Text, default: Default::Absent }
+/// A table `only`, as a simulator has read it.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// The key that lists whom the effect concerns, and its value.
+    pub members: (&'static str, Option<Vec<u32>>),
+    /// When it acts.
+    pub span: Span,
+    /// The key `where`.
+    pub condition: Option<String>,
 }
-
-const NUMBERS: Kind =
-    Kind::List { of: &Kind::Integer { min: 0, max: u32::MAX as i64 }, min: 1, max: MOST_ENTRIES };
 
 /// What limits an effect. `R`: how the condition reads a number off a situation.
 #[derive(Clone, Debug)]
@@ -79,58 +55,54 @@ pub struct Only<R> {
     condition: Option<Bound<R>>,
 }
 
-/// Reads the table `only` of a checked effect that stands at `path`.
+/// What the table `only` of an effect that stands at `path` limits it to.
 ///
-/// * `members`: the key that lists whom the effect concerns.
-/// * `names`: what a condition may use, and how each is read. Other names are columns of measurements or covariates of robots.
+/// `names`: what a condition may use, and how each is read. Other names are columns of measurements or covariates of robots.
 ///
-/// Nothing is returned where there is no such table, or where something is wrong, which is then among the problems.
+/// Nothing is returned where something is wrong, which is then among the problems.
 pub fn read<R: Copy>(
-    effect: &toml::Table,
+    limits: Limits,
     path: &str,
-    members: &str,
     names: &[(&str, R)],
     problems: &mut Vec<Problem>,
 ) -> Option<Only<R>> {
-    let table = effect.get(KEY)?.as_table()?;
+    let Limits { members: (members_key, members), span, condition: text } = limits;
+    let Span { runs, from_s, until_s } = span;
     let path = format!("{path}.{KEY}");
     let n_before = problems.len();
-    if table.is_empty() {
+    if members.is_none()
+        && runs.is_none()
+        && from_s.is_none()
+        && until_s.is_none()
+        && text.is_none()
+    {
         let message = format!(
-            "must have at least one of the keys {members}, {}, {}, {}, {WHERE}; remove it if the effect acts everywhere",
-            RUNS.key, FROM_S.key, UNTIL_S.key
+            "must have at least one of the keys {members_key}, runs, from_s, until_s, {WHERE}; remove it if the effect acts everywhere"
         );
         problems.push(Problem::new(&*path, message).value("{}"));
     }
-    let mut numbers = |key: &str| -> Option<Vec<u32>> {
-        let list = table.get(key)?.as_array()?;
-        let number = |value: &toml::Value| value.as_integer().and_then(|n| u32::try_from(n).ok());
-        let mut numbers: Vec<u32> = list.iter().filter_map(number).collect();
+    let mut ascending = |key: &str, mut numbers: Vec<u32>| {
         numbers.sort_unstable();
         if let Some(twice) = numbers.windows(2).find(|pair| pair[0] == pair[1]) {
             let message = "must not list a number twice";
             problems.push(Problem::new(format!("{path}.{key}"), message).value(twice[0]));
         }
         numbers.dedup();
-        Some(numbers)
+        numbers
     };
-    let (members, runs) = (numbers(members), numbers(RUNS.key));
-    let number = |key: &str| match table.get(key)? {
-        toml::Value::Integer(number) => Some(*number as f64),
-        number => number.as_float(),
-    };
-    let (from_s, until_s) = (number(FROM_S.key), number(UNTIL_S.key));
+    let members = members.map(|numbers| ascending(members_key, numbers));
+    let runs = runs.map(|numbers| ascending("runs", numbers));
     if let (Some(from_s), Some(until_s)) = (from_s, until_s)
         && until_s <= from_s
     {
-        let message = format!("must be greater than {} = {from_s}", FROM_S.key);
-        problems.push(Problem::new(format!("{path}.{}", UNTIL_S.key), message).value(until_s));
+        let message = format!("must be greater than from_s = {from_s}");
+        problems.push(Problem::new(format!("{path}.until_s"), message).value(until_s));
     }
     let mut condition = None;
-    if let Some(text) = table.get(WHERE).and_then(toml::Value::as_str) {
+    if let Some(text) = text {
         let known: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
         let key = format!("{path}.{WHERE}");
-        match Formula::condition_of(text, &known, &|_| true) {
+        match Formula::condition_of(&text, &known, &|_| true) {
             Ok(formula) if MOST_NAMES < formula.names().len() => {
                 let message = format!("must not use more than {MOST_NAMES} names");
                 problems.push(Problem::new(key, message).value(formula.names().len()));
@@ -161,6 +133,14 @@ pub fn checked(
     table
 }
 
+/// An effect with its table `only` alone, which need not have been checked: what is wrong with it is nobody's.
+#[must_use]
+pub fn checked_within(effect: &toml::Table, spec: &TableSpec) -> toml::Table {
+    let limits = effect.get(KEY).and_then(toml::Value::as_table);
+    let checked = |limits| checked(limits, spec, |_, _, _| (), "", &mut Vec::new());
+    limits.map(|limits| (KEY.to_owned(), checked(limits).into())).into_iter().collect()
+}
+
 /// Adds a problem for every effect of `tables` that is limited to runs, which a simulation does not have. They stand at `path[0]`,
 /// `path[1]`, …
 pub fn refuse_runs<'a>(
@@ -169,10 +149,10 @@ pub fn refuse_runs<'a>(
     problems: &mut Vec<Problem>,
 ) {
     for (index, table) in tables.into_iter().enumerate() {
-        let Some(runs) = table.get(KEY).and_then(|only| only.get(RUNS.key)) else { continue };
+        let Some(runs) = table.get(KEY).and_then(|only| only.get("runs")) else { continue };
         let message = "applies to comparisons with measurements only, because a simulation is no run of a campaign; remove it to \
                        simulate the effect";
-        let key = format!("{path}[{index}].{KEY}.{}", RUNS.key);
+        let key = format!("{path}[{index}].{KEY}.runs");
         problems.push(Problem::new(key, message).value(runs));
     }
 }
@@ -234,21 +214,32 @@ mod tests {
     use super::*;
     use crate::config::parse;
 
-    const ONLY: TableSpec = TableSpec {
-        doc: "Limits.",
-        fields: &[members("nodes", "Nodes."), RUNS, FROM_S, UNTIL_S, condition("A condition.")],
-        tag: None,
-    };
-    const EFFECT: TableSpec = TableSpec { doc: "An effect.", fields: &[field(&ONLY)], tag: None };
+    #[derive(Section)]
+    struct Effect {
+        only: Option<Keys>,
+    }
+
+    #[derive(Section)]
+    struct Keys {
+        #[key(length = 1..=MOST_ENTRIES)]
+        nodes: Option<Vec<u32>>,
+        #[key(flatten)]
+        span: Span,
+        #[key(name = "where")]
+        condition: Option<String>,
+    }
+
     const NAMES: [(&str, usize); 2] = [("distance_m", 0), ("channel", 1)];
 
     fn read_text(text: &str) -> (Option<Only<usize>>, String) {
         let mut problems = Vec::new();
         let node = parse(&format!("only = {text}")).unwrap();
-        let table = check(&node, "effect[2]", &EFFECT, &Lists::NONE, &mut problems).table;
+        let table = check(&node, "effect[2]", &Effect::SPEC, &Lists::NONE, &mut problems).table;
         let mut only = None;
         if problems.is_empty() {
-            only = read(&table, "effect[2]", "nodes", &NAMES, &mut problems);
+            let Keys { nodes, span, condition } = Effect::read(&table).only.unwrap();
+            let limits = Limits { members: ("nodes", nodes), span, condition };
+            only = read(limits, "effect[2]", &NAMES, &mut problems);
         }
         (only, problems.iter().map(|problem| format!("{problem}\n")).collect())
     }

@@ -1,30 +1,25 @@
 //! Effects that act on some robots only, or at some times: the table `only` of a `[[robotsim.dynamics.effect]]`.
 
-use super::{Drive, Effect, Localization, Part, Shape, Situation, formula};
-use proto::config::{Problem, TableSpec};
+use super::{Common, Drive, Effect, Localization, Part, Shape, Situation, formula};
+use proto::config::{Problem, Section};
 use proto::effect::Named;
-use proto::effect::only::{self, FROM_S, RUNS, UNTIL_S, condition, members};
+use proto::effect::only::{self, MOST_ENTRIES, Span};
 
-/// The key of the robots that an effect concerns.
-const AGENTS: &str = "agents";
-
-/// Description of the table `only`.
-pub(super) const SPEC: TableSpec = TableSpec {
-    doc: "The robots and times at which an effect acts: all keys given must hold.",
-    fields: &[
-        members(AGENTS, "Numbers of the robots on which the effect acts."),
-        RUNS,
-        FROM_S,
-        UNTIL_S,
-        condition(
-            "Condition on the robot, such as \"commanded_speed_mps > 1 and x_m < 5\". It compares expressions by < <= > >= == !=, \
-             joined by and, or, not, and uses the names of the effect formula (time_s, x_m, speed_mps, heading_rad, …), agent, \
-             commanded_speed_mps, commanded_turn (yaw rate in rad/s or steering in rad), commanded_direction_rad and columns of the \
-             measurements. The effect does not act where a missing value decides.",
-        ),
-    ],
-    tag: None,
-};
+/// The robots and times at which an effect acts: all keys given must hold.
+#[derive(Section)]
+pub(super) struct Keys {
+    /// Numbers of the robots on which the effect acts.
+    #[key(length = 1..=MOST_ENTRIES)]
+    agents: Option<Vec<u32>>,
+    #[key(flatten)]
+    span: Span,
+    /// Condition on the robot, such as "commanded_speed_mps > 1 and x_m < 5". It compares expressions by < <= > >= == !=, joined by and,
+    /// or, not, and uses the names of the effect formula (time_s, x_m, speed_mps, heading_rad, …), agent, commanded_speed_mps,
+    /// commanded_turn (yaw rate in rad/s or steering in rad), commanded_direction_rad and columns of the measurements. The effect does
+    /// not act where a missing value decides.
+    #[key(name = "where")]
+    condition: Option<String>,
+}
 
 /// What a condition is asked about.
 #[derive(Clone, Copy, Debug)]
@@ -88,14 +83,21 @@ fn names() -> Vec<(&'static str, Read)> {
     of_formula.chain(NAMES.map(|(name, read, _)| (name, Read::Command(read)))).collect()
 }
 
+/// Reads the table `only` of a checked effect that stands at `path`, if it has one without problems.
+fn read(effect: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> Option<only::Only<Read>> {
+    let Keys { agents, span, condition } = Common::read(effect).only?;
+    let limits = only::Limits { members: ("agents", agents), span, condition };
+    only::read(limits, path, &names(), problems)
+}
+
 /// Adds what is wrong with the table `only` of a checked effect that stands at `path`.
 pub(super) fn check(effect: &toml::Table, path: &str, problems: &mut Vec<Problem>) {
-    only::read(effect, path, AGENTS, &names(), problems);
+    read(effect, path, problems);
 }
 
 /// A table `only` as a program writes it, checked. `path`: of the effect, for problems.
 pub fn checked(limits: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> toml::Table {
-    only::checked(limits, &SPEC, check, path, problems)
+    only::checked(limits, &Keys::SPEC, check, path, problems)
 }
 
 /// The effect where its checked table limits it, and as it is where not. Nothing where the limits are wrong.
@@ -103,7 +105,7 @@ pub(super) fn limited(effect: Box<dyn Effect>, table: &toml::Table) -> Option<Bo
     if !table.contains_key(only::KEY) {
         return Some(effect);
     }
-    let only = only::read(table, "", AGENTS, &names(), &mut Vec::new())?;
+    let only = read(table, "", &mut Vec::new())?;
     Some(Box::new(Limited { effect, limits: Limits(only) }))
 }
 
@@ -127,7 +129,8 @@ pub(crate) fn refuse_measured(tables: &[&toml::Table], path: &str, problems: &mu
 #[must_use]
 pub fn columns(effect: &toml::Table) -> Vec<String> {
     let names = names();
-    let only = only::read(effect, "", AGENTS, &names, &mut Vec::new());
+    let effect = only::checked_within(effect, &Keys::SPEC);
+    let only = read(&effect, "", &mut Vec::new());
     let is_column = |name: &&String| !names.iter().any(|(known, _)| known == name);
     only.iter().flat_map(|only| only.names().iter().filter(is_column)).cloned().collect()
 }
