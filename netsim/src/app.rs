@@ -43,6 +43,7 @@ use bytes::Bytes;
 use config::Largest;
 use proto::config::{Problem, Variant};
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// For whom a packet is.
@@ -75,8 +76,8 @@ pub struct Packet {
     pub destination: Destination,
     /// What it carries.
     pub content: Content,
-    /// When it was created (ns).
-    pub created_ns: u64,
+    /// When it was created.
+    pub created: SimTime,
 }
 
 impl Packet {
@@ -115,8 +116,8 @@ pub struct Host {
     pub first_root: MoteId,
     /// Motes in the network.
     pub n_motes: u32,
-    /// Length of a slot (ns).
-    pub slot_ns: u64,
+    /// Length of a slot.
+    pub slot: SimDuration,
     /// Number of the application in the configuration.
     pub app: u32,
     /// Number of applications in the configuration.
@@ -127,10 +128,10 @@ pub struct Host {
 
 /// What an application may use when something happens.
 pub struct Context<'a> {
-    /// The time (ns).
-    pub now_ns: u64,
-    /// When the message that is being handled had arrived in full (ns).
-    pub received_ns: u64,
+    /// The time.
+    pub now: SimTime,
+    /// When the message that is being handled had arrived in full.
+    pub received: SimTime,
     /// Draws that all applications of the mote share, in sequence.
     pub dice: &'a mut Dice,
     /// Packets from end to end, among them exchanges and downloads.
@@ -141,7 +142,7 @@ pub struct Context<'a> {
 
 impl std::fmt::Debug for Context<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Context").field("now_ns", &self.now_ns).finish_non_exhaustive()
+        f.debug_struct("Context").field("now", &self.now).finish_non_exhaustive()
     }
 }
 
@@ -176,14 +177,14 @@ pub trait Traffic {
     /// The mote may send from now on, or no longer. Calling it again with the same value changes nothing.
     fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>);
 
-    /// When the application wants to act next (ns).
-    fn poll_timeout(&self) -> Option<u64>;
+    /// When the application wants to act next.
+    fn poll_timeout(&self) -> Option<SimTime>;
 
-    /// Time has come to `cx.now_ns`. One packet per call: ask until the next time lies ahead or there is none.
+    /// Time has come to `cx.now`. One packet per call: ask until the next time lies ahead or there is none.
     fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet>;
 
     /// An event of this application concerns the mote.
-    fn handle_event(&mut self, _at_ns: u64) {}
+    fn handle_event(&mut self, _at: SimTime) {}
 
     /// A CoAP message of mote `from` arrived over so many hops.
     fn handle_message(
@@ -284,13 +285,13 @@ impl App {
 
     /// As [`Traffic::poll_timeout`].
     #[must_use]
-    pub fn poll_timeout(&self) -> Option<u64> {
+    pub fn poll_timeout(&self) -> Option<SimTime> {
         self.machine.traffic().poll_timeout()
     }
 
     /// As [`Traffic::handle_timeout`], if it is due.
     pub fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
-        let is_due = self.poll_timeout().is_some_and(|due_ns| due_ns <= cx.now_ns);
+        let is_due = self.poll_timeout().is_some_and(|due| due <= cx.now);
         if is_due { self.machine().handle_timeout(cx) } else { None }
     }
 

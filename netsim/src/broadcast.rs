@@ -13,6 +13,7 @@ use physics::propagation::Reach;
 use physics::scatter::Seeds;
 use proto::side::{NetInput, NetOutput};
 use proto::site::Site;
+use proto::time::{SimDuration, SimTime};
 use proto::types::{
     AgentStates, Deliveries, DeliveryColumn, Experiment, Heard, Medium, MoteStates, Payloads,
     Transmissions,
@@ -33,9 +34,9 @@ pub struct Broadcast {
 
 /// The frames of one period, or of one slot of it.
 struct Batch {
-    period_ns: u64,
+    period: SimTime,
     /// Sender and begin, in the order (begin, sender).
-    frames: Vec<(u32, u64)>,
+    frames: Vec<(u32, SimTime)>,
 }
 
 /// What became of the frames of a batch.
@@ -108,7 +109,7 @@ impl Broadcast {
             .collect();
         let lift_m = place::lift_m(self.config.antenna_height_m, input.states);
 
-        let mut time_ns = input.until_ns;
+        let mut time = input.until_ns;
         let mut frames = Vec::new();
         let mut outcomes = Vec::new();
         for batch in self.batches(input, &on) {
@@ -116,19 +117,19 @@ impl Broadcast {
             frames.extend_from_slice(&batch.frames);
             let is_heard = input.stop_at_first_delivery && n_deliveries(&outcome.heard) != 0;
             outcomes.push(outcome);
-            if let (true, Some(&(_, sent_ns))) = (is_heard, batch.frames.first()) {
-                time_ns = input.until_ns.min(sent_ns + self.config.slot_ns);
+            if let (true, Some(&(_, sent))) = (is_heard, batch.frames.first()) {
+                time = input.until_ns.min((sent + self.config.slot).ns());
                 break;
             }
         }
         let deliveries = self.deliveries(&frames, outcomes, input.payloads);
-        NetOutput { time_ns, deliveries, motes, ..NetOutput::default() }
+        NetOutput { time_ns: time, deliveries, motes, ..NetOutput::default() }
     }
 
     /// The frames that begin within the step, by period; by slot where the first delivery ends the step.
     fn batches(&self, input: &NetInput<'_>, on: &[u32]) -> Vec<Batch> {
-        let Config { slot_ns, n_slots, .. } = self.config;
-        let step_ns = self.experiment.step_ns;
+        let Config { slot: slot_length, n_slots, .. } = self.config;
+        let step = SimDuration::from_ns(self.experiment.step_ns);
         let lengths = input.payloads.length_bytes();
         let mut by_slot: Vec<Vec<u32>> =
             vec![Vec::new(); (n_slots as usize).min(self.experiment.agent_count)];
@@ -136,17 +137,22 @@ impl Broadcast {
             by_slot[(u64::from(agent) % n_slots) as usize].push(agent);
         }
         let mut batches: Vec<Batch> = Vec::new();
-        for period in input.from_ns / step_ns..=(input.until_ns - 1) / step_ns {
-            let period_ns = period * step_ns;
-            let mut whole = Batch { period_ns, frames: Vec::new() };
+        let [first, last] =
+            [input.from_ns, input.until_ns - 1].map(|ns| SimTime::from_ns(ns) / step);
+        for number in first..=last {
+            let period = SimTime::START + number * step;
+            let mut whole = Batch { period, frames: Vec::new() };
             for (slot, senders) in (0..).zip(&by_slot) {
-                let sent_ns = period_ns + slot * slot_ns;
-                if senders.is_empty() || sent_ns < input.from_ns || input.until_ns <= sent_ns {
+                let sent = period + slot * slot_length;
+                if senders.is_empty()
+                    || sent < SimTime::from_ns(input.from_ns)
+                    || input.until_ns <= sent.ns()
+                {
                     continue;
                 }
-                let frames = senders.iter().map(|&sender| (sender, sent_ns));
+                let frames = senders.iter().map(|&sender| (sender, sent));
                 if input.stop_at_first_delivery {
-                    batches.push(Batch { period_ns, frames: frames.collect() });
+                    batches.push(Batch { period, frames: frames.collect() });
                 } else {
                     whole.frames.extend(frames);
                 }
@@ -178,7 +184,7 @@ impl Broadcast {
             model: &self.config.model,
             filters: &self.filters,
             seeds: self.seeds,
-            period_ns: batch.period_ns,
+            period_ns: batch.period.ns(),
             radios: &radios,
             scene: &scene,
         };
@@ -194,8 +200,8 @@ impl Broadcast {
     /// Radios that are on: those that send, in the order of their frames, then the others.
     fn radios(&self, states: &AgentStates, lift_m: f64, on: &[u32], batch: &Batch) -> Radios {
         let hopping = &self.config.hopping_sequence;
-        let channel = |sent_ns: u64| {
-            let slot = sent_ns / self.config.slot_ns;
+        let channel = |sent: SimTime| {
+            let slot = sent / self.config.slot;
             (!hopping.is_empty()).then(|| hopping[(slot % hopping.len() as u64) as usize])
         };
         let mut sends = vec![false; self.experiment.agent_count];
@@ -208,7 +214,7 @@ impl Broadcast {
             frames: batch
                 .frames
                 .iter()
-                .map(|&(_, sent_ns)| Frame { sent_ns, channel: channel(sent_ns) })
+                .map(|&(_, sent)| Frame { sent_ns: sent.ns(), channel: channel(sent) })
                 .collect(),
             ..Radios::default()
         };
@@ -221,18 +227,17 @@ impl Broadcast {
 
     fn deliveries(
         &self,
-        frames: &[(u32, u64)],
+        frames: &[(u32, SimTime)],
         outcomes: Vec<BatchReception>,
         payloads: &Payloads,
     ) -> Deliveries {
         let n = self.experiment.agent_count;
         let (heard, rssi_dbm) = joined(outcomes, n);
-        let end_ns: Vec<u64> =
-            frames.iter().map(|&(_, sent_ns)| sent_ns + self.config.slot_ns).collect();
+        let end_ns = frames.iter().map(|&(_, sent)| (sent + self.config.slot).ns()).collect();
         let mut deliveries = Deliveries {
             transmissions: Transmissions {
                 sender: frames.iter().map(|&(sender, _)| sender).collect(),
-                sent_ns: frames.iter().map(|&(_, sent_ns)| sent_ns).collect(),
+                sent_ns: frames.iter().map(|&(_, sent)| sent.ns()).collect(),
                 end_ns,
                 payloads: sent_payloads(frames, payloads),
                 ..Transmissions::default()
@@ -280,7 +285,7 @@ fn n_deliveries(heard: &Heard) -> usize {
 }
 
 /// The payloads of the frames, in their order.
-fn sent_payloads(frames: &[(u32, u64)], payloads: &Payloads) -> Payloads {
+fn sent_payloads(frames: &[(u32, SimTime)], payloads: &Payloads) -> Payloads {
     let lengths = payloads.length_bytes();
     let mut begins = Vec::with_capacity(lengths.len());
     let mut begin = 0;

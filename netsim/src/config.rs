@@ -23,6 +23,7 @@ use proto::config::{FileReference, Lists, Node, Problem, Section, TableSpec, che
 use proto::effect::only::refuse_runs;
 use proto::ids::MoteId;
 use proto::side::Setup;
+use proto::time::SimDuration;
 use proto::types::{MoteCommandKind, NS_PER_S, seconds};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -101,7 +102,7 @@ pub fn slotframe_slots(config: &Node, agent_count: usize, catalogue: &Catalogue)
         keys: protocols,
         path: "",
         agent_count,
-        slot_ns: 1,
+        slot: SimDuration::from_ns(1),
         hopping_sequence: keys
             .hopping_sequence
             .as_deref()
@@ -175,15 +176,15 @@ pub fn read(
     let key_path = |key: &str| join(&setup.path, key);
 
     let slot_s = keys.slot_duration_s;
-    let slot_ns = (slot_s * NS_PER_S as f64).round() as u64;
-    let step_ns = setup.experiment.step_ns;
+    let slot = SimDuration::from_seconds(slot_s);
+    let step = SimDuration::from_ns(setup.experiment.step_ns);
     let is_refused = problems.iter().any(|problem| problem.path == key_path("slot_duration_s"));
-    if !is_refused && !step_ns.is_multiple_of(slot_ns) {
+    if !is_refused && !step.ns().is_multiple_of(slot.ns()) {
         let message = format!(
             "must divide the control period, {} s, into a whole number of slots",
-            seconds(step_ns)
+            step.seconds()
         );
-        let nearest = seconds(nearest_divisor(step_ns, slot_ns));
+        let nearest = seconds(nearest_divisor(step.ns(), slot.ns()));
         problems.push(
             Problem::new(key_path("slot_duration_s"), message).value(slot_s).nearest(nearest),
         );
@@ -211,7 +212,7 @@ pub fn read(
     let physical = physics::standard::find(phy.standard.as_deref());
     if is_network && !is_refused {
         let path = key_path("slot_duration_s");
-        problems.extend(standard::check_slot(physical, slot_ns, step_ns, &path));
+        problems.extend(standard::check_slot(physical, slot, step, &path));
     }
     let hopping_sequence: Vec<u8> = match &keys.hopping_sequence {
         Some(channels) => channels.clone(),
@@ -225,7 +226,7 @@ pub fn read(
         path: &phy_path,
         radio: phy.radio,
         agent_count,
-        slot_ns: slot_ns.max(1),
+        slot_ns: slot.max(SimDuration::from_ns(1)).ns(),
         channels: &hopping_sequence,
         files: &setup.files,
         problems: Vec::new(),
@@ -242,7 +243,7 @@ pub fn read(
             keys: protocols,
             path: &setup.path,
             agent_count,
-            slot_ns: slot_ns.max(1),
+            slot: slot.max(SimDuration::from_ns(1)),
             hopping_sequence: &hopping_sequence,
             airtime: physical.standard.airtime,
             catalogue,
@@ -259,7 +260,7 @@ pub fn read(
         let mut context = second::BuildContext {
             path: &key_path("second_medium"),
             agent_count,
-            step_ns,
+            step,
             problems: &mut problems,
         };
         second::build(table, &catalogue.second_media, &mut context)
@@ -275,8 +276,8 @@ pub fn read(
     warnings.extend(without_influence(setup, base, &lists));
     standard::warn_of_bands(&model, &hopping_sequence, &setup.path, &mut warnings);
     let config = Config {
-        slot_ns,
-        n_slots: step_ns / slot_ns,
+        slot,
+        n_slots: step / slot,
         hopping_sequence,
         absent,
         antenna_height_m: phy.antenna_height_m.unwrap_or(0.0),

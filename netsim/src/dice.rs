@@ -2,6 +2,7 @@
 
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, uniform};
+use proto::time::SimDuration;
 use serde::{Deserialize, Serialize};
 
 /// The draws of one mote for one purpose, in sequence. Its k-th number depends on the seed, the purpose, the mote and k
@@ -48,9 +49,9 @@ impl Dice {
         ((u128::from(self.word()) * u128::from(n)) >> 64) as u64
     }
 
-    /// Uniform duration (ns) in [low, high).
-    pub fn duration_ns(&mut self, low_ns: u64, high_ns: u64) -> u64 {
-        low_ns + self.below((high_ns - low_ns).max(1))
+    /// Uniform duration in [low, high).
+    pub fn duration(&mut self, low: SimDuration, high: SimDuration) -> SimDuration {
+        low + SimDuration::from_ns(self.below((high - low).ns().max(1)))
     }
 
     /// Puts a slice into random order (Fisher and Yates).

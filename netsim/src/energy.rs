@@ -9,6 +9,7 @@
 
 use crate::wire::security::OVERHEAD;
 use physics::timing::Airtime;
+use proto::time::SimDuration;
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 
@@ -127,12 +128,12 @@ const BY_LENGTH: Table = Table {
 };
 
 impl Model {
-    /// Charge (µC) of one slot of `slot_ns`. A frame that is not acknowledged costs what an acknowledged one does.
+    /// Charge (µC) of one slot of `slot`. A frame that is not acknowledged costs what an acknowledged one does.
     #[must_use]
-    pub fn charge_uc(self, slot: SlotUse, slot_ns: u64) -> f64 {
+    pub fn charge_uc(self, slot: SlotUse, slot_length: SimDuration) -> f64 {
         let mut usage = Usage::default();
         usage.count(slot);
-        usage.charge_uc(self, slot_ns)
+        usage.charge_uc(self, slot_length)
     }
 }
 
@@ -264,21 +265,21 @@ impl Usage {
         [self.secured_acks_sent, self.secured_acks_received].map(|acks| acks * OVERHEAD as u64)
     }
 
-    /// Charge (µC) in slots of `slot_ns`, which matters to scanning only. Sleep takes none. A slot with a frame includes its
+    /// Charge (µC) in slots of `slot`, which matters to scanning only. Sleep takes none. A slot with a frame includes its
     /// acknowledgment; by length, the bytes by which a secured one is longer are charged as those of frames.
     #[must_use]
-    pub fn charge_uc(&self, model: Model, slot_ns: u64) -> f64 {
+    pub fn charge_uc(&self, model: Model, slot: SimDuration) -> f64 {
         let table = match model {
             Model::PerSlot => &PER_SLOT,
             Model::ByLength => &BY_LENGTH,
             Model::ByTime { tx_ma, rx_ma, airtime } => {
-                let sending_ns = self.sending_ns(ACK_BYTES, &airtime);
-                let listening_ns = self.radio_on_ns(slot_ns, ACK_BYTES, &airtime) - sending_ns;
-                return 1e-6 * (tx_ma * sending_ns as f64 + rx_ma * listening_ns as f64);
+                let sending = self.sending(ACK_BYTES, &airtime);
+                let listening = self.radio_on(slot, ACK_BYTES, &airtime) - sending;
+                return 1e-6 * (tx_ma * sending.ns() as f64 + rx_ma * listening.ns() as f64);
             }
         };
         let [acks_sent, acks_received] = self.ack_security_bytes();
-        let scan_uc = table.scan_uc * (slot_ns as f64 / STATED_SLOT_NS as f64);
+        let scan_uc = table.scan_uc * (slot.ns() as f64 / STATED_SLOT_NS as f64);
         table.idle_listen_uc * self.idle_listen as f64
             + scan_uc * self.scan as f64
             + table.tx_unicast.charge_uc(self.tx_acked.and(self.tx_not_acked))
@@ -289,55 +290,56 @@ impl Usage {
             + table.rx_unicast.per_byte_uc * acks_received as f64
     }
 
-    /// How long the radio sent (ns): frames, and acknowledgments of `ack_bytes` (PSDU, security apart).
+    /// How long the radio sent: frames, and acknowledgments of `ack_bytes` (PSDU, security apart).
     #[must_use]
-    pub fn sending_ns(&self, ack_bytes: u16, airtime: &Airtime) -> u64 {
+    pub fn sending(&self, ack_bytes: u16, airtime: &Airtime) -> SimDuration {
         let [ack_security_bytes, _] = self.ack_security_bytes();
-        on_air_ns(self.sent(), airtime)
-            + self.rx_unicast.n * airtime.of(ack_bytes).unsigned_abs()
-            + ack_security_bytes * airtime.byte_ns.unsigned_abs()
+        let acks_ns = self.rx_unicast.n * airtime.of(ack_bytes).unsigned_abs()
+            + ack_security_bytes * airtime.byte_ns.unsigned_abs();
+        on_air(self.sent(), airtime) + SimDuration::from_ns(acks_ns)
     }
 
-    /// How long the radio was on (ns), in slots of `slot_ns` with acknowledgments of `ack_bytes` (PSDU, security apart) and
+    /// How long the radio was on, in slots of `slot` with acknowledgments of `ack_bytes` (PSDU, security apart) and
     /// frames of a physical layer; see [`on_time`]. A frame begins in the middle of the guard time: clocks deviate to either side.
     #[must_use]
-    pub fn radio_on_ns(&self, slot_ns: u64, ack_bytes: u16, airtime: &Airtime) -> u64 {
+    pub fn radio_on(&self, slot: SimDuration, ack_bytes: u16, airtime: &Airtime) -> SimDuration {
         use on_time::*;
-        let air_ns = |frames: Frames| on_air_ns(frames, airtime);
         let ack_ns = airtime.of(ack_bytes).unsigned_abs();
-        let sent = self.sent();
         let received = self.received();
-        self.idle_listen * RX_WAIT_NS
-            + self.scan * slot_ns
-            + air_ns(sent)
+        let beside_ns = self.idle_listen * RX_WAIT_NS
             + self.tx_acked.n * (TX_ACK_DELAY_NS - RX_ACK_DELAY_NS + ack_ns)
             + self.tx_not_acked.n * ACK_WAIT_NS
-            + air_ns(received)
             + received.n * (RX_WAIT_NS / 2)
             + self.rx_unicast.n * ack_ns
-            + self.ack_security_bytes().iter().sum::<u64>() * airtime.byte_ns.unsigned_abs()
+            + self.ack_security_bytes().iter().sum::<u64>() * airtime.byte_ns.unsigned_abs();
+        slot * self.scan
+            + on_air(self.sent(), airtime)
+            + on_air(received, airtime)
+            + SimDuration::from_ns(beside_ns)
     }
 }
 
-/// How long frames of a physical layer are on the air (ns).
-fn on_air_ns(frames: Frames, airtime: &Airtime) -> u64 {
-    airtime.header_ns.unsigned_abs() * frames.n + airtime.byte_ns.unsigned_abs() * frames.bytes
+/// How long frames of a physical layer are on the air.
+fn on_air(frames: Frames, airtime: &Airtime) -> SimDuration {
+    SimDuration::from_ns(
+        airtime.header_ns.unsigned_abs() * frames.n + airtime.byte_ns.unsigned_abs() * frames.bytes,
+    )
 }
 
 /// Length of an enhanced acknowledgment that is not secured (PSDU, bytes): 64-bit destination and a time correction.
 pub const ACK_BYTES: u16 = 19;
 
-/// Share of `elapsed_ns` in which the radio was on, 0 to 1. `None` if no time has passed.
+/// Share of `elapsed` in which the radio was on, 0 to 1. `None` if no time has passed.
 #[must_use]
-pub fn duty_cycle(radio_on_ns: u64, elapsed_ns: u64) -> Option<f64> {
-    (elapsed_ns != 0).then(|| radio_on_ns as f64 / elapsed_ns as f64)
+pub fn duty_cycle(radio_on: SimDuration, elapsed: SimDuration) -> Option<f64> {
+    (!elapsed.is_zero()).then(|| radio_on.ns() as f64 / elapsed.ns() as f64)
 }
 
-/// Mean current (µA): charge (µC) by the time (ns) in which it was taken. Both must cover the same span: use
+/// Mean current (µA): charge (µC) by the time in which it was taken. Both must cover the same span: use
 /// [`Usage::since`] for one that does not begin with the run. `None` if no time has passed.
 #[must_use]
-pub fn mean_current_ua(charge_uc: f64, elapsed_ns: u64) -> Option<f64> {
-    (elapsed_ns != 0).then(|| charge_uc / (elapsed_ns as f64 / NS_PER_S as f64))
+pub fn mean_current_ua(charge_uc: f64, elapsed: SimDuration) -> Option<f64> {
+    (!elapsed.is_zero()).then(|| charge_uc / (elapsed.ns() as f64 / NS_PER_S as f64))
 }
 
 /// A pair of AA cells (mAh), as the 6TiSCH simulator has it.
@@ -349,8 +351,8 @@ pub const UC_PER_MAH: f64 = 3.6e6;
 /// How long a battery of `battery_mah` lasts (years of 365 days) at the mean current of a span. `None` if no charge was
 /// taken or no time has passed.
 #[must_use]
-pub fn lifetime_years(battery_mah: f64, charge_uc: f64, elapsed_ns: u64) -> Option<f64> {
-    let current_ua = mean_current_ua(charge_uc, elapsed_ns)?;
+pub fn lifetime_years(battery_mah: f64, charge_uc: f64, elapsed: SimDuration) -> Option<f64> {
+    let current_ua = mean_current_ua(charge_uc, elapsed)?;
     (0.0 < current_ua).then(|| battery_mah * 1000.0 / current_ua / (24.0 * 365.0))
 }
 

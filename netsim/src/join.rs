@@ -22,6 +22,7 @@ use crate::wire::cojp::CojpRepr;
 use crate::wire::datagram::{UdpRepr, Upper};
 use crate::wire::frame::NETWORK_PAN;
 use crate::wire::security::Keys;
+use proto::time::SimDuration;
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
@@ -39,10 +40,10 @@ pub struct Config {
     pub secure: bool,
     /// Identifier of the network.
     pub network_id: u16,
-    /// The first timeout is drawn from here (ns) … 10 s: TIMEOUT_BASE.
-    pub timeout_min_ns: u64,
-    /// … to here (ns). 15 s: TIMEOUT_BASE · TIMEOUT_RANDOM_FACTOR, 1.5.
-    pub timeout_max_ns: u64,
+    /// The first timeout is drawn from here … 10 s: TIMEOUT_BASE.
+    pub timeout_min: SimDuration,
+    /// … to here. 15 s: TIMEOUT_BASE · TIMEOUT_RANDOM_FACTOR, 1.5.
+    pub timeout_max: SimDuration,
     /// How often a request is repeated, each time after twice the timeout. 4: MAX_RETRANSMIT.
     pub max_retransmit: u8,
     /// The join rate that the registrar sends to motes as it admits them (§ 8.4.2): how much join traffic a proxy forwards
@@ -70,8 +71,8 @@ impl Default for Config {
         Self {
             secure: true,
             network_id: NETWORK_PAN,
-            timeout_min_ns: 10 * NS_PER_S,
-            timeout_max_ns: 15 * NS_PER_S,
+            timeout_min: SimDuration::from_s(10),
+            timeout_max: SimDuration::from_s(15),
             max_retransmit: 4,
             join_rate_bytes_s: None,
             join_burst_bytes: None,

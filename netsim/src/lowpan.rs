@@ -22,6 +22,7 @@ use crate::wire::Eui64;
 use crate::wire::datagram::Datagram;
 use crate::wire::fragment::{Fragment, LowpanRepr};
 use buffer::{Added, Buffer};
+use proto::time::{SimDuration, SimTime};
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -46,12 +47,12 @@ pub struct Config {
     pub mode: Mode,
     /// Datagrams that are put together at the same time; a root has no limit.
     pub reassembly_buffers: u16,
-    /// How long one may take (ns). 60 s: RFC 4944, § 5.3.
-    pub reassembly_timeout_ns: u64,
+    /// How long one may take. 60 s: RFC 4944, § 5.3.
+    pub reassembly_timeout: SimDuration,
     /// Datagrams that are forwarded in parts at the same time; a root has no limit.
     pub vrb_entries: u16,
-    /// How long the way of one is remembered (ns).
-    pub vrb_timeout_ns: u64,
+    /// How long the way of one is remembered.
+    pub vrb_timeout: SimDuration,
     /// If a part is missing, the following ones are not forwarded.
     pub discard_after_missing: bool,
     /// The way is forgotten with the last part, not with time.
@@ -63,9 +64,9 @@ impl Default for Config {
         Self {
             mode: Mode::default(),
             reassembly_buffers: 1,
-            reassembly_timeout_ns: 60 * NS_PER_S,
+            reassembly_timeout: SimDuration::from_s(60),
             vrb_entries: 50,
-            vrb_timeout_ns: 60 * NS_PER_S,
+            vrb_timeout: SimDuration::from_s(60),
             discard_after_missing: false,
             discard_after_last: false,
         }
@@ -157,8 +158,8 @@ pub struct Lowpan {
     tag: u16,
     buffers: BTreeMap<Key, Buffer>,
     vrb: BTreeMap<Key, Entry>,
-    /// No time of those in `buffers` and `vrb` is earlier (ns).
-    earliest_ns: u64,
+    /// No time of those in `buffers` and `vrb` is earlier.
+    earliest: SimTime,
     /// Losses that the driver has not been notified of.
     lost: Vec<(u64, DropReason)>,
 }
@@ -174,7 +175,7 @@ impl Lowpan {
             tag: dice.word() as u16,
             buffers: BTreeMap::new(),
             vrb: BTreeMap::new(),
-            earliest_ns: u64::MAX,
+            earliest: SimTime::NEVER,
             lost: Vec::new(),
         }
     }
@@ -198,7 +199,7 @@ impl Lowpan {
     }
 
     /// Something has come from a neighbour.
-    pub fn handle(&mut self, from: Eui64, received: &LowpanRepr, now_ns: u64) -> LowpanAction {
+    pub fn handle(&mut self, from: Eui64, received: &LowpanRepr, now: SimTime) -> LowpanAction {
         let part = match received {
             LowpanRepr::Whole(datagram) => return LowpanAction::Deliver(datagram.clone()),
             LowpanRepr::First(part) | LowpanRepr::Next(part) => part,
@@ -209,7 +210,7 @@ impl Lowpan {
         if !buffer::is_valid(part) || is_first != (part.offset == 0) {
             return drop(DropReason::Malformed);
         }
-        self.expire(now_ns);
+        self.expire(now);
 
         if let Some(entry) = self.vrb.get(&key) {
             match (entry.is_of(part), is_first) {
@@ -234,7 +235,7 @@ impl Lowpan {
                 Err(reason) => return drop(reason),
             }
         }
-        self.collect(key, part, now_ns)
+        self.collect(key, part, now)
     }
 
     /// Forwards the first part of a datagram, which `from` has sent and for which [`Lowpan::handle`] asked for a route. The
@@ -245,7 +246,7 @@ impl Lowpan {
         received: &LowpanRepr,
         datagram: Arc<Datagram>,
         next_hop: Eui64,
-        now_ns: u64,
+        now: SimTime,
     ) -> LowpanAction {
         let packet = datagram.packet;
         let LowpanRepr::First(first) = received else {
@@ -260,9 +261,9 @@ impl Lowpan {
         }
         let tag = self.tag;
         self.tag = self.tag.wrapping_add(1);
-        let until_ns = now_ns + self.config.vrb_timeout_ns;
-        self.earliest_ns = self.earliest_ns.min(until_ns);
-        self.vrb.insert((from, first.tag), Entry::new(first, next_hop, tag, until_ns));
+        let until = now + self.config.vrb_timeout;
+        self.earliest = self.earliest.min(until);
+        self.vrb.insert((from, first.tag), Entry::new(first, next_hop, tag, until));
         let part = LowpanRepr::First(Fragment { tag, datagram, ..first.clone() });
         LowpanAction::Forward { next_hop, part }
     }
@@ -270,27 +271,27 @@ impl Lowpan {
     /// Puts a datagram together of which the first part has come, and for which [`Lowpan::handle`] asked for a route: it
     /// goes on with more headers than it has come with, so that its parts would no longer fit their frames, nor their size
     /// and offsets the datagram (RFC 4944, § 5.3). It is delivered when it is complete.
-    pub fn reassemble(&mut self, from: Eui64, received: &LowpanRepr, now_ns: u64) -> LowpanAction {
+    pub fn reassemble(&mut self, from: Eui64, received: &LowpanRepr, now: SimTime) -> LowpanAction {
         match received {
             LowpanRepr::Whole(datagram) => LowpanAction::Deliver(datagram.clone()),
             LowpanRepr::First(part) | LowpanRepr::Next(part) => {
-                self.collect((from, part.tag), part, now_ns)
+                self.collect((from, part.tag), part, now)
             }
         }
     }
 
-    /// When something is given up (ns).
+    /// When something is given up.
     #[must_use]
-    pub fn poll_timeout(&self) -> Option<u64> {
+    pub fn poll_timeout(&self) -> Option<SimTime> {
         if !self.lost.is_empty() {
-            return Some(0);
+            return Some(SimTime::START);
         }
-        (!self.buffers.is_empty() || !self.vrb.is_empty()).then_some(self.earliest_ns)
+        (!self.buffers.is_empty() || !self.vrb.is_empty()).then_some(self.earliest)
     }
 
     /// Gives up what has waited too long. Returns what is lost by it: identities of datagrams, and why.
-    pub fn handle_timeout(&mut self, now_ns: u64) -> Vec<(u64, DropReason)> {
-        self.expire(now_ns);
+    pub fn handle_timeout(&mut self, now: SimTime) -> Vec<(u64, DropReason)> {
+        self.expire(now);
         std::mem::take(&mut self.lost)
     }
 
@@ -303,7 +304,7 @@ impl Lowpan {
         lost.extend(buffers.values().map(|buffer| (buffer.packet, reason)));
         let entries = vrb.values().filter(|entry| !entry.is_complete());
         lost.extend(entries.map(|entry| (entry.packet, reason)));
-        self.earliest_ns = u64::MAX;
+        self.earliest = SimTime::NEVER;
         lost
     }
 
@@ -344,21 +345,21 @@ impl Lowpan {
         LowpanAction::Forward { next_hop, part }
     }
 
-    fn collect(&mut self, key: Key, part: &Fragment, now_ns: u64) -> LowpanAction {
+    fn collect(&mut self, key: Key, part: &Fragment, now: SimTime) -> LowpanAction {
         let packet = part.datagram.packet;
-        let until_ns = now_ns + self.config.reassembly_timeout_ns;
+        let until = now + self.config.reassembly_timeout;
         if !self.buffers.contains_key(&key) {
             if !self.is_root && usize::from(self.config.reassembly_buffers) <= self.buffers.len() {
                 return LowpanAction::Drop { packet, reason: DropReason::ReassemblyBufferFull };
             }
-            self.earliest_ns = self.earliest_ns.min(until_ns);
+            self.earliest = self.earliest.min(until);
         }
-        let buffer = self.buffers.entry(key).or_insert_with(|| Buffer::new(part, until_ns));
+        let buffer = self.buffers.entry(key).or_insert_with(|| Buffer::new(part, until));
         let mut added = buffer.add(part);
         if added == Added::Conflict {
             // What is there is given up, and this part begins anew (RFC 4944, § 5.3).
             self.lost.push((buffer.packet, DropReason::FragmentOverlap));
-            *buffer = Buffer::new(part, until_ns);
+            *buffer = Buffer::new(part, until);
             added = buffer.add(part);
         }
         match added {
@@ -373,28 +374,28 @@ impl Lowpan {
         }
     }
 
-    fn expire(&mut self, now_ns: u64) {
-        if now_ns < self.earliest_ns {
+    fn expire(&mut self, now: SimTime) {
+        if now < self.earliest {
             return;
         }
         let lost = &mut self.lost;
         self.buffers.retain(|_, buffer| {
-            let stays = now_ns < buffer.until_ns;
+            let stays = now < buffer.until;
             if !stays {
                 lost.push((buffer.packet, DropReason::ReassemblyTimeout));
             }
             stays
         });
         self.vrb.retain(|_, entry| {
-            let stays = now_ns < entry.until_ns;
+            let stays = now < entry.until;
             if !stays && !entry.is_complete() {
                 lost.push((entry.packet, DropReason::ReassemblyTimeout));
             }
             stays
         });
-        let buffers = self.buffers.values().map(|buffer| buffer.until_ns);
-        let entries = self.vrb.values().map(|entry| entry.until_ns);
-        self.earliest_ns = buffers.chain(entries).min().unwrap_or(u64::MAX);
+        let buffers = self.buffers.values().map(|buffer| buffer.until);
+        let entries = self.vrb.values().map(|entry| entry.until);
+        self.earliest = buffers.chain(entries).min().unwrap_or(SimTime::NEVER);
     }
 }
 

@@ -46,6 +46,7 @@ use down::Wanted;
 use physics::asn::Asn;
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use tally::Tally;
@@ -63,10 +64,10 @@ pub struct World<'a> {
     pub seed: u64,
     /// Absolute number of the current slot.
     pub asn: Asn,
-    /// When it begins (ns).
-    pub now_ns: u64,
-    /// When the frame that is being handled had arrived in full (ns); without one, when the slot begins.
-    pub received_ns: u64,
+    /// When it begins.
+    pub now: SimTime,
+    /// When the frame that is being handled had arrived in full; without one, when the slot begins.
+    pub received: SimTime,
     /// The first slot in which a change of the schedule counts: the current one, or the next if its radio has acted.
     pub effective_asn: Asn,
     /// Set when a mote has become ready to send data, or is no longer.
@@ -82,8 +83,8 @@ pub struct Brought {
     pub receiver: MoteId,
     /// Number of the mote that sent it first.
     pub sender: MoteId,
-    /// When its sender made it (ns).
-    pub sent_ns: u64,
+    /// When its sender made it.
+    pub sent: SimTime,
     /// Number of hops from sender to receiver.
     pub hops: u32,
     /// Strength of its last hop (dBm).
@@ -135,10 +136,10 @@ pub struct Mote {
     pub wants_sync: Option<Eui64>,
     /// Neighbours that the scheduling function has given up, of which routing has not heard yet.
     unusable: Vec<Eui64>,
-    /// What the processor works on, and until when (ns), in order of time.
-    in_work: VecDeque<(u64, Wanted)>,
-    /// When it reboots of itself (ns), if ever.
-    reboots_ns: Option<u64>,
+    /// What the processor works on, and until when, in order of time.
+    in_work: VecDeque<(SimTime, Wanted)>,
+    /// When it reboots of itself, if ever.
+    reboots: Option<SimTime>,
     /// How often that was drawn.
     n_reboots_drawn: u64,
     #[serde(skip)]
@@ -208,7 +209,7 @@ impl Mote {
             is_root,
             first_root: settings.roots.first().copied().unwrap_or_default(),
             n_motes,
-            slot_ns: settings.mac.slot_ns,
+            slot: settings.mac.slot,
             app,
             n_apps: settings.apps.len() as u32,
             seed,
@@ -239,7 +240,7 @@ impl Mote {
             wants_sync: None,
             unusable: Vec::new(),
             in_work: VecDeque::new(),
-            reboots_ns: None,
+            reboots: None,
             n_reboots_drawn: 0,
             cells_known: CellsKnown::default(),
         }
@@ -261,13 +262,13 @@ impl Mote {
     /// Is switched on in a network that needs no forming.
     pub fn switch_on_ready(&mut self, world: &mut World<'_>) {
         self.tally.switch_on(world.asn);
-        self.mac.start_root(world.now_ns);
+        self.mac.start_root(world.now);
         (self.joined, self.ready) = (true, true);
         *world.readiness_changed = true;
-        let at_ns = Some(world.now_ns);
-        let Tally { first_synced_ns, first_joined_ns, first_ready_ns, .. } = &mut self.tally;
-        for first in [first_synced_ns, first_joined_ns, first_ready_ns] {
-            *first = first.or(at_ns);
+        let at = Some(world.now);
+        let Tally { first_synced, first_joined, first_ready, .. } = &mut self.tally;
+        for first in [first_synced, first_joined, first_ready] {
+            *first = first.or(at);
         }
         self.set_apps_ready(world, true);
     }
@@ -276,7 +277,7 @@ impl Mote {
     fn boot(&mut self, world: &mut World<'_>) {
         self.draw_reboot(world);
         if self.is_root {
-            self.mac.start_root(world.now_ns);
+            self.mac.start_root(world.now);
             self.begin_synced(world, None);
         } else {
             self.mac.scan(&world.settings.mac);
@@ -289,7 +290,7 @@ impl Mote {
     pub fn switch_off(&mut self, world: &mut World<'_>) {
         let frames = self.mac.switch_off();
         self.leave(world, frames, DropReason::Killed);
-        self.reboots_ns = None;
+        self.reboots = None;
         self.tally.switch_off(world.asn);
     }
 
@@ -312,21 +313,22 @@ impl Mote {
         self.n_reboots_drawn += 1;
         // 1 - u lies in (0, 1]: the logarithm is finite.
         let wait_s = -libm::log(1.0 - draw) / rate_per_s;
-        self.reboots_ns = Some(world.now_ns + world.settings.mac.slot_ns + (wait_s * 1e9) as u64);
+        self.reboots =
+            Some(world.now + world.settings.mac.slot + SimDuration::from_ns((wait_s * 1e9) as u64));
     }
 
     /// Takes over the time of a neighbour whose clock is off by `source_ns`.
     pub fn synchronise(&mut self, world: &mut World<'_>, source: Eui64, source_ns: i64) {
         self.tally.stop_scanning(world.effective_asn);
-        self.mac.synchronise(&world.settings.mac, source, source_ns, world.now_ns);
+        self.mac.synchronise(&world.settings.mac, source, source_ns, world.now);
         self.begin_synced(world, Some(source));
         self.pump(world);
     }
 
     /// Synchronised: cells, then admission.
     fn begin_synced(&mut self, world: &mut World<'_>, source: Option<Eui64>) {
-        let first = &mut self.tally.first_synced_ns;
-        *first = first.or(Some(world.now_ns));
+        let first = &mut self.tally.first_synced;
+        *first = first.or(Some(world.now));
         self.schedule.set_effective(world.effective_asn);
         if let Some(slots) = self.sf.minimal_cell() {
             minimal::install(&mut self.schedule, slots);
@@ -347,7 +349,7 @@ impl Mote {
             }
             Some(proxy) => {
                 self.rpl.set_proxy(Some(proxy));
-                self.pledge.start(proxy, world.now_ns, &mut self.dice.join);
+                self.pledge.start(proxy, world.now, &mut self.dice.join);
             }
             None => self.admit(world),
         }
@@ -356,9 +358,9 @@ impl Mote {
     /// Admitted to the network: looks for routes.
     pub(super) fn admit(&mut self, world: &mut World<'_>) {
         self.joined = true;
-        let first = &mut self.tally.first_joined_ns;
-        *first = first.or(Some(world.now_ns));
-        self.rpl.start(world.now_ns, &mut self.dice.routing);
+        let first = &mut self.tally.first_joined;
+        *first = first.or(Some(world.now));
+        self.rpl.start(world.now, &mut self.dice.routing);
     }
 
     /// No longer synchronised: forgets all that the network was. `frames` had waited to be sent.

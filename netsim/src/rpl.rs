@@ -45,6 +45,7 @@ use dao::Dao;
 use dodag::{Dodag, Past};
 use neighbours::Neighbours;
 use probe::Probes;
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 use std::net::Ipv6Addr;
@@ -115,16 +116,16 @@ pub struct Rpl {
     trickle: Trickle,
     routes: Routes,
     dao: Dao,
-    /// Neighbours that route through this mote, and until when that is believed (ns).
-    children: BTreeMap<Eui64, u64>,
-    children_check_ns: Option<u64>,
-    dis_at_ns: Option<u64>,
+    /// Neighbours that route through this mote, and until when that is believed.
+    children: BTreeMap<Eui64, SimTime>,
+    children_check: Option<SimTime>,
+    dis_at: Option<SimTime>,
     has_solicited: bool,
-    hold_until_ns: Option<u64>,
-    /// Since when a neighbour has offered a rank better by a hop than the parent does (ns).
-    outdone_since_ns: Option<u64>,
+    hold_until: Option<SimTime>,
+    /// Since when a neighbour has offered a rank better by a hop than the parent does.
+    outdone_since: Option<SimTime>,
     probes: Probes,
-    global_repair_ns: Option<u64>,
+    global_repair: Option<SimTime>,
     /// A link is why parents are being looked at.
     etx_changed: bool,
     outgoing: VecDeque<Outgoing>,
@@ -146,17 +147,17 @@ impl Rpl {
             past: vec![],
             dtsn: lollipop::INITIAL,
             version: lollipop::INITIAL,
-            trickle: Trickle::new(1, 0, 0),
+            trickle: Trickle::new(SimDuration::from_ns(1), 0, 0),
             routes: Routes::default(),
             dao: Dao::new(),
             children: BTreeMap::new(),
-            children_check_ns: None,
-            dis_at_ns: None,
+            children_check: None,
+            dis_at: None,
             has_solicited: false,
-            hold_until_ns: None,
-            outdone_since_ns: None,
+            hold_until: None,
+            outdone_since: None,
             probes: Probes::default(),
-            global_repair_ns: None,
+            global_repair: None,
             etx_changed: false,
             outgoing: VecDeque::new(),
             events: VecDeque::new(),
@@ -169,7 +170,7 @@ impl Rpl {
     }
 
     /// Begins: a root its DODAG, others to look for one.
-    pub fn start(&mut self, now_ns: u64, dice: &mut Dice) {
+    pub fn start(&mut self, now: SimTime, dice: &mut Dice) {
         if self.is_running {
             return;
         }
@@ -177,12 +178,12 @@ impl Rpl {
         if self.is_root {
             let dodag = Dodag::of_root(&self.config, self.own, self.version, self.dtsn);
             self.trickle = dodag.trickle();
-            self.trickle.start_at_min(now_ns, dice);
+            self.trickle.start_at_min(now, dice);
             self.events.push_back(Event::Joined { dodag: dodag.id });
             self.dodag = Some(dodag);
-            self.schedule_global_repair(now_ns);
+            self.schedule_global_repair(now);
         } else if self.config.solicitation != Solicitation::Off {
-            self.solicit(now_ns);
+            self.solicit(now);
         }
     }
 
@@ -204,12 +205,12 @@ impl Rpl {
         self.neighbours.clear();
         self.past.clear();
         self.trickle.stop();
-        self.dis_at_ns = None;
+        self.dis_at = None;
         self.has_solicited = false;
-        self.hold_until_ns = None;
-        self.outdone_since_ns = None;
+        self.hold_until = None;
+        self.outdone_since = None;
         self.probes = Probes::default();
-        self.global_repair_ns = None;
+        self.global_repair = None;
         self.outgoing.clear();
     }
 
@@ -220,17 +221,17 @@ impl Rpl {
         source: Ipv6Addr,
         multicast: bool,
         message: &RplMessage,
-        now_ns: u64,
+        now: SimTime,
         dice: &mut Dice,
     ) {
         if !self.is_running {
             return;
         }
         match message {
-            RplMessage::Dis(_) => self.handle_dis(source, from, multicast, now_ns, dice),
-            RplMessage::Dio(dio) => self.handle_dio(from, dio, now_ns, dice),
-            RplMessage::Dao(dao) => self.handle_dao(from, source, dao, now_ns),
-            RplMessage::DaoAck(ack) => self.handle_dao_ack(from, *ack, now_ns, dice),
+            RplMessage::Dis(_) => self.handle_dis(source, from, multicast, now, dice),
+            RplMessage::Dio(dio) => self.handle_dio(from, dio, now, dice),
+            RplMessage::Dao(dao) => self.handle_dao(from, source, dao, now),
+            RplMessage::DaoAck(ack) => self.handle_dao_ack(from, *ack, now, dice),
         }
     }
 
@@ -240,10 +241,10 @@ impl Rpl {
         neighbour: Eui64,
         n_transmissions: u16,
         acknowledged: bool,
-        now_ns: u64,
+        now: SimTime,
         dice: &mut Dice,
     ) {
-        let (max_failures, hold_ns) = (self.config.max_failures, self.config.unusable_hold_ns);
+        let (max_failures, hold) = (self.config.max_failures, self.config.unusable_hold);
         let objective = self.objective();
         let Some(known) = self.neighbours.get_mut(neighbour) else { return };
         let before = objective.rank_via(known.dio.rank, &known.etx, 1);
@@ -253,26 +254,26 @@ impl Rpl {
             known.etx.count(n_transmissions, acknowledged);
         }
         if acknowledged {
-            known.heard_ns = now_ns;
+            known.heard = now;
             known.n_unusable = 0;
         }
         let fails = max_failures <= known.etx.n_failed() || !objective.accepts(&known.etx);
-        if fails && known.unusable_until_ns.is_none() {
-            known.mark_unusable(hold_ns, now_ns);
+        if fails && known.unusable_until.is_none() {
+            known.mark_unusable(hold, now);
         }
         if fails || before != objective.rank_via(known.dio.rank, &known.etx, 1) {
             self.etx_changed = self.parent() == Some(neighbour);
-            self.select(now_ns, dice);
+            self.select(now, dice);
             self.etx_changed = false;
         }
     }
 
     /// A neighbour cannot be used: the scheduling function has given up on it, or it has rejected this mote.
-    pub fn handle_unusable(&mut self, neighbour: Eui64, now_ns: u64, dice: &mut Dice) {
-        let hold_ns = self.config.unusable_hold_ns;
+    pub fn handle_unusable(&mut self, neighbour: Eui64, now: SimTime, dice: &mut Dice) {
+        let hold = self.config.unusable_hold;
         let Some(known) = self.neighbours.get_mut(neighbour) else { return };
-        known.mark_unusable(hold_ns, now_ns);
-        self.select(now_ns, dice);
+        known.mark_unusable(hold, now);
+        self.select(now, dice);
     }
 
     /// A neighbour is in quarantine: the scheduling function has nothing to do with it until then (RFC 9033, § 12), so that
@@ -280,41 +281,41 @@ impl Rpl {
     pub fn handle_quarantine(
         &mut self,
         neighbour: Eui64,
-        until_ns: u64,
-        now_ns: u64,
+        until: SimTime,
+        now: SimTime,
         dice: &mut Dice,
     ) {
         let Some(known) = self.neighbours.get_mut(neighbour) else { return };
-        known.unusable_until_ns = known.unusable_until_ns.max(Some(until_ns));
-        self.select(now_ns, dice);
+        known.unusable_until = known.unusable_until.max(Some(until));
+        self.select(now, dice);
     }
 
     /// A frame of a neighbour was heard at strength `rssi_dbm`: it is still there.
-    pub fn handle_rssi(&mut self, neighbour: Eui64, rssi_dbm: f64, now_ns: u64) {
+    pub fn handle_rssi(&mut self, neighbour: Eui64, rssi_dbm: f64, now: SimTime) {
         if let Some(known) = self.neighbours.get_mut(neighbour) {
-            known.hear(Some(rssi_dbm), now_ns);
+            known.hear(Some(rssi_dbm), now);
         }
     }
 
     /// As root: a new version of the DODAG, so that everyone finds its place anew (RFC 6550, § 3.2.2).
-    pub fn global_repair(&mut self, now_ns: u64, dice: &mut Dice) {
+    pub fn global_repair(&mut self, now: SimTime, dice: &mut Dice) {
         let Some(dodag) = self.dodag.as_mut().filter(|_| self.is_root) else { return };
         dodag.version = lollipop::next(dodag.version);
-        self.reset_trickle(now_ns, dice);
-        self.schedule_global_repair(now_ns);
+        self.reset_trickle(now, dice);
+        self.schedule_global_repair(now);
     }
 
     /// Asks everyone below for advertisements, by DTSN (RFC 6550, § 9.6).
-    pub fn refresh_routes(&mut self, now_ns: u64, dice: &mut Dice) {
+    pub fn refresh_routes(&mut self, now: SimTime, dice: &mut Dice) {
         let Some(dodag) = &mut self.dodag else { return };
         dodag.dtsn = lollipop::next(dodag.dtsn);
         self.dtsn = dodag.dtsn;
-        self.reset_trickle(now_ns, dice);
+        self.reset_trickle(now, dice);
     }
 
-    fn schedule_global_repair(&mut self, now_ns: u64) {
-        let period_ns = self.config.global_repair_period_ns;
-        self.global_repair_ns = (period_ns != 0).then(|| now_ns.saturating_add(period_ns));
+    fn schedule_global_repair(&mut self, now: SimTime) {
+        let period = self.config.global_repair_period;
+        self.global_repair = (!period.is_zero()).then(|| now.saturating_add(period));
     }
 
     /// The next message to send.
@@ -333,61 +334,61 @@ impl Rpl {
         self.events.pop_front()
     }
 
-    /// When to call [`Rpl::handle_timeout`] (ns).
+    /// When to call [`Rpl::handle_timeout`].
     #[must_use]
-    pub fn poll_timeout(&self) -> Option<u64> {
+    pub fn poll_timeout(&self) -> Option<SimTime> {
         if !self.is_running {
             return None;
         }
         earliest([
             self.trickle.poll_timeout(),
-            self.dis_at_ns,
-            self.hold_until_ns,
-            self.global_repair_ns,
+            self.dis_at,
+            self.hold_until,
+            self.global_repair,
             self.dao.poll_timeout(),
             self.routes.poll_timeout(),
-            self.children_check_ns,
+            self.children_check,
             self.neighbours.poll_timeout(),
-            self.outdone_since_ns.map(|since_ns| since_ns.saturating_add(self.config.outdone_ns)),
-            self.probes.at_ns,
+            self.outdone_since.map(|since| since.saturating_add(self.config.outdone)),
+            self.probes.at,
         ])
     }
 
-    /// Does what is due by `now_ns`: messages, and neighbours and routes that have expired.
-    pub fn handle_timeout(&mut self, now_ns: u64, dice: &mut Dice) {
+    /// Does what is due by `now`: messages, and neighbours and routes that have expired.
+    pub fn handle_timeout(&mut self, now: SimTime, dice: &mut Dice) {
         if !self.is_running {
             return;
         }
-        let is_due = |at_ns: Option<u64>| at_ns.is_some_and(|at_ns| at_ns <= now_ns);
+        let is_due = |at: Option<SimTime>| at.is_some_and(|at| at <= now);
         while is_due(self.trickle.poll_timeout()) {
-            if self.trickle.handle_timeout(now_ns, dice)
+            if self.trickle.handle_timeout(now, dice)
                 && let Some(dio) = self.current_dio()
             {
                 self.multicast_dio(dio);
             }
         }
-        if is_due(self.dis_at_ns) {
-            self.solicit(now_ns);
+        if is_due(self.dis_at) {
+            self.solicit(now);
         }
-        if is_due(self.global_repair_ns) {
-            self.global_repair(now_ns, dice);
+        if is_due(self.global_repair) {
+            self.global_repair(now, dice);
         }
-        let gone = self.routes.expire(now_ns);
-        self.withdraw(&gone, now_ns);
-        self.expire_children(now_ns);
-        let lifetime_ns = self.config.neighbour_lifetime_ns;
-        let held = is_due(self.hold_until_ns);
+        let gone = self.routes.expire(now);
+        self.withdraw(&gone, now);
+        self.expire_children(now);
+        let lifetime = self.config.neighbour_lifetime;
+        let held = is_due(self.hold_until);
         if held {
-            self.hold_until_ns = None;
+            self.hold_until = None;
         }
-        let is_outdone = self.is_outdone(now_ns);
-        if self.neighbours.expire(lifetime_ns, now_ns) || held || is_outdone {
-            self.select(now_ns, dice);
+        let is_outdone = self.is_outdone(now);
+        if self.neighbours.expire(lifetime, now) || held || is_outdone {
+            self.select(now, dice);
         }
-        if is_due(self.probes.at_ns) {
-            self.probe(now_ns, dice);
+        if is_due(self.probes.at) {
+            self.probe(now, dice);
         }
-        self.dao_timeout(now_ns, dice);
+        self.dao_timeout(now, dice);
     }
 
     /// Own rank; infinite outside a DODAG.

@@ -28,6 +28,7 @@ use proto::config::{
 use proto::ids::MoteId;
 use proto::side::{NetInput, NetOutput};
 use proto::site::Site;
+use proto::time::{SimDuration, SimTime};
 use proto::types::{DeliveryColumn, Experiment, Payloads};
 use serde::{Deserialize, Serialize};
 
@@ -66,17 +67,17 @@ pub struct BuildContext<'a> {
     pub path: &'a str,
     /// Capacity of the experiment.
     pub agent_count: usize,
-    /// Length of a control period (ns).
-    pub step_ns: u64,
+    /// Length of a control period.
+    pub step: SimDuration,
     /// What is found wrong.
     pub problems: &'a mut Vec<Problem>,
 }
 
 /// A broadcast medium.
 pub trait SecondMedium: Send + Sync + std::fmt::Debug {
-    /// Carries payloads from `from_ns` to `until_ns`, which lie within one control period. Frames that begin from `from_ns` on
-    /// and before `until_ns` go on the air; those that end by `until_ns` enter `carried`.
-    fn carry(&mut self, around: &Around<'_>, from_ns: u64, until_ns: u64, carried: &mut Carried);
+    /// Carries payloads from `from` to `until`, which lie within one control period. Frames that begin from `from` on
+    /// and before `until` go on the air; those that end by `until` enter `carried`.
+    fn carry(&mut self, around: &Around<'_>, from: SimTime, until: SimTime, carried: &mut Carried);
 
     /// The same medium in the same state.
     fn boxed(&self) -> Box<dyn SecondMedium>;
@@ -144,7 +145,7 @@ pub(crate) fn build(
 #[derive(Debug)]
 pub struct Second {
     agent_count: usize,
-    step_ns: u64,
+    step: SimDuration,
     seed: u64,
     columns: Vec<DeliveryColumn>,
     antenna_height_m: f64,
@@ -175,7 +176,7 @@ impl Second {
         let n = experiment.agent_count;
         Self {
             agent_count: n,
-            step_ns: experiment.step_ns,
+            step: SimDuration::from_ns(experiment.step_ns),
             seed: experiment.seed,
             columns,
             antenna_height_m,
@@ -238,23 +239,34 @@ impl Second {
         let lift_m = place::lift_m(self.antenna_height_m, input.states);
         let is_idle = self.route == Route::Main;
         let spoken = if is_idle { &silence } else { input.payloads };
-        let around =
-            Around::new(&self.place, input.states, lift_m, spoken, self.step_ns, self.seed);
+        let around = Around::new(&self.place, input.states, lift_m, spoken, self.step, self.seed);
         if input.stop_at_first_delivery && !is_idle {
             // Neither network may pass the first delivery of the other one.
             let mut ahead = self.medium.boxed();
-            let carried = carry(&mut *ahead, &around, self.step_ns, input.from_ns, input.until_ns);
-            if let Some(first_ns) = carried.first_ns() {
-                of_main.until_ns = of_main.until_ns.min(first_ns);
+            let carried = carry(
+                &mut *ahead,
+                &around,
+                self.step,
+                SimTime::from_ns(input.from_ns),
+                SimTime::from_ns(input.until_ns),
+            );
+            if let Some(first) = carried.first() {
+                of_main.until_ns = of_main.until_ns.min(first.ns());
             }
         }
         let mut output = main(&of_main);
         let carried = if is_idle {
             Carried::default()
         } else {
-            carry(&mut *self.medium, &around, self.step_ns, input.from_ns, output.time_ns)
+            carry(
+                &mut *self.medium,
+                &around,
+                self.step,
+                SimTime::from_ns(input.from_ns),
+                SimTime::from_ns(output.time_ns),
+            )
         };
-        let copies = (self.route == Route::Both).then_some((&mut self.copies, self.step_ns));
+        let copies = (self.route == Route::Both).then_some((&mut self.copies, self.step));
         output.deliveries =
             merge::merged(output.deliveries, carried, self.agent_count, &self.columns, copies);
         output
@@ -265,16 +277,16 @@ impl Second {
 fn carry(
     medium: &mut dyn SecondMedium,
     around: &Around<'_>,
-    step_ns: u64,
-    from_ns: u64,
-    until_ns: u64,
+    step: SimDuration,
+    from: SimTime,
+    until: SimTime,
 ) -> Carried {
     let mut carried = Carried::default();
-    let mut begin_ns = from_ns;
-    while begin_ns < until_ns {
-        let end_ns = ((begin_ns / step_ns + 1) * step_ns).min(until_ns);
-        medium.carry(around, begin_ns, end_ns, &mut carried);
-        begin_ns = end_ns;
+    let mut begin = from;
+    while begin < until {
+        let end = (SimTime::START + (begin / step + 1) * step).min(until);
+        medium.carry(around, begin, end, &mut carried);
+        begin = end;
     }
     carried
 }

@@ -40,6 +40,7 @@ use crate::wire::slots::SlotsRepr;
 use physics::asn::Asn;
 use proto::config::{Problem, Registered, TableSpec, Tag, Variant, Variants};
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::any::Any;
@@ -56,10 +57,10 @@ pub struct Context<'a> {
     pub is_root: bool,
     /// Absolute number of the current slot.
     pub asn: Asn,
-    /// When that begins (ns).
-    pub now_ns: u64,
-    /// Length of a slot (ns).
-    pub slot_ns: u64,
+    /// When that begins.
+    pub now: SimTime,
+    /// Length of a slot.
+    pub slot: SimDuration,
     /// How many channels are hopped over.
     pub n_channels: u16,
     /// The preferred parent, if there is one.
@@ -194,8 +195,8 @@ pub trait SchedulingFunction: Stored {
     ) {
     }
 
-    /// When [`SchedulingFunction::handle_timeout`] wants to be called (ns).
-    fn poll_timeout(&self) -> Option<u64> {
+    /// When [`SchedulingFunction::handle_timeout`] wants to be called.
+    fn poll_timeout(&self) -> Option<SimTime> {
         None
     }
 
@@ -208,8 +209,8 @@ pub trait SchedulingFunction: Stored {
         true
     }
 
-    /// Until when (ns) a neighbour is to be left alone, its frames dropped unread (RFC 9033, § 12); `None`: it is not.
-    fn quarantine_ends_ns(&self, _neighbour: Eui64) -> Option<u64> {
+    /// Until when a neighbour is to be left alone, its frames dropped unread (RFC 9033, § 12); `None`: it is not.
+    fn quarantine_ends(&self, _neighbour: Eui64) -> Option<SimTime> {
         None
     }
 
@@ -323,8 +324,8 @@ pub struct Formation<'a> {
     pub n_roots: usize,
     /// Frames that a root sends for each mote that joins: the answer of the registrar, the acknowledgment of its routes.
     pub frames_per_mote: u32,
-    /// Length of a slot (ns).
-    pub slot_ns: u64,
+    /// Length of a slot.
+    pub slot: SimDuration,
 }
 
 /// A configured scheduling function of any kind, shared by all motes.

@@ -12,6 +12,7 @@ use bytes::Bytes;
 use proto::config::{Node, Problem, Value, json_schema};
 use proto::side::{NetInput, NetOutput, NetSimulator, NetStart, NotASnapshot, Setup};
 use proto::site::Site;
+use proto::time::SimTime;
 use proto::types::{DeliveryColumn, Experiment, MoteCommandKind, NetRecord};
 use serde::{Deserialize, Serialize};
 
@@ -194,7 +195,7 @@ impl Running {
                 let has = |record| records.contains(&record);
                 NetStart {
                     formation: Some(mesh.formation()),
-                    statistics: has(NetRecord::Statistics).then(|| mesh.statistics(0)),
+                    statistics: has(NetRecord::Statistics).then(|| mesh.statistics(SimTime::START)),
                     capture_header: if has(NetRecord::Capture) {
                         Bytes::copy_from_slice(&tap::file_header())
                     } else {

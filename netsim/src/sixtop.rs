@@ -28,6 +28,7 @@ use crate::wire::sixp::{
     AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpCell, SixpRepr, SixpRequest,
 };
 use peer::{Answering, GivenUp, Initiated, Peer, next_seqnum};
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
 use timeout::Role;
@@ -123,17 +124,17 @@ pub struct Busy(
 pub struct Config {
     /// Whose transactions these are: the scheduling function's identifier (§ 3.4.2). MSF: 0.
     pub sfid: u8,
-    /// Length of the slotframe (ns), for [`timeout::default_ns`].
-    pub slotframe_ns: u64,
-    /// How often the MAC repeats a frame, for [`timeout::default_ns`]. Of one that never gives up: as often as must do.
+    /// Length of the slotframe, for [`timeout::default_for`].
+    pub slotframe: SimDuration,
+    /// How often the MAC repeats a frame, for [`timeout::default_for`]. Of one that never gives up: as often as must do.
     pub max_retries: u16,
-    /// The largest back-off exponent, for [`timeout::default_ns`].
+    /// The largest back-off exponent, for [`timeout::default_for`].
     pub max_be: u8,
 }
 
 impl Default for Config {
     fn default() -> Self {
-        Self { sfid: 0, slotframe_ns: 1_010_000_000, max_retries: 5, max_be: 7 }
+        Self { sfid: 0, slotframe: SimDuration::from_ns(1_010_000_000), max_retries: 5, max_be: 7 }
     }
 }
 
@@ -167,8 +168,8 @@ impl Sixtop {
         &self.config
     }
 
-    /// Asks a neighbour for something. `timeout_ns`: how long to wait for each message of its; `None`:
-    /// [`timeout::default_ns`]. The clock starts anew when the request is acknowledged (§ 3.4.4).
+    /// Asks a neighbour for something. `timeout`: how long to wait for each message of its; `None`:
+    /// [`timeout::default_for`]. The clock starts anew when the request is acknowledged (§ 3.4.4).
     ///
     /// # Errors
     ///
@@ -177,15 +178,15 @@ impl Sixtop {
         &mut self,
         peer: Eui64,
         request: SixpRequest,
-        timeout_ns: Option<u64>,
-        now_ns: u64,
+        timeout: Option<SimDuration>,
+        now: SimTime,
     ) -> Result<(), Busy> {
         if self.is_busy(peer) {
             return Err(Busy(peer));
         }
         let role = Role::Initiator;
-        let timeout_ns = timeout_ns.unwrap_or_else(|| {
-            timeout::default_ns(&self.config, role, request::is_three_step(&request))
+        let timeout = timeout.unwrap_or_else(|| {
+            timeout::default_for(&self.config, role, request::is_three_step(&request))
         });
         let state = self.peers.entry(peer).or_default();
         let seqnum = match request {
@@ -193,7 +194,7 @@ impl Sixtop {
             _ => state.seqnum,
         };
         state.crossed = None;
-        state.initiated = Some(Initiated::new(request.clone(), seqnum, timeout_ns, now_ns));
+        state.initiated = Some(Initiated::new(request.clone(), seqnum, timeout, now));
         self.send(peer, seqnum, SixpBody::Request(request));
         self.note_busy(peer);
         Ok(())
@@ -209,20 +210,19 @@ impl Sixtop {
     /// Transactions may have ended: neighbours without an open one are no longer busy.
     fn note_ended(&mut self) {
         let Self { busy, peers, .. } = self;
-        let is_open =
-            |peer: &Eui64| peers.get(peer).is_some_and(|peer| peer.deadline_ns().is_some());
+        let is_open = |peer: &Eui64| peers.get(peer).is_some_and(|peer| peer.deadline().is_some());
         busy.retain(is_open);
     }
 
     /// Answers the request that [`Event::Request`] reported. Without one it does nothing.
-    pub fn respond(&mut self, peer: Eui64, answer: SixpAnswer, now_ns: u64) {
+    pub fn respond(&mut self, peer: Eui64, answer: SixpAnswer, now: SimTime) {
         let config = self.config;
         let Some(state) = self.peers.get_mut(&peer) else { return };
         let Some(open) = state.answering.as_mut().filter(|open| open.answer.is_none()) else {
             return;
         };
-        let takes_ns = timeout::default_ns(&config, Role::Responder, open.is_three_step());
-        open.deadline_ns = now_ns.saturating_add(takes_ns);
+        let takes = timeout::default_for(&config, Role::Responder, open.is_three_step());
+        open.deadline = now.saturating_add(takes);
         open.answer = Some(answer.clone());
         let seqnum = open.seqnum;
         self.send(peer, seqnum, SixpBody::Response(answer));
@@ -239,13 +239,13 @@ impl Sixtop {
     }
 
     /// Confirms what [`Event::Answered`] reported in a transaction of three steps. Without one it does nothing.
-    pub fn confirm(&mut self, peer: Eui64, confirmation: SixpAnswer, now_ns: u64) {
+    pub fn confirm(&mut self, peer: Eui64, confirmation: SixpAnswer, now: SimTime) {
         let Some(state) = self.peers.get_mut(&peer) else { return };
         let Some(open) = state.initiated.as_mut() else { return };
         if open.answer.is_none() || open.confirmation.is_some() {
             return;
         }
-        open.deadline_ns = now_ns.saturating_add(open.timeout_ns);
+        open.deadline = now.saturating_add(open.timeout);
         open.confirmation = Some(confirmation.clone());
         let seqnum = open.seqnum;
         self.send(peer, seqnum, SixpBody::Confirmation(confirmation));
@@ -287,25 +287,25 @@ impl Sixtop {
         self.purges.pop_front()
     }
 
-    /// When [`Sixtop::handle_timeout`] wants to be called (ns).
+    /// When [`Sixtop::handle_timeout`] wants to be called.
     #[must_use]
-    pub fn poll_timeout(&self) -> Option<u64> {
-        self.busy.iter().filter_map(|peer| self.peers.get(peer)?.deadline_ns()).min()
+    pub fn poll_timeout(&self) -> Option<SimTime> {
+        self.busy.iter().filter_map(|peer| self.peers.get(peer)?.deadline()).min()
     }
 
     /// Ends the transactions whose time has come (§ 3.4.4).
-    pub fn handle_timeout(&mut self, now_ns: u64) {
-        let due = |peer: &Peer| peer.deadline_ns().is_some_and(|deadline| deadline <= now_ns);
+    pub fn handle_timeout(&mut self, now: SimTime) {
+        let due = |peer: &Peer| peer.deadline().is_some_and(|deadline| deadline <= now);
         let late: Vec<Eui64> =
             self.peers.iter().filter(|(_, state)| due(state)).map(|(&peer, _)| peer).collect();
         for peer in late {
             self.purge(peer);
             let Some(state) = self.peers.get_mut(&peer) else { continue };
-            if let Some(open) = state.initiated.take_if(|open| open.deadline_ns <= now_ns) {
+            if let Some(open) = state.initiated.take_if(|open| open.deadline <= now) {
                 self.give_up(peer, open, Failure::Timeout);
             }
             let Some(state) = self.peers.get_mut(&peer) else { continue };
-            if let Some(open) = state.answering.take_if(|open| open.deadline_ns <= now_ns) {
+            if let Some(open) = state.answering.take_if(|open| open.deadline <= now) {
                 self.lapse(peer, open, Failure::Timeout);
             }
         }

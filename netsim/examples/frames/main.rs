@@ -10,13 +10,14 @@ use netsim::wire::frame::AckRepr;
 use netsim::wire::security::FrameSecurity;
 use netsim::wire::tap;
 use physics::asn::Asn;
+use proto::time::SimTime;
 use std::io::{self, Write};
 
 fn main() -> io::Result<()> {
     let mut capture = tap::file_header().to_vec();
     for (asn, frame) in (0..).zip(kinds::frames()) {
         capture.extend(tap::record(
-            asn * 10_000_000,
+            SimTime::from_ns(asn * 10_000_000),
             (26, 0),
             Some(-70.0),
             Asn(asn),
@@ -25,7 +26,7 @@ fn main() -> io::Result<()> {
         if frame.ack_request {
             let psdu = ack(frame.source, frame.sequence).to_vec();
             capture.extend(tap::record(
-                asn * 10_000_000 + 5_000_000,
+                SimTime::from_ns(asn * 10_000_000 + 5_000_000),
                 (26, 0),
                 None,
                 Asn(asn),

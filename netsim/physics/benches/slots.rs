@@ -20,6 +20,7 @@ use physics::propagation::{Propagation, Radio};
 use physics::reception::table::Table;
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
+use proto::time::SimDuration;
 use std::hint::black_box;
 use std::sync::Arc;
 
@@ -52,7 +53,7 @@ fn ends(n: u32, side_m: f64) -> Vec<End> {
 }
 
 fn slot(asn: Asn) -> Slot {
-    Slot { asn, begins_ns: asn * 10_000_000 }
+    Slot { asn, begins_ns: (asn * SimDuration::from_ns(10_000_000)).ns() }
 }
 
 fn frame(sender: u32, channel: u8) -> OnAir {

@@ -1,5 +1,6 @@
 //! Absolute slot numbers.
 
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::{Add, AddAssign, Div, Mul, Rem, Sub};
@@ -18,10 +19,10 @@ impl Asn {
     /// Later than any.
     pub const NEVER: Self = Self(u64::MAX);
 
-    /// The first slot that begins at a time (ns) or later, where slots last so long (ns).
+    /// The first slot that begins at a moment or later, where slots last so long.
     #[must_use]
-    pub const fn first_from(time_ns: u64, slot_ns: u64) -> Self {
-        Self(time_ns.div_ceil(slot_ns))
+    pub const fn first_from(time: SimTime, slot: SimDuration) -> Self {
+        Self(time.ns().div_ceil(slot.ns()))
     }
 
     /// The slots since `earlier`; none if it is later.
@@ -74,11 +75,11 @@ impl Div<u64> for Asn {
 }
 
 /// When it begins, where slots last so long.
-impl Mul<u64> for Asn {
-    type Output = u64;
+impl Mul<SimDuration> for Asn {
+    type Output = SimTime;
 
-    fn mul(self, slot_ns: u64) -> u64 {
-        self.0 * slot_ns
+    fn mul(self, slot: SimDuration) -> SimTime {
+        SimTime::START + slot * self.0
     }
 }
 

@@ -1,20 +1,21 @@
 //! `burst`: several packets at once, once.
 
 use super::config::Largest;
-use super::sender::{Sender, SenderKeys, ns};
+use super::sender::{Sender, SenderKeys};
 use super::{Context, Host, Packet, Reading, Traffic};
 use proto::config::{Section, Variant, variant};
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// One burst of packets.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Burst {
     sender: Sender,
-    /// So long (ns) after the mote may send.
-    after_ns: u64,
+    /// So long after the mote may send.
+    after: SimDuration,
     /// At least 1.
     n_packets: u32,
-    next_ns: Option<u64>,
+    next: Option<SimTime>,
 }
 
 /// One burst of packets.
@@ -31,10 +32,10 @@ struct Keys {
 }
 
 impl Burst {
-    /// `n_packets` (at least 1), `after_ns` after the mote may send.
+    /// `n_packets` (at least 1), `after` after the mote may send.
     #[must_use]
-    pub fn new(sender: Sender, after_ns: u64, n_packets: u32) -> Self {
-        Self { sender, after_ns, n_packets, next_ns: None }
+    pub fn new(sender: Sender, after: SimDuration, n_packets: u32) -> Self {
+        Self { sender, after, n_packets, next: None }
     }
 }
 
@@ -43,11 +44,15 @@ impl super::Kind for Burst {
 
     fn read(reading: &mut Reading<'_>) -> Option<Self> {
         let keys = Keys::read(reading.table);
-        Some(Self::new(Sender::of(keys.sender, reading)?, ns(keys.at_s), keys.n_packets))
+        Some(Self::new(
+            Sender::of(keys.sender, reading)?,
+            SimDuration::from_seconds(keys.at_s),
+            keys.n_packets,
+        ))
     }
 
     fn assigned(&self, host: &Host) -> Option<Self> {
-        Some(Self::new(self.sender.assigned(host)?, self.after_ns, self.n_packets))
+        Some(Self::new(self.sender.assigned(host)?, self.after, self.n_packets))
     }
 
     fn largest(&self) -> Largest {
@@ -58,22 +63,22 @@ impl super::Kind for Burst {
 impl Traffic for Burst {
     /// A burst comes its time after the mote has become ready and is not repeated once it has begun.
     fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>) {
-        self.next_ns = match (is_ready, self.next_ns) {
+        self.next = match (is_ready, self.next) {
             (false, _) => None,
-            (true, Some(next_ns)) => Some(next_ns),
-            (true, None) if self.sender.n_sent() == 0 => Some(cx.now_ns + self.after_ns),
+            (true, Some(next)) => Some(next),
+            (true, None) if self.sender.n_sent() == 0 => Some(cx.now + self.after),
             (true, None) => None,
         };
     }
 
-    fn poll_timeout(&self) -> Option<u64> {
-        self.next_ns
+    fn poll_timeout(&self) -> Option<SimTime> {
+        self.next
     }
 
     fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
-        let packet = self.sender.packet(cx.now_ns, cx.dice);
+        let packet = self.sender.packet(cx.now, cx.dice);
         if self.n_packets <= self.sender.n_sent() {
-            self.next_ns = None;
+            self.next = None;
         }
         Some(packet)
     }

@@ -10,12 +10,13 @@
 
 use super::config::Largest;
 use super::exchange::{Answered, Endpoint, Exchange, Timeout, TimerKeys, Timers, coap_packet};
-use super::sender::{MAX_PAYLOAD_BYTES, ns};
+use super::sender::MAX_PAYLOAD_BYTES;
 use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
 use crate::lowpan::DropReason;
 use crate::wire::coap::{CoapRepr, Code, Token, Type};
 use proto::config::{Choice, OneOf, Section, Variant, variant};
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use proto::types::PacketPurpose;
 use serde::{Deserialize, Serialize};
 
@@ -38,8 +39,8 @@ pub enum Servers {
 pub struct Settings {
     /// Whom the client asks.
     pub servers: Servers,
-    /// Mean time between two requests (ns).
-    pub period_ns: u64,
+    /// Mean time between two requests.
+    pub period: SimDuration,
     /// Whether intervals are exponential.
     pub is_poisson: bool,
     /// Payload of a response (bytes).
@@ -56,7 +57,7 @@ pub struct Coap {
     endpoint: Endpoint,
     is_client: bool,
     is_ready: bool,
-    next_ns: Option<u64>,
+    next: Option<SimTime>,
     /// Whom the next request in turn goes to, unless that cannot be.
     turn: u32,
     /// Open exchanges, each with its number in the account of packets.
@@ -119,7 +120,7 @@ impl Coap {
             endpoint: Endpoint::default(),
             is_client: false,
             is_ready: false,
-            next_ns: None,
+            next: None,
             turn: 0,
             open: Vec::new(),
             answered: Answered::default(),
@@ -135,9 +136,9 @@ impl Coap {
         }
     }
 
-    fn pause_ns(&mut self) -> u64 {
-        let Settings { period_ns, is_poisson, .. } = self.settings;
-        if is_poisson { self.endpoint.stream.exponential_ns(period_ns) } else { period_ns }
+    fn pause(&mut self) -> SimDuration {
+        let Settings { period, is_poisson, .. } = self.settings;
+        if is_poisson { self.endpoint.stream.exponential(period) } else { period }
     }
 
     /// Whom the next request goes to; `None`: nobody can be asked now.
@@ -171,10 +172,9 @@ impl Coap {
         let own = self.host?.mote;
         let get = CoapRepr::request(Code::GET, &self.endpoint.path(RESOURCE));
         let timers = &self.settings.timers;
-        let (exchange, packet) =
-            Exchange::begin(server, get, timers, &mut self.endpoint, cx.now_ns);
+        let (exchange, packet) = Exchange::begin(server, get, timers, &mut self.endpoint, cx.now);
         let bytes = u32::from(self.settings.response_bytes);
-        let number = cx.packets.begin(PacketPurpose::Exchange, own, server, cx.now_ns, bytes);
+        let number = cx.packets.begin(PacketPurpose::Exchange, own, server, cx.now, bytes);
         self.open.push((exchange, number));
         self.counters.requests += 1;
         Some(packet)
@@ -187,7 +187,7 @@ impl Coap {
     }
 
     fn first_due(&self) -> Option<usize> {
-        (0..self.open.len()).min_by_key(|&place| self.open[place].0.due_ns())
+        (0..self.open.len()).min_by_key(|&place| self.open[place].0.due())
     }
 }
 
@@ -203,7 +203,7 @@ impl super::Kind for Coap {
         };
         Some(Self::new(Settings {
             servers,
-            period_ns: ns(keys.period_s),
+            period: SimDuration::from_seconds(keys.period_s),
             is_poisson: keys.interval == Interval::Exponential,
             response_bytes: keys.response_bytes,
             timers: keys.timers.into(),
@@ -218,7 +218,8 @@ impl super::Kind for Coap {
 
     fn largest(&self) -> Largest {
         let request = CoapRepr { token: Token::from(0), ..CoapRepr::request(Code::GET, "") };
-        let packet = coap_packet(MoteId(0), self.response(&request).to_vec().into(), 0);
+        let packet =
+            coap_packet(MoteId(0), self.response(&request).to_vec().into(), SimTime::START);
         Largest { key: "response_bytes", value: self.settings.response_bytes.into(), packet }
     }
 }
@@ -227,38 +228,38 @@ impl Traffic for Coap {
     /// The first request follows a period after the root has become ready.
     fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>) {
         if is_ready && !self.is_ready && self.is_client {
-            self.next_ns = Some(cx.now_ns + self.pause_ns());
+            self.next = Some(cx.now + self.pause());
         }
         self.is_ready = is_ready;
     }
 
-    fn poll_timeout(&self) -> Option<u64> {
+    fn poll_timeout(&self) -> Option<SimTime> {
         if !self.is_client || !self.is_ready {
             return None;
         }
-        let retransmission = self.first_due().map(|place| self.open[place].0.due_ns());
-        [self.next_ns, retransmission].into_iter().flatten().min()
+        let retransmission = self.first_due().map(|place| self.open[place].0.due());
+        [self.next, retransmission].into_iter().flatten().min()
     }
 
     fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
         if let Some(place) = self.first_due()
-            && self.open[place].0.due_ns() <= cx.now_ns
+            && self.open[place].0.due() <= cx.now
         {
             let (exchange, number) = &mut self.open[place];
-            return match exchange.handle_timeout(&self.settings.timers, cx.now_ns) {
+            return match exchange.handle_timeout(&self.settings.timers, cx.now) {
                 Timeout::Again(packet) => {
                     self.counters.retransmissions += 1;
                     Some(packet)
                 }
                 Timeout::GivenUp => {
-                    cx.packets.lose(*number, cx.now_ns, DropReason::MaxRetries);
+                    cx.packets.lose(*number, cx.now, DropReason::MaxRetries);
                     self.open.remove(place);
                     None
                 }
             };
         }
-        let pause_ns = self.pause_ns();
-        self.next_ns = self.next_ns.map(|next_ns| next_ns + pause_ns);
+        let pause = self.pause();
+        self.next = self.next.map(|next| next + pause);
         self.request(cx)
     }
 
@@ -278,10 +279,10 @@ impl Traffic for Coap {
                     return Heard::Taken(None);
                 }
                 let timers = &self.settings.timers;
-                let is_again = self.answered.is_duplicate(from, message, timers, cx.now_ns);
+                let is_again = self.answered.is_duplicate(from, message, timers, cx.now);
                 self.counters.duplicates += u64::from(is_again);
                 let answer = self.response(message).to_vec();
-                let answer = coap_packet(from, answer.into(), cx.now_ns);
+                let answer = coap_packet(from, answer.into(), cx.now);
                 Heard::Taken(Some(answer))
             }
             Type::Acknowledgment => {
@@ -291,7 +292,7 @@ impl Traffic for Coap {
                     return Heard::NotMine;
                 };
                 let (_, number) = self.open.remove(place);
-                cx.packets.deliver(number, cx.received_ns, hops);
+                cx.packets.deliver(number, cx.received, hops);
                 Heard::Taken(None)
             }
         }
@@ -300,7 +301,7 @@ impl Traffic for Coap {
     fn reset(&mut self, cx: &mut Context<'_>) {
         self.answered = Answered::default();
         for (_, number) in std::mem::take(&mut self.open) {
-            cx.packets.lose(number, cx.now_ns, DropReason::Killed);
+            cx.packets.lose(number, cx.now, DropReason::Killed);
         }
     }
 

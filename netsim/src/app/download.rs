@@ -16,13 +16,13 @@
 
 use super::config::Largest;
 use super::exchange::{Answered, Endpoint, Exchange, Timeout, TimerKeys, Timers, coap_packet};
-use super::sender::ns;
 use super::{Context, Counters, Heard, Host, Packet, Reading, Traffic};
 use crate::lowpan::DropReason;
 use crate::wire::coap::{Block, CoapRepr, Code, Token, Type};
 use bytes::Bytes;
 use proto::config::{Choice, OneOf, Problem, Section, Variant, join, variant};
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
@@ -30,16 +30,16 @@ use std::collections::VecDeque;
 /// First letters of the paths of the representation and of the trigger; the number of the application follows.
 const FILE: char = 'f';
 const TRIGGER: char = 'u';
-/// How often the root looks for a mote that it has a route to (ns).
-const LOOK_NS: u64 = NS_PER_S;
+/// How often the root looks for a mote that it has a route to.
+const LOOK: SimDuration = SimDuration::SECOND;
 /// Greatest SZX: blocks of 1024 bytes (RFC 7959, § 2.2).
 const MAX_SZX: u8 = 6;
 
 /// What is the same for all motes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Settings {
-    /// The first download begins so long (ns) after the root has become ready.
-    pub after_ns: u64,
+    /// The first download begins so long after the root has become ready.
+    pub after: SimDuration,
     /// Size of the representation (bytes), at least 1.
     pub size_bytes: u32,
     /// SZX of its blocks.
@@ -65,12 +65,12 @@ impl Settings {
 enum Root {
     /// Nothing yet, or nothing more.
     Idle,
-    /// Looks for a mote to trigger (ns).
-    Looks(u64),
-    /// Has triggered a mote, for the first time then (ns); it has not answered.
-    Triggers(Exchange, u64),
-    /// A mote downloads; unless something is heard of it before that time (ns), it has given up.
-    Serves(MoteId, u64),
+    /// Looks for a mote to trigger.
+    Looks(SimTime),
+    /// Has triggered a mote, for the first time then; it has not answered.
+    Triggers(Exchange, SimTime),
+    /// A mote downloads; unless something is heard of it before that time, it has given up.
+    Serves(MoteId, SimTime),
 }
 
 /// A download at the mote.
@@ -99,8 +99,8 @@ pub struct Download {
     fetch: Option<Fetch>,
     /// Whether the mote has been triggered: it outlasts a reboot.
     has_begun: bool,
-    /// When the mote requests its first block (ns).
-    begins_ns: Option<u64>,
+    /// When the mote requests its first block.
+    begins: Option<SimTime>,
     /// Requests that the mote has answered.
     answered: Answered,
     counters: Counters,
@@ -152,7 +152,7 @@ impl Download {
             remaining: VecDeque::new(),
             fetch: None,
             has_begun: false,
-            begins_ns: None,
+            begins: None,
             answered: Answered::default(),
             counters: Counters::default(),
         }
@@ -172,27 +172,27 @@ impl Download {
         let Some(place) = self.remaining.iter().position(|&mote| (cx.reaches)(MoteId(mote.0)))
         else {
             let is_over = self.remaining.is_empty();
-            self.root = if is_over { Root::Idle } else { Root::Looks(cx.now_ns + LOOK_NS) };
+            self.root = if is_over { Root::Idle } else { Root::Looks(cx.now + LOOK) };
             return None;
         };
         let mote = self.remaining.remove(place)?;
         let post = CoapRepr::request(Code::POST, &self.endpoint.path(TRIGGER));
         let timers = &self.settings.timers;
         let (exchange, packet) =
-            Exchange::begin(MoteId(mote.0), post, timers, &mut self.endpoint, cx.now_ns);
-        self.root = Root::Triggers(exchange, cx.now_ns);
+            Exchange::begin(MoteId(mote.0), post, timers, &mut self.endpoint, cx.now);
+        self.root = Root::Triggers(exchange, cx.now);
         Some(packet)
     }
 
     /// The mote requests the block that it lacks.
-    fn request_block(&mut self, now_ns: u64) -> Option<Packet> {
+    fn request_block(&mut self, now: SimTime) -> Option<Packet> {
         let path = self.endpoint.path(FILE);
         let fetch = self.fetch.as_mut()?;
         let block2 = Some(Block { number: fetch.block, more: false, szx: self.settings.szx });
         let get = CoapRepr { block2, ..CoapRepr::request(Code::GET, &path) };
         let timers = &self.settings.timers;
         let (exchange, packet) =
-            Exchange::begin(fetch.server, get, timers, &mut self.endpoint, now_ns);
+            Exchange::begin(fetch.server, get, timers, &mut self.endpoint, now);
         fetch.exchange = Some(exchange);
         self.counters.blocks += 1;
         Some(packet)
@@ -222,30 +222,28 @@ impl Download {
             return Heard::Taken(None);
         }
         let timers = &self.settings.timers;
-        let is_again = self.answered.is_duplicate(from, message, timers, cx.now_ns);
+        let is_again = self.answered.is_duplicate(from, message, timers, cx.now);
         self.counters.block_duplicates += u64::from(is_again);
         let response = if self.is_root() {
-            self.serve(from, message, cx.now_ns)
+            self.serve(from, message, cx.now)
         } else {
             if !is_again {
                 self.begin(from, cx);
             }
             Some(message.response(Code::CHANGED))
         };
-        Heard::Taken(
-            response.map(|response| coap_packet(from, response.to_vec().into(), cx.now_ns)),
-        )
+        Heard::Taken(response.map(|response| coap_packet(from, response.to_vec().into(), cx.now)))
     }
 
     /// The root answers a request for a block.
-    fn serve(&mut self, from: MoteId, request: &CoapRepr, now_ns: u64) -> Option<CoapRepr> {
+    fn serve(&mut self, from: MoteId, request: &CoapRepr, now: SimTime) -> Option<CoapRepr> {
         let response = self.block(request)?;
         if self.serves(from) {
             let is_last = response.block2.is_some_and(|block| !block.more);
             self.root = if is_last {
-                Root::Looks(now_ns)
+                Root::Looks(now)
             } else {
-                Root::Serves(MoteId(from.0), now_ns + self.settings.timers.max_transmit_wait_ns())
+                Root::Serves(MoteId(from.0), now + self.settings.timers.max_transmit_wait())
             };
         }
         Some(response)
@@ -258,9 +256,9 @@ impl Download {
         }
         let own = self.host.map_or_else(MoteId::default, |host| host.mote);
         let (app, bytes) = (self.endpoint.app, self.settings.size_bytes);
-        let (number, _) = cx.packets.begin_download(app, server, own, cx.now_ns, bytes);
+        let (number, _) = cx.packets.begin_download(app, server, own, cx.now, bytes);
         self.fetch = Some(Fetch { block: 0, exchange: None, number, server });
-        self.begins_ns = Some(cx.now_ns);
+        self.begins = Some(cx.now);
     }
 
     /// Whether the root has triggered this mote: a request of its may outrun the answer to that.
@@ -282,8 +280,8 @@ impl Download {
         if let Root::Triggers(exchange, _) = &self.root
             && exchange.is_answered_by(from, message)
         {
-            let until_ns = cx.now_ns + self.settings.timers.max_transmit_wait_ns();
-            self.root = Root::Serves(MoteId(from.0), until_ns);
+            let until = cx.now + self.settings.timers.max_transmit_wait();
+            self.root = Root::Serves(MoteId(from.0), until);
             return Heard::Taken(None);
         }
         let Some(fetch) = &mut self.fetch else { return Heard::NotMine };
@@ -295,9 +293,9 @@ impl Download {
         };
         if block.more {
             fetch.block += 1;
-            return Heard::Taken(self.request_block(cx.now_ns));
+            return Heard::Taken(self.request_block(cx.now));
         }
-        cx.packets.deliver(fetch.number, cx.received_ns, hops);
+        cx.packets.deliver(fetch.number, cx.received, hops);
         self.fetch = None;
         Heard::Taken(None)
     }
@@ -326,7 +324,7 @@ impl super::Kind for Download {
             TargetsKey::All(All::All) => None,
         };
         let settings = Settings {
-            after_ns: ns(keys.after_s),
+            after: SimDuration::from_seconds(keys.after_s),
             size_bytes: keys.size_bytes,
             szx: szx?,
             timers: keys.timers.into(),
@@ -364,7 +362,7 @@ impl super::Kind for Download {
             self.block(&get).map(|block| block.to_vec())
         });
         let longest = blocks.max_by_key(Vec::len).unwrap_or_default();
-        let packet = coap_packet(MoteId(0), longest.into(), 0);
+        let packet = coap_packet(MoteId(0), longest.into(), SimTime::START);
         let (key, value) = ("block_bytes", self.settings.block_bytes());
         Largest { key, value, packet }
     }
@@ -375,41 +373,41 @@ impl Traffic for Download {
     fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>) {
         self.is_ready = is_ready;
         if is_ready && self.root == Root::Idle && !self.remaining.is_empty() {
-            self.root = Root::Looks(cx.now_ns + self.settings.after_ns);
+            self.root = Root::Looks(cx.now + self.settings.after);
         }
     }
 
-    fn poll_timeout(&self) -> Option<u64> {
+    fn poll_timeout(&self) -> Option<SimTime> {
         if !self.is_ready {
             return None;
         }
         let of_root = match &self.root {
             Root::Idle => None,
-            Root::Looks(at_ns) | Root::Serves(_, at_ns) => Some(*at_ns),
-            Root::Triggers(exchange, _) => Some(exchange.due_ns()),
+            Root::Looks(at) | Root::Serves(_, at) => Some(*at),
+            Root::Triggers(exchange, _) => Some(exchange.due()),
         };
         let open = self.fetch.as_ref().and_then(|fetch| fetch.exchange.as_ref());
-        let of_mote = open.map(Exchange::due_ns);
-        [of_root, of_mote, self.begins_ns].into_iter().flatten().min()
+        let of_mote = open.map(Exchange::due);
+        [of_root, of_mote, self.begins].into_iter().flatten().min()
     }
 
     fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
-        let now_ns = cx.now_ns;
+        let now = cx.now;
         let timers = self.settings.timers;
-        if self.begins_ns.take_if(|at_ns| *at_ns <= now_ns).is_some() {
-            return self.request_block(now_ns);
+        if self.begins.take_if(|at| *at <= now).is_some() {
+            return self.request_block(now);
         }
         if let Some(fetch) = &mut self.fetch
             && let Some(exchange) = &mut fetch.exchange
-            && exchange.due_ns() <= now_ns
+            && exchange.due() <= now
         {
-            return match exchange.handle_timeout(&timers, now_ns) {
+            return match exchange.handle_timeout(&timers, now) {
                 Timeout::Again(packet) => {
                     self.counters.block_retransmissions += 1;
                     Some(packet)
                 }
                 Timeout::GivenUp => {
-                    cx.packets.lose(fetch.number, now_ns, DropReason::MaxRetries);
+                    cx.packets.lose(fetch.number, now, DropReason::MaxRetries);
                     self.fetch = None;
                     None
                 }
@@ -418,19 +416,18 @@ impl Traffic for Download {
         match &mut self.root {
             Root::Idle => None,
             Root::Looks(_) | Root::Serves(..) => self.trigger_next(cx),
-            Root::Triggers(exchange, first_ns) => match exchange.handle_timeout(&timers, now_ns) {
+            Root::Triggers(exchange, first) => match exchange.handle_timeout(&timers, now) {
                 Timeout::Again(packet) => Some(packet),
                 Timeout::GivenUp => {
                     let (own, mote) =
                         (self.host.map_or_else(MoteId::default, |host| host.mote), exchange.peer);
                     let (app, bytes) = (self.endpoint.app, self.settings.size_bytes);
-                    let (number, is_new) =
-                        cx.packets.begin_download(app, own, mote, *first_ns, bytes);
+                    let (number, is_new) = cx.packets.begin_download(app, own, mote, *first, bytes);
                     // One that the mote has begun is the mote's to end.
                     if is_new {
-                        cx.packets.lose(number, now_ns, DropReason::MaxRetries);
+                        cx.packets.lose(number, now, DropReason::MaxRetries);
                     }
-                    self.root = Root::Looks(now_ns);
+                    self.root = Root::Looks(now);
                     None
                 }
             },
@@ -451,10 +448,10 @@ impl Traffic for Download {
     }
 
     fn reset(&mut self, cx: &mut Context<'_>) {
-        self.begins_ns = None;
+        self.begins = None;
         self.answered = Answered::default();
         if let Some(fetch) = self.fetch.take() {
-            cx.packets.lose(fetch.number, cx.now_ns, DropReason::Killed);
+            cx.packets.lose(fetch.number, cx.now, DropReason::Killed);
         }
         // Who has been triggered outlasts a reboot, an exchange does not.
         match &self.root {

@@ -6,21 +6,22 @@
 //! E events whose radius covers k senders each make exactly E k `n_packets` packets, if all are ready for as long.
 
 use super::config::Largest;
-use super::sender::{Sender, SenderKeys, ns};
-use super::stream::exponential_ns;
+use super::sender::{Sender, SenderKeys};
+use super::stream::exponential;
 use super::{Context, Host, Machine, Packet, Reading, Spec, Traffic};
 use proto::config::{Problem, Range, Section, Variant, join, variant};
 use proto::rng::{Draws, Purpose, uniform};
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// When events occur.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Times {
-    /// At these times from the start of the experiment (ns), ascending.
-    Listed(Vec<u64>),
-    /// A Poisson process for the whole network, with this mean interval (ns).
-    Poisson(u64),
+    /// At these times from the start of the experiment, ascending.
+    Listed(Vec<SimTime>),
+    /// A Poisson process for the whole network, with this mean interval.
+    Poisson(SimDuration),
 }
 
 /// Where events occur, and whom they concern.
@@ -40,10 +41,10 @@ pub struct Event {
     occurrence: Option<(Times, Area)>,
     /// At least 1.
     n_packets: u32,
-    spacing_ns: u64,
+    spacing: SimDuration,
     is_ready: bool,
-    /// Bursts that have not ended: when the next packet is due (ns), and how many are left.
-    bursts: VecDeque<(u64, u32)>,
+    /// Bursts that have not ended: when the next packet is due, and how many are left.
+    bursts: VecDeque<(SimTime, u32)>,
 }
 
 /// Bursts on events: at each event, the motes near its place report it. Event times are the same for all motes.
@@ -82,10 +83,10 @@ impl Event {
         sender: Sender,
         occurrence: Option<(Times, Area)>,
         n_packets: u32,
-        spacing_ns: u64,
+        spacing: SimDuration,
     ) -> Self {
         let bursts = VecDeque::new();
-        Self { sender, occurrence, n_packets, spacing_ns, is_ready: false, bursts }
+        Self { sender, occurrence, n_packets, spacing, is_ready: false, bursts }
     }
 
     fn next_burst(&self) -> Option<usize> {
@@ -106,19 +107,29 @@ impl super::Kind for Event {
                 return None;
             }
             (Some(at_s), None) => {
-                let mut at_ns: Vec<u64> = at_s.into_iter().map(ns).collect();
-                at_ns.sort_unstable();
-                Times::Listed(at_ns)
+                let mut at: Vec<SimTime> = at_s
+                    .into_iter()
+                    .map(|at_s| SimTime::START + SimDuration::from_seconds(at_s))
+                    .collect();
+                at.sort_unstable();
+                Times::Listed(at)
             }
-            (None, mean_s) => Times::Poisson(ns(mean_s.unwrap_or(MEAN_INTERVAL_S))),
+            (None, mean_s) => {
+                Times::Poisson(SimDuration::from_seconds(mean_s.unwrap_or(MEAN_INTERVAL_S)))
+            }
         };
         let area = Area { place_m: keys.place_m, radius_m: keys.radius_m };
         let sender = Sender::of(keys.sender, reading)?;
-        Some(Self::new(sender, Some((times, area)), keys.n_packets, ns(keys.spacing_s)))
+        Some(Self::new(
+            sender,
+            Some((times, area)),
+            keys.n_packets,
+            SimDuration::from_seconds(keys.spacing_s),
+        ))
     }
 
     fn assigned(&self, host: &Host) -> Option<Self> {
-        Some(Self::new(self.sender.assigned(host)?, None, self.n_packets, self.spacing_ns))
+        Some(Self::new(self.sender.assigned(host)?, None, self.n_packets, self.spacing))
     }
 
     fn largest(&self) -> Largest {
@@ -131,24 +142,24 @@ impl Traffic for Event {
         self.is_ready = is_ready;
     }
 
-    fn poll_timeout(&self) -> Option<u64> {
-        self.bursts.iter().map(|&(due_ns, _)| due_ns).min()
+    fn poll_timeout(&self) -> Option<SimTime> {
+        self.bursts.iter().map(|&(due, _)| due).min()
     }
 
     /// Packets that are due while the mote may not send do not exist.
     fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
         let place = self.next_burst()?;
-        let (due_ns, n_left) = &mut self.bursts[place];
-        *due_ns += self.spacing_ns;
+        let (due, n_left) = &mut self.bursts[place];
+        *due += self.spacing;
         *n_left -= 1;
         if *n_left == 0 {
             self.bursts.remove(place);
         }
-        self.is_ready.then(|| self.sender.packet(cx.now_ns, cx.dice))
+        self.is_ready.then(|| self.sender.packet(cx.now, cx.dice))
     }
 
-    fn handle_event(&mut self, at_ns: u64) {
-        self.bursts.push_back((at_ns, self.n_packets));
+    fn handle_event(&mut self, at: SimTime) {
+        self.bursts.push_back((at, self.n_packets));
     }
 
     fn reset(&mut self, _: &mut Context<'_>) {
@@ -161,8 +172,8 @@ impl Traffic for Event {
 pub struct Occurrence {
     /// Number of the application.
     pub app: u32,
-    /// When (ns).
-    pub at_ns: u64,
+    /// When.
+    pub at: SimTime,
     /// Whom it concerns.
     pub area: Area,
     /// Two uniform numbers in [0, 1), for a random place.
@@ -205,21 +216,21 @@ struct Source {
     app: u32,
     times: Times,
     area: Area,
-    /// When the next one occurs (ns), if one does.
-    next_ns: Option<u64>,
+    /// When the next one occurs, if one does.
+    next: Option<SimTime>,
     /// How many have occurred.
     n_past: u64,
 }
 
 impl Source {
-    /// When the next event occurs, after one at `since_ns`.
-    fn after(&self, since_ns: u64, seed: u64) -> Option<u64> {
+    /// When the next event occurs, after one at `since`.
+    fn after(&self, since: SimTime, seed: u64) -> Option<SimTime> {
         match &self.times {
-            Times::Listed(at_ns) => at_ns.get(usize::try_from(self.n_past).ok()?).copied(),
-            Times::Poisson(mean_ns) => {
+            Times::Listed(at) => at.get(usize::try_from(self.n_past).ok()?).copied(),
+            Times::Poisson(mean) => {
                 let draws = Draws::new(seed, Purpose::TrafficEvent);
                 let u = uniform(draws.words(u64::from(self.app), 0, self.n_past)[0]);
-                Some(since_ns + exponential_ns(u, *mean_ns))
+                Some(since + exponential(u, *mean))
             }
         }
     }
@@ -232,8 +243,8 @@ impl Events {
         let sources = (0..).zip(specs).filter_map(|(app, spec)| match &spec.machine {
             Machine::Event(Event { occurrence: Some((times, area)), .. }) => {
                 let (times, area) = (times.clone(), *area);
-                let mut source = Source { app, times, area, next_ns: None, n_past: 0 };
-                source.next_ns = source.after(0, seed);
+                let mut source = Source { app, times, area, next: None, n_past: 0 };
+                source.next = source.after(SimTime::START, seed);
                 Some(source)
             }
             _ => None,
@@ -248,22 +259,22 @@ impl Events {
         apps(self) == apps(&Self::new(specs, 0))
     }
 
-    /// When the next event occurs (ns).
+    /// When the next event occurs.
     #[must_use]
-    pub fn next_ns(&self) -> Option<u64> {
-        self.0.iter().filter_map(|source| source.next_ns).min()
+    pub fn next(&self) -> Option<SimTime> {
+        self.0.iter().filter_map(|source| source.next).min()
     }
 
-    /// The next event, if it has occurred by `now_ns`. Ask until there is none.
-    pub fn take(&mut self, now_ns: u64, seed: u64) -> Option<Occurrence> {
-        let is_due = |source: &&mut Source| source.next_ns.is_some_and(|at_ns| at_ns <= now_ns);
-        let source = self.0.iter_mut().filter(is_due).min_by_key(|source| source.next_ns)?;
-        let at_ns = source.next_ns?;
+    /// The next event, if it has occurred by `now`. Ask until there is none.
+    pub fn take(&mut self, now: SimTime, seed: u64) -> Option<Occurrence> {
+        let is_due = |source: &&mut Source| source.next.is_some_and(|at| at <= now);
+        let source = self.0.iter_mut().filter(is_due).min_by_key(|source| source.next)?;
+        let at = source.next?;
         let draws = Draws::new(seed, Purpose::TrafficEvent);
         let [_, x, y, _] = draws.words(u64::from(source.app), 0, source.n_past);
         source.n_past += 1;
-        source.next_ns = source.after(at_ns, seed);
+        source.next = source.after(at, seed);
         let at_random = [uniform(x), uniform(y)];
-        Some(Occurrence { app: source.app, at_ns, area: source.area, at_random })
+        Some(Occurrence { app: source.app, at, area: source.area, at_random })
     }
 }

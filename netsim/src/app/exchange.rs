@@ -1,6 +1,5 @@
 //! Confirmable CoAP messages: RFC 7252, § 4.2 (messages that are transmitted reliably), 4.5 (duplicates) and 4.8 (parameters).
 
-use super::sender::ns;
 use super::stream::Stream;
 use super::{Content, Destination, Host, Packet};
 use crate::wire::coap::{CoapRepr, Token};
@@ -8,6 +7,7 @@ use bytes::Bytes;
 use proto::config::Section;
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
+use proto::time::{SimDuration, SimTime};
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, VecDeque};
@@ -15,10 +15,10 @@ use std::collections::{BTreeSet, VecDeque};
 /// Parameters of retransmission (RFC 7252, § 4.8).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Timers {
-    /// ACK_TIMEOUT (ns).
-    pub least_ns: u64,
-    /// ACK_TIMEOUT · ACK_RANDOM_FACTOR (ns).
-    pub most_ns: u64,
+    /// ACK_TIMEOUT.
+    pub least: SimDuration,
+    /// ACK_TIMEOUT · ACK_RANDOM_FACTOR.
+    pub most: SimDuration,
     /// MAX_RETRANSMIT.
     pub max_retransmit: u8,
 }
@@ -40,30 +40,30 @@ pub(super) struct TimerKeys {
 impl From<TimerKeys> for Timers {
     fn from(keys: TimerKeys) -> Self {
         let TimerKeys { ack_timeout_s, ack_random_factor, max_retransmit } = keys;
-        let most_ns = ns(ack_timeout_s * ack_random_factor);
-        Self { least_ns: ns(ack_timeout_s), most_ns, max_retransmit }
+        let most = SimDuration::from_seconds(ack_timeout_s * ack_random_factor);
+        Self { least: SimDuration::from_seconds(ack_timeout_s), most, max_retransmit }
     }
 }
 
 impl Timers {
-    /// MAX_TRANSMIT_WAIT (RFC 7252, § 4.8.2): from the first transmission to when the sender gives up, at most (ns). 93 s with the
+    /// MAX_TRANSMIT_WAIT (RFC 7252, § 4.8.2): from the first transmission to when the sender gives up, at most. 93 s with the
     /// RFC's parameters.
     #[must_use]
-    pub fn max_transmit_wait_ns(&self) -> u64 {
-        self.most_ns * ((1 << (u32::from(self.max_retransmit) + 1)) - 1)
+    pub fn max_transmit_wait(&self) -> SimDuration {
+        self.most * ((1 << (u32::from(self.max_retransmit) + 1)) - 1)
     }
 
     /// EXCHANGE_LIFETIME (§ 4.8.2): MAX_TRANSMIT_SPAN + 2 MAX_LATENCY + PROCESSING_DELAY, from the first transmission to when its
-    /// message ID may be used again (ns). 247 s with the RFC's parameters.
+    /// message ID may be used again. 247 s with the RFC's parameters.
     #[must_use]
-    pub fn exchange_lifetime_ns(&self) -> u64 {
-        let max_transmit_span_ns = self.most_ns * ((1 << u32::from(self.max_retransmit)) - 1);
-        max_transmit_span_ns + 2 * MAX_LATENCY_NS + self.least_ns
+    pub fn exchange_lifetime(&self) -> SimDuration {
+        let max_transmit_span = self.most * ((1 << u32::from(self.max_retransmit)) - 1);
+        max_transmit_span + 2 * MAX_LATENCY + self.least
     }
 }
 
 /// MAX_LATENCY (RFC 7252, § 4.8.2; ns): how long a datagram may be on its way.
-const MAX_LATENCY_NS: u64 = 100 * NS_PER_S;
+const MAX_LATENCY: SimDuration = SimDuration::from_s(100);
 
 /// Message IDs of the requests that a server has answered within EXCHANGE_LIFETIME: it acts upon a request once, and only answers
 /// its duplicates (RFC 7252, § 4.5).
@@ -71,8 +71,8 @@ const MAX_LATENCY_NS: u64 = 100 * NS_PER_S;
 pub struct Answered {
     /// Clients and message IDs.
     known: BTreeSet<(MoteId, u16)>,
-    /// The same in the order in which they came, with when each is forgotten (ns).
-    ends: VecDeque<(u64, MoteId, u16)>,
+    /// The same in the order in which they came, with when each is forgotten.
+    ends: VecDeque<(SimTime, MoteId, u16)>,
 }
 
 impl Answered {
@@ -82,18 +82,18 @@ impl Answered {
         from: MoteId,
         request: &CoapRepr,
         timers: &Timers,
-        now_ns: u64,
+        now: SimTime,
     ) -> bool {
-        while let Some(&(end_ns, from, id)) = self.ends.front()
-            && end_ns <= now_ns
+        while let Some(&(end, from, id)) = self.ends.front()
+            && end <= now
         {
             self.ends.pop_front();
             self.known.remove(&(from, id));
         }
         let is_new = self.known.insert((from, request.message_id));
         if is_new {
-            let end_ns = now_ns + timers.exchange_lifetime_ns();
-            self.ends.push_back((end_ns, from, request.message_id));
+            let end = now + timers.exchange_lifetime();
+            self.ends.push_back((end, from, request.message_id));
         }
         !is_new
     }
@@ -151,8 +151,8 @@ pub struct Exchange {
     message: Bytes,
     message_id: u16,
     token: u32,
-    due_ns: u64,
-    timeout_ns: u64,
+    due: SimTime,
+    timeout: SimDuration,
     n_retransmitted: u8,
 }
 
@@ -172,23 +172,22 @@ impl Exchange {
         request: CoapRepr,
         timers: &Timers,
         endpoint: &mut Endpoint,
-        now_ns: u64,
+        now: SimTime,
     ) -> (Self, Packet) {
         let (message_id, token) = endpoint.next_ids();
-        let timeout_ns = endpoint.stream.duration_ns(timers.least_ns, timers.most_ns);
+        let timeout = endpoint.stream.duration(timers.least, timers.most);
         let message: Bytes =
             CoapRepr { message_id, token: token.into(), ..request }.to_vec().into();
-        let due_ns = now_ns + timeout_ns;
-        let exchange =
-            Self { peer, message, message_id, token, due_ns, timeout_ns, n_retransmitted: 0 };
-        let packet = exchange.packet(now_ns);
+        let due = now + timeout;
+        let exchange = Self { peer, message, message_id, token, due, timeout, n_retransmitted: 0 };
+        let packet = exchange.packet(now);
         (exchange, packet)
     }
 
-    /// When the answer is given up waiting for (ns).
+    /// When the answer is given up waiting for.
     #[must_use]
-    pub fn due_ns(&self) -> u64 {
-        self.due_ns
+    pub fn due(&self) -> SimTime {
+        self.due
     }
 
     /// Whether a message of `from` answers it.
@@ -198,22 +197,22 @@ impl Exchange {
     }
 
     /// The answer has not come in time.
-    pub fn handle_timeout(&mut self, timers: &Timers, now_ns: u64) -> Timeout {
+    pub fn handle_timeout(&mut self, timers: &Timers, now: SimTime) -> Timeout {
         if timers.max_retransmit <= self.n_retransmitted {
             return Timeout::GivenUp;
         }
         self.n_retransmitted += 1;
-        self.timeout_ns *= 2;
-        self.due_ns = now_ns + self.timeout_ns;
-        Timeout::Again(self.packet(now_ns))
+        self.timeout = self.timeout * 2;
+        self.due = now + self.timeout;
+        Timeout::Again(self.packet(now))
     }
 
-    fn packet(&self, created_ns: u64) -> Packet {
-        coap_packet(self.peer, self.message.clone(), created_ns)
+    fn packet(&self, created: SimTime) -> Packet {
+        coap_packet(self.peer, self.message.clone(), created)
     }
 }
 
 /// A packet with a CoAP message to a mote.
-pub(super) fn coap_packet(to: MoteId, message: Bytes, created_ns: u64) -> Packet {
-    Packet { destination: Destination::Mote(to), content: Content::Coap(message), created_ns }
+pub(super) fn coap_packet(to: MoteId, message: Bytes, created: SimTime) -> Packet {
+    Packet { destination: Destination::Mote(to), content: Content::Coap(message), created }
 }

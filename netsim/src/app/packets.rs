@@ -1,6 +1,7 @@
 //! Packets from end to end: where each is from, and what becomes of it.
 
 use proto::ids::MoteId;
+use proto::time::SimTime;
 use proto::types::PacketPurpose;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -16,8 +17,8 @@ pub struct Packet {
     pub source: MoteId,
     /// Number of the mote that it is for.
     pub destination: MoteId,
-    /// When it was made (ns).
-    pub created_ns: u64,
+    /// When it was made.
+    pub created: SimTime,
     /// Its payload (bytes).
     pub bytes: u32,
     /// Hops to the proxies that have passed it on.
@@ -29,8 +30,8 @@ pub struct Packet {
 pub struct Ended<R> {
     /// The packet that ended.
     pub packet: Packet,
-    /// When (ns).
-    pub ended_ns: u64,
+    /// When.
+    pub ended: SimTime,
     /// Hops it took: 0 if it was not delivered.
     pub hops: u32,
     /// Why it was lost; `None`: it was delivered.
@@ -77,13 +78,13 @@ impl<R: Copy> Packets<R> {
         kind: PacketPurpose,
         source: MoteId,
         destination: MoteId,
-        created_ns: u64,
+        created: SimTime,
         bytes: u32,
     ) -> u64 {
         let id = self.next_id;
         self.next_id += 1;
         self.n_created[kind as usize] += 1;
-        let packet = Packet { id, kind, source, destination, created_ns, bytes, hops_before: 0 };
+        let packet = Packet { id, kind, source, destination, created, bytes, hops_before: 0 };
         self.on_their_way.insert(id, packet);
         id
     }
@@ -95,26 +96,26 @@ impl<R: Copy> Packets<R> {
         app: u32,
         source: MoteId,
         destination: MoteId,
-        created_ns: u64,
+        created: SimTime,
         bytes: u32,
     ) -> (u64, bool) {
         if let Some(&id) = self.downloads.get(&(app, destination.0)) {
             return (id, false);
         }
-        let id = self.begin(PacketPurpose::Download, source, destination, created_ns, bytes);
+        let id = self.begin(PacketPurpose::Download, source, destination, created, bytes);
         self.downloads.insert((app, destination.0), id);
         (id, true)
     }
 
     /// A packet has arrived. `None`: it has ended before, or is none that is counted.
-    pub fn deliver(&mut self, id: u64, now_ns: u64, hops: u32) -> Option<Packet> {
+    pub fn deliver(&mut self, id: u64, now: SimTime, hops: u32) -> Option<Packet> {
         let Some(packet) = self.on_their_way.remove(&id) else {
             self.n_late += u64::from(id != 0);
             return None;
         };
         self.n_delivered += 1;
         let hops = packet.hops_before + hops;
-        self.ended.push(Ended { packet, ended_ns: now_ns, hops, lost: None });
+        self.ended.push(Ended { packet, ended: now, hops, lost: None });
         Some(packet)
     }
 
@@ -127,10 +128,10 @@ impl<R: Copy> Packets<R> {
     }
 
     /// A packet is lost. One that has ended before stays as it ended.
-    pub fn lose(&mut self, id: u64, now_ns: u64, reason: R) {
+    pub fn lose(&mut self, id: u64, now: SimTime, reason: R) {
         if let Some(packet) = self.on_their_way.remove(&id) {
             self.n_lost += 1;
-            self.ended.push(Ended { packet, ended_ns: now_ns, hops: 0, lost: Some(reason) });
+            self.ended.push(Ended { packet, ended: now, hops: 0, lost: Some(reason) });
         }
     }
 
@@ -177,33 +178,43 @@ mod tests {
     fn a_packet_ends_once_and_all_are_accounted_for() {
         let mut packets = Packets::default();
         let [a, b, c] = [1, 2, 3].map(|source| {
-            packets.begin(PacketPurpose::Application, MoteId(source), MoteId(0), 5, 9)
+            packets.begin(
+                PacketPurpose::Application,
+                MoteId(source),
+                MoteId(0),
+                SimTime::from_ns(5),
+                9,
+            )
         });
-        assert_eq!(packets.deliver(a, 8, 2).unwrap().source, MoteId(1));
-        assert!(packets.deliver(a, 9, 2).is_none());
-        packets.lose(a, 9, 'x');
+        assert_eq!(packets.deliver(a, SimTime::from_ns(8), 2).unwrap().source, MoteId(1));
+        assert!(packets.deliver(a, SimTime::from_ns(9), 2).is_none());
+        packets.lose(a, SimTime::from_ns(9), 'x');
         assert_eq!((packets.late(), packets.on_their_way().count()), (1, 2));
         assert_eq!([0, a, b].map(|id| packets.goes_on(id)), [true, false, true]);
-        packets.lose(b, 9, 'y');
+        packets.lose(b, SimTime::from_ns(9), 'y');
         assert_eq!(packets.counts(), [3, 1, 1, 1]);
         let ended = packets.take_ended();
         assert_eq!(
             ended.iter().map(|ended| (ended.packet.id, ended.lost)).collect::<Vec<_>>(),
             [(a, None), (b, Some('y'))]
         );
-        packets.deliver(c, 9, 1);
+        packets.deliver(c, SimTime::from_ns(9), 1);
         assert_eq!(packets.counts(), [3, 2, 1, 0]);
     }
 
     #[test]
     fn a_mote_has_one_download_of_each_application() {
         let mut packets = Packets::<char>::default();
-        let began = [(0, 3), (0, 4), (1, 3), (0, 3)]
-            .map(|(app, mote)| packets.begin_download(app, MoteId(0), MoteId(mote), 5, 9));
+        let began = [(0, 3), (0, 4), (1, 3), (0, 3)].map(|(app, mote)| {
+            packets.begin_download(app, MoteId(0), MoteId(mote), SimTime::from_ns(5), 9)
+        });
         assert_eq!(began, [(1, true), (2, true), (3, true), (1, false)]);
-        packets.lose(1, 9, 'x');
-        assert_eq!(packets.begin_download(0, MoteId(0), MoteId(3), 10, 9), (1, false));
-        assert!(packets.deliver(1, 11, 1).is_none());
+        packets.lose(1, SimTime::from_ns(9), 'x');
+        assert_eq!(
+            packets.begin_download(0, MoteId(0), MoteId(3), SimTime::from_ns(10), 9),
+            (1, false)
+        );
+        assert!(packets.deliver(1, SimTime::from_ns(11), 1).is_none());
         assert_eq!((packets.created(PacketPurpose::Download), packets.late()), (3, 1));
     }
 }

@@ -1,21 +1,22 @@
 //! `periodic`: a packet again and again.
 
 use super::config::Largest;
-use super::sender::{Sender, SenderKeys, ns};
+use super::sender::{Sender, SenderKeys};
 use super::{Context, Host, Packet, Reading, Traffic};
 use proto::config::{Section, Variant, variant};
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// Periodic packets.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Periodic {
     sender: Sender,
-    /// Mean interval (ns).
-    period_ns: u64,
-    /// Each interval is uniform within so much (ns) to either side; less than the period.
-    jitter_ns: u64,
-    slot_ns: u64,
-    next_ns: Option<u64>,
+    /// Mean interval.
+    period: SimDuration,
+    /// Each interval is uniform within so much to either side; less than the period.
+    jitter: SimDuration,
+    slot: SimDuration,
+    next: Option<SimTime>,
 }
 
 /// Periodically, from the time at which the mote may send.
@@ -32,10 +33,10 @@ struct Keys {
 }
 
 impl Periodic {
-    /// Packets with this mean interval (ns), and so much jitter (ns).
+    /// Packets with this mean interval, and so much jitter.
     #[must_use]
-    pub fn new(sender: Sender, period_ns: u64, jitter_ns: u64) -> Self {
-        Self { sender, period_ns, jitter_ns, slot_ns: 0, next_ns: None }
+    pub fn new(sender: Sender, period: SimDuration, jitter: SimDuration) -> Self {
+        Self { sender, period, jitter, slot: SimDuration::ZERO, next: None }
     }
 }
 
@@ -44,17 +45,17 @@ impl super::Kind for Periodic {
 
     fn read(reading: &mut Reading<'_>) -> Option<Self> {
         let keys = Keys::read(reading.table);
-        let period_ns = ns(keys.period_s);
+        let period = SimDuration::from_seconds(keys.period_s);
         Some(Self::new(
             Sender::of(keys.sender, reading)?,
-            period_ns,
-            (period_ns as f64 * keys.jitter) as u64,
+            period,
+            SimDuration::from_ns((period.ns() as f64 * keys.jitter) as u64),
         ))
     }
 
     fn assigned(&self, host: &Host) -> Option<Self> {
-        let one = Self::new(self.sender.assigned(host)?, self.period_ns, self.jitter_ns);
-        Some(Self { slot_ns: host.slot_ns, ..one })
+        let one = Self::new(self.sender.assigned(host)?, self.period, self.jitter);
+        Some(Self { slot: host.slot, ..one })
     }
 
     fn largest(&self) -> Largest {
@@ -66,24 +67,26 @@ impl Traffic for Periodic {
     /// Periodic packets begin a slot and a random part of a period later, anew each time: motes that become ready together do
     /// not send together.
     fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>) {
-        self.next_ns = match (is_ready, self.next_ns) {
+        self.next = match (is_ready, self.next) {
             (false, _) => None,
-            (true, Some(next_ns)) => Some(next_ns),
-            (true, None) => Some(cx.now_ns + self.slot_ns + cx.dice.below(self.period_ns)),
+            (true, Some(next)) => Some(next),
+            (true, None) => {
+                Some(cx.now + self.slot + SimDuration::from_ns(cx.dice.below(self.period.ns())))
+            }
         };
     }
 
-    fn poll_timeout(&self) -> Option<u64> {
-        self.next_ns
+    fn poll_timeout(&self) -> Option<SimTime> {
+        self.next
     }
 
     fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
-        let next_ns = self.next_ns?;
-        let packet = self.sender.packet(cx.now_ns, cx.dice);
-        let (period_ns, jitter_ns) = (self.period_ns, self.jitter_ns);
-        let pause_ns = cx.dice.duration_ns(period_ns - jitter_ns, period_ns + jitter_ns);
+        let next = self.next?;
+        let packet = self.sender.packet(cx.now, cx.dice);
+        let (period, jitter) = (self.period, self.jitter);
+        let pause = cx.dice.duration(period - jitter, period + jitter);
         // From when it was due, so that slots of any length leave the period as it is; but never a backlog.
-        self.next_ns = Some((next_ns + pause_ns).max(cx.now_ns));
+        self.next = Some((next + pause).max(cx.now));
         Some(packet)
     }
 }

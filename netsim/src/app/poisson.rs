@@ -5,19 +5,20 @@
 //! Processes", 1993.)
 
 use super::config::Largest;
-use super::sender::{Sender, SenderKeys, ns};
+use super::sender::{Sender, SenderKeys};
 use super::stream::Stream;
 use super::{Context, Host, Packet, Reading, Traffic};
 use proto::config::{Section, Variant, variant};
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// Packets at the times of a Poisson process.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Poisson {
     sender: Sender,
-    mean_ns: u64,
+    mean: SimDuration,
     stream: Stream,
-    next_ns: Option<u64>,
+    next: Option<SimTime>,
 }
 
 /// A Poisson process: independent exponential intervals, from the time at which the mote may send.
@@ -31,10 +32,10 @@ struct Keys {
 }
 
 impl Poisson {
-    /// Packets with this mean interval (ns).
+    /// Packets with this mean interval.
     #[must_use]
-    pub fn new(sender: Sender, mean_ns: u64) -> Self {
-        Self { sender, mean_ns, stream: Stream::default(), next_ns: None }
+    pub fn new(sender: Sender, mean: SimDuration) -> Self {
+        Self { sender, mean, stream: Stream::default(), next: None }
     }
 }
 
@@ -43,12 +44,15 @@ impl super::Kind for Poisson {
 
     fn read(reading: &mut Reading<'_>) -> Option<Self> {
         let keys = Keys::read(reading.table);
-        Some(Self::new(Sender::of(keys.sender, reading)?, ns(keys.mean_interval_s)))
+        Some(Self::new(
+            Sender::of(keys.sender, reading)?,
+            SimDuration::from_seconds(keys.mean_interval_s),
+        ))
     }
 
     fn assigned(&self, host: &Host) -> Option<Self> {
         let stream = Stream::new(host.seed, host.mote, host.app);
-        Some(Self { stream, ..Self::new(self.sender.assigned(host)?, self.mean_ns) })
+        Some(Self { stream, ..Self::new(self.sender.assigned(host)?, self.mean) })
     }
 
     fn largest(&self) -> Largest {
@@ -59,22 +63,22 @@ impl super::Kind for Poisson {
 impl Traffic for Poisson {
     /// The process has no memory: it begins anew whenever the mote becomes ready.
     fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>) {
-        self.next_ns = match (is_ready, self.next_ns) {
+        self.next = match (is_ready, self.next) {
             (false, _) => None,
-            (true, Some(next_ns)) => Some(next_ns),
-            (true, None) => Some(cx.now_ns + self.stream.exponential_ns(self.mean_ns)),
+            (true, Some(next)) => Some(next),
+            (true, None) => Some(cx.now + self.stream.exponential(self.mean)),
         };
     }
 
-    fn poll_timeout(&self) -> Option<u64> {
-        self.next_ns
+    fn poll_timeout(&self) -> Option<SimTime> {
+        self.next
     }
 
     /// Several packets may fall into one slot.
     fn handle_timeout(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
-        let next_ns = self.next_ns?;
-        self.next_ns = Some(next_ns + self.stream.exponential_ns(self.mean_ns));
-        Some(self.sender.packet(cx.now_ns, cx.dice))
+        let next = self.next?;
+        self.next = Some(next + self.stream.exponential(self.mean));
+        Some(self.sender.packet(cx.now, cx.dice))
     }
 
     fn reseed(&mut self, seed: u64) {

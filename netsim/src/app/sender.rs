@@ -5,16 +5,12 @@ use super::{Content, Destination, Host, Packet, Reading};
 use crate::dice::Dice;
 use proto::config::{Choice, OneOf, Section};
 use proto::ids::MoteId;
+use proto::time::SimTime;
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 
 /// Longest UDP payload (bytes).
 pub const MAX_PAYLOAD_BYTES: i64 = 1000;
-
-/// A duration of the configuration (ns).
-pub(super) fn ns(duration_s: f64) -> u64 {
-    (duration_s * NS_PER_S as f64).round() as u64
-}
 
 /// To whom packets are sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -131,7 +127,7 @@ impl Sender {
     pub(super) fn largest(&self) -> Largest {
         let Self { payload_bytes, .. } = *self;
         let content = Content::Counted { payload_bytes, counter: 0 };
-        let packet = Packet { destination: Destination::Root, content, created_ns: 0 };
+        let packet = Packet { destination: Destination::Root, content, created: SimTime::START };
         Largest { key: "payload_bytes", value: payload_bytes.into(), packet }
     }
 
@@ -141,13 +137,13 @@ impl Sender {
     }
 
     /// The next packet.
-    pub(super) fn packet(&mut self, now_ns: u64, dice: &mut Dice) -> Packet {
+    pub(super) fn packet(&mut self, now: SimTime, dice: &mut Dice) -> Packet {
         let (payload_bytes, counter) = (self.payload_bytes, self.counter);
         self.counter = counter.wrapping_add(1);
         Packet {
             destination: self.next_destination(dice),
             content: Content::Counted { payload_bytes, counter },
-            created_ns: now_ns,
+            created: now,
         }
     }
 

@@ -2,6 +2,7 @@
 
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, uniform};
+use proto::time::SimDuration;
 use serde::{Deserialize, Serialize};
 
 /// Draws of one application of one mote, in sequence. The k-th number depends on the seed, the mote, the application and k only.
@@ -37,20 +38,20 @@ impl Stream {
         ((u128::from(self.word()) * u128::from(n)) >> 64) as u64
     }
 
-    /// Uniform duration (ns) from `low_ns` to `high_ns`, both included.
-    pub fn duration_ns(&mut self, low_ns: u64, high_ns: u64) -> u64 {
-        low_ns + self.below(high_ns.saturating_sub(low_ns) + 1)
+    /// Uniform duration from `low` to `high`, both included.
+    pub fn duration(&mut self, low: SimDuration, high: SimDuration) -> SimDuration {
+        low + SimDuration::from_ns(self.below(high.saturating_sub(low).ns() + 1))
     }
 
-    /// Exponential duration (ns) with this mean: −m ln(1 − u).
-    pub fn exponential_ns(&mut self, mean_ns: u64) -> u64 {
-        exponential_ns(uniform(self.word()), mean_ns)
+    /// Exponential duration with this mean: −m ln(1 − u).
+    pub fn exponential(&mut self, mean: SimDuration) -> SimDuration {
+        exponential(uniform(self.word()), mean)
     }
 }
 
-/// Exponential duration (ns) with this mean from u, uniform in [0, 1): −m ln(1 − u). Since u has 53 bits, it is less than 37 means.
+/// Exponential duration with this mean from u, uniform in [0, 1): −m ln(1 − u). Since u has 53 bits, it is less than 37 means.
 #[must_use]
-pub fn exponential_ns(u: f64, mean_ns: u64) -> u64 {
+pub fn exponential(u: f64, mean: SimDuration) -> SimDuration {
     // 1 - u lies in (0, 1]: the logarithm is finite.
-    (-libm::log(1.0 - u) * mean_ns as f64) as u64
+    SimDuration::from_ns((-libm::log(1.0 - u) * mean.ns() as f64) as u64)
 }

@@ -4,12 +4,13 @@ use proptest::prelude::*;
 use proto::config::{Default, Field, Lists, Node, TableSpec, check, parse};
 use proto::ids::MoteId;
 use proto::rng::Purpose;
+use proto::time::{SimDuration, SimTime};
 use proto::types::NS_PER_S;
 
 mod exchanges;
 mod random;
 
-const SLOT_NS: u64 = 10_000_000;
+const SLOT: SimDuration = SimDuration::from_ms(10);
 
 /// The surroundings of an application: draws of its mote, and the account of packets.
 pub(super) struct World {
@@ -22,10 +23,10 @@ impl World {
         Self { dice: Dice::new(7, Purpose::Application, MoteId(mote)), packets: Packets::default() }
     }
 
-    pub(super) fn at(&mut self, now_ns: u64) -> Context<'_> {
+    pub(super) fn at(&mut self, now: SimTime) -> Context<'_> {
         let reaches = &|_| true;
         let Self { dice, packets } = self;
-        Context { now_ns, received_ns: now_ns, dice, packets, reaches }
+        Context { now, received: now, dice, packets, reaches }
     }
 }
 
@@ -33,19 +34,19 @@ fn sender(peer: Peer) -> Sender {
     Sender::new(None, peer, 90)
 }
 
-fn periodic(peer: Peer, period_s: u64, jitter_ns: u64) -> Spec {
-    let machine = periodic::Periodic::new(sender(peer), period_s * NS_PER_S, jitter_ns);
+fn periodic(peer: Peer, period_s: u64, jitter: SimDuration) -> Spec {
+    let machine = periodic::Periodic::new(sender(peer), SimDuration::from_s(period_s), jitter);
     Spec { machine: Machine::Periodic(machine) }
 }
 
 pub(super) fn host(mote: u32, is_root: bool, n_motes: u32) -> Host {
-    let slot_ns = SLOT_NS;
+    let slot = SLOT;
     Host {
         mote: MoteId(mote),
         is_root,
         first_root: MoteId(0),
         n_motes,
-        slot_ns,
+        slot,
         app: 0,
         n_apps: 1,
         seed: 7,
@@ -57,11 +58,14 @@ pub(super) fn app(spec: &Spec, mote: u32, is_root: bool, n_motes: u32) -> App {
 }
 
 /// All packets until a time, the application being asked at the times it names.
-pub(super) fn run(app: &mut App, until_ns: u64, world: &mut World) -> Vec<Packet> {
+pub(super) fn run(app: &mut App, until: SimTime, world: &mut World) -> Vec<Packet> {
     let mut packets = Vec::new();
-    while let Some(due_ns) = app.poll_timeout().filter(|&due_ns| due_ns < until_ns) {
-        assert_eq!(app.handle_timeout(&mut world.at(due_ns.saturating_sub(1))), None);
-        packets.extend(app.handle_timeout(&mut world.at(due_ns)));
+    while let Some(due) = app.poll_timeout().filter(|&due| due < until) {
+        assert_eq!(
+            app.handle_timeout(&mut world.at(due.saturating_sub(SimDuration::from_ns(1)))),
+            None
+        );
+        packets.extend(app.handle_timeout(&mut world.at(due)));
     }
     packets
 }
@@ -76,27 +80,27 @@ fn counter(packet: &Packet) -> u32 {
 #[test]
 fn p1_a_burst_of_two_is_exactly_two_packets() {
     let mut world = World::of(1);
-    let burst = burst::Burst::new(sender(Peer::Root), NS_PER_S, 2);
+    let burst = burst::Burst::new(sender(Peer::Root), SimDuration::SECOND, 2);
     let mut app = app(&Spec { machine: Machine::Burst(burst) }, 1, false, 2);
     assert_eq!(app.poll_timeout(), None);
-    app.set_ready(true, &mut world.at(5 * NS_PER_S));
-    let packets = run(&mut app, 1000 * NS_PER_S, &mut world);
+    app.set_ready(true, &mut world.at(SimTime::START + SimDuration::from_s(5)));
+    let packets = run(&mut app, SimTime::START + SimDuration::from_s(1000), &mut world);
     assert_eq!(packets.len(), 2);
-    assert!(packets.iter().all(|packet| packet.created_ns == 6 * NS_PER_S));
+    assert!(packets.iter().all(|packet| packet.created == SimTime::START + SimDuration::from_s(6)));
     assert_eq!(packets.iter().map(counter).collect::<Vec<_>>(), [0, 1]);
-    app.set_ready(false, &mut world.at(1000 * NS_PER_S));
-    app.set_ready(true, &mut world.at(1001 * NS_PER_S));
-    assert_eq!(run(&mut app, 2000 * NS_PER_S, &mut world), []);
+    app.set_ready(false, &mut world.at(SimTime::START + SimDuration::from_s(1000)));
+    app.set_ready(true, &mut world.at(SimTime::START + SimDuration::from_s(1001)));
+    assert_eq!(run(&mut app, SimTime::START + SimDuration::from_s(2000), &mut world), []);
 }
 
 /// P2 asks for more than none; the period says how many.
 #[test]
 fn p2_a_period_of_2_s_over_1000_slotframes_is_a_packet_every_2_s() {
     let mut world = World::of(1);
-    let mut app = app(&periodic(Peer::Root, 2, NS_PER_S / 10), 1, false, 2);
-    app.set_ready(true, &mut world.at(0));
-    let duration_ns = 1000 * 101 * SLOT_NS;
-    let n = run(&mut app, duration_ns, &mut world).len() as u64;
+    let mut app = app(&periodic(Peer::Root, 2, SimDuration::SECOND / 10), 1, false, 2);
+    app.set_ready(true, &mut world.at(SimTime::START));
+    let duration = 1000 * 101 * SLOT;
+    let n = run(&mut app, SimTime::START + duration, &mut world).len() as u64;
     // 1010 s / 2 s, the first after up to 2 s, and 505 times ±0.1 s at random: a standard deviation of 1.3 s.
     assert!((501..=508).contains(&n), "{n}");
 }
@@ -104,25 +108,26 @@ fn p2_a_period_of_2_s_over_1000_slotframes_is_a_packet_every_2_s() {
 #[test]
 fn a_mote_that_may_not_send_makes_no_packets_and_begins_anew_afterwards() {
     let mut world = World::of(3);
-    let mut app = app(&periodic(Peer::Root, 10, 0), 3, false, 4);
-    app.set_ready(true, &mut world.at(0));
-    assert!(!run(&mut app, 100 * NS_PER_S, &mut world).is_empty());
-    app.set_ready(false, &mut world.at(100 * NS_PER_S));
+    let mut app = app(&periodic(Peer::Root, 10, SimDuration::ZERO), 3, false, 4);
+    app.set_ready(true, &mut world.at(SimTime::START));
+    assert!(!run(&mut app, SimTime::START + SimDuration::from_s(100), &mut world).is_empty());
+    app.set_ready(false, &mut world.at(SimTime::START + SimDuration::from_s(100)));
     assert_eq!(app.poll_timeout(), None);
-    assert_eq!(app.handle_timeout(&mut world.at(500 * NS_PER_S)), None);
-    app.set_ready(true, &mut world.at(500 * NS_PER_S));
-    let first_ns = app.poll_timeout().unwrap();
-    assert!((500 * NS_PER_S + SLOT_NS..510 * NS_PER_S + SLOT_NS).contains(&first_ns));
-    app.set_ready(true, &mut world.at(501 * NS_PER_S));
-    assert_eq!(app.poll_timeout(), Some(first_ns));
+    assert_eq!(app.handle_timeout(&mut world.at(SimTime::START + SimDuration::from_s(500))), None);
+    app.set_ready(true, &mut world.at(SimTime::START + SimDuration::from_s(500)));
+    let first = app.poll_timeout().unwrap();
+    let [from, until] = [500, 510].map(|s| SimTime::START + SimDuration::from_s(s) + SLOT);
+    assert!((from..until).contains(&first));
+    app.set_ready(true, &mut world.at(SimTime::START + SimDuration::from_s(501)));
+    assert_eq!(app.poll_timeout(), Some(first));
 }
 
 #[test]
 fn motes_that_become_ready_together_send_at_different_times() {
-    let mut firsts: Vec<u64> = (1..50)
+    let mut firsts: Vec<SimTime> = (1..50)
         .map(|mote| {
-            let mut app = app(&periodic(Peer::Root, 60, 0), mote, false, 50);
-            app.set_ready(true, &mut World::of(mote).at(0));
+            let mut app = app(&periodic(Peer::Root, 60, SimDuration::ZERO), mote, false, 50);
+            app.set_ready(true, &mut World::of(mote).at(SimTime::START));
             app.poll_timeout().unwrap()
         })
         .collect();
@@ -133,13 +138,16 @@ fn motes_that_become_ready_together_send_at_different_times() {
 
 #[test]
 fn nobody_sends_to_itself() {
-    let new = |peer, own, is_root, n| App::new(&periodic(peer, 1, 0), &host(own, is_root, n));
+    let new = |peer, own, is_root, n| {
+        App::new(&periodic(peer, 1, SimDuration::ZERO), &host(own, is_root, n))
+    };
     assert!(new(Peer::Root, 0, true, 5).is_none());
     assert!(new(Peer::Mote(MoteId(3)), 3, false, 5).is_none());
     assert!(new(Peer::All, 0, true, 1).is_none());
     assert!(new(Peer::Random, 0, true, 1).is_none());
     let listed = Sender::new(Some(vec![MoteId(2)]), Peer::Root, 90);
-    let machine = Machine::Periodic(periodic::Periodic::new(listed, NS_PER_S, 0));
+    let machine =
+        Machine::Periodic(periodic::Periodic::new(listed, SimDuration::SECOND, SimDuration::ZERO));
     let listed = Spec { machine };
     assert!(App::new(&listed, &host(1, false, 5)).is_none());
     assert!(App::new(&listed, &host(2, false, 5)).is_some());
@@ -148,9 +156,9 @@ fn nobody_sends_to_itself() {
 #[test]
 fn a_root_that_sends_to_all_reaches_everybody_in_turn() {
     let mut world = World::of(2);
-    let mut app = app(&periodic(Peer::All, 1, 0), 2, true, 5);
-    app.set_ready(true, &mut world.at(0));
-    let packets = run(&mut app, 9 * NS_PER_S, &mut world);
+    let mut app = app(&periodic(Peer::All, 1, SimDuration::ZERO), 2, true, 5);
+    app.set_ready(true, &mut world.at(SimTime::START));
+    let packets = run(&mut app, SimTime::START + SimDuration::from_s(9), &mut world);
     let to: Vec<_> = packets.iter().map(|packet| packet.destination).collect();
     assert_eq!(to[..8], [0, 1, 3, 4, 0, 1, 3, 4].map(MoteId).map(Destination::Mote));
 }
@@ -158,10 +166,10 @@ fn a_root_that_sends_to_all_reaches_everybody_in_turn() {
 #[test]
 fn random_peers_are_all_the_others_equally_often() {
     let mut world = World::of(1);
-    let mut app = app(&periodic(Peer::Random, 1, 0), 1, false, 4);
-    app.set_ready(true, &mut world.at(0));
+    let mut app = app(&periodic(Peer::Random, 1, SimDuration::ZERO), 1, false, 4);
+    app.set_ready(true, &mut world.at(SimTime::START));
     let mut counts = [0u32; 4];
-    for packet in run(&mut app, 3001 * NS_PER_S, &mut world) {
+    for packet in run(&mut app, SimTime::START + SimDuration::from_s(3001), &mut world) {
         let Destination::Mote(mote) = packet.destination else { unreachable!() };
         counts[mote.index()] += 1;
     }
@@ -177,7 +185,7 @@ fn a_payload_has_its_length_and_begins_with_the_counter() {
     let packet = |payload_bytes| Packet {
         destination: Destination::Root,
         content: Content::Counted { payload_bytes, counter: 258 },
-        created_ns: 0,
+        created: SimTime::START,
     };
     assert_eq!(packet(6).payload()[..], [0, 0, 1, 2, 0, 0]);
     assert_eq!(packet(2).payload()[..], [0, 0]);
@@ -190,35 +198,35 @@ proptest! {
         jitter in 0.0f64..0.99,
         mote in 1u32..100,
     ) {
-        let period_ns = period_ms * 1_000_000;
-        let jitter_ns = (period_ns as f64 * jitter) as u64;
+        let period = period_ms * 1_000_000;
+        let jitter = (period as f64 * jitter) as u64;
         let mut world = World::of(mote);
-        let machine = periodic::Periodic::new(sender(Peer::Root), period_ns, jitter_ns);
+        let machine = periodic::Periodic::new(sender(Peer::Root), SimDuration::from_ns(period), SimDuration::from_ns(jitter));
         let mut app = app(&Spec { machine: Machine::Periodic(machine) }, mote, false, 100);
-        app.set_ready(true, &mut world.at(0));
-        let packets = run(&mut app, 50 * period_ns, &mut world);
+        app.set_ready(true, &mut world.at(SimTime::START));
+        let packets = run(&mut app, SimTime::from_ns(50 * period), &mut world);
         for pair in packets.windows(2) {
-            let pause_ns = pair[1].created_ns - pair[0].created_ns;
-            prop_assert!(period_ns - jitter_ns <= pause_ns && pause_ns <= period_ns + jitter_ns);
+            let pause = pair[1].created - pair[0].created;
+            prop_assert!(period - jitter <= pause.ns() && pause <= SimDuration::from_ns(period + jitter));
         }
-        prop_assert!(packets[0].created_ns < period_ns + SLOT_NS);
+        prop_assert!(packets[0].created < SimTime::from_ns(period) + SLOT);
     }
 
     #[test]
     fn a_copy_from_bytes_sends_the_same(steps in 0usize..20) {
-        let poisson = poisson::Poisson::new(sender(Peer::Random), 3 * NS_PER_S);
-        for spec in [periodic(Peer::Random, 3, NS_PER_S), Spec { machine: Machine::Poisson(poisson) }] {
+        let poisson = poisson::Poisson::new(sender(Peer::Random), SimDuration::from_s(3));
+        for spec in [periodic(Peer::Random, 3, SimDuration::SECOND), Spec { machine: Machine::Poisson(poisson) }] {
             let mut world = World::of(5);
             let mut app = app(&spec, 5, false, 9);
-            app.set_ready(true, &mut world.at(0));
+            app.set_ready(true, &mut world.at(SimTime::START));
             for _ in 0..steps {
                 app.handle_timeout(&mut world.at(app.poll_timeout().unwrap()));
             }
             let bytes = postcard::to_allocvec(&(&app, &world.dice, &world.packets)).unwrap();
             let (mut app_2, dice, packets): (App, Dice, Packets<DropReason>) = postcard::from_bytes(&bytes).unwrap();
             let mut world_2 = World { dice, packets };
-            let until_ns = 200 * NS_PER_S;
-            prop_assert_eq!(run(&mut app, until_ns, &mut world), run(&mut app_2, until_ns, &mut world_2));
+            let until = SimDuration::from_s(200);
+            prop_assert_eq!(run(&mut app, SimTime::START + until, &mut world), run(&mut app_2, SimTime::START + until, &mut world_2));
             prop_assert_eq!(app, app_2);
         }
     }
@@ -266,35 +274,45 @@ fn a_configuration_says_who_sends_when_to_whom() {
     let expected = [
         Machine::Periodic(periodic::Periodic::new(
             Sender::new(None, Peer::Root, 30),
-            60 * NS_PER_S,
-            3 * NS_PER_S,
+            SimDuration::from_s(60),
+            SimDuration::from_s(3),
         )),
         Machine::Periodic(periodic::Periodic::new(
             Sender::new(Some(vec![MoteId(1), MoteId(2)]), Peer::Mote(MoteId(4)), 30),
-            2 * NS_PER_S,
-            NS_PER_S,
+            SimDuration::from_s(2),
+            SimDuration::SECOND,
         )),
-        Machine::Burst(burst::Burst::new(Sender::new(None, Peer::All, 180), 3_500_000_000, 7)),
-        Machine::Poisson(poisson::Poisson::new(Sender::new(None, Peer::Root, 30), NS_PER_S / 2)),
+        Machine::Burst(burst::Burst::new(
+            Sender::new(None, Peer::All, 180),
+            SimDuration::from_ns(3_500_000_000),
+            7,
+        )),
+        Machine::Poisson(poisson::Poisson::new(
+            Sender::new(None, Peer::Root, 30),
+            SimDuration::SECOND / 2,
+        )),
         Machine::Event(event::Event::new(
             Sender::new(None, Peer::Root, 30),
             Some((
-                event::Times::Listed(vec![NS_PER_S, 2 * NS_PER_S]),
+                event::Times::Listed(vec![
+                    SimTime::from_ns(NS_PER_S),
+                    SimTime::START + SimDuration::from_s(2),
+                ]),
                 event::Area { place_m: Some([3.0, 4.0]), radius_m: Some(5.0) },
             )),
             2,
-            NS_PER_S,
+            SimDuration::SECOND,
         )),
         Machine::Coap(coap::Coap::new(coap::Settings {
             servers: coap::Servers::One(MoteId(3)),
-            period_ns: 10 * NS_PER_S,
+            period: SimDuration::from_s(10),
             is_poisson: true,
             response_bytes: 16,
             timers: exchanges::TIMERS,
         })),
         Machine::Download(download::Download::new(
             download::Settings {
-                after_ns: 0,
+                after: SimDuration::ZERO,
                 size_bytes: 10_000,
                 szx: 2,
                 timers: exchanges::TIMERS,

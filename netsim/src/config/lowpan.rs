@@ -2,6 +2,7 @@
 
 use crate::lowpan::{Config, Mode};
 use proto::config::{Choice, Section, TableSpec};
+use proto::time::SimDuration;
 use proto::types::NS_PER_S;
 
 /// Description of `[netsim.lowpan]`.
@@ -42,16 +43,16 @@ enum Fragmentation {
 /// Makes the settings of the checked table.
 pub(super) fn build(table: &toml::Table) -> Config {
     let keys = Keys::read(table);
-    let timeout_ns = (keys.reassembly_timeout_s * NS_PER_S as f64).round() as u64;
+    let timeout = SimDuration::from_seconds(keys.reassembly_timeout_s);
     Config {
         mode: match keys.fragmentation {
             Fragmentation::Forwarding => Mode::FragmentForwarding,
             Fragmentation::PerHop => Mode::PerHopReassembly,
         },
         reassembly_buffers: keys.reassembly_buffers,
-        reassembly_timeout_ns: timeout_ns,
+        reassembly_timeout: timeout,
         vrb_entries: keys.vrb_entries,
-        vrb_timeout_ns: timeout_ns,
+        vrb_timeout: timeout,
         discard_after_missing: keys.discard_after_missing,
         discard_after_last: keys.discard_after_last,
     }

@@ -5,6 +5,7 @@ use crate::mac::tsch::Config;
 use crate::mac::{blacklist, effect};
 use physics::timing::Airtime;
 use proto::config::{Problem, Section, TableSpec, join};
+use proto::time::SimDuration;
 use proto::types::NS_PER_S;
 
 /// Description of `[netsim.mac]`.
@@ -92,8 +93,8 @@ struct Keys {
 pub(super) struct Surroundings<'a> {
     /// Its path, for problems.
     pub(super) path: &'a str,
-    /// Length of a slot (ns).
-    pub(super) slot_ns: u64,
+    /// Length of a slot.
+    pub(super) slot: SimDuration,
     /// Channels by absolute slot number.
     pub(super) hopping_sequence: &'a [u8],
     /// How long frames are on the air.
@@ -118,7 +119,7 @@ pub(super) fn build(
 ) -> (Config, Vec<Box<dyn effect::Effect>>) {
     let keys = Keys::read(table);
     let path = given.path;
-    let ns = |duration_s: f64| (duration_s * NS_PER_S as f64).round() as u64;
+    let duration = SimDuration::from_seconds;
     let (min, max) = (keys.min_backoff_exponent, keys.max_backoff_exponent);
     if max < min {
         problems.push(
@@ -130,10 +131,10 @@ pub(super) fn build(
             .nearest(max),
         );
     }
-    let keep_alive_ns = ns(keys.keep_alive_s);
-    let desynchronise_ns = ns(keys.desynchronise_s);
-    let is_time_kept = keep_alive_ns != 0;
-    if is_time_kept && desynchronise_ns <= keep_alive_ns {
+    let keep_alive = duration(keys.keep_alive_s);
+    let desynchronise = duration(keys.desynchronise_s);
+    let is_time_kept = !keep_alive.is_zero();
+    if is_time_kept && desynchronise <= keep_alive {
         problems.push(
             Problem::new(
                 join(path, "desynchronise_s"),
@@ -171,7 +172,7 @@ pub(super) fn build(
         problems,
     );
     let config = Config {
-        slot_ns: given.slot_ns,
+        slot: given.slot,
         hopping_sequence: given.hopping_sequence.to_vec(),
         airtime: given.airtime,
         blacklist,
@@ -179,20 +180,20 @@ pub(super) fn build(
         max_retries: Some(keys.max_retries),
         min_exponent: min,
         max_exponent: max,
-        beacon_period_ns: ns(keys.beacon_period_s),
-        beacon_spacing_ns: ns(keys.beacon_spacing_s),
+        beacon_period: duration(keys.beacon_period_s),
+        beacon_spacing: duration(keys.beacon_spacing_s),
         beacon_probability: given.beacon_probability,
         contends_as_peer: given.contends_as_peer,
-        beacon_wait_ns: ns(keys.beacon_wait_s),
-        rejoin_wait_ns: ns(keys.rejoin_wait_s.min(keys.beacon_wait_s)),
+        beacon_wait: duration(keys.beacon_wait_s),
+        rejoin_wait: duration(keys.rejoin_wait_s.min(keys.beacon_wait_s)),
         neighbours_to_wait: keys.neighbours_to_wait,
-        scan_dwell_slots: (ns(keys.scan_dwell_s) / given.slot_ns.max(1))
+        scan_dwell_slots: (duration(keys.scan_dwell_s) / given.slot.max(SimDuration::from_ns(1)))
             .clamp(1, u64::from(u32::MAX)) as u32,
-        keep_alive_ns,
-        desynchronise_ns,
-        max_keep_alive_ns: (keys.adaptive_synchronization && !given.contends_as_peer)
-            .then(|| ns(keys.max_keep_alive_s).max(keep_alive_ns)),
-        max_free_run_ns: ns(keys.max_free_run_s),
+        keep_alive,
+        desynchronise,
+        max_keep_alive: (keys.adaptive_synchronization && !given.contends_as_peer)
+            .then(|| duration(keys.max_keep_alive_s).max(keep_alive)),
+        max_free_run: duration(keys.max_free_run_s),
         max_drift_ppm: keys.max_drift_ppm,
         crystal_hz: keys.crystal_hz,
         pending_bit: keys.pending_bit,

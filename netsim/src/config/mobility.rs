@@ -5,6 +5,7 @@ use crate::mote::settings::Mobility;
 use crate::rpl::Handover;
 use proto::config::{Problem, Section, TableSpec, join};
 use proto::ids::MoteId;
+use proto::time::SimDuration;
 use proto::types::NS_PER_S;
 
 /// Description of `[netsim.mobility]`.
@@ -90,7 +91,7 @@ pub(super) fn build(
     let handover = keys.rank_from_beacons.then(|| Handover {
         // Thousandths, so that settings can be compared.
         least_mdbm: keys.handover_dbm.map(|dbm| (dbm * 1e3).round() as i32),
-        ahead_ns: (keys.handover_s * NS_PER_S as f64).round() as u64,
+        ahead: SimDuration::from_seconds(keys.handover_s),
     });
     (mobility, handover)
 }

@@ -15,6 +15,7 @@ use crate::wire::Eui64;
 use physics::timing::Airtime;
 use proto::config::{Kind, Problem, Section, join};
 use proto::ids::MoteId;
+use proto::time::SimDuration;
 
 /// What the checked table is read with.
 pub(super) struct Given<'a> {
@@ -24,8 +25,8 @@ pub(super) struct Given<'a> {
     pub(super) path: &'a str,
     /// Capacity of the experiment.
     pub(super) agent_count: usize,
-    /// Length of a slot (ns).
-    pub(super) slot_ns: u64,
+    /// Length of a slot.
+    pub(super) slot: SimDuration,
     /// Channels by absolute slot number.
     pub(super) hopping_sequence: &'a [u8],
     /// How long frames are on the air.
@@ -99,7 +100,7 @@ pub(super) fn build(
     let sf_path = key_path("sf");
     let surroundings = mac::Surroundings {
         path: &mac_path,
-        slot_ns: given.slot_ns,
+        slot: given.slot,
         hopping_sequence: given.hopping_sequence,
         airtime: given.airtime,
         beacon_probability: compat.eb_rule.then_some(BEACON_PROBABILITY),
@@ -196,16 +197,16 @@ pub(super) fn build(
         n_motes: given.agent_count,
         n_roots: roots.len(),
         frames_per_mote: u32::from(join.secure) + u32::from(rpl.dao_ack),
-        slot_ns: given.slot_ns,
+        slot: given.slot,
     }));
     let sixtop = sixtop::Config {
-        slotframe_ns: u64::from(sf.slotframe_slots()) * given.slot_ns,
+        slotframe: given.slot * u64::from(sf.slotframe_slots()),
         max_retries: mac.max_retries.unwrap_or(u16::MAX),
         max_be: mac.max_exponent,
         ..sixtop::Config::default()
     };
     let queue_frames = mac.queue_capacity.unwrap_or(QUEUE_FRAMES);
-    rpl.wait_for_dao_acks(u64::from(queue_frames) * sixtop.slotframe_ns);
+    rpl.wait_for_dao_acks(u64::from(queue_frames) * sixtop.slotframe);
     let settings = Settings {
         roots,
         mac,

@@ -3,6 +3,7 @@
 use crate::mote::compat::Compat;
 use crate::rpl::{Config, Mode, Objective, Solicitation};
 use proto::config::{Choice, Section, TableSpec};
+use proto::time::SimDuration;
 use proto::types::NS_PER_S;
 
 /// Description of `[netsim.rpl]`.
@@ -90,7 +91,7 @@ pub(super) fn stores_routes(table: &toml::Table) -> bool {
 /// Makes the settings of the checked table.
 pub(super) fn build(table: &toml::Table, compat: Compat) -> Config {
     let keys = Keys::read(table);
-    let ns = |duration_s: f64| (duration_s * NS_PER_S as f64).round() as u64;
+    let duration = SimDuration::from_seconds;
     Config {
         mode: keys.mode,
         objective: match keys.objective {
@@ -102,20 +103,20 @@ pub(super) fn build(table: &toml::Table, compat: Compat) -> Config {
         dio_redundancy: keys.dio_redundancy,
         max_rank_increase: keys.max_rank_increase,
         solicitation: keys.solicitation,
-        dis_period_ns: ns(keys.dis_period_s),
+        dis_period: duration(keys.dis_period_s),
         default_lifetime: (keys.route_lifetime_s / 60.0).round().clamp(1.0, 254.0) as u8,
         lifetime_unit_s: 60,
-        dao_period_ns: ns(keys.dao_period_s),
-        dao_delay_ns: ns(keys.dao_delay_s),
-        dao_interval_ns: ns(keys.dao_interval_s),
+        dao_period: duration(keys.dao_period_s),
+        dao_delay: duration(keys.dao_delay_s),
+        dao_interval: duration(keys.dao_interval_s),
         dao_ack: keys.dao_ack,
         advertises: keys.routes_down,
-        neighbour_lifetime_ns: ns(keys.neighbour_lifetime_s),
+        neighbour_lifetime: duration(keys.neighbour_lifetime_s),
         initial_etx_x128: (keys.initial_etx * 128.0).round() as u16,
         max_failures: keys.max_failures,
-        unusable_hold_ns: ns(keys.unusable_hold_s),
-        repair_hold_ns: ns(keys.repair_hold_s),
-        global_repair_period_ns: ns(keys.global_repair_s),
+        unusable_hold: duration(keys.unusable_hold_s),
+        repair_hold: duration(keys.repair_hold_s),
+        global_repair_period: duration(keys.global_repair_s),
         no_trickle_suppression: compat.no_trickle_suppression,
         stale_rank: compat.stale_rank,
         ..Config::default()

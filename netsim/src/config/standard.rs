@@ -1,10 +1,11 @@
 //! `netsim.phy.standard`: the physical layer, and what follows from it where it is not configured.
 
 use super::MODE_6TISCH;
-use crate::mesh::config::STANDARD_SLOT_NS;
+use crate::mesh::config::STANDARD_SLOT;
 use physics::model::Model;
 use physics::standard::Entry;
 use proto::config::{Node, Problem, Value, join};
+use proto::time::SimDuration;
 use proto::types::seconds;
 
 /// Reports written channels that the physical layer does not have, even if others are no channels at all.
@@ -61,28 +62,30 @@ pub(super) fn warn_of_bands(
 }
 
 /// A problem with a slot of a network that is too short for the longest frame and its acknowledgment.
-pub(super) fn check_slot(entry: &Entry, slot_ns: u64, step_ns: u64, path: &str) -> Option<Problem> {
-    let least_ns = entry.standard.airtime.least_slot_ns();
-    if least_ns <= slot_ns {
+pub(super) fn check_slot(
+    entry: &Entry,
+    slot: SimDuration,
+    step: SimDuration,
+    path: &str,
+) -> Option<Problem> {
+    let least = SimDuration::from_ns(entry.standard.airtime.least_slot_ns());
+    if least <= slot {
         return None;
     }
     let message = format!(
         "must be at least {} s with mode = {MODE_6TISCH:?}, the duration of the longest frame and its acknowledgment",
-        seconds(least_ns)
+        least.seconds()
     );
-    let mut problem = Problem::new(path, message).value(seconds(slot_ns));
-    let nearest_ns = if least_ns <= STANDARD_SLOT_NS {
-        Some(STANDARD_SLOT_NS)
-    } else {
-        shortest_slot_ns(least_ns, step_ns)
-    };
-    problem.nearest = nearest_ns.map(|ns| seconds(ns).to_string());
+    let mut problem = Problem::new(path, message).value(slot.seconds());
+    let nearest =
+        if least <= STANDARD_SLOT { Some(STANDARD_SLOT) } else { shortest_slot(least, step) };
+    problem.nearest = nearest.map(|slot| slot.seconds().to_string());
     Some(problem)
 }
 
-/// The shortest slot (ns) of at least `least_ns` that divides a control period, if there is one.
-fn shortest_slot_ns(least_ns: u64, step_ns: u64) -> Option<u64> {
-    let most = step_ns / least_ns;
+/// The shortest slot of at least `least` that divides a control period, if there is one.
+fn shortest_slot(least: SimDuration, step: SimDuration) -> Option<SimDuration> {
+    let most = step / least;
     // A search that takes no time; so many slots to a period are beyond any schedule.
-    (1..=most.min(1 << 20)).rev().find(|&n| step_ns.is_multiple_of(n)).map(|n| step_ns / n)
+    (1..=most.min(1 << 20)).rev().find(|&n| step.ns().is_multiple_of(n)).map(|n| step / n)
 }

@@ -1,5 +1,6 @@
 use super::*;
 use proptest::prelude::*;
+use proto::time::SimDuration;
 
 const SLOT_NS: u64 = 10_000_000;
 
@@ -13,7 +14,7 @@ fn charge_by_time_is_current_times_the_time_of_sending_and_listening() {
     let airtime = Airtime::of_bytes(160_000, 6, 8);
     let model = Model::ByTime { tx_ma: 30.0, rx_ma: 20.0, airtime };
     let (frame_ms, ack_ms) = (108.0 * 0.16, 27.0 * 0.16);
-    let charge_uc = |slot| model.charge_uc(slot, 50_000_000);
+    let charge_uc = |slot| model.charge_uc(slot, SimDuration::from_ns(50_000_000));
     for (slot, expected_uc) in [
         (SlotUse::Sleep, 0.0),
         (SlotUse::IdleListen, 20.0 * 2.2),
@@ -40,7 +41,10 @@ fn charge_per_slot_is_the_table_of_the_6tisch_simulator() {
         (SlotUse::Overhear { bytes }, 22.6),
         (SlotUse::Sleep, 0.0),
     ] {
-        assert!(close(Model::PerSlot.charge_uc(slot, SLOT_NS), charge_uc), "{slot:?}");
+        assert!(
+            close(Model::PerSlot.charge_uc(slot, SimDuration::from_ns(SLOT_NS)), charge_uc),
+            "{slot:?}"
+        );
     }
 }
 
@@ -56,16 +60,22 @@ fn charge_by_length_is_the_regression_on_the_cc2650() {
         (SlotUse::RxBroadcast { bytes }, 25.8910 + 21.816775),
         (SlotUse::Sleep, 0.0),
     ] {
-        assert!(close(Model::ByLength.charge_uc(slot, SLOT_NS), charge_uc), "{slot:?}");
+        assert!(
+            close(Model::ByLength.charge_uc(slot, SimDuration::from_ns(SLOT_NS)), charge_uc),
+            "{slot:?}"
+        );
     }
 }
 
 #[test]
 fn scanning_takes_charge_for_the_whole_slot() {
     for model in [Model::PerSlot, Model::ByLength] {
-        let one = model.charge_uc(SlotUse::Scan, SLOT_NS);
-        assert!(3.0 * model.charge_uc(SlotUse::IdleListen, SLOT_NS) < one);
-        assert!(close(model.charge_uc(SlotUse::Scan, 2 * SLOT_NS), 2.0 * one));
+        let one = model.charge_uc(SlotUse::Scan, SimDuration::from_ns(SLOT_NS));
+        assert!(3.0 * model.charge_uc(SlotUse::IdleListen, SimDuration::from_ns(SLOT_NS)) < one);
+        assert!(close(
+            model.charge_uc(SlotUse::Scan, SimDuration::from_ns(2 * SLOT_NS)),
+            2.0 * one
+        ));
     }
 }
 
@@ -78,13 +88,20 @@ fn a_mote_that_scans_for_an_hour_has_the_same_current_afterwards_as_one_that_did
     usage.idle_listen += hour_slots / 10;
     usage.sleep += hour_slots - hour_slots / 10;
     let since_sync = usage.since(&at_sync);
-    let elapsed_ns = since_sync.slots() * SLOT_NS;
-    let current_ua =
-        mean_current_ua(since_sync.charge_uc(Model::PerSlot, SLOT_NS), elapsed_ns).unwrap();
+    let elapsed = since_sync.slots() * SLOT_NS;
+    let current_ua = mean_current_ua(
+        since_sync.charge_uc(Model::PerSlot, SimDuration::from_ns(SLOT_NS)),
+        SimDuration::from_ns(elapsed),
+    )
+    .unwrap();
     // 6.4 µC in every tenth slot of 10 ms: 6.4 µC / 0.1 s.
     assert!(close(current_ua, 64.0));
-    let whole_ns = usage.slots() * SLOT_NS;
-    let whole_ua = mean_current_ua(usage.charge_uc(Model::PerSlot, SLOT_NS), whole_ns).unwrap();
+    let whole = usage.slots() * SLOT_NS;
+    let whole_ua = mean_current_ua(
+        usage.charge_uc(Model::PerSlot, SimDuration::from_ns(SLOT_NS)),
+        SimDuration::from_ns(whole),
+    )
+    .unwrap();
     // Half the time at 64 µA, half at 6.4 µC / 2.2 ms.
     assert!(close(whole_ua, (64.0 + 6.4e-6 / 2.2e-3 * 1e6) / 2.0));
 }
@@ -93,11 +110,11 @@ fn a_mote_that_scans_for_an_hour_has_the_same_current_afterwards_as_one_that_did
 fn a_battery_of_2821_5_mah_lasts_a_year_at_322_microampere() {
     // 2821.5 mAh / 8760 h = 322.09 µA.
     let second_uc = 2821.5e3 / 8760.0;
-    let years = lifetime_years(BATTERY_AA_MAH, second_uc * 60.0, 60 * NS_PER_S).unwrap();
+    let years = lifetime_years(BATTERY_AA_MAH, second_uc * 60.0, SimDuration::from_s(60)).unwrap();
     assert!(close(years, 1.0));
-    assert_eq!(lifetime_years(BATTERY_AA_MAH, 0.0, NS_PER_S), None);
-    assert_eq!(lifetime_years(BATTERY_AA_MAH, 1.0, 0), None);
-    assert_eq!(duty_cycle(1, 0), None);
+    assert_eq!(lifetime_years(BATTERY_AA_MAH, 0.0, SimDuration::SECOND), None);
+    assert_eq!(lifetime_years(BATTERY_AA_MAH, 1.0, SimDuration::ZERO), None);
+    assert_eq!(duty_cycle(SimDuration::from_ns(1), SimDuration::ZERO), None);
 }
 
 #[test]
@@ -105,19 +122,25 @@ fn the_radio_is_on_for_the_frame_the_guard_time_and_the_acknowledgment() {
     let on = |slot| {
         let mut usage = Usage::default();
         usage.count(slot);
-        usage.radio_on_ns(SLOT_NS, 19, &Airtime::O_QPSK_2450)
+        usage.radio_on(SimDuration::from_ns(SLOT_NS), 19, &Airtime::O_QPSK_2450)
     };
-    let (frame_ns, ack_ns) = ((6 + 127) * 32_000, (6 + 19) * 32_000);
+    let (frame_ns, ack) = ((6 + 127) * 32_000, (6 + 19) * 32_000);
     let bytes = 127;
-    assert_eq!(on(SlotUse::Sleep), 0);
-    assert_eq!(on(SlotUse::IdleListen), 2_200_000);
-    assert_eq!(on(SlotUse::Scan), SLOT_NS);
-    assert_eq!(on(SlotUse::TxBroadcast { bytes }), frame_ns);
-    assert_eq!(on(SlotUse::TxUnicast { bytes, acked: true }), frame_ns + 200_000 + ack_ns);
-    assert_eq!(on(SlotUse::TxUnicast { bytes, acked: false }), frame_ns + 400_000);
-    assert_eq!(on(SlotUse::RxBroadcast { bytes }), 1_100_000 + frame_ns);
-    assert_eq!(on(SlotUse::Overhear { bytes }), 1_100_000 + frame_ns);
-    assert_eq!(on(SlotUse::RxUnicast { bytes }), 1_100_000 + frame_ns + ack_ns);
+    assert_eq!(on(SlotUse::Sleep), SimDuration::ZERO);
+    assert_eq!(on(SlotUse::IdleListen), SimDuration::from_ns(2_200_000));
+    assert_eq!(on(SlotUse::Scan), SimDuration::from_ns(SLOT_NS));
+    assert_eq!(on(SlotUse::TxBroadcast { bytes }), SimDuration::from_ns(frame_ns));
+    assert_eq!(
+        on(SlotUse::TxUnicast { bytes, acked: true }),
+        SimDuration::from_ns(frame_ns + 200_000 + ack)
+    );
+    assert_eq!(
+        on(SlotUse::TxUnicast { bytes, acked: false }),
+        SimDuration::from_ns(frame_ns + 400_000)
+    );
+    assert_eq!(on(SlotUse::RxBroadcast { bytes }), SimDuration::from_ns(1_100_000 + frame_ns));
+    assert_eq!(on(SlotUse::Overhear { bytes }), SimDuration::from_ns(1_100_000 + frame_ns));
+    assert_eq!(on(SlotUse::RxUnicast { bytes }), SimDuration::from_ns(1_100_000 + frame_ns + ack));
 }
 
 fn any_use() -> impl Strategy<Value = SlotUse> {
@@ -149,12 +172,12 @@ proptest! {
                     one_by_one_uc = 0.0;
                 }
                 usage.count(slot);
-                one_by_one_uc += model.charge_uc(slot, SLOT_NS);
+                one_by_one_uc += model.charge_uc(slot, SimDuration::from_ns(SLOT_NS));
             }
             let since = usage.since(&earlier);
-            prop_assert!(close(since.charge_uc(model, SLOT_NS), one_by_one_uc));
+            prop_assert!(close(since.charge_uc(model, SimDuration::from_ns(SLOT_NS)), one_by_one_uc));
             prop_assert_eq!(usage.slots(), slots.len() as u64);
-            prop_assert!(usage.radio_on_ns(SLOT_NS, 19, &Airtime::O_QPSK_2450) <= usage.slots() * SLOT_NS);
+            prop_assert!(usage.radio_on(SimDuration::from_ns(SLOT_NS), 19, &Airtime::O_QPSK_2450) <= SimDuration::from_ns(usage.slots() * SLOT_NS));
         }
     }
 }

@@ -5,6 +5,7 @@ use crate::dice::Dice;
 use crate::wire::Eui64;
 use crate::wire::cojp::CojpRepr;
 use crate::wire::oscore::Context;
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -35,10 +36,10 @@ enum State {
         first_sequence: u32,
         /// Requests sent.
         n_sent: u8,
-        /// How long it waits after the last one (ns).
-        timeout_ns: u64,
-        /// Until when (ns).
-        until_ns: u64,
+        /// How long it waits after the last one.
+        timeout: SimDuration,
+        /// Until when.
+        until: SimTime,
     },
     /// It is admitted.
     Joined,
@@ -89,7 +90,7 @@ impl Pledge {
 
     /// The mote is synchronised: ask through `proxy`, the neighbour it is synchronised to. If it is asking already, it begins
     /// anew; if it is admitted, nothing happens.
-    pub fn start(&mut self, proxy: Eui64, now_ns: u64, dice: &mut Dice) {
+    pub fn start(&mut self, proxy: Eui64, now: SimTime, dice: &mut Dice) {
         if self.is_joined() {
             return;
         }
@@ -98,13 +99,13 @@ impl Pledge {
             self.events.push_back(Event::Joined);
             return;
         }
-        let Config { timeout_min_ns, timeout_max_ns, .. } = self.config;
-        let timeout_ns = dice.duration_ns(timeout_min_ns, timeout_max_ns);
+        let Config { timeout_min, timeout_max, .. } = self.config;
+        let timeout = dice.duration(timeout_min, timeout_max);
         let message_id = dice.word() as u16;
-        let until_ns = now_ns + timeout_ns;
+        let until = now + timeout;
         let first_sequence = self.sequence;
         self.state =
-            State::Waiting { proxy, message_id, first_sequence, n_sent: 1, timeout_ns, until_ns };
+            State::Waiting { proxy, message_id, first_sequence, n_sent: 1, timeout, until };
         self.request(proxy, message_id);
     }
 
@@ -165,23 +166,22 @@ impl Pledge {
         self.outgoing = None;
     }
 
-    /// When the response has not come in time (ns).
+    /// When the response has not come in time.
     #[must_use]
-    pub fn poll_timeout(&self) -> Option<u64> {
+    pub fn poll_timeout(&self) -> Option<SimTime> {
         match self.state {
-            State::Waiting { until_ns, .. } => Some(until_ns),
+            State::Waiting { until, .. } => Some(until),
             State::Idle | State::Joined => None,
         }
     }
 
     /// The response has not come in time: ask again and wait twice as long, or give up.
-    pub fn handle_timeout(&mut self, now_ns: u64) {
-        let State::Waiting { proxy, message_id, n_sent, timeout_ns, until_ns, .. } =
-            &mut self.state
+    pub fn handle_timeout(&mut self, now: SimTime) {
+        let State::Waiting { proxy, message_id, n_sent, timeout, until, .. } = &mut self.state
         else {
             return;
         };
-        if now_ns < *until_ns {
+        if now < *until {
             return;
         }
         if self.config.max_retransmit < *n_sent {
@@ -190,8 +190,8 @@ impl Pledge {
             return;
         }
         *n_sent += 1;
-        *timeout_ns *= 2;
-        *until_ns = now_ns + *timeout_ns;
+        *timeout = *timeout * 2;
+        *until = now + *timeout;
         let (proxy, message_id) = (*proxy, *message_id);
         self.request(proxy, message_id);
     }

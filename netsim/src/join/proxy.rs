@@ -6,6 +6,7 @@ use crate::lowpan::DropReason;
 use crate::wire::Eui64;
 use crate::wire::cojp::CojpRepr;
 use crate::wire::datagram::code_points;
+use proto::time::{SimDuration, SimTime};
 use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
@@ -17,15 +18,15 @@ pub struct Proxy {
     own: Eui64,
     /// The join rate from the registrar.
     join_rate_bytes_s: Option<u32>,
-    /// When all that was forwarded would have been sent at the mean rate (ns).
-    spent_until_ns: u64,
+    /// When all that was forwarded would have been sent at the mean rate.
+    spent_until: SimTime,
 }
 
 impl Proxy {
     /// A proxy that has forwarded nothing.
     #[must_use]
     pub fn new(config: Config, own: Eui64) -> Self {
-        Self { config, own, join_rate_bytes_s: None, spent_until_ns: 0 }
+        Self { config, own, join_rate_bytes_s: None, spent_until: SimTime::START }
     }
 
     /// The registrar has sent the mean rate to forward (bytes per second); `None`: it has sent none.
@@ -43,7 +44,7 @@ impl Proxy {
         source: Ipv6Addr,
         request: &CojpRepr,
         root: Option<Ipv6Addr>,
-        now_ns: u64,
+        now: SimTime,
     ) -> Result<Outgoing, DropReason> {
         if !source.is_unicast_link_local() {
             return Err(DropReason::Malformed);
@@ -65,7 +66,7 @@ impl Proxy {
         }
         *proxy_state = Some(Eui64::of_ip(source));
         let destination = root.ok_or(DropReason::NoRoute)?;
-        self.spend(message.buffer_len(), now_ns)?;
+        self.spend(message.buffer_len(), now)?;
         Ok(Outgoing { source: self.own.global(), destination, dscp: code_points::AF43, message })
     }
 
@@ -87,29 +88,29 @@ impl Proxy {
     }
 
     /// A token bucket, kept as the time at which it is full again.
-    fn spend(&mut self, bytes: usize, now_ns: u64) -> Result<(), DropReason> {
-        let (takes_ns, most_ns) = match self.join_rate_bytes_s.map(u64::from) {
-            None => (REQUEST_PERIOD_NS, REQUEST_PERIOD_NS),
+    fn spend(&mut self, bytes: usize, now: SimTime) -> Result<(), DropReason> {
+        let (takes, most) = match self.join_rate_bytes_s.map(u64::from) {
+            None => (REQUEST_PERIOD, REQUEST_PERIOD),
             Some(0) => return Err(DropReason::JoinRateExceeded),
             Some(rate) => {
-                let takes_ns = bytes as u64 * NS_PER_S / rate;
-                let most_ns = match self.config.join_burst_bytes {
-                    Some(most) => u64::from(most) * NS_PER_S / rate,
-                    None => MEASURED_NS.max(takes_ns),
+                let takes = SimDuration::SECOND * bytes as u64 / rate;
+                let most = match self.config.join_burst_bytes {
+                    Some(most) => SimDuration::SECOND * u64::from(most) / rate,
+                    None => MEASURED.max(takes),
                 };
-                (takes_ns, most_ns)
+                (takes, most)
             }
         };
-        let spent_until_ns = self.spent_until_ns.max(now_ns) + takes_ns;
-        if now_ns + most_ns < spent_until_ns {
+        let spent_until = self.spent_until.max(now) + takes;
+        if now + most < spent_until {
             return Err(DropReason::JoinRateExceeded);
         }
-        self.spent_until_ns = spent_until_ns;
+        self.spent_until = spent_until;
         Ok(())
     }
 }
 
 /// Without a join rate, time between requests that are forwarded: RFC 9031, § 6.1.
-const REQUEST_PERIOD_NS: u64 = 3 * NS_PER_S;
+const REQUEST_PERIOD: SimDuration = SimDuration::from_s(3);
 /// Over how long a join rate is a mean: RFC 9031, § 7.2, ACK_TIMEOUT.
-const MEASURED_NS: u64 = 10 * NS_PER_S;
+const MEASURED: SimDuration = SimDuration::from_s(10);

@@ -6,6 +6,7 @@ use crate::wire::Eui64;
 use crate::wire::cojp::CojpRepr;
 use crate::wire::datagram::code_points;
 use crate::wire::oscore::Context;
+use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::net::Ipv6Addr;
@@ -20,8 +21,8 @@ pub struct Registrar {
     own: Eui64,
     /// Whom it does not admit, ascending.
     denied: Vec<Eui64>,
-    /// Whom it has admitted, and when first (ns).
-    admitted: BTreeMap<Eui64, u64>,
+    /// Whom it has admitted, and when first.
+    admitted: BTreeMap<Eui64, SimTime>,
     /// Sender sequence numbers of protected requests.
     seen: BTreeMap<Eui64, ReplayWindow>,
 }
@@ -67,7 +68,7 @@ impl Registrar {
         &mut self,
         source: Ipv6Addr,
         request: &CojpRepr,
-        now_ns: u64,
+        now: SimTime,
     ) -> Result<Outgoing, DropReason> {
         let plain;
         let mut protection = None;
@@ -94,7 +95,7 @@ impl Registrar {
         if network_id != self.config.network_id || self.denied.binary_search(&pledge).is_ok() {
             return Err(DropReason::JoinDenied);
         }
-        self.admitted.entry(pledge).or_insert(now_ns);
+        self.admitted.entry(pledge).or_insert(now);
         let mut message = CojpRepr::Response {
             message_id,
             pledge,
@@ -114,9 +115,9 @@ impl Registrar {
         Ok(Outgoing { source: own, destination: source, dscp, message })
     }
 
-    /// When a mote was first admitted (ns).
+    /// When a mote was first admitted.
     #[must_use]
-    pub fn admitted_ns(&self, pledge: Eui64) -> Option<u64> {
+    pub fn admitted(&self, pledge: Eui64) -> Option<SimTime> {
         self.admitted.get(&pledge).copied()
     }
 

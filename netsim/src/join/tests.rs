@@ -5,6 +5,7 @@ use crate::wire::Eui64;
 use proptest::prelude::*;
 use proto::ids::MoteId;
 use proto::rng::Purpose;
+use proto::time::{SimDuration, SimTime};
 
 fn mote(n: u32) -> Eui64 {
     Eui64::of_mote(MoteId(n))
@@ -19,24 +20,24 @@ fn root() -> std::net::Ipv6Addr {
 }
 
 /// The requests of a pledge that nobody answers: when each was sent, and when it gave up.
-fn unanswered(seed: u64, config: Config) -> (Vec<u64>, u64) {
+fn unanswered(seed: u64, config: Config) -> (Vec<SimTime>, SimTime) {
     let mut dice = Dice::new(seed, Purpose::Join, MoteId(5));
     let mut pledge = Pledge::new(config, mote(5));
-    pledge.start(mote(1), 0, &mut dice);
-    let (mut sent, mut now_ns) = (Vec::new(), 0);
+    pledge.start(mote(1), SimTime::START, &mut dice);
+    let (mut sent, mut now) = (Vec::new(), SimTime::START);
     loop {
         if pledge.poll_transmit().is_some() {
-            sent.push(now_ns);
+            sent.push(now);
         }
         assert_eq!(pledge.poll_transmit(), None);
         if let Some(event) = pledge.poll_event() {
             assert_eq!(event, Event::Failed);
-            return (sent, now_ns);
+            return (sent, now);
         }
-        now_ns = pledge.poll_timeout().unwrap();
-        pledge.handle_timeout(now_ns - 1);
-        assert_eq!(pledge.poll_timeout(), Some(now_ns));
-        pledge.handle_timeout(now_ns);
+        now = pledge.poll_timeout().unwrap();
+        pledge.handle_timeout(now - SimDuration::from_ns(1));
+        assert_eq!(pledge.poll_timeout(), Some(now));
+        pledge.handle_timeout(now);
     }
 }
 
@@ -45,13 +46,13 @@ fn j1_who_leaves_before_being_admitted_has_failed_and_afterwards_has_left() {
     let mut pledge = Pledge::new(Config::default(), mote(1));
     pledge.leave();
     assert_eq!(pledge.poll_event(), None);
-    pledge.start(mote(0), 0, &mut dice(1));
+    pledge.start(mote(0), SimTime::START, &mut dice(1));
     pledge.leave();
     assert_eq!(pledge.poll_event(), Some(Event::Failed));
     assert_eq!((pledge.poll_timeout(), pledge.poll_transmit()), (None, None));
 
     let mut pledge = Pledge::new(Config { secure: false, ..Config::default() }, mote(1));
-    pledge.start(mote(0), 0, &mut dice(1));
+    pledge.start(mote(0), SimTime::START, &mut dice(1));
     assert_eq!(pledge.poll_event(), Some(Event::Joined));
     assert!(pledge.is_joined());
     pledge.leave();
@@ -62,7 +63,7 @@ fn j1_who_leaves_before_being_admitted_has_failed_and_afterwards_has_left() {
 #[test]
 fn without_admission_a_mote_has_joined_at_once_and_asks_nobody() {
     let mut pledge = Pledge::new(Config { secure: false, ..Config::default() }, mote(1));
-    pledge.start(mote(0), 0, &mut dice(1));
+    pledge.start(mote(0), SimTime::START, &mut dice(1));
     assert_eq!(pledge.poll_event(), Some(Event::Joined));
     assert_eq!((pledge.poll_transmit(), pledge.poll_timeout()), (None, None));
 }
@@ -75,21 +76,27 @@ fn exchange(open: &[bool]) -> (Pledge, Registrar, usize) {
     let mut pledge = Pledge::new(config, mote(5));
     let mut proxy = Proxy::new(config, mote(1));
     let mut registrar = Registrar::new(config, mote(0), vec![]);
-    let mut now_ns = 7;
+    let mut now = 7;
     let mut n_requests = 0;
-    pledge.start(mote(1), now_ns, &mut dice);
+    pledge.start(mote(1), SimTime::from_ns(now), &mut dice);
     while pledge.poll_event().is_none() {
         if let Some(request) = pledge.poll_transmit() {
             n_requests += 1;
             assert_eq!(request.destination, mote(1).link_local());
             if ways.next().unwrap() {
                 let request = proxy
-                    .handle_request(request.source, &request.message, Some(root()), now_ns)
+                    .handle_request(
+                        request.source,
+                        &request.message,
+                        Some(root()),
+                        SimTime::from_ns(now),
+                    )
                     .unwrap();
                 assert_eq!((request.source, request.destination), (mote(1).global(), root()));
                 if ways.next().unwrap() {
-                    let answer =
-                        registrar.handle_request(request.source, &request.message, now_ns).unwrap();
+                    let answer = registrar
+                        .handle_request(request.source, &request.message, SimTime::from_ns(now))
+                        .unwrap();
                     assert_eq!((answer.source, answer.destination), (root(), mote(1).global()));
                     if ways.next().unwrap() {
                         let answer = proxy.handle_response(&answer.message).unwrap();
@@ -103,8 +110,8 @@ fn exchange(open: &[bool]) -> (Pledge, Registrar, usize) {
             }
             continue;
         }
-        now_ns = pledge.poll_timeout().unwrap();
-        pledge.handle_timeout(now_ns);
+        now = pledge.poll_timeout().unwrap().ns();
+        pledge.handle_timeout(SimTime::from_ns(now));
     }
     (pledge, registrar, n_requests)
 }
@@ -115,7 +122,7 @@ fn a_pledge_joins_through_a_proxy_that_remembers_nothing() {
     assert!(pledge.is_joined());
     assert_eq!(pledge.poll_timeout(), None);
     assert_eq!((registrar.n_admitted(), n_requests), (1, 1));
-    assert_eq!(registrar.admitted_ns(mote(5)), Some(7));
+    assert_eq!(registrar.admitted(mote(5)), Some(SimTime::from_ns(7)));
 }
 
 #[test]
@@ -123,7 +130,7 @@ fn a_lost_answer_is_given_again_and_admission_counts_once() {
     let (pledge, registrar, n_requests) = exchange(&[true, true, true, false]);
     assert!(pledge.is_joined());
     assert_eq!((registrar.n_admitted(), n_requests), (1, 2));
-    assert_eq!(registrar.admitted_ns(mote(5)), Some(7));
+    assert_eq!(registrar.admitted(mote(5)), Some(SimTime::from_ns(7)));
 }
 
 #[test]
@@ -131,9 +138,10 @@ fn a_root_answers_its_neighbours_on_the_link() {
     let config = Config::default();
     let mut pledge = Pledge::new(config, mote(1));
     let mut registrar = Registrar::new(config, mote(0), vec![]);
-    pledge.start(mote(0), 0, &mut dice(1));
+    pledge.start(mote(0), SimTime::START, &mut dice(1));
     let request = pledge.poll_transmit().unwrap();
-    let answer = registrar.handle_request(request.source, &request.message, 0).unwrap();
+    let answer =
+        registrar.handle_request(request.source, &request.message, SimTime::START).unwrap();
     assert_eq!(answer.source, mote(0).link_local());
     assert_eq!(answer.destination, mote(1).link_local());
     pledge.handle_response(&answer.message);
@@ -153,7 +161,7 @@ fn only_the_response_to_the_open_request_admits() {
     };
     pledge.handle_response(&response(0, mote(5), None));
     assert!(!pledge.is_joined(), "nothing was asked");
-    pledge.start(mote(1), 0, &mut dice(5));
+    pledge.start(mote(1), SimTime::START, &mut dice(5));
     let request = pledge.poll_transmit().unwrap();
     let CojpRepr::Request { message_id, .. } = request.message else { panic!() };
     for wrong in [
@@ -172,7 +180,7 @@ fn only_the_response_to_the_open_request_admits() {
 #[test]
 fn repetitions_go_through_the_new_proxy() {
     let mut pledge = Pledge::new(Config::default(), mote(5));
-    pledge.start(mote(1), 0, &mut dice(5));
+    pledge.start(mote(1), SimTime::START, &mut dice(5));
     let first = pledge.poll_transmit().unwrap();
     pledge.handle_proxy(mote(2));
     pledge.handle_timeout(pledge.poll_timeout().unwrap());
@@ -191,7 +199,7 @@ fn who_is_denied_or_asks_for_another_network_hears_nothing() {
         network_id,
     };
     let mut ask = |pledge: Eui64, network_id| {
-        registrar.handle_request(pledge.link_local(), &request(pledge, network_id), 0)
+        registrar.handle_request(pledge.link_local(), &request(pledge, network_id), SimTime::START)
     };
     assert_eq!(ask(mote(5), config.network_id), Err(DropReason::JoinDenied));
     assert_eq!(ask(mote(6), config.network_id ^ 1), Err(DropReason::JoinDenied));
@@ -210,11 +218,14 @@ fn a_proxy_outside_a_dodag_forwards_nothing() {
         network_id: config.network_id,
     };
     let link = mote(5).link_local();
-    assert_eq!(proxy.handle_request(link, &request, None, 0), Err(DropReason::NoRoute));
-    let far = proxy.handle_request(mote(5).global(), &request, Some(root()), 0);
+    assert_eq!(
+        proxy.handle_request(link, &request, None, SimTime::START),
+        Err(DropReason::NoRoute)
+    );
+    let far = proxy.handle_request(mote(5).global(), &request, Some(root()), SimTime::START);
     assert_eq!(far, Err(DropReason::Malformed));
     proxy.set_join_rate(Some(0));
-    let refused = proxy.handle_request(link, &request, Some(root()), 0);
+    let refused = proxy.handle_request(link, &request, Some(root()), SimTime::START);
     assert_eq!(refused, Err(DropReason::JoinRateExceeded));
 }
 
@@ -225,11 +236,13 @@ fn rfc9031_6_1_a_proxy_without_a_join_rate_forwards_one_request_in_three_seconds
     let network_id = config.network_id;
     let forwarded: Vec<u64> = (0..100)
         .map(|n| n * NS_PER_S / 10)
-        .filter(|&now_ns| {
-            let pledge = mote(5 + now_ns as u32 % 7);
+        .filter(|&now| {
+            let pledge = mote(5 + now as u32 % 7);
             let request =
                 CojpRepr::Request { message_id: 1, pledge, proxy_state: None, network_id };
-            proxy.handle_request(pledge.link_local(), &request, Some(root()), now_ns).is_ok()
+            proxy
+                .handle_request(pledge.link_local(), &request, Some(root()), SimTime::from_ns(now))
+                .is_ok()
         })
         .collect();
     assert_eq!(forwarded, [0, 3 * NS_PER_S, 6 * NS_PER_S, 9 * NS_PER_S]);
@@ -245,7 +258,9 @@ fn rfc9031_7_2_a_join_rate_is_a_mean_over_ten_seconds() {
         let mut proxy = Proxy::new(config, mote(1));
         proxy.set_join_rate(Some(rate));
         let mut bytes = Vec::new();
-        while let Ok(sent) = proxy.handle_request(mote(5).link_local(), &request, Some(root()), 0) {
+        while let Ok(sent) =
+            proxy.handle_request(mote(5).link_local(), &request, Some(root()), SimTime::START)
+        {
             bytes.push(sent.message.buffer_len());
         }
         // At least one, or none would ever go through.
@@ -259,10 +274,11 @@ fn rfc9031_8_4_2_who_is_admitted_hears_the_join_rate() {
     for join_rate_bytes_s in [None, Some(40)] {
         let config = Config { join_rate_bytes_s, ..Config::default() };
         let mut pledge = Pledge::new(config, mote(5));
-        pledge.start(mote(0), 0, &mut dice(5));
+        pledge.start(mote(0), SimTime::START, &mut dice(5));
         let request = pledge.poll_transmit().unwrap();
         let mut registrar = Registrar::new(config, mote(0), vec![]);
-        let answer = registrar.handle_request(request.source, &request.message, 0).unwrap();
+        let answer =
+            registrar.handle_request(request.source, &request.message, SimTime::START).unwrap();
         pledge.handle_response(&answer.message);
         assert!(pledge.is_joined());
         assert_eq!(pledge.join_rate_bytes_s(), join_rate_bytes_s);
@@ -273,14 +289,15 @@ fn rfc9031_8_4_2_who_is_admitted_hears_the_join_rate() {
 fn rfc9031_6_1_proxied_requests_are_af43_responses_to_proxies_af42_and_the_rest_best_effort() {
     let config = Config::default();
     let mut pledge = Pledge::new(config, mote(5));
-    pledge.start(mote(1), 0, &mut dice(5));
+    pledge.start(mote(1), SimTime::START, &mut dice(5));
     let asked = pledge.poll_transmit().unwrap();
     let mut proxy = Proxy::new(config, mote(1));
-    let passed = proxy.handle_request(asked.source, &asked.message, Some(root()), 0).unwrap();
+    let passed =
+        proxy.handle_request(asked.source, &asked.message, Some(root()), SimTime::START).unwrap();
     let mut registrar = Registrar::new(config, mote(0), vec![]);
-    let answer = registrar.handle_request(passed.source, &passed.message, 0).unwrap();
+    let answer = registrar.handle_request(passed.source, &passed.message, SimTime::START).unwrap();
     let handed = proxy.handle_response(&answer.message).unwrap();
-    let on_link = registrar.handle_request(asked.source, &asked.message, 0).unwrap();
+    let on_link = registrar.handle_request(asked.source, &asked.message, SimTime::START).unwrap();
     let marks = [&asked, &passed, &answer, &handed, &on_link].map(|one| one.dscp);
     // AF43 is 100110, AF42 100100 (RFC 2597, § 6).
     assert_eq!(marks, [0, 0b10_0110, 0b10_0100, 0, 0]);
@@ -289,7 +306,7 @@ fn rfc9031_6_1_proxied_requests_are_af43_responses_to_proxies_af42_and_the_rest_
 #[test]
 fn a_message_travels_as_udp_payload_and_comes_back() {
     let mut pledge = Pledge::new(Config::default(), mote(5));
-    pledge.start(mote(1), 0, &mut dice(5));
+    pledge.start(mote(1), SimTime::START, &mut dice(5));
     let request = pledge.poll_transmit().unwrap();
     let Upper::Udp(udp) = request.upper() else { panic!() };
     assert_eq!((udp.source_port, udp.destination_port), (5683, 5683));
@@ -299,12 +316,12 @@ fn a_message_travels_as_udp_payload_and_comes_back() {
 proptest! {
     #[test]
     fn j2_timeouts_are_t0_times_1_2_4_8_16_and_t0_is_from_10_to_15_s(seed in any::<u64>()) {
-        let (sent, failed_ns) = unanswered(seed, Config::default());
-        let t0_ns = sent[1];
-        prop_assert!((10 * NS_PER_S..15 * NS_PER_S).contains(&t0_ns));
-        let expected: Vec<u64> = [0, 1, 3, 7, 15].into_iter().map(|n| n * t0_ns).collect();
+        let (sent, failed) = unanswered(seed, Config::default());
+        let t0 = sent[1] - SimTime::START;
+        prop_assert!((SimDuration::from_s(10)..SimDuration::from_s(15)).contains(&t0));
+        let expected = [0, 1, 3, 7, 15].map(|n| SimTime::START + n * t0);
         prop_assert_eq!(sent, expected);
-        prop_assert_eq!(failed_ns, 31 * t0_ns);
+        prop_assert_eq!(failed, SimTime::START + 31 * t0);
     }
 
     #[test]
@@ -331,11 +348,11 @@ proptest! {
         let network_id = config.network_id;
         let request =
             CojpRepr::Request { message_id: 1, pledge: mote(5), proxy_state: None, network_id };
-        let (mut now_ns, mut bytes) = (0, 0);
+        let (mut now, mut bytes) = (0, 0);
         for pause_ms in pauses_ms {
-            now_ns += pause_ms * 1_000_000;
+            now += pause_ms * 1_000_000;
             let link = mote(5).link_local();
-            match proxy.handle_request(link, &request, Some(root()), now_ns) {
+            match proxy.handle_request(link, &request, Some(root()), SimTime::from_ns(now)) {
                 Ok(sent) => {
                     bytes += sent.message.buffer_len() as u64;
                 }
@@ -343,19 +360,19 @@ proptest! {
                     prop_assert_eq!(reason, DropReason::JoinRateExceeded);
                 }
             }
-            let allowed = u64::from(burst) + u64::from(rate) * now_ns / NS_PER_S + 1;
+            let allowed = u64::from(burst) + u64::from(rate) * now / NS_PER_S + 1;
             prop_assert!(bytes <= allowed, "{bytes} of {allowed}");
         }
         // After a pause in which the bucket fills, one goes through.
-        let later_ns = now_ns + 2 * NS_PER_S * u64::from(burst) / u64::from(rate) + NS_PER_S;
+        let later = now + 2 * NS_PER_S * u64::from(burst) / u64::from(rate) + NS_PER_S;
         let link = mote(5).link_local();
-        prop_assert!(proxy.handle_request(link, &request, Some(root()), later_ns).is_ok());
+        prop_assert!(proxy.handle_request(link, &request, Some(root()), SimTime::from_ns(later)).is_ok());
     }
 
     #[test]
     fn a_copy_from_bytes_asks_the_same(n in 0usize..5) {
         let mut pledge = Pledge::new(Config::default(), mote(5));
-        pledge.start(mote(1), 0, &mut dice(5));
+        pledge.start(mote(1), SimTime::START, &mut dice(5));
         for _ in 0..n {
             pledge.handle_timeout(pledge.poll_timeout().unwrap());
         }
@@ -368,8 +385,8 @@ proptest! {
 const SECURED: Config = Config {
     secure: true,
     network_id: crate::wire::frame::NETWORK_PAN,
-    timeout_min_ns: 10_000_000_000,
-    timeout_max_ns: 15_000_000_000,
+    timeout_min: SimDuration::from_ns(10_000_000_000),
+    timeout_max: SimDuration::from_ns(15_000_000_000),
     max_retransmit: 4,
     join_rate_bytes_s: None,
     join_burst_bytes: None,
@@ -381,7 +398,7 @@ fn in_a_secured_network_only_pledge_and_registrar_read_what_they_say() {
     let mut pledge = Pledge::new(SECURED, mote(5));
     let mut proxy = Proxy::new(SECURED, mote(1));
     let mut registrar = Registrar::new(SECURED, mote(0), vec![]);
-    pledge.start(mote(1), 0, &mut dice(5));
+    pledge.start(mote(1), SimTime::START, &mut dice(5));
     let first = pledge.poll_transmit().unwrap();
     assert!(matches!(first.message, CojpRepr::ProtectedRequest { sequence: 0, .. }));
     // The first request is lost; a repetition has another number.
@@ -391,12 +408,18 @@ fn in_a_secured_network_only_pledge_and_registrar_read_what_they_say() {
         panic!("{second:?}")
     };
     assert_eq!(named, mote(5));
-    let passed =
-        proxy.handle_request(second.source, &second.message, Some(root()), 4_000_000_000).unwrap();
-    let answer = registrar.handle_request(passed.source, &passed.message, 0).unwrap();
+    let passed = proxy
+        .handle_request(
+            second.source,
+            &second.message,
+            Some(root()),
+            SimTime::from_ns(4_000_000_000),
+        )
+        .unwrap();
+    let answer = registrar.handle_request(passed.source, &passed.message, SimTime::START).unwrap();
     assert!(matches!(answer.message, CojpRepr::ProtectedResponse { .. }));
     // Said again, it is a replay.
-    let again = registrar.handle_request(passed.source, &passed.message, 0);
+    let again = registrar.handle_request(passed.source, &passed.message, SimTime::START);
     assert_eq!(again.unwrap_err(), DropReason::Duplicate);
     let answer = proxy.handle_response(&answer.message).unwrap();
     assert_eq!(answer.destination, mote(5).link_local());
@@ -408,28 +431,28 @@ fn in_a_secured_network_only_pledge_and_registrar_read_what_they_say() {
     pledge.handle_response(&answer.message);
     assert!(pledge.is_joined());
     // A late answer to the first request changes nothing.
-    assert!(registrar.handle_request(first.source, &first.message, 0).is_ok());
+    assert!(registrar.handle_request(first.source, &first.message, SimTime::START).is_ok());
 }
 
 #[test]
 fn in_a_secured_network_what_is_not_protected_admits_nobody() {
     let mut registrar = Registrar::new(SECURED, mote(0), vec![]);
     let mut open = Pledge::new(Config::default(), mote(5));
-    open.start(mote(0), 0, &mut dice(5));
+    open.start(mote(0), SimTime::START, &mut dice(5));
     let request = open.poll_transmit().unwrap();
-    let refused = registrar.handle_request(request.source, &request.message, 0);
+    let refused = registrar.handle_request(request.source, &request.message, SimTime::START);
     assert_eq!(refused.unwrap_err(), DropReason::JoinDenied);
     // Nor does the key of somebody else.
     let other = Security { join_key: [4; 16], ..SECURED.security.unwrap() };
     let mut stranger = Pledge::new(Config { security: Some(other), ..SECURED }, mote(5));
-    stranger.start(mote(0), 0, &mut dice(5));
+    stranger.start(mote(0), SimTime::START, &mut dice(5));
     let request = stranger.poll_transmit().unwrap();
-    let refused = registrar.handle_request(request.source, &request.message, 0);
+    let refused = registrar.handle_request(request.source, &request.message, SimTime::START);
     assert_eq!(refused.unwrap_err(), DropReason::JoinDenied);
     assert_eq!(registrar.n_admitted(), 0);
 
     let mut pledge = Pledge::new(SECURED, mote(5));
-    pledge.start(mote(0), 0, &mut dice(5));
+    pledge.start(mote(0), SimTime::START, &mut dice(5));
     let CojpRepr::ProtectedRequest { message_id, .. } = pledge.poll_transmit().unwrap().message
     else {
         panic!()

@@ -2,6 +2,7 @@
 
 use crate::wire::datagram::Datagram;
 use crate::wire::fragment::Fragment;
+use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -15,8 +16,8 @@ type Units = [u64; 4];
 pub(super) struct Buffer {
     /// Identity of the datagram, for records.
     pub(super) packet: u64,
-    /// Until when it may wait (ns).
-    pub(super) until_ns: u64,
+    /// Until when it may wait.
+    pub(super) until: SimTime,
     size: u16,
     covered: u16,
     /// Units that are there.
@@ -51,10 +52,10 @@ pub(super) fn is_valid(part: &Fragment) -> bool {
 
 impl Buffer {
     /// For the datagram of which `part` is one. Nothing is in it.
-    pub(super) fn new(part: &Fragment, until_ns: u64) -> Self {
+    pub(super) fn new(part: &Fragment, until: SimTime) -> Self {
         Self {
             packet: part.datagram.packet,
-            until_ns,
+            until,
             size: part.size,
             covered: 0,
             present: [0; 4],

@@ -5,6 +5,7 @@ use line::{Line, datagram, down, mote};
 use proptest::prelude::*;
 use proto::ids::MoteId;
 use proto::rng::Purpose;
+use proto::time::{SimDuration, SimTime};
 
 mod line;
 
@@ -128,12 +129,13 @@ fn f4_of_ten_datagrams_as_many_are_under_way_as_there_is_room_for() {
             let mut refused = Vec::new();
             for from in 11..21 {
                 let first = &parts(from, u64::from(from), 200)[0];
-                let mut outcome = relay.handle(mote(from), first, 0);
+                let mut outcome = relay.handle(mote(from), first, SimTime::START);
                 if let LowpanAction::Route(datagram) = outcome {
-                    outcome = relay.forward(mote(from), first, datagram.into(), mote(0), 0);
+                    outcome =
+                        relay.forward(mote(from), first, datagram.into(), mote(0), SimTime::START);
                 }
                 refused.extend(dropped(&outcome));
-                assert_eq!(root.handle(mote(from), first, 0), LowpanAction::Wait);
+                assert_eq!(root.handle(mote(from), first, SimTime::START), LowpanAction::Wait);
             }
             let (n, why) = match mode {
                 Mode::PerHopReassembly => (relay.n_buffers(), DropReason::ReassemblyBufferFull),
@@ -148,15 +150,17 @@ fn f4_of_ten_datagrams_as_many_are_under_way_as_there_is_room_for() {
 
 #[test]
 fn f5_after_60_s_a_datagram_is_given_up_by_the_clock_and_by_the_next_fragment() {
-    let minute_ns = 60 * NS_PER_S;
+    let minute = 60 * NS_PER_S;
     for mode in MODES {
         let config = Config { mode, ..Config::default() };
         let begin = |relay: &mut Lowpan| {
             let all = parts(5, 1, 200);
-            if let LowpanAction::Route(datagram) = relay.handle(mote(5), &all[0], 7) {
-                relay.forward(mote(5), &all[0], datagram.into(), mote(0), 7);
+            if let LowpanAction::Route(datagram) =
+                relay.handle(mote(5), &all[0], SimTime::from_ns(7))
+            {
+                relay.forward(mote(5), &all[0], datagram.into(), mote(0), SimTime::from_ns(7));
             }
-            assert_eq!(relay.poll_timeout(), Some(7 + minute_ns));
+            assert_eq!(relay.poll_timeout(), Some(SimTime::from_ns(7 + minute)));
             assert_eq!(relay.n_buffers() + relay.n_vrb_entries(), 1);
             all
         };
@@ -164,20 +168,20 @@ fn f5_after_60_s_a_datagram_is_given_up_by_the_clock_and_by_the_next_fragment() 
 
         let mut relay = lowpan(1, config);
         begin(&mut relay);
-        assert_eq!(relay.handle_timeout(6 + minute_ns), []);
-        assert_eq!(relay.handle_timeout(7 + minute_ns), expected);
+        assert_eq!(relay.handle_timeout(SimTime::from_ns(6 + minute)), []);
+        assert_eq!(relay.handle_timeout(SimTime::from_ns(7 + minute)), expected);
         assert_eq!(relay.poll_timeout(), None);
         assert_eq!(relay.n_buffers() + relay.n_vrb_entries(), 0);
 
         let mut relay = lowpan(1, config);
         let all = begin(&mut relay);
-        let outcome = relay.handle(mote(5), &all[1], 7 + minute_ns);
+        let outcome = relay.handle(mote(5), &all[1], SimTime::from_ns(7 + minute));
         match mode {
             Mode::PerHopReassembly => assert_eq!(outcome, LowpanAction::Wait),
             Mode::FragmentForwarding => assert_eq!(dropped(&outcome), Some(DropReason::NoVrbEntry)),
         }
-        assert!(relay.poll_timeout().unwrap() <= 7 + minute_ns);
-        assert_eq!(relay.handle_timeout(7 + minute_ns), expected);
+        assert!(relay.poll_timeout().unwrap() <= SimTime::from_ns(7 + minute));
+        assert_eq!(relay.handle_timeout(SimTime::from_ns(7 + minute)), expected);
     }
 }
 
@@ -185,16 +189,16 @@ fn f5_after_60_s_a_datagram_is_given_up_by_the_clock_and_by_the_next_fragment() 
 fn f5_a_datagram_that_has_passed_whole_is_not_lost_when_its_way_is_forgotten() {
     let mut relay = lowpan(1, Config::default());
     for (i, received) in parts(5, 1, 200).iter().enumerate() {
-        match relay.handle(mote(5), received, 0) {
+        match relay.handle(mote(5), received, SimTime::START) {
             LowpanAction::Route(datagram) if i == 0 => {
-                relay.forward(mote(5), received, datagram.into(), mote(0), 0);
+                relay.forward(mote(5), received, datagram.into(), mote(0), SimTime::START);
             }
             LowpanAction::Forward { next_hop, .. } => assert_eq!(next_hop, mote(0)),
             other => panic!("{other:?}"),
         }
     }
     assert_eq!(relay.n_vrb_entries(), 1);
-    assert_eq!(relay.handle_timeout(60 * NS_PER_S), []);
+    assert_eq!(relay.handle_timeout(SimTime::START + SimDuration::from_s(60)), []);
     assert_eq!(relay.n_vrb_entries(), 0);
 }
 
@@ -209,9 +213,9 @@ fn f6_tags_differ_from_hop_to_hop_and_grow_by_one_per_datagram() {
     for packet in 0..5 {
         let whole = Arc::new(datagram(5, 0, packet, 200));
         for received in sender.send(whole, Some(mote(1)), ROOM).unwrap() {
-            let outcome = match relay.handle(mote(5), &received, 0) {
+            let outcome = match relay.handle(mote(5), &received, SimTime::START) {
                 LowpanAction::Route(datagram) => {
-                    relay.forward(mote(5), &received, datagram.into(), mote(0), 0)
+                    relay.forward(mote(5), &received, datagram.into(), mote(0), SimTime::START)
                 }
                 outcome => outcome,
             };
@@ -228,9 +232,9 @@ fn passed(config: Config, all: &[LowpanRepr], come: &[usize]) -> (Vec<u16>, Lowp
     let mut relay = lowpan(1, config);
     let mut offsets = Vec::new();
     for &i in come {
-        let outcome = match relay.handle(mote(5), &all[i], 0) {
+        let outcome = match relay.handle(mote(5), &all[i], SimTime::START) {
             LowpanAction::Route(datagram) => {
-                relay.forward(mote(5), &all[i], datagram.into(), mote(0), 0)
+                relay.forward(mote(5), &all[i], datagram.into(), mote(0), SimTime::START)
             }
             outcome => outcome,
         };
@@ -260,7 +264,7 @@ fn f7_ways_are_forgotten_as_the_policies_say() {
         assert_eq!((sent.len(), relay.n_vrb_entries()), (n_sent, n_entries), "{config:?}");
     }
     let mut relay = passed(missing, &all, &[0]).1;
-    let outcome = relay.handle(mote(5), &all[2], 0);
+    let outcome = relay.handle(mote(5), &all[2], SimTime::START);
     assert_eq!(dropped(&outcome), Some(DropReason::MissingFragment));
 }
 
@@ -299,9 +303,9 @@ fn parts_for_a_group_are_put_together_and_never_forwarded() {
             lowpan(5, Config::default()).send(group.clone(), None, ROOM).unwrap().collect();
         let (last, others) = sent.split_last().unwrap();
         for received in others {
-            assert_eq!(receiver.handle(mote(5), received, 0), LowpanAction::Wait);
+            assert_eq!(receiver.handle(mote(5), received, SimTime::START), LowpanAction::Wait);
         }
-        assert_eq!(receiver.handle(mote(5), last, 0), LowpanAction::Deliver(group));
+        assert_eq!(receiver.handle(mote(5), last, SimTime::START), LowpanAction::Deliver(group));
     }
 }
 
@@ -317,7 +321,10 @@ fn rfc8930_6_a_first_part_that_comes_twice_is_forwarded_once() {
     let all = parts(5, 1, 300);
     let (sent, mut relay) = passed(Config::default(), &all, &[0, 0]);
     assert_eq!(sent, [0]);
-    assert_eq!(dropped(&relay.handle(mote(5), &all[0], 0)), Some(DropReason::Duplicate));
+    assert_eq!(
+        dropped(&relay.handle(mote(5), &all[0], SimTime::START)),
+        Some(DropReason::Duplicate)
+    );
 }
 
 #[test]
@@ -326,7 +333,7 @@ fn rfc4944_5_3_datagrams_of_two_neighbours_with_one_tag_are_kept_apart() {
     let (a, b) = (parts(5, 9, 200), parts(6, 9, 200));
     let outcomes: Vec<_> = (0..3)
         .flat_map(|i| [(5, &a[i]), (6, &b[i])])
-        .map(|(from, received)| root.handle(mote(from), received, 0))
+        .map(|(from, received)| root.handle(mote(from), received, SimTime::START))
         .collect();
     assert_eq!(
         outcomes[..4],
@@ -342,17 +349,23 @@ fn rfc4944_5_3_datagrams_of_two_neighbours_with_one_tag_are_kept_apart() {
 fn rfc4944_5_3_a_part_that_overlaps_another_begins_the_datagram_anew() {
     let mut root = lowpan(0, Config::default());
     let all = parts(5, 1, 300);
-    root.handle(mote(5), &all[0], 0);
-    root.handle(mote(5), &all[1], 0);
-    assert_eq!(dropped(&root.handle(mote(5), &all[1], 0)), Some(DropReason::Duplicate));
+    root.handle(mote(5), &all[0], SimTime::START);
+    root.handle(mote(5), &all[1], SimTime::START);
+    assert_eq!(
+        dropped(&root.handle(mote(5), &all[1], SimTime::START)),
+        Some(DropReason::Duplicate)
+    );
     let LowpanRepr::Next(mut overlapping) = all[1].clone() else { panic!() };
     overlapping.covers -= 8;
-    assert_eq!(root.handle(mote(5), &LowpanRepr::Next(overlapping), 0), LowpanAction::Wait);
-    assert_eq!(root.poll_timeout(), Some(0));
-    assert_eq!(root.handle_timeout(0), [(1, DropReason::FragmentOverlap)]);
+    assert_eq!(
+        root.handle(mote(5), &LowpanRepr::Next(overlapping), SimTime::START),
+        LowpanAction::Wait
+    );
+    assert_eq!(root.poll_timeout(), Some(SimTime::START));
+    assert_eq!(root.handle_timeout(SimTime::START), [(1, DropReason::FragmentOverlap)]);
     // The rest does not complete what was given up.
-    assert_eq!(root.handle(mote(5), &all[2], 0), LowpanAction::Wait);
-    assert_eq!(root.handle(mote(5), &all[3], 0), LowpanAction::Wait);
+    assert_eq!(root.handle(mote(5), &all[2], SimTime::START), LowpanAction::Wait);
+    assert_eq!(root.handle(mote(5), &all[3], SimTime::START), LowpanAction::Wait);
 }
 
 #[test]
@@ -364,9 +377,12 @@ fn a_neighbour_that_begins_anew_with_an_old_tag_is_not_mixed_up_with_before() {
         part.tag = 1;
     }
     let (_, mut relay) = passed(Config::default(), &all, &[0]);
-    assert_eq!(dropped(&relay.handle(mote(5), &again[1], 0)), Some(DropReason::NoVrbEntry));
-    assert!(matches!(relay.handle(mote(5), &again[0], 0), LowpanAction::Route(_)));
-    assert_eq!(relay.handle_timeout(0), [(1, DropReason::FragmentOverlap)]);
+    assert_eq!(
+        dropped(&relay.handle(mote(5), &again[1], SimTime::START)),
+        Some(DropReason::NoVrbEntry)
+    );
+    assert!(matches!(relay.handle(mote(5), &again[0], SimTime::START), LowpanAction::Route(_)));
+    assert_eq!(relay.handle_timeout(SimTime::START), [(1, DropReason::FragmentOverlap)]);
 }
 
 #[test]
@@ -383,7 +399,7 @@ fn what_cannot_be_a_part_is_dropped() {
         Fragment { size: 2048, ..good.clone() },
         Fragment { offset: 65_528, covers: 65_528, ..good.clone() },
     ] {
-        let outcome = root.handle(mote(5), &LowpanRepr::Next(bad.clone()), 0);
+        let outcome = root.handle(mote(5), &LowpanRepr::Next(bad.clone()), SimTime::START);
         assert_eq!(dropped(&outcome), Some(DropReason::Malformed), "{bad:?}");
     }
     assert_eq!(root.n_buffers(), 0);
@@ -396,7 +412,7 @@ fn rfc4944_5_3_a_mote_that_leaves_the_network_forgets_all_parts() {
     let own = Arc::new(datagram(6, 1, 2, 200));
     let sent: Vec<_> =
         lowpan(6, Config::default()).send(own, Some(mote(1)), ROOM).unwrap().collect();
-    assert_eq!(relay.handle(mote(6), &sent[0], 0), LowpanAction::Wait);
+    assert_eq!(relay.handle(mote(6), &sent[0], SimTime::START), LowpanAction::Wait);
     let mut lost = relay.clear(DropReason::Desynchronised);
     lost.sort_unstable();
     assert_eq!(lost, [(1, DropReason::Desynchronised), (2, DropReason::Desynchronised)]);
@@ -414,7 +430,7 @@ proptest! {
         let mut there = vec![false; all.len()];
         for index in order {
             let i = index.index(all.len());
-            let outcome = receiver.handle(mote(5), &all[i], 0);
+            let outcome = receiver.handle(mote(5), &all[i], SimTime::START);
             if there[i] {
                 prop_assert_eq!(dropped(&outcome), Some(DropReason::Duplicate));
                 continue;
@@ -490,8 +506,8 @@ proptest! {
         let mut copy: Lowpan = postcard::from_bytes(&bytes).unwrap();
         prop_assert_eq!(&copy, &relay);
         for received in &all[n..] {
-            let outcome = relay.handle(mote(5), received, 1);
-            prop_assert_eq!(copy.handle(mote(5), received, 1), outcome);
+            let outcome = relay.handle(mote(5), received, SimTime::from_ns(1));
+            prop_assert_eq!(copy.handle(mote(5), received, SimTime::from_ns(1)), outcome);
         }
         prop_assert_eq!(copy, relay);
     }

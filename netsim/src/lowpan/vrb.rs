@@ -2,6 +2,7 @@
 
 use crate::wire::Eui64;
 use crate::wire::fragment::Fragment;
+use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 
 /// Where the parts of a datagram go. It holds none of them.
@@ -9,8 +10,8 @@ use serde::{Deserialize, Serialize};
 pub(super) struct Entry {
     /// Identity of the datagram, for records.
     pub(super) packet: u64,
-    /// Until when it is kept (ns).
-    pub(super) until_ns: u64,
+    /// Until when it is kept.
+    pub(super) until: SimTime,
     /// To whom the parts go.
     pub(super) next_hop: Eui64,
     /// Their tag on the way there.
@@ -24,10 +25,10 @@ pub(super) struct Entry {
 
 impl Entry {
     /// For the datagram whose first part this is.
-    pub(super) fn new(first: &Fragment, next_hop: Eui64, tag: u16, until_ns: u64) -> Self {
+    pub(super) fn new(first: &Fragment, next_hop: Eui64, tag: u16, until: SimTime) -> Self {
         let packet = first.datagram.packet;
         let (size, end, passed) = (first.size, first.covers, first.covers);
-        Self { packet, until_ns, next_hop, tag, size, end, passed }
+        Self { packet, until, next_hop, tag, size, end, passed }
     }
 
     /// Whether parts before this one have not come.

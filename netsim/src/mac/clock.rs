@@ -3,6 +3,7 @@
 use crate::dice::Dice;
 use crate::wire::Eui64;
 use physics::timing::RX_WAIT_NS;
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// A crystal, its last correction, and the rate that the mote compensates.
@@ -10,12 +11,12 @@ use serde::{Deserialize, Serialize};
 pub struct Clock {
     /// How much too fast (parts per 10⁹, negative: too slow), compensation included.
     rate_ppb: i64,
-    /// When it was corrected (ns).
-    corrected_ns: u64,
+    /// When it was corrected.
+    corrected: SimTime,
     /// How far it was off then (ns; positive: its slots begin late).
     offset_ns: i64,
-    /// Resolution of a correction (ns): one tick.
-    tick_ns: u64,
+    /// Resolution of a correction: one tick.
+    tick: SimDuration,
     drift: Drift,
 }
 
@@ -40,8 +41,8 @@ struct Drift {
     compensated_ppb: i64,
     /// Whose time the corrections of the window were taken from.
     source: Option<Eui64>,
-    /// When the window began (ns).
-    begun_ns: u64,
+    /// When the window began.
+    begun: SimTime,
     /// Sum of its corrections (ns).
     sum_ns: i64,
     /// Windows that were measured, those against sources before counting for one; counted to [`N_DOUBLINGS`].
@@ -56,7 +57,7 @@ struct Drift {
 
 /// Least length of the first window: a tick of 32,768 Hz over it is 1.5 ppm. Motes that move keep a source for 10 s or 20, which
 /// is too short to learn from, as the source itself is corrected meanwhile.
-const WINDOW_NS: u64 = 20_000_000_000;
+const WINDOW: SimDuration = SimDuration::from_s(20);
 /// So often the next one is twice as long: a tick over the last is 0.2 ppm.
 const N_DOUBLINGS: u8 = 3;
 /// Windows after which a mote settles with its source: they take 140 s, 120 s with a later source. Among motes that move none is
@@ -70,13 +71,19 @@ impl Clock {
     #[must_use]
     pub fn new(max_drift_ppm: f64, crystal_hz: u32, dice: &mut Dice) -> Self {
         let rate_ppb = libm::round(dice.between(-1.0, 1.0) * max_drift_ppm * 1e3) as i64;
-        Self { rate_ppb, tick_ns: 1_000_000_000 / u64::from(crystal_hz), ..Self::exact() }
+        Self { rate_ppb, tick: SimDuration::SECOND / u64::from(crystal_hz), ..Self::exact() }
     }
 
     /// A clock that is always right: a root's, which defines time.
     #[must_use]
     pub fn exact() -> Self {
-        Self { rate_ppb: 0, corrected_ns: 0, offset_ns: 0, tick_ns: 0, drift: Drift::default() }
+        Self {
+            rate_ppb: 0,
+            corrected: SimTime::START,
+            offset_ns: 0,
+            tick: SimDuration::ZERO,
+            drift: Drift::default(),
+        }
     }
 
     /// The same crystal, faster by so much (ppm).
@@ -85,50 +92,52 @@ impl Clock {
         Self { rate_ppb: self.rate_ppb + libm::round(ppm * 1e3) as i64, ..self }
     }
 
-    /// How far it is off (ns): its slots begin that much after true time.
+    /// How far it is off: its slots begin that much after true time.
     #[must_use]
-    pub fn deviation_ns(&self, now_ns: u64) -> i64 {
-        let elapsed_ns = now_ns.saturating_sub(self.corrected_ns);
-        let whole = i64::try_from(elapsed_ns).ok().and_then(|ns| self.rate_ppb.checked_mul(ns));
+    pub fn deviation_ns(&self, now: SimTime) -> i64 {
+        let elapsed = now.saturating_since(self.corrected);
+        let whole = i64::try_from(elapsed.ns()).ok().and_then(|ns| self.rate_ppb.checked_mul(ns));
         self.offset_ns
             - match whole {
                 Some(product) => product / 1_000_000_000,
                 // After 9 million seconds at 1000 ppm.
-                None => (i128::from(self.rate_ppb) * i128::from(elapsed_ns) / 1_000_000_000) as i64,
+                None => {
+                    (i128::from(self.rate_ppb) * i128::from(elapsed.ns()) / 1_000_000_000) as i64
+                }
             }
     }
 
     /// Takes over the time of another clock that is off by `source_ns`, to the nearest tick.
-    pub fn correct(&mut self, source_ns: i64, now_ns: u64, dice: &mut Dice) {
-        let half_ns = (self.tick_ns / 2) as i64;
-        self.offset_ns = source_ns + dice.below(self.tick_ns.max(1)) as i64 - half_ns;
-        self.corrected_ns = now_ns;
+    pub fn correct(&mut self, source_ns: i64, now: SimTime, dice: &mut Dice) {
+        let half_ns = (self.tick / 2).ns() as i64;
+        self.offset_ns = source_ns + dice.below(self.tick.ns().max(1)) as i64 - half_ns;
+        self.corrected = now;
     }
 
     /// The same, and learns from it how fast the clock is against that of `source`.
     ///
     /// What was learned against another source is compensated further, as both keep the root's time, but how long the clock
     /// holds against this one is not known until it is measured.
-    pub fn learn(&mut self, source: Eui64, source_ns: i64, now_ns: u64, dice: &mut Dice) {
-        let before_ns = self.deviation_ns(now_ns);
-        self.correct(source_ns, now_ns, dice);
+    pub fn learn(&mut self, source: Eui64, source_ns: i64, now: SimTime, dice: &mut Dice) {
+        let before_ns = self.deviation_ns(now);
+        self.correct(source_ns, now, dice);
         let drift = &mut self.drift;
         if drift.source != Some(source) {
             let n_windows = drift.n_windows.min(1);
             let (source, is_confirmed) = (Some(source), false);
-            *drift =
-                Drift { source, begun_ns: now_ns, sum_ns: 0, n_windows, is_confirmed, ..*drift };
+            *drift = Drift { source, begun: now, sum_ns: 0, n_windows, is_confirmed, ..*drift };
             return;
         }
         drift.sum_ns += self.offset_ns - before_ns;
-        let length_ns = now_ns - drift.begun_ns;
-        if length_ns < WINDOW_NS << drift.n_windows {
+        let length = now - drift.begun;
+        if length < WINDOW * (1 << drift.n_windows) {
             return;
         }
-        let over_length = |ns: i64| (i128::from(ns) * 1_000_000_000 / i128::from(length_ns)) as i64;
+        let over_length =
+            |ns: i64| (i128::from(ns) * 1_000_000_000 / i128::from(length.ns())) as i64;
         let remaining_ppb = over_length(drift.sum_ns);
         let shown_ppb =
-            remaining_ppb.unsigned_abs() + over_length(self.tick_ns as i64).unsigned_abs();
+            remaining_ppb.unsigned_abs() + over_length(self.tick.ns() as i64).unsigned_abs();
         if drift.n_windows != 0 {
             let remembered_ppb = drift.bound_ppb.map_or(0, |bound| bound - bound / 4);
             drift.bound_ppb = Some(shown_ppb.max(remembered_ppb));
@@ -139,7 +148,7 @@ impl Clock {
         drift.compensated_ppb += step_ppb;
         drift.n_windows = (drift.n_windows + 1).min(N_DOUBLINGS);
         drift.is_settled |= drift.n_windows == N_TO_SETTLE;
-        (drift.begun_ns, drift.sum_ns) = (now_ns, 0);
+        (drift.begun, drift.sum_ns) = (now, 0);
     }
 
     /// Time has been lost: what the clock is compared with begins anew. The rate that was learned is compensated further.
@@ -154,22 +163,24 @@ impl Clock {
         self.drift = Drift::default();
     }
 
-    /// How long it certainly stays within half of the guard time of its source without a correction (ns); `None`: that is not
+    /// How long it certainly stays within half of the guard time of its source without a correction; `None`: that is not
     /// known. The other half is for the source, whose own clock is corrected meanwhile.
     #[must_use]
-    pub fn holds_ns(&self) -> Option<u64> {
+    pub fn holds(&self) -> Option<SimDuration> {
         self.drift.bound_ppb.filter(|_| self.drift.is_confirmed).map(|ppb| self.holds_within(ppb))
     }
 
     /// The same without a source: how long it stays so near to the time that all sources kept so far, the root's.
     #[must_use]
-    pub fn runs_free_ns(&self) -> Option<u64> {
+    pub fn runs_free(&self) -> Option<SimDuration> {
         self.drift.bound_ppb.filter(|_| self.drift.is_settled).map(|ppb| self.holds_within(ppb))
     }
 
-    fn holds_within(&self, bound_ppb: u64) -> u64 {
-        let budget_ns = (RX_WAIT_NS / 4).unsigned_abs().saturating_sub(self.tick_ns);
-        (u128::from(budget_ns) * 1_000_000_000 / u128::from(bound_ppb.max(1))) as u64
+    fn holds_within(&self, bound_ppb: u64) -> SimDuration {
+        let budget_ns = (RX_WAIT_NS / 4).unsigned_abs().saturating_sub(self.tick.ns());
+        SimDuration::from_ns(
+            (u128::from(budget_ns) * 1_000_000_000 / u128::from(bound_ppb.max(1))) as u64,
+        )
     }
 }
 
@@ -186,12 +197,12 @@ mod tests {
         for seed in 0..200 {
             let mut dice = Dice::new(seed, Purpose::Mac, MoteId(1));
             let mut clock = Clock::new(30.0, 32_768, &mut dice);
-            assert!(clock.deviation_ns(100 * S).abs() <= 3_000_000);
-            clock.correct(-500, 100 * S, &mut dice);
-            let after_ns = clock.deviation_ns(100 * S);
+            assert!(clock.deviation_ns(SimTime::from_ns(100 * S)).abs() <= 3_000_000);
+            clock.correct(-500, SimTime::from_ns(100 * S), &mut dice);
+            let after_ns = clock.deviation_ns(SimTime::from_ns(100 * S));
             assert!((-500 - 15_259..-500 + 15_259).contains(&after_ns), "{after_ns}");
         }
-        assert_eq!(Clock::exact().deviation_ns(u64::MAX), 0);
+        assert_eq!(Clock::exact().deviation_ns(SimTime::NEVER), 0);
     }
 
     /// Learns against a source whose clock is off by `source_ns` at each time (s).
@@ -202,7 +213,12 @@ mod tests {
     ) {
         let mut dice = Dice::new(7, Purpose::Mac, MoteId(2));
         for at_s in times_s {
-            clock.learn(Eui64::of_mote(MoteId(0)), source_ns(at_s * S), at_s * S, &mut dice);
+            clock.learn(
+                Eui64::of_mote(MoteId(0)),
+                source_ns(at_s * S),
+                SimTime::from_ns(at_s * S),
+                &mut dice,
+            );
         }
     }
 
@@ -215,11 +231,11 @@ mod tests {
                 let times_s = (0..=300).step_by(every_s);
                 let last_s = 300 / every_s as u64 * every_s as u64;
                 learn(&mut clock, times_s, |_| 0);
-                let off_ns = clock.deviation_ns((last_s + 100) * S);
+                let off_ns = clock.deviation_ns(SimTime::from_ns((last_s + 100) * S));
                 assert!(off_ns.abs() < 300_000, "{off_ns}");
-                let holds_ns = clock.holds_ns().unwrap();
-                let off_ns = clock.deviation_ns(last_s * S + holds_ns);
-                assert!(30 * S < holds_ns && off_ns.abs() < 550_000, "{holds_ns} {off_ns}");
+                let holds = clock.holds().unwrap();
+                let off_ns = clock.deviation_ns(SimTime::from_ns(last_s * S + holds.ns()));
+                assert!(30 * S < holds.ns() && off_ns.abs() < 550_000, "{holds:?} {off_ns}");
             }
         }
     }
@@ -228,14 +244,15 @@ mod tests {
     fn nothing_is_known_before_two_windows_and_after_another_source() {
         let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, MoteId(1)));
         learn(&mut clock, 0..60, |_| 0);
-        assert_eq!(clock.holds_ns(), None);
+        assert_eq!(clock.holds(), None);
         learn(&mut clock, 60..=60, |_| 0);
-        assert!(clock.holds_ns().is_some());
+        assert!(clock.holds().is_some());
         let mut dice = Dice::new(2, Purpose::Mac, MoteId(2));
-        clock.learn(Eui64::of_mote(MoteId(5)), 0, 61 * S, &mut dice);
-        assert_eq!(clock.holds_ns(), None);
+        clock.learn(Eui64::of_mote(MoteId(5)), 0, SimTime::from_ns(61 * S), &mut dice);
+        assert_eq!(clock.holds(), None);
         // Who follows the root keeps its rate: the estimate remains.
-        let drifted_ns = clock.deviation_ns(161 * S) - clock.deviation_ns(61 * S);
+        let drifted_ns = clock.deviation_ns(SimTime::from_ns(161 * S))
+            - clock.deviation_ns(SimTime::from_ns(61 * S));
         assert!(drifted_ns.abs() < 500_000, "{drifted_ns}");
     }
 
@@ -243,19 +260,24 @@ mod tests {
     fn who_has_kept_a_source_for_two_minutes_runs_free_and_not_who_meets_others_all_the_time() {
         let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, MoteId(1)));
         learn(&mut clock, (0..140).step_by(5), |_| 0);
-        assert_eq!(clock.runs_free_ns(), None);
+        assert_eq!(clock.runs_free(), None);
         learn(&mut clock, 140..=140, |_| 0);
-        let known_ns = clock.runs_free_ns();
+        let known_ns = clock.runs_free();
         assert!(known_ns.is_some());
         // Another source does not make it forget how fast it is itself.
         let mut dice = Dice::new(2, Purpose::Mac, MoteId(2));
-        clock.learn(Eui64::of_mote(MoteId(5)), 0, 141 * S, &mut dice);
-        assert_eq!(clock.runs_free_ns(), known_ns);
+        clock.learn(Eui64::of_mote(MoteId(5)), 0, SimTime::from_ns(141 * S), &mut dice);
+        assert_eq!(clock.runs_free(), known_ns);
         let mut restless = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, MoteId(1)));
         for at_s in 0..1000 {
-            restless.learn(Eui64::of_mote(MoteId((at_s / 60) as u32)), 0, at_s * S, &mut dice);
+            restless.learn(
+                Eui64::of_mote(MoteId((at_s / 60) as u32)),
+                0,
+                SimTime::from_ns(at_s * S),
+                &mut dice,
+            );
         }
-        assert_eq!(restless.runs_free_ns(), None);
+        assert_eq!(restless.runs_free(), None);
     }
 
     #[test]
@@ -263,17 +285,20 @@ mod tests {
         let new = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, MoteId(1)));
         let mut clock = new.clone();
         learn(&mut clock, (0..=200).step_by(5), |_| 0);
-        let drift_ns = |clock: &Clock| clock.deviation_ns(1200 * S) - clock.deviation_ns(200 * S);
+        let drift_ns = |clock: &Clock| {
+            clock.deviation_ns(SimTime::from_ns(1200 * S))
+                - clock.deviation_ns(SimTime::from_ns(200 * S))
+        };
         assert!(drift_ns(&clock).abs() * 10 < drift_ns(&new).abs(), "{}", drift_ns(&clock));
         clock.forget();
-        assert_eq!((drift_ns(&clock), clock.runs_free_ns()), (drift_ns(&new), None));
+        assert_eq!((drift_ns(&clock), clock.runs_free()), (drift_ns(&new), None));
     }
 
     #[test]
     fn a_source_that_changes_its_pace_shortens_what_is_relied_on() {
         let mut clock = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, MoteId(1)));
         learn(&mut clock, (0..=200).step_by(5), |_| 0);
-        let calm_ns = clock.holds_ns().unwrap();
+        let calm = clock.holds().unwrap();
         // 50 ppm one way for a minute, then the other.
         let swings = |at_ns: u64| {
             let phase = (at_ns - 200 * S) % (120 * S);
@@ -281,7 +306,7 @@ mod tests {
             ramp as i64 * 50 / 1_000_000
         };
         learn(&mut clock, (205..=800).step_by(5), swings);
-        let holds_ns = clock.holds_ns().unwrap();
-        assert!(holds_ns * 4 < calm_ns, "{holds_ns} {calm_ns}");
+        let holds = clock.holds().unwrap();
+        assert!(holds * 4 < calm, "{holds:?} {calm:?}");
     }
 }

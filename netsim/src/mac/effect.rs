@@ -15,6 +15,7 @@ use proto::config::{
 };
 use proto::effect::{About, Catalogued, Fit, Named};
 use proto::ids::MoteId;
+use proto::time::SimDuration;
 use std::fmt::Debug;
 
 /// Impairments of a mote that the protocols do not expect.
@@ -28,8 +29,8 @@ pub struct Burden {
     pub duty: Option<Duty>,
     /// Reboots per second, on average.
     pub reboots_per_s: f64,
-    /// How long it works on a datagram before that is in the queue (ns).
-    pub processing_ns: u64,
+    /// How long it works on a datagram before that is in the queue.
+    pub processing: SimDuration,
     /// Frames for which it has room, whatever is configured.
     pub queue_frames: Option<u16>,
 }
@@ -40,7 +41,7 @@ pub const NO_BURDEN: Burden = Burden {
     max_drift_ppm: 0.0,
     duty: None,
     reboots_per_s: 0.0,
-    processing_ns: 0,
+    processing: SimDuration::ZERO,
     queue_frames: None,
 };
 
@@ -49,8 +50,8 @@ pub const NO_BURDEN: Burden = Burden {
 pub struct Duty {
     /// Fraction of the time for which the mote may transmit, 0 to 1.
     pub fraction: f64,
-    /// Length of the window over which the fraction is computed (ns).
-    pub window_ns: u64,
+    /// Length of the window over which the fraction is computed.
+    pub window: SimDuration,
 }
 
 /// A mote as an effect sees it.

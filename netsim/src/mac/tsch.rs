@@ -23,6 +23,7 @@ use crate::wire::Eui64;
 use physics::asn::Asn;
 use proto::ids::MoteId;
 use proto::rng::Purpose;
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// Others count as senders of beacons for so many beacon periods after each that is heard: motes move, and leave.
@@ -45,14 +46,14 @@ pub struct Tsch {
     is_root: bool,
     state: State,
     clock: Clock,
-    /// How long it does without its time source (ns); not less than is set.
-    patience_ns: u64,
+    /// How long it does without its time source; not less than is set.
+    patience: SimDuration,
     /// Whether it has kept time since it was switched on.
     had_time: bool,
-    /// A scanning mote that lost its time still knows which slot it is until then (ns).
-    knows_slot_until_ns: u64,
-    /// When the time source was heard for which the next keep-alive was drawn (ns).
-    drawn_for_ns: Option<u64>,
+    /// A scanning mote that lost its time still knows which slot it is until then.
+    knows_slot_until: SimTime,
+    /// When the time source was heard for which the next keep-alive was drawn.
+    drawn_for: Option<SimTime>,
     queue: Queue,
     in_flight: bool,
     backoff: Backoff,
@@ -73,8 +74,8 @@ pub struct Tsch {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 struct Beacons {
     enabled: bool,
-    /// When the next one is due (ns).
-    next_ns: u64,
+    /// When the next one is due.
+    next: SimTime,
     is_due: bool,
 }
 
@@ -99,10 +100,10 @@ impl Tsch {
             is_root,
             state: State::Off,
             clock,
-            patience_ns: config.desynchronise_ns,
+            patience: config.desynchronise,
             had_time: false,
-            knows_slot_until_ns: 0,
-            drawn_for_ns: None,
+            knows_slot_until: SimTime::START,
+            drawn_for: None,
             queue: Queue::new(config.queue_capacity),
             in_flight: false,
             backoff: Backoff::new(config.min_exponent, config.max_exponent),
@@ -156,27 +157,27 @@ impl Tsch {
         &self.neighbours
     }
 
-    /// How far its clock is off (ns).
+    /// How far its clock is off.
     #[must_use]
-    pub fn deviation_ns(&self, now_ns: u64) -> i64 {
-        self.clock.deviation_ns(now_ns)
+    pub fn deviation_ns(&self, now: SimTime) -> i64 {
+        self.clock.deviation_ns(now)
     }
 
     /// The root switches its radio on: it keeps its own time.
-    pub fn start_root(&mut self, now_ns: u64) {
-        self.state = State::Synced { source: None, heard_ns: now_ns, keep_alive_ns: u64::MAX };
+    pub fn start_root(&mut self, now: SimTime) {
+        self.state = State::Synced { source: None, heard: now, keep_alive: SimTime::NEVER };
     }
 
     /// Looks for a network: after it was switched on, or lost synchronisation. The frames that waited are returned.
     pub fn scan(&mut self, config: &Config) -> Vec<Queued> {
-        self.knows_slot_until_ns = match self.state {
-            State::Synced { heard_ns, .. } if config.scans_hopping => {
-                heard_ns.saturating_add(config.knows_slot_for_ns())
+        self.knows_slot_until = match self.state {
+            State::Synced { heard, .. } if config.scans_hopping => {
+                heard.saturating_add(config.knows_slot_for())
             }
-            _ => 0,
+            _ => SimTime::START,
         };
         let frames = self.reset();
-        self.state = State::Scanning { heard: Vec::new(), decide_ns: None };
+        self.state = State::Scanning { heard: Vec::new(), decide: None };
         frames
     }
 
@@ -208,22 +209,22 @@ impl Tsch {
     }
 
     /// Sends beacons from now on, or no longer.
-    pub fn enable_beacons(&mut self, config: &Config, enabled: bool, now_ns: u64) {
+    pub fn enable_beacons(&mut self, config: &Config, enabled: bool, now: SimTime) {
         if enabled && !self.beacons.enabled {
-            let interval_ns = self.beacon_interval_ns(config, now_ns);
-            self.beacons.next_ns = now_ns + self.dice.duration_ns(0, interval_ns);
+            let interval = self.beacon_interval(config, now);
+            self.beacons.next = now + self.dice.duration(SimDuration::ZERO, interval);
         }
         self.beacons.enabled = enabled;
         self.beacons.is_due &= enabled;
     }
 
-    /// The mean time between this mote's beacons (ns): longer where many others have sent them lately, too. A neighbour that has
+    /// The mean time between this mote's beacons: longer where many others have sent them lately, too. A neighbour that has
     /// joined only sends none yet.
-    fn beacon_interval_ns(&mut self, config: &Config, now_ns: u64) -> u64 {
-        let lately_ns = now_ns.saturating_sub(N_PERIODS * config.beacon_period_ns);
-        let n_senders = 1 + self.neighbours.n_with_beacons(Asn(lately_ns / config.slot_ns)) as u64;
-        let crowd_ns = config.beacon_spacing_ns.saturating_mul(n_senders);
-        config.beacon_period_ns.max(crowd_ns)
+    fn beacon_interval(&mut self, config: &Config, now: SimTime) -> SimDuration {
+        let lately = now.saturating_sub(N_PERIODS * config.beacon_period);
+        let n_senders = 1 + self.neighbours.n_with_beacons(Asn(lately / config.slot)) as u64;
+        let crowd = config.beacon_spacing.saturating_mul(n_senders);
+        config.beacon_period.max(crowd)
     }
 
     /// The first slot from `from_asn` on in which it may transmit.
@@ -276,7 +277,7 @@ impl Tsch {
         if !self.is_synced() {
             return None;
         }
-        if self.is_silenced(asn * config.slot_ns) {
+        if self.is_silenced(asn * config.slot) {
             return None;
         }
         if let Some(Extra { asn: at, channel, sends_to }) = self.extra
@@ -377,16 +378,16 @@ impl Tsch {
         asn: Asn,
         source_ns: i64,
     ) -> FrameHandling {
-        let now_ns = asn * config.slot_ns;
+        let now = asn * config.slot;
         let for_us = destination == Some(self.own);
         let is_new = self.neighbours.hear(from, sequence, for_us, asn);
-        let State::Synced { source, heard_ns, .. } = &mut self.state else {
+        let State::Synced { source, heard, .. } = &mut self.state else {
             return FrameHandling { acknowledge: false, deliver: false };
         };
         // A frame for another mote is discarded before it could correct the clock (IEEE Std 802.15.4-2015, 6.7.2).
         if *source == Some(from) && (for_us || destination.is_none()) {
-            *heard_ns = now_ns;
-            self.take_time(config, from, source_ns, now_ns);
+            *heard = now;
+            self.take_time(config, from, source_ns, now);
         }
         FrameHandling { acknowledge: for_us, deliver: destination.is_none() || (for_us && is_new) }
     }
@@ -414,24 +415,24 @@ impl Tsch {
         config: &Config,
         from: Eui64,
         join_metric: u8,
-        now_ns: u64,
+        now: SimTime,
     ) -> Option<Eui64> {
-        let State::Scanning { heard, decide_ns } = &mut self.state else { return None };
+        let State::Scanning { heard, decide } = &mut self.state else { return None };
         match heard.iter_mut().find(|(other, _)| *other == from) {
             Some(entry) => entry.1 = join_metric,
             None => heard.push((from, join_metric)),
         }
-        if decide_ns.is_none() {
-            let wait_ns = if self.had_time { config.rejoin_wait_ns } else { config.beacon_wait_ns };
-            *decide_ns = Some(now_ns + wait_ns);
+        if decide.is_none() {
+            let wait = if self.had_time { config.rejoin_wait } else { config.beacon_wait };
+            *decide = Some(now + wait);
         }
         if usize::from(config.neighbours_to_wait) <= heard.len() { self.choose() } else { None }
     }
 
     /// The neighbour with the least join metric; of equal ones the one heard first.
     fn choose(&mut self) -> Option<Eui64> {
-        let State::Scanning { heard, decide_ns } = &mut self.state else { return None };
-        *decide_ns = None;
+        let State::Scanning { heard, decide } = &mut self.state else { return None };
+        *decide = None;
         let best = heard.iter().min_by_key(|(_, metric)| *metric).map(|(from, _)| *from);
         heard.clear();
         best
@@ -462,12 +463,12 @@ impl Tsch {
             if is_shared || !self.queue.waits_for(destination) {
                 self.backoff.succeed(destination);
             }
-            if let State::Synced { source: Some(source), heard_ns, .. } = &mut self.state
+            if let State::Synced { source: Some(source), heard, .. } = &mut self.state
                 && *source == destination
             {
-                let now_ns = asn * config.slot_ns;
-                *heard_ns = now_ns;
-                self.take_time(config, destination, source_ns, now_ns);
+                let now = asn * config.slot;
+                *heard = now;
+                self.take_time(config, destination, source_ns, now);
             }
             if pending {
                 self.extra = Some(Extra { asn: asn + 1, channel, sends_to: Some(destination) });
@@ -488,58 +489,57 @@ impl Tsch {
         Done::Retry { destination, dscp }
     }
 
-    /// When [`Tsch::handle_timeout`] wants to be called (ns).
+    /// When [`Tsch::handle_timeout`] wants to be called.
     #[must_use]
-    pub fn poll_timeout(&self, config: &Config) -> Option<u64> {
+    pub fn poll_timeout(&self, config: &Config) -> Option<SimTime> {
         match &self.state {
             State::Off => None,
-            State::Scanning { decide_ns, .. } => *decide_ns,
-            State::Synced { source, heard_ns, keep_alive_ns } => {
-                let beacon_ns = if self.beacons.enabled
+            State::Scanning { decide, .. } => *decide,
+            State::Synced { source, heard, keep_alive } => {
+                let beacon = if self.beacons.enabled
                     && !self.beacons.is_due
                     && config.beacon_probability.is_none()
                 {
-                    self.beacons.next_ns
+                    self.beacons.next
                 } else {
-                    u64::MAX
+                    SimTime::NEVER
                 };
-                let time_ns = match source {
-                    _ if self.is_root || config.keep_alive_ns == 0 => u64::MAX,
-                    Some(_) | None => (*keep_alive_ns).min(heard_ns + self.patience_ns),
+                let time = match source {
+                    _ if self.is_root || config.keep_alive.is_zero() => SimTime::NEVER,
+                    Some(_) | None => (*keep_alive).min(*heard + self.patience),
                 };
-                let first = beacon_ns.min(time_ns);
-                (first != u64::MAX).then_some(first)
+                let first = beacon.min(time);
+                (first != SimTime::NEVER).then_some(first)
             }
         }
     }
 
-    /// Time has come to `now_ns`.
-    pub fn handle_timeout(&mut self, config: &Config, now_ns: u64) -> Option<Due> {
+    /// Time has come to `now`.
+    pub fn handle_timeout(&mut self, config: &Config, now: SimTime) -> Option<Due> {
         if self.beacons.enabled
             && !self.beacons.is_due
             && config.beacon_probability.is_none()
-            && self.beacons.next_ns <= now_ns
+            && self.beacons.next <= now
         {
-            let interval_ns = self.beacon_interval_ns(config, now_ns);
+            let interval = self.beacon_interval(config, now);
             self.beacons.is_due = true;
-            self.beacons.next_ns =
-                now_ns + self.dice.duration_ns(interval_ns * 3 / 4, interval_ns * 5 / 4);
+            self.beacons.next = now + self.dice.duration(interval * 3 / 4, interval * 5 / 4);
         }
         match &mut self.state {
-            State::Scanning { decide_ns: Some(decide_ns), .. } if *decide_ns <= now_ns => {
+            State::Scanning { decide: Some(decide), .. } if *decide <= now => {
                 self.choose().map(Due::Synchronise)
             }
-            State::Synced { source, heard_ns, keep_alive_ns }
-                if !self.is_root && config.keep_alive_ns != 0 =>
+            State::Synced { source, heard, keep_alive }
+                if !self.is_root && !config.keep_alive.is_zero() =>
             {
-                let (source, heard_ns) = (*source, *heard_ns);
-                if heard_ns + self.patience_ns <= now_ns {
-                    return Some(self.miss_source(config, heard_ns, now_ns));
+                let (source, heard) = (*source, *heard);
+                if heard + self.patience <= now {
+                    return Some(self.miss_source(config, heard, now));
                 }
-                if now_ns < *keep_alive_ns {
+                if now < *keep_alive {
                     return None;
                 }
-                self.ask_for_time(config, source?, heard_ns, now_ns)
+                self.ask_for_time(config, source?, heard, now)
             }
             State::Off | State::Scanning { .. } | State::Synced { .. } => None,
         }

@@ -6,6 +6,7 @@ use crate::wire::security::Keys;
 use crate::wire::tap;
 use bytes::Bytes;
 use physics::asn::Asn;
+use proto::time::SimTime;
 
 /// Frames since they were last taken, if they are wanted.
 #[derive(Clone, Debug, Default)]
@@ -16,8 +17,8 @@ pub struct Capture {
     /// Channel page of the physical layer.
     page: u8,
     records: Vec<u8>,
-    /// What was sent in this slot, each record with its time (ns).
-    slot: Vec<(u64, Vec<u8>)>,
+    /// What was sent in this slot, each record with its time.
+    slot: Vec<(SimTime, Vec<u8>)>,
 }
 
 impl Capture {
@@ -33,36 +34,36 @@ impl Capture {
         Self { page, ..self }
     }
 
-    /// A frame was sent, whose first symbol was on the air at `begins_ns` (true time).
-    pub fn frame(&mut self, asn: Asn, begins_ns: u64, channel: u8, frame: &FrameRepr) {
+    /// A frame was sent, whose first symbol was on the air at `begins` (true time).
+    pub fn frame(&mut self, asn: Asn, begins: SimTime, channel: u8, frame: &FrameRepr) {
         if self.wanted {
             let psdu = match &self.keys {
                 Some(keys) => frame.to_secured_vec(keys, asn),
                 None => frame.to_vec(),
             };
-            self.record(asn, begins_ns, channel, &psdu);
+            self.record(asn, begins, channel, &psdu);
         }
     }
 
     /// An acknowledgment was sent by `source`.
-    pub fn ack(&mut self, asn: Asn, begins_ns: u64, channel: u8, source: Eui64, ack: &AckRepr) {
+    pub fn ack(&mut self, asn: Asn, begins: SimTime, channel: u8, source: Eui64, ack: &AckRepr) {
         if self.wanted {
             let psdu = match &self.keys {
                 Some(keys) => ack.to_secured_vec(keys, source, asn),
                 None => ack.to_vec(),
             };
-            self.record(asn, begins_ns, channel, &psdu);
+            self.record(asn, begins, channel, &psdu);
         }
     }
 
-    fn record(&mut self, asn: Asn, begins_ns: u64, channel: u8, psdu: &[u8]) {
+    fn record(&mut self, asn: Asn, begins: SimTime, channel: u8, psdu: &[u8]) {
         let channel = (channel.into(), self.page);
-        self.slot.push((begins_ns, tap::record(begins_ns, channel, None, asn, psdu)));
+        self.slot.push((begins, tap::record(begins, channel, None, asn, psdu)));
     }
 
     /// Nothing more is sent in the slot: what was is put in the order in which it began.
     pub fn end_slot(&mut self) {
-        self.slot.sort_by_key(|&(begins_ns, _)| begins_ns);
+        self.slot.sort_by_key(|&(begins, _)| begins);
         self.records.extend(self.slot.drain(..).flat_map(|(_, record)| record));
     }
 
@@ -81,11 +82,11 @@ mod tests {
     #[test]
     fn what_is_sent_in_a_slot_is_in_the_order_in_which_it_began() {
         let mut capture = Capture::new(true, None);
-        for (destination, begins_ns) in [(1, 77_376_000), (2, 74_272_000), (3, 75_232_000)] {
+        for (destination, begins) in [(1, 77_376_000), (2, 74_272_000), (3, 75_232_000)] {
             let destination = Eui64(destination);
             let security = FrameSecurity::Unsecured;
             let ack = AckRepr { destination, sequence: 0, time_correction_us: 0, security };
-            capture.ack(Asn(7), begins_ns, 15, Eui64::of_mote(MoteId(0)), &ack);
+            capture.ack(Asn(7), SimTime::from_ns(begins), 15, Eui64::of_mote(MoteId(0)), &ack);
         }
         assert_eq!(capture.take().len(), 0);
         capture.end_slot();

@@ -7,13 +7,14 @@ use physics::interference::Interference;
 use physics::model::Model;
 use physics::standard::o_qpsk_2450::HOPPING_SEQUENCE;
 use proto::ids::MoteId;
+use proto::time::SimDuration;
 use std::sync::Arc;
 
 /// A valid configuration.
 #[derive(Debug)]
 pub struct Config {
-    /// Length of a slot (ns).
-    pub slot_ns: u64,
+    /// Length of a slot.
+    pub slot: SimDuration,
     /// Slots to a control period.
     pub n_slots: u64,
     /// Channels by absolute slot number; none: frames have no channel.
@@ -32,14 +33,14 @@ pub struct Config {
     pub second: Option<second::Config>,
 }
 
-/// Length of a slot by the standard's template (ns).
-pub(crate) const STANDARD_SLOT_NS: u64 = 10_000_000;
+/// Length of a slot by the standard's template.
+pub(crate) const STANDARD_SLOT: SimDuration = SimDuration::from_ms(10);
 
 impl Config {
     /// What beacons say of the template that times slots and of the sequence of channels: 0, the standard's; 1, another one,
     /// on which all motes have agreed beforehand.
     #[must_use]
     pub fn announced_ids(&self) -> [u8; 2] {
-        [self.slot_ns != STANDARD_SLOT_NS, self.hopping_sequence != HOPPING_SEQUENCE].map(u8::from)
+        [self.slot != STANDARD_SLOT, self.hopping_sequence != HOPPING_SEQUENCE].map(u8::from)
     }
 }

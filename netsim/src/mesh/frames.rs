@@ -7,6 +7,7 @@ use crate::wire::Eui64;
 use crate::wire::datagram::Upper;
 use crate::wire::frame::Content;
 use proto::ids::MoteId;
+use proto::time::SimTime;
 use proto::types::{EVERYONE, FrameOutcome, Frames};
 
 /// Kinds of frames, by what they are for.
@@ -25,10 +26,10 @@ impl FrameLog {
         Self { frames: wanted.then(empty) }
     }
 
-    /// All that was sent in a slot, which began at `sent_ns`, and what became of it. `mote_of`: the mote that has an address.
+    /// All that was sent in a slot, which began at `begins`, and what became of it. `mote_of`: the mote that has an address.
     pub(super) fn add(
         &mut self,
-        sent_ns: u64,
+        begins: SimTime,
         sending: &[Sending],
         mote_of: impl Fn(Eui64) -> Option<MoteId>,
     ) {
@@ -40,7 +41,7 @@ impl FrameLog {
                 Outgoing::Beacon => (0, 1),
                 Outgoing::Frame(queued) => (queued.packet, queued.n_attempts),
             };
-            frames.sent_ns.push(sent_ns);
+            frames.sent_ns.push(begins.ns());
             frames.sender.push(sent.sender.0);
             frames
                 .destination

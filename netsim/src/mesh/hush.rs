@@ -146,10 +146,11 @@ mod tests {
     use crate::mac::tsch::{Config, Listening, channel_of};
     use crate::wire::Eui64;
     use physics::timing::Airtime;
+    use proto::time::{SimDuration, SimTime};
 
     fn config() -> Config {
         Config {
-            slot_ns: 10_000_000,
+            slot: SimDuration::from_ns(10_000_000),
             hopping_sequence: vec![11, 12, 13],
             airtime: Airtime::O_QPSK_2450,
             blacklist: None,
@@ -157,17 +158,17 @@ mod tests {
             max_retries: None,
             min_exponent: 1,
             max_exponent: 7,
-            beacon_period_ns: 1,
-            beacon_spacing_ns: 1,
+            beacon_period: SimDuration::from_ns(1),
+            beacon_spacing: SimDuration::from_ns(1),
             beacon_probability: None,
-            beacon_wait_ns: 1,
-            rejoin_wait_ns: 0,
+            beacon_wait: SimDuration::from_ns(1),
+            rejoin_wait: SimDuration::ZERO,
             neighbours_to_wait: 1,
             scan_dwell_slots: 1,
-            keep_alive_ns: 0,
-            desynchronise_ns: 1,
-            max_keep_alive_ns: None,
-            max_free_run_ns: 0,
+            keep_alive: SimDuration::ZERO,
+            desynchronise: SimDuration::from_ns(1),
+            max_keep_alive: None,
+            max_free_run: SimDuration::ZERO,
             max_drift_ppm: 0.0,
             crystal_hz: 32_768,
             pending_bit: false,
@@ -188,7 +189,7 @@ mod tests {
             })
             .collect();
         for (mac, _) in &mut motes[..4] {
-            mac.start_root(0);
+            mac.start_root(SimTime::START);
         }
         motes[4].0.scan(&config);
         for (mote, (mac, schedule)) in (0..).zip(&mut motes) {

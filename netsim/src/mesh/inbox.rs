@@ -3,6 +3,7 @@
 use bytes::Bytes;
 use physics::medium::resolve;
 use proto::ids::MoteId;
+use proto::time::SimTime;
 use proto::types::{Deliveries, DeliveryColumn, EVERYONE, Heard, Medium, Payloads, Transmissions};
 
 /// Transmissions of a step, and receptions of them.
@@ -20,10 +21,10 @@ pub struct Inbox {
 pub struct Sent {
     /// Number of the mote that sent it.
     pub sender: MoteId,
-    /// When (ns).
-    pub sent_ns: u64,
-    /// When the slot of its first frame ended (ns).
-    pub end_ns: u64,
+    /// When.
+    pub sent: SimTime,
+    /// When the slot of its first frame ended.
+    pub end: SimTime,
     /// The payload as the robot gave it.
     pub payload: Bytes,
     /// For whom alone; `None`: everyone in reach.
@@ -34,7 +35,7 @@ pub struct Sent {
 struct HeardOne {
     receiver: MoteId,
     transmission: u32,
-    received_ns: u64,
+    received: SimTime,
     rssi_dbm: f32,
     hops: u32,
 }
@@ -58,11 +59,11 @@ impl Inbox {
         &mut self,
         receiver: MoteId,
         transmission: u32,
-        received_ns: u64,
+        received: SimTime,
         rssi_dbm: f32,
         hops: u32,
     ) {
-        self.heard.push(HeardOne { receiver, transmission, received_ns, rssi_dbm, hops });
+        self.heard.push(HeardOne { receiver, transmission, received, rssi_dbm, hops });
     }
 
     /// Whether anybody heard anything.
@@ -76,11 +77,11 @@ impl Inbox {
         if self.sent.is_empty() {
             return Deliveries::default();
         }
-        // By (sent_ns, sender); of equal ones, in the order they were sent.
+        // By (sent, sender); of equal ones, in the order they were sent.
         let mut order: Vec<u32> = (0..self.sent.len() as u32).collect();
         let key = |&place: &u32| {
             let sent = &self.sent[place as usize];
-            (sent.sent_ns, sent.sender)
+            (sent.sent, sent.sender)
         };
         order.sort_by_key(key);
         let mut rank = vec![0; order.len()];
@@ -110,8 +111,8 @@ impl Inbox {
         let deliveries = Deliveries {
             transmissions: Transmissions {
                 sender: ordered().map(|sent| sent.sender.0).collect(),
-                sent_ns: ordered().map(|sent| sent.sent_ns).collect(),
-                end_ns: ordered().map(|sent| sent.end_ns).collect(),
+                sent_ns: ordered().map(|sent| sent.sent.ns()).collect(),
+                end_ns: ordered().map(|sent| sent.end.ns()).collect(),
                 payloads: Payloads::new(lengths, data.into())
                     .expect("as much data as the lengths add up to"),
                 destination: if self.sent.iter().all(|sent| sent.destination.is_none()) {
@@ -121,7 +122,7 @@ impl Inbox {
                 },
             },
             received_ns: if wants(DeliveryColumn::ReceivedNs) {
-                self.heard.iter().map(|heard| heard.received_ns).collect()
+                self.heard.iter().map(|heard| heard.received.ns()).collect()
             } else {
                 Vec::new()
             },
@@ -174,24 +175,25 @@ impl Inbox {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::time::SimDuration;
 
     #[test]
     fn deliveries_are_in_order_of_time_and_sender_however_they_came() {
         let mut inbox = Inbox::default();
-        let sent = |sender, sent_ns| Sent {
+        let sent = |sender, sent| Sent {
             sender,
-            sent_ns,
-            end_ns: sent_ns + 1,
+            sent,
+            end: sent + SimDuration::from_ns(1),
             payload: vec![sender.0 as u8].into(),
             destination: (sender == MoteId(5)).then_some(MoteId(2)),
         };
-        let late = inbox.send(sent(MoteId(3), 20));
-        let early = inbox.send(sent(MoteId(5), 10));
-        let first = inbox.send(sent(MoteId(1), 10));
-        inbox.hear(MoteId(2), late, 21, -50.0, 1);
-        inbox.hear(MoteId(0), late, 21, -60.0, 1);
-        inbox.hear(MoteId(2), first, 11, -70.0, 2);
-        inbox.hear(MoteId(2), early, 11, -80.0, 1);
+        let late = inbox.send(sent(MoteId(3), SimTime::from_ns(20)));
+        let early = inbox.send(sent(MoteId(5), SimTime::from_ns(10)));
+        let first = inbox.send(sent(MoteId(1), SimTime::from_ns(10)));
+        inbox.hear(MoteId(2), late, SimTime::from_ns(21), -50.0, 1);
+        inbox.hear(MoteId(0), late, SimTime::from_ns(21), -60.0, 1);
+        inbox.hear(MoteId(2), first, SimTime::from_ns(11), -70.0, 2);
+        inbox.hear(MoteId(2), early, SimTime::from_ns(11), -80.0, 1);
         let columns = [DeliveryColumn::RssiDbm, DeliveryColumn::Hops];
         let deliveries = inbox.deliveries(4, &columns);
         assert_eq!(deliveries.transmissions.sender, [1, 5, 3]);

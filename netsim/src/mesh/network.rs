@@ -23,6 +23,7 @@ use physics::medium::slot::SlotMedium;
 use proto::ids::MoteId;
 use proto::side::{NetInput, NetOutput};
 use proto::site::Site;
+use proto::time::{SimDuration, SimTime};
 use proto::types::{DeliveryColumn, Experiment, NetRecord};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -55,8 +56,8 @@ pub struct State {
 /// Whether everybody takes part.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Formed {
-    /// When everybody did for the first time (ns).
-    pub formed_ns: Option<u64>,
+    /// When everybody did for the first time.
+    pub formed: Option<SimTime>,
 }
 
 /// Frames heard over a link.
@@ -85,8 +86,8 @@ pub struct Mesh {
     pub(super) capture: Capture,
     pub(super) frames: FrameLog,
     pub(super) scratch: Scratch,
-    /// By mote: when a timer wants to be looked at (ns), as last rescheduled; 0: not known.
-    pub(super) due_ns: Vec<u64>,
+    /// By mote: when a timer wants to be looked at, as last rescheduled; 0: not known.
+    pub(super) due: Vec<SimTime>,
     pub(super) listening_cache: ListeningCache,
     /// Somebody has become ready, or is no longer, since it was last looked whether all are.
     pub(super) readiness_changed: bool,
@@ -187,7 +188,7 @@ impl Mesh {
             capture,
             frames,
             scratch: Scratch::new(n),
-            due_ns: vec![0; n],
+            due: vec![SimTime::START; n],
             listening_cache: ListeningCache::new(n, has_blacklists),
             readiness_changed: true,
             has_oracle,
@@ -223,38 +224,39 @@ impl Mesh {
 
     /// Runs to `input.until_ns`, or to the end of the first slot in which somebody heard a payload.
     pub fn step(&mut self, input: &NetInput<'_>) -> NetOutput {
-        let slot_ns = self.config.slot_ns;
-        let from_asn = Asn::first_from(input.from_ns, slot_ns);
-        let until_asn = Asn::first_from(input.until_ns, slot_ns);
+        let slot = self.config.slot;
+        let until = SimTime::from_ns(input.until_ns);
+        let from_asn = Asn::first_from(SimTime::from_ns(input.from_ns), slot);
+        let until_asn = Asn::first_from(until, slot);
         self.state.place.travel(input.states);
         self.state.place.move_obstacles(input.moved_obstacles);
         self.obey(input.commands, from_asn);
         self.follow_bodies(input.states, from_asn);
         self.place_radios(input);
 
-        let step_ns = self.experiment.step_ns;
-        let mut time_ns = input.until_ns;
+        let step = SimDuration::from_ns(self.experiment.step_ns);
+        let mut time = until;
         let mut asn = from_asn;
         while asn < until_asn {
-            let period_ns = asn * slot_ns / step_ns * step_ns;
+            let period = SimTime::START + asn * slot / step * step;
             // Steps may be shorter than a control period: batteries are looked at when one begins, whatever the steps.
-            if asn == Asn::first_from(period_ns, slot_ns) {
+            if asn == Asn::first_from(period, slot) {
                 self.fail_empty_motes(asn);
             }
             self.hand_over_payloads(input, asn);
-            let period_end_ns = period_ns + step_ns;
+            let period_end = period + step;
             // Steps may be shorter than a control period, or longer: what is redrawn with each must not depend on it.
-            self.links.set_period(period_ns);
+            self.links.set_period(period.ns());
             self.ways.forget();
-            let end_asn = Asn::first_from(period_end_ns, slot_ns).min(until_asn).max(asn + 1);
+            let end_asn = Asn::first_from(period_end, slot).min(until_asn).max(asn + 1);
             if let Some(stopped_asn) = self.run(end_asn, input.stop_at_first_delivery) {
-                time_ns = input.until_ns.min((stopped_asn + 1) * slot_ns);
+                time = until.min((stopped_asn + 1) * slot);
                 break;
             }
             asn = end_asn;
         }
-        self.state.asn = Asn::first_from(time_ns, slot_ns);
-        self.report(input, time_ns)
+        self.state.asn = Asn::first_from(time, slot);
+        self.report(input, time)
     }
 
     /// Runs to slot `end_asn`, which is not simulated. Returns the slot in which somebody heard a payload, where the run
@@ -277,21 +279,21 @@ impl Mesh {
     /// The next slot in which something happens: a mote acts, or an event occurs.
     fn next_asn(&mut self) -> Option<Asn> {
         let acts_asn = self.state.calendar.next_asn();
-        let Some(event_ns) = self.state.events.next_ns() else { return acts_asn };
-        let event_asn = Asn::first_from(event_ns, self.config.slot_ns);
+        let Some(event) = self.state.events.next() else { return acts_asn };
+        let event_asn = Asn::first_from(event, self.config.slot);
         Some(acts_asn.map_or(event_asn, |acts_asn| acts_asn.min(event_asn)))
     }
 
     /// Events that have occurred by slot `asn` reach the motes that they concern, where these are now.
     fn occur(&mut self, asn: Asn) {
-        let now_ns = asn * self.config.slot_ns;
-        while let Some(event) = self.state.events.take(now_ns, self.seed) {
+        let now = asn * self.config.slot;
+        while let Some(event) = self.state.events.take(now, self.seed) {
             let concerned = event.concerned(&self.state.place.last_seen_m);
             for mote in (0..).zip(concerned).filter(|&(_, is)| is).map(|(mote, _)| mote) {
                 let node = &mut self.state.motes[mote as usize];
                 let reports = node.apps.iter_mut().find(|app| app.number == event.app);
                 if let Some(app) = reports.filter(|_| node.tally.on_since_asn.is_some()) {
-                    app.machine().handle_event(event.at_ns);
+                    app.machine().handle_event(event.at);
                     self.reschedule(MoteId(mote), asn);
                 }
             }
@@ -324,8 +326,8 @@ impl Mesh {
             seed: self.seed,
             asn,
             effective_asn: asn,
-            now_ns: asn * self.config.slot_ns,
-            received_ns: asn * self.config.slot_ns,
+            now: asn * self.config.slot,
+            received: asn * self.config.slot,
             readiness_changed: &mut self.readiness_changed,
             swarm: &mut self.scratch.swarm,
         };
@@ -334,17 +336,17 @@ impl Mesh {
 
     /// Enters the next slot in which a mote acts, `from_asn` or later.
     pub(super) fn reschedule(&mut self, mote: MoteId, from_asn: Asn) {
-        let slot_ns = self.config.slot_ns;
+        let slot = self.config.slot;
         let node = &self.state.motes[mote.index()];
         if self.has_oracle {
-            let timeout_ns = node.apps.iter().filter_map(App::poll_timeout).min();
-            let timer_asn = timeout_ns.map(|due_ns| Asn::first_from(due_ns, slot_ns).max(from_asn));
+            let timeout = node.apps.iter().filter_map(App::poll_timeout).min();
+            let timer_asn = timeout.map(|due| Asn::first_from(due, slot).max(from_asn));
             let next = if self.state.waiting.is_at(mote) { Some(from_asn) } else { timer_asn };
             return self.state.calendar.set(mote, next);
         }
         let timeout = node.poll_timeout(&self.settings.mac);
-        self.due_ns[mote.index()] = timeout.unwrap_or(u64::MAX);
-        let timer_asn = timeout.map(|due_ns| Asn::first_from(due_ns, slot_ns).max(from_asn));
+        self.due[mote.index()] = timeout.unwrap_or(SimTime::NEVER);
+        let timer_asn = timeout.map(|due| Asn::first_from(due, slot).max(from_asn));
         self.listening_cache.note(mote, &node.mac, &node.schedule);
         let tx_asn = node.mac.next_tx_asn(&self.settings.mac, &node.schedule, from_asn);
         let next = [timer_asn, tx_asn, node.mac.follows_at(from_asn)].into_iter().flatten().min();

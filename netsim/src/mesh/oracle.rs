@@ -28,6 +28,7 @@ use physics::medium::links::Links;
 use physics::medium::slot::{Listening, OnAir, Paths as _, Reception, Sent, Slot};
 use physics::timing::Airtime;
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use proto::types::PacketPurpose;
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
@@ -115,7 +116,7 @@ impl Ways {
 #[derive(Clone, Copy, Debug)]
 struct Probe {
     channel: u8,
-    at_ns: u64,
+    at: SimTime,
     airtime: Airtime,
 }
 
@@ -127,8 +128,8 @@ fn incoming(links: &mut Links, n: u32, at: Probe) -> Vec<Vec<(MoteId, u64)>> {
         let receivers = links
             .neighbours(sender)
             .map_or_else(|| (0..n).map(MoteId).collect(), <[MoteId]>::to_vec);
-        let end_ns = at.at_ns + at.airtime.of(127).unsigned_abs();
-        let sent = Sent { sender, channel: at.channel, sent_ns: at.at_ns, end_ns };
+        let end = at.at + SimDuration::from_ns(at.airtime.of(127).unsigned_abs());
+        let sent = Sent { sender, channel: at.channel, sent_ns: at.at.ns(), end_ns: end.ns() };
         arrivals.clear();
         links.arrivals(sent, &receivers, &mut arrivals);
         for (receiver, arrival) in receivers.into_iter().zip(&arrivals) {
@@ -211,29 +212,29 @@ impl Mesh {
             }
             Err(reason) => {
                 node.tally.datagrams_dropped[reason.index()] += 1;
-                self.state.packets.lose(packet, asn * self.config.slot_ns, reason);
+                self.state.packets.lose(packet, asn * self.config.slot, reason);
             }
         }
     }
 
     /// What a mote held is lost with it.
     pub(super) fn oracle_lose(&mut self, mote: MoteId, asn: Asn) {
-        let now_ns = asn * self.config.slot_ns;
+        let now = asn * self.config.slot;
         for packet in std::mem::take(&mut self.state.waiting.0[mote.index()]).into_keys() {
-            self.state.packets.lose(packet, now_ns, DropReason::Killed);
+            self.state.packets.lose(packet, now, DropReason::Killed);
         }
     }
 
     /// Packets of a mote's applications that are due.
     fn create_packets(&mut self, mote: MoteId, asn: Asn) {
-        let now_ns = asn * self.config.slot_ns;
+        let now = asn * self.config.slot;
         let place = mote.index();
         for app in 0..self.state.motes[place].apps.len() {
-            while self.state.motes[place].apps[app].poll_timeout().is_some_and(|at| at <= now_ns) {
+            while self.state.motes[place].apps[app].poll_timeout().is_some_and(|at| at <= now) {
                 let node = &mut self.state.motes[place];
                 let mut context = app::Context {
-                    now_ns,
-                    received_ns: now_ns,
+                    now: now,
+                    received: now,
                     dice: &mut node.dice.application,
                     packets: &mut self.state.packets,
                     reaches: &|_| true,
@@ -247,8 +248,7 @@ impl Mesh {
                 let payload = packet.payload();
                 let bytes = payload.len() as u32;
                 let kind = PacketPurpose::Application;
-                let id =
-                    self.state.packets.begin(kind, mote, destination, packet.created_ns, bytes);
+                let id = self.state.packets.begin(kind, mote, destination, packet.created, bytes);
                 self.oracle_send(mote, destination, payload, id, asn);
                 if let Some(datagram) = self.state.waiting.0[place].get_mut(&id) {
                     datagram.payload = None;
@@ -267,7 +267,7 @@ impl Mesh {
     fn way(&mut self, mote: MoteId, destination: MoteId, asn: Asn) -> (u64, MoteId) {
         let channel = self.config.hopping_sequence[0];
         let airtime = self.settings.mac.airtime;
-        let at = Probe { channel, at_ns: asn * self.config.slot_ns, airtime };
+        let at = Probe { channel, at: asn * self.config.slot, airtime };
         let n = self.experiment.agent_count as u32;
         self.ways.to(&mut self.links, n, destination, at)[mote.index()]
     }
@@ -331,7 +331,7 @@ impl Mesh {
             .zip(&channels)
             .map(|(hop, &channel)| Listening::synchronised(hop.to, channel, 0))
             .collect();
-        let slot = Slot { asn, begins_ns: asn * self.config.slot_ns };
+        let slot = Slot { asn, begins_ns: (asn * self.config.slot).ns() };
         let receptions = self.medium.resolve(&mut self.links, slot, &on_air, &heard).to_vec();
         for ((hop, on_air), reception) in hops.iter().zip(&on_air).zip(receptions) {
             let received = match reception {
@@ -343,8 +343,10 @@ impl Mesh {
                 self.note_heard(hop.to, hop.from, rssi_dbm);
                 self.pass_on(
                     hop,
-                    slot.begins_ns
-                        .saturating_add_signed(on_air.ends_ns(&self.settings.mac.airtime)),
+                    SimTime::from_ns(
+                        slot.begins_ns
+                            .saturating_add_signed(on_air.ends_ns(&self.settings.mac.airtime)),
+                    ),
                     rssi_dbm,
                 );
             }
@@ -378,7 +380,7 @@ impl Mesh {
     }
 
     /// A frame has arrived: with the last one of its datagram, that is where the frame is.
-    fn pass_on(&mut self, hop: &Hop, received_ns: u64, rssi_dbm: f64) {
+    fn pass_on(&mut self, hop: &Hop, received: SimTime, rssi_dbm: f64) {
         let queue = &mut self.state.waiting.0[hop.from.index()];
         let Some(datagram) = queue.get_mut(&hop.packet) else { return };
         datagram.n_across += 1;
@@ -392,12 +394,12 @@ impl Mesh {
             self.state.waiting.0[hop.to.index()].insert(hop.packet, datagram);
             return;
         }
-        let delivered = self.state.packets.deliver(hop.packet, received_ns, datagram.hops);
+        let delivered = self.state.packets.deliver(hop.packet, received, datagram.hops);
         if let (Some(packet), Some(payload)) = (delivered, datagram.payload) {
             self.scratch.swarm.push(Brought {
                 receiver: hop.to,
                 sender: packet.source,
-                sent_ns: packet.created_ns,
+                sent: packet.created,
                 hops: datagram.hops,
                 rssi_dbm: rssi_dbm as f32,
                 payload,

@@ -41,7 +41,7 @@ impl Mesh {
                 }
             }
         }
-        self.state.jams.forget_before(asn * self.config.slot_ns);
+        self.state.jams.forget_before((asn * self.config.slot).ns());
     }
 
     /// Motes whose batteries are empty fail, where the configuration wants that.
@@ -66,7 +66,7 @@ impl Mesh {
     pub(super) fn is_empty(&self, mote: MoteId, asn: Asn) -> bool {
         let node = &self.state.motes[mote.index()];
         let usage = node.tally.usage_until(asn, node.schedule.n_listening(asn));
-        let drawn_uc = usage.charge_uc(self.settings.energy, self.config.slot_ns);
+        let drawn_uc = usage.charge_uc(self.settings.energy, self.config.slot);
         !node.is_root && self.settings.battery_mah * energy::UC_PER_MAH <= drawn_uc
     }
 
@@ -112,12 +112,12 @@ impl Mesh {
     }
 
     fn send_ordered(&mut self, mote: MoteId, destination: MoteId, payload: bytes::Bytes, asn: Asn) {
-        let now_ns = asn * self.config.slot_ns;
+        let now = asn * self.config.slot;
         if self.has_oracle {
             if destination != MoteId(EVERYONE) {
                 let bytes = payload.len() as u32;
                 let kind = PacketPurpose::Ordered;
-                let packet = self.state.packets.begin(kind, mote, destination, now_ns, bytes);
+                let packet = self.state.packets.begin(kind, mote, destination, now, bytes);
                 self.oracle_send(mote, destination, payload, packet, asn);
                 self.reschedule(mote, asn);
             }
@@ -130,7 +130,7 @@ impl Mesh {
             let to = self.addresses.eui64(destination).global();
             let bytes = payload.len() as u32;
             let packet =
-                self.state.packets.begin(PacketPurpose::Ordered, mote, destination, now_ns, bytes);
+                self.state.packets.begin(PacketPurpose::Ordered, mote, destination, now, bytes);
             let (node, mut world) = self.mote_and_world(mote, asn);
             node.say(&mut world, to, payload, packet);
         }

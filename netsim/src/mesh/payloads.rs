@@ -7,6 +7,7 @@ use bytes::Bytes;
 use physics::asn::Asn;
 use proto::ids::MoteId;
 use proto::side::NetInput;
+use proto::time::SimDuration;
 use proto::types::PacketPurpose;
 
 impl Mesh {
@@ -16,9 +17,9 @@ impl Mesh {
         if self.settings.transport == Transport::None {
             return;
         }
-        let slot_ns = self.config.slot_ns;
-        let now_ns = asn * slot_ns;
-        let is_new_period = now_ns.is_multiple_of(self.experiment.step_ns);
+        let slot = self.config.slot;
+        let now = asn * slot;
+        let is_new_period = (now % SimDuration::from_ns(self.experiment.step_ns)).is_zero();
         let data = input.payloads.data();
         let mut begin = 0;
         for (mote, &length) in (0..).zip(input.payloads.length_bytes()) {
@@ -50,12 +51,12 @@ impl Mesh {
             Transport::UnicastNeighbours => {
                 let neighbours: Vec<_> =
                     self.state.motes[mote.index()].mac.neighbours().addresses().collect();
-                let now_ns = asn * self.config.slot_ns;
+                let now = asn * self.config.slot;
                 for neighbour in neighbours {
                     let Some(other) = self.addresses.mote(neighbour) else { continue };
                     let bytes = payload.len() as u32;
                     let packet =
-                        self.state.packets.begin(PacketPurpose::Swarm, mote, other, now_ns, bytes);
+                        self.state.packets.begin(PacketPurpose::Swarm, mote, other, now, bytes);
                     let (node, mut world) = self.mote_and_world(mote, asn);
                     node.say(&mut world, neighbour.link_local(), payload.clone(), packet);
                 }

@@ -10,26 +10,27 @@ use crate::wire::Eui64;
 use physics::asn::Asn;
 use proto::ids::MoteId;
 use proto::side::{NetInput, NetOutput};
+use proto::time::SimTime;
 use proto::types::PacketPurpose;
 use proto::types::{
     self, Bitmap, Formation, HeardLinks, MoteStates, MoteStatistics, NetRecord, Schedule, Statistic,
 };
 
 impl Mesh {
-    /// The reply to a step that has come to `time_ns`.
-    pub(super) fn report(&mut self, input: &NetInput<'_>, time_ns: u64) -> NetOutput {
+    /// The reply to a step that has come to `time`.
+    pub(super) fn report(&mut self, input: &NetInput<'_>, time: SimTime) -> NetOutput {
         let n = self.experiment.agent_count;
         let keeps = |record| self.records.contains(&record);
         let packets = keeps(NetRecord::Packets).then(|| self.packets());
         let wanted = |record| input.records.contains(&record);
-        let statistics = wanted(NetRecord::Statistics).then(|| self.statistics(time_ns));
+        let statistics = wanted(NetRecord::Statistics).then(|| self.statistics(time));
         let schedule = wanted(NetRecord::Schedule).then(|| self.schedule());
         let heard_links = wanted(NetRecord::HeardLinks).then(|| self.heard_links());
         if packets.is_none() {
             self.state.packets.take_ended();
         }
         NetOutput {
-            time_ns,
+            time_ns: time.ns(),
             deliveries: self.inbox.deliveries(n, &self.columns),
             motes: self.motes(),
             commands: Vec::new(),
@@ -70,7 +71,7 @@ impl Mesh {
 
     /// Looks whether everybody takes part now, if that has not been so before.
     pub(super) fn look_whether_formed(&mut self, asn: Asn) {
-        if !std::mem::take(&mut self.readiness_changed) || self.state.formed.formed_ns.is_some() {
+        if !std::mem::take(&mut self.readiness_changed) || self.state.formed.formed.is_some() {
             return;
         }
         let all =
@@ -78,20 +79,20 @@ impl Mesh {
                 if mote.is_on() { mote.ready } else { !self.has_run_empty(mote.id, asn) }
             });
         if all {
-            self.state.formed.formed_ns = Some((asn + 1) * self.config.slot_ns);
+            self.state.formed.formed = Some((asn + 1) * self.config.slot);
         }
     }
 
     /// Whether the network has formed, and who is missing for what.
     #[must_use]
     pub fn formation(&self) -> Formation {
-        let formed_ns = self.state.formed.formed_ns;
+        let formed = self.state.formed.formed;
         let mut formation = Formation {
-            formed_ns,
+            formed_ns: formed.map(SimTime::ns),
             reasons: Lack::ALL.map(|lack| lack.words().to_owned()).to_vec(),
             ..Formation::default()
         };
-        if formed_ns.is_none() {
+        if formed.is_none() {
             for mote in &self.state.motes {
                 if !mote.is_on() && self.has_run_empty(mote.id, self.state.asn) {
                     formation.missing.push(mote.id.0);
@@ -111,7 +112,7 @@ impl Mesh {
 
     fn packets(&mut self) -> types::Packets {
         let mut ended = self.state.packets.take_ended();
-        ended.sort_by_key(|ended| (ended.ended_ns, ended.packet.id));
+        ended.sort_by_key(|ended| (ended.ended, ended.packet.id));
         let kinds: &[PacketPurpose] = if self.settings.uses_coap() {
             &PacketPurpose::ALL
         } else {
@@ -127,8 +128,8 @@ impl Mesh {
             kind: ended.iter().map(|ended| ended.packet.kind as u32).collect(),
             source: ended.iter().map(|ended| ended.packet.source.0).collect(),
             destination: ended.iter().map(|ended| ended.packet.destination.0).collect(),
-            created_ns: ended.iter().map(|ended| ended.packet.created_ns).collect(),
-            ended_ns: ended.iter().map(|ended| ended.ended_ns).collect(),
+            created_ns: ended.iter().map(|ended| ended.packet.created.ns()).collect(),
+            ended_ns: ended.iter().map(|ended| ended.ended.ns()).collect(),
             hops: ended.iter().map(|ended| ended.hops).collect(),
             payload_bytes: ended.iter().map(|ended| ended.packet.bytes).collect(),
             outcome: ended
@@ -142,9 +143,9 @@ impl Mesh {
 
     /// Numbers per mote at a time.
     #[must_use]
-    pub fn statistics(&self, time_ns: u64) -> MoteStatistics {
-        let slot_ns = self.config.slot_ns;
-        let asn = Asn::first_from(time_ns, slot_ns);
+    pub fn statistics(&self, time: SimTime) -> MoteStatistics {
+        let slot = self.config.slot;
+        let asn = Asn::first_from(time, slot);
         let model = self.settings.energy;
         let airtime = self.settings.mac.airtime;
         let usages: Vec<energy::Usage> = self
@@ -163,12 +164,12 @@ impl Mesh {
         let count = |name: &str, unit: &str, value: &dyn Fn(&Mote) -> u64| {
             all(name, unit, motes.iter().map(|mote| value(mote) as f64).collect())
         };
-        let first = |name: &str, value: &dyn Fn(&Mote) -> Option<u64>| {
+        let first = |name: &str, value: &dyn Fn(&Mote) -> Option<SimTime>| {
             let mut known = Bitmap::filled(motes.len(), false);
             let mut values = Vec::with_capacity(motes.len());
             for (place, mote) in motes.iter().enumerate() {
                 known.set(place, value(mote).is_some());
-                values.push(value(mote).unwrap_or_default() as f64);
+                values.push(value(mote).unwrap_or_default().ns() as f64);
             }
             Statistic { name: name.to_owned(), unit: "ns".to_owned(), values, known: Some(known) }
         };
@@ -178,10 +179,10 @@ impl Mesh {
         let mut columns = vec![
             count("is_root", "", &|mote| u64::from(mote.is_root)),
             all("battery_mah", "mAh", vec![self.settings.battery_mah; motes.len()]),
-            used("charge_uc", "uC", &|usage| usage.charge_uc(model, slot_ns)),
-            count("up_ns", "ns", &|mote| mote.tally.slots_on(asn) * slot_ns),
+            used("charge_uc", "uC", &|usage| usage.charge_uc(model, slot)),
+            count("up_ns", "ns", &|mote| (mote.tally.slots_on(asn) * slot).ns()),
             used("radio_on_ns", "ns", &|usage| {
-                usage.radio_on_ns(slot_ns, ACK_BYTES, &airtime) as f64
+                usage.radio_on(slot, ACK_BYTES, &airtime).ns() as f64
             }),
             count("tx_frames", "frames", &|mote| mote.tally.n_tx),
             count("rx_frames", "frames", &|mote| mote.tally.n_rx),
@@ -195,9 +196,9 @@ impl Mesh {
             count("desynchronisations", "", &|mote| mote.tally.n_desynchronised),
             used("idle_listen_slots", "slots", &|usage| usage.idle_listen as f64),
             used("scan_slots", "slots", &|usage| usage.scan as f64),
-            first("first_synced_ns", &|mote| mote.tally.first_synced_ns),
-            first("first_joined_ns", &|mote| mote.tally.first_joined_ns),
-            first("first_ready_ns", &|mote| mote.tally.first_ready_ns),
+            first("first_synced_ns", &|mote| mote.tally.first_synced),
+            first("first_joined_ns", &|mote| mote.tally.first_joined),
+            first("first_ready_ns", &|mote| mote.tally.first_ready),
         ];
         if self.settings.is_secured() {
             columns.push(count("security_drops", "frames", &|mote| mote.tally.n_insecure));

@@ -18,6 +18,7 @@ use physics::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, 
 use physics::timing::TX_ACK_DELAY_NS;
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, ordered_link};
+use proto::time::{SimDuration, SimTime};
 
 /// The payload that a frame carries to everyone, if it is the swarm's.
 fn swarm_payload(frame: &FrameRepr) -> Option<&Bytes> {
@@ -43,9 +44,9 @@ fn loses_acknowledgment(
     loss != 0.0 && draw() < loss
 }
 
-/// True time (ns) of what happens `within_ns` after the beginning of a slot.
-fn at_ns(asn: Asn, slot_ns: u64, within_ns: i64) -> u64 {
-    (asn * slot_ns).saturating_add_signed(within_ns)
+/// True time of what happens `within_ns` after the beginning of a slot.
+fn moment(asn: Asn, slot: SimDuration, within_ns: i64) -> SimTime {
+    SimTime::from_ns((asn * slot).ns().saturating_add_signed(within_ns))
 }
 
 impl Mesh {
@@ -79,11 +80,9 @@ impl Mesh {
 
     fn let_time_pass(&mut self, mote: MoteId, asn: Asn) {
         self.listening_cache.forget(mote);
-        let is_due = self.due_ns[mote.index()] <= asn * self.config.slot_ns;
+        let is_due = self.due[mote.index()] <= asn * self.config.slot;
         let (node, mut world) = self.mote_and_world(mote, asn);
-        if is_due
-            && node.poll_timeout(&world.settings.mac).is_some_and(|at_ns| at_ns <= world.now_ns)
-        {
+        if is_due && node.poll_timeout(&world.settings.mac).is_some_and(|at| at <= world.now) {
             node.handle_timeout(&mut world);
         }
         self.synchronise_if_wanted(mote, asn, asn);
@@ -92,13 +91,13 @@ impl Mesh {
     /// A mote that has chosen whose time to keep takes it over, if that neighbour still keeps time.
     pub(super) fn synchronise_if_wanted(&mut self, mote: MoteId, asn: Asn, effective_asn: Asn) {
         let Some(source) = self.state.motes[mote.index()].wants_sync.take() else { return };
-        let now_ns = asn * self.config.slot_ns;
+        let now = asn * self.config.slot;
         let Some(other) = self.addresses.mote(source) else { return };
         let other = &self.state.motes[other.index()].mac;
         if !other.is_synced() {
             return;
         }
-        let source_ns = other.deviation_ns(now_ns);
+        let source_ns = other.deviation_ns(now);
         let (node, mut world) = self.mote_and_world(mote, asn);
         world.effective_asn = effective_asn;
         node.synchronise(&mut world, source, source_ns);
@@ -133,11 +132,11 @@ impl Mesh {
                         queued.psdu_bytes = bytes;
                     }
                     if let Some(bytes) = swarm_payload(&queued.frame) {
-                        let sent_ns = asn * self.config.slot_ns;
+                        let sent = asn * self.config.slot;
                         payload = Some(self.inbox.send(Sent {
                             sender: mote,
-                            sent_ns,
-                            end_ns: sent_ns + self.config.slot_ns,
+                            sent: sent,
+                            end: (sent + self.config.slot),
                             payload: bytes.clone(),
                             destination: None,
                         }));
@@ -167,7 +166,7 @@ impl Mesh {
     /// Who may hear any of it: those in reach who listen on the channel.
     fn find_listeners(&mut self, asn: Asn) {
         let stamp = asn + 1;
-        let now_ns = asn * self.config.slot_ns;
+        let now = asn * self.config.slot;
         let Self { scratch, state, links, settings, seed, listening_cache, .. } = self;
         let Scratch { sending, on_air, seen, listeners, heard, .. } = scratch;
         on_air.clear();
@@ -182,7 +181,7 @@ impl Mesh {
             on_air.push(OnAir {
                 sender: sending.sender,
                 channel: sending.transmission.channel,
-                starts_ns: node.mac.deviation_ns(now_ns),
+                starts_ns: node.mac.deviation_ns(now),
                 psdu_bytes: sending.psdu_bytes,
             });
         }
@@ -231,7 +230,7 @@ impl Mesh {
             listeners.sort_unstable_by_key(|(mote, _)| *mote);
         }
         for (mote, listening) in listeners.iter() {
-            let deviation_ns = state.motes[mote.index()].mac.deviation_ns(now_ns);
+            let deviation_ns = state.motes[mote.index()].mac.deviation_ns(now);
             heard.push(if listening.scans {
                 slot::Listening::scanning(*mote, listening.channel)
             } else {
@@ -257,7 +256,7 @@ impl Mesh {
 
     /// Resolve: what does every listener receive?
     fn resolve(&mut self, asn: Asn) {
-        let slot = Slot { asn, begins_ns: asn * self.config.slot_ns };
+        let slot = Slot { asn, begins_ns: (asn * self.config.slot).ns() };
         let Self { scratch, links, medium, .. } = self;
         let receptions = medium.resolve(links, slot, &scratch.on_air, &scratch.heard);
         scratch.receptions.clear();
@@ -272,8 +271,8 @@ impl Mesh {
         self.scratch.answers.clear();
         self.scratch.touched.clear();
         for (sending, on_air) in sending.iter().zip(&self.scratch.on_air) {
-            let begins_ns = at_ns(asn, self.config.slot_ns, on_air.begins_ns());
-            self.capture.frame(asn, begins_ns, sending.transmission.channel, sending.frame());
+            let begins = moment(asn, self.config.slot, on_air.begins_ns());
+            self.capture.frame(asn, begins, sending.transmission.channel, sending.frame());
         }
         for ((mote, listening), reception) in listeners.iter().zip(&receptions) {
             match *reception {
@@ -293,8 +292,8 @@ impl Mesh {
         }
         self.acknowledge(&mut sending, asn);
         self.capture.end_slot();
-        let slot_ns = self.config.slot_ns;
-        self.frames.add(asn * slot_ns, &sending, |address| self.addresses.mote(address));
+        let slot = self.config.slot;
+        self.frames.add(asn * slot, &sending, |address| self.addresses.mote(address));
         for sent in sending.drain(..) {
             self.finish(sent, asn);
         }
@@ -330,15 +329,14 @@ impl Mesh {
         rssi_dbm: f64,
         asn: Asn,
     ) {
-        let now_ns = asn * self.config.slot_ns;
+        let now = asn * self.config.slot;
         let bytes = sent.psdu_bytes;
         self.state.motes[mote.index()].tally.n_rx += 1;
         let on_air = self.scratch.on_air[index as usize];
         let source_ns = on_air.starts_ns;
         // Within the slot, however far off a clock is that scanning motes hear all the same.
-        let received_ns =
-            at_ns(asn, self.config.slot_ns, on_air.ends_ns(&self.settings.mac.airtime))
-                .clamp(now_ns, now_ns + self.config.slot_ns - 1);
+        let received = moment(asn, self.config.slot, on_air.ends_ns(&self.settings.mac.airtime))
+            .clamp(now, now + self.config.slot - SimDuration::from_ns(1));
         self.note_heard(mote, sent.sender, rssi_dbm);
         let node = &mut self.state.motes[mote.index()];
         if !node.takes(&self.settings, sent.frame()) {
@@ -358,8 +356,8 @@ impl Mesh {
                 source_ns,
             );
             // Its clock may be relied on for less long than before.
-            let wakes_ns = node.mac.poll_timeout(&self.settings.mac);
-            if wakes_ns.is_some_and(|at_ns| at_ns < self.due_ns[mote.index()]) {
+            let wakes = node.mac.poll_timeout(&self.settings.mac);
+            if wakes.is_some_and(|at| at < self.due[mote.index()]) {
                 self.scratch.touched.push(mote);
             }
             if let (Some(at), false) = (&listening.at, listening.is_background) {
@@ -369,8 +367,8 @@ impl Mesh {
                 let (node, mut world) = self.mote_and_world(mote, asn);
                 node.handle_announcement(&mut world, at, frame);
             }
-            let end_ns = now_ns + self.config.slot_ns;
-            self.inbox.hear(mote, payload, end_ns, rssi_dbm as f32, 1);
+            let end = now + self.config.slot;
+            self.inbox.hear(mote, payload, end, rssi_dbm as f32, 1);
             return self.note_use(mote, listening, SlotUse::RxBroadcast { bytes });
         }
         let arrived = Arrived {
@@ -389,10 +387,10 @@ impl Mesh {
             return self.note_use(mote, listening, SlotUse::Overhear { bytes });
         }
         // By its clock as it was then: the frame may correct it.
-        let expected_ns = self.state.motes[mote.index()].mac.deviation_ns(now_ns);
+        let expected = self.state.motes[mote.index()].mac.deviation_ns(now);
         let (node, mut world) = self.mote_and_world(mote, asn);
         world.effective_asn = asn + 1;
-        world.received_ns = received_ns;
+        world.received = received;
         let n_brought = world.swarm.len();
         let (verdict, has_changed) = node.take_in(&mut world, &arrived);
         let acknowledges = verdict.acknowledge;
@@ -416,7 +414,7 @@ impl Mesh {
                 queued.has_arrived |= verdict.deliver;
             }
             sent.answered_by = Some(mote);
-            sent.correction_ns = expected_ns - on_air.starts_ns;
+            sent.correction_ns = expected - on_air.starts_ns;
             let security = sent.frame().security;
             if security.is_secured() {
                 self.state.motes[mote.index()].tally.usage.secured_acks_sent += 1;
@@ -434,7 +432,7 @@ impl Mesh {
         if self.scratch.answers.is_empty() {
             return;
         }
-        let now_ns = asn * self.config.slot_ns;
+        let now = asn * self.config.slot;
         for answer in &self.scratch.answers {
             let sent = &sending[answer.transmission as usize];
             let frame = sent.frame();
@@ -445,15 +443,15 @@ impl Mesh {
                 security: frame.security,
             };
             let on_air = &self.scratch.on_air[answer.transmission as usize];
-            let begins_ns = at_ns(
+            let begins = moment(
                 asn,
-                self.config.slot_ns,
+                self.config.slot,
                 on_air.ends_ns(&self.settings.mac.airtime) + TX_ACK_DELAY_NS,
             );
             let source = self.addresses.eui64(answer.receiver);
-            self.capture.ack(asn, begins_ns, sent.transmission.channel, source, &ack);
+            self.capture.ack(asn, begins, sent.transmission.channel, source, &ack);
         }
-        let slot = Slot { asn, begins_ns: now_ns };
+        let slot = Slot { asn, begins_ns: now.ns() };
         let Self { scratch, links, medium, settings, seed, .. } = self;
         let verdicts = medium.acknowledge(links, slot, &scratch.on_air, &scratch.answers);
         for (answer, verdict) in scratch.answers.iter().zip(verdicts) {
@@ -469,9 +467,9 @@ impl Mesh {
         let is_secured = sent.frame().security.is_secured();
         let Sending { sender, transmission, psdu_bytes: bytes, answered_by, acknowledged, .. } =
             sent;
-        let now_ns = asn * self.config.slot_ns;
+        let now = asn * self.config.slot;
         let source_ns = match answered_by {
-            Some(mote) if acknowledged => self.state.motes[mote.index()].mac.deviation_ns(now_ns),
+            Some(mote) if acknowledged => self.state.motes[mote.index()].mac.deviation_ns(now),
             _ => 0,
         };
         let (is_unicast, is_retransmission) = match &transmission.outgoing {
@@ -479,10 +477,10 @@ impl Mesh {
             Outgoing::Frame(queued) => (queued.destination().is_some(), 1 < queued.n_attempts),
         };
         let at = transmission.at;
-        let airtime_ns = self.settings.mac.airtime.of(bytes).unsigned_abs();
+        let airtime = SimDuration::from_ns(self.settings.mac.airtime.of(bytes).unsigned_abs());
         let (node, mut world) = self.mote_and_world(sender, asn);
         world.effective_asn = asn + 1;
-        node.mac.spend_airtime(airtime_ns, now_ns);
+        node.mac.spend_airtime(airtime, now);
         node.tally.n_tx += 1;
         node.tally.n_retransmissions += u64::from(is_retransmission);
         node.tally.usage.secured_acks_received += u64::from(acknowledged && is_secured);
@@ -501,16 +499,16 @@ impl Mesh {
 
     /// Payloads of the swarm that came in frames for one mote alone.
     pub(super) fn pass_on_payloads(&mut self, asn: Asn) {
-        let end_ns = (asn + 1) * self.config.slot_ns;
+        let end = (asn + 1) * self.config.slot;
         for brought in self.scratch.swarm.drain(..) {
             let number = self.inbox.send(Sent {
                 sender: brought.sender,
-                sent_ns: brought.sent_ns,
-                end_ns,
+                sent: brought.sent,
+                end: end,
                 payload: brought.payload,
                 destination: Some(brought.receiver),
             });
-            self.inbox.hear(brought.receiver, number, end_ns, brought.rssi_dbm, brought.hops);
+            self.inbox.hear(brought.receiver, number, end, brought.rssi_dbm, brought.hops);
         }
     }
 }

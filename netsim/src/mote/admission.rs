@@ -36,7 +36,7 @@ impl Mote {
     fn begin_join(&self, world: &mut World<'_>, to: Eui64, outgoing: &Outgoing) -> u64 {
         let Some(to) = world.addresses.mote(to) else { return 0 };
         let bytes = outgoing.message.buffer_len() as u32;
-        world.packets.begin(PacketPurpose::Join, self.id, to, world.now_ns, bytes)
+        world.packets.begin(PacketPurpose::Join, self.id, to, world.now, bytes)
     }
 
     fn send_join(&mut self, world: &mut World<'_>, outgoing: &Outgoing, packet: u64) {
@@ -73,14 +73,14 @@ impl Mote {
             return self.lose(world, datagram.packet, DropReason::Malformed);
         };
         let hops = hops_of(datagram);
-        let (now_ns, received_ns) = (world.now_ns, world.received_ns);
+        let (now, received) = (world.now, world.received);
         let answer = match &message {
             CojpRepr::Request { pledge, .. } | CojpRepr::ProtectedRequest { pledge, .. } => {
                 match &mut self.registrar {
                     Some(registrar) => {
-                        let answer = registrar.handle_request(datagram.source, &message, now_ns);
+                        let answer = registrar.handle_request(datagram.source, &message, now);
                         answer.map(|answer| {
-                            world.packets.deliver(datagram.packet, received_ns, hops);
+                            world.packets.deliver(datagram.packet, received, hops);
                             let packet = self.begin_join(world, *pledge, &answer);
                             (answer, packet)
                         })
@@ -88,7 +88,7 @@ impl Mote {
                     None if self.joined => {
                         let root = self.rpl.dodag_id();
                         let passed =
-                            self.proxy.handle_request(datagram.source, &message, root, now_ns);
+                            self.proxy.handle_request(datagram.source, &message, root, now);
                         passed.map(|passed| Self::pass_on(world, datagram.packet, passed, hops))
                     }
                     None => Err(DropReason::NotJoined),
@@ -101,7 +101,7 @@ impl Mote {
             }
             CojpRepr::Response { proxy_state: None, .. }
             | CojpRepr::ProtectedResponse { proxy_state: None, .. } => {
-                world.packets.deliver(datagram.packet, received_ns, hops);
+                world.packets.deliver(datagram.packet, received, hops);
                 self.pledge.handle_response(&message);
                 return;
             }

@@ -13,6 +13,7 @@ use crate::wire::datagram::{Datagram, UdpRepr, Upper};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr};
 use bytes::Bytes;
+use proto::time::SimDuration;
 use proto::types::PacketPurpose;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
@@ -143,18 +144,18 @@ impl Mote {
     ) {
         let content = Content::Lowpan(part);
         let wanted = Wanted { packet, ..Wanted::new(next_hop, content) };
-        let works_ns = world.settings.burden(self.id).processing_ns;
-        if next_hop.is_none() || works_ns == 0 {
+        let works = world.settings.burden(self.id).processing;
+        if next_hop.is_none() || works == SimDuration::ZERO {
             self.enqueue(world, wanted);
         } else {
-            let begins_ns = world.effective_asn * world.settings.mac.slot_ns;
-            self.in_work.push_back((begins_ns + works_ns, wanted));
+            let begins = world.effective_asn * world.settings.mac.slot;
+            self.in_work.push_back((begins + works, wanted));
         }
     }
 
     /// What the processor has finished by now goes into the queue.
     pub(super) fn finish_work(&mut self, world: &mut World<'_>) {
-        while self.in_work.front().is_some_and(|(at_ns, _)| *at_ns <= world.now_ns) {
+        while self.in_work.front().is_some_and(|(at, _)| *at <= world.now) {
             if let Some((_, wanted)) = self.in_work.pop_front() {
                 self.enqueue(world, wanted);
             }
@@ -173,7 +174,7 @@ impl Mote {
         let udp = packet.udp();
         let bytes = udp.payload.len() as u32;
         let kind = PacketPurpose::Application;
-        let id = world.packets.begin(kind, self.id, mote, packet.created_ns, bytes);
+        let id = world.packets.begin(kind, self.id, mote, packet.created, bytes);
         self.originate(world, to.global(), Upper::Udp(udp), id);
     }
 
@@ -267,7 +268,7 @@ impl Mote {
         self.tally.frames.n_given += 1;
         if !self.mac.is_synced() {
             self.tally.drop_frame(DropReason::Desynchronised, false);
-            return world.packets.lose(packet, world.now_ns, DropReason::Desynchronised);
+            return world.packets.lose(packet, world.now, DropReason::Desynchronised);
         }
         let traffic = destination.map_or(Traffic::Broadcast, Traffic::Unicast);
         let slotframe = slotframe.or_else(|| self.sf.slotframe_of(traffic));
@@ -320,7 +321,7 @@ impl Mote {
     pub(super) fn discard(&mut self, world: &mut World<'_>, frame: Queued, reason: DropReason) {
         self.lose_frame(world, &frame, reason);
         if let (Content::Sixp(message), Some(to)) = (&frame.frame.content, frame.destination()) {
-            self.sixtop.handle_sent(to, message, false, world.now_ns);
+            self.sixtop.handle_sent(to, message, false, world.now);
         }
         if let Some(neighbour) = frame.destination() {
             self.left_queue(world, neighbour);
@@ -338,13 +339,13 @@ impl Mote {
     pub(super) fn lose_frame(&mut self, world: &mut World<'_>, frame: &Queued, reason: DropReason) {
         self.tally.drop_frame(reason, frame.has_arrived);
         if !frame.has_arrived {
-            world.packets.lose(frame.packet, world.now_ns, reason);
+            world.packets.lose(frame.packet, world.now, reason);
         }
     }
 
     /// A datagram, or a part of one, ends here, and its packet with it.
     pub(super) fn lose(&mut self, world: &mut World<'_>, packet: u64, reason: DropReason) {
         self.tally.datagrams_dropped[reason.index()] += 1;
-        world.packets.lose(packet, world.now_ns, reason);
+        world.packets.lose(packet, world.now, reason);
     }
 }

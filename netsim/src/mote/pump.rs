@@ -10,6 +10,7 @@ use crate::sf::{Context, SchedulingFunction, Traffic};
 use crate::timer::earliest;
 use crate::wire::datagram::{Datagram, Upper};
 use crate::wire::frame::Content;
+use proto::time::SimTime;
 
 impl Mote {
     /// Lets the scheduling function act, and routing hear of neighbours it has given up.
@@ -24,8 +25,8 @@ impl Mote {
             own: self.address,
             is_root: self.is_root,
             asn: world.asn,
-            now_ns: world.now_ns,
-            slot_ns: world.settings.mac.slot_ns,
+            now: world.now,
+            slot: world.settings.mac.slot,
             n_channels: world.settings.mac.hopping_sequence.len() as u16,
             parent: self.rpl.parent(),
             schedule: &mut self.schedule,
@@ -64,12 +65,12 @@ impl Mote {
             }
             while let Some(neighbour) = self.unusable.pop() {
                 moved = true;
-                let (now_ns, dice) = (world.now_ns, &mut self.dice.routing);
-                match self.sf.quarantine_ends_ns(neighbour) {
-                    Some(until_ns) => {
-                        self.rpl.handle_quarantine(neighbour, until_ns, now_ns, dice);
+                let (now, dice) = (world.now, &mut self.dice.routing);
+                match self.sf.quarantine_ends(neighbour) {
+                    Some(until) => {
+                        self.rpl.handle_quarantine(neighbour, until, now, dice);
                     }
-                    None => self.rpl.handle_unusable(neighbour, now_ns, dice),
+                    None => self.rpl.handle_unusable(neighbour, now, dice),
                 }
             }
             while let Some(event) = self.rpl.poll_event() {
@@ -99,7 +100,7 @@ impl Mote {
                     self.mac.lose_time_source(&world.settings.mac);
                 }
                 if let Some(parent) = new {
-                    self.mac.set_time_source(&world.settings.mac, parent, world.now_ns);
+                    self.mac.set_time_source(&world.settings.mac, parent, world.now);
                     self.pledge.handle_proxy(parent);
                     self.with_sf(world, |sf, cx| sf.handle_time_source(cx, Some(parent)));
                 }
@@ -183,7 +184,7 @@ impl Mote {
         let reachable = ready && self.rpl.is_reachable() && !self.rpl.is_leaf();
         if reachable != self.invites {
             self.invites = reachable;
-            self.mac.enable_beacons(&world.settings.mac, reachable, world.now_ns);
+            self.mac.enable_beacons(&world.settings.mac, reachable, world.now);
             if reachable {
                 self.with_sf(world, |sf, cx| sf.handle_known_to_parent(cx));
             }
@@ -193,15 +194,15 @@ impl Mote {
         }
         self.ready = ready;
         *world.readiness_changed = true;
-        if ready && self.tally.first_ready_ns.is_none() {
-            self.tally.first_ready_ns = Some(world.now_ns);
+        if ready && self.tally.first_ready.is_none() {
+            self.tally.first_ready = Some(world.now);
         }
         self.set_apps_ready(world, ready);
     }
 
-    /// The first moment at which some layer wants to act (ns).
+    /// The first moment at which some layer wants to act.
     #[must_use]
-    pub fn poll_timeout(&self, world_mac: &crate::mac::tsch::Config) -> Option<u64> {
+    pub fn poll_timeout(&self, world_mac: &crate::mac::tsch::Config) -> Option<SimTime> {
         let of_apps = self.apps.iter().filter_map(App::poll_timeout).min();
         earliest([
             self.mac.poll_timeout(world_mac),
@@ -210,47 +211,47 @@ impl Mote {
             self.rpl.poll_timeout(),
             self.lowpan.poll_timeout(),
             self.pledge.poll_timeout(),
-            self.in_work.front().map(|(at_ns, _)| *at_ns),
-            self.reboots_ns,
+            self.in_work.front().map(|(at, _)| *at),
+            self.reboots,
             of_apps,
         ])
     }
 
-    /// Time has come to `world.now_ns`.
+    /// Time has come to `world.now`.
     pub fn handle_timeout(&mut self, world: &mut World<'_>) {
-        let now_ns = world.now_ns;
-        let is_due = |deadline: Option<u64>| deadline.is_some_and(|deadline| deadline <= now_ns);
-        if is_due(self.reboots_ns) {
+        let now = world.now;
+        let is_due = |deadline: Option<SimTime>| deadline.is_some_and(|deadline| deadline <= now);
+        if is_due(self.reboots) {
             return self.reboot(world);
         }
         self.finish_work(world);
         if is_due(self.mac.poll_timeout(&world.settings.mac)) {
-            match self.mac.handle_timeout(&world.settings.mac, now_ns) {
+            match self.mac.handle_timeout(&world.settings.mac, now) {
                 None => {}
                 Some(Due::Synchronise(source)) => self.wants_sync = Some(source),
                 Some(Due::KeepAlive(source)) => self.keep_alive(world, source),
                 Some(Due::SourceLost(source)) if self.rpl.parent() == Some(source) => {
-                    self.rpl.handle_unusable(source, now_ns, &mut self.dice.routing);
+                    self.rpl.handle_unusable(source, now, &mut self.dice.routing);
                 }
                 Some(Due::SourceLost(_) | Due::Desynchronised) => self.desynchronise(world),
             }
         }
         if is_due(self.sixtop.poll_timeout()) {
-            self.sixtop.handle_timeout(now_ns);
+            self.sixtop.handle_timeout(now);
         }
         if is_due(self.sf.poll_timeout()) {
             self.with_sf(world, |sf, cx| sf.handle_timeout(cx));
         }
         if is_due(self.rpl.poll_timeout()) {
-            self.rpl.handle_timeout(now_ns, &mut self.dice.routing);
+            self.rpl.handle_timeout(now, &mut self.dice.routing);
         }
         if is_due(self.lowpan.poll_timeout()) {
-            for (packet, reason) in self.lowpan.handle_timeout(now_ns) {
+            for (packet, reason) in self.lowpan.handle_timeout(now) {
                 self.lose(world, packet, reason);
             }
         }
         if is_due(self.pledge.poll_timeout()) {
-            self.pledge.handle_timeout(now_ns);
+            self.pledge.handle_timeout(now);
         }
         self.run_apps(world);
         self.pump(world);

@@ -3,6 +3,7 @@
 use crate::energy::Usage;
 use crate::lowpan::DropReason;
 use physics::asn::Asn;
+use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 
 /// Counters of a mote.
@@ -33,12 +34,12 @@ pub struct Tally {
     pub n_created: u64,
     /// How often the mote lost synchronisation.
     pub n_desynchronised: u64,
-    /// When it was first synchronised (ns).
-    pub first_synced_ns: Option<u64>,
-    /// When it was first admitted (ns).
-    pub first_joined_ns: Option<u64>,
-    /// When it was first ready to send data (ns).
-    pub first_ready_ns: Option<u64>,
+    /// When it was first synchronised.
+    pub first_synced: Option<SimTime>,
+    /// When it was first admitted.
+    pub first_joined: Option<SimTime>,
+    /// When it was first ready to send data.
+    pub first_ready: Option<SimTime>,
     /// Since when it has been on (ASN), if it is.
     pub on_since_asn: Option<Asn>,
     /// Slots during which it was on before.

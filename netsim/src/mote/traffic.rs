@@ -21,8 +21,8 @@ impl Mote {
         let addresses = world.addresses;
         let reaches = |mote: MoteId| rpl.route(addresses.eui64(mote).global()).is_some();
         let mut context = Context {
-            now_ns: world.now_ns,
-            received_ns: world.received_ns,
+            now: world.now,
+            received: world.received,
             dice: &mut dice.application,
             packets: world.packets,
             reaches: &reaches,
@@ -46,9 +46,9 @@ impl Mote {
 
     /// Sends what applications have due.
     pub(super) fn run_apps(&mut self, world: &mut World<'_>) {
-        let now_ns = world.now_ns;
+        let now = world.now;
         for place in 0..self.apps.len() {
-            while self.apps[place].poll_timeout().is_some_and(|due_ns| due_ns <= now_ns) {
+            while self.apps[place].poll_timeout().is_some_and(|due| due <= now) {
                 let packet = self.with_app(world, place, |app, cx| app.handle_timeout(cx));
                 if let Some(packet) = packet {
                     self.send_application(world, &packet);
@@ -70,7 +70,7 @@ impl Mote {
             return self.lose(world, datagram.packet, DropReason::Malformed);
         };
         let hops = hops_of(datagram);
-        world.packets.deliver(datagram.packet, world.received_ns, hops);
+        world.packets.deliver(datagram.packet, world.received, hops);
         for place in 0..self.apps.len() {
             let heard = self.with_app(world, place, |app, cx| {
                 app.machine().handle_message(from, hops, &message, cx)

@@ -14,6 +14,7 @@ use crate::wire::coap;
 use crate::wire::datagram::{Datagram, UdpRepr, Upper};
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{Content, FrameRepr};
+use proto::time::SimTime;
 use std::sync::Arc;
 
 /// A frame as it reached a mote.
@@ -45,11 +46,11 @@ impl Mote {
             if let Content::Beacon(beacon) = &frame.content {
                 let config = &world.settings.mac;
                 self.wants_sync =
-                    self.mac.handle_beacon(config, from, beacon.join_metric, world.now_ns);
+                    self.mac.handle_beacon(config, from, beacon.join_metric, world.now);
             }
             return FrameHandling { acknowledge: false, deliver: false };
         }
-        if self.sf.quarantine_ends_ns(from).is_some() {
+        if self.sf.quarantine_ends(from).is_some() {
             return FrameHandling { acknowledge: false, deliver: false };
         }
         let verdict = self.mac.handle_frame(
@@ -85,17 +86,17 @@ impl Mote {
                         && self.rpl.is_nearer(metric)
                     {
                         let (config, source_ns) = (&world.settings.mac, arrived.source_ns);
-                        self.mac.take_time_beside(config, from, source_ns, world.now_ns);
+                        self.mac.take_time_beside(config, from, source_ns, world.now);
                     }
-                    let (now_ns, dice) = (world.now_ns, &mut self.dice.routing);
-                    if !self.rpl.handle_rank(from, metric, arrived.rssi_dbm, now_ns, dice) {
-                        self.rpl.handle_beacon(from, metric, now_ns, dice);
+                    let (now, dice) = (world.now, &mut self.dice.routing);
+                    if !self.rpl.handle_rank(from, metric, arrived.rssi_dbm, now, dice) {
+                        self.rpl.handle_beacon(from, metric, now, dice);
                     }
                     self.with_sf(world, |sf, cx| sf.handle_beacon(cx, from, beacon.join_metric));
                 }
-                Content::Sixp(message) => self.sixtop.handle_message(from, message, world.now_ns),
+                Content::Sixp(message) => self.sixtop.handle_message(from, message, world.now),
                 Content::Lowpan(part) => {
-                    let outcome = self.lowpan.handle(from, part, world.now_ns);
+                    let outcome = self.lowpan.handle(from, part, world.now);
                     self.handle_outcome(world, from, part, outcome);
                 }
             }
@@ -122,7 +123,7 @@ impl Mote {
         let before = timers(self, world);
         let verdict = self.handle_frame(world, arrived);
         let after = timers(self, world);
-        let is_sooner = |(before, after): (Option<u64>, Option<u64>)| {
+        let is_sooner = |(before, after): (Option<SimTime>, Option<SimTime>)| {
             after.is_some_and(|after| before.is_none_or(|before| after < before))
         };
         let has_news = self.rpl.has_news();
@@ -160,13 +161,13 @@ impl Mote {
                 Err(reason) => self.lose(world, datagram.packet, reason),
             },
             LowpanAction::Route(onward) if self.tunnels(&onward) => {
-                let outcome = self.lowpan.reassemble(from, part, world.now_ns);
+                let outcome = self.lowpan.reassemble(from, part, world.now);
                 self.handle_outcome(world, from, part, outcome);
             }
             LowpanAction::Route(onward) => {
                 if let Some((onward, next_hop)) = self.onward(world, from, *onward) {
                     let onward = Arc::new(onward);
-                    let outcome = self.lowpan.forward(from, part, onward, next_hop, world.now_ns);
+                    let outcome = self.lowpan.forward(from, part, onward, next_hop, world.now);
                     self.handle_outcome(world, from, part, outcome);
                 }
             }
@@ -179,7 +180,7 @@ impl Mote {
         if let Some(mut rpi) = datagram.rpi {
             let routed = datagram.route.is_some();
             let dice = &mut self.dice.routing;
-            self.rpl.handle_data(&mut rpi, from, datagram.destination, routed, world.now_ns, dice);
+            self.rpl.handle_data(&mut rpi, from, datagram.destination, routed, world.now, dice);
         }
     }
 
@@ -197,7 +198,7 @@ impl Mote {
                 from,
                 datagram.destination,
                 routed,
-                world.now_ns,
+                world.now,
                 &mut self.dice.routing,
             );
             datagram.rpi = Some(rpi);
@@ -231,7 +232,7 @@ impl Mote {
                     datagram.source,
                     multicast,
                     message,
-                    world.now_ns,
+                    world.now,
                     &mut self.dice.routing,
                 );
             }
@@ -243,14 +244,14 @@ impl Mote {
         match udp.destination_port {
             APPLICATION_PORT | SWARM_PORT => {
                 let hops = hops_of(datagram);
-                let delivered = world.packets.deliver(datagram.packet, world.received_ns, hops);
+                let delivered = world.packets.deliver(datagram.packet, world.received, hops);
                 if let Some(packet) = delivered
                     && udp.destination_port == SWARM_PORT
                 {
                     world.swarm.push(Brought {
                         receiver: self.id,
                         sender: packet.source,
-                        sent_ns: packet.created_ns,
+                        sent: packet.created,
                         hops,
                         rssi_dbm: 0.0,
                         payload: udp.payload.clone(),
@@ -312,7 +313,7 @@ impl Mote {
             && at.is_some_and(|at| at.cell.options.shared);
         let is_ignored = may_collide || (world.settings.compat.stale_rank && is_for_all);
         if !is_ignored {
-            self.rpl.handle_link(to, 1, acknowledged, world.now_ns, &mut self.dice.routing);
+            self.rpl.handle_link(to, 1, acknowledged, world.now, &mut self.dice.routing);
         }
     }
 
@@ -326,12 +327,12 @@ impl Mote {
         let Some(neighbour) = frame.destination() else { return };
         self.count_link(world, at, neighbour, acknowledged);
         if let Content::Sixp(message) = &frame.frame.content {
-            self.sixtop.handle_sent(neighbour, message, acknowledged, world.now_ns);
+            self.sixtop.handle_sent(neighbour, message, acknowledged, world.now);
         }
         if !acknowledged && world.settings.mobility.reroute && self.rpl.parent() == Some(neighbour)
         {
             // It does not answer at all: another parent is looked for at once.
-            self.rpl.handle_unusable(neighbour, world.now_ns, &mut self.dice.routing);
+            self.rpl.handle_unusable(neighbour, world.now, &mut self.dice.routing);
         }
         match (acknowledged, frame.has_arrived) {
             (false, _) if self.reroute_failed(world, &frame) => {
@@ -341,7 +342,7 @@ impl Mote {
             // Taken for another: it was acknowledged, and what it carried is gone.
             (true, false) => {
                 self.tally.frames.n_sent += 1;
-                world.packets.lose(frame.packet, world.now_ns, DropReason::SequenceReused);
+                world.packets.lose(frame.packet, world.now, DropReason::SequenceReused);
             }
             (true, true) => self.tally.frames.n_sent += 1,
         }

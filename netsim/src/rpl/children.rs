@@ -8,6 +8,7 @@ use super::routes::Via;
 use super::{Event, Rpl};
 use crate::wire::Eui64;
 use crate::wire::rpl::DioRepr;
+use proto::time::{SimDuration, SimTime};
 
 /// Children are looked through at most so often in a lifetime.
 const LOOKS: u64 = 8;
@@ -16,18 +17,20 @@ const INFINITE_LIFETIME: u8 = 0xff;
 
 impl Rpl {
     /// A neighbour routes through this mote: it has sent a DAO, or a datagram that goes up.
-    pub(super) fn refresh_child(&mut self, child: Eui64, now_ns: u64) {
+    pub(super) fn refresh_child(&mut self, child: Eui64, now: SimTime) {
         let Some(dodag) = &self.dodag else { return };
         let c = &dodag.configuration;
-        let length_ns = match c.default_lifetime {
-            INFINITE_LIFETIME => u64::MAX,
-            units => u64::from(units.max(1)) * u64::from(c.lifetime_unit_s.max(1)) * 1_000_000_000,
+        let length = match c.default_lifetime {
+            INFINITE_LIFETIME => SimDuration::MAX,
+            units => {
+                SimDuration::from_s(u64::from(units.max(1)) * u64::from(c.lifetime_unit_s.max(1)))
+            }
         };
-        let expires_ns = now_ns.saturating_add(length_ns);
-        if self.children.insert(child, expires_ns).is_none() {
+        let expires = now.saturating_add(length);
+        if self.children.insert(child, expires).is_none() {
             self.events.push_back(Event::ChildAdded(child));
         }
-        self.children_check_ns.get_or_insert(expires_ns);
+        self.children_check.get_or_insert(expires);
     }
 
     /// A neighbour does not route through this mote any more.
@@ -39,7 +42,7 @@ impl Rpl {
 
     /// A neighbour's DIO shows that it cannot be below: it has left, or is no further from the root than this mote. If it
     /// has left, what was reached through it is not.
-    pub(super) fn child_says(&mut self, from: Eui64, dio: &DioRepr, now_ns: u64) {
+    pub(super) fn child_says(&mut self, from: Eui64, dio: &DioRepr, now: SimTime) {
         let Some(dodag) = &self.dodag else { return };
         let has_left = dio.dodag_id != dodag.id || dio.rank == INFINITE_RANK;
         let is_below = dodag.dag_rank(dodag.rank) < dodag.dag_rank(dio.rank);
@@ -49,27 +52,27 @@ impl Rpl {
         self.lose_child(from);
         if has_left {
             let gone = self.routes.remove_via(Via::Neighbour(from));
-            self.withdraw(&gone, now_ns);
+            self.withdraw(&gone, now);
         }
     }
 
     /// Forgets children of whom nothing came for the lifetime of a route.
-    pub(super) fn expire_children(&mut self, now_ns: u64) {
-        if self.children_check_ns.is_none_or(|check_ns| now_ns < check_ns) {
+    pub(super) fn expire_children(&mut self, now: SimTime) {
+        if self.children_check.is_none_or(|check| now < check) {
             return;
         }
         let gone: Vec<Eui64> = (self.children.iter())
-            .filter(|&(_, &expires_ns)| expires_ns <= now_ns)
+            .filter(|&(_, &expires)| expires <= now)
             .map(|(&child, _)| child)
             .collect();
         for child in gone {
             self.lose_child(child);
         }
-        let lifetime_ns = self.dodag.as_ref().map_or(0, |dodag| {
+        let lifetime = self.dodag.as_ref().map_or(SimDuration::ZERO, |dodag| {
             let c = &dodag.configuration;
-            u64::from(c.default_lifetime) * u64::from(c.lifetime_unit_s) * 1_000_000_000
+            SimDuration::from_s(u64::from(c.default_lifetime) * u64::from(c.lifetime_unit_s))
         });
-        let soonest_ns = now_ns.saturating_add(lifetime_ns / LOOKS + 1);
-        self.children_check_ns = self.children.values().min().map(|&at_ns| at_ns.max(soonest_ns));
+        let soonest = now.saturating_add(lifetime / LOOKS + SimDuration::from_ns(1));
+        self.children_check = self.children.values().min().map(|&at| at.max(soonest));
     }
 }

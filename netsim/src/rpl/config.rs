@@ -4,6 +4,7 @@ use super::objective::Objective;
 use crate::wire::address::GLOBAL_PREFIX;
 use crate::wire::rpl::DodagConfiguration;
 use proto::config::Choice;
+use proto::time::SimDuration;
 use serde::{Deserialize, Serialize};
 
 /// Who keeps routes down: RFC 6550, § 6.3.1.
@@ -48,8 +49,8 @@ pub struct Handover {
     /// A neighbour of which less than this will be received counts as a hop farther (mdBm); `None`: strength decides between equals
     /// alone.
     pub least_mdbm: Option<i32>,
-    /// How far ahead the trend of its strength is followed (ns).
-    pub ahead_ns: u64,
+    /// How far ahead the trend of its strength is followed.
+    pub ahead: SimDuration,
 }
 
 /// Settings of one mote. A root imposes those in [`Config::configuration`] on its DODAG.
@@ -84,47 +85,47 @@ pub struct Config {
     pub default_lifetime: u8,
     /// As root: the unit of lifetimes (s).
     pub lifetime_unit_s: u16,
-    /// As root: time between versions, which is global repair (ns); 0: only when asked.
-    pub global_repair_period_ns: u64,
+    /// As root: time between versions, which is global repair; 0: only when asked.
+    pub global_repair_period: SimDuration,
     /// ETX × 128 of a link over which nothing was sent yet.
     pub initial_etx_x128: u16,
     /// Transmissions in a row without an acknowledgment after which a neighbour is unusable.
     pub max_failures: u16,
-    /// How long an unusable neighbour stays so (ns). Each further time doubles it, up to sixteen-fold.
-    pub unusable_hold_ns: u64,
-    /// A neighbour of whom nothing was heard for so long is forgotten (ns).
-    pub neighbour_lifetime_ns: u64,
+    /// How long an unusable neighbour stays so. Each further time doubles it, up to sixteen-fold.
+    pub unusable_hold: SimDuration,
+    /// A neighbour of whom nothing was heard for so long is forgotten.
+    pub neighbour_lifetime: SimDuration,
     /// How many neighbours are kept; the worst give way.
     pub max_neighbours: u16,
     /// How many motes can be parents at a time (PARENT_SET_SIZE: RFC 6719, § 5; RFC 6552, § 4.2).
     pub parent_set_size: u8,
     /// A parent is left for one that is better by a hop of rank, but not by the threshold of the objective function, once there
-    /// has been such a one for so long (ns). 5 min; Contiki-NG waits for 10.
-    pub outdone_ns: u64,
+    /// has been such a one for so long. 5 min; Contiki-NG waits for 10.
+    pub outdone: SimDuration,
     /// Time between frames that a mote sends to a neighbour that could be a better parent, but over whose link it has sent too
-    /// little to know that (ns). 90 s: Contiki-NG's.
-    pub probe_period_ns: u64,
-    /// After leaving a DODAG, motes of no lower rank than one's own had been are not joined for so long (ns): they may
+    /// little to know that. 90 s: Contiki-NG's.
+    pub probe_period: SimDuration,
+    /// After leaving a DODAG, motes of no lower rank than one's own had been are not joined for so long: they may
     /// have been below, and have not heard of it.
-    pub repair_hold_ns: u64,
-    /// After so long outside, a version of a DODAG is joined as if for the first time (ns): like a mote that restarts.
-    pub forget_ns: u64,
+    pub repair_hold: SimDuration,
+    /// After so long outside, a version of a DODAG is joined as if for the first time: like a mote that restarts.
+    pub forget: SimDuration,
     /// How a mote without a DODAG asks for one.
     pub solicitation: Solicitation,
-    /// Time between solicitations (ns).
-    pub dis_period_ns: u64,
+    /// Time between solicitations.
+    pub dis_period: SimDuration,
     /// Whether routes down are advertised at all.
     pub advertises: bool,
-    /// Time between advertisements (ns), with a fifth more or less at random; 0: half the lifetime of routes.
-    pub dao_period_ns: u64,
+    /// Time between advertisements, with a fifth more or less at random; 0: half the lifetime of routes.
+    pub dao_period: SimDuration,
     /// An advertisement waits so long for others to go with it (DEFAULT_DAO_DELAY, 1 s; ns).
-    pub dao_delay_ns: u64,
-    /// No sooner after one is the next sent because of another parent (ns).
-    pub dao_interval_ns: u64,
+    pub dao_delay: SimDuration,
+    /// No sooner after one is the next sent because of another parent.
+    pub dao_interval: SimDuration,
     /// Whether advertisements ask for acknowledgment.
     pub dao_ack: bool,
-    /// How long to wait for it the first time (ns); then twice as long, and so on.
-    pub dao_ack_wait_ns: u64,
+    /// How long to wait for it the first time; then twice as long, and so on.
+    pub dao_ack_wait: SimDuration,
     /// How often an advertisement is repeated.
     pub dao_max_retries: u8,
     /// Targets in one advertisement, so that it fits a frame.
@@ -138,9 +139,6 @@ pub struct Config {
     /// For comparison with a peer (its Q22): rank stays when the parent's changes.
     pub stale_rank: bool,
 }
-
-const SECOND_NS: u64 = 1_000_000_000;
-
 impl Default for Config {
     fn default() -> Self {
         Self {
@@ -158,25 +156,25 @@ impl Default for Config {
             max_rank_increase: 7168,
             default_lifetime: 30,
             lifetime_unit_s: 60,
-            global_repair_period_ns: 0,
+            global_repair_period: SimDuration::ZERO,
             initial_etx_x128: 3 * 128,
             max_failures: 10,
-            unusable_hold_ns: 60 * SECOND_NS,
-            neighbour_lifetime_ns: 1800 * SECOND_NS,
+            unusable_hold: 60 * SimDuration::SECOND,
+            neighbour_lifetime: 1800 * SimDuration::SECOND,
             max_neighbours: 32,
             parent_set_size: 3,
-            outdone_ns: 300 * SECOND_NS,
-            probe_period_ns: 90 * SECOND_NS,
-            repair_hold_ns: 16 * SECOND_NS,
-            forget_ns: 300 * SECOND_NS,
+            outdone: 300 * SimDuration::SECOND,
+            probe_period: 90 * SimDuration::SECOND,
+            repair_hold: 16 * SimDuration::SECOND,
+            forget: 300 * SimDuration::SECOND,
             solicitation: Solicitation::Unicast,
-            dis_period_ns: 60 * SECOND_NS,
+            dis_period: 60 * SimDuration::SECOND,
             advertises: true,
-            dao_period_ns: 0,
-            dao_delay_ns: SECOND_NS,
-            dao_interval_ns: 0,
+            dao_period: SimDuration::ZERO,
+            dao_delay: SimDuration::SECOND,
+            dao_interval: SimDuration::ZERO,
             dao_ack: true,
-            dao_ack_wait_ns: 20 * SECOND_NS,
+            dao_ack_wait: 20 * SimDuration::SECOND,
             dao_max_retries: 4,
             max_dao_targets: 3,
             max_routes: 0,
@@ -188,9 +186,9 @@ impl Default for Config {
 }
 
 impl Config {
-    /// Waits for acknowledgments as long as it takes to send what can stand before one at the root (ns), if that is longer.
-    pub fn wait_for_dao_acks(&mut self, backlog_ns: u64) {
-        self.dao_ack_wait_ns = self.dao_ack_wait_ns.max(backlog_ns);
+    /// Waits for acknowledgments as long as it takes to send what can stand before one at the root, if that is longer.
+    pub fn wait_for_dao_acks(&mut self, backlog: SimDuration) {
+        self.dao_ack_wait = self.dao_ack_wait.max(backlog);
     }
 
     /// What a root announces to its DODAG (RFC 6550, § 6.7.6).

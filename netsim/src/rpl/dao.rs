@@ -5,6 +5,7 @@ use super::{Mode, Outgoing, Rpl, lollipop};
 use crate::dice::Dice;
 use crate::wire::Eui64;
 use crate::wire::rpl::{DaoAckRepr, DaoRepr, RplMessage};
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::net::Ipv6Addr;
@@ -21,10 +22,10 @@ pub(super) struct Dao {
     sequence: u8,
     /// Of the own address.
     path_sequence: u8,
-    /// When to advertise next (ns).
-    at_ns: Option<u64>,
-    /// When it last did (ns).
-    last_ns: Option<u64>,
+    /// When to advertise next.
+    at: Option<SimTime>,
+    /// When it last did.
+    last: Option<SimTime>,
     /// Then everything that is kept for those below, too (storing mode).
     in_full: bool,
     /// The parent that was left and still has routes (storing mode).
@@ -43,7 +44,7 @@ struct Pending {
     destination: Ipv6Addr,
     next_hop: Eui64,
     n_retries: u8,
-    deadline_ns: u64,
+    deadline: SimTime,
 }
 
 impl Dao {
@@ -52,8 +53,8 @@ impl Dao {
         Self {
             sequence,
             path_sequence,
-            at_ns: None,
-            last_ns: None,
+            at: None,
+            last: None,
             in_full: false,
             left: None,
             pending: vec![],
@@ -63,16 +64,16 @@ impl Dao {
     }
 
     pub(super) fn stop(&mut self) {
-        self.at_ns = None;
-        self.last_ns = None;
+        self.at = None;
+        self.last = None;
         self.left = None;
         self.pending.clear();
         self.is_known = false;
         self.is_advertised = false;
     }
 
-    pub(super) fn poll_timeout(&self) -> Option<u64> {
-        self.pending.iter().map(|one| one.deadline_ns).chain(self.at_ns).min()
+    pub(super) fn poll_timeout(&self) -> Option<SimTime> {
+        self.pending.iter().map(|one| one.deadline).chain(self.at).min()
     }
 }
 
@@ -82,7 +83,7 @@ impl Rpl {
         &mut self,
         old: Option<Eui64>,
         new: Eui64,
-        now_ns: u64,
+        now: SimTime,
         dice: &mut Dice,
     ) {
         // Whoever is above now is not below any more.
@@ -93,11 +94,11 @@ impl Rpl {
             self.dao.left = old;
             self.dao.in_full = true;
         }
-        self.schedule_dao(now_ns, dice);
+        self.schedule_dao(now, dice);
     }
 
     /// The parent asks for advertisements (RFC 6550, § 9.6).
-    pub(super) fn follow_dtsn(&mut self, parent_dtsn: u8, now_ns: u64, dice: &mut Dice) {
+    pub(super) fn follow_dtsn(&mut self, parent_dtsn: u8, now: SimTime, dice: &mut Dice) {
         let Some(dodag) = &mut self.dodag else { return };
         if !lollipop::is_newer(parent_dtsn, dodag.parent_dtsn) {
             return;
@@ -105,59 +106,63 @@ impl Rpl {
         if dodag.mode() == Some(Mode::NonStoring) {
             dodag.dtsn = lollipop::next(dodag.dtsn);
             self.dtsn = dodag.dtsn;
-            self.reset_trickle(now_ns, dice);
+            self.reset_trickle(now, dice);
         } else {
             self.dao.in_full = true;
         }
-        self.schedule_dao(now_ns, dice);
+        self.schedule_dao(now, dice);
     }
 
     /// There is news to advertise: soon (DelayDAO: RFC 6550, § 9.5), and to be acknowledged.
-    pub(super) fn schedule_dao(&mut self, now_ns: u64, dice: &mut Dice) {
+    pub(super) fn schedule_dao(&mut self, now: SimTime, dice: &mut Dice) {
         self.dao.is_known = false;
         if !self.config.advertises || self.mode().is_none() {
             return;
         }
-        let delay_ns = self.config.dao_delay_ns;
-        let at_ns = now_ns.saturating_add(dice.duration_ns(delay_ns / 2, delay_ns + delay_ns / 2));
-        let apart_ns = self.config.dao_interval_ns;
-        let at_ns = self.dao.last_ns.map_or(at_ns, |last_ns| at_ns.max(last_ns + apart_ns));
-        self.dao.at_ns = Some(self.dao.at_ns.map_or(at_ns, |soon_ns| soon_ns.min(at_ns)));
+        let delay = self.config.dao_delay;
+        let at = now.saturating_add(dice.duration(delay / 2, delay + delay / 2));
+        let apart = self.config.dao_interval;
+        let at = self.dao.last.map_or(at, |last| at.max(last + apart));
+        self.dao.at = Some(self.dao.at.map_or(at, |soon| soon.min(at)));
     }
 
     /// Time has passed: repeats what was not acknowledged, and advertises when it is time to.
-    pub(super) fn dao_timeout(&mut self, now_ns: u64, dice: &mut Dice) {
-        self.repeat_daos(now_ns, dice);
-        if self.dao.at_ns.is_none_or(|at_ns| now_ns < at_ns) {
+    pub(super) fn dao_timeout(&mut self, now: SimTime, dice: &mut Dice) {
+        self.repeat_daos(now, dice);
+        if self.dao.at.is_none_or(|at| now < at) {
             return;
         }
-        self.dao.at_ns = None;
-        self.dao.last_ns = Some(now_ns);
+        self.dao.at = None;
+        self.dao.last = Some(now);
         let Some(dodag) = &self.dodag else { return };
         let Some(parent) = dodag.parent else { return };
         let c = &dodag.configuration;
         let (lifetime, unit_s) = (c.default_lifetime.max(1), c.lifetime_unit_s);
-        let period_ns = match self.config.dao_period_ns {
-            0 if lifetime == INFINITE_LIFETIME => None,
-            0 => Some(u64::from(lifetime) * u64::from(unit_s.max(1)) * 500_000_000),
-            period_ns => Some(period_ns),
+        let period = match self.config.dao_period {
+            SimDuration::ZERO if lifetime == INFINITE_LIFETIME => None,
+            SimDuration::ZERO => {
+                Some(SimDuration::from_ms(500) * (u64::from(lifetime) * u64::from(unit_s.max(1))))
+            }
+            period => Some(period),
         };
         // A fifth more or less, so that motes that start together do not stay so.
-        self.dao.at_ns = period_ns.map(|period_ns| {
-            let fifth_ns = period_ns / 5;
-            now_ns.saturating_add(dice.duration_ns(period_ns - fifth_ns, period_ns + fifth_ns + 1))
+        self.dao.at = period.map(|period| {
+            let fifth = period / 5;
+            now.saturating_add(
+                dice.duration(period - fifth, period + fifth + SimDuration::from_ns(1)),
+            )
         });
         let before = self.dao.path_sequence;
         self.dao.path_sequence = lollipop::next(before);
-        self.advertise(parent, lifetime, now_ns);
+        self.advertise(parent, lifetime, now);
         // The new way first, then the old one is taken back, under the old path sequence: routers on both keep the new.
         if let Some(left) = self.dao.left.take().filter(|&left| left != parent) {
-            self.take_back(left, before, now_ns);
+            self.take_back(left, before, now);
         }
     }
 
     /// Takes back from a former parent whatever was advertised to it: No-Path (RFC 6550, § 9.2.2).
-    fn take_back(&mut self, from: Eui64, path_sequence: u8, now_ns: u64) {
+    fn take_back(&mut self, from: Eui64, path_sequence: u8, now: SimTime) {
         let own = self.address().map(|address| (address, path_sequence));
         let below = self.routes.iter().map(|(&target, entry)| (target, entry.path_sequence));
         let mut groups: BTreeMap<u8, Vec<Ipv6Addr>> = BTreeMap::new();
@@ -165,13 +170,13 @@ impl Rpl {
             groups.entry(path_sequence).or_default().push(target);
         }
         for (path_sequence, targets) in groups {
-            self.send_dao(from, &targets, path_sequence, 0, false, now_ns);
+            self.send_dao(from, &targets, path_sequence, 0, false, now);
         }
     }
 
     /// Advertises the own address and, in storing mode where asked for, everything below. What was acknowledged and is only
     /// refreshed needs no acknowledgment: the next refresh comes before the route ends.
-    fn advertise(&mut self, to: Eui64, lifetime: u8, now_ns: u64) {
+    fn advertise(&mut self, to: Eui64, lifetime: u8, now: SimTime) {
         let Some(address) = self.address() else { return };
         let path_sequence = self.dao.path_sequence;
         if self.mode() == Some(Mode::NonStoring) {
@@ -182,13 +187,13 @@ impl Rpl {
         if std::mem::take(&mut self.dao.in_full) {
             let unit_s = self.dodag.as_ref().map_or(1, |dodag| dodag.configuration.lifetime_unit_s);
             for (&target, entry) in self.routes.iter() {
-                let units = Lifetime::left_until(entry.expires_ns, unit_s, now_ns).units;
+                let units = Lifetime::left_until(entry.expires, unit_s, now).units;
                 groups.entry((entry.path_sequence, units)).or_default().push(target);
             }
         }
         let wants_ack = !self.dao.is_known;
         for ((path_sequence, lifetime), targets) in groups {
-            self.send_dao(to, &targets, path_sequence, lifetime, wants_ack, now_ns);
+            self.send_dao(to, &targets, path_sequence, lifetime, wants_ack, now);
         }
     }
 
@@ -201,7 +206,7 @@ impl Rpl {
         path_sequence: u8,
         path_lifetime: u8,
         wants_ack: bool,
-        now_ns: u64,
+        now: SimTime,
     ) {
         let Some(dodag) = &self.dodag else { return };
         let (destination, parent) = match dodag.mode() {
@@ -227,7 +232,8 @@ impl Rpl {
                     destination,
                     next_hop: to,
                     n_retries: 0,
-                    deadline_ns: now_ns.saturating_add(self.config.dao_ack_wait_ns.max(1)),
+                    deadline: now
+                        .saturating_add(self.config.dao_ack_wait.max(SimDuration::from_ns(1))),
                 });
             }
             let message = RplMessage::Dao(dao);
@@ -236,12 +242,13 @@ impl Rpl {
     }
 
     /// Sends again what was not acknowledged in time; after the last time, begins anew later.
-    fn repeat_daos(&mut self, now_ns: u64, dice: &mut Dice) {
-        let (wait_ns, max) = (self.config.dao_ack_wait_ns.max(1), self.config.dao_max_retries);
+    fn repeat_daos(&mut self, now: SimTime, dice: &mut Dice) {
+        let (wait, max) =
+            (self.config.dao_ack_wait.max(SimDuration::from_ns(1)), self.config.dao_max_retries);
         let mut given_up = false;
         let outgoing = &mut self.outgoing;
         self.dao.pending.retain_mut(|one| {
-            if now_ns < one.deadline_ns {
+            if now < one.deadline {
                 return true;
             }
             if one.n_retries == max {
@@ -249,8 +256,8 @@ impl Rpl {
                 return false;
             }
             one.n_retries += 1;
-            let wait_ns = wait_ns.saturating_mul(1 << one.n_retries.min(16));
-            one.deadline_ns = now_ns.saturating_add(wait_ns);
+            let wait = wait.saturating_mul(1 << one.n_retries.min(16));
+            one.deadline = now.saturating_add(wait);
             outgoing.push_back(Outgoing {
                 destination: one.destination,
                 next_hop: Some(one.next_hop),
@@ -260,14 +267,20 @@ impl Rpl {
         });
         if given_up {
             (self.dao.in_full, self.dao.is_known) = (true, false);
-            let pause_ns = wait_ns.saturating_mul(1 << max.min(16));
-            let at_ns = now_ns + dice.duration_ns(pause_ns / 2, pause_ns.saturating_add(1));
-            self.dao.at_ns = Some(self.dao.at_ns.map_or(at_ns, |soon_ns| soon_ns.min(at_ns)));
+            let pause = wait.saturating_mul(1 << max.min(16));
+            let at = now + dice.duration(pause / 2, pause.saturating_add(SimDuration::from_ns(1)));
+            self.dao.at = Some(self.dao.at.map_or(at, |soon| soon.min(at)));
         }
     }
 
     /// A DAO for this mote: as root of a non-storing DODAG from anywhere, as storing router from a child.
-    pub(super) fn handle_dao(&mut self, from: Eui64, source: Ipv6Addr, dao: &DaoRepr, now_ns: u64) {
+    pub(super) fn handle_dao(
+        &mut self,
+        from: Eui64,
+        source: Ipv6Addr,
+        dao: &DaoRepr,
+        now: SimTime,
+    ) {
         let Some(dodag) = &self.dodag else { return };
         let is_leaf = dodag.is_leaf;
         // From above a DAO can only come by a loop.
@@ -275,8 +288,8 @@ impl Rpl {
             return;
         }
         let status = match dodag.mode() {
-            Some(Mode::NonStoring) if self.is_root => self.take_transit(from, dao, now_ns),
-            Some(Mode::Storing) if !is_leaf => self.take_targets(from, dao, now_ns),
+            Some(Mode::NonStoring) if self.is_root => self.take_transit(from, dao, now),
+            Some(Mode::Storing) if !is_leaf => self.take_targets(from, dao, now),
             _ => return,
         };
         if dao.ack_request {
@@ -288,7 +301,7 @@ impl Rpl {
     }
 
     /// At the root, non-storing: whose parent is who (RFC 6550, § 9.7).
-    fn take_transit(&mut self, from: Eui64, dao: &DaoRepr, now_ns: u64) -> u8 {
+    fn take_transit(&mut self, from: Eui64, dao: &DaoRepr, now: SimTime) -> u8 {
         let Some(parent) = dao.parent else { return REJECTED };
         let lifetime = self.lifetime(dao.path_lifetime);
         let own = self.address();
@@ -300,7 +313,7 @@ impl Rpl {
                 dao.path_sequence,
                 lifetime,
                 self.config.max_routes,
-                now_ns,
+                now,
             );
             if change == Change::Full {
                 status = REJECTED;
@@ -311,13 +324,13 @@ impl Rpl {
             }
         }
         if dao.targets.contains(&from.under(self.config.prefix)) && Some(parent) == own {
-            self.refresh_child(from, now_ns);
+            self.refresh_child(from, now);
         }
         status
     }
 
     /// Storing: targets below a child; what is new goes on to the parent (RFC 6550, § 9.8).
-    fn take_targets(&mut self, from: Eui64, dao: &DaoRepr, now_ns: u64) -> u8 {
+    fn take_targets(&mut self, from: Eui64, dao: &DaoRepr, now: SimTime) -> u8 {
         let lifetime = self.lifetime(dao.path_lifetime);
         let own = self.address();
         let mut status = 0;
@@ -329,7 +342,7 @@ impl Rpl {
                 dao.path_sequence,
                 lifetime,
                 self.config.max_routes,
-                now_ns,
+                now,
             );
             match change {
                 Change::Updated | Change::Removed => news.push(target),
@@ -338,13 +351,13 @@ impl Rpl {
             }
         }
         if dao.path_lifetime != 0 {
-            self.refresh_child(from, now_ns);
+            self.refresh_child(from, now);
         } else if dao.targets.iter().any(|&target| Eui64::of_ip(target) == from) {
             self.lose_child(from);
         }
         if let Some(parent) = self.parent().filter(|_| !news.is_empty()) {
             let (path_sequence, lifetime) = (dao.path_sequence, dao.path_lifetime);
-            self.send_dao(parent, &news, path_sequence, lifetime, lifetime != 0, now_ns);
+            self.send_dao(parent, &news, path_sequence, lifetime, lifetime != 0, now);
         }
         status
     }
@@ -354,7 +367,7 @@ impl Rpl {
         &mut self,
         from: Eui64,
         ack: DaoAckRepr,
-        now_ns: u64,
+        now: SimTime,
         dice: &mut Dice,
     ) {
         let is_ours = |one: &Pending| one.dao.sequence == ack.sequence;
@@ -368,16 +381,16 @@ impl Rpl {
             && self.mode() == Some(Mode::Storing)
             && self.parent() == Some(from)
         {
-            self.handle_unusable(from, now_ns, dice);
+            self.handle_unusable(from, now, dice);
         }
     }
 
     /// Takes routes back that have ended or lead nowhere (storing mode), from all above.
-    pub(super) fn withdraw(&mut self, gone: &[(Ipv6Addr, u8)], now_ns: u64) {
+    pub(super) fn withdraw(&mut self, gone: &[(Ipv6Addr, u8)], now: SimTime) {
         let Some(parent) = self.parent() else { return };
         if self.mode() == Some(Mode::Storing) {
             for &(target, path_sequence) in gone {
-                self.send_dao(parent, &[target], path_sequence, 0, false, now_ns);
+                self.send_dao(parent, &[target], path_sequence, 0, false, now);
             }
         }
     }

@@ -7,6 +7,7 @@ use crate::dice::Dice;
 use crate::wire::Eui64;
 use crate::wire::datagram::{RpiRepr, SourceRoute};
 use crate::wire::rpl::RplMessage;
+use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
 
@@ -94,7 +95,7 @@ impl Rpl {
         from: Eui64,
         destination: Ipv6Addr,
         is_source_routed: bool,
-        now_ns: u64,
+        now: SimTime,
         dice: &mut Dice,
     ) -> ForwardingDecision {
         let Some(dodag) = self.dodag.as_ref().filter(|_| rpi.instance == self.config.instance)
@@ -108,7 +109,7 @@ impl Rpl {
         let (sender, own) = (dodag.dag_rank(rpi.sender_rank), dodag.dag_rank(dodag.rank));
         let parent = dodag.parent;
         if rpi.forwarding_error {
-            return self.handle_returned(rpi, from, destination, now_ns);
+            return self.handle_returned(rpi, from, destination, now);
         }
         let is_known = rpi.sender_rank != 0;
         let is_wrong = if rpi.down {
@@ -117,10 +118,10 @@ impl Rpl {
             (is_known && sender < own) || parent == Some(from)
         };
         if is_wrong && rpi.rank_error {
-            self.reset_trickle(now_ns, dice);
+            self.reset_trickle(now, dice);
             if !rpi.down {
                 if parent == Some(from) {
-                    self.distrust(from, now_ns, dice);
+                    self.distrust(from, now, dice);
                 }
                 self.tell(from);
             }
@@ -132,7 +133,7 @@ impl Rpl {
                 self.tell(from);
             }
         } else if !rpi.down {
-            self.refresh_child(from, now_ns);
+            self.refresh_child(from, now);
         }
         rpi.sender_rank = self.sender_rank().unwrap_or_default();
         if is_source_routed || self.address() == Some(destination) {
@@ -171,12 +172,12 @@ impl Rpl {
         rpi: &mut RpiRepr,
         from: Eui64,
         destination: Ipv6Addr,
-        now_ns: u64,
+        now: SimTime,
     ) -> ForwardingDecision {
         if self.next_hop_down(destination) == Some(from)
             && let Some(entry) = self.routes.remove(destination)
         {
-            self.withdraw(&[(destination, entry.path_sequence)], now_ns);
+            self.withdraw(&[(destination, entry.path_sequence)], now);
         }
         rpi.sender_rank = self.sender_rank().unwrap_or_default();
         if self.next_hop_down(destination).is_some() {
@@ -190,10 +191,10 @@ impl Rpl {
     }
 
     /// The parent sends up what was sent up to it: it routes through this mote. It is no parent before its next DIO.
-    fn distrust(&mut self, parent: Eui64, now_ns: u64, dice: &mut Dice) {
+    fn distrust(&mut self, parent: Eui64, now: SimTime, dice: &mut Dice) {
         if let Some(neighbour) = self.neighbours.get_mut(parent) {
             neighbour.dio.rank = INFINITE_RANK;
-            self.select(now_ns, dice);
+            self.select(now, dice);
         }
     }
 

@@ -8,34 +8,35 @@ use crate::dice::Dice;
 use crate::wire::Eui64;
 use crate::wire::address::ALL_RPL_NODES;
 use crate::wire::rpl::{DioRepr, DisRepr, RplMessage};
+use proto::time::{SimDuration, SimTime};
 use std::cmp::Ordering;
 use std::net::Ipv6Addr;
 
-/// A solicitation after leaving a DODAG waits between one and two of these (ns), for those below to hear of it first.
-const SOLICIT_DELAY_NS: u64 = 1_000_000_000;
+/// A solicitation after leaving a DODAG waits between one and two of these, for those below to hear of it first.
+const SOLICIT_DELAY: SimDuration = SimDuration::SECOND;
 
 impl Rpl {
     /// A DIO of a neighbour.
-    pub(super) fn handle_dio(&mut self, from: Eui64, dio: &DioRepr, now_ns: u64, dice: &mut Dice) {
+    pub(super) fn handle_dio(&mut self, from: Eui64, dio: &DioRepr, now: SimTime, dice: &mut Dice) {
         if dio.instance != self.config.instance {
             return;
         }
-        let says_the_same = self.note(from, dio, now_ns);
-        self.child_says(from, dio, now_ns);
+        let says_the_same = self.note(from, dio, now);
+        self.child_says(from, dio, now);
         if self.is_root {
-            self.handle_dio_at_root(dio, now_ns, dice);
+            self.handle_dio_at_root(dio, now, dice);
             return;
         }
         if self.dodag.is_none() && dio.rank == INFINITE_RANK {
             return;
         }
         let before = self.place();
-        self.select(now_ns, dice);
+        self.select(now, dice);
         if self.config.no_trickle_suppression && self.parent().is_some() {
             // The peer joins the DODAG anew with every DIO it hears.
-            self.trickle.start_at_min(now_ns, dice);
+            self.trickle.start_at_min(now, dice);
         } else if self.place() == before {
-            self.judge_consistency(from, dio, says_the_same, now_ns, dice);
+            self.judge_consistency(from, dio, says_the_same, now, dice);
         }
     }
 
@@ -45,11 +46,11 @@ impl Rpl {
         from: Eui64,
         dio: &DioRepr,
         says_the_same: bool,
-        now_ns: u64,
+        now: SimTime,
         dice: &mut Dice,
     ) {
         let Some(dodag) = &self.dodag else {
-            self.poison_again(dio, now_ns);
+            self.poison_again(dio, now);
             return;
         };
         if dodag.id != dio.dodag_id {
@@ -58,17 +59,17 @@ impl Rpl {
         let is_behind = lollipop::compare(dio.version, dodag.version) == Some(Ordering::Less);
         if dio.rank == INFINITE_RANK || is_behind {
             // Who has left, or has not heard of the new version, shall soon hear whom it can join.
-            self.reset_trickle(now_ns, dice);
+            self.reset_trickle(now, dice);
         } else if dodag.dag_rank(dio.rank) < dodag.dag_rank(dodag.rank)
             && dio.version == dodag.version
-            && (says_the_same || !self.parent_set(now_ns).contains(&from))
+            && (says_the_same || !self.parent_set(now).contains(&from))
         {
             self.trickle.handle_consistent();
         }
     }
 
     /// A root whose DODAG is known in a newer version has restarted: it goes on from there (RFC 6550, § 7.2).
-    fn handle_dio_at_root(&mut self, dio: &DioRepr, now_ns: u64, dice: &mut Dice) {
+    fn handle_dio_at_root(&mut self, dio: &DioRepr, now: SimTime, dice: &mut Dice) {
         let Some(dodag) = &mut self.dodag else { return };
         if dio.dodag_id != dodag.id {
             return;
@@ -76,21 +77,21 @@ impl Rpl {
         let order = lollipop::compare(dio.version, dodag.version);
         if matches!(order, Some(Ordering::Greater) | None) {
             dodag.version = lollipop::next(dio.version);
-            self.reset_trickle(now_ns, dice);
+            self.reset_trickle(now, dice);
         } else if dio.rank == INFINITE_RANK || order == Some(Ordering::Less) {
-            self.reset_trickle(now_ns, dice);
+            self.reset_trickle(now, dice);
         }
     }
 
     /// Within the hold after leaving, a mote that still says it is further down than one had been: it may be below and has
     /// missed the news.
-    fn poison_again(&mut self, dio: &DioRepr, now_ns: u64) {
-        let hold_ns = self.config.repair_hold_ns;
+    fn poison_again(&mut self, dio: &DioRepr, now: SimTime) {
+        let hold = self.config.repair_hold;
         let Some(past) = self.past.iter().find(|past| {
             past.dodag.id == dio.dodag_id
                 && past.dodag.version == dio.version
                 && !past.dodag.is_leaf
-                && now_ns < past.left_ns.saturating_add(hold_ns)
+                && now < past.left.saturating_add(hold)
                 && past.dodag.dag_rank(past.dodag.rank) < past.dodag.dag_rank(dio.rank)
         }) else {
             return;
@@ -103,11 +104,11 @@ impl Rpl {
     }
 
     /// Notes what a neighbour says. Returns whether it says what it had said before.
-    pub(super) fn note(&mut self, from: Eui64, dio: &DioRepr, now_ns: u64) -> bool {
+    pub(super) fn note(&mut self, from: Eui64, dio: &DioRepr, now: SimTime) -> bool {
         let initial_etx_x128 = self.config.initial_etx_x128;
         if let Some(known) = self.neighbours.get_mut(from) {
-            known.hear(None, now_ns);
-            known.forgive(initial_etx_x128, now_ns);
+            known.hear(None, now);
+            known.forgive(initial_etx_x128, now);
             let same_dodag = known.dio.dodag_id == dio.dodag_id;
             let same = same_dodag
                 && (known.dio.version, known.dio.rank, known.dio.preference)
@@ -126,13 +127,13 @@ impl Rpl {
             rssi_dbm: None,
             latest_dbm: None,
             trend_db_per_s: 0.0,
-            heard_ns: now_ns,
-            unusable_until_ns: None,
+            heard: now,
+            unusable_until: None,
             n_unusable: 0,
         };
         let parent = self.parent();
-        let (max, lifetime_ns) = (self.config.max_neighbours, self.config.neighbour_lifetime_ns);
-        self.neighbours.add(new, max, parent, lifetime_ns);
+        let (max, lifetime) = (self.config.max_neighbours, self.config.neighbour_lifetime);
+        self.neighbours.add(new, max, parent, lifetime);
         false
     }
 
@@ -147,13 +148,13 @@ impl Rpl {
         source: Ipv6Addr,
         from: Eui64,
         multicast: bool,
-        now_ns: u64,
+        now: SimTime,
         dice: &mut Dice,
     ) {
         let Some(dodag) = &self.dodag else { return };
         if multicast {
             if !dodag.is_leaf {
-                self.reset_trickle(now_ns, dice);
+                self.reset_trickle(now, dice);
             }
             return;
         }
@@ -187,26 +188,26 @@ impl Rpl {
     }
 
     /// An inconsistency (RFC 6550, § 8.3).
-    pub(super) fn reset_trickle(&mut self, now_ns: u64, dice: &mut Dice) {
-        if self.trickle.handle_inconsistent(now_ns, dice) {
+    pub(super) fn reset_trickle(&mut self, now: SimTime, dice: &mut Dice) {
+        if self.trickle.handle_inconsistent(now, dice) {
             self.events.push_back(Event::TrickleReset);
         }
     }
 
     /// The next solicitation comes soon.
-    pub(super) fn solicit_soon(&mut self, now_ns: u64, dice: &mut Dice) {
+    pub(super) fn solicit_soon(&mut self, now: SimTime, dice: &mut Dice) {
         if self.config.solicitation != Solicitation::Off {
-            let delay_ns = dice.duration_ns(SOLICIT_DELAY_NS, 2 * SOLICIT_DELAY_NS);
-            self.dis_at_ns = Some(now_ns.saturating_add(delay_ns));
+            let delay = dice.duration(SOLICIT_DELAY, 2 * SOLICIT_DELAY);
+            self.dis_at = Some(now.saturating_add(delay));
         }
     }
 
     /// Sends a DIS: the first one to the mote through which one has joined, if so configured, later ones to everyone.
-    pub(super) fn solicit(&mut self, now_ns: u64) {
+    pub(super) fn solicit(&mut self, now: SimTime) {
         let first = !self.has_solicited && self.config.solicitation == Solicitation::Unicast;
         let next_hop = self.proxy.filter(|_| first);
         self.has_solicited = true;
-        self.dis_at_ns = Some(now_ns.saturating_add(self.config.dis_period_ns.max(1)));
+        self.dis_at = Some(now.saturating_add(self.config.dis_period.max(SimDuration::from_ns(1))));
         self.outgoing.push_back(Outgoing {
             destination: next_hop.map_or(ALL_RPL_NODES, Eui64::link_local),
             next_hop,

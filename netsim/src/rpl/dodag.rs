@@ -5,6 +5,7 @@ use super::trickle::Trickle;
 use super::{Config, Mode};
 use crate::wire::Eui64;
 use crate::wire::rpl::{DioRepr, DodagConfiguration};
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
 
@@ -36,7 +37,7 @@ pub(super) struct Dodag {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Past {
     pub(super) dodag: Dodag,
-    pub(super) left_ns: u64,
+    pub(super) left: SimTime,
 }
 
 impl Dodag {
@@ -108,7 +109,7 @@ impl Dodag {
     pub(super) fn trickle(&self) -> Trickle {
         let c = &self.configuration;
         let min_ns = 1_000_000u64.checked_shl(c.dio_interval_min.into()).unwrap_or(u64::MAX);
-        Trickle::new(min_ns, c.dio_interval_doublings, c.dio_redundancy)
+        Trickle::new(SimDuration::from_ns(min_ns), c.dio_interval_doublings, c.dio_redundancy)
     }
 
     /// A DIO with this rank.

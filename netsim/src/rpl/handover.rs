@@ -9,6 +9,7 @@ use super::objective::INFINITE_RANK;
 use super::{Handover, Rpl};
 use crate::dice::Dice;
 use crate::wire::Eui64;
+use proto::time::SimTime;
 
 /// What a beacon says whose sender has no way to the root.
 const NO_WAY: u8 = u8::MAX;
@@ -26,7 +27,7 @@ impl Rpl {
         from: Eui64,
         join_metric: u8,
         rssi_dbm: f64,
-        now_ns: u64,
+        now: SimTime,
         dice: &mut Dice,
     ) -> bool {
         let Some(handover) = self.config.handover else { return false };
@@ -51,8 +52,8 @@ impl Rpl {
             Some(known) if (known.dio.rank, known.dio.version) == (rank, version) => {
                 before = Some((rank, known.is_usable()));
                 was_weak = known.is_fading(&handover);
-                known.hear(None, now_ns);
-                known.forgive(initial_etx_x128, now_ns);
+                known.hear(None, now);
+                known.forgive(initial_etx_x128, now);
             }
             known => {
                 let mut dio = dodag.dio(self.config.instance, rank);
@@ -62,15 +63,15 @@ impl Rpl {
                     was_weak = known.is_fading(&handover);
                     dio.dtsn = known.dio.dtsn;
                 }
-                self.note(from, &dio, now_ns);
+                self.note(from, &dio, now);
             }
         }
         let Some(known) = self.neighbours.get_mut(from) else { return true };
-        known.follow(rssi_dbm, now_ns);
+        known.follow(rssi_dbm, now);
         let is_weak = known.is_fading(&handover);
         let after = (known.dio.rank, known.is_usable());
         if before != Some(after) || was_weak != is_weak || self.parent().is_none() {
-            self.select(now_ns, dice);
+            self.select(now, dice);
         }
         true
     }
@@ -78,17 +79,17 @@ impl Rpl {
 
 impl Neighbour {
     /// Follows the trend of its strength.
-    fn follow(&mut self, rssi_dbm: f64, now_ns: u64) {
-        if let Some((last_dbm, last_ns)) = self.latest_dbm
-            && last_ns < now_ns
+    fn follow(&mut self, rssi_dbm: f64, now: SimTime) {
+        if let Some((last_dbm, last)) = self.latest_dbm
+            && last < now
         {
-            let since_s = (now_ns - last_ns) as f64 * 1e-9;
+            let since_s = (now - last).ns() as f64 * 1e-9;
             let slope = (rssi_dbm - last_dbm) / since_s;
             // After a long silence the latest difference is all that is known.
             let weight = (since_s / TREND_S).min(1.0);
             self.trend_db_per_s += weight * (slope - self.trend_db_per_s);
         }
-        self.latest_dbm = Some((rssi_dbm, now_ns));
+        self.latest_dbm = Some((rssi_dbm, now));
         self.rssi_dbm = Some(rssi_dbm);
     }
 
@@ -98,7 +99,7 @@ impl Neighbour {
         else {
             return false;
         };
-        let ahead_s = handover.ahead_ns as f64 * 1e-9;
+        let ahead_s = handover.ahead.ns() as f64 * 1e-9;
         let soon_dbm = latest_dbm + self.trend_db_per_s.min(0.0) * ahead_s;
         soon_dbm * 1e3 < f64::from(least_mdbm)
     }

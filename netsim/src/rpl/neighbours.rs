@@ -4,6 +4,7 @@ use super::link::Etx;
 use super::objective::INFINITE_RANK;
 use crate::wire::Eui64;
 use crate::wire::rpl::DioRepr;
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// A neighbour: what its last DIO said, and what the link to it is like.
@@ -17,14 +18,14 @@ pub struct Neighbour {
     pub etx: Etx,
     /// Mean strength of received frames (dBm), if the radio reports it.
     pub rssi_dbm: Option<f64>,
-    /// Strength of its latest beacon (dBm), and when that came (ns), where parents are chosen by beacons.
-    pub latest_dbm: Option<(f64, u64)>,
+    /// Strength of its latest beacon (dBm), and when that came, where parents are chosen by beacons.
+    pub latest_dbm: Option<(f64, SimTime)>,
     /// How that changes (dB/s).
     pub trend_db_per_s: f64,
-    /// When anything was last heard of it (ns).
-    pub heard_ns: u64,
-    /// It is not used before then (ns), and then only after it was heard anew.
-    pub unusable_until_ns: Option<u64>,
+    /// When anything was last heard of it.
+    pub heard: SimTime,
+    /// It is not used before then, and then only after it was heard anew.
+    pub unusable_until: Option<SimTime>,
     /// How often in a row it became unusable.
     pub n_unusable: u8,
 }
@@ -36,27 +37,27 @@ const MAX_HOLD_DOUBLINGS: u8 = 4;
 
 impl Neighbour {
     /// Heard at strength `rssi_dbm`.
-    pub(super) fn hear(&mut self, rssi_dbm: Option<f64>, now_ns: u64) {
-        self.heard_ns = now_ns;
+    pub(super) fn hear(&mut self, rssi_dbm: Option<f64>, now: SimTime) {
+        self.heard = now;
         if let Some(rssi_dbm) = rssi_dbm {
             let mean = self.rssi_dbm.unwrap_or(rssi_dbm);
             self.rssi_dbm = Some(mean + RSSI_WEIGHT * (rssi_dbm - mean));
         }
     }
 
-    /// Not to be used for `hold_ns`, doubled each further time.
-    pub(super) fn mark_unusable(&mut self, hold_ns: u64, now_ns: u64) {
+    /// Not to be used for `hold`, doubled each further time.
+    pub(super) fn mark_unusable(&mut self, hold: SimDuration, now: SimTime) {
         let factor = 1 << self.n_unusable.min(MAX_HOLD_DOUBLINGS);
         self.n_unusable = self.n_unusable.saturating_add(1);
-        self.unusable_until_ns = Some(now_ns.saturating_add(hold_ns.saturating_mul(factor)));
+        self.unusable_until = Some(now.saturating_add(hold.saturating_mul(factor)));
     }
 
     /// Gives an unusable neighbour another chance when its time is over: the link is assumed to be as on first sight.
     /// Returns whether it does.
-    pub(super) fn forgive(&mut self, initial_etx_x128: u16, now_ns: u64) -> bool {
-        let forgives = self.unusable_until_ns.is_some_and(|until_ns| until_ns <= now_ns);
+    pub(super) fn forgive(&mut self, initial_etx_x128: u16, now: SimTime) -> bool {
+        let forgives = self.unusable_until.is_some_and(|until| until <= now);
         if forgives {
-            self.unusable_until_ns = None;
+            self.unusable_until = None;
             self.etx = Etx::assumed(initial_etx_x128);
         }
         forgives
@@ -65,7 +66,7 @@ impl Neighbour {
     /// Whether it may be used at all: heard with a finite rank, over a link that works.
     #[must_use]
     pub fn is_usable(&self) -> bool {
-        self.unusable_until_ns.is_none() && self.dio.rank != INFINITE_RANK
+        self.unusable_until.is_none() && self.dio.rank != INFINITE_RANK
     }
 }
 
@@ -75,8 +76,8 @@ pub(super) struct Neighbours {
     /// Address of each, ascending, in a column of its own: a search reads nothing else.
     addresses: Vec<Eui64>,
     list: Vec<Neighbour>,
-    /// No neighbour's lifetime ends before (ns).
-    check_ns: Option<u64>,
+    /// No neighbour's lifetime ends before.
+    check: Option<SimTime>,
 }
 
 impl Neighbours {
@@ -105,10 +106,10 @@ impl Neighbours {
         new: Neighbour,
         max: u16,
         parent: Option<Eui64>,
-        lifetime_ns: u64,
+        lifetime: SimDuration,
     ) {
-        if self.check_ns.is_none() {
-            self.check_ns = Some(new.heard_ns.saturating_add(lifetime_ns));
+        if self.check.is_none() {
+            self.check = Some(new.heard.saturating_add(lifetime));
         }
         let place = self.addresses.partition_point(|other| *other < new.address);
         self.addresses.insert(place, new.address);
@@ -133,27 +134,29 @@ impl Neighbours {
     pub(super) fn clear(&mut self) {
         self.addresses.clear();
         self.list.clear();
-        self.check_ns = None;
+        self.check = None;
     }
 
-    /// When to look for lifetimes that have ended (ns).
-    pub(super) fn poll_timeout(&self) -> Option<u64> {
-        self.check_ns
+    /// When to look for lifetimes that have ended.
+    pub(super) fn poll_timeout(&self) -> Option<SimTime> {
+        self.check
     }
 
-    /// Forgets those of whom nothing was heard for `lifetime_ns`. Returns whether there were any.
-    pub(super) fn expire(&mut self, lifetime_ns: u64, now_ns: u64) -> bool {
-        if self.check_ns.is_none_or(|check_ns| now_ns < check_ns) {
+    /// Forgets those of whom nothing was heard for `lifetime`. Returns whether there were any.
+    pub(super) fn expire(&mut self, lifetime: SimDuration, now: SimTime) -> bool {
+        if self.check.is_none_or(|check| now < check) {
             return false;
         }
         let n = self.list.len();
-        self.list.retain(|one| now_ns < one.heard_ns.saturating_add(lifetime_ns));
+        self.list.retain(|one| now < one.heard.saturating_add(lifetime));
         self.addresses.clear();
         self.addresses.extend(self.list.iter().map(|one| one.address));
         // A quarter of a lifetime between looks: a neighbour is forgotten after 1 to 1.25 lifetimes.
-        let oldest_ns = self.list.iter().map(|one| one.heard_ns).min();
-        self.check_ns = oldest_ns.map(|heard_ns| {
-            heard_ns.saturating_add(lifetime_ns).max(now_ns.saturating_add(lifetime_ns / 4 + 1))
+        let oldest = self.list.iter().map(|one| one.heard).min();
+        self.check = oldest.map(|heard| {
+            heard
+                .saturating_add(lifetime)
+                .max(now.saturating_add(lifetime / 4 + SimDuration::from_ns(1)))
         });
         self.list.len() < n
     }

@@ -9,13 +9,14 @@ use super::link::Etx;
 use crate::dice::Dice;
 use crate::wire::Eui64;
 use crate::wire::rpl::{DisRepr, RplMessage};
+use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 
 /// Who is asked next, and when.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Probes {
-    /// When the next frame is due (ns).
-    pub(super) at_ns: Option<u64>,
+    /// When the next frame is due.
+    pub(super) at: Option<SimTime>,
     /// A neighbour whose beacon gave it this DAGRank, of which its last DIO, if there was one, said nothing.
     beacon: Option<(Eui64, u16)>,
 }
@@ -26,7 +27,7 @@ impl Rpl {
         &mut self,
         neighbour: Eui64,
         join_metric: u8,
-        now_ns: u64,
+        now: SimTime,
         dice: &mut Dice,
     ) {
         let dag_rank = u16::from(join_metric) + 1;
@@ -41,7 +42,7 @@ impl Rpl {
         });
         if !is_known {
             self.probes.beacon = Some((neighbour, dag_rank));
-            self.schedule_probe(now_ns, dice);
+            self.schedule_probe(now, dice);
         }
     }
 
@@ -75,22 +76,22 @@ impl Rpl {
     }
 
     /// Sets a time for the next frame if there is one to be sent.
-    pub(super) fn schedule_probe(&mut self, now_ns: u64, dice: &mut Dice) {
+    pub(super) fn schedule_probe(&mut self, now: SimTime, dice: &mut Dice) {
         if self.probes.beacon.is_some_and(|(_, dag_rank)| !self.could_outdo(dag_rank)) {
             self.probes.beacon = None;
         }
         if self.probes.beacon.is_none() && self.candidate().is_none() {
-            self.probes.at_ns = None;
-        } else if self.probes.at_ns.is_none() {
-            let period_ns = self.config.probe_period_ns;
-            let wait_ns = dice.duration_ns(period_ns / 2, period_ns + period_ns / 2);
-            self.probes.at_ns = Some(now_ns.saturating_add(wait_ns));
+            self.probes.at = None;
+        } else if self.probes.at.is_none() {
+            let period = self.config.probe_period;
+            let wait = dice.duration(period / 2, period + period / 2);
+            self.probes.at = Some(now.saturating_add(wait));
         }
     }
 
     /// Asks a neighbour whose rank is not known for it, or sends a DIO, which needs no answer, to learn of a link.
-    pub(super) fn probe(&mut self, now_ns: u64, dice: &mut Dice) {
-        self.probes.at_ns = None;
+    pub(super) fn probe(&mut self, now: SimTime, dice: &mut Dice) {
+        self.probes.at = None;
         let asked = self.probes.beacon.take().map(|(neighbour, _)| neighbour);
         let is_leaf = self.dodag.as_ref().is_some_and(|dodag| dodag.is_leaf);
         let message = if asked.is_some() || is_leaf {
@@ -101,6 +102,6 @@ impl Rpl {
         if let Some((to, message)) = asked.or_else(|| self.candidate()).zip(message) {
             self.send_alone(to, message);
         }
-        self.schedule_probe(now_ns, dice);
+        self.schedule_probe(now, dice);
     }
 }

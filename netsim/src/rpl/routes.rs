@@ -2,13 +2,14 @@
 
 use super::lollipop;
 use crate::wire::Eui64;
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::net::Ipv6Addr;
 
-/// Lifetimes are rounded up to whole multiples of this (ns), so that many routes expire at one look.
-const GRAIN_NS: u64 = 10_000_000_000;
+/// Lifetimes are rounded up to whole multiples of this, so that many routes expire at one look.
+const GRAIN: SimDuration = SimDuration::from_ns(10_000_000_000);
 /// Longest source route (hops): the hop limit of a datagram.
 const MAX_HOPS: usize = 255;
 /// Lifetime that never ends (RFC 6550, § 6.7.8).
@@ -30,8 +31,8 @@ pub struct Entry {
     pub via: Via,
     /// Path sequence of the advertisement: larger is newer (RFC 6550, § 6.7.8).
     pub path_sequence: u8,
-    /// When it ends (ns).
-    pub expires_ns: u64,
+    /// When it ends.
+    pub expires: SimTime,
 }
 
 /// What an advertisement changed.
@@ -53,8 +54,8 @@ pub enum Change {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Routes {
     entries: BTreeMap<Ipv6Addr, Entry>,
-    /// No route ends before (ns).
-    check_ns: Option<u64>,
+    /// No route ends before.
+    check: Option<SimTime>,
 }
 
 impl Routes {
@@ -90,7 +91,7 @@ impl Routes {
         path_sequence: u8,
         lifetime: Lifetime,
         max_routes: u32,
-        now_ns: u64,
+        now: SimTime,
     ) -> Change {
         let known = self.entries.get(&target).copied();
         if let Some(known) = known
@@ -108,9 +109,9 @@ impl Routes {
         if known.is_none() && max_routes != 0 && max_routes as usize <= self.entries.len() {
             return Change::Full;
         }
-        let expires_ns = lifetime.end_ns(now_ns);
-        self.entries.insert(target, Entry { via, path_sequence, expires_ns });
-        self.check_ns = Some(self.check_ns.map_or(expires_ns, |check_ns| check_ns.min(expires_ns)));
+        let expires = lifetime.end(now);
+        self.entries.insert(target, Entry { via, path_sequence, expires });
+        self.check = Some(self.check.map_or(expires, |check| check.min(expires)));
         match known {
             Some(known) if known.via == via && known.path_sequence == path_sequence => {
                 Change::Repeated
@@ -139,32 +140,32 @@ impl Routes {
     /// Removes all routes.
     pub fn clear(&mut self) {
         self.entries.clear();
-        self.check_ns = None;
+        self.check = None;
     }
 
-    /// When to look for routes that have ended (ns).
+    /// When to look for routes that have ended.
     #[must_use]
-    pub fn poll_timeout(&self) -> Option<u64> {
-        self.check_ns
+    pub fn poll_timeout(&self) -> Option<SimTime> {
+        self.check
     }
 
     /// Ends routes whose time is over; returns them.
-    pub fn expire(&mut self, now_ns: u64) -> Vec<(Ipv6Addr, u8)> {
-        if self.check_ns.is_none_or(|check_ns| now_ns < check_ns) {
+    pub fn expire(&mut self, now: SimTime) -> Vec<(Ipv6Addr, u8)> {
+        if self.check.is_none_or(|check| now < check) {
             return vec![];
         }
         let mut gone = vec![];
-        let mut next_ns = u64::MAX;
+        let mut next = SimTime::NEVER;
         self.entries.retain(|&target, entry| {
-            let lives = now_ns < entry.expires_ns;
+            let lives = now < entry.expires;
             if lives {
-                next_ns = next_ns.min(entry.expires_ns);
+                next = next.min(entry.expires);
             } else {
                 gone.push((target, entry.path_sequence));
             }
             lives
         });
-        self.check_ns = (!self.entries.is_empty()).then_some(next_ns);
+        self.check = (!self.entries.is_empty()).then_some(next);
         gone
     }
 
@@ -200,22 +201,23 @@ pub struct Lifetime {
 }
 
 impl Lifetime {
-    fn end_ns(self, now_ns: u64) -> u64 {
+    fn end(self, now: SimTime) -> SimTime {
         if self.units == INFINITE_LIFETIME {
-            return u64::MAX;
+            return SimTime::NEVER;
         }
-        let length_ns = u64::from(self.units) * u64::from(self.unit_s) * 1_000_000_000;
-        (now_ns.saturating_add(length_ns)).div_ceil(GRAIN_NS).saturating_mul(GRAIN_NS)
+        let length = SimDuration::from_s(u64::from(self.units) * u64::from(self.unit_s));
+        let grains = now.saturating_add(length).saturating_since(SimTime::START).div_ceil(GRAIN);
+        SimTime::START.saturating_add(GRAIN.saturating_mul(grains))
     }
 
     /// What is left of a route, in whole units, at least one.
     #[must_use]
-    pub fn left_until(expires_ns: u64, unit_s: u16, now_ns: u64) -> Self {
-        if expires_ns == u64::MAX {
+    pub fn left_until(expires: SimTime, unit_s: u16, now: SimTime) -> Self {
+        if expires == SimTime::NEVER {
             return Self { units: INFINITE_LIFETIME, unit_s };
         }
-        let unit_ns = u64::from(unit_s.max(1)) * 1_000_000_000;
-        let units = (expires_ns.saturating_sub(now_ns) / unit_ns).clamp(1, 254);
+        let unit = SimDuration::from_s(unit_s.max(1).into());
+        let units = (expires.saturating_since(now) / unit).clamp(1, 254);
         Self { units: units as u8, unit_s }
     }
 }
@@ -226,7 +228,7 @@ mod tests {
     use proto::ids::MoteId;
 
     const MINUTE: Lifetime = Lifetime { units: 1, unit_s: 60 };
-    const MINUTE_NS: u64 = 60_000_000_000;
+    const UNIT: SimDuration = SimDuration::from_ns(60_000_000_000);
 
     fn mote(n: u16) -> Ipv6Addr {
         Eui64::of_mote(MoteId(n.into())).global()
@@ -235,7 +237,7 @@ mod tests {
     fn tree(links: &[(u16, u16)]) -> Routes {
         let mut routes = Routes::default();
         for &(child, parent) in links {
-            routes.update(mote(child), Via::Parent(mote(parent)), 240, MINUTE, 0, 0);
+            routes.update(mote(child), Via::Parent(mote(parent)), 240, MINUTE, 0, SimTime::START);
         }
         routes
     }
@@ -263,12 +265,12 @@ mod tests {
     #[test]
     fn q20_routes_end_with_their_lifetime() {
         let mut routes = tree(&[(1, 0)]);
-        assert_eq!(routes.poll_timeout(), Some(MINUTE_NS));
-        assert!(routes.expire(MINUTE_NS - 1).is_empty());
-        routes.update(mote(1), Via::Parent(mote(0)), 241, MINUTE, 0, MINUTE_NS / 2);
-        assert!(routes.expire(MINUTE_NS).is_empty());
-        assert_eq!(routes.poll_timeout(), Some(3 * MINUTE_NS / 2));
-        assert_eq!(routes.expire(3 * MINUTE_NS / 2), [(mote(1), 241)]);
+        assert_eq!(routes.poll_timeout(), Some(SimTime::START + UNIT));
+        assert!(routes.expire(SimTime::START + UNIT - SimDuration::from_ns(1)).is_empty());
+        routes.update(mote(1), Via::Parent(mote(0)), 241, MINUTE, 0, SimTime::START + UNIT / 2);
+        assert!(routes.expire(SimTime::START + UNIT).is_empty());
+        assert_eq!(routes.poll_timeout(), Some(SimTime::START + 3 * UNIT / 2));
+        assert_eq!(routes.expire(SimTime::START + 3 * UNIT / 2), [(mote(1), 241)]);
         assert_eq!(routes.poll_timeout(), None);
     }
 
@@ -276,11 +278,17 @@ mod tests {
     fn rfc6550_9_2_1_an_older_path_sequence_changes_nothing() {
         let mut routes = tree(&[(2, 1)]);
         let via = Via::Parent(mote(3));
-        assert_eq!(routes.update(mote(2), via, 239, MINUTE, 0, 1), Change::Stale);
+        assert_eq!(routes.update(mote(2), via, 239, MINUTE, 0, SimTime::from_ns(1)), Change::Stale);
         assert_eq!(routes.get(mote(2)).unwrap().via, Via::Parent(mote(1)));
-        assert_eq!(routes.update(mote(2), via, 241, MINUTE, 0, 1), Change::Updated);
+        assert_eq!(
+            routes.update(mote(2), via, 241, MINUTE, 0, SimTime::from_ns(1)),
+            Change::Updated
+        );
         assert_eq!(routes.get(mote(2)).unwrap().via, via);
-        assert_eq!(routes.update(mote(2), via, 241, MINUTE, 0, 1), Change::Repeated);
+        assert_eq!(
+            routes.update(mote(2), via, 241, MINUTE, 0, SimTime::from_ns(1)),
+            Change::Repeated
+        );
     }
 
     #[test]
@@ -289,10 +297,10 @@ mod tests {
             (Via::Neighbour(Eui64::of_mote(MoteId(5))), Via::Neighbour(Eui64::of_mote(MoteId(6))));
         let none = Lifetime { units: 0, unit_s: 60 };
         let mut routes = Routes::default();
-        routes.update(mote(2), a, 240, MINUTE, 0, 0);
-        routes.update(mote(2), b, 241, MINUTE, 0, 0);
-        assert_eq!(routes.update(mote(2), a, 241, none, 0, 0), Change::Stale);
-        assert_eq!(routes.update(mote(2), b, 241, none, 0, 0), Change::Removed);
+        routes.update(mote(2), a, 240, MINUTE, 0, SimTime::START);
+        routes.update(mote(2), b, 241, MINUTE, 0, SimTime::START);
+        assert_eq!(routes.update(mote(2), a, 241, none, 0, SimTime::START), Change::Stale);
+        assert_eq!(routes.update(mote(2), b, 241, none, 0, SimTime::START), Change::Removed);
         assert!(routes.is_empty());
     }
 
@@ -300,16 +308,16 @@ mod tests {
     fn a_full_table_takes_news_of_known_targets_only() {
         let via = Via::Neighbour(Eui64::of_mote(MoteId(5)));
         let mut routes = Routes::default();
-        assert_eq!(routes.update(mote(1), via, 240, MINUTE, 1, 0), Change::Updated);
-        assert_eq!(routes.update(mote(2), via, 240, MINUTE, 1, 0), Change::Full);
-        assert_eq!(routes.update(mote(1), via, 241, MINUTE, 1, 0), Change::Updated);
+        assert_eq!(routes.update(mote(1), via, 240, MINUTE, 1, SimTime::START), Change::Updated);
+        assert_eq!(routes.update(mote(2), via, 240, MINUTE, 1, SimTime::START), Change::Full);
+        assert_eq!(routes.update(mote(1), via, 241, MINUTE, 1, SimTime::START), Change::Updated);
     }
 
     #[test]
     fn rfc6550_6_7_8_lifetime_255_has_no_end() {
         let mut routes = Routes::default();
         let forever = Lifetime { units: 255, unit_s: 1 };
-        routes.update(mote(1), Via::Parent(mote(0)), 240, forever, 0, 0);
-        assert!(routes.expire(u64::MAX - 1).is_empty());
+        routes.update(mote(1), Via::Parent(mote(0)), 240, forever, 0, SimTime::START);
+        assert!(routes.expire(SimTime::from_ns(u64::MAX - 1)).is_empty());
     }
 }

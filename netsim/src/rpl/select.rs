@@ -6,6 +6,7 @@ use super::objective::{INFINITE_RANK, Objective};
 use super::{Event, Rpl, lollipop};
 use crate::dice::Dice;
 use crate::wire::Eui64;
+use proto::time::SimTime;
 use std::cmp::{Ordering, Reverse};
 
 /// What a neighbour offers as parent.
@@ -34,17 +35,17 @@ impl Offer {
 
 impl Rpl {
     /// Looks at all neighbours anew: stays, changes parent, joins or leaves.
-    pub(super) fn select(&mut self, now_ns: u64, dice: &mut Dice) {
+    pub(super) fn select(&mut self, now: SimTime, dice: &mut Dice) {
         if self.is_root || !self.is_running {
             return;
         }
-        let forget_ns = self.config.forget_ns;
-        self.past.retain(|past| now_ns < past.left_ns.saturating_add(forget_ns));
+        let forget = self.config.forget;
+        self.past.retain(|past| now < past.left.saturating_add(forget));
         let parent = self.parent();
         let mut best: Option<Offer> = None;
         let mut current: Option<Offer> = None;
         for neighbour in self.neighbours.as_slice() {
-            let Some(offer) = self.offer(neighbour, now_ns) else { continue };
+            let Some(offer) = self.offer(neighbour, now) else { continue };
             if Some(offer.address) == parent {
                 current = Some(offer);
             }
@@ -52,45 +53,45 @@ impl Rpl {
                 best = Some(offer);
             }
         }
-        self.note_outdone(best.as_ref(), current.as_ref(), now_ns);
+        self.note_outdone(best.as_ref(), current.as_ref(), now);
         match (best, current) {
-            (None, _) if self.dodag.is_some() => self.detach(now_ns, dice),
+            (None, _) if self.dodag.is_some() => self.detach(now, dice),
             (None, _) => {}
-            (Some(best), Some(current)) if !self.switches(&best, &current, now_ns) => {
-                self.adopt(&current, now_ns, dice);
+            (Some(best), Some(current)) if !self.switches(&best, &current, now) => {
+                self.adopt(&current, now, dice);
             }
             (Some(best), _) => {
-                self.outdone_since_ns = None;
-                self.adopt(&best, now_ns, dice);
+                self.outdone_since = None;
+                self.adopt(&best, now, dice);
             }
         }
-        self.schedule_probe(now_ns, dice);
+        self.schedule_probe(now, dice);
     }
 
     /// Remembers since when somebody has offered a rank that is better by a hop than the one through the parent.
-    fn note_outdone(&mut self, best: Option<&Offer>, current: Option<&Offer>, now_ns: u64) {
+    fn note_outdone(&mut self, best: Option<&Offer>, current: Option<&Offer>, now: SimTime) {
         let (Some(best), Some(current), false) = (best, current, self.config.stale_rank) else {
-            self.outdone_since_ns = None;
+            self.outdone_since = None;
             return;
         };
         let hop = self.dodag.as_ref().map_or(1, |dodag| dodag.configuration.min_hop_rank_increase);
         let is_outdone = best.preference == current.preference
             && best.is_newer == current.is_newer
             && best.rank.saturating_add(hop.max(1)) <= current.rank;
-        self.outdone_since_ns = is_outdone.then(|| self.outdone_since_ns.unwrap_or(now_ns));
+        self.outdone_since = is_outdone.then(|| self.outdone_since.unwrap_or(now));
     }
 
     /// Whether the parent has been outdone for so long that no threshold protects it.
-    pub(super) fn is_outdone(&self, now_ns: u64) -> bool {
-        let outdone_ns = self.config.outdone_ns;
-        self.outdone_since_ns.is_some_and(|since_ns| since_ns.saturating_add(outdone_ns) <= now_ns)
+    pub(super) fn is_outdone(&self, now: SimTime) -> bool {
+        let outdone = self.config.outdone;
+        self.outdone_since.is_some_and(|since| since.saturating_add(outdone) <= now)
     }
 
     /// Hysteresis: a permitted parent is left for a DODAG of higher preference, a newer version, or a rank that is better
     /// by more than the threshold (RFC 8180, § 6.4; RFC 6719, § 3.2.2). Below the threshold it may be kept, and is for a
     /// while: a threshold of 640 would keep a way of three good hops where there is one of one.
-    fn switches(&self, best: &Offer, current: &Offer, now_ns: u64) -> bool {
-        self.is_outdone(now_ns)
+    fn switches(&self, best: &Offer, current: &Offer, now: SimTime) -> bool {
+        self.is_outdone(now)
             || best.preference > current.preference
             || (best.is_newer && !current.is_newer)
             || self.switch_threshold() < current.rank.saturating_sub(best.rank)
@@ -102,7 +103,7 @@ impl Rpl {
     }
 
     /// What a neighbour offers; `None` if it must not be the parent.
-    fn offer(&self, neighbour: &Neighbour, now_ns: u64) -> Option<Offer> {
+    fn offer(&self, neighbour: &Neighbour, now: SimTime) -> Option<Offer> {
         if !neighbour.is_usable() {
             return None;
         }
@@ -125,7 +126,7 @@ impl Rpl {
             }
             _ => {
                 let past = self.past.iter().find(|past| past.dodag.id == dio.dodag_id);
-                if past.is_some_and(|past| !self.permits_again(past, neighbour, rank, now_ns)) {
+                if past.is_some_and(|past| !self.permits_again(past, neighbour, rank, now)) {
                     return None;
                 }
                 false
@@ -155,11 +156,11 @@ impl Rpl {
 
     /// A version that was left: its bound on rank still holds (RFC 6550, § 8.2.2.4, rule 4), and for a while no mote is
     /// joined that may have been below.
-    fn permits_again(&self, past: &Past, neighbour: &Neighbour, rank: u16, now_ns: u64) -> bool {
+    fn permits_again(&self, past: &Past, neighbour: &Neighbour, rank: u16, now: SimTime) -> bool {
         match lollipop::compare(neighbour.dio.version, past.dodag.version) {
             Some(Ordering::Less) => false,
             Some(Ordering::Equal) => {
-                let is_held = now_ns < past.left_ns.saturating_add(self.config.repair_hold_ns);
+                let is_held = now < past.left.saturating_add(self.config.repair_hold);
                 let is_above =
                     past.dodag.dag_rank(neighbour.dio.rank) < past.dodag.dag_rank(past.dodag.rank);
                 rank <= past.dodag.rank_limit() && (is_above || !is_held)
@@ -169,14 +170,14 @@ impl Rpl {
     }
 
     /// Takes an offer: another DODAG, a newer version, another parent, or the same one with what it says now.
-    fn adopt(&mut self, offer: &Offer, now_ns: u64, dice: &mut Dice) {
+    fn adopt(&mut self, offer: &Offer, now: SimTime, dice: &mut Dice) {
         let Some(dio) = self.neighbours.get(offer.address).map(|one| one.dio.clone()) else {
             return;
         };
         let old = self.parent();
         let moves = self.dodag.as_ref().is_none_or(|dodag| dodag.id != dio.dodag_id);
         if moves {
-            self.remember(now_ns);
+            self.remember(now);
             self.forget_below();
         }
         let before = self.dodag.take().filter(|_| !moves);
@@ -217,17 +218,17 @@ impl Rpl {
         let id = dodag.id;
         self.dodag = Some(dodag);
         if moves {
-            self.dis_at_ns = None;
-            self.hold_until_ns = None;
+            self.dis_at = None;
+            self.hold_until = None;
             self.events.push_back(Event::Joined { dodag: id });
         }
         if is_new_parent {
             self.events.push_back(Event::ParentChanged { old, new: Some(offer.address) });
-            self.move_routes(old.filter(|_| !moves), offer.address, now_ns, dice);
+            self.move_routes(old.filter(|_| !moves), offer.address, now, dice);
         } else {
-            self.follow_dtsn(dio.dtsn, now_ns, dice);
+            self.follow_dtsn(dio.dtsn, now, dice);
             if is_new_version {
-                self.schedule_dao(now_ns, dice);
+                self.schedule_dao(now, dice);
             }
         }
         if let Some(dodag) = &mut self.dodag {
@@ -239,15 +240,15 @@ impl Rpl {
         if is_leaf {
             self.trickle.stop();
         } else if !self.trickle.is_running() {
-            self.trickle.start_at_min(now_ns, dice);
+            self.trickle.start_at_min(now, dice);
             self.events.push_back(Event::TrickleReset);
         } else if is_new_parent || jumps {
-            self.reset_trickle(now_ns, dice);
+            self.reset_trickle(now, dice);
         }
     }
 
     /// Local repair (RFC 6550, § 8.2.2.5 and 8.2.2.6): nobody can be the parent. The motes below are notified, and others are asked.
-    pub(super) fn detach(&mut self, now_ns: u64, dice: &mut Dice) {
+    pub(super) fn detach(&mut self, now: SimTime, dice: &mut Dice) {
         let Some(dodag) = &self.dodag else { return };
         let (old, rank, id) = (dodag.parent, dodag.rank, dodag.id);
         let hop = dodag.configuration.min_hop_rank_increase.max(1);
@@ -261,23 +262,23 @@ impl Rpl {
                 neighbour.dio.rank = INFINITE_RANK;
             }
         }
-        self.remember(now_ns);
+        self.remember(now);
         self.forget_below();
         self.dodag = None;
-        self.outdone_since_ns = None;
+        self.outdone_since = None;
         self.trickle.stop();
-        self.hold_until_ns = Some(now_ns.saturating_add(self.config.repair_hold_ns));
+        self.hold_until = Some(now.saturating_add(self.config.repair_hold));
         self.events.push_back(Event::ParentChanged { old, new: None });
         self.events.push_back(Event::Detached);
         self.events.push_back(Event::LocalRepair);
-        self.solicit_soon(now_ns, dice);
+        self.solicit_soon(now, dice);
     }
 
     /// Keeps the bounds of the DODAG that is being left.
-    fn remember(&mut self, now_ns: u64) {
+    fn remember(&mut self, now: SimTime) {
         if let Some(dodag) = &self.dodag {
             self.past.retain(|past| past.dodag.id != dodag.id);
-            self.past.push(Past { dodag: dodag.clone(), left_ns: now_ns });
+            self.past.push(Past { dodag: dodag.clone(), left: now });
         }
     }
 
@@ -288,7 +289,7 @@ impl Rpl {
         while let Some((child, _)) = self.children.pop_first() {
             self.events.push_back(Event::ChildRemoved(child));
         }
-        self.children_check_ns = None;
+        self.children_check = None;
     }
 
     /// The objective function of the DODAG, or the own one outside.
@@ -313,7 +314,7 @@ impl Rpl {
     /// highest rank through any of them less DAGMaxRankIncrease (RFC 6719, § 3.3, rules 2 and 3). Whoever would raise it
     /// above the rank through the preferred parent, which is rule 1, is no parent.
     #[must_use]
-    pub fn parent_set(&self, now_ns: u64) -> Vec<Eui64> {
+    pub fn parent_set(&self, now: SimTime) -> Vec<Eui64> {
         let Some(dodag) = &self.dodag else { return vec![] };
         let highest = match dodag.configuration.max_rank_increase {
             0 => INFINITE_RANK,
@@ -322,7 +323,7 @@ impl Rpl {
         let mut offers: Vec<Offer> = (self.neighbours.as_slice().iter())
             .filter(|one| one.dio.dodag_id == dodag.id && one.dio.version == dodag.version)
             .filter(|one| dodag.dag_rank(one.dio.rank) < dodag.dag_rank(dodag.rank))
-            .filter_map(|one| self.offer(one, now_ns))
+            .filter_map(|one| self.offer(one, now))
             .filter(|offer| Some(offer.address) == dodag.parent || offer.rank <= highest)
             .collect();
         offers.sort_by(|a, b| {

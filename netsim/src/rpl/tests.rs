@@ -13,14 +13,12 @@ use crate::wire::address::ALL_RPL_NODES;
 use crate::wire::rpl::{DaoAckRepr, DaoRepr, DioRepr, DisRepr};
 use proto::ids::MoteId;
 use proto::rng::Purpose;
-
-const SECOND_NS: u64 = 1_000_000_000;
-
+use proto::time::{SimDuration, SimTime};
 /// One machine whose messages and events are looked at.
 struct Bench {
     rpl: Rpl,
     dice: Dice,
-    now_ns: u64,
+    now: SimTime,
 }
 
 fn mote(n: u32) -> Eui64 {
@@ -36,8 +34,8 @@ impl Bench {
     fn new(config: Config, n: u32, is_root: bool) -> Self {
         let mut dice = Dice::new(1, Purpose::Routing, MoteId(n));
         let mut rpl = Rpl::new(config, mote(n), is_root);
-        rpl.start(0, &mut dice);
-        Self { rpl, dice, now_ns: 0 }
+        rpl.start(SimTime::START, &mut dice);
+        Self { rpl, dice, now: SimTime::START }
     }
 
     /// A mote 9 without a DODAG.
@@ -55,26 +53,26 @@ impl Bench {
     }
 
     fn receive(&mut self, from: u32, multicast: bool, message: &RplMessage) {
-        let (from, now_ns) = (mote(from), self.now_ns);
+        let (from, now) = (mote(from), self.now);
         let source = from.link_local();
-        self.rpl.handle_message(from, source, multicast, message, now_ns, &mut self.dice);
+        self.rpl.handle_message(from, source, multicast, message, now, &mut self.dice);
     }
 
     fn link(&mut self, to: u32, n_transmissions: u16, acknowledged: bool) {
-        let now_ns = self.now_ns;
-        self.rpl.handle_link(mote(to), n_transmissions, acknowledged, now_ns, &mut self.dice);
+        let now = self.now;
+        self.rpl.handle_link(mote(to), n_transmissions, acknowledged, now, &mut self.dice);
     }
 
     /// Lets time pass; returns what was sent.
-    fn pass(&mut self, duration_ns: u64) -> Vec<Outgoing> {
-        let end_ns = self.now_ns + duration_ns;
+    fn pass(&mut self, duration: SimDuration) -> Vec<Outgoing> {
+        let end = self.now + duration;
         let mut sent = self.sent();
-        while let Some(at_ns) = self.rpl.poll_timeout().filter(|&at_ns| at_ns <= end_ns) {
-            self.now_ns = self.now_ns.max(at_ns);
-            self.rpl.handle_timeout(self.now_ns, &mut self.dice);
+        while let Some(at) = self.rpl.poll_timeout().filter(|&at| at <= end) {
+            self.now = self.now.max(at);
+            self.rpl.handle_timeout(self.now, &mut self.dice);
             sent.extend(self.sent());
         }
-        self.now_ns = end_ns;
+        self.now = end;
         sent
     }
 

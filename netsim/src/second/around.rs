@@ -5,6 +5,7 @@ use bytes::Bytes;
 use physics::link::{End, Link, Scene};
 use physics::nearest::Grid;
 use physics::sight::{Path, is_blocked_by_body, off_heading_rad, prepare_bodies};
+use proto::time::SimDuration;
 use proto::types::{AgentStates, Payloads};
 
 /// The robots of a step.
@@ -12,8 +13,8 @@ use proto::types::{AgentStates, Payloads};
 pub struct Around<'a> {
     /// Those that are present and work, ascending by number.
     pub agents: Vec<End>,
-    /// Length of a control period (ns).
-    pub step_ns: u64,
+    /// Length of a control period.
+    pub step: SimDuration,
     /// Seed of the draws to come.
     pub seed: u64,
     place: &'a Place,
@@ -30,7 +31,7 @@ impl<'a> Around<'a> {
         states: &AgentStates,
         lift_m: f64,
         payloads: &'a Payloads,
-        step_ns: u64,
+        step: SimDuration,
         seed: u64,
     ) -> Self {
         let n = payloads.len();
@@ -45,7 +46,7 @@ impl<'a> Around<'a> {
             .iter()
             .scan(0, |end, &length| Some(std::mem::replace(end, *end + length as usize)))
             .collect();
-        Self { agents, step_ns, seed, place, places, begins, payloads }
+        Self { agents, step, seed, place, places, begins, payloads }
     }
 
     /// Capacity of the experiment.

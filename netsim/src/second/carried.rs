@@ -2,6 +2,7 @@
 
 use bytes::Bytes;
 use proto::ids::MoteId;
+use proto::time::SimTime;
 
 /// What a second medium carried in a step.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -15,10 +16,10 @@ pub struct Carried {
 pub struct CarriedFrame {
     /// Number of the robot that sent it.
     pub sender: MoteId,
-    /// When it began (ns).
-    pub sent_ns: u64,
-    /// When its last bit arrived (ns).
-    pub end_ns: u64,
+    /// When it began.
+    pub sent: SimTime,
+    /// When its last bit arrived.
+    pub end: SimTime,
     /// What it carried.
     pub payload: Bytes,
     /// Robots that received it, ascending, with the power (dBm).
@@ -26,10 +27,10 @@ pub struct CarriedFrame {
 }
 
 impl Carried {
-    /// When the first reception is complete (ns).
+    /// When the first reception is complete.
     #[must_use]
-    pub fn first_ns(&self) -> Option<u64> {
+    pub fn first(&self) -> Option<SimTime> {
         let received = self.frames.iter().filter(|frame| !frame.receivers.is_empty());
-        received.map(|frame| frame.end_ns).min()
+        received.map(|frame| frame.end).min()
     }
 }

@@ -7,6 +7,7 @@ use bytes::Bytes;
 use proto::config::{Range, Section, variant};
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, ordered_link};
+use proto::time::{SimDuration, SimTime};
 use proto::types::{NS_PER_S, seconds};
 use serde::{Deserialize, Serialize};
 
@@ -68,7 +69,7 @@ struct Keys {
 pub struct Infrared {
     reach: Reach,
     loss: f64,
-    slot_ns: u64,
+    slot: SimDuration,
     n_slots: u64,
     max_payload_bytes: usize,
     state: State,
@@ -79,16 +80,16 @@ pub struct Infrared {
 struct State {
     /// By robot, the number of the control period after the last one whose payload it sent.
     sent_before: Vec<u64>,
-    /// Begin (ns) of the slot on the air, and who sends what in it.
-    on_air: Option<(u64, Vec<(u32, Bytes)>)>,
+    /// Begin of the slot on the air, and who sends what in it.
+    on_air: Option<(SimTime, Vec<(u32, Bytes)>)>,
 }
 
 fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn SecondMedium>> {
     let keys = Keys::read(table);
     let bits = 8.0 * f64::from(keys.overhead_bytes + keys.max_payload_bytes);
-    let slot_ns = (bits / keys.bit_rate_bps * NS_PER_S as f64).ceil() as u64;
-    if context.step_ns < slot_ns {
-        let step_s = seconds(context.step_ns);
+    let slot = SimDuration::from_ns((bits / keys.bit_rate_bps * NS_PER_S as f64).ceil() as u64);
+    if context.step < slot {
+        let step_s = context.step.seconds();
         let least_bps = (bits / step_s).ceil();
         let message = format!(
             "must be at least {least_bps}, so that a slot for the longest payload fits in the control period, {step_s} s"
@@ -106,7 +107,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
             edge_dbm: keys.sensitivity_dbm,
         },
         loss: keys.loss,
-        slot_ns,
+        slot,
         n_slots: keys.slots.unwrap_or(context.agent_count as u64),
         max_payload_bytes: keys.max_payload_bytes as usize,
         state: State { sent_before: vec![0; context.agent_count], on_air: None },
@@ -115,8 +116,8 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
 
 impl Infrared {
     /// Sends what the owners of a slot have to say.
-    fn begin_slot(&mut self, around: &Around<'_>, owner: u64, begin_ns: u64) {
-        let period = begin_ns / around.step_ns;
+    fn begin_slot(&mut self, around: &Around<'_>, owner: u64, begin: SimTime) {
+        let period = begin / around.step;
         let n = around.agent_count() as u64;
         let mut frames = Vec::new();
         for id in (owner..n).step_by(self.n_slots as usize) {
@@ -130,13 +131,13 @@ impl Infrared {
             }
         }
         if !frames.is_empty() {
-            self.state.on_air = Some((begin_ns, frames));
+            self.state.on_air = Some((begin, frames));
         }
     }
 
     /// Decides who receives the frames of the slot on the air.
     fn end_slot(&mut self, surroundings: &Surroundings<'_>, carried: &mut Carried) {
-        let Some((sent_ns, sent)) = self.state.on_air.take() else { return };
+        let Some((begin, sent)) = self.state.on_air.take() else { return };
         let around = surroundings.around;
         let lit = (&surroundings.scene, &surroundings.grid);
         let mut reached: Vec<Vec<(u32, f64)>> = sent
@@ -164,15 +165,15 @@ impl Infrared {
                 .into_iter()
                 .filter(|&(id, _)| {
                     self.loss == 0.0
-                        || self.loss <= draws.uniform(ordered_link(sender, id), sent_ns, 0)
+                        || self.loss <= draws.uniform(ordered_link(sender, id), begin.ns(), 0)
                 })
                 .map(|(id, power_dbm)| (id, power_dbm as f32))
                 .collect();
-            let end_ns = sent_ns + self.slot_ns;
+            let end = begin + self.slot;
             carried.frames.push(CarriedFrame {
                 sender: MoteId(sender),
-                sent_ns,
-                end_ns,
+                sent: begin,
+                end,
                 payload,
                 receivers,
             });
@@ -188,30 +189,30 @@ struct Surroundings<'a> {
 }
 
 impl SecondMedium for Infrared {
-    fn carry(&mut self, around: &Around<'_>, from_ns: u64, until_ns: u64, carried: &mut Carried) {
+    fn carry(&mut self, around: &Around<'_>, from: SimTime, until: SimTime, carried: &mut Carried) {
         let surroundings = Surroundings {
             around,
             scene: around.scene(self.reach.body_radius_m.is_some()),
             grid: around.grid(self.reach.range_m),
         };
-        let step_ns = around.step_ns;
-        let (period, per_period) = (from_ns / step_ns, step_ns / self.slot_ns);
-        let period_ns = period * step_ns;
-        let mut slot = (from_ns - period_ns).div_ceil(self.slot_ns);
+        let step = around.step;
+        let (number, per_period) = (from / step, step / self.slot);
+        let period = SimTime::START + number * step;
+        let mut slot = (from - period).div_ceil(self.slot);
         // After one TDMA frame everyone has had a slot of the period.
         let last = per_period.min(slot.saturating_add(self.n_slots));
         loop {
-            let begin_ns = period_ns + slot * self.slot_ns;
-            if let Some(&(sent_ns, _)) = self.state.on_air.as_ref()
-                && sent_ns + self.slot_ns <= begin_ns.min(until_ns)
+            let begin = period + slot * self.slot;
+            if let Some(&(sent, _)) = self.state.on_air.as_ref()
+                && sent + self.slot <= begin.min(until)
             {
                 self.end_slot(&surroundings, carried);
             }
-            if last <= slot || until_ns <= begin_ns {
+            if last <= slot || until <= begin {
                 break;
             }
-            let owner = period.wrapping_mul(per_period).wrapping_add(slot) % self.n_slots;
-            self.begin_slot(around, owner, begin_ns);
+            let owner = number.wrapping_mul(per_period).wrapping_add(slot) % self.n_slots;
+            self.begin_slot(around, owner, begin);
             slot += 1;
         }
     }

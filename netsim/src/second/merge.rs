@@ -5,6 +5,7 @@ use super::copies::Copies;
 use bytes::Bytes;
 use physics::medium::resolve;
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use proto::types::{Deliveries, DeliveryColumn, EVERYONE, Heard, Medium, Payloads, Transmissions};
 
 /// A delivery.
@@ -12,7 +13,7 @@ use proto::types::{Deliveries, DeliveryColumn, EVERYONE, Heard, Medium, Payloads
 struct Delivery {
     /// Of the transmission.
     rank: u32,
-    received_ns: u64,
+    received: SimTime,
     medium: Medium,
     rssi_dbm: f32,
     hops: u32,
@@ -21,8 +22,8 @@ struct Delivery {
 /// A transmission of either medium.
 struct Sent {
     sender: MoteId,
-    sent_ns: u64,
-    end_ns: u64,
+    sent: SimTime,
+    end: SimTime,
     destination: MoteId,
     payload: Bytes,
 }
@@ -34,7 +35,7 @@ pub(super) fn merged(
     carried: Carried,
     agent_count: usize,
     columns: &[DeliveryColumn],
-    mut copies: Option<(&mut Copies, u64)>,
+    mut copies: Option<(&mut Copies, SimDuration)>,
 ) -> Deliveries {
     let n_main = main.transmissions.sender.len();
     let mut sent = of_main(&main.transmissions);
@@ -42,12 +43,12 @@ pub(super) fn merged(
     for receiver in 0..agent_count {
         for index in main.heard_by(receiver) {
             let at = heard.len();
-            let received_ns = main.received_ns.get(at).copied();
+            let received = main.received_ns.get(at).copied().map(SimTime::from_ns);
             heard.push((
                 receiver as u32,
                 Delivery {
                     rank: index as u32,
-                    received_ns: received_ns.unwrap_or(sent[index].end_ns),
+                    received: received.unwrap_or(sent[index].end),
                     medium: Medium::Radio,
                     rssi_dbm: main.rssi_dbm.get(at).copied().unwrap_or_default(),
                     hops: main.hops.get(at).copied().unwrap_or(1),
@@ -57,14 +58,14 @@ pub(super) fn merged(
     }
     for (index, frame) in (n_main as u32..).zip(carried.frames) {
         for &(receiver, rssi_dbm) in &frame.receivers {
-            let received_ns = frame.end_ns;
+            let received = frame.end;
             let (rank, medium, hops) = (index, Medium::Second, 1);
-            heard.push((receiver, Delivery { rank, received_ns, medium, rssi_dbm, hops }));
+            heard.push((receiver, Delivery { rank, received, medium, rssi_dbm, hops }));
         }
         sent.push(Sent {
             sender: frame.sender,
-            sent_ns: frame.sent_ns,
-            end_ns: frame.end_ns,
+            sent: frame.sent,
+            end: frame.end,
             destination: MoteId(EVERYONE),
             payload: frame.payload,
         });
@@ -72,18 +73,18 @@ pub(super) fn merged(
     if sent.is_empty() {
         return Deliveries::default();
     }
-    if let Some((copies, step_ns)) = &mut copies {
+    if let Some((copies, step)) = &mut copies {
         heard.sort_by_key(|&(receiver, delivery)| {
-            (receiver, delivery.received_ns, delivery.medium, delivery.rank)
+            (receiver, delivery.received, delivery.medium, delivery.rank)
         });
         heard.retain(|&(receiver, delivery)| {
             let sent = &sent[delivery.rank as usize];
-            copies.is_first(MoteId(receiver), sent.sender, sent.sent_ns / *step_ns)
+            copies.is_first(MoteId(receiver), sent.sender, sent.sent / *step)
         });
     }
-    // By (sent_ns, sender); of equal ones, the main network's first.
+    // By (sent, sender); of equal ones, the main network's first.
     let mut order: Vec<u32> = (0..sent.len() as u32).collect();
-    order.sort_by_key(|&place| (sent[place as usize].sent_ns, sent[place as usize].sender));
+    order.sort_by_key(|&place| (sent[place as usize].sent, sent[place as usize].sender));
     let mut rank = vec![0; order.len()];
     for (new, &old) in (0..).zip(&order) {
         rank[old as usize] = new;
@@ -106,8 +107,8 @@ fn of_main(transmissions: &Transmissions) -> Vec<Sent> {
             begin = end;
             Sent {
                 sender: MoteId(transmissions.sender[index]),
-                sent_ns: transmissions.sent_ns[index],
-                end_ns: transmissions.end_ns[index],
+                sent: SimTime::from_ns(transmissions.sent_ns[index]),
+                end: SimTime::from_ns(transmissions.end_ns[index]),
                 destination: MoteId(
                     transmissions.destination.get(index).copied().unwrap_or(EVERYONE),
                 ),
@@ -138,8 +139,8 @@ fn deliveries(
     Deliveries {
         transmissions: Transmissions {
             sender: sent.iter().map(|sent| sent.sender.0).collect(),
-            sent_ns: sent.iter().map(|sent| sent.sent_ns).collect(),
-            end_ns: sent.iter().map(|sent| sent.end_ns).collect(),
+            sent_ns: sent.iter().map(|sent| sent.sent.ns()).collect(),
+            end_ns: sent.iter().map(|sent| sent.end.ns()).collect(),
             payloads: Payloads::new(lengths, data.into())
                 .expect("as much data as the lengths add up to"),
             destination: if to_all {
@@ -149,7 +150,7 @@ fn deliveries(
             },
         },
         received_ns: if wants(DeliveryColumn::ReceivedNs) {
-            each().map(|delivery| delivery.received_ns).collect()
+            each().map(|delivery| delivery.received.ns()).collect()
         } else {
             Vec::new()
         },

@@ -7,6 +7,7 @@ use dcf::{Dcf, Timing};
 use proto::config::{Choice, Range, Section, variant};
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
+use proto::time::{SimDuration, SimTime};
 use proto::types::{NS_PER_S, seconds};
 
 pub mod dcf;
@@ -91,26 +92,26 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
         context.problems.push(problem.value(sense_m).nearest(keys.range_m));
         return None;
     }
-    let ns = |seconds: f64| (seconds * NS_PER_S as f64).round() as u64;
+    let duration = SimDuration::from_seconds;
     let timing = Timing {
-        slot_ns: ns(keys.slot_s),
-        difs_ns: ns(keys.difs_s),
-        preamble_ns: ns(keys.preamble_s),
+        slot: duration(keys.slot_s),
+        difs: duration(keys.difs_s),
+        preamble: duration(keys.preamble_s),
         bit_ns: NS_PER_S as f64 / keys.bit_rate_bps,
         overhead_bytes: keys.overhead_bytes,
         window: keys.contention_window,
     };
-    let step_ns = context.step_ns;
-    let header_s = timing.airtime_ns(0) as f64 / NS_PER_S as f64;
-    if step_ns < timing.airtime_ns(0) {
-        let key = if step_ns <= timing.preamble_ns { "preamble_s" } else { "bit_rate_bps" };
+    let step = context.step;
+    let header_s = timing.airtime(0).ns() as f64 / NS_PER_S as f64;
+    if step < timing.airtime(0) {
+        let key = if step <= timing.preamble { "preamble_s" } else { "bit_rate_bps" };
         let message = format!(
             "makes the headers of a frame last {header_s} s, longer than the control period, {} s",
-            seconds(step_ns)
+            step.seconds()
         );
         let problem = problem(context, key, message);
         let bits = 8.0 * f64::from(keys.overhead_bytes);
-        let spare_s = seconds(step_ns.saturating_sub(timing.preamble_ns));
+        let spare_s = step.saturating_sub(timing.preamble).seconds();
         context.problems.push(match key {
             "preamble_s" => problem.value(keys.preamble_s).nearest(192e-6),
             _ => problem.value(keys.bit_rate_bps).nearest((bits / spare_s).ceil()),
@@ -152,32 +153,33 @@ fn heard_by(
 }
 
 impl SecondMedium for WifiBroadcast {
-    fn carry(&mut self, around: &Around<'_>, from_ns: u64, until_ns: u64, carried: &mut Carried) {
+    fn carry(&mut self, around: &Around<'_>, from: SimTime, until: SimTime, carried: &mut Carried) {
         let (scene, grid) = (around.scene(false), around.grid(self.sense.range_m));
-        let period_ns = from_ns / around.step_ns * around.step_ns;
+        let period = SimTime::START + from / around.step * around.step;
         let draws = Draws::new(around.seed, Purpose::SecondMediumPhase);
-        let phase_ns = |id: u32| match self.phase {
-            Phase::Aligned => 0,
+        let phase = |id: u32| match self.phase {
+            Phase::Aligned => SimDuration::ZERO,
             Phase::Random => {
                 // Less than the period, because draws are less than 1.
-                (draws.uniform(id.into(), 0, 0) * around.step_ns as f64) as u64
+                let phase_ns = draws.uniform(id.into(), 0, 0) * around.step.ns() as f64;
+                SimDuration::from_ns(phase_ns as u64)
             }
         };
         let mut arrivals = Vec::new();
         for id in 0..around.agent_count() as u32 {
-            let at_ns = period_ns + phase_ns(id);
+            let at = period + phase(id);
             if !around.is_on(id) {
                 self.dcf.silence(id);
-            } else if (from_ns..until_ns).contains(&at_ns)
+            } else if (from..until).contains(&at)
                 && let Some(payload) = around.payload(id)
             {
-                arrivals.push((at_ns, id, payload));
+                arrivals.push((at, id, payload));
             }
         }
-        arrivals.sort_unstable_by_key(|&(at_ns, id, _)| (at_ns, id));
+        arrivals.sort_unstable_by_key(|&(at, id, _)| (at, id));
         let (sense, range) = (self.sense, self.range);
         let mut heard_by = |id| heard_by((&sense, &range), around, (&scene, &grid), id);
-        self.dcf.run(arrivals, until_ns, around.seed, &mut heard_by, carried);
+        self.dcf.run(arrivals, until, around.seed, &mut heard_by, carried);
     }
 
     fn boxed(&self) -> Box<dyn SecondMedium> {

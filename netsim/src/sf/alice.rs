@@ -13,6 +13,7 @@ use crate::wire::Eui64;
 use physics::asn::Asn;
 use proto::config::{Choice, Problem, Section, variant};
 use proto::ids::MoteId;
+use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 
 /// `kind = "alice"`.
@@ -164,8 +165,8 @@ pub struct Alice {
     is_known_to_parent: bool,
     /// Ascending.
     children: Vec<Eui64>,
-    /// When the next slotframe of links begins (ns).
-    next_ns: Option<u64>,
+    /// When the next slotframe of links begins.
+    next: Option<SimTime>,
 }
 
 impl Configured for AliceConfig {
@@ -186,7 +187,7 @@ impl Alice {
             parent: None,
             is_known_to_parent: false,
             children: Vec::new(),
-            next_ns: None,
+            next: None,
         }
     }
 
@@ -216,7 +217,7 @@ impl Alice {
         cx.schedule.remove_where(UNICAST_HANDLE, |_| true);
         cx.schedule.add_all(UNICAST_HANDLE, &cells).expect("slots are hashes modulo the length");
         let length = u64::from(config.unicast_slots);
-        self.next_ns = Some((cx.asn / length + 1) * length * cx.slot_ns);
+        self.next = Some(SimTime::START + (cx.asn / length + 1) * length * cx.slot);
     }
 }
 
@@ -267,8 +268,8 @@ impl SchedulingFunction for Alice {
         self.install(cx);
     }
 
-    fn poll_timeout(&self) -> Option<u64> {
-        self.next_ns
+    fn poll_timeout(&self) -> Option<SimTime> {
+        self.next
     }
 
     fn handle_timeout(&mut self, cx: &mut Context<'_>) {

@@ -33,6 +33,7 @@ pub(super) use config::read;
 pub use config::{ENTRY, MsfConfig};
 use policy::{Policy, Rfc9033};
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use usage::Usage;
@@ -62,8 +63,8 @@ pub struct Msf<P = Rfc9033> {
     rx: Box<Usage>,
     /// Without negotiated cells to receive from the parent, the autonomous one counts (§ 5.1).
     receives_autonomously: bool,
-    /// When the first of both is to be judged (ns).
-    due_ns: Option<u64>,
+    /// When the first of both is to be judged.
+    due: Option<SimTime>,
     /// Cells to be added.
     missing: Cells,
     /// Cells to be deleted.
@@ -78,13 +79,13 @@ pub struct Msf<P = Rfc9033> {
     clears: BTreeMap<Eui64, u8>,
     /// Requests to the parent that failed in a row.
     n_failures: u8,
-    /// Until when nothing is asked (ns).
-    hold_until_ns: Option<u64>,
-    /// Neighbours left alone, and until when (ns).
-    quarantined: BTreeMap<Eui64, u64>,
-    housekeeping_ns: Option<u64>,
-    /// When neighbours with cells were last heard in one (ns).
-    heard: BTreeMap<Eui64, u64>,
+    /// Until when nothing is asked.
+    hold_until: Option<SimTime>,
+    /// Neighbours left alone, and until when.
+    quarantined: BTreeMap<Eui64, SimTime>,
+    housekeeping: Option<SimTime>,
+    /// When neighbours with cells were last heard in one.
+    heard: BTreeMap<Eui64, SimTime>,
     /// Neighbours for whom frames wait.
     waiting: BTreeSet<Eui64>,
     n_full: u64,
@@ -121,7 +122,7 @@ impl<P: Policy> Msf<P> {
             tx: Box::default(),
             rx: Box::default(),
             receives_autonomously: false,
-            due_ns: None,
+            due: None,
             missing: Cells::default(),
             spare: Cells::default(),
             to_relocate: Vec::new(),
@@ -129,9 +130,9 @@ impl<P: Policy> Msf<P> {
             former: Vec::new(),
             clears: BTreeMap::new(),
             n_failures: 0,
-            hold_until_ns: None,
+            hold_until: None,
             quarantined: BTreeMap::new(),
-            housekeeping_ns: None,
+            housekeeping: None,
             heard: BTreeMap::new(),
             waiting: BTreeSet::new(),
             n_full: 0,
@@ -159,7 +160,7 @@ impl<P: Policy> Msf<P> {
     /// When use is to be judged next, as time.
     fn find_due(&mut self, cx: &Context<'_>) {
         let first = [self.tx.due_asn(), self.rx.due_asn()].into_iter().flatten().min();
-        self.due_ns = first.map(|asn| cx.now_ns + asn.saturating_since(cx.asn) * cx.slot_ns);
+        self.due = first.map(|asn| cx.now + asn.saturating_since(cx.asn) * cx.slot);
     }
 
     /// § 5.1, step 2.
@@ -188,12 +189,12 @@ impl<P: Policy> Msf<P> {
 
     /// § 5.3, and cells of neighbours that have gone (§ 5.1).
     fn keep_house(&mut self, cx: &mut Context<'_>) {
-        let silent_ns = seconds(self.config.cleanup_s);
+        let silent = seconds(self.config.cleanup_s);
         let gone: Vec<Eui64> = self
             .heard
             .iter()
-            .filter(|&(peer, heard_ns)| {
-                Some(*peer) != self.parent && silent_ns <= cx.now_ns.saturating_sub(*heard_ns)
+            .filter(|&(peer, heard)| {
+                Some(*peer) != self.parent && silent <= cx.now.saturating_since(*heard)
             })
             .map(|(&peer, _)| peer)
             .collect();
@@ -236,7 +237,7 @@ impl<P: Policy> SchedulingFunction for Msf<P> {
         let (slot, channel) = hash::autonomous_cell(cx.own, slots, cx.n_channels);
         let own = Cell::new(slot, channel, CellOptions::RX, None);
         cx.schedule.add(AUTONOMOUS, own).expect("autonomous cells lie within the slotframe");
-        self.housekeeping_ns = Some(cx.now_ns + seconds(self.config.housekeeping_s));
+        self.housekeeping = Some(cx.now + seconds(self.config.housekeeping_s));
         self.handle_parent(cx, None);
     }
 
@@ -253,7 +254,7 @@ impl<P: Policy> SchedulingFunction for Msf<P> {
         Some(self.config.slotframe_slots)
     }
 
-    fn quarantine_ends_ns(&self, neighbour: Eui64) -> Option<u64> {
+    fn quarantine_ends(&self, neighbour: Eui64) -> Option<SimTime> {
         self.quarantined.get(&neighbour).copied()
     }
 
@@ -278,7 +279,7 @@ impl<P: Policy> SchedulingFunction for Msf<P> {
         self.to_relocate.clear();
         self.n_sent.clear();
         self.n_failures = 0;
-        self.hold_until_ns = None;
+        self.hold_until = None;
         match new {
             Some(new) => {
                 self.former.retain(|former| *former != new);
@@ -355,7 +356,7 @@ impl<P: Policy> SchedulingFunction for Msf<P> {
     ) {
         let Some(neighbour) = at.cell.neighbour.filter(|_| at.handle == NEGOTIATED) else { return };
         if acknowledged == Some(true) {
-            self.heard.insert(neighbour, cx.now_ns);
+            self.heard.insert(neighbour, cx.now);
         }
         if self.parent == Some(neighbour) && at.cell.options == CellOptions::TX {
             if calls_for_cells(dscp) {
@@ -368,7 +369,7 @@ impl<P: Policy> SchedulingFunction for Msf<P> {
     fn handle_received(&mut self, cx: &mut Context<'_>, at: &CellRef, from: Eui64, dscp: u8) {
         let is_negotiated = at.handle == NEGOTIATED && at.cell.neighbour == Some(from);
         if is_negotiated {
-            self.heard.insert(from, cx.now_ns);
+            self.heard.insert(from, cx.now);
         }
         let is_autonomous = at.handle == AUTONOMOUS && self.receives_autonomously;
         if self.parent == Some(from) && (is_negotiated || is_autonomous) && calls_for_cells(dscp) {
@@ -376,23 +377,23 @@ impl<P: Policy> SchedulingFunction for Msf<P> {
         }
     }
 
-    fn poll_timeout(&self) -> Option<u64> {
-        let quarantine_ns = self.quarantined.values().min().copied();
-        earliest([self.due_ns, self.hold_until_ns, self.housekeeping_ns, quarantine_ns])
+    fn poll_timeout(&self) -> Option<SimTime> {
+        let quarantine = self.quarantined.values().min().copied();
+        earliest([self.due, self.hold_until, self.housekeeping, quarantine])
     }
 
     fn handle_timeout(&mut self, cx: &mut Context<'_>) {
-        let now_ns = cx.now_ns;
-        let is_due = |at_ns: Option<u64>| at_ns.is_some_and(|at_ns| at_ns <= now_ns);
-        self.quarantined.retain(|_, until_ns| now_ns < *until_ns);
-        if is_due(self.hold_until_ns) {
-            self.hold_until_ns = None;
+        let now = cx.now;
+        let is_due = |at: Option<SimTime>| at.is_some_and(|at| at <= now);
+        self.quarantined.retain(|_, until| now < *until);
+        if is_due(self.hold_until) {
+            self.hold_until = None;
         }
-        if is_due(self.due_ns) {
+        if is_due(self.due) {
             self.adapt(cx);
         }
-        if is_due(self.housekeeping_ns) {
-            self.housekeeping_ns = Some(now_ns + seconds(self.config.housekeeping_s));
+        if is_due(self.housekeeping) {
+            self.housekeeping = Some(now + seconds(self.config.housekeeping_s));
             self.keep_house(cx);
         }
         self.drive(cx);
@@ -419,6 +420,6 @@ fn calls_for_cells(dscp: u8) -> bool {
     dscp != code_points::AF43
 }
 
-fn seconds(duration_s: u32) -> u64 {
-    u64::from(duration_s) * 1_000_000_000
+fn seconds(duration_s: u32) -> SimDuration {
+    SimDuration::from_s(duration_s.into())
 }

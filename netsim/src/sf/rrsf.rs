@@ -96,7 +96,7 @@ impl Configured for RrsfConfig {
         let n_frames =
             f64::from(network.frames_per_mote) * network.n_motes as f64 / network.n_roots as f64;
         let slots = self.n_motes + self.shared_slots;
-        let slotframe_s = seconds(u64::from(slots) * network.slot_ns);
+        let slotframe_s = seconds((u64::from(slots) * network.slot).ns());
         let takes_s = n_frames * slotframe_s;
         (self.shared_slots == 0 && LONG_FORMATION_S < takes_s).then(|| {
             format!(

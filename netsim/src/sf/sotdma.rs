@@ -7,6 +7,7 @@ use crate::wire::slots::{MAX_SLOTS, SlotSet, SlotsRepr, tag};
 use physics::asn::Asn;
 use proto::config::{Choice, Problem, Section, join, variant};
 use proto::ids::MoteId;
+use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 
 /// `kind = "sotdma"`.
@@ -142,8 +143,8 @@ pub struct Sotdma {
     conflict: bool,
     /// Slotframes for which it has listened, or has had its slot.
     n_slotframes: u8,
-    /// When it next decides (ns): when its own slot begins, or the slotframe if it has none.
-    next_ns: Option<u64>,
+    /// When it next decides: when its own slot begins, or the slotframe if it has none.
+    next: Option<SimTime>,
     /// Whether a frame is wanted that carries what it announces.
     wants_frame: bool,
     /// By address.
@@ -168,7 +169,7 @@ impl Sotdma {
             checks: false,
             conflict: false,
             n_slotframes: 0,
-            next_ns: None,
+            next: None,
             wants_frame: false,
             neighbours: Vec::new(),
         }
@@ -226,7 +227,7 @@ impl Sotdma {
         let from = cx.asn + 1;
         let slot = u64::from(self.slot.unwrap_or(0));
         let asn = from + (slot + length - from % length) % length;
-        self.next_ns = Some(asn * cx.slot_ns);
+        self.next = Some(asn * cx.slot);
     }
 
     /// How likely it is to check its slot now (rule 3).
@@ -282,8 +283,8 @@ impl SchedulingFunction for Sotdma {
         self.slot.is_some()
     }
 
-    fn poll_timeout(&self) -> Option<u64> {
-        self.next_ns
+    fn poll_timeout(&self) -> Option<SimTime> {
+        self.next
     }
 
     fn handle_timeout(&mut self, cx: &mut Context<'_>) {

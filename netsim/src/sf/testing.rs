@@ -26,9 +26,10 @@ use physics::asn::Asn;
 use proto::config::{check, parse};
 use proto::ids::MoteId;
 use proto::rng::Purpose;
+use proto::time::SimDuration;
 
-/// Length of a slot of a [`Bench`] (ns).
-pub const SLOT_NS: u64 = 10_000_000;
+/// Length of a slot of a [`Bench`].
+pub const SLOT: SimDuration = SimDuration::from_ms(10);
 
 /// Channels of a [`Section`] and of a [`Bench`].
 pub const N_CHANNELS: u16 = 16;
@@ -111,7 +112,7 @@ impl<'a> Section<'a> {
     }
 }
 
-/// One mote with its schedule, in slots of [`SLOT_NS`] on [`N_CHANNELS`] channels.
+/// One mote with its schedule, in slots of [`SLOT`] on [`N_CHANNELS`] channels.
 #[derive(Debug)]
 pub struct Bench {
     /// Its address.
@@ -158,8 +159,8 @@ impl Bench {
             own: self.own,
             is_root: self.is_root,
             asn: self.asn,
-            now_ns: self.asn * SLOT_NS,
-            slot_ns: SLOT_NS,
+            now: self.asn * SLOT,
+            slot: SLOT,
             n_channels: N_CHANNELS,
             parent: self.parent,
             schedule: &mut self.schedule,
@@ -176,8 +177,8 @@ impl Bench {
     ///
     /// If it does not want to be called.
     pub fn pass_time(&mut self) {
-        let next_ns = self.sf.poll_timeout().expect("it waits for something");
-        self.asn = Asn(next_ns.div_ceil(SLOT_NS));
+        let next = self.sf.poll_timeout().expect("it waits for something");
+        self.asn = Asn::first_from(next, SLOT);
         self.tell(|sf, cx| sf.handle_timeout(cx));
     }
 

@@ -2,6 +2,7 @@
 
 use super::request;
 use crate::wire::sixp::{AnswerContent, SixpAnswer, SixpBody, SixpCell, SixpRepr, SixpRequest};
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// The number after `seqnum`: a lollipop counter, 0 comes once (§ 3.4.6).
@@ -40,10 +41,10 @@ pub(super) struct Peer {
 pub(super) struct Initiated {
     pub(super) request: SixpRequest,
     pub(super) seqnum: u8,
-    /// How long to wait for each message (ns).
-    pub(super) timeout_ns: u64,
-    /// Until when to wait now (ns).
-    pub(super) deadline_ns: u64,
+    /// How long to wait for each message.
+    pub(super) timeout: SimDuration,
+    /// Until when to wait now.
+    pub(super) deadline: SimTime,
     /// The request was acknowledged or answered.
     pub(super) has_arrived: bool,
     /// Three steps: the response.
@@ -53,12 +54,17 @@ pub(super) struct Initiated {
 }
 
 impl Initiated {
-    pub(super) fn new(request: SixpRequest, seqnum: u8, timeout_ns: u64, now_ns: u64) -> Self {
+    pub(super) fn new(
+        request: SixpRequest,
+        seqnum: u8,
+        timeout: SimDuration,
+        now: SimTime,
+    ) -> Self {
         Self {
             request,
             seqnum,
-            timeout_ns,
-            deadline_ns: now_ns.saturating_add(timeout_ns),
+            timeout,
+            deadline: now.saturating_add(timeout),
             has_arrived: false,
             answer: None,
             confirmation: None,
@@ -81,8 +87,8 @@ impl Initiated {
 pub(super) struct Answering {
     pub(super) request: SixpRequest,
     pub(super) seqnum: u8,
-    /// Until when to wait now (ns): for the scheduling function, the MAC, or the confirmation.
-    pub(super) deadline_ns: u64,
+    /// Until when to wait now: for the scheduling function, the MAC, or the confirmation.
+    pub(super) deadline: SimTime,
     /// What we have answered.
     pub(super) answer: Option<SixpAnswer>,
 }
@@ -142,10 +148,10 @@ impl GivenUp {
 }
 
 impl Peer {
-    /// When the first of its transactions fails (ns).
-    pub(super) fn deadline_ns(&self) -> Option<u64> {
-        let initiated = self.initiated.as_ref().map(|open| open.deadline_ns);
-        let answering = self.answering.as_ref().map(|open| open.deadline_ns);
+    /// When the first of its transactions fails.
+    pub(super) fn deadline(&self) -> Option<SimTime> {
+        let initiated = self.initiated.as_ref().map(|open| open.deadline);
+        let answering = self.answering.as_ref().map(|open| open.deadline);
         [initiated, answering].into_iter().flatten().min()
     }
 

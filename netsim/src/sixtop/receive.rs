@@ -5,10 +5,11 @@ use super::timeout::{self, Role};
 use super::{Event, Failure, Sixtop, VERSION, request};
 use crate::wire::Eui64;
 use crate::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRepr, SixpRequest};
+use proto::time::SimTime;
 
 impl Sixtop {
     /// A message has come from a neighbour.
-    pub fn handle_message(&mut self, from: Eui64, message: &SixpRepr, now_ns: u64) {
+    pub fn handle_message(&mut self, from: Eui64, message: &SixpRepr, now: SimTime) {
         let is_request = matches!(message.body, SixpBody::Request(_));
         let unsupported = if message.version != VERSION {
             Some(ReturnCode::ErrorVersion)
@@ -27,9 +28,9 @@ impl Sixtop {
             return;
         }
         match &message.body {
-            SixpBody::Request(request) => self.handle_request(from, request, message, now_ns),
+            SixpBody::Request(request) => self.handle_request(from, request, message, now),
             SixpBody::Response(answer) => {
-                self.handle_response(from, answer, message.seqnum, now_ns);
+                self.handle_response(from, answer, message.seqnum, now);
             }
             SixpBody::Confirmation(answer) => {
                 self.handle_confirmation(from, answer, message.seqnum);
@@ -43,7 +44,7 @@ impl Sixtop {
         from: Eui64,
         request: &SixpRequest,
         message: &SixpRepr,
-        now_ns: u64,
+        now: SimTime,
     ) {
         let seqnum = message.seqnum;
         let state = self.peers.entry(from).or_default();
@@ -53,7 +54,7 @@ impl Sixtop {
             return;
         }
         if matches!(request, SixpRequest::Clear { .. }) {
-            return self.handle_clear(from, request, message, now_ns);
+            return self.handle_clear(from, request, message, now);
         }
         if self.is_settled_by(from, seqnum) {
             self.settle(from);
@@ -92,9 +93,9 @@ impl Sixtop {
         if seqnum != state.seqnum {
             return self.handle_inconsistency(from, seqnum);
         }
-        self.open(from, request, seqnum, now_ns);
+        self.open(from, request, seqnum, now);
         match request::fault(request) {
-            Some(code) => self.respond(from, error(code), now_ns),
+            Some(code) => self.respond(from, error(code), now),
             None => self.events.push_back(Event::Request { peer: from, request: request.clone() }),
         }
     }
@@ -105,7 +106,7 @@ impl Sixtop {
         from: Eui64,
         request: &SixpRequest,
         message: &SixpRepr,
-        now_ns: u64,
+        now: SimTime,
     ) {
         let state = self.peers.entry(from).or_default();
         // Both clear: ours is done as well.
@@ -127,7 +128,7 @@ impl Sixtop {
         let state = self.peers.entry(from).or_default();
         state.clear();
         state.last_request = Some(message.clone());
-        self.open(from, request, message.seqnum, now_ns);
+        self.open(from, request, message.seqnum, now);
         self.events.push_back(Event::Request { peer: from, request: request.clone() });
     }
 
@@ -153,13 +154,13 @@ impl Sixtop {
         }
     }
 
-    fn open(&mut self, from: Eui64, request: &SixpRequest, seqnum: u8, now_ns: u64) {
+    fn open(&mut self, from: Eui64, request: &SixpRequest, seqnum: u8, now: SimTime) {
         let is_three_step = request::is_three_step(request);
-        let takes_ns = timeout::default_ns(&self.config, Role::Responder, is_three_step);
-        let deadline_ns = now_ns.saturating_add(takes_ns);
+        let takes = timeout::default_for(&self.config, Role::Responder, is_three_step);
+        let deadline = now.saturating_add(takes);
         let state = self.peers.entry(from).or_default();
         state.answering =
-            Some(Answering { request: request.clone(), seqnum, deadline_ns, answer: None });
+            Some(Answering { request: request.clone(), seqnum, deadline, answer: None });
         self.note_busy(from);
     }
 
@@ -181,7 +182,7 @@ impl Sixtop {
         self.events.push_back(Event::Inconsistent { peer: from });
     }
 
-    fn handle_response(&mut self, from: Eui64, answer: &SixpAnswer, seqnum: u8, now_ns: u64) {
+    fn handle_response(&mut self, from: Eui64, answer: &SixpAnswer, seqnum: u8, now: SimTime) {
         let Some(state) = self.peers.get_mut(&from) else { return };
         // RC_ERR_SEQNUM carries the number of who sends it (§ 3.4.6.2).
         let is_ours = |open: &Initiated| {
@@ -202,7 +203,7 @@ impl Sixtop {
             request::is_three_step(&open.request) && !request::is_error(answer.code);
         if awaits_confirmation {
             open.answer = Some(answer.clone());
-            open.deadline_ns = now_ns.saturating_add(open.timeout_ns);
+            open.deadline = now.saturating_add(open.timeout);
             let (request, answer) = (open.request.clone(), answer.clone());
             self.events.push_back(Event::Answered { peer, request, answer, awaits_confirmation });
             return;

@@ -4,13 +4,14 @@ use super::peer::{Answering, next_seqnum};
 use super::{Event, Failure, Sixtop, request};
 use crate::wire::Eui64;
 use crate::wire::sixp::{ReturnCode, SixpBody, SixpRepr, SixpRequest};
+use proto::time::SimTime;
 
 impl Sixtop {
     /// The MAC's last word on a message: `acknowledged`, or given up, or not even queued.
-    pub fn handle_sent(&mut self, to: Eui64, message: &SixpRepr, acknowledged: bool, now_ns: u64) {
+    pub fn handle_sent(&mut self, to: Eui64, message: &SixpRepr, acknowledged: bool, now: SimTime) {
         match &message.body {
             SixpBody::Request(sent) => {
-                self.handle_request_sent(to, sent, message.seqnum, acknowledged, now_ns);
+                self.handle_request_sent(to, sent, message.seqnum, acknowledged, now);
             }
             SixpBody::Response(answer) => {
                 let code = answer.code;
@@ -29,7 +30,7 @@ impl Sixtop {
         sent: &SixpRequest,
         seqnum: u8,
         acknowledged: bool,
-        now_ns: u64,
+        now: SimTime,
     ) {
         let Some(state) = self.peers.get_mut(&to) else { return };
         let Some(open) = state.initiated.as_mut() else { return };
@@ -38,7 +39,7 @@ impl Sixtop {
         }
         if acknowledged {
             open.has_arrived = true;
-            open.deadline_ns = now_ns.saturating_add(open.timeout_ns);
+            open.deadline = now.saturating_add(open.timeout);
         } else if let Some(open) = state.initiated.take() {
             self.give_up(to, open, Failure::NotSent);
         }

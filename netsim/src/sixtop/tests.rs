@@ -5,11 +5,10 @@ mod clauses;
 use super::receive::error;
 use super::*;
 use crate::wire::sixp::{CellOptions, CellRequest};
+use proto::time::{SimDuration, SimTime};
 
 const A: Eui64 = Eui64(0x0a);
 const B: Eui64 = Eui64(0x0b);
-const SECOND_NS: u64 = 1_000_000_000;
-
 fn cell(slot: u16) -> SixpCell {
     SixpCell { slot, channel: 3 }
 }
@@ -48,12 +47,16 @@ fn success(slots: &[u16]) -> SixpAnswer {
 struct Pair {
     a: Sixtop,
     b: Sixtop,
-    now_ns: u64,
+    now: SimTime,
 }
 
 impl Pair {
     fn new() -> Self {
-        Self { a: Sixtop::new(Config::default()), b: Sixtop::new(Config::default()), now_ns: 0 }
+        Self {
+            a: Sixtop::new(Config::default()),
+            b: Sixtop::new(Config::default()),
+            now: SimTime::START,
+        }
     }
 
     fn with_seqnum(seqnum_a: u8, seqnum_b: u8) -> Self {
@@ -77,15 +80,15 @@ impl Pair {
     }
 
     fn ack(&mut self, from: Eui64, message: &SixpRepr, acknowledged: bool) {
-        let now_ns = self.now_ns;
+        let now = self.now;
         let to = other(from);
-        self.end(from).handle_sent(to, message, acknowledged, now_ns);
+        self.end(from).handle_sent(to, message, acknowledged, now);
     }
 
     fn hear(&mut self, at: Eui64, message: &SixpRepr) {
-        let now_ns = self.now_ns;
+        let now = self.now;
         let from = other(at);
-        self.end(at).handle_message(from, message, now_ns);
+        self.end(at).handle_message(from, message, now);
     }
 
     /// Carries the next message of an end across, acknowledged.
@@ -97,15 +100,15 @@ impl Pair {
     }
 
     fn request(&mut self, from: Eui64, request: SixpRequest) {
-        let now_ns = self.now_ns;
+        let now = self.now;
         let to = other(from);
-        self.end(from).request(to, request, Some(2 * SECOND_NS), now_ns).unwrap();
+        self.end(from).request(to, request, Some(2 * SimDuration::SECOND), now).unwrap();
     }
 
     fn respond(&mut self, at: Eui64, answer: SixpAnswer) {
-        let now_ns = self.now_ns;
+        let now = self.now;
         let to = other(at);
-        self.end(at).respond(to, answer, now_ns);
+        self.end(at).respond(to, answer, now);
     }
 
     fn events(&mut self, at: Eui64) -> Vec<Event> {
@@ -123,11 +126,11 @@ impl Pair {
         (self.events(A), self.events(B))
     }
 
-    fn pass(&mut self, duration_ns: u64) {
-        self.now_ns += duration_ns;
-        let now_ns = self.now_ns;
-        self.a.handle_timeout(now_ns);
-        self.b.handle_timeout(now_ns);
+    fn pass(&mut self, duration: SimDuration) {
+        self.now += duration;
+        let now = self.now;
+        self.a.handle_timeout(now);
+        self.b.handle_timeout(now);
     }
 
     fn assert_idle(&mut self) {
@@ -197,7 +200,7 @@ fn s3_a_new_request_while_three_steps_await_their_confirmation_is_refused_as_bus
     pair.carry(A);
     pair.respond(B, success(&[7, 8]));
     let lost = pair.take(B);
-    pair.pass(2 * SECOND_NS);
+    pair.pass(2 * SimDuration::SECOND);
     assert_eq!(pair.events(A), [failed(B, add(&[]), true, Failure::Timeout)]);
     pair.request(A, delete(&[9]));
     pair.carry(A);
@@ -220,9 +223,9 @@ fn s4_unanswered_requests_time_out_at_the_initiator_and_lost_responses_at_the_re
     let mut pair = Pair::new();
     pair.request(A, count.clone());
     pair.carry(A);
-    pair.pass(SECOND_NS);
+    pair.pass(SimDuration::SECOND);
     assert_eq!(pair.events(A), []);
-    pair.pass(SECOND_NS);
+    pair.pass(SimDuration::SECOND);
     assert_eq!(pair.events(A), [failed(B, count.clone(), true, Failure::Timeout)]);
     assert_eq!(pair.a.poll_purge(), Some(B));
 
@@ -231,9 +234,9 @@ fn s4_unanswered_requests_time_out_at_the_initiator_and_lost_responses_at_the_re
     pair.respond(B, counted);
     let removed_from_the_queue = pair.take(B);
     drop(removed_from_the_queue);
-    pair.pass(75 * SECOND_NS);
+    pair.pass(75 * SimDuration::SECOND);
     assert_eq!(pair.events(B), []);
-    pair.pass(SECOND_NS);
+    pair.pass(SimDuration::SECOND);
     assert_eq!(pair.events(B), [failed(A, count, false, Failure::Timeout)]);
     assert_eq!(pair.b.poll_purge(), Some(A));
     pair.assert_idle();
@@ -278,7 +281,7 @@ fn s6_abort_empties_table_and_queue_at_either_end() {
     pair.carry(A);
     pair.respond(B, success(&[7, 8]));
     pair.carry(B);
-    pair.a.confirm(B, success(&[7]), 0);
+    pair.a.confirm(B, success(&[7]), SimTime::START);
     pair.events(A);
     pair.a.abort(B);
     assert_eq!(
@@ -351,7 +354,7 @@ fn s8_add_delete_and_relocate_complete_in_two_steps_and_in_three() {
             awaits_confirmation: true,
         };
         assert_eq!((at_a, at_b), (vec![answered], vec![]));
-        pair.a.confirm(B, choice.clone(), 0);
+        pair.a.confirm(B, choice.clone(), SimTime::START);
         let confirmation = Some(choice.clone());
         pair.carry(A);
         assert_eq!(
@@ -371,12 +374,12 @@ fn s8_add_delete_and_relocate_complete_in_two_steps_and_in_three() {
 fn s9_default_timeouts_grow_with_the_messages_still_to_come() {
     let config = Config::default();
     let ms = |config: &Config, role, is_three_step| {
-        timeout::default_ns(config, role, is_three_step) / 1_000_000
+        timeout::default_for(config, role, is_three_step) / 1_000_000
     };
-    assert_eq!(ms(&config, Role::Responder, false), 75_750);
-    assert_eq!(ms(&config, Role::Initiator, false), 151_500);
-    assert_eq!(ms(&config, Role::Responder, true), 151_500);
-    assert_eq!(ms(&config, Role::Initiator, true), 227_250);
-    let ten = Config { slotframe_ns: 100_000_000, ..config };
-    assert_eq!(ms(&ten, Role::Responder, false), 7_500);
+    assert_eq!(ms(&config, Role::Responder, false), SimDuration::from_ns(75_750));
+    assert_eq!(ms(&config, Role::Initiator, false), SimDuration::from_ns(151_500));
+    assert_eq!(ms(&config, Role::Responder, true), SimDuration::from_ns(151_500));
+    assert_eq!(ms(&config, Role::Initiator, true), SimDuration::from_ns(227_250));
+    let ten = Config { slotframe: SimDuration::from_ns(100_000_000), ..config };
+    assert_eq!(ms(&ten, Role::Responder, false), SimDuration::from_ns(7_500));
 }

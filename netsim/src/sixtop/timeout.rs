@@ -3,6 +3,7 @@
 //! growing back-off, once for every message that is still to come.
 
 use super::Config;
+use proto::time::SimDuration;
 
 /// Which side of a transaction waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,9 +15,9 @@ pub enum Role {
 }
 
 /// Slotframe · retries · Σ back-off exponents, which grow from 1 to the largest one with each retry; times 1 for a
-/// responder and 2 for an initiator, and once more in three steps (ns).
+/// responder and 2 for an initiator, and once more in three steps.
 #[must_use]
-pub fn default_ns(config: &Config, role: Role, is_three_step: bool) -> u64 {
+pub fn default_for(config: &Config, role: Role, is_three_step: bool) -> SimDuration {
     let (retries, limit) = (u64::from(config.max_retries), u64::from(config.max_be));
     let growing = retries.min(limit);
     let exponents = growing * (growing + 1) / 2 + (retries - growing) * limit;
@@ -24,5 +25,5 @@ pub fn default_ns(config: &Config, role: Role, is_three_step: bool) -> u64 {
         Role::Responder => 1,
         Role::Initiator => 2,
     } + u64::from(is_three_step);
-    config.slotframe_ns.saturating_mul(retries.saturating_mul(exponents * messages))
+    config.slotframe.saturating_mul(retries.saturating_mul(exponents * messages))
 }

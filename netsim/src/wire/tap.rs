@@ -2,6 +2,7 @@
 //! (<https://github.com/jkcko/ieee802.15.4-tap>). All fields least significant byte first.
 
 use physics::asn::Asn;
+use proto::time::{SimDuration, SimTime};
 
 /// LINKTYPE_IEEE802_15_4_TAP.
 const LINK_TYPE: u32 = 283;
@@ -35,7 +36,7 @@ pub fn file_header() -> [u8; 24] {
 /// channel of which channel page (IEEE Std 802.15.4-2015, 10.1.2) and in which slot; and how strongly it was received, if it was a receiver that captured it.
 #[must_use]
 pub fn record(
-    time_ns: u64,
+    time: SimTime,
     (channel, page): (u16, u8),
     rssi_dbm: Option<f32>,
     asn: Asn,
@@ -48,14 +49,14 @@ pub fn record(
     }
     let [low, high] = channel.to_le_bytes();
     put_field(&mut fields, CHANNEL, &[low, high, page]);
-    put_field(&mut fields, START_OF_FRAME, &time_ns.to_le_bytes());
+    put_field(&mut fields, START_OF_FRAME, &time.ns().to_le_bytes());
     put_field(&mut fields, ASN, &asn.0.to_le_bytes());
 
     let fields_len = 4 + fields.len();
     let length = (fields_len + psdu.len()) as u32;
     let mut record = Vec::with_capacity(16 + length as usize);
-    record.extend_from_slice(&((time_ns / 1_000_000_000) as u32).to_le_bytes());
-    record.extend_from_slice(&((time_ns % 1_000_000_000) as u32).to_le_bytes());
+    record.extend_from_slice(&((time / SimDuration::SECOND) as u32).to_le_bytes());
+    record.extend_from_slice(&((time % SimDuration::SECOND).ns() as u32).to_le_bytes());
     record.extend_from_slice(&length.to_le_bytes());
     record.extend_from_slice(&length.to_le_bytes());
     record.extend_from_slice(&[0, 0]);
@@ -80,7 +81,7 @@ mod tests {
     #[test]
     fn a_record_is_as_long_as_it_says_and_ends_with_the_frame() {
         let psdu = [1, 2, 3];
-        let record = record(3_000_000_007, (26, 0), Some(-90.0), Asn(300), &psdu);
+        let record = record(SimTime::from_ns(3_000_000_007), (26, 0), Some(-90.0), Asn(300), &psdu);
         assert_eq!(record[..8], [3, 0, 0, 0, 7, 0, 0, 0]);
         assert_eq!(record[8..12], ((record.len() - 16) as u32).to_le_bytes());
         assert_eq!(record[8..12], record[12..16]);
@@ -97,7 +98,7 @@ mod tests {
 
     #[test]
     fn frames_that_nobody_received_have_no_strength() {
-        let with = record(0, (11, 0), Some(-50.0), Asn(0), &[]).len();
-        assert_eq!(record(0, (11, 0), None, Asn(0), &[]).len(), with - 8);
+        let with = record(SimTime::START, (11, 0), Some(-50.0), Asn(0), &[]).len();
+        assert_eq!(record(SimTime::START, (11, 0), None, Asn(0), &[]).len(), with - 8);
     }
 }

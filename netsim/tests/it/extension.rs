@@ -14,6 +14,7 @@ use proto::config::{Range, Section, variant};
 use proto::effect::Catalogued;
 use proto::ids::MoteId;
 use proto::side::{NetSimulator as _, Setup};
+use proto::time::SimDuration;
 use serde::{Deserialize, Serialize};
 
 /// `kind = "flat-loss"`.
@@ -92,7 +93,7 @@ struct MuteMotes {
 impl mac::Effect for MuteMotes {
     fn weigh(&self, node: Node, burden: &mut Burden) {
         if self.concerned.includes(node.mote) {
-            burden.duty = Some(Duty { fraction: self.fraction, window_ns: 1_000_000_000 });
+            burden.duty = Some(Duty { fraction: self.fraction, window: SimDuration::SECOND });
         }
     }
 }

@@ -211,9 +211,9 @@ fn plainly(
     let mut radios = Radios::default();
     for i in 0..n {
         radios.push(End::new(MoteId(i as u32), states.position_m(i)), 0.0);
-        let sent_ns = period_ns + (i as u64 % config.n_slots) * config.slot_ns;
+        let sent_ns = period_ns + (i as u64 % config.n_slots) * config.slot.ns();
         let channel = config.hopping_sequence.first().map(|_| {
-            let slot = (sent_ns / config.slot_ns) as usize;
+            let slot = (sent_ns / config.slot.ns()) as usize;
             config.hopping_sequence[slot % config.hopping_sequence.len()]
         });
         radios.frames.push(Frame { sent_ns, channel });

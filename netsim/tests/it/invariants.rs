@@ -9,6 +9,7 @@ use netsim::mesh::network::Mesh;
 use netsim::mote::Mote;
 use physics::asn::Asn;
 use proto::side::NetOutput;
+use proto::time::{SimDuration, SimTime};
 use proto::types::{Deliveries, FrameOutcome};
 use std::collections::BTreeSet;
 
@@ -155,15 +156,15 @@ impl Watch {
         for (mote, since) in motes.iter().zip(&mut self.astray_since_ns) {
             let source = mote.mac.time_source().and_then(|source| mesh.addresses().mote(source));
             let off_ns = source.map(|source| {
-                let theirs = motes[source.index()].mac.deviation_ns(now_ns);
-                mote.mac.deviation_ns(now_ns).abs_diff(theirs)
+                let theirs = motes[source.index()].mac.deviation_ns(SimTime::from_ns(now_ns));
+                mote.mac.deviation_ns(SimTime::from_ns(now_ns)).abs_diff(theirs)
             });
-            if off_ns.is_some_and(|off_ns| GUARD_NS < off_ns) && mac.keep_alive_ns != 0 {
+            if off_ns.is_some_and(|off_ns| GUARD_NS < off_ns) && !mac.keep_alive.is_zero() {
                 let since_ns = *since.get_or_insert(now_ns);
                 let astray_ns = now_ns - since_ns;
                 // A mote that knows its clock may run free meanwhile.
-                let most_ns = mac.max_keep_alive_ns.map_or(0, |_| mac.max_free_run_ns);
-                let most_ns = mac.desynchronise_ns.max(most_ns);
+                let free_run = mac.max_keep_alive.map_or(SimDuration::ZERO, |_| mac.max_free_run);
+                let most_ns = mac.desynchronise.max(free_run).ns();
                 assert!(astray_ns <= most_ns, "astray for {astray_ns}: {}", what());
             } else {
                 *since = None;
@@ -233,7 +234,7 @@ fn what_always_holds(function: &str, first_seed: u64) {
             });
             let [sent, delivered, lost, _] = mesh.state().packets.counts();
             let motes = &mesh.state().motes;
-            let ready = motes.iter().filter(|mote| mote.tally.first_ready_ns.is_some()).count();
+            let ready = motes.iter().filter(|mote| mote.tally.first_ready.is_some()).count();
             let desynchronised: u64 = motes.iter().map(|mote| mote.tally.n_desynchronised).sum();
             // No packet reaches its application twice, or after it was taken for lost.
             assert_eq!(watch.n_late, 0, "seed {seed}\n{}", scenario.config);

@@ -97,6 +97,12 @@ impl SimDuration {
         Self(s * crate::types::NS_PER_S)
     }
 
+    /// So many seconds, to the nearest nanosecond; nothing, if negative.
+    #[must_use]
+    pub fn from_seconds(seconds: f64) -> Self {
+        Self((seconds * crate::types::NS_PER_S as f64).round() as u64)
+    }
+
     /// Its nanoseconds.
     #[must_use]
     pub const fn ns(self) -> u64 {
@@ -113,6 +119,12 @@ impl SimDuration {
     #[must_use]
     pub const fn is_zero(self) -> bool {
         self.0 == 0
+    }
+
+    /// So much more; at most [`SimDuration::MAX`].
+    #[must_use]
+    pub const fn saturating_add(self, other: Self) -> Self {
+        Self(self.0.saturating_add(other.0))
     }
 
     /// So much less; not less than nothing.

@@ -5,16 +5,17 @@ use coap::{Coap, Servers, Settings};
 use download::Download;
 use exchange::Timers;
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use proto::types::PacketPurpose;
 
 /// Those of RFC 7252, § 4.8.
 pub(super) const TIMERS: Timers =
-    Timers { least_ns: 2 * NS_PER_S, most_ns: 3 * NS_PER_S, max_retransmit: 4 };
+    Timers { least: SimDuration::from_s(2), most: SimDuration::from_s(3), max_retransmit: 4 };
 
 fn coap(servers: Servers) -> Spec {
     let settings = Settings {
         servers,
-        period_ns: 10 * NS_PER_S,
+        period: SimDuration::from_s(10),
         is_poisson: false,
         response_bytes: 16,
         timers: TIMERS,
@@ -23,7 +24,7 @@ fn coap(servers: Servers) -> Spec {
 }
 
 fn download(size_bytes: u32, szx: u8) -> Spec {
-    let settings = download::Settings { after_ns: 0, size_bytes, szx, timers: TIMERS };
+    let settings = download::Settings { after: SimDuration::ZERO, size_bytes, szx, timers: TIMERS };
     Spec { machine: Machine::Download(Download::new(settings, Some(vec![MoteId(1)]))) }
 }
 
@@ -43,10 +44,10 @@ fn give(
     app: &mut App,
     from: u32,
     packet: &Packet,
-    now_ns: u64,
+    now: SimTime,
     world: &mut World,
 ) -> Option<Packet> {
-    match app.machine().handle_message(MoteId(from), 1, &message(packet), &mut world.at(now_ns)) {
+    match app.machine().handle_message(MoteId(from), 1, &message(packet), &mut world.at(now)) {
         Heard::NotMine => panic!("nobody takes {packet:?}"),
         Heard::Taken(answer) => answer,
     }
@@ -57,30 +58,49 @@ fn rfc7252_5_2_1_the_response_is_in_the_acknowledgment_and_ends_the_exchange() {
     let spec = coap(Servers::InTurn);
     let (mut root, mut mote) = (app(&spec, 0, true, 3), app(&spec, 1, false, 3));
     let mut world = World::of(0);
-    root.set_ready(true, &mut world.at(0));
-    mote.set_ready(true, &mut world.at(0));
+    root.set_ready(true, &mut world.at(SimTime::START));
+    mote.set_ready(true, &mut world.at(SimTime::START));
     assert_eq!(mote.poll_timeout(), None);
-    let request = root.handle_timeout(&mut world.at(10 * NS_PER_S)).unwrap();
+    let request =
+        root.handle_timeout(&mut world.at(SimTime::START + SimDuration::from_s(10))).unwrap();
     assert_eq!(to(&request), 1);
     let get = message(&request);
     assert_eq!((get.kind, get.code), (Type::Confirmable, Code::GET));
-    let response = give(&mut mote, 0, &request, 11 * NS_PER_S, &mut world).unwrap();
+    let response =
+        give(&mut mote, 0, &request, SimTime::START + SimDuration::from_s(11), &mut world).unwrap();
     let content = message(&response);
     assert!(content.answers(get.message_id, get.token));
     assert_eq!((content.code, content.payload.len()), (Code::CONTENT, 16));
-    assert_eq!(give(&mut root, 1, &response, 12 * NS_PER_S, &mut world), None);
+    assert_eq!(
+        give(&mut root, 1, &response, SimTime::START + SimDuration::from_s(12), &mut world),
+        None
+    );
     let [ended] = &world.packets.take_ended()[..] else { panic!("one exchange") };
-    assert_eq!((ended.ended_ns - ended.packet.created_ns, ended.lost), (2 * NS_PER_S, None));
+    assert_eq!((ended.ended - ended.packet.created, ended.lost), (SimDuration::from_s(2), None));
     // The same again belongs to nothing.
-    let again = root.machine().handle_message(MoteId(1), 1, &content, &mut world.at(13 * NS_PER_S));
+    let again = root.machine().handle_message(
+        MoteId(1),
+        1,
+        &content,
+        &mut world.at(SimTime::START + SimDuration::from_s(13)),
+    );
     assert_eq!(again, Heard::NotMine);
     // Then the other one, and mote 1 again.
     let at = [20, 30].map(|at_s| {
-        let request = root.handle_timeout(&mut world.at(at_s * NS_PER_S)).unwrap();
+        let request =
+            root.handle_timeout(&mut world.at(SimTime::START + SimDuration::from_s(at_s))).unwrap();
         let mut asked = app(&spec, to(&request), false, 3);
-        asked.set_ready(true, &mut world.at(0));
-        let response = give(&mut asked, 0, &request, at_s * NS_PER_S, &mut world).unwrap();
-        give(&mut root, to(&request), &response, at_s * NS_PER_S, &mut world);
+        asked.set_ready(true, &mut world.at(SimTime::START));
+        let response =
+            give(&mut asked, 0, &request, SimTime::START + SimDuration::from_s(at_s), &mut world)
+                .unwrap();
+        give(
+            &mut root,
+            to(&request),
+            &response,
+            SimTime::START + SimDuration::from_s(at_s),
+            &mut world,
+        );
         to(&request)
     });
     assert_eq!(at, [2, 1]);
@@ -95,32 +115,32 @@ fn rfc7252_4_2_timeouts_double_and_after_four_retransmissions_the_client_gives_u
         let mut root = app(&coap(Servers::One(MoteId(mote))), 0, true, 50);
         let mut world = World::of(0);
         root.machine().reseed(u64::from(mote));
-        root.set_ready(true, &mut world.at(0));
-        let begin_ns = 10 * NS_PER_S;
-        let request = root.handle_timeout(&mut world.at(begin_ns)).unwrap();
-        let mut sent_ns = Vec::new();
+        root.set_ready(true, &mut world.at(SimTime::START));
+        let begin = SimTime::START + SimDuration::from_s(10);
+        let request = root.handle_timeout(&mut world.at(begin)).unwrap();
+        let mut sent = Vec::new();
         let mut ended = Vec::new();
         while ended.is_empty() {
-            let due_ns = root.poll_timeout().unwrap();
-            if let Some(packet) = root.handle_timeout(&mut world.at(due_ns)) {
+            let due = root.poll_timeout().unwrap();
+            if let Some(packet) = root.handle_timeout(&mut world.at(due)) {
                 assert_eq!(packet.payload(), request.payload());
-                sent_ns.push(due_ns - begin_ns);
+                sent.push(due - begin);
             }
             ended = world.packets.take_ended();
         }
-        let timeout_ns = sent_ns[0];
-        assert!((2 * NS_PER_S..=3 * NS_PER_S).contains(&timeout_ns));
-        assert_eq!(sent_ns, [1, 3, 7, 15].map(|n| n * timeout_ns));
+        let timeout = sent[0];
+        assert!((SimDuration::from_s(2)..=SimDuration::from_s(3)).contains(&timeout));
+        assert_eq!(sent, [1, 3, 7, 15].map(|n| n * timeout));
         assert_eq!(ended[0].lost, Some(DropReason::MaxRetries));
-        assert_eq!(ended[0].ended_ns - begin_ns, 31 * timeout_ns);
+        assert_eq!(ended[0].ended - begin, 31 * timeout);
         // MAX_TRANSMIT_WAIT.
-        assert!(ended[0].ended_ns - begin_ns <= TIMERS.max_transmit_wait_ns());
+        assert!(ended[0].ended - begin <= TIMERS.max_transmit_wait());
         assert_eq!((root.counters().requests, root.counters().retransmissions), (1, 4));
-        firsts.push(timeout_ns);
+        firsts.push(timeout);
     }
-    assert_eq!(TIMERS.max_transmit_wait_ns(), 93 * NS_PER_S);
+    assert_eq!(TIMERS.max_transmit_wait(), SimDuration::from_s(93));
     // Uniform from 2 s to 3 s: the mean of 49 has a standard error of 0.041 s.
-    let mean_s = firsts.iter().sum::<u64>() as f64 / 49e9;
+    let mean_s = firsts.into_iter().sum::<SimDuration>().ns() as f64 / 49e9;
     assert!((mean_s - 2.5).abs() < 0.124, "{mean_s}");
 }
 
@@ -131,8 +151,8 @@ fn rfc7252_4_7_a_mote_has_one_open_exchange_and_message_ids_are_never_shared() {
         let mut client =
             App::new(&spec, &Host { app: number, n_apps: 2, ..host(0, true, 3) }).unwrap();
         let mut world = World::of(0);
-        client.set_ready(true, &mut world.at(0));
-        let packets = run(&mut client, 45 * NS_PER_S, &mut world);
+        client.set_ready(true, &mut world.at(SimTime::START));
+        let packets = run(&mut client, SimTime::START + SimDuration::from_s(45), &mut world);
         let mut seen: Vec<(u32, u16, Vec<u8>)> = packets
             .iter()
             .map(|packet| (to(packet), message(packet)))
@@ -154,50 +174,46 @@ fn rfc7252_4_7_a_mote_has_one_open_exchange_and_message_ids_are_never_shared() {
     assert_eq!((ids.len(), tokens.len()), (4, 4));
 }
 
-/// A root and a mote whose every message takes `hop_ns`. Messages for which `is_lost` holds do not arrive. Returns what was sent.
+/// A root and a mote whose every message takes `hop`. Messages for which `is_lost` holds do not arrive. Returns what was sent.
 fn transfer(
     spec: &Spec,
     world: &mut World,
-    hop_ns: u64,
-    until_ns: u64,
+    hop: SimDuration,
+    until: SimTime,
     mut is_lost: impl FnMut(&Packet) -> bool,
 ) -> (Vec<Packet>, [App; 2]) {
     let mut apps = [app(spec, 0, true, 2), app(spec, 1, false, 2)];
     for app in &mut apps {
-        app.set_ready(true, &mut world.at(0));
+        app.set_ready(true, &mut world.at(SimTime::START));
     }
-    let mut flying: std::collections::VecDeque<(u64, usize, Packet)> = [].into();
+    let mut flying: std::collections::VecDeque<(SimTime, usize, Packet)> = [].into();
     let mut sent = Vec::new();
     loop {
-        let arrives_ns = flying.front().map(|(at_ns, ..)| *at_ns);
-        let due_ns = apps.iter().filter_map(App::poll_timeout).min();
-        let Some(now_ns) = [arrives_ns, due_ns].into_iter().flatten().min() else { break };
-        if until_ns < now_ns {
+        let arrives = flying.front().map(|(at, ..)| *at);
+        let due = apps.iter().filter_map(App::poll_timeout).min();
+        let Some(now) = [arrives, due].into_iter().flatten().min() else { break };
+        if until < now {
             break;
         }
         let mut send = |packet: Option<Packet>, from: usize| {
             let Some(packet) = packet else { return };
             sent.push(packet.clone());
             if !is_lost(&packet) {
-                flying.push_back((now_ns + hop_ns, from, packet));
+                flying.push_back((now + hop, from, packet));
             }
         };
         for (from, app) in apps.iter_mut().enumerate() {
-            send(app.handle_timeout(&mut world.at(now_ns)), from);
+            send(app.handle_timeout(&mut world.at(now)), from);
         }
-        if let Some((_, from, packet)) = flying.pop_front_if(|(at_ns, ..)| *at_ns <= now_ns) {
+        if let Some((_, from, packet)) = flying.pop_front_if(|(at, ..)| *at <= now) {
             let other = 1 - from;
             let app = apps[other].machine();
-            let heard = app.handle_message(
-                MoteId(from as u32),
-                1,
-                &message(&packet),
-                &mut world.at(now_ns),
-            );
+            let heard =
+                app.handle_message(MoteId(from as u32), 1, &message(&packet), &mut world.at(now));
             if let Heard::Taken(Some(answer)) = heard {
                 sent.push(answer.clone());
                 if !is_lost(&answer) {
-                    flying.push_back((now_ns + hop_ns, other, answer));
+                    flying.push_back((now + hop, other, answer));
                 }
             }
         }
@@ -208,17 +224,22 @@ fn transfer(
 /// N = ⌈S/b⌉ exchanges that take two hops each; the mote requests the first block as soon as it is triggered.
 #[test]
 fn rfc7959_a_download_takes_as_many_round_trips_as_it_has_blocks() {
-    let hop_ns = NS_PER_S / 10;
+    let hop = NS_PER_S / 10;
     for (size_bytes, szx) in
         [(1, 0), (16, 0), (17, 0), (1000, 2), (1024, 2), (5000, 6), (100_000, 3)]
     {
         let mut world = World::of(0);
-        let (sent, apps) =
-            transfer(&download(size_bytes, szx), &mut world, hop_ns, u64::MAX, |_| false);
+        let (sent, apps) = transfer(
+            &download(size_bytes, szx),
+            &mut world,
+            SimDuration::from_ns(hop),
+            SimTime::NEVER,
+            |_| false,
+        );
         let n_blocks = size_bytes.div_ceil(16 << szx);
         let [ended] = &world.packets.take_ended()[..] else { panic!("one download") };
-        let took_ns = ended.ended_ns - ended.packet.created_ns;
-        assert_eq!(took_ns, 2 * hop_ns * u64::from(n_blocks));
+        let took = ended.ended - ended.packet.created;
+        assert_eq!(took, SimDuration::from_ns(2 * hop * u64::from(n_blocks)));
         assert_eq!((ended.lost, ended.packet.bytes), (None, size_bytes));
         // Two messages of the trigger.
         assert_eq!(sent.len() as u32, 2 + 2 * n_blocks);
@@ -235,10 +256,11 @@ fn rfc7959_a_download_takes_as_many_round_trips_as_it_has_blocks() {
 fn lost_blocks_are_requested_again_and_the_download_completes() {
     let mut world = World::of(0);
     let mut n = 0;
-    let (sent, apps) = transfer(&download(2000, 2), &mut world, NS_PER_S / 10, u64::MAX, |_| {
-        n += 1;
-        n % 5 == 4
-    });
+    let (sent, apps) =
+        transfer(&download(2000, 2), &mut world, SimDuration::SECOND / 10, SimTime::NEVER, |_| {
+            n += 1;
+            n % 5 == 4
+        });
     let [ended] = &world.packets.take_ended()[..] else { panic!("one download") };
     assert_eq!(ended.lost, None);
     let counters = apps[1].counters();
@@ -257,7 +279,8 @@ fn a_download_whose_way_is_cut_fails_and_the_root_goes_on() {
         message.path.as_deref() == Some("f0")
             && message.block2.is_some_and(|block| 10 <= block.number)
     };
-    let (_, mut apps) = transfer(&download(2000, 2), &mut world, NS_PER_S / 10, u64::MAX, is_late);
+    let (_, mut apps) =
+        transfer(&download(2000, 2), &mut world, SimDuration::SECOND / 10, SimTime::NEVER, is_late);
     let [ended] = &world.packets.take_ended()[..] else { panic!("one download") };
     assert_eq!(ended.lost, Some(DropReason::MaxRetries));
     assert_eq!((apps[1].counters().blocks, apps[1].counters().block_retransmissions), (11, 4));
@@ -267,7 +290,10 @@ fn a_download_whose_way_is_cut_fails_and_the_root_goes_on() {
 #[test]
 fn a_trigger_that_nobody_answers_is_a_download_that_failed() {
     let mut world = World::of(0);
-    let (sent, _) = transfer(&download(2000, 2), &mut world, NS_PER_S / 10, u64::MAX, |_| true);
+    let (sent, _) =
+        transfer(&download(2000, 2), &mut world, SimDuration::SECOND / 10, SimTime::NEVER, |_| {
+            true
+        });
     assert_eq!(sent.len(), 5);
     let [ended] = &world.packets.take_ended()[..] else { panic!("one download") };
     assert_eq!(ended.lost, Some(DropReason::MaxRetries));
@@ -280,12 +306,12 @@ fn a_trigger_that_nobody_answers_is_a_download_that_failed() {
 #[test]
 fn rfc7252_4_2_losses_retransmissions_duplicates_and_round_trips_are_those_of_independent_trials() {
     let (p, n) = (0.3_f64, 4000_u32);
-    let hop_ns = NS_PER_S / 20;
+    let hop = SimDuration::SECOND / 20;
     // Longer than MAX_TRANSMIT_WAIT: no exchange waits for another.
-    let period_ns = 100 * NS_PER_S;
+    let period = SimDuration::from_s(100);
     let settings = Settings {
         servers: Servers::One(MoteId(1)),
-        period_ns,
+        period,
         is_poisson: false,
         response_bytes: 16,
         timers: TIMERS,
@@ -294,8 +320,8 @@ fn rfc7252_4_2_losses_retransmissions_duplicates_and_round_trips_are_those_of_in
     let mut world = World::of(0);
     let draws = proto::rng::Draws::new(11, Purpose::Traffic);
     let mut n_messages = 0;
-    let until_ns = u64::from(n) * period_ns + period_ns - 1;
-    let (_, apps) = transfer(&spec, &mut world, hop_ns, until_ns, |_| {
+    let until = SimTime::START + u64::from(n) * period + period - SimDuration::from_ns(1);
+    let (_, apps) = transfer(&spec, &mut world, hop, until, |_| {
         n_messages += 1;
         proto::rng::uniform(draws.words(0, 0, n_messages)[0]) < p
     });
@@ -320,28 +346,31 @@ fn rfc7252_4_2_losses_retransmissions_duplicates_and_round_trips_are_those_of_in
     within(counters[1].duplicates as f64 / n, duplicates, 2.0);
     let succeeded = ended.iter().filter(|one| one.lost.is_none());
     let round_trips_s: Vec<f64> =
-        succeeded.map(|one| (one.ended_ns - one.packet.created_ns) as f64 / 1e9).collect();
+        succeeded.map(|one| (one.ended - one.packet.created).ns() as f64 / 1e9).collect();
     let mean_s = round_trips_s.iter().sum::<f64>() / round_trips_s.len() as f64;
     let waits_s = |k: u32| 2.5 * (power(2.0, k) - 1.0);
     let expected_s =
         (0..5).map(|k| power(q, k) * (1.0 - q) * waits_s(k)).sum::<f64>() / (1.0 - fails);
-    within(mean_s, expected_s + 2.0 * hop_ns as f64 / 1e9, 11.0);
+    within(mean_s, expected_s + 2.0 * hop.ns() as f64 / 1e9, 11.0);
 }
 
 /// RFC 7252, 4.5 and 4.8.2: a message ID that comes again within EXCHANGE_LIFETIME, 247 s, is answered with the same octets, and
 /// counted as a duplicate. After that it is another request.
 #[test]
 fn rfc7252_4_5_a_server_acts_upon_a_request_once() {
-    assert_eq!(TIMERS.exchange_lifetime_ns(), 247 * NS_PER_S);
+    assert_eq!(TIMERS.exchange_lifetime(), SimDuration::from_s(247));
     let spec = coap(Servers::InTurn);
     let mut world = World::of(1);
     let mut root = app(&spec, 0, true, 2);
-    root.set_ready(true, &mut world.at(0));
-    let request = root.handle_timeout(&mut world.at(10 * NS_PER_S)).unwrap();
+    root.set_ready(true, &mut world.at(SimTime::START));
+    let request =
+        root.handle_timeout(&mut world.at(SimTime::START + SimDuration::from_s(10))).unwrap();
     let mut mote = app(&spec, 1, false, 2);
-    mote.set_ready(true, &mut world.at(0));
+    mote.set_ready(true, &mut world.at(SimTime::START));
     let [first, again, later] = [10, 256, 257].map(|at_s| {
-        let answer = give(&mut mote, 0, &request, at_s * NS_PER_S, &mut world).unwrap();
+        let answer =
+            give(&mut mote, 0, &request, SimTime::START + SimDuration::from_s(at_s), &mut world)
+                .unwrap();
         (answer.payload(), mote.counters().duplicates)
     });
     assert_eq!((first.1, again.1, later.1), (0, 1, 1));
@@ -353,10 +382,11 @@ fn rfc7252_4_5_a_server_acts_upon_a_request_once() {
 fn a_duplicate_of_a_trigger_begins_no_second_download() {
     let spec = download(16, 0);
     let mut world = World::of(1);
-    let (sent, [_, mut mote]) = transfer(&spec, &mut world, NS_PER_S / 10, u64::MAX, |_| false);
+    let (sent, [_, mut mote]) =
+        transfer(&spec, &mut world, SimDuration::SECOND / 10, SimTime::NEVER, |_| false);
     assert_eq!(world.packets.take_ended().len(), 1);
     assert_eq!(message(&sent[0]).code, Code::POST);
-    let answer = give(&mut mote, 0, &sent[0], 5 * NS_PER_S, &mut world);
+    let answer = give(&mut mote, 0, &sent[0], SimTime::START + SimDuration::from_s(5), &mut world);
     assert_eq!(message(&answer.unwrap()).code, Code::CHANGED);
     assert_eq!((mote.poll_timeout(), mote.counters().block_duplicates), (None, 1));
 }
@@ -367,16 +397,16 @@ fn a_trigger_that_arrives_after_it_was_given_up_counts_no_second_download() {
     let spec = download(16, 0);
     let mut world = World::of(0);
     let (sent, [mut root, mut mote]) =
-        transfer(&spec, &mut world, NS_PER_S / 10, u64::MAX, |_| true);
+        transfer(&spec, &mut world, SimDuration::SECOND / 10, SimTime::NEVER, |_| true);
     let [ended] = &world.packets.take_ended()[..] else { panic!("one download") };
-    let waited_ns = ended.ended_ns - ended.packet.created_ns;
-    assert!((62 * NS_PER_S..=93 * NS_PER_S).contains(&waited_ns));
+    let waited = ended.ended - ended.packet.created;
+    assert!((SimDuration::from_s(62)..=SimDuration::from_s(93)).contains(&waited));
 
-    let later_ns = 100 * NS_PER_S;
-    give(&mut mote, 0, &sent[0], later_ns, &mut world).unwrap();
-    let get = mote.handle_timeout(&mut world.at(later_ns)).unwrap();
-    let block = give(&mut root, 1, &get, later_ns, &mut world).unwrap();
-    assert_eq!(give(&mut mote, 0, &block, later_ns, &mut world), None);
+    let later = SimDuration::from_s(100);
+    give(&mut mote, 0, &sent[0], SimTime::START + later, &mut world).unwrap();
+    let get = mote.handle_timeout(&mut world.at(SimTime::START + later)).unwrap();
+    let block = give(&mut root, 1, &get, SimTime::START + later, &mut world).unwrap();
+    assert_eq!(give(&mut mote, 0, &block, SimTime::START + later, &mut world), None);
     assert_eq!((mote.poll_timeout(), world.packets.take_ended()), (None, vec![]));
     assert_eq!((world.packets.created(PacketPurpose::Download), world.packets.late()), (1, 1));
 }
@@ -386,11 +416,17 @@ fn a_trigger_that_arrives_after_it_was_given_up_counts_no_second_download() {
 fn a_download_that_both_ends_give_up_has_failed_once() {
     let mut world = World::of(0);
     let is_from_mote = |packet: &Packet| message(packet).code != Code::POST;
-    let (_, apps) = transfer(&download(16, 0), &mut world, NS_PER_S / 10, u64::MAX, is_from_mote);
+    let (_, apps) = transfer(
+        &download(16, 0),
+        &mut world,
+        SimDuration::SECOND / 10,
+        SimTime::NEVER,
+        is_from_mote,
+    );
     let [ended] = &world.packets.take_ended()[..] else { panic!("one download") };
     assert_eq!(
-        (ended.packet.created_ns, ended.lost),
-        (NS_PER_S / 10, Some(DropReason::MaxRetries))
+        (ended.packet.created, ended.lost),
+        (SimTime::START + SimDuration::SECOND / 10, Some(DropReason::MaxRetries))
     );
     assert_eq!(apps[1].counters().block_retransmissions, 4);
 }
@@ -398,23 +434,28 @@ fn a_download_that_both_ends_give_up_has_failed_once() {
 /// A reboot of the root while the mote downloads, of the root while it triggers, and of the mote: none begins a second download.
 #[test]
 fn a_reboot_of_either_end_begins_no_second_download() {
-    let reboot = |app: &mut App, now_ns: u64, world: &mut World| {
-        app.set_ready(false, &mut world.at(now_ns));
-        app.machine().reset(&mut world.at(now_ns));
-        app.set_ready(true, &mut world.at(now_ns));
+    let reboot = |app: &mut App, now: SimTime, world: &mut World| {
+        app.set_ready(false, &mut world.at(now));
+        app.machine().reset(&mut world.at(now));
+        app.set_ready(true, &mut world.at(now));
     };
     let spec = download(2000, 2);
-    let hop_ns = NS_PER_S / 10;
+    let hop = NS_PER_S / 10;
     // The second time the root has not heard of the mote yet.
-    for (until_ns, is_triggered_again) in [(NS_PER_S, false), (hop_ns, true)] {
+    for (until, is_triggered_again) in [(NS_PER_S, false), (hop, true)] {
         let mut world = World::of(0);
-        let (_, [mut root, mut mote]) = transfer(&spec, &mut world, hop_ns, until_ns, |_| false);
-        reboot(&mut root, until_ns, &mut world);
-        let posts = run(&mut root, 1000 * NS_PER_S, &mut world);
+        let (_, [mut root, mut mote]) =
+            transfer(&spec, &mut world, SimDuration::from_ns(hop), SimTime::from_ns(until), |_| {
+                false
+            });
+        reboot(&mut root, SimTime::from_ns(until), &mut world);
+        let posts = run(&mut root, SimTime::START + SimDuration::from_s(1000), &mut world);
         assert_eq!(!posts.is_empty(), is_triggered_again);
-        reboot(&mut mote, 1000 * NS_PER_S, &mut world);
+        reboot(&mut mote, SimTime::START + SimDuration::from_s(1000), &mut world);
         for post in posts {
-            let answer = give(&mut mote, 0, &post, 1000 * NS_PER_S, &mut world).unwrap();
+            let answer =
+                give(&mut mote, 0, &post, SimTime::START + SimDuration::from_s(1000), &mut world)
+                    .unwrap();
             assert_eq!(message(&answer).code, Code::CHANGED);
         }
         assert_eq!(mote.poll_timeout(), None);
@@ -426,9 +467,15 @@ fn a_reboot_of_either_end_begins_no_second_download() {
 
 #[test]
 fn exchanges_saved_in_their_midst_go_on() {
-    for (spec, at_ns) in [(coap(Servers::InTurn), 21 * NS_PER_S), (download(2000, 2), NS_PER_S)] {
+    for (spec, at_s) in [(coap(Servers::InTurn), 21), (download(2000, 2), 1)] {
         let mut world = World::of(0);
-        let (_, apps) = transfer(&spec, &mut world, NS_PER_S / 10, at_ns, |_| false);
+        let (_, apps) = transfer(
+            &spec,
+            &mut world,
+            SimDuration::SECOND / 10,
+            SimTime::START + SimDuration::from_s(at_s),
+            |_| false,
+        );
         let bytes = postcard::to_allocvec(&apps).unwrap();
         assert_eq!(postcard::from_bytes::<[App; 2]>(&bytes).unwrap(), apps);
         assert!(apps.iter().any(|app| app.poll_timeout().is_some()));

@@ -2,6 +2,7 @@
 
 use super::*;
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use std::collections::VecDeque;
 
 pub(super) fn mote(n: u32) -> Eui64 {
@@ -44,7 +45,7 @@ pub(super) struct Member {
 
 pub(super) struct Line {
     pub(super) motes: Vec<Member>,
-    now_ns: u64,
+    now: SimTime,
 }
 
 /// Up the line, or as the source route says.
@@ -62,7 +63,7 @@ impl Line {
             lost: Vec::new(),
             n_received: 0,
         };
-        Self { motes: (0..n).map(member).collect(), now_ns: 0 }
+        Self { motes: (0..n).map(member).collect(), now: SimTime::START }
     }
 
     pub(super) fn send(&mut self, at: u32, datagram: Datagram) {
@@ -75,7 +76,7 @@ impl Line {
     /// Slotframes: every mote sends the first frame of its queue; `is_lost` says of each whether it is.
     pub(super) fn run(&mut self, n: usize, mut is_lost: impl FnMut(u32, &LowpanRepr) -> bool) {
         for _ in 0..n {
-            self.now_ns += 1_010_000_000;
+            self.now += SimDuration::from_ns(1_010_000_000);
             let sent: Vec<_> = (0..)
                 .zip(&mut self.motes)
                 .filter_map(|(from, member)| Some((from, member.queue.pop_front()?)))
@@ -90,13 +91,13 @@ impl Line {
     }
 
     fn receive(&mut self, from: u32, at: u32, received: &LowpanRepr) {
-        let now_ns = self.now_ns;
+        let now = self.now;
         let member = &mut self.motes[at as usize];
         member.n_received += 1;
-        let mut outcome = member.lowpan.handle(mote(from), received, now_ns);
+        let mut outcome = member.lowpan.handle(mote(from), received, now);
         if let LowpanAction::Route(datagram) = outcome {
             let to = mote(next_hop(at, &datagram));
-            outcome = member.lowpan.forward(mote(from), received, (*datagram).into(), to, now_ns);
+            outcome = member.lowpan.forward(mote(from), received, (*datagram).into(), to, now);
         }
         match outcome {
             LowpanAction::Wait | LowpanAction::Route(_) => {}
@@ -116,8 +117,8 @@ impl Line {
     /// Lets all times pass.
     pub(super) fn expire(&mut self) {
         for member in &mut self.motes {
-            while let Some(due_ns) = member.lowpan.poll_timeout() {
-                let lost = member.lowpan.handle_timeout(due_ns.max(self.now_ns));
+            while let Some(due) = member.lowpan.poll_timeout() {
+                let lost = member.lowpan.handle_timeout(due.max(self.now));
                 member.lost.extend(lost);
             }
         }

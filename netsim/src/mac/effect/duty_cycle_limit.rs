@@ -3,6 +3,7 @@
 use super::{Burden, Concerned, Duty, Effect, Entry, Node};
 use proto::config::Section;
 use proto::effect::{Catalogued, Fixed, Level, Need};
+use proto::time::SimDuration;
 
 /// `kind = "duty-cycle-limit"`.
 pub const ENTRY: Entry = Entry::of::<DutyCycleLimit>();
@@ -56,10 +57,10 @@ pub struct DutyCycleLimit {
 
 impl Effect for DutyCycleLimit {
     fn weigh(&self, node: Node, burden: &mut Burden) {
-        let window_ns = (self.window_s * 1e9).round() as u64;
+        let window = SimDuration::from_seconds(self.window_s);
         let stricter = burden.duty.is_none_or(|duty| self.fraction < duty.fraction);
         if stricter && self.concerned.includes(node.mote) {
-            burden.duty = Some(Duty { fraction: self.fraction, window_ns });
+            burden.duty = Some(Duty { fraction: self.fraction, window });
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::{Burden, Concerned, Effect, Entry, Node};
 use proto::config::Section;
 use proto::effect::{Catalogued, Level, Need};
+use proto::time::SimDuration;
 
 /// `kind = "processing-delay"`.
 pub const ENTRY: Entry = Entry::of::<ProcessingDelay>();
@@ -54,7 +55,7 @@ pub struct ProcessingDelay {
 impl Effect for ProcessingDelay {
     fn weigh(&self, node: Node, burden: &mut Burden) {
         if self.concerned.includes(node.mote) {
-            burden.processing_ns += (self.delay_s * 1e9).round() as u64;
+            burden.processing += SimDuration::from_seconds(self.delay_s);
         }
     }
 }

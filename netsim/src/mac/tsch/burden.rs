@@ -4,6 +4,7 @@ use super::Tsch;
 use crate::mac::effect::Burden;
 use crate::mac::ration::Ration;
 use proto::rng::{Draws, Purpose};
+use proto::time::{SimDuration, SimTime};
 
 impl Tsch {
     /// The same MAC under a burden.
@@ -23,15 +24,15 @@ impl Tsch {
 
     /// A frame was on the air for so long.
     #[inline]
-    pub fn spend_airtime(&mut self, airtime_ns: u64, now_ns: u64) {
+    pub fn spend_airtime(&mut self, airtime: SimDuration, now: SimTime) {
         if let Some(ration) = &mut self.ration {
-            ration.spend(airtime_ns, now_ns);
+            ration.spend(airtime, now);
         }
     }
 
     /// Whether its airtime is used up.
     #[inline]
-    pub(super) fn is_silenced(&self, now_ns: u64) -> bool {
-        self.ration.is_some_and(|ration| !ration.allows(now_ns))
+    pub(super) fn is_silenced(&self, now: SimTime) -> bool {
+        self.ration.is_some_and(|ration| !ration.allows(now))
     }
 }

@@ -54,7 +54,7 @@ impl Tsch {
     /// The channel on which it listens in a slot while it looks for a network.
     #[must_use]
     pub fn scans_on(&self, config: &Config, seed: u64, asn: Asn) -> u8 {
-        if asn * config.slot_ns < self.knows_slot_until_ns {
+        if asn * config.slot < self.knows_slot_until {
             channel_of(config, asn, BEACON_CHANNEL_OFFSET)
         } else {
             scan_channel(config, seed, self.mote, asn)

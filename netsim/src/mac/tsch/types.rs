@@ -5,13 +5,14 @@ use crate::mac::queue::Queued;
 use crate::mac::schedule::CellRef;
 use crate::wire::Eui64;
 use physics::timing::Airtime;
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 
 /// Settings of the MAC, the same for all motes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Config {
-    /// Length of a slot (ns).
-    pub slot_ns: u64,
+    /// Length of a slot.
+    pub slot: SimDuration,
     /// Channels by absolute slot number and channel offset.
     pub hopping_sequence: Vec<u8>,
     /// How long frames are on the air.
@@ -26,33 +27,33 @@ pub struct Config {
     pub min_exponent: u8,
     /// Greatest back-off exponent in shared cells (macMaxBe).
     pub max_exponent: u8,
-    /// Mean time between beacons of a mote (ns), where few are in reach.
-    pub beacon_period_ns: u64,
-    /// Least mean time between the beacons of all motes in reach (ns).
-    pub beacon_spacing_ns: u64,
+    /// Mean time between beacons of a mote, where few are in reach.
+    pub beacon_period: SimDuration,
+    /// Least mean time between the beacons of all motes in reach.
+    pub beacon_spacing: SimDuration,
     /// Beacons as the 6TiSCH simulator sends them: in an idle advertising cell with this probability over 1 + n, n being
     /// the neighbours ever heard.
     pub beacon_probability: Option<f64>,
     /// Contention as in the 6TiSCH simulator: back-off begins anew with every frame, and a keep-alive comes too late for the
     /// slot in which it falls due, so that one whose period is a multiple of the slotframe misses the cell of the last one.
     pub contends_as_peer: bool,
-    /// How long to wait for further beacons after the first (RFC 8180, § 6.2: MAX_EB_DELAY) (ns).
-    pub beacon_wait_ns: u64,
-    /// The same for a mote that has lost its time (ns); no longer than `beacon_wait_ns`.
-    pub rejoin_wait_ns: u64,
+    /// How long to wait for further beacons after the first (RFC 8180, § 6.2: MAX_EB_DELAY).
+    pub beacon_wait: SimDuration,
+    /// The same for a mote that has lost its time; no longer than `beacon_wait`.
+    pub rejoin_wait: SimDuration,
     /// Beacons of so many neighbours end the wait (RFC 8180, § 6.2: NUM_NEIGHBOURS_TO_WAIT).
     pub neighbours_to_wait: u16,
     /// How long a scanning mote stays on a channel (slots).
     pub scan_dwell_slots: u32,
-    /// A mote that has not heard its time source for so long sends a frame to it (ns); 0: never.
-    pub keep_alive_ns: u64,
-    /// A mote that has not heard its time source for so long is no longer synchronised (ns).
-    pub desynchronise_ns: u64,
-    /// The longest that a mote waits before it sends a frame to its time source (ns), once it has learned how fast its clock
+    /// A mote that has not heard its time source for so long sends a frame to it; 0: never.
+    pub keep_alive: SimDuration,
+    /// A mote that has not heard its time source for so long is no longer synchronised.
+    pub desynchronise: SimDuration,
+    /// The longest that a mote waits before it sends a frame to its time source, once it has learned how fast its clock
     /// is against that of the source; `None`: motes do not learn that.
-    pub max_keep_alive_ns: Option<u64>,
-    /// The longest that a mote without a time source keeps time by its own clock (ns), as far as that is known to hold.
-    pub max_free_run_ns: u64,
+    pub max_keep_alive: Option<SimDuration>,
+    /// The longest that a mote without a time source keeps time by its own clock, as far as that is known to hold.
+    pub max_free_run: SimDuration,
     /// Greatest rate error of a clock (ppm).
     pub max_drift_ppm: f64,
     /// Frequency of the crystal whose ticks clocks count (Hz).
@@ -67,39 +68,42 @@ pub struct Config {
 }
 
 impl Config {
-    /// How long after it was corrected a clock is less than half a slot off that of another mote (ns).
-    pub(super) fn knows_slot_for_ns(&self) -> u64 {
+    /// How long after it was corrected a clock is less than half a slot off that of another mote.
+    pub(super) fn knows_slot_for(&self) -> SimDuration {
         // Each of the two may be off by the greatest rate error. Without one they always agree.
-        (self.slot_ns as f64 / 2.0 / (2.0 * self.max_drift_ppm * 1e-6)) as u64
+        SimDuration::from_ns(
+            (self.slot.ns() as f64 / 2.0 / (2.0 * self.max_drift_ppm * 1e-6)) as u64,
+        )
     }
 
-    /// After how long without its time source a mote asks for it that is lost `desynchronise_ns` after it was heard (ns). The
+    /// After how long without its time source a mote asks for it that is lost `desynchronise` after it was heard. The
     /// ratio of the two is always the same.
-    pub(super) fn keep_alive_within(&self, desynchronise_ns: u64) -> u64 {
-        if desynchronise_ns == self.desynchronise_ns {
-            return self.keep_alive_ns;
+    pub(super) fn keep_alive_within(&self, desynchronise: SimDuration) -> SimDuration {
+        if desynchronise == self.desynchronise {
+            return self.keep_alive;
         }
-        scaled(desynchronise_ns, self.keep_alive_ns, self.desynchronise_ns)
+        scaled(desynchronise, self.keep_alive, self.desynchronise)
     }
 
-    /// How long a mote that knows the rate of its clock does without its time source (ns), where the clock certainly holds for
-    /// `holds_ns`: no shorter than one that does not know it, and no longer than is set.
-    pub(super) fn desynchronise_within(&self, holds_ns: Option<u64>) -> u64 {
-        let (Some(holds_ns), Some(max_ns)) = (holds_ns, self.max_keep_alive_ns) else {
-            return self.desynchronise_ns;
+    /// How long a mote that knows the rate of its clock does without its time source, where the clock certainly holds for
+    /// `holds`: no shorter than one that does not know it, and no longer than is set.
+    pub(super) fn desynchronise_within(&self, holds: Option<SimDuration>) -> SimDuration {
+        let (Some(holds), Some(max)) = (holds, self.max_keep_alive) else {
+            return self.desynchronise;
         };
-        let longest_ns = scaled(self.desynchronise_ns, max_ns, self.keep_alive_ns.max(1));
-        holds_ns.min(longest_ns).max(self.desynchronise_ns)
+        let longest = scaled(self.desynchronise, max, self.keep_alive);
+        holds.min(longest).max(self.desynchronise)
     }
 
-    /// How long a mote runs free that has no time source any more (ns).
-    pub(super) fn runs_free_for(&self, holds_ns: Option<u64>) -> u64 {
-        holds_ns.map_or(0, |ns| ns.min(self.max_free_run_ns)).max(self.desynchronise_ns)
+    /// How long a mote runs free that has no time source any more.
+    pub(super) fn runs_free_for(&self, holds: Option<SimDuration>) -> SimDuration {
+        holds.unwrap_or_default().min(self.max_free_run).max(self.desynchronise)
     }
 }
 
-fn scaled(value: u64, by: u64, over: u64) -> u64 {
-    (u128::from(value) * u128::from(by) / u128::from(over.max(1))) as u64
+fn scaled(value: SimDuration, by: SimDuration, over: SimDuration) -> SimDuration {
+    let product = u128::from(value.ns()) * u128::from(by.ns());
+    SimDuration::from_ns((product / u128::from(over.ns().max(1))) as u64)
 }
 
 /// Synchronisation of a mote.
@@ -111,17 +115,17 @@ pub enum State {
     Scanning {
         /// Beacons heard: from whom, join metric.
         heard: Vec<(Eui64, u8)>,
-        /// When to choose among them (ns).
-        decide_ns: Option<u64>,
+        /// When to choose among them.
+        decide: Option<SimTime>,
     },
     /// It keeps time.
     Synced {
         /// Whose time; `None`: its own, it is a root.
         source: Option<Eui64>,
-        /// When it last heard from the source (ns).
-        heard_ns: u64,
-        /// When to consider a keep-alive (ns).
-        keep_alive_ns: u64,
+        /// When it last heard from the source.
+        heard: SimTime,
+        /// When to consider a keep-alive.
+        keep_alive: SimTime,
     },
 }
 

@@ -3,12 +3,13 @@
 use super::vectors::dao_of;
 use super::*;
 use crate::wire::rpl::DodagConfiguration;
+use proto::time::{SimDuration, SimTime};
 
 /// A mote 9 below mote 1 with rank 768, which it has advertised; timers of its DODAG run.
 pub(super) fn joined(config: Config) -> Bench {
     let mut bench = Bench::mote(config);
     bench.hear(1, &dio_of(0, 512));
-    assert_eq!(dio_ranks(&bench.pass(17 * SECOND_NS)), [768]);
+    assert_eq!(dio_ranks(&bench.pass(17 * SimDuration::SECOND)), [768]);
     bench.events();
     bench
 }
@@ -26,10 +27,10 @@ pub(super) fn storing_dao(target: u32, path_sequence: u8, path_lifetime: u8) -> 
 
 /// Waits for the next interval of Trickle, and returns what was sent until then.
 fn to_next_interval(bench: &mut Bench) -> Vec<Outgoing> {
-    let interval_ns = bench.rpl.trickle.interval_ns();
+    let interval = bench.rpl.trickle.interval();
     let mut sent = vec![];
-    while bench.rpl.trickle.interval_ns() == interval_ns {
-        sent.extend(bench.pass(SECOND_NS));
+    while bench.rpl.trickle.interval() == interval {
+        sent.extend(bench.pass(SimDuration::SECOND));
     }
     sent
 }
@@ -55,7 +56,7 @@ fn q19_the_peer_puts_its_dio_off_with_every_one_it_hears() {
         for _ in 0..20 {
             // From beside, within half the shortest interval of the one before.
             bench.hear(2, &dio_of(0, 768));
-            sent.extend(bench.pass(4 * SECOND_NS));
+            sent.extend(bench.pass(4 * SimDuration::SECOND));
         }
         assert_eq!(dio_ranks(&sent).is_empty(), no_trickle_suppression);
     }
@@ -89,9 +90,9 @@ fn rfc6550_8_2_1_motes_no_nearer_to_the_root_are_no_parents() {
     for (from, rank) in [(2, 768), (3, 800), (4, 1023), (5, 1024)] {
         bench.hear(from, &dio_of(0, rank));
     }
-    assert_eq!(bench.rpl.parent_set(bench.now_ns), [mote(1)]);
+    assert_eq!(bench.rpl.parent_set(bench.now), [mote(1)]);
     bench.hear(6, &dio_of(0, 767));
-    assert_eq!(bench.rpl.parent_set(bench.now_ns), [mote(1), mote(6)]);
+    assert_eq!(bench.rpl.parent_set(bench.now), [mote(1), mote(6)]);
 }
 
 #[test]
@@ -99,9 +100,9 @@ fn rfc8180_6_4_q24_of_two_equal_parents_the_stronger_one_is_better() {
     let mut bench = joined(Bench::perfect());
     bench.hear(2, &dio_of(0, 600));
     bench.hear(3, &dio_of(0, 600));
-    bench.rpl.handle_rssi(mote(2), -85.0, bench.now_ns);
-    bench.rpl.handle_rssi(mote(3), -70.0, bench.now_ns);
-    bench.rpl.handle_unusable(mote(1), bench.now_ns, &mut bench.dice);
+    bench.rpl.handle_rssi(mote(2), -85.0, bench.now);
+    bench.rpl.handle_rssi(mote(3), -70.0, bench.now);
+    bench.rpl.handle_unusable(mote(1), bench.now, &mut bench.dice);
     assert_eq!(bench.rpl.parent(), Some(mote(3)));
 }
 
@@ -119,7 +120,7 @@ fn rfc6550_6_7_6_the_roots_configuration_is_adopted() {
     // MRHOF: ETX 1 is 128, and so is the least rise.
     assert_eq!(bench.rpl.rank(), 640);
     assert_eq!(bench.rpl.dag_rank(), 5);
-    assert_eq!(bench.rpl.trickle.interval_ns(), Some(1_024_000_000));
+    assert_eq!(bench.rpl.trickle.interval(), Some(SimDuration::from_ns(1_024_000_000)));
 }
 
 #[test]
@@ -133,11 +134,11 @@ fn rfc6550_8_5_a_leaf_offers_nothing_and_answers_with_infinite_rank() {
         let mut bench = Bench::mote(Config { is_leaf, ..Bench::perfect() });
         bench.hear(1, &dio);
         assert_eq!(bench.rpl.parent(), Some(mote(1)));
-        let sent = bench.pass(3600 * SECOND_NS);
+        let sent = bench.pass(3600 * SimDuration::SECOND);
         assert!(dio_ranks(&sent).is_empty());
         bench.hear(1, &dio);
         bench.receive(5, true, &RplMessage::Dis(DisRepr {}));
-        assert!(dio_ranks(&bench.pass(100 * SECOND_NS)).is_empty());
+        assert!(dio_ranks(&bench.pass(100 * SimDuration::SECOND)).is_empty());
         bench.receive(5, false, &RplMessage::Dis(DisRepr {}));
         assert_eq!(dio_ranks(&bench.sent()), [INFINITE_RANK]);
     }
@@ -167,17 +168,17 @@ fn rfc6550_8_2_2_4_the_bound_on_rank_ends_with_the_version() {
 #[test]
 fn rfc6550_8_2_2_4_the_bound_on_rank_holds_over_a_time_outside() {
     let mut bench = joined(Bench::perfect());
-    let now_ns = bench.now_ns;
-    bench.rpl.handle_unusable(mote(1), now_ns, &mut bench.dice);
+    let now = bench.now;
+    bench.rpl.handle_unusable(mote(1), now, &mut bench.dice);
     assert!(!bench.rpl.is_in_dodag());
-    bench.pass(20 * SECOND_NS);
+    bench.pass(20 * SimDuration::SECOND);
     bench.hear(2, &dio_of(0, 768 + 7168 - 255));
     assert!(!bench.rpl.is_in_dodag(), "beyond L + DAGMaxRankIncrease");
     bench.hear(3, &dio_of(0, 768 + 7168 - 256));
     assert_eq!(bench.rpl.parent(), Some(mote(3)));
     assert_eq!(bench.rpl.dodag.as_ref().unwrap().lowest_rank, 768);
-    bench.rpl.handle_unusable(mote(3), bench.now_ns, &mut bench.dice);
-    bench.pass(301 * SECOND_NS);
+    bench.rpl.handle_unusable(mote(3), bench.now, &mut bench.dice);
+    bench.pass(301 * SimDuration::SECOND);
     bench.hear(2, &dio_of(0, 768 + 7168 - 255));
     assert_eq!(bench.rpl.parent(), Some(mote(2)), "forgotten, as by a restart");
 }
@@ -203,7 +204,7 @@ fn rfc6550_8_2_2_5_a_mote_that_leaves_poisons_and_repeats_it_for_neighbours_that
     // A mote that was nearer to the root is safe at once.
     bench.hear(3, &dio_of(0, 600));
     assert_eq!(bench.rpl.parent(), Some(mote(3)));
-    assert_eq!(bench.rpl.trickle.interval_ns(), Some(16_384_000_000));
+    assert_eq!(bench.rpl.trickle.interval(), Some(SimDuration::from_ns(16_384_000_000)));
 }
 
 #[test]
@@ -227,12 +228,12 @@ fn other_instances_are_ignored() {
 
 #[test]
 fn a_neighbour_of_whom_nothing_is_heard_is_forgotten() {
-    let lifetime_ns = Config::default().neighbour_lifetime_ns;
+    let lifetime = Config::default().neighbour_lifetime;
     let mut bench = joined(Bench::perfect());
     bench.hear(2, &dio_of(0, 500));
-    while bench.now_ns < 3 * lifetime_ns {
-        bench.pass(60 * SECOND_NS);
-        bench.rpl.handle_rssi(mote(2), -70.0, bench.now_ns);
+    while bench.now < SimTime::START + 3 * lifetime {
+        bench.pass(60 * SimDuration::SECOND);
+        bench.rpl.handle_rssi(mote(2), -70.0, bench.now);
     }
     let known: Vec<Eui64> = bench.rpl.neighbours().iter().map(|one| one.address).collect();
     assert_eq!(known, [mote(2)]);
@@ -255,11 +256,11 @@ fn of_too_many_neighbours_the_worst_gives_way_but_never_the_parent() {
 fn an_unusable_neighbour_gets_another_chance_and_each_time_later() {
     let mut bench = joined(Bench::perfect());
     for hold_s in [60, 120, 240] {
-        bench.rpl.handle_unusable(mote(1), bench.now_ns, &mut bench.dice);
-        bench.pass((hold_s - 1) * SECOND_NS);
+        bench.rpl.handle_unusable(mote(1), bench.now, &mut bench.dice);
+        bench.pass((hold_s - 1) * SimDuration::SECOND);
         bench.hear(1, &dio_of(0, 512));
         assert_eq!(bench.rpl.parent(), None, "{hold_s}");
-        bench.pass(2 * SECOND_NS);
+        bench.pass(2 * SimDuration::SECOND);
         bench.hear(1, &dio_of(0, 512));
         assert_eq!(bench.rpl.parent(), Some(mote(1)), "{hold_s}");
     }
@@ -269,10 +270,10 @@ fn an_unusable_neighbour_gets_another_chance_and_each_time_later() {
 fn rfc9033_12_a_neighbour_in_quarantine_is_no_parent_until_that_ends() {
     let mut bench = joined(Bench::perfect());
     for _ in 0..2 {
-        let until_ns = bench.now_ns + 300 * SECOND_NS;
-        bench.rpl.handle_quarantine(mote(1), until_ns, bench.now_ns, &mut bench.dice);
+        let until = bench.now + 300 * SimDuration::SECOND;
+        bench.rpl.handle_quarantine(mote(1), until, bench.now, &mut bench.dice);
         for (wait_s, parent) in [(61, None), (238, None), (2, Some(mote(1)))] {
-            bench.pass(wait_s * SECOND_NS);
+            bench.pass(wait_s * SimDuration::SECOND);
             bench.hear(1, &dio_of(0, 512));
             assert_eq!(bench.rpl.parent(), parent, "{wait_s}");
         }
@@ -281,10 +282,11 @@ fn rfc9033_12_a_neighbour_in_quarantine_is_no_parent_until_that_ends() {
 
 #[test]
 fn q21_rfc6550_9_5_the_first_dao_follows_the_join_and_is_repeated_until_acknowledged() {
-    let config = Config { dao_ack_wait_ns: 10 * SECOND_NS, dao_max_retries: 3, ..Bench::perfect() };
+    let config =
+        Config { dao_ack_wait: 10 * SimDuration::SECOND, dao_max_retries: 3, ..Bench::perfect() };
     let mut bench = Bench::mote(config);
     bench.hear(1, &dio_of(0, 512));
-    let sent = bench.pass(2 * SECOND_NS);
+    let sent = bench.pass(2 * SimDuration::SECOND);
     let first = daos(&sent);
     assert_eq!(first.len(), 1);
     let (destination, dao) = &first[0];
@@ -293,18 +295,19 @@ fn q21_rfc6550_9_5_the_first_dao_follows_the_join_and_is_repeated_until_acknowle
     assert_eq!(dao.parent, Some(mote(1).global()));
     assert!(dao.ack_request);
     // Waits of 10, 20 and 40 s.
-    assert_eq!(daos(&bench.pass(30 * SECOND_NS)), [first[0].clone(), first[0].clone()]);
+    assert_eq!(daos(&bench.pass(30 * SimDuration::SECOND)), [first[0].clone(), first[0].clone()]);
     bench.receive(1, false, &ack(dao.sequence, 0));
-    assert_eq!(daos(&bench.pass(120 * SECOND_NS)), []);
+    assert_eq!(daos(&bench.pass(120 * SimDuration::SECOND)), []);
 }
 
 #[test]
 fn a_dao_that_is_never_acknowledged_is_tried_anew_later() {
-    let config = Config { dao_ack_wait_ns: SECOND_NS, dao_max_retries: 2, ..Bench::perfect() };
+    let config =
+        Config { dao_ack_wait: SimDuration::SECOND, dao_max_retries: 2, ..Bench::perfect() };
     let mut bench = Bench::mote(config);
     bench.hear(1, &dio_of(0, 512));
     let sequences: Vec<u8> =
-        daos(&bench.pass(30 * SECOND_NS)).iter().map(|(_, dao)| dao.sequence).collect();
+        daos(&bench.pass(30 * SimDuration::SECOND)).iter().map(|(_, dao)| dao.sequence).collect();
     assert_eq!(sequences[..4], [241, 241, 241, 242]);
 }
 
@@ -312,13 +315,13 @@ fn a_dao_that_is_never_acknowledged_is_tried_anew_later() {
 fn routes_are_refreshed_at_about_half_of_their_lifetime() {
     let mut bench = Bench::mote(Config { dao_ack: false, ..Bench::perfect() });
     bench.hear(1, &dio_of(0, 512));
-    bench.pass(2 * SECOND_NS);
+    bench.pass(2 * SimDuration::SECOND);
     for n in 1..=10u8 {
         let mut waited_s = 0;
         let dao = loop {
-            bench.rpl.handle_rssi(mote(1), -60.0, bench.now_ns);
+            bench.rpl.handle_rssi(mote(1), -60.0, bench.now);
             waited_s += 10;
-            if let Some((_, dao)) = daos(&bench.pass(10 * SECOND_NS)).pop() {
+            if let Some((_, dao)) = daos(&bench.pass(10 * SimDuration::SECOND)).pop() {
                 break dao;
             }
         };
@@ -331,12 +334,12 @@ fn routes_are_refreshed_at_about_half_of_their_lifetime() {
 fn a_route_that_was_acknowledged_is_refreshed_without_asking_again() {
     let mut bench = Bench::mote(Bench::perfect());
     bench.hear(1, &dio_of(0, 512));
-    let first = daos(&bench.pass(2 * SECOND_NS));
+    let first = daos(&bench.pass(2 * SimDuration::SECOND));
     assert!(first[0].1.ack_request);
     bench.receive(1, false, &ack(first[0].1.sequence, 0));
     let mut refresh = || loop {
-        bench.rpl.handle_rssi(mote(1), -60.0, bench.now_ns);
-        if let Some((_, dao)) = daos(&bench.pass(10 * SECOND_NS)).pop() {
+        bench.rpl.handle_rssi(mote(1), -60.0, bench.now);
+        if let Some((_, dao)) = daos(&bench.pass(10 * SimDuration::SECOND)).pop() {
             break dao;
         }
     };
@@ -346,19 +349,19 @@ fn a_route_that_was_acknowledged_is_refreshed_without_asking_again() {
     bench.hear(2, &dio_of(0, 256));
     bench.link(1, 10, false);
     assert_eq!(bench.rpl.parent(), Some(mote(2)));
-    assert!(daos(&bench.pass(2 * SECOND_NS))[0].1.ack_request);
+    assert!(daos(&bench.pass(2 * SimDuration::SECOND))[0].1.ack_request);
 }
 
 #[test]
 fn rfc6550_9_6_a_newer_dtsn_of_the_parent_asks_for_a_dao_and_goes_on_below() {
     let mut bench = joined(Config { dao_ack: false, ..Bench::perfect() });
     bench.hear(1, &DioRepr { dtsn: 241, ..dio_of(0, 512) });
-    let sent = bench.pass(17 * SECOND_NS);
+    let sent = bench.pass(17 * SimDuration::SECOND);
     assert_eq!(daos(&sent).len(), 1);
     let RplMessage::Dio(dio) = &sent.last().unwrap().message else { panic!("{sent:?}") };
     assert_eq!(dio.dtsn, 241);
     bench.hear(1, &DioRepr { dtsn: 241, ..dio_of(0, 512) });
-    assert_eq!(daos(&bench.pass(17 * SECOND_NS)), []);
+    assert_eq!(daos(&bench.pass(17 * SimDuration::SECOND)), []);
 }
 
 #[test]
@@ -367,7 +370,7 @@ fn rfc6550_9_3_the_root_acknowledges_to_the_source() {
     let dao = DaoRepr { ack_request: true, ..dao_of(3, 2, 240, 30) };
     let source = mote(3).global();
     let message = RplMessage::Dao(dao);
-    root.rpl.handle_message(mote(1), source, false, &message, 0, &mut root.dice);
+    root.rpl.handle_message(mote(1), source, false, &message, SimTime::START, &mut root.dice);
     let sent = root.sent();
     assert_eq!(sent.len(), 1);
     assert_eq!((sent[0].destination, sent[0].next_hop), (source, None));
@@ -378,7 +381,7 @@ fn rfc6550_9_3_the_root_acknowledges_to_the_source() {
 #[test]
 fn rfc6550_9_8_a_storing_router_keeps_routes_acknowledges_and_passes_them_on() {
     let mut bench = joined_storing(Config { dao_ack: false, ..Bench::perfect() });
-    bench.pass(2 * SECOND_NS);
+    bench.pass(2 * SimDuration::SECOND);
     bench.events();
     bench.receive(20, false, &RplMessage::Dao(storing_dao(20, 240, 30)));
     bench.receive(20, false, &RplMessage::Dao(storing_dao(21, 240, 30)));
@@ -401,13 +404,13 @@ fn rfc6550_9_8_a_storing_router_keeps_routes_acknowledges_and_passes_them_on() {
 #[test]
 fn rfc6550_9_2_2_a_storing_mote_that_changes_parent_tells_the_new_one_then_the_old_one() {
     let mut bench = joined_storing(Config { dao_ack: false, ..Bench::perfect() });
-    bench.pass(2 * SECOND_NS);
+    bench.pass(2 * SimDuration::SECOND);
     bench.receive(20, false, &RplMessage::Dao(storing_dao(20, 100, 30)));
     bench.sent();
     bench.hear(2, &DioRepr { mode: 2, ..dio_of(0, 500) });
-    bench.rpl.handle_unusable(mote(1), bench.now_ns, &mut bench.dice);
+    bench.rpl.handle_unusable(mote(1), bench.now, &mut bench.dice);
     assert_eq!(bench.rpl.parent(), Some(mote(2)));
-    let sent = daos(&bench.pass(2 * SECOND_NS));
+    let sent = daos(&bench.pass(2 * SimDuration::SECOND));
     let told: Vec<_> = (sent.iter())
         .map(|(to, dao)| (Eui64::of_ip(*to), dao.targets[0], dao.path_sequence, dao.path_lifetime))
         .collect();
@@ -426,7 +429,7 @@ fn rfc6550_9_2_2_a_storing_mote_that_changes_parent_tells_the_new_one_then_the_o
 #[test]
 fn rfc6550_9_2_2_a_no_path_removes_the_route_and_goes_on_up() {
     let mut bench = joined_storing(Config { dao_ack: false, ..Bench::perfect() });
-    bench.pass(2 * SECOND_NS);
+    bench.pass(2 * SimDuration::SECOND);
     bench.receive(20, false, &RplMessage::Dao(storing_dao(20, 240, 30)));
     bench.sent();
     bench.events();
@@ -440,7 +443,7 @@ fn rfc6550_9_2_2_a_no_path_removes_the_route_and_goes_on_up() {
 #[test]
 fn rfc6550_9_3_a_rejected_dao_sends_a_storing_mote_elsewhere_and_a_full_router_rejects() {
     let mut bench = joined_storing(Config { max_routes: 1, ..Bench::perfect() });
-    let dao = daos(&bench.pass(2 * SECOND_NS)).remove(0).1;
+    let dao = daos(&bench.pass(2 * SimDuration::SECOND)).remove(0).1;
     bench.receive(20, false, &RplMessage::Dao(storing_dao(20, 240, 30)));
     bench.receive(21, false, &RplMessage::Dao(storing_dao(21, 240, 30)));
     let statuses: Vec<u8> = (bench.sent().iter())
@@ -460,8 +463,8 @@ fn q20_a_storing_router_forgets_routes_that_were_not_refreshed() {
     let mut bench = joined_storing(Config { dao_ack: false, ..Bench::perfect() });
     bench.receive(20, false, &RplMessage::Dao(storing_dao(20, 240, 5)));
     for _ in 0..31 {
-        bench.pass(10 * SECOND_NS);
-        bench.rpl.handle_rssi(mote(1), -60.0, bench.now_ns);
+        bench.pass(10 * SimDuration::SECOND);
+        bench.rpl.handle_rssi(mote(1), -60.0, bench.now);
     }
     assert!(bench.rpl.routes().is_empty());
 }
@@ -476,9 +479,9 @@ fn rfc6550_7_2_a_root_whose_dodag_is_known_in_a_newer_version_goes_on_from_there
 #[test]
 fn the_whole_state_survives_a_snapshot() {
     let mut bench = joined_storing(Bench::perfect());
-    bench.pass(60 * SECOND_NS);
+    bench.pass(60 * SimDuration::SECOND);
     bench.receive(20, false, &RplMessage::Dao(storing_dao(20, 240, 30)));
-    bench.rpl.handle_rssi(mote(1), -71.5, bench.now_ns);
+    bench.rpl.handle_rssi(mote(1), -71.5, bench.now);
     let bytes = postcard::to_allocvec(&bench.rpl).unwrap();
     let restored: Rpl = postcard::from_bytes(&bytes).unwrap();
     assert_eq!(restored, bench.rpl);

@@ -4,6 +4,7 @@ use super::clauses::{joined, joined_storing, storing_dao};
 use super::vectors::dao_of;
 use super::*;
 use crate::wire::datagram::RpiRepr;
+use proto::time::SimDuration;
 
 fn rpi(down: bool, sender_rank: u16) -> RpiRepr {
     let (rank_error, forwarding_error) = (false, false);
@@ -12,8 +13,8 @@ fn rpi(down: bool, sender_rank: u16) -> RpiRepr {
 
 impl Bench {
     fn data(&mut self, rpi: &mut RpiRepr, from: u32, to: u32) -> ForwardingDecision {
-        let (now_ns, to) = (self.now_ns, mote(to).global());
-        self.rpl.handle_data(rpi, mote(from), to, false, now_ns, &mut self.dice)
+        let (now, to) = (self.now, mote(to).global());
+        self.rpl.handle_data(rpi, mote(from), to, false, now, &mut self.dice)
     }
 }
 
@@ -21,7 +22,7 @@ impl Bench {
 fn rfc6550_11_2_2_2_the_first_rank_error_is_marked_and_the_second_one_drops() {
     for (down, wrong) in [(false, 512), (true, 1024)] {
         let mut bench = joined(Bench::perfect());
-        bench.pass(60 * SECOND_NS);
+        bench.pass(60 * SimDuration::SECOND);
         bench.events();
         let mut info = rpi(down, wrong);
         assert_eq!(bench.data(&mut info, 5, 0), ForwardingDecision::Forward);
@@ -65,8 +66,8 @@ fn who_sends_up_where_it_does_not_go_up_is_told_so() {
     bench.data(&mut rpi(false, 512), 5, 0);
     assert_eq!(told(&mut bench), [(mote(5), 768)]);
     // It has left, which the other has not heard.
-    let now_ns = bench.now_ns;
-    bench.rpl.handle_unusable(mote(1), now_ns, &mut bench.dice);
+    let now = bench.now;
+    bench.rpl.handle_unusable(mote(1), now, &mut bench.dice);
     assert_eq!(bench.rpl.parent(), None);
     bench.sent();
     let decision = bench.data(&mut rpi(false, 1024), 5, 0);
@@ -134,8 +135,8 @@ fn a_child_that_comes_up_beside_or_is_silent_for_a_lifetime_is_none_any_more() {
     bench.hear(5, &dio_of(0, 768));
     assert_eq!(bench.events(), [Event::ChildRemoved(mote(5))]);
     for _ in 0..210 {
-        bench.pass(10 * SECOND_NS);
-        bench.rpl.handle_rssi(mote(1), -60.0, bench.now_ns);
+        bench.pass(10 * SimDuration::SECOND);
+        bench.rpl.handle_rssi(mote(1), -60.0, bench.now);
     }
     assert!(bench.events().contains(&Event::ChildRemoved(mote(6))));
     assert_eq!(bench.rpl.children().count(), 0);

@@ -1,23 +1,24 @@
 //! Parents by beacons.
 
 use super::*;
+use proto::time::SimDuration;
 
 fn moving() -> Config {
-    let handover = Handover { least_mdbm: Some(-65_000), ahead_ns: 2 * SECOND_NS };
+    let handover = Handover { least_mdbm: Some(-65_000), ahead: 2 * SimDuration::SECOND };
     Config {
         handover: Some(handover),
         initial_etx_x128: 128,
         dao_ack: false,
-        neighbour_lifetime_ns: 6 * SECOND_NS,
-        repair_hold_ns: 2 * SECOND_NS,
+        neighbour_lifetime: 6 * SimDuration::SECOND,
+        repair_hold: 2 * SimDuration::SECOND,
         ..Config::default()
     }
 }
 
 /// A beacon of a neighbour so many hops from the root.
 fn beacon(bench: &mut Bench, from: u32, join_metric: u8, rssi_dbm: f64) {
-    let now_ns = bench.now_ns;
-    bench.rpl.handle_rank(mote(from), join_metric, rssi_dbm, now_ns, &mut bench.dice);
+    let now = bench.now;
+    bench.rpl.handle_rank(mote(from), join_metric, rssi_dbm, now, &mut bench.dice);
 }
 
 #[test]
@@ -41,7 +42,7 @@ fn a_parent_that_fades_is_left_before_it_is_gone_and_one_that_comes_nearer_is_no
         for second in 0..5 {
             beacon(&mut bench, 2, 1, -60.0 + step_db * f64::from(second));
             beacon(&mut bench, 3, 1, -58.0);
-            bench.pass(SECOND_NS);
+            bench.pass(SimDuration::SECOND);
         }
         assert_eq!(bench.rpl.parent(), Some(mote(parent)), "{step_db}");
     }
@@ -53,11 +54,11 @@ fn a_fading_parent_is_kept_where_there_is_no_other() {
     bench.hear(1, &dio_of(0, 768));
     for _ in 0..3 {
         beacon(&mut bench, 2, 1, -80.0);
-        bench.pass(SECOND_NS);
+        bench.pass(SimDuration::SECOND);
     }
     // Two hops and one for the strength: as far as through the other, which is stronger.
     assert!(bench.rpl.parent().is_some());
-    bench.pass(8 * SECOND_NS);
+    bench.pass(8 * SimDuration::SECOND);
     beacon(&mut bench, 2, 1, -80.0);
     assert_eq!(bench.rpl.parent(), Some(mote(2)));
 }
@@ -71,7 +72,7 @@ fn of_two_ways_that_are_as_long_with_what_fading_costs_the_one_that_holds_is_tak
     for _ in 0..3 {
         beacon(&mut bench, 2, 0, -80.0);
         beacon(&mut bench, 3, 1, -50.0);
-        bench.pass(SECOND_NS);
+        bench.pass(SimDuration::SECOND);
     }
     assert_eq!(bench.rpl.parent(), Some(mote(3)));
 }
@@ -83,7 +84,7 @@ fn a_neighbour_that_says_that_it_has_no_way_is_no_parent() {
     beacon(&mut bench, 1, 255, -50.0);
     assert_eq!(bench.rpl.parent(), None);
     beacon(&mut bench, 4, 3, -50.0);
-    bench.pass(3 * SECOND_NS);
+    bench.pass(3 * SimDuration::SECOND);
     beacon(&mut bench, 4, 3, -50.0);
     assert_eq!(bench.rpl.parent(), Some(mote(4)));
 }
@@ -98,8 +99,8 @@ fn without_the_option_a_beacon_is_no_dio() {
 
 #[test]
 fn advertisements_of_a_mote_that_changes_its_parent_often_keep_their_distance() {
-    let interval_ns = 10 * SECOND_NS;
-    let mut bench = Bench::mote(Config { dao_interval_ns: interval_ns, ..moving() });
+    let interval = 10 * SimDuration::SECOND;
+    let mut bench = Bench::mote(Config { dao_interval: interval, ..moving() });
     bench.hear(1, &dio_of(0, 768));
     let mut n_daos = 0;
     for second in 0..60_u32 {
@@ -107,7 +108,7 @@ fn advertisements_of_a_mote_that_changes_its_parent_often_keep_their_distance() 
         let (near, far) = if second % 2 == 0 { (2, 3) } else { (3, 2) };
         beacon(&mut bench, near, 0, -50.0);
         beacon(&mut bench, far, 2, -50.0);
-        let sent = bench.pass(SECOND_NS);
+        let sent = bench.pass(SimDuration::SECOND);
         n_daos += sent.iter().filter(|one| matches!(one.message, RplMessage::Dao(_))).count();
     }
     assert!((5..=7).contains(&n_daos), "{n_daos}");

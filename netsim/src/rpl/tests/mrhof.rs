@@ -3,6 +3,7 @@
 use super::*;
 use crate::wire::rpl::DodagConfiguration;
 use proto::ids::MoteId;
+use proto::time::SimDuration;
 
 /// A DIO of a DODAG that uses MRHOF.
 fn mrhof_dio(rank: u16) -> DioRepr {
@@ -17,7 +18,7 @@ fn rfc6719_5_the_parent_set_has_three_members() {
     for from in 1..8 {
         bench.hear(from, &mrhof_dio(500 + from as u16));
     }
-    assert_eq!(bench.rpl.parent_set(bench.now_ns), [mote(1), mote(2), mote(3)]);
+    assert_eq!(bench.rpl.parent_set(bench.now), [mote(1), mote(2), mote(3)]);
 }
 
 #[test]
@@ -35,8 +36,8 @@ fn rfc6719_3_3_rank_is_the_largest_of_the_three_that_the_parent_set_gives() {
                 let from = 1 + dice.below(6) as u32;
                 bench.hear(from, &dio);
                 bench.link(from, 1 + dice.below(3) as u16, true);
-                bench.pass(SECOND_NS);
-                let parents = bench.rpl.parent_set(bench.now_ns);
+                bench.pass(SimDuration::SECOND);
+                let parents = bench.rpl.parent_set(bench.now);
                 n_sets[parents.len().min(3)] += 1;
                 let Some(preferred) = bench.rpl.parent() else { continue };
                 let heard = |parent| bench.rpl.neighbours.get(parent).unwrap();

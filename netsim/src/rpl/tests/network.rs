@@ -4,10 +4,11 @@ use super::*;
 use crate::wire::datagram::RpiRepr;
 use proptest::prelude::*;
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use std::collections::BTreeSet;
 
-/// Time from a message's sending to its reception (ns).
-const DELAY_NS: u64 = 20_000_000;
+/// Time from a message's sending to its reception.
+const DELAY: SimDuration = SimDuration::from_ns(20_000_000);
 /// Transmissions of a unicast frame.
 const N_TRIES: u16 = 5;
 
@@ -18,9 +19,9 @@ struct Network {
     pdr: Vec<Vec<f64>>,
     alive: Vec<bool>,
     air: Dice,
-    now_ns: u64,
+    now: SimTime,
     /// Messages on their way: when, from, to, message, whether to everyone.
-    flying: VecDeque<(u64, usize, usize, Ipv6Addr, RplMessage, bool)>,
+    flying: VecDeque<(SimTime, usize, usize, Ipv6Addr, RplMessage, bool)>,
 }
 
 impl Network {
@@ -34,11 +35,11 @@ impl Network {
             pdr,
             alive: vec![true; n],
             air: Dice::new(seed, Purpose::Mac, MoteId(0)),
-            now_ns: 0,
+            now: SimTime::START,
             flying: VecDeque::new(),
         };
         for i in 0..n {
-            network.motes[i].start(0, &mut network.dice[i]);
+            network.motes[i].start(SimTime::START, &mut network.dice[i]);
         }
         network
     }
@@ -59,8 +60,8 @@ impl Network {
             n += 1;
             arrives = self.hears(from, to);
         }
-        let (now_ns, dice) = (self.now_ns, &mut self.dice[from]);
-        self.motes[from].handle_link(mote(to as u32), n, arrives, now_ns, dice);
+        let (now, dice) = (self.now, &mut self.dice[from]);
+        self.motes[from].handle_link(mote(to as u32), n, arrives, now, dice);
         arrives
     }
 
@@ -92,16 +93,9 @@ impl Network {
                 return None;
             }
             let is_routed = !hops.is_empty();
-            let (now_ns, dice) = (self.now_ns, &mut self.dice[next]);
+            let (now, dice) = (self.now, &mut self.dice[next]);
             let from = mote(at as u32);
-            match self.motes[next].handle_data(
-                &mut info,
-                from,
-                destination,
-                is_routed,
-                now_ns,
-                dice,
-            ) {
+            match self.motes[next].handle_data(&mut info, from, destination, is_routed, now, dice) {
                 ForwardingDecision::Forward => {}
                 ForwardingDecision::Return(back) => returns = Some(back),
                 ForwardingDecision::Drop(_) => return None,
@@ -110,10 +104,10 @@ impl Network {
             at = next;
             if let Some(back) = returns {
                 let back = self.index(back)?;
-                let (now_ns, dice) = (self.now_ns, &mut self.dice[back]);
+                let (now, dice) = (self.now, &mut self.dice[back]);
                 let from = mote(at as u32);
                 let _ =
-                    self.motes[back].handle_data(&mut info, from, destination, false, now_ns, dice);
+                    self.motes[back].handle_data(&mut info, from, destination, false, now, dice);
                 return None;
             }
         }
@@ -122,12 +116,12 @@ impl Network {
 
     fn send(&mut self, from: usize) {
         while let Some(out) = self.motes[from].poll_transmit() {
-            let at_ns = self.now_ns + DELAY_NS;
+            let at = self.now + DELAY;
             if out.destination == ALL_RPL_NODES {
                 for to in (0..self.motes.len()).filter(|&to| to != from) {
                     if self.pdr[from][to] != 0.0 && self.hears(from, to) {
                         let source = mote(from as u32).link_local();
-                        self.flying.push_back((at_ns, from, to, source, out.message.clone(), true));
+                        self.flying.push_back((at, from, to, source, out.message.clone(), true));
                     }
                 }
                 continue;
@@ -144,55 +138,53 @@ impl Network {
             if let Some(to) = to {
                 // Over several hops only the source matters.
                 let last = last.unwrap_or(from);
-                self.flying.push_back((at_ns, last, to, source, out.message, false));
+                self.flying.push_back((at, last, to, source, out.message, false));
             }
         }
         while self.motes[from].poll_event().is_some() {}
     }
 
-    fn run(&mut self, duration_ns: u64) {
-        let end_ns = self.now_ns + duration_ns;
+    fn run(&mut self, duration: SimDuration) {
+        let end = self.now + duration;
         for i in 0..self.motes.len() {
             self.send(i);
         }
         loop {
             let timer = (0..self.motes.len())
                 .filter(|&i| self.alive[i])
-                .filter_map(|i| self.motes[i].poll_timeout().map(|at_ns| (at_ns, i)))
+                .filter_map(|i| self.motes[i].poll_timeout().map(|at| (at, i)))
                 .min();
-            let flight_ns = self.flying.front().map(|flight| flight.0);
-            let timer_ns = timer.map(|(at_ns, _)| at_ns);
-            let Some(at_ns) = [flight_ns, timer_ns].into_iter().flatten().min() else { break };
-            if end_ns < at_ns {
+            let flight = self.flying.front().map(|flight| flight.0);
+            let timer_at = timer.map(|(at, _)| at);
+            let Some(at) = [flight, timer_at].into_iter().flatten().min() else { break };
+            if end < at {
                 break;
             }
-            self.now_ns = self.now_ns.max(at_ns);
-            if flight_ns
-                .is_some_and(|flight_ns| timer_ns.is_none_or(|timer_ns| flight_ns <= timer_ns))
-            {
+            self.now = self.now.max(at);
+            if flight.is_some_and(|flight| timer_at.is_none_or(|timer| flight <= timer)) {
                 let Some((_, from, to, source, message, multicast)) = self.flying.pop_front()
                 else {
                     break;
                 };
                 if self.alive[to] {
-                    let (now_ns, dice) = (self.now_ns, &mut self.dice[to]);
+                    let (now, dice) = (self.now, &mut self.dice[to]);
                     let from = mote(from as u32);
-                    self.motes[to].handle_message(from, source, multicast, &message, now_ns, dice);
+                    self.motes[to].handle_message(from, source, multicast, &message, now, dice);
                     self.send(to);
                 }
             } else if let Some((_, i)) = timer {
-                self.motes[i].handle_timeout(self.now_ns, &mut self.dice[i]);
+                self.motes[i].handle_timeout(self.now, &mut self.dice[i]);
                 self.send(i);
             }
         }
-        self.now_ns = end_ns;
+        self.now = end;
     }
 
     /// Every mote sends a datagram to its root now and then, for links to be measured and loops to be found.
-    fn run_with_traffic(&mut self, duration_ns: u64, period_ns: u64) {
-        let end_ns = self.now_ns + duration_ns;
-        while self.now_ns < end_ns {
-            self.run(period_ns.min(end_ns - self.now_ns));
+    fn run_with_traffic(&mut self, duration: SimDuration, period: SimDuration) {
+        let end = self.now + duration;
+        while self.now < end {
+            self.run(period.min(end - self.now));
             for i in 0..self.motes.len() {
                 if self.alive[i]
                     && let Some(root) = self.motes[i].dodag_id()
@@ -232,7 +224,7 @@ impl Network {
         (0..90).any(|_| {
             let is_well = !self.has_loop() && motes.iter().all(|&i| self.is_reached(i));
             if !is_well {
-                self.run_with_traffic(MINUTE_NS / 3, MINUTE_NS / 3);
+                self.run_with_traffic(MINUTE / 3, MINUTE / 3);
             }
             is_well
         })
@@ -279,7 +271,7 @@ fn links(n: usize, extra: &[(usize, usize)], good: f64, extra_pdr: f64) -> Vec<V
     pdr
 }
 
-const MINUTE_NS: u64 = 60 * SECOND_NS;
+const MINUTE: SimDuration = SimDuration::from_s(60);
 
 fn quick(mode: Mode, objective: Objective) -> Config {
     Config {
@@ -289,7 +281,7 @@ fn quick(mode: Mode, objective: Objective) -> Config {
         max_rank_increase: 16384,
         dio_interval_min: 12,
         dio_interval_doublings: 6,
-        forget_ns: 120 * SECOND_NS,
+        forget: 120 * SimDuration::SECOND,
         ..Config::default()
     }
 }
@@ -302,7 +294,7 @@ fn a_line_of_perfect_links_forms_and_every_route_resolves() {
             (pdr[i - 1][i], pdr[i][i - 1]) = (1.0, 1.0);
         }
         let mut network = Network::new(&quick(mode, Objective::mrhof()), 1, pdr, 3);
-        network.run_with_traffic(20 * MINUTE_NS, 10 * SECOND_NS);
+        network.run_with_traffic(20 * MINUTE, 10 * SimDuration::SECOND);
         for i in 1..6 {
             assert_eq!(network.motes[i].parent(), Some(mote(i as u32 - 1)), "{mode:?}");
             assert_eq!(network.motes[i].rank(), 256 * (i as u16 + 1), "{mode:?}");
@@ -325,12 +317,12 @@ fn several_roots_share_the_motes_by_rank_and_a_lost_root_gives_its_to_the_other(
     }
     let config = quick(Mode::NonStoring, Objective::mrhof());
     let mut network = Network::new(&config, 2, pdr, 5);
-    network.run_with_traffic(30 * MINUTE_NS, 10 * SECOND_NS);
+    network.run_with_traffic(30 * MINUTE, 10 * SimDuration::SECOND);
     let root_of = |network: &Network, i: usize| network.motes[i].dodag_id();
     assert_eq!(root_of(&network, 2), Some(mote(0).global()));
     assert_eq!(root_of(&network, 5), Some(mote(1).global()));
     network.kill(1);
-    network.run_with_traffic(60 * MINUTE_NS, 10 * SECOND_NS);
+    network.run_with_traffic(60 * MINUTE, 10 * SimDuration::SECOND);
     for i in 2..6 {
         assert_eq!(root_of(&network, i), Some(mote(0).global()), "{i}");
         assert_eq!(network.carry(0, mote(i as u32).global()), Some(i), "{i}");
@@ -341,10 +333,10 @@ fn several_roots_share_the_motes_by_rank_and_a_lost_root_gives_its_to_the_other(
 fn global_repair_moves_everyone_to_the_new_version() {
     let pdr = links(9, &[], 1.0, 0.0);
     let mut network = Network::new(&quick(Mode::Storing, Objective::of0()), 1, pdr, 8);
-    network.run_with_traffic(20 * MINUTE_NS, 20 * SECOND_NS);
+    network.run_with_traffic(20 * MINUTE, 20 * SimDuration::SECOND);
     let before = network.motes[0].version();
-    network.motes[0].global_repair(network.now_ns, &mut network.dice[0]);
-    network.run_with_traffic(10 * MINUTE_NS, 20 * SECOND_NS);
+    network.motes[0].global_repair(network.now, &mut network.dice[0]);
+    network.run_with_traffic(10 * MINUTE, 20 * SimDuration::SECOND);
     let versions: BTreeSet<Option<u8>> = network.motes.iter().map(Rpl::version).collect();
     assert_eq!(versions.len(), 1);
     assert_ne!(versions.first().copied().flatten(), before);
@@ -366,12 +358,12 @@ proptest! {
         let objective = if of0 { Objective::of0() } else { Objective::mrhof() };
         let pdr = links(n, &extra, 0.95, 0.4);
         let mut network = Network::new(&quick(mode, objective), 1, pdr, seed);
-        network.run_with_traffic(40 * MINUTE_NS, 20 * SECOND_NS);
+        network.run_with_traffic(40 * MINUTE, 20 * SimDuration::SECOND);
         let all: Vec<usize> = (1..n).collect();
         prop_assert!(network.settles(&all));
         // One dies. Those who depended on it find another way, if there is one over good links.
         network.kill(1 + dead % (n - 1));
-        network.run_with_traffic(40 * MINUTE_NS, 20 * SECOND_NS);
+        network.run_with_traffic(40 * MINUTE, 20 * SimDuration::SECOND);
         let connected = network.reachable(1, 0.9);
         prop_assert!(network.settles(&connected[1..]));
         // Nobody believes in the dead one.

@@ -1,6 +1,7 @@
 //! How a mote finds a better parent than the one through which it has joined.
 
 use super::*;
+use proto::time::SimDuration;
 
 /// Rank 1280, through mote 1.
 fn below_four(config: Config) -> Bench {
@@ -10,13 +11,13 @@ fn below_four(config: Config) -> Bench {
         bench.link(1, 1, true);
     }
     assert_eq!(bench.rpl.rank(), 1280);
-    bench.pass(200 * SECOND_NS);
+    bench.pass(200 * SimDuration::SECOND);
     bench
 }
 
 fn beacon(bench: &mut Bench, from: u32, join_metric: u8) {
-    let now_ns = bench.now_ns;
-    bench.rpl.handle_beacon(mote(from), join_metric, now_ns, &mut bench.dice);
+    let now = bench.now;
+    bench.rpl.handle_beacon(mote(from), join_metric, now, &mut bench.dice);
 }
 
 /// To whom a message went alone.
@@ -31,11 +32,11 @@ fn a_neighbour_whose_beacon_shows_that_it_is_nearer_to_the_root_is_asked() {
     // DAGRanks of 5, 4 and 3 give at best 6, 5 and 4.
     beacon(&mut bench, 2, 4);
     beacon(&mut bench, 3, 3);
-    assert_eq!(alone(&bench.pass(200 * SECOND_NS)), []);
+    assert_eq!(alone(&bench.pass(200 * SimDuration::SECOND)), []);
     beacon(&mut bench, 4, 2);
     beacon(&mut bench, 5, 0);
     beacon(&mut bench, 6, 1);
-    let sent = bench.pass(136 * SECOND_NS);
+    let sent = bench.pass(136 * SimDuration::SECOND);
     let asked = alone(&sent);
     assert_eq!(asked.len(), 1);
     assert!(matches!(asked[0], (to, RplMessage::Dis(_)) if to == mote(5)), "{asked:?}");
@@ -48,8 +49,8 @@ fn a_link_that_might_be_better_is_tried_until_it_is_known_to_be() {
     assert_eq!(bench.rpl.parent(), Some(mote(1)));
     let mut n_sent = 0;
     for _ in 0..20 {
-        bench.rpl.handle_rssi(mote(1), -60.0, bench.now_ns);
-        let sent = bench.pass(90 * SECOND_NS);
+        bench.rpl.handle_rssi(mote(1), -60.0, bench.now);
+        let sent = bench.pass(90 * SimDuration::SECOND);
         for (to, message) in alone(&sent) {
             assert!(matches!(message, RplMessage::Dio(_)));
             assert_eq!(to, mote(2));
@@ -66,12 +67,12 @@ fn a_link_that_might_be_better_is_tried_until_it_is_known_to_be() {
 fn a_gain_of_a_hop_is_taken_after_a_while_and_only_if_it_lasts() {
     let mut bench = below_four(Bench::perfect());
     bench.hear(2, &dio_of(0, 768));
-    bench.pass(299 * SECOND_NS);
+    bench.pass(299 * SimDuration::SECOND);
     bench.hear(2, &dio_of(0, 1024));
     bench.hear(2, &dio_of(0, 768));
-    bench.pass(299 * SECOND_NS);
+    bench.pass(299 * SimDuration::SECOND);
     assert_eq!(bench.rpl.parent(), Some(mote(1)));
-    bench.pass(2 * SECOND_NS);
+    bench.pass(2 * SimDuration::SECOND);
     assert_eq!((bench.rpl.parent(), bench.rpl.rank()), (Some(mote(2)), 1024));
 }
 
@@ -81,6 +82,6 @@ fn q22_the_peer_neither_asks_nor_tries_nor_takes_a_small_gain() {
     bench.hear(1, &dio_of(0, 1024));
     bench.hear(2, &dio_of(0, 768));
     beacon(&mut bench, 5, 0);
-    assert_eq!(alone(&bench.pass(900 * SECOND_NS)), []);
+    assert_eq!(alone(&bench.pass(900 * SimDuration::SECOND)), []);
     assert_eq!(bench.rpl.parent(), Some(mote(1)));
 }

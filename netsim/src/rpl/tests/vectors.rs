@@ -2,6 +2,7 @@
 
 use super::*;
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 
 #[test]
 fn r3_default_ranks_on_a_line() {
@@ -69,7 +70,7 @@ fn r8_a_parent_that_moves_down_is_followed_but_no_further_than_dag_max_rank_incr
     // (its Q22). RFC 6550, § 8.2.2.4: a mote may move down within its DODAG version, up to DAGMaxRankIncrease.
     let mut bench = Bench::mote(Bench::perfect());
     bench.hear(1, &dio_of(0, 512));
-    assert_eq!(dio_ranks(&bench.pass(17 * SECOND_NS)), [768]);
+    assert_eq!(dio_ranks(&bench.pass(17 * SimDuration::SECOND)), [768]);
     for rank in [768, 1024, 768 + 7168 - 256] {
         bench.hear(1, &dio_of(0, rank));
         assert_eq!(bench.rpl.rank(), rank + 256);
@@ -77,7 +78,7 @@ fn r8_a_parent_that_moves_down_is_followed_but_no_further_than_dag_max_rank_incr
     bench.sent();
     bench.hear(1, &dio_of(0, 768 + 7168 - 255));
     assert_eq!(bench.rpl.parent(), None);
-    assert!(bench.rpl.parent_set(bench.now_ns).is_empty());
+    assert!(bench.rpl.parent_set(bench.now).is_empty());
     assert_eq!(dio_ranks(&bench.sent()), [INFINITE_RANK]);
 }
 
@@ -128,7 +129,7 @@ fn r9_the_root_routes_by_what_daos_say() {
 
 #[test]
 fn r10_solicitations_by_mode() {
-    let hour_ns = 3600 * SECOND_NS;
+    let hour = 3600 * SimDuration::SECOND;
     for (solicitation, first) in [
         (Solicitation::Unicast, Some(mote(3).link_local())),
         (Solicitation::Multicast, Some(ALL_RPL_NODES)),
@@ -138,9 +139,9 @@ fn r10_solicitations_by_mode() {
         let mut dice = Dice::new(1, Purpose::Routing, MoteId(9));
         let mut rpl = Rpl::new(config, mote(9), false);
         rpl.set_proxy(Some(mote(3)));
-        rpl.start(0, &mut dice);
-        let mut bench = Bench { rpl, dice, now_ns: 0 };
-        let destinations = dis_destinations(&bench.pass(hour_ns));
+        rpl.start(SimTime::START, &mut dice);
+        let mut bench = Bench { rpl, dice, now: SimTime::START };
+        let destinations = dis_destinations(&bench.pass(hour));
         assert_eq!(destinations.first().copied(), first);
         assert!(destinations.iter().skip(1).all(|&one| one == ALL_RPL_NODES));
         assert_eq!(destinations.len(), if first.is_some() { 61 } else { 0 });
@@ -150,7 +151,7 @@ fn r10_solicitations_by_mode() {
 #[test]
 fn r10_a_unicast_solicitation_is_answered_alone_and_resets_nothing() {
     let mut root = Bench::new(Config::default(), 0, true);
-    root.pass(100 * SECOND_NS);
+    root.pass(100 * SimDuration::SECOND);
     root.events();
     root.receive(9, false, &RplMessage::Dis(DisRepr {}));
     let sent = root.sent();
@@ -164,7 +165,7 @@ fn r10_a_unicast_solicitation_is_answered_alone_and_resets_nothing() {
 #[test]
 fn r10_a_solicitation_of_everyone_only_resets_trickle() {
     let mut root = Bench::new(Config::default(), 0, true);
-    root.pass(100 * SECOND_NS);
+    root.pass(100 * SimDuration::SECOND);
     root.events();
     root.receive(9, true, &RplMessage::Dis(DisRepr {}));
     assert_eq!(root.sent(), []);
@@ -206,13 +207,13 @@ fn r11_a_diamond_in_steps() {
     assert_eq!(three.rpl.parent(), None);
     three.hear(2, &dio_2);
     assert_eq!(three.rpl.parent(), None, "2 may have been below");
-    three.pass(17 * SECOND_NS);
+    three.pass(17 * SimDuration::SECOND);
     assert_eq!(three.rpl.parent(), Some(mote(2)));
     assert_eq!(three.rpl.rank(), 2048 + 1792);
     // Both links are gone, then the good one is back.
     three.link(2, 10, false);
     assert_eq!(three.rpl.parent(), None);
-    three.pass(120 * SECOND_NS);
+    three.pass(120 * SimDuration::SECOND);
     three.hear(1, &dio_1);
     assert_eq!(three.rpl.parent(), Some(mote(1)));
 }

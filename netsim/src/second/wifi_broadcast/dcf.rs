@@ -18,6 +18,7 @@ use crate::second::carried::{Carried, CarriedFrame};
 use bytes::Bytes;
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
+use proto::time::{SimDuration, SimTime};
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -25,12 +26,12 @@ use std::collections::BinaryHeap;
 /// Times and sizes of DCF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timing {
-    /// Slot time (ns).
-    pub slot_ns: u64,
-    /// Idle time before the back-off counts (ns).
-    pub difs_ns: u64,
-    /// Duration of preamble and PHY header (ns).
-    pub preamble_ns: u64,
+    /// Slot time.
+    pub slot: SimDuration,
+    /// Idle time before the back-off counts.
+    pub difs: SimDuration,
+    /// Duration of preamble and PHY header.
+    pub preamble: SimDuration,
     /// Duration of a bit (ns).
     pub bit_ns: f64,
     /// Bytes of headers and checksum with each payload.
@@ -40,11 +41,12 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Duration of the frame of a payload (ns), at least 1.
+    /// Duration of the frame of a payload, at least 1.
     #[must_use]
-    pub fn airtime_ns(&self, payload_bytes: usize) -> u64 {
+    pub fn airtime(&self, payload_bytes: usize) -> SimDuration {
         let bits = 8.0 * (f64::from(self.overhead_bytes) + payload_bytes as f64);
-        (self.preamble_ns + (bits * self.bit_ns).round() as u64).max(1)
+        (self.preamble + SimDuration::from_ns((bits * self.bit_ns).round() as u64))
+            .max(SimDuration::from_ns(1))
     }
 }
 
@@ -78,12 +80,12 @@ struct Station {
     backoff: u64,
     /// Back-offs drawn so far.
     n_drawn: u64,
-    /// When the medium became idle the last time (ns); `None`: it has never been busy, and no back-off was drawn.
-    idle_since_ns: Option<u64>,
+    /// When the medium became idle the last time; `None`: it has never been busy, and no back-off was drawn.
+    idle_since: Option<SimTime>,
     /// Transmissions that it senses, its own among them.
     n_sensed: u32,
-    /// What waits, and since when (ns).
-    waiting: Option<(u64, Bytes)>,
+    /// What waits, and since when.
+    waiting: Option<(SimTime, Bytes)>,
     /// Number of the transmission that it receives, so far undisturbed.
     receives: Option<u64>,
     /// Grows when the planned begin of its frame is no longer right.
@@ -94,8 +96,8 @@ struct Station {
 struct OnAir {
     number: u64,
     sender: MoteId,
-    sent_ns: u64,
-    end_ns: u64,
+    sent: SimTime,
+    end: SimTime,
     payload: Bytes,
     sensed: Vec<u32>,
     received: Vec<(u32, f32)>,
@@ -109,7 +111,7 @@ enum Event {
     Begin { station: u32, version: u64 },
 }
 
-type Events = BinaryHeap<Reverse<(u64, Event)>>;
+type Events = BinaryHeap<Reverse<(SimTime, Event)>>;
 
 impl Dcf {
     /// Stations on an idle medium, with nothing to send and no back-off.
@@ -149,39 +151,39 @@ impl Dcf {
         station.receives = None;
     }
 
-    /// Runs to `until_ns`: frames begin before it and end by it. `arrivals`: payloads by time and station, ascending, all before
-    /// `until_ns`.
+    /// Runs to `until`: frames begin before it and end by it. `arrivals`: payloads by time and station, ascending, all before
+    /// `until`.
     pub fn run(
         &mut self,
-        arrivals: Vec<(u64, u32, Bytes)>,
-        until_ns: u64,
+        arrivals: Vec<(SimTime, u32, Bytes)>,
+        until: SimTime,
         seed: u64,
         heard_by: &mut dyn FnMut(MoteId) -> HeardBy,
         carried: &mut Carried,
     ) {
         let draws = Draws::new(seed, Purpose::SecondMediumBackoff);
         let mut events = Events::new();
-        for (place, &(at_ns, ..)) in arrivals.iter().enumerate() {
-            events.push(Reverse((at_ns, Event::Arrival { place })));
+        for (place, &(at, ..)) in arrivals.iter().enumerate() {
+            events.push(Reverse((at, Event::Arrival { place })));
         }
         for frame in &self.state.on_air {
-            events.push(Reverse((frame.end_ns, Event::End { number: frame.number })));
+            events.push(Reverse((frame.end, Event::End { number: frame.number })));
         }
         for station in 0..self.state.stations.len() as u32 {
             self.plan(station, &mut events);
         }
         let mut beginning = Vec::new();
-        while let Some(&Reverse((now_ns, event))) = events.peek() {
+        while let Some(&Reverse((now, event))) = events.peek() {
             let is_end = matches!(event, Event::End { .. });
-            if until_ns < now_ns || (until_ns == now_ns && !is_end) {
+            if until < now || (until == now && !is_end) {
                 break;
             }
             events.pop();
             match event {
                 Event::End { number } => self.end(number, draws, &mut events, carried),
                 Event::Arrival { place } => {
-                    let (at_ns, station, payload) = arrivals[place].clone();
-                    self.arrive(station, at_ns, payload, draws, &mut events);
+                    let (at, station, payload) = arrivals[place].clone();
+                    self.arrive(station, at, payload, draws, &mut events);
                 }
                 Event::Begin { station, version } => {
                     if self.state.stations[station as usize].version == version {
@@ -189,10 +191,10 @@ impl Dcf {
                     }
                     let is_last = !matches!(
                         events.peek(),
-                        Some(&Reverse((next_ns, Event::Begin { .. }))) if next_ns == now_ns
+                        Some(&Reverse((next, Event::Begin { .. }))) if next == now
                     );
                     if is_last && !beginning.is_empty() {
-                        self.begin(&beginning, now_ns, heard_by, &mut events);
+                        self.begin(&beginning, now, heard_by, &mut events);
                         beginning.clear();
                     }
                 }
@@ -204,11 +206,11 @@ impl Dcf {
     fn plan(&mut self, id: u32, events: &mut Events) {
         let station = &mut self.state.stations[id as usize];
         station.version += 1;
-        let (Some((arrived_ns, _)), 0) = (&station.waiting, station.n_sensed) else { return };
-        let wait_ns = self.timing.difs_ns + station.backoff * self.timing.slot_ns;
-        let over_ns = station.idle_since_ns.map_or(0, |since_ns| since_ns + wait_ns);
+        let (Some((arrived, _)), 0) = (&station.waiting, station.n_sensed) else { return };
+        let wait = self.timing.difs + station.backoff * self.timing.slot;
+        let over = station.idle_since.map_or(SimTime::START, |since| since + wait);
         let begin = Event::Begin { station: id, version: station.version };
-        events.push(Reverse((over_ns.max(*arrived_ns), begin)));
+        events.push(Reverse((over.max(*arrived), begin)));
     }
 
     fn draw(&mut self, id: u32, draws: Draws) {
@@ -219,16 +221,16 @@ impl Dcf {
     }
 
     /// A payload arrives; one that waits is replaced.
-    fn arrive(&mut self, id: u32, at_ns: u64, payload: Bytes, draws: Draws, events: &mut Events) {
-        let difs_ns = self.timing.difs_ns;
+    fn arrive(&mut self, id: u32, at: SimTime, payload: Bytes, draws: Draws, events: &mut Events) {
+        let difs = self.timing.difs;
         let station = &mut self.state.stations[id as usize];
         if let Some((_, waiting)) = &mut station.waiting {
             *waiting = payload;
             return;
         }
-        station.waiting = Some((at_ns, payload));
-        let is_idle = station.n_sensed == 0
-            && station.idle_since_ns.is_none_or(|since_ns| since_ns + difs_ns <= at_ns);
+        station.waiting = Some((at, payload));
+        let is_idle =
+            station.n_sensed == 0 && station.idle_since.is_none_or(|since| since + difs <= at);
         if station.backoff == 0 && !is_idle {
             self.draw(id, draws);
         }
@@ -236,12 +238,12 @@ impl Dcf {
     }
 
     /// The medium becomes busy for a station, or busier.
-    fn sense(&mut self, id: u32, now_ns: u64) {
+    fn sense(&mut self, id: u32, now: SimTime) {
         let timing = self.timing;
         let station = &mut self.state.stations[id as usize];
         if station.n_sensed == 0 {
-            let counts_from_ns = station.idle_since_ns.map_or(now_ns, |ns| ns + timing.difs_ns);
-            let n_idle = now_ns.saturating_sub(counts_from_ns) / timing.slot_ns;
+            let counts_from = station.idle_since.map_or(now, |ns| ns + timing.difs);
+            let n_idle = now.saturating_since(counts_from) / timing.slot;
             station.backoff = station.backoff.saturating_sub(n_idle);
             station.version += 1;
         }
@@ -252,7 +254,7 @@ impl Dcf {
     fn begin(
         &mut self,
         senders: &[u32],
-        now_ns: u64,
+        now: SimTime,
         heard_by: &mut dyn FnMut(MoteId) -> HeardBy,
         events: &mut Events,
     ) {
@@ -261,7 +263,7 @@ impl Dcf {
             let station = &mut self.state.stations[sender as usize];
             let Some((_, payload)) = station.waiting.take() else { continue };
             station.receives = None;
-            self.sense(sender, now_ns);
+            self.sense(sender, now);
             begun.push((sender, payload));
         }
         for (sender, payload) in begun {
@@ -275,20 +277,13 @@ impl Dcf {
                 let station = &mut self.state.stations[id as usize];
                 let is_free = station.n_sensed == 0;
                 station.receives = (is_free && is_in_range).then_some(number);
-                self.sense(id, now_ns);
+                self.sense(id, now);
             }
-            let end_ns = now_ns + self.timing.airtime_ns(payload.len());
-            events.push(Reverse((end_ns, Event::End { number })));
-            let sent_ns = now_ns;
-            let frame = OnAir {
-                number,
-                sender: MoteId(sender),
-                sent_ns,
-                end_ns,
-                payload,
-                sensed,
-                received,
-            };
+            let end = now + self.timing.airtime(payload.len());
+            events.push(Reverse((end, Event::End { number })));
+            let sent = now;
+            let frame =
+                OnAir { number, sender: MoteId(sender), sent, end, payload, sensed, received };
             self.state.on_air.push(frame);
         }
     }
@@ -309,13 +304,13 @@ impl Dcf {
             }
             station.n_sensed -= 1;
             if station.n_sensed == 0 {
-                station.idle_since_ns = Some(frame.end_ns);
+                station.idle_since = Some(frame.end);
                 self.plan(id, events);
             }
         }
-        let (sender, sent_ns, end_ns) = (frame.sender, frame.sent_ns, frame.end_ns);
+        let (sender, sent, end) = (frame.sender, frame.sent, frame.end);
         let payload = frame.payload;
-        carried.frames.push(CarriedFrame { sender, sent_ns, end_ns, payload, receivers });
+        carried.frames.push(CarriedFrame { sender, sent, end, payload, receivers });
     }
 }
 

@@ -7,6 +7,7 @@ use crate::sf::testing::{Bench, built, read};
 use physics::asn::Asn;
 use proptest::prelude::*;
 use proto::ids::MoteId;
+use proto::time::SimTime;
 use std::collections::BTreeSet;
 
 const ALICE: &str = "kind = \"alice\" # storing";
@@ -107,7 +108,7 @@ fn every_slotframe_moves_the_cells_at_its_first_slot() {
     let (mut low, _) = link(&config, 5, 7);
     let mut places = BTreeSet::new();
     for slotframe in 1..=200 {
-        assert_eq!(low.sf.poll_timeout(), Some(slotframe * 23 * 10_000_000));
+        assert_eq!(low.sf.poll_timeout(), Some(SimTime::from_ns(slotframe * 23 * 10_000_000)));
         low.pass_time();
         let now = cells(&low);
         assert_eq!(now.len(), 2);

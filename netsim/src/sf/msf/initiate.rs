@@ -10,6 +10,7 @@ use crate::wire::Eui64;
 use crate::wire::sixp::{
     AnswerContent, CellRequest, ReturnCode, SixpAnswer, SixpCell, SixpRequest,
 };
+use proto::time::SimDuration;
 
 /// Cells asked for, moved or offered for deletion in one request.
 const BATCH: usize = 5;
@@ -24,11 +25,11 @@ impl<P: Policy> Msf<P> {
             }
         }
         let Some(parent) = self.parent else { return };
-        let is_held = self.hold_until_ns.is_some_and(|until_ns| cx.now_ns < until_ns);
+        let is_held = self.hold_until.is_some_and(|until| cx.now < until);
         if is_held || self.is_quarantined(parent) || cx.sixtop.is_busy(parent) {
             return;
         }
-        self.hold_until_ns = None;
+        self.hold_until = None;
         if self.missing.tx != 0 {
             self.ask_to_add(cx, parent, CellOptions::TX, self.missing.tx);
         } else if self.missing.rx != 0 {
@@ -53,8 +54,8 @@ impl<P: Policy> Msf<P> {
         let (config, slots) = (cx.sixtop.config(), u64::from(self.config.slotframe_slots));
         let backoff_slotframes = (1u64 << config.max_be.min(16)) - 1;
         let slotframes = backoff_slotframes * u64::from(config.max_retries);
-        let timeout_ns = slotframes.saturating_mul(slots).saturating_mul(cx.slot_ns);
-        let sent = cx.sixtop.request(peer, what, Some(timeout_ns), cx.now_ns);
+        let timeout = cx.slot.saturating_mul(slotframes.saturating_mul(slots));
+        let sent = cx.sixtop.request(peer, what, Some(timeout), cx.now);
         debug_assert!(sent.is_ok(), "nobody is asked who is busy");
     }
 
@@ -309,8 +310,8 @@ impl<P: Policy> Msf<P> {
     /// § 12, waitretry.
     pub(super) fn hold(&mut self, cx: &mut Context<'_>) {
         let (low_s, high_s) = (self.config.wait_min_s, self.config.wait_max_s);
-        let wait_ns = cx.dice.duration_ns(seconds(low_s), seconds(high_s) + 1);
-        self.hold_until_ns = Some(cx.now_ns + wait_ns);
+        let wait = cx.dice.duration(seconds(low_s), seconds(high_s) + SimDuration::from_ns(1));
+        self.hold_until = Some(cx.now + wait);
     }
 
     /// § 12, clear: call off what runs, remove all cells, tell the neighbour.
@@ -324,8 +325,8 @@ impl<P: Policy> Msf<P> {
     /// § 12, quarantine.
     fn quarantine(&mut self, cx: &mut Context<'_>, peer: Eui64) {
         self.clear(cx, peer);
-        let until_ns = cx.now_ns + seconds(self.config.quarantine_s);
-        self.quarantined.insert(peer, until_ns);
+        let until = cx.now + seconds(self.config.quarantine_s);
+        self.quarantined.insert(peer, until);
         cx.unusable.push(peer);
     }
 

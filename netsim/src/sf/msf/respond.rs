@@ -53,7 +53,7 @@ impl<P: Policy> Msf<P> {
                 SixpRequest::Signal { .. } => refusal(ReturnCode::Error),
             }
         };
-        cx.sixtop.respond(peer, answer, cx.now_ns);
+        cx.sixtop.respond(peer, answer, cx.now);
     }
 
     /// Of the cells offered, at most `n` that are free here, as the policy orders them. None: RC_SUCCESS with an empty list (RFC 8480,
@@ -112,7 +112,7 @@ impl<P: Policy> Msf<P> {
             | SixpRequest::Clear { .. }
             | SixpRequest::Signal { .. } => return,
         }
-        self.heard.insert(peer, cx.now_ns);
+        self.heard.insert(peer, cx.now);
         self.refresh(cx);
     }
 }

@@ -217,9 +217,9 @@ fn m9_only_locked_candidates_are_refused_as_locked() {
         num_cells: 1,
         cells: vec![candidate],
     };
-    let now_ns = network.now_ns();
+    let now = network.now();
     let root = &mut network.motes[0].sixtop;
-    root.request(other, SixpRequest::Add(body), None, now_ns).unwrap();
+    root.request(other, SixpRequest::Add(body), None, now).unwrap();
     let relocate = SixpRequest::Relocate {
         metadata: 0,
         options,

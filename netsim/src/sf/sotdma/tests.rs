@@ -3,6 +3,7 @@ use super::*;
 use crate::sf::Config as AnyConfig;
 use physics::asn::Asn;
 use proto::ids::MoteId;
+use proto::time::SimTime;
 
 /// Ten slots for motes, two for all.
 const TEXT: &str =
@@ -59,7 +60,10 @@ fn a_mote_listens_for_two_slotframes_and_takes_a_slot_that_neither_it_nor_a_neig
     // Ten motes with random choices; of ten slots eight are taken.
     for mote in 1..11 {
         let mut bench = Bench::start(&small(), MoteId(mote));
-        assert_eq!((bench.sf.poll_timeout(), own_cells(&bench)), (Some(120_000_000), vec![]));
+        assert_eq!(
+            (bench.sf.poll_timeout(), own_cells(&bench)),
+            (Some(SimTime::from_ns(120_000_000)), vec![])
+        );
         let mut is_ready = true;
         bench.tell(|sf, cx| is_ready = sf.is_ready(cx));
         assert!(!is_ready);

@@ -1,6 +1,7 @@
 //! Clauses of RFC 8480 beyond the vectors.
 
 use super::*;
+use proto::time::{SimDuration, SimTime};
 
 #[test]
 fn rfc8480_3_4_1_and_3_4_2_other_versions_and_functions_are_told_so() {
@@ -73,7 +74,7 @@ fn rfc8480_3_4_6_1_duplicates_are_ignored_at_every_step() {
     let response = pair.carry(B);
     pair.hear(A, &response);
     assert_eq!(pair.events(A).len(), 1);
-    pair.a.confirm(B, success(&[7]), 0);
+    pair.a.confirm(B, success(&[7]), SimTime::START);
     pair.hear(A, &response);
     let confirmation = pair.carry(A);
     for message in [&request, &confirmation] {
@@ -114,7 +115,7 @@ fn rfc8480_3_4_6_a_response_that_comes_too_late_tells_that_the_ends_differ() {
     pair.carry(A);
     pair.respond(B, success(&[7]));
     let response = pair.take(B);
-    pair.pass(2 * SECOND_NS);
+    pair.pass(2 * SimDuration::SECOND);
     pair.events(A);
     pair.hear(A, &response);
     pair.ack(B, &response, true);
@@ -133,7 +134,7 @@ fn rfc8480_3_4_6_a_confirmation_that_comes_too_late_tells_that_the_ends_differ()
     pair.respond(B, success(&[7]));
     pair.carry(B);
     pair.events(B);
-    pair.pass(200 * SECOND_NS);
+    pair.pass(200 * SimDuration::SECOND);
     assert_eq!(pair.events(B), [failed(A, add(&[]), false, Failure::Timeout)]);
     let confirmation =
         SixpRepr { version: 0, sfid: 0, seqnum: 0, body: SixpBody::Confirmation(success(&[7])) };
@@ -238,10 +239,10 @@ fn cells_are_locked_as_long_as_a_transaction_may_use_them_and_no_longer() {
 #[test]
 fn one_transaction_with_a_neighbour_at_a_time() {
     let mut sixtop = Sixtop::new(Config::default());
-    assert_eq!(sixtop.request(B, add(&[7]), None, 0), Ok(()));
-    assert_eq!(sixtop.request(B, add(&[8]), None, 0), Err(Busy(B)));
-    assert_eq!(sixtop.request(A, add(&[8]), None, 0), Ok(()));
-    assert_eq!(sixtop.poll_timeout(), Some(151_500_000_000));
+    assert_eq!(sixtop.request(B, add(&[7]), None, SimTime::START), Ok(()));
+    assert_eq!(sixtop.request(B, add(&[8]), None, SimTime::START), Err(Busy(B)));
+    assert_eq!(sixtop.request(A, add(&[8]), None, SimTime::START), Ok(()));
+    assert_eq!(sixtop.poll_timeout(), Some(SimTime::from_ns(151_500_000_000)));
     assert_eq!(sixtop.open_request(B), Some(&add(&[7])));
     sixtop.reset();
     assert!(!sixtop.is_busy(B));

@@ -7,6 +7,7 @@ use netsim::sf::msf::NEGOTIATED;
 use netsim::wire::Eui64;
 use netsim::wire::rpl::RplMessage;
 use proto::ids::MoteId;
+use proto::time::SimDuration;
 use proto::types::MoteOrder;
 
 #[test]
@@ -56,7 +57,7 @@ fn a_packet_that_goes_in_the_slot_it_was_made_in_arrives_when_its_frame_has_ende
 fn kpi2_figures_before_anybody_keeps_time_are_unknown_or_nothing() {
     let mut bench = Bench::new(&line(3), FULL);
     bench.run(50);
-    let statistics = bench.mesh.statistics(bench.asn * 10_000_000);
+    let statistics = bench.mesh.statistics(bench.asn * SimDuration::from_ns(10_000_000));
     for name in ["first_synced_ns", "first_joined_ns", "first_ready_ns"] {
         let column = statistics.column(name).unwrap();
         assert_eq!([1, 2].map(|mote| column.get(mote)), [None, None], "{name}");

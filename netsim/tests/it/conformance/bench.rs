@@ -16,6 +16,7 @@ use netsim::wire::sixp::SixpRepr;
 use physics::asn::Asn;
 use proto::ids::MoteId;
 use proto::side::{NetInput, NetOutput, Setup};
+use proto::time::SimDuration;
 use proto::types::{AgentStates, MoteCommand, MoteOrder, NetRecord};
 use std::net::Ipv6Addr;
 
@@ -199,8 +200,8 @@ impl Bench {
         let commands: Vec<MoteCommand> = self.orders.drain(..).map(order).collect();
         let output = self.mesh.step(&NetInput {
             step: 1,
-            from_ns: self.asn * SLOT_NS,
-            until_ns: asn * SLOT_NS,
+            from_ns: (self.asn * SimDuration::from_ns(SLOT_NS)).ns(),
+            until_ns: (asn * SimDuration::from_ns(SLOT_NS)).ns(),
             states: &self.states,
             payloads: &payloads(self.states.len()),
             moved_obstacles: &[],

@@ -2,6 +2,7 @@
 
 use super::bench::{Bench, EAGER, FULL, LINE, OnAir, SLOT_NS, What, line, trace};
 use physics::asn::Asn;
+use proto::time::SimDuration;
 use proto::types::MoteOrder;
 
 /// CoAP's port.
@@ -20,7 +21,7 @@ fn unheard() -> Bench {
 fn j2_unanswered_requests_are_repeated_after_t0_times_1_2_4_8_16() {
     let mut bench = unheard();
     bench.run_until(101, 200_000, |bench| bench.mote(1).mac.is_synced());
-    let synced_asn = Asn(bench.mote(1).tally.first_synced_ns.unwrap() / SLOT_NS);
+    let synced_asn = Asn(bench.mote(1).tally.first_synced.unwrap() / SimDuration::from_ns(SLOT_NS));
     bench.run_until(10, 60_000, |bench| bench.mote(1).mac.is_scanning());
     let left_asn = bench.asn;
     let mut requests: Vec<OnAir> = bench.sent(1, is_join);
@@ -47,11 +48,11 @@ fn j1_a_mote_that_is_not_admitted_looks_for_a_network_again_and_one_that_was_lea
     bench.run_until(101, 200_000, |bench| bench.mote(1).mac.is_synced());
     bench.run_until(101, 60_000, |bench| bench.mote(1).mac.is_scanning());
     assert!(!bench.mote(1).joined);
-    assert_eq!(bench.mote(1).tally.first_joined_ns, None, "it never was");
+    assert_eq!(bench.mote(1).tally.first_joined, None, "it never was");
 
     let mut bench = Bench::new(&line(2), &format!("{FULL}{EAGER}"));
     bench.form();
-    assert!(bench.mote(1).joined && bench.mote(1).tally.first_joined_ns.is_some());
+    assert!(bench.mote(1).joined && bench.mote(1).tally.first_joined.is_some());
     bench.order(MoteOrder::Kill(0));
     bench.run_until(101, 3_000, |bench| bench.mote(1).mac.is_scanning());
     assert!(!bench.mote(1).joined && !bench.mote(1).rpl.is_in_dodag());

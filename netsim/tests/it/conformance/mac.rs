@@ -9,6 +9,7 @@ use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity;
 use physics::asn::Asn;
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use proto::types::MoteOrder;
 
 /// The minimal cell once in 101 slots, as the vectors have it.
@@ -112,7 +113,9 @@ fn a_capture_says_when_frames_began_by_the_clock_of_whoever_sent_them() {
         bench.run(10_000);
         let mut of_mote = [(0, 0); 3];
         for frame in &bench.frames {
-            let off_ns = frame.begins_ns as i64 - (frame.asn * SLOT_NS) as i64 - 2_120_000;
+            let off_ns = frame.begins_ns as i64
+                - (frame.asn * SimDuration::from_ns(SLOT_NS)).ns() as i64
+                - 2_120_000;
             let (least, most) = &mut of_mote[frame.source as usize];
             (*least, *most) = (off_ns.min(*least), off_ns.max(*most));
         }
@@ -139,7 +142,9 @@ fn ieee802154_6_5_4_2_an_acknowledgment_says_how_much_later_the_frame_was_expect
     for frame in to_root {
         let Some(correction_us) = frame.correction_us else { continue };
         // The root expects it when the slot says.
-        let off_ns = frame.begins_ns as i64 - (frame.asn * SLOT_NS) as i64 - 2_120_000;
+        let off_ns = frame.begins_ns as i64
+            - (frame.asn * SimDuration::from_ns(SLOT_NS)).ns() as i64
+            - 2_120_000;
         assert_eq!(i64::from(correction_us), -off_ns / 1000, "{frame:?}");
         checked += usize::from(correction_us != 0);
     }
@@ -168,7 +173,7 @@ fn with_the_simulators_rule_a_mote_counts_the_neighbours_it_had_before_it_lost_t
         let config = settings(&format!("{FULL}[compat]\neb_rule = {is_on}\n")).mac;
         let [root, other, own] = [0, 1, 2].map(MoteId).map(Eui64::of_mote);
         let mut mac = Tsch::new(&config, own, MoteId(2), false, 1);
-        mac.synchronise(&config, root, 0, 0);
+        mac.synchronise(&config, root, 0, SimTime::START);
         for from in [root, other] {
             mac.handle_frame(&config, from, None, Some(1), Asn(1), 0);
         }
@@ -217,7 +222,7 @@ fn t9_a_frame_that_is_backed_off_stays_and_another_cell_of_the_slot_is_used() {
     for order in [[one, two], [two, one]] {
         for seed in 0..20 {
             let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(0)), MoteId(0), true, seed);
-            mac.start_root(0);
+            mac.start_root(SimTime::START);
             let mut schedule = Schedule::new();
             schedule.add_slotframe(1, 10);
             for neighbour in order {
@@ -255,7 +260,7 @@ fn a_frame_is_not_sent_again_once_its_number_would_stand_for_another() {
     let config = settings("").mac;
     let [one, two] = [1, 2].map(MoteId).map(Eui64::of_mote);
     let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(0)), MoteId(0), true, 1);
-    mac.start_root(0);
+    mac.start_root(SimTime::START);
     let mut schedule = Schedule::new();
     schedule.add_slotframe(1, 10);
     for (slot, neighbour) in [(0, one), (1, two)] {
@@ -344,7 +349,7 @@ fn t16_two_packets_leave_in_order_through_cells_of_two_slotframes() {
     let config = settings("").mac;
     let neighbour = Eui64::of_mote(MoteId(1));
     let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(0)), MoteId(0), true, 1);
-    mac.start_root(0);
+    mac.start_root(SimTime::START);
     let mut schedule = Schedule::new();
     for (handle, slot) in [(1, 1), (2, 2)] {
         schedule.add_slotframe(handle, 10);

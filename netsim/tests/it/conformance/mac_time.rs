@@ -8,13 +8,14 @@ use netsim::mac::tsch::{Config, Due, State, Tsch, channel_of};
 use netsim::wire::Eui64;
 use physics::asn::Asn;
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 use proto::types::MoteOrder;
 use std::collections::BTreeSet;
 
-/// How many beacons mote `mote` has heard while scanning, and when it will choose among them (ns).
-fn heard(bench: &Bench, mote: usize) -> (usize, Option<u64>) {
+/// How many beacons mote `mote` has heard while scanning, and when it will choose among them.
+fn heard(bench: &Bench, mote: usize) -> (usize, Option<SimTime>) {
     match bench.mote(mote).mac.state() {
-        State::Scanning { heard, decide_ns } => (heard.len(), *decide_ns),
+        State::Scanning { heard, decide } => (heard.len(), *decide),
         State::Off | State::Synced { .. } => (0, None),
     }
 }
@@ -30,7 +31,10 @@ fn t11_a_single_neighbour_is_followed_after_18000_slots() {
     assert!(bench.mote(1).mac.is_scanning(), "after slot +17999");
     bench.run(1);
     assert!(bench.mote(1).mac.is_synced(), "in slot +18000");
-    assert_eq!(bench.mote(1).tally.first_synced_ns, Some((heard_asn + 18_000) * SLOT_NS));
+    assert_eq!(
+        bench.mote(1).tally.first_synced,
+        Some((heard_asn + 18_000) * SimDuration::from_ns(SLOT_NS))
+    );
 }
 
 #[test]
@@ -40,13 +44,13 @@ fn t11_a_second_neighbour_ends_the_wait_at_once() {
     let cells = own_cells(3, &[(0, 1)]);
     let mut bench = Bench::new(&line(3), &format!("roots = [0, 1]\n{FULL}{mac}{cells}"));
     bench.run_until(1, 100_000, |bench| heard(bench, 2).0 == 1);
-    let (_, decide_ns) = heard(&bench, 2);
+    let (_, decide) = heard(&bench, 2);
     bench.run_until(1, 17_900, |bench| bench.mote(2).mac.is_synced());
-    let synced_ns = bench.mote(2).tally.first_synced_ns.unwrap();
-    assert!(synced_ns < decide_ns.unwrap());
+    let synced = bench.mote(2).tally.first_synced.unwrap();
+    assert!(synced < decide.unwrap());
     assert_eq!(
         bench.frames.last().unwrap().asn,
-        Asn(synced_ns / SLOT_NS),
+        Asn(synced / SimDuration::from_ns(SLOT_NS)),
         "in the slot of a beacon"
     );
 }
@@ -57,13 +61,20 @@ fn t11_the_lower_join_metric_wins_and_lists_are_emptied() {
     for metrics in [[100, 1], [1, 100]] {
         let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(9)), MoteId(9), false, 1);
         mac.scan(&config);
-        assert_eq!(mac.handle_beacon(&config, Eui64::of_mote(MoteId(3)), metrics[0], 0), None);
+        assert_eq!(
+            mac.handle_beacon(&config, Eui64::of_mote(MoteId(3)), metrics[0], SimTime::START),
+            None
+        );
         // The same neighbour again is no second one.
-        assert_eq!(mac.handle_beacon(&config, Eui64::of_mote(MoteId(3)), metrics[0], 5), None);
+        assert_eq!(
+            mac.handle_beacon(&config, Eui64::of_mote(MoteId(3)), metrics[0], SimTime::from_ns(5)),
+            None
+        );
         let best = if metrics[0] == 1 { 3 } else { 4 };
-        let choice = mac.handle_beacon(&config, Eui64::of_mote(MoteId(4)), metrics[1], 9);
+        let choice =
+            mac.handle_beacon(&config, Eui64::of_mote(MoteId(4)), metrics[1], SimTime::from_ns(9));
         assert_eq!(choice, Some(Eui64::of_mote(MoteId(best))));
-        assert_eq!(*mac.state(), State::Scanning { heard: Vec::new(), decide_ns: None });
+        assert_eq!(*mac.state(), State::Scanning { heard: Vec::new(), decide: None });
     }
 }
 
@@ -71,31 +82,43 @@ fn t11_the_lower_join_metric_wins_and_lists_are_emptied() {
 fn t12_a_source_that_is_not_heard_is_lost_after_1750_slots() {
     // Keep-alives beyond the end of the run.
     let mut config = settings("").mac;
-    config.keep_alive_ns = 1_000_000 * SLOT_NS;
+    config.keep_alive = SimDuration::from_ns(1_000_000 * SLOT_NS);
     let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(1)), MoteId(1), false, 1);
-    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 0);
-    assert_eq!(mac.poll_timeout(&config), Some(1750 * SLOT_NS));
-    assert_eq!(mac.handle_timeout(&config, 1750 * SLOT_NS - 1), None);
-    assert_eq!(mac.handle_timeout(&config, 1750 * SLOT_NS), Some(Due::Desynchronised));
+    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, SimTime::START);
+    assert_eq!(mac.poll_timeout(&config), Some(SimTime::from_ns(1750 * SLOT_NS)));
+    assert_eq!(mac.handle_timeout(&config, SimTime::from_ns(1750 * SLOT_NS - 1)), None);
+    assert_eq!(
+        mac.handle_timeout(&config, SimTime::from_ns(1750 * SLOT_NS)),
+        Some(Due::Desynchronised)
+    );
 }
 
 #[test]
 fn t12_a_mote_without_a_way_to_the_root_keeps_nobodys_time_and_looks_for_a_network_again() {
     let config = settings("").mac;
     let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(1)), MoteId(1), false, 1);
-    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 0);
+    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, SimTime::START);
     mac.lose_time_source(&config);
-    assert_eq!(mac.poll_timeout(&config), Some(config.desynchronise_ns));
-    assert_eq!(mac.handle_timeout(&config, config.desynchronise_ns - 1), None);
+    assert_eq!(mac.poll_timeout(&config), Some(SimTime::START + config.desynchronise));
+    assert_eq!(
+        mac.handle_timeout(
+            &config,
+            SimTime::START + config.desynchronise - SimDuration::from_ns(1)
+        ),
+        None
+    );
     let mut found = mac.clone();
-    found.set_time_source(&config, Eui64::of_mote(MoteId(2)), 5_000_000_000);
+    found.set_time_source(&config, Eui64::of_mote(MoteId(2)), SimTime::from_ns(5_000_000_000));
     assert_eq!(found.time_source(), Some(Eui64::of_mote(MoteId(2))));
-    assert_eq!(mac.handle_timeout(&config, config.desynchronise_ns), Some(Due::Desynchronised));
+    assert_eq!(
+        mac.handle_timeout(&config, SimTime::START + config.desynchronise),
+        Some(Due::Desynchronised)
+    );
     // The root keeps its own.
     let mut root = Tsch::new(&config, Eui64::of_mote(MoteId(0)), MoteId(0), true, 1);
-    root.start_root(0);
+    root.start_root(SimTime::START);
     root.lose_time_source(&config);
-    assert_eq!(root.handle_timeout(&config, 100 * config.desynchronise_ns), None);
+    assert_eq!(root.handle_timeout(&config, SimTime::START + 100 * config.desynchronise), None);
 }
 
 #[test]
@@ -112,13 +135,13 @@ fn a_mote_that_lost_its_time_follows_the_channels_of_beacons_for_as_long_as_its_
     mac.scan(&config);
     // One of sixteen channels, each for a second: some of ten thousand slots agree, far from all.
     assert!((300..1_200).contains(&follows(&mac, 0..10_000)), "{}", follows(&mac, 0..10_000));
-    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 10_000 * SLOT_NS);
+    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, SimTime::from_ns(10_000 * SLOT_NS));
     mac.scan(&config);
     // Half a slot of 10 ms over twice 40 ppm: 62.5 s, or 6,250 slots.
     assert_eq!(follows(&mac, 10_000..16_250), 6_250);
     assert!(follows(&mac, 16_250..26_250) < 1_200);
     let config = Config { scans_hopping: false, ..config.clone() };
-    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 10_000 * SLOT_NS);
+    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, SimTime::from_ns(10_000 * SLOT_NS));
     mac.scan(&config);
     let heard = |asn| mac.listening(&config, &schedule, 1, asn).unwrap().channel;
     assert!(
@@ -134,23 +157,23 @@ fn a_mote_that_lost_its_time_follows_the_channels_of_beacons_for_as_long_as_its_
 fn t12_a_keep_alive_that_comes_to_nothing_is_asked_for_again_before_time_is_lost() {
     let config = settings("").mac;
     let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(1)), MoteId(1), false, 1);
-    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 0);
-    let mut asked_ns = Vec::new();
-    while let Some(at_ns) = mac.poll_timeout(&config) {
-        match mac.handle_timeout(&config, at_ns) {
+    mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, SimTime::START);
+    let mut asked = Vec::new();
+    while let Some(at) = mac.poll_timeout(&config) {
+        match mac.handle_timeout(&config, at) {
             Some(Due::KeepAlive(source)) => {
                 assert_eq!(source, Eui64::of_mote(MoteId(0)));
-                asked_ns.push(at_ns);
+                asked.push(at);
             }
             Some(Due::Desynchronised) => break,
             other => panic!("{other:?}"),
         }
     }
     // At random in the last quarter of 10 s, and then after half to all of a third of the rest.
-    assert!((7_500_000_000..10_000_000_000).contains(&asked_ns[0]), "{asked_ns:?}");
-    assert!(3 <= asked_ns.len(), "{asked_ns:?}");
-    let waits_ns = asked_ns.windows(2).map(|pair| pair[1] - pair[0]);
-    assert!(waits_ns.into_iter().all(|ns| (1_250_000_000..3_333_333_333).contains(&ns)));
+    assert!((7_500_000_000..10_000_000_000).contains(&asked[0].ns()), "{asked:?}");
+    assert!(3 <= asked.len(), "{asked:?}");
+    let waits = asked.windows(2).map(|pair| pair[1] - pair[0]);
+    assert!(waits.into_iter().all(|wait| (1_250_000_000..3_333_333_333).contains(&wait.ns())));
 }
 
 #[test]
@@ -158,8 +181,8 @@ fn t12_motes_that_hear_the_same_beacon_do_not_ask_in_the_same_slots() {
     let config = settings("").mac;
     let asks_in = |mote: u32| {
         let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(mote)), MoteId(mote), false, 1);
-        mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, 0);
-        mac.poll_timeout(&config).unwrap() / SLOT_NS
+        mac.synchronise(&config, Eui64::of_mote(MoteId(0)), 0, SimTime::START);
+        mac.poll_timeout(&config).unwrap() / SimDuration::from_ns(SLOT_NS)
     };
     let slots: BTreeSet<u64> = (1..=20).map(asks_in).collect();
     // Of 250 slots: 20 draws at random take less than 15 different ones in one of ten thousand seeds.
@@ -170,7 +193,7 @@ fn t12_motes_that_hear_the_same_beacon_do_not_ask_in_the_same_slots() {
 fn heard_for(config: &Config, seconds: u64) -> Tsch {
     let source = Eui64::of_mote(MoteId(0));
     let mut mac = Tsch::new(config, Eui64::of_mote(MoteId(1)), MoteId(1), false, 1);
-    mac.synchronise(config, source, 0, 0);
+    mac.synchronise(config, source, 0, SimTime::START);
     for asn in (500..=seconds * 100).step_by(500) {
         mac.handle_frame(config, source, None, Some(asn as u8), Asn(asn), 0);
     }
@@ -182,32 +205,36 @@ fn a_mote_that_has_learned_its_clock_does_without_its_source_for_longer_and_not_
     let s = 1_000_000_000;
     let config = settings("").mac;
     let mut mac = heard_for(&config, 200);
-    let (mut asked_ns, mut worst_ns) = (Vec::new(), 0);
-    let lost_ns = loop {
-        let at_ns = mac.poll_timeout(&config).unwrap();
-        worst_ns = worst_ns.max(mac.deviation_ns(at_ns).abs());
-        match mac.handle_timeout(&config, at_ns) {
-            Some(Due::KeepAlive(_)) => asked_ns.push(at_ns),
+    let (mut asked, mut worst_ns) = (Vec::new(), 0);
+    let lost = loop {
+        let at = mac.poll_timeout(&config).unwrap();
+        worst_ns = worst_ns.max(mac.deviation_ns(at).abs());
+        match mac.handle_timeout(&config, at) {
+            Some(Due::KeepAlive(_)) => asked.push(at),
             Some(Due::SourceLost(source)) => {
                 assert_eq!(source, Eui64::of_mote(MoteId(0)));
-                break at_ns;
+                break at;
             }
             _ => {}
         }
     };
     // Three times 10 s and 17.5 s, whatever the clock; half of the guard time is not used up by then.
-    assert!((222 * s + s / 2..=230 * s).contains(&asked_ns[0]), "{asked_ns:?}");
-    assert!(3 <= asked_ns.len(), "{asked_ns:?}");
-    assert_eq!(lost_ns, 252 * s + s / 2);
+    assert!((222 * s + s / 2..=230 * s).contains(&asked[0].ns()), "{asked:?}");
+    assert!(3 <= asked.len(), "{asked:?}");
+    assert_eq!(lost, SimTime::from_ns(252 * s + s / 2));
     assert!(worst_ns < 550_000, "{worst_ns}");
     // It may be told to ask as often as before.
     let config = settings("[mac]\nmax_keep_alive_s = 10.0\n").mac;
-    assert!(heard_for(&config, 200).poll_timeout(&config).unwrap() <= 210 * s);
+    assert!(heard_for(&config, 200).poll_timeout(&config).unwrap() <= SimTime::from_ns(210 * s));
     // Without, all is as set, and the clock has left the guard time before another minute is over.
     let config = settings("[mac]\nadaptive_synchronization = false\nmax_drift_ppm = 100.0\n").mac;
     let mac = heard_for(&config, 200);
-    assert!(mac.poll_timeout(&config).unwrap() <= 210 * s);
-    assert!(1_100_000 < mac.deviation_ns(260 * s).abs(), "{}", mac.deviation_ns(260 * s));
+    assert!(mac.poll_timeout(&config).unwrap() <= SimTime::from_ns(210 * s));
+    assert!(
+        1_100_000 < mac.deviation_ns(SimTime::from_ns(260 * s)).abs(),
+        "{}",
+        mac.deviation_ns(SimTime::from_ns(260 * s))
+    );
 }
 
 #[test]
@@ -216,13 +243,16 @@ fn a_mote_that_has_no_source_any_more_runs_free_as_long_as_its_clock_holds() {
     let s = 1_000_000_000;
     let mut mac = heard_for(&config, 400);
     mac.lose_time_source(&config);
-    let lost_ns = mac.poll_timeout(&config).unwrap();
-    assert!((500 * s..=700 * s).contains(&lost_ns), "{lost_ns}");
-    assert!(mac.deviation_ns(lost_ns).abs() < 550_000, "{}", mac.deviation_ns(lost_ns));
+    let lost = mac.poll_timeout(&config).unwrap();
+    assert!((500 * s..=700 * s).contains(&lost.ns()), "{lost:?}");
+    assert!(mac.deviation_ns(lost).abs() < 550_000, "{}", mac.deviation_ns(lost));
     // One that knows nothing of its clock looks for a network when it would have lost its source.
     let mut mac = heard_for(&config, 5);
     mac.lose_time_source(&config);
-    assert_eq!(mac.poll_timeout(&config), Some(5 * s + config.desynchronise_ns));
+    assert_eq!(
+        mac.poll_timeout(&config),
+        Some(SimTime::from_ns(5 * s + config.desynchronise.ns()))
+    );
 }
 
 #[test]
@@ -235,10 +265,10 @@ fn t12_a_mote_whose_source_dies_scans_1750_slots_after_it_last_heard_it() {
         bench.run(1000);
         bench.order(MoteOrder::Kill(0));
         bench.run(1);
-        let State::Synced { heard_ns, .. } = *bench.mote(1).mac.state() else {
+        let State::Synced { heard, .. } = *bench.mote(1).mac.state() else {
             panic!("synchronised")
         };
-        let heard_asn = heard_ns / SLOT_NS;
+        let heard_asn = heard / SimDuration::from_ns(SLOT_NS);
         bench.run_to(Asn(heard_asn + least));
         assert!(bench.mote(1).mac.is_synced());
         bench.run(1 + most - least);
@@ -280,8 +310,8 @@ fn t19_neighbours_stay_within_the_guard_time_and_ask_only_if_they_shall() {
         bench.frames.clear();
         for _ in 0..400 {
             bench.run(25);
-            let now_ns = bench.asn * SLOT_NS;
-            let deviation_ns = |mote: usize| bench.mote(mote).mac.deviation_ns(now_ns);
+            let now = bench.asn * SimDuration::from_ns(SLOT_NS);
+            let deviation_ns = |mote: usize| bench.mote(mote).mac.deviation_ns(now);
             for [one, other] in [[0, 1], [1, 2]] {
                 worst_ns = worst_ns.max((deviation_ns(one) - deviation_ns(other)).abs());
             }

@@ -19,6 +19,7 @@ use netsim::wire::security::FrameSecurity;
 use netsim::wire::sixp::{AnswerContent, ReturnCode, SixpAnswer, SixpBody, SixpRepr, SixpRequest};
 use physics::asn::Asn;
 use proto::ids::MoteId;
+use proto::time::SimDuration;
 use proto::types::MoteOrder;
 
 const MSF: &str = "[sf]\nkind = \"msf\"\n";
@@ -236,8 +237,8 @@ impl Lone<'_> {
             packets: &mut Packets::default(),
             seed: 1,
             asn: self.asn,
-            now_ns: self.asn * SLOT_NS,
-            received_ns: self.asn * SLOT_NS,
+            now: self.asn * SimDuration::from_ns(SLOT_NS),
+            received: self.asn * SimDuration::from_ns(SLOT_NS),
             effective_asn: self.asn,
             readiness_changed: &mut false,
             swarm: &mut Vec::new(),
@@ -333,8 +334,8 @@ fn rfc9033_12_frames_of_a_neighbour_in_quarantine_are_dropped_for_as_long_as_it_
     assert_eq!(lone.hears(Content::KeepAlive), (false, false));
     // Nor does routing think of it before.
     let known = lone.mote.rpl.neighbours().iter().find(|known| known.address == root).unwrap();
-    assert_eq!(known.unusable_until_ns, lone.mote.sf.quarantine_ends_ns(root));
-    assert!(known.unusable_until_ns.is_some());
+    assert_eq!(known.unusable_until, lone.mote.sf.quarantine_ends(root));
+    assert!(known.unusable_until.is_some());
 
     // QUARANTINE_DURATION is five minutes.
     for (after_s, expected) in [(299, (false, false)), (2, (true, true))] {

@@ -1,6 +1,7 @@
 //! Traffic between motes, which turns round at the root or at a common ancestor: RFC 6550, § 11.2.
 
 use super::bench::{Bench, EAGER, Ended, LINE, SLOT_NS, line};
+use proto::time::{SimDuration, SimTime};
 
 const APP: &str = "[[app]]\nkind = \"periodic\"\nperiod_s = 30.0\npayload_bytes = 20\n\
                    destination = \"peers\"\n";
@@ -40,10 +41,13 @@ fn all_arrive(places: &[(f64, f64)]) {
                 bench.form();
                 // Cells follow the traffic.
                 bench.run(slots(60));
-                let settled_ns = bench.asn * SLOT_NS;
+                let settled_ns = bench.asn * SimDuration::from_ns(SLOT_NS);
                 bench.run(slots(1800));
-                let of_then: Vec<&Ended> =
-                    bench.ended.iter().filter(|ended| settled_ns < ended.created_ns).collect();
+                let of_then: Vec<&Ended> = bench
+                    .ended
+                    .iter()
+                    .filter(|ended| settled_ns < SimTime::from_ns(ended.created_ns))
+                    .collect();
                 assert!(600 < of_then.len(), "{what}: {}", of_then.len());
                 let lost: Vec<_> = of_then.iter().filter(|ended| ended.lost.is_some()).collect();
                 assert!(lost.is_empty(), "{what}: {} of {}: {lost:#?}", lost.len(), of_then.len());

@@ -7,6 +7,7 @@ use netsim::wire::security::FrameSecurity::{K1, K2, Unsecured};
 use physics::asn::Asn;
 use physics::timing::Airtime;
 use proto::ids::MoteId;
+use proto::time::SimDuration;
 
 const SECURED: &str = "[security]\n";
 
@@ -20,10 +21,10 @@ fn rfc8180_4_6_beacons_have_k1_and_what_admitted_motes_send_has_k2() {
     let mut bench = Bench::new(&line(3), &format!("{LINE}{EAGER}{SECURED}"));
     bench.form();
     bench.run(10_000);
-    let joined_ns = |mote: u32| bench.mote(mote as usize).tally.first_joined_ns.unwrap();
+    let joined_ns = |mote: u32| bench.mote(mote as usize).tally.first_joined.unwrap();
     let mut n = [0; 3];
     for frame in &bench.frames {
-        let is_admitted = joined_ns(frame.source) < frame.asn * SLOT_NS;
+        let is_admitted = joined_ns(frame.source) < frame.asn * SimDuration::from_ns(SLOT_NS);
         let expected = match frame.what {
             What::Beacon { .. } => K1,
             _ if !is_admitted => Unsecured,
@@ -50,7 +51,8 @@ fn rfc9031_5_join_messages_are_unsecured_between_pledge_and_proxy_and_secured_be
         let of_way = |frame: &&&OnAir| {
             frame.source == source
                 && frame.destination == Some(destination)
-                && bench.mote(1).tally.first_joined_ns.unwrap() < frame.asn * SLOT_NS
+                && bench.mote(1).tally.first_joined.unwrap()
+                    < frame.asn * SimDuration::from_ns(SLOT_NS)
         };
         let securities: Vec<_> =
             exchange.iter().filter(of_way).map(|frame| frame.security).collect();
@@ -137,10 +139,10 @@ fn six_bytes_less_fit_a_frame() {
 fn secured_acknowledgments_keep_the_radio_on_for_six_bytes_more() {
     let radio_on_ns = |bench: &Bench| {
         let mut usage = bench.mote(1).tally.usage;
-        let with = usage.radio_on_ns(SLOT_NS, 19, &Airtime::O_QPSK_2450);
+        let with = usage.radio_on(SimDuration::from_ns(SLOT_NS), 19, &Airtime::O_QPSK_2450);
         let acks = usage.secured_acks_sent + usage.secured_acks_received;
         (usage.secured_acks_sent, usage.secured_acks_received) = (0, 0);
-        (acks, with - usage.radio_on_ns(SLOT_NS, 19, &Airtime::O_QPSK_2450))
+        (acks, with - usage.radio_on(SimDuration::from_ns(SLOT_NS), 19, &Airtime::O_QPSK_2450))
     };
     let mut bench = Bench::new(&line(2), &format!("{FULL}{EAGER}{SECURED}"));
     bench.form();
@@ -150,10 +152,10 @@ fn secured_acknowledgments_keep_the_radio_on_for_six_bytes_more() {
     let of_frames = bench.frames.iter().filter(|frame| frame.answered).count();
     assert_eq!(acks as usize, of_frames - unsecured.count(), "all were heard");
     assert!(3 < acks, "{acks}");
-    assert_eq!(longer_ns, acks * 6 * 32_000);
+    assert_eq!(longer_ns, SimDuration::from_ns(acks * 6 * 32_000));
     let mut bench = Bench::new(&line(2), &format!("{FULL}{EAGER}"));
     bench.form();
-    assert_eq!(radio_on_ns(&bench), (0, 0));
+    assert_eq!(radio_on_ns(&bench), (0, SimDuration::ZERO));
 }
 
 #[test]

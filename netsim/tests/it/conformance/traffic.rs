@@ -2,6 +2,7 @@
 
 use super::bench::{Bench, EAGER, EXACT, Ended, LINE, OnAir, SLOT_NS, What, line, own_cells};
 use physics::asn::Asn;
+use proto::time::{SimDuration, SimTime};
 use proto::types::MoteOrder;
 use std::collections::BTreeSet;
 
@@ -91,7 +92,7 @@ fn a_download_takes_an_exchange_per_block_and_stop_and_wait_bounds_its_time() {
     assert_eq!([frames(0).len(), frames(1).len()], [17, 17]);
     // Request by request and block by block, each in the first cell after the one before.
     let mut asn = frames(1)[0].asn;
-    assert!(asn * SLOT_NS > download.created_ns);
+    assert!(asn * SimDuration::from_ns(SLOT_NS) > SimTime::from_ns(download.created_ns));
     for (request, block) in frames(1)[1..].iter().zip(&frames(0)[1..]) {
         assert_eq!(request.asn, next(&bench, asn + 1, 1, MOTE_SENDS));
         assert_eq!(block.asn, next(&bench, request.asn + 1, 0, ROOT_SENDS));
@@ -103,7 +104,8 @@ fn a_download_takes_an_exchange_per_block_and_stop_and_wait_bounds_its_time() {
     let others = |mote, sends| {
         let within = |frame: &&OnAir| {
             frame.asn % SLOTS == sends
-                && (download.created_ns..download.ended_ns).contains(&(frame.asn * SLOT_NS))
+                && (download.created_ns..download.ended_ns)
+                    .contains(&(frame.asn * SimDuration::from_ns(SLOT_NS)).ns())
         };
         let others = bench.sent(mote, |what| *what != What::Udp(5683));
         others.iter().filter(within).count() as u64

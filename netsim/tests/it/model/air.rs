@@ -10,6 +10,7 @@ use physics::timing::{SYNCHRONISATION_NS, airtime_ns};
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, ordered_link};
 use proto::site::Site;
+use proto::time::SimDuration;
 
 /// Something on the air. Times (ns) count from the slot's begin.
 #[derive(Clone, Copy, Debug)]
@@ -157,7 +158,7 @@ impl World<'_> {
         if from == to {
             return None;
         }
-        let slot_begins_ns = self.asn * self.slot_ns;
+        let slot_begins_ns = (self.asn * SimDuration::from_ns(self.slot_ns)).ns();
         let sent_ns = slot_begins_ns.saturating_add_signed(emission.begins_ns);
         let end_ns = slot_begins_ns.saturating_add_signed(emission.ends_ns());
         if self.jams.silence(self.ends[to].position_m, emission.channel, sent_ns, end_ns) {

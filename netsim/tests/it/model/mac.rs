@@ -13,6 +13,7 @@ use physics::timing::Airtime;
 use proptest::prelude::*;
 use proto::ids::MoteId;
 use proto::rng::Purpose;
+use proto::time::{SimDuration, SimTime};
 use std::collections::BTreeMap;
 
 const SLOT_NS: u64 = 10_000_000;
@@ -97,10 +98,17 @@ impl Plain {
     }
 
     fn slot(&mut self, schedule: &Schedule, asn: Asn) -> Option<Sent> {
-        let now_ns = asn * SLOT_NS;
-        if !self.beacon.1 && self.beacon.0 <= now_ns {
+        let now_ns = asn * SimDuration::from_ns(SLOT_NS);
+        if !self.beacon.1 && self.beacon.0 <= now_ns.ns() {
             let (low_ns, high_ns) = (BEACON_NS * 3 / 4, BEACON_NS * 5 / 4);
-            self.beacon = (now_ns + self.dice.duration_ns(low_ns, high_ns), true);
+            self.beacon = (
+                (now_ns
+                    + self
+                        .dice
+                        .duration(SimDuration::from_ns(low_ns), SimDuration::from_ns(high_ns)))
+                .ns(),
+                true,
+            );
         }
         let cells: Vec<CellRef> = schedule.cells_at(asn).collect();
         if let Some((at, channel, to)) = self.announced.take()
@@ -219,24 +227,24 @@ fn config(dice: &mut Dice) -> Config {
     let mut pick = |choices: &[u16]| choices[dice.below(choices.len() as u64) as usize];
     Config {
         blacklist: None,
-        slot_ns: SLOT_NS,
+        slot: SimDuration::from_ns(SLOT_NS),
         hopping_sequence: (11..=26).take(usize::from(pick(&[1, 4, 16]))).collect(),
         airtime: Airtime::O_QPSK_2450,
         queue_capacity: Some(pick(&[0, 2, 5, 10])).filter(|&frames| frames != 0),
         max_retries: Some(pick(&[0, 1, 3, 99])).filter(|&retries| retries != 99),
         min_exponent: pick(&[0, 1, 2]) as u8,
         max_exponent: pick(&[3, 7]) as u8,
-        beacon_period_ns: BEACON_NS,
-        beacon_spacing_ns: 0,
+        beacon_period: SimDuration::from_ns(BEACON_NS),
+        beacon_spacing: SimDuration::ZERO,
         beacon_probability: None,
-        beacon_wait_ns: 0,
-        rejoin_wait_ns: 0,
+        beacon_wait: SimDuration::ZERO,
+        rejoin_wait: SimDuration::ZERO,
         neighbours_to_wait: 1,
         scan_dwell_slots: 100,
-        keep_alive_ns: 0,
-        desynchronise_ns: u64::MAX,
-        max_keep_alive_ns: None,
-        max_free_run_ns: 0,
+        keep_alive: SimDuration::ZERO,
+        desynchronise: SimDuration::from_ns(u64::MAX),
+        max_keep_alive: None,
+        max_free_run: SimDuration::ZERO,
         max_drift_ppm: 0.0,
         crystal_hz: 32_768,
         pending_bit: pick(&[0, 1]) == 1,
@@ -328,9 +336,10 @@ impl Pair {
             n_newer: BTreeMap::new(),
             dice: Dice::new(seed, Purpose::Mac, MoteId(9)),
         };
-        mac.start_root(0);
-        mac.enable_beacons(&config, true, 0);
-        plain.beacon = (plain.dice.duration_ns(0, BEACON_NS), false);
+        mac.start_root(SimTime::START);
+        mac.enable_beacons(&config, true, SimTime::START);
+        plain.beacon =
+            (plain.dice.duration(SimDuration::ZERO, SimDuration::from_ns(BEACON_NS)).ns(), false);
         Self { config, dice, schedule, handles, mac, plain, n_pushed: 0, n_outrun: 0 }
     }
 
@@ -384,7 +393,7 @@ impl Pair {
 
     /// What happens between slots.
     fn disturb(&mut self, asn: Asn) {
-        let now_ns = asn * SLOT_NS;
+        let now_ns = asn * SimDuration::from_ns(SLOT_NS);
         if self.dice.below(2) == 0 {
             self.push();
         }
@@ -416,7 +425,15 @@ impl Pair {
                 self.plain.frames.clear();
                 self.plain.waits.clear();
                 self.plain.announced = None;
-                self.plain.beacon = (now_ns + self.plain.dice.duration_ns(0, BEACON_NS), false);
+                self.plain.beacon = (
+                    (now_ns
+                        + self
+                            .plain
+                            .dice
+                            .duration(SimDuration::ZERO, SimDuration::from_ns(BEACON_NS)))
+                    .ns(),
+                    false,
+                );
             }
             _ => {}
         }
@@ -424,7 +441,7 @@ impl Pair {
 
     /// A slot: the MAC under test is woken only if it has asked for it.
     fn slot(&mut self, asn: Asn) -> bool {
-        let now_ns = asn * SLOT_NS;
+        let now_ns = asn * SimDuration::from_ns(SLOT_NS);
         if self.mac.poll_timeout(&self.config).is_some_and(|due_ns| due_ns <= now_ns) {
             assert_eq!(self.mac.handle_timeout(&self.config, now_ns), None);
         }

@@ -129,8 +129,8 @@ impl Plain {
             seed: self.seed,
             asn,
             effective_asn,
-            now_ns: asn * self.config.slot_ns,
-            received_ns: asn * self.config.slot_ns,
+            now: asn * self.config.slot,
+            received: asn * self.config.slot,
             readiness_changed: &mut readiness_changed,
             swarm: &mut swarm,
         };
@@ -143,9 +143,9 @@ impl Plain {
 
     /// A control period.
     pub(crate) fn period(&mut self, scenario: &Scenario, period: u64) {
-        let slot_ns = self.config.slot_ns;
+        let slot_ns = self.config.slot;
         let period_ns = period * STEP_NS;
-        let asn = period_ns / slot_ns;
+        let asn = period_ns / slot_ns.ns();
         let states = scenario.states(period);
         self.place.travel(&states);
         self.obey(scenario, period, Asn(asn));
@@ -160,7 +160,7 @@ impl Plain {
             }
         }
         self.hand_over(scenario, &states, period, Asn(asn));
-        for asn in asn..(period_ns + STEP_NS) / slot_ns {
+        for asn in asn..(period_ns + STEP_NS) / slot_ns.ns() {
             self.slot(Asn(asn), period_ns);
         }
     }
@@ -182,7 +182,7 @@ impl Plain {
                 }
                 MoteOrder::Send { mote, destination, payload } => {
                     let to = self.addresses.eui64(MoteId(destination)).global();
-                    let now_ns = asn * self.config.slot_ns;
+                    let now_ns = asn * self.config.slot;
                     let bytes = payload.len() as u32;
                     let kind = PacketPurpose::Ordered;
                     let packet =
@@ -219,7 +219,7 @@ impl Plain {
     }
 
     fn hand_over(&mut self, scenario: &Scenario, states: &AgentStates, period: u64, asn: Asn) {
-        let now_ns = asn * self.config.slot_ns;
+        let now_ns = asn * self.config.slot;
         let transport = self.settings.transport;
         for (mote, payload) in (0..).zip(scenario.payloads(period).iter()) {
             let node = &self.motes[mote as usize];
@@ -263,7 +263,7 @@ impl Plain {
         for mote in 0..self.motes.len() as u32 {
             self.with(mote, asn, asn, |mote, world| {
                 let due = mote.poll_timeout(&world.settings.mac);
-                if due.is_some_and(|due_ns| due_ns <= world.now_ns) {
+                if due.is_some_and(|due_ns| due_ns <= world.now) {
                     mote.handle_timeout(world);
                 }
             });
@@ -311,7 +311,7 @@ impl Plain {
         let other = self.addresses.mote(source).expect("it was heard");
         let other = &self.motes[other.index()].mac;
         if other.is_synced() {
-            let source_ns = other.deviation_ns(asn * self.config.slot_ns);
+            let source_ns = other.deviation_ns(asn * self.config.slot);
             self.with(mote, asn, effective_asn, |mote, world| {
                 mote.synchronise(world, source, source_ns);
             });
@@ -387,7 +387,7 @@ impl Plain {
             jams: &self.jams,
             period_ns,
             asn,
-            slot_ns: self.config.slot_ns,
+            slot_ns: self.config.slot.ns(),
         }
     }
 
@@ -398,7 +398,7 @@ impl Plain {
         sending: &[Sending],
         listening: &[Listening],
     ) -> (Vec<Emission>, Vec<Heard>) {
-        let now_ns = asn * self.config.slot_ns;
+        let now_ns = asn * self.config.slot;
         let deviation_ns = |mote: u32| self.motes[mote as usize].mac.deviation_ns(now_ns);
         let emissions: Vec<Emission> = sending
             .iter()
@@ -437,7 +437,7 @@ impl Plain {
         let mote = listening.mote;
         let bytes = sent.bytes;
         self.counts[mote as usize][3] += 1;
-        let now_ns = asn * self.config.slot_ns;
+        let now_ns = asn * self.config.slot;
         let source_ns = self.motes[sent.sender as usize].mac.deviation_ns(now_ns);
         if is_swarms(&sent.frame) && !listening.scans {
             let node = &mut self.motes[mote as usize];
@@ -509,7 +509,7 @@ impl Plain {
 
     fn finish(&mut self, asn: Asn, sent: Sending) {
         let Sending { sender, transmission, frame, bytes, answered_by, acknowledged } = sent;
-        let now_ns = asn * self.config.slot_ns;
+        let now_ns = asn * self.config.slot;
         let source_ns = answered_by
             .filter(|_| acknowledged)
             .map_or(0, |mote| self.motes[mote as usize].mac.deviation_ns(now_ns));

@@ -11,6 +11,7 @@ use crate::reception::o_qpsk::OQpsk as NoiseCurve;
 use crate::timing::{BYTE_NS, SYNCHRONISATION_NS, airtime_ns};
 use proto::ids::MoteId;
 use proto::rng::{Draws, ordered_link};
+use proto::time::SimDuration;
 
 /// Who hears whom how strongly, and with which probability; the first index is the sender.
 pub(super) struct Matrix {
@@ -59,7 +60,7 @@ const SEED: u64 = 11;
 const CHANNEL: u8 = 17;
 
 fn slot(asn: Asn) -> Slot {
-    Slot { asn, begins_ns: asn * 10_000_000 }
+    Slot { asn, begins_ns: (asn * SimDuration::from_ns(10_000_000)).ns() }
 }
 
 pub(super) fn o_qpsk() -> Box<dyn Rule> {

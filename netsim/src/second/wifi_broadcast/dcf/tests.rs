@@ -1,10 +1,11 @@
 use super::*;
 use proto::ids::MoteId;
+use proto::time::{SimDuration, SimTime};
 
 const TIMING: Timing = Timing {
-    slot_ns: 20_000,
-    difs_ns: 50_000,
-    preamble_ns: 192_000,
+    slot: SimDuration::from_ns(20_000),
+    difs: SimDuration::from_ns(50_000),
+    preamble: SimDuration::from_ns(192_000),
     bit_ns: 1000.0,
     overhead_bytes: 64,
     window: 16,
@@ -25,26 +26,27 @@ fn payload() -> Bytes {
 /// 192 µs and 100 bytes at 1 Mbit/s.
 const AIRTIME_NS: u64 = 992_000;
 
-fn run(dcf: &mut Dcf, arrivals: &[(u64, u32)], n: u32, until_ns: u64, seed: u64) -> Carried {
+fn run(dcf: &mut Dcf, arrivals: &[(u64, u32)], n: u32, until: SimTime, seed: u64) -> Carried {
     let mut carried = Carried::default();
-    let arrivals = arrivals.iter().map(|&(at_ns, id)| (at_ns, id, payload())).collect();
-    dcf.run(arrivals, until_ns, seed, &mut all(n), &mut carried);
+    let arrivals =
+        arrivals.iter().map(|&(at_ns, id)| (SimTime::from_ns(at_ns), id, payload())).collect();
+    dcf.run(arrivals, until, seed, &mut all(n), &mut carried);
     carried
 }
 
 #[test]
 fn a_frame_that_finds_the_medium_idle_is_sent_at_once_and_received_by_all() {
     let mut dcf = Dcf::new(TIMING, 4);
-    let carried = run(&mut dcf, &[(100_000, 2)], 4, 10_000_000, 1);
+    let carried = run(&mut dcf, &[(100_000, 2)], 4, SimTime::from_ns(10_000_000), 1);
     let [frame] = &carried.frames[..] else { panic!("{carried:?}") };
-    assert_eq!((frame.sent_ns, frame.end_ns), (100_000, 100_000 + AIRTIME_NS));
+    assert_eq!((frame.sent.ns(), frame.end.ns()), (100_000, 100_000 + AIRTIME_NS));
     assert_eq!(frame.receivers, [(0, -50.0), (1, -50.0), (3, -50.0)]);
 }
 
 #[test]
 fn frames_that_begin_at_the_same_instant_are_lost_and_hidden_ones_too() {
     let mut dcf = Dcf::new(TIMING, 3);
-    let carried = run(&mut dcf, &[(100_000, 0), (100_000, 1)], 3, 10_000_000, 1);
+    let carried = run(&mut dcf, &[(100_000, 0), (100_000, 1)], 3, SimTime::from_ns(10_000_000), 1);
     assert!(carried.frames.iter().all(|frame| frame.receivers.is_empty()));
     // 0 and 2 hear 1 alone, and do not sense each other.
     let mut line = |sender: MoteId| {
@@ -52,9 +54,11 @@ fn frames_that_begin_at_the_same_instant_are_lost_and_hidden_ones_too() {
         HeardBy { received: sensed.iter().map(|&id| (id, 0.0)).collect(), sensed }
     };
     let mut carried = Carried::default();
-    let arrivals = vec![(100_000, 0, payload()), (500_000, 2, payload())];
-    Dcf::new(TIMING, 3).run(arrivals, 10_000_000, 1, &mut line, &mut carried);
-    assert_eq!(carried.frames[1].sent_ns, 500_000, "nothing is sensed");
+    let arrivals = [(100_000, 0), (500_000, 2)]
+        .map(|(at_ns, id)| (SimTime::from_ns(at_ns), id, payload()))
+        .to_vec();
+    Dcf::new(TIMING, 3).run(arrivals, SimTime::from_ns(10_000_000), 1, &mut line, &mut carried);
+    assert_eq!(carried.frames[1].sent, SimTime::from_ns(500_000), "nothing is sensed");
     assert!(carried.frames.iter().all(|frame| frame.receivers.is_empty()));
 }
 
@@ -71,7 +75,7 @@ fn val_one_round_of_contention_has_the_closed_form_of_distinct_draws() {
             let mut arrivals = vec![(0, n)];
             arrivals.extend((0..n).map(|id| (500_000, id)));
             arrivals[0].0 = 60_000;
-            let carried = run(&mut dcf, &arrivals, n + 1, 100_000_000, seed);
+            let carried = run(&mut dcf, &arrivals, n + 1, SimTime::from_ns(100_000_000), seed);
             assert_eq!(carried.frames.len(), n as usize + 1);
             let received = carried.frames[1..].iter().filter(|frame| !frame.receivers.is_empty());
             n_received += received.count() as f64;
@@ -132,8 +136,8 @@ fn val_two_saturated_stations_collide_as_the_markov_chain_says() {
     let mut frames = Vec::new();
     // A new payload waits whenever a frame has ended.
     for k in 0..90_000u64 {
-        let at_ns = k * 500_000;
-        let carried = run(&mut dcf, &[(at_ns, 0), (at_ns, 1)], 2, at_ns + 500_000, 3);
+        let at = k * 500_000;
+        let carried = run(&mut dcf, &[(at, 0), (at, 1)], 2, SimTime::from_ns(at + 500_000), 3);
         frames.extend(carried.frames);
     }
     let lost = frames.iter().filter(|frame| frame.receivers.is_empty()).count() as f64;
@@ -150,20 +154,17 @@ fn val_two_saturated_stations_collide_as_the_markov_chain_says() {
 #[test]
 fn stopping_and_restoring_changes_nothing() {
     let arrivals: Vec<(u64, u32)> = (0..80).map(|k| (k * 700_000, (k % 5) as u32)).collect();
-    let whole = run(&mut Dcf::new(TIMING, 5), &arrivals, 5, 60_000_000, 9);
+    let whole = run(&mut Dcf::new(TIMING, 5), &arrivals, 5, SimTime::from_ns(60_000_000), 9);
     let mut parts = Carried::default();
     let mut dcf = Dcf::new(TIMING, 5);
     for k in 0..6000 {
-        let (from_ns, until_ns) = (k * 10_000, (k + 1) * 10_000);
-        let now: Vec<(u64, u32)> = arrivals
-            .iter()
-            .copied()
-            .filter(|(at_ns, _)| (from_ns..until_ns).contains(at_ns))
-            .collect();
+        let (from, until) = (k * 10_000, (k + 1) * 10_000);
+        let now: Vec<(u64, u32)> =
+            arrivals.iter().copied().filter(|(at, _)| (from..until).contains(at)).collect();
         let mut restored = Dcf::new(TIMING, 5);
         assert!(restored.resume(&dcf.state()));
         dcf = restored;
-        parts.frames.extend(run(&mut dcf, &now, 5, until_ns, 9).frames);
+        parts.frames.extend(run(&mut dcf, &now, 5, SimTime::from_ns(until), 9).frames);
     }
     assert!(20 < whole.frames.len());
     assert_eq!(parts, whole);

@@ -11,11 +11,11 @@ fn answered(code: ReturnCode) -> Network {
     network.mute = Some(0);
     network.motes[1].msf.missing.tx = 1;
     network.tell(1, |msf, cx| msf.drive(cx));
-    let (root, now_ns) = (network.address(0), network.now_ns());
+    let (root, now) = (network.address(0), network.now());
     let seqnum = network.motes[1].sixtop.seqnum(root);
     let body = SixpBody::Response(SixpAnswer { code, content: AnswerContent::Nothing });
     let message = SixpRepr { version: 0, sfid: SFID, seqnum, body };
-    network.motes[1].sixtop.handle_message(root, &message, now_ns);
+    network.motes[1].sixtop.handle_message(root, &message, now);
     network.tell(1, |_, _| ());
     network
 }

@@ -8,9 +8,10 @@ use crate::wire::sixp::SixpRepr;
 use physics::asn::Asn;
 use proto::ids::MoteId;
 use proto::rng::Purpose;
+use proto::time::{SimDuration, SimTime};
 use std::collections::VecDeque;
 
-const SLOT_NS: u64 = 10_000_000;
+const SLOT: SimDuration = SimDuration::from_ms(10);
 const MAX_ATTEMPTS: u8 = 6;
 
 pub(in crate::sf) struct Mote<P = Rfc9033> {
@@ -69,13 +70,13 @@ impl Network {
 impl<P: Policy> Network<P> {
     /// Motes of another policy than RFC 9033's.
     pub(in crate::sf) fn with_policy(n: u32, config: MsfConfig, seed: u64, policy: P) -> Self {
-        let slotframe_ns = u64::from(config.slotframe_slots) * SLOT_NS;
+        let slotframe = u64::from(config.slotframe_slots) * SLOT;
         let mote = |number: u32| Mote {
             own: Eui64::of_mote(MoteId(number)),
             msf: Msf::with_policy(&config, policy.clone()),
             sixtop: Sixtop::new(sixtop::Config {
                 sfid: SFID,
-                slotframe_ns,
+                slotframe,
                 max_retries: 5,
                 max_be: 3,
             }),
@@ -110,8 +111,8 @@ impl<P: Policy> Network<P> {
         self.motes[mote].own
     }
 
-    pub(in crate::sf) fn now_ns(&self) -> u64 {
-        self.asn * SLOT_NS
+    pub(in crate::sf) fn now(&self) -> SimTime {
+        self.asn * SLOT
     }
 
     pub(in crate::sf) fn queue_len(&self, mote: usize) -> usize {
@@ -136,8 +137,8 @@ impl<P: Policy> Network<P> {
         mote: usize,
         what: impl FnOnce(&mut Msf<P>, &mut Context<'_>),
     ) {
-        let (asn, now_ns) = (self.asn, self.now_ns());
-        self.motes[mote].tell(asn, now_ns, what);
+        let (asn, now) = (self.asn, self.now());
+        self.motes[mote].tell(asn, now, what);
         self.pump(mote);
     }
 
@@ -153,8 +154,8 @@ impl<P: Policy> Network<P> {
         let seqnum = self.motes[to].sixtop.seqnum(self.address(from));
         let body = SixpBody::Request(what);
         let message = SixpRepr { version: 0, sfid: SFID, seqnum, body };
-        let (from, now_ns) = (self.address(from), self.now_ns());
-        self.motes[to].sixtop.handle_message(from, &message, now_ns);
+        let (from, now) = (self.address(from), self.now());
+        self.motes[to].sixtop.handle_message(from, &message, now);
         self.pump(to);
     }
 
@@ -212,7 +213,7 @@ impl<P: Policy> Network<P> {
     }
 
     fn pump(&mut self, mote: usize) {
-        let (asn, now_ns) = (self.asn, self.now_ns());
+        let (asn, now) = (self.asn, self.now());
         loop {
             let this = &mut self.motes[mote];
             if let Some(peer) = this.sixtop.poll_purge() {
@@ -234,7 +235,7 @@ impl<P: Policy> Network<P> {
                     Event::Inconsistent { .. } => this.n_inconsistent += 1,
                     _ => {}
                 }
-                this.tell(asn, now_ns, |msf, cx| msf.handle_event(cx, event));
+                this.tell(asn, now, |msf, cx| msf.handle_event(cx, event));
             } else {
                 return;
             }
@@ -242,29 +243,29 @@ impl<P: Policy> Network<P> {
     }
 
     fn update_queue(&mut self, mote: usize, neighbour: Eui64) {
-        let (asn, now_ns) = (self.asn, self.now_ns());
+        let (asn, now) = (self.asn, self.now());
         let this = &mut self.motes[mote];
         let waits = this.queue.iter().any(|frame| frame.to == neighbour);
-        this.tell(asn, now_ns, |msf, cx| msf.handle_queue(cx, neighbour, waits));
+        this.tell(asn, now, |msf, cx| msf.handle_queue(cx, neighbour, waits));
     }
 
     fn slot(&mut self) {
-        let (asn, now_ns) = (self.asn, self.now_ns());
+        let (asn, now) = (self.asn, self.now());
         for mote in 0..self.motes.len() {
             if self.gone == Some(mote) {
                 continue;
             }
             let this = &mut self.motes[mote];
-            let is_due = |at_ns: Option<u64>| at_ns.is_some_and(|at_ns| at_ns <= now_ns);
+            let is_due = |at: Option<SimTime>| at.is_some_and(|at| at <= now);
             if is_due(this.sixtop.poll_timeout()) {
-                this.sixtop.handle_timeout(now_ns);
+                this.sixtop.handle_timeout(now);
                 self.pump(mote);
             }
             let this = &mut self.motes[mote];
             if is_due(this.msf.poll_timeout()) {
                 self.tell(mote, |msf, cx| msf.handle_timeout(cx));
-                let next_ns = self.motes[mote].msf.poll_timeout();
-                assert!(next_ns.is_none_or(|next_ns| now_ns < next_ns), "timeouts pass");
+                let next = self.motes[mote].msf.poll_timeout();
+                assert!(next.is_none_or(|next| now < next), "timeouts pass");
             }
         }
         // Who transmits: the cell, and the place of the frame in the queue.
@@ -326,12 +327,12 @@ impl<P: Policy> Network<P> {
         receiver: Option<usize>,
         acknowledged: bool,
     ) {
-        let (asn, now_ns) = (self.asn, self.now_ns());
+        let (asn, now) = (self.asn, self.now());
         let from = self.address(mote);
         let this = &mut self.motes[mote];
         this.queue[place].n_attempts += 1;
         this.schedule.count_tx(at, acknowledged);
-        this.tell(asn, now_ns, |msf, cx| msf.handle_transmitted(cx, at, Some(acknowledged), 0));
+        this.tell(asn, now, |msf, cx| msf.handle_transmitted(cx, at, Some(acknowledged), 0));
         if at.cell.options.shared && !acknowledged {
             this.backoff = this.dice.below(8);
         }
@@ -342,12 +343,12 @@ impl<P: Policy> Network<P> {
             let other = &mut self.motes[receiver];
             if let Some(heard) = other.schedule.listens(asn) {
                 other.schedule.count_rx(&heard);
-                other.tell(asn, now_ns, |msf, cx| msf.handle_received(cx, &heard, from, 0));
+                other.tell(asn, now, |msf, cx| msf.handle_received(cx, &heard, from, 0));
             }
             if let Some(message) = &message
                 && self.mute != Some(receiver)
             {
-                other.sixtop.handle_message(from, message, now_ns);
+                other.sixtop.handle_message(from, message, now);
                 self.pump(receiver);
             }
         }
@@ -355,7 +356,7 @@ impl<P: Policy> Network<P> {
             self.motes[mote].queue.remove(place);
             self.update_queue(mote, to);
             if let Some(message) = &message {
-                self.motes[mote].sixtop.handle_sent(to, message, acknowledged, now_ns);
+                self.motes[mote].sixtop.handle_sent(to, message, acknowledged, now);
             }
         }
         self.pump(mote);
@@ -363,13 +364,13 @@ impl<P: Policy> Network<P> {
 }
 
 impl<P: Policy> Mote<P> {
-    fn tell(&mut self, asn: Asn, now_ns: u64, what: impl FnOnce(&mut Msf<P>, &mut Context<'_>)) {
+    fn tell(&mut self, asn: Asn, now: SimTime, what: impl FnOnce(&mut Msf<P>, &mut Context<'_>)) {
         let mut cx = Context {
             own: self.own,
             is_root: self.is_root,
             asn,
-            now_ns,
-            slot_ns: SLOT_NS,
+            now,
+            slot: SLOT,
             n_channels: 16,
             parent: self.parent,
             schedule: &mut self.schedule,
