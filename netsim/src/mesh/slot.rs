@@ -1,24 +1,26 @@
 //! One slot: ask what everybody sends, resolve what arrives, tell everybody.
 
+mod receive;
+
 use super::hush::Known;
 use super::inbox::Sent;
 use super::network::Mesh;
 use super::scratch::{Scratch, Sending};
 use crate::app::ports::SWARM_PORT;
-use crate::energy::{ACK_BYTES, SlotUse};
+use crate::energy::SlotUse;
 use crate::mac::tsch::{Listening, Outgoing, channel_of};
 use crate::mote::settings::Settings;
-use crate::mote::up::Arrived;
 use crate::wire::datagram::Upper;
 use crate::wire::fragment::LowpanRepr;
 use crate::wire::frame::{AckRepr, Content, FrameRepr};
 use bytes::Bytes;
 use physics::asn::Asn;
-use physics::medium::slot::{self, Acknowledgment, OnAir, Paths as _, Reception, Slot};
+use physics::medium::slot::{self, OnAir, Paths as _, Reception, Slot};
 use physics::timing::TX_ACK_DELAY_NS;
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, ordered_link};
 use proto::time::{SimDuration, SimTime};
+use receive::Received;
 
 /// The payload that a frame carries to everyone, if it is the swarm's.
 fn swarm_payload(frame: &FrameRepr) -> Option<&Bytes> {
@@ -286,7 +288,9 @@ impl Mesh {
                 Reception::Received { transmission, rssi_dbm } => {
                     let sent = &mut sending[transmission as usize];
                     sent.n_received += 1;
-                    self.receive(*mote, listening, transmission, sent, rssi_dbm, asn);
+                    let mote = *mote;
+                    let received = Received { mote, listening, transmission, rssi_dbm, asn };
+                    self.receive(&received, sent);
                 }
             }
         }
@@ -317,113 +321,6 @@ impl Mesh {
         }
         if !listening.scans {
             tally.usage.count(used);
-        }
-    }
-
-    fn receive(
-        &mut self,
-        mote: MoteId,
-        listening: &Listening,
-        index: u32,
-        sent: &mut Sending,
-        rssi_dbm: f64,
-        asn: Asn,
-    ) {
-        let now = asn * self.config.slot;
-        let bytes = sent.psdu_bytes;
-        self.state.motes[mote.index()].tally.n_rx += 1;
-        let on_air = self.scratch.on_air[index as usize];
-        let source_ns = on_air.starts_ns;
-        // Within the slot, however far off a clock is that scanning motes hear all the same.
-        let received = moment(asn, self.config.slot, on_air.ends_ns(&self.settings.mac.airtime))
-            .clamp(now, now + self.config.slot - SimDuration::from_ns(1));
-        self.note_heard(mote, sent.sender, rssi_dbm);
-        let node = &mut self.state.motes[mote.index()];
-        if !node.takes(&self.settings, sent.frame()) {
-            node.tally.n_insecure += 1;
-            return self.note_use(mote, listening, SlotUse::Overhear { bytes });
-        }
-        if let (Some(payload), false) = (sent.payload, listening.scans) {
-            // The swarm's payload for everyone: nothing above the MAC changes but what the robot knows.
-            let frame = sent.frame();
-            let node = &mut self.state.motes[mote.index()];
-            node.mac.handle_frame(
-                &self.settings.mac,
-                frame.source,
-                None,
-                Some(frame.sequence),
-                asn,
-                source_ns,
-            );
-            // Its clock may be relied on for less long than before.
-            let wakes = node.mac.poll_timeout(&self.settings.mac);
-            if wakes.is_some_and(|at| at < self.due[mote.index()]) {
-                self.scratch.touched.push(mote);
-            }
-            if let (Some(at), false) = (&listening.at, listening.is_background) {
-                node.schedule.count_rx(at);
-            }
-            if let (Some(at), true) = (&listening.at, frame.slots.is_some()) {
-                let (node, mut world) = self.mote_and_world(mote, asn);
-                node.handle_announcement(&mut world, at, frame);
-            }
-            let end = now + self.config.slot;
-            self.inbox.hear(mote, payload, end, rssi_dbm as f32, 1);
-            return self.note_use(mote, listening, SlotUse::RxBroadcast { bytes });
-        }
-        let arrived = Arrived {
-            frame: sent.frame(),
-            at: listening.at,
-            channel: listening.channel,
-            source_ns,
-            rssi_dbm,
-        };
-        if let (Some(destination), false) = (arrived.frame.destination, listening.scans)
-            && destination != self.state.motes[mote.index()].address
-        {
-            // Nobody above the MAC learns of it, and no timer depends on it.
-            let (node, mut world) = self.mote_and_world(mote, asn);
-            node.handle_frame(&mut world, &arrived);
-            return self.note_use(mote, listening, SlotUse::Overhear { bytes });
-        }
-        // By its clock as it was then: the frame may correct it.
-        let expected = self.state.motes[mote.index()].mac.deviation_ns(now);
-        let (node, mut world) = self.mote_and_world(mote, asn);
-        world.effective_asn = asn + 1;
-        world.received = received;
-        let n_brought = world.swarm.len();
-        let (verdict, has_changed) = node.take_in(&mut world, &arrived);
-        let acknowledges = verdict.acknowledge;
-        for brought in &mut world.swarm[n_brought..] {
-            brought.rssi_dbm = rssi_dbm as f32;
-        }
-        self.synchronise_if_wanted(mote, asn, asn + 1);
-        let used = if acknowledges {
-            SlotUse::RxUnicast { bytes }
-        } else if sent.frame().destination.is_none() {
-            SlotUse::RxBroadcast { bytes }
-        } else {
-            SlotUse::Overhear { bytes }
-        };
-        self.note_use(mote, listening, used);
-        if has_changed {
-            self.scratch.touched.push(mote);
-        }
-        if acknowledges {
-            if let Outgoing::Frame(queued) = &mut sent.transmission.outgoing {
-                queued.has_arrived |= verdict.deliver;
-            }
-            sent.answered_by = Some(mote);
-            sent.correction_ns = expected - on_air.starts_ns;
-            let security = sent.frame().security;
-            if security.is_secured() {
-                self.state.motes[mote.index()].tally.usage.secured_acks_sent += 1;
-            }
-            self.scratch.answers.push(Acknowledgment {
-                transmission: index,
-                receiver: mote,
-                psdu_bytes: ACK_BYTES + security.overhead() as u16,
-            });
         }
     }
 
