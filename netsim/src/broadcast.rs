@@ -109,7 +109,7 @@ impl Broadcast {
             .collect();
         let lift_m = place::lift_m(self.config.antenna_height_m, input.states);
 
-        let mut time = input.until_ns;
+        let mut time_ns = input.until_ns;
         let mut frames = Vec::new();
         let mut outcomes = Vec::new();
         for batch in self.batches(input, &on) {
@@ -118,12 +118,12 @@ impl Broadcast {
             let is_heard = input.stop_at_first_delivery && n_deliveries(&outcome.heard) != 0;
             outcomes.push(outcome);
             if let (true, Some(&(_, sent))) = (is_heard, batch.frames.first()) {
-                time = input.until_ns.min((sent + self.config.slot).ns());
+                time_ns = input.until_ns.min((sent + self.config.slot).ns());
                 break;
             }
         }
         let deliveries = self.deliveries(&frames, outcomes, input.payloads);
-        NetOutput { time_ns: time, deliveries, motes, ..NetOutput::default() }
+        NetOutput { time_ns, deliveries, motes, ..NetOutput::default() }
     }
 
     /// The frames that begin within the step, by period; by slot where the first delivery ends the step.

@@ -24,7 +24,7 @@ use proto::effect::only::refuse_runs;
 use proto::ids::MoteId;
 use proto::side::Setup;
 use proto::time::SimDuration;
-use proto::types::{MoteCommandKind, NS_PER_S, seconds};
+use proto::types::{MoteCommandKind, seconds};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

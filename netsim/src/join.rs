@@ -23,7 +23,6 @@ use crate::wire::datagram::{UdpRepr, Upper};
 use crate::wire::frame::NETWORK_PAN;
 use crate::wire::security::Keys;
 use proto::time::SimDuration;
-use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
 

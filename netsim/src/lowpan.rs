@@ -23,7 +23,6 @@ use crate::wire::datagram::Datagram;
 use crate::wire::fragment::{Fragment, LowpanRepr};
 use buffer::{Added, Buffer};
 use proto::time::{SimDuration, SimTime};
-use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -23,7 +23,6 @@ use bytes::Bytes;
 use proto::config::{Choice, OneOf, Problem, Section, Variant, join, variant};
 use proto::ids::MoteId;
 use proto::time::{SimDuration, SimTime};
-use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 

@@ -8,7 +8,6 @@ use proto::config::Section;
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
 use proto::time::{SimDuration, SimTime};
-use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, VecDeque};
 

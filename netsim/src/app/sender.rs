@@ -6,7 +6,6 @@ use crate::dice::Dice;
 use proto::config::{Choice, OneOf, Section};
 use proto::ids::MoteId;
 use proto::time::SimTime;
-use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 
 /// Longest UDP payload (bytes).

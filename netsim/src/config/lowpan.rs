@@ -3,7 +3,6 @@
 use crate::lowpan::{Config, Mode};
 use proto::config::{Choice, Section, TableSpec};
 use proto::time::SimDuration;
-use proto::types::NS_PER_S;
 
 /// Description of `[netsim.lowpan]`.
 pub(super) const SPEC: TableSpec = Keys::SPEC;

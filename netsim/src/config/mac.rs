@@ -6,7 +6,6 @@ use crate::mac::{blacklist, effect};
 use physics::timing::Airtime;
 use proto::config::{Problem, Section, TableSpec, join};
 use proto::time::SimDuration;
-use proto::types::NS_PER_S;
 
 /// Description of `[netsim.mac]`.
 pub(super) const SPEC: TableSpec = Keys::SPEC;

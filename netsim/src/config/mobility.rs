@@ -6,7 +6,6 @@ use crate::rpl::Handover;
 use proto::config::{Problem, Section, TableSpec, join};
 use proto::ids::MoteId;
 use proto::time::SimDuration;
-use proto::types::NS_PER_S;
 
 /// Description of `[netsim.mobility]`.
 pub(super) const SPEC: TableSpec = Keys::SPEC;

@@ -4,7 +4,6 @@ use crate::mote::compat::Compat;
 use crate::rpl::{Config, Mode, Objective, Solicitation};
 use proto::config::{Choice, Section, TableSpec};
 use proto::time::SimDuration;
-use proto::types::NS_PER_S;
 
 /// Description of `[netsim.rpl]`.
 pub(super) const SPEC: TableSpec = Keys::SPEC;

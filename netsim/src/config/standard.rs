@@ -6,7 +6,6 @@ use physics::model::Model;
 use physics::standard::Entry;
 use proto::config::{Node, Problem, Value, join};
 use proto::time::SimDuration;
-use proto::types::seconds;
 
 /// Reports written channels that the physical layer does not have, even if others are no channels at all.
 pub(super) fn check_channels(

@@ -124,7 +124,7 @@ fn the_radio_is_on_for_the_frame_the_guard_time_and_the_acknowledgment() {
         usage.count(slot);
         usage.radio_on(SimDuration::from_ns(SLOT_NS), 19, &Airtime::O_QPSK_2450)
     };
-    let (frame_ns, ack) = ((6 + 127) * 32_000, (6 + 19) * 32_000);
+    let (frame_ns, ack_ns) = ((6 + 127) * 32_000, (6 + 19) * 32_000);
     let bytes = 127;
     assert_eq!(on(SlotUse::Sleep), SimDuration::ZERO);
     assert_eq!(on(SlotUse::IdleListen), SimDuration::from_ns(2_200_000));
@@ -132,7 +132,7 @@ fn the_radio_is_on_for_the_frame_the_guard_time_and_the_acknowledgment() {
     assert_eq!(on(SlotUse::TxBroadcast { bytes }), SimDuration::from_ns(frame_ns));
     assert_eq!(
         on(SlotUse::TxUnicast { bytes, acked: true }),
-        SimDuration::from_ns(frame_ns + 200_000 + ack)
+        SimDuration::from_ns(frame_ns + 200_000 + ack_ns)
     );
     assert_eq!(
         on(SlotUse::TxUnicast { bytes, acked: false }),
@@ -140,7 +140,10 @@ fn the_radio_is_on_for_the_frame_the_guard_time_and_the_acknowledgment() {
     );
     assert_eq!(on(SlotUse::RxBroadcast { bytes }), SimDuration::from_ns(1_100_000 + frame_ns));
     assert_eq!(on(SlotUse::Overhear { bytes }), SimDuration::from_ns(1_100_000 + frame_ns));
-    assert_eq!(on(SlotUse::RxUnicast { bytes }), SimDuration::from_ns(1_100_000 + frame_ns + ack));
+    assert_eq!(
+        on(SlotUse::RxUnicast { bytes }),
+        SimDuration::from_ns(1_100_000 + frame_ns + ack_ns)
+    );
 }
 
 fn any_use() -> impl Strategy<Value = SlotUse> {

@@ -7,7 +7,6 @@ use crate::wire::Eui64;
 use crate::wire::cojp::CojpRepr;
 use crate::wire::datagram::code_points;
 use proto::time::{SimDuration, SimTime};
-use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 use std::net::Ipv6Addr;
 

@@ -262,12 +262,12 @@ mod tests {
         learn(&mut clock, (0..140).step_by(5), |_| 0);
         assert_eq!(clock.runs_free(), None);
         learn(&mut clock, 140..=140, |_| 0);
-        let known_ns = clock.runs_free();
-        assert!(known_ns.is_some());
+        let known = clock.runs_free();
+        assert!(known.is_some());
         // Another source does not make it forget how fast it is itself.
         let mut dice = Dice::new(2, Purpose::Mac, MoteId(2));
         clock.learn(Eui64::of_mote(MoteId(5)), 0, SimTime::from_ns(141 * S), &mut dice);
-        assert_eq!(clock.runs_free(), known_ns);
+        assert_eq!(clock.runs_free(), known);
         let mut restless = Clock::new(30.0, 32_768, &mut Dice::new(1, Purpose::Mac, MoteId(1)));
         for at_s in 0..1000 {
             restless.learn(

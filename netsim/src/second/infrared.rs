@@ -8,7 +8,7 @@ use proto::config::{Range, Section, variant};
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose, ordered_link};
 use proto::time::{SimDuration, SimTime};
-use proto::types::{NS_PER_S, seconds};
+use proto::types::NS_PER_S;
 use serde::{Deserialize, Serialize};
 
 /// `kind = "infrared"`.

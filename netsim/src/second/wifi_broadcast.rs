@@ -8,7 +8,7 @@ use proto::config::{Choice, Range, Section, variant};
 use proto::ids::MoteId;
 use proto::rng::{Draws, Purpose};
 use proto::time::{SimDuration, SimTime};
-use proto::types::{NS_PER_S, seconds};
+use proto::types::NS_PER_S;
 
 pub mod dcf;
 
