@@ -180,9 +180,12 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
 fn numeric_constants(text: &str) -> Vec<&str> {
     let end = text.rfind("#[cfg(test)]\nmod tests").unwrap_or(text.len());
     let declared = text[..end].lines().filter_map(|line| {
-        let line = line.trim_start();
-        let line = if line.starts_with("pub") { line.split_once(' ')?.1 } else { line };
-        let (name, rest) = line.strip_prefix("const ")?.split_once(": ")?;
+        let (visibility, declared) = line.trim_start().split_once("const ")?;
+        let is_restricted = visibility.starts_with("pub(") && visibility.ends_with(") ");
+        if !is_restricted && !["", "pub "].contains(&visibility) {
+            return None;
+        }
+        let (name, rest) = declared.split_once(": ")?;
         let kind = rest.split('=').next()?;
         let is_number = |word: &str| {
             ["f64", "f32", "usize", "u8", "u16", "u32", "u64", "i8", "i16", "i32", "i64"]
