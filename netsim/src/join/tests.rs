@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use proto::ids::MoteId;
 use proto::rng::Purpose;
 use proto::time::{SimDuration, SimTime};
+use proto::types::NS_PER_S;
 
 fn mote(n: u32) -> Eui64 {
     Eui64::of_mote(MoteId(n))
