@@ -279,7 +279,7 @@ impl App {
     }
 
     /// As [`Traffic::set_ready`].
-    pub fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>) {
+    pub(crate) fn set_ready(&mut self, is_ready: bool, cx: &mut Context<'_>) {
         self.machine().set_ready(is_ready, cx);
     }
 

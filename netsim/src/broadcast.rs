@@ -61,7 +61,7 @@ impl Broadcast {
 
     /// A network in a state that another one of the same configuration reached.
     #[must_use]
-    pub fn with_place(
+    pub(crate) fn with_place(
         experiment: Experiment,
         config: Config,
         columns: Vec<DeliveryColumn>,

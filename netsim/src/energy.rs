@@ -244,7 +244,7 @@ impl Usage {
 
     /// Slots in which the radio was on, in part or throughout.
     #[must_use]
-    pub fn active_slots(&self) -> u64 {
+    pub(crate) fn active_slots(&self) -> u64 {
         self.slots() - self.sleep
     }
 
@@ -343,7 +343,7 @@ pub fn mean_current_ua(charge_uc: f64, elapsed: SimDuration) -> Option<f64> {
 }
 
 /// A pair of AA cells (mAh), as the 6TiSCH simulator has it.
-pub const BATTERY_AA_MAH: f64 = 2821.5;
+pub(crate) const BATTERY_AA_MAH: f64 = 2821.5;
 
 /// A milliampere-hour (µC).
 pub const UC_PER_MAH: f64 = 3.6e6;

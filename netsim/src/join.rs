@@ -29,7 +29,7 @@ use std::net::Ipv6Addr;
 /// UDP ports of the join protocol.
 pub mod ports {
     /// CoAP (RFC 7252, § 6.1).
-    pub const COAP: u16 = 5683;
+    pub(crate) const COAP: u16 = 5683;
 }
 
 /// Settings of the join protocol, the same for all motes.

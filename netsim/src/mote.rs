@@ -260,7 +260,7 @@ impl Mote {
     }
 
     /// Is switched on in a network that needs no forming.
-    pub fn switch_on_ready(&mut self, world: &mut World<'_>) {
+    pub(crate) fn switch_on_ready(&mut self, world: &mut World<'_>) {
         self.tally.switch_on(world.asn);
         self.mac.start_root(world.now);
         (self.joined, self.ready) = (true, true);

@@ -74,7 +74,7 @@ impl Place {
     }
 
     /// Obstacles are elsewhere now.
-    pub fn move_obstacles(&mut self, moved: &[MovedObstacle]) {
+    pub(crate) fn move_obstacles(&mut self, moved: &[MovedObstacle]) {
         for moved in moved {
             let named = |name: &Option<String>| name.as_ref() == Some(&moved.name);
             match self.site.obstacle.iter_mut().find(|obstacle| named(&obstacle.name)) {

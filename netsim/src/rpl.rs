@@ -165,7 +165,7 @@ impl Rpl {
     }
 
     /// Through whom the mote has joined the network: the first solicitation goes there.
-    pub fn set_proxy(&mut self, proxy: Option<Eui64>) {
+    pub(crate) fn set_proxy(&mut self, proxy: Option<Eui64>) {
         self.proxy = proxy;
     }
 
@@ -215,7 +215,7 @@ impl Rpl {
     }
 
     /// A control message for this mote has come from neighbour `from`; `source` is its IPv6 source.
-    pub fn handle_message(
+    pub(crate) fn handle_message(
         &mut self,
         from: Eui64,
         source: Ipv6Addr,
@@ -236,7 +236,7 @@ impl Rpl {
     }
 
     /// A frame to a neighbour was sent `n_transmissions` times; the last one was acknowledged or not.
-    pub fn handle_link(
+    pub(crate) fn handle_link(
         &mut self,
         neighbour: Eui64,
         n_transmissions: u16,
@@ -269,7 +269,7 @@ impl Rpl {
     }
 
     /// A neighbour cannot be used: the scheduling function has given up on it, or it has rejected this mote.
-    pub fn handle_unusable(&mut self, neighbour: Eui64, now: SimTime, dice: &mut Dice) {
+    pub(crate) fn handle_unusable(&mut self, neighbour: Eui64, now: SimTime, dice: &mut Dice) {
         let hold = self.config.unusable_hold;
         let Some(known) = self.neighbours.get_mut(neighbour) else { return };
         known.mark_unusable(hold, now);
@@ -278,7 +278,7 @@ impl Rpl {
 
     /// A neighbour is in quarantine: the scheduling function has nothing to do with it until then (RFC 9033, § 12), so that
     /// it is no parent before.
-    pub fn handle_quarantine(
+    pub(crate) fn handle_quarantine(
         &mut self,
         neighbour: Eui64,
         until: SimTime,
@@ -298,19 +298,11 @@ impl Rpl {
     }
 
     /// As root: a new version of the DODAG, so that everyone finds its place anew (RFC 6550, § 3.2.2).
-    pub fn global_repair(&mut self, now: SimTime, dice: &mut Dice) {
+    pub(crate) fn global_repair(&mut self, now: SimTime, dice: &mut Dice) {
         let Some(dodag) = self.dodag.as_mut().filter(|_| self.is_root) else { return };
         dodag.version = lollipop::next(dodag.version);
         self.reset_trickle(now, dice);
         self.schedule_global_repair(now);
-    }
-
-    /// Asks everyone below for advertisements, by DTSN (RFC 6550, § 9.6).
-    pub fn refresh_routes(&mut self, now: SimTime, dice: &mut Dice) {
-        let Some(dodag) = &mut self.dodag else { return };
-        dodag.dtsn = lollipop::next(dodag.dtsn);
-        self.dtsn = dodag.dtsn;
-        self.reset_trickle(now, dice);
     }
 
     fn schedule_global_repair(&mut self, now: SimTime) {
@@ -319,18 +311,18 @@ impl Rpl {
     }
 
     /// The next message to send.
-    pub fn poll_transmit(&mut self) -> Option<Outgoing> {
+    pub(crate) fn poll_transmit(&mut self) -> Option<Outgoing> {
         self.outgoing.pop_front()
     }
 
     /// Whether there are events or messages that the layers above have not taken yet.
     #[must_use]
-    pub fn has_news(&self) -> bool {
+    pub(crate) fn has_news(&self) -> bool {
         !self.events.is_empty() || !self.outgoing.is_empty()
     }
 
     /// The next event for the layers above, removed from the queue; `None`: there is none.
-    pub fn poll_event(&mut self) -> Option<Event> {
+    pub(crate) fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
 
@@ -399,20 +391,20 @@ impl Rpl {
 
     /// Own rank in whole hops (RFC 6550, § 3.5.1).
     #[must_use]
-    pub fn dag_rank(&self) -> u16 {
+    pub(crate) fn dag_rank(&self) -> u16 {
         self.dodag.as_ref().map_or(INFINITE_RANK, |dodag| dodag.dag_rank(dodag.rank))
     }
 
     /// Whether datagrams find their way down to this mote, as far as it knows: a root, a mote whose advertisement was
     /// acknowledged or needs none, or one that advertises nothing.
     #[must_use]
-    pub fn is_reachable(&self) -> bool {
+    pub(crate) fn is_reachable(&self) -> bool {
         self.is_root || !self.config.advertises || self.dao.is_advertised
     }
 
     /// Whether nobody routes through this mote (RFC 6550, § 8.5).
     #[must_use]
-    pub fn is_leaf(&self) -> bool {
+    pub(crate) fn is_leaf(&self) -> bool {
         self.config.is_leaf
     }
 

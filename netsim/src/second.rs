@@ -36,7 +36,7 @@ use serde::{Deserialize, Serialize};
 pub const SPEC: TableSpec = Keys::SPEC;
 
 /// The key that selects a medium.
-pub const TAG: Tag =
+pub(crate) const TAG: Tag =
     Tag { key: "kind", doc: "The medium.", default: None, variants: Variants::List(LIST) };
 
 /// What descriptions call the list of media.
@@ -216,7 +216,7 @@ impl Second {
 
     /// The columns that the main network must fill in, so that both lists of deliveries can be joined.
     #[must_use]
-    pub fn main_columns(columns: &[DeliveryColumn]) -> Vec<DeliveryColumn> {
+    pub(crate) fn main_columns(columns: &[DeliveryColumn]) -> Vec<DeliveryColumn> {
         let mut columns = columns.to_vec();
         if !columns.contains(&DeliveryColumn::ReceivedNs) {
             columns.push(DeliveryColumn::ReceivedNs);

@@ -289,7 +289,7 @@ impl PayloadCells {
 
     /// Whether motes can share cells.
     #[must_use]
-    pub fn has_shared(self) -> bool {
+    pub(crate) fn has_shared(self) -> bool {
         matches!(self, Self::Shared | Self::Either)
     }
 }
@@ -392,7 +392,7 @@ impl Config {
 
     /// What should be checked before the results of a network are trusted, if anything.
     #[must_use]
-    pub fn advice(&self, network: &Formation<'_>) -> Option<String> {
+    pub(crate) fn advice(&self, network: &Formation<'_>) -> Option<String> {
         self.0.advice(network)
     }
 }
@@ -513,7 +513,7 @@ pub const SPEC: TableSpec = TableSpec {
 };
 
 /// The key that selects a scheduling function.
-pub const TAG: Tag = Tag {
+pub(crate) const TAG: Tag = Tag {
     key: "kind",
     doc: "The scheduling function.",
     default: Some(minimal::ENTRY.variant.name),

@@ -273,17 +273,17 @@ impl Sixtop {
     }
 
     /// The next message for the MAC, with its destination.
-    pub fn poll_transmit(&mut self) -> Option<(Eui64, SixpRepr)> {
+    pub(crate) fn poll_transmit(&mut self) -> Option<(Eui64, SixpRepr)> {
         self.outgoing.pop_front()
     }
 
     /// The next thing to report.
-    pub fn poll_event(&mut self) -> Option<Event> {
+    pub(crate) fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
 
     /// The next neighbour whose 6P messages are to leave the MAC's queue. No [`Sixtop::handle_sent`] need follow for them.
-    pub fn poll_purge(&mut self) -> Option<Eui64> {
+    pub(crate) fn poll_purge(&mut self) -> Option<Eui64> {
         self.purges.pop_front()
     }
 
@@ -322,7 +322,7 @@ impl Sixtop {
 
     /// What we have asked a neighbour and is not complete.
     #[must_use]
-    pub fn open_request(&self, peer: Eui64) -> Option<&SixpRequest> {
+    pub(crate) fn open_request(&self, peer: Eui64) -> Option<&SixpRequest> {
         Some(&self.peers.get(&peer)?.initiated.as_ref()?.request)
     }
 
@@ -334,7 +334,7 @@ impl Sixtop {
 
     /// Whether an open transaction may yet put a cell into a slot or take one from it (§ 3.4.3: locked).
     #[must_use]
-    pub fn is_locked(&self, slot: u16) -> bool {
+    pub(crate) fn is_locked(&self, slot: u16) -> bool {
         self.locked().any(|(_, cell)| cell.slot == slot)
     }
 

@@ -121,7 +121,7 @@ impl Spec {
 
     /// The motes with which the first root exchanges messages, if they are named, each with the key that names it.
     #[must_use]
-    pub fn other_ends(&self) -> Vec<(String, MoteId)> {
+    pub(crate) fn other_ends(&self) -> Vec<(String, MoteId)> {
         match &self.machine {
             Machine::Coap(coap) => {
                 coap.one_server().map(|mote| ("servers".to_owned(), mote)).into_iter().collect()
@@ -144,7 +144,7 @@ impl Spec {
 
     /// Whether motes exchange CoAP messages.
     #[must_use]
-    pub fn is_coap(&self) -> bool {
+    pub(crate) fn is_coap(&self) -> bool {
         matches!(self.machine, Machine::Coap(_) | Machine::Download(_))
     }
 }

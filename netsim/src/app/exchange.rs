@@ -48,14 +48,14 @@ impl Timers {
     /// MAX_TRANSMIT_WAIT (RFC 7252, § 4.8.2): from the first transmission to when the sender gives up, at most. 93 s with the
     /// RFC's parameters.
     #[must_use]
-    pub fn max_transmit_wait(&self) -> SimDuration {
+    pub(crate) fn max_transmit_wait(&self) -> SimDuration {
         self.most * ((1 << (u32::from(self.max_retransmit) + 1)) - 1)
     }
 
     /// EXCHANGE_LIFETIME (§ 4.8.2): MAX_TRANSMIT_SPAN + 2 MAX_LATENCY + PROCESSING_DELAY, from the first transmission to when its
     /// message ID may be used again. 247 s with the RFC's parameters.
     #[must_use]
-    pub fn exchange_lifetime(&self) -> SimDuration {
+    pub(crate) fn exchange_lifetime(&self) -> SimDuration {
         let max_transmit_span = self.most * ((1 << u32::from(self.max_retransmit)) - 1);
         max_transmit_span + 2 * MAX_LATENCY + self.least
     }
@@ -191,7 +191,7 @@ impl Exchange {
 
     /// Whether a message of `from` answers it.
     #[must_use]
-    pub fn is_answered_by(&self, from: MoteId, message: &CoapRepr) -> bool {
+    pub(crate) fn is_answered_by(&self, from: MoteId, message: &CoapRepr) -> bool {
         from == self.peer && message.answers(self.message_id, Token::from(self.token))
     }
 

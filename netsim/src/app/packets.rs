@@ -91,7 +91,7 @@ impl<R: Copy> Packets<R> {
 
     /// The download of an application by a mote, `destination`, sets out, unless it did before: whoever notes it first, there is
     /// one. Returns its number, and whether it is new.
-    pub fn begin_download(
+    pub(crate) fn begin_download(
         &mut self,
         app: u32,
         source: MoteId,
@@ -136,7 +136,7 @@ impl<R: Copy> Packets<R> {
     }
 
     /// Those that have ended since this was last asked.
-    pub fn take_ended(&mut self) -> Vec<Ended<R>> {
+    pub(crate) fn take_ended(&mut self) -> Vec<Ended<R>> {
         std::mem::take(&mut self.ended)
     }
 

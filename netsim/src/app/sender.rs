@@ -9,7 +9,7 @@ use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 
 /// Longest UDP payload (bytes).
-pub const MAX_PAYLOAD_BYTES: i64 = 1000;
+pub(crate) const MAX_PAYLOAD_BYTES: i64 = 1000;
 
 /// To whom packets are sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

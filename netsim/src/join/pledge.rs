@@ -110,14 +110,14 @@ impl Pledge {
     }
 
     /// The neighbour that the mote is synchronised to has changed: repetitions go through this one.
-    pub fn handle_proxy(&mut self, new: Eui64) {
+    pub(crate) fn handle_proxy(&mut self, new: Eui64) {
         if let State::Waiting { proxy, .. } = &mut self.state {
             *proxy = new;
         }
     }
 
     /// A response has come. Only one to the request that is open admits.
-    pub fn handle_response(&mut self, response: &CojpRepr) {
+    pub(crate) fn handle_response(&mut self, response: &CojpRepr) {
         let State::Waiting { message_id: open, first_sequence, .. } = self.state else { return };
         let unprotected = self.config.security.map(|security| {
             let context = Context::of_pledge(&security.join_key, self.own);
@@ -197,12 +197,12 @@ impl Pledge {
     }
 
     /// The message to be sent, if there is one.
-    pub fn poll_transmit(&mut self) -> Option<Outgoing> {
+    pub(crate) fn poll_transmit(&mut self) -> Option<Outgoing> {
         self.outgoing.take()
     }
 
     /// What has happened, in order.
-    pub fn poll_event(&mut self) -> Option<Event> {
+    pub(crate) fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
 

@@ -29,7 +29,7 @@ impl Proxy {
     }
 
     /// The registrar has sent the mean rate to forward (bytes per second); `None`: it has sent none.
-    pub fn set_join_rate(&mut self, bytes_s: Option<u32>) {
+    pub(crate) fn set_join_rate(&mut self, bytes_s: Option<u32>) {
         self.join_rate_bytes_s = bytes_s;
     }
 
@@ -38,7 +38,7 @@ impl Proxy {
     /// # Errors
     ///
     /// There is no way to the registrar, more than the join rate allows was forwarded, or it is no request of a pledge.
-    pub fn handle_request(
+    pub(crate) fn handle_request(
         &mut self,
         source: Ipv6Addr,
         request: &CojpRepr,
@@ -74,7 +74,7 @@ impl Proxy {
     /// # Errors
     ///
     /// It is no response for a pledge on the link.
-    pub fn handle_response(&self, response: &CojpRepr) -> Result<Outgoing, DropReason> {
+    pub(crate) fn handle_response(&self, response: &CojpRepr) -> Result<Outgoing, DropReason> {
         let mut message = response.clone();
         let (CojpRepr::Response { proxy_state, .. }
         | CojpRepr::ProtectedResponse { proxy_state, .. }) = &mut message

@@ -64,7 +64,7 @@ impl Registrar {
     ///
     /// The pledge is not admitted, and hears nothing; it is no request; or, in a secured network, it is not authentic or
     /// was answered before.
-    pub fn handle_request(
+    pub(crate) fn handle_request(
         &mut self,
         source: Ipv6Addr,
         request: &CojpRepr,

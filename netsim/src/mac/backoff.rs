@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Back-off of a mote: an exponent and a number of cells to wait for each neighbour it has failed to reach.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Backoff {
+pub(crate) struct Backoff {
     min_exponent: u8,
     max_exponent: u8,
     /// Ascending by neighbour; those not listed are not backed off.
@@ -22,13 +22,13 @@ struct Wait {
 impl Backoff {
     /// Exponents from `min_exponent` (macMinBe) to `max_exponent` (macMaxBe).
     #[must_use]
-    pub fn new(min_exponent: u8, max_exponent: u8) -> Self {
+    pub(crate) fn new(min_exponent: u8, max_exponent: u8) -> Self {
         Self { min_exponent, max_exponent, of: Vec::new() }
     }
 
     /// A shared cell comes up in which a frame for `neighbour` might be sent: whether it may. If not, one cell less is
     /// left to wait.
-    pub fn passes(&mut self, neighbour: Eui64) -> bool {
+    pub(crate) fn passes(&mut self, neighbour: Eui64) -> bool {
         match self.find(neighbour) {
             Ok(place) if self.of[place].1.cells != 0 => {
                 self.of[place].1.cells -= 1;
@@ -40,7 +40,7 @@ impl Backoff {
 
     /// A frame was not acknowledged in a shared cell: waits for 0 to 2^BE − 1 shared cells, BE rising from its least
     /// value by one with every further failure.
-    pub fn fail(&mut self, neighbour: Eui64, dice: &mut Dice) {
+    pub(crate) fn fail(&mut self, neighbour: Eui64, dice: &mut Dice) {
         let exponent = match self.find(neighbour) {
             Ok(place) => (self.of[place].1.exponent + 1).min(self.max_exponent),
             Err(_) => self.min_exponent,
@@ -54,21 +54,15 @@ impl Backoff {
 
     /// A frame was acknowledged in a shared cell, or the last one for this neighbour was acknowledged in another: no
     /// back-off any more.
-    pub fn succeed(&mut self, neighbour: Eui64) {
+    pub(crate) fn succeed(&mut self, neighbour: Eui64) {
         if let Ok(place) = self.find(neighbour) {
             self.of.remove(place);
         }
     }
 
     /// No back-off for anybody.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.of.clear();
-    }
-
-    /// The exponent in force for a neighbour, if it is backed off.
-    #[must_use]
-    pub fn exponent(&self, neighbour: Eui64) -> Option<u8> {
-        self.find(neighbour).ok().map(|place| self.of[place].1.exponent)
     }
 
     fn find(&self, neighbour: Eui64) -> Result<usize, usize> {
@@ -109,7 +103,8 @@ mod tests {
         let mut backoff = Backoff::new(3, 5);
         backoff.fail(a, &mut dice);
         backoff.fail(a, &mut dice);
-        assert_eq!((backoff.exponent(a), backoff.exponent(b)), (Some(4), None));
+        let exponent = |of| backoff.find(of).ok().map(|place| backoff.of[place].1.exponent);
+        assert_eq!((exponent(a), exponent(b)), (Some(4), None));
         assert!(backoff.passes(b));
         backoff.succeed(a);
         assert!(backoff.passes(a));

@@ -31,11 +31,11 @@ use proto::config::{
 use serde::{Deserialize, Serialize};
 
 /// Number of channels of IEEE 802.15.4 at 2.4 GHz, 11 to 26.
-pub const N_CHANNELS: usize = 16;
+pub(crate) const N_CHANNELS: usize = 16;
 const FIRST_CHANNEL: u8 = 11;
 
 /// A set of channels: bit 0 is channel 11.
-pub type ChannelSet = u16;
+pub(crate) type ChannelSet = u16;
 
 /// Place of a channel among the 16 of the band.
 #[must_use]
@@ -45,7 +45,7 @@ pub fn place_of(channel: u8) -> usize {
 
 /// The set with one channel.
 #[must_use]
-pub fn set_of(channel: u8) -> ChannelSet {
+pub(crate) fn set_of(channel: u8) -> ChannelSet {
     1 << place_of(channel)
 }
 
@@ -60,7 +60,7 @@ pub const SPEC: TableSpec = TableSpec {
 };
 
 /// The key that selects a rule.
-pub const TAG: Tag = Tag {
+pub(crate) const TAG: Tag = Tag {
     key: "kind",
     doc: "The rule by which a link blacklists channels.",
     default: Some(NONE.variant.name),
@@ -213,7 +213,7 @@ pub fn build(
 
 /// What is wrong with a scheduling function without dedicated cells where `[netsim.mac.blacklist]`, at `path`, is set. `sf`: the
 /// checked table of the scheduling function, at `sf_path`.
-pub fn undedicated((sf, sf_path): (&toml::Table, &str), path: &str) -> Problem {
+pub(crate) fn undedicated((sf, sf_path): (&toml::Table, &str), path: &str) -> Problem {
     let kind = sf.get("kind").and_then(toml::Value::as_str).unwrap_or_default();
     let message = format!(
         "has no dedicated cells that both ends of a link know, which {path} requires: set it to \"msf\", \"llsf\", \"emsf\" or \

@@ -152,7 +152,7 @@ impl Clock {
     }
 
     /// Time has been lost: what the clock is compared with begins anew. The rate that was learned is compensated further.
-    pub fn forget_source(&mut self) {
+    pub(crate) fn forget_source(&mut self) {
         let compensated_ppb = self.drift.compensated_ppb;
         self.drift = Drift { compensated_ppb, ..Drift::default() };
     }
@@ -172,7 +172,7 @@ impl Clock {
 
     /// The same without a source: how long it stays so near to the time that all sources kept so far, the root's.
     #[must_use]
-    pub fn runs_free(&self) -> Option<SimDuration> {
+    pub(crate) fn runs_free(&self) -> Option<SimDuration> {
         self.drift.bound_ppb.filter(|_| self.drift.is_settled).map(|ppb| self.holds_within(ppb))
     }
 

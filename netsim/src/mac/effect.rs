@@ -36,7 +36,7 @@ pub struct Burden {
 }
 
 /// What burdens a mote without effects: nothing.
-pub const NO_BURDEN: Burden = Burden {
+pub(crate) const NO_BURDEN: Burden = Burden {
     ack_loss: 0.0,
     max_drift_ppm: 0.0,
     duty: None,
@@ -77,7 +77,7 @@ pub const SPEC: TableSpec = TableSpec {
 };
 
 /// The key that selects an effect.
-pub const TAG: Tag =
+pub(crate) const TAG: Tag =
     Tag { key: "kind", doc: "The effect.", default: None, variants: Variants::List(LIST) };
 
 /// An effect that can be configured.
@@ -179,7 +179,11 @@ pub fn build(
 
 /// What effects together lay on each mote; empty without effects.
 #[must_use]
-pub fn burdens(effects: &[Box<dyn Effect>], agent_count: usize, roots: &[MoteId]) -> Vec<Burden> {
+pub(crate) fn burdens(
+    effects: &[Box<dyn Effect>],
+    agent_count: usize,
+    roots: &[MoteId],
+) -> Vec<Burden> {
     if effects.is_empty() {
         return Vec::new();
     }

@@ -61,7 +61,7 @@ impl Neighbours {
 
     /// Number of those that have sent a beacon since then, forgotten ones included: a mote that has lost the network comes
     /// back to the same crowd. Nothing is known later of what was before.
-    pub fn n_with_beacons(&mut self, since_asn: Asn) -> usize {
+    pub(crate) fn n_with_beacons(&mut self, since_asn: Asn) -> usize {
         self.with_beacons.retain(|(_, asn)| since_asn <= *asn);
         self.with_beacons.len()
     }

@@ -144,13 +144,13 @@ impl Queue {
 
     /// Whether a frame for `neighbour` waits.
     #[must_use]
-    pub fn waits_for(&self, neighbour: Eui64) -> bool {
+    pub(crate) fn waits_for(&self, neighbour: Eui64) -> bool {
         self.frames.iter().any(|frame| frame.destination() == Some(neighbour))
     }
 
     /// Whether a frame waits that carries the same message over the same way as one for `destination` with this content.
     #[must_use]
-    pub fn has_same(&self, destination: Option<Eui64>, content: &Content) -> bool {
+    pub(crate) fn has_same(&self, destination: Option<Eui64>, content: &Content) -> bool {
         let Content::Lowpan(LowpanRepr::Whole(new)) = content else { return false };
         self.frames.iter().any(|frame| match &frame.frame.content {
             Content::Lowpan(LowpanRepr::Whole(waits)) => {
@@ -166,7 +166,7 @@ impl Queue {
     /// Whether a frame for `neighbour` waits that is sent as soon as a keep-alive for it would be: one of the frames that 6P
     /// and time-keeping send, or the first of the others.
     #[must_use]
-    pub fn goes_soon(&self, neighbour: Eui64) -> bool {
+    pub(crate) fn goes_soon(&self, neighbour: Eui64) -> bool {
         let mut soon = self.frames.iter().take(self.n_before(Priority::Join) + 1);
         soon.any(|frame| frame.destination() == Some(neighbour))
     }
@@ -214,7 +214,7 @@ impl Queue {
 
     /// The first frame that may be sent in a cell, by place.
     #[must_use]
-    pub fn first_for(&self, handle: u8, cell: &Cell, schedule: &Schedule) -> Option<usize> {
+    pub(crate) fn first_for(&self, handle: u8, cell: &Cell, schedule: &Schedule) -> Option<usize> {
         self.frames.iter().position(|frame| may_use(frame, handle, cell, schedule))
     }
 
@@ -230,7 +230,7 @@ impl Queue {
     }
 
     /// Asks again which slotframe each frame shall use. The swarm's payloads stay where they are.
-    pub fn place_anew(&mut self, slotframe_of: impl Fn(&Queued) -> Option<u8>) {
+    pub(crate) fn place_anew(&mut self, slotframe_of: impl Fn(&Queued) -> Option<u8>) {
         for queued in self.frames.iter_mut().filter(|queued| !queued.is_latest_only) {
             queued.slotframe = slotframe_of(queued);
         }
@@ -248,7 +248,7 @@ pub const SWARM_HANDLE: u8 = 200;
 /// Whether a frame may be sent in a cell. A cell with a neighbour serves that neighbour; one without serves broadcast
 /// frames, and unicast frames whose destination has no cell of its own.
 #[must_use]
-pub fn may_use(frame: &Queued, handle: u8, cell: &Cell, schedule: &Schedule) -> bool {
+pub(crate) fn may_use(frame: &Queued, handle: u8, cell: &Cell, schedule: &Schedule) -> bool {
     if !cell.options.tx || cell.kind == CellKind::AdvertisingOnly {
         return false;
     }

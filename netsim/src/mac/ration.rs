@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// What a mote may still send. Full at first.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Ration {
+pub(crate) struct Ration {
     /// Part of the time that comes back.
     fraction: f64,
     /// Most that can be saved up (ns).
@@ -20,7 +20,7 @@ pub struct Ration {
 impl Ration {
     /// The full ration of a mote: time on air for a whole window.
     #[must_use]
-    pub fn new(duty: Duty) -> Self {
+    pub(crate) fn new(duty: Duty) -> Self {
         let most_ns = duty.fraction * duty.window.ns() as f64;
         Self { fraction: duty.fraction, most_ns, left_ns: most_ns, at: SimTime::START }
     }
@@ -33,12 +33,12 @@ impl Ration {
 
     /// Whether anything is left.
     #[must_use]
-    pub fn allows(&self, now: SimTime) -> bool {
+    pub(crate) fn allows(&self, now: SimTime) -> bool {
         0.0 < self.left_ns(now)
     }
 
     /// So long a frame was sent.
-    pub fn spend(&mut self, airtime: SimDuration, now: SimTime) {
+    pub(crate) fn spend(&mut self, airtime: SimDuration, now: SimTime) {
         self.left_ns = self.left_ns(now) - airtime.ns() as f64;
         self.at = now;
     }

@@ -80,7 +80,7 @@ impl Cell {
     }
 
     /// Counts a transmission. At 256 both counters are halved.
-    pub fn count_tx(&mut self, acknowledged: bool) {
+    pub(crate) fn count_tx(&mut self, acknowledged: bool) {
         self.num_tx += 1;
         self.num_tx_ack += u16::from(acknowledged);
         if self.num_tx == 256 {
@@ -178,7 +178,7 @@ impl Slotframe {
 
     /// The cells in a slot. Without [`Slotframe::background`].
     #[must_use]
-    pub fn at_slot(&self, slot: u16) -> &[Cell] {
+    pub(crate) fn at_slot(&self, slot: u16) -> &[Cell] {
         let first = self.first[usize::from(slot)];
         if first == NONE {
             return &[];
@@ -196,7 +196,7 @@ impl Slotframe {
 
     /// The slot offset of an absolute slot.
     #[must_use]
-    pub fn slot_of(&self, asn: Asn) -> u16 {
+    pub(crate) fn slot_of(&self, asn: Asn) -> u16 {
         (asn % u64::from(self.slots)) as u16
     }
 
@@ -300,7 +300,7 @@ impl Schedule {
 
     /// How often it has changed: whoever remembers something derived from it compares this.
     #[must_use]
-    pub fn n_changes(&self) -> u64 {
+    pub(crate) fn n_changes(&self) -> u64 {
         self.n_changes
     }
 
@@ -369,7 +369,7 @@ impl Schedule {
 
     /// Length of all slotframes, where it is the same, and by slot a bit: a cell receives there.
     #[must_use]
-    pub fn listening_slots(&self) -> Option<(u16, &[u64])> {
+    pub(crate) fn listening_slots(&self) -> Option<(u16, &[u64])> {
         self.silence.listening_slots()
     }
 
@@ -393,7 +393,7 @@ impl Schedule {
     }
 
     /// Removes a slotframe and its cells, if there is one.
-    pub fn remove_slotframe(&mut self, handle: u8) {
+    pub(crate) fn remove_slotframe(&mut self, handle: u8) {
         self.change();
         self.frames.retain(|frame| frame.handle != handle);
         self.silence.index(&self.frames);
@@ -419,7 +419,7 @@ impl Schedule {
     /// # Errors
     ///
     /// There is no such slotframe.
-    pub fn set_background(
+    pub(crate) fn set_background(
         &mut self,
         handle: u8,
         channel: Option<u16>,
@@ -504,7 +504,7 @@ impl Schedule {
     }
 
     /// Counts a transmission in a cell.
-    pub fn count_tx(&mut self, at: &CellRef, acknowledged: bool) {
+    pub(crate) fn count_tx(&mut self, at: &CellRef, acknowledged: bool) {
         self.used(at, |cell| cell.count_tx(acknowledged));
     }
 

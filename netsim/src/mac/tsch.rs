@@ -204,7 +204,7 @@ impl Tsch {
     /// The sequence number of the next beacon: one more than that of the one before (IEEE Std 802.15.4-2015, 6.3.1:
     /// macEbsn).
     #[must_use]
-    pub fn beacon_sequence(&self) -> u8 {
+    pub(crate) fn beacon_sequence(&self) -> u8 {
         self.beacon_sequence
     }
 

@@ -30,7 +30,7 @@ impl Capture {
 
     /// The same for a physical layer of another channel page than 0.
     #[must_use]
-    pub fn on_page(self, page: u8) -> Self {
+    pub(crate) fn on_page(self, page: u8) -> Self {
         Self { page, ..self }
     }
 
@@ -62,7 +62,7 @@ impl Capture {
     }
 
     /// Nothing more is sent in the slot: what was is put in the order in which it began.
-    pub fn end_slot(&mut self) {
+    pub(crate) fn end_slot(&mut self) {
         self.slot.sort_by_key(|&(begins, _)| begins);
         self.records.extend(self.slot.drain(..).flat_map(|(_, record)| record));
     }

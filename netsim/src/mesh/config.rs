@@ -40,7 +40,7 @@ impl Config {
     /// What beacons say of the template that times slots and of the sequence of channels: 0, the standard's; 1, another one,
     /// on which all motes have agreed beforehand.
     #[must_use]
-    pub fn announced_ids(&self) -> [u8; 2] {
+    pub(crate) fn announced_ids(&self) -> [u8; 2] {
         [self.slot != STANDARD_SLOT, self.hopping_sequence != HOPPING_SEQUENCE].map(u8::from)
     }
 }

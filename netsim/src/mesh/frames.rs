@@ -15,14 +15,14 @@ const KINDS: [&str; 6] = ["beacon", "keep-alive", "6p", "rpl", "swarm", "data"];
 
 /// Frames since they were last taken, if they are wanted.
 #[derive(Clone, Debug)]
-pub struct FrameLog {
+pub(crate) struct FrameLog {
     frames: Option<Frames>,
 }
 
 impl FrameLog {
     /// Keeps frames, or not.
     #[must_use]
-    pub fn new(wanted: bool) -> Self {
+    pub(crate) fn new(wanted: bool) -> Self {
         Self { frames: wanted.then(empty) }
     }
 
@@ -66,7 +66,7 @@ impl FrameLog {
     }
 
     /// All frames since this was last asked.
-    pub fn take(&mut self) -> Option<Frames> {
+    pub(crate) fn take(&mut self) -> Option<Frames> {
         self.frames.as_mut().map(|frames| std::mem::replace(frames, empty()))
     }
 }

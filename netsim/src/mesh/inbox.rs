@@ -8,7 +8,7 @@ use proto::types::{Deliveries, DeliveryColumn, EVERYONE, Heard, Medium, Payloads
 
 /// Transmissions of a step, and receptions of them.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Inbox {
+pub(crate) struct Inbox {
     sent: Vec<Sent>,
     heard: Vec<HeardOne>,
     /// Room for sorting.
@@ -42,20 +42,20 @@ struct HeardOne {
 
 impl Inbox {
     /// Removes all payloads, sent and heard.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.sent.clear();
         self.heard.clear();
     }
 
     /// A payload goes on the air. Returns its number, for [`Inbox::hear`].
-    pub fn send(&mut self, sent: Sent) -> u32 {
+    pub(crate) fn send(&mut self, sent: Sent) -> u32 {
         self.sent.push(sent);
         (self.sent.len() - 1) as u32
     }
 
     /// Somebody heard it.
     #[inline]
-    pub fn hear(
+    pub(crate) fn hear(
         &mut self,
         receiver: MoteId,
         transmission: u32,
@@ -68,12 +68,16 @@ impl Inbox {
 
     /// Whether anybody heard anything.
     #[must_use]
-    pub fn is_heard(&self) -> bool {
+    pub(crate) fn is_heard(&self) -> bool {
         !self.heard.is_empty()
     }
 
     /// All of it as deliveries, and an empty inbox.
-    pub fn deliveries(&mut self, agent_count: usize, columns: &[DeliveryColumn]) -> Deliveries {
+    pub(crate) fn deliveries(
+        &mut self,
+        agent_count: usize,
+        columns: &[DeliveryColumn],
+    ) -> Deliveries {
         if self.sent.is_empty() {
             return Deliveries::default();
         }

@@ -233,7 +233,7 @@ impl Mesh {
             while self.state.motes[place].apps[app].poll_timeout().is_some_and(|at| at <= now) {
                 let node = &mut self.state.motes[place];
                 let mut context = app::Context {
-                    now: now,
+                    now,
                     received: now,
                     dice: &mut node.dice.application,
                     packets: &mut self.state.packets,

@@ -137,7 +137,7 @@ impl Mesh {
                         let sent = asn * self.config.slot;
                         payload = Some(self.inbox.send(Sent {
                             sender: mote,
-                            sent: sent,
+                            sent,
                             end: (sent + self.config.slot),
                             payload: bytes.clone(),
                             destination: None,
@@ -401,7 +401,7 @@ impl Mesh {
             let number = self.inbox.send(Sent {
                 sender: brought.sender,
                 sent: brought.sent,
-                end: end,
+                end,
                 payload: brought.payload,
                 destination: Some(brought.receiver),
             });

@@ -20,7 +20,7 @@ use std::net::Ipv6Addr;
 use std::sync::Arc;
 
 /// Hops a datagram may take.
-pub const HOP_LIMIT: u8 = 64;
+pub(crate) const HOP_LIMIT: u8 = 64;
 
 /// Hops that a datagram has taken where it arrives.
 pub(super) fn hops_of(datagram: &Datagram) -> u32 {
@@ -182,7 +182,7 @@ impl Mote {
     ///
     /// # Errors
     /// The datagram is too long.
-    pub fn frame_lengths(
+    pub(crate) fn frame_lengths(
         &mut self,
         settings: &Settings,
         to: Eui64,

@@ -97,7 +97,7 @@ const LEAST_PSDU: usize = 23;
 impl Settings {
     /// Whether applications exchange CoAP messages.
     #[must_use]
-    pub fn uses_coap(&self) -> bool {
+    pub(crate) fn uses_coap(&self) -> bool {
         self.apps.iter().any(app::Spec::is_coap)
     }
 
@@ -110,7 +110,7 @@ impl Settings {
 
     /// Settings of routing of a mote.
     #[must_use]
-    pub fn rpl_of(&self, mote: MoteId) -> rpl::Config {
+    pub(crate) fn rpl_of(&self, mote: MoteId) -> rpl::Config {
         let is_leaf = self.mobility.leaves.binary_search(&mote).is_ok();
         rpl::Config { is_leaf, ..self.rpl.clone() }
     }
@@ -137,7 +137,7 @@ impl Settings {
     /// Whether frames are secured.
     #[inline]
     #[must_use]
-    pub fn is_secured(&self) -> bool {
+    pub(crate) fn is_secured(&self) -> bool {
         self.join.security.is_some()
     }
 

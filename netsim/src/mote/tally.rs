@@ -107,12 +107,12 @@ impl Tally {
     }
 
     /// Scans from this slot on.
-    pub fn start_scanning(&mut self, asn: Asn) {
+    pub(crate) fn start_scanning(&mut self, asn: Asn) {
         self.scans_since_asn = Some(asn);
     }
 
     /// Scans no more: this slot is not counted.
-    pub fn stop_scanning(&mut self, asn: Asn) {
+    pub(crate) fn stop_scanning(&mut self, asn: Asn) {
         if let Some(since_asn) = self.scans_since_asn.take() {
             self.usage.scan += asn.saturating_since(since_asn);
         }

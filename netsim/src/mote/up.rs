@@ -106,7 +106,7 @@ impl Mote {
 
     /// As [`Mote::handle_frame`], and all that follows from it. Returns whether timers may be due sooner or cells may have
     /// changed: most beacons change neither, and leave nothing to pass on.
-    pub fn take_in(
+    pub(crate) fn take_in(
         &mut self,
         world: &mut World<'_>,
         arrived: &Arrived<'_>,

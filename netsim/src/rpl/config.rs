@@ -187,7 +187,7 @@ impl Default for Config {
 
 impl Config {
     /// Waits for acknowledgments as long as it takes to send what can stand before one at the root, if that is longer.
-    pub fn wait_for_dao_acks(&mut self, backlog: SimDuration) {
+    pub(crate) fn wait_for_dao_acks(&mut self, backlog: SimDuration) {
         self.dao_ack_wait = self.dao_ack_wait.max(backlog);
     }
 

@@ -89,7 +89,7 @@ impl Rpl {
 
     /// A datagram has come from `from` for `destination`, by a source route or not. Checks its packet information for
     /// loops, and brings it up to date for the next hop.
-    pub fn handle_data(
+    pub(crate) fn handle_data(
         &mut self,
         rpi: &mut RpiRepr,
         from: Eui64,

@@ -17,12 +17,12 @@ const NO_WAY: u8 = u8::MAX;
 impl Rpl {
     /// Whether a neighbour with this join metric is nearer to the root than this mote.
     #[must_use]
-    pub fn is_nearer(&self, join_metric: u8) -> bool {
+    pub(crate) fn is_nearer(&self, join_metric: u8) -> bool {
         !self.is_root && join_metric != NO_WAY && u16::from(join_metric) + 1 < self.dag_rank()
     }
 
     /// A beacon counts as a DIO, if so configured. Returns whether it does.
-    pub fn handle_rank(
+    pub(crate) fn handle_rank(
         &mut self,
         from: Eui64,
         join_metric: u8,

@@ -48,7 +48,7 @@ impl Etx {
 
     /// Whether too little was sent over the link for the estimate to be good.
     #[must_use]
-    pub fn is_vague(&self) -> bool {
+    pub(crate) fn is_vague(&self) -> bool {
         self.assumed_x128 != 0 && self.n_counted < N_MEASURED
     }
 
@@ -77,7 +77,7 @@ impl Etx {
 
     /// Counts as the 6TiSCH simulator does: the estimate stays as it is until a hundred transmissions have been counted, and
     /// is then theirs. Ten without an acknowledgment among them make the link unusable at once.
-    pub fn count_by_hundreds(&mut self, n_transmissions: u16, acknowledged: bool) {
+    pub(crate) fn count_by_hundreds(&mut self, n_transmissions: u16, acknowledged: bool) {
         let (n_tx, n_ack) = &mut self.hundred;
         *n_tx = n_tx.saturating_add(n_transmissions);
         *n_ack += u16::from(acknowledged);
@@ -124,7 +124,7 @@ impl Etx {
 
     /// ETX × 128 as RFC 6719, § 3.1, and RFC 6551, § 4.3.2, write it, rounded to the nearest.
     #[must_use]
-    pub fn x128(&self) -> u16 {
+    pub(crate) fn x128(&self) -> u16 {
         u16::try_from((self.times(256).saturating_add(1)) / 2).unwrap_or(u16::MAX)
     }
 }

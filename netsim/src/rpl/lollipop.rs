@@ -3,9 +3,9 @@
 use std::cmp::Ordering;
 
 /// How far apart two counters may be to be compared (SEQUENCE_WINDOW).
-pub const SEQUENCE_WINDOW: u8 = 16;
+pub(crate) const SEQUENCE_WINDOW: u8 = 16;
 /// Where a counter begins after a restart: 256 less the window.
-pub const INITIAL: u8 = 0u8.wrapping_sub(SEQUENCE_WINDOW);
+pub(crate) const INITIAL: u8 = 0u8.wrapping_sub(SEQUENCE_WINDOW);
 /// First value of the straight part; below lies the circle.
 const STRAIGHT: u8 = 128;
 
@@ -42,7 +42,7 @@ pub fn compare(a: u8, b: u8) -> Option<Ordering> {
 
 /// Whether `a` is later than `b`, for certain.
 #[must_use]
-pub fn is_newer(a: u8, b: u8) -> bool {
+pub(crate) fn is_newer(a: u8, b: u8) -> bool {
     compare(a, b) == Some(Ordering::Greater)
 }
 

@@ -6,7 +6,7 @@ use super::link::Etx;
 /// neighbour's rank and the link's ETX × 128, and rank rises by at least MinHopRankIncrease (§ 3.3). `None` beyond
 /// MAX_LINK_METRIC or MAX_PATH_COST (§ 3.2.2).
 #[must_use]
-pub fn rank_via(
+pub(crate) fn rank_via(
     rank: u16,
     etx: &Etx,
     max_link_metric: u16,

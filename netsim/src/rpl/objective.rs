@@ -56,13 +56,13 @@ impl Objective {
 
     /// The function of a code point with the settings that its RFC recommends; `None` if it is not known here.
     #[must_use]
-    pub fn of_code(code: u16) -> Option<Self> {
+    pub(crate) fn of_code(code: u16) -> Option<Self> {
         [Self::of0(), Self::mrhof()].into_iter().find(|objective| objective.code() == code)
     }
 
     /// The rank that a neighbour of rank `rank` over a link of `etx` gives; `None` if it cannot be used.
     #[must_use]
-    pub fn rank_via(self, rank: u16, etx: &Etx, min_hop_rank_increase: u16) -> Option<u16> {
+    pub(crate) fn rank_via(self, rank: u16, etx: &Etx, min_hop_rank_increase: u16) -> Option<u16> {
         let via = match self {
             Self::Of0 { rank_factor, stretch, max_etx_x128, .. } => {
                 let step = of0::step_of_rank(etx, max_etx_x128)?;
@@ -87,7 +87,7 @@ impl Objective {
 
     /// A parent is left for one that improves rank by more than this.
     #[must_use]
-    pub fn switch_threshold(self) -> u16 {
+    pub(crate) fn switch_threshold(self) -> u16 {
         match self {
             Self::Of0 { switch_threshold, .. } | Self::Mrhof { switch_threshold, .. } => {
                 switch_threshold

@@ -7,7 +7,7 @@ const MAX_STEP: u32 = 9;
 
 /// The step of rank: floor(3 × ETX) − 2, 1 to 9; `None` if the link is too bad to be used.
 #[must_use]
-pub fn step_of_rank(etx: &Etx, max_etx_x128: u16) -> Option<u32> {
+pub(crate) fn step_of_rank(etx: &Etx, max_etx_x128: u16) -> Option<u32> {
     if etx.exceeds(max_etx_x128) {
         return None;
     }
@@ -17,7 +17,12 @@ pub fn step_of_rank(etx: &Etx, max_etx_x128: u16) -> Option<u32> {
 
 /// The rise of rank over a hop: (factor × step + stretch) × MinHopRankIncrease.
 #[must_use]
-pub fn rank_increase(step: u32, rank_factor: u8, stretch: u8, min_hop_rank_increase: u16) -> u32 {
+pub(crate) fn rank_increase(
+    step: u32,
+    rank_factor: u8,
+    stretch: u8,
+    min_hop_rank_increase: u16,
+) -> u32 {
     (u32::from(rank_factor) * step + u32::from(stretch)) * u32::from(min_hop_rank_increase)
 }
 

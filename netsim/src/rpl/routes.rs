@@ -126,7 +126,7 @@ impl Routes {
     }
 
     /// Forgets what is reached through `via`; returns the targets with their path sequences.
-    pub fn remove_via(&mut self, via: Via) -> Vec<(Ipv6Addr, u8)> {
+    pub(crate) fn remove_via(&mut self, via: Via) -> Vec<(Ipv6Addr, u8)> {
         let gone: Vec<_> = (self.entries.iter())
             .filter(|(_, entry)| entry.via == via)
             .map(|(&target, entry)| (target, entry.path_sequence))
@@ -150,7 +150,7 @@ impl Routes {
     }
 
     /// Ends routes whose time is over; returns them.
-    pub fn expire(&mut self, now: SimTime) -> Vec<(Ipv6Addr, u8)> {
+    pub(crate) fn expire(&mut self, now: SimTime) -> Vec<(Ipv6Addr, u8)> {
         if self.check.is_none_or(|check| now < check) {
             return vec![];
         }
@@ -172,7 +172,7 @@ impl Routes {
     /// The hops from `root` to a target, the target last; `None` if a parent is unknown on the way or the way leads in a
     /// circle (RFC 6550, § 9.7).
     #[must_use]
-    pub fn source_route(&self, root: Ipv6Addr, target: Ipv6Addr) -> Option<Vec<Ipv6Addr>> {
+    pub(crate) fn source_route(&self, root: Ipv6Addr, target: Ipv6Addr) -> Option<Vec<Ipv6Addr>> {
         let longest = MAX_HOPS.min(self.entries.len());
         let mut hops = vec![];
         let mut hop = target;
@@ -212,7 +212,7 @@ impl Lifetime {
 
     /// What is left of a route, in whole units, at least one.
     #[must_use]
-    pub fn left_until(expires: SimTime, unit_s: u16, now: SimTime) -> Self {
+    pub(crate) fn left_until(expires: SimTime, unit_s: u16, now: SimTime) -> Self {
         if expires == SimTime::NEVER {
             return Self { units: INFINITE_LIFETIME, unit_s };
         }

@@ -314,7 +314,7 @@ impl Rpl {
     /// highest rank through any of them less DAGMaxRankIncrease (RFC 6719, § 3.3, rules 2 and 3). Whoever would raise it
     /// above the rank through the preferred parent, which is rule 1, is no parent.
     #[must_use]
-    pub fn parent_set(&self, now: SimTime) -> Vec<Eui64> {
+    pub(crate) fn parent_set(&self, now: SimTime) -> Vec<Eui64> {
         let Some(dodag) = &self.dodag else { return vec![] };
         let highest = match dodag.configuration.max_rank_increase {
             0 => INFINITE_RANK,

@@ -47,7 +47,7 @@ impl Trickle {
 
     /// Begins with the shortest interval, which rule 1 permits and which a start followed at once by an inconsistency
     /// comes to.
-    pub fn start_at_min(&mut self, now: SimTime, dice: &mut Dice) {
+    pub(crate) fn start_at_min(&mut self, now: SimTime, dice: &mut Dice) {
         self.begin(self.interval_min, now, dice);
     }
 
@@ -58,7 +58,7 @@ impl Trickle {
 
     /// Whether it runs.
     #[must_use]
-    pub fn is_running(&self) -> bool {
+    pub(crate) fn is_running(&self) -> bool {
         self.running.is_some()
     }
 
@@ -69,7 +69,7 @@ impl Trickle {
     }
 
     /// A consistent message was heard (§ 4.2, rule 3).
-    pub fn handle_consistent(&mut self) {
+    pub(crate) fn handle_consistent(&mut self) {
         if let Some(interval) = &mut self.running {
             interval.n_consistent = interval.n_consistent.saturating_add(1);
         }
@@ -77,7 +77,7 @@ impl Trickle {
 
     /// An inconsistency was found (§ 4.2, rule 6): the shortest interval begins, unless it is the current one.
     /// Returns whether one begins.
-    pub fn handle_inconsistent(&mut self, now: SimTime, dice: &mut Dice) -> bool {
+    pub(crate) fn handle_inconsistent(&mut self, now: SimTime, dice: &mut Dice) -> bool {
         let resets = self.running.is_some_and(|interval| self.interval_min < interval.length);
         if resets {
             self.begin(self.interval_min, now, dice);

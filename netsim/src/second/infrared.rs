@@ -66,7 +66,7 @@ struct Keys {
 /// No reflections, sunlight, or half-received frames. Slots are given to all robots, near or far: `slots` less than their number
 /// stands for spatial reuse.
 #[derive(Clone, Debug)]
-pub struct Infrared {
+pub(crate) struct Infrared {
     reach: Reach,
     loss: f64,
     slot: SimDuration,

@@ -76,7 +76,7 @@ enum Phase {
 /// No fading, no capture, no EIFS after destroyed frames, no propagation delay, no beacons or other traffic. Who reaches whom is
 /// decided where robots are when the frame begins.
 #[derive(Clone, Debug)]
-pub struct WifiBroadcast {
+pub(crate) struct WifiBroadcast {
     range: Reach,
     sense: Reach,
     phase: Phase,

@@ -22,7 +22,7 @@ pub const ENTRY: Entry =
 
 /// Handle of the slotframe with the cells of links: after those for beacons (0) and for everything else (1), which take
 /// precedence where cells coincide.
-pub const UNICAST_HANDLE: u8 = 2;
+pub(crate) const UNICAST_HANDLE: u8 = 2;
 
 /// Channel offset of the common cell, and of links where all have the same: the handles of their slotframes.
 const COMMON_CHANNEL: u16 = 1;
@@ -30,7 +30,7 @@ const COMMON_CHANNEL: u16 = 1;
 /// Channel offsets of the cells of links.
 #[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum UnicastChannels {
+pub(crate) enum UnicastChannels {
     /// Computed like the slot, from 1 to the number of channels minus 1.
     PerLink,
     /// 2 for all cells.
@@ -42,7 +42,7 @@ pub enum UnicastChannels {
 ///
 /// Keys of `[netsim.sf]`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, Section)]
-pub struct AliceConfig {
+pub(crate) struct AliceConfig {
     /// Length of the slotframe for beacons (slots). 397: the authors' code.
     #[key(range = 1..=MAX_SLOTS, default = 397)]
     pub eb_slots: u16,
@@ -67,7 +67,7 @@ impl AliceConfig {
     /// Absolute slotframe number (ASFN) of the slotframe of links: whole slotframes since slot 0, in the 16 bits that the
     /// authors' code keeps.
     #[must_use]
-    pub fn asfn(&self, asn: Asn) -> u16 {
+    pub(crate) fn asfn(&self, asn: Asn) -> u16 {
         (asn / u64::from(self.unicast_slots)) as u16
     }
 
@@ -84,7 +84,7 @@ impl AliceConfig {
 
     /// Slot and channel offset of the cell in which `from` transmits to `to` in the slotframe with this absolute number.
     #[must_use]
-    pub fn cell(&self, from: Eui64, to: Eui64, asfn: u16, n_channels: u16) -> (u16, u16) {
+    pub(crate) fn cell(&self, from: Eui64, to: Eui64, asfn: u16, n_channels: u16) -> (u16, u16) {
         let hash = mix(self.link(from, to, asfn));
         let slot = (hash % u32::from(self.unicast_slots)) as u16;
         let channel = match self.unicast_channels {
@@ -157,7 +157,7 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Config> 
 /// cells of a slotframe are the same.
 /// With `[netsim.mobility] reroute`, frames for a former parent go to the new one before rule 4 applies.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Alice {
+pub(crate) struct Alice {
     config: AliceConfig,
     /// Slotframes 0 and 1.
     others: Orchestra,
@@ -180,7 +180,7 @@ impl Configured for AliceConfig {
 impl Alice {
     /// The scheduling function of a mote.
     #[must_use]
-    pub fn new(config: &AliceConfig, mote: MoteId) -> Self {
+    pub(crate) fn new(config: &AliceConfig, mote: MoteId) -> Self {
         Self {
             config: config.clone(),
             others: Orchestra::new(&config.others(), mote),

@@ -56,7 +56,7 @@ pub const ENTRY: Entry = Entry {
 
 /// Keys of `[netsim.sf]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct EmsfConfig {
+pub(crate) struct EmsfConfig {
     /// Those of MSF. Its upper limit of use has no influence.
     pub msf: MsfConfig,
     /// Probability that the cells suffice for the frames of a slotframe: 0.5 to 0.9999.
@@ -91,7 +91,7 @@ impl Configured for EmsfConfig {
 /// (frames that used cells since the last judgement, at the interval of RFC 9033), the quantile with its default, and the condition
 /// of deletion are this simulator's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Forecast {
+pub(crate) struct Forecast {
     /// Probability that the cells suffice for the frames of a slotframe.
     pub quantile: f64,
 }

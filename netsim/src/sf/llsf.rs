@@ -27,7 +27,7 @@ pub const ENTRY: Entry = Entry {
 
 /// Keys of `[netsim.sf]`: those of MSF.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct LlsfConfig(pub MsfConfig);
+pub(crate) struct LlsfConfig(pub MsfConfig);
 
 impl Configured for LlsfConfig {
     type OfMote = Msf<DaisyChain>;
@@ -59,7 +59,7 @@ impl Configured for LlsfConfig {
 /// has others to grant. Receive cells are those of children: a frame of the parent is not for the parent. The authors' code has channel
 /// offset 0 for all cells; here it is drawn, as with MSF.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct DaisyChain;
+pub(crate) struct DaisyChain;
 
 /// Slots of negotiated cells in which a mote receives from others than its parent, ascending, and the slotframe's length.
 fn receive_slots(schedule: &Schedule, parent: Option<Eui64>) -> (Vec<u16>, u16) {

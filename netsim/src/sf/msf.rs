@@ -41,7 +41,7 @@ use usage::Usage;
 /// Scheduling function identifier (§ 7): what [`crate::sixtop::Config::sfid`] must be.
 pub const SFID: u8 = 0;
 /// Handle of the slotframe with the minimal cell (§ 2).
-pub const MINIMAL: u8 = 0;
+pub(crate) const MINIMAL: u8 = 0;
 /// Handle of the slotframe with autonomous cells (§ 2).
 pub const AUTONOMOUS: u8 = 1;
 /// Handle of the slotframe with negotiated cells (§ 2).
@@ -114,7 +114,7 @@ impl Msf {
 impl<P: Policy> Msf<P> {
     /// The scheduling function of a mote, with a policy other than the standard's.
     #[must_use]
-    pub fn with_policy(config: &MsfConfig, policy: P) -> Self {
+    pub(crate) fn with_policy(config: &MsfConfig, policy: P) -> Self {
         Self {
             config: config.clone(),
             policy,
@@ -141,7 +141,7 @@ impl<P: Policy> Msf<P> {
 
     /// Whether frames from a neighbour are to be dropped (§ 12).
     #[must_use]
-    pub fn is_quarantined(&self, neighbour: Eui64) -> bool {
+    pub(crate) fn is_quarantined(&self, neighbour: Eui64) -> bool {
         self.quarantined.contains_key(&neighbour)
     }
 

@@ -19,11 +19,11 @@ pub const ENTRY: Entry = Entry {
 
 /// A network whose slots are shared out in one place. The scheduler itself is the mesh's: `mesh/oracle.rs`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct OracleConfig {}
+pub(crate) struct OracleConfig {}
 
 /// What a mote decides on: nothing.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Oracle {}
+pub(crate) struct Oracle {}
 
 impl Configured for OracleConfig {
     type OfMote = Oracle;

@@ -16,7 +16,7 @@ use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
 
 /// Added to the handle of [`Rule::SpecialForRoot`] for the slotframe in which a root listens: after all others.
-pub const ROOT_LISTENS: u8 = 0x80;
+pub(crate) const ROOT_LISTENS: u8 = 0x80;
 
 /// Orchestra of one mote: every rule has a slotframe, whose handle is its place in the list.
 ///

@@ -47,16 +47,16 @@ struct Keys {
 }
 
 /// Handle of the slotframe with the motes' own slots.
-pub const OWN_HANDLE: u8 = 1;
+pub(crate) const OWN_HANDLE: u8 = 1;
 /// Handle of the slotframe, as long, with the shared slots.
-pub const SHARED_HANDLE: u8 = 2;
+pub(crate) const SHARED_HANDLE: u8 = 2;
 
 /// What it takes at least to form (s), if that is longer than experiments wait by default.
 const LONG_FORMATION_S: f64 = 3600.0;
 
 /// Who has how many slots.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct RrsfConfig {
+pub(crate) struct RrsfConfig {
     /// Motes: slots that have an owner.
     pub n_motes: u16,
     /// Slots after them that all share.
@@ -79,7 +79,7 @@ pub struct RrsfConfig {
 /// There the minimal cell covers slot 0, so that mote 0, which leads flocks, has no slot of its own and is heard in three
 /// quarters of the slotframes. `compat.shared_slot_0` repeats that.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Rrsf {
+pub(crate) struct Rrsf {
     config: RrsfConfig,
     mote: u16,
 }
@@ -117,7 +117,7 @@ impl Rrsf {
     ///
     /// If there is no slot for the mote.
     #[must_use]
-    pub fn new(config: &RrsfConfig, mote: MoteId) -> Self {
+    pub(crate) fn new(config: &RrsfConfig, mote: MoteId) -> Self {
         let slot = u16::try_from(mote.0).ok().filter(|&slot| slot < config.n_motes);
         Self { config: config.clone(), mote: slot.expect("every mote has a slot") }
     }

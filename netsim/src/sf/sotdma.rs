@@ -32,9 +32,9 @@ pub const ENTRY: Entry = Entry {
 };
 
 /// Handle of the slotframe with the slots that motes take.
-pub const OWN_HANDLE: u8 = 1;
+pub(crate) const OWN_HANDLE: u8 = 1;
 /// Handle of the slotframe, as long, with the shared slots.
-pub const SHARED_HANDLE: u8 = 2;
+pub(crate) const SHARED_HANDLE: u8 = 2;
 
 /// Slotframes that a mote listens for before it takes a slot.
 const LISTENS_FIRST: u8 = 2;

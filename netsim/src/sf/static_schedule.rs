@@ -91,7 +91,7 @@ pub struct End {
 
 /// A cell as seen from outside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct StaticCell {
+pub(crate) struct StaticCell {
     /// Slot offset within the slotframe.
     pub slot: u16,
     /// Channel offset, before hopping.
@@ -109,7 +109,7 @@ pub struct StaticCell {
 impl StaticCell {
     /// What it is for a mote; `None`: it does not concern it.
     #[must_use]
-    pub fn cell_for(&self, mote: MoteId) -> Option<Cell> {
+    pub(crate) fn cell_for(&self, mote: MoteId) -> Option<Cell> {
         let is = |end: Option<End>| end.is_some_and(|end| end.mote == mote);
         let (sends, receives) = (is(self.from), is(self.to));
         let options = CellOptions {
@@ -131,7 +131,7 @@ impl StaticCell {
 
 /// The schedule of all motes.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct StaticConfig {
+pub(crate) struct StaticConfig {
     /// Length of the slotframe (slots).
     pub slotframe_slots: u16,
     /// Length of slotframe 0, if there is one with the minimal cell (slots).
@@ -238,7 +238,7 @@ fn warn(config: &StaticConfig, context: &mut BuildContext<'_>) {
 
 /// The part of a schedule that concerns one mote.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct StaticSchedule {
+pub(crate) struct StaticSchedule {
     slotframe_slots: u16,
     minimal_cell_slots: Option<u16>,
     cells: Vec<Cell>,
@@ -259,7 +259,7 @@ impl Configured for StaticConfig {
 impl StaticSchedule {
     /// The scheduling function of a mote.
     #[must_use]
-    pub fn new(config: &StaticConfig, mote: MoteId) -> Self {
+    pub(crate) fn new(config: &StaticConfig, mote: MoteId) -> Self {
         Self {
             slotframe_slots: config.slotframe_slots,
             minimal_cell_slots: config.minimal_cell_slots,

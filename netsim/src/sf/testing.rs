@@ -29,10 +29,10 @@ use proto::rng::Purpose;
 use proto::time::SimDuration;
 
 /// Length of a slot of a [`Bench`].
-pub const SLOT: SimDuration = SimDuration::from_ms(10);
+pub(crate) const SLOT: SimDuration = SimDuration::from_ms(10);
 
 /// Channels of a [`Section`] and of a [`Bench`].
-pub const N_CHANNELS: u16 = 16;
+pub(crate) const N_CHANNELS: u16 = 16;
 
 /// The text of `[netsim.sf]`, with what it depends on elsewhere in `[netsim]`.
 #[derive(Clone, Copy, Debug)]

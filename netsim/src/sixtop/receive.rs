@@ -9,7 +9,7 @@ use proto::time::SimTime;
 
 impl Sixtop {
     /// A message has come from a neighbour.
-    pub fn handle_message(&mut self, from: Eui64, message: &SixpRepr, now: SimTime) {
+    pub(crate) fn handle_message(&mut self, from: Eui64, message: &SixpRepr, now: SimTime) {
         let is_request = matches!(message.body, SixpBody::Request(_));
         let unsupported = if message.version != VERSION {
             Some(ReturnCode::ErrorVersion)

@@ -6,7 +6,7 @@ use crate::wire::sixp::{CellOptions, ReturnCode, SixpCell, SixpRequest};
 /// Whether the responder proposes the cells, so that a confirmation follows (§ 3.1.2): ADD and DELETE without cells,
 /// RELOCATE without candidates.
 #[must_use]
-pub fn is_three_step(request: &SixpRequest) -> bool {
+pub(crate) fn is_three_step(request: &SixpRequest) -> bool {
     match request {
         SixpRequest::Add(body) | SixpRequest::Delete(body) => body.cells.is_empty(),
         SixpRequest::Relocate { candidates, .. } => candidates.is_empty(),
@@ -19,7 +19,7 @@ pub fn is_three_step(request: &SixpRequest) -> bool {
 
 /// Whether schedules differ once it is complete. CLEAR aside, which both ends carry out whatever the other does.
 #[must_use]
-pub fn changes_cells(request: &SixpRequest) -> bool {
+pub(crate) fn changes_cells(request: &SixpRequest) -> bool {
     matches!(request, SixpRequest::Add(_) | SixpRequest::Delete(_) | SixpRequest::Relocate { .. })
 }
 
@@ -38,7 +38,7 @@ pub fn cells(request: &SixpRequest) -> impl Iterator<Item = &SixpCell> {
 
 /// Whether a return code means that the transaction has failed (§ 3.4.7, § 6.2.4).
 #[must_use]
-pub fn is_error(code: ReturnCode) -> bool {
+pub(crate) fn is_error(code: ReturnCode) -> bool {
     !matches!(code, ReturnCode::Success | ReturnCode::EndOfList)
 }
 
@@ -81,7 +81,7 @@ pub fn bitmap(options: mac::CellOptions) -> CellOptions {
 
 /// Options at the requester's end of cells with this bitmap; `None` if neither end would transmit in them.
 #[must_use]
-pub fn options_there(bitmap: CellOptions) -> Option<mac::CellOptions> {
+pub(crate) fn options_there(bitmap: CellOptions) -> Option<mac::CellOptions> {
     let has = |bit: u8| bitmap.0 & bit != 0;
     let options = mac::CellOptions { tx: has(TX), rx: has(RX), shared: has(SHARED) };
     (options.tx || options.rx).then_some(options)
@@ -89,6 +89,6 @@ pub fn options_there(bitmap: CellOptions) -> Option<mac::CellOptions> {
 
 /// Options at the responder's end of cells with this bitmap: what is sent there is received here (figure 7).
 #[must_use]
-pub fn options_here(bitmap: CellOptions) -> Option<mac::CellOptions> {
+pub(crate) fn options_here(bitmap: CellOptions) -> Option<mac::CellOptions> {
     options_there(bitmap).map(|there| mac::CellOptions { tx: there.rx, rx: there.tx, ..there })
 }

@@ -8,7 +8,13 @@ use proto::time::SimTime;
 
 impl Sixtop {
     /// The MAC's last word on a message: `acknowledged`, or given up, or not even queued.
-    pub fn handle_sent(&mut self, to: Eui64, message: &SixpRepr, acknowledged: bool, now: SimTime) {
+    pub(crate) fn handle_sent(
+        &mut self,
+        to: Eui64,
+        message: &SixpRepr,
+        acknowledged: bool,
+        now: SimTime,
+    ) {
         match &message.body {
             SixpBody::Request(sent) => {
                 self.handle_request_sent(to, sent, message.seqnum, acknowledged, now);

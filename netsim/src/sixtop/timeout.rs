@@ -17,7 +17,7 @@ pub enum Role {
 /// Slotframe · retries · Σ back-off exponents, which grow from 1 to the largest one with each retry; times 1 for a
 /// responder and 2 for an initiator, and once more in three steps.
 #[must_use]
-pub fn default_for(config: &Config, role: Role, is_three_step: bool) -> SimDuration {
+pub(crate) fn default_for(config: &Config, role: Role, is_three_step: bool) -> SimDuration {
     let (retries, limit) = (u64::from(config.max_retries), u64::from(config.max_be));
     let growing = retries.min(limit);
     let exponents = growing * (growing + 1) / 2 + (retries - growing) * limit;

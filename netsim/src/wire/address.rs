@@ -12,7 +12,7 @@ pub struct Eui64(pub u64);
 /// Prefix of all global addresses: fd00::/64.
 pub const GLOBAL_PREFIX: u64 = 0xfd00_0000_0000_0000;
 /// fe80::/64.
-pub const LINK_LOCAL_PREFIX: u64 = 0xfe80_0000_0000_0000;
+pub(crate) const LINK_LOCAL_PREFIX: u64 = 0xfe80_0000_0000_0000;
 /// The universal/local bit of an EUI-64.
 const UNIVERSAL_LOCAL: u64 = 0x0200_0000_0000_0000;
 /// All nodes on the link: what swarms broadcast to.
@@ -36,7 +36,7 @@ impl Eui64 {
 
     /// The interface identifier: the EUI-64 with its universal/local bit inverted (RFC 4291, appendix A).
     #[must_use]
-    pub fn interface_id(self) -> u64 {
+    pub(crate) fn interface_id(self) -> u64 {
         self.0 ^ UNIVERSAL_LOCAL
     }
 
@@ -60,7 +60,7 @@ impl Eui64 {
 
     /// The link-layer address from which a unicast address was derived.
     #[must_use]
-    pub fn of_ip(address: Ipv6Addr) -> Self {
+    pub(crate) fn of_ip(address: Ipv6Addr) -> Self {
         Self(address.to_bits() as u64 ^ UNIVERSAL_LOCAL)
     }
 

@@ -26,7 +26,7 @@ impl Code {
     /// 0.02 POST.
     pub const POST: Self = Self(0x02);
     /// 2.04 Changed.
-    pub const CHANGED: Self = Self(0x44);
+    pub(crate) const CHANGED: Self = Self(0x44);
     /// 2.05 Content.
     pub const CONTENT: Self = Self(0x45);
 }

@@ -9,7 +9,7 @@ use hkdf::Hkdf;
 use sha2::Sha256;
 
 /// Length of the authentication tag (bytes).
-pub const TAG_LEN: usize = 8;
+pub(crate) const TAG_LEN: usize = 8;
 /// Number of AES-CCM-16-64-128 (RFC 9053, § 4.2).
 const ALGORITHM: u8 = 10;
 /// Identifier of the registrar.
@@ -59,37 +59,37 @@ impl Context {
 
     /// The context of a pledge, towards the registrar. `join_key`: see [`pre_shared_key`].
     #[must_use]
-    pub fn of_pledge(join_key: &[u8; 16], pledge: Eui64) -> Self {
+    pub(crate) fn of_pledge(join_key: &[u8; 16], pledge: Eui64) -> Self {
         let secret = pre_shared_key(join_key, pledge);
         Self::derive(&secret, &[], Some(&pledge.octets()), &[], REGISTRAR)
     }
 
     /// The registrar's context, towards a pledge.
     #[must_use]
-    pub fn of_registrar(join_key: &[u8; 16], pledge: Eui64) -> Self {
+    pub(crate) fn of_registrar(join_key: &[u8; 16], pledge: Eui64) -> Self {
         let secret = pre_shared_key(join_key, pledge);
         Self::derive(&secret, &[], Some(&pledge.octets()), REGISTRAR, &[])
     }
 
     /// Encrypts a request of ours; its tag is appended. `sequence`: the sender sequence number, sent as Partial IV.
-    pub fn protect_request(&self, sequence: u32, message: &mut Vec<u8>) {
+    pub(crate) fn protect_request(&self, sequence: u32, message: &mut Vec<u8>) {
         self.protect(&self.sender_id, sequence, message);
     }
 
     /// Decrypts a request to us; `None`: it is not authentic.
     #[must_use]
-    pub fn unprotect_request(&self, sequence: u32, message: &[u8]) -> Option<Vec<u8>> {
+    pub(crate) fn unprotect_request(&self, sequence: u32, message: &[u8]) -> Option<Vec<u8>> {
         self.unprotect(&self.recipient_id, sequence, message)
     }
 
     /// Encrypts the response to the request that had this sequence number; its nonce is the request's (§ 5.2).
-    pub fn protect_response(&self, sequence: u32, message: &mut Vec<u8>) {
+    pub(crate) fn protect_response(&self, sequence: u32, message: &mut Vec<u8>) {
         self.protect(&self.recipient_id, sequence, message);
     }
 
     /// Decrypts the response to the request of ours that had this sequence number; `None`: it is not authentic.
     #[must_use]
-    pub fn unprotect_response(&self, sequence: u32, message: &[u8]) -> Option<Vec<u8>> {
+    pub(crate) fn unprotect_response(&self, sequence: u32, message: &[u8]) -> Option<Vec<u8>> {
         self.unprotect(&self.sender_id, sequence, message)
     }
 
@@ -120,7 +120,7 @@ impl Context {
 
 /// A sender sequence number in as few bytes as it takes, one at least (§ 6.1): the Partial IV.
 #[must_use]
-pub fn partial_iv(sequence: u32) -> Vec<u8> {
+pub(crate) fn partial_iv(sequence: u32) -> Vec<u8> {
     let bytes = sequence.to_be_bytes();
     bytes[(sequence.leading_zeros() as usize / 8).min(3)..].to_vec()
 }
@@ -128,7 +128,7 @@ pub fn partial_iv(sequence: u32) -> Vec<u8> {
 /// The key that a pledge shares with the registrar. RFC 9031, § 3, wants another one for each pledge and leaves open how it
 /// is provisioned; here it is the pledge's address, encrypted with a key of the network's owner.
 #[must_use]
-pub fn pre_shared_key(join_key: &[u8; 16], pledge: Eui64) -> [u8; 16] {
+pub(crate) fn pre_shared_key(join_key: &[u8; 16], pledge: Eui64) -> [u8; 16] {
     let mut block = [0; 16];
     block[..8].copy_from_slice(&pledge.octets());
     aes::Aes128::new(join_key.into()).encrypt_block((&mut block).into());

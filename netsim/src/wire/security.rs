@@ -20,11 +20,11 @@ use physics::asn::Asn;
 use serde::{Deserialize, Serialize};
 
 /// Length of the message integrity code at levels 1 and 5 (bytes).
-pub const MIC_LEN: usize = 4;
+pub(crate) const MIC_LEN: usize = 4;
 /// Length of the auxiliary security header (bytes).
-pub const HEADER_LEN: usize = 2;
+pub(crate) const HEADER_LEN: usize = 2;
 /// By how much a secured frame is longer than one that is not (bytes).
-pub const OVERHEAD: usize = HEADER_LEN + MIC_LEN;
+pub(crate) const OVERHEAD: usize = HEADER_LEN + MIC_LEN;
 
 /// Security control field (9.4.1): key identifier mode 1, frame counter suppressed, ASN in the nonce.
 const CONTROL: u8 = 1 << 3 | 1 << 5 | 1 << 6;
@@ -47,19 +47,19 @@ pub enum FrameSecurity {
 impl FrameSecurity {
     /// Whether the frame has an auxiliary security header and a MIC.
     #[must_use]
-    pub fn is_secured(self) -> bool {
+    pub(crate) fn is_secured(self) -> bool {
         self != Self::Unsecured
     }
 
     /// Length of the message integrity code (bytes).
     #[must_use]
-    pub fn mic_len(self) -> usize {
+    pub(crate) fn mic_len(self) -> usize {
         if self.is_secured() { MIC_LEN } else { 0 }
     }
 
     /// By how much the frame is longer than one that is not secured (bytes).
     #[must_use]
-    pub fn overhead(self) -> usize {
+    pub(crate) fn overhead(self) -> usize {
         if self.is_secured() { OVERHEAD } else { 0 }
     }
 

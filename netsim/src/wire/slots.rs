@@ -16,7 +16,7 @@ use super::{Eui64, Malformed};
 use serde::{Deserialize, Serialize};
 
 /// Whose information element it is: nobody's, from the range of locally administered identifiers.
-pub const OUI: u32 = 0x02_0000;
+pub(crate) const OUI: u32 = 0x02_0000;
 
 /// Most slots that an announcement lists.
 pub const MAX_SLOTS: u16 = 256;
@@ -88,7 +88,7 @@ pub struct SlotsRepr {
 impl SlotsRepr {
     /// The tag of whoever is heard in a slot, if it is among those announced.
     #[must_use]
-    pub fn tag_in(&self, slot: u16) -> Option<u8> {
+    pub(crate) fn tag_in(&self, slot: u16) -> Option<u8> {
         let n = self.taken.len();
         if !self.taken.has(slot) {
             return None;

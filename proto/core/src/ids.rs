@@ -9,7 +9,7 @@ macro_rules! id {
     ($(#[$doc:meta])* $name:ident) => {
         $(#[$doc])*
         #[derive(
-            Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+            Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
         )]
         #[serde(transparent)]
         pub struct $name(pub u32);
@@ -30,6 +30,13 @@ macro_rules! id {
             /// The first so many.
             pub fn first(n: usize) -> impl DoubleEndedIterator<Item = Self> + ExactSizeIterator + Clone {
                 (0..n as u32).map(Self)
+            }
+        }
+
+        // In lists, which messages show, a number too.
+        impl fmt::Debug for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                fmt::Debug::fmt(&self.0, f)
             }
         }
 
@@ -73,6 +80,7 @@ mod tests {
         assert_eq!(AgentId::from(MoteId(7)).index(), 7);
         assert_eq!(MoteId::first(3).last(), Some(MoteId(2)));
         assert_eq!(format!("{:>3}", AgentId(12)), " 12");
+        assert_eq!(format!("{:?}", [MoteId(3)]), "[3]");
         assert_eq!(serde_json::to_string(&MoteId(4)).unwrap(), "4");
     }
 }

@@ -40,7 +40,7 @@ pub const ENTRY: Entry = Entry::of::<AckLoss>();
     example = "probability = 0.2\n",
     level = Level::Run,
 )]
-pub struct AckLoss {
+pub(crate) struct AckLoss {
     /// Probability that an acknowledgment is lost, in addition to losses of the radio.
     #[key(range = Range::FRACTION)]
     #[fit(unit = "", range = 0.0..=1.0, starts = [0.1, 0.25, 0.5], step = 0.01)]

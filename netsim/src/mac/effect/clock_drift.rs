@@ -42,7 +42,7 @@ pub const ENTRY: Entry = Entry { needs_kept_time: true, ..Entry::of::<ClockDrift
     example = "max_ppm = 100.0\n",
     level = Level::Run,
 )]
-pub struct ClockDrift {
+pub(crate) struct ClockDrift {
     /// Maximum additional clock drift (ppm), uniform in both directions, on top of netsim.mac.max_drift_ppm.
     #[key(range = 0.0..=1e4)]
     #[fit(unit = "ppm", starts = [60.0, 120.0, 250.0], step = 1.0)]

@@ -42,7 +42,7 @@ pub const ENTRY: Entry = Entry::of::<DutyCycleLimit>();
     variants = &[&[("window_s", Fixed::Number(60.0))]],
     level = Level::Run,
 )]
-pub struct DutyCycleLimit {
+pub(crate) struct DutyCycleLimit {
     /// Fraction of the time for which a mote may transmit.
     #[key(range = 1e-6..=1.0)]
     #[fit(unit = "", starts = [0.0005, 0.001, 0.002], step = 1e-4)]

@@ -40,7 +40,7 @@ pub const ENTRY: Entry = Entry::of::<NodeReboots>();
     example = "mean_interval_s = 3600.0\n",
     level = Level::Run,
 )]
-pub struct NodeReboots {
+pub(crate) struct NodeReboots {
     /// Mean time between reboots of a mote (s).
     #[key(range = 1.0..=1e9)]
     #[fit(unit = "s", starts = [600.0, 1800.0, 7200.0], step = 10.0)]

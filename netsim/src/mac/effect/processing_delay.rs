@@ -42,7 +42,7 @@ pub const ENTRY: Entry = Entry::of::<ProcessingDelay>();
     example = "delay_s = 0.5\n",
     level = Level::Run,
 )]
-pub struct ProcessingDelay {
+pub(crate) struct ProcessingDelay {
     /// Time from the end of the slot in which a datagram arrives until it is in the queue (s).
     #[key(range = 0.0..=3600.0)]
     #[fit(unit = "s", starts = [0.25, 1.0, 4.0], step = 0.01)]

@@ -38,7 +38,7 @@ pub const ENTRY: Entry = Entry::of::<QueueLimit>();
     example = "frames = 4\n",
     level = Level::Run,
 )]
-pub struct QueueLimit {
+pub(crate) struct QueueLimit {
     /// Capacity of the queue (frames). The smaller of this and netsim.mac.queue_frames applies.
     #[key(range = 1..=10_000)]
     #[fit(unit = "frames", range = 1.0..=1e4, starts = [1.0, 2.0, 4.0], step = 1.0)]

@@ -57,7 +57,7 @@ impl Tsch {
     }
 
     /// A frame from a neighbour, for us alone, carried its blacklist.
-    pub fn receive_blacklist(&mut self, from: Eui64, blacklist: ChannelSet) {
+    pub(crate) fn receive_blacklist(&mut self, from: Eui64, blacklist: ChannelSet) {
         self.blacklists.receive(from, blacklist);
     }
 

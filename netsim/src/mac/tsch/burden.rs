@@ -9,7 +9,7 @@ use proto::time::{SimDuration, SimTime};
 impl Tsch {
     /// The same MAC under a burden.
     #[must_use]
-    pub fn burdened(mut self, burden: &Burden, seed: u64) -> Self {
+    pub(crate) fn burdened(mut self, burden: &Burden, seed: u64) -> Self {
         if burden.max_drift_ppm != 0.0 {
             let entity = u64::from(self.mote.0);
             let draw = Draws::new(seed, Purpose::ClockDrift).uniform(entity, 0, 0);
@@ -24,7 +24,7 @@ impl Tsch {
 
     /// A frame was on the air for so long.
     #[inline]
-    pub fn spend_airtime(&mut self, airtime: SimDuration, now: SimTime) {
+    pub(crate) fn spend_airtime(&mut self, airtime: SimDuration, now: SimTime) {
         if let Some(ration) = &mut self.ration {
             ration.spend(airtime, now);
         }

@@ -8,7 +8,7 @@ use physics::asn::Asn;
 impl Tsch {
     /// Whether it listens where its schedule says so, and nowhere else.
     #[must_use]
-    pub fn follows_schedule(&self) -> bool {
+    pub(crate) fn follows_schedule(&self) -> bool {
         self.is_synced() && self.extra.is_none()
     }
 

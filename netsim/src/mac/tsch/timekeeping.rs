@@ -17,7 +17,13 @@ impl Tsch {
 
     /// A neighbour that is nearer to the root has been heard, whose clock is off by `source_ns`: its time is as good as that of the
     /// time source.
-    pub fn take_time_beside(&mut self, config: &Config, from: Eui64, source_ns: i64, now: SimTime) {
+    pub(crate) fn take_time_beside(
+        &mut self,
+        config: &Config,
+        from: Eui64,
+        source_ns: i64,
+        now: SimTime,
+    ) {
         if let State::Synced { heard, .. } = &mut self.state
             && !self.is_root
         {

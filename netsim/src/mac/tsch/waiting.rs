@@ -27,7 +27,7 @@ impl Tsch {
     }
 
     /// Asks again which slotframe each frame that waits shall use. The swarm's payloads stay where they are.
-    pub fn place_anew(&mut self, slotframe_of: impl Fn(&Queued) -> Option<u8>) {
+    pub(crate) fn place_anew(&mut self, slotframe_of: impl Fn(&Queued) -> Option<u8>) {
         self.queue.place_anew(slotframe_of);
     }
 

@@ -25,7 +25,7 @@ use std::collections::BinaryHeap;
 
 /// Times and sizes of DCF.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Timing {
+pub(crate) struct Timing {
     /// Slot time.
     pub slot: SimDuration,
     /// Idle time before the back-off counts.
@@ -43,7 +43,7 @@ pub struct Timing {
 impl Timing {
     /// Duration of the frame of a payload, at least 1.
     #[must_use]
-    pub fn airtime(&self, payload_bytes: usize) -> SimDuration {
+    pub(crate) fn airtime(&self, payload_bytes: usize) -> SimDuration {
         let bits = 8.0 * (f64::from(self.overhead_bytes) + payload_bytes as f64);
         (self.preamble + SimDuration::from_ns((bits * self.bit_ns).round() as u64))
             .max(SimDuration::from_ns(1))
@@ -52,7 +52,7 @@ impl Timing {
 
 /// Whom a transmission concerns.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct HeardBy {
+pub(crate) struct HeardBy {
     /// Stations that sense it, without the sender.
     pub sensed: Vec<u32>,
     /// Those of them that receive it if nothing disturbs it, with the power (dBm).
@@ -61,7 +61,7 @@ pub struct HeardBy {
 
 /// Stations, and what is on the air.
 #[derive(Clone, Debug)]
-pub struct Dcf {
+pub(crate) struct Dcf {
     timing: Timing,
     state: State,
 }
@@ -116,19 +116,19 @@ type Events = BinaryHeap<Reverse<(SimTime, Event)>>;
 impl Dcf {
     /// Stations on an idle medium, with nothing to send and no back-off.
     #[must_use]
-    pub fn new(timing: Timing, n_stations: usize) -> Self {
+    pub(crate) fn new(timing: Timing, n_stations: usize) -> Self {
         let stations = vec![Station::default(); n_stations];
         Self { timing, state: State { stations, on_air: Vec::new(), next: 0 } }
     }
 
     /// All that changes with time.
     #[must_use]
-    pub fn state(&self) -> Vec<u8> {
+    pub(crate) fn state(&self) -> Vec<u8> {
         postcard::to_stdvec(&self.state).expect("plain data in memory")
     }
 
     /// Puts a state back. `false`: it is one of another number of stations.
-    pub fn resume(&mut self, state: &[u8]) -> bool {
+    pub(crate) fn resume(&mut self, state: &[u8]) -> bool {
         let n = self.state.stations.len();
         let exists = |id: u32| (id as usize) < n;
         let Ok(state) = postcard::from_bytes::<State>(state) else { return false };
@@ -145,7 +145,7 @@ impl Dcf {
     }
 
     /// A station is off: it has nothing to send and receives nothing.
-    pub fn silence(&mut self, station: u32) {
+    pub(crate) fn silence(&mut self, station: u32) {
         let station = &mut self.state.stations[station as usize];
         station.waiting = None;
         station.receives = None;
@@ -153,7 +153,7 @@ impl Dcf {
 
     /// Runs to `until`: frames begin before it and end by it. `arrivals`: payloads by time and station, ascending, all before
     /// `until`.
-    pub fn run(
+    pub(crate) fn run(
         &mut self,
         arrivals: Vec<(SimTime, u32, Bytes)>,
         until: SimTime,

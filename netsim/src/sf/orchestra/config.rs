@@ -80,27 +80,27 @@ impl OrchestraConfig {
 
     /// The slot in which a mote sends its beacons.
     #[must_use]
-    pub fn eb_slot(&self, of: Eui64) -> u16 {
+    pub(crate) fn eb_slot(&self, of: Eui64) -> u16 {
         (self.hash(of) % u32::from(self.eb_slots)) as u16
     }
 
     /// The slot of a mote in the unicast slotframe.
     #[must_use]
-    pub fn unicast_slot(&self, of: Eui64) -> u16 {
+    pub(crate) fn unicast_slot(&self, of: Eui64) -> u16 {
         (self.hash(of) % u32::from(self.unicast_active_slots)) as u16
     }
 
     /// The slot of the link from one mote to another. 264 is no multiple of the slotframe's usual length, nor one more than one:
     /// the two directions differ.
     #[must_use]
-    pub fn link_slot(&self, from: Eui64, to: Eui64) -> u16 {
+    pub(crate) fn link_slot(&self, from: Eui64, to: Eui64) -> u16 {
         let hash = self.hash(from) + 264 * self.hash(to);
         (hash % u32::from(self.unicast_active_slots)) as u16
     }
 
     /// The slot in which a mote transmits to roots.
     #[must_use]
-    pub fn root_slot(&self, of: Eui64) -> u16 {
+    pub(crate) fn root_slot(&self, of: Eui64) -> u16 {
         (self.hash(of) % u32::from(self.root_slots)) as u16
     }
 
@@ -132,7 +132,7 @@ impl OrchestraConfig {
 
     /// The handle of a rule's slotframe, if the rule is in force.
     #[must_use]
-    pub fn handle_of(&self, rule: Rule) -> Option<u8> {
+    pub(crate) fn handle_of(&self, rule: Rule) -> Option<u8> {
         self.rules.iter().position(|&other| other == rule).map(|place| place as u8)
     }
 }

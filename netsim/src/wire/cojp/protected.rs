@@ -29,7 +29,7 @@ impl CojpRepr {
     /// A request or a response as OSCORE protects it. `sequence`: the sender sequence number of the request. A message that
     /// is protected already stays as it is.
     #[must_use]
-    pub fn protect(self, context: &Context, sequence: u32) -> Self {
+    pub(crate) fn protect(self, context: &Context, sequence: u32) -> Self {
         match self {
             Self::Request { message_id, pledge, proxy_state, .. } => {
                 let mut ciphertext = bytes_of(&Plaintext(&self));
@@ -47,7 +47,7 @@ impl CojpRepr {
 
     /// The request that a protected one carries; `None`: it is not authentic, or no request.
     #[must_use]
-    pub fn unprotect_request(&self, context: &Context) -> Option<Self> {
+    pub(crate) fn unprotect_request(&self, context: &Context) -> Option<Self> {
         let Self::ProtectedRequest { message_id, pledge, sequence, proxy_state, ciphertext } = self
         else {
             return None;
@@ -59,7 +59,7 @@ impl CojpRepr {
     /// The response that a protected one carries, to a request of `pledge` with one of these sequence numbers; `None`: it
     /// is not authentic, or no response.
     #[must_use]
-    pub fn unprotect_response(
+    pub(crate) fn unprotect_response(
         &self,
         context: &Context,
         mut sequences: impl Iterator<Item = u32>,

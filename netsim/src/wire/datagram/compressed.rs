@@ -57,7 +57,7 @@ pub(crate) enum Hop {
 impl Datagram {
     /// Length (bytes) before compression: what fragments call the datagram's size.
     #[must_use]
-    pub fn uncompressed_len(&self) -> usize {
+    pub(crate) fn uncompressed_len(&self) -> usize {
         let inner = if self.is_encapsulated() { 40 } else { 0 };
         let rpi = if self.rpi.is_some() { 8 } else { 0 };
         40 + rpi + self.route_len() + inner + self.upper.uncompressed_len()
@@ -65,7 +65,11 @@ impl Datagram {
 
     /// Length (bytes) of the compressed form on the way from one MAC address to another, or to everyone.
     #[must_use]
-    pub fn compressed_len(&self, hop_source: Eui64, hop_destination: Option<Eui64>) -> usize {
+    pub(crate) fn compressed_len(
+        &self,
+        hop_source: Eui64,
+        hop_destination: Option<Eui64>,
+    ) -> usize {
         self.headers_len(Hop::Between(hop_source, hop_destination)) + self.upper.tail_len()
     }
 
@@ -82,7 +86,7 @@ impl Datagram {
 
     /// Whether the root carries somebody else's datagram down in one of its own.
     #[must_use]
-    pub fn is_encapsulated(&self) -> bool {
+    pub(crate) fn is_encapsulated(&self) -> bool {
         self.tunnel_hop_limit().is_some()
     }
 

@@ -15,7 +15,7 @@ const RPL: u8 = 155;
 impl Upper {
     /// Length (bytes) before compression, its header included.
     #[must_use]
-    pub fn uncompressed_len(&self) -> usize {
+    pub(crate) fn uncompressed_len(&self) -> usize {
         match self {
             Self::Udp(udp) => 8 + udp.payload.len(),
             Self::Rpl(message) => 4 + length_of(message),

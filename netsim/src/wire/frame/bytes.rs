@@ -84,7 +84,7 @@ impl FrameRepr {
 
     /// The PSDU as it is sent in a slot, encrypted and authenticated as its security has it.
     #[must_use]
-    pub fn to_secured_vec(&self, keys: &Keys, asn: Asn) -> Vec<u8> {
+    pub(crate) fn to_secured_vec(&self, keys: &Keys, asn: Asn) -> Vec<u8> {
         let mut bytes = vec![0; self.buffer_len()];
         let end = write_with_mic(self, self.security, &mut bytes);
         let header_len = length_of(&Header(self));

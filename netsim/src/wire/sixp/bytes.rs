@@ -241,7 +241,7 @@ fn parse_cells(reader: &mut ByteReader<'_>) -> Result<Vec<SixpCell>, Malformed> 
 impl ReturnCode {
     /// The code of this number.
     #[must_use]
-    pub fn from_number(number: u8) -> Option<Self> {
+    pub(crate) fn from_number(number: u8) -> Option<Self> {
         let all = [
             Self::Success,
             Self::EndOfList,
