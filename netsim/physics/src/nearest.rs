@@ -235,10 +235,10 @@ impl Nearest {
     /// Whether `other` is among the nearest of the agent with number `of`. `None`: that agent is not known.
     #[must_use]
     pub fn is_among(&self, of: &End, other: &End) -> Option<bool> {
-        let found = self.places.binary_search_by_key(&of.id, |&(id, _)| MoteId(id.0)).ok()?;
+        let found = self.places.binary_search_by_key(&of.id, |&(id, _)| id).ok()?;
         let place = self.places[found].1 as usize;
         Some(self.last[place].is_some_and(|(distance, id)| {
-            (of.distance_squared_m2(other), other.id) <= (distance, MoteId(id.0))
+            (of.distance_squared_m2(other), other.id) <= (distance, id)
         }))
     }
 

@@ -168,8 +168,7 @@ impl Download {
 
     /// The root triggers the first mote that it has a route to.
     fn trigger_next(&mut self, cx: &mut Context<'_>) -> Option<Packet> {
-        let Some(place) = self.remaining.iter().position(|&mote| (cx.reaches)(MoteId(mote.0)))
-        else {
+        let Some(place) = self.remaining.iter().position(|&mote| (cx.reaches)(mote)) else {
             let is_over = self.remaining.is_empty();
             self.root = if is_over { Root::Idle } else { Root::Looks(cx.now + LOOK) };
             return None;
@@ -177,8 +176,7 @@ impl Download {
         let mote = self.remaining.remove(place)?;
         let post = CoapRepr::request(Code::POST, &self.endpoint.path(TRIGGER));
         let timers = &self.settings.timers;
-        let (exchange, packet) =
-            Exchange::begin(MoteId(mote.0), post, timers, &mut self.endpoint, cx.now);
+        let (exchange, packet) = Exchange::begin(mote, post, timers, &mut self.endpoint, cx.now);
         self.root = Root::Triggers(exchange, cx.now);
         Some(packet)
     }
@@ -242,7 +240,7 @@ impl Download {
             self.root = if is_last {
                 Root::Looks(now)
             } else {
-                Root::Serves(MoteId(from.0), now + self.settings.timers.max_transmit_wait())
+                Root::Serves(from, now + self.settings.timers.max_transmit_wait())
             };
         }
         Some(response)
@@ -280,7 +278,7 @@ impl Download {
             && exchange.is_answered_by(from, message)
         {
             let until = cx.now + self.settings.timers.max_transmit_wait();
-            self.root = Root::Serves(MoteId(from.0), until);
+            self.root = Root::Serves(from, until);
             return Heard::Taken(None);
         }
         let Some(fetch) = &mut self.fetch else { return Heard::NotMine };
@@ -333,7 +331,7 @@ impl super::Kind for Download {
 
     fn assigned(&self, host: &Host) -> Option<Self> {
         let is_target =
-            |mote: MoteId| self.targets.as_ref().is_none_or(|list| list.contains(&MoteId(mote.0)));
+            |mote: MoteId| self.targets.as_ref().is_none_or(|list| list.contains(&mote));
         if host.mote != host.first_root && !is_target(host.mote) {
             return None;
         }
@@ -455,7 +453,7 @@ impl Traffic for Download {
         // Who has been triggered outlasts a reboot, an exchange does not.
         match &self.root {
             Root::Serves(..) => return,
-            Root::Triggers(exchange, _) => self.remaining.push_front(MoteId(exchange.peer.0)),
+            Root::Triggers(exchange, _) => self.remaining.push_front(exchange.peer),
             Root::Idle | Root::Looks(_) => {}
         }
         self.root = Root::Idle;

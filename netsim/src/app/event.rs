@@ -77,7 +77,7 @@ struct Keys {
 const MEAN_INTERVAL_S: f64 = 600.0;
 
 impl Event {
-    /// `n_packets` (at least 1) of each concerned mote, so far (ns) apart.
+    /// `n_packets` (at least 1) of each concerned mote, so far apart.
     #[must_use]
     pub fn new(
         sender: Sender,

@@ -84,7 +84,7 @@ enum ObjectiveKey {
 
 /// Whether motes store routes, by the checked table of `[netsim.rpl]`.
 pub(super) fn stores_routes(table: &toml::Table) -> bool {
-    table.get("mode").and_then(toml::Value::as_str) == Some("storing")
+    Keys::read(table).mode == Mode::Storing
 }
 
 /// Makes the settings of the checked table.

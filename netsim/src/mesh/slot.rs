@@ -138,7 +138,7 @@ impl Mesh {
                         payload = Some(self.inbox.send(Sent {
                             sender: mote,
                             sent,
-                            end: (sent + self.config.slot),
+                            end: sent + self.config.slot,
                             payload: bytes.clone(),
                             destination: None,
                         }));

@@ -29,7 +29,7 @@ struct Sent {
 }
 
 /// Deliveries of the main network, which states when each was received, and of the second medium. `copies`: of two copies the
-/// receiver takes the first; given with the length of a control period (ns).
+/// receiver takes the first; given with the length of a control period.
 pub(super) fn merged(
     main: Deliveries,
     carried: Carried,

@@ -217,7 +217,7 @@ fn warn(config: &StaticConfig, context: &mut BuildContext<'_>) {
     let advertises =
         |mote: MoteId| has(mote, &|cell| cell.options.tx && cell.kind != CellKind::Normal);
     if context.roots.len() < context.agent_count
-        && !context.roots.iter().any(|&root| advertises(MoteId(root.0)))
+        && !context.roots.iter().any(|&root| advertises(root))
     {
         context.warnings.push(format!(
             "{path}: no root has a cell for beacons: no other mote will ever be synchronised"

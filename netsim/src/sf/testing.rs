@@ -8,11 +8,12 @@
 //! ```
 //! use netsim::catalogue::Catalogue;
 //! use netsim::sf::testing::{Bench, Section};
+//! use proto::ids::MoteId;
 //!
 //! // Of an entry of one's own: let mut catalogue = Catalogue::default(); catalogue.scheduling_functions.add(&ENTRY);
 //! let section = Section::new("kind = \"minimal\"\nslotframe_slots = 11", 5);
 //! let config = section.built(Catalogue::built_in());
-//! let mote = Bench::start(&config, 1);
+//! let mote = Bench::start(&config, MoteId(1));
 //! assert_eq!(mote.schedule.slotframe(0).map(|frame| frame.slots()), Some(11));
 //! ```
 

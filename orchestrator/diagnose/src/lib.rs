@@ -29,8 +29,7 @@
 //! | private module | what |
 //! |---|---|
 //! | `measured` | where links and robots differ |
-//! | `limits` | the selection of effects, those on one robot, one node or from a time on among them |
-//! | `ladder` | one stepwise selection |
+//! | `ladder` | the selection of effects, those on one robot, one node or from a time on among them |
 //! | `acceptance` | which terms are significant, and worth having |
 //! | `score_test` | what the slopes of one fit tell, without another fit |
 //! | `held_out` | predictions of rows by fits that have not seen them |

@@ -27,7 +27,7 @@ pub use registry::{Lists, Registered, Registry};
 pub use schema::json_schema;
 pub use section::{
     Alternatives, CheckedTable, CheckedValue, ClusterLine, FilePath, Key, Program, Section, Url,
-    greatest, has_variant, is_same_text, joined, key, tag, variant,
+    greatest, has_variant, is_same_text, joined, key, may_be, tag, variant,
 };
 pub use spec::{Choice, Default, Field, Kind, Range, TableSpec, Tag, Variant, Variants};
 pub use tree::{Node, Value, parse};

@@ -135,7 +135,8 @@ impl<'a> Key<'a> {
         self.said.range.as_ref()
     }
 
-    /// What the compiler checks: that a description from elsewhere is one of this key, and that the default of a tag is a variant.
+    /// What the compiler checks: that a description from elsewhere is one of this key, and that the default of a tag
+    /// or of a choice is one of its alternatives.
     pub(crate) fn assertion(&self) -> Option<TokenStream> {
         let name = &self.name;
         let holds = match (&self.said.field, &self.said.default, self.said.role) {
@@ -144,6 +145,10 @@ impl<'a> Key<'a> {
                 let ty = self.ty();
                 let variants = quote!(<#ty as ::proto::config::Alternatives>::VARIANTS);
                 quote!(::proto::config::has_variant(#variants, #default))
+            }
+            (None, Some(Absent::Value(default)), Role::Key) if is_text(default) => {
+                let ty = self.ty();
+                quote!(::proto::config::may_be(&<#ty as ::proto::config::Key>::KIND, #default))
             }
             _ => return None,
         };
@@ -298,4 +303,9 @@ fn name_of(ty: &Type) -> Option<String> {
         Type::Path(path) => path.path.get_ident().map(ToString::to_string),
         _ => None,
     }
+}
+
+/// Whether an expression is a text in quotation marks.
+fn is_text(expression: &Expr) -> bool {
+    matches!(expression, Expr::Lit(ExprLit { lit: Lit::Str(_), .. }))
 }

@@ -9,6 +9,7 @@ use netsim::sf::{
 use netsim::wire::Eui64;
 use proto::config::{Problem, Section, join, variant};
 use proto::ids::MoteId;
+use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 
@@ -57,7 +58,7 @@ impl Configured for WanderingConfig {
     type OfMote = Wandering;
 
     fn create(&self, _mote: MoteId) -> Wandering {
-        Wandering { config: self.clone(), waiting: BTreeSet::new(), next_ns: None }
+        Wandering { config: self.clone(), waiting: BTreeSet::new(), next: None }
     }
 }
 
@@ -70,8 +71,8 @@ pub struct Wandering {
     config: WanderingConfig,
     /// Neighbours for whom frames wait.
     waiting: BTreeSet<Eui64>,
-    /// When the next slotframe begins (ns).
-    next_ns: Option<u64>,
+    /// When the next slotframe begins.
+    next: Option<SimTime>,
 }
 
 impl Wandering {
@@ -86,7 +87,7 @@ impl Wandering {
         cx.schedule.remove_where(HANDLE, |_| true);
         cx.schedule.add_all(HANDLE, &cells).expect("slots are taken modulo the length");
         let length = u64::from(self.config.slotframe_slots);
-        self.next_ns = Some((cx.asn / length + 1) * length * cx.slot_ns);
+        self.next = Some(Asn((cx.asn / length + 1) * length) * cx.slot);
     }
 }
 
@@ -98,7 +99,7 @@ impl SchedulingFunction for Wandering {
 
     fn stop(&mut self) {
         self.waiting.clear();
-        self.next_ns = None;
+        self.next = None;
     }
 
     fn slotframe_slots(&self) -> u16 {
@@ -118,8 +119,8 @@ impl SchedulingFunction for Wandering {
         self.install(cx);
     }
 
-    fn poll_timeout(&self) -> Option<u64> {
-        self.next_ns
+    fn poll_timeout(&self) -> Option<SimTime> {
+        self.next
     }
 
     fn handle_timeout(&mut self, cx: &mut Context<'_>) {

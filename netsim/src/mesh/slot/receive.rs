@@ -10,7 +10,7 @@ use physics::medium::slot::{Acknowledgment, OnAir};
 use proto::ids::MoteId;
 use proto::time::{SimDuration, SimTime};
 
-/// That a listener has received a frame of the slot.
+/// A frame of the slot, as a listener received it.
 pub(super) struct Received<'a> {
     pub(super) mote: MoteId,
     pub(super) listening: &'a Listening,

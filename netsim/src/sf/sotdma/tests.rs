@@ -38,7 +38,7 @@ fn say(bench: &mut Bench, from: u32, slot: u16, announced: &SlotsRepr) {
 /// What a mote says in a slot.
 fn said(bench: &Bench, slot: u16) -> SlotsRepr {
     let at = CellRef { handle: OWN_HANDLE, cell: Cell::new(slot, 0, CellOptions::TX, None) };
-    bench.sf.announcement(bench.own, &at, Asn(bench.asn.0)).unwrap()
+    bench.sf.announcement(bench.own, &at, bench.asn).unwrap()
 }
 
 fn own_cells(bench: &Bench) -> Vec<u16> {

@@ -154,6 +154,20 @@ pub const fn has_variant(variants: &[Variant], name: &str) -> bool {
     false
 }
 
+/// Whether a key of this kind may have a text as its default: an alternative of a choice, or any text.
+#[must_use]
+pub const fn may_be(kind: &Kind, text: &str) -> bool {
+    let Kind::Choice(choices) = kind else { return true };
+    let mut place = 0;
+    while place < choices.len() {
+        if is_same_text(choices[place].name, text) {
+            return true;
+        }
+        place += 1;
+    }
+    false
+}
+
 /// The descriptions of several lists, `N` in all, in one.
 #[must_use]
 pub const fn joined<const N: usize>(lists: &[&[Field]]) -> [Field; N] {

@@ -76,11 +76,11 @@ fn medium() -> SlotMedium {
 }
 
 fn frame(sender: MoteId, starts_us: i64, psdu_bytes: u16) -> OnAir {
-    OnAir { sender: MoteId(sender.0), channel: CHANNEL, starts_ns: starts_us * 1000, psdu_bytes }
+    OnAir { sender: sender, channel: CHANNEL, starts_ns: starts_us * 1000, psdu_bytes }
 }
 
 fn listens(receiver: MoteId) -> Listening {
-    Listening::synchronised(MoteId(receiver.0), CHANNEL, 0)
+    Listening::synchronised(receiver, CHANNEL, 0)
 }
 
 fn is_received(reception: Reception, of: u32) -> bool {

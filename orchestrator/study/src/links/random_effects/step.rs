@@ -20,7 +20,7 @@ pub struct NewtonStep {
 }
 
 /// Solves one step: parameters with rows of derivatives `jacobian` (row-major, `n_parameters` each), random levels with
-/// their costs. `extra` is added to the information of the parameters, `gradient` to their gradient (what is not a mean).
+/// their costs.
 pub struct Solver<'a> {
     /// Cells of all rows of the study.
     pub cells: &'a RowCells,
@@ -35,7 +35,8 @@ pub struct Solver<'a> {
 }
 
 impl Solver<'_> {
-    /// The step. `damping` multiplies the diagonal of the information. `None` where the system is singular.
+    /// The step. `extra` is added to the information of the parameters, `gradient` to their gradient (what is not a mean); `damping`
+    /// multiplies the diagonal of the information. `None` where the system is singular.
     #[must_use]
     pub fn step(
         &self,
