@@ -98,6 +98,61 @@ fn a_run_killed_hard_is_resumed_to_the_same_bytes() {
 }
 
 #[test]
+fn a_run_killed_after_its_last_step_is_resumed_to_the_same_bytes() {
+    let (name, sets) = EXPERIMENTS[0];
+    let folder = tests::folder();
+    finished(&arguments(name, sets, "whole", &[]), folder.path());
+    let out = folder.path().join("killed");
+    // Killed once its summary is written: after the last step, before the folder has its name.
+    let mut left = None;
+    for _ in 0..20 {
+        let mut run = started(&arguments(name, sets, "killed", &[]), folder.path());
+        while run.try_wait().unwrap().is_none() {
+            left = unfinished(&out).into_iter().find(|path| path.join("summary.json").exists());
+            if left.is_some() {
+                break;
+            }
+        }
+        run.kill().unwrap();
+        run.wait().unwrap();
+        left = left.filter(|left| left.exists());
+        if left.is_some() {
+            break;
+        }
+        std::fs::remove_dir_all(&out).unwrap();
+    }
+    let left = left.expect("each of twenty runs had its name before it was killed");
+    finished(&["run", "--resume", left.to_str().unwrap()].map(str::to_owned), folder.path());
+    let [whole, resumed] = ["whole", "killed"].map(|out| folder.path().join(out).join(name));
+    assert_same(&whole, &resumed);
+    assert_eq!(unfinished(&out), Vec::<PathBuf>::new());
+    assert!(!resumed.join("checkpoint").exists());
+}
+
+#[test]
+fn a_run_whose_place_is_taken_meanwhile_can_go_on_once_it_is_free() {
+    let (name, sets) = EXPERIMENTS[0];
+    let folder = tests::folder();
+    finished(&arguments(name, sets, "whole", &[]), folder.path());
+    let out = folder.path().join("taken");
+    let mut run = started(&arguments(name, sets, "taken", &[]), folder.path());
+    checkpoint_of(&mut run, &out).expect("a checkpoint is stored before the run ends");
+    std::fs::create_dir(out.join(name)).unwrap();
+    std::fs::write(out.join(name).join("thesis.tex"), "").unwrap();
+    let ended = end_of(run);
+    assert_eq!(ended.status.code(), Some(1), "{}", tests::said(&ended));
+    assert!(
+        tests::said(&ended).contains("is not the result of an earlier run"),
+        "{}",
+        tests::said(&ended)
+    );
+    std::fs::remove_dir_all(out.join(name)).unwrap();
+    let [left] = &unfinished(&out)[..] else { panic!("one folder was to be left") };
+    finished(&["run", "--resume", left.to_str().unwrap()].map(str::to_owned), folder.path());
+    assert_same(&folder.path().join("whole").join(name), &out.join(name));
+}
+
+#[test]
 fn a_simulator_that_dies_is_restarted_from_the_last_checkpoint() {
     for ((name, sets), side) in EXPERIMENTS.into_iter().zip(["robotsim", "netsim"]) {
         let folder = tests::folder();

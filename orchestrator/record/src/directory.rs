@@ -413,7 +413,11 @@ pub const SCHEMA_PREFIX: &str = "murmuration/summary/";
 const CONFIG_FILE: &str = "config.toml";
 
 fn refuse_foreign(target: &Path) -> Result<(), RecordError> {
-    let exists = fs::symlink_metadata(target).is_ok();
+    let found = fs::symlink_metadata(target);
+    if found.as_ref().is_ok_and(std::fs::Metadata::is_symlink) {
+        return Err(RecordError::Link { path: target.to_owned() });
+    }
+    let exists = found.is_ok();
     let is_empty = || {
         target.is_dir() && fs::read_dir(target).is_ok_and(|mut entries| entries.next().is_none())
     };

@@ -22,6 +22,12 @@ pub enum RecordError {
         /// What stands there.
         path: PathBuf,
     },
+    /// A symbolic link stands where the result is to go: the folder of a run is put there in one piece, which a link cannot take.
+    #[error("{} is a symbolic link, which a result cannot replace; remove it, or give --out the folder that it leads into", path.display())]
+    Link {
+        /// The link.
+        path: PathBuf,
+    },
     /// Another program writes the result.
     #[error("{} is being written by {holder}; wait for it, or choose another experiment.name or --out", path.display())]
     Locked {

@@ -304,7 +304,6 @@ impl Recorder {
     ) -> Result<Finished, RecordError> {
         self.hand_over()?;
         let written = self.join()?;
-        self.forget_checkpoint()?;
         let Some(directory) = self.directory.take() else {
             unreachable!("only this function takes it, and it consumes the recorder")
         };
@@ -341,6 +340,8 @@ impl Recorder {
         provenance.insert("files".to_owned(), Value::Object(files));
         directory.write("provenance.json", pretty(&provenance).as_bytes())?;
         let Published { dir, kept } = directory.publish(&summary)?;
+        // Last: whatever fails before, the run can go on from it.
+        forget_checkpoint(&dir)?;
         let report = self.header.output.report.then(|| dir.join(REPORT_FILE));
         Ok(Finished { dir, summary, report, kept })
     }
@@ -369,25 +370,25 @@ impl Recorder {
         }
     }
 
-    /// A record that is finished needs none.
-    fn forget_checkpoint(&self) -> Result<(), RecordError> {
-        for file in [checkpoint::FILE, checkpoint::UNFINISHED] {
-            let path = self.path().join(file);
-            match std::fs::remove_file(&path) {
-                Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                    return Err(RecordError::Write { path, source });
-                }
-                _ => {}
-            }
-        }
-        Ok(())
-    }
-
     /// The directory under its temporary name.
     #[must_use]
     pub fn path(&self) -> PathBuf {
         self.directory.as_ref().map(|directory| directory.path().to_owned()).unwrap_or_default()
     }
+}
+
+/// A result that has its name needs none.
+fn forget_checkpoint(dir: &Path) -> Result<(), RecordError> {
+    for file in [checkpoint::FILE, checkpoint::UNFINISHED] {
+        let path = dir.join(file);
+        match std::fs::remove_file(&path) {
+            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
+                return Err(RecordError::Write { path, source });
+            }
+            _ => {}
+        }
+    }
+    Ok(())
 }
 
 impl Drop for Recorder {

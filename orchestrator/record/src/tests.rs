@@ -386,3 +386,43 @@ fn speeds_are_means_over_time_not_over_steps() {
         assert!((task[key].as_f64().unwrap() - 0.5).abs() < 1e-9, "{key}: {}", task[key]);
     }
 }
+
+fn stored() -> States {
+    let state = || Some(Bytes::from_static(b"state"));
+    States { robots: state(), network: state(), urls: [None, None] }
+}
+
+#[test]
+fn a_checkpoint_stays_until_the_result_has_its_name() {
+    let out = tempfile::tempdir().unwrap();
+    let mut recorder =
+        record(out.path(), RunHeader { keeps_checkpoints: true, ..header("run") }, STEPS);
+    recorder.checkpoint(stored()).unwrap();
+    let partial = recorder.path();
+    // Something that no run left takes the place meanwhile.
+    fs::create_dir(out.path().join("run")).unwrap();
+    fs::write(out.path().join("run/thesis.tex"), "").unwrap();
+    recorder.finish(&complete(), json!({ "host": "here" }), page).unwrap_err();
+    assert!(partial.join(checkpoint::FILE).exists(), "the run cannot go on");
+    assert!(partial.join("provenance.json").exists());
+}
+
+#[test]
+fn a_result_that_has_its_name_has_no_checkpoint() {
+    let out = tempfile::tempdir().unwrap();
+    let mut recorder =
+        record(out.path(), RunHeader { keeps_checkpoints: true, ..header("run") }, STEPS);
+    recorder.checkpoint(stored()).unwrap();
+    let finished = recorder.finish(&complete(), json!({ "host": "here" }), page).unwrap();
+    assert!(!finished.dir.join(checkpoint::FILE).exists());
+}
+
+#[test]
+fn a_link_in_the_place_of_the_result_is_refused_before_the_run() {
+    let out = tempfile::tempdir().unwrap();
+    fs::create_dir(out.path().join("real")).unwrap();
+    std::os::unix::fs::symlink("real", out.path().join("run")).unwrap();
+    let refused = Reservation::new(out.path(), "run").unwrap_err();
+    assert!(refused.to_string().contains("is a symbolic link"), "{refused}");
+    assert_eq!(names(out.path()), ["real", "run"]);
+}
