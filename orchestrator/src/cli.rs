@@ -43,7 +43,7 @@ use clap::{Args, FromArgMatches as _, Parser, Subcommand};
 use diagnose::DiagnoseError;
 use diagnose::extend::ExtendError;
 use drive::peer::become_command;
-use experiment::{Overrides, Tls, set_program_name};
+use experiment::{Consent, Overrides, Tls, set_program_name};
 pub use help::command;
 use proto_host::{ServeArgs, ServeOptions, init_logging_to, use_threads};
 use std::ffi::OsString;
@@ -175,6 +175,8 @@ struct OverrideArgs {
     robotsim: Option<String>,
     #[command(flatten)]
     tls: TlsArgs,
+    #[command(flatten)]
+    allow: AllowArgs,
 }
 
 /// Certificates for https URLs.
@@ -206,23 +208,36 @@ impl OverrideArgs {
             netsim_url: self.netsim.clone(),
             robotsim_url: self.robotsim.clone(),
             tls: self.tls.tls(),
+            consent: self.allow.consent(),
             ..Overrides::default()
         }
     }
 }
 
-/// Whether programs of the experiment file may be run.
-#[derive(Args)]
+/// What the experiment file may do outside of its own folder.
+#[derive(Args, Clone, Default)]
 struct AllowArgs {
-    /// Run the programs that the experiment file names in [robotsim] command and [netsim] command. Give it only for files
-    /// that you trust
+    /// Run the programs that the experiment file names in [robotsim] command and [netsim] command, and obey its lines for a
+    /// batch system. Give it only for files that you trust
     #[arg(long)]
     allow_command: bool,
+    /// Read this file, or any file in this folder, if the experiment file names it. Files in the folder of the experiment file
+    /// need no permission. Repeatable
+    #[arg(long, value_name = "PATH")]
+    allow_file: Vec<PathBuf>,
+    /// Send the experiment, with the contents of its files, to this URL if the experiment file names it. Repeatable
+    #[arg(long, value_name = "URL")]
+    allow_url: Vec<String>,
 }
 
 impl AllowArgs {
-    fn over(&self, start: StartOptions) -> StartOptions {
-        StartOptions { allow_command: self.allow_command, ..start }
+    fn consent(&self) -> Consent {
+        Consent {
+            commands: self.allow_command,
+            files: self.allow_file.clone(),
+            urls: self.allow_url.clone(),
+            ..Consent::default()
+        }
     }
 }
 
@@ -331,7 +346,6 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         let executable = std::env::current_exe().map_err(Failure::work)?;
         Ok(StartOptions {
             executable,
-            allow_command: false,
             threads,
             log: log.to_owned(),
             log_json,

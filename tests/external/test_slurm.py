@@ -96,7 +96,7 @@ class Sweep:
 
 def test_a_sweep_survives_the_failure_of_a_node_and_leaves_the_bytes_of_one_machine(tmp_path, cluster):
     sweep = Sweep(tmp_path, cluster, n_settings=20, duration_s=15.0)
-    process = sweep.start("--engine", "slurm", "--shards", "4")
+    process = sweep.start("--allow-command", "--engine", "slurm", "--shards", "4")
     sweep.wait_for_rows(20, process)
     cluster.fail("n1")
     assert sweep.n_rows() < 180, "the node was to fail in the middle of the sweep"
@@ -112,14 +112,14 @@ def test_a_sweep_survives_the_failure_of_a_node_and_leaves_the_bytes_of_one_mach
     assert run_log.count(" of a sweep of 200 trials, 1 at a time") == 5, run_log
     # Nothing is left to do, and nothing is submitted.
     jobs = (sweep.folder / "runs/s/cluster/submission.json").read_bytes()
-    said = sweep.end(sweep.start("--engine", "slurm"))
+    said = sweep.end(sweep.start("--allow-command", "--engine", "slurm"))
     assert "200 trials of 4 shards merged" in said and "submitted" not in said, said
     assert (sweep.folder / "runs/s/cluster/submission.json").read_bytes() == jobs
 
 
 def test_the_same_command_follows_jobs_that_an_interrupted_one_left(tmp_path, cluster):
     sweep = Sweep(tmp_path, cluster, n_settings=6, duration_s=40.0)
-    process = sweep.start("--engine=slurm", "--shards=3")
+    process = sweep.start("--allow-command", "--engine=slurm", "--shards=3")
     sweep.wait_for_rows(3, process)
     process.send_signal(signal.SIGINT)
     said = sweep.end(process, status=1)
@@ -127,10 +127,10 @@ def test_the_same_command_follows_jobs_that_an_interrupted_one_left(tmp_path, cl
     assert f"Slurm job {job} is in progress and not affected. Run the same command again to follow" in said, said
     assert f"cancel with: scancel {job}" in said, said
     # Another one with other trials does not mix with it.
-    said = sweep.end(sweep.start("--engine", "slurm", "--set", "sweep.seeds=9"), status=2)
+    said = sweep.end(sweep.start("--allow-command", "--engine", "slurm", "--set", "sweep.seeds=9"), status=2)
     assert f"Slurm job {job} is in progress, of another file or other options" in said, said
     # The controller is away for a while; tasks go on without it.
-    process = sweep.start("--engine", "slurm")
+    process = sweep.start("--allow-command", "--engine", "slurm")
     n_rows = sweep.n_rows()
     cluster.stop("controller")
     sweep.wait_for_rows(n_rows + 3, process)
@@ -143,13 +143,13 @@ def test_the_same_command_follows_jobs_that_an_interrupted_one_left(tmp_path, cl
 
 def test_cancelled_shards_are_named_and_submitted_again_by_the_same_command(tmp_path, cluster):
     sweep = Sweep(tmp_path, cluster, n_settings=2, duration_s=40.0)
-    process = sweep.start("--engine", "slurm", "--shards", "2")
+    process = sweep.start("--allow-command", "--engine", "slurm", "--shards", "2")
     sweep.wait_for_rows(2, process)
     job = sweep.said.read_text().split("Slurm job ")[1].split(":")[0]
     cluster.command("scancel", f"{job}_2")
     said = sweep.end(process, status=1)
     assert "Slurm: the tasks of shard 2/2 were cancelled" in said, said
-    said = sweep.end(sweep.start("--engine", "slurm"))
+    said = sweep.end(sweep.start("--allow-command", "--engine", "slurm"))
     assert "20 trials of 2 shards merged" in said, said
     assert sweep.results("runs") == sweep.run_on_one_machine()
 

@@ -206,6 +206,55 @@ fn nothing_is_submitted_where_it_cannot_be() {
 }
 
 #[test]
+fn a_file_puts_nothing_into_a_script_that_is_submitted_unless_it_is_allowed_to() {
+    let sections = "[sweep.slurm]\ncommands = [\"touch executed\"]\noptions = [\"--prolog=/tmp/x\"]\nmodules = [\"m\"]\n\
+        [sweep.hyperqueue]\ncommands = [\"touch executed\"]\n";
+    let place = Place::new(sections);
+    place.command("sbatch", "touch executed; echo 7");
+    place.command("hq", "touch executed; echo 7");
+    for engine in ["slurm", "hyperqueue"] {
+        let said = place.fails(&format!("--engine {engine}"), 2);
+        for problem in [
+            "sweep.slurm.commands[0]: would put this into the script of a batch system: 'touch executed'",
+            "sweep.slurm.options[0]",
+            "sweep.slurm.modules[0]",
+            "sweep.hyperqueue.commands[0]",
+            "--allow-command",
+        ] {
+            assert!(said.contains(problem), "{problem}: {said}");
+        }
+    }
+    let entries = fs::read_dir(place.path()).unwrap().count();
+    assert_eq!(entries, 1, "something was written, or executed");
+    // On this machine the lines mean nothing, and a script that is printed does nothing.
+    place.succeeds("--engine slurm --shards 3 --emit script");
+    place.succeeds("--dry-run");
+    let checked = tests::orchestrator(&["check", "s.toml"], &place.path());
+    assert!(checked.status.success(), "{}", tests::said(&checked));
+    assert!(
+        tests::said(&checked).contains("sweep.slurm.options[0] would put this"),
+        "{}",
+        tests::said(&checked)
+    );
+    place.succeeds("--engine hyperqueue --allow-command");
+    assert!(place.path().join("executed").exists(), "it was not submitted");
+    // What tasks run is allowed, too: their sweep is the same.
+    let script = fs::read_to_string(place.path().join("runs/s/cluster/hyperqueue.sh")).unwrap();
+    assert!(script.contains(" sweep s.toml --allow-command "), "{script}");
+}
+
+#[test]
+fn a_file_whose_name_looks_like_an_option_is_one_in_the_script_too() {
+    let place = Place::new("");
+    fs::rename(place.path().join("s.toml"), place.path().join("-x y.toml")).unwrap();
+    let args = ["sweep", "--engine", "slurm", "--emit", "script", "--", "-x y.toml"];
+    let output = tests::orchestrator(&args, &place.path());
+    assert!(output.status.success(), "{}", tests::said(&output));
+    let script = tests::said(&output);
+    assert!(script.contains(" sweep './-x y.toml' --threads 1 "), "{script}");
+}
+
+#[test]
 fn what_a_cluster_cannot_be_asked_for_is_refused_with_its_place() {
     let place = Place::new(
         "[sweep.slurm]\npartitoin = \"a\"\ncpus_per_task = 0\naccount = \"a\\nb\"\noptions = [\"-p x\", \"--array=1-3\"]\n\

@@ -171,6 +171,9 @@ fn a_record_whose_configuration_names_a_file_runs_again_with_the_same_recording(
                 [robotsim.controller]\nkind = \"hold\"\n";
     std::fs::write(&config, text).unwrap();
     let first = tests::run(&config, &folder.path().join("a"), &[]);
-    let second = tests::run(&first.join("config.toml"), &folder.path().join("b"), &[]);
+    // The file lies outside of the record.
+    let places = folder.path().join("places");
+    let allowed = ["--allow-file", places.to_str().unwrap()];
+    let second = tests::run(&first.join("config.toml"), &folder.path().join("b"), &allowed);
     tests::recording::assert_same(&first, &second);
 }

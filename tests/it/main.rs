@@ -15,6 +15,7 @@ mod clusters;
 mod commands;
 mod configs;
 mod conformance;
+mod consent;
 mod contract;
 mod convert;
 mod corruption;

@@ -2,6 +2,7 @@
 //! processes, of a model with a fault in one of the two: places, and who heard whom.
 
 use diagnose::{Observer, Unobserved};
+use experiment::Consent;
 use network::resimulate::ResimulationError;
 use network::task::comparison::TaskComparison;
 use network::{ComparisonOptions, TaskFiles, TaskRequest, Worded};
@@ -45,7 +46,13 @@ fn parts(fault: &str, seed: u64) -> Worded<TaskComparison> {
     let out = run(&truth, dir.path(), &["--seed", &seed.to_string()]);
     let model = dir.path().join("model.toml");
     std::fs::write(&model, MODEL).unwrap();
-    let files = TaskFiles { config: &model, set: &[], data: &out, heard: &out };
+    let files = TaskFiles {
+        config: &model,
+        set: &[],
+        consent: &Consent::default(),
+        data: &out,
+        heard: &out,
+    };
     let options = ComparisonOptions { seeds: 99, ..ComparisonOptions::default() };
     network::task(&TaskRequest::open(&files, options).unwrap(), &Unobserved).unwrap()
 }
@@ -122,7 +129,13 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
     write("heard.csv", &heard);
     let path = |name: &str| dir.path().join(name);
     let [config, data, received] = ["model.toml", "robots.csv", "heard.csv"].map(path);
-    let files = TaskFiles { config: &config, set: &[], data: &data, heard: &received };
+    let files = TaskFiles {
+        config: &config,
+        set: &[],
+        consent: &Consent::default(),
+        data: &data,
+        heard: &received,
+    };
     let request = TaskRequest::open(&files, ComparisonOptions { seeds: 99, from_s: 100.0 });
     let stopping = Stopping::default();
     stopping.0.set();

@@ -67,15 +67,18 @@ fn with_the_seed_of_the_file_it_is_the_run_that_formed_the_network() {
     let file = std::fs::read(folder.path().join("formed")).unwrap();
     let sha256 = proto::digest::hex(&proto::digest::of_bytes(&file));
     assert!(config.contains(&format!("warm_start_sha256 = \"{sha256}\"")), "{config}");
-    for command in ["verify", "reproduce"] {
-        finished(&[command, run.to_str().unwrap()], folder.path());
-    }
+    let folder_of_run = run.to_str().unwrap();
+    finished(&["verify", folder_of_run], folder.path());
+    let said = refused(&["reproduce", folder_of_run], folder.path());
+    assert!(said.contains("experiment.warm_start") && said.contains("--allow-file"), "{said}");
+    let reproduce = ["reproduce", folder_of_run, "--allow-file", "formed"];
+    finished(&reproduce, folder.path());
     // Another file in the place of the one that it started from.
     let [saved, w] = ["other-formed", "w.toml"];
     let args = ["run", w, "--seed", "2", "--out", "other", "--save-formed", saved];
     finished(&args, folder.path());
     std::fs::rename(folder.path().join(saved), folder.path().join("formed")).unwrap();
-    let said = refused(&["reproduce", run.to_str().unwrap()], folder.path());
+    let said = refused(&reproduce, folder.path());
     assert!(said.contains("experiment.warm_start_sha256: is not the checksum"), "{said}");
 }
 
@@ -102,9 +105,9 @@ fn other_seeds_give_other_runs_of_the_same_formed_network() {
     }
     assert_ne!(a["kpis"], b["kpis"]);
     for run in [&five, &six] {
-        for command in ["verify", "reproduce"] {
-            finished(&[command, run.to_str().unwrap()], folder.path());
-        }
+        let run = run.to_str().unwrap();
+        finished(&["verify", run], folder.path());
+        finished(&["reproduce", run, "--allow-file", "formed"], folder.path());
     }
 }
 

@@ -22,6 +22,8 @@ pub struct ExperimentCheck {
     pub steps: u64,
     /// The control period (ns).
     pub step_ns: u64,
+    /// What the file asks for outside of its own folder: each needs a permission when it is run.
+    pub capabilities: Vec<AskedPermission>,
     /// What to check before the experiment is run.
     pub warnings: Vec<String>,
 }
@@ -36,6 +38,19 @@ pub struct SweepCheck {
     pub settings: usize,
     /// How many trials: settings times seeds.
     pub trials: usize,
+    /// What the file asks for outside of its own folder: each needs a permission when it is run.
+    pub capabilities: Vec<AskedPermission>,
     /// What to check before the sweep is run.
     pub warnings: Vec<String>,
+}
+
+/// Something that a file asks for outside of its own folder.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct AskedPermission {
+    /// Path of the key that asks for it.
+    pub key: String,
+    /// What it would do.
+    pub would: String,
+    /// The option that allows it.
+    pub option: String,
 }

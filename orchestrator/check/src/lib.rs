@@ -16,7 +16,7 @@ use data_check::{
     CovariateFacts, Facts, LinkCounts, LinkFacts, Motes, NotTestable, RobotFacts, RowKind, SCHEMA,
 };
 use diagnose::defects;
-pub use file_check::{CHECK_SCHEMA, ExperimentCheck, SweepCheck};
+pub use file_check::{AskedPermission, CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use indexmap::IndexMap;
 use measure::config::Compared;
 use measure::links::LinkRow;

@@ -1,5 +1,6 @@
 //! An experiment file: from text to something that can be run, or to every problem it has.
 
+mod consent;
 mod control;
 mod keys;
 pub mod output;
@@ -11,6 +12,7 @@ pub mod sweep;
 pub mod timeline;
 mod warm_start;
 
+pub use consent::{Action, Acts, Capability, Consent, capabilities};
 pub use control::ControlPeriod;
 pub use keys::{ExperimentKeys, WITHOUT_EFFECT};
 pub use output::OutputConfig;
@@ -118,6 +120,8 @@ pub struct Plan {
     pub output: OutputConfig,
     /// Effective `[experiment]`, `[site]`, `[[timeline]]` and `[output]`, for the record.
     pub effective: toml::Table,
+    /// What the file asks for outside of its own folder.
+    pub capabilities: Vec<Capability>,
     /// What should be checked before the results are trusted.
     pub warnings: Vec<String>,
 }
@@ -247,6 +251,8 @@ fn plan(
     problems: &mut Vec<Problem>,
 ) -> Option<Plan> {
     check_sections(tree, problems);
+    let capabilities = consent::capabilities(tree, base, overrides);
+    problems.extend(overrides.consent.refusals(&capabilities));
     let empty = Node::empty_table();
     let section = |key: &str| tree.get(key).unwrap_or(&empty);
     let mut recorded = config::check(
@@ -294,7 +300,7 @@ fn plan(
         site: &site,
         experiment: &experiment,
         known: keys.agents.is_some(),
-        files: &overrides.files,
+        overrides,
         problems,
     };
     let robotsim = sides.read(
@@ -360,6 +366,7 @@ fn plan(
         netsim: netsim.0,
         output,
         effective,
+        capabilities,
         experiment,
     })
 }
@@ -393,7 +400,7 @@ fn check_name(name: &str, problems: &mut Vec<Problem>) {
         problems.push(
             Problem::new(
                 "experiment.name",
-                "must be 1 to 100 letters, digits, '-', '_' or '.', not starting with '.', because it names a folder",
+                "must be 1 to 100 letters, digits, '-', '_' or '.', not starting with '.' or '-', because it names a folder",
             )
             .value(format!("{name:?}"))
             .nearest(format!("{:?}", as_file_name(name))),
@@ -446,10 +453,10 @@ impl TlsKeys {
     }
 }
 
-/// Whether a text can name an experiment: letters, digits, `-`, `_` and `.`, at most 100, not starting with `.`.
+/// Whether a text can name an experiment: letters, digits, `-`, `_` and `.`, at most 100, not starting with `.` or `-`.
 #[must_use]
 pub fn is_file_name(name: &str) -> bool {
-    !name.starts_with('.')
+    !name.starts_with(['.', '-'])
         && name.len() <= 100
         && name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.'))
 }
@@ -458,7 +465,7 @@ pub fn is_file_name(name: &str) -> bool {
 #[must_use]
 pub fn as_file_name(name: &str) -> String {
     let replaced: String = name
-        .trim_start_matches('.')
+        .trim_start_matches(['.', '-'])
         .chars()
         .take(100)
         .map(|c| if c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' })

@@ -1,6 +1,8 @@
 //! What the command line puts over an experiment file.
 
 use super::Tls;
+use super::consent::{Action, Acts, Consent};
+use super::sides::file_name;
 use bytes::Bytes;
 use proto::config::{self, Node, Problem, Refusal, Value, set};
 use std::collections::BTreeMap;
@@ -22,6 +24,34 @@ pub struct Overrides {
     /// Files that a section names, by the section and the file's name, in place of those on the disk: of an experiment that was
     /// recorded with them.
     pub files: BTreeMap<(String, String), Bytes>,
+    /// The run goes on from a checkpoint: the formed network that it began with is not read again.
+    pub goes_on: bool,
+    /// `--allow-command`, `--allow-file`, `--allow-url`.
+    pub consent: Consent,
+}
+
+impl Overrides {
+    /// The same for a command that does less of what the file asks for.
+    #[must_use]
+    pub fn acting(&self, acts: Acts) -> Self {
+        Self { consent: Consent { acts, ..self.consent.clone() }, ..self.clone() }
+    }
+
+    /// Whether `--set` gives a key that names a file or a URL: whoever types it agrees. A program is more than its name.
+    pub(super) fn names(&self, key: &str, action: &Action) -> bool {
+        let is_set = |assignment: &String| {
+            let set = assignment.split('=').next().unwrap_or_default().trim();
+            key.strip_prefix(set)
+                .is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+        };
+        matches!(action, Action::ReadFile { .. } | Action::Call { .. })
+            && self.set.iter().any(is_set)
+    }
+
+    /// Whether the content of a file that a section names is known without reading it.
+    pub(super) fn has_file(&self, section: &str, file: &Path) -> bool {
+        self.files.contains_key(&(section.to_owned(), file_name(file)))
+    }
 }
 
 /// Parses the text of an experiment file and puts the overrides over it. Returns it with what is wrong with those.

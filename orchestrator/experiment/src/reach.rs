@@ -30,8 +30,13 @@ impl SideCommand {
     /// As one would type it.
     #[must_use]
     pub fn shown(&self) -> String {
-        self.words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
+        as_typed(&self.words)
     }
+}
+
+/// Words as one would type them.
+pub(super) fn as_typed(words: &[String]) -> String {
+    words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
 /// A word for a shell, in quotation marks where it needs them. Characters that a terminal would obey or hide are escaped.

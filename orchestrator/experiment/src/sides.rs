@@ -1,5 +1,7 @@
 //! The sections of the two simulators: read here, judged by the simulator itself if it is ours to start.
 
+use super::Overrides;
+use super::consent::Action;
 use super::reach::{self, SideCommand};
 use bytes::Bytes;
 use proto::bounds::NAMED_FILE_BYTES;
@@ -45,8 +47,8 @@ pub(super) struct Sides<'a> {
     pub(super) experiment: &'a Experiment,
     /// The number of agents is known: without it, nothing that counts agents can be judged.
     pub(super) known: bool,
-    /// Files in place of those on the disk, by section and name.
-    pub(super) files: &'a BTreeMap<(String, String), Bytes>,
+    /// What the command line says of it, and of what may be read.
+    pub(super) overrides: &'a Overrides,
     pub(super) problems: &'a mut Vec<Problem>,
 }
 
@@ -78,7 +80,16 @@ impl Sides<'_> {
             let place = std::path::absolute(&file).unwrap_or_else(|_| file.clone());
             // The side is sent a name, not a place: the same wherever the file lies.
             let name = file_name(&place);
-            let known = self.files.get(&(path.to_owned(), name.clone()));
+            let known = self.overrides.files.get(&(path.to_owned(), name.clone()));
+            let action = Action::ReadFile { file: place.clone() };
+            let is_named = self.overrides.names(&reference.key, &action);
+            let may_read = self.overrides.consent.may_read(&file, self.base) || is_named;
+            if known.is_none() && !may_read {
+                // Refused elsewhere, with all that the file asks for.
+                refused.insert(reference.key);
+                contents.insert(reference.path, Bytes::new());
+                continue;
+            }
             let content = match known {
                 Some(content) => Ok(content.clone()),
                 None => read_file(&file).map(Bytes::from),
@@ -193,7 +204,7 @@ fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
 }
 
 /// The last part of a path.
-fn file_name(path: &Path) -> String {
+pub(super) fn file_name(path: &Path) -> String {
     path.file_name()
         .map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }

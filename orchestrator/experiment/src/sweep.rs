@@ -4,7 +4,7 @@ mod engines;
 
 pub use engines::{HyperQueueOptions, SlurmOptions};
 
-use proto::config::{self, Choice, Lists, Node, OneOf, Problem, Section, Value, join};
+use proto::config::{self, Choice, Lists, Node, OneOf, Problem, Section, TableSpec, Value, join};
 use std::collections::BTreeSet;
 
 /// Name of the section.
@@ -149,11 +149,14 @@ pub enum Keep {
     All,
 }
 
+/// Description of the section.
+pub(super) const SPEC: TableSpec = SweepKeys::SPEC;
+
 /// Reads the section, adding to `problems`.
 pub fn read(node: &Node, problems: &mut Vec<Problem>) -> Sweep {
     let checked = config::check(node, KEY, &SweepKeys::SPEC, &Lists::NONE, problems);
     let keys = SweepKeys::read(&checked.table);
-    engines::check_lines(&checked.touches, problems);
+    engines::check_lines(&checked.touches, &keys.slurm, problems);
     engines::check_options(&keys.slurm.options, problems);
     let mut reader = SweepReader { problems, lists: Vec::new(), ranges: Vec::new() };
     if let Some(vary) = node.get("vary") {

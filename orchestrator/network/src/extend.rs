@@ -6,7 +6,7 @@ use super::extension::{NetworkExtension, SCHEMA};
 use super::resimulate::ResimulationError;
 use super::search::{NetworkSearch, RequestedEffects, SearchStep, parameters};
 use diagnose::extend::ExtendError;
-use experiment::Overrides;
+use experiment::{Acts, Overrides};
 use numbers::format::with_unit;
 use proto::config::Refusal;
 use std::fmt::Write as _;
@@ -108,6 +108,6 @@ pub(crate) fn extend(
             candidate.settings(fitted.value)
         );
     }
-    experiment::read(path, text.clone(), &Overrides::default())?;
+    experiment::read(path, text.clone(), &Overrides::default().acting(Acts::Nothing))?;
     Ok(ExtendedNetwork { text, added, rungs })
 }

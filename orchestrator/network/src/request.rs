@@ -15,7 +15,7 @@ use crate::tracks::Tracks;
 use ::diagnose::extend::ExtendError;
 use ::diagnose::progress::SearchProgress;
 use ::diagnose::{Effects, Observer, Stopped};
-use experiment::{Overrides, Plan};
+use experiment::{Consent, Overrides, Plan};
 use measure::account::DataAccount;
 use measure::config::Compared;
 use measure::packets::{self, MeasuredPacket};
@@ -45,6 +45,8 @@ pub struct PacketFiles<'a> {
     pub config: &'a Path,
     /// Keys that are set over it.
     pub set: &'a [String],
+    /// What the experiment may do outside of its own folder.
+    pub consent: &'a Consent,
     /// The packets.
     pub table: &'a DataTable,
     /// Where robots were; none: they move as the experiment simulates them.
@@ -106,10 +108,11 @@ impl PacketRequest {
     ///
     /// What is wrong with one of them, in words for its author.
     pub fn open(files: &PacketFiles<'_>, options: ComparisonOptions) -> Result<Self, PacketError> {
-        let PacketFiles { config, set, table, positions, until_s } = *files;
+        let PacketFiles { config, set, consent, table, positions, until_s } = *files;
         let named =
             |path: &Path, why: String| PacketError::File(format!("{}: {why}", path.display()));
-        let overrides = Overrides { set: set.to_vec(), ..Overrides::default() };
+        let overrides =
+            Overrides { set: set.to_vec(), consent: consent.clone(), ..Overrides::default() };
         let plan: Plan = experiment::load(config, &overrides)
             .map_err(|error| PacketError::File(error.to_string()))?;
         let measured = packets::read(table).map_err(|why| named(&table.path, why))?;

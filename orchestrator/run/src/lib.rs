@@ -16,7 +16,7 @@ mod warm_start;
 
 pub use polled::{Work, on_runtime, serve_network, serve_robots};
 pub use recover::{Reproduction, ResumeOptions, recover, reproduce, resume};
-pub use start::{Processes, StartOptions, Started, commands, permitted, start};
+pub use start::{Processes, StartOptions, Started, start};
 pub use trial::{Sides, TrialPlan, TrialResult};
 pub use warm_start::{FormedFile, FormedFiles};
 
@@ -281,7 +281,6 @@ async fn from_file(
     audience: &mut dyn Audience,
 ) -> Result<RunReport, RunError> {
     let mut plan = experiment::load(&options.config, &options.overrides)?;
-    permitted(&plan, &options.start)?;
     let formed = FormedFiles::default().open(&mut plan)?;
     let plan = plan;
     let save_formed = options.save_formed.as_deref();

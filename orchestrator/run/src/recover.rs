@@ -3,12 +3,13 @@
 use super::attempt::{Attempt, Begun, Origin, plan_of, recorded_plan};
 use super::course::carry_out;
 use super::interrupt::Interrupt;
-use super::start::{StartOptions, connect, header, permitted, ready_with};
+use super::start::{StartOptions, connect, header, ready_with};
 use super::warm_start::FormedFiles;
 use super::{Audience, RunError, RunReport, Work, provenance};
 use drive::{ConfigureRequests, Wanted};
-use experiment::{Overrides, Start};
+use experiment::{Acts, Capability, Overrides, Start};
 use proto::bounds::DESCRIPTION_BYTES;
+use proto::config::Refusal;
 use record::bounded::read_file;
 use record::leftover::Leftover;
 use record::read::RunReader;
@@ -62,12 +63,25 @@ async fn go_on(
     let Some(checkpoint) = leftover.checkpoint() else {
         return Err(RunError::NoCheckpoint { dir: dir.clone() });
     };
-    let [robots_url, network_url] = checkpoint.urls.clone();
+    let urls = checkpoint.urls.clone();
+    let step = checkpoint.step;
+    let given = [&overrides.robotsim_url, &overrides.netsim_url].map(Option::is_some);
+    let [robots_url, network_url] = urls.clone();
     overrides.robotsim_url = overrides.robotsim_url.or(robots_url);
     overrides.netsim_url = overrides.netsim_url.or(network_url);
-    let step = checkpoint.step;
-    let (plan, _) = plan_of(dir, &mut leftover, &overrides)?;
-    permitted(&plan, &options.start)?;
+    overrides.goes_on = true;
+    let (plan, exchange) = plan_of(dir, &mut leftover, &overrides)?;
+    // What a result says is no consent: it may be somebody else's.
+    let files = [&exchange.robots_request.files, &exchange.network_request.files];
+    let calls = ["robotsim", "netsim"].into_iter().zip(urls).zip(given.into_iter().zip(files));
+    let calls = calls.filter_map(|((side, url), (is_given, files))| {
+        let url = url.filter(|_| !is_given)?;
+        Capability::call(format!("{side}.url"), url, files.keys().map(PathBuf::from).collect())
+    });
+    let refused = overrides.consent.refusals(&calls.collect::<Vec<_>>());
+    if !refused.is_empty() {
+        return Err(RunError::Refused(Refusal::new(&plan.path, &plan.text, &plan.tree, refused)));
+    }
     options.start.run_log.add("orchestrator", &provenance::opening(&plan));
     let mut origin = Origin::new(out_of(dir), options.replace);
     let attempt = Attempt::go_on(&plan, &options.start, &origin, dir, &mut interrupt).await?;
@@ -104,7 +118,8 @@ pub fn recover(dir: &Path) -> Result<Finished, RunError> {
     let unusable = |error| RunError::Leftover { error };
     is_unfinished(dir)?;
     let mut leftover = Leftover::open(dir).map_err(unusable)?;
-    let (plan, exchange) = plan_of(dir, &mut leftover, &Overrides::default())?;
+    let (plan, exchange) =
+        plan_of(dir, &mut leftover, &Overrides::default().acting(Acts::Nothing))?;
     let recorded = &exchange.robots_request.experiment;
     // A run that started from a formed network recorded the seed with which that had formed.
     let is_same_seed = plan.warm_start.is_some() || recorded.seed == plan.experiment.seed;

@@ -24,8 +24,6 @@ use std::time::Duration;
 pub struct StartOptions {
     /// The executable that serves either side as a subcommand.
     pub executable: PathBuf,
-    /// Commands of the experiment file may be run.
-    pub allow_command: bool,
     /// Threads of each side; `None`: one per core.
     pub threads: Option<u16>,
     /// Log filter.
@@ -115,44 +113,11 @@ pub fn start<'a>(
     })
 }
 
-/// Refuses commands of the experiment file unless they are allowed.
-///
-/// # Errors
-///
-/// Each command, with what it would run.
-pub fn permitted(plan: &Plan, options: &StartOptions) -> Result<(), Refusal> {
-    match commands(plan) {
-        Some(refusal) if !options.allow_command => Err(refusal),
-        _ => Ok(()),
-    }
-}
-
-/// What a plan is refused with whose commands are not allowed; `None`: it has none.
-#[must_use]
-pub fn commands(plan: &Plan) -> Option<Refusal> {
-    let sides = [(RobotSide::SIDE, &plan.robotsim), (NetworkSide::SIDE, &plan.netsim)];
-    let problems: Vec<Problem> = sides
-        .into_iter()
-        .filter_map(|(side, config)| {
-            let command = config.command.as_ref()?;
-            let message = format!(
-                "would run this program on your machine, in the folder {}: {}\n    Nothing was run. If you trust the file, \
-                 allow its commands with --allow-command",
-                command.folder.display(),
-                command.shown()
-            );
-            Some(Problem::new(format!("{side}.command"), message))
-        })
-        .collect();
-    (!problems.is_empty()).then(|| Refusal::new(&plan.path, &plan.text, &plan.tree, problems))
-}
-
 /// Starts both sides where the plan does not say that they run already, and connects to them.
 pub(super) async fn connect(
     plan: &Plan,
     options: &StartOptions,
 ) -> Result<(Remote<RobotSide>, Remote<NetworkSide>), RunError> {
-    permitted(plan, options)?;
     let run_log = options.run_log.clone();
     let lines = LineSink::new(move |side, line| run_log.add(side, line));
     let reach = |side: &SideConfig| Reach {

@@ -3,8 +3,9 @@
 use super::choice::ChoiceArgs;
 use super::inputs::print_account;
 use super::{Failure, OverrideArgs, inputs, write_json};
-use check::{CHECK_SCHEMA, ExperimentCheck, SweepCheck};
+use check::{AskedPermission, CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use clap::Args;
+use experiment::{Acts, Capability};
 use measure::packets;
 use run::FormedFiles;
 use std::path::{Path, PathBuf};
@@ -55,21 +56,21 @@ fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
 }
 
 fn check_sweep(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
-    let (n_settings, n_trials, warnings) =
+    let sweep::Checked { settings, trials, capabilities, warnings } =
         sweep::check(config, &args.change.overrides()).map_err(Failure::request)?;
     warn_all(&warnings);
-    say(format!(
-        "{}: valid. A sweep of {n_settings} settings, {n_trials} trials",
-        config.display()
-    ));
-    let found =
-        SweepCheck { schema: CHECK_SCHEMA, settings: n_settings, trials: n_trials, warnings };
+    say(format!("{}: valid. A sweep of {settings} settings, {trials} trials", config.display()));
+    let capabilities = listed(&capabilities);
+    let found = SweepCheck { schema: CHECK_SCHEMA, settings, trials, capabilities, warnings };
     write_json(args.json.as_deref(), &found)
 }
 
 fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
-    let mut plan = experiment::load(config, &args.change.overrides()).map_err(Failure::request)?;
-    FormedFiles::default().open(&mut plan).map_err(Failure::request)?;
+    let overrides = args.change.overrides().acting(Acts::Nothing);
+    let mut plan = experiment::load(config, &overrides).map_err(Failure::request)?;
+    if plan.capabilities.iter().all(|asked| overrides.consent.covers(&asked.action)) {
+        FormedFiles::default().open(&mut plan).map_err(Failure::request)?;
+    }
     let n_steps = plan.duration_ns.div_ceil(plan.experiment.step_ns);
     warn_all(&plan.warnings);
     say(format!(
@@ -92,6 +93,7 @@ fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
             ));
         }
     }
+    let capabilities = listed(&plan.capabilities);
     let found = ExperimentCheck {
         schema: CHECK_SCHEMA,
         name: plan.name,
@@ -99,7 +101,22 @@ fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
         seed: plan.experiment.seed,
         steps: n_steps,
         step_ns: plan.experiment.step_ns,
+        capabilities,
         warnings: plan.warnings,
     };
     write_json(args.json.as_deref(), &found)
+}
+
+/// Says what a file asks for outside of its own folder, each with the option that allows it.
+fn listed(capabilities: &[Capability]) -> Vec<AskedPermission> {
+    let asked = capabilities.iter().map(|Capability { key, action }| AskedPermission {
+        key: key.clone(),
+        would: action.to_string(),
+        option: action.option(),
+    });
+    let asked: Vec<AskedPermission> = asked.collect();
+    for AskedPermission { key, would, option } in &asked {
+        say(format!("{key} would {would} ({option})"));
+    }
+    asked
 }

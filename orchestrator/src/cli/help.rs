@@ -90,12 +90,10 @@ const GROUPS: [(&str, &[CommandHelp]); 6] = [
 ];
 
 /// Headings of options, and the options that stand under them in every command. Others stand under "Options".
-const OPTION_GROUPS: [(&str, &[&str]); 8] = [
+const OPTION_GROUPS: [(&str, &[&str]); 9] = [
     ("Overrides", &["set", "seed"]),
-    (
-        "External simulators",
-        &["netsim", "robotsim", "tls_ca", "tls_cert", "tls_key", "allow_command"],
-    ),
+    ("External simulators", &["netsim", "robotsim", "tls_ca", "tls_cert", "tls_key"]),
+    ("Permissions", &["allow_command", "allow_file", "allow_url"]),
     (
         "Output",
         &[

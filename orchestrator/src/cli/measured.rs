@@ -85,7 +85,13 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
         data.refuse_choices("tracks with --heard")?;
         args.refuse_residuals("tracks with --heard")?;
         let set = data.set();
-        let files = TaskFiles { config: &data.config, set: &set, data: data.data(), heard };
+        let files = TaskFiles {
+            config: &data.config,
+            set: &set,
+            consent: &data.allow.consent(),
+            data: data.data(),
+            heard,
+        };
         let found = task::split(&files, args.resimulation.asked())?;
         let found = NetworkAnswer::Task(&found);
         return args.write_network(found, &format!(" --heard {}", heard.display()));

@@ -5,7 +5,7 @@ use super::choice::ChoiceArgs;
 use super::foreign::{Foreign, ForeignArgs};
 use super::packets::ResimulationArgs;
 use super::stop::Stopper;
-use super::{Failure, check_place, is_stdout, residuals, write_json, write_whole};
+use super::{AllowArgs, Failure, check_place, is_stdout, residuals, write_json, write_whole};
 use clap::Args;
 use diagnose::Request;
 use diagnose::between::Between;
@@ -37,6 +37,8 @@ pub(super) struct DataArgs {
     /// and robot results do not depend on the seed
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole_number::<MOST_SEED>)]
     pub(super) seed: Option<u64>,
+    #[command(flatten)]
+    pub(super) allow: AllowArgs,
     #[command(flatten)]
     pub(super) foreign: ForeignArgs,
     #[command(flatten)]
@@ -115,7 +117,7 @@ impl DataArgs {
     ) -> Result<PacketRequest, Failure> {
         self.foreign.refuse("packets")?;
         self.refuse_choices("packets")?;
-        resimulation.open(&self.config, &self.set(), table)
+        resimulation.open(&self.config, (&self.set(), &self.allow.consent()), table)
     }
 }
 

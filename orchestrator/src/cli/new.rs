@@ -64,7 +64,7 @@ fn checked_name(folder: &Path) -> Result<String, Failure> {
         return Ok(last);
     }
     Err(Failure::request(format!(
-        "{:?}: the name must be 1 to 100 letters, digits, '-', '_' or '.', not starting with '.'; use {}",
+        "{:?}: the name must be 1 to 100 letters, digits, '-', '_' or '.', not starting with '.' or '-'; use {}",
         folder.display().to_string(),
         as_file_name(&last)
     )))

@@ -5,6 +5,7 @@ use super::stop::Stopper;
 use super::{Failure, write_json, write_whole};
 use clap::Args;
 use diagnose::{Effects, Stopped};
+use experiment::Consent;
 use measure::config::Compared;
 use measure::table::DataTable;
 use network::comparison::NetworkComparison;
@@ -69,11 +70,12 @@ impl ResimulationArgs {
     pub(super) fn open(
         &self,
         config: &Path,
-        set: &[String],
+        (set, consent): (&[String], &Consent),
         table: &DataTable,
     ) -> Result<PacketRequest, Failure> {
         let positions = self.positions.as_deref();
-        let files = PacketFiles { config, set, table, positions, until_s: self.until };
+        let until_s = self.until;
+        let files = PacketFiles { config, set, consent, table, positions, until_s };
         PacketRequest::open(&files, self.asked()).map_err(failure)
     }
 }

@@ -66,10 +66,10 @@ pub(super) fn reproduce(args: &ReproduceArgs, start: StartOptions) -> Result<(),
         netsim_url: args.netsim.clone(),
         robotsim_url: args.robotsim.clone(),
         tls: args.tls.tls(),
+        consent: args.allow.consent(),
         ..Overrides::default()
     };
     let screen = &mut Screen::default();
-    let start = args.allow.over(start);
     let answer = on_runtime(run::reproduce(&args.run, out, &start, &overrides, screen))?
         .map_err(Failure::of_run)?;
     write_json(args.json.as_deref(), &answer)?;

@@ -1,9 +1,7 @@
 //! `murmuration run`.
 
 use super::replay::Serving;
-use super::{
-    AllowArgs, Failure, OverrideArgs, check_json, check_place, is_stdout, on_runtime, write_json,
-};
+use super::{Failure, OverrideArgs, check_json, check_place, is_stdout, on_runtime, write_json};
 use clap::Args;
 use metrics::kpi::kpi_summary::{ExchangeOutcome, KpiSummary};
 use proto::types::seconds;
@@ -41,8 +39,6 @@ pub(super) struct RunArgs {
     /// Number of threads per simulator; results do not depend on it [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(super) threads: Option<u16>,
-    #[command(flatten)]
-    allow: AllowArgs,
     /// Replace an earlier result of another configuration or seed. Without it the result gets a folder of its own next to
     /// that one. A run that does not complete never replaces a complete result
     #[arg(long)]
@@ -75,7 +71,6 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
         }
         check_place("--save-formed", path)?;
     }
-    let start = args.allow.over(start);
     let config = args.config.clone().unwrap_or_default();
     if args.dry_run {
         return dry_run(args, &config, &start);

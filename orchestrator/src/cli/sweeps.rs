@@ -2,8 +2,7 @@
 
 use super::run::show_dry_run;
 use super::{
-    AllowArgs, Failure, FileArgs, check_json, check_place, is_stdout, on_runtime, write_json,
-    write_whole,
+    Failure, FileArgs, check_json, check_place, is_stdout, on_runtime, write_json, write_whole,
 };
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -40,8 +39,6 @@ pub(super) struct SweepArgs {
     /// are finished, run the sweep with --merge to write the table
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
-    #[command(flatten)]
-    allow: AllowArgs,
     /// Run no trials: check that all shards are finished, and write the table, the summary and the report of the whole sweep
     #[arg(long, conflicts_with_all = ["shard", "jobs", "threads", "restart", "dry_run"])]
     merge: bool,
@@ -105,6 +102,13 @@ fn base_arguments(arguments: impl Iterator<Item = String>) -> Vec<String> {
     let mut words = Vec::new();
     let mut arguments = arguments.skip(1);
     while let Some(argument) = arguments.next() {
+        if argument == "--" {
+            // What follows are files. Further options come after them: none may look like one.
+            let file =
+                |word: String| if word.starts_with('-') { format!("./{word}") } else { word };
+            words.extend(arguments.map(|word| quoted(&file(word))));
+            break;
+        }
         let name = argument.split('=').next().unwrap_or_default();
         match WORK_OPTIONS.iter().find(|(option, _)| *option == name) {
             Some((_, has_value)) => {
@@ -125,7 +129,7 @@ pub(super) fn sweep(args: &SweepArgs, start: StartOptions) -> Result<(), Failure
         config: args.file.config.clone(),
         overrides: args.file.change.overrides(),
         out: args.out.clone(),
-        start: args.allow.over(StartOptions { is_busy: true, ..start }),
+        start: StartOptions { is_busy: true, ..start },
         jobs: args.jobs.map(usize::from),
         restart: args.restart,
         lock_wait: Duration::from_secs(args.wait_for_lock.into()),

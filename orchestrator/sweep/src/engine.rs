@@ -16,10 +16,11 @@ mod submission;
 pub use script::quoted;
 
 use super::merge::{self, MergeReport};
-use super::plan::{self, SweepPlan};
+use super::plan::{self, Machines, SweepPlan};
 use super::shard;
 use super::{SweepError, SweepOptions, check_folder};
 use command::CommandError;
+use experiment::Acts;
 use record::RecordError;
 use script::ShardScript;
 use std::path::{Path, PathBuf};
@@ -315,7 +316,8 @@ pub enum EngineReport {
 ///
 /// The sweep cannot be run.
 pub fn emit(options: &SweepOptions, of_engine: EngineOptions) -> Result<String, SweepError> {
-    let plan = plan::load(&options.config, &options.overrides)?;
+    let plan =
+        plan::load(&options.config, &options.overrides.acting(Acts::Reads), Machines::Cluster)?;
     let dir = options.out.join(&plan.name);
     let n_shards = n_shards(&plan, &dir, of_engine.shards, None)?;
     let work = EngineWork { options, of_engine, plan: &plan, dir: &dir, n_shards };
@@ -328,7 +330,7 @@ pub fn emit(options: &SweepOptions, of_engine: EngineOptions) -> Result<String, 
 ///
 /// See [`EngineError`] and [`SweepError`].
 pub fn run(options: &SweepOptions, of_engine: EngineOptions) -> Result<EngineReport, SweepError> {
-    let plan = plan::load(&options.config, &options.overrides)?;
+    let plan = plan::load(&options.config, &options.overrides, Machines::Cluster)?;
     terminal::warn_all(&plan.warnings);
     let dir = options.out.join(&plan.name);
     if shard::is_foreign(&dir)? {

@@ -41,9 +41,9 @@ pub use merge::{MergeReport, merge};
 pub use shard::{Shard, ShardError};
 pub use sweep_summary::SweepSummary;
 
-use experiment::Overrides;
+use experiment::{Acts, Capability, Overrides};
 use journal::{Journal, JournalContent, TrialRow};
-use plan::{SweepPlan, SweepTrial};
+use plan::{Machines, SweepPlan, SweepTrial};
 use proto::config::Refusal;
 use record::RecordError;
 use results::FinishedSweep;
@@ -189,14 +189,28 @@ pub fn is_sweep(path: &Path) -> bool {
         .is_some_and(|tree| tree.get(experiment::sweep::KEY).is_some())
 }
 
-/// Checks a sweep without running it. Returns how many settings and trials it has, and what to mind.
+/// A sweep that was checked without running it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Checked {
+    /// How many settings it has.
+    pub settings: usize,
+    /// How many trials.
+    pub trials: usize,
+    /// What the file asks for outside of its own folder.
+    pub capabilities: Vec<Capability>,
+    /// What to mind.
+    pub warnings: Vec<String>,
+}
+
+/// Checks a sweep without running it.
 ///
 /// # Errors
 ///
 /// Every problem of the file.
-pub fn check(path: &Path, overrides: &Overrides) -> Result<(usize, usize, Vec<String>), Refusal> {
-    let plan = plan::load(path, overrides)?;
-    Ok((plan.settings.len(), plan.n_trials(), plan.warnings.clone()))
+pub fn check(path: &Path, overrides: &Overrides) -> Result<Checked, Refusal> {
+    let plan = plan::load(path, &overrides.acting(Acts::Nothing), Machines::Cluster)?;
+    let (settings, trials) = (plan.settings.len(), plan.n_trials());
+    Ok(Checked { settings, trials, capabilities: plan.capabilities, warnings: plan.warnings })
 }
 
 /// Runs a sweep, or what is left of it.
@@ -206,7 +220,7 @@ pub fn check(path: &Path, overrides: &Overrides) -> Result<(usize, usize, Vec<St
 /// See [`SweepError`].
 pub fn sweep(options: &SweepOptions) -> Result<SweepReport, SweepError> {
     let begun = Instant::now();
-    let plan = plan::load(&options.config, &options.overrides)?;
+    let plan = plan::load(&options.config, &options.overrides, Machines::This)?;
     let FinishedTrials { dir, rows, n_before, jobs, work } = run_trials(options, &plan, None)?;
     let wall_s = begun.elapsed().as_secs_f64();
     let (n_now, n_starts) = (rows.len() - n_before, work.n_starts);
@@ -246,7 +260,7 @@ pub struct ShardReport {
 /// See [`SweepError`].
 pub fn run_shard(options: &SweepOptions, shard: Shard) -> Result<ShardReport, SweepError> {
     let begun = Instant::now();
-    let plan = plan::load(&options.config, &options.overrides)?;
+    let plan = plan::load(&options.config, &options.overrides, Machines::This)?;
     let FinishedTrials { dir, rows, n_before, work, .. } = run_trials(options, &plan, Some(shard))?;
     let (n_trials, failed) = (rows.len(), work.failed);
     let n_now = n_trials - n_before;
@@ -281,7 +295,6 @@ fn run_trials(
     plan: &SweepPlan,
     shard: Option<Shard>,
 ) -> Result<FinishedTrials, SweepError> {
-    permitted(options, plan)?;
     let jobs = jobs(options, plan)?;
     let (trials, journal_name) = selected(plan, shard)?;
     terminal::warn_all(&plan.warnings);
@@ -350,14 +363,6 @@ fn run_trials(
         return Err(SweepError::Interrupted { signal, done: rows.len(), n: trials.len() });
     }
     Ok(FinishedTrials { dir, rows, n_before, jobs, work: account })
-}
-
-/// Refuses commands of the experiment file unless they are allowed.
-fn permitted(options: &SweepOptions, plan: &SweepPlan) -> Result<(), Refusal> {
-    match &plan.commands {
-        Some(refusal) if !options.start.allow_command => Err(refusal.clone()),
-        _ => Ok(()),
-    }
 }
 
 /// How often a journal that another program holds is tried again.

@@ -1,10 +1,11 @@
 //! Merges the journals of all shards of a sweep, and writes what one machine that runs the whole sweep would.
 
 use super::journal::{self, Journal, TrialRow};
-use super::plan::{self, SweepPlan, SweepTrial};
+use super::plan::{self, Machines, SweepPlan, SweepTrial};
 use super::results::{self, FinishedSweep};
 use super::shard::{self, Shard, ShardError};
 use super::{JOURNAL_FILE, SweepError, SweepOptions, SweepReport};
+use experiment::Acts;
 use numbers::format::count_of;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -35,7 +36,7 @@ type Found = (TrialRow, PathBuf);
 /// Trials are missing, or journals disagree or belong to another sweep; see [`SweepError`].
 pub fn merge(options: &SweepOptions) -> Result<MergeReport, SweepError> {
     let begun = Instant::now();
-    let plan = plan::load(&options.config, &options.overrides)?;
+    let plan = plan::load(&options.config, &options.overrides.acting(Acts::Reads), Machines::This)?;
     terminal::warn_all(&plan.warnings);
     let dir = options.out.join(&plan.name);
     let shards = shard::shards_in(&dir)?;

@@ -2,7 +2,7 @@
 
 use super::design::{self, Setting};
 use experiment::sweep::{self as spec, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
-use experiment::{Overrides, Plan};
+use experiment::{Action, Capability, Overrides, Plan};
 use indexmap::IndexSet;
 use proto::config::Refusal;
 use proto::config::{Node, Problem, Value};
@@ -38,8 +38,8 @@ pub(crate) struct SweepPlan {
     efforts: Vec<f64>,
     /// A side runs elsewhere: its URL.
     pub(crate) elsewhere: Option<String>,
-    /// What it is refused with if its commands are not allowed; `None`: it has none.
-    pub(crate) commands: Option<Refusal>,
+    /// What the file asks for outside of its own folder.
+    pub(crate) capabilities: Vec<Capability>,
     /// What should be checked before the results are trusted.
     pub(crate) warnings: Vec<String>,
     /// Formed networks that trials start from.
@@ -55,14 +55,33 @@ pub(crate) struct SweepTrial {
     pub(crate) seed: usize,
 }
 
+/// Where the trials of a sweep run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Machines {
+    /// On this machine.
+    This,
+    /// On those of a batch system, which obeys what the file says for it.
+    Cluster,
+}
+
 /// Reads and checks a sweep, every setting included.
 ///
 /// # Errors
 ///
 /// Every problem, with its place.
-pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refusal> {
+pub(crate) fn load(
+    path: &Path,
+    overrides: &Overrides,
+    machines: Machines,
+) -> Result<SweepPlan, Refusal> {
     let text = experiment::text_of(path)?;
     let (tree, mut problems) = experiment::opened(path, &text, overrides)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut capabilities = experiment::capabilities(&tree, folder, overrides);
+    if machines == Machines::This {
+        capabilities.retain(|asked| !matches!(asked.action, Action::ClusterLine { .. }));
+    }
+    problems.extend(overrides.consent.refusals(&capabilities));
     let refused = |problems| Err(Refusal::new(path, &text, &tree, problems));
     let mut base = tree.clone();
     let Some(section) = base.take(spec::KEY) else {
@@ -99,7 +118,6 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
             Ok(CheckedSetting {
                 identity: identity(&plan),
                 effort: effort(&plan),
-                commands: run::commands(&plan),
                 name: plan.name,
                 elsewhere: plan.robotsim.url.or(plan.netsim.url),
                 warnings: plan.warnings,
@@ -110,8 +128,7 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
     if let Some(refusal) = merged(refused.into_iter().filter_map(Result::err)) {
         return Err(refusal);
     }
-    let mut good: Vec<CheckedSetting> = good.into_iter().flatten().collect();
-    let commands = merged(good.iter_mut().filter_map(|checked| checked.commands.take()));
+    let good: Vec<CheckedSetting> = good.into_iter().flatten().collect();
     let warnings: IndexSet<&String> = good.iter().flat_map(|checked| &checked.warnings).collect();
     let warnings = warnings.into_iter().cloned().collect();
     Ok(SweepPlan {
@@ -126,7 +143,7 @@ pub(crate) fn load(path: &Path, overrides: &Overrides) -> Result<SweepPlan, Refu
         elsewhere: good.iter().find_map(|checked| checked.elsewhere.clone()),
         identities: good.iter().map(|checked| checked.identity.clone()).collect(),
         efforts: good.iter().map(|checked| checked.effort).collect(),
-        commands,
+        capabilities,
         warnings,
         formed,
         text,
@@ -145,7 +162,6 @@ struct CheckedSetting {
     effort: f64,
     name: String,
     elsewhere: Option<String>,
-    commands: Option<Refusal>,
     warnings: Vec<String>,
 }
 

@@ -32,7 +32,12 @@ __all__ = [
 ]  # fmt: skip
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from murmuration.radio import Radio
+
+    Path_ = str | os.PathLike[str]
+    Paths = Path_ | Sequence[Path_]
 
 
 def __getattr__(name: str) -> Any:
@@ -47,17 +52,26 @@ def __getattr__(name: str) -> Any:
 def run(
     config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", threads: int | None = None,
     robotsim: str | None = None, netsim: str | None = None, replace: bool = False, allow_command: bool = False,
-    progress: bool | None = None, **overrides: Any,
+    allow_file: Paths = (), allow_url: str | Sequence[str] = (), progress: bool | None = None, **overrides: Any,
 ) -> Run:  # fmt: skip
     """Runs an experiment and records it in a subfolder of `out`.
 
     `robotsim` and `netsim` are URLs of simulators to use in place of the built-in ones. `allow_command` allows the configuration
-    to start simulators by `command`: give it only for configurations that you trust. `replace` replaces an earlier result of
+    to start simulators by `command`: give it only for configurations that you trust. `allow_file` are files outside of the
+    configuration's folder that it may read, or folders with all that is in them; `allow_url` are URLs that it may call. `replace` replaces an earlier result of
     another configuration; without it the new one gets a folder beside it.
     """
     options = [*_seed(seed), *_option("--threads", threads), *_option("--robotsim", robotsim), *_option("--netsim", netsim)]
-    options += [*_flag("--replace", replace), *_flag("--allow-command", allow_command), "--out", os.fspath(out)]
+    options += [*_flag("--replace", replace), *_allowed(allow_command, allow_file, allow_url), "--out", os.fspath(out)]
     return _run(config, options, overrides, progress=progress)
+
+
+def _allowed(command: bool, files: Paths, urls: str | Sequence[str]) -> list[str]:
+    files = [files] if isinstance(files, str | os.PathLike) else files
+    urls = [urls] if isinstance(urls, str) else urls
+    options = _flag("--allow-command", command)
+    options += [word for file in files for word in ("--allow-file", os.fspath(file))]
+    return options + [word for url in urls for word in ("--allow-url", url)]
 
 
 def _run(config: Config, options: list[str], overrides: dict[str, Any], *, progress: bool | None = None, quiet: bool = False) -> Run:
@@ -68,13 +82,15 @@ def _run(config: Config, options: list[str], overrides: dict[str, Any], *, progr
 
 def sweep(
     config: Config, seed: int | None = None, *, out: str | os.PathLike[str] = "runs", jobs: int | None = None, restart: bool = False,
-    allow_command: bool = False, progress: bool | None = None, **overrides: Any,
+    allow_command: bool = False, allow_file: Paths = (), allow_url: str | Sequence[str] = (),
+    progress: bool | None = None, **overrides: Any,
 ) -> Sweep:  # fmt: skip
     """Runs an experiment under the settings and seeds of its section [sweep]; goes on with trials that are in `out` already.
 
-    `allow_command` is that of `run`; each of the `jobs` trials that run at a time has simulators of its own.
+    `allow_command`, `allow_file` and `allow_url` are those of `run`; each of the `jobs` trials that run at a time has simulators of its own.
     """
-    options = [*_seed(seed), *_option("--jobs", jobs), *_flag("--restart", restart), *_flag("--allow-command", allow_command)]
+    options = [*_seed(seed), *_option("--jobs", jobs), *_flag("--restart", restart)]
+    options += _allowed(allow_command, allow_file, allow_url)
     with config_file(config) as path:
         printed = call(["sweep", path, "--out", out, *options, *settings(overrides)], progress)
     return Sweep(_folder(printed), printed)

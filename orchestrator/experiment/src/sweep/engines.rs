@@ -9,11 +9,11 @@ use proto::config::{ClusterLine, Problem, Section, Touch, TouchTarget};
 #[derive(Clone, Debug, PartialEq, Eq, Section)]
 pub struct SlurmOptions {
     /// Partition, or several separated by commas (sbatch --partition).
-    pub partition: Option<ClusterLine>,
+    pub partition: Option<String>,
     /// Account that is charged (sbatch --account).
-    pub account: Option<ClusterLine>,
+    pub account: Option<String>,
     /// Quality of service (sbatch --qos).
-    pub qos: Option<ClusterLine>,
+    pub qos: Option<String>,
     /// Time limit of a task (min). A shard that exceeds it is submitted again and resumes from its journal.
     #[key(range = 1..=527_040)]
     pub time_limit_min: Option<u32>,
@@ -77,13 +77,19 @@ const RESERVED: [(&str, &str); 17] = [
 ];
 
 /// Checks that whatever ends up in a script is one line of it.
-pub(super) fn check_lines(touches: &[Touch], problems: &mut Vec<Problem>) {
-    for touch in touches {
-        if let TouchTarget::ClusterLine(ClusterLine(line)) = &touch.target
-            && line.chars().any(|c| c.is_control() && c != '\t')
-        {
+pub(super) fn check_lines(touches: &[Touch], slurm: &SlurmOptions, problems: &mut Vec<Problem>) {
+    let names = [("partition", &slurm.partition), ("account", &slurm.account), ("qos", &slurm.qos)];
+    let names = names
+        .into_iter()
+        .filter_map(|(key, name)| Some((format!("sweep.slurm.{key}"), name.as_ref()?)));
+    let lines = touches.iter().filter_map(|touch| match &touch.target {
+        TouchTarget::ClusterLine(ClusterLine(line)) => Some((touch.key.clone(), line)),
+        _ => None,
+    });
+    for (key, line) in names.chain(lines) {
+        if line.chars().any(|c| c.is_control() && c != '\t') {
             let message = "must be one line without control characters";
-            problems.push(Problem::new(&*touch.key, message).value(format!("{line:?}")));
+            problems.push(Problem::new(key, message).value(format!("{line:?}")));
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::request::Worded;
 use crate::resimulate::{Resimulation, ResimulationError};
 use crate::tracks::Tracks;
 use diagnose::Observer;
-use experiment::Overrides;
+use experiment::{Consent, Overrides};
 use measure::account::DataAccount;
 use measure::config::Compared;
 use measure::table::DataTable;
@@ -23,6 +23,8 @@ pub struct TaskFiles<'a> {
     pub config: &'a Path,
     /// Keys that are set over it.
     pub set: &'a [String],
+    /// What the experiment may do outside of its own folder.
+    pub consent: &'a Consent,
     /// Positions of the robots.
     pub data: &'a Path,
     /// Receptions: which robot received a message of which, and when.
@@ -78,7 +80,8 @@ impl TaskRequest {
             return Err(TaskError::TooFewSeeds { seeds });
         }
         let file = |error: &dyn ToString| TaskError::File(error.to_string());
-        let overrides = Overrides { set: files.set.to_vec(), ..Overrides::default() };
+        let (set, consent) = (files.set.to_vec(), files.consent.clone());
+        let overrides = Overrides { set, consent, ..Overrides::default() };
         let text = experiment::text_of(files.config).map_err(|error| file(&error))?;
         let plan = experiment::read(files.config, text.clone(), &overrides)
             .map_err(|error| file(&error))?;

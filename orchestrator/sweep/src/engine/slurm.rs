@@ -49,7 +49,7 @@ impl Engine for Slurm {
             ("qos", &options.qos),
         ];
         for (name, value) in texts {
-            if let Some(ClusterLine(value)) = value {
+            if let Some(value) = value {
                 let _ = writeln!(text, "#SBATCH --{name}={}", quoted_value(value));
             }
         }
