@@ -76,7 +76,7 @@ fn medium() -> SlotMedium {
 }
 
 fn frame(sender: MoteId, starts_us: i64, psdu_bytes: u16) -> OnAir {
-    OnAir { sender: sender, channel: CHANNEL, starts_ns: starts_us * 1000, psdu_bytes }
+    OnAir { sender, channel: CHANNEL, starts_ns: starts_us * 1000, psdu_bytes }
 }
 
 fn listens(receiver: MoteId) -> Listening {
