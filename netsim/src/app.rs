@@ -11,7 +11,7 @@
 //! | [`packets`], [`ports`] | packets from end to end, and their UDP ports |
 //!
 //! An application is a state machine that decides when it sends what; the mote handles addresses, routes and frames. An
-//! application sends only while the mote is ready ([`App::set_ready`]): packets that would fall in the time before do not exist.
+//! application sends only while the mote is ready (`App::set_ready`): packets that would fall in the time before do not exist.
 //!
 //! A new kind is one file that implements [`Traffic`] and [`Kind`], and one line in [`config`].
 

@@ -61,7 +61,7 @@ pub struct Config {
 pub struct Security {
     /// Link-layer keys, which the registrar gives to motes as it admits them.
     pub keys: Keys,
-    /// From which the keys follow that pledges share with the registrar ([`crate::wire::oscore::pre_shared_key`]).
+    /// From which the keys follow that pledges share with the registrar (`crate::wire::oscore::pre_shared_key`).
     pub join_key: [u8; 16],
 }
 

@@ -124,11 +124,11 @@ pub struct Busy(
 pub struct Config {
     /// Whose transactions these are: the scheduling function's identifier (§ 3.4.2). MSF: 0.
     pub sfid: u8,
-    /// Length of the slotframe, for [`timeout::default_for`].
+    /// Length of the slotframe, for `timeout::default_for`.
     pub slotframe: SimDuration,
-    /// How often the MAC repeats a frame, for [`timeout::default_for`]. Of one that never gives up: as often as must do.
+    /// How often the MAC repeats a frame, for `timeout::default_for`. Of one that never gives up: as often as must do.
     pub max_retries: u16,
-    /// The largest back-off exponent, for [`timeout::default_for`].
+    /// The largest back-off exponent, for `timeout::default_for`.
     pub max_be: u8,
 }
 
@@ -140,9 +140,9 @@ impl Default for Config {
 
 /// 6P of one mote.
 ///
-/// What comes in: [`Sixtop::handle_message`], and [`Sixtop::handle_sent`] with the MAC's last word on every message that
-/// [`Sixtop::poll_transmit`] gave it. After each call: purge what [`Sixtop::poll_purge`] names, send what
-/// [`Sixtop::poll_transmit`] gives, pass on what [`Sixtop::poll_event`] reports; in this order, for a purge is older than the
+/// What comes in: `Sixtop::handle_message`, and `Sixtop::handle_sent` with the MAC's last word on every message that
+/// `Sixtop::poll_transmit` gave it. After each call: purge what `Sixtop::poll_purge` names, send what
+/// `Sixtop::poll_transmit` gives, pass on what `Sixtop::poll_event` reports; in this order, for a purge is older than the
 /// messages that wait.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sixtop {
@@ -169,7 +169,7 @@ impl Sixtop {
     }
 
     /// Asks a neighbour for something. `timeout`: how long to wait for each message of its; `None`:
-    /// [`timeout::default_for`]. The clock starts anew when the request is acknowledged (§ 3.4.4).
+    /// `timeout::default_for`. The clock starts anew when the request is acknowledged (§ 3.4.4).
     ///
     /// # Errors
     ///

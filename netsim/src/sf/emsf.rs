@@ -1,7 +1,7 @@
 //! EMSF: as many cells as a Poisson process of the traffic will need.
 //!
 //! Hamza, Kaddoum: "Enhanced Minimal Scheduling Function for IEEE 802.15.4e TSCH Networks", WCNC 2019, arXiv:1901.10591. See
-//! [`Forecast`] for what of it is the paper's.
+//! `Forecast` for what of it is the paper's.
 
 use super::msf::policy::Policy;
 use super::msf::{self, Msf, MsfConfig};

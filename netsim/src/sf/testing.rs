@@ -113,7 +113,7 @@ impl<'a> Section<'a> {
     }
 }
 
-/// One mote with its schedule, in slots of [`SLOT`] on [`N_CHANNELS`] channels.
+/// One mote with its schedule, in slots of `SLOT` on `N_CHANNELS` channels.
 #[derive(Debug)]
 pub struct Bench {
     /// Its address.

@@ -1,6 +1,6 @@
 //! Join requests and responses of the constrained join protocol: CoAP and CBOR as RFC 9031, § 8, lays them out.
 //!
-//! In a secured network messages are protected by OSCORE ([`CojpRepr::protect`]), whose option names the pledge (RFC 9031,
+//! In a secured network messages are protected by OSCORE (`CojpRepr::protect`), whose option names the pledge (RFC 9031,
 //! § 7.3). The pledge's token is then empty. In other networks messages carry in the clear what OSCORE would protect, and
 //! the pledge's address is the CoAP token: 8 bytes that it chooses as it likes. A stateless proxy keeps its state in the
 //! token of the request it passes on (RFC 8974, § 3). That state is the same address again, with the group bit set, which

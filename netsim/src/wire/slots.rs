@@ -5,7 +5,7 @@
 //!
 //! | bytes | what |
 //! |---|---|
-//! | 3 | [`OUI`], least significant byte first |
+//! | 3 | `OUI`, least significant byte first |
 //! | 1 | slots that can be taken, minus one |
 //! | 1 | number, among the taken slots, of the one that the first tag is for |
 //! | 1 for 8 slots | bitmap: the sender hears a neighbour in this slot; slot 0 is bit 0 of the first byte |

@@ -73,7 +73,7 @@ impl Datagram {
         self.headers_len(Hop::Between(hop_source, hop_destination)) + self.upper.tail_len()
     }
 
-    /// Writes the compressed form to the beginning of `bytes`, which must have room for [`Self::compressed_len`].
+    /// Writes the compressed form to the beginning of `bytes`, which must have room for `Self::compressed_len`.
     pub fn emit(&self, hop_source: Eui64, hop_destination: Option<Eui64>, bytes: &mut [u8]) {
         write(&Compressed(self, Hop::Between(hop_source, hop_destination)), bytes);
     }
