@@ -133,9 +133,12 @@ impl Consent {
         }
     }
 
-    /// Whether a file may be read for an experiment file in the folder `base`.
-    pub(super) fn may_read(&self, file: &Path, base: &Path) -> bool {
-        is_inside(file, base) || self.covers(&Action::ReadFile { file: file.to_owned() })
+    /// The keys whose files it does not allow to read, whatever is done.
+    pub(super) fn unread<'a>(&self, capabilities: &'a [Capability]) -> Vec<&'a str> {
+        let is_unread =
+            |action: &Action| matches!(action, Action::ReadFile { .. }) && !self.covers(action);
+        let unread = capabilities.iter().filter(|asked| is_unread(&asked.action));
+        unread.map(|asked| asked.key.as_str()).collect()
     }
 
     /// A problem for each capability that it does not cover.

@@ -300,7 +300,8 @@ fn plan(
         site: &site,
         experiment: &experiment,
         known: keys.agents.is_some(),
-        overrides,
+        files: &overrides.files,
+        unread: overrides.consent.unread(&capabilities),
         problems,
     };
     let robotsim = sides.read(

@@ -1,7 +1,5 @@
 //! The sections of the two simulators: read here, judged by the simulator itself if it is ours to start.
 
-use super::Overrides;
-use super::consent::Action;
 use super::reach::{self, SideCommand};
 use bytes::Bytes;
 use proto::bounds::NAMED_FILE_BYTES;
@@ -47,8 +45,10 @@ pub(super) struct Sides<'a> {
     pub(super) experiment: &'a Experiment,
     /// The number of agents is known: without it, nothing that counts agents can be judged.
     pub(super) known: bool,
-    /// What the command line says of it, and of what may be read.
-    pub(super) overrides: &'a Overrides,
+    /// Files in place of those on the disk, by section and name.
+    pub(super) files: &'a BTreeMap<(String, String), Bytes>,
+    /// Keys with files that may not be read.
+    pub(super) unread: Vec<&'a str>,
     pub(super) problems: &'a mut Vec<Problem>,
 }
 
@@ -80,11 +80,8 @@ impl Sides<'_> {
             let place = std::path::absolute(&file).unwrap_or_else(|_| file.clone());
             // The side is sent a name, not a place: the same wherever the file lies.
             let name = file_name(&place);
-            let known = self.overrides.files.get(&(path.to_owned(), name.clone()));
-            let action = Action::ReadFile { file: place.clone() };
-            let is_named = self.overrides.names(&reference.key, &action);
-            let may_read = self.overrides.consent.may_read(&file, self.base) || is_named;
-            if known.is_none() && !may_read {
+            let known = self.files.get(&(path.to_owned(), name.clone()));
+            if self.unread.contains(&reference.key.as_str()) {
                 // Refused elsewhere, with all that the file asks for.
                 refused.insert(reference.key);
                 contents.insert(reference.path, Bytes::new());
