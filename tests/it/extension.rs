@@ -113,7 +113,7 @@ struct RadioLuck;
 /// `kind = "robot-tide"`.
 static ROBOT_TIDE: robots::Entry = robots::Entry::of::<RobotTide>();
 
-/// Robots that are faster and slower in turn than they are told.
+/// Robots whose speed alternates between more and less than the commanded one.
 ///
 /// # Mechanism
 ///

@@ -74,7 +74,8 @@ impl Ladder {
 /// Rounds in which limited effects are looked for.
 const MOST_ROUNDS: usize = 4;
 
-/// Selects effects step by step, and again with the limited effects that what is left asks for, until nothing is asked for.
+/// Selects effects step by step. Then adds the limited effects that the residuals suggest as candidates and selects again, until they
+/// suggest none.
 ///
 /// * `whole`: the study of all rows, where the search uses some of them only. It gets the same candidates.
 ///
