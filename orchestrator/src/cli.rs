@@ -46,10 +46,13 @@ use drive::peer::become_command;
 use experiment::{Consent, Overrides, Tls, set_program_name};
 pub use help::command;
 use proto_host::{ServeArgs, ServeOptions, init_logging_to, use_threads};
+use record::read::ReadError;
+use record::result::{ResultFolder, Trust};
+use record::run_summary::RunSummary;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use terminal::{LoggedStderr, complain, leave_stdout_to_answers, run_log};
+use terminal::{LoggedStderr, complain, leave_stdout_to_answers, run_log, warn};
 
 /// Simulate robot swarms that communicate over a radio mesh, and find missing physics from measurements
 ///
@@ -214,6 +217,39 @@ impl OverrideArgs {
     }
 }
 
+/// Whether the files of results are believed as they are.
+#[derive(Args, Clone)]
+struct TrustArgs {
+    /// Read files of a result that were changed after they were written, or that cannot be checked
+    #[arg(long)]
+    unverified: bool,
+}
+
+impl TrustArgs {
+    /// What was said, with a warning if nothing is checked.
+    fn trust(&self) -> Trust {
+        if !self.unverified {
+            return Trust::Checked;
+        }
+        warn(
+            "--unverified: files are read as they are, changed or not; `murmuration verify` tells",
+        );
+        Trust::Unchecked
+    }
+
+    /// The folder of a run.
+    fn open(&self, run: &Path) -> Result<ResultFolder, Failure> {
+        ResultFolder::open(run, self.trust()).map_err(|error| {
+            if run.join(RunSummary::FILE).is_file() {
+                Failure::work(error)
+            } else {
+                let what = "is not the folder of a recorded run: it has no summary.json";
+                Failure::request(format!("{}: {what}", run.display()))
+            }
+        })
+    }
+}
+
 /// What the experiment file may do outside of its own folder.
 #[derive(Args, Clone, Default)]
 struct AllowArgs {
@@ -261,6 +297,16 @@ struct Failure {
 impl Failure {
     fn work(error: impl ToString) -> Self {
         Self { status: 1, text: error.to_string() }
+    }
+
+    /// A recording cannot be read: it is not there, or not what was written.
+    fn of_reading(error: &ReadError) -> Self {
+        if matches!(error, ReadError::Open { .. }) {
+            return Self::request(format!(
+                "{error}; give the folder of a complete run that was recorded with output.mcap = true"
+            ));
+        }
+        Self::work(error)
     }
 
     fn request(error: impl ToString) -> Self {

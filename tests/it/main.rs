@@ -58,6 +58,7 @@ mod solids;
 mod sweeps;
 mod task_split;
 mod tls;
+mod verified;
 mod viewing;
 mod waiting;
 mod warm_start;

@@ -10,6 +10,7 @@ mod rosbag;
 mod tables;
 
 use record::read::ReadError;
+use record::result::{ResultError, ResultFolder};
 use std::path::{Path, PathBuf};
 
 /// A format.
@@ -47,14 +48,9 @@ pub enum ExportError {
     /// The recording cannot be read.
     #[error(transparent)]
     Recording(#[from] ReadError),
-    /// A table cannot be read.
-    #[error("{}: {message}", path.display())]
-    Table {
-        /// The table.
-        path: PathBuf,
-        /// What is wrong with it.
-        message: String,
-    },
+    /// A table is not what the run wrote, or cannot be read.
+    #[error(transparent)]
+    Table(#[from] ResultError),
     /// There is nothing of this kind in the folder.
     #[error("{} holds no tables: give the folder of a recorded run", path.display())]
     NoTables {
@@ -91,7 +87,7 @@ impl ExportError {
 ///
 /// The run cannot be read, or the folder not written. Nothing is left behind then.
 pub fn export(
-    run: &Path,
+    run: &ResultFolder,
     format: ExportFormat,
     output: &Path,
 ) -> Result<Vec<Exported>, ExportError> {

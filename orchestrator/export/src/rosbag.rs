@@ -8,7 +8,7 @@ use super::{ExportError, Exported};
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
 use proto::types::{AgentStates, NS_PER_S, seconds};
-use record::random_access::Recording;
+use record::result::ResultFolder;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs::File;
@@ -24,8 +24,12 @@ const TRANSFORMS: Definition = ("tf2_msgs/msg/TFMessage", include_str!("rosbag/T
 const WORLD: &str = "world";
 
 /// Writes the bag of a run to a folder; files are named after the bag.
-pub(super) fn export(run: &Path, folder: &Path, name: &str) -> Result<Vec<Exported>, ExportError> {
-    let recording = Recording::open(run)?;
+pub(super) fn export(
+    run: &ResultFolder,
+    folder: &Path,
+    name: &str,
+) -> Result<Vec<Exported>, ExportError> {
+    let recording = run.recording()?;
     let start = recording.configured().robots_start.states.clone();
     let file_name = format!("{name}_0.mcap");
     let path = folder.join(&file_name);

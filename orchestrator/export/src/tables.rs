@@ -2,43 +2,41 @@
 
 use super::{ExportError, Exported};
 use parquet::errors::ParquetError;
-use parquet::file::reader::SerializedFileReader;
+use parquet::file::reader::FileReader as _;
 use parquet::record::Field;
 use record::TABLES;
-use std::fs::File;
+use record::result::{ResultError, ResultFolder};
 use std::path::Path;
 
 /// Writes every table of a run.
-pub(super) fn export(run: &Path, folder: &Path) -> Result<Vec<Exported>, ExportError> {
+pub(super) fn export(run: &ResultFolder, folder: &Path) -> Result<Vec<Exported>, ExportError> {
     let mut written = Vec::new();
     for table in TABLES {
-        let source = run.join(table.file);
-        if source.exists() {
+        if run.has(table.file) {
             let path = folder.join(table.file).with_extension("csv");
-            let n_entries = convert(&source, &path)?;
+            let n_entries = convert(run, table.file, &path)?;
             written.push(Exported { path, n_entries });
         }
     }
     if written.is_empty() {
-        return Err(ExportError::NoTables { path: run.to_owned() });
+        return Err(ExportError::NoTables { path: run.path().to_owned() });
     }
     Ok(written)
 }
 
-fn convert(source: &Path, path: &Path) -> Result<u64, ExportError> {
-    let unreadable = |error: ParquetError| ExportError::Table {
-        path: source.to_owned(),
+fn convert(run: &ResultFolder, name: &str, path: &Path) -> Result<u64, ExportError> {
+    let reader = run.table(name)?;
+    let unreadable = |error: ParquetError| ResultError::Format {
+        path: run.path().join(name),
         message: error.to_string(),
     };
-    let file = File::open(source).map_err(|error| unreadable(error.into()))?;
-    let reader = SerializedFileReader::new(file).map_err(unreadable)?;
     let failed = |error: csv::Error| ExportError::Write {
         path: path.to_owned(),
         source: std::io::Error::other(error),
     };
     let mut out = csv::Writer::from_path(path).map_err(failed)?;
     let mut n_rows = 0;
-    for row in reader {
+    for row in reader.get_row_iter(None).map_err(unreadable)? {
         let row = row.map_err(unreadable)?;
         if n_rows == 0 {
             out.write_record(row.get_column_iter().map(|(name, _)| name)).map_err(failed)?;

@@ -12,13 +12,16 @@ use crate::stage::{Director, Stage};
 use crate::svg::svg;
 use ::view::recorded::RecordedRun;
 use made_up::{N, STEP_NS, STEPS, header, record};
+use record::result::{ResultFolder, Trust};
 use record::{Ending, Recorder, RunHeader, StepRecord};
 
 fn recorded() -> (tempfile::TempDir, RecordedRun) {
     let out = tempfile::tempdir().unwrap();
     let run = record(out.path(), header("run"), STEPS);
     let finished = run.finish(&Ending::complete(), serde_json::Value::Null, |_| String::new());
-    let run = RecordedRun::open(&finished.unwrap().dir).unwrap();
+    let run =
+        RecordedRun::open(&ResultFolder::open(&finished.unwrap().dir, Trust::Checked).unwrap())
+            .unwrap();
     (out, run)
 }
 

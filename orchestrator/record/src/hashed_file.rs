@@ -4,8 +4,11 @@ use super::RecordError;
 use proto::digest::hex;
 use sha2::{Digest as _, Sha256};
 use std::fs::File;
-use std::io::{BufReader, BufWriter, Read as _, Write};
+use std::io::{BufWriter, Read as _, Write};
 use std::path::{Path, PathBuf};
+
+/// Bytes of a part of a file, which has a SHA-256 of its own so that whoever reads a part need not read the whole file to check it.
+pub(crate) const PART_BYTES: u64 = 1 << 20;
 
 /// Size and SHA-256 of a file.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -14,12 +17,60 @@ pub struct Fingerprint {
     pub bytes: u64,
     /// Lower-case hexadecimal.
     pub sha256: String,
+    /// The SHA-256 of each mebibyte (2²⁰ bytes), the last one shorter; empty for a file of at most one, and in results of earlier
+    /// versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub mebibytes: Vec<String>,
 }
 
 impl Fingerprint {
     /// That of a file with this content.
     pub fn hash(content: &[u8]) -> Self {
-        Self { bytes: content.len() as u64, sha256: hex(&Sha256::digest(content)) }
+        let mut hash = PartwiseHash::default();
+        hash.update(content);
+        hash.finish()
+    }
+
+    /// Whether another file has the same content.
+    #[must_use]
+    pub fn is_same_content(&self, other: &Self) -> bool {
+        self.bytes == other.bytes && self.sha256 == other.sha256
+    }
+}
+
+/// The fingerprint of what came so far.
+#[derive(Default)]
+struct PartwiseHash {
+    whole: Sha256,
+    part: Sha256,
+    parts: Vec<String>,
+    n_bytes: u64,
+}
+
+impl PartwiseHash {
+    fn update(&mut self, mut bytes: &[u8]) {
+        self.whole.update(bytes);
+        while !bytes.is_empty() {
+            let room = PART_BYTES - self.n_bytes % PART_BYTES;
+            let (now, later) = bytes.split_at(bytes.len().min(room as usize));
+            self.part.update(now);
+            self.n_bytes += now.len() as u64;
+            if self.n_bytes.is_multiple_of(PART_BYTES) {
+                self.parts.push(hex(&self.part.finalize_reset()));
+            }
+            bytes = later;
+        }
+    }
+
+    fn finish(mut self) -> Fingerprint {
+        if !self.n_bytes.is_multiple_of(PART_BYTES) {
+            self.parts.push(hex(&self.part.finalize()));
+        }
+        if self.parts.len() < 2 {
+            self.parts.clear();
+        }
+        let sha256 = hex(&self.whole.finalize());
+        Fingerprint { bytes: self.n_bytes, sha256, mebibytes: self.parts }
     }
 }
 
@@ -27,8 +78,7 @@ impl Fingerprint {
 pub(crate) struct WholeFile {
     path: PathBuf,
     file: BufWriter<File>,
-    hash: Sha256,
-    n_bytes: u64,
+    hash: PartwiseHash,
 }
 
 impl WholeFile {
@@ -38,8 +88,7 @@ impl WholeFile {
             Ok(file) => Ok(Self {
                 path,
                 file: BufWriter::with_capacity(1 << 18, file),
-                hash: Sha256::new(),
-                n_bytes: 0,
+                hash: PartwiseHash::default(),
             }),
             Err(source) => Err(RecordError::Create { path, source }),
         }
@@ -49,18 +98,18 @@ impl WholeFile {
     pub(crate) fn sync(&mut self) -> Result<u64, RecordError> {
         let synced = self.file.flush().and_then(|()| self.file.get_ref().sync_data());
         synced.map_err(|source| RecordError::Write { path: self.path.clone(), source })?;
-        Ok(self.n_bytes)
+        Ok(self.n_bytes())
     }
 
     /// How much was written so far (bytes), whether it is on the disk or not.
     pub(crate) fn n_bytes(&self) -> u64 {
-        self.n_bytes
+        self.hash.n_bytes
     }
 
     /// Writes out what is buffered.
     pub(crate) fn finish(mut self) -> Result<Fingerprint, RecordError> {
         self.file.flush().map_err(|source| RecordError::Write { path: self.path, source })?;
-        Ok(Fingerprint { bytes: self.n_bytes, sha256: hex(&self.hash.finalize()) })
+        Ok(self.hash.finish())
     }
 }
 
@@ -68,7 +117,6 @@ impl Write for WholeFile {
     fn write(&mut self, buf: &[u8]) -> std::io::Result<usize> {
         let n = self.file.write(buf)?;
         self.hash.update(&buf[..n]);
-        self.n_bytes += n as u64;
         Ok(n)
     }
 
@@ -83,16 +131,14 @@ impl Write for WholeFile {
 ///
 /// It cannot be read.
 pub fn fingerprint(path: &Path) -> std::io::Result<Fingerprint> {
-    let mut file = BufReader::new(File::open(path)?);
-    let mut hash = Sha256::new();
-    let mut n_bytes = 0;
+    let mut file = File::open(path)?;
+    let mut hash = PartwiseHash::default();
     let mut block = vec![0; 1 << 16];
     loop {
         let n = file.read(&mut block)?;
         if n == 0 {
-            return Ok(Fingerprint { bytes: n_bytes, sha256: hex(&hash.finalize()) });
+            return Ok(hash.finish());
         }
         hash.update(&block[..n]);
-        n_bytes += n as u64;
     }
 }

@@ -52,7 +52,7 @@ impl Leftover {
             n_steps: 0,
         };
         // What is not readable to its end is read as far as it goes.
-        this.reader = RunReader::open(&dir.join(LOG_FILE)).ok();
+        this.reader = RunReader::open(dir).ok();
         Ok(this)
     }
 

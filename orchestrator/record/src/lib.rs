@@ -3,7 +3,7 @@
 //!
 //! [`Recorder`] takes what the sides replied, as values, and hands it to a thread that writes, so that the disk does not hold up the
 //! coupling until it is several steps behind. Files grow in `OUT/.<name>.partial-<pid>/`; when all are whole the directory
-//! becomes `OUT/<name>/`, or `OUT/<name>-2/` where it may not replace the result that stands there. [`read`] opens a record again, [`verify()`] checks one.
+//! becomes `OUT/<name>/`, or `OUT/<name>-2/` where it may not replace the result that stands there. [`result`] opens a record again, [`verify()`] checks one.
 //!
 //! The same configuration and seed leave the same messages, tables and summary, byte for byte. What depends on when, where
 //! and how a run was made is in `provenance.json` alone.
@@ -24,6 +24,7 @@ mod pcap;
 pub mod periods;
 pub mod random_access;
 pub mod read;
+pub mod result;
 pub mod run_log;
 pub mod run_summary;
 mod scene;

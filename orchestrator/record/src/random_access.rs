@@ -1,19 +1,19 @@
 //! Reads the steps of any span of a recording, without reading what is before it.
 
 use super::read::{Found, ReadError, RunReader};
-use super::writer::LOG_FILE;
+use super::result::CheckedFile;
 use super::{StepRecord, log::Topic, values};
 use mcap::sans_io::indexed_reader::{IndexedReadEvent, IndexedReader, IndexedReaderOptions};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 use proto::bounds::RECORDING_BYTES;
 use proto::exchange::Configured;
-use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// A complete recording, with the index that its file ends with.
 pub struct Recording {
     path: PathBuf,
+    file: CheckedFile,
     summary: mcap::Summary,
     configured: Configured,
     end_ns: u64,
@@ -21,14 +21,13 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Opens the recording of a run, given its directory or the file itself, and reads its index and how both sides were configured.
+    /// Reads the index of a recording, and how both sides were configured.
     ///
     /// # Errors
     ///
-    /// No such file, not the recording of a run, or one that ends before its index, as that of a run that was killed.
-    pub fn open(run: &Path) -> Result<Self, ReadError> {
-        let path = if run.is_dir() { run.join(LOG_FILE) } else { run.to_owned() };
-        let configured = RunReader::open(&path)?.configured().cloned();
+    /// Not the recording of a run, one that was changed, or one that ends before its index, as that of a run that was killed.
+    pub(crate) fn open(path: PathBuf, file: CheckedFile) -> Result<Self, ReadError> {
+        let configured = RunReader::of_file(path.clone(), file.clone())?.configured().cloned();
         let configured = configured.ok_or_else(|| ReadError::Unexpected {
             path: path.clone(),
             expected: Topic::RobotConfigureRequest.names().0,
@@ -39,7 +38,7 @@ impl Recording {
             field: invalid.to_string(),
         })?;
         let damaged = |source| ReadError::Damaged { path: path.clone(), source: Box::new(source) };
-        let summary = summary(&path).map_err(damaged)?;
+        let summary = summary(file.clone()).map_err(damaged)?;
         let stats =
             summary.stats.as_ref().ok_or_else(|| damaged(mcap::McapError::UnexpectedEof))?;
         let barrier = Topic::Barrier.names().0;
@@ -49,7 +48,7 @@ impl Recording {
             .copied()
             .unwrap_or_default();
         let end_ns = stats.message_end_time;
-        Ok(Self { path, summary, configured, end_ns, n_steps })
+        Ok(Self { path, file, summary, configured, end_ns, n_steps })
     }
 
     /// How both sides were configured.
@@ -74,10 +73,9 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// The file cannot be opened any more.
+    /// Its index is damaged.
     pub fn steps(&self, after_ns: u64, until_ns: u64) -> Result<Steps, ReadError> {
-        let open = |source| ReadError::Open { path: self.path.clone(), source };
-        let file = File::open(&self.path).map_err(open)?;
+        let file = self.file.clone();
         let options = IndexedReaderOptions::new()
             .starting_after(after_ns)
             .ending_at(until_ns)
@@ -119,7 +117,7 @@ impl Steps {
 
 /// Messages of a span, in the order of time.
 pub(crate) struct Messages {
-    file: File,
+    file: CheckedFile,
     reader: IndexedReader,
     topics: Vec<(u16, Option<Topic>)>,
     chunk: Vec<u8>,
@@ -152,8 +150,7 @@ impl Messages {
 }
 
 /// The index at the end of a file.
-fn summary(path: &Path) -> Result<mcap::Summary, mcap::McapError> {
-    let mut file = File::open(path)?;
+fn summary(mut file: CheckedFile) -> Result<mcap::Summary, mcap::McapError> {
     let options =
         SummaryReaderOptions::default().with_record_length_limit(RECORDING_BYTES.most as usize);
     let mut reader = SummaryReader::new_with_options(options);

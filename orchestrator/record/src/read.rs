@@ -2,6 +2,7 @@
 
 use super::log::Topic;
 use super::random_access::Messages;
+use super::result::{CheckedFile, ResultError};
 use super::writer::LOG_FILE;
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;
@@ -21,7 +22,7 @@ pub struct RunReader {
 
 /// Where messages come from.
 enum Source {
-    File(Box<MessageReader<BufReader<File>>>),
+    File(Box<MessageReader<BufReader<CheckedFile>>>),
     Stored(std::vec::IntoIter<Found>),
     Span(Box<Messages>),
 }
@@ -62,6 +63,12 @@ pub enum ReadError {
         path: PathBuf,
         /// What the system says.
         source: std::io::Error,
+    },
+    /// It is not what the run wrote, or that cannot be told.
+    #[error(transparent)]
+    Unbelieved {
+        /// Why.
+        source: Box<ResultError>,
     },
     /// The file is damaged or ends too early. What was read before is right.
     #[error("{} is damaged or truncated: {source}", path.display())]
@@ -105,15 +112,22 @@ pub enum ReadError {
 pub(crate) type Found = (Option<Topic>, Vec<u8>);
 
 impl RunReader {
-    /// Opens the recording of a run, given its directory or the file itself, and reads how both sides were configured.
+    /// Opens a recording of which nothing is known but what is in it, given its directory: of a run that did not end, or one that is
+    /// verified by other means. Everything else opens a [`ResultFolder`](super::result::ResultFolder).
     ///
     /// # Errors
     ///
     /// No such file, or not the recording of a run.
-    pub fn open(run: &Path) -> Result<Self, ReadError> {
-        let path = if run.is_dir() { run.join(LOG_FILE) } else { run.to_owned() };
-        let file =
-            File::open(&path).map_err(|source| ReadError::Open { path: path.clone(), source })?;
+    pub(crate) fn open(run: &Path) -> Result<Self, ReadError> {
+        let path = run.join(LOG_FILE);
+        let file = File::open(&path)
+            .and_then(CheckedFile::unchecked)
+            .map_err(|source| ReadError::Open { path: path.clone(), source })?;
+        Self::of_file(path, file)
+    }
+
+    /// Opens a recording and reads how both sides were configured.
+    pub(crate) fn of_file(path: PathBuf, file: CheckedFile) -> Result<Self, ReadError> {
         let options = LinearReaderOptions::default()
             .with_prevalidate_chunk_crcs(true)
             .with_validate_data_section_crc(true)

@@ -187,7 +187,7 @@ pub struct DeliveryByDistance {
 
 /// Why the summary of a run cannot be read.
 #[derive(Debug, thiserror::Error)]
-pub enum SummaryError {
+pub(crate) enum SummaryError {
     /// The file cannot be read.
     #[error("{0}")]
     Read(#[from] std::io::Error),
@@ -200,12 +200,13 @@ impl RunSummary {
     /// Name of the file in the directory of a run.
     pub const FILE: &'static str = "summary.json";
 
-    /// Reads the summary in the directory of a run.
+    /// Reads the summary in the directory of a run as it is found. Everything outside of this crate opens a
+    /// [`ResultFolder`](super::result::ResultFolder).
     ///
     /// # Errors
     ///
     /// There is none, or it is not that of a run.
-    pub fn read(dir: &Path) -> Result<Self, SummaryError> {
+    pub(crate) fn read(dir: &Path) -> Result<Self, SummaryError> {
         Ok(serde_json::from_slice(&read_file(&DESCRIPTION_BYTES, &dir.join(Self::FILE))?)?)
     }
 }

@@ -298,11 +298,12 @@ fn a_recorder_that_is_dropped_leaves_messages_that_can_be_read() {
 #[test]
 fn a_log_that_is_cut_off_gives_the_steps_before_the_cut() {
     let out = tempfile::tempdir().unwrap();
-    let path = finished(out.path(), header("run")).dir.join("run.mcap");
+    let dir = finished(out.path(), header("run")).dir;
+    let path = dir.join("run.mcap");
     let content = fs::read(&path).unwrap();
     // The end magic is missing, all steps are there.
     fs::write(&path, &content[..content.len() - 8]).unwrap();
-    let mut reader = RunReader::open(&path).unwrap();
+    let mut reader = RunReader::open(&dir).unwrap();
     for _ in 0..STEPS {
         assert!(reader.next_step().unwrap().is_some());
     }

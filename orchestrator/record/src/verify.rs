@@ -2,9 +2,11 @@
 
 use super::bounded::{read_file, read_text_file};
 use super::directory::is_record;
-use super::hashed_file::{Fingerprint, fingerprint};
+use super::hashed_file::{Fingerprint, PART_BYTES, fingerprint};
 use super::pcap::{self, Counter};
 use super::read::{ReadError, RecordedConfiguration, RunReader};
+use super::result::PROVENANCE_FILE;
+use super::run_log;
 use super::run_summary::{FileCount, RunSummary};
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use proto::bounds::DESCRIPTION_BYTES;
@@ -16,8 +18,10 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+use sha2::{Digest as _, Sha256};
+use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read as _;
+use std::io::{ErrorKind, Read as _};
 use std::path::{Path, PathBuf};
 
 /// What the schema of the report is called.
@@ -35,6 +39,9 @@ pub struct VerifyReport {
     pub steps: u64,
     /// Steps whose digest, computed again, is the one recorded.
     pub digests: u64,
+    /// The SHA-256 of the whole result, to be cited: that of the lines `SHA-256`, two spaces, name (as `sha256sum` prints them) of every
+    /// file that `provenance.json` lists, of `provenance.json` itself and of `run.log` if there is one, sorted by name.
+    pub root_sha256: String,
     /// What is wrong, a sentence each. Empty: nothing.
     pub problems: Vec<String>,
 }
@@ -60,10 +67,13 @@ pub fn verify(dir: &Path) -> Result<VerifyReport, VerifyError> {
         return Err(VerifyError::NotARecord { path: dir.to_owned() });
     }
     let (files, problems) = (Vec::new(), Vec::new());
-    let mut report = VerifyReport { schema: SCHEMA, files, steps: 0, digests: 0, problems };
+    let root_sha256 = String::new();
+    let mut report =
+        VerifyReport { schema: SCHEMA, files, steps: 0, digests: 0, root_sha256, problems };
     let summary: Option<RunSummary> = json(dir, RunSummary::FILE, &mut report);
-    let provenance: Option<Provenance> = json(dir, "provenance.json", &mut report);
-    whole_files(dir, provenance.unwrap_or_default(), &mut report);
+    let provenance: Option<Provenance> = json(dir, PROVENANCE_FILE, &mut report);
+    let found = whole_files(dir, provenance.unwrap_or_default(), &mut report);
+    report.root_sha256 = root(dir, found, &mut report);
     let config = configuration(dir, &mut report);
     if let Some(summary) = summary {
         tables(dir, &summary, &mut report);
@@ -91,18 +101,32 @@ fn json<T: DeserializeOwned>(dir: &Path, name: &str, report: &mut VerifyReport) 
     read().map_err(|error| report.problems.push(format!("{name}: {error}"))).ok()
 }
 
-/// Every file is as long as it was and has the content it had.
-fn whole_files(dir: &Path, provenance: Provenance, report: &mut VerifyReport) {
+/// Every file is as long as it was and has the content it had. Returns the SHA-256 that each has now, by name.
+fn whole_files(
+    dir: &Path,
+    provenance: Provenance,
+    report: &mut VerifyReport,
+) -> BTreeMap<String, String> {
+    let mut digests = BTreeMap::new();
     let Some(files) = provenance.files else {
-        report.problems.push("provenance.json: the list of files is missing".to_owned());
-        return;
+        report.problems.push(format!("{PROVENANCE_FILE}: the list of files is missing"));
+        return digests;
     };
     for (name, expected) in files {
         let expected: Option<Fingerprint> = serde_json::from_value(expected).ok();
-        match (fingerprint(&dir.join(&name)), expected) {
-            (Ok(found), Some(expected)) if found == expected => report.files.push(name.clone()),
+        let found = fingerprint(&dir.join(&name));
+        if let Ok(found) = &found {
+            digests.insert(name.clone(), found.sha256.clone());
+        }
+        match (found, expected) {
+            (Ok(found), Some(expected)) if found.is_same_content(&expected) => {
+                report.files.push(name.clone());
+            }
             (Ok(found), Some(expected)) if found.bytes == expected.bytes => {
-                report.problems.push(format!("{name}: its content was changed after the run"));
+                let place = changed_place(&found, &expected);
+                report
+                    .problems
+                    .push(format!("{name}: its content was changed after the run{place}"));
             }
             (Ok(found), Some(expected)) => report.problems.push(format!(
                 "{name}: has {} bytes, but the run wrote {}",
@@ -116,6 +140,35 @@ fn whole_files(dir: &Path, provenance: Provenance, report: &mut VerifyReport) {
             (Err(error), _) => report.problems.push(format!("{name}: {error}")),
         }
     }
+    digests
+}
+
+/// Which bytes of a file were changed, as far as it is known.
+fn changed_place(found: &Fingerprint, expected: &Fingerprint) -> String {
+    let both = found.mebibytes.iter().zip(&expected.mebibytes).enumerate();
+    let changed: Vec<usize> =
+        both.filter(|(_, (found, expected))| found != expected).map(|(i, _)| i).collect();
+    let (Some(first), Some(last)) = (changed.first(), changed.last()) else {
+        return String::new();
+    };
+    let from = *first as u64 * PART_BYTES;
+    let to = ((*last as u64 + 1) * PART_BYTES).min(found.bytes) - 1;
+    format!(", within bytes {from} to {to}")
+}
+
+/// The SHA-256 of all files together, of which `digests` has those listed. See [`VerifyReport::root_sha256`].
+fn root(dir: &Path, mut digests: BTreeMap<String, String>, report: &mut VerifyReport) -> String {
+    for name in [PROVENANCE_FILE, run_log::FILE] {
+        match fingerprint(&dir.join(name)) {
+            Ok(found) => {
+                digests.insert(name.to_owned(), found.sha256);
+            }
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => report.problems.push(format!("{name}: {error}")),
+        }
+    }
+    let lines = digests.iter().map(|(name, sha256)| format!("{sha256}  {name}\n"));
+    hex(&Sha256::digest(lines.collect::<String>()))
 }
 
 /// The configuration; empty where it cannot be read.

@@ -3,6 +3,7 @@
 
 use maud::{Markup, PreEscaped, html};
 use record::FinishedRun;
+use record::result::ResultFolder;
 use view::page::{self, PageError};
 use view::recorded::RecordedRun;
 
@@ -34,7 +35,9 @@ pub(super) fn section(contents: &FinishedRun<'_>) -> Option<Markup> {
     if MOST_RECORDED_BYTES < n_bytes {
         return Some(too_long());
     }
-    let run = RecordedRun::open(contents.dir).ok()?.named(&contents.header.name);
+    let run = RecordedRun::open(&ResultFolder::unchecked(contents.dir))
+        .ok()?
+        .named(&contents.header.name);
     let packed = match page::embedded(run, MOST_BYTES) {
         Ok(packed) => packed,
         Err(PageError::TooLarge { .. }) => return Some(too_long()),

@@ -29,6 +29,7 @@ use interrupt::Interrupt;
 use proto::config::Refusal;
 use proto::exchange::Configured;
 use record::leftover::LeftoverError;
+use record::result::ResultError;
 use record::{
     Ending, Finished, KeptReason, RecordError, ReplacePolicy, Reservation, Status, StepRecord,
 };
@@ -150,6 +151,12 @@ pub enum RunError {
         /// Why not.
         reason: String,
     },
+    /// A file of a recorded run is not what the run wrote.
+    #[error("{error}")]
+    Unbelieved {
+        /// Which, and where.
+        error: ResultError,
+    },
     /// A run that lost a side could not go on.
     #[error(
         "{error}\nwhat was recorded is in {dir}; go on from its checkpoint with {program} run --resume {dir}, or keep what \
@@ -208,6 +215,7 @@ impl RunError {
             Self::Record { before_start: true, .. } => 2,
             Self::Side { error, .. } => side_status(error),
             Self::Record { .. }
+            | Self::Unbelieved { .. }
             | Self::Interrupted { .. }
             | Self::NotFormed { .. }
             | Self::NotResumed { .. } => 1,

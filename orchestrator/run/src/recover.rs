@@ -12,9 +12,8 @@ use proto::bounds::DESCRIPTION_BYTES;
 use proto::config::Refusal;
 use record::bounded::read_file;
 use record::leftover::Leftover;
-use record::read::RunReader;
+use record::result::{PROVENANCE_FILE, ResultFolder};
 use record::run_log;
-use record::run_summary::RunSummary;
 use record::values;
 use record::{
     Ending, Finished, RecordError, Recorder, ReplacePolicy, Reservation, Status, fingerprint,
@@ -94,7 +93,7 @@ async fn go_on(
 fn is_unfinished(dir: &Path) -> Result<(), RunError> {
     let name = std::path::absolute(dir).ok().and_then(|dir| dir.file_name().map(OsString::from));
     let is_hidden = name.is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
-    if is_hidden || RunSummary::read(dir).is_err() {
+    if is_hidden || ResultFolder::unchecked(dir).summary().is_err() {
         return Ok(());
     }
     let reason = "it is the result of a run that ended; there is nothing to recover".to_owned();
@@ -188,7 +187,7 @@ pub(super) const SCHEMA: &str = "reproduce/1";
 ///
 /// See [`RunError`]; a run that is not complete cannot be run again.
 pub fn reproduce<'a>(
-    run: &'a Path,
+    run: &'a ResultFolder,
     out: &'a Path,
     start: &'a StartOptions,
     overrides: &'a Overrides,
@@ -198,22 +197,20 @@ pub fn reproduce<'a>(
 }
 
 async fn run_again(
-    run: &Path,
+    folder: &ResultFolder,
     out: &Path,
     start: &StartOptions,
     overrides: &Overrides,
     audience: &mut dyn Audience,
 ) -> Result<Reproduction, RunError> {
+    let run = folder.path();
     let not_complete = |reason: String| RunError::NotReproducible { dir: run.to_owned(), reason };
-    let text = read_file(&DESCRIPTION_BYTES, &run.join(RunSummary::FILE)).map_err(|error| {
-        not_complete(format!("its {} cannot be read: {error}", RunSummary::FILE))
-    })?;
-    let summary: RunSummary = serde_json::from_slice(&text)
-        .map_err(|error| not_complete(format!("{} is not a summary: {error}", RunSummary::FILE)))?;
+    folder.check_all().map_err(|error| RunError::Unbelieved { error })?;
+    let summary = folder.summary().map_err(|error| not_complete(error.to_string()))?;
     if summary.status != Status::Complete {
         return Err(not_complete(format!("the run is {}, not complete", summary.status.name())));
     }
-    let reader = RunReader::open(run).map_err(|error| not_complete(error.to_string()))?;
+    let reader = folder.steps().map_err(|error| not_complete(error.to_string()))?;
     let exchange = reader
         .configured()
         .cloned()
@@ -248,7 +245,7 @@ async fn run_again(
 /// Compares the files of two runs whose content depends on the experiment alone.
 fn compare(run: &Path, again: &Path) -> Result<Reproduction, String> {
     let list = |dir: &Path| -> Result<(Map<String, Value>, String), String> {
-        let path = dir.join("provenance.json");
+        let path = dir.join(PROVENANCE_FILE);
         let text = read_file(&DESCRIPTION_BYTES, &path)
             .map_err(|error| format!("{}: {error}", path.display()))?;
         let value: Value = serde_json::from_slice(&text)
@@ -268,7 +265,7 @@ fn compare(run: &Path, again: &Path) -> Result<Reproduction, String> {
         // What stands there counts, not what was listed when it was written.
         let found = |dir: &Path| fingerprint(&dir.join(name)).ok();
         let is_equal = match (found(run), found(again)) {
-            (Some(before), Some(after)) => before == after,
+            (Some(before), Some(after)) => before.is_same_content(&after),
             _ => false,
         };
         if is_equal { &mut equal } else { &mut different }.push(name.clone());
@@ -286,7 +283,8 @@ fn compare(run: &Path, again: &Path) -> Result<Reproduction, String> {
 
 /// The first step whose messages differ, as far as both recordings can be read.
 fn first_difference(run: &Path, again: &Path) -> Option<u64> {
-    let (mut before, mut after) = (RunReader::open(run).ok()?, RunReader::open(again).ok()?);
+    let steps = |dir: &Path| ResultFolder::unchecked(dir).steps().ok();
+    let (mut before, mut after) = (steps(run)?, steps(again)?);
     if before.configured() != after.configured() {
         return Some(0);
     }

@@ -1,6 +1,6 @@
 //! `murmuration export`.
 
-use super::Failure;
+use super::{Failure, TrustArgs};
 use clap::Args;
 use export::{ExportError, ExportFormat};
 use std::path::PathBuf;
@@ -16,6 +16,8 @@ pub(super) struct ExportArgs {
     /// Folder to write; it must not exist [default: RUN-FORMAT, next to the run]
     #[arg(long, value_name = "DIR", alias = "output")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    trust: TrustArgs,
 }
 
 /// Writes a run in the format of another program.
@@ -24,9 +26,11 @@ pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
         let name = args.run.file_name().unwrap_or_default().to_string_lossy().into_owned();
         args.run.with_file_name(format!("{name}-{}", args.format.name()))
     });
-    let written = export::export(&args.run, args.format, &output).map_err(|error| match error {
-        ExportError::Write { .. } => Failure::work(error),
-        other => Failure::request(other),
+    let run = args.trust.open(&args.run)?;
+    let written = export::export(&run, args.format, &output).map_err(|error| match error {
+        ExportError::NoTables { .. } | ExportError::Exists { .. } => Failure::request(error),
+        ExportError::Recording(error) => Failure::of_reading(&error),
+        other => Failure::work(other),
     })?;
     let entries = match args.format {
         ExportFormat::Csv => "rows",

@@ -1,6 +1,8 @@
 //! `murmuration recover` and `murmuration reproduce`.
 
-use super::{AllowArgs, Failure, StartOptions, TlsArgs, check_json, on_runtime, write_json};
+use super::{
+    AllowArgs, Failure, StartOptions, TlsArgs, TrustArgs, check_json, on_runtime, write_json,
+};
 use clap::Args;
 use experiment::Overrides;
 use run::Reproduction;
@@ -30,6 +32,8 @@ pub(super) struct ReproduceArgs {
     tls: TlsArgs,
     #[command(flatten)]
     allow: AllowArgs,
+    #[command(flatten)]
+    trust: TrustArgs,
     /// Keep the results of the new run in this folder [default: a temporary one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -70,7 +74,8 @@ pub(super) fn reproduce(args: &ReproduceArgs, start: StartOptions) -> Result<(),
         ..Overrides::default()
     };
     let screen = &mut Screen::default();
-    let answer = on_runtime(run::reproduce(&args.run, out, &start, &overrides, screen))?
+    let folder = args.trust.open(&args.run)?;
+    let answer = on_runtime(run::reproduce(&folder, out, &start, &overrides, screen))?
         .map_err(Failure::of_run)?;
     write_json(args.json.as_deref(), &answer)?;
     let Reproduction { equal, different, first_different_step, versions, .. } = &answer;

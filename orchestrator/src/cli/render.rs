@@ -1,7 +1,9 @@
 //! `murmuration render`.
 
 use super::answer_file::Answer;
-use super::{Failure, check_json, check_place, place_for, replay, write_json, write_whole};
+use super::{
+    Failure, TrustArgs, check_json, check_place, place_for, replay, write_json, write_whole,
+};
 use clap::{ArgGroup, Args, ValueEnum};
 use numbers::format::{count, count_of, trimmed};
 use picture::colours::Theme;
@@ -67,6 +69,8 @@ pub(super) struct RenderArgs {
     /// Draw on a dark background
     #[arg(long)]
     dark: bool,
+    #[command(flatten)]
+    trust: TrustArgs,
 }
 
 /// What colours links.
@@ -145,7 +149,7 @@ impl RenderArgs {
 
     /// The run, with what was estimated of its place.
     fn open(&self) -> Result<RecordedRun, Failure> {
-        let mut run = replay::open(&self.run)?;
+        let mut run = replay::open(&self.trust.open(&self.run)?)?;
         if let Some(path) = &self.diagnosis {
             run.add_estimates(&Answer::of_option(path)?.estimates());
         }

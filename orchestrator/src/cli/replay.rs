@@ -1,8 +1,9 @@
 //! `murmuration replay`.
 
 use super::answer_file::Answer;
-use super::{Failure, check_place, on_runtime, residuals, write_whole};
+use super::{Failure, TrustArgs, check_place, on_runtime, residuals, write_whole};
 use clap::Args;
+use record::result::ResultFolder;
 use run::interrupt::Interrupt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -37,6 +38,8 @@ pub(super) struct ReplayArgs {
     /// Port of the page [default: any free port]
     #[arg(long, value_name = "PORT", conflicts_with = "output")]
     port: Option<u16>,
+    #[command(flatten)]
+    trust: TrustArgs,
 }
 
 /// Shows recorded runs in a browser.
@@ -46,7 +49,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     }
     let folders = std::iter::once(&args.run).chain(&args.with);
     let mut runs: Vec<RecordedRun> =
-        folders.map(|folder| open(folder)).collect::<Result<_, _>>()?;
+        folders.map(|folder| open(&args.trust.open(folder)?)).collect::<Result<_, _>>()?;
     let mut measurements = None;
     if let Some(path) = &args.diagnosis {
         let answer = Answer::of_option(path)?;
@@ -83,12 +86,8 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
 }
 
 /// Opens a recorded run.
-pub(super) fn open(folder: &Path) -> Result<RecordedRun, Failure> {
-    RecordedRun::open(folder).map_err(|error| {
-        Failure::request(format!(
-            "{error}; give the folder of a complete run that was recorded with output.mcap = true"
-        ))
-    })
+pub(super) fn open(folder: &ResultFolder) -> Result<RecordedRun, Failure> {
+    RecordedRun::open(folder).map_err(|error| Failure::of_reading(&error))
 }
 
 /// A page that is served by a thread of its own.
@@ -134,7 +133,7 @@ impl Serving {
 
     /// Shows a run that has ended, until someone presses Ctrl-C.
     pub(super) fn replay(self, shown: &Shown, folder: &Path) -> Result<(), Failure> {
-        let run = Arc::new(open(folder)?);
+        let run = Arc::new(open(&ResultFolder::unchecked(folder))?);
         run.read_in_background();
         shown.replace(RunSource::Recorded(run));
         let words = format!("replay the run at {}; press Ctrl-C to end", self.url);

@@ -2,7 +2,8 @@
 
 use super::run::show_dry_run;
 use super::{
-    Failure, FileArgs, check_json, check_place, is_stdout, on_runtime, write_json, write_whole,
+    Failure, FileArgs, TrustArgs, check_json, check_place, is_stdout, on_runtime, write_json,
+    write_whole,
 };
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -10,7 +11,7 @@ use numbers::format::count_of;
 use run::StartOptions;
 use std::path::PathBuf;
 use std::time::Duration;
-use sweep::compare_runs;
+use sweep::compare_runs::{self, CompareRunsError};
 use sweep::engine::{self, EngineOptions, EngineReport, quoted};
 use sweep::{MergeReport, Shard, SweepError, SweepOptions, SweepReport};
 use terminal::{say, warn, warn_all};
@@ -260,6 +261,8 @@ pub(super) struct CompareRunsArgs {
     a: PathBuf,
     /// Folder of the second run or sweep
     b: PathBuf,
+    #[command(flatten)]
+    trust: TrustArgs,
     /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -267,7 +270,13 @@ pub(super) struct CompareRunsArgs {
 
 /// `murmuration compare-runs`.
 pub(super) fn compare_runs(args: &CompareRunsArgs) -> Result<(), Failure> {
-    let changes = compare_runs::compare_runs(&args.a, &args.b).map_err(Failure::request)?;
+    let changes =
+        compare_runs::compare_runs(&args.a, &args.b, args.trust.trust()).map_err(|error| {
+            match error {
+                CompareRunsError::Unbelieved(_) => Failure::work(error),
+                other => Failure::request(other),
+            }
+        })?;
     warn_all(&changes.warnings);
     say(compare_runs::text(&changes));
     write_json(args.json.as_deref(), &changes)

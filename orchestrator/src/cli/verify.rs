@@ -9,6 +9,9 @@ use terminal::{complain, say};
 pub(super) struct VerifyArgs {
     /// Folder of the run
     run: PathBuf,
+    /// Also require that the whole result has this SHA-256, as a publication cites it
+    #[arg(long, value_name = "SHA256")]
+    root: Option<String>,
     /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -26,7 +29,16 @@ pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
         format!("{files} files intact, {steps} steps, {digests} digests recomputed and equal");
     if report.problems.is_empty() {
         say(format!("{}: valid. {counted}", args.run.display()));
-        Ok(())
+        say(format!("root SHA-256 {}", report.root_sha256));
+        match &args.root {
+            Some(root) if !root.eq_ignore_ascii_case(&report.root_sha256) => {
+                let run = args.run.display();
+                Err(Failure::work(format!(
+                    "{run}: --root {root}: it is another result, or files of it were changed together"
+                )))
+            }
+            _ => Ok(()),
+        }
     } else {
         Err(Failure::work(format!(
             "{}: {} problems; {counted}",

@@ -8,6 +8,7 @@ pub use runs_comparison::RunsComparison;
 pub use words::text;
 
 use crate::sweep_summary::MetricSpread;
+use record::result::{ResultError, Trust};
 use rows::{Pairing, RunFolder};
 use runs_comparison::{Change, ChangedKey, SCHEMA, SettingComparison};
 use std::collections::BTreeMap;
@@ -16,6 +17,9 @@ use std::path::{Path, PathBuf};
 /// Why two folders cannot be compared.
 #[derive(Debug, thiserror::Error)]
 pub enum CompareRunsError {
+    /// A file is not what the run or the sweep wrote.
+    #[error(transparent)]
+    Unbelieved(#[from] ResultError),
     /// The folder is not one that a run or a sweep has left.
     #[error("{}: {reason}", path.display())]
     Folder {
@@ -58,8 +62,8 @@ pub enum CompareRunsError {
 /// # Errors
 ///
 /// See [`CompareRunsError`].
-pub fn compare_runs(a: &Path, b: &Path) -> Result<RunsComparison, CompareRunsError> {
-    let (found_a, found_b) = (rows::find(a)?, rows::find(b)?);
+pub fn compare_runs(a: &Path, b: &Path, trust: Trust) -> Result<RunsComparison, CompareRunsError> {
+    let (found_a, found_b) = (rows::find(a, trust)?, rows::find(b, trust)?);
     let Pairing { groups, warnings } = rows::pair([a, b], [&found_a, &found_b])?;
     let figures = figures(&found_a, &found_b);
     let settings = groups.iter().map(|(id, pairs)| SettingComparison {

@@ -9,8 +9,8 @@ use super::{TABLE_FILE, report};
 use numbers::format::number;
 use numbers::statistics::range;
 use proto::config::most_similar;
-use record::run_summary::RunSummary;
-use record::{RecordError, pretty};
+use record::result::{PROVENANCE_FILE, ResultFolder, Trust};
+use record::{RecordError, fingerprint, pretty};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -36,7 +36,8 @@ pub(super) fn kept_runs(dir: &Path) -> PathBuf {
 /// Whether all is there that a trial left: it is the run of which the row is.
 pub(super) fn is_kept(dir: &Path, plan: &SweepPlan, trial: SweepTrial, row: &TrialRow) -> bool {
     let run = kept_runs(dir).join(plan.trial_name(trial));
-    RunSummary::read(&run).is_ok_and(|summary| summary.final_digest == row.digest)
+    let summary = ResultFolder::open(&run, Trust::Checked).and_then(|run| run.summary());
+    summary.is_ok_and(|summary| summary.final_digest == row.digest)
 }
 
 /// Writes the sweep's file.
@@ -90,8 +91,13 @@ pub(super) fn write(
     write_whole(dir, SweepSummary::FILE, pretty(&summary).as_bytes())?;
     let page = report::page(plan, &figures, &summary);
     write_whole(dir, "report.html", page.as_bytes())?;
-    let provenance = provenance(done);
-    write_whole(dir, "provenance.json", pretty(&provenance).as_bytes())?;
+    let mut provenance = provenance(done);
+    for name in ["sweep.toml", TABLE_FILE, SweepSummary::FILE, "report.html"] {
+        let path = dir.join(name);
+        let found = fingerprint(&path).map_err(|source| RecordError::Write { path, source })?;
+        provenance["files"][name] = json!(found);
+    }
+    write_whole(dir, PROVENANCE_FILE, pretty(&provenance).as_bytes())?;
     let mut told = text(plan, &figures);
     if let Some(warning) = unformed {
         let _ = write!(told, "\nwarning: {warning}");

@@ -14,9 +14,9 @@ use record::StepRecord;
 use record::periods::Periods;
 use record::random_access::Recording;
 use record::read::ReadError;
+use record::result::{ResultError, ResultFolder};
 use record::run_summary::RunSummary;
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -31,6 +31,7 @@ const REFRESH: Duration = Duration::from_millis(500);
 
 /// A recorded run.
 pub struct RecordedRun {
+    folder: ResultFolder,
     recording: Recording,
     run: view::Run,
     scan: Mutex<Scan>,
@@ -48,23 +49,23 @@ struct Scan {
 }
 
 impl RecordedRun {
-    /// Opens the recording of a run, given its directory.
+    /// Opens the recording of a run.
     ///
     /// # Errors
     ///
-    /// No such file, or not a complete recording.
-    pub fn open(dir: &Path) -> Result<Self, ReadError> {
-        let recording = Recording::open(dir)?;
-        let name = dir.file_name().map(|name| name.to_string_lossy().into_owned());
+    /// No such file, not a complete recording, or one that was changed.
+    pub fn open(folder: &ResultFolder) -> Result<Self, ReadError> {
+        let recording = folder.recording()?;
+        let name = folder.path().file_name().map(|name| name.to_string_lossy().into_owned());
         let configured = run_of(&name.unwrap_or_default(), recording.configured());
         let run = view::Run {
             // A run that started from a formed network was configured with the seed with which that had formed.
-            seed: RunSummary::read(dir).map_or(configured.seed, |summary| summary.seed),
+            seed: seed_of(folder)?.unwrap_or(configured.seed),
             end_ns: recording.end_ns(),
             step_count: recording.n_steps(),
             ..configured
         };
-        Ok(Self { recording, run, scan: Mutex::default() })
+        Ok(Self { folder: folder.clone(), recording, run, scan: Mutex::default() })
     }
 
     /// Draws the places of effects that were estimated from measurements, each as a table of the configuration.
@@ -142,7 +143,8 @@ impl RecordedRun {
             }
         }
         self.publish(&overview.overview(true));
-        Ok(())
+        // What no step needed.
+        self.folder.check_recording().map_err(unbelieved)
     }
 
     fn publish(&self, overview: &view::Overview) {
@@ -256,6 +258,18 @@ impl RecordedRun {
         };
         scan.moved.iter().filter_map(last).collect()
     }
+}
+
+fn unbelieved(error: ResultError) -> ReadError {
+    ReadError::Unbelieved { source: Box::new(error) }
+}
+
+/// The seed of a run in its summary; none where it has none yet, as while it is written.
+fn seed_of(folder: &ResultFolder) -> Result<Option<u64>, ReadError> {
+    if !folder.has(RunSummary::FILE) {
+        return Ok(None);
+    }
+    folder.summary().map(|summary| Some(summary.seed)).map_err(unbelieved)
 }
 
 /// Makes frames of steps that follow each other.

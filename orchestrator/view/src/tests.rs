@@ -13,6 +13,7 @@ use base64::engine::general_purpose::STANDARD;
 use made_up::{N, STEP_NS, STEPS, configured, header, record, taken};
 use prost::Message as _;
 use proto::types::Coupling;
+use record::result::{ResultFolder, Trust};
 use record::{Ending, Recorder, RunHeader, StepRecord};
 use std::io::Read as _;
 use std::sync::Arc;
@@ -27,7 +28,8 @@ fn recorded(coupling: Coupling, steps: u64) -> (tempfile::TempDir, RecordedRun) 
     let ending = Ending::complete();
     let run = record(out.path(), header, steps);
     let finished = run.finish(&ending, serde_json::Value::Null, |_| String::new()).unwrap();
-    let run = RecordedRun::open(&finished.dir).unwrap();
+    let run =
+        RecordedRun::open(&ResultFolder::open(&finished.dir, Trust::Checked).unwrap()).unwrap();
     (out, run)
 }
 

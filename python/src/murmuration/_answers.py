@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import difflib
 import functools
+import hashlib
 import html
 import importlib
 import json
@@ -13,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy
+
+from murmuration._program import MurmurationError
 
 
 def read_table(path: Path) -> Any:
@@ -64,46 +67,88 @@ def _axes(axes: Any) -> Any:
     return pyplot.subplots()[1] if axes is None else axes
 
 
+class _Files:
+    """The files of a result. Each is read only if it is what was written, by its SHA-256 in provenance.json, or if `unverified`."""
+
+    def __init__(self, folder: Path, unverified: bool) -> None:
+        self._folder = folder
+        self._unverified = unverified
+
+    @functools.cached_property
+    def _listed(self) -> dict[str, Any]:
+        path = self._folder / "provenance.json"
+        try:
+            files = json.loads(path.read_bytes())["files"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise MurmurationError(f"{path} lists no files ({error!r}): give unverified=True to read them unchecked") from None
+        return dict(files)
+
+    def path(self, name: str) -> Path:
+        """The path of a file that is what was written."""
+        path = self._folder / name
+        if self._unverified or not path.is_file():
+            return path
+        expected = self._listed.get(name)
+        if expected is None:
+            raise MurmurationError(f"{path}: provenance.json does not list it; give unverified=True to read it unchecked")
+        with path.open("rb") as file:
+            found = hashlib.file_digest(file, "sha256").hexdigest()
+        if found != expected.get("sha256"):
+            raise MurmurationError(
+                f"{path}: its content is not what was written, by the SHA-256 in provenance.json; `murmuration verify` tells where; "
+                "give unverified=True to read it as it is"
+            )
+        return path
+
+    def table(self, name: str) -> Any:
+        return read_table(self.path(f"{name}.parquet"))
+
+    def scan(self, name: str) -> Any:
+        return scan_table(self.path(f"{name}.parquet"))
+
+
 class Run:
     """A recorded run: its folder, and its tables, each read when it is first asked for.
 
-    docs/outputs.md lists the columns of every table with their units.
+    A file is read only if it is what the run wrote; `unverified` reads it as it is. docs/outputs.md lists the columns of every table
+    with their units.
     """
 
-    def __init__(self, folder: str | Path, printed: str = "") -> None:
+    def __init__(self, folder: str | Path, printed: str = "", *, unverified: bool = False) -> None:
         self.folder = Path(folder)
         self.printed = printed
+        self._files = _Files(self.folder, unverified)
         if not (self.folder / "summary.json").is_file():
             raise FileNotFoundError(f"{self.folder} is not the folder of a recorded run: it has no summary.json")
 
     @functools.cached_property
     def summary(self) -> dict[str, Any]:
         """Figures of the whole run: summary.json."""
-        return json.loads((self.folder / "summary.json").read_text())
+        return json.loads(self._files.path("summary.json").read_text())
 
     @functools.cached_property
     def steps(self) -> Any:
         """Positions and velocities: one row for each agent and recorded step."""
-        return read_table(self.folder / "steps.parquet")
+        return self._files.table("steps")
 
     @functools.cached_property
     def links(self) -> Any:
         """Who heard whom, and how strongly."""
-        return read_table(self.folder / "links.parquet")
+        return self._files.table("links")
 
     @functools.cached_property
     def motes(self) -> Any:
         """State and counters of every mote."""
-        return read_table(self.folder / "motes.parquet")
+        return self._files.table("motes")
 
     @functools.cached_property
     def packets(self) -> Any:
         """Every packet and what became of it. Only a run with mode = "6tisch" has this table."""
-        return read_table(self.folder / "packets.parquet")
+        return self._files.table("packets")
 
     def scan(self, table: str) -> Any:
         """A table as a lazy frame of polars, for tables that are larger than the memory: `run.scan("links").filter(…).collect()`."""
-        return scan_table(self.folder / f"{table}.parquet")
+        return self._files.scan(table)
 
     @property
     def report(self) -> Path:
@@ -132,20 +177,21 @@ class Run:
 
 
 class Sweep:
-    """A finished sweep: its folder, its table of trials, and its summary."""
+    """A finished sweep: its folder, its table of trials, and its summary. `unverified`: see `Run`."""
 
-    def __init__(self, folder: str | Path, printed: str = "") -> None:
+    def __init__(self, folder: str | Path, printed: str = "", *, unverified: bool = False) -> None:
         self.folder = Path(folder)
         self.printed = printed
+        self._files = _Files(self.folder, unverified)
 
     @functools.cached_property
     def trials(self) -> Any:
         """One row for each trial: its settings, its seed and its figures."""
-        return read_table(self.folder / "trials.parquet")
+        return self._files.table("trials")
 
     def scan(self, table: str = "trials") -> Any:
         """A table as a lazy frame of polars."""
-        return scan_table(self.folder / f"{table}.parquet")
+        return self._files.scan(table)
 
     def plot(self, x: str, y: str, *, by: str | None = None, axes: Any = None) -> Any:
         """Draws a figure of all trials over a setting, a dot for each, and the mean at each value; returns the axes. Needs matplotlib.

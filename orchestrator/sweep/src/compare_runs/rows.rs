@@ -9,7 +9,7 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use proto::bounds::DESCRIPTION_BYTES;
-use record::bounded::{read_file, read_text_file};
+use record::result::{CheckedFile, ResultError, ResultFolder, Trust};
 use record::run_summary::RunSummary;
 use record::{SCHEMA_PREFIX, Status, Tagged};
 use std::collections::{BTreeMap, BTreeSet};
@@ -37,26 +37,34 @@ struct RunRow {
 }
 
 /// Reads a folder.
-pub(super) fn find(path: &Path) -> Result<RunFolder, CompareRunsError> {
+pub(super) fn find(path: &Path, trust: Trust) -> Result<RunFolder, CompareRunsError> {
     let wrong = |reason: String| CompareRunsError::Folder { path: path.to_owned(), reason };
     let foreign = |error: &dyn Display| {
         let hint = "is not the folder of a run or of a finished sweep";
         wrong(format!("{hint} (summary.json: {error})"))
     };
-    let text = read_file(&DESCRIPTION_BYTES, &path.join(RunSummary::FILE))
-        .map_err(|error| foreign(&error))?;
+    let found = ResultFolder::unchecked(path);
+    let text = found.bytes(&DESCRIPTION_BYTES, RunSummary::FILE).map_err(|error| match error {
+        ResultError::Read { source, .. } => foreign(&source),
+        error => foreign(&error),
+    })?;
     let Tagged { schema } = serde_json::from_slice(&text).map_err(|error| foreign(&error))?;
-    let config = |name: &str| {
-        read_text_file(&DESCRIPTION_BYTES, &path.join(name))
-            .map_err(|error| error.to_string())
-            .and_then(|text| text.parse::<toml::Table>().map_err(|error| error.to_string()))
-            .map_err(|reason| wrong(format!("{name}: {reason}")))
+    if schema != SCHEMA && !schema.starts_with(SCHEMA_PREFIX) {
+        return Err(wrong(format!(
+            "summary.json has the schema {schema:?}, which is neither that of a run nor that of a sweep"
+        )));
+    }
+    let folder = ResultFolder::open(path, trust)?;
+    let text = folder.bytes(&DESCRIPTION_BYTES, RunSummary::FILE)?;
+    let config = |name: &str| -> Result<toml::Table, CompareRunsError> {
+        let text = folder.text(&DESCRIPTION_BYTES, name)?;
+        text.parse().map_err(|error: toml::de::Error| wrong(format!("{name}: {error}")))
     };
     if schema == SCHEMA {
-        let (figures, rows) =
-            table(&path.join(TABLE_FILE)).map_err(|why| wrong(format!("{TABLE_FILE}: {why}")))?;
+        let (figures, rows) = rows_of(&folder.table(TABLE_FILE)?)
+            .map_err(|why| wrong(format!("{TABLE_FILE}: {why}")))?;
         Ok(RunFolder { config: config("sweep.toml")?, figures, rows, is_run: false })
-    } else if schema.starts_with(SCHEMA_PREFIX) {
+    } else {
         let summary: RunSummary = serde_json::from_slice(&text).map_err(|error| foreign(&error))?;
         let number = |value: FigureValue| match value {
             FigureValue::Flag(is) => f64::from(u8::from(is)),
@@ -75,16 +83,13 @@ pub(super) fn find(path: &Path) -> Result<RunFolder, CompareRunsError> {
         };
         let figures = values.into_iter().map(|(name, _)| name).collect();
         Ok(RunFolder { config: config("config.toml")?, figures, rows: vec![row], is_run: true })
-    } else {
-        Err(wrong(format!(
-            "summary.json has the schema {schema:?}, which is neither that of a run nor that of a sweep"
-        )))
     }
 }
 
 /// The figures and the rows of the table of a sweep.
-fn table(path: &Path) -> Result<(Vec<String>, Vec<RunRow>), ParquetError> {
-    let reader = SerializedFileReader::new(std::fs::File::open(path)?)?;
+fn rows_of(
+    reader: &SerializedFileReader<CheckedFile>,
+) -> Result<(Vec<String>, Vec<RunRow>), ParquetError> {
     let mut names = Vec::new();
     let mut rows = Vec::new();
     for row in reader.get_row_iter(None)? {

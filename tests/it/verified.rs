@@ -1,0 +1,169 @@
+//! A bit that flips in a file of a result is noticed by whoever reads it.
+
+use export::{ExportFormat, export};
+use proto::rng::philox4x64;
+use record::result::{ResultFolder, Trust};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use sweep::compare_runs::compare_runs;
+use view::page;
+use view::recorded::RecordedRun;
+
+/// What one way to read a result gives: bytes, or why not.
+type Outcome = Result<Vec<u8>, String>;
+
+fn text(error: impl ToString) -> String {
+    error.to_string()
+}
+
+/// All files of a folder, one after the other.
+fn content(folder: &Path) -> Vec<u8> {
+    let mut files: Vec<PathBuf> =
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files.iter().flat_map(|file| std::fs::read(file).unwrap()).collect()
+}
+
+fn exported(run: &Path, trust: Trust, format: ExportFormat) -> Outcome {
+    let folder = tests::folder();
+    let out = folder.path().join("out");
+    export(&ResultFolder::open(run, trust).map_err(text)?, format, &out).map_err(text)?;
+    Ok(content(&out))
+}
+
+fn recorded(run: &Path, trust: Trust) -> Result<RecordedRun, String> {
+    RecordedRun::open(&ResultFolder::open(run, trust).map_err(text)?).map_err(text)
+}
+
+/// What every reader makes of a run. `plain` is another run, to compare with.
+fn read(run: &Path, plain: &Path, trust: Trust) -> BTreeMap<&'static str, Outcome> {
+    let moment = |end: fn(&RecordedRun) -> u64| -> Outcome {
+        let run = recorded(run, trust)?;
+        let at_ns = end(&run);
+        Ok(format!("{:?}", run.frames(at_ns, at_ns, 1).map_err(text)?).into_bytes())
+    };
+    let page = || -> Outcome {
+        let page = page::standalone(&[recorded(run, trust)?], None, 20_000_000).map_err(text)?;
+        Ok(page.html.into_bytes())
+    };
+    let compared = || -> Outcome {
+        let changes = compare_runs(run, plain, trust).map_err(text)?;
+        Ok(serde_json::to_vec(&changes).unwrap())
+    };
+    BTreeMap::from([
+        ("export csv", exported(run, trust, ExportFormat::Csv)),
+        ("export rosbag2", exported(run, trust, ExportFormat::Rosbag2)),
+        ("render of the beginning", moment(|_| 0)),
+        ("render of the end", moment(|run| run.run().end_ns)),
+        ("replay", page()),
+        ("compare-runs", compared()),
+    ])
+}
+
+#[test]
+fn no_reader_passes_on_a_bit_that_was_flipped_in_silence() {
+    let folder = tests::folder();
+    let config = tests::repository().join("configs/flocking.toml");
+    let plain = tests::run(&config, folder.path(), &["--set", "experiment.duration_s=6.0"]);
+    let run = folder.path().join("flipped/flocking");
+    std::fs::create_dir_all(&run).unwrap();
+    for entry in std::fs::read_dir(&plain).unwrap() {
+        let path = entry.unwrap().path();
+        std::fs::copy(&path, run.join(path.file_name().unwrap())).unwrap();
+    }
+    let undisturbed = read(&run, &plain, Trust::Checked);
+    assert!(undisturbed.values().all(Result::is_ok), "{:?}", undisturbed.keys());
+    let root = record::verify(&run).unwrap().root_sha256;
+    let mut files: Vec<PathBuf> =
+        std::fs::read_dir(&run).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    let mut n_refused = BTreeMap::new();
+    for number in 0..200 {
+        let file = &files[number % files.len()];
+        let whole = std::fs::read(file).unwrap();
+        let mut flipped = whole.clone();
+        let [place, ..] = philox4x64([number as u64, 0, 0, 0], [7, 0]);
+        let bit = (place % (8 * whole.len() as u64)) as usize;
+        flipped[bit / 8] ^= 1 << (bit % 8);
+        std::fs::write(file, &flipped).unwrap();
+        let place = format!("bit {bit} of {}", file.display());
+        for (reader, outcome) in read(&run, &plain, Trust::Checked) {
+            match outcome {
+                Ok(bytes) => {
+                    assert!(undisturbed[reader].as_ref() == Ok(&bytes), "{reader}: {place}");
+                }
+                Err(error) => {
+                    assert!(error.contains("flipped/flocking"), "{reader}: {place}: {error}");
+                    *n_refused.entry(reader).or_insert(0) += 1;
+                }
+            }
+        }
+        let found = record::verify(&run);
+        let is_found = |report: record::verify::VerifyReport| {
+            !report.problems.is_empty() || report.root_sha256 != root
+        };
+        assert!(found.map_or(true, is_found), "verify: {place}");
+        std::fs::write(file, &whole).unwrap();
+    }
+    // Each reader meets damage in the files that it reads.
+    assert!(undisturbed.keys().all(|reader| 0 < n_refused[reader]), "{n_refused:?}");
+}
+
+#[test]
+fn a_changed_file_is_named_with_its_place_and_read_with_unverified_alone() {
+    let folder = tests::folder();
+    let config = tests::repository().join("configs/flocking.toml");
+    let run =
+        tests::run(&config, &folder.path().join("runs"), &["--set", "experiment.duration_s=6.0"]);
+    let table = run.join("steps.parquet");
+    let mut bytes = std::fs::read(&table).unwrap();
+    bytes[200] ^= 4;
+    std::fs::write(&table, bytes).unwrap();
+    let export = ["export", "runs/flocking", "--format", "csv", "--out", "tables"];
+    let refused = tests::orchestrator(&export, folder.path());
+    let said = tests::said(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("runs/flocking/steps.parquet: ") && said.contains("bytes 0 to "),
+        "{said}"
+    );
+    assert!(said.contains("--unverified"), "{said}");
+    assert!(!folder.path().join("tables").exists());
+    let read = tests::orchestrator(&[&export[..], &["--unverified"]].concat(), folder.path());
+    let said = tests::said(&read);
+    assert!(said.contains("warning: --unverified: "), "{said}");
+    for command in [
+        &["reproduce", "runs/flocking"][..],
+        &["compare-runs", "runs/flocking", "runs/flocking"],
+        &["render", "runs/flocking", "--at", "1", "--output", "a.svg"],
+    ] {
+        let output = tests::orchestrator(command, folder.path());
+        // Only what reads the table minds.
+        let is_refused = command[0] == "reproduce";
+        assert_eq!(
+            output.status.code(),
+            Some(i32::from(is_refused)),
+            "{command:?}: {}",
+            tests::said(&output)
+        );
+    }
+}
+
+#[test]
+fn a_publication_can_cite_a_result_by_one_hash() {
+    let folder = tests::folder();
+    let config = tests::repository().join("configs/flocking.toml");
+    let run =
+        tests::run(&config, &folder.path().join("runs"), &["--set", "experiment.duration_s=1.0"]);
+    let verify = |more: &[&str]| {
+        tests::orchestrator(&[&["verify", "runs/flocking"], more].concat(), folder.path())
+    };
+    let said = tests::said(&verify(&[]));
+    let root = said.lines().find_map(|line| line.strip_prefix("root SHA-256 ")).unwrap().to_owned();
+    assert!(verify(&["--root", &root]).status.success());
+    let log = run.join("run.log");
+    let longer = format!("{}again\n", std::fs::read_to_string(&log).unwrap());
+    std::fs::write(&log, longer).unwrap();
+    assert!(verify(&[]).status.success());
+    assert_eq!(verify(&["--root", &root]).status.code(), Some(1));
+}
