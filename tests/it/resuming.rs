@@ -291,7 +291,10 @@ fn a_recorded_run_is_reproduced_from_its_own_folder() {
     let text = std::fs::read_to_string(&config).unwrap();
     assert!(text.contains("duration_s = 20.0"), "{text}");
     std::fs::write(&config, text.replace("duration_s = 20.0", "duration_s = 10.0")).unwrap();
-    let other = tests::orchestrator(&["reproduce", run], folder.path());
+    let refused = tests::orchestrator(&["reproduce", run], folder.path());
+    assert_eq!(refused.status.code(), Some(1), "{}", tests::said(&refused));
+    assert!(tests::said(&refused).contains("config.toml: its content is not what the run wrote"));
+    let other = tests::orchestrator(&["reproduce", run, "--unverified"], folder.path());
     assert_eq!(other.status.code(), Some(1), "{}", tests::said(&other));
     assert!(tests::said(&other).contains("run.mcap"), "{}", tests::said(&other));
     assert!(tests::said(&other).contains("the first difference is in step"));
