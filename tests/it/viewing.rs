@@ -30,7 +30,7 @@ fn what_is_no_recorded_run_is_refused_with_what_to_give() {
     let here = folder.path();
     std::fs::write(here.join("answer.json"), "{\"verdict\": 1}").unwrap();
     std::fs::write(here.join("no.json"), "not JSON").unwrap();
-    refused(&["replay", "nowhere"], here, &["nowhere", "output.mcap = true"]);
+    refused(&["replay", "nowhere"], here, &["nowhere", "recorded run"]);
     refused(&["replay", "runs/e", "--with", "nowhere"], here, &["nowhere"]);
     refused(&["replay", "runs/e", "--output", "missing/page.html"], here, &["missing/page.html"]);
     refused(
@@ -43,7 +43,7 @@ fn what_is_no_recorded_run_is_refused_with_what_to_give() {
         here,
         &["no.json", "JSON"],
     );
-    refused(&["export", "nowhere", "--format", "csv"], here, &["nowhere", "tables"]);
+    refused(&["export", "nowhere", "--format", "csv"], here, &["nowhere", "recorded run"]);
     refused(&["export", "nowhere", "--format", "rosbag2"], here, &["nowhere"]);
     refused(&["export", "runs/e", "--format", "pdf"], here, &["csv", "rosbag2"]);
     let left: Vec<_> = std::fs::read_dir(here)
@@ -60,11 +60,10 @@ fn a_recording_that_was_cut_off_is_refused_and_said_to_be() {
     let path = folder.path().join("runs/e/run.mcap");
     let content = std::fs::read(&path).unwrap();
     std::fs::write(&path, &content[..content.len() / 2]).unwrap();
-    refused(
-        &["replay", "runs/e", "--output", "page.html"],
-        folder.path(),
-        &["run.mcap", "damaged"],
-    );
+    let output = orchestrator(&["replay", "runs/e", "--output", "page.html"], folder.path());
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let wrote = format!("run.mcap: has {} bytes, but the run wrote", content.len() / 2);
+    assert!(said(&output).contains(&wrote), "{}", said(&output));
     assert!(!folder.path().join("page.html").exists());
 }
 

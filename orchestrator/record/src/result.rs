@@ -83,9 +83,7 @@ pub enum ResultError {
 
 /// Which bytes of a file are not those that were written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "{place} not what the run wrote, by the SHA-256 in {PROVENANCE_FILE}; give --unverified to read the file as it is"
-)]
+#[error("{place}, by {PROVENANCE_FILE}; give --unverified to read the file as it is")]
 pub struct Changed {
     place: String,
 }
@@ -93,13 +91,15 @@ pub struct Changed {
 impl Changed {
     /// The whole file.
     fn whole() -> Self {
-        Self { place: "its content is".to_owned() }
+        Self { place: "its content is not what the run wrote".to_owned() }
     }
 
     /// A mebibyte of it.
     fn part(index: u64, length: u64) -> Self {
         let (from, to) = (index * PART_BYTES, ((index + 1) * PART_BYTES).min(length));
-        Self { place: format!("bytes {from} to {} are", to.saturating_sub(1)) }
+        Self {
+            place: format!("bytes {from} to {} are not what the run wrote", to.saturating_sub(1)),
+        }
     }
 }
 
@@ -242,7 +242,7 @@ impl ResultFolder {
         if let Some(expected) = self.expected(name)? {
             let changed = |changed| ResultError::Changed { path: path.clone(), changed };
             if length != expected.bytes {
-                let place = format!("its {length} bytes, in place of {}, are", expected.bytes);
+                let place = format!("has {length} bytes, but the run wrote {}", expected.bytes);
                 return Err(changed(Changed { place }));
             }
             let digests = if expected.mebibytes.is_empty() {
