@@ -11,6 +11,7 @@ pub mod services;
 use convert::mapping::Mapping;
 use experiment::Overrides;
 use measure::config::Compared;
+use measure::memory::MemoryBudget;
 use measure::table::DataTable;
 use network::tracks::Tracks;
 use proto::side::{NetSimulator as _, RobotSimulator as _};
@@ -82,7 +83,7 @@ fn logs(bytes: &[u8]) {
     let path = folder.path().join("mapping.toml");
     for text in MAPPINGS {
         let mapping = Mapping::of_text(&path, text.to_owned()).expect("a valid mapping");
-        if let Ok(converted) = convert::convert(&mapping) {
+        if let Ok(converted) = convert::convert(&mapping, MemoryBudget::default()) {
             assert!(converted.answer.written <= converted.answer.read, "a row gives at most one");
         }
     }
@@ -96,7 +97,7 @@ fn table(bytes: &[u8]) {
     let folder = crate::folder();
     let path = folder.path().join("data");
     std::fs::write(&path, bytes).expect("a temporary file");
-    if let Ok(table) = DataTable::read(&path) {
+    if let Ok(table) = DataTable::read(&path, MemoryBudget::default()) {
         read_as_everything(&table);
     }
 }

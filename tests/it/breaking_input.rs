@@ -1,6 +1,7 @@
 //! Input that once made a reader abort, panic, hang or take all memory is refused in words, or used with a warning.
 
 use experiment::Overrides;
+use measure::memory::MemoryBudget;
 use measure::table::DataTable;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -108,7 +109,7 @@ fn a_gzip_of_zeros_is_refused_before_it_fills_memory() {
         encoder.write_all(&vec![0; 1 << 20]).unwrap();
     }
     encoder.finish().unwrap();
-    let error = DataTable::read(&path).unwrap_err().to_string();
+    let error = DataTable::read(&path, MemoryBudget::default()).unwrap_err().to_string();
     assert!(error.contains("line 1: the length of a line (bytes) is more than 1048576"), "{error}");
 }
 

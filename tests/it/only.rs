@@ -2,6 +2,7 @@
 
 use diagnose::Request;
 use measure::config::Compared;
+use measure::memory::MemoryBudget;
 use measure::table::DataTable;
 use physics::link::channel_hz;
 use proto::effect::Level;
@@ -37,7 +38,8 @@ fn tables(effect: &str) -> [DataTable; 2] {
     let config = dir.path().join("model.toml");
     std::fs::write(&config, format!("{MODEL}{effect}")).unwrap();
     let out = run(&config, dir.path(), &[]);
-    ["steps.parquet", "links.parquet"].map(|name| DataTable::read(&out.join(name)).unwrap())
+    ["steps.parquet", "links.parquet"]
+        .map(|name| DataTable::read(&out.join(name), MemoryBudget::default()).unwrap())
 }
 
 #[test]

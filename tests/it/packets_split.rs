@@ -6,6 +6,7 @@ use diagnose::Unobserved;
 use diagnose::simulate::simulate;
 use experiment::{Overrides, read};
 use measure::config::Compared;
+use measure::memory::MemoryBudget;
 use measure::packets;
 use measure::table::DataTable;
 use network::error_split::NetworkErrorSplit;
@@ -32,10 +33,10 @@ fn parts(fault: &str) -> Worded<NetworkErrorSplit> {
     std::fs::write(&truth, &text).unwrap();
     // The same robots; the network under another seed.
     let out = run(&truth, dir.path(), &[]);
-    let tracks = Tracks::read(&out).unwrap();
+    let tracks = Tracks::read(&out, MemoryBudget::default()).unwrap();
     let links = links(&tracks, &truth, text);
     let plan = read(Path::new("model.toml"), model(), &Overrides::default()).unwrap();
-    let table = DataTable::read(&out.join("packets.parquet")).unwrap();
+    let table = DataTable::read(&out.join("packets.parquet"), MemoryBudget::default()).unwrap();
     let measured = packets::read(&table).unwrap().packets;
     let resimulation = Resimulation::new(plan, Some(tracks), &measured).unwrap();
     let config = Compared::of_text(Path::new("model.toml"), model(), &[]).unwrap();
@@ -109,7 +110,7 @@ fn the_command_tells_the_parts_and_refuses_what_it_cannot_split() {
     let config = dir.path().join("model.toml");
     std::fs::write(&config, model()).unwrap();
     let out = run(&config, dir.path(), &[]);
-    let table = links(&Tracks::read(&out).unwrap(), &config, model());
+    let table = links(&Tracks::read(&out, MemoryBudget::default()).unwrap(), &config, model());
     let mut rows = table.names().join(",");
     for row in 0..table.n_rows() {
         let cells: Vec<String> = table

@@ -3,6 +3,7 @@
 use diagnose::Request;
 use diagnose::diagnosis::{Diagnosis, Parameter};
 use diagnose::simulate::simulate;
+use measure::memory::MemoryBudget;
 use measure::table::DataTable;
 use study::choices::Choices;
 use study::open;
@@ -116,7 +117,8 @@ fn what_a_run_has_left_is_a_campaign_of_its_model() {
     let output = tests::orchestrator(&["run", "run.toml"], folder.path());
     assert!(output.status.success(), "{}", tests::said(&output));
 
-    let made = DataTable::read(&folder.path().join("runs/measured")).unwrap();
+    let made =
+        DataTable::read(&folder.path().join("runs/measured"), MemoryBudget::default()).unwrap();
     let score = |text: &str, name: &str| {
         let (study, _) = open::links(&config(text), &made, &Choices::default()).unwrap();
         assert!(study.rows.links.readings.has_losses, "links that were not heard are there");
@@ -129,7 +131,7 @@ fn what_a_run_has_left_is_a_campaign_of_its_model() {
     let lacking = text.split("\n\n").next().unwrap();
     assert!(1.5 < score(lacking, "bias_db").abs(), "the exponent is missed");
 
-    let refused = DataTable::read(folder.path()).unwrap_err().to_string();
+    let refused = DataTable::read(folder.path(), MemoryBudget::default()).unwrap_err().to_string();
     assert!(refused.contains("links.parquet"), "{refused}");
 }
 

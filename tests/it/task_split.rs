@@ -3,6 +3,7 @@
 
 use diagnose::{Observer, Unobserved};
 use experiment::Consent;
+use measure::memory::MemoryBudget;
 use network::resimulate::ResimulationError;
 use network::task::comparison::TaskComparison;
 use network::{ComparisonOptions, TaskFiles, TaskRequest, Worded};
@@ -52,6 +53,7 @@ fn parts(fault: &str, seed: u64) -> Worded<TaskComparison> {
         consent: &Consent::default(),
         data: &out,
         heard: &out,
+        budget: MemoryBudget::default(),
     };
     let options = ComparisonOptions { seeds: 99, ..ComparisonOptions::default() };
     network::task(&TaskRequest::open(&files, options).unwrap(), &Unobserved).unwrap()
@@ -101,7 +103,9 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
     let slip = "[[robotsim.dynamics.effect]]\nkind = \"slip\"\nscale = 0.8";
     write("truth.toml", &MODEL.replace("# here", slip));
     let out = run(&dir.path().join("truth.toml"), dir.path(), &[]);
-    let table = |name: &str| measure::table::DataTable::read(&out.join(name)).unwrap();
+    let table = |name: &str| {
+        measure::table::DataTable::read(&out.join(name), MemoryBudget::default()).unwrap()
+    };
     // As robots would log it: clocks began 100 s before the task.
     let (steps, links) = (table("steps.parquet"), table("links.parquet"));
     let mut robots = "time_s,agent,x_m,y_m\n".to_owned();
@@ -135,6 +139,7 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
         consent: &Consent::default(),
         data: &data,
         heard: &received,
+        budget: MemoryBudget::default(),
     };
     let request = TaskRequest::open(&files, ComparisonOptions { seeds: 99, from_s: 100.0 });
     let stopping = Stopping::default();

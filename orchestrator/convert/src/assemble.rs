@@ -15,6 +15,7 @@ use crate::sequence::SequenceGaps;
 use crate::tables::{COLUMNS, Content, TableKind, known};
 use crate::{Conversion, ConvertError, Converted, InputReport, SCHEMA};
 use measure::formats::open;
+use measure::memory::{Memory, MemoryBudget};
 use measure::table::DataTable;
 use measure::time_of_day;
 use proto::bounds::{CELLS, ROWS};
@@ -26,10 +27,11 @@ use std::path::{Path, PathBuf};
 ///
 /// # Errors
 ///
-/// The mapping does not fit the logs: every problem with its place in the mapping file. Or a log cannot be read.
-pub fn convert(mapping: &Mapping) -> Result<Converted, ConvertError> {
+/// The mapping does not fit the logs: every problem with its place in the mapping file. Or a log cannot be read, or needs more memory
+/// than the budget.
+pub fn convert(mapping: &Mapping, budget: MemoryBudget) -> Result<Converted, ConvertError> {
     let files = files_of(mapping)?;
-    check_fields(mapping, &files)?;
+    check_fields(mapping, &files, budget)?;
     let mut state = State {
         mapping,
         files: &files,
@@ -37,6 +39,7 @@ pub fn convert(mapping: &Mapping) -> Result<Converted, ConvertError> {
         plane: mapping.origin_deg.map(TangentPlane::at),
         inputs: vec![InputState::default(); mapping.inputs.len()],
         n_lost: 0,
+        memory: Memory::new(budget),
     };
     let mut rows = Table::default();
     let (mut gaps, mut channels, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
@@ -90,11 +93,15 @@ fn files_of(mapping: &Mapping) -> Result<Vec<Vec<PathBuf>>, ConvertError> {
 }
 
 /// Whether the first file of each input has the fields that columns are filled from.
-fn check_fields(mapping: &Mapping, files: &[Vec<PathBuf>]) -> Result<(), ConvertError> {
+fn check_fields(
+    mapping: &Mapping,
+    files: &[Vec<PathBuf>],
+    budget: MemoryBudget,
+) -> Result<(), ConvertError> {
     let mut problems = Vec::new();
     for (number, (input, files)) in mapping.inputs.iter().zip(files).enumerate() {
         if let Some(file) = files.first() {
-            let rows = rows_of(input, file)?;
+            let rows = rows_of(input, file, budget)?;
             let path = format!("input[{number}]");
             problems.extend(
                 frame::check_fields(input, &path, rows.names(), file).err().unwrap_or_default(),
@@ -104,8 +111,12 @@ fn check_fields(mapping: &Mapping, files: &[Vec<PathBuf>]) -> Result<(), Convert
     if problems.is_empty() { Ok(()) } else { Err(mapping.refuse(problems).into()) }
 }
 
-fn rows_of(input: &Input, file: &Path) -> Result<Box<dyn Rows>, ConvertError> {
-    Ok((input.format.open)(file, open(file)?, &input.keys)?)
+fn rows_of(
+    input: &Input,
+    file: &Path,
+    budget: MemoryBudget,
+) -> Result<Box<dyn Rows>, ConvertError> {
+    Ok((input.format.open)(file, open(file, budget)?, &input.keys)?)
 }
 
 /// What is kept over the runs.
@@ -117,6 +128,8 @@ struct State<'a> {
     inputs: Vec<InputState>,
     /// Lost packets that were added for gaps.
     n_lost: usize,
+    /// What all rows take.
+    memory: Memory,
 }
 
 #[derive(Clone, Default)]
@@ -177,9 +190,10 @@ impl State<'_> {
         if let Some((_, frame)) = state.last.as_ref().filter(|(last, _)| last == file) {
             return Ok(frame.clone());
         }
-        let mut rows = rows_of(input, file)?;
+        let mut rows = rows_of(input, file, self.memory.left())?;
         let mut account = Account { file, n_read: state.n_read, rejected: &mut state.rejected };
-        let mut frame = frame::read(input, &mut *rows, &mut self.labels, &mut account)?;
+        let mut frame =
+            frame::read(input, &mut *rows, &mut self.labels, &mut account, &mut self.memory)?;
         frame::project(&mut frame, &mut self.plane, &mut account);
         state.n_read = account.n_read;
         if 0 < number {

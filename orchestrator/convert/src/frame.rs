@@ -9,10 +9,14 @@ use crate::mapping::{Input, Source, Target};
 use crate::tables::Content;
 use crate::time::{self, NS_PER_S};
 use csv::StringRecord;
+use measure::memory::Memory;
 use proto::bounds::{CELLS, ROWS};
 use proto::config::{Problem, most_similar};
 use std::collections::BTreeMap;
 use std::path::Path;
+
+/// What a field takes (bytes): in its frame, in the table of all frames, in the table that its reader checks, and in its rows.
+const BYTES_OF_CELL: usize = 4 * size_of::<f64>();
 
 /// A time that a row does not have.
 pub(crate) const NO_TIME: i64 = i64::MIN;
@@ -152,12 +156,13 @@ fn fields(target: &Target) -> Vec<&String> {
 ///
 /// # Errors
 ///
-/// The file cannot be read, or has more rows than are read.
+/// The file cannot be read, has more rows than are read, or needs more memory than there is.
 pub(crate) fn read(
     input: &Input,
     rows: &mut dyn Rows,
     labels: &mut Labels,
     account: &mut Account<'_>,
+    memory: &mut Memory,
 ) -> Result<Frame, ConvertError> {
     let fillings = fillings(input, rows.names(), account.file)?;
     let mut frame = Frame { start_ns: rows.start_ns(), ..Frame::default() };
@@ -182,6 +187,8 @@ pub(crate) fn read(
             account.reject(&reason, row.line);
             continue;
         }
+        let what = format_args!("{} rows of {} columns", frame.lines.len() + 1, cells.len());
+        memory.take((BYTES_OF_CELL * (cells.len() + 1)) as u64, what).map_err(refused)?;
         frame.lines.push(row.line);
         for (at, cell) in cells.iter().enumerate() {
             match *cell {

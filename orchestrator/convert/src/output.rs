@@ -141,6 +141,7 @@ fn parquet(table: &DataTable, file: impl Write + Send) -> Result<(), ParquetErro
 #[expect(clippy::disallowed_methods, reason = "tests read the files that are written")]
 mod tests {
     use super::*;
+    use measure::memory::MemoryBudget;
 
     #[test]
     fn a_table_reads_as_it_was_written_in_every_format() {
@@ -153,7 +154,7 @@ mod tests {
             let path = folder.path().join(name);
             let format = OutputFormat::of_path(&path).unwrap();
             write(&table, format, std::fs::File::create(&path).unwrap()).unwrap();
-            let read = DataTable::read(&path).unwrap();
+            let read = DataTable::read(&path, MemoryBudget::default()).unwrap();
             assert_eq!(read.names(), table.names(), "{name}");
             for column in table.names() {
                 let bits = |table: &DataTable| -> Vec<Option<f64>> {

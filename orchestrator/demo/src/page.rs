@@ -8,6 +8,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use experiment::program_name;
 use measure::config::Compared;
+use measure::memory::MemoryBudget;
 use measure::table::DataTable;
 use numbers::normal::Z_90;
 use report::story::{Story, StoryCandidate, StoryParameter, StoryRow, StorySwarm, Symptom, page};
@@ -43,7 +44,7 @@ impl Told<'_> {
     pub(super) fn page(self, folder: &Path, model: &str) -> Result<String, DemoError> {
         let file = "residuals.csv";
         let unreadable = |problem: String| DemoError::Answer { file: file.to_owned(), problem };
-        let table = DataTable::read(&folder.join(file))
+        let table = DataTable::read(&folder.join(file), MemoryBudget::default())
             .map_err(|refusal| unreadable(refusal.to_string()))?;
         let column = |name: &str| {
             table.column(name).ok_or_else(|| unreadable(format!("has no column {name}")))

@@ -2,7 +2,7 @@
 #![expect(clippy::disallowed_methods, clippy::print_stdout, reason = "a program, not a core")]
 
 use diagnose::{Request, Unobserved};
-use measure::{config::Compared, table::DataTable};
+use measure::{config::Compared, memory::MemoryBudget, table::DataTable};
 use proto::bounds::CONFIGURATION_BYTES;
 use std::{error::Error, fs::File, path::Path};
 
@@ -11,7 +11,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [model, data] = [(); 2].map(|()| files.next().unwrap_or_default());
     let text = CONFIGURATION_BYTES.read_text(File::open(&model)?)?;
     let config = Compared::of_text(Path::new(&model), text, &[])?;
-    let table = DataTable::read(Path::new(&data))?;
+    let table = DataTable::read(Path::new(&data), MemoryBudget::default())?;
     let found = diagnose::diagnose(&Request::new(&config, &table), &Unobserved)?.answer;
     println!("{}", diagnose::words::text(&found));
     Ok(())

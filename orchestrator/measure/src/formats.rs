@@ -10,6 +10,7 @@ pub mod parquet;
 pub mod run;
 
 use crate::DataError;
+use crate::memory::{Memory, MemoryBudget, UNCOUNTED};
 use crate::table::DataTable;
 use flate2::read::MultiGzDecoder;
 use proto::bounds::TABLE_BYTES;
@@ -18,8 +19,57 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
+/// A source of bytes that nobody counts.
+pub type Uncounted<'a> = Box<dyn BufRead + 'a>;
+
 /// What a file holds, from its beginning on.
-pub type Content<'a> = Box<dyn BufRead + 'a>;
+///
+/// A reader is charged for what it reads as if it kept it, several times its size. One that counts what it keeps takes it
+/// [uncounted](Self::uncounted).
+pub struct Content<'a> {
+    source: Uncounted<'a>,
+    memory: Memory,
+}
+
+impl<'a> Content<'a> {
+    /// From a source, to be read within a budget.
+    pub fn new(source: impl BufRead + 'a, budget: MemoryBudget) -> Self {
+        Self { source: Box::new(source), memory: Memory::new(budget) }
+    }
+
+    /// The source, and the account in which its reader counts what it keeps.
+    #[must_use]
+    pub fn uncounted(self) -> (Uncounted<'a>, Memory) {
+        (self.source, self.memory)
+    }
+}
+
+impl std::fmt::Debug for Content<'_> {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.debug_struct("Content").field("memory", &self.memory).finish_non_exhaustive()
+    }
+}
+
+impl Read for Content<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let n = self.fill_buf()?.read(buffer)?;
+        self.consume(n);
+        Ok(n)
+    }
+}
+
+impl BufRead for Content<'_> {
+    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
+        self.memory.take(0, "the text that was read").map_err(std::io::Error::other)?;
+        self.source.fill_buf()
+    }
+
+    fn consume(&mut self, n: usize) {
+        // What is too much is refused when more is asked for.
+        let _ = self.memory.take(UNCOUNTED * n as u64, "");
+        self.source.consume(n);
+    }
+}
 
 /// A file format of measurements: how it is recognised, and how it is read.
 #[derive(Clone, Copy, Debug)]
@@ -40,9 +90,9 @@ impl DataTable {
     ///
     /// # Errors
     ///
-    /// It cannot be read, or is no table: the place is named.
-    pub fn read(path: &Path) -> Result<Self, DataError> {
-        read(path, BUILT_IN)
+    /// It cannot be read, is no table, or needs more memory than the budget: the place is named.
+    pub fn read(path: &Path, budget: MemoryBudget) -> Result<Self, DataError> {
+        read(path, BUILT_IN, budget)
     }
 
     /// Reads CSV: the first line names the columns. `path` is named in errors.
@@ -51,7 +101,7 @@ impl DataTable {
     ///
     /// See [`DataTable::read`].
     pub fn of_csv(path: &Path, content: impl Read) -> Result<Self, DataError> {
-        csv::read(path, content)
+        csv::read(path, content, Memory::UNLIMITED)
     }
 }
 
@@ -62,15 +112,15 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 ///
 /// # Errors
 ///
-/// It cannot be read, no format recognises it, or it is no table: the place is named.
+/// It cannot be read, no format recognises it, it is no table, or needs more memory than the budget: the place is named.
 #[expect(clippy::disallowed_methods, reason = "measurements are files")]
-pub fn read(path: &Path, formats: &[Format]) -> Result<DataTable, DataError> {
+pub fn read(path: &Path, formats: &[Format], budget: MemoryBudget) -> Result<DataTable, DataError> {
     let failed = |source| DataError::Read { path: path.to_owned(), source };
     if path.is_dir() {
-        return read_content(path, Box::new(std::io::empty()), formats);
+        return read_content(path, Content::new(std::io::empty(), budget), formats);
     }
     let sha256 = digest(&mut File::open(path).map_err(failed)?).map_err(failed)?;
-    let content = open(path)?;
+    let content = open(path, budget)?;
     let table = read_content(path, content, formats)?;
     Ok(DataTable { sha256, ..table })
 }
@@ -81,15 +131,15 @@ pub fn read(path: &Path, formats: &[Format]) -> Result<DataTable, DataError> {
 ///
 /// It cannot be read.
 #[expect(clippy::disallowed_methods, reason = "measurements are files")]
-pub fn open(path: &Path) -> Result<Content<'static>, DataError> {
+pub fn open(path: &Path, budget: MemoryBudget) -> Result<Content<'static>, DataError> {
     let failed = |source| DataError::Read { path: path.to_owned(), source };
     let mut content = BufReader::new(File::open(path).map_err(failed)?);
     let is_gzip = content.fill_buf().map_err(failed)?.starts_with(&GZIP);
     Ok(if is_gzip {
         let bounded = BoundedSize { content: MultiGzDecoder::new(content), n_read: 0 };
-        Box::new(BufReader::new(bounded))
+        Content::new(BufReader::new(bounded), budget)
     } else {
-        Box::new(content)
+        Content::new(content, budget)
     })
 }
 
@@ -100,16 +150,17 @@ fn read_content(
 ) -> Result<DataTable, DataError> {
     let begin =
         content.fill_buf().map_err(|source| DataError::Read { path: path.to_owned(), source })?;
-    match formats.iter().find(|format| (format.recognises)(path, begin)) {
-        Some(format) => (format.read)(path, content),
-        None => {
-            let names: Vec<&str> = formats.iter().map(|format| format.name).collect();
-            Err(DataError::Format {
-                path: path.to_owned(),
-                message: format!("is in no known format: these are {}", names.join(", ")),
-            })
-        }
-    }
+    let refused = |message| DataError::Format { path: path.to_owned(), message };
+    let Some(format) = formats.iter().find(|format| (format.recognises)(path, begin)) else {
+        let names: Vec<&str> = formats.iter().map(|format| format.name).collect();
+        return Err(refused(format!("is in no known format: these are {}", names.join(", "))));
+    };
+    let mut memory = Memory::new(content.memory.budget());
+    let table = (format.read)(path, content)?;
+    // Of a reader that did not count as well.
+    let what = format_args!("{} rows of {} columns", table.n_rows(), table.names().len());
+    memory.take(table.n_bytes(), what).map_err(refused)?;
+    Ok(DataTable { memory, ..table })
 }
 
 /// Stops a compressed file that decompresses to more than any table has.
@@ -183,13 +234,18 @@ mod tests {
         encoder.write_all(b"1 2 -70.5\n2 1 -71\n").unwrap();
         encoder.finish().unwrap();
         for path in [&plain, &compressed] {
-            let table = read(path, &formats).unwrap();
+            let table = read(path, &formats, MemoryBudget::default()).unwrap();
             assert_eq!(table.column("rssi_dbm"), Some(&[-70.5, -71.0][..]));
             assert_eq!((table.path.as_path(), table.sha256.len()), (path.as_path(), 64));
-            assert!(read(path, BUILT_IN).unwrap().column("rssi_dbm").is_none());
+            assert!(
+                DataTable::read(path, MemoryBudget::default())
+                    .unwrap()
+                    .column("rssi_dbm")
+                    .is_none()
+            );
         }
         std::fs::write(&plain, "1 2 -70.5\n2 1\n").unwrap();
-        let error = read(&plain, &formats).unwrap_err().to_string();
+        let error = read(&plain, &formats, MemoryBudget::default()).unwrap_err().to_string();
         let expected = "plain.readings: line 2: expected the numbers tx rx rssi_dbm, got \"2 1\"";
         assert!(error.ends_with(expected), "{error}");
     }
@@ -199,7 +255,67 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("data");
         std::fs::write(&path, "a\n1\n").unwrap();
-        let error = read(&path, &[parquet::FORMAT, k7::FORMAT]).unwrap_err().to_string();
+        let known = [parquet::FORMAT, k7::FORMAT];
+        let error = read(&path, &known, MemoryBudget::default()).unwrap_err().to_string();
         assert!(error.contains("no known format: these are Parquet, K7"), "{error}");
+    }
+
+    #[test]
+    fn a_reader_that_forgets_the_budget_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("data.readings");
+        std::fs::write(&path, "1 2 -70.5\n".repeat(10_000)).unwrap();
+        // 240 kB of numbers from 100 kB of text.
+        for (bytes, is_enough) in [(1 << 20, true), (300_000, false), (1000, false)] {
+            let read = read(&path, &[READINGS], MemoryBudget(bytes));
+            assert_eq!(read.is_ok(), is_enough, "{bytes}");
+            let error = read.map_or_else(|error| error.to_string(), |_| String::new());
+            assert!(is_enough || error.contains("--memory-budget"), "{error}");
+        }
+        const SILENT: Format = Format {
+            name: "silent",
+            recognises: |_, _| true,
+            read: |_, _| Ok(DataTable::of_columns(vec!["a".to_owned()], vec![vec![0.0; 1000]])),
+        };
+        assert!(read(&path, &[SILENT], MemoryBudget(8000)).is_ok());
+        let refused = read(&path, &[SILENT], MemoryBudget(7999)).unwrap_err().to_string();
+        let expected = "needs more than 7999 bytes of memory for 1000 rows of 1 columns; allow more with --memory-budget";
+        assert!(refused.ends_with(expected), "{refused}");
+    }
+
+    #[test]
+    fn every_format_refuses_what_needs_more_memory_than_the_budget() {
+        let folder = tempfile::tempdir().unwrap();
+        let csv = format!("time_s,tx\n{}", "1,2\n".repeat(10_000));
+        let text = format!("time_s,tx\n{}", "x,y\n".repeat(10_000));
+        let k7 = format!(
+            "{{\"start_date\":\"2018-01-11T16:32:22\",\"stop_date\":\"2018-01-12T16:32:22\",\"location\":\"x\",\
+             \"transmission_count\":100,\"node_count\":2}}\ndatetime,src,dst,channel,mean_rssi,pdr,tx_count\n{}",
+            "2018-01-11T16:32:22,0,1,11,-70,1.0,100\n".repeat(2000)
+        );
+        for (name, content) in [("a.csv", &csv), ("b.csv", &text), ("c.k7", &k7)] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, content).unwrap();
+            assert!(DataTable::read(&path, MemoryBudget(1 << 20)).is_ok(), "{name}");
+            let error = DataTable::read(&path, MemoryBudget(150_000)).unwrap_err().to_string();
+            assert!(error.contains("needs more than 150 kB of memory"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_small_gzip_of_many_rows_is_refused_while_it_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("data.csv.gz");
+        let file = File::create(&path).unwrap();
+        let mut encoder = flate2::write::GzEncoder::new(file, flate2::Compression::fast());
+        encoder.write_all(b"time_s,tx,rx,rssi_dbm,received\n").unwrap();
+        for _ in 0..1000 {
+            encoder.write_all(&b"1,1,2,-70,1\n".repeat(1000)).unwrap();
+        }
+        encoder.finish().unwrap();
+        assert!(std::fs::metadata(&path).unwrap().len() < 100_000);
+        let error = DataTable::read(&path, MemoryBudget(1 << 20)).unwrap_err().to_string();
+        let expected = "line 26217: needs more than 1 MiB of memory for 26215 rows of 5 columns";
+        assert!(error.contains(expected), "{error}");
     }
 }

@@ -5,6 +5,7 @@
 //! | [`account`] | which measurements an answer is about |
 //! | [`table`] | a file as named columns of numbers |
 //! | [`formats`] | file formats: CSV, Parquet, K7, the folder of a run |
+//! | [`memory`] | how much memory reading may take |
 //! | [`links`] | link samples and aggregated link tables |
 //! | [`ranges`] | plausible ranges of measured quantities |
 //! | [`warnings`] | warnings about measurements that can be used |
@@ -18,6 +19,7 @@ pub mod account;
 pub mod config;
 pub mod formats;
 pub mod links;
+pub mod memory;
 pub mod packets;
 pub mod pooled;
 pub mod ranges;

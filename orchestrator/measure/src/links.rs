@@ -3,7 +3,7 @@
 mod warnings;
 
 use super::ranges::RangeCheck;
-use super::table::{DataTable, covariates};
+use super::table::{CELL_BYTES, DataTable, covariates};
 use super::time_of_day;
 use super::warnings::rejection_warnings;
 use super::{Rejected, Rejections, TWICE, first_rejection, to_u32};
@@ -127,6 +127,9 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     if let Err(lacking) = has_shape(table) {
         return Err(format!("not link samples: the file lacks {}", lacking.join(", ")));
     }
+    // Beside the rows, the covariates, and the 14 numbers by which a row is found again, with what keeps them in order.
+    let n_numbers = table.names().len() + 1 + 25;
+    table.check_memory(size_of::<LinkRow>() + CELL_BYTES * n_numbers, "links")?;
     let n_rows = table.n_rows();
     let column = |name: &str| table.column(name);
     let cell = |column: Option<&[f64]>, row: usize| column.map_or(f64::NAN, |column| column[row]);

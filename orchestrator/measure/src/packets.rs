@@ -1,6 +1,6 @@
 //! Measured packets: from end to end, sent and received.
 
-use super::table::DataTable;
+use super::table::{CELL_BYTES, DataTable};
 use super::{Rejected, Rejections, TWICE, time_of_day};
 use proto::bounds::{LATENCY_S, PACKET_TIME_S};
 use proto::types::PacketPurpose;
@@ -47,6 +47,8 @@ pub const NOT_MEASURED: [&str; 3] =
 const COLUMNS: [&str; 4] = ["time_s", "source", "destination", "received_s"];
 /// Columns of packets as a run leaves them.
 const OF_RUN: [&str; 5] = ["created_ns", "source", "destination", "ended_ns", "delivered"];
+/// The column of what packets of a run are for, in words.
+pub const KIND: &str = "kind";
 /// Columns with a meaning.
 pub const KNOWN: [&str; 7] =
     ["time_s", time_of_day::START, "source", "destination", "received_s", "hops", "payload_bytes"];
@@ -75,6 +77,8 @@ pub fn has_shape(table: &DataTable) -> Result<(), Vec<String>> {
 pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
     has_shape(table)
         .map_err(|lacking| format!("not packets: the file lacks {}", lacking.join(", ")))?;
+    // Each is kept, and looked up among the others by what it is.
+    table.check_memory(2 * size_of::<MeasuredPacket>() + 4 * CELL_BYTES, "packets")?;
     let cell = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
     let is_of_run = table.column("time_s").is_none();
     let mut runs: Vec<f64> = table.column("run").unwrap_or_default().to_vec();
@@ -86,11 +90,8 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
             runs.len()
         ));
     }
-    let strange: BTreeSet<(usize, &str)> = table
-        .strange
-        .iter()
-        .map(|(row, column, _)| (*row, table.names()[*column].as_str()))
-        .collect();
+    let strange: BTreeSet<(usize, &str)> =
+        table.strange().map(|(row, column, _)| (row, table.names()[column].as_str())).collect();
     let late = format!(
         "received_s is more than {} s after time_s, the longest latency that is read",
         LATENCY_S.most
@@ -101,14 +102,13 @@ pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
     let mut n_early = 0;
     // Text is written with quotation marks.
     let own: BTreeSet<usize> = table
-        .strange
-        .iter()
+        .strange()
         .filter(|(_, column, text)| {
             is_of_run
-                && table.names()[*column] == "kind"
+                && table.names()[*column] == KIND
                 && NOT_MEASURED.contains(&text.trim_matches('"'))
         })
-        .map(|(row, ..)| *row)
+        .map(|(row, ..)| row)
         .collect();
     let others: Vec<usize> = (0..table.n_rows()).filter(|row| !own.contains(row)).collect();
     for &row in &others {

@@ -1,5 +1,6 @@
 //! Two files of measurements as one table: those of the second are campaigns of their own.
 
+use crate::memory::Memory;
 use crate::table::DataTable;
 use crate::time_of_day::{EPOCH_S, START};
 use std::collections::BTreeSet;
@@ -26,7 +27,8 @@ pub struct Pooled {
 ///
 /// # Errors
 ///
-/// The two have no column in common, or numbers of campaigns that cannot be continued.
+/// The two have no column in common, or numbers of campaigns that cannot be continued, or they need more memory than the budget of
+/// the first.
 pub fn pool(first: &DataTable, second: &DataTable) -> Result<Pooled, String> {
     let offset = 1.0 + last_run(first)?;
     if f64::from(u32::MAX) < offset + last_run(second)? {
@@ -88,12 +90,16 @@ pub fn pool(first: &DataTable, second: &DataTable) -> Result<Pooled, String> {
         names.iter().position(|name| *name == table.names()[column])
     };
     for (before, source) in [(0, first), (first.n_rows(), second)] {
-        let strange = source.strange.iter().filter_map(|(row, column, text)| {
-            Some((before + row, place(*column, source)?, text.clone()))
-        });
-        table.strange.extend(strange);
+        for (row, column, text) in source.strange() {
+            if let Some(column) = place(column, source) {
+                table.add_strange(before + row, column, text);
+            }
+        }
     }
     table.path = second.path.clone();
+    let mut memory = Memory::new(first.budget());
+    memory.take(table.n_bytes(), format_args!("{} rows of both files together", table.n_rows()))?;
+    table.memory = memory;
     Ok(Pooled { table, second_runs: numbers.into_iter().collect(), left_out })
 }
 
@@ -190,10 +196,10 @@ mod tests {
     #[test]
     fn a_field_that_is_no_number_keeps_its_place() {
         let mut second = table(&["b", "time_s"], &[&[1.0], &[f64::NAN]]);
-        second.strange.push((0, 1, "soon".to_owned()));
-        second.strange.push((0, 0, "left out".to_owned()));
+        second.add_strange(0, 1, "soon");
+        second.add_strange(0, 0, "left out");
         let pooled = pool(&table(&["time_s"], &[&[0.0, 1.0]]), &second).unwrap().table;
-        assert_eq!(pooled.strange, [(2, 0, "soon".to_owned())]);
+        assert_eq!(pooled.strange().collect::<Vec<_>>(), [(2, 0, "soon")]);
     }
 
     #[test]

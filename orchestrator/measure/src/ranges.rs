@@ -63,8 +63,8 @@ impl<'a> RangeCheck<'a> {
             .filter(|column| column.values.iter().any(|&value| column.is_outside(value)))
             .collect();
         // Of a row with several the first.
-        let strange = table.strange.iter().rev();
-        let strange = strange.map(|&(row, column, _)| (row, table.names()[column].as_str()));
+        let strange = table.strange().rev();
+        let strange = strange.map(|(row, column, _)| (row, table.names()[column].as_str()));
         Self { columns, strange: strange.collect() }
     }
 

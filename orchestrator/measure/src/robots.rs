@@ -6,7 +6,7 @@ mod warnings;
 pub use commands::CommandKind;
 
 use super::ranges::RangeCheck;
-use super::table::{DataTable, covariates};
+use super::table::{CELL_BYTES, DataTable, covariates};
 use super::time_of_day;
 use super::warnings::rejection_warnings;
 use super::{Rejected, Rejections, TWICE, first_rejection, to_u32};
@@ -93,6 +93,9 @@ const FEWEST_ROWS: usize = 20;
 pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
     let commands = CommandKind::of_table(table)
         .map_err(|lacking| format!("not robot samples: the file lacks {}", lacking.join(", ")))?;
+    // Once as they stand and once in order, beside the covariates.
+    let n_numbers = table.names().len() + 4;
+    table.check_memory(2 * size_of::<RobotSample>() + CELL_BYTES * n_numbers, "robots")?;
     let shape = commands.shape();
     let cell = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);
     let mut warnings = commands.check(table)?;

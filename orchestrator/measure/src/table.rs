@@ -1,5 +1,6 @@
 //! A file as named columns of numbers.
 
+use super::memory::{Memory, MemoryBudget};
 use super::time_of_day::{self, TIME_OF_DAY};
 use proto::bounds::{CELLS, COLUMNS, ROWS};
 use std::collections::BTreeMap;
@@ -16,10 +17,11 @@ pub struct DataTable {
     /// Number of each column by its name.
     pub(crate) index: BTreeMap<String, usize>,
     pub(crate) columns: Vec<Vec<f64>>,
-    /// Rows with a field that is not a finite number: row, column, what stands there. In order of rows.
-    pub strange: Vec<(usize, usize, String)>,
+    pub(crate) strange: Strange,
     pub(crate) n_rows: usize,
     pub(crate) first_line: usize,
+    /// What the table takes, out of what reading may take.
+    pub(crate) memory: Memory,
 }
 
 impl DataTable {
@@ -36,9 +38,10 @@ impl DataTable {
             names,
             index,
             columns,
-            strange: Vec::new(),
+            strange: Strange::default(),
             n_rows,
             first_line: 2,
+            memory: Memory::UNLIMITED,
         }
     }
 
@@ -47,22 +50,72 @@ impl DataTable {
     /// # Errors
     ///
     /// It has more columns than are read.
-    pub(crate) fn with_columns(names: Vec<String>) -> Result<Self, String> {
+    pub(crate) fn with_columns(names: Vec<String>, memory: Memory) -> Result<Self, String> {
         COLUMNS.check(names.len() as u64)?;
         let columns = vec![Vec::new(); names.len()];
-        Ok(Self::of_columns(names, columns))
+        Ok(Self { memory, ..Self::of_columns(names, columns) })
     }
 
     /// Counts a row whose fields were all appended.
     ///
     /// # Errors
     ///
-    /// It is one more than are read.
+    /// It is one more than are read, or than there is memory for.
     pub(crate) fn end_row(&mut self) -> Result<(), String> {
         self.n_rows += 1;
-        let rows = self.n_rows as u64;
-        ROWS.check(rows)?;
-        CELLS.check(rows * self.names.len() as u64)
+        let n_columns = self.names.len();
+        ROWS.check(self.n_rows as u64)?;
+        CELLS.check((self.n_rows * n_columns) as u64)?;
+        let what = format_args!("{} rows of {n_columns} columns", self.n_rows);
+        self.memory.take((CELL_BYTES * n_columns) as u64, what)?;
+        self.count_strange()
+    }
+
+    /// Counts the memory of fields that were noted as no finite numbers.
+    ///
+    /// # Errors
+    ///
+    /// There is not the memory for them.
+    pub(crate) fn count_strange(&mut self) -> Result<(), String> {
+        let n = self.strange.at.len();
+        let bytes =
+            size_of::<StrangeCell>() * (n - std::mem::replace(&mut self.strange.counted, n));
+        self.memory.take(bytes as u64, format_args!("{n} fields that are not finite numbers"))
+    }
+
+    /// Refuses what would be made of the rows, so many bytes of each, if there is not the memory for it.
+    pub(crate) fn check_memory(&self, bytes_per_row: usize, what: &str) -> Result<(), String> {
+        let bytes = bytes_per_row.saturating_mul(self.n_rows) as u64;
+        let mut memory = self.memory;
+        memory.take(bytes, format_args!("{} rows as {what}", self.n_rows))
+    }
+
+    /// The budget that it was read within.
+    #[must_use]
+    pub fn budget(&self) -> MemoryBudget {
+        self.memory.budget()
+    }
+
+    /// How much memory it takes (bytes).
+    pub(crate) fn n_bytes(&self) -> u64 {
+        let n_cells: usize = self.columns.iter().map(Vec::len).sum();
+        (CELL_BYTES * n_cells + size_of::<StrangeCell>() * self.strange.at.len()) as u64
+    }
+
+    /// Fields that are not finite numbers: row, column, and what stands there, up to some texts and length. In order of rows.
+    pub fn strange(&self) -> impl DoubleEndedIterator<Item = (usize, usize, &str)> {
+        let texts = &self.strange.texts;
+        self.strange.at.iter().map(|at| {
+            let text = texts.get(&at.column).and_then(|of| of.get(usize::from(at.text)));
+            (at.row as usize, usize::from(at.column), text.map_or("", String::as_str))
+        })
+    }
+
+    /// Notes a field that is not a finite number.
+    pub(crate) fn add_strange(&mut self, row: usize, column: usize, text: &str) {
+        let column = u16::try_from(column).expect("a table has at most 2000 columns");
+        let text = self.strange.number_of(column, text);
+        self.strange.at.push(StrangeCell { row: row as u32, column, text });
     }
 
     /// Appends a field to a column. What is no finite number is noted as strange.
@@ -73,7 +126,7 @@ impl DataTable {
             match field.parse::<f64>() {
                 Ok(value) if value.is_finite() => value,
                 _ => {
-                    self.strange.push((self.n_rows, column, field.to_owned()));
+                    self.add_strange(self.n_rows, column, field);
                     f64::NAN
                 }
             }
@@ -103,6 +156,50 @@ impl DataTable {
     #[must_use]
     pub fn line(&self, row: usize) -> usize {
         row + self.first_line
+    }
+}
+
+/// Memory of a number (bytes).
+pub(crate) const CELL_BYTES: usize = size_of::<f64>();
+/// So many texts of a column are kept.
+const TEXTS_OF_COLUMN: usize = 30;
+/// Longer texts are cut (characters).
+const LONGEST_TEXT: usize = 64;
+
+/// Fields that are not finite numbers.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Strange {
+    pub(crate) at: Vec<StrangeCell>,
+    /// Different texts of each column.
+    texts: BTreeMap<u16, Vec<String>>,
+    /// How many are counted as memory.
+    counted: usize,
+}
+
+/// Where such a field stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct StrangeCell {
+    pub(crate) row: u32,
+    pub(crate) column: u16,
+    text: u16,
+}
+
+impl Strange {
+    /// Puts them in the order of rows.
+    pub(crate) fn sort(&mut self) {
+        self.at.sort_unstable();
+    }
+
+    /// The number of a text in a column; one beyond all if it is not kept.
+    fn number_of(&mut self, column: u16, text: &str) -> u16 {
+        let end = text.char_indices().nth(LONGEST_TEXT).map_or(text.len(), |(end, _)| end);
+        let text = &text[..end];
+        let texts = self.texts.entry(column).or_default();
+        let number = texts.iter().position(|known| known == text).unwrap_or(texts.len());
+        if number == texts.len() && number < TEXTS_OF_COLUMN {
+            texts.push(text.to_owned());
+        }
+        number as u16
     }
 }
 
@@ -164,7 +261,7 @@ mod tests {
     #[test]
     fn what_is_no_number_is_told_with_its_place() {
         let table = csv("a,b\n1,x\ninf,2\n").unwrap();
-        assert_eq!(table.strange, [(0, 1, "x".to_owned()), (1, 0, "inf".to_owned())]);
+        assert_eq!(table.strange().collect::<Vec<_>>(), [(0, 1, "x"), (1, 0, "inf")]);
     }
 
     #[test]

@@ -116,7 +116,7 @@ impl PacketRequest {
         let plan: Plan = experiment::load(config, &overrides)
             .map_err(|error| PacketError::File(error.to_string()))?;
         let measured = packets::read(table).map_err(|why| named(&table.path, why))?;
-        let tracks = positions.map(Tracks::read).transpose();
+        let tracks = positions.map(|path| Tracks::read(path, table.budget())).transpose();
         let tracks = tracks.map_err(|error| PacketError::File(error.to_string()))?;
         let resimulation = Resimulation::new(plan, tracks, &measured.packets)
             .map_err(|error| named(config, error.to_string()))?;

@@ -1,5 +1,6 @@
 //! Where robots were measured: places over time, straight between them.
 
+use measure::memory::MemoryBudget;
 use measure::ranges::of_column;
 use measure::table::DataTable;
 use numbers::statistics::median_high;
@@ -23,8 +24,8 @@ impl Tracks {
     /// # Errors
     ///
     /// It cannot be read, or is none, in words for its author.
-    pub fn read(path: &Path) -> Result<Self, String> {
-        Self::with_table(path).map(|(tracks, _)| tracks)
+    pub fn read(path: &Path, budget: MemoryBudget) -> Result<Self, String> {
+        Self::with_table(path, budget).map(|(tracks, _)| tracks)
     }
 
     /// The same, and the table in which they stand.
@@ -32,9 +33,9 @@ impl Tracks {
     /// # Errors
     ///
     /// See [`Self::read`].
-    pub fn with_table(path: &Path) -> Result<(Self, DataTable), String> {
+    pub fn with_table(path: &Path, budget: MemoryBudget) -> Result<(Self, DataTable), String> {
         let file = if path.is_dir() { path.join("steps.parquet") } else { path.to_owned() };
-        let table = DataTable::read(&file).map_err(|error| error.to_string())?;
+        let table = DataTable::read(&file, budget).map_err(|error| error.to_string())?;
         let tracks =
             Self::from_table(&table).map_err(|error| format!("{}: {error}", file.display()))?;
         Ok((tracks, table))

@@ -1,7 +1,7 @@
 //! `murmuration diagnose --between A B`: what changed between two campaigns.
 
 use super::Failure;
-use super::inputs::{Watching, compared, table};
+use super::inputs::{MemoryArgs, Watching, compared, table};
 use super::stop::Stopper;
 use clap::Args;
 use diagnose::between::{Between, BetweenError, BetweenRequest, words};
@@ -53,6 +53,7 @@ impl BetweenArgs {
         &self,
         (config, set): (&Path, &[String]),
         choices: Choices,
+        memory: MemoryArgs,
         stopper: &Stopper,
     ) -> Result<Between, Failure> {
         let [a, b] = self.between.as_deref().unwrap_or_default() else {
@@ -61,7 +62,7 @@ impl BetweenArgs {
             ));
         };
         let config = compared(config, set)?;
-        let [a, b] = [a, b].map(|path| table(path));
+        let [a, b] = [a, b].map(|path| table(path, memory));
         let request = BetweenRequest { config: &config, tables: [&a?, &b?], choices };
         let watching = Watching::new(Some(stopper));
         let found = diagnose::between(&request, &watching).map_err(|error| match error {

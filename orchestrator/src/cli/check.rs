@@ -1,8 +1,8 @@
 //! `murmuration check`: an experiment file, or a file of measurements, without running or fitting anything.
 
 use super::choice::ChoiceArgs;
-use super::inputs::print_account;
-use super::{Failure, OverrideArgs, inputs, write_json};
+use super::inputs::{self, MemoryArgs, print_account};
+use super::{Failure, OverrideArgs, write_json};
 use check::{AskedPermission, CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use clap::Args;
 use experiment::{Acts, Capability};
@@ -20,6 +20,8 @@ pub(super) struct CheckArgs {
     /// contents, anomalies, and the effects that they can reveal
     #[arg(long, value_name = "FILE")]
     data: Option<PathBuf>,
+    #[command(flatten)]
+    memory: MemoryArgs,
     #[command(flatten)]
     choices: ChoiceArgs,
     #[command(flatten)]
@@ -42,7 +44,7 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
 fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
     let config = args.config.as_deref().map(|path| inputs::compared(path, &args.change.set));
     let config = config.transpose()?;
-    let table = inputs::table(data)?;
+    let table = inputs::table(data, args.memory)?;
     if packets::has_shape(&table).is_ok() {
         let checked = check::packets(&table).map_err(Failure::request)?;
         print_account(&checked.account);

@@ -1,5 +1,6 @@
 //! `murmuration convert`: logs become a table of measurements.
 
+use super::inputs::MemoryArgs;
 use super::{Failure, check_place, place_for, write_json};
 use ::convert::channels::ChannelShare;
 use ::convert::mapping::Mapping;
@@ -17,6 +18,8 @@ pub(super) struct ConvertArgs {
     /// Write the table to this file (.csv, .csv.gz or .parquet) [default: the mapping's name, ending in .csv]
     #[arg(long, value_name = "FILE", alias = "out")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    memory: MemoryArgs,
     /// Replace the file of --output if it exists
     #[arg(long)]
     replace: bool,
@@ -40,10 +43,11 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
     }
     check_place("--output", &out)?;
     let mapping = Mapping::read(&args.mapping).map_err(Failure::request)?;
-    let converted = ::convert::convert(&mapping).map_err(|error| match error {
-        ConvertError::Mapping(refusal) => Failure::request(refusal),
-        ConvertError::Log(error) => Failure::request(error),
-    })?;
+    let converted =
+        ::convert::convert(&mapping, args.memory.memory_budget).map_err(|error| match error {
+            ConvertError::Mapping(refusal) => Failure::request(refusal),
+            ConvertError::Log(error) => Failure::request(error),
+        })?;
     let mut logs = converted.answer.inputs.iter().flat_map(|input| &input.files);
     if logs.any(|log| is_same(Path::new(log), &out)) {
         let text = format!("--output {}: is one of the logs; give another name", out.display());

@@ -3,17 +3,27 @@
 use super::Failure;
 use super::search_log::SearchLog;
 use super::stop::Stopper;
+use clap::Args;
 use diagnose::Observer;
 use diagnose::defects::MeasurementDefect;
 use diagnose::progress::SearchProgress;
 use measure::DataError;
 use measure::config::Compared;
+use measure::memory::MemoryBudget;
 use measure::table::DataTable;
 use std::io::ErrorKind;
 use std::path::Path;
 use study::StopFlag;
 use study::open::DataAccount;
 use terminal::{say, warn, warn_all};
+
+/// How much memory measurements may take while they are read.
+#[derive(Args, Clone, Copy)]
+pub(super) struct MemoryArgs {
+    /// Refuse a file of measurements that needs more memory than this to be read, as in 2GiB or 500MB
+    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
+    pub(super) memory_budget: MemoryBudget,
+}
 
 /// The configuration that is compared with measurements, with `--set` applied.
 pub(super) fn compared(path: &Path, set: &[String]) -> Result<Compared, Failure> {
@@ -26,13 +36,14 @@ pub(super) fn files(
     config: &Path,
     set: &[String],
     data: &Path,
+    memory: MemoryArgs,
 ) -> Result<(Compared, DataTable), Failure> {
-    Ok((compared(config, set)?, table(data)?))
+    Ok((compared(config, set)?, table(data, memory)?))
 }
 
 /// A file of measurements.
-pub(super) fn table(path: &Path) -> Result<DataTable, Failure> {
-    DataTable::read(path).map_err(|error| match error {
+pub(super) fn table(path: &Path, memory: MemoryArgs) -> Result<DataTable, Failure> {
+    DataTable::read(path, memory.memory_budget).map_err(|error| match error {
         DataError::Read { path: read, source }
             if source.kind() == ErrorKind::NotFound && read == path =>
         {

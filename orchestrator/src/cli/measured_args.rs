@@ -3,6 +3,7 @@
 use super::arguments::{MOST_SEED, whole_number};
 use super::choice::ChoiceArgs;
 use super::foreign::{Foreign, ForeignArgs};
+use super::inputs::MemoryArgs;
 use super::packets::ResimulationArgs;
 use super::stop::Stopper;
 use super::{AllowArgs, Failure, check_place, is_stdout, residuals, write_json, write_whole};
@@ -37,6 +38,8 @@ pub(super) struct DataArgs {
     /// and robot results do not depend on the seed
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole_number::<MOST_SEED>)]
     pub(super) seed: Option<u64>,
+    #[command(flatten)]
+    pub(super) memory: MemoryArgs,
     #[command(flatten)]
     pub(super) allow: AllowArgs,
     #[command(flatten)]

@@ -2,7 +2,7 @@
 
 use super::arguments::whole_number;
 use super::choice::ChoiceArgs;
-use super::inputs::{self, Watching};
+use super::inputs::{self, MemoryArgs, Watching};
 use super::stop::{BudgetArgs, Stopper};
 use super::{Failure, check_json, write_json};
 use clap::Args;
@@ -37,6 +37,8 @@ pub(super) struct PowerArgs {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     #[command(flatten)]
+    memory: MemoryArgs,
+    #[command(flatten)]
     choices: ChoiceArgs,
     #[command(flatten)]
     budget: BudgetArgs,
@@ -49,7 +51,7 @@ pub(super) struct PowerArgs {
 pub(super) fn power(args: &PowerArgs) -> Result<(), Failure> {
     check_json(args.json.as_deref())?;
     let stopper = Stopper::listen(args.budget)?;
-    let (config, table) = inputs::files(&args.config, &args.set, &args.like)?;
+    let (config, table) = inputs::files(&args.config, &args.set, &args.like, args.memory)?;
     let request = Request::new(&config, &table).with_choices(args.choices.choices());
     let question = Question {
         effect: &args.effect,

@@ -1,6 +1,7 @@
 //! `murmuration replay`.
 
 use super::answer_file::Answer;
+use super::inputs::MemoryArgs;
 use super::{Failure, TrustArgs, check_place, on_runtime, residuals, write_whole};
 use clap::Args;
 use record::result::ResultFolder;
@@ -28,6 +29,8 @@ pub(super) struct ReplayArgs {
     /// each covariate
     #[arg(long, value_name = "FILE", requires = "diagnosis")]
     residuals: Option<PathBuf>,
+    #[command(flatten)]
+    memory: MemoryArgs,
     /// Write one HTML page that contains the recording and needs no server; - for standard output
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -55,7 +58,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
         let answer = Answer::of_option(path)?;
         // Of robots a row is a window of the track, of which an answer does not say how many there are.
         let n_rows = answer.is_of_links().then(|| answer.n_rows());
-        let read = |path: &Path| residuals::read(path, n_rows, answer.has_effects());
+        let read = |path: &Path| residuals::read(path, n_rows, answer.has_effects(), args.memory);
         let rows = args.residuals.as_deref().map(read).transpose();
         let rows = rows.map_err(|problem| Failure::request(format!("--residuals {problem}")))?;
         let estimates = answer.estimates();

@@ -1,7 +1,8 @@
 //! `murmuration simulate`: the campaign that a model would have measured.
 
 use super::arguments::whole_number;
-use super::{Failure, check_place, inputs, is_stdout, write_json, write_whole};
+use super::inputs::{self, MemoryArgs};
+use super::{Failure, check_place, is_stdout, write_json, write_whole};
 use clap::Args;
 use diagnose::simulate::simulation::Simulation;
 use diagnose::simulate::{self, Simulated};
@@ -27,6 +28,8 @@ pub(super) struct SimulateArgs {
     /// Override a key of the configuration, as in netsim.phy.propagation=friis. Repeatable
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    #[command(flatten)]
+    memory: MemoryArgs,
     /// Write a summary as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -43,7 +46,7 @@ pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
         )));
     }
     check_place("--output", &args.output)?;
-    let (config, table) = inputs::files(&args.config, &args.set, &args.like)?;
+    let (config, table) = inputs::files(&args.config, &args.set, &args.like, args.memory)?;
     let simulated =
         simulate::simulate(&config, &table, args.seed, None).map_err(Failure::request)?;
     let content = content(ending, &simulated).map_err(Failure::work)?;

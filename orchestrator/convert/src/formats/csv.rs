@@ -3,8 +3,8 @@
 use super::{Format, Row, Rows, refused};
 use ::csv::ByteRecord;
 use measure::DataError;
-use measure::formats::Content;
 use measure::formats::csv::Records;
+use measure::formats::{Content, Uncounted};
 use proto::bounds::COLUMNS;
 use proto::config::{Problem, Section, variant};
 use std::collections::BTreeSet;
@@ -35,7 +35,7 @@ fn open<'a>(
     keys: &toml::Table,
 ) -> Result<Box<dyn Rows + 'a>, DataError> {
     let delimiter = Keys::read(keys).delimiter.bytes().next().unwrap_or(b',');
-    let mut records = Records::new(path, content, delimiter);
+    let mut records = Records::new(path, content.uncounted().0, delimiter);
     let mut record = ByteRecord::new();
     if !records.next_bytes(&mut record)? {
         return Err(refused(path, "the file is empty: its first line must name the columns"));
@@ -59,7 +59,7 @@ fn open<'a>(
 }
 
 struct CsvRows<'a> {
-    records: Records<Content<'a>>,
+    records: Records<Uncounted<'a>>,
     names: Vec<String>,
     record: ByteRecord,
 }

@@ -6,8 +6,8 @@
 use super::{Format, Row, Rows, UNCHECKED, refused};
 use crate::time;
 use measure::DataError;
-use measure::formats::Content;
 use measure::formats::csv::Records;
+use measure::formats::{Content, Uncounted};
 use proto::bounds::{COLUMNS, LINE_BYTES};
 use proto::config::Variant;
 use std::io::{BufRead as _, Read as _};
@@ -35,9 +35,10 @@ pub const FORMAT: Format = Format {
 
 fn open<'a>(
     path: &Path,
-    mut content: Content<'a>,
+    content: Content<'a>,
     _: &toml::Table,
 ) -> Result<Box<dyn Rows + 'a>, DataError> {
+    let (mut content, _) = content.uncounted();
     let mut line = String::new();
     (&mut content)
         .take(LINE_BYTES.most)
@@ -63,7 +64,7 @@ fn open<'a>(
 }
 
 struct K7Rows<'a> {
-    records: Records<Content<'a>>,
+    records: Records<Uncounted<'a>>,
     names: Vec<String>,
     record: ::csv::ByteRecord,
     start_ns: i64,

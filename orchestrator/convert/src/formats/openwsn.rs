@@ -15,7 +15,7 @@
 
 use super::{Format, Row, Rows, UNCHECKED, refused};
 use measure::DataError;
-use measure::formats::Content;
+use measure::formats::{Content, Uncounted};
 use proto::bounds::LINE_BYTES;
 use proto::config::{Section, variant};
 use std::io::{BufRead as _, Read as _};
@@ -71,7 +71,7 @@ fn open<'a>(
     keys: &toml::Table,
 ) -> Result<Box<dyn Rows + 'a>, DataError> {
     Ok(Box::new(Packets {
-        lines: PacketLines::new(path, content, &PacketKeys::read(keys)),
+        lines: PacketLines::new(path, content.uncounted().0, &PacketKeys::read(keys)),
         names: COLUMNS.iter().map(|(_, name)| (*name).to_owned()).collect(),
     }))
 }
@@ -200,7 +200,7 @@ impl Packet {
 
 /// The lines of such a log.
 pub(super) struct PacketLines<'a> {
-    content: Content<'a>,
+    content: Uncounted<'a>,
     path: PathBuf,
     slot_ns: u64,
     /// Address of the root.
@@ -213,7 +213,7 @@ pub(super) struct PacketLines<'a> {
 
 impl<'a> PacketLines<'a> {
     /// Packets of a log, from its first line on.
-    pub(super) fn new(path: &Path, content: Content<'a>, keys: &PacketKeys) -> Self {
+    pub(super) fn new(path: &Path, content: Uncounted<'a>, keys: &PacketKeys) -> Self {
         Self {
             content,
             path: path.to_owned(),
@@ -274,11 +274,14 @@ fn bytes(line: &[u8]) -> Option<[u8; N_BYTES]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use measure::memory::MemoryBudget;
 
     /// Rows as text, or why they cannot be used.
     fn rows(text: &str) -> Vec<(usize, String)> {
         let keys = super::super::checked::<PacketKeys>("");
-        let mut rows = open(Path::new("x.log"), Box::new(text.as_bytes()), &keys).unwrap();
+        let mut rows =
+            open(Path::new("x.log"), Content::new(text.as_bytes(), MemoryBudget::default()), &keys)
+                .unwrap();
         let (mut row, mut found) = (Row::default(), Vec::new());
         while rows.next(&mut row).unwrap() {
             let fields: Vec<&str> = row.fields.iter().collect();

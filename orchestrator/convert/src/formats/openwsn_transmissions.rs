@@ -52,6 +52,9 @@ const COLUMNS: &[(&str, &str)] = &[
 /// fits 14 of 16 packets.
 const FITTING_SHARE: f64 = 0.95;
 
+/// What a transmission takes: its fields as text, and where each ends (bytes).
+const BYTES_OF_ROW: u64 = 512;
+
 fn open<'a>(
     path: &Path,
     content: Content<'a>,
@@ -62,6 +65,7 @@ fn open<'a>(
         slotframe_slots: keys.slotframe_slots,
         sequence: keys.hopping_sequence.unwrap_or_else(|| SEQUENCE.to_vec()),
     };
+    let (content, mut memory) = content.uncounted();
     let mut lines = PacketLines::new(path, content, &keys.packets);
     let mut transmissions = Transmissions {
         names: COLUMNS.iter().map(|(_, name)| (*name).to_owned()).collect(),
@@ -79,6 +83,7 @@ fn open<'a>(
             }));
             Ok(rows)
         });
+        let n_rows = transmissions.rows.len();
         match added {
             Ok(rows) => transmissions.rows.extend(rows),
             Err(problem) => transmissions.rows.push(Row {
@@ -87,7 +92,10 @@ fn open<'a>(
                 ..Row::default()
             }),
         }
+        let n_added = (transmissions.rows.len() - n_rows) as u64;
+        let what = format_args!("{} transmissions", transmissions.rows.len());
         ROWS.check(transmissions.rows.len() as u64)
+            .and_then(|()| memory.take(BYTES_OF_ROW * n_added, what))
             .map_err(|refusal| refused(path, format!("line {}: {refusal}", lines.line)))?;
     }
     hopping.check(&last_hops).map_err(|message| refused(path, message))?;
@@ -236,6 +244,7 @@ impl Rows for Transmissions {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use measure::memory::MemoryBudget;
 
     /// Packets of nodes 7 and 4 to the root 1: ASN of arrival, sequence number, channel offset, hops.
     fn line(asn: u64, sequence: u8, hops: &[[u8; 4]]) -> String {
@@ -248,8 +257,9 @@ mod tests {
 
     fn read(text: &str, keys: &str) -> Result<Vec<String>, String> {
         let keys = super::super::checked::<Keys>(keys);
-        let mut rows = open(Path::new("x.log"), Box::new(text.as_bytes()), &keys)
-            .map_err(|error| error.to_string())?;
+        let mut rows =
+            open(Path::new("x.log"), Content::new(text.as_bytes(), MemoryBudget::default()), &keys)
+                .map_err(|error| error.to_string())?;
         let (mut row, mut found) = (Row::default(), Vec::new());
         while rows.next(&mut row).unwrap() {
             let fields: Vec<&str> = row.fields.iter().collect();

@@ -2,6 +2,7 @@
 
 use super::{Content, Format};
 use crate::DataError;
+use crate::memory::Memory;
 use crate::table::DataTable;
 use proto::bounds::{COLUMNS, LINE_BYTES};
 use std::cell::Cell;
@@ -14,7 +15,10 @@ use std::rc::Rc;
 pub const FORMAT: Format = Format {
     name: "CSV",
     recognises: |_, _| true,
-    read: |path, content: Content<'_>| read(path, content),
+    read: |path, content: Content<'_>| {
+        let (content, memory) = content.uncounted();
+        read(path, content, memory)
+    },
 };
 
 /// Records of a CSV text, header included, each at most [`LINE_BYTES`] long.
@@ -77,7 +81,11 @@ impl<R: Read> Records<R> {
     }
 }
 
-pub(crate) fn read(path: &Path, content: impl Read) -> Result<DataTable, DataError> {
+pub(crate) fn read(
+    path: &Path,
+    content: impl Read,
+    memory: Memory,
+) -> Result<DataTable, DataError> {
     let format = |message: String| DataError::Format { path: path.to_owned(), message };
     let mut records = Records::new(path, content, b',');
     let mut record = csv::StringRecord::new();
@@ -100,7 +108,7 @@ pub(crate) fn read(path: &Path, content: impl Read) -> Result<DataTable, DataErr
     if names.iter().all(|name| name.parse::<f64>().is_ok()) {
         return Err(format("line 1 must name the columns, but holds numbers; add a header".into()));
     }
-    let mut table = DataTable::with_columns(names).map_err(format)?;
+    let mut table = DataTable::with_columns(names, memory).map_err(format)?;
     table.path = path.to_owned();
     while next(&mut record)? {
         let line = record.position().map_or(0, |position| position.line() as usize);
@@ -154,7 +162,7 @@ mod tests {
     use std::io::Cursor;
 
     fn refusal(content: impl Read) -> String {
-        read(Path::new("data.csv"), content).unwrap_err().to_string()
+        read(Path::new("data.csv"), content, Memory::UNLIMITED).unwrap_err().to_string()
     }
 
     #[test]

@@ -1,12 +1,24 @@
 //! Apache Parquet: columns of numbers and truth values.
+//!
+//! A column is read by itself, and before it is the headers of its pages, which say what memory it needs. A column that holds no numbers
+//! is read only if its name has a meaning.
+
+mod pages;
 
 use super::Format;
 use crate::DataError;
-use crate::table::DataTable;
+use crate::memory::Memory;
+use crate::table::{CELL_BYTES, DataTable};
+use crate::{links, packets, robots};
+use parquet::basic::{ConvertedType, Type};
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::{ByteArray, DataType};
+use parquet::file::metadata::ColumnChunkMetaData;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
-use parquet::record::Field;
+use parquet::schema::types::ColumnDescriptor;
 use proto::bounds::{CELLS, ROWS, TABLE_BYTES};
 use std::fs::File;
+use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -15,92 +27,304 @@ use std::path::Path;
 pub const FORMAT: Format = Format {
     name: "Parquet",
     recognises: |_, begin| begin.starts_with(b"PAR1"),
-    read: |path, _| {
+    read: |path, content| {
         let file =
             File::open(path).map_err(|source| DataError::Read { path: path.to_owned(), source })?;
-        read_or_refuse(path, file)
+        read_or_refuse(path, file, content.uncounted().1)
     },
 };
 
 /// Reads a file. The library panics on some that are damaged.
-fn read_or_refuse(path: &Path, file: File) -> Result<DataTable, DataError> {
-    catch_unwind(AssertUnwindSafe(|| read(path, file))).unwrap_or_else(|_| {
-        let message = "it is damaged: its columns cannot be decoded".to_owned();
-        Err(DataError::Format { path: path.to_owned(), message })
-    })
+fn read_or_refuse(path: &Path, file: File, memory: Memory) -> Result<DataTable, DataError> {
+    let refused = |message: String| DataError::Format { path: path.to_owned(), message };
+    let table = catch_unwind(AssertUnwindSafe(|| read(file, memory).map_err(refused)));
+    let table = table.unwrap_or_else(|_| {
+        Err(refused("it is damaged: its columns cannot be decoded".to_owned()))
+    })?;
+    Ok(DataTable { path: path.to_owned(), first_line: 1, ..table })
 }
 
-fn read(path: &Path, file: File) -> Result<DataTable, DataError> {
-    let format = |error: parquet::errors::ParquetError| DataError::Format {
-        path: path.to_owned(),
-        message: error.to_string(),
-    };
-    let length = file.metadata().map_or(0, |about| about.len());
-    let reader = SerializedFileReader::new(file).map_err(format)?;
+/// What a byte of the description at the end of a file takes in memory, at most.
+const DESCRIPTION: u64 = 32;
+/// So many values are decoded at a time.
+const BATCH: usize = 1024;
+
+fn read(file: File, mut memory: Memory) -> Result<DataTable, String> {
+    let words = |error: std::io::Error| error.to_string();
+    let length = file.metadata().map_err(words)?.len();
+    let mut pages = BufReader::new(file.try_clone().map_err(words)?);
+    let described = DESCRIPTION * description_length(&mut pages, length).map_err(words)?;
+    memory.take(described, "the description at its end")?;
+    let reader = SerializedFileReader::new(file).map_err(|error| error.to_string())?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let names: Vec<String> = schema.columns().iter().map(|column| column.path().string()).collect();
-    let refused = |message: String| DataError::Format { path: path.to_owned(), message };
-    let n_rows = u64::try_from(reader.metadata().file_metadata().num_rows());
-    let n_rows = n_rows.map_err(|_| refused("has less than 0 rows: it is damaged".to_owned()))?;
-    ROWS.check(n_rows).map_err(refused)?;
-    CELLS.check(n_rows.saturating_mul(names.len() as u64)).map_err(refused)?;
+    let n_rows = u64::try_from(reader.metadata().file_metadata().num_rows())
+        .map_err(|_| "has less than 0 rows: it is damaged")?;
+    ROWS.check(n_rows)?;
+    let n_cells = n_rows.saturating_mul(names.len() as u64);
+    CELLS.check(n_cells)?;
     for column in reader.metadata().row_groups().iter().flat_map(|group| group.columns()) {
-        let start = column.dictionary_page_offset().unwrap_or(column.data_page_offset());
-        let place = [start, column.data_page_offset(), column.compressed_size()].map(u64::try_from);
-        let is_inside = match place {
-            [Ok(start), Ok(_), Ok(size)] => start.saturating_add(size) <= length,
-            _ => false,
-        };
-        if !is_inside {
-            let message = format!("the column {} lies outside the file", column.column_path());
-            return Err(refused(format!("{message}: it is damaged")));
+        check_place(column, length)?;
+    }
+    let nested =
+        |column: &&ColumnDescriptor| 1 < column.path().parts().len() || 0 < column.max_rep_level();
+    if let Some(nested) = schema.columns().iter().map(AsRef::as_ref).find(nested) {
+        return Err(format!("the column {} is nested; columns must hold numbers", nested.path()));
+    }
+    let is_read = |column: &ColumnDescriptor| is_number(column) || has_meaning(column.name());
+    let asked: Vec<usize> =
+        (0..names.len()).filter(|&column| is_read(&schema.column(column))).collect();
+    let chunks = reader.metadata().row_groups().iter().flat_map(|group| group.columns());
+    let chunks = chunks.filter(|chunk| is_read(chunk.column_descr()));
+    let size = chunks.map(|chunk| chunk.uncompressed_size().unsigned_abs());
+    TABLE_BYTES.check(size.fold(0, u64::saturating_add))?;
+    let what = format!("{n_rows} rows of {} columns", names.len());
+    memory.take(n_cells.saturating_mul(CELL_BYTES as u64), what)?;
+
+    let mut table = DataTable::with_columns(names, memory)?;
+    for group in 0..reader.num_row_groups() {
+        let group = reader.get_row_group(group).map_err(|error| error.to_string())?;
+        let n_rows = usize::try_from(group.metadata().num_rows());
+        let n_rows = n_rows.map_err(|_| "has less than 0 rows in a part: it is damaged")?;
+        for &column in &asked {
+            let chunk = group.metadata().column(column);
+            let name = chunk.column_path().string();
+            let failed = |error: String| format!("the column {name}: {error}");
+            pages.seek(SeekFrom::Start(chunk.byte_range().0)).map_err(words)?;
+            let is_text = chunk.column_type() == Type::BYTE_ARRAY;
+            let needed = pages::memory_of(&mut pages, chunk.byte_range().1, is_text);
+            let needed = needed.map_err(|error| failed(error.to_string()))?;
+            table.memory.take(needed.total(), format_args!("a page of the column {name}"))?;
+            let reader = group.get_column_reader(column).map_err(|error| error.to_string())?;
+            add(&mut table, column, n_rows, reader, chunk.column_descr()).map_err(failed)?;
+            table.memory.release(needed.total());
         }
+        table.n_rows += n_rows;
     }
-    let sizes = reader.metadata().row_groups().iter().flat_map(|group| group.columns());
-    let size = sizes.map(|column| column.uncompressed_size().unsigned_abs());
-    TABLE_BYTES.check(size.fold(0, u64::saturating_add)).map_err(refused)?;
-    if let Some(nested) = schema
-        .columns()
-        .iter()
-        .find(|column| 1 < column.path().parts().len() || 0 < column.max_rep_level())
-    {
-        let message = format!("the column {} is nested; columns must hold numbers", nested.path());
-        return Err(refused(message));
+    if table.n_rows as u64 != n_rows {
+        return Err(format!("has {} rows, but says {n_rows}: it is damaged", table.n_rows));
     }
-    let mut table = DataTable::with_columns(names).map_err(refused)?;
-    table.path = path.to_owned();
-    table.first_line = 1;
-    for row in reader.get_row_iter(None).map_err(format)? {
-        let row = row.map_err(format)?;
-        for (column, (_, field)) in row.get_column_iter().enumerate() {
-            match field {
-                Field::Null => table.columns[column].push(f64::NAN),
-                field => {
-                    let number = match field {
-                        Field::Bool(truth) => Some(f64::from(u8::from(*truth))),
-                        Field::Byte(n) => Some(f64::from(*n)),
-                        Field::Short(n) => Some(f64::from(*n)),
-                        Field::Int(n) => Some(f64::from(*n)),
-                        Field::Long(n) => Some(*n as f64),
-                        Field::UByte(n) => Some(f64::from(*n)),
-                        Field::UShort(n) => Some(f64::from(*n)),
-                        Field::UInt(n) => Some(f64::from(*n)),
-                        Field::ULong(n) => Some(*n as f64),
-                        Field::Float(n) => Some(f64::from(*n)),
-                        Field::Double(n) => Some(*n),
-                        _ => None,
-                    };
-                    match number.filter(|number| number.is_finite()) {
-                        Some(number) => table.columns[column].push(number),
-                        None => {
-                            table.strange.push((table.n_rows, column, field.to_string()));
-                            table.columns[column].push(f64::NAN);
-                        }
-                    }
-                }
-            }
-        }
-        table.end_row().map_err(refused)?;
+    for column in &mut table.columns {
+        column.resize(table.n_rows, f64::NAN);
     }
+    table.strange.sort();
     Ok(table)
+}
+
+/// The length of the description of the columns, as the end of the file states it.
+fn description_length(content: &mut BufReader<File>, length: u64) -> std::io::Result<u64> {
+    // Four bytes, and a magic number of four.
+    let Some(at) = length.checked_sub(8) else { return Ok(0) };
+    content.seek(SeekFrom::Start(at))?;
+    let mut stated = [0; 4];
+    content.read_exact(&mut stated)?;
+    Ok(u32::from_le_bytes(stated).into())
+}
+
+/// Refuses a column that does not lie in the file.
+fn check_place(column: &ColumnChunkMetaData, length: u64) -> Result<(), String> {
+    let start = column.dictionary_page_offset().unwrap_or(column.data_page_offset());
+    let place = [start, column.data_page_offset(), column.compressed_size()].map(u64::try_from);
+    match place {
+        [Ok(start), Ok(_), Ok(size)] if start.saturating_add(size) <= length => Ok(()),
+        _ => {
+            let message = format!("the column {} lies outside the file", column.column_path());
+            Err(format!("{message}: it is damaged"))
+        }
+    }
+}
+
+/// Whether a column has numbers or truth values.
+fn is_number(column: &ColumnDescriptor) -> bool {
+    use ConvertedType as Of;
+    match column.physical_type() {
+        Type::BOOLEAN | Type::FLOAT | Type::DOUBLE => true,
+        Type::INT32 => matches!(
+            column.converted_type(),
+            Of::NONE | Of::INT_8 | Of::INT_16 | Of::INT_32 | Of::UINT_8 | Of::UINT_16 | Of::UINT_32
+        ),
+        Type::INT64 => matches!(column.converted_type(), Of::NONE | Of::INT_64 | Of::UINT_64),
+        _ => false,
+    }
+}
+
+/// Whether measurements have a column of this name.
+fn has_meaning(name: &str) -> bool {
+    name == packets::KIND
+        || [&links::KNOWN[..], &robots::KNOWN, &packets::KNOWN].iter().any(|of| of.contains(&name))
+}
+
+/// Adds the values of a column to a table. Of values that are no numbers, text alone is kept.
+fn add(
+    table: &mut DataTable,
+    column: usize,
+    n_rows: usize,
+    reader: ColumnReader,
+    about: &ColumnDescriptor,
+) -> Result<(), String> {
+    use ColumnReader as Of;
+    let to = (table, column, n_rows, about);
+    let is_unsigned =
+        matches!(about.converted_type(), ConvertedType::UINT_32 | ConvertedType::UINT_64);
+    match reader {
+        Of::BoolColumnReader(from) => add_values(to, from, |it| Ok(u8::from(*it).into())),
+        Of::FloatColumnReader(from) => add_values(to, from, |it| Ok((*it).into())),
+        Of::DoubleColumnReader(from) => add_values(to, from, |it| Ok(*it)),
+        Of::Int32ColumnReader(from) if !is_number(about) => add_values(to, from, |_| Err("")),
+        Of::Int64ColumnReader(from) if !is_number(about) => add_values(to, from, |_| Err("")),
+        Of::Int32ColumnReader(from) if is_unsigned => {
+            add_values(to, from, |it| Ok((*it as u32).into()))
+        }
+        Of::Int64ColumnReader(from) if is_unsigned => {
+            add_values(to, from, |it| Ok(*it as u64 as f64))
+        }
+        Of::Int32ColumnReader(from) => add_values(to, from, |it| Ok((*it).into())),
+        Of::Int64ColumnReader(from) => add_values(to, from, |it| Ok(*it as f64)),
+        Of::Int96ColumnReader(from) => add_values(to, from, |_| Err("")),
+        Of::FixedLenByteArrayColumnReader(from) => add_values(to, from, |_| Err("")),
+        Of::ByteArrayColumnReader(from) => {
+            add_values(to, from, |it: &ByteArray| Err(it.as_utf8().unwrap_or_default()))
+        }
+    }
+}
+
+/// Adds values. `number_of`: the number that a value is, or the text that it is instead.
+fn add_values<T: DataType>(
+    (table, column, n_rows, about): (&mut DataTable, usize, usize, &ColumnDescriptor),
+    mut from: ColumnReaderImpl<T>,
+    number_of: impl Fn(&T::T) -> Result<f64, &str>,
+) -> Result<(), String> {
+    let (mut values, mut levels) = (Vec::with_capacity(BATCH), Vec::with_capacity(BATCH));
+    let (mut row, end) = (table.n_rows, table.n_rows + n_rows);
+    while row < end {
+        values.clear();
+        levels.clear();
+        let most = BATCH.min(end - row);
+        let read = from.read_records(most, Some(&mut levels), None, &mut values);
+        let (n_read, n_values, _) = read.map_err(|error| error.to_string())?;
+        if n_read == 0 {
+            return Err("has fewer rows than the file: it is damaged".to_owned());
+        }
+        let mut present = values.iter().take(n_values);
+        for k in 0..n_read {
+            let is_there = about.max_def_level() == 0 || levels[k] == about.max_def_level();
+            let value = if is_there { present.next() } else { None };
+            let number = match value.map(&number_of) {
+                None => f64::NAN,
+                Some(Ok(number)) if number.is_finite() => number,
+                Some(other) => {
+                    let number = other.map(|number| number.to_string());
+                    let text = number.as_deref().unwrap_or_else(|text| text);
+                    table.add_strange(row + k, column, text);
+                    f64::NAN
+                }
+            };
+            table.columns[column].push(number);
+        }
+        row += n_read;
+        table.count_strange()?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::MemoryBudget;
+    use parquet::basic::Compression;
+    use parquet::data_type::{ByteArrayType, DoubleType, Int64Type};
+    use parquet::file::properties::WriterProperties;
+    use parquet::file::writer::SerializedFileWriter;
+    use parquet::schema::parser::parse_message_type;
+    use std::sync::Arc;
+
+    /// A file of one row with a number `time_s`, and text of so many bytes in a column of that name.
+    fn with_text(path: &Path, name: &str, n_bytes: usize) {
+        let schema =
+            format!("message m {{ required double time_s; required binary {name} (UTF8); }}");
+        let schema = Arc::new(parse_message_type(&schema).unwrap());
+        let properties = WriterProperties::builder()
+            .set_compression(Compression::ZSTD(Default::default()))
+            .set_dictionary_enabled(false)
+            .set_statistics_enabled(parquet::file::properties::EnabledStatistics::None)
+            .build();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let to = file.reopen().unwrap();
+        let mut writer = SerializedFileWriter::new(to, schema, Arc::new(properties)).unwrap();
+        let mut group = writer.next_row_group().unwrap();
+        let mut column = group.next_column().unwrap().unwrap();
+        column.typed::<DoubleType>().write_batch(&[1.0], None, None).unwrap();
+        column.close().unwrap();
+        let mut column = group.next_column().unwrap().unwrap();
+        let text = ByteArray::from(vec![b'x'; n_bytes]);
+        column.typed::<ByteArrayType>().write_batch(&[text], None, None).unwrap();
+        column.close().unwrap();
+        group.close().unwrap();
+        writer.close().unwrap();
+        file.persist(path).unwrap();
+    }
+
+    #[test]
+    fn text_that_nobody_asks_for_takes_no_memory_and_other_text_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("bomb.parquet");
+        with_text(&path, "note", 30 << 20);
+        assert!(path.metadata().unwrap().len() < 10_000);
+        let table = DataTable::read(&path, MemoryBudget(1 << 20)).unwrap();
+        assert_eq!(table.names(), ["time_s", "note"]);
+        assert_eq!(table.column("time_s"), Some(&[1.0][..]));
+        assert!(table.column("note").unwrap()[0].is_nan());
+        assert_eq!(table.strange().count(), 0);
+
+        with_text(&path, "tx", 30 << 20);
+        let error = DataTable::read(&path, MemoryBudget(1 << 20)).unwrap_err().to_string();
+        let expected =
+            "needs more than 1 MiB of memory for a page of the column tx; allow more with";
+        assert!(error.contains(expected), "{error}");
+        let table = DataTable::read(&path, MemoryBudget::default()).unwrap();
+        let strange: Vec<_> = table.strange().collect();
+        assert_eq!(strange, [(0, 1, &*"x".repeat(64))]);
+    }
+
+    #[test]
+    fn rows_and_groups_keep_their_order_their_gaps_and_their_text() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("data.parquet");
+        let schema =
+            "message m { optional int64 tx; optional binary kind (UTF8); required boolean b;
+                      optional int64 at (TIMESTAMP_MILLIS); }";
+        let schema = Arc::new(parse_message_type(schema).unwrap());
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let mut writer =
+            SerializedFileWriter::new(file.reopen().unwrap(), schema, Arc::default()).unwrap();
+        for _ in 0..2 {
+            let mut group = writer.next_row_group().unwrap();
+            let mut column = group.next_column().unwrap().unwrap();
+            column.typed::<Int64Type>().write_batch(&[7, -1], Some(&[1, 0, 1]), None).unwrap();
+            column.close().unwrap();
+            let mut column = group.next_column().unwrap().unwrap();
+            let text = [ByteArray::from("join")];
+            column.typed::<ByteArrayType>().write_batch(&text, Some(&[0, 1, 0]), None).unwrap();
+            column.close().unwrap();
+            let mut column = group.next_column().unwrap().unwrap();
+            let truths = [true, false, true];
+            column
+                .typed::<parquet::data_type::BoolType>()
+                .write_batch(&truths, None, None)
+                .unwrap();
+            column.close().unwrap();
+            let mut column = group.next_column().unwrap().unwrap();
+            column.typed::<Int64Type>().write_batch(&[1, 2, 3], Some(&[1, 1, 1]), None).unwrap();
+            column.close().unwrap();
+            group.close().unwrap();
+        }
+        writer.close().unwrap();
+        file.persist(&path).unwrap();
+        let table = DataTable::read(&path, MemoryBudget::default()).unwrap();
+        let shown = |name: &str| format!("{:?}", table.column(name).unwrap());
+        assert_eq!(shown("tx"), "[7.0, NaN, -1.0, 7.0, NaN, -1.0]");
+        assert_eq!(shown("b"), "[1.0, 0.0, 1.0, 1.0, 0.0, 1.0]");
+        assert_eq!(shown("at"), "[NaN, NaN, NaN, NaN, NaN, NaN]");
+        assert_eq!(table.strange().collect::<Vec<_>>(), [(1, 1, "join"), (4, 1, "join")]);
+    }
 }

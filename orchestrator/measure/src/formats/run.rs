@@ -2,7 +2,8 @@
 
 use super::Format;
 use crate::DataError;
-use crate::table::DataTable;
+use crate::memory::Memory;
+use crate::table::{CELL_BYTES, DataTable};
 use numbers::power::square;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,8 +12,13 @@ use std::path::Path;
 pub const FORMAT: Format = Format {
     name: "the folder of a run",
     recognises: |path, _| path.is_dir(),
-    read: |path, _| links(path),
+    read: |path, content| links(path, content.uncounted().1),
 };
+
+/// Memory of a row that is made (bytes): 13 numbers and its place.
+const BYTES_OF_ROW: usize = 14 * CELL_BYTES;
+/// Memory in which a place is found by its step and agent (bytes).
+const BYTES_OF_STEP: usize = 4 * CELL_BYTES;
 
 /// Link samples of a run: every transmission and agent that might hear it which `links.parquet` has, with the places in
 /// `steps.parquet`. What went over several hops is no link, and left out.
@@ -20,7 +26,7 @@ pub const FORMAT: Format = Format {
 /// # Errors
 ///
 /// The folder is no run's, or its links were not recorded.
-fn links(folder: &Path) -> Result<DataTable, DataError> {
+fn links(folder: &Path, mut memory: Memory) -> Result<DataTable, DataError> {
     let format = |message: String| DataError::Format { path: folder.to_owned(), message };
     for name in ["links.parquet", "steps.parquet"] {
         if !folder.join(name).is_file() {
@@ -30,8 +36,13 @@ fn links(folder: &Path) -> Result<DataTable, DataError> {
             )));
         }
     }
-    let links = DataTable::read(&folder.join("links.parquet"))?;
-    let steps = DataTable::read(&folder.join("steps.parquet"))?;
+    let links = DataTable::read(&folder.join("links.parquet"), memory.left())?;
+    let n_links = links.n_rows();
+    let what = format_args!("{n_links} rows of links, and the places of their ends");
+    memory.take(2 * links.n_bytes() + (BYTES_OF_ROW * n_links) as u64, what).map_err(format)?;
+    let steps = DataTable::read(&folder.join("steps.parquet"), memory.left())?;
+    let of_steps = 2 * steps.n_bytes() + (BYTES_OF_STEP * steps.n_rows()) as u64;
+    memory.take(of_steps, what).map_err(format)?;
     let column = |table: &'_ DataTable, name: &str| -> Result<Vec<f64>, DataError> {
         let found = table.column(name).map(<[f64]>::to_vec);
         found.ok_or_else(|| {

@@ -1,6 +1,7 @@
 //! Who heard whom, and when: as it was measured, or as a network would have had it. What was said is not part of it.
 
 use bytes::Bytes;
+use measure::memory::MemoryBudget;
 use measure::table::DataTable;
 use measure::{links, packets};
 use proto::bounds::DESCRIPTION_BYTES;
@@ -49,14 +50,19 @@ impl Receptions {
     /// # Errors
     ///
     /// It cannot be read, or does not say who heard whom and when, in words for its author.
-    pub fn read(path: &Path, n_agents: usize, from_s: f64) -> Result<Self, String> {
+    pub fn read(
+        path: &Path,
+        n_agents: usize,
+        from_s: f64,
+        budget: MemoryBudget,
+    ) -> Result<Self, String> {
         let file = if path.is_dir() {
             is_whole(path)?;
             path.join("links.parquet")
         } else {
             path.to_owned()
         };
-        let table = DataTable::read(&file).map_err(|error| error.to_string())?;
+        let table = DataTable::read(&file, budget).map_err(|error| error.to_string())?;
         Self::of_table(&table, n_agents, from_s)
             .map_err(|error| format!("{}: {error}", file.display()))
     }

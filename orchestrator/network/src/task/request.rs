@@ -11,6 +11,7 @@ use diagnose::Observer;
 use experiment::{Consent, Overrides};
 use measure::account::DataAccount;
 use measure::config::Compared;
+use measure::memory::MemoryBudget;
 use measure::table::DataTable;
 use std::path::Path;
 use study::open;
@@ -29,6 +30,8 @@ pub struct TaskFiles<'a> {
     pub data: &'a Path,
     /// Receptions: which robot received a message of which, and when.
     pub heard: &'a Path,
+    /// How much memory each file of measurements may take while it is read.
+    pub budget: MemoryBudget,
 }
 
 /// A measured swarm, and the experiment that is compared with it.
@@ -87,11 +90,12 @@ impl TaskRequest {
             .map_err(|error| file(&error))?;
         let compared =
             Compared::of_text(files.config, text, files.set).map_err(|error| file(&error))?;
-        let (tracks, table) = Tracks::with_table(files.data).map_err(|error| file(&error))?;
+        let (tracks, table) =
+            Tracks::with_table(files.data, files.budget).map_err(|error| file(&error))?;
         let tracks = tracks.since(from_s).map_err(|reason| TaskError::From { from_s, reason })?;
         let n_agents = plan.experiment.agent_count;
-        let heard =
-            Receptions::read(files.heard, n_agents, from_s).map_err(|error| file(&error))?;
+        let heard = Receptions::read(files.heard, n_agents, from_s, files.budget)
+            .map_err(|error| file(&error))?;
         let resimulation = Resimulation::of_task(plan, tracks.clone())
             .map_err(|error| TaskError::File(format!("{}: {error}", files.config.display())))?;
         let sd_m = open::localization_sd_m(&compared);
