@@ -112,16 +112,15 @@ impl Serving {
                 match Server::bind(port, shown).await {
                     Ok(server) => {
                         let _ = tell.send(Ok(server.url().to_owned()));
-                        server.serve().await
+                        server.serve().await;
                     }
                     Err(error) => {
                         let _ = tell.send(Err(error));
-                        Ok(())
                     }
                 }
             });
-            if let Ok(Err(error)) = served {
-                tracing::error!(%error, "the page is served no more");
+            if let Err(error) = served {
+                tracing::error!(%error, "the page is not served");
             }
         };
         std::thread::Builder::new().name("page".to_owned()).spawn(serve).map_err(&failed)?;

@@ -2,8 +2,11 @@
 //!
 //! Another page in the same browser can send requests here, too. It cannot read or drive a run: it does not know the token, which
 //! travels in a header that browsers do not add; and requests with another host or origin are refused.
+//!
+//! Another user of this machine can connect, too. Connections are limited in number, and in time until the token comes over them.
 
 mod access;
+mod connections;
 
 use crate::live::{LiveRun, Viewer};
 use crate::page::{INDEX, SCRIPT, STYLE};
@@ -12,17 +15,23 @@ use crate::view;
 use access::Access;
 use axum::Router;
 use axum::body::{Body, Bytes};
-use axum::extract::{DefaultBodyLimit, Path, Query, State};
+use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
 use axum::http::{StatusCode, header};
-use axum::middleware;
+use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
+use connections::{BODY, Connection, Connections, HEADERS};
 use futures::StreamExt as _;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
 use prost::Message as _;
 use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::{Arc, PoisonError, RwLock};
-use tokio::net::TcpListener;
+use std::time::Duration;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::JoinSet;
 
 /// A request may have so many bytes.
 const MOST_REQUEST_BYTES: usize = 1024;
@@ -101,7 +110,7 @@ impl Server {
             .route("/runs/{run}/overview", get(overview))
             .route("/runs/{run}/frames", get(frames))
             .route("/live", get(live))
-            .route("/control", post(control))
+            .route("/control", post(control).layer(middleware::from_fn(in_time)))
             .fallback(async || Refused(StatusCode::NOT_FOUND, "no such call".to_owned()))
             .layer(middleware::from_fn_with_state(access.clone(), access::with_token));
         let router = Router::new()
@@ -122,13 +131,47 @@ impl Server {
     }
 
     /// Serves until the future that it returns is dropped.
-    ///
-    /// # Errors
-    ///
-    /// The system does not let it listen any more.
-    pub async fn serve(self) -> std::io::Result<()> {
-        axum::serve(self.listener, self.router).await
+    pub async fn serve(self) {
+        let connections = Connections::default();
+        let mut served = JoinSet::new();
+        loop {
+            let accepted = tokio::select! {
+                accepted = self.listener.accept() => accepted,
+                Some(_) = served.join_next() => continue,
+            };
+            match accepted {
+                Ok((stream, peer)) => {
+                    if let Some(connection) = connections.add(peer.ip()) {
+                        served.spawn(connected(stream, connection, self.router.clone()));
+                    }
+                }
+                // Such as too many open files: others may be closed soon.
+                Err(_) => tokio::time::sleep(RETRY).await,
+            }
+        }
     }
+}
+
+/// How long the server waits after a connection that could not be accepted.
+const RETRY: Duration = Duration::from_millis(100);
+
+/// Serves a connection until it is closed, by whom ever.
+async fn connected(stream: TcpStream, connection: Connection, router: Router) {
+    let router = router.layer(axum::Extension(connection.trust()));
+    let mut server = http1::Builder::new();
+    server.timer(TokioTimer::new()).header_read_timeout(HEADERS);
+    let serving = server.serve_connection(TokioIo::new(stream), TowerToHyperService::new(router));
+    tokio::select! {
+        _ = serving => {}
+        () = connection.must_close() => {}
+    }
+}
+
+/// Refuses a request whose body does not arrive in time.
+async fn in_time(request: Request, next: Next) -> Response {
+    let late = |_| Refused(StatusCode::REQUEST_TIMEOUT, "the request did not arrive".to_owned());
+    let answered = tokio::time::timeout(BODY, next.run(request)).await;
+    answered.map_err(late).into_response()
 }
 
 /// A request that cannot be answered, and why.

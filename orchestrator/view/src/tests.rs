@@ -186,6 +186,12 @@ async fn only_who_knows_the_token_and_comes_from_here_is_answered() {
         // A page of another site, and a name that was made to point here.
         ("/api/runs", format!("{bearer}Origin: https://evil.example\r\n"), "403"),
         ("/api/runs", format!("{bearer}Origin: null\r\n"), "403"),
+        ("/api/runs", format!("{bearer}Origin: http://ev\u{ef}l.example\r\n"), "403"),
+        (
+            "/api/runs",
+            format!("{bearer}Origin: http://HOST\r\nOrigin: https://evil.example\r\n"),
+            "403",
+        ),
         ("/api/runs", format!("{bearer}Origin: http://HOST\r\n"), "200"),
         ("/api/runs", bearer.replace("HOST", "evil.example"), "403"),
         ("/", "Host: 127.0.0.1\r\n".to_owned(), "403"),

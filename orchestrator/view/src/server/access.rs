@@ -1,6 +1,7 @@
 //! Who may ask.
 
 use super::Refused;
+use super::connections::Trust;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::middleware::Next;
@@ -52,9 +53,12 @@ pub(super) async fn from_here(
         let got = host.unwrap_or("none");
         return refused(format!("this server is at 127.0.0.1:{}, not at {got}", access.port));
     }
-    if let Some(origin) = text(headers, header::ORIGIN)
-        && !origin.strip_prefix("http://").is_some_and(|host| access.is_here(host))
-    {
+    // One that is no ASCII text is no origin of this server.
+    let is_other = |origin: &HeaderValue| {
+        let host = origin.to_str().ok().and_then(|origin| origin.strip_prefix("http://"));
+        !host.is_some_and(|host| access.is_here(host))
+    };
+    if headers.get_all(header::ORIGIN).iter().any(is_other) {
         return refused("another site may not ask here".to_owned());
     }
     let mut response = next.run(request).await;
@@ -83,6 +87,9 @@ pub(super) async fn with_token(
         let text =
             "open the address that the program printed: its token is missing or of another run";
         return Refused(StatusCode::UNAUTHORIZED, text.to_owned()).into_response();
+    }
+    if let Some(trust) = request.extensions().get::<Trust>() {
+        trust.has_token();
     }
     next.run(request).await
 }
