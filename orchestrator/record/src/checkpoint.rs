@@ -63,9 +63,30 @@ pub(crate) const FILE: &str = "checkpoint";
 /// The file while it is being written.
 pub(crate) const UNFINISHED: &str = "checkpoint.new";
 
+/// File descriptors that are kept for the next checkpoint: it is written even if the program can open no more files.
+#[derive(Debug)]
+pub(crate) struct Reserve(Vec<File>);
+
+impl Reserve {
+    /// A checkpoint needs one at a time; the others are for what opens a file at the same moment.
+    const DESCRIPTORS: usize = 4;
+
+    /// Keeps them, or as many as there are.
+    pub(crate) fn keep() -> Self {
+        Self((0..Self::DESCRIPTORS).map_while(|_| File::open("/dev/null").ok()).collect())
+    }
+}
+
 impl Checkpoint {
-    /// Replaces the checkpoint in `dir`.
-    pub(crate) fn write(&self, dir: &Path) -> Result<(), RecordError> {
+    /// Replaces the checkpoint in `dir`. The reserve is used, and kept anew.
+    pub(crate) fn write(&self, dir: &Path, reserve: &mut Reserve) -> Result<(), RecordError> {
+        reserve.0.clear();
+        let written = self.write_in(dir);
+        *reserve = Reserve::keep();
+        written
+    }
+
+    fn write_in(&self, dir: &Path) -> Result<(), RecordError> {
         let content = postcard::to_stdvec(self).expect("plain data in memory");
         let path = dir.join(UNFINISHED);
         let write = || -> std::io::Result<()> {

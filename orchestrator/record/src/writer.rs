@@ -1,7 +1,7 @@
 //! Turns replies into files, step by step, in the order they come. For `run.mcap` they become messages again, here and nowhere
 //! else.
 
-use super::checkpoint::Checkpoint;
+use super::checkpoint::{Checkpoint, Reserve};
 use super::hashed_file::Fingerprint;
 use super::log::{MessageLog, configuration_messages, step_messages};
 use super::pcap::{self, Capture, CapturePart};
@@ -58,6 +58,7 @@ pub(crate) struct RunWriter {
     capture_header_bytes: usize,
     tables: Tables,
     run: Option<Run>,
+    reserve: Reserve,
 }
 
 /// What a configured run has come to.
@@ -112,6 +113,7 @@ impl RunWriter {
                 .transpose()?,
             tables: Tables::create(dir, header)?,
             run: None,
+            reserve: Reserve::keep(),
         })
     }
 
@@ -234,7 +236,7 @@ impl RunWriter {
             capture_bytes,
             latest,
         };
-        checkpoint.write(&self.dir)
+        checkpoint.write(&self.dir, &mut self.reserve)
     }
 
     fn step(&mut self, record: StepRecord) -> Result<(), RecordError> {
