@@ -9,11 +9,23 @@ const STYLE: &str = include_str!("style.css");
 
 /// A whole page. `style`: rules of this kind of page, beside those of all.
 pub fn page(title: &str, style: &str, body: &Markup) -> String {
+    page_with_scripts(title, style, &[], body)
+}
+
+/// The same with scripts, by their hashes: no other runs, and nothing is loaded.
+pub fn page_with_scripts(title: &str, style: &str, scripts: &[String], body: &Markup) -> String {
+    let scripts: String = scripts.iter().map(|hash| format!(" '{hash}'")).collect();
+    let scripts = if scripts.is_empty() { " 'none'" } else { &scripts };
+    let policy = format!(
+        "default-src 'none'; script-src{scripts}; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action \
+         'none'"
+    );
     html! {
         (DOCTYPE)
         html lang="en" {
             head {
                 meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(policy);
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (title) }
                 style { (PreEscaped(STYLE)) (PreEscaped(style)) }

@@ -44,7 +44,8 @@ pub fn page(contents: &FinishedRun<'_>) -> String {
     let title =
         if is_truth(contents) { format!("{name} ({TRUTH_BASELINE})") } else { name.clone() };
     let sections = SECTIONS.iter().filter_map(|section| section(contents));
-    layout::page(&title, "", &html! { @for section in sections { (section) } })
+    let body = html! { @for section in sections { (section) } };
+    layout::page_with_scripts(&title, "", &player::scripts(), &body)
 }
 
 /// Whether robots knew the truth in place of what they heard.

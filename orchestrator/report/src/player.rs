@@ -29,6 +29,12 @@ const OPEN: &str = r#"(() => {
   });
 })();"#;
 
+/// The scripts of the section, as a content security policy calls them: its own, and that of the player, whose frame is under the
+/// policy of the page around it.
+pub(super) fn scripts() -> [String; 2] {
+    [page::source_hash(OPEN), page::script_source()]
+}
+
 pub(super) fn section(contents: &FinishedRun<'_>) -> Option<Markup> {
     let recorded = contents.dir.join("run.mcap");
     let n_bytes = std::fs::metadata(recorded).ok()?.len();

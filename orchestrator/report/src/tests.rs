@@ -75,6 +75,16 @@ fn a_page_needs_nothing_from_elsewhere() {
 }
 
 #[test]
+fn a_page_runs_and_loads_nothing_but_its_own_parts() {
+    let policy =
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src";
+    let own = format!("{policy} 'sha256-");
+    assert!(page_of(&summary(Status::Complete)).contains(&own));
+    let other = crate::layout::page("compare", "", &maud::html! { p { "x" } });
+    assert!(other.contains(&format!("{policy} 'none'; ")), "{other}");
+}
+
+#[test]
 fn names_and_configurations_are_text_not_markup() {
     let page = page_of(&summary(Status::Complete));
     assert!(page.contains("<h1>a&lt;b<"));

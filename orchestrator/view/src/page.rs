@@ -164,8 +164,15 @@ fn assemble(recording: &str) -> String {
         .replacen(RECORDING_PLACE, recording, 1)
 }
 
+/// What a content security policy calls the script of the page.
+#[must_use]
+pub fn script_source() -> String {
+    source_hash(SCRIPT)
+}
+
 /// What a content security policy calls a part.
-fn source_hash(part: &str) -> String {
+#[must_use]
+pub fn source_hash(part: &str) -> String {
     format!("sha256-{}", STANDARD.encode(Sha256::digest(part.as_bytes())))
 }
 
