@@ -52,7 +52,7 @@ use record::run_summary::RunSummary;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use terminal::{LoggedStderr, complain, leave_stdout_to_answers, run_log, warn};
+use terminal::{LoggedStderr, complain, leave_stdout_to_answers, run_log, stdout_error, warn};
 
 /// Simulate robot swarms that communicate over a radio mesh, and find missing physics from measurements
 ///
@@ -367,13 +367,19 @@ pub fn main() -> ExitCode {
             .map_err(Failure::request)
             .and_then(|()| dispatch(command, &cli.log, cli.log_json)),
     };
-    match result {
+    match result.and_then(|()| stdout_written()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             complain(failure.text);
             ExitCode::from(failure.status)
         }
     }
+}
+
+/// Whether all lines that the command printed were written.
+fn stdout_written() -> Result<(), Failure> {
+    let failed = |error| Failure::work(format!("cannot write to standard output: {error}"));
+    stdout_error().map_or(Ok(()), |error| Err(failed(error)))
 }
 
 fn served(result: Result<(), proto_host::ServeError>) -> ExitCode {

@@ -6,9 +6,9 @@ use record::run_log::RunLog;
 use run::Audience;
 use std::ffi::OsString;
 use std::fmt::{Display, Write as _};
-use std::io::{IsTerminal as _, Write as _};
-use std::sync::OnceLock;
+use std::io::{ErrorKind, IsTerminal as _, Write as _};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The log of the run or sweep that this program makes.
@@ -50,13 +50,54 @@ pub fn leave_stdout_to_answers(arguments: impl Iterator<Item = OsString>) {
     }
 }
 
-/// A line on standard output, or on standard error where that holds an answer. That nobody reads it is no failure.
+/// The first error of standard output, other than that nobody reads it.
+static STDOUT_ERROR: Mutex<Option<std::io::Error>> = Mutex::new(None);
+
+/// A line on standard output, or on standard error where that holds an answer. That nobody reads it is no failure; any other error is
+/// kept for [`stdout_error`].
 pub fn say(line: impl Display) {
-    let _ = if IS_ANSWER_ON_STDOUT.load(Ordering::Relaxed) {
-        writeln!(std::io::stderr(), "{line}")
-    } else {
-        writeln!(std::io::stdout(), "{line}")
+    let line = readable(line);
+    if IS_ANSWER_ON_STDOUT.load(Ordering::Relaxed) {
+        let _ = writeln!(std::io::stderr(), "{line}");
+        return;
+    }
+    let written = writeln!(std::io::stdout(), "{line}");
+    if let Err(error) = written
+        && error.kind() != ErrorKind::BrokenPipe
+    {
+        let mut first = STDOUT_ERROR.lock().unwrap_or_else(PoisonError::into_inner);
+        first.get_or_insert(error);
+    }
+}
+
+/// Why not all lines could be written to standard output, such as a full disk. `None`: they were, or nobody reads them.
+pub fn stdout_error() -> Option<std::io::Error> {
+    let flushed = std::io::stdout().flush().err();
+    let flushed = flushed.filter(|error| error.kind() != ErrorKind::BrokenPipe);
+    STDOUT_ERROR.lock().unwrap_or_else(PoisonError::into_inner).take().or(flushed)
+}
+
+/// Text in which what a terminal obeys is written out, as in `\u{1b}`: control characters but ends of lines and tabs, and marks that
+/// change the direction of text. Names of columns and files may hold them.
+#[must_use]
+pub fn readable(text: impl Display) -> String {
+    let text = text.to_string();
+    let is_obeyed = |letter: char| {
+        letter.is_control() && !matches!(letter, '\n' | '\t')
+            || matches!(letter, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
     };
+    if !text.contains(is_obeyed) {
+        return text;
+    }
+    let mut shown = String::with_capacity(text.len());
+    for letter in text.chars() {
+        if is_obeyed(letter) {
+            shown.extend(letter.escape_unicode());
+        } else {
+            shown.push(letter);
+        }
+    }
+    shown
 }
 
 /// Rows of a table as lines, with columns as wide as need be: the first to the left, numbers to the right.
@@ -80,11 +121,12 @@ pub fn aligned(rows: &[Vec<String>]) -> Vec<String> {
 
 /// An error on standard error.
 pub fn complain(error: impl Display) {
-    let _ = writeln!(std::io::stderr(), "error: {error}");
+    let _ = writeln!(std::io::stderr(), "error: {}", readable(error));
 }
 
 /// A warning on standard error: something to check before the results are trusted.
 pub fn warn(warning: impl Display) {
+    let warning = readable(warning);
     run_log().add("orchestrator", &format!("warning: {warning}"));
     let _ = writeln!(std::io::stderr(), "warning: {warning}");
 }
@@ -96,7 +138,8 @@ pub fn warn_all(warnings: impl IntoIterator<Item = impl Display>) {
 
 /// Something that happened, on standard error.
 pub fn note(text: impl Display) {
-    run_log().add("orchestrator", &text.to_string());
+    let text = readable(text);
+    run_log().add("orchestrator", &text);
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
@@ -112,7 +155,7 @@ impl Audience for Screen {
     }
 
     fn note(&mut self, note: &str) {
-        let _ = writeln!(std::io::stderr(), "{note}");
+        let _ = writeln!(std::io::stderr(), "{}", readable(note));
     }
 }
 
@@ -253,6 +296,7 @@ impl ProgressDisplay {
     }
 
     fn show(&self, step: u64, line: String) {
+        let line = readable(line);
         match &self.bar {
             Some(bar) => {
                 bar.set_position(step);
@@ -275,6 +319,13 @@ impl ProgressDisplay {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_a_terminal_obeys_is_written_out() {
+        let name = "a\u{1b}[2J\rb\u{9b}31m\u{202e}c\u{7f}";
+        assert_eq!(readable(name), "a\\u{1b}[2J\\u{d}b\\u{9b}31m\\u{202e}c\\u{7f}");
+        assert_eq!(readable("ä\tb\n−3 ±"), "ä\tb\n−3 ±");
+    }
 
     #[test]
     fn columns_are_aligned_by_characters() {
