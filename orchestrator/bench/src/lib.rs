@@ -11,6 +11,7 @@ mod standing;
 mod swarm;
 
 use drive::coupling::{StepOutcome, StepPlan};
+use drive::private_folder::PrivateFolder;
 use drive::{Taken, Wanted};
 use experiment::{Overrides, Plan};
 use numbers::statistics::quantile_lower;
@@ -25,7 +26,6 @@ use serde_json::Value;
 use std::fmt;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use tempfile::TempDir;
 
 /// What to measure.
 #[derive(Clone, Debug)]
@@ -320,8 +320,8 @@ async fn measure(
     })
 }
 
-fn temporary_folder() -> Result<TempDir, RunError> {
-    tempfile::tempdir().map_err(|source| {
+fn temporary_folder() -> Result<PrivateFolder, RunError> {
+    PrivateFolder::for_files().map_err(|source| {
         record_failed(record::RecordError::Create { path: std::env::temp_dir(), source })
     })
 }

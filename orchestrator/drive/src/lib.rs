@@ -6,6 +6,7 @@
 mod configure;
 pub mod coupling;
 pub mod peer;
+pub mod private_folder;
 
 pub use configure::{ConfigureRequests, Unfit, Wanted, announced, configure, starts};
 

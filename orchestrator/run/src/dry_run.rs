@@ -6,6 +6,7 @@
 
 use crate::disk_space::{bytes, free_bytes, least_bytes, n_steps, size_of};
 use crate::{FormedFiles, RunError, StartOptions, record_of, start};
+use drive::private_folder::PrivateFolder;
 use drive::{Driver, Failure, Observer, Schedule, Taken, Uninterrupted, Wanted};
 use experiment::Plan;
 use numbers::format::{count, count_of};
@@ -153,7 +154,7 @@ impl FirstSteps {
     /// Takes them, recorded in a folder that is removed.
     pub(crate) async fn take(plan: &Plan, options: &StartOptions) -> Result<Self, RunError> {
         let record_failed = |error| RunError::Record { error, before_start: true };
-        let folder = tempfile::tempdir().map_err(|source| {
+        let folder = PrivateFolder::for_files().map_err(|source| {
             record_failed(RecordError::Create { path: std::env::temp_dir(), source })
         })?;
         let formed = FormedFiles::default().open(&mut plan.clone())?;

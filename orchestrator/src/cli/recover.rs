@@ -4,6 +4,7 @@ use super::{
     AllowArgs, Failure, StartOptions, TlsArgs, TrustArgs, check_json, on_runtime, write_json,
 };
 use clap::Args;
+use drive::private_folder::PrivateFolder;
 use experiment::Overrides;
 use run::Reproduction;
 use std::path::PathBuf;
@@ -64,7 +65,7 @@ pub(super) fn recover(args: &RecoverArgs) -> Result<(), Failure> {
 /// Runs a recorded experiment again and compares.
 pub(super) fn reproduce(args: &ReproduceArgs, start: StartOptions) -> Result<(), Failure> {
     check_json(args.json.as_deref())?;
-    let temporary = tempfile::tempdir().map_err(Failure::work)?;
+    let temporary = PrivateFolder::for_files().map_err(Failure::work)?;
     let out = args.out.as_deref().unwrap_or(temporary.path());
     let overrides = Overrides {
         netsim_url: args.netsim.clone(),

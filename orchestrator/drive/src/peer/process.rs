@@ -2,22 +2,21 @@
 
 use super::SideError;
 use super::command::{BECOME, EXIT_WITH_STDIN, LISTEN};
+use crate::private_folder::PrivateFolder;
 use experiment::SideCommand;
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
 use std::collections::VecDeque;
 use std::fmt;
-use std::fs::{File, Permissions};
+use std::fs::File;
 use std::io::{BufRead as _, Read as _, Write as _};
 use std::os::fd::OwnedFd;
-use std::os::unix::fs::PermissionsExt as _;
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
-use tempfile::TempDir;
 use tokio::io::{AsyncBufReadExt as _, BufReader};
 use tokio::process::{Child, ChildStdin, Command};
 
@@ -108,7 +107,7 @@ pub(super) struct ChildProcess {
     stdin: Option<ChildStdin>,
     orders: Option<Orders>,
     /// Where its socket is: nobody else may enter.
-    _folder: TempDir,
+    _folder: PrivateFolder,
     /// Pass its lines on until it has ended.
     lines: Vec<JoinHandle<()>>,
     /// The last lines that a command wrote to standard error.
@@ -123,7 +122,7 @@ impl ChildProcess {
     ) -> Result<(String, Self), SideError> {
         let failed = |reason: String| SideError::Start { side, reason };
         let cannot = |error: std::io::Error| failed(format!("no folder for its socket: {error}"));
-        let folder = private_folder().map_err(cannot)?;
+        let folder = PrivateFolder::for_sockets().map_err(cannot)?;
         let socket = folder.path().join(side);
         let mut command = Command::new(&launch.executable);
         command.arg(side).arg("--listen").arg(format!("unix:{}", socket.display()));
@@ -198,7 +197,7 @@ impl ChildProcess {
         launch: &Launch,
     ) -> Result<(PathBuf, Self), SideError> {
         let failed = |reason: String| SideError::Start { side, reason };
-        let folder = private_folder()
+        let folder = PrivateFolder::for_sockets()
             .map_err(|error| failed(format!("no folder for its socket: {error}")))?;
         let socket = folder.path().join(side);
         let mut child = Command::new(&launch.executable)
@@ -307,26 +306,6 @@ impl Drop for ChildProcess {
     }
 }
 
-/// A folder that only this user may enter, for a socket. Removed when dropped.
-fn private_folder() -> std::io::Result<TempDir> {
-    /// A socket's path, with the name of the folder and of the socket, has fewer than 108 bytes.
-    const LONGEST: usize = 70;
-    let runtime = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
-    let mut places: Vec<PathBuf> = runtime.into_iter().collect();
-    places.extend([std::env::temp_dir(), PathBuf::from("/tmp")]);
-    let mut last = std::io::Error::from(std::io::ErrorKind::NotFound);
-    let is_usable = |place: &&PathBuf| place.is_absolute() && place.as_os_str().len() <= LONGEST;
-    for place in places.iter().filter(is_usable) {
-        let mut builder = tempfile::Builder::new();
-        builder.prefix("murmuration-").permissions(Permissions::from_mode(0o700));
-        match builder.tempdir_in(place) {
-            Ok(folder) => return Ok(folder),
-            Err(error) => last = error,
-        }
-    }
-    Err(last)
-}
-
 /// A token that nobody can guess, in a file that only this user may read.
 fn new_token(path: &Path) -> std::io::Result<String> {
     use std::os::unix::fs::OpenOptionsExt as _;
@@ -418,6 +397,7 @@ fn how(status: ExitStatus) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::fs::PermissionsExt as _;
 
     #[tokio::test]
     async fn a_child_that_lives_is_not_ended_by_asking_whether_it_does() {
