@@ -132,6 +132,8 @@ def test_the_loop_of_measurements_takes_data_frames(tmp_path):
         "tx_x_m": zero, "tx_y_m": zero, "rx_x_m": distance_m, "rx_y_m": zero, "rssi_dbm": rssi_dbm, "received": np.ones(n, dtype=int),
     })  # fmt: skip
     model = {**CONFIG, "netsim": {"phy": {"propagation": "friis"}}}
+    with pytest.raises(murmuration.InvalidInput, match="needs more than 10 kB of memory for"):
+        murmuration.compare(model, data, memory_budget="10kB")
     compared = murmuration.compare(model, data)
     assert "rssi" in json.dumps(compared.content) and compared._repr_html_().startswith("<pre>")
     found = murmuration.diagnose(model, data)

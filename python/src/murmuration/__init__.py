@@ -17,13 +17,12 @@ import contextlib
 import json
 import os
 import re
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from murmuration import export, importers
 from murmuration._answers import Answer, Run, Sweep
-from murmuration._files import Config, config_file, settings, table_file
+from murmuration._files import Config, config_file, private_folder, settings, table_file
 from murmuration._program import InvalidInput, MurmurationError, call, program
 
 __all__ = [
@@ -97,44 +96,51 @@ def sweep(
 
 
 def compare(
-    config: Config, data: Any, seed: int | None = None, *, progress: bool | None = None, **overrides: Any
+    config: Config, data: Any, seed: int | None = None, *, memory_budget: str | None = None,
+    progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
-    """Measures how large the error of a model is on measurements, and under which conditions. `data`: a file or a data frame."""
-    return _about("compare", config, data, _seed(seed), overrides, progress)
+    """Measures how large the error of a model is on measurements, and under which conditions. `data`: a file or a data frame.
+
+    `memory_budget` is how much memory the measurements may take while they are read, such as "2GiB"; 1 GiB by default.
+    """
+    return _about("compare", config, data, [*_seed(seed), *_option("--memory-budget", memory_budget)], overrides, progress)
 
 
 def diagnose(
-    config: Config, data: Any, seed: int | None = None, *, budget_s: float | None = None,
+    config: Config, data: Any, seed: int | None = None, *, budget_s: float | None = None, memory_budget: str | None = None,
     progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Finds the physical effects that a model lacks, from measurements. `budget_s` limits the time it may take."""
-    return _about("diagnose", config, data, [*_seed(seed), *_option("--budget", budget_s)], overrides, progress)
+    options = [*_seed(seed), *_option("--budget", budget_s), *_option("--memory-budget", memory_budget)]
+    return _about("diagnose", config, data, options, overrides, progress)
 
 
 def extend(
     config: Config, data: Any, output: str | os.PathLike[str], *, effect: str | None = None, all: bool = False,  # noqa: A002
-    seed: int | None = None, progress: bool | None = None, **overrides: Any,
+    seed: int | None = None, memory_budget: str | None = None, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Fits a missing effect to measurements and writes the configuration with it to `output`."""
     options = [*_seed(seed), *_option("--effect", effect), *_flag("--all", all), "--output", os.fspath(output)]
+    options += _option("--memory-budget", memory_budget)
     return _about("extend", config, data, options, overrides, progress)
 
 
 def simulate(
-    config: Config, like: Any, output: str | os.PathLike[str], seed: int | None = None, *,
+    config: Config, like: Any, output: str | os.PathLike[str], seed: int | None = None, *, memory_budget: str | None = None,
     progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Simulates a measurement campaign with the times, places and commands of `like`, and writes it to `output` (CSV)."""
+    options = ["--output", output, *_seed(seed), *_option("--memory-budget", memory_budget)]
     with config_file(config) as path, table_file(like) as table:
-        return _answer(["simulate", path, "--like", table, "--output", output, *_seed(seed), *settings(overrides)], progress)
+        return _answer(["simulate", path, "--like", table, *options, *settings(overrides)], progress)
 
 
 def power(
     config: Config, like: Any, effect: str, *, campaigns: int | None = None, seed: int | None = None,
-    progress: bool | None = None, **overrides: Any,
+    memory_budget: str | None = None, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Estimates how large an effect must be for a campaign like `like` to detect it."""
-    options = ["--effect", effect, *_option("--campaigns", campaigns), *_seed(seed)]
+    options = ["--effect", effect, *_option("--campaigns", campaigns), *_seed(seed), *_option("--memory-budget", memory_budget)]
     with config_file(config) as path, table_file(like) as table:
         return _answer(["power", path, "--like", table, *options, *settings(overrides)], progress)
 
@@ -149,8 +155,8 @@ def _about(
 
 
 def _answer(arguments: list[Any], progress: bool | None) -> Answer:
-    with tempfile.TemporaryDirectory(prefix="murmuration-") as folder:
-        file = Path(folder) / "answer.json"
+    with private_folder() as folder:
+        file = folder / "answer.json"
         printed = call([*arguments, "--json", file], progress)
         return Answer(json.loads(file.read_text()), printed)
 

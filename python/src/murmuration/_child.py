@@ -16,6 +16,7 @@ from typing import Any
 import grpc
 
 from murmuration import _program
+from murmuration._files import hold
 from murmuration._program import InvalidInput, MurmurationError
 
 # How long a simulator may take until it listens (s).
@@ -43,6 +44,7 @@ class Child:
         self._calls: dict[str, Any] = {}
         self._channel: grpc.Channel | None = None
         self._folder = tempfile.mkdtemp(prefix="murmuration-")
+        lock = hold(self._folder)
         address = self._address = f"unix:{self._folder}/{side}"
         self._errors = Path(self._folder) / "stderr"
         command = [str(_program.program()), side, "--listen", address, "--exit-with-parent", "--refuse-orders"]
@@ -55,11 +57,12 @@ class Child:
             self._wait_until_it_listens()
         except BaseException:
             if hasattr(self, "process"):
-                _end(self.process, self._folder, os.getpid())
+                _end(self.process, self._folder, lock, os.getpid())
             else:
                 shutil.rmtree(self._folder, ignore_errors=True)
+                os.close(lock)
             raise
-        self._finalizer = weakref.finalize(self, _end, self.process, self._folder, os.getpid())
+        self._finalizer = weakref.finalize(self, _end, self.process, self._folder, lock, os.getpid())
 
     def call(self, name: str, request: Any) -> Any:
         """Makes a call of the contract; returns the response. A refusal of the input is `InvalidInput`, with the simulator's text."""
@@ -135,7 +138,7 @@ def _ending(process: subprocess.Popen[bytes]) -> str:
     return f"killed by signal {-status}" if status is not None and status < 0 else f"exit status {status}"
 
 
-def _end(process: subprocess.Popen[bytes], folder: str, owner: int) -> None:
+def _end(process: subprocess.Popen[bytes], folder: str, lock: int, owner: int) -> None:
     """Ends the process and removes its folder; in a process that was forked from its owner, does nothing."""
     if os.getpid() != owner:
         return
@@ -148,3 +151,4 @@ def _end(process: subprocess.Popen[bytes], folder: str, owner: int) -> None:
         process.kill()
         process.wait()
     shutil.rmtree(folder, ignore_errors=True)
+    os.close(lock)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import tempfile
@@ -38,13 +39,36 @@ def config_file(config: Config) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
+def private_folder() -> Iterator[Path]:
+    """A temporary folder that only this user may enter."""
+    with tempfile.TemporaryDirectory(prefix="murmuration-") as folder:
+        lock = hold(folder)
+        try:
+            yield Path(folder)
+        finally:
+            os.close(lock)
+
+
+def hold(folder: str) -> int:
+    """Locks a temporary folder; returns the descriptor that holds the lock.
+
+    As in the folders of the program: one whose lock nobody holds was left by a process that was killed, and is removed.
+    """
+    unlocked = os.path.join(folder, "lock.new")
+    lock = os.open(unlocked, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600)
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    os.rename(unlocked, os.path.join(folder, "lock"))
+    return lock
+
+
+@contextlib.contextmanager
 def table_file(table: Any) -> Iterator[Path]:
     """The file of a table of measurements: a path, or a data frame of polars or pandas."""
     if isinstance(table, (str, os.PathLike)):
         yield Path(table)
         return
-    with tempfile.TemporaryDirectory(prefix="murmuration-") as folder:
-        path = Path(folder) / "data.csv"
+    with private_folder() as folder:
+        path = folder / "data.csv"
         if hasattr(table, "write_csv"):
             table.write_csv(path)
         elif hasattr(table, "to_csv"):

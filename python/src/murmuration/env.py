@@ -20,7 +20,6 @@ import copy
 import dataclasses
 import json
 import os
-import tempfile
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -32,7 +31,7 @@ from murmuration import _program, _run, _serving, robots
 from murmuration._answers import Run
 from murmuration._bodies import Bodies
 from murmuration._contract import robotsim_pb2_grpc
-from murmuration._files import Config, config_file, settings
+from murmuration._files import Config, config_file, private_folder, settings
 from murmuration._metrics import FIGURES, Metrics
 from murmuration._observation import Layout, Observer
 from murmuration._program import InvalidInput, MurmurationError
@@ -406,8 +405,8 @@ def _merged(config: Config, overrides: Mapping[str, Any]) -> dict[str, Any]:
 
 def _checked(config: Config, overrides: Mapping[str, Any]) -> dict[str, Any]:
     """What `murmuration check` says of it; whatever is wrong with it is raised."""
-    with config_file(config) as path, tempfile.TemporaryDirectory(prefix="murmuration-") as folder:
-        file = Path(folder) / "check.json"
+    with config_file(config) as path, private_folder() as folder:
+        file = folder / "check.json"
         # Whatever the controller is or lacks: a policy takes its place.
         hold = settings({"robotsim__controller": {"kind": "hold"}})
         _program.call(["check", path, "--json", file, *settings(overrides), *hold])

@@ -16,7 +16,6 @@ import contextlib
 import difflib
 import os
 import re
-import tempfile
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,7 +27,7 @@ import numpy as np
 from murmuration import _bags
 from murmuration._answers import read_table, table_of
 from murmuration._bags import ACKERMANN, COMMANDS, POSES, TF, TWIST, Bag, BagError, Series
-from murmuration._files import Config, config_file, table_file
+from murmuration._files import Config, config_file, private_folder, table_file
 from murmuration._program import InvalidInput, call
 
 __all__ = ["RowsLeftOut", "bag_topics", "convert", "find_robots", "read_bag"]
@@ -144,21 +143,23 @@ def read_bag(
     return table_of(_columns(runs))
 
 
-def convert(mapping: Config) -> Any:
+def convert(mapping: Config, *, memory_budget: str | None = None) -> Any:
     """A table of links, robots or packets from logs, by a mapping: a TOML file, or a dictionary of the same form (docs/mapping.md).
 
         importers.convert({"table": "packets", "input": [{"files": "root.log.gz", "format": "openwsn-packets"}]})
         importers.convert({"table": "robots", "input": [{"files": frame, "columns": {"time_s": "t", "x_m": "x", …}}]})
 
     In a dictionary, `files` may be a data frame of polars or pandas, and paths are relative to the working directory.
-    Rows that cannot be used are counted by reason on standard error.
+    Rows that cannot be used are counted by reason on standard error. `memory_budget` is how much memory the logs may take while
+    they are read, such as "2GiB"; 1 GiB by default.
     """
     with contextlib.ExitStack() as stack:
         if isinstance(mapping, Mapping):
             mapping = {**mapping, "input": [_with_file(stack, one) for one in mapping.get("input", [])]}
         path = stack.enter_context(config_file(mapping))
-        output = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="murmuration-"))) / "table.parquet"
-        call(["convert", path, "--output", output])
+        output = stack.enter_context(private_folder()) / "table.parquet"
+        budget = [] if memory_budget is None else ["--memory-budget", memory_budget]
+        call(["convert", path, "--output", output, *budget])
         return read_table(output)
 
 
