@@ -8,6 +8,7 @@ mod bad_measurements;
 mod bench;
 mod between;
 mod breaking_input;
+mod budgets;
 mod catalogue;
 mod catalogue_names;
 mod choices;
