@@ -132,7 +132,7 @@ impl Server {
 
     /// Serves until the future that it returns is dropped.
     pub async fn serve(self) {
-        let connections = Connections::default();
+        let connections = Connections::new();
         let mut served = JoinSet::new();
         loop {
             let accepted = tokio::select! {

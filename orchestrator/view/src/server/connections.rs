@@ -2,6 +2,7 @@
 //!
 //! Every user of this machine can connect. Who has not shown the token gives way to others who connect, and is not served for long.
 
+use nix::sys::resource::{Resource, getrlimit};
 use std::collections::BTreeMap;
 use std::net::IpAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,10 +10,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::sync::Notify;
 
-/// Connections in all.
-pub(super) const MOST: usize = 128;
-/// Connections of one address.
-pub(super) const MOST_OF_PEER: usize = 64;
+/// Connections in all, if the program may open enough files.
+const MOST: usize = 128;
+/// Of the files that the program may open, connections are at most so many.
+const PART_OF_FILES: usize = 8;
 /// The headers of a request must have arrived after this time, the first or one on a connection that was idle.
 pub(super) const HEADERS: Duration = Duration::from_secs(10);
 /// The body of a request must have arrived after this time.
@@ -21,8 +22,12 @@ pub(super) const BODY: Duration = Duration::from_secs(10);
 pub(super) const WITHOUT_TOKEN: Duration = Duration::from_secs(30);
 
 /// The connections that are open, the oldest first.
-#[derive(Clone, Default)]
-pub(super) struct Connections(Arc<Mutex<Open>>);
+#[derive(Clone)]
+pub(super) struct Connections {
+    /// How many there may be; of one address, half of them.
+    most: usize,
+    open: Arc<Mutex<Open>>,
+}
 
 #[derive(Default)]
 struct Open {
@@ -53,14 +58,26 @@ pub(super) struct Connection {
 pub(super) struct Trust(Arc<Shared>);
 
 impl Connections {
+    /// None yet, and so many at most that the program can open files beside them.
+    pub(super) fn new() -> Self {
+        let files = getrlimit(Resource::RLIMIT_NOFILE).map_or(0, |(files, _)| files);
+        let files = usize::try_from(files).unwrap_or(usize::MAX);
+        Self::at_most((files / PART_OF_FILES).clamp(2, MOST))
+    }
+
+    fn at_most(most: usize) -> Self {
+        Self { most, open: Arc::default() }
+    }
+
     /// Counts one more connection. If there are too many, the oldest without the token is closed for it; `None`: all have it.
     pub(super) fn add(&self, peer: IpAddr) -> Option<Connection> {
         let mut open = self.open();
         let n_of_peer = open.all.values().filter(|entry| entry.peer == peer).count();
-        if MOST <= open.all.len() || MOST_OF_PEER <= n_of_peer {
-            let is_full = n_of_peer < MOST_OF_PEER;
+        let is_peer_full = self.most / 2 <= n_of_peer;
+        if is_peer_full || self.most <= open.all.len() {
             let oldest = open.all.iter().find(|(_, entry)| {
-                (is_full || entry.peer == peer) && !entry.shared.has_token.load(Ordering::Relaxed)
+                (!is_peer_full || entry.peer == peer)
+                    && !entry.shared.has_token.load(Ordering::Relaxed)
             });
             let number = *oldest?.0;
             open.all.remove(&number)?.shared.must_close.notify_one();
@@ -74,7 +91,7 @@ impl Connections {
     }
 
     fn open(&self) -> MutexGuard<'_, Open> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.open.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -123,27 +140,27 @@ mod tests {
 
     #[test]
     fn who_has_no_token_gives_way_and_who_has_stays() {
-        let connections = Connections::default();
+        let connections = Connections::at_most(128);
         let trusted: Vec<Connection> = (0..2).filter_map(|_| connections.add(peer(1))).collect();
         trusted.iter().for_each(|connection| connection.trust().has_token());
         let others: Vec<Connection> = (0..200).filter_map(|_| connections.add(peer(1))).collect();
-        assert_eq!((others.len(), connections.open().all.len()), (200, MOST_OF_PEER));
+        assert_eq!((others.len(), connections.open().all.len()), (200, 64));
         assert!(trusted.iter().all(|it| connections.open().all.contains_key(&it.number)));
         let of_others: Vec<Connection> =
             (2..202).filter_map(|number| connections.add(peer(number))).collect();
-        assert_eq!((of_others.len(), connections.open().all.len()), (200, MOST));
+        assert_eq!((of_others.len(), connections.open().all.len()), (200, 128));
         drop((others, of_others));
         assert_eq!(connections.open().all.len(), 2);
     }
 
     #[test]
     fn where_all_have_the_token_no_more_are_let_in() {
-        let connections = Connections::default();
-        let all: Vec<Connection> = (0..MOST_OF_PEER)
+        let connections = Connections::at_most(128);
+        let all: Vec<Connection> = (0..64)
             .filter_map(|_| connections.add(peer(1)))
             .inspect(|connection| connection.trust().has_token())
             .collect();
-        assert_eq!(all.len(), MOST_OF_PEER);
+        assert_eq!(all.len(), 64);
         assert!(connections.add(peer(1)).is_none() && connections.add(peer(2)).is_some());
     }
 }
