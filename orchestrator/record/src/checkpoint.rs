@@ -141,3 +141,28 @@ impl Checkpoint {
             .collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_is_stored_with_the_reserve_which_is_kept_anew() {
+        let dir = tempfile::tempdir().unwrap();
+        let checkpoint = Checkpoint {
+            version: "1".to_owned(),
+            step: 3,
+            time_ns: 4,
+            robots: None,
+            network: Some(Bytes::from_static(b"state")),
+            urls: [None, None],
+            capture_bytes: 0,
+            latest: Vec::new(),
+        };
+        let mut reserve = Reserve::keep();
+        assert_eq!(reserve.0.len(), Reserve::DESCRIPTORS);
+        checkpoint.write(dir.path(), &mut reserve).unwrap();
+        assert_eq!(reserve.0.len(), Reserve::DESCRIPTORS);
+        assert_eq!(Checkpoint::read(dir.path()).unwrap(), Some(checkpoint));
+    }
+}
