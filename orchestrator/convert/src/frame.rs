@@ -177,12 +177,14 @@ pub(crate) fn read(
         };
         ROWS.check(account.n_read as u64).map_err(refused)?;
         CELLS.check((account.n_read * fillings.len().max(1)) as u64).map_err(refused)?;
+        let labels_before = labels.n_bytes();
         let problem = row.problem.take().or_else(|| {
             cells.clear();
             input.columns.iter().zip(&fillings).find_map(|(target, filling)| {
                 filling.cell(target, &row.fields, labels).map(|cell| cells.push(cell)).err()
             })
         });
+        memory.take(labels.n_bytes() - labels_before, "names").map_err(refused)?;
         if let Some(reason) = problem {
             account.reject(&reason, row.line);
             continue;

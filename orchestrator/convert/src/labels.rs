@@ -8,12 +8,20 @@ use std::collections::BTreeMap;
 pub(crate) struct Labels {
     numbers: BTreeMap<String, u32>,
     names: Vec<String>,
+    n_bytes: u64,
 }
 
+/// What a name takes in a list beside its text (bytes).
+const BYTES_OF_NAME: u64 = 64;
 /// Greatest number that may stay as it is.
 const MOST_NUMBER: f64 = u32::MAX as f64 - 1.0;
 
 impl Labels {
+    /// How much memory they take (bytes).
+    pub(crate) fn n_bytes(&self) -> u64 {
+        self.n_bytes
+    }
+
     /// The number of the occurrence of a name. `3` and `3.0` are one name.
     pub(crate) fn occurrence(&mut self, name: &str) -> u32 {
         let name = name.trim();
@@ -26,6 +34,7 @@ impl Labels {
             return number;
         }
         let number = self.names.len() as u32;
+        self.n_bytes += 2 * (BYTES_OF_NAME + name.len() as u64);
         self.names.push(name.clone());
         self.numbers.insert(name, number);
         number

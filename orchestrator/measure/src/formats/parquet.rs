@@ -58,10 +58,10 @@ fn read(file: File, mut memory: Memory) -> Result<DataTable, String> {
     let reader = SerializedFileReader::new(file).map_err(|error| error.to_string())?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let names: Vec<String> = schema.columns().iter().map(|column| column.path().string()).collect();
-    let n_rows = u64::try_from(reader.metadata().file_metadata().num_rows())
+    let n_all = u64::try_from(reader.metadata().file_metadata().num_rows())
         .map_err(|_| "has less than 0 rows: it is damaged")?;
-    ROWS.check(n_rows)?;
-    let n_cells = n_rows.saturating_mul(names.len() as u64);
+    ROWS.check(n_all)?;
+    let n_cells = n_all.saturating_mul(names.len() as u64);
     CELLS.check(n_cells)?;
     for column in reader.metadata().row_groups().iter().flat_map(|group| group.columns()) {
         check_place(column, length)?;
@@ -78,7 +78,7 @@ fn read(file: File, mut memory: Memory) -> Result<DataTable, String> {
     let chunks = chunks.filter(|chunk| is_read(chunk.column_descr()));
     let size = chunks.map(|chunk| chunk.uncompressed_size().unsigned_abs());
     TABLE_BYTES.check(size.fold(0, u64::saturating_add))?;
-    let what = format!("{n_rows} rows of {} columns", names.len());
+    let what = format!("{n_all} rows of {} columns", names.len());
     memory.take(n_cells.saturating_mul(CELL_BYTES as u64), what)?;
 
     let mut table = DataTable::with_columns(names, memory)?;
@@ -86,6 +86,9 @@ fn read(file: File, mut memory: Memory) -> Result<DataTable, String> {
         let group = reader.get_row_group(group).map_err(|error| error.to_string())?;
         let n_rows = usize::try_from(group.metadata().num_rows());
         let n_rows = n_rows.map_err(|_| "has less than 0 rows in a part: it is damaged")?;
+        if n_all < (table.n_rows as u64).saturating_add(n_rows as u64) {
+            return Err(format!("has more rows than the {n_all} that it says: it is damaged"));
+        }
         for &column in &asked {
             let chunk = group.metadata().column(column);
             let name = chunk.column_path().string();
@@ -101,8 +104,8 @@ fn read(file: File, mut memory: Memory) -> Result<DataTable, String> {
         }
         table.n_rows += n_rows;
     }
-    if table.n_rows as u64 != n_rows {
-        return Err(format!("has {} rows, but says {n_rows}: it is damaged", table.n_rows));
+    if table.n_rows as u64 != n_all {
+        return Err(format!("has {} rows, but says {n_all}: it is damaged", table.n_rows));
     }
     for column in &mut table.columns {
         column.resize(table.n_rows, f64::NAN);
