@@ -22,6 +22,7 @@ pub mod repeated;
 #[cfg(test)]
 mod robot_tests;
 mod robots;
+pub mod situations;
 pub mod unforeseen;
 mod world;
 

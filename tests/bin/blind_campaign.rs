@@ -7,6 +7,9 @@
 //! from the last commit, so that every commit is measured on fresh campaigns. With `--promise` the model is extended on one half of
 //! each campaign, and its promised error compared with that on the other half.
 //!
+//! With `--set` the campaigns are those of a set of thirty situations, and each answer is judged by what the campaign can show: right,
+//! half, cannot tell, hedged or falsely certain. Of sets B and C nothing but totals is printed: their lines are in the file.
+//!
 //! Each campaign that is finished is a line of the file named by `--out`; called again, only those that are not there are made.
 
 use anyhow::{Context as _, bail};
@@ -22,13 +25,14 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use tests::campaign::blind::{self, Cell};
 use tests::campaign::promise::{self, Promise};
+use tests::campaign::situations::{self, Draw, Set};
 use tests::campaign::unforeseen::{Question, table};
 
 /// Campaigns with a hidden effect, a diagnosis of each, and a table of how it did.
 #[derive(Parser)]
 struct Args {
     /// Campaigns of each kind and size; 25 times as many with nothing hidden [default: 40]. With --unforeseen or --nulls: campaigns
-    /// of each row [default: 30].
+    /// of each row [default: 30]. With --set: campaigns of each situation [default: 1].
     #[arg(long)]
     seeds: Option<u64>,
     /// Run campaigns unlike those that the diagnosis was developed on, and judge how honest the answers are.
@@ -37,6 +41,9 @@ struct Args {
     /// Run null campaigns: nothing hidden, several kinds of noise.
     #[arg(long, conflicts_with_all = ["drawn", "rows"])]
     nulls: bool,
+    /// Run the situations of a set, and judge the answers by what each campaign can show.
+    #[arg(long, conflicts_with_all = ["unforeseen", "nulls", "promise", "drawn", "rows"])]
+    set: Option<Set>,
     /// With --nulls: no search, only score tests in the model as configured. What they find beyond chance is false.
     #[arg(long, requires = "nulls")]
     scores: bool,
@@ -44,7 +51,7 @@ struct Args {
     /// campaign of each effect and kind of other half by seed [default: 4].
     #[arg(long, conflicts_with_all = ["unforeseen", "nulls", "drawn"])]
     promise: bool,
-    /// Derive the seeds of --unforeseen and --nulls from this text [default: the hash of the last commit].
+    /// Derive the seeds of --set, --unforeseen and --nulls from this text [default: the hash of the last commit].
     #[arg(long)]
     seed_from: Option<String>,
     /// Rows of a campaign of links; of robots, four times as many.
@@ -69,22 +76,28 @@ struct Args {
     /// Keeps the campaigns in this folder instead of a temporary one.
     #[arg(long)]
     keep: Option<PathBuf>,
+    /// With --set: only write the campaigns into the folder of --keep.
+    #[arg(long, requires = "set", requires = "keep")]
+    write_only: bool,
 }
 
 fn main() -> anyhow::Result<()> {
     let args = Args::parse();
-    if args.unforeseen || args.nulls {
-        let seed_from = match &args.seed_from {
-            Some(text) => text.clone(),
-            None => last_commit()?,
-        };
+    if let Some(set) = args.set {
+        let plan = Draw::plan(set, args.seeds.unwrap_or(1), &seed_from(&args)?);
+        if let (true, Some(keep)) = (args.write_only, &args.keep) {
+            return write_all(&plan, keep);
+        }
+        let lines = lines(&args, plan, Draw::name, draw_line)?;
+        write!(std::io::stdout(), "{}", situations::table::table(&lines, set.is_open()))?;
+    } else if args.unforeseen || args.nulls {
+        let seed_from = seed_from(&args)?;
         let n_seeds = args.seeds.unwrap_or(30);
         let plan = if args.unforeseen {
             Question::plan(n_seeds, &seed_from)
         } else {
             Question::nulls(n_seeds, &seed_from)
         };
-        writeln!(std::io::stderr(), "seeds follow from {}", seed_from.trim())?;
         let make = if args.scores { scores_line } else { question_line };
         let lines = lines(&args, plan, Question::name, make)?;
         write!(std::io::stdout(), "{}", table::tables(&lines))?;
@@ -98,6 +111,16 @@ fn main() -> anyhow::Result<()> {
         write!(std::io::stdout(), "{}", blind::tables(&lines))?;
     }
     Ok(())
+}
+
+/// The text that the seeds follow from.
+fn seed_from(args: &Args) -> anyhow::Result<String> {
+    let text = match &args.seed_from {
+        Some(text) => text.clone(),
+        None => last_commit()?,
+    };
+    writeln!(std::io::stderr(), "seeds follow from {}", text.trim())?;
+    Ok(text)
 }
 
 /// The last commit's hash.
@@ -151,13 +174,12 @@ fn lines<T: Sync>(
                 (None, None) if line["right_first"] == true => "right",
                 (None, None) => "not right",
             };
-            writeln!(
-                std::io::stderr(),
-                "{} of {}, {left_s:.0} s left: {}: {became}",
-                *n_done,
-                todo.len(),
-                name(one)
-            )?;
+            let became = match args.set {
+                Some(set) if !set.is_open() => String::new(),
+                _ => format!(": {}: {became}", name(one)),
+            };
+            let n_todo = todo.len();
+            writeln!(std::io::stderr(), "{n_done} of {n_todo}, {left_s:.0} s left{became}")?;
             Ok(line)
         });
         each.collect::<anyhow::Result<_>>()
@@ -204,6 +226,22 @@ fn question_line(question: &Question, args: &Args) -> anyhow::Result<Value> {
     judged_line(args, &question.name(), files, case.command(), |written| {
         question.line(&case, written)
     })
+}
+
+/// Writes campaigns into folders named by their places in the plan.
+fn write_all(plan: &[Draw], keep: &Path) -> anyhow::Result<()> {
+    for (place, draw) in plan.iter().enumerate() {
+        let case = draw.case();
+        write_files(&keep.join(format!("{place:03}")), [&case.csv, &case.config_toml])?;
+    }
+    Ok(())
+}
+
+/// Makes a campaign of a set, has it diagnosed, and judges the answer.
+fn draw_line(draw: &Draw, args: &Args) -> anyhow::Result<Value> {
+    let case = draw.case();
+    let files = [case.csv.as_str(), case.config_toml.as_str()];
+    judged_line(args, &draw.name(), files, "diagnose", |written| draw.line(&case, written))
 }
 
 /// Extends a model on one half of a campaign, and compares it with the other half.

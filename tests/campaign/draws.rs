@@ -39,6 +39,11 @@ impl Draws {
         low + (high - low) * self.uniform()
     }
 
+    /// Between two values above 0, uniform in the logarithm.
+    pub(crate) fn log_between(&mut self, low: f64, high: f64) -> f64 {
+        self.between(low.ln(), high.ln()).exp()
+    }
+
     /// One of the whole numbers below `n`.
     pub(crate) fn below(&mut self, n: usize) -> usize {
         (self.uniform() * n as f64) as usize

@@ -303,7 +303,7 @@ fn plan_of(kinds: &[Kind], n_seeds: u64, seed_from: &str) -> Vec<Question> {
 }
 
 /// The first of a million seeds that follow from a text, by its FNV-1a hash.
-fn first_seed(text: &str) -> u64 {
+pub(super) fn first_seed(text: &str) -> u64 {
     let hash = text.trim().bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
     });
