@@ -8,6 +8,7 @@
 //! causes and the design ([`reference`]), never from a diagnosis.
 
 mod a;
+mod b;
 mod files;
 mod reference;
 mod said;
@@ -37,18 +38,22 @@ type Situation = (&'static str, fn(u64) -> Case);
 pub enum Set {
     /// For development.
     A,
+    /// For the first judgement.
+    B,
 }
 
 impl Set {
     const fn situations(self) -> &'static [Situation] {
         match self {
             Self::A => &a::SITUATIONS,
+            Self::B => &b::SITUATIONS,
         }
     }
 
     const fn name(self) -> &'static str {
         match self {
             Self::A => "A",
+            Self::B => "B",
         }
     }
 
@@ -164,5 +169,10 @@ mod tests {
     #[test]
     fn set_a_is_drawn_from_its_seeds() {
         check(Set::A);
+    }
+
+    #[test]
+    fn set_b_is_drawn_from_its_seeds() {
+        check(Set::B);
     }
 }
