@@ -9,6 +9,7 @@
 
 mod a;
 mod b;
+mod c;
 mod files;
 mod reference;
 mod said;
@@ -40,6 +41,8 @@ pub enum Set {
     A,
     /// For the first judgement.
     B,
+    /// For the second judgement.
+    C,
 }
 
 impl Set {
@@ -47,6 +50,7 @@ impl Set {
         match self {
             Self::A => &a::SITUATIONS,
             Self::B => &b::SITUATIONS,
+            Self::C => &c::SITUATIONS,
         }
     }
 
@@ -54,6 +58,7 @@ impl Set {
         match self {
             Self::A => "A",
             Self::B => "B",
+            Self::C => "C",
         }
     }
 
@@ -174,5 +179,10 @@ mod tests {
     #[test]
     fn set_b_is_drawn_from_its_seeds() {
         check(Set::B);
+    }
+
+    #[test]
+    fn set_c_is_drawn_from_its_seeds() {
+        check(Set::C);
     }
 }
