@@ -96,3 +96,28 @@ def test_a_figure_of_a_sweep_is_drawn_over_a_setting(sweep, monkeypatch):
     monkeypatch.setitem(sys.modules, "polars", None)
     again = murmuration.Sweep(sweep.folder)
     assert np.array_equal(again.plot("netsim.phy.radius_m", figure).lines[0].get_xydata(), means.get_xydata())
+
+
+def test_a_file_that_was_changed_after_the_run_is_not_read(run, sweep, tmp_path):
+    import shutil
+
+    for folder, name, read in (
+        (run.folder, "steps.parquet", lambda found: (found.steps, found.scan("steps"))),
+        (run.folder, "summary.json", lambda found: found.summary),
+        (sweep.folder, "trials.parquet", lambda found: found.trials),
+    ):
+        copy = tmp_path / name
+        shutil.copytree(folder, copy)
+        kind = murmuration.Sweep if name == "trials.parquet" else murmuration.Run
+        content = bytearray((copy / name).read_bytes())
+        content[len(content) // 3] ^= 1
+        (copy / name).write_bytes(content)
+        with pytest.raises(murmuration.MurmurationError, match=f"{name}: its content is not what was written"):
+            read(kind(copy))
+        if name == "summary.json":
+            continue
+        (copy / name).write_bytes((folder / name).read_bytes())
+        (copy / "provenance.json").unlink()
+        with pytest.raises(murmuration.MurmurationError, match="lists no files"):
+            read(kind(copy))
+        assert len(read(kind(copy, unverified=True))) > 0
