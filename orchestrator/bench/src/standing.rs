@@ -144,7 +144,7 @@ pub(super) async fn bench(
 async fn measure(row: StandingRow, options: &BenchOptions) -> Result<RowAnswer, RunError> {
     let folder = temporary_folder()?;
     let places = folder.path().join("places.csv");
-    std::fs::write(&places, row.places())
+    system::write(&places, row.places())
         .map_err(|source| record_failed(record::RecordError::Create { path: places, source }))?;
     let path = folder.path().join("bench.toml");
     let plan = experiment::read(Path::new(&path), row.config(), &Overrides::default())?;

@@ -33,6 +33,7 @@ use serde::de::DeserializeOwned;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
+use system::DraftFolder;
 use thiserror::Error;
 
 /// The model, as a template.
@@ -198,14 +199,11 @@ pub async fn demo(
         )));
     }
     // Beside its place, so that a failure leaves no half of it.
-    let made = tempfile::Builder::new().prefix(".demo-").tempdir_in(parent);
-    let made = made.map_err(|source| file_error(parent, source))?;
-    let inner = made.path().join("demo");
-    std::fs::create_dir(&inner).map_err(|source| file_error(&inner, source))?;
-    let mut demo =
-        Demo { options, folder: &inner, interrupt: Interrupt::listen(), commands: Vec::new() };
+    let made = DraftFolder::beside(folder).map_err(|source| file_error(parent, source))?;
+    let interrupt = Interrupt::listen();
+    let mut demo = Demo { options, folder: made.path(), interrupt, commands: Vec::new() };
     let answer = demo.run(hidden.as_ref(), report).await?;
-    std::fs::rename(&inner, folder).map_err(|source| file_error(folder, source))?;
+    made.place(folder).map_err(|source| file_error(folder, source))?;
     Ok(answer)
 }
 
@@ -428,7 +426,7 @@ impl Demo<'_> {
     /// Runs this program in the folder of the demo, as a process of its own.
     async fn child(&mut self, words: &[&str]) -> Result<(), DemoError> {
         let failed = |source| file_error(&self.options.program, source);
-        let errors = tempfile::tempfile().map_err(failed)?;
+        let errors = system::unnamed_file().map_err(failed)?;
         let mut child = tokio::process::Command::new(&self.options.program)
             .arg0(program_name())
             .args(words)
@@ -458,7 +456,7 @@ impl Demo<'_> {
 
     fn write(&self, name: &str, text: &str) -> Result<(), DemoError> {
         let path = self.folder.join(name);
-        std::fs::write(&path, text).map_err(|source| file_error(&path, source))
+        system::write(&path, text).map_err(|source| file_error(&path, source))
     }
 
     fn read(&self, name: &str) -> Result<String, DemoError> {

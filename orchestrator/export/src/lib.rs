@@ -12,6 +12,7 @@ mod tables;
 use record::read::ReadError;
 use record::result::{ResultError, ResultFolder};
 use std::path::{Path, PathBuf};
+use system::DraftFolder;
 
 /// A format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -94,20 +95,13 @@ pub fn export(
     if output.exists() {
         return Err(ExportError::Exists { path: output.to_owned() });
     }
-    let parent = output.parent().filter(|parent| !parent.as_os_str().is_empty());
-    let parent = parent.unwrap_or(Path::new("."));
-    let folder = tempfile::Builder::new()
-        .prefix(".export-")
-        .tempdir_in(parent)
-        .map_err(ExportError::write(parent))?;
+    let folder = DraftFolder::beside(output).map_err(ExportError::write(output))?;
     let name = output.file_name().map(|name| name.to_string_lossy().into_owned());
     let written = match format {
         ExportFormat::Csv => tables::export(run, folder.path())?,
         ExportFormat::Rosbag2 => rosbag::export(run, folder.path(), &name.unwrap_or_default())?,
     };
-    std::fs::rename(folder.path(), output).map_err(ExportError::write(output))?;
-    // It has another name now: there is nothing to remove.
-    let _ = folder.keep();
+    folder.place(output).map_err(ExportError::write(output))?;
     let moved = written.into_iter().map(|Exported { path, n_entries }| Exported {
         path: output.join(path.file_name().unwrap_or_default()),
         n_entries,

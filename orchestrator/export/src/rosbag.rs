@@ -11,9 +11,9 @@ use proto::types::{AgentStates, NS_PER_S, seconds};
 use record::result::ResultFolder;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
+use system::File;
 
 /// A type of messages: its name, and its definition with those of all types in it.
 type Definition = (&'static str, &'static str);
@@ -44,7 +44,7 @@ pub(super) fn export(
     let topics = bag.finish()?;
     let metadata = folder.join("metadata.yaml");
     let text = metadata_yaml(&file_name, before.0, &topics);
-    std::fs::write(&metadata, text).map_err(ExportError::write(&metadata))?;
+    system::write(&metadata, text).map_err(ExportError::write(&metadata))?;
     let n_entries = topics.iter().map(|topic| topic.n_messages).sum();
     Ok(vec![Exported { path, n_entries }])
 }

@@ -34,7 +34,8 @@ fn convert(run: &ResultFolder, name: &str, path: &Path) -> Result<u64, ExportErr
         path: path.to_owned(),
         source: std::io::Error::other(error),
     };
-    let mut out = csv::Writer::from_path(path).map_err(failed)?;
+    let file = system::File::create(path).map_err(ExportError::write(path))?;
+    let mut out = csv::Writer::from_writer(file);
     let mut n_rows = 0;
     for row in reader.get_row_iter(None).map_err(unreadable)? {
         let row = row.map_err(unreadable)?;

@@ -70,7 +70,7 @@ pub struct VideoWriter {
 }
 
 enum Encoder {
-    Gif(Box<GifWriter<BufWriter<File>>>),
+    Gif(Box<GifWriter<BufWriter<system::File>>>),
     Ffmpeg(Ffmpeg),
 }
 
@@ -88,7 +88,7 @@ impl VideoWriter {
         theme: &Theme,
     ) -> Result<Self, VideoError> {
         let encoder = if format == Format::Gif {
-            let file = BufWriter::new(File::create(path)?);
+            let file = BufWriter::new(system::File::create(path)?);
             Encoder::Gif(Box::new(GifWriter::new(file, [width, height], theme)?))
         } else {
             Encoder::Ffmpeg(Ffmpeg::start(path, format, [width, height], fps)?)
@@ -143,7 +143,7 @@ impl Ffmpeg {
         [width, height]: [u16; 2],
         fps: u32,
     ) -> Result<Self, VideoError> {
-        let errors = tempfile::tempfile()?;
+        let errors = system::unnamed_file()?;
         let mut command = Command::new("ffmpeg");
         command
             .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y"])

@@ -10,9 +10,9 @@ use bytes::Bytes;
 use proto::bounds::CHECKPOINT_BYTES;
 use proto::digest;
 use serde::{Deserialize, Serialize};
-use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::Path;
+use system::File;
 
 /// Both sides' states after a step, and where the record stood.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -98,7 +98,8 @@ impl Checkpoint {
         };
         write().map_err(|source| RecordError::Write { path: path.clone(), source })?;
         let to = dir.join(FILE);
-        fs::rename(&path, &to).map_err(|source| RecordError::Rename { from: path, to, source })
+        system::point("checkpoint written");
+        system::rename(&path, &to).map_err(|source| RecordError::Rename { from: path, to, source })
     }
 
     /// The checkpoint in `dir`; `None`: there is none.

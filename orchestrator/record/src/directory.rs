@@ -10,9 +10,10 @@ use proto::bounds::DESCRIPTION_BYTES;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::fmt;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
+use system::File;
 
 /// Which earlier results a new one replaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,7 +45,7 @@ impl Drop for MadeFolder {
     fn drop(&mut self) {
         if let Some(path) = &self.0 {
             // Fails if there is anything in it.
-            let _ = fs::remove_dir(path);
+            let _ = system::remove_dir(path);
         }
     }
 }
@@ -65,7 +66,7 @@ impl Reservation {
         let made = MadeFolder((!out.exists()).then(|| out.to_owned()));
         let mut attempt = 0;
         let lock = loop {
-            fs::create_dir_all(out)
+            system::create_dir_all(out)
                 .map_err(|source| RecordError::Create { path: out.to_owned(), source })?;
             match ResultLock::take(out, name) {
                 Ok(lock) => break lock,
@@ -115,7 +116,7 @@ fn put_back(out: &Path, name: &str) -> Result<(), RecordError> {
     for aside in hidden(out, &format!(".{name}.replaced-")) {
         if target.exists() {
             keep_foreign(&aside, &target)?;
-            fs::remove_dir_all(&aside)
+            system::remove_dir_all(&aside)
                 .map_err(|source| RecordError::Write { path: aside, source })?;
         } else {
             rename(&aside, &target)?;
@@ -182,7 +183,7 @@ impl Directory {
         for attempt in 0u32.. {
             let suffix = if attempt == 0 { String::new() } else { format!("-{attempt}") };
             let partial = out.join(format!(".{name}.partial-{pid}{suffix}"));
-            match fs::create_dir(&partial) {
+            match system::create_dir(&partial) {
                 Ok(()) => return Ok(Self { partial, reservation, policy }),
                 Err(source) if source.kind() == ErrorKind::AlreadyExists && attempt < 1000 => {}
                 Err(source) => return Err(RecordError::Create { path: partial, source }),
@@ -229,7 +230,7 @@ impl Directory {
                     None
                 }
                 // What is not a result is not ours. A folder of this name that appears meanwhile keeps it.
-                (None, _) => match fs::create_dir(&dir) {
+                (None, _) => match system::create_dir(&dir) {
                     Ok(()) => None,
                     Err(source) if source.kind() == ErrorKind::AlreadyExists => continue,
                     Err(source) => return Err(RecordError::Create { path: dir, source }),
@@ -316,7 +317,7 @@ fn replace(partial: &Path, target: &Path) -> Result<(), RecordError> {
         return Err(error);
     }
     keep_foreign(&aside, target)?;
-    fs::remove_dir_all(&aside).map_err(|source| RecordError::Write { path: aside, source })
+    system::remove_dir_all(&aside).map_err(|source| RecordError::Write { path: aside, source })
 }
 
 /// Moves everything in `from` that no run wrote into `to`. What has a name there already gets another one.
@@ -357,7 +358,7 @@ fn files_of_run(dir: &Path) -> BTreeSet<String> {
 }
 
 fn rename(from: &Path, to: &Path) -> Result<(), RecordError> {
-    fs::rename(from, to).map_err(|source| RecordError::Rename {
+    system::rename(from, to).map_err(|source| RecordError::Rename {
         from: from.to_owned(),
         to: to.to_owned(),
         source,
@@ -375,7 +376,7 @@ fn sync_tree(dir: &Path) -> Result<(), RecordError> {
         if path.is_dir() {
             sync_tree(&path)?;
         } else {
-            File::open(&path).and_then(|file| file.sync_all()).map_err(failed(&path))?;
+            system::sync(&path).map_err(failed(&path))?;
         }
     }
     sync_dir(dir)
@@ -383,8 +384,7 @@ fn sync_tree(dir: &Path) -> Result<(), RecordError> {
 
 /// Brings the names in a directory to the disk, where the file system can.
 fn sync_dir(dir: &Path) -> Result<(), RecordError> {
-    let synced = File::open(dir).and_then(|dir| dir.sync_all());
-    match synced {
+    match system::sync(dir) {
         Err(error) if !matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => {
             Err(RecordError::Write { path: dir.to_owned(), source: error })
         }

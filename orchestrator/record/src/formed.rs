@@ -13,7 +13,6 @@ use proto::bounds::FORMED_BYTES;
 use proto::digest;
 use proto::exchange::Configured;
 use serde::{Deserialize, Serialize};
-use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -104,12 +103,12 @@ impl FormedNetwork {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let unfinished = path.with_file_name(format!(".{name}.new-{}", std::process::id()));
         let write = || -> std::io::Result<()> {
-            let mut file = File::create(&unfinished)?;
+            let mut file = system::File::create(&unfinished)?;
             file.write_all(&content)?;
             file.sync_all()?;
-            fs::rename(&unfinished, path)
+            system::rename(&unfinished, path)
         };
-        write().inspect_err(|_| drop(fs::remove_file(&unfinished)))?;
+        write().inspect_err(|_| drop(system::remove_file(&unfinished)))?;
         Ok(digest::hex(&digest::of_bytes(&content)))
     }
 

@@ -3,9 +3,9 @@
 use super::RecordError;
 use proto::digest::hex;
 use sha2::{Digest as _, Sha256};
-use std::fs::File;
 use std::io::{BufWriter, Read as _, Write};
 use std::path::{Path, PathBuf};
+use system::File;
 
 /// Bytes of a part of a file, which has a SHA-256 of its own so that whoever reads a part need not read the whole file to check it.
 pub(crate) const PART_BYTES: u64 = 1 << 20;
@@ -131,7 +131,7 @@ impl Write for WholeFile {
 ///
 /// It cannot be read.
 pub fn fingerprint(path: &Path) -> std::io::Result<Fingerprint> {
-    let mut file = File::open(path)?;
+    let mut file = std::fs::File::open(path)?;
     let mut hash = PartwiseHash::default();
     let mut block = vec![0; 1 << 16];
     loop {

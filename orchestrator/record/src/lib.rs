@@ -382,7 +382,7 @@ impl Recorder {
 fn forget_checkpoint(dir: &Path) -> Result<(), RecordError> {
     for file in [checkpoint::FILE, checkpoint::UNFINISHED] {
         let path = dir.join(file);
-        match std::fs::remove_file(&path) {
+        match system::remove_file(&path) {
             Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
                 return Err(RecordError::Write { path, source });
             }

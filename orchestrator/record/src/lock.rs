@@ -16,13 +16,14 @@ use proto::digest::hex;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::fmt;
-use std::fs::{self, File, OpenOptions};
+use std::fs;
 use std::io::{self, ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use system::File;
 
 /// How often the holder of a lock touches it, so that other hosts see that it lives.
 const TOUCH_EVERY: Duration = Duration::from_secs(15);
@@ -65,12 +66,7 @@ pub(crate) fn utc(unix_s: u64) -> String {
 
 /// The time now (s, Unix time, with fractions).
 pub(crate) fn now() -> Duration {
-    #[expect(
-        clippy::disallowed_methods,
-        reason = "when a program runs is no part of what it simulates"
-    )]
-    let now = SystemTime::now();
-    now.duration_since(UNIX_EPOCH).unwrap_or_default()
+    system::now().duration_since(UNIX_EPOCH).unwrap_or_default()
 }
 
 impl LockHolder {
@@ -181,7 +177,7 @@ impl Drop for ResultLock {
             let _ = thread.join();
         }
         if self.is_held() {
-            let _ = fs::remove_file(&self.path);
+            let _ = system::remove_file(&self.path);
         }
     }
 }
@@ -189,7 +185,7 @@ impl Drop for ResultLock {
 /// Writes the same content again: the time of the change is that of the file server.
 fn touch(path: &Path, holder: &LockHolder) {
     let is_mine = matches!(read(path), Ok(Found::Holder(found)) if found.token == holder.token);
-    if is_mine && let Ok(mut file) = OpenOptions::new().write(true).open(path) {
+    if is_mine && let Ok(mut file) = File::overwrite(path) {
         // That it fails once does no harm.
         let _ = file.write_all(&content(holder));
         let _ = file.sync_all();
@@ -255,9 +251,9 @@ fn take(path: &Path, me: &LockHolder, depth: u32) -> Result<(), Refused> {
                 // Nobody else removes this stale lock. If it is gone, another one has removed it before.
                 let is_same = read(path).map_err(failed)? == found;
                 if is_same && (found != Found::Unreadable || UNREADABLE_AFTER <= age(path, now)) {
-                    let _ = fs::remove_file(path);
+                    let _ = system::remove_file(path);
                 }
-                let _ = fs::remove_file(&inner);
+                let _ = system::remove_file(&inner);
             }
             // Another one is taking it over.
             Err(Refused::Held(_)) => std::thread::park_timeout(Duration::from_millis(20)),
@@ -283,8 +279,8 @@ fn place(path: &Path, me: &LockHolder) -> io::Result<Placed> {
     let mut file = File::create(&draft)?;
     let written = file.write_all(&content(me)).and_then(|()| file.sync_all());
     let now = file.metadata().and_then(|metadata| metadata.modified()).ok();
-    let linked = written.and_then(|()| fs::hard_link(&draft, path));
-    let _ = fs::remove_file(&draft);
+    let linked = written.and_then(|()| system::hard_link(&draft, path));
+    let _ = system::remove_file(&draft);
     match linked {
         Ok(()) => Ok(Placed::Here),
         Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(Placed::Occupied(now)),
@@ -389,7 +385,7 @@ mod tests {
         fs::write(&path, content(&other)).unwrap();
         let error = ResultLock::take(out.path(), "run").unwrap_err();
         assert!(error.to_string().contains("on host elsewhere since 2"), "{error}");
-        let file = OpenOptions::new().write(true).open(&path).unwrap();
+        let file = fs::File::options().write(true).open(&path).unwrap();
         let long_ago = file.metadata().unwrap().modified().unwrap() - 2 * STALE_AFTER;
         file.set_modified(long_ago).unwrap();
         // Its holder lives after all.

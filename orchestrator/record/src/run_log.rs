@@ -2,10 +2,10 @@
 
 use super::RecordError;
 use super::lock::{now, utc};
-use std::fs::{File, OpenOptions};
 use std::io::{ErrorKind, Write as _};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use system::File;
 
 /// The file, in the folder of a result.
 pub const FILE: &str = "run.log";
@@ -39,7 +39,7 @@ struct State {
 /// It cannot be read, or not be written.
 pub fn carry_over(from: &Path, to: &Path) -> Result<(), RecordError> {
     let path = to.join(FILE);
-    match std::fs::copy(from.join(FILE), &path) {
+    match system::copy(&from.join(FILE), &path) {
         Err(source) if source.kind() != ErrorKind::NotFound => {
             Err(RecordError::Write { path, source })
         }
@@ -55,7 +55,7 @@ impl RunLog {
     /// The file cannot be written.
     pub fn open(&self, dir: &Path) -> Result<(), RecordError> {
         let path = dir.join(FILE);
-        let opened = OpenOptions::new().append(true).create(true).open(&path).and_then(|file| {
+        let opened = File::append(&path).and_then(|file| {
             let mut state = self.state();
             let waiting = std::mem::take(&mut state.waiting);
             state.n_bytes = usize::try_from(file.metadata()?.len()).unwrap_or(MOST_BYTES);

@@ -95,7 +95,7 @@ pub(super) async fn carry_out(
             .finish(&ending, provenance.finish(n_steps, time_ns, wall_s), report::page)
             .map_err(|error| RunError::Record { error, before_start: false })?;
         for dir in &origin.left {
-            if let Err(error) = std::fs::remove_dir_all(dir) {
+            if let Err(error) = system::remove_dir_all(dir) {
                 tracing::warn!(%error, "cannot remove {}", dir.display());
             }
         }

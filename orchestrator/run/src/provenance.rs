@@ -5,7 +5,7 @@ use experiment::{Plan, SideConfig};
 use proto::types::seconds;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::UNIX_EPOCH;
 
 pub(super) struct Provenance {
     value: Value,
@@ -13,12 +13,7 @@ pub(super) struct Provenance {
 
 impl Provenance {
     pub(super) fn gather(plan: &Plan, sides: [&SideIdentity; 2], start: &StartOptions) -> Self {
-        #[expect(
-            clippy::disallowed_methods,
-            reason = "when an experiment was run is not part of it"
-        )]
-        let now = SystemTime::now();
-        let unix_s = now.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+        let unix_s = system::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
         let side = |side: &SideIdentity, config: &SideConfig| {
             let mut value = json!({
                 "name": side.name,

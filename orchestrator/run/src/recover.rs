@@ -155,7 +155,7 @@ pub fn recover(dir: &Path) -> Result<Finished, RunError> {
     let finished = recorder.finish(&ending, provenance, report::page).map_err(unwritten)?;
     // What happened to it is in its log.
     run_log::carry_over(dir, &finished.dir).map_err(unwritten)?;
-    if let Err(source) = std::fs::remove_dir_all(dir) {
+    if let Err(source) = system::remove_dir_all(dir) {
         let error = RecordError::Write { path: dir.to_owned(), source };
         return Err(RunError::Record { error, before_start: false });
     }

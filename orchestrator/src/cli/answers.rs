@@ -3,8 +3,8 @@
 use super::Failure;
 use serde::Serialize;
 use std::io::Write as _;
-use std::os::unix::fs::PermissionsExt as _;
 use std::path::Path;
+use system::Draft;
 
 /// The answer of a command as JSON, if an option asks for it.
 pub(super) fn write_json(path: Option<&Path>, answer: &impl Serialize) -> Result<(), Failure> {
@@ -22,9 +22,9 @@ pub(super) fn write_whole(
     if is_stdout(path) {
         return on_stdout(content.as_ref()).map_err(failed);
     }
-    let file = place_for(option, path).map_err(Failure::work)?;
-    std::fs::write(file.path(), content).map_err(failed)?;
-    file.persist(path).map(|_| ()).map_err(|error| failed(error.error))
+    let mut file = place_for(option, path).map_err(Failure::work)?;
+    file.write_all(content.as_ref()).map_err(failed)?;
+    file.replace(path).map_err(failed)
 }
 
 /// Whether an option that names a file asks for standard output instead.
@@ -55,15 +55,11 @@ pub(super) fn check_json(path: Option<&Path>) -> Result<(), Failure> {
 }
 
 /// A file beside the one that is to be written, to become it.
-pub(super) fn place_for(option: &str, path: &Path) -> Result<tempfile::NamedTempFile, String> {
-    let folder =
-        path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+pub(super) fn place_for(option: &str, path: &Path) -> Result<Draft, String> {
     if path.is_dir() {
         return Err(format!("{option} {}: is a folder; give the path of a file", path.display()));
     }
-    // As any other file, but for what the user's umask takes away; a temporary file would be the user's alone.
-    let permissions = std::fs::Permissions::from_mode(0o666);
-    tempfile::Builder::new().permissions(permissions).tempfile_in(folder).map_err(|error| {
+    Draft::beside(path).map_err(|error| {
         format!("{option} {}: {}", path.display(), std::io::Error::from(error.kind()))
     })
 }

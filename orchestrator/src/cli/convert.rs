@@ -55,12 +55,12 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
     }
     let failed =
         |error: std::io::Error| Failure::work(format!("--output {}: {error}", out.display()));
-    let file = place_for("--output", &out).map_err(Failure::work)?;
-    output::write(&converted.table, format, file.as_file()).map_err(failed)?;
-    let written = if args.replace { file.persist(&out) } else { file.persist_noclobber(&out) };
-    written.map_err(|error| match error.error.kind() {
+    let mut file = place_for("--output", &out).map_err(Failure::work)?;
+    output::write(&converted.table, format, &mut file).map_err(failed)?;
+    let written = if args.replace { file.replace(&out) } else { file.place(&out) };
+    written.map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists => Failure::request(exists(&out)),
-        _ => failed(error.error),
+        _ => failed(error),
     })?;
     print(&out, &converted.answer);
     write_json(args.json.as_deref(), &converted.answer)

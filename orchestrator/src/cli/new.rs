@@ -5,6 +5,7 @@ use clap::Args;
 use demo::starters::StarterKind;
 use experiment::{as_file_name, is_file_name, program_name, quoted};
 use std::path::{Path, PathBuf};
+use system::DraftFolder;
 use terminal::say;
 
 #[derive(Args)]
@@ -36,13 +37,11 @@ pub(super) fn new(args: &NewArgs) -> Result<(), Failure> {
         )));
     }
     // Beside its place, so that a failure leaves no half of it.
-    let made = tempfile::Builder::new().prefix(".new-").tempdir_in(parent).map_err(failed)?;
-    let inner = made.path().join(&name);
-    std::fs::create_dir(&inner).map_err(failed)?;
+    let made = DraftFolder::beside(folder).map_err(failed)?;
     for file in &files {
-        std::fs::write(inner.join(file.name), &file.text).map_err(failed)?;
+        system::write(&made.path().join(file.name), &file.text).map_err(failed)?;
     }
-    std::fs::rename(&inner, folder).map_err(failed)?;
+    made.place(folder).map_err(failed)?;
     let shown = |path: &Path| quoted(&path.to_string_lossy());
     let names: Vec<&str> = files.iter().map(|file| file.name).collect();
     say(format!("made {}: {}", shown(folder), names.join(", ")));

@@ -341,7 +341,7 @@ fn video(args: &RenderArgs, path: &Path) -> Result<(), Failure> {
         }
         ended => ended.map_err(failed)?,
     }
-    file.persist(path).map_err(|error| failed(error.error.into()))?;
+    file.replace(path).map_err(|error| failed(error.into()))?;
     let shown_s = seconds(last_ns - schedule.from_ns);
     say(format!(
         "{}: {} at {} frames/s, {} s of the run at {} times its speed",

@@ -31,7 +31,7 @@ pub(super) fn completions(args: &CompletionsArgs) -> Result<(), Failure> {
 pub(super) fn man(args: &ManArgs) -> Result<(), Failure> {
     let dir = &args.dir;
     let failed = |error: std::io::Error| Failure::work(format!("{}: {error}", dir.display()));
-    std::fs::create_dir_all(dir).map_err(failed)?;
+    system::create_dir_all(dir).map_err(failed)?;
     let command = command().disable_help_subcommand(true);
     let n_pages = 1 + command.get_subcommands().filter(|command| !command.is_hide_set()).count();
     clap_mangen::generate_to(command, dir).map_err(failed)?;

@@ -339,7 +339,7 @@ pub fn run(options: &SweepOptions, of_engine: EngineOptions) -> Result<EngineRep
     let folder = dir.join(FOLDER);
     let before = Submission::read(&folder)?;
     let n_shards = n_shards(&plan, &dir, of_engine.shards, before.as_ref())?;
-    std::fs::create_dir_all(&folder)
+    system::create_dir_all(&folder)
         .map_err(|source| RecordError::Create { path: folder.clone(), source })?;
     let _lock = submission::lock(&dir)?;
     let work = EngineWork { options, of_engine, plan: &plan, dir: &dir, n_shards };

@@ -14,9 +14,9 @@ use record::lock::ResultLock;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::{self, File, OpenOptions};
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
+use system::File;
 
 /// What came of a trial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -230,13 +230,7 @@ impl Journal {
         let path = dir.join(name);
         let lock = lock(dir, name)?;
         let failed = |source| JournalError::File { path: path.clone(), source };
-        let mut file = OpenOptions::new()
-            .read(true)
-            .append(true)
-            .create(true)
-            .truncate(false)
-            .open(&path)
-            .map_err(failed)?;
+        let mut file = File::append(&path).map_err(failed)?;
         if anew {
             file.set_len(0).map_err(failed)?;
         }
@@ -260,10 +254,10 @@ impl Journal {
             let draft = dir.join(format!(".{name}"));
             let lines = good.iter().flat_map(|(line, _)| [line, &b"\n"[..]].concat());
             let lines: Vec<u8> = lines.collect();
-            let replaced = fs::write(&draft, lines)
-                .and_then(|()| File::open(&draft)?.sync_all())
-                .and_then(|()| fs::rename(&draft, &path))
-                .and_then(|()| OpenOptions::new().append(true).open(&path));
+            let replaced = system::write(&draft, lines)
+                .and_then(|()| system::sync(&draft))
+                .and_then(|()| system::rename(&draft, &path))
+                .and_then(|()| File::append(&path));
             file = replaced.map_err(failed)?;
         }
         content.rows = good.into_iter().map(|(_, row)| (row.key.clone(), row)).collect();
@@ -340,7 +334,7 @@ pub(super) fn keys(path: &Path) -> BTreeSet<String> {
 
 /// Adds lines of a journal that cannot be read to a file beside it.
 fn set_apart<'a>(path: &Path, lines: impl Iterator<Item = &'a [u8]>) -> std::io::Result<()> {
-    let mut file = OpenOptions::new().append(true).create(true).open(path)?;
+    let mut file = File::append(path)?;
     for line in lines {
         file.write_all(&[line, &b"\n"[..]].concat())?;
     }
@@ -409,7 +403,7 @@ mod tests {
     fn journals_of_shards_are_locked_one_by_one() {
         let folder = tempfile::tempdir().unwrap();
         let dir = folder.path().join("s");
-        fs::create_dir(&dir).unwrap();
+        std::fs::create_dir(&dir).unwrap();
         let open = |name: &str| Journal::open(&dir, name, false);
         let journals = ["trials-1-of-2.jsonl", "trials-2-of-2.jsonl", "trials.jsonl"];
         let held: Vec<_> = journals.map(|name| open(name).unwrap()).into();

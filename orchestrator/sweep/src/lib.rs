@@ -300,7 +300,7 @@ fn run_trials(
     terminal::warn_all(&plan.warnings);
     let dir = options.out.join(&plan.name);
     check_folder(&dir, shard)?;
-    std::fs::create_dir_all(&dir)
+    system::create_dir_all(&dir)
         .map_err(|source| RecordError::Create { path: dir.clone(), source })?;
     let (mut journal, known) = open_journal(options, &dir, &journal_name)?;
     let log = &options.start.run_log;

@@ -59,8 +59,11 @@ pub(super) fn remove_partial_runs(
         let of_trial = name.strip_prefix('.').and_then(|name| name.split('.').next());
         if of_trial.is_some_and(&is_own) {
             let path = entry.path();
-            let removed =
-                if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+            let removed = if path.is_dir() {
+                system::remove_dir_all(&path)
+            } else {
+                system::remove_file(&path)
+            };
             removed.map_err(|source| RecordError::Write { path, source })?;
         }
     }
@@ -76,7 +79,7 @@ pub(super) fn write(
     let columns = table::columns(plan, rows);
     let partial = dir.join(format!(".{TABLE_FILE}"));
     // Of a program that was killed.
-    let _ = fs::remove_file(&partial);
+    let _ = system::remove_file(&partial);
     table::write(&partial, &columns)?;
     rename(&partial, &dir.join(TABLE_FILE))?;
     let (shown, mut warnings) = shown(plan, &columns);
@@ -289,13 +292,13 @@ fn cell(figures: &SettingFigures<'_>, setting: usize) -> String {
 
 fn write_whole(dir: &Path, name: &str, content: &[u8]) -> Result<(), RecordError> {
     let partial = dir.join(format!(".{name}"));
-    fs::write(&partial, content)
+    system::write(&partial, content)
         .map_err(|source| RecordError::Write { path: partial.clone(), source })?;
     rename(&partial, &dir.join(name))
 }
 
 fn rename(from: &Path, to: &Path) -> Result<(), RecordError> {
-    fs::rename(from, to).map_err(|source| RecordError::Rename {
+    system::rename(from, to).map_err(|source| RecordError::Rename {
         from: from.to_owned(),
         to: to.to_owned(),
         source,

@@ -132,8 +132,7 @@ pub(super) fn lock(dir: &Path) -> Result<ResultLock, SweepError> {
 /// Writes a file under another name first.
 pub(super) fn write_whole(path: &Path, content: &[u8]) -> Result<(), RecordError> {
     let failed = |source| RecordError::Write { path: path.to_owned(), source };
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let mut draft = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-    draft.write_all(content).and_then(|()| draft.as_file().sync_all()).map_err(failed)?;
-    draft.persist(path).map(|_| ()).map_err(|error| failed(error.error))
+    let mut draft = system::Draft::beside(path).map_err(failed)?;
+    draft.write_all(content).map_err(failed)?;
+    draft.replace(path).map_err(failed)
 }

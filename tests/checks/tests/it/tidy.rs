@@ -2,7 +2,7 @@
 
 use checks::{product_code, repository, rust_files};
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Folders of the crates that are functions of their arguments.
@@ -108,6 +108,68 @@ fn whoever_reads_a_result_has_its_files_checked() {
         let is_allowed = UNCHECKED.iter().any(|allowed| path == std::path::Path::new(allowed));
         assert!(reads.is_empty() || is_allowed, "{}: {reads:?}", path.display());
     }
+}
+
+/// Calls that change files or folders, or read the wall clock, past `orchestrator/system`, where faults are injected.
+fn bypasses(code: &str) -> Vec<&str> {
+    const CALLS: [&str; 13] = [
+        "fs::write(",
+        "fs::rename(",
+        "fs::remove_",
+        "fs::create_dir",
+        "fs::copy(",
+        "fs::hard_link(",
+        "fs::set_permissions(",
+        "fs::File::create",
+        "OpenOptions",
+        "DirBuilder",
+        "Writer::from_path(",
+        "tempfile::",
+        "SystemTime::now",
+    ];
+    let imports = |line: &&str| line.starts_with("use std::fs::") && line.contains("File");
+    let is_of_std = code.lines().any(|line| imports(&line));
+    let opens = ["File::create", "File::options("];
+    code.lines()
+        .filter(|line| {
+            let line = line.replace("system::File", "").replace("WholeFile", "");
+            CALLS.iter().any(|call| line.contains(call))
+                || is_of_std && opens.iter().any(|call| line.contains(call))
+        })
+        .map(str::trim)
+        .collect()
+}
+
+#[test]
+fn the_orchestrator_changes_files_in_one_crate() {
+    // Sockets and tokens of simulators, which no result depends on.
+    const EXEMPT: &str = "orchestrator/drive/src/peer/process.rs";
+    for file in rust_files(&repository().join("orchestrator")) {
+        let path = file.strip_prefix(repository()).unwrap();
+        let parts: Vec<_> = path.iter().map(|part| part.to_string_lossy()).collect();
+        let is_test = |part: &str| ["tests", "tests.rs", "benches", "examples"].contains(&part);
+        if parts.iter().any(|part| is_test(part))
+            || parts[1] == "system"
+            || path == Path::new(EXEMPT)
+        {
+            continue;
+        }
+        let code = product_code(&std::fs::read_to_string(&file).unwrap());
+        let found = bypasses(&code);
+        assert!(found.is_empty(), "{}: call orchestrator/system: {found:?}", path.display());
+    }
+    for dummy in [
+        "std::fs::write(path, text)?;",
+        "use std::fs::{self, File};\nlet file = File::create_new(&path)?;",
+        "let file = std::fs::File::create(path)?;",
+        "let folder = tempfile::tempdir()?;",
+        "let file = OpenOptions::new().append(true).open(path)?;",
+        "let now = SystemTime::now();",
+    ] {
+        assert_eq!(bypasses(dummy).len(), 1, "{dummy}");
+    }
+    let good = "use system::File;\nlet file = File::create(&path)?;\nsystem::rename(a, b)?;";
+    assert_eq!(bypasses(good), Vec::<&str>::new());
 }
 
 #[test]
