@@ -100,15 +100,9 @@ impl FormedNetwork {
     /// No permission, no space.
     pub fn write(&self, path: &Path) -> std::io::Result<String> {
         let content = self.to_bytes();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let unfinished = path.with_file_name(format!(".{name}.new-{}", std::process::id()));
-        let write = || -> std::io::Result<()> {
-            let mut file = system::File::create(&unfinished)?;
-            file.write_all(&content)?;
-            file.sync_all()?;
-            system::rename(&unfinished, path)
-        };
-        write().inspect_err(|_| drop(system::remove_file(&unfinished)))?;
+        let mut draft = system::Draft::beside(path)?;
+        draft.write_all(&content)?;
+        draft.replace(path)?;
         Ok(digest::hex(&digest::of_bytes(&content)))
     }
 

@@ -33,6 +33,10 @@ pub(crate) const STALE_AFTER: Duration = Duration::from_secs(120);
 const UNREADABLE_AFTER: Duration = Duration::from_secs(30);
 /// How deep locks of stale locks go.
 const MOST_NESTED: u32 = 4;
+/// Hexadecimal digits of a token.
+const TOKEN_DIGITS: usize = 16;
+/// What the suffix of the lock of a stale lock begins with; that of a lock that is being placed is its token.
+const STALE: &str = "stale-";
 
 /// Who holds a lock.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -81,7 +85,7 @@ impl LockHolder {
         let unique = format!("{host} {process} {scope:?} {} {count}", now.as_nanos());
         Self {
             started_ticks: status_of(process).map(|(_, ticks)| ticks),
-            token: hex(&Sha256::digest(unique))[..16].to_owned(),
+            token: hex(&Sha256::digest(unique))[..TOKEN_DIGITS].to_owned(),
             since_unix_s: now.as_secs(),
             host,
             process,
@@ -152,6 +156,7 @@ impl ResultLock {
             }
             Err(Refused::System(path, source)) => return Err(RecordError::Create { path, source }),
         }
+        remove_abandoned(&path);
         let (stop, stopped) = channel();
         let (lock, mine) = (path.clone(), holder.clone());
         let beat = move || {
@@ -245,7 +250,7 @@ fn take(path: &Path, me: &LockHolder, depth: u32) -> Result<(), Refused> {
         if depth == MOST_NESTED {
             return Err(failed(io::Error::other("too many stale locks; remove the file")));
         }
-        let inner = suffixed(path, &format!("stale-{token}"));
+        let inner = suffixed(path, &format!("{STALE}{token}"));
         match take(&inner, me, depth + 1) {
             Ok(()) => {
                 // Nobody else removes this stale lock. If it is gone, another one has removed it before.
@@ -294,6 +299,37 @@ fn place(path: &Path, me: &LockHolder) -> io::Result<Placed> {
             Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(Placed::Occupied(now)),
             Err(error) => Err(error),
         },
+    }
+}
+
+/// Removes what processes that were killed while they placed or took over a lock have left beside it. The lock is held: nobody else
+/// needs these files, and that one cannot be removed does no harm.
+fn remove_abandoned(path: &Path) {
+    let prefix = suffixed(path, "");
+    let prefix = prefix.file_name().unwrap_or_default().to_string_lossy();
+    let now = fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
+    let folder = path.parent().unwrap_or(Path::new("."));
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let Some(suffix) = name.to_str().and_then(|name| name.strip_prefix(&*prefix)) else {
+            continue;
+        };
+        let is_token =
+            suffix.len() == TOKEN_DIGITS && suffix.chars().all(|c| c.is_ascii_hexdigit());
+        if !is_token && !suffix.starts_with(STALE) {
+            continue;
+        }
+        let path = entry.path();
+        let is_abandoned = match read(&path) {
+            Ok(Found::Holder(holder)) => {
+                !holder.lives().unwrap_or_else(|| age(&path, now) < STALE_AFTER)
+            }
+            Ok(Found::Unreadable) => UNREADABLE_AFTER <= age(&path, now),
+            Ok(Found::Nothing) | Err(_) => false,
+        };
+        if is_abandoned {
+            let _ = system::remove_file(&path);
+        }
     }
 }
 
@@ -365,6 +401,23 @@ mod tests {
             assert_eq!(n_held.into_inner(), 1);
             assert_eq!(names(out.path()), Vec::<String>::new());
         }
+    }
+
+    #[test]
+    fn what_a_killed_process_left_of_a_lock_is_removed_with_the_next_one() {
+        let out = tempfile::tempdir().unwrap();
+        let token = "0123456789abcdef";
+        for name in [format!(".run.lock-{token}"), format!(".run.lock-stale-{token}")] {
+            fs::write(out.path().join(name), content(&dead())).unwrap();
+        }
+        // One that is being written, and locks of others.
+        let others = [".run.lock-fedcba9876543210", ".run.lock-b.lock", ".run2.lock"];
+        for name in others {
+            fs::write(out.path().join(name), "").unwrap();
+        }
+        drop(ResultLock::take(out.path(), "run").unwrap());
+        let left = names(out.path());
+        assert!(left.len() == 3 && others.iter().all(|name| left.contains(&(*name).to_owned())));
     }
 
     #[test]
