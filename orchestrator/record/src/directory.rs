@@ -4,14 +4,16 @@
 use super::bounded::read_file;
 use super::lock::ResultLock;
 use super::run_summary::RunSummary;
-use super::{RecordError, Status, TABLES};
+use super::{RecordError, Status, TABLES, checkpoint, ending, run_log};
 use experiment::WITHOUT_EFFECT;
+use nix::unistd::{AccessFlags, access, geteuid};
 use proto::bounds::DESCRIPTION_BYTES;
 use serde::Deserialize;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::fs;
 use std::io::{ErrorKind, Write as _};
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use system::File;
 
@@ -80,8 +82,13 @@ impl Reservation {
             }
         };
         put_back(out, name)?;
-        refuse_foreign(&out.join(name))?;
-        let leftovers = hidden(out, &format!(".{name}.partial-"));
+        let target = out.join(name);
+        refuse_foreign(&target)?;
+        refuse_immovable(out, &target)?;
+        // Of a program that was killed once its result had its name.
+        let _ = forget_progress(&target);
+        let mut leftovers = hidden(out, &format!(".{name}.partial-"));
+        leftovers.retain(|left| !remove_if_empty(left));
         Ok(Self { out: out.to_owned(), name: name.to_owned(), lock, leftovers, _made: made })
     }
 
@@ -110,14 +117,30 @@ fn hidden(out: &Path, prefix: &str) -> Vec<PathBuf> {
     found
 }
 
+/// Removes the folder of an unfinished run that was killed before anything was recorded. Its own lock tells that from one that
+/// stands still, on another host.
+fn remove_if_empty(left: &Path) -> bool {
+    let Ok(folder) = fs::File::open(left) else { return false };
+    holds_nothing(left) && folder.try_lock().is_ok() && system::remove_dir_all(left).is_ok()
+}
+
+/// Whether nothing was recorded in the folder of an unfinished run: its files are empty, but for the configuration and the log.
+fn holds_nothing(dir: &Path) -> bool {
+    let is_empty = |entry: std::io::Result<fs::DirEntry>| -> std::io::Result<bool> {
+        let entry = entry?;
+        let metadata = entry.metadata()?;
+        let is_about = [CONFIG_FILE, run_log::FILE].iter().any(|name| entry.file_name() == *name);
+        Ok(metadata.is_file() && (is_about || metadata.len() == 0))
+    };
+    fs::read_dir(dir).is_ok_and(|mut entries| entries.all(|entry| is_empty(entry).unwrap_or(false)))
+}
+
 /// Finishes the replacement of a result in which a program was killed: nothing of the earlier result is lost.
 fn put_back(out: &Path, name: &str) -> Result<(), RecordError> {
     let target = out.join(name);
     for aside in hidden(out, &format!(".{name}.replaced-")) {
         if target.exists() {
-            keep_foreign(&aside, &target)?;
-            system::remove_dir_all(&aside)
-                .map_err(|source| RecordError::Write { path: aside, source })?;
+            empty_aside(aside, &target)?;
         } else {
             rename(&aside, &target)?;
         }
@@ -129,6 +152,8 @@ fn put_back(out: &Path, name: &str) -> Result<(), RecordError> {
 #[derive(Debug)]
 pub(crate) struct Directory {
     partial: PathBuf,
+    /// Open and locked.
+    _folder: Option<fs::File>,
     reservation: Reservation,
     policy: ReplacePolicy,
 }
@@ -140,6 +165,8 @@ pub(crate) struct Published {
     pub(crate) dir: PathBuf,
     /// The earlier result that kept the place, if one did.
     pub(crate) kept: Option<KeptResult>,
+    /// What could not be done after the record had its name, a sentence each.
+    pub(crate) warnings: Vec<String>,
 }
 
 /// An earlier result that a new one did not replace, and why not.
@@ -184,7 +211,15 @@ impl Directory {
             let suffix = if attempt == 0 { String::new() } else { format!("-{attempt}") };
             let partial = out.join(format!(".{name}.partial-{pid}{suffix}"));
             match system::create_dir(&partial) {
-                Ok(()) => return Ok(Self { partial, reservation, policy }),
+                Ok(()) => {
+                    // What cannot be renamed at the end is not worth beginning.
+                    let other = out.join(format!(".{name}.partial-{pid}-renamed{suffix}"));
+                    let renamed = rename(&partial, &other).and_then(|()| rename(&other, &partial));
+                    renamed.inspect_err(|_| drop(system::remove_dir(&partial)))?;
+                    let folder = fs::File::open(&partial).ok();
+                    let _folder = folder.filter(|folder| folder.try_lock().is_ok());
+                    return Ok(Self { partial, _folder, reservation, policy });
+                }
                 Err(source) if source.kind() == ErrorKind::AlreadyExists && attempt < 1000 => {}
                 Err(source) => return Err(RecordError::Create { path: partial, source }),
             }
@@ -208,7 +243,7 @@ impl Directory {
     /// Brings the record to the disk and gives it its name: that of the experiment, or the first of `<name>-2`, `<name>-3`, …
     /// that is free or holds what the record may replace.
     pub(crate) fn publish(self, summary: &RunSummary) -> Result<Published, RecordError> {
-        let Self { partial, reservation, policy } = self;
+        let Self { partial, reservation, policy, _folder } = self;
         let Reservation { out, name, lock, .. } = &reservation;
         sync_tree(&partial)?;
         let target = out.join(name);
@@ -240,13 +275,19 @@ impl Directory {
                 kept.get_or_insert(KeptResult { dir, reason });
                 continue;
             }
+            let mut warnings = Vec::new();
+            system::point("before the rename");
             if earlier.is_some() {
-                replace(&partial, &dir)?
+                warnings.extend(replace(&partial, &dir)?.err());
             } else {
-                rename(&partial, &dir)?
+                rename(&partial, &dir)?;
             }
-            sync_dir(out)?;
-            return Ok(Published { dir, kept });
+            system::point("after the rename");
+            warnings.extend(sync_dir(out).err());
+            // Last: whatever fails before, the run can go on from its checkpoint.
+            warnings.extend(forget_progress(&dir).err());
+            let warnings = warnings.iter().map(|error| format!("{error}; the result is whole"));
+            return Ok(Published { dir: dir.clone(), kept, warnings: warnings.collect() });
         }
         unreachable!("some number is free")
     }
@@ -306,19 +347,43 @@ fn is_same_configuration(one: Option<&[u8]>, other: Option<&[u8]>) -> bool {
     }
 }
 
-/// Puts a record in the place of an earlier one. Files in the earlier one that no run wrote move into the new one.
-fn replace(partial: &Path, target: &Path) -> Result<(), RecordError> {
+/// Puts a record in the place of an earlier one. Files in the earlier one that no run wrote move into the new one: that this fails
+/// is the inner error, and the next run with this name does it.
+fn replace(partial: &Path, target: &Path) -> Result<Result<(), RecordError>, RecordError> {
     let name = target.file_name().unwrap_or_default().to_string_lossy();
     let aside = target.with_file_name(format!(".{name}.replaced-{}", std::process::id()));
     rename(target, &aside)?;
+    system::point("between two renames");
     if let Err(error) = rename(partial, target) {
         // Back to where it was: the earlier result must not be lost as well.
         rename(&aside, target)?;
         return Err(error);
     }
+    Ok(empty_aside(aside, target))
+}
+
+/// Removes an earlier result whose place `target` has taken, but for files that no run wrote.
+fn empty_aside(aside: PathBuf, target: &Path) -> Result<(), RecordError> {
     keep_foreign(&aside, target)?;
     system::remove_dir_all(&aside).map_err(|source| RecordError::Write { path: aside, source })
 }
+
+/// Removes what only an unfinished run needs from a result.
+fn forget_progress(dir: &Path) -> Result<(), RecordError> {
+    for file in PROGRESS {
+        let path = dir.join(file);
+        match system::remove_file(&path) {
+            Err(source) if source.kind() != ErrorKind::NotFound => {
+                return Err(RecordError::Remove { path, source });
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Files that only an unfinished run needs.
+const PROGRESS: [&str; 3] = [checkpoint::FILE, checkpoint::UNFINISHED, ending::FILE];
 
 /// Moves everything in `from` that no run wrote into `to`. What has a name there already gets another one.
 fn keep_foreign(from: &Path, to: &Path) -> Result<(), RecordError> {
@@ -349,6 +414,7 @@ fn files_of_run(dir: &Path) -> BTreeSet<String> {
     }
     let always = [CONFIG_FILE, "provenance.json", "report.html", RunSummary::FILE, "run.log"];
     let mut names: BTreeSet<String> = always.map(str::to_owned).into();
+    names.extend(PROGRESS.map(str::to_owned));
     names.extend(TABLES.iter().map(|table| table.file.to_owned()));
     let provenance = read_file(&DESCRIPTION_BYTES, &dir.join("provenance.json")).ok();
     let provenance: Option<Provenance> =
@@ -425,4 +491,45 @@ fn refuse_foreign(target: &Path) -> Result<(), RecordError> {
         return Err(RecordError::Foreign { path: target.to_owned() });
     }
     Ok(())
+}
+
+/// Refuses an earlier result that this user could not move away for a new one.
+fn refuse_immovable(out: &Path, target: &Path) -> Result<(), RecordError> {
+    let (Ok(folder), Ok(found)) = (fs::metadata(out), fs::metadata(target)) else { return Ok(()) };
+    let reason = if folder.dev() != found.dev() {
+        "it is on another file system than the folder that it is in"
+    } else if access(target, AccessFlags::W_OK | AccessFlags::X_OK).is_err() {
+        "you may not write it"
+    } else if is_held(&folder, &found, geteuid().as_raw()) {
+        "it is somebody else's, in a folder in which only owners may rename (sticky bit)"
+    } else {
+        return Ok(());
+    };
+    Err(RecordError::Immovable { path: target.to_owned(), reason })
+}
+
+/// Whether the sticky bit of a folder keeps a user from renaming what is in it.
+fn is_held(folder: &fs::Metadata, found: &fs::Metadata, user: u32) -> bool {
+    folder.mode() & 0o1000 != 0 && ![0, folder.uid(), found.uid()].contains(&user)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_could_not_be_moved_away_at_the_end_is_refused() {
+        // Another file system, on any Linux.
+        let refused = refuse_immovable(Path::new("/"), Path::new("/proc")).unwrap_err();
+        assert!(refused.to_string().contains("another file system"), "{refused}");
+        assert!(refuse_immovable(Path::new("/"), Path::new("/no such result")).is_ok());
+        let out = tempfile::tempdir().unwrap();
+        let of = |path: &Path| fs::metadata(path).unwrap();
+        let sticky = of(&std::env::temp_dir());
+        assert_ne!(sticky.mode() & 0o1000, 0, "the folder of temporary files is everybody's");
+        let found = of(out.path());
+        assert!(!is_held(&sticky, &found, found.uid()) && !is_held(&sticky, &found, 0));
+        assert!(is_held(&sticky, &found, found.uid().max(sticky.uid()) + 1));
+        assert!(!is_held(&found, &found, found.uid() + 1));
+    }
 }

@@ -28,6 +28,22 @@ pub enum RecordError {
         /// The link.
         path: PathBuf,
     },
+    /// The earlier result could not be moved away for the new one.
+    #[error("{} could not be replaced at the end: {reason}; choose another experiment.name or --out", path.display())]
+    Immovable {
+        /// The earlier result.
+        path: PathBuf,
+        /// Why not.
+        reason: &'static str,
+    },
+    /// A file that is no longer needed could not be removed.
+    #[error("cannot remove {}: {source}", path.display())]
+    Remove {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
     /// Another program writes the result.
     #[error("{} is being written by {holder}; wait for it, or choose another experiment.name or --out", path.display())]
     Locked {

@@ -12,6 +12,7 @@ pub mod bounded;
 pub mod checkpoint;
 mod descriptors;
 mod directory;
+mod ending;
 mod error;
 pub mod formed;
 mod hashed_file;
@@ -131,7 +132,7 @@ pub struct StepRecord {
 }
 
 /// How a run ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ending {
     /// Whether it ran to its end.
     pub status: Status,
@@ -178,6 +179,8 @@ pub struct Finished {
     pub report: Option<PathBuf>,
     /// The earlier result that was not replaced: `dir` is then a folder next to it.
     pub kept: Option<KeptResult>,
+    /// What could not be done once the result had its name, a sentence each: the result is whole.
+    pub warnings: Vec<String>,
 }
 
 /// Records a run.
@@ -190,6 +193,7 @@ pub struct Recorder {
     events: Option<SyncSender<Event>>,
     /// Steps not handed over yet.
     waiting: Vec<StepRecord>,
+    n_steps: u64,
     thread: Option<JoinHandle<Result<Written, RecordError>>>,
     failure: Option<String>,
 }
@@ -230,6 +234,7 @@ impl Recorder {
             directory: Some(directory),
             events: Some(events),
             waiting: Vec::new(),
+            n_steps: 0,
             thread: Some(thread),
             failure: None,
         })
@@ -250,6 +255,7 @@ impl Recorder {
     ///
     /// What went wrong with this or anything recorded before.
     pub fn step(&mut self, record: StepRecord) -> Result<(), RecordError> {
+        self.n_steps = record.step;
         self.waiting.push(record);
         let agents = (self.header.agent_count as usize).saturating_mul(self.waiting.len());
         if agents < AGENTS_PER_HANDOVER { Ok(()) } else { self.hand_over() }
@@ -304,10 +310,15 @@ impl Recorder {
         page: impl FnOnce(&FinishedRun<'_>) -> String,
     ) -> Result<Finished, RecordError> {
         self.hand_over()?;
+        // First: whatever fails from here on, the rest can be repeated from the recording.
+        if let Some(directory) = &self.directory {
+            ending.store(directory, self.n_steps)?;
+        }
         let written = self.join()?;
         let Some(directory) = self.directory.take() else {
             unreachable!("only this function takes it, and it consumes the recorder")
         };
+        system::point("files whole");
         let summary = summary::of_run(&self.header, ending, &written);
         let mut files: Map<String, Value> = Map::new();
         let mut add = |name: &str, content: &[u8]| -> Result<(), RecordError> {
@@ -340,11 +351,9 @@ impl Recorder {
         };
         provenance.insert("files".to_owned(), Value::Object(files));
         directory.write("provenance.json", pretty(&provenance).as_bytes())?;
-        let Published { dir, kept } = directory.publish(&summary)?;
-        // Last: whatever fails before, the run can go on from it.
-        forget_checkpoint(&dir)?;
+        let Published { dir, kept, warnings } = directory.publish(&summary)?;
         let report = self.header.output.report.then(|| dir.join(REPORT_FILE));
-        Ok(Finished { dir, summary, report, kept })
+        Ok(Finished { dir, summary, report, kept, warnings })
     }
 
     fn send(&mut self, event: Event) -> Result<(), RecordError> {
@@ -376,20 +385,6 @@ impl Recorder {
     pub fn path(&self) -> PathBuf {
         self.directory.as_ref().map(|directory| directory.path().to_owned()).unwrap_or_default()
     }
-}
-
-/// A result that has its name needs none.
-fn forget_checkpoint(dir: &Path) -> Result<(), RecordError> {
-    for file in [checkpoint::FILE, checkpoint::UNFINISHED] {
-        let path = dir.join(file);
-        match system::remove_file(&path) {
-            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                return Err(RecordError::Write { path, source });
-            }
-            _ => {}
-        }
-    }
-    Ok(())
 }
 
 impl Drop for Recorder {

@@ -71,6 +71,7 @@ pub(super) async fn carry_out(
             origin.resumed.push(step);
             continue;
         }
+        system::point("after the last step");
         let (ending, failure) = match result {
             Ok(Stopped::Complete) => (Ending::complete(), None),
             Ok(Stopped::Interrupted(signal)) => {
@@ -99,9 +100,11 @@ pub(super) async fn carry_out(
                 tracing::warn!(%error, "cannot remove {}", dir.display());
             }
         }
-        if let Some(warning) = next_to(&finished) {
-            audience.warn(&warning);
-        }
+        finished
+            .warnings
+            .iter()
+            .chain(&next_to(&finished))
+            .for_each(|warning| audience.warn(warning));
         return match failure {
             None => Ok(RunReport { finished, n_steps, time_ns, wall_s, interrupted, formed_ns }),
             Some(Failure::Side(error)) => {

@@ -108,7 +108,8 @@ fn out_of(dir: &Path) -> PathBuf {
     }
 }
 
-/// Makes a result of what a run that was killed had recorded, up to its last whole step, and removes its folder.
+/// Makes a result of what a run that was killed had recorded, up to its last whole step, and removes its folder. A run that was
+/// killed after its last step ends as it would have.
 ///
 /// # Errors
 ///
@@ -144,20 +145,22 @@ pub fn recover(dir: &Path) -> Result<Finished, RunError> {
     if let Some(part) = leftover.capture(last.1).map_err(unwritten)? {
         recorder.capture(part).map_err(unwritten)?;
     }
-    let reason = format!("the run was killed; recovered up to step {}", last.0);
-    let ending = Ending::early(Status::Interrupted, reason);
+    let ending = Ending::stored(dir, last.0).unwrap_or_else(|| {
+        let reason = format!("the run was killed; recovered up to step {}", last.0);
+        Ending::early(Status::Interrupted, reason)
+    });
     let provenance = json!({
         "schema": "provenance/1",
         "orchestrator": { "version": env!("CARGO_PKG_VERSION") },
         "recovered_from": dir,
         "command_line": std::env::args().collect::<Vec<_>>(),
     });
-    let finished = recorder.finish(&ending, provenance, report::page).map_err(unwritten)?;
     // What happened to it is in its log.
-    run_log::carry_over(dir, &finished.dir).map_err(unwritten)?;
+    run_log::carry_over(dir, &recorder.path()).map_err(unwritten)?;
+    let mut finished = recorder.finish(&ending, provenance, report::page).map_err(unwritten)?;
     if let Err(source) = system::remove_dir_all(dir) {
-        let error = RecordError::Write { path: dir.to_owned(), source };
-        return Err(RunError::Record { error, before_start: false });
+        let error = RecordError::Remove { path: dir.to_owned(), source };
+        finished.warnings.push(format!("{error}; the result is whole"));
     }
     Ok(finished)
 }

@@ -212,7 +212,9 @@ impl Sink {
     fn finish(self, ending: &Ending) -> Result<RunSummary, RecordError> {
         match self {
             Self::Record(recorder) => {
-                recorder.finish(ending, Value::Null, report::page).map(|finished| finished.summary)
+                let finished = recorder.finish(ending, Value::Null, report::page)?;
+                finished.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+                Ok(finished.summary)
             }
             Self::Measure(measurer) => measurer.finish(ending),
         }

@@ -8,7 +8,7 @@ use drive::private_folder::PrivateFolder;
 use experiment::Overrides;
 use run::Reproduction;
 use std::path::PathBuf;
-use terminal::{Screen, say};
+use terminal::{Screen, say, warn_all};
 
 #[derive(Args)]
 pub(super) struct RecoverArgs {
@@ -50,6 +50,7 @@ pub(super) struct ReproduceArgs {
 pub(super) fn recover(args: &RecoverArgs) -> Result<(), Failure> {
     check_json(args.json.as_deref())?;
     let finished = run::recover(&args.folder).map_err(Failure::of_run)?;
+    warn_all(&finished.warnings);
     let summary = &finished.summary;
     say(format!(
         "{}: {} steps recovered, {:.1} s simulated",

@@ -69,6 +69,7 @@ pub fn merge(options: &SweepOptions) -> Result<MergeReport, SweepError> {
         };
         rows.insert(trial, row.clone());
     }
+    system::point("in a merge");
     journal.add_all(new_rows.into_iter())?;
     warn_of_builds(&rows);
     results::write_config(&dir, &plan)?;
