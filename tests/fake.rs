@@ -389,13 +389,20 @@ faulty!(
         .deliveries.as_mut().expect("deliveries")
         .transmissions.as_mut().expect("transmissions")
         .sent_ns.truncate(1),
-    nan: |reply| reply.deliveries.as_mut().expect("deliveries").rssi_dbm[0] = f32::NAN,
-    number: |reply| reply.deliveries.as_mut().expect("deliveries").rssi_dbm[0] += 1.0,
+    // In a step without deliveries there is nothing to spoil.
+    nan: |reply| {
+        let rssi_dbm = &mut reply.deliveries.as_mut().expect("deliveries").rssi_dbm;
+        rssi_dbm.iter_mut().take(1).for_each(|value| *value = f32::NAN);
+    },
+    number: |reply| {
+        let rssi_dbm = &mut reply.deliveries.as_mut().expect("deliveries").rssi_dbm;
+        rssi_dbm.iter_mut().take(1).for_each(|value| *value += 1.0);
+    },
     payload: |reply| {
         let sent = reply.deliveries.as_mut().expect("deliveries").transmissions.as_mut();
         let payloads = sent.expect("transmissions").payloads.as_mut().expect("payloads");
         let mut data = payloads.data.to_vec();
-        data[0] ^= 1;
+        data.iter_mut().take(1).for_each(|byte| *byte ^= 1);
         payloads.data = data.into();
     },
     // Networks have nothing of the kind.

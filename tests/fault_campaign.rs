@@ -4,7 +4,7 @@
 //! with the recording of a run to which nothing happened, resumed where it was killed, or with an error that says what failed; in
 //! time, and never with a recording that differs.
 
-mod proxy;
+pub(crate) mod proxy;
 
 use crate::recording::read_recording;
 use crate::{Server, executable, hearing_hang_ups, repository};
@@ -417,7 +417,7 @@ fn names_the_cause(said: &str) -> bool {
 }
 
 /// Waits for a process, at most so long; kills it after that.
-fn ended(mut run: Child, limit: Duration) -> anyhow::Result<Option<Output>> {
+pub(crate) fn ended(mut run: Child, limit: Duration) -> anyhow::Result<Option<Output>> {
     // What it says is little: it fits into the pipes.
     let begun = Instant::now();
     while run.try_wait()?.is_none() {

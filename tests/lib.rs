@@ -14,6 +14,7 @@ pub mod campaign;
 pub mod documented;
 pub mod fake;
 pub mod fault_campaign;
+pub mod fault_simulation;
 pub mod forming;
 pub mod fuzz;
 pub mod in_process;

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 /// What happens to the bytes from the server.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Disturbance {
+pub(crate) enum Disturbance {
     /// The connection ends.
     Cut,
     /// They are held up for half a second.
@@ -20,15 +20,15 @@ pub(super) enum Disturbance {
 }
 
 /// Passes bytes on between clients and a server.
-pub(super) struct Proxy {
+pub(crate) struct Proxy {
     /// Where it listens.
-    pub(super) url: String,
+    pub(crate) url: String,
     n_bytes: Arc<AtomicU64>,
 }
 
 impl Proxy {
     /// In front of the server at `url`; something happens once, when so many bytes have come from the server.
-    pub(super) fn start(url: &str, what: Option<(Disturbance, u64)>) -> anyhow::Result<Self> {
+    pub(crate) fn start(url: &str, what: Option<(Disturbance, u64)>) -> anyhow::Result<Self> {
         let server = url.trim_start_matches("http://").to_owned();
         let listener = TcpListener::bind("127.0.0.1:0")?;
         let url = format!("http://{}", listener.local_addr()?);
@@ -58,7 +58,7 @@ impl Proxy {
     }
 
     /// Bytes that have come from the server.
-    pub(super) fn n_bytes(&self) -> u64 {
+    pub(crate) fn n_bytes(&self) -> u64 {
         self.n_bytes.load(Ordering::SeqCst)
     }
 }

@@ -44,6 +44,7 @@ mod packets_split;
 mod plain_numbers;
 mod power;
 mod predictions;
+mod publishing;
 mod quadrotors;
 mod reference;
 mod refusals;

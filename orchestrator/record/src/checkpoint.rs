@@ -65,7 +65,7 @@ pub(crate) const UNFINISHED: &str = "checkpoint.new";
 
 /// File descriptors that are kept for the next checkpoint: it is written even if the program can open no more files.
 #[derive(Debug)]
-pub(crate) struct Reserve(Vec<File>);
+pub(crate) struct Reserve(Vec<std::fs::File>);
 
 impl Reserve {
     /// A checkpoint needs one at a time; the others are for what opens a file at the same moment.
@@ -73,7 +73,7 @@ impl Reserve {
 
     /// Keeps them, or as many as there are.
     pub(crate) fn keep() -> Self {
-        Self((0..Self::DESCRIPTORS).map_while(|_| File::open("/dev/null").ok()).collect())
+        Self((0..Self::DESCRIPTORS).map_while(|_| std::fs::File::open("/dev/null").ok()).collect())
     }
 }
 

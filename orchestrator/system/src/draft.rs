@@ -3,11 +3,10 @@
 //! A draft stands beside its place, as `.NAME.draft-PID`, and is locked as long as the process lives. The next draft of the same
 //! name removes those that are not locked: of processes that were killed.
 
-use super::fault::Operation;
-use super::{File, create_dir, hard_link, remove_dir_all, remove_file, rename, whole};
+use super::{File, create_dir, hard_link, remove_dir_all, remove_file, rename};
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, Write};
-use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _};
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 /// A file that is being made. Removed when dropped.
@@ -90,7 +89,7 @@ impl Drop for Draft {
     }
 }
 
-/// A folder that is being made, or one for intermediate files. Removed when dropped.
+/// A folder that is being made. Removed when dropped.
 #[derive(Debug)]
 pub struct DraftFolder {
     /// Locked.
@@ -108,19 +107,6 @@ impl DraftFolder {
     pub fn beside(place: &Path) -> io::Result<Self> {
         let name = place.file_name().unwrap_or_default().to_string_lossy();
         Self::begin(folder_of(place), &name, create_dir)
-    }
-
-    /// Makes a folder for intermediate files, which only this user can read.
-    ///
-    /// # Errors
-    ///
-    /// The system's folder of temporary files cannot be written.
-    pub fn temporary() -> io::Result<Self> {
-        let make = |path: &Path| {
-            whole(Operation::MakeFolder, path)?;
-            fs::DirBuilder::new().mode(0o700).create(path)
-        };
-        Self::begin(&std::env::temp_dir(), "murmuration", make)
     }
 
     fn begin(
