@@ -138,9 +138,13 @@ fn holds_nothing(dir: &Path) -> bool {
 /// Finishes the replacement of a result in which a program was killed: nothing of the earlier result is lost.
 fn put_back(out: &Path, name: &str) -> Result<(), RecordError> {
     let target = out.join(name);
+    for removed in hidden(out, &format!(".{name}.removed-")) {
+        // That it cannot be removed is no reason not to run.
+        let _ = system::remove_dir_all(&removed);
+    }
     for aside in hidden(out, &format!(".{name}.replaced-")) {
         if target.exists() {
-            empty_aside(aside, &target)?;
+            empty_aside(&aside, &target)?;
         } else {
             rename(&aside, &target)?;
         }
@@ -359,13 +363,17 @@ fn replace(partial: &Path, target: &Path) -> Result<Result<(), RecordError>, Rec
         rename(&aside, target)?;
         return Err(error);
     }
-    Ok(empty_aside(aside, target))
+    Ok(empty_aside(&aside, target))
 }
 
 /// Removes an earlier result whose place `target` has taken, but for files that no run wrote.
-fn empty_aside(aside: PathBuf, target: &Path) -> Result<(), RecordError> {
-    keep_foreign(&aside, target)?;
-    system::remove_dir_all(&aside).map_err(|source| RecordError::Write { path: aside, source })
+fn empty_aside(aside: &Path, target: &Path) -> Result<(), RecordError> {
+    keep_foreign(aside, target)?;
+    // Under a name that says so: half removed, it would no longer tell which of its files a run wrote.
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
+    let path = target.with_file_name(format!(".{name}.removed-{}", std::process::id()));
+    rename(aside, &path)?;
+    system::remove_dir_all(&path).map_err(|source| RecordError::Remove { path, source })
 }
 
 /// Removes what only an unfinished run needs from a result.
