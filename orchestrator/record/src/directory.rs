@@ -376,8 +376,12 @@ fn empty_aside(aside: &Path, target: &Path) -> Result<(), RecordError> {
     system::remove_dir_all(&path).map_err(|source| RecordError::Remove { path, source })
 }
 
-/// Removes what only an unfinished run needs from a result.
-fn forget_progress(dir: &Path) -> Result<(), RecordError> {
+/// Removes what only an unfinished run needs from a result, which a program that was killed may have left there.
+///
+/// # Errors
+///
+/// A file cannot be removed.
+pub fn forget_progress(dir: &Path) -> Result<(), RecordError> {
     for file in PROGRESS {
         let path = dir.join(file);
         match system::remove_file(&path) {

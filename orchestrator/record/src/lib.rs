@@ -44,7 +44,9 @@ pub use table::{ColumnKind, ColumnShape, TableShape};
 pub use tables::TABLES;
 pub use verify::verify;
 
-pub use directory::{KeptReason, KeptResult, ReplacePolicy, Reservation, SCHEMA_PREFIX, Tagged};
+pub use directory::{
+    KeptReason, KeptResult, ReplacePolicy, Reservation, SCHEMA_PREFIX, Tagged, forget_progress,
+};
 pub use summary::TRUTH_BASELINE;
 pub use tables::is_column_of_motes;
 

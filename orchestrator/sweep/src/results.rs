@@ -10,7 +10,7 @@ use numbers::format::number;
 use numbers::statistics::range;
 use proto::config::most_similar;
 use record::result::{PROVENANCE_FILE, ResultFolder, Trust};
-use record::{RecordError, fingerprint, pretty};
+use record::{RecordError, fingerprint, forget_progress, pretty};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -55,6 +55,10 @@ pub(super) fn remove_partial_runs(
     for entry in entries.flatten() {
         let name = entry.file_name();
         let name = name.to_string_lossy();
+        if is_own(&name) {
+            // A program that was killed had a whole run here. That a file stays does no harm to it.
+            let _ = forget_progress(&entry.path());
+        }
         // As in `.setting-0-seed-1.partial-4711`.
         let of_trial = name.strip_prefix('.').and_then(|name| name.split('.').next());
         if of_trial.is_some_and(&is_own) {
