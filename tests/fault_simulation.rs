@@ -361,7 +361,7 @@ impl Case<'_> {
                 return Ok(Verdict::NotRecoverable);
             }
         }
-        if let Some(defect) = self.compare()? {
+        if let Some(defect) = self.compare(command)? {
             return Ok(defect);
         }
         Ok(match (output.status.success(), is_killed) {
@@ -430,8 +430,8 @@ impl Case<'_> {
             && results.iter().any(|path| path.join("notes.json").exists())
     }
 
-    /// A later command removes what could not be removed; a folder of an unfinished run is the user's to keep.
-    fn clean_up(&mut self) -> anyhow::Result<Option<Verdict>> {
+    /// The same command removes later what could not be removed; a folder of an unfinished run is the user's to keep.
+    fn clean_up(&mut self, command: &str) -> anyhow::Result<Option<Verdict>> {
         let left = unfinished(&self.folder);
         for left in left {
             let output = self.execute("recover LEFT", "", &[])?;
@@ -459,16 +459,22 @@ impl Case<'_> {
             let file = fs::File::options().write(true).open(self.folder.join(name))?;
             file.set_modified(file.metadata()?.modified()? - Duration::from_secs(3600))?;
         }
+        if self.scenario.repair == Repair::Again
+            && command != self.scenario.again
+            && let Some(defect) = self.must(command, &[])?
+        {
+            return Ok(Some(defect));
+        }
         self.must(self.scenario.again, &[])
     }
 
     /// What is wrong with files and names at the end.
-    fn compare(&mut self) -> anyhow::Result<Option<Verdict>> {
+    fn compare(&mut self, command: &str) -> anyhow::Result<Option<Verdict>> {
         if let Some(defect) = self.compare_files(|_| true)? {
             return Ok(Some(defect));
         }
         if names(&self.folder)? != self.reference.names
-            && let Some(defect) = self.clean_up()?
+            && let Some(defect) = self.clean_up(command)?
         {
             return Ok(Some(defect));
         }
