@@ -470,7 +470,9 @@ impl Case<'_> {
 
     /// What is wrong with files and names at the end.
     fn compare(&mut self, command: &str) -> anyhow::Result<Option<Verdict>> {
-        if let Some(defect) = self.compare_files(|_| true)? {
+        // What is missing may still stand aside, for the next command to put it back.
+        let folder = self.folder.clone();
+        if let Some(defect) = self.compare_files(|name| folder.join(name).exists())? {
             return Ok(Some(defect));
         }
         if names(&self.folder)? != self.reference.names

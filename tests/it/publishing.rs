@@ -60,7 +60,7 @@ fn a_run_killed_after_its_last_step_is_recovered_as_the_complete_run_that_it_is(
 #[test]
 fn a_checkpoint_that_cannot_be_removed_is_a_warning_since_the_result_stands() {
     let folder = tests::folder();
-    let ended = flocking(folder.path(), "EIO remove 1 flocking/checkpoint");
+    let ended = flocking(folder.path(), "EIO remove 2 flocking/checkpoint");
     let said = tests::said(&ended);
     assert!(ended.status.success(), "{said}");
     assert!(said.contains("warning: cannot remove runs/flocking/checkpoint"), "{said}");
