@@ -121,7 +121,7 @@ fn what_a_run_has_left_is_a_campaign_of_its_model() {
         DataTable::read(&folder.path().join("runs/measured"), MemoryBudget::default()).unwrap();
     let score = |text: &str, name: &str| {
         let (study, _) = open::links(&config(text), &made, &Choices::default()).unwrap();
-        assert!(study.rows.links.readings.has_losses, "links that were not heard are there");
+        assert!(study.rows.links.readings.has_losses(), "links that were not heard are there");
         compared(&Request::new(&config(text), &made)).scores[name]
     };
     let coverage = score(text, "coverage_90");

@@ -99,6 +99,7 @@ pub(crate) fn answer<S: Study>(
         verdict,
         sentence: String::new(),
         missing,
+        possible: Vec::new(),
         measurement_defects: Vec::new(),
         split: study.blocks(COMMON).unit,
         ladder: ladder

@@ -51,7 +51,7 @@ pub(crate) fn links(
     let links = &study.rows.links;
     let is_given = links.readings.is_given;
     let pdr_errors: Option<Vec<f64>> =
-        (links.readings.is_aggregated && links.readings.has_losses && !is_given).then(|| {
+        (links.readings.is_aggregated && links.readings.has_losses() && !is_given).then(|| {
             let passes = held_out::predictions(study, search, &[]).passes;
             let rows = links.rows.iter().zip(passes);
             rows.map(|(row, passes)| square(row.received / row.frames - passes)).collect()
@@ -76,7 +76,7 @@ pub(crate) fn links(
         if is_given {
             list.retain(|(name, _)| *name != "rmse_received_db");
         }
-        if study.rows.links.readings.has_losses {
+        if study.rows.links.readings.has_losses() {
             list.push(("reception_log_loss", all.reception_log_loss));
             list.push(("reception_brier", statistics::mean(rows.iter().map(brier))));
         }

@@ -29,6 +29,9 @@ pub struct Diagnosis {
     /// Defects of the measurement as `measurement:` and their kind, then names of the effects that were accepted, in the order in
     /// which they were added.
     pub missing: Vec<String>,
+    /// Names of effects that may be missing and are not certain, each for a reason that `sentence` states. Absent if there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub possible: Vec<String>,
     /// What the blocks are that are held out together, by which candidates are ordered and models compared: `blocks of time`, `places`.
     pub split: &'static str,
     /// Of links: defects of the measurement. All else is about the corrected measurements. Absent if there are none.

@@ -35,6 +35,7 @@
 //! | `held_out` | predictions of rows by fits that have not seen them |
 //! | `scan` | structure of the residuals |
 //! | `next` | the measurement that would break a tie |
+//! | `losses` | the answer where nobody knows whether lost frames were logged |
 //! | `answer` | from what was found to an answer |
 //!
 //! A step of a public module is private to this crate too:
@@ -56,6 +57,7 @@ pub mod gate;
 mod held_out;
 pub mod json_number;
 mod ladder;
+mod losses;
 mod measured;
 mod next;
 mod pipeline;

@@ -45,6 +45,12 @@ pub(crate) trait Measured: Viewed + Sized {
         None
     }
 
+    /// The same measurements as if reception did not depend on the level, where it is not known whether lost frames were logged and
+    /// it matters.
+    fn without_selection(&self) -> Option<Self> {
+        None
+    }
+
     /// Defects of the measurement.
     fn defects(&self, _observer: &dyn Observer) -> Vec<Defect> {
         Vec::new()
@@ -130,6 +136,10 @@ impl Measured for LinkStudy {
 
     fn some_rows(&self) -> Option<Self> {
         self.thinned()
+    }
+
+    fn without_selection(&self) -> Option<Self> {
+        Self::without_selection(self)
     }
 
     fn defects(&self, observer: &dyn Observer) -> Vec<Defect> {

@@ -12,6 +12,7 @@ use crate::defects::{self, MeasurementDefect};
 use crate::diagnosis::Diagnosis;
 use crate::extend::{self, ExtendError, ExtendedConfig};
 use crate::ladder::{self, Known, Ladder, Search};
+use crate::losses;
 use crate::measured::{Added, Measured, opened};
 use crate::progress::SearchProgress;
 use crate::request::{DiagnoseError, Observer, Request, Stopped, stop_flag};
@@ -81,7 +82,20 @@ pub fn diagnose(
     }
 }
 
+/// The answer; where nobody knows whether lost frames were logged, what holds either way.
 fn diagnosed<S: Measured>(
+    opened: (S, DataAccount),
+    request: &Request<'_>,
+    observer: &dyn Observer,
+) -> Result<Answered<Diagnosis>, DiagnoseError> {
+    let otherwise = opened.0.without_selection().map(|study| (study, opened.1.clone()));
+    let found = searched(opened, request, observer)?;
+    let Some(otherwise) = otherwise else { return Ok(found) };
+    let other = searched(otherwise, &Request { wants_rows: false, ..request.clone() }, observer)?;
+    Ok(Answered { answer: losses::agreed(found.answer, &other.answer), ..found })
+}
+
+fn searched<S: Measured>(
     opened: (S, DataAccount),
     request: &Request<'_>,
     observer: &dyn Observer,

@@ -25,6 +25,8 @@ pub struct LinkSamples {
     pub n_rows: usize,
     /// What a row is: one frame, or several that are summed up.
     pub readings: Readings,
+    /// Whether frames that were lost were logged, as the file states it.
+    pub losses_logged: Option<bool>,
 }
 
 /// What the rows of a file have in common.
@@ -34,10 +36,36 @@ pub struct Readings {
     pub is_aggregated: bool,
     /// Readings are rounded to whole multiples of this (dB); 0: they are not.
     pub quantum_db: f64,
-    /// It is known which frames were lost.
-    pub has_losses: bool,
+    /// What is known of frames that were lost.
+    pub losses: Losses,
     /// They are taken for the levels at which frames arrived: what is received is predicted from them.
     pub is_given: bool,
+}
+
+impl Readings {
+    /// It is known which frames were lost.
+    #[must_use]
+    pub fn has_losses(&self) -> bool {
+        self.losses == Losses::Logged
+    }
+
+    /// A reading is one of a frame that was received: the stronger ones of a weak link.
+    #[must_use]
+    pub fn is_of_received(&self) -> bool {
+        self.losses != Losses::Ignored
+    }
+}
+
+/// What rows say of the frames that were lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Losses {
+    /// Which were lost. How many were is part of what a model predicts.
+    Logged,
+    /// Nothing: frames that were received were logged, and no others. A reading tells of its level under the condition that the frame
+    /// was received.
+    NotLogged,
+    /// Nothing, and readings are taken as if the level did not decide over reception.
+    Ignored,
 }
 
 /// A row: a frame, or several of one link and channel.
@@ -74,8 +102,9 @@ pub struct LinkRow {
 /// Columns of both shapes.
 const COMMON: [&str; 4] = ["time_s", "tx", "rx", "rssi_dbm"];
 /// Columns with a meaning of their own, which are no covariates.
-pub const KNOWN: [&str; 19] = [
+pub const KNOWN: [&str; 20] = [
     "time_s",
+    LOSSES_LOGGED,
     time_of_day::START,
     "tx",
     "rx",
@@ -95,6 +124,8 @@ pub const KNOWN: [&str; 19] = [
     "tx_heading_rad",
     "rx_heading_rad",
 ];
+/// Whether frames that were lost were logged, 1 or 0 in every row.
+pub const LOSSES_LOGGED: &str = "losses_logged";
 /// Readings above this (dBm) are no readings of a radio.
 const GREATEST_DBM: f64 = 20.0;
 /// Headings beyond this (rad) are degrees.
@@ -224,12 +255,11 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
         })
     });
     let (frames, received) = counts(&rows);
-    if !rows.is_empty() && 0.0 < frames && frames <= received {
-        warnings.push(
+    if !rows.is_empty() && 0.0 < frames && frames <= received && column(LOSSES_LOGGED).is_none() {
+        warnings.push(format!(
             "every frame was received, so effects on reception cannot be tested; frames that were lost may be missing from \
-             the file"
-                .to_owned(),
-        );
+             the file. Say which with --losses, or in a column {LOSSES_LOGGED}"
+        ));
     }
     warnings.extend(ranges.warnings());
     warnings.extend(warnings::link_warnings(&rows));
@@ -238,14 +268,16 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
         return Err(reason);
     }
     let quantum_db = quantum(&rows, is_aggregated);
-    let has_losses = has_losses(&rows);
-    let readings = Readings { is_aggregated, quantum_db, has_losses, is_given: false };
+    let losses = losses(&rows);
+    let losses_logged = column(LOSSES_LOGGED).map(stated_losses).transpose()?;
+    let readings = Readings { is_aggregated, quantum_db, losses, is_given: false };
     let links = LinkSamples {
         covariates,
         rejected: rejections.into_list(),
         warnings,
         n_rows,
         readings,
+        losses_logged,
         rows,
     };
     if links.rows.iter().all(|row| row.rssi_dbm.is_nan()) {
@@ -258,6 +290,20 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     Ok(links)
 }
 
+/// What the column [`LOSSES_LOGGED`] says.
+fn stated_losses(values: &[f64]) -> Result<bool, String> {
+    match values.first() {
+        Some(&first)
+            if [0.0, 1.0].contains(&first) && values.iter().all(|&value| value == first) =>
+        {
+            Ok(first == 1.0)
+        }
+        _ => Err(format!(
+            "{LOSSES_LOGGED} must be 1 in every row (lost frames were logged) or 0 in every row (they were not)"
+        )),
+    }
+}
+
 /// Frames sent and received, of rows that say both.
 fn counts(rows: &[LinkRow]) -> (f64, f64) {
     rows.iter()
@@ -265,11 +311,11 @@ fn counts(rows: &[LinkRow]) -> (f64, f64) {
         .fold((0.0, 0.0), |(frames, received), row| (frames + row.frames, received + row.received))
 }
 
-/// Whether rows say which frames were lost, and some were and some were not.
+/// What rows say of frames that were lost: which were, if some were and some were not, or nothing.
 #[must_use]
-pub fn has_losses(rows: &[LinkRow]) -> bool {
+pub fn losses(rows: &[LinkRow]) -> Losses {
     let (frames, received) = counts(rows);
-    0.0 < received && received < frames
+    if 0.0 < received && received < frames { Losses::Logged } else { Losses::Ignored }
 }
 
 /// A row with numbers of motes and channel, or why it cannot be used.

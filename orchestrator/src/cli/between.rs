@@ -18,7 +18,7 @@ pub(super) struct BetweenArgs {
         long,
         num_args = 2,
         value_names = ["A", "B"],
-        conflicts_with_all = ["split", "fit_runs", "score_runs", "given_rssi"]
+        conflicts_with_all = ["split", "fit_runs", "score_runs", "losses", "given_rssi"]
     )]
     between: Option<Vec<PathBuf>>,
 }

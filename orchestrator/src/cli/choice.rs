@@ -30,6 +30,15 @@ impl From<SplitArg> for SplitBy {
     }
 }
 
+/// The value of `--losses`.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum LossesArg {
+    /// Frames that were lost would be in the file
+    Logged,
+    /// Received frames alone were logged
+    NotLogged,
+}
+
 /// Which rows are used, which are left out together, how far robots are predicted.
 #[derive(Args, Clone)]
 pub(super) struct ChoiceArgs {
@@ -49,6 +58,10 @@ pub(super) struct ChoiceArgs {
     /// Prediction horizon for robots (s) [default: 1]
     #[arg(long, value_name = "S")]
     window: Option<f64>,
+    /// Links in whose file no frame is lost: whether lost frames were logged [default: the column losses_logged; without it
+    /// unknown, so that only that is certain which holds either way]
+    #[arg(long, value_name = "WHICH")]
+    losses: Option<LossesArg>,
 }
 
 impl ChoiceArgs {
@@ -60,6 +73,7 @@ impl ChoiceArgs {
             score_runs: self.score_runs.clone(),
             window_s: self.window,
             given_rssi: false,
+            losses_logged: self.losses.map(|losses| matches!(losses, LossesArg::Logged)),
         }
     }
 
@@ -76,6 +90,10 @@ impl ChoiceArgs {
             runs("fit-runs", &self.fit_runs),
             runs("score-runs", &self.score_runs),
             self.window.map_or_else(String::new, |window_s| format!(" --window {window_s}")),
+            self.losses.map_or_else(String::new, |losses| {
+                let is_logged = matches!(losses, LossesArg::Logged);
+                format!(" --losses {}", if is_logged { "logged" } else { "not-logged" })
+            }),
         ]
         .concat()
     }

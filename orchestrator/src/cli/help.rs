@@ -115,7 +115,7 @@ const OPTION_GROUPS: [(&str, &[&str]); 9] = [
     ),
     (
         "Rows and cross-validation",
-        &["condition", "split", "fit_runs", "score_runs", "window", "given_rssi"],
+        &["condition", "split", "fit_runs", "score_runs", "window", "losses", "given_rssi"],
     ),
     ("Packets and whole networks", &["positions", "seeds", "heard"]),
     ("Logging", &["log", "log_json"]),

@@ -20,6 +20,8 @@ pub struct Choices {
     pub window_s: Option<f64>,
     /// The reading of a row of several frames is taken for the level at which they arrived: reception alone is predicted.
     pub given_rssi: bool,
+    /// Of links without a lost frame: whether lost ones would have been logged. None: as the file says, or unknown.
+    pub losses_logged: Option<bool>,
 }
 
 impl Choices {
@@ -31,6 +33,7 @@ impl Choices {
         score_runs: Vec::new(),
         window_s: None,
         given_rssi: false,
+        losses_logged: None,
     };
 }
 
@@ -144,6 +147,20 @@ pub enum ChoiceError {
         "--given-rssi predicts reception from RSSI readings, and these data are robot samples; leave it out"
     )]
     NoReadings,
+    /// Lost frames were logged.
+    #[error(
+        "--losses not-logged: {rows} rows of these data report lost frames (the first on line {line}), so that losses were logged; leave \
+         it out"
+    )]
+    LossesAreThere {
+        /// How many rows report some.
+        rows: usize,
+        /// The line of the first.
+        line: usize,
+    },
+    /// Robots send no frames.
+    #[error("--losses is about frames, and these data are robot samples; leave it out")]
+    NoFrames,
     /// Every row is one frame, and a lost one shows no reading.
     #[error(
         "--given-rssi predicts the reception rate of a row from its mean RSSI reading, and here each row is one frame; a \

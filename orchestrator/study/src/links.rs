@@ -25,9 +25,13 @@ use super::{
     Candidate, Estimate, PerTerm, PredictionDifference, Residuals, RowScore, StopFlag, Study,
     TermId,
 };
-use crate::thresholds::{DECORRELATION_M, DEFAULT_DECORRELATION_M, MOST_SEARCHED_ROWS};
+use crate::thresholds::{
+    DECORRELATION_M, DEFAULT_DECORRELATION_M, MOST_SEARCHED_ROWS, SELECTED_SHARE,
+};
 use fit::LinkFit;
 use likelihood::Instrument;
+use likelihood::reception::SampledCurve;
+use measure::links::Losses;
 use physics::catalogue::Catalogue;
 use predict::RandomEffect;
 use proto::effect::Level;
@@ -72,6 +76,8 @@ pub struct LinkStudy {
     n_ends: [usize; 2],
     /// Whether fits are to stop.
     stop: StopFlag,
+    /// Nobody said whether lost frames were logged.
+    are_losses_unknown: bool,
 }
 
 impl LinkStudy {
@@ -116,7 +122,35 @@ impl LinkStudy {
             catalogue: catalogue.clone(),
             bases: Bases::default(),
             stop: StopFlag::default(),
+            are_losses_unknown: false,
         })
+    }
+
+    /// The same study, where nobody may have said whether lost frames were logged.
+    #[must_use]
+    pub(crate) fn with_losses_unknown(self, are_losses_unknown: bool) -> Self {
+        Self { are_losses_unknown, ..self }
+    }
+
+    /// The same measurements as if reception did not depend on the level, where nobody said whether lost frames were logged and it
+    /// matters: more than one reading in a hundred is of a level at which more than one frame in a hundred is lost. That is asked
+    /// of the readings, not of the model, which may be far off.
+    #[must_use]
+    pub fn without_selection(&self) -> Option<Self> {
+        if !self.are_losses_unknown {
+            return None;
+        }
+        let curve = SampledCurve::tabulate(self.rows.model.reception_curve());
+        let readings = self.rows.links.rows.iter().map(|row| row.rssi_dbm);
+        let readings: Vec<f64> = readings.filter(|dbm| dbm.is_finite()).collect();
+        let weak = readings.iter().filter(|&&dbm| curve.own_at(dbm) < 1.0 - SELECTED_SHARE);
+        if (weak.count() as f64) < SELECTED_SHARE * readings.len() as f64 {
+            return None;
+        }
+        let mut rows = self.rows.clone();
+        rows.links.readings.losses = Losses::Ignored;
+        let study = Self::new(rows, self.fixed_sd_db, &self.choices, &self.catalogue).ok()?;
+        Some(study.with_stop_flag(&self.stop))
     }
 
     /// The same study, whose fits end early once `stop` is set.
@@ -141,7 +175,8 @@ impl LinkStudy {
             study.candidates.iter().map(|candidate| candidate.name.clone()).collect()
         };
         // Terms are numbers of candidates: of other candidates, the selection would mean other terms.
-        (names(&thin) == names(self)).then(|| thin.with_stop_flag(&self.stop))
+        (names(&thin) == names(self))
+            .then(|| thin.with_stop_flag(&self.stop).with_losses_unknown(self.are_losses_unknown))
     }
 
     /// Why blocks of places are held out in place of the default blocks, if they are.

@@ -10,6 +10,7 @@ use super::thresholds::FEWEST_BLOCKS;
 use measure::DataError;
 use measure::account::DataFile;
 use measure::config::Compared;
+use measure::links::{LinkRow, LinkSamples, Losses};
 use measure::robots::{CommandKind, RobotSamples};
 use measure::table::DataTable;
 use measure::{links, packets, robots};
@@ -134,6 +135,9 @@ pub fn robots_predicted(
 ) -> Result<(RobotStudy, DataAccount), OpenError> {
     if choices.given_rssi {
         return Err(ChoiceError::NoReadings.into());
+    }
+    if choices.losses_logged.is_some() {
+        return Err(ChoiceError::NoFrames.into());
     }
     let file = table.path.display().to_string();
     let useless = |reason: String| OpenError::Useless { file: file.clone(), reason };
@@ -264,6 +268,7 @@ pub fn links(
     let useless = |reason: String| OpenError::Useless { file: file.clone(), reason };
     let mut links = links::read(table).map_err(useless)?;
     links.readings.is_given = choices.given_rssi;
+    let are_losses_unknown = settle_losses(&mut links, choices)?;
     if choices.given_rssi && !links.readings.is_aggregated {
         return Err(ChoiceError::SingleFrames.into());
     }
@@ -297,7 +302,7 @@ pub fn links(
         return Err(ChoiceError::Stated.into());
     }
     let (rows, choices) = chosen(rows, table, choices)?;
-    if choices.given_rssi && !rows.links.readings.has_losses {
+    if choices.given_rssi && !rows.links.readings.has_losses() {
         return Err(ChoiceError::NothingLost { rows: rows.len() }.into());
     }
     let mut account = DataAccount {
@@ -309,10 +314,32 @@ pub fn links(
         predicted_by: None,
     };
     account.warnings.extend(absent(config, &rows));
-    let study = LinkStudy::new(rows, fixed_sd_db, &choices, &config.catalogues.radio)?;
+    let study = LinkStudy::new(rows, fixed_sd_db, &choices, &config.catalogues.radio)?
+        .with_losses_unknown(are_losses_unknown);
     account.warnings.extend(study.fallback().map(str::to_owned));
     account.warnings.extend(too_few(&study));
     Ok((study, account))
+}
+
+/// Settles what rows say of lost frames by what was stated: on the command line, in the file, or by lost frames that are there. Returns
+/// whether it is unknown: then received frames alone are taken to have been logged, and answers hold only as far as they do not
+/// depend on it.
+fn settle_losses(links: &mut LinkSamples, choices: &Choices) -> Result<bool, ChoiceError> {
+    let is_lost = |row: &&LinkRow| row.received < row.frames;
+    let is_logged = links.readings.has_losses();
+    let stated = choices.losses_logged.or(links.losses_logged);
+    if is_logged && stated == Some(false) {
+        let line = links.rows.iter().find(is_lost).map_or(0, |row| row.line);
+        let rows = links.rows.iter().filter(is_lost).count();
+        return Err(ChoiceError::LossesAreThere { rows, line });
+    }
+    links.readings.losses = match stated {
+        Some(true) => Losses::Logged,
+        _ if is_logged => Losses::Logged,
+        _ if links.readings.is_given => Losses::Ignored,
+        _ => Losses::NotLogged,
+    };
+    Ok(stated.is_none() && links.readings.losses == Losses::NotLogged)
 }
 
 /// Where effects of one side are configured, and how the columns are found that limit one.
@@ -410,15 +437,17 @@ fn chosen(
     }
     let mut rows = rows.some(&kept.rows);
     rows.links.rejected.extend(kept.rejected);
-    rows.links.readings.has_losses = links::has_losses(&rows.links.rows);
+    if rows.links.readings.has_losses() {
+        rows.links.readings.losses = links::losses(&rows.links.rows);
+    }
     let is_given = choices.given_rssi;
     let by_outcome: Vec<&str> =
         kept.asked.iter().map(String::as_str).filter(|name| is_outcome(name, is_given)).collect();
     if is_given && !by_outcome.is_empty() {
         return Err(ChoiceError::ChosenByReception { columns: by_outcome.join(" and ") });
     }
-    if rows.links.readings.has_losses && !by_outcome.is_empty() {
-        rows.links.readings.has_losses = false;
+    if rows.links.readings.is_of_received() && !by_outcome.is_empty() {
+        rows.links.readings.losses = Losses::Ignored;
         rows.links.warnings.push(format!(
             "rows were selected by {}, an outcome of reception. Selecting rows by the outcome biases the result, so \
              reception is not fitted, and only RSSI readings are used",

@@ -134,6 +134,9 @@ pub const STRAY_FRAMES: f64 = 1e-3;
 /// Correlation ρ of the frames of one row, because disturbances last longer than a frame. The effective sample size of k frames
 /// is k / (1 + (k − 1) ρ), at most 100.
 pub const FRAME_CORRELATION: f64 = 0.01;
+/// Where nobody said whether lost frames were logged, it matters if more than this share of readings is of a level at which more
+/// than this share of frames is lost. Chosen: one frame in a hundred moves a mean by less than readings are rounded.
+pub const SELECTED_SHARE: f64 = 0.01;
 /// Least standard deviation of the mean of any number of readings (dB): registers read in steps, and drift. Rounding to 1 dB
 /// alone has 0.29 dB.
 pub const MEAN_READING_SD_DB: f64 = 0.3;

@@ -183,7 +183,7 @@ impl<'a> Evidence<'a> {
     pub fn probability_between(&self, row: usize, low_dbm: f64, high_dbm: f64) -> f64 {
         let level = &self.levels[row];
         let power_dbm = level.power_dbm + self.intercept_db;
-        let by_curve = level.stated.is_none() && self.instrument.readings.has_losses;
+        let by_curve = level.stated.is_none() && self.instrument.readings.is_of_received();
         let sd_db = self.instrument.sd_db;
         let n = (REACH_SD / STEP_SD) as i32;
         let (mut all, mut inside) = (0.0, 0.0);
@@ -218,7 +218,7 @@ fn log_loss(
     level: &RowPrediction,
     intercept_db: f64,
 ) -> f64 {
-    if !instrument.readings.has_losses || !row.received.is_finite() {
+    if !instrument.readings.has_losses() || !row.received.is_finite() {
         return 0.0;
     }
     let passes = instrument.reception(level, intercept_db).clamp(1e-9, 1.0 - 1e-9);

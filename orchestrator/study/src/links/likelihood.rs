@@ -3,7 +3,7 @@
 use crate::RowScore;
 use crate::thresholds::STRAY_FRAMES;
 use density::FadingDensity;
-use measure::links::{LinkRow, Readings};
+use measure::links::{LinkRow, Losses, Readings};
 use reception::{AveragedCurve, PowerMixture, SampledCurve};
 use register::{PowerRange, width_db};
 
@@ -117,6 +117,10 @@ const LEGENDRE: [(f64, f64); 8] = [
 const REACH_SD: f64 = 8.0;
 /// Beyond that they are so dense only at the near end of a range (standard deviations of the noise).
 const THERE_SD: f64 = 2.0;
+
+/// The weight of a reading of a received frame is at least this share of that without the condition that it was received, so that
+/// Newton's method takes steps.
+const LEAST_WEIGHT: f64 = 0.05;
 
 /// Beyond this ratio (nats) of densities at two of these places next to the middle, products of ratios may overflow.
 const MOST_TILT: f64 = 100.0;
@@ -301,7 +305,7 @@ impl Instrument {
         let deviation = row.rssi_dbm - level.power_dbm - offset_db - blup_db;
         let mut slope = RowLikelihood::default();
         if is_received {
-            let by_curve = self.readings.has_losses && level.stated.is_none();
+            let by_curve = self.readings.is_of_received() && level.stated.is_none();
             let power_dbm = row.rssi_dbm - offset_db - level.shift_db;
             let is_bent = stretch != 1.0;
             let is_cut =
@@ -312,12 +316,19 @@ impl Instrument {
                 // Where the curve is level, all strengths that are rounded to one reading pass alike.
                 (false, false) => self.of_reading.log_density_at(deviation),
             };
-            if is_bent && by_curve || is_cut {
+            let is_weighted = is_bent && by_curve || is_cut;
+            if self.readings.losses == Losses::NotLogged && by_curve {
+                if !is_weighted {
+                    slope.log += self.curve.ln_at(power_dbm);
+                }
+                return self.given_reception(slope, level.power_dbm + blup_db - level.shift_db);
+            }
+            if is_weighted {
                 slope.log += level.ln_survival;
                 return slope;
             }
         }
-        if !self.readings.has_losses {
+        if !self.readings.has_losses() {
             return slope;
         }
         if let Some(stated) = level.stated {
@@ -342,6 +353,22 @@ impl Instrument {
         slope
     }
 
+    /// The log likelihood of a reading together with reception, under the condition that the frame was received: what else may lose
+    /// frames counts in neither. `dbm`: where on the curve the mean level lies.
+    fn given_reception(&self, joint: RowLikelihood, dbm: f64) -> RowLikelihood {
+        let chance = self.averaged.reception_at(dbm);
+        let first = chance.slope / chance.passes;
+        RowLikelihood {
+            log: joint.log - libm::log(chance.passes),
+            over_level: joint.over_level - first,
+            // Far below the curve all that is received is alike, and tells little of the level.
+            weight: (joint.weight + chance.bend / chance.passes - first * first)
+                .max(LEAST_WEIGHT * joint.weight),
+            over_ln_sd: joint.over_ln_sd - chance.over_ln_sd / chance.passes,
+            ..joint
+        }
+    }
+
     /// Probability that a frame at this level is received.
     #[must_use]
     pub fn reception(&self, level: &RowPrediction, blup_db: f64) -> f64 {
@@ -363,7 +390,7 @@ impl Instrument {
         read: Option<RegisterResponse<'_>>,
     ) -> (f64, f64) {
         let mean = level.power_dbm + level.register_db + blup_db;
-        let by_curve = level.stated.is_none() && self.readings.has_losses;
+        let by_curve = level.stated.is_none() && self.readings.is_of_received();
         if !by_curve && read.is_none() {
             let shift: f64 = self.spread.0.iter().map(|(level, p)| level * p).sum();
             return (mean + shift, (self.of_reading.variance() + self.spread.variance()).sqrt());
@@ -414,7 +441,7 @@ impl Instrument {
             score.squared_error = deviation * deviation;
             score.crps = normal_crps(deviation, sd);
         }
-        if self.readings.has_losses && row.received.is_finite() {
+        if self.readings.has_losses() && row.received.is_finite() {
             let passes = self.reception(level, blup_db).clamp(1e-9, 1.0 - 1e-9);
             score.reception_log_loss =
                 if row.received == 1.0 { -libm::log(passes) } else { -libm::log(1.0 - passes) };
@@ -440,8 +467,12 @@ pub(crate) mod tests {
     fn instrument(sd_db: f64) -> Instrument {
         let curve = SampledCurve::tabulate(&Table::dust());
         let spread = PowerMixture::none();
-        let readings =
-            Readings { quantum_db: 1.0, has_losses: true, is_aggregated: false, is_given: false };
+        let readings = Readings {
+            quantum_db: 1.0,
+            losses: Losses::Logged,
+            is_aggregated: false,
+            is_given: false,
+        };
         Instrument::new(curve, spread, Noise { sd_db, ..Noise::default() }, readings)
     }
 
@@ -487,6 +518,37 @@ pub(crate) mod tests {
                 .sum();
             let passes = instrument.reception(&level, 0.0);
             assert!((sum - passes).abs() < 2e-3 * passes.max(0.1), "{power_dbm}: {sum} {passes}");
+        }
+    }
+
+    #[test]
+    fn readings_of_frames_that_were_logged_if_received_sum_to_one_and_have_these_slopes() {
+        let of = |sd_db: f64| {
+            let all = instrument(sd_db);
+            let readings = Readings { losses: Losses::NotLogged, ..all.readings };
+            Instrument::new(all.curve, all.spread, Noise { sd_db, ..Noise::default() }, readings)
+        };
+        let at = |power_dbm: f64, rssi_dbm: f64, sd_db: f64| {
+            of(sd_db).row_likelihood(&row(1.0, 1.0, rssi_dbm), &level(power_dbm), 0.0)
+        };
+        for power_dbm in [-95.31, -91.03, -84.05] {
+            let readings = (-120..-60).map(f64::from);
+            let sum: f64 =
+                readings.map(|rssi_dbm| libm::exp(at(power_dbm, rssi_dbm, 2.0).log)).sum();
+            assert!((sum - 1.0).abs() < 5e-3, "{power_dbm}: {sum}");
+            for rssi_dbm in [-93.0, -90.0, -86.0] {
+                let (here, h) = (at(power_dbm, rssi_dbm, 2.0), 1e-3);
+                let apart = |f: &dyn Fn(f64) -> f64| (f(h) - f(-h)) / (2.0 * h);
+                let by_level = apart(&|h| at(power_dbm + h, rssi_dbm, 2.0).log);
+                let by_ln_sd = apart(&|h| at(power_dbm, rssi_dbm, 2.0 * libm::exp(h)).log);
+                for (slope, difference) in
+                    [(here.over_level, by_level), (here.over_ln_sd, by_ln_sd)]
+                {
+                    let tolerance = 0.02 * difference.abs().max(1.0);
+                    assert!((slope - difference).abs() < tolerance, "{slope} {difference}");
+                }
+                assert!(0.0 < here.weight);
+            }
         }
     }
 

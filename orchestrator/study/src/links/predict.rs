@@ -156,7 +156,7 @@ impl LinkStudy {
                 all.deviation[row] = measured.rssi_dbm - predicted.rssi_dbm;
                 all.scaled[row] = all.deviation[row] / predicted.sd_db;
             }
-            if self.rows.links.readings.has_losses && measured.received.is_finite() {
+            if self.rows.links.readings.has_losses() && measured.received.is_finite() {
                 let share = measured.received / measured.frames;
                 all.surprise[row] = (share - predicted.passes) / predicted.passes_sd;
             }

@@ -7,7 +7,7 @@ pub mod testable;
 use crate::links::likelihood::register::Register;
 use crate::thresholds::{MOST_AGENT_POSITIONS, STILL_M};
 use measure::Rejections;
-use measure::links::{LinkRow, LinkSamples, has_losses};
+use measure::links::{LinkRow, LinkSamples, losses};
 use physics::Model;
 use physics::effect::Effect;
 use physics::link::{Covariates, End, Link, Scene};
@@ -144,7 +144,7 @@ impl ModelledLinks {
         rows.is_bent = registers.any(|register| register == Register::Bent);
         rows.leave_out_unknown();
         if rows.links.readings.is_given {
-            rows.links.readings.has_losses = has_losses(&rows.links.rows);
+            rows.links.readings.losses = losses(&rows.links.rows);
         }
         rows.look_through();
         rows

@@ -68,7 +68,7 @@ struct RowCounts {
 
 impl RowCounts {
     fn from_row(row: &LinkRow, instrument: &Instrument) -> Self {
-        let knows_losses = instrument.readings.has_losses && row.received.is_finite();
+        let knows_losses = instrument.readings.has_losses() && row.received.is_finite();
         let sent = if row.frames.is_finite() { row.frames.max(1.0) } else { 1.0 };
         let received = if row.received.is_finite() { row.received } else { sent };
         let share = effective_frames(sent) / sent;
@@ -126,7 +126,7 @@ impl Instrument {
                 let passes = (stated * survival).clamp(STRAY_FRAMES, 1.0 - STRAY_FRAMES);
                 (passes, 0.0, self.sd_db * self.sd_db)
             }
-            None if !self.readings.has_losses => (1.0, 0.0, self.sd_db * self.sd_db),
+            None if !self.readings.is_of_received() => (1.0, 0.0, self.sd_db * self.sd_db),
             None => {
                 let z = chance.received_noise_db / self.sd_db;
                 let share = (1.0 + chance.over_ln_sd / chance.passes - z * z).clamp(0.05, 2.0);
@@ -226,7 +226,7 @@ impl Instrument {
     ) -> Option<Integral> {
         let read = counts.reading_dbm - level.range.offset_db;
         let (noise_db, one, alike_from_dbm) = match &self.tabulated {
-            _ if !self.readings.has_losses => {
+            _ if !self.readings.is_of_received() => {
                 (0.0, self.rounded_variance(self.sd_db * self.sd_db), f64::NEG_INFINITY)
             }
             Some(frames) if level.stated.is_none() => {
@@ -419,11 +419,13 @@ impl Instrument {
     /// derivatives; and the likelihood of rows without a received frame, for these numbers of frames sent.
     #[must_use]
     pub fn with_tables(self, silent_frames: &[f64]) -> Self {
-        let tabulated =
-            |one: Self| Self { tabulated: one.readings.has_losses.then(|| one.table()), ..one };
+        let tabulated = |one: Self| Self {
+            tabulated: one.readings.is_of_received().then(|| one.table()),
+            ..one
+        };
         let wider = tabulated(self.with_sd(WIDER * self.sd_db));
         let mut with = Self { wider: Some(Box::new(wider)), ..tabulated(self) };
-        if with.readings.has_losses {
+        if with.readings.has_losses() {
             with.silent = silent_frames.iter().map(|&frames| with.silent(frames)).collect();
         }
         with

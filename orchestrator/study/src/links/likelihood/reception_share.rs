@@ -96,13 +96,17 @@ mod tests {
     use super::*;
     use crate::links::likelihood::Noise;
     use crate::links::likelihood::reception::{PowerMixture, SampledCurve};
-    use measure::links::Readings;
+    use measure::links::{Losses, Readings};
     use numbers::power::square;
     use physics::reception::table::Table;
 
     fn instrument(share_sd: f64) -> Instrument {
-        let readings =
-            Readings { quantum_db: 0.0, has_losses: true, is_aggregated: true, is_given: true };
+        let readings = Readings {
+            quantum_db: 0.0,
+            losses: Losses::Logged,
+            is_aggregated: true,
+            is_given: true,
+        };
         let noise = Noise { sd_db: 2.0, link_sd_db: 2.0, share_sd };
         Instrument::new(
             SampledCurve::tabulate(&Table::dust()),

@@ -49,6 +49,6 @@ impl LinkStudy {
         }
         rows.limits_dbm = correction.limits_dbm.or(rows.limits_dbm);
         let study = Self::new(rows, self.fixed_sd_db, &self.choices, &self.catalogue)?;
-        Ok(Some(study.with_stop_flag(&self.stop)))
+        Ok(Some(study.with_stop_flag(&self.stop).with_losses_unknown(self.are_losses_unknown)))
     }
 }

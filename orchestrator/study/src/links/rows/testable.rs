@@ -35,7 +35,7 @@ pub fn has(rows: &ModelledLinks, need: Need) -> bool {
                 || rows.site.obstacle.iter().any(|obstacle| obstacle.height_m.is_some())
         }
         Need::OtherAgents => rows.knows_others(),
-        Need::Losses => rows.links.readings.has_losses,
+        Need::Losses => rows.links.readings.has_losses(),
         Need::Readings => measured.iter().any(|row| row.rssi_dbm.is_finite()),
         Need::Column(name) => rows.links.covariates.iter().any(|(column, _)| {
             column == name

@@ -71,7 +71,7 @@ pub(in crate::links) fn specs(
                 || curve.covariate == CHANNEL && rows.links.readings.is_given
         })
         .map(|curve| TermSpec::Curve(LinkCurve { is_loss: true, ..curve.clone() }))
-        .filter(|_| rows.links.readings.has_losses)
+        .filter(|_| rows.links.readings.has_losses())
         .collect::<Vec<_>>();
     let of_readings = covariates.iter().cloned().map(TermSpec::Curve);
     let of_readings = of_readings.filter(|_| !rows.links.readings.is_given);

@@ -2,7 +2,7 @@ use super::*;
 use crate::links::likelihood::Noise;
 use crate::links::likelihood::reception::{PowerMixture, SampledCurve};
 use crate::links::likelihood::tests::row;
-use measure::links::Readings;
+use measure::links::{Losses, Readings};
 use numbers::power::square;
 use physics::reception::Curve;
 
@@ -24,7 +24,7 @@ impl Curve for Normal {
 
 fn instrument(sd_db: f64, link_sd_db: f64) -> Instrument {
     let readings =
-        Readings { quantum_db: 0.0, has_losses: true, is_aggregated: true, is_given: false };
+        Readings { quantum_db: 0.0, losses: Losses::Logged, is_aggregated: true, is_given: false };
     let noise = Noise { sd_db, link_sd_db, ..Noise::default() };
     Instrument::new(SampledCurve::tabulate(&Normal), PowerMixture::none(), noise, readings)
         .with_tables(&[])

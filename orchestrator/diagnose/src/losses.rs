@@ -1,0 +1,63 @@
+//! What holds of two answers about one campaign: as if received frames alone had been logged, and as if reception did not depend on the
+//! level. Where nobody knows whether lost frames were logged, only that is certain which both say.
+
+use crate::diagnosis::{Diagnosis, Structure, Verdict};
+use std::collections::BTreeSet;
+
+/// The first answer, as far as the other says the same.
+pub(crate) fn agreed(mut found: Diagnosis, other: &Diagnosis) -> Diagnosis {
+    let names = |one: &Diagnosis| -> BTreeSet<String> {
+        let structure = one.unexplained.iter().map(Structure::named);
+        one.missing.iter().cloned().chain(structure).collect()
+    };
+    if names(&found) == names(other) && found.verdict == other.verdict {
+        widen(&mut found, other);
+        return found;
+    }
+    let is_in_both = |name: &String| other.missing.contains(name);
+    let (certain, one_sided): (Vec<String>, Vec<String>) =
+        found.missing.drain(..).partition(is_in_both);
+    let only_there = other.missing.iter().filter(|name| !certain.contains(name)).cloned();
+    found.possible = one_sided;
+    found.possible.extend(only_there);
+    found.unexplained.retain(|one| other.unexplained.iter().any(|it| it.named() == one.named()));
+    for candidate in &mut found.candidates {
+        candidate.accepted &= certain.contains(&candidate.effect)
+            || candidate.effect.starts_with(study::CURVE) && !found.unexplained.is_empty();
+    }
+    let either_way = match &certain[..] {
+        [] => String::new(),
+        certain => format!("missing either way: {}. ", certain.join(", ")),
+    };
+    found.too_little = Some(format!(
+        "{either_way}Whether lost frames were logged is not known, and decides: if received frames alone were logged, {}; if reception \
+         had no part in it, {}. Say which with --losses",
+        found.sentence, other.sentence
+    ));
+    found.missing = certain;
+    found.verdict = if !found.unexplained.is_empty() {
+        Verdict::UnexplainedStructure
+    } else if !found.missing.is_empty() {
+        Verdict::MissingEffects
+    } else {
+        Verdict::NothingFound
+    };
+    found.sentence = found.too_little.clone().unwrap_or_default();
+    widen(&mut found, other);
+    found
+}
+
+/// Intervals that hold either way.
+fn widen(found: &mut Diagnosis, other: &Diagnosis) {
+    for candidate in found.candidates.iter_mut().filter(|candidate| candidate.accepted) {
+        let same = other
+            .accepted()
+            .find(|it| (&it.effect, &it.only) == (&candidate.effect, &candidate.only));
+        for (key, parameter) in &mut candidate.parameters {
+            if let Some(it) = same.and_then(|same| same.parameters.get(key)) {
+                parameter.low = parameter.low.min(it.low);
+                parameter.high = parameter.high.max(it.high);
+            }
+        }
+    }
+}
