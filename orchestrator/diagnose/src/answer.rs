@@ -1,5 +1,6 @@
 //! From a search to an answer: which effects, which structure, which numbers.
 
+use super::certainty::{self, Remains};
 use super::diagnosis::{
     Affects, AlsoAlong, Diagnosis, Parameter, Rung, SCHEMA, Structure, Tested, Verdict,
 };
@@ -7,6 +8,7 @@ use super::gain::Gain;
 use super::gate::{self, Gate};
 use super::ladder::{self, CandidateTest, Ladder, Search};
 use super::next;
+use super::pure_error::{PureError, pure_error};
 use super::scan::Unexplained;
 use super::words;
 use indexmap::IndexMap;
@@ -64,13 +66,11 @@ pub(crate) fn answer<S: Study>(
     };
     let (numbers_of, fit) = numbers(search, study, all_rows, &ladder.accepted);
     let unexplained = unexplained(study, ladder, residuals);
-    let missing: Vec<String> = ladder
-        .accepted
-        .iter()
-        .map(|&term| &study.candidates()[term])
-        .filter(|candidate| candidate.curve_over().is_none())
-        .map(|candidate| candidate.name.clone())
-        .collect();
+    let (candidates, known) = tested(study, ladder, numbers_of, &fit);
+    let pure = if search.is_stopped() { None } else { pure_error_of(study, search, ladder) };
+    let remains = Remains { gate: &gate, pure, has_structure: !unexplained.is_empty() };
+    let doubts = certainty::doubts(study, ladder, &known, &remains);
+    let Named { missing, missing_one_of, possible } = named(study, ladder, &doubts);
     let is_complete = ladder.stopped.is_none() && !search.is_stopped();
     let withheld: Vec<&str> =
         ladder.withheld().map(|term| study.candidates()[term].name.as_str()).collect();
@@ -78,28 +78,36 @@ pub(crate) fn answer<S: Study>(
         Verdict::NothingFound
     } else if !unexplained.is_empty() {
         Verdict::UnexplainedStructure
+    } else if !missing.is_empty() && missing.len() == missing_one_of.len() {
+        Verdict::MissingOneOf
     } else if !missing.is_empty() {
         Verdict::MissingEffects
     } else if !gate.misfits.is_empty() {
         Verdict::SomethingMissing
-    } else if gate.tells_too_little() || !withheld.is_empty() || !is_complete {
+    } else if gate.tells_too_little()
+        || !withheld.is_empty()
+        || !possible.is_empty()
+        || pure.is_some_and(|pure| pure.is_alarming())
+        || !is_complete
+    {
         Verdict::NothingFound
     } else {
         Verdict::NothingMissing
     };
-    let (candidates, known) = tested(study, ladder, numbers_of, &fit);
     let next_measurement = if search.is_stopped() {
         Vec::new()
     } else {
         next::measurements(study, search, ladder, &known)
     };
+    let possible_text = possible.join(" and ");
     let mut diagnosis = Diagnosis {
         schema: SCHEMA,
         kind: measurements.subject,
         verdict,
         sentence: String::new(),
         missing,
-        possible: Vec::new(),
+        missing_one_of,
+        possible,
         measurement_defects: Vec::new(),
         split: study.blocks(COMMON).unit,
         ladder: ladder
@@ -117,8 +125,16 @@ pub(crate) fn answer<S: Study>(
         next_measurement,
         complete: is_complete,
         too_little: ladder.too_little.clone().or_else(|| {
-            (verdict == Verdict::NothingFound && !withheld.is_empty())
-                .then(|| withheld_text(&withheld))
+            if verdict != Verdict::NothingFound {
+                None
+            } else if let (false, Some((_, why))) = (possible_text.is_empty(), doubts.first()) {
+                Some(format!("nothing is certain: {possible_text} may be missing, but {why}"))
+            } else if !withheld.is_empty() {
+                Some(withheld_text(&withheld))
+            } else {
+                pure.filter(|pure| pure.is_alarming())
+                    .map(|pure| lack_of_fit_text(&pure, measurements.error_unit))
+            }
         }),
         stopped_in_round: ladder.stopped,
         searched: measurements.searched,
@@ -127,6 +143,56 @@ pub(crate) fn answer<S: Study>(
     };
     diagnosis.sentence = words::sentence(&diagnosis);
     diagnosis
+}
+
+/// Names for what was accepted.
+struct Named {
+    /// What is certain, each an effect, or several of which these data cannot tell which it is.
+    missing: Vec<String>,
+    /// Of these the latter.
+    missing_one_of: Vec<Vec<String>>,
+    /// What is not certain.
+    possible: Vec<String>,
+}
+
+fn named<S: Study>(study: &S, ladder: &Ladder, doubts: &[(TermId, String)]) -> Named {
+    let candidates = study.candidates();
+    let mut named = Named { missing: Vec::new(), missing_one_of: Vec::new(), possible: Vec::new() };
+    let effects = ladder.accepted.iter().filter(|&&term| candidates[term].curve_over().is_none());
+    for &term in effects {
+        let ties = trial_of(ladder, term).map_or(&[][..], |test| &test.ties);
+        let names = [&[term], ties].concat();
+        let names: Vec<String> =
+            names.into_iter().map(|term| candidates[term].name.clone()).collect();
+        let one_of = names.join(" or ");
+        if doubts.iter().any(|(doubted, _)| *doubted == term) {
+            named.possible.push(one_of);
+            continue;
+        }
+        named.missing.push(one_of);
+        if 1 < names.len() {
+            named.missing_one_of.push(names);
+        }
+    }
+    named
+}
+
+fn pure_error_of<S: Study>(
+    study: &S,
+    search: &Search<'_, S>,
+    ladder: &Ladder,
+) -> Option<PureError> {
+    let fit = search.full_fit(&ladder.accepted, COMMON, None);
+    pure_error(&study.linearised(&fit)?, &study.dependence())
+}
+
+/// That more is left than repeats differ by.
+fn lack_of_fit_text(pure: &PureError, unit: &str) -> String {
+    format!(
+        "nothing was found, but the model is off by {:.3} {unit} where rows that repeat each other differ by {:.3} {unit}: something may be \
+         missing that was not tested",
+        pure.remaining, pure.pure
+    )
 }
 
 /// Why candidates that gain beyond chance are not named.

@@ -26,9 +26,12 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The verdict in a sentence.
     pub sentence: String,
-    /// Defects of the measurement as `measurement:` and their kind, then names of the effects that were accepted, in the order in
-    /// which they were added.
+    /// Defects of the measurement as `measurement:` and their kind, then what is certainly missing, in the order in which it was
+    /// found: the name of an effect, or `A or B` where these data cannot tell which of several it is.
     pub missing: Vec<String>,
+    /// Of what is missing, the effects that these data cannot tell apart: the names of each set. Absent if there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub missing_one_of: Vec<Vec<String>>,
     /// Names of effects that may be missing and are not certain, each for a reason that `sentence` states. Absent if there are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub possible: Vec<String>,
@@ -81,6 +84,8 @@ pub enum Verdict {
     NothingMissing,
     /// Effects of the catalogue, and nothing else.
     MissingEffects,
+    /// Effects of the catalogue, of each of which these data tell only that it is one of several.
+    MissingOneOf,
     /// There is structure that no effect of the catalogue explains.
     UnexplainedStructure,
     /// The model is wrong, and these data do not say why.

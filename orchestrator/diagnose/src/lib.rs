@@ -35,6 +35,8 @@
 //! | `held_out` | predictions of rows by fits that have not seen them |
 //! | `scan` | structure of the residuals |
 //! | `next` | the measurement that would break a tie |
+//! | `certainty` | what of all that was accepted is certain |
+//! | `pure_error` | whether the model leaves more than repeats differ by |
 //! | `losses` | the answer where nobody knows whether lost frames were logged |
 //! | `answer` | from what was found to an answer |
 //!
@@ -47,6 +49,7 @@
 mod acceptance;
 mod answer;
 pub mod between;
+mod certainty;
 pub mod compare;
 pub mod corrected_data;
 pub mod defects;
@@ -63,6 +66,7 @@ mod next;
 mod pipeline;
 pub mod power;
 pub mod progress;
+mod pure_error;
 mod request;
 pub mod rows;
 mod scan;

@@ -163,6 +163,14 @@ impl<'a> ScoreTests<'a> {
         })
     }
 
+    /// The correlation of what two columns move beside all that was estimated; none where one moves nothing else.
+    #[must_use]
+    pub(crate) fn correlation(&self, a: &Column, b: &Column) -> Option<f64> {
+        let (a, of_a) = self.left(a, &[&self.estimated])?;
+        let (b, of_b) = self.left(b, &[&self.estimated])?;
+        Some(self.inner(&a, &b) / (of_a * of_b).sqrt())
+    }
+
     /// P-value of several columns together, of rows that depend on each other in time (Hotelling's T², by Fisher's F). None where nothing can
     /// be told.
     #[must_use]

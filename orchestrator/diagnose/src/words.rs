@@ -33,10 +33,15 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
         (None, Verdict::MissingEffects) if missing.is_empty() => {
             "no missing effect is detectable in the corrected data".to_owned()
         }
-        (None, Verdict::MissingEffects) => {
+        (None, Verdict::MissingEffects | Verdict::MissingOneOf) => {
             let misfit = diagnosis.misfits.first().map(Misfit::sentence);
             let left = misfit.map(|misfit| format!("; something else is missing: {misfit}"));
-            format!("missing: {missing}{}", left.unwrap_or_default())
+            let ties = if diagnosis.missing_one_of.is_empty() {
+                ""
+            } else {
+                " (these data cannot tell which)"
+            };
+            format!("missing: {missing}{ties}{}{}", possibly(diagnosis), left.unwrap_or_default())
         }
         (None, Verdict::UnexplainedStructure) => {
             let over: Vec<String> = diagnosis.unexplained.iter().map(Structure::named).collect();
@@ -62,6 +67,14 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             format!("stopped in round {round}; partial result, which may still change: {found}")
         }
     }
+}
+
+/// What may be missing beside what is certain.
+fn possibly(diagnosis: &Diagnosis) -> String {
+    if diagnosis.possible.is_empty() {
+        return String::new();
+    }
+    format!("; possibly also {}", diagnosis.possible.join(" and "))
 }
 
 /// Names of the effects that are missing, defects of the measurement apart.

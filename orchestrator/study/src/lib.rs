@@ -43,6 +43,8 @@ pub struct Candidate {
     pub name: String,
     /// What people should know of it; none for curves.
     pub about: Option<&'static About>,
+    /// It spreads single frames, independently of each other, and moves no mean.
+    pub is_spread: bool,
     /// Over what its covariate varies, which decides the blocks that are held out to judge it.
     pub level: Level,
     /// How many numbers a fit of it sets, places of a search included.
@@ -352,11 +354,11 @@ pub trait Study: Sync {
     fn settings(&self, fit: &Self::Fit, term: TermId) -> Option<toml::Table>;
 }
 
-/// Whether a value lies at an end of a parameter's range.
+/// Whether a value lies at an end of a parameter's range: nearer than a thousandth of the step that changes predictions a little.
 #[must_use]
 pub fn is_at_bound(parameter: &Parameter, value: f64) -> bool {
-    let span = parameter.max - parameter.min;
-    value - parameter.min < 1e-6 * span || parameter.max - value < 1e-6 * span
+    let near = 1e-3 * parameter.step;
+    value - parameter.min < near || parameter.max - value < near
 }
 
 /// What to mind of a parameter: the data say nothing of it, or it is at a bound of its range.

@@ -413,6 +413,15 @@ pub const RIVAL_SHARE: f64 = 0.8;
 /// Two candidates are tied if their gains differ by at most this number of standard errors of the difference: about 95 % of a
 /// normal distribution.
 pub const TIED_ERRORS: f64 = 2.0;
+/// Two candidates are tied, too, if the likelihood of all rows left out is at most e^3 = 20 times as great under one as under the
+/// other. Where both predict nearly the same, the standard error of the difference is too small to count.
+pub const TIED_NATS: f64 = 3.0;
+/// Two effects are tied, too, if what they move, beside all that was estimated, is correlated by at least this: then errors of
+/// covariates decide between them. Chosen: of one part in fifty of the information.
+pub const SAME_COLUMNS: f64 = 0.99;
+/// A parameter is identified if half of its 90 % interval is at most this share of the estimate, or, of a parameter that is
+/// positive, of its logarithm: 0.6 to 1.65 times the estimate. Chosen: wider, not even the order of magnitude is known.
+pub const IDENTIFIED_HALF: f64 = 0.5;
 /// Level of the likelihood-ratio test by which a curve replaces an effect nested in it. Rows count as independent, which they
 /// are not, so that the level is far below any other.
 pub const NESTED_LEVEL: f64 = 1e-6;
@@ -426,6 +435,18 @@ pub const SPECIAL_CASE_NATS: f64 = 6.0;
 /// ratio with mean m has a variance of about 2 m, so that it lies √(m/2) standard errors above 0; a single candidate needs
 /// 2.58. The gain on held-out rows is smaller than on the rows of the fit.
 pub const HOPELESS_NATS: f64 = 12.0;
+
+// Lack of fit.
+
+/// A model lacks something if what it leaves exceeds the variance of repeats by this factor, clustered, at 95 %. Chosen: nearer
+/// to 1, errors of a tenth of the noise forbid an answer.
+pub const LACK_OF_FIT_RATIO: f64 = 1.5;
+/// A row is repeated no earlier than so many of the shortest blocks of time later: neighbouring windows share an error …
+pub const REPEAT_BLOCKS: f64 = 2.0;
+/// … and no later than so many. Chosen: later, what the model gets wrong may have changed.
+pub const MOST_REPEAT_BLOCKS: f64 = 12.0;
+/// Blocks of a campaign that are clusters of repeats, in each series.
+pub const REPEAT_CLUSTERS: f64 = 10.0;
 
 // Score tests.
 

@@ -148,6 +148,8 @@ pub struct Fit {
     pub of_body: &'static [(&'static str, Body)],
     /// Keys that repeat a property of the configured model. A fitted one starts there; the others are taken from there.
     pub from_model: &'static [(&'static str, FromModel)],
+    /// It spreads single frames, independently of each other, and moves no mean.
+    pub is_spread: bool,
     /// Several of it may act at once, each with its own keys.
     pub is_repeatable: bool,
     /// Of a robot effect that has directions or places of the plane: positions of all campaigns must be in one frame.
@@ -167,6 +169,7 @@ impl Fit {
         in_runs: None,
         of_body: &[],
         from_model: &[],
+        is_spread: false,
         is_repeatable: false,
         needs_one_frame: false,
     };

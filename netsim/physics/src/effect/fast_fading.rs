@@ -39,6 +39,7 @@ pub const ENTRY: Entry = Entry::new::<FastFading>(UNCHECKED, |table, ordinal| {
 #[effect(
     name = "fast-fading",
     needs = &[Need::Readings],
+    is_spread = true,
     example = "k_factor_db = 3.0\n",
     level = Level::Random,
 )]

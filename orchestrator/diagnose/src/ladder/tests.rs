@@ -33,6 +33,7 @@ fn candidate(name: &str) -> Candidate {
     Candidate {
         name: name.to_owned(),
         about: None,
+        is_spread: false,
         level: Level::Time,
         n_parameters: 1,
         generalises: Vec::new(),

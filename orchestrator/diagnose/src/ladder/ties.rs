@@ -3,9 +3,10 @@
 use super::candidate_test::CandidateTest;
 use super::search::{Search, with_term, without_term};
 use crate::acceptance::Verdict;
+use crate::score_test::ScoreTests;
 use rayon::prelude::*;
 use study::thresholds::{
-    FAMILY_ERROR, PREFERRED_SHARE, RIVAL_SHARE, TIED_ERRORS, UNCORRECTED_LEVEL, WORTH_NATS,
+    FAMILY_ERROR, RIVAL_SHARE, SAME_COLUMNS, TIED_ERRORS, TIED_NATS, UNCORRECTED_LEVEL, WORTH_NATS,
 };
 use study::{COMMON, Study, TermId};
 use tracing::debug;
@@ -22,16 +23,15 @@ impl<S: Study> Search<'_, S> {
         // Of two of one effect, whichever is first is the first.
         let first = |term: TermId| self.study.candidates()[term].another_of.unwrap_or(term);
         let is_same_effect = |term: TermId| first(term) == first(best.term);
-        // That something is missing was shown: what gains nearly as much need not be beyond chance by itself to be a cause of it.
-        let gains_as_much = |test: &CandidateTest| {
+        // That something is missing was shown: what may be a cause of it need not be beyond chance by itself.
+        let may_be_cause = |test: &CandidateTest| {
             test.gain.p_value < UNCORRECTED_LEVEL
-                && PREFERRED_SHARE * best.common.gain <= test.common.gain
                 && self.study.candidates()[test.term].untestable.is_none()
         };
         let is_tied = |test: &&CandidateTest| {
             let is_likely = test.verdict.is_significant()
                 || is_curve && test.is_as_certain_as(best)
-                || !is_curve && gains_as_much(test);
+                || !is_curve && may_be_cause(test);
             let is_rival = || !is_curve && self.is_rival(best, test, accepted);
             test.term != best.term
                 && !is_same_effect(test.term)
@@ -74,7 +74,9 @@ impl<S: Study> Search<'_, S> {
         // What is not beyond chance by its own measure may well explain more where places and nodes are known.
         let apart =
             if b.verdict.is_significant() { difference.gain.abs() } else { difference.gain };
-        if TIED_ERRORS * difference.standard_error < apart {
+        let is_apart = TIED_ERRORS * difference.standard_error < apart
+            && TIED_NATS < apart * difference.n_rows as f64;
+        if is_apart && !self.moves_the_same(a.term, b.term, accepted) {
             return false;
         }
         let both = with_term(&with_term(accepted, a.term), b.term);
@@ -87,6 +89,17 @@ impl<S: Study> Search<'_, S> {
             gain.p_value < FAMILY_ERROR && WORTH_NATS / 2.0 < gain.gain
         };
         !((b.verdict.is_significant() && adds(a, b)) || adds(b, a))
+    }
+
+    /// Whether two effects move means alike, beside all that a fit without them estimated.
+    fn moves_the_same(&self, a: TermId, b: TermId, accepted: &[TermId]) -> bool {
+        let fit = self.full_fit(accepted, COMMON, None);
+        let Some(rows) = self.study.linearised(&fit) else { return false };
+        let dependence = self.study.dependence();
+        let tests = ScoreTests::new(&rows, &dependence);
+        let [a, b] = [a, b].map(|term| self.study.columns(&fit, term));
+        let pairs = a.iter().flat_map(|a| b.iter().map(move |b| (a, b)));
+        pairs.filter_map(|(a, b)| tests.correlation(a, b)).any(|it| SAME_COLUMNS <= it.abs())
     }
 
     /// Whether a candidate that is not significant on held-out places or nodes raises the likelihood of all rows by at least

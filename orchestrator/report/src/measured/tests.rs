@@ -119,6 +119,7 @@ fn diagnosis(verdict: Verdict, sentence: &str) -> Diagnosis {
         verdict,
         sentence: sentence.to_owned(),
         missing: Vec::new(),
+        missing_one_of: Vec::new(),
         possible: Vec::new(),
         split: "blocks of time",
         measurement_defects: Vec::new(),

@@ -113,6 +113,7 @@ pub(super) fn all(
             candidates.push(Candidate {
                 name,
                 about: Some(&entry.about),
+                is_spread: entry.fit.is_spread,
                 level: entry.fit.level,
                 n_parameters: parameters.len(),
                 generalises: entry.fit.generalises.iter().map(|s| (*s).to_owned()).collect(),
@@ -151,6 +152,7 @@ pub(super) fn all(
                 let term = candidates.push(Candidate {
                     name: format!("{prefix}{coarse}"),
                     about: None,
+                    is_spread: false,
                     level: Level::Time,
                     n_parameters: curve.n_numbers(),
                     generalises: if prefix.is_empty() { Vec::new() } else { vec![coarse.clone()] },
@@ -194,6 +196,7 @@ impl RobotStudy {
         self.candidates.push(Candidate {
             name: FORMULA.to_owned(),
             about: Some(&entry.about),
+            is_spread: entry.fit.is_spread,
             level: entry.fit.level,
             n_parameters: asked.parameters.len(),
             generalises: Vec::new(),

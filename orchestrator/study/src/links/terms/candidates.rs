@@ -139,6 +139,7 @@ pub(in crate::links) fn candidate(
         TermSpec::Curve(curve) => Candidate {
             name: curve.name(),
             about: None,
+            is_spread: false,
             level: level_of(rows, curve),
             n_parameters: curve.knots.len(),
             generalises: curve.generalises(&catalogue.effects),
@@ -161,6 +162,7 @@ pub(in crate::links) fn candidate(
             Candidate {
                 name: entry.variant.name.to_owned(),
                 about: Some(&entry.about),
+                is_spread: entry.fit.is_spread,
                 level: entry.fit.level,
                 n_parameters: match spec {
                     TermSpec::Formula(_, asked) => asked.parameters.len(),
