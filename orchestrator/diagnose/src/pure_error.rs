@@ -1,26 +1,32 @@
-//! Lack of fit against pure error: whether a model leaves more than rows differ by that repeat each other.
+//! Lack of fit against pure error: whether a model leaves more than noise.
 //!
-//! Two rows of one series soon after each other (a robot a window later, a link a while later) share what a model gets wrong, and not
-//! the noise. Half of the mean square of the difference of their errors is therefore the variance of the noise, and never less: what the
-//! model gets wrong may have changed between the two, which only hides a lack of fit (N. R. Draper and H. Smith, Applied Regression
-//! Analysis, 3rd edition 1998, section 2.1; the variogram of G. Matheron, 1963, at the shortest lag). The residual itself says nothing of
-//! it: the more a model misses, the greater is the noise that is fitted to it.
+//! The residual itself says nothing of it: the more a model misses, the greater is the noise that is fitted to it. Noise is estimated in
+//! ways of which each is, where the model is right, as great as what is left, and smaller where it is wrong in one way:
+//!
+//! * Repeats: half of the mean square of the difference of two rows of one series soon after each other (a robot two windows later, a
+//!   link soon again), which share what the model gets wrong for a while (N. R. Draper and H. Smith, Applied Regression Analysis, 3rd
+//!   edition 1998, section 2.1). Of robots along and across the motion, and to the east and north.
+//! * The bulk of robots' rows: the median absolute error, which is of rows on which the model is right where it is wrong on fewer than
+//!   half of them. Beside it, the greatest [`TRIMMED_SHARE`] of the errors do not count.
 
 use std::collections::BTreeMap;
 use study::linear::{Dependence, Linearised};
 use study::thresholds::{
-    FEWEST_CLUSTERS, LACK_OF_FIT_RATIO, MOST_REPEAT_BLOCKS, REPEAT_BLOCKS, REPEAT_CLUSTERS,
+    FEWEST_CLUSTERS, LACK_OF_FIT_RATIO, MOST_REPEAT_BLOCKS, MOST_REPEAT_WINDOWS, REPEAT_CLUSTERS,
+    REPEAT_WINDOWS, TRIMMED_SHARE,
 };
 
 /// The standard normal quantile of a one-sided bound of 95 %.
 const Z_95: f64 = 1.644_853_626_951_472_2;
+/// The median absolute value of a standard normal number.
+const MEDIAN_ABSOLUTE: f64 = 0.674_489_750_196_081_7;
 
-/// What is left beside what repeats differ by.
+/// What is left beside noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PureError {
-    /// Root mean square of what the model leaves, of rows that have a repeat.
+    /// Root mean square of what the model leaves.
     pub remaining: f64,
-    /// Root mean square of the noise, by repeats.
+    /// Root mean square of the noise.
     pub pure: f64,
     /// Least ratio of both variances that the data allow (95 %, clustered).
     pub least_ratio: f64,
@@ -33,55 +39,116 @@ impl PureError {
     }
 }
 
-/// Compares what is left with what repeats differ by. None where too few rows have a repeat.
+/// Sums by cluster of what is left, and of what noise there is.
+type Sums = BTreeMap<(u32, [u32; 2], u64), [f64; 3]>;
+
+/// Compares what is left with the noise, by the estimate that shows most. None where too few rows have a repeat.
 pub(crate) fn pure_error(rows: &Linearised, dependence: &Dependence) -> Option<PureError> {
-    let Dependence { times_s, series, shortest_s, nodes, .. } = dependence;
-    let known = |row: &usize| rows.errors[*row][0].is_finite() && times_s[*row].is_finite();
-    let mut repeating: BTreeMap<(u32, [u32; 2]), Vec<usize>> = BTreeMap::new();
-    for row in (0..rows.errors.len()).filter(known) {
-        let ends = nodes.as_ref().map_or([0; 2], |nodes| nodes[row]);
-        repeating.entry((series[row], ends)).or_default().push(row);
+    let known =
+        |row: &usize| rows.errors[*row][0].is_finite() && dependence.times_s[*row].is_finite();
+    let known: Vec<usize> = (0..rows.errors.len()).filter(known).collect();
+    let mut found = vec![of_repeats(&rows.errors, &known, dependence)?];
+    if !rows.directions.is_empty() {
+        let turned = |(errors, [cos, sin]): (&[f64; 3], &[f64; 2])| {
+            let [along, across, up] = *errors;
+            [along * cos - across * sin, along * sin + across * cos, up]
+        };
+        let fixed: Vec<[f64; 3]> = rows.errors.iter().zip(&rows.directions).map(turned).collect();
+        found.extend(of_repeats(&fixed, &known, dependence));
+        found.extend(of_bulk(&rows.errors, &known, dependence));
     }
-    let known_s = || (0..rows.errors.len()).filter(known).map(|row| times_s[row]);
-    let first_s = known_s().fold(f64::INFINITY, f64::min);
-    let span_s = known_s().fold(f64::NEG_INFINITY, f64::max) - first_s;
-    // By series and time: what is left, and half of the squared differences.
-    let mut clusters: BTreeMap<(u32, [u32; 2], u64), [f64; 2]> = BTreeMap::new();
-    let mut n_pairs = 0usize;
-    for (&(series, ends), members) in &mut repeating {
+    found.into_iter().max_by(|a, b| a.least_ratio.total_cmp(&b.least_ratio))
+}
+
+/// The cluster of each row: its series, its nodes and a span of time.
+fn clusters(known: &[usize], dependence: &Dependence) -> Vec<(u32, [u32; 2], u64)> {
+    let times_s = || known.iter().map(|&row| dependence.times_s[row]);
+    let first_s = times_s().fold(f64::INFINITY, f64::min);
+    let span_s = times_s().fold(f64::NEG_INFINITY, f64::max) - first_s;
+    let cluster = |(row, time_s): (usize, &f64)| {
+        let ends = dependence.nodes.as_ref().map_or([0; 2], |nodes| nodes[row]);
+        let block = (time_s - first_s) / span_s * REPEAT_CLUSTERS;
+        (dependence.series[row], ends, block as u64)
+    };
+    dependence.times_s.iter().enumerate().map(cluster).collect()
+}
+
+fn of_repeats(errors: &[[f64; 3]], known: &[usize], dependence: &Dependence) -> Option<PureError> {
+    let Dependence { times_s, shortest_s, nodes, .. } = dependence;
+    // Neighbouring windows of a robot share the error of one position; frames have none in common.
+    let [least_s, most_s] = match nodes {
+        None => [REPEAT_WINDOWS * (1.0 - 1e-6), MOST_REPEAT_WINDOWS],
+        Some(_) => [0.0, MOST_REPEAT_BLOCKS],
+    }
+    .map(|blocks| blocks * shortest_s);
+    let mut repeating: BTreeMap<(u32, [u32; 2]), Vec<usize>> = BTreeMap::new();
+    for &row in known {
+        let ends = nodes.as_ref().map_or([0; 2], |nodes| nodes[row]);
+        repeating.entry((dependence.series[row], ends)).or_default().push(row);
+    }
+    let clusters = clusters(known, dependence);
+    let mut sums = Sums::new();
+    for members in repeating.values_mut() {
         members.sort_by(|&a, &b| times_s[a].total_cmp(&times_s[b]));
         let mut later = 0;
         for (place, &row) in members.iter().enumerate() {
-            // The next window of a robot begins where this one ends, with the same error of position. Frames have none in common.
-            let blocks = if nodes.is_some() { 0.0 } else { REPEAT_BLOCKS };
-            let gap_s = blocks * shortest_s * (1.0 - 1e-6);
             later = later.max(place + 1);
-            while later < members.len() && times_s[members[later]] - times_s[row] < gap_s {
+            while later < members.len() && times_s[members[later]] - times_s[row] < least_s {
                 later += 1;
             }
             let Some(&repeat) = members.get(later) else { break };
-            if MOST_REPEAT_BLOCKS * shortest_s < times_s[repeat] - times_s[row] {
+            if most_s < times_s[repeat] - times_s[row] {
                 continue;
             }
-            n_pairs += 1;
-            let block = ((times_s[row] - first_s) / span_s * REPEAT_CLUSTERS) as u64;
-            let sums = clusters.entry((series, ends, block)).or_default();
-            for (a, b) in rows.errors[row].iter().zip(&rows.errors[repeat]) {
+            let sums = sums.entry(clusters[row]).or_default();
+            for (a, b) in errors[row].iter().zip(&errors[repeat]) {
                 if a.is_finite() && b.is_finite() {
                     sums[0] += 0.5 * (a * a + b * b);
                     sums[1] += 0.5 * (a - b) * (a - b);
                 }
             }
+            sums[2] += 1.0;
         }
     }
-    if clusters.len() < FEWEST_CLUSTERS {
+    compared(&sums)
+}
+
+fn of_bulk(errors: &[[f64; 3]], known: &[usize], dependence: &Dependence) -> Option<PureError> {
+    let size = |row: usize| -> f64 {
+        errors[row].iter().filter(|error| error.is_finite()).map(|error| error * error).sum()
+    };
+    let mut absolute: Vec<f64> = known
+        .iter()
+        .flat_map(|&row| errors[row])
+        .filter(|error| error.is_finite())
+        .map(f64::abs)
+        .collect();
+    absolute.sort_by(f64::total_cmp);
+    let sd = absolute.get(absolute.len() / 2)? / MEDIAN_ABSOLUTE;
+    let mut by_size = known.to_vec();
+    by_size.sort_by(|&a, &b| size(a).total_cmp(&size(b)).then(a.cmp(&b)));
+    by_size.truncate(((1.0 - TRIMMED_SHARE) * known.len() as f64) as usize);
+    let clusters = clusters(known, dependence);
+    let mut sums = Sums::new();
+    for row in by_size {
+        let n_parts = errors[row].iter().filter(|error| error.is_finite()).count() as f64;
+        let sums = sums.entry(clusters[row]).or_default();
+        sums[0] += size(row);
+        sums[1] += n_parts * sd * sd;
+        sums[2] += 1.0;
+    }
+    compared(&sums)
+}
+
+fn compared(sums: &Sums) -> Option<PureError> {
+    if sums.len() < FEWEST_CLUSTERS {
         return None;
     }
-    let [remaining, pure] = clusters.values().fold([0.0; 2], |[r, p], s| [r + s[0], p + s[1]]);
+    let total = sums.values().fold([0.0; 3], |[r, p, n], s| [r + s[0], p + s[1], n + s[2]]);
+    let [remaining, pure, n] = total;
     let ratio = remaining / pure;
-    let squares: f64 = clusters.values().map(|[r, p]| (r - ratio * p) * (r - ratio * p)).sum();
+    let squares: f64 = sums.values().map(|[r, p, _]| (r - ratio * p) * (r - ratio * p)).sum();
     let least_ratio = ratio - Z_95 * squares.sqrt() / pure;
-    let n = n_pairs as f64;
     Some(PureError {
         remaining: (remaining / n).sqrt(),
         pure: (pure / n).sqrt(),
@@ -126,5 +193,36 @@ mod tests {
         assert!(1.5 < found.remaining && found.is_alarming(), "{found:?}");
         // What changes from row to row looks like noise.
         assert!(!of(|_, time| if time % 4 < 2 { 1.0 } else { -1.0 }).is_alarming());
+    }
+
+    #[test]
+    fn what_is_missed_on_few_rows_is_more_than_the_bulk_differs_by() {
+        let keys = || (0..8u32).flat_map(|series| (0..200u32).map(move |time| (series, time)));
+        let draws = Draws::new(5, Purpose::Resample);
+        let of = |missed: f64, share: u32| {
+            let error = |(series, time): (u32, u32)| {
+                let noise = |k| draws.normal(u64::from(series), u64::from(time), k);
+                let off = if (7 * time + 3 * series) % 100 < share { missed } else { 0.0 };
+                [noise(0) + off, noise(1), f64::NAN]
+            };
+            let errors: Vec<[f64; 3]> = keys().map(error).collect();
+            let rows = Linearised {
+                directions: vec![[1.0, 0.0]; errors.len()],
+                errors,
+                ..Linearised::default()
+            };
+            let dependence = Dependence {
+                times_s: keys().map(|(_, time)| f64::from(time)).collect(),
+                series: keys().map(|(series, _)| series).collect(),
+                campaigns: keys().map(|_| 0).collect(),
+                shortest_s: 1.0,
+                nodes: None,
+            };
+            pure_error(&rows, &dependence).expect("enough rows repeat each other")
+        };
+        assert!(!of(0.0, 0).is_alarming());
+        assert!(of(5.0, 15).is_alarming());
+        // A window in a hundred is off for reasons of its own.
+        assert!(!of(10.0, 1).is_alarming());
     }
 }

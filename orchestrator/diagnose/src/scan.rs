@@ -133,7 +133,7 @@ fn stands_clustered<S: Study>(
     let part = |k: usize| residual.iter().map(|value| [known(value)[k], 0.0, 0.0]).collect();
     // All rows may be off alike.
     let estimated = vec![vec![[1.0, 0.0, 0.0]; residual.len()]];
-    let rows = Linearised { slopes: part(0), weights: part(1), estimated, errors: Vec::new() };
+    let rows = Linearised { slopes: part(0), weights: part(1), estimated, ..Linearised::default() };
     let mut sums = [[0.0; 2]; 256];
     for (bin, (slopes, weights)) in bins.iter().zip(rows.slopes.iter().zip(&rows.weights)) {
         let sum = &mut sums[usize::from(*bin)];

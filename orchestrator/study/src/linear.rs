@@ -28,6 +28,8 @@ pub struct Linearised {
     pub estimated: Vec<Column>,
     /// Measured less predicted; NaN where nothing was measured.
     pub errors: Column,
+    /// Cosine and sine of the direction along which the first part of each row lies, from the east; empty where parts have none.
+    pub directions: Vec<[f64; 2]>,
 }
 
 impl Linearised {
@@ -43,7 +45,7 @@ impl Linearised {
             self.errors.iter().map(|errors| errors.map(scaled)).collect()
         };
         let (slopes, weights) = (of(|error| error), of(|_| 1.0));
-        Self { slopes, weights, estimated: self.estimated.clone(), errors: self.errors.clone() }
+        Self { slopes, weights, ..self.clone() }
     }
 }
 
@@ -113,6 +115,7 @@ mod tests {
             weights: vec![[0.0; 3]; 3],
             estimated: Vec::new(),
             errors: vec![[3.0, f64::NAN, f64::NAN], [f64::NAN; 3], [-1.0, f64::NAN, f64::NAN]],
+            directions: Vec::new(),
         };
         // The mean square is 5.
         let plain = rows.plain();

@@ -441,10 +441,12 @@ pub const HOPELESS_NATS: f64 = 12.0;
 /// A model lacks something if what it leaves exceeds the variance of repeats by this factor, clustered, at 95 %. Chosen: nearer
 /// to 1, errors of a tenth of the noise forbid an answer.
 pub const LACK_OF_FIT_RATIO: f64 = 1.5;
-/// A row is repeated no earlier than so many of the shortest blocks of time later: neighbouring windows share an error …
-pub const REPEAT_BLOCKS: f64 = 2.0;
+/// A window of a robot is repeated no earlier than so many windows later: neighbours share the error of a position …
+pub const REPEAT_WINDOWS: f64 = 2.0;
 /// … and no later than so many. Chosen: later, what the model gets wrong may have changed.
-pub const MOST_REPEAT_BLOCKS: f64 = 12.0;
+pub const MOST_REPEAT_WINDOWS: f64 = 4.0;
+/// A row of a link is repeated no later than so many of the shortest blocks of time.
+pub const MOST_REPEAT_BLOCKS: f64 = 2.0;
 /// Blocks of a campaign that are clusters of repeats, in each series.
 pub const REPEAT_CLUSTERS: f64 = 10.0;
 

@@ -179,6 +179,7 @@ impl Study for Lines {
             weights: vec![one(1.0); self.y.len()],
             estimated: fit.terms.iter().map(column).collect(),
             errors: (0..self.y.len()).map(|row| [left(row), f64::NAN, f64::NAN]).collect(),
+            directions: Vec::new(),
         })
     }
 

@@ -22,6 +22,7 @@ impl Made {
                 weights: column(n, |_| 1.0),
                 estimated: Vec::new(),
                 errors: column(n, &left),
+                directions: Vec::new(),
             },
             dependence: Dependence {
                 times_s: (0..n).map(|row| (row / n_series) as f64).collect(),

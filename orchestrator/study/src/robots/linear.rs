@@ -43,6 +43,7 @@ impl RobotStudy {
             weights,
             estimated: derivatives.by.iter().map(minus).collect(),
             errors: residuals.iter().map(error).collect(),
+            directions: self.model.directions.clone(),
         })
     }
 

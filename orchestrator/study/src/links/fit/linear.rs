@@ -54,6 +54,7 @@ impl LinkStudy {
                 .into_iter()
                 .map(|db| [db, f64::NAN, f64::NAN])
                 .collect(),
+            directions: Vec::new(),
         })
     }
 
