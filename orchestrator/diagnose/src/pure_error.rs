@@ -7,13 +7,13 @@
 //!   link soon again), which share what the model gets wrong for a while (N. R. Draper and H. Smith, Applied Regression Analysis, 3rd
 //!   edition 1998, section 2.1). Of robots along and across the motion, and to the east and north.
 //! * The bulk of robots' rows: the median absolute error, which is of rows on which the model is right where it is wrong on fewer than
-//!   half of them. Beside it, the greatest [`TRIMMED_SHARE`] of the errors do not count.
+//!   half of them. Beside it, the greatest [`FREE_SHARE`] of the errors do not count.
 
 use std::collections::BTreeMap;
 use study::linear::{Dependence, Linearised};
 use study::thresholds::{
-    FEWEST_CLUSTERS, LACK_OF_FIT_RATIO, MOST_REPEAT_BLOCKS, MOST_REPEAT_WINDOWS, REPEAT_CLUSTERS,
-    REPEAT_WINDOWS, TRIMMED_SHARE,
+    FEWEST_CLUSTERS, FREE_SHARE, LACK_OF_FIT_RATIO, MOST_REPEAT_BLOCKS, MOST_REPEAT_WINDOWS,
+    REPEAT_CLUSTERS, REPEAT_WINDOWS,
 };
 
 /// The standard normal quantile of a one-sided bound of 95 %.
@@ -127,7 +127,7 @@ fn of_bulk(errors: &[[f64; 3]], known: &[usize], dependence: &Dependence) -> Opt
     let sd = absolute.get(absolute.len() / 2)? / MEDIAN_ABSOLUTE;
     let mut by_size = known.to_vec();
     by_size.sort_by(|&a, &b| size(a).total_cmp(&size(b)).then(a.cmp(&b)));
-    by_size.truncate(((1.0 - TRIMMED_SHARE) * known.len() as f64) as usize);
+    by_size.truncate(((1.0 - FREE_SHARE) * known.len() as f64) as usize);
     let clusters = clusters(known, dependence);
     let mut sums = Sums::new();
     for row in by_size {

@@ -447,6 +447,8 @@ pub const REPEAT_WINDOWS: f64 = 2.0;
 pub const MOST_REPEAT_WINDOWS: f64 = 4.0;
 /// A row of a link is repeated no later than so many of the shortest blocks of time.
 pub const MOST_REPEAT_BLOCKS: f64 = 2.0;
+/// The greatest errors of robots that do not count as lack of fit, as a share of the windows: twice [`BROAD_SHARE`].
+pub const FREE_SHARE: f64 = 0.02;
 /// Blocks of a campaign that are clusters of repeats, in each series.
 pub const REPEAT_CLUSTERS: f64 = 10.0;
 
