@@ -129,7 +129,10 @@ impl Cell {
     /// What came of a diagnosis of it: the line that is kept. `diagnosis`: as `diagnose --json` wrote it.
     #[must_use]
     pub fn judged(&self, campaign: &Campaign, diagnosis: &Value) -> Value {
-        let missing: Vec<&str> = texts(&diagnosis["missing"]);
+        // Of several that the data cannot tell apart, the first is the one that counts.
+        let first_of = |named: &'_ str| named.split(" or ").next().unwrap_or_default().to_owned();
+        let missing: Vec<String> = texts(&diagnosis["missing"]).into_iter().map(first_of).collect();
+        let missing: Vec<&str> = missing.iter().map(String::as_str).collect();
         let unexplained: Vec<&str> = diagnosis["unexplained"]
             .as_array()
             .into_iter()

@@ -36,7 +36,7 @@ fn what_is_no_recorded_run_is_refused_with_what_to_give() {
     refused(
         &["replay", "runs/e", "--diagnosis", "answer.json", "--output", "page.html"],
         here,
-        &["answer.json", "schema", "diagnose/1"],
+        &["answer.json", "schema", "diagnose/2"],
     );
     refused(
         &["replay", "runs/e", "--diagnosis", "no.json", "--output", "page.html"],

@@ -66,10 +66,19 @@ pub(crate) fn answer<S: Study>(
     };
     let (numbers_of, fit) = numbers(search, study, all_rows, &ladder.accepted);
     let unexplained = unexplained(study, ladder, residuals);
-    let (candidates, known) = tested(study, ladder, numbers_of, &fit);
+    let (mut candidates, known) = tested(study, ladder, numbers_of, &fit);
     let pure = if search.is_stopped() { None } else { pure_error_of(study, search, ladder) };
     let remains = Remains { gate: &gate, pure, has_structure: !unexplained.is_empty() };
     let doubts = certainty::doubts(study, ladder, &known, &remains);
+    for (term, why) in &doubts {
+        let doubted = &study.candidates()[*term];
+        let is_doubted = |one: &&mut Tested| {
+            (one.effect.as_str(), &one.only) == (doubted.effect(), &doubted.only)
+        };
+        if let Some(one) = candidates.iter_mut().find(is_doubted) {
+            one.doubt = Some(why.clone());
+        }
+    }
     let Named { missing, missing_one_of, possible } = named(study, ladder, &doubts);
     let is_complete = ladder.stopped.is_none() && !search.is_stopped();
     let withheld: Vec<&str> =
@@ -357,6 +366,7 @@ fn tested<S: Study>(
             standard_error: gain.standard_error,
             p_value: gain.p_value,
             accepted,
+            doubt: None,
             indistinguishable_from: ties
                 .iter()
                 .filter(is_other)

@@ -217,6 +217,7 @@ pub(crate) fn with_defects(mut diagnosis: Diagnosis, found: &[Defect]) -> Diagno
         standard_error: f64::NAN,
         p_value: defect.p_value,
         accepted: true,
+        doubt: None,
         only: None,
         indistinguishable_from: Vec::new(),
         warning: None,

@@ -12,7 +12,9 @@ use std::fmt::Write as _;
 use study::open::Subject;
 
 /// What the schema of a diagnosis is called.
-pub const SCHEMA: &str = "diagnose/1";
+pub const SCHEMA: &str = "diagnose/2";
+/// What it was called before ties stood in `missing`: its other keys are the same.
+pub const SCHEMA_BEFORE: &str = "diagnose/1";
 
 /// A diagnosis: which physical effects a model of links or robots lacks, by how well they predict data left out.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -147,6 +149,9 @@ pub struct Tested {
     pub p_value: f64,
     /// Whether it was accepted.
     pub accepted: bool,
+    /// Why it is not certain though it was accepted, if it is not: it is then possible, and not missing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub doubt: Option<String>,
     /// Candidates that explain these data as well.
     pub indistinguishable_from: Vec<String>,
     /// To which rows it is limited, if it is: the keys of its table `only`.

@@ -22,8 +22,12 @@ pub(crate) fn agreed(mut found: Diagnosis, other: &Diagnosis) -> Diagnosis {
     found.possible.extend(only_there);
     found.unexplained.retain(|one| other.unexplained.iter().any(|it| it.named() == one.named()));
     for candidate in &mut found.candidates {
-        candidate.accepted &= certain.contains(&candidate.effect)
-            || candidate.effect.starts_with(study::CURVE) && !found.unexplained.is_empty();
+        let is_named =
+            certain.iter().any(|name| name.split(" or ").any(|one| one == candidate.effect));
+        let is_curve = candidate.effect.starts_with(study::CURVE);
+        if candidate.accepted && !is_named && !(is_curve && !found.unexplained.is_empty()) {
+            candidate.doubt = Some("it depends on whether lost frames were logged".to_owned());
+        }
     }
     let either_way = match &certain[..] {
         [] => String::new(),

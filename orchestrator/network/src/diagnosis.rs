@@ -7,7 +7,8 @@ use measure::account::DataAccount;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-pub use diagnose::diagnosis::SCHEMA;
+/// What the schema of a diagnosis of packets is called.
+pub const SCHEMA: &str = "diagnose/1";
 
 /// A diagnosis of a network: which effects it lacks, by how much more probable they make measured packets.
 #[derive(Clone, Debug, Serialize, JsonSchema)]

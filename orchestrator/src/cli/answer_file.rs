@@ -63,7 +63,8 @@ impl Answer {
             format!("is not JSON: {error}; give a file that diagnose or compare wrote with --json")
         })?;
         let schema = value.get("schema").and_then(serde_json::Value::as_str).unwrap_or_default();
-        if ![diagnosis::SCHEMA, compare::comparison::SCHEMA].contains(&schema) {
+        let known = [diagnosis::SCHEMA, diagnosis::SCHEMA_BEFORE, compare::comparison::SCHEMA];
+        if !known.contains(&schema) {
             return Err(format!(
                 "is not an answer about links or robots: its schema is {schema:?}, must be {:?} or {:?}; give a file that diagnose \
                  or compare wrote with --json",
@@ -98,7 +99,8 @@ impl Answer {
     /// The answer as the page shows it, with the measured rows if they were given.
     pub(super) fn shown(&self, rows: Option<view::MeasuredRows>) -> view::Measurements {
         let or_nan = |value: Option<f64>| value.unwrap_or(f64::NAN);
-        let what = if self.schema == diagnosis::SCHEMA { "Diagnosis" } else { "Comparison" };
+        let what =
+            if self.schema == compare::comparison::SCHEMA { "Comparison" } else { "Diagnosis" };
         let ladder = self.ladder.iter().map(|rung| view::Rung {
             model: rung.model.clone(),
             rmse: or_nan(rung.rmse),

@@ -45,7 +45,8 @@ impl Said {
     /// Reads the JSON of `diagnose`.
     pub(super) fn read(diagnosis: &Value) -> Self {
         let list = |key: &str| diagnosis[key].as_array().into_iter().flatten();
-        let accepted = list("candidates").filter(|candidate| candidate["accepted"] == true);
+        let accepted = list("candidates")
+            .filter(|candidate| candidate["accepted"] == true && candidate["doubt"].is_null());
         let mut claims: Vec<Claim> = accepted.map(Claim::read).collect();
         for structure in list("unexplained").map(Claim::read) {
             if !claims.iter().any(|claim| claim.is_structure && claim.name == structure.name) {
@@ -56,7 +57,7 @@ impl Said {
             _ if diagnosis["complete"] == false => Verdict::CannotTell,
             Some("nothing-missing") => Verdict::Nothing,
             Some("something-missing") => Verdict::Something,
-            Some("missing-effects" | "unexplained-structure") => Verdict::Named,
+            Some("missing-effects" | "missing-one-of" | "unexplained-structure") => Verdict::Named,
             _ => Verdict::CannotTell,
         };
         Self { verdict, claims }

@@ -88,6 +88,7 @@ fn candidate(effect: &str, gain: f64) -> Tested {
         standard_error: 0.1 * gain,
         p_value: 0.0,
         accepted: 0.0 < gain,
+        doubt: None,
         only: None,
         indistinguishable_from: Vec::new(),
         warning: None,
@@ -114,7 +115,7 @@ fn structure(covariate: &str, explained: f64, formula: &str, target: &str) -> St
 
 fn diagnosis(verdict: Verdict, sentence: &str) -> Diagnosis {
     Diagnosis {
-        schema: "diagnose/1",
+        schema: "diagnose/2",
         kind: Subject::Links,
         verdict,
         sentence: sentence.to_owned(),
