@@ -25,7 +25,7 @@ pub use term::{PerTerm, TermId};
 
 use folds::Blocks;
 use linear::{Column, Dependence, Direction, Linearised, Partition};
-use proto::effect::{About, Level, Parameter};
+use proto::effect::{About, Level, Need, Parameter};
 use serde::Serialize;
 use symbolic::FittedFormula;
 
@@ -98,6 +98,13 @@ impl Candidate {
     #[must_use]
     pub fn is_tried_beside(&self, terms: &[TermId]) -> bool {
         self.is_tried() && self.another_of.is_none_or(|first| terms.contains(&first))
+    }
+
+    /// Whether it is an effect of a measured covariate that varies in time.
+    #[must_use]
+    pub fn follows_column_in_time(&self) -> bool {
+        let needs = self.about.map_or(&[][..], |about| about.needs);
+        self.level == Level::Time && needs.iter().any(|need| matches!(need, Need::Column(_)))
     }
 
     /// Whether it may act on some rows only: an effect of the catalogue, without limits, that moves means.
@@ -322,6 +329,11 @@ pub trait Study: Sync {
     ///
     /// The limits are wrong, or the candidate is none that can be limited.
     fn add_limited(&mut self, term: TermId, limits: &toml::Table) -> Result<TermId, NotLimited>;
+
+    /// Whether a term is a random level that all rows share and that drifts in time. The log likelihood of a fit has it integrated out.
+    fn is_drift(&self, _term: TermId) -> bool {
+        false
+    }
 
     /// Of a random level that rows share: the probability of as much agreement of these rows, in what a fit without it leaves, by
     /// chance. None for all else.

@@ -324,6 +324,10 @@ impl Study for LinkStudy {
         self.another(term)
     }
 
+    fn is_drift(&self, term: TermId) -> bool {
+        matches!(self.specs[term], TermSpec::Drift(_))
+    }
+
     fn agreement(&self, fit: &LinkFit, term: TermId) -> Option<f64> {
         match self.specs[term] {
             TermSpec::Drift(_) => Some(self.p_value_of_agreement(fit)),

@@ -74,6 +74,23 @@ impl<S: Study> Search<'_, S> {
                 < FAMILY_ERROR
     }
 
+    /// Whether an effect of a measured covariate that varies in time is significant beside a drift in the model, by the likelihood with the
+    /// drift integrated out: the test of generalised least squares, corrected for all candidates. Blocks of time that are left out tell
+    /// little of it, as the drift follows both sides of a block whatever the cause is.
+    pub(super) fn stands_beside_drift(&self, term: TermId, others: &[TermId]) -> bool {
+        let candidate = &self.study.candidates()[term];
+        if !candidate.follows_column_in_time()
+            || !others.iter().any(|&other| self.study.is_drift(other))
+        {
+            return false;
+        }
+        let within = self.full_fit(others, COMMON, None);
+        let general = self.full_fit(&with_term(others, term), COMMON, Some(&within));
+        let p_value = self.likelihood_ratio_p_value(&general, &within, candidate.n_parameters);
+        debug!(name = candidate.name, p_value, "beside drift");
+        p_value < FAMILY_ERROR / self.n_tried() as f64
+    }
+
     /// Whether a term is the level about which random effects vary, and is far from nothing beside them: it is not given up for them, which
     /// follow any level.
     pub(super) fn is_level_of_random(&self, term: TermId, others: &[TermId]) -> bool {

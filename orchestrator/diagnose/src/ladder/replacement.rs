@@ -181,7 +181,10 @@ impl<'a, S: Study> Search<'a, S> {
                 p = gain.p_value,
                 "weighed again"
             );
-            let is_chance = || FAMILY_ERROR < gain.p_value && !self.is_asked_for(term, &rest);
+            let is_beside_drift = || 0.0 < gain.gain && self.stands_beside_drift(term, &rest);
+            let is_chance = || {
+                FAMILY_ERROR < gain.p_value && !self.is_asked_for(term, &rest) && !is_beside_drift()
+            };
             if !self.is_level_of_random(term, &rest)
                 && (gain.gain < WORTH_NATS / 10.0 || is_chance())
             {

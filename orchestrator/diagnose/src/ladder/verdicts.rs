@@ -42,15 +42,21 @@ impl<S: Study> Search<'_, S> {
         let verdicts = acceptance::judge(&gains, self.n_tried(), floor, share_removed);
         for (test, verdict) in tests.iter_mut().zip(verdicts) {
             let is_asked_for = || self.is_asked_for(test.term, accepted) && 0.0 < test.gain.gain;
-            let is_significant = verdict.is_significant() || is_asked_for();
+            let is_beside_drift =
+                || 0.0 < test.gain.gain && self.stands_beside_drift(test.term, accepted);
+            let is_shown = || is_asked_for() || is_beside_drift();
+            let is_significant = verdict.is_significant() || is_shown();
             let is_worth = || {
                 let share = || self.share_removed(test.term, accepted);
-                is_asked_for() && acceptance::is_worth(test.gain.gain, floor, share)
+                is_shown() && acceptance::is_worth(test.gain.gain, floor, share)
             };
             let is_plausible =
                 (verdict.is_plausible() || is_worth()) && !removed.contains(&test.term);
             test.verdict = Verdict::by_gain(is_significant, is_plausible);
-            if test.verdict.is_acceptable() && !self.stands_clustered(test.term, accepted) {
+            if test.verdict.is_acceptable()
+                && !is_beside_drift()
+                && !self.stands_clustered(test.term, accepted)
+            {
                 debug!(
                     name = self.study.candidates()[test.term].name,
                     "no more than what rows share"
@@ -96,7 +102,7 @@ impl<S: Study> Search<'_, S> {
     }
 
     /// Number of candidates that p-values are corrected for.
-    fn n_tried(&self) -> usize {
+    pub(super) fn n_tried(&self) -> usize {
         self.study.candidates().iter().filter(|candidate| candidate.is_tried()).count()
     }
 
