@@ -39,6 +39,8 @@ pub struct ModelledLinks {
     agents: Arc<[End]>,
     agents_of_row: Vec<(u32, u32)>,
     still: BTreeMap<u32, bool>,
+    /// The centre of all places (m).
+    centre_m: [f64; 3],
     silent_frames: Vec<f64>,
 }
 
@@ -137,6 +139,7 @@ impl ModelledLinks {
             agents: agents.into(),
             agents_of_row,
             still: BTreeMap::new(),
+            centre_m: [0.0; 3],
             silent_frames: Vec::new(),
         };
         rows.base = (0..rows.links.rows.len()).map(|row| rows.base_of(row)).collect();
@@ -166,6 +169,13 @@ impl ModelledLinks {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.base.is_empty()
+    }
+
+    /// The number of a place along each axis, in steps from the centre of all places (m). Coordinates of another origin, mirrored or
+    /// turned by a quarter put the same places together.
+    #[must_use]
+    pub fn square_numbers(&self, place_m: [f64; 3], side_m: f64) -> [i64; 3] {
+        std::array::from_fn(|k| ((place_m[k] - self.centre_m[k]) / side_m).round() as i64)
     }
 
     /// Whether each mote stands still throughout.
@@ -357,6 +367,7 @@ impl ModelledLinks {
     /// Finds what holds of all rows together.
     fn look_through(&mut self) {
         self.still = stand_still(&self.ends);
+        self.centre_m = centre_m(&self.ends);
         self.silent_frames = silent_frames(&self.links.rows);
     }
 
@@ -375,6 +386,17 @@ impl ModelledLinks {
         for_kept(&mut self.ends, kept);
         for_kept(&mut self.agents_of_row, kept);
     }
+}
+
+/// The centre of all places (m): the middle between the least and the greatest coordinate.
+fn centre_m(ends: &[(End, End)]) -> [f64; 3] {
+    std::array::from_fn(|axis| {
+        let of_ends = ends.iter().flat_map(|(tx, rx)| [tx.position_m, rx.position_m]);
+        let known = of_ends.map(|place_m| place_m[axis]).filter(|m| m.is_finite());
+        let (least, greatest) = known
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), m| (low.min(m), high.max(m)));
+        if least <= greatest { 0.5 * (least + greatest) } else { 0.0 }
+    })
 }
 
 /// The most frequent numbers of frames sent in rows without a received frame.

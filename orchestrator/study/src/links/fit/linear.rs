@@ -150,8 +150,9 @@ impl LinkStudy {
             .fold(0.0, f64::max);
         let side_m = (span_m / NODE_SQUARES_ACROSS).max(1e-3);
         let key = |end: &End| {
-            let square = end.position_m.map(|m| (m / side_m).floor() as i64);
-            (end.id, if is_still(end.id.0) { [0; 3] } else { square })
+            let is_still = is_still(end.id.0);
+            let square = || self.rows.square_numbers(end.position_m, side_m);
+            (end.id, if is_still { [0; 3] } else { square() })
         };
         let mut all: Vec<(MoteId, [i64; 3])> = ends().map(key).collect();
         all.sort_unstable();

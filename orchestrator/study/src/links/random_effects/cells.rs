@@ -7,6 +7,8 @@ use crate::links::rows::blocks::{pair, square};
 use crate::thresholds::{
     COMMON_SPAN, DRIFT_TIMES_S, FEWEST_DRIFT_LEVELS, LEAST_COMMON_SPAN, MOST_DRIFT_LEVELS,
 };
+use measure::links::LinkRow;
+use std::collections::BTreeMap;
 
 /// Half a wavelength at 2.44 GHz (m).
 pub(in crate::links) const HALF_WAVE_M: f64 = 0.0614;
@@ -37,10 +39,18 @@ pub(in crate::links) fn drift_times_s(rows: &ModelledLinks) -> Vec<f64> {
 /// A span of time: its campaign, and its number.
 type Span = (u32, i64);
 
-/// The span of time, of the campaign of a row, of a length (s); the same for all rows where there is none.
-fn span(rows: &ModelledLinks, row: usize, span_s: Option<f64>) -> Span {
-    let measured = &rows.links.rows[row];
-    span_s.map_or((0, 0), |span_s| (measured.run, (measured.time_s / span_s).floor() as i64))
+/// The span of time, of the campaign of each row, of a length (s), from the first row of the campaign; the same for all rows where there
+/// is none.
+fn spans(rows: &ModelledLinks, span_s: Option<f64>) -> Vec<Span> {
+    let measured = &rows.links.rows;
+    let Some(span_s) = span_s else { return vec![(0, 0); measured.len()] };
+    let mut first_s: BTreeMap<u32, f64> = BTreeMap::new();
+    for row in measured {
+        let first_s = first_s.entry(row.run).or_insert(f64::INFINITY);
+        *first_s = first_s.min(row.time_s);
+    }
+    let number = |row: &LinkRow| ((row.time_s - first_s[&row.run]) / span_s).floor() as i64;
+    measured.iter().map(|row| (row.run, number(row))).collect()
 }
 
 /// Spans of time in which all links share a level that drifts over a time (s): of each row, and how each is correlated with that
@@ -48,7 +58,7 @@ fn span(rows: &ModelledLinks, row: usize, span_s: Option<f64>) -> Span {
 fn spans_of_drift(rows: &ModelledLinks, correlation_s: f64) -> (Vec<u32>, Vec<f64>) {
     let length_s = length_s(rows);
     let span_s = (COMMON_SPAN * correlation_s).max(LEAST_COMMON_SPAN * length_s);
-    let spans: Vec<Span> = (0..rows.len()).map(|row| span(rows, row, Some(span_s))).collect();
+    let spans = spans(rows, Some(span_s));
     let mut sorted = spans.clone();
     sorted.sort_unstable();
     sorted.dedup();
@@ -73,7 +83,7 @@ pub(in crate::links) fn cells_of(rows: &ModelledLinks, scales: Scales) -> RowCel
             if rows.still().get(&end.id.0).copied().unwrap_or(true) {
                 key
             } else {
-                scramble(key ^ square(end.position_m, side_m))
+                scramble(key ^ square(rows, end.position_m, side_m))
             }
         })
     };
@@ -85,6 +95,7 @@ pub(in crate::links) fn cells_of(rows: &ModelledLinks, scales: Scales) -> RowCel
         .collect();
     let (link, n_links) = numbered(&links);
     // Links drift on all channels alike.
+    let spans = spans(rows, scales.link_drift_s.map(|time_s| SIDE * time_s));
     let channels: Vec<(u32, (u8, u64), Span)> = (0..rows.len())
         .map(|row| {
             let fine = || {
@@ -92,7 +103,7 @@ pub(in crate::links) fn cells_of(rows: &ModelledLinks, scales: Scales) -> RowCel
                 (channel, places(row, HALF_WAVE_M))
             };
             let fine = if scales.link_drift_s.is_some() { (0, 0) } else { fine() };
-            (link[row], fine, span(rows, row, scales.link_drift_s.map(|time_s| SIDE * time_s)))
+            (link[row], fine, spans[row])
         })
         .collect();
     let (channel, n_channels) = numbered(&channels);

@@ -100,7 +100,7 @@ fn blocks_of_squares(rows: &ModelledLinks) -> Blocks {
                 let mut key = 0u64;
                 for end in [tx, rx] {
                     if !rows.still().get(&end.id.0).copied().unwrap_or(true) {
-                        key = scramble(key ^ square(end.position_m, side_m));
+                        key = scramble(key ^ square(rows, end.position_m, side_m));
                     }
                 }
                 key
@@ -236,10 +236,9 @@ fn split_blocks(
 }
 
 /// The square (or cube) of a place.
-pub(in crate::links) fn square(place_m: [f64; 3], side_m: f64) -> u64 {
-    place_m
-        .iter()
-        .fold(17, |key, coordinate| scramble(key ^ ((coordinate / side_m).floor() as i64 as u64)))
+pub(in crate::links) fn square(rows: &ModelledLinks, place_m: [f64; 3], side_m: f64) -> u64 {
+    let numbers = rows.square_numbers(place_m, side_m);
+    numbers.iter().fold(17, |key, &number| scramble(key ^ (number as u64)))
 }
 
 /// Marks about `most` of the rows: short runs of each pair's, spread evenly over everything.
