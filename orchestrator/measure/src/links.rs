@@ -1,5 +1,6 @@
 //! Link samples, one row per frame sent and possible receiver; and aggregated link tables, one row per link and channel.
 
+mod second_readings;
 mod warnings;
 
 use super::ranges::RangeCheck;
@@ -246,11 +247,20 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
         }
     }
 
+    let quantum_db = quantum(&rows, is_aggregated);
     let covariates = covariates(table, &KNOWN, &kept, &mut warnings, |name| {
-        (name == CONSTANT).then(|| {
-            format!(
+        if name == CONSTANT {
+            return Some(format!(
                 "the column {CONSTANT} is ignored, because answers use this name for what is the same in every row; rename \
                  the column"
+            ));
+        }
+        let values = column(name)?;
+        let values: Vec<f64> = kept.iter().map(|&row| values[row]).collect();
+        second_readings::is_one(name, &values, &rows, quantum_db).then(|| {
+            format!(
+                "{name} is another reading of the received frame, with the errors of rssi_dbm in it, and no cause of them; the column \
+                 is not tested"
             )
         })
     });
@@ -267,7 +277,6 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     if let Some(reason) = warnings::stuck_register(&rows) {
         return Err(reason);
     }
-    let quantum_db = quantum(&rows, is_aggregated);
     let losses = losses(&rows);
     let losses_logged = column(LOSSES_LOGGED).map(stated_losses).transpose()?;
     let readings = Readings { is_aggregated, quantum_db, losses, is_given: false };
