@@ -197,6 +197,8 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     let mut rows: Vec<LinkRow> = Vec::with_capacity(n_rows);
     let mut kept: Vec<usize> = Vec::with_capacity(n_rows);
     let mut seen = BTreeSet::new();
+    let are_times_known = column("time_s").is_some_and(has_times);
+    let mut untold = Untold::default();
     for index in 0..n_rows {
         let line = table.line(index);
         if let Some(reason) = ranges.refusal(index, line) {
@@ -236,9 +238,13 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
                     .chain([u64::from(row.tx), u64::from(row.rx)])
                     .chain([u64::from(row.channel.unwrap_or(0)), row.frames.to_bits()])
                     .collect();
-                if row.time_s.is_finite() && !seen.insert(key) {
+                let is_new = seen.insert(key);
+                if row.time_s.is_finite() && are_times_known && !is_new {
                     rejections.add(TWICE, line);
                 } else {
+                    if !is_new && !has_sequence(table) {
+                        untold.add(line);
+                    }
                     rows.push(row);
                     kept.push(index);
                 }
@@ -271,6 +277,7 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
              the file. Say which with --losses, or in a column {LOSSES_LOGGED}"
         ));
     }
+    warnings.extend(untold.warning());
     warnings.extend(ranges.warnings());
     warnings.extend(warnings::link_warnings(&rows));
     warnings.extend(rejection_warnings(&rejections.clone().into_list(), n_rows));
@@ -297,6 +304,46 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
         ));
     }
     Ok(links)
+}
+
+/// Whether times differ, so that equal rows of one time are one frame.
+fn has_times(times_s: &[f64]) -> bool {
+    let mut known = times_s.iter().copied().filter(|time_s| time_s.is_finite());
+    known.next().is_some_and(|first_s| known.any(|time_s| time_s != first_s))
+}
+
+/// Columns that number the frames of a sender.
+const SEQUENCE: [&str; 4] = ["seq", "seqno", "sequence", "sequence_number"];
+
+fn has_sequence(table: &DataTable) -> bool {
+    SEQUENCE.iter().any(|name| table.column(name).is_some())
+}
+
+/// Rows that equal earlier ones, and of which neither time nor sequence number says whether they are of another frame.
+#[derive(Clone, Copy, Debug, Default)]
+struct Untold {
+    n_rows: usize,
+    first_line: usize,
+}
+
+impl Untold {
+    fn add(&mut self, line: usize) {
+        if self.n_rows == 0 {
+            self.first_line = line;
+        }
+        self.n_rows += 1;
+    }
+
+    fn warning(self) -> Option<String> {
+        (0 < self.n_rows).then(|| {
+            format!(
+                "{} rows equal earlier rows, the first on line {}, and neither time_s nor a sequence number tells whether they are other \
+                 frames. They are used; if they are copies, intervals are too narrow. Rows of unknown time count as so many \
+                 as differ",
+                self.n_rows, self.first_line
+            )
+        })
+    }
 }
 
 /// What the column [`LOSSES_LOGGED`] says.

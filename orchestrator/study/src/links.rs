@@ -72,6 +72,8 @@ pub struct LinkStudy {
     choices: Choices,
     /// How many rows fits may see.
     n_fitted: usize,
+    /// How many rows there are for each that differs from all others, where no time tells whether these are of one frame.
+    repeats: f64,
     /// How many nodes send, and how many receive.
     n_ends: [usize; 2],
     /// Whether fits are to stop.
@@ -106,6 +108,7 @@ impl LinkStudy {
         Ok(Self {
             n_fitted: time.fitted().len(),
             n_ends: blocks::n_ends(&rows),
+            repeats: blocks::repeats(&rows),
             choices: choices.clone(),
             rows,
             candidates,
@@ -221,6 +224,10 @@ impl Study for LinkStudy {
 
     fn is_stopped(&self) -> bool {
         self.stop.is_set()
+    }
+
+    fn design_effect(&self) -> f64 {
+        self.repeats
     }
 
     fn blocks(&self, level: Level) -> &Blocks {

@@ -146,20 +146,24 @@ pub(super) fn best_place(
     // Student's t of many dimensions.
     let freedom = cells.freedom();
     let gain_nats = 0.5 * (others + freedom) * libm::log((others + before) / (others + least));
-    let half_m = [0, 1].map(|axis| half_interval_m(&places, best_m, axis, least));
+    let half_m = half_intervals_m(&places, best_m, least);
     let shift_m = libm::hypot(best_m[0] - surveyed_m[0], best_m[1] - surveyed_m[1]);
     Some(Found { place_m: best_m, half_m, shift_m, gain_nats, square: least, n_places })
 }
 
-/// Half of the 90 % interval of a coordinate (m), the other held, by the curvature of the square.
-fn half_interval_m(places: &Places<'_>, best_m: [f64; 2], axis: usize, least: f64) -> f64 {
+/// Half of the 90 % interval of each coordinate (m), by the curvature of the square.
+fn half_intervals_m(places: &Places<'_>, best_m: [f64; 2], least: f64) -> [f64; 2] {
     let step_m = 10.0 * LEAST_STEP_M;
-    let at = |step_m: f64| {
-        let mut place_m = best_m;
-        place_m[axis] += step_m;
-        places.square(place_m)
-    };
-    let curvature = (at(step_m) + at(-step_m) - 2.0 * least) / (step_m * step_m);
+    let at = |x: f64, y: f64| places.square([best_m[0] + x * step_m, best_m[1] + y * step_m]);
+    let curvature = |plus: f64, minus: f64| (plus + minus - 2.0 * least) / (step_m * step_m);
+    let (xx, yy) = (curvature(at(1.0, 0.0), at(-1.0, 0.0)), curvature(at(0.0, 1.0), at(0.0, -1.0)));
+    let xy =
+        0.25 * (curvature(at(1.0, 1.0), at(-1.0, -1.0)) - curvature(at(1.0, -1.0), at(-1.0, 1.0)));
     let scale = (least / (places.cells.freedom() - 2.0)).max(1.0);
-    Z_90 * (2.0 * scale / curvature.max(1e-6)).sqrt()
+    // The variance is twice the inverse of the curvature.
+    let determinant = xx * yy - xy * xy;
+    [yy, xx].map(|other| {
+        let variance = if 0.0 < determinant { other / determinant } else { f64::INFINITY };
+        Z_90 * (2.0 * scale * variance).sqrt()
+    })
 }

@@ -4,6 +4,7 @@ use super::ModelledLinks;
 use crate::choices::{ChoiceError, Choices, SplitBy};
 use crate::folds::{Blocks, scramble};
 use crate::thresholds::{FEWEST_BLOCKS, FEWEST_PLACE_BLOCKS, THINNED_RUN_ROWS, TIME_BLOCKS};
+use measure::links::LinkRow;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Rows by time in blocks of equal numbers; by pair where time is unknown or constant. Rows that are `scored` by a fit to the
@@ -42,6 +43,24 @@ fn has_times(rows: &ModelledLinks) -> bool {
     times.sort_unstable();
     times.dedup();
     FEWEST_BLOCKS <= times.len() && rows.links.rows.iter().all(|row| row.time_s.is_finite())
+}
+
+/// How many rows there are for each that differs from all others, where no time tells whether equal rows are of one frame; 1 otherwise.
+pub(in crate::links) fn repeats(rows: &ModelledLinks) -> f64 {
+    let measured = &rows.links.rows;
+    let is_known = |row: &&LinkRow| row.time_s.is_finite();
+    let mut times_s = measured.iter().filter(is_known).map(|row| row.time_s);
+    if times_s.next().is_some_and(|first_s| times_s.any(|time_s| time_s != first_s)) {
+        return 1.0;
+    }
+    let key = |row: &LinkRow| {
+        let places = [row.tx_m, row.rx_m].concat().into_iter().map(f64::to_bits);
+        let outcome = [row.rssi_dbm, row.frames, row.received].map(f64::to_bits);
+        let ends = [row.run, row.tx, row.rx, u32::from(row.channel.unwrap_or(0))].map(u64::from);
+        ends.into_iter().chain(outcome).chain(places).collect::<Vec<u64>>()
+    };
+    let distinct: BTreeSet<Vec<u64>> = measured.iter().map(key).collect();
+    measured.len() as f64 / distinct.len().max(1) as f64
 }
 
 /// Rows of links that were measured once: a link and channel is predicted from other channels and from the other direction.
