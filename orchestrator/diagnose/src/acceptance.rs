@@ -22,6 +22,8 @@ pub(crate) enum Verdict {
     Acceptable,
     /// Acceptable by its gain, but it moves no more than what rows that depend on each other may share.
     Withheld,
+    /// Worth having by its gain, but the measurements show what it rules out, or another channel gets worse.
+    Contradicted,
 }
 
 impl Verdict {

@@ -69,7 +69,7 @@ pub(crate) fn answer<S: Study>(
     let (mut candidates, known) = tested(study, ladder, numbers_of, &fit);
     let pure = if search.is_stopped() { None } else { pure_error_of(study, search, ladder) };
     let remains = Remains { gate: &gate, pure, has_structure: !unexplained.is_empty() };
-    let doubts = certainty::doubts(study, ladder, &known, &remains);
+    let doubts = certainty::doubts(study, search, ladder, &known, &remains);
     for (term, why) in &doubts {
         let doubted = &study.candidates()[*term];
         let is_doubted = |one: &&mut Tested| {
@@ -83,6 +83,7 @@ pub(crate) fn answer<S: Study>(
     let is_complete = ladder.stopped.is_none() && !search.is_stopped();
     let withheld: Vec<&str> =
         ladder.withheld().map(|term| study.candidates()[term].name.as_str()).collect();
+    let contradicted = contradicted_text(study, search, ladder);
     let verdict = if ladder.too_little.is_some() && gate.misfits.is_empty() {
         Verdict::NothingFound
     } else if !unexplained.is_empty() {
@@ -95,6 +96,7 @@ pub(crate) fn answer<S: Study>(
         Verdict::SomethingMissing
     } else if gate.tells_too_little()
         || !withheld.is_empty()
+        || contradicted.is_some()
         || !possible.is_empty()
         || pure.is_some_and(|pure| pure.is_alarming())
         || !is_complete
@@ -140,6 +142,8 @@ pub(crate) fn answer<S: Study>(
                 Some(format!("nothing is certain: {possible_text} may be missing, but {why}"))
             } else if !withheld.is_empty() {
                 Some(withheld_text(&withheld))
+            } else if contradicted.is_some() {
+                contradicted
             } else {
                 pure.filter(|pure| pure.is_alarming())
                     .map(|pure| lack_of_fit_text(&pure, measurements.error_unit))
@@ -211,6 +215,21 @@ fn withheld_text(names: &[&str]) -> String {
          share a node may have in common",
         names.join(", ")
     )
+}
+
+/// Why candidates that the measurements contradict are not named, if there are any.
+fn contradicted_text<S: Study>(
+    study: &S,
+    search: &Search<'_, S>,
+    ladder: &Ladder,
+) -> Option<String> {
+    let why = |term: TermId| {
+        let name = &study.candidates()[term].name;
+        let why = search.contradiction(term, &ladder.accepted)?;
+        Some(format!("{name} would predict rows left out better, but {why}"))
+    };
+    let all: Vec<String> = ladder.contradicted().filter_map(why).collect();
+    (!all.is_empty()).then(|| format!("nothing was found for certain: {}", all.join("; ")))
 }
 
 fn rung<S: Study>(study: &S, rung: &ladder::LadderStep) -> Rung {

@@ -2,7 +2,7 @@
 //! also tell how large the effect is, show what is its own, and leave nothing else open that it may be part of.
 
 use crate::gate::Gate;
-use crate::ladder::Ladder;
+use crate::ladder::{Ladder, Search, without_term};
 use crate::pure_error::PureError;
 use numbers::format::with_unit;
 use proto::effect::Level;
@@ -31,6 +31,7 @@ impl Remains<'_> {
 /// Why each accepted effect is not certain; none: it is.
 pub(crate) fn doubts<S: Study>(
     study: &S,
+    search: &Search<'_, S>,
     ladder: &Ladder,
     known: &[(TermId, Vec<Estimate>)],
     remains: &Remains<'_>,
@@ -38,6 +39,11 @@ pub(crate) fn doubts<S: Study>(
     let candidates = study.candidates();
     let is_effect = |term: &&TermId| candidates[**term].curve_over().is_none();
     let effects = ladder.accepted.iter().filter(is_effect).enumerate();
+    let worse = search.worse_headings(&ladder.accepted, &[]);
+    let contradiction = |term: TermId| {
+        let others = without_term(&ladder.accepted, term);
+        search.contradiction(term, &others).or_else(|| worse.clone())
+    };
     let doubt =
         |(place, &term): (usize, &TermId)| {
             let candidate = &candidates[term];
@@ -57,7 +63,7 @@ pub(crate) fn doubts<S: Study>(
             _ if 0 < place && remains.is_something() => {
                 Some("something else is missing, of which it may be a part".to_owned())
             }
-            _ => None,
+            _ => contradiction(term),
         };
             why.map(|why| (term, why))
         };

@@ -85,10 +85,20 @@ impl Gain {
     /// The gain of a candidate over its parent, from the scores of the same rows under both. `block_of_row`: the block of each row.
     #[must_use]
     pub fn from_scores(candidate: &[RowScore], parent: &[RowScore], block_of_row: &[u32]) -> Self {
+        Self::of(candidate, parent, block_of_row, |row| row.log)
+    }
+
+    /// The same of another score.
+    pub(crate) fn of(
+        candidate: &[RowScore],
+        parent: &[RowScore],
+        block_of_row: &[u32],
+        score: impl Fn(&RowScore) -> f64,
+    ) -> Self {
         let n_blocks = block_of_row.iter().max().map_or(0, |&last| last as usize + 1);
         let mut sums = vec![(0.0, 0usize); n_blocks];
         for ((a, b), &block) in candidate.iter().zip(parent).zip(block_of_row) {
-            let difference = a.log - b.log;
+            let difference = score(a) - score(b);
             if !difference.is_nan() {
                 sums[block as usize].0 += difference;
                 sums[block as usize].1 += 1;

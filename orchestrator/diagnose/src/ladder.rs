@@ -5,6 +5,7 @@
 //! | `search` | the state of a search: fits of models and their scores on held-out rows, each computed once |
 //! | `candidate_test` | what a candidate gains beside the terms of a model |
 //! | `clustered` | whether that is more than what rows that depend on each other may share |
+//! | `contradiction` | which candidates the measurements contradict |
 //! | `verdicts` | which candidates are acceptable |
 //! | `choice` | which acceptable candidate is added |
 //! | `replacement` | changes of the model: what enters it in place of what, and what leaves it |
@@ -15,6 +16,7 @@
 mod candidate_test;
 mod choice;
 mod clustered;
+mod contradiction;
 mod limits;
 mod replacement;
 mod search;
@@ -62,6 +64,12 @@ impl Ladder {
     pub(crate) fn withheld(&self) -> impl Iterator<Item = TermId> + '_ {
         let withheld = self.tests.iter().filter(|test| test.verdict == Verdict::Withheld);
         withheld.map(|test| test.term)
+    }
+
+    /// Candidates that measurements contradicted in the last round.
+    pub(crate) fn contradicted(&self) -> impl Iterator<Item = TermId> + '_ {
+        let contradicted = self.tests.iter().filter(|test| test.verdict == Verdict::Contradicted);
+        contradicted.map(|test| test.term)
     }
 
     /// Whether there was enough to tell something, and the search came to its end.

@@ -319,6 +319,11 @@ pub trait Study: Sync {
     /// Which rows may depend on each other.
     fn dependence(&self) -> Dependence;
 
+    /// Why measurements contradict a term of a fit: they show what it rules out. None: they do not.
+    fn contradiction(&self, _fit: &Self::Fit, _term: TermId) -> Option<String> {
+        None
+    }
+
     /// Adds an effect that may be added to the model as one that is limited to some rows, and returns the number of the new
     /// candidate.
     ///

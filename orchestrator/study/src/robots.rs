@@ -7,6 +7,7 @@
 
 mod blocks;
 mod command_thresholds;
+mod contradiction;
 mod curve;
 mod density;
 mod derivatives;

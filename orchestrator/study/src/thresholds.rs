@@ -16,6 +16,7 @@
 //! | packets | which effects and parts of an error measured packets show |
 //! | acceptance | which effects a diagnosis accepts |
 //! | ties | which of several effects it names |
+//! | contradictions | which effects the measurements refute |
 //! | score tests | which rows a test of a candidate takes for dependent |
 //! | limited effects | whether an effect is limited to some rows |
 //! | structure | what is reported of residuals and errors |
@@ -447,6 +448,19 @@ pub const SPECIAL_CASE_NATS: f64 = 6.0;
 /// ratio with mean m has a variance of about 2 m, so that it lies √(m/2) standard errors above 0; a single candidate needs
 /// 2.58. The gain on held-out rows is smaller than on the rows of the fit.
 pub const HOPELESS_NATS: f64 = 12.0;
+
+// Contradictions: measurements show what an effect rules out, or another channel gets worse.
+
+/// Level of significance of a contradiction. Chosen: an effect is accepted at [`FAMILY_ERROR`], and rarely refused by chance.
+pub const CONTRADICTED_LEVEL: f64 = 0.001;
+/// Motion passes a bound from this number of times the bound. Chosen: another effect that is missing changes motion by less.
+pub const BOUND_MARGIN: f64 = 1.2;
+/// Motion may pass a bound in this share of the windows: noise beyond three standard deviations, and stray windows, of which
+/// each end may be one (twice [`BROAD_SHARE`]).
+pub const PASSING_SHARE: f64 = 0.05;
+/// An effect makes another measured channel worse if the mean squared error there rises significantly ([`FAMILY_ERROR`]) and by
+/// this share. Chosen: noise is filtered otherwise with each effect, which changes the error by a few percent.
+pub const WORSE_SHARE: f64 = 0.05;
 
 // Lack of fit.
 

@@ -154,6 +154,8 @@ pub struct Fit {
     pub is_repeatable: bool,
     /// Of a robot effect that has directions or places of the plane: positions of all campaigns must be in one frame.
     pub needs_one_frame: bool,
+    /// Of a robot effect: the motion that its first parameter bounds. Measurements that pass the bound contradict the effect.
+    pub bounds: Option<Bounds>,
 }
 
 impl Fit {
@@ -172,7 +174,19 @@ impl Fit {
         is_spread: false,
         is_repeatable: false,
         needs_one_frame: false,
+        bounds: None,
     };
+}
+
+/// The motion that an effect on robots rules out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bounds {
+    /// Robots are no faster.
+    Speed,
+    /// Robots are accelerated no more.
+    Acceleration,
+    /// Robots that are commanded to be slower stand still.
+    Standstill,
 }
 
 /// What a fit estimates of an effect.

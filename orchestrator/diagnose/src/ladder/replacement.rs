@@ -71,6 +71,7 @@ impl<'a, S: Study> Search<'a, S> {
                 if margin < over.gain
                     && !self.is_level_of_random(old, &terms)
                     && self.stands_clustered(test.term, &rest)
+                    && self.contradiction(test.term, &rest).is_none()
                 {
                     return Some(Replacement { new: test.clone(), old: vec![old] });
                 }
@@ -106,7 +107,7 @@ impl<'a, S: Study> Search<'a, S> {
             let over = self.gain(&with_term(&rest, rival), &accepted, COMMON);
             let is_likely = test.gain.p_value < UNCORRECTED_LEVEL && common.p_value < FAMILY_ERROR;
             debug!(?rival, gain = over.gain, p = test.gain.p_value, "one for several");
-            (is_likely && 0.0 <= over.gain).then(|| Replacement {
+            (is_likely && 0.0 <= over.gain && self.contradiction(rival, &rest).is_none()).then(|| Replacement {
                 new: CandidateTest { common, ..test }.accepted_on_common_split(),
                 old,
             })

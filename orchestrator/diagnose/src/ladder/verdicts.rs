@@ -53,6 +53,12 @@ impl<S: Study> Search<'_, S> {
             let is_plausible =
                 (verdict.is_plausible() || is_worth()) && !removed.contains(&test.term);
             test.verdict = Verdict::by_gain(is_significant, is_plausible);
+            if test.verdict.is_plausible()
+                && let Some(why) = self.contradiction(test.term, accepted)
+            {
+                debug!(name = self.study.candidates()[test.term].name, why, "contradicted");
+                test.verdict = Verdict::Contradicted;
+            }
             if test.verdict.is_acceptable()
                 && !is_beside_drift()
                 && !self.stands_clustered(test.term, accepted)

@@ -166,6 +166,10 @@ impl Study for RobotStudy {
         self.limit(term, limits)
     }
 
+    fn contradiction(&self, fit: &RobotFit, term: TermId) -> Option<String> {
+        self.contradicted(fit, term)
+    }
+
     fn log_likelihood(&self, fit: &RobotFit) -> f64 {
         fit.log_likelihood
     }

@@ -8,7 +8,7 @@ use crate::thresholds::{CURVE_KNOTS, FINE_CURVE_KNOTS, ROWS_PER_KNOT};
 use crate::{CURVE, Candidate, FINE, PerTerm};
 use measure::robots::RobotSample;
 use proto::config::{Node, Value, check};
-use proto::effect::{Body, FromModel, Level, Need, Parameter, Role, Search, only};
+use proto::effect::{Body, Bounds, FromModel, Level, Need, Parameter, Role, Search, only};
 use robotsim::catalogue::Catalogue;
 use robotsim::dynamics::effect::{self, Entry};
 use robotsim::dynamics::{Part, Shape};
@@ -35,6 +35,8 @@ pub(super) struct EffectTerm {
     pub(super) starts: Starts,
     /// What those starts are.
     search: Search,
+    /// The motion that the first parameter bounds.
+    pub(super) bounds: Option<Bounds>,
 }
 
 /// Where searches for an effect start.
@@ -50,9 +52,13 @@ impl EffectTerm {
     /// Of an effect that does something to commands below a threshold and nothing else to any: which part of commands that is. What
     /// it does changes with the threshold only where that passes a command.
     pub(super) fn threshold_on(&self) -> Option<Part> {
-        let text = |key: &str| self.table.get(key).and_then(toml::Value::as_str);
-        let part = if text("on") == Some("turn") { Part::Turn } else { Part::Speed };
+        let part = if self.is_on_turn() { Part::Turn } else { Part::Speed };
         (self.search == Search::Thresholds { only_below: true }).then_some(part)
+    }
+
+    /// Whether it acts on the turn actuator.
+    pub(super) fn is_on_turn(&self) -> bool {
+        self.table.get("on").and_then(toml::Value::as_str) == Some("turn")
     }
 
     /// The same, limited to some robots or times: `limits` is the table `only` of the effect.
@@ -131,7 +137,8 @@ pub(super) fn all(
                 continue;
             }
             let search = entry.fit.search;
-            terms.push(Term::Effect(EffectTerm { table, parameters, starts, search }));
+            let bounds = entry.fit.bounds;
+            terms.push(Term::Effect(EffectTerm { table, parameters, starts, search, bounds }));
         }
     }
     if tracks.robots.commands.is_inertial() {
@@ -212,6 +219,7 @@ impl RobotStudy {
             table: asked.table,
             parameters: asked.parameters,
             search: entry.fit.search,
+            bounds: None,
         }));
         Ok(())
     }

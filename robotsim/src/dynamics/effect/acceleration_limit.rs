@@ -2,7 +2,7 @@
 
 use super::{Effect, Entry, Part};
 use proto::config::Section;
-use proto::effect::{Catalogued, Search};
+use proto::effect::{Bounds, Catalogued, Search};
 
 /// `kind = "acceleration-limit"`.
 pub(super) const ENTRY: Entry = Entry::of::<AccelerationLimit>();
@@ -37,6 +37,7 @@ pub(super) const ENTRY: Entry = Entry::of::<AccelerationLimit>();
     needs = &[],
     example = "limit_mps2 = 1.5\n",
     search = Search::ThresholdsOfChanges,
+    bounds = Some(Bounds::Acceleration),
 )]
 struct AccelerationLimit {
     /// Maximum acceleration (m/s²).

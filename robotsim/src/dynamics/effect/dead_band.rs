@@ -2,7 +2,7 @@
 
 use super::{Actuator, Drive, Effect, Entry, Part, Shape, with_speed};
 use proto::config::Section;
-use proto::effect::{Catalogued, Fixed, Need, Search};
+use proto::effect::{Bounds, Catalogued, Fixed, Need, Search};
 
 /// `kind = "dead-band"`.
 pub(super) const ENTRY: Entry = Entry::of::<DeadBand>();
@@ -38,6 +38,7 @@ pub(super) const ENTRY: Entry = Entry::of::<DeadBand>();
     example = "threshold_mps = 0.05\n",
     variants = &[&[("on", Fixed::Text("speed"))], &[("on", Fixed::Text("turn"))]],
     search = Search::Thresholds { only_below: true },
+    bounds = Some(Bounds::Standstill),
 )]
 struct DeadBand {
     /// Commanded speed (m/s), or for the turn actuator yaw rate (rad/s) or steering (rad), below which the robot does not move.

@@ -2,7 +2,7 @@
 
 use super::{Drive, Effect, Entry, Shape, with_speed};
 use proto::config::Section;
-use proto::effect::{Catalogued, Need, Search};
+use proto::effect::{Bounds, Catalogued, Need, Search};
 
 /// `kind = "speed-limit"`.
 pub(super) const ENTRY: Entry = Entry::of::<SpeedLimit>();
@@ -36,6 +36,7 @@ pub(super) const ENTRY: Entry = Entry::of::<SpeedLimit>();
     needs = &[Need::VelocityCommands],
     example = "limit_mps = 1.2\n",
     search = Search::Thresholds { only_below: false },
+    bounds = Some(Bounds::Speed),
 )]
 struct SpeedLimit {
     /// Maximum speed (m/s).
