@@ -16,6 +16,7 @@ mod fit;
 mod fit_state;
 mod foreign;
 mod formulas;
+mod ground;
 mod inertial;
 mod limited_effects;
 mod linear;

@@ -504,6 +504,8 @@ pub const TIME_LIMIT_NATS: f64 = 6.0;
 pub const TESTED_LIMITS: usize = 3;
 /// Groups from which one must stand out from the others.
 pub const FEWEST_COMPARED_GROUPS: usize = 6;
+/// Of so many groups one may be like the one that stands out from the others. Chosen: of fewer, either may be the exception.
+pub const FEWEST_OTHERS_PER_GROUP: usize = 3;
 /// Limited effects that compete at most.
 pub const MOST_LIMITED: usize = 4;
 /// Limited effects of one kind at most.

@@ -28,7 +28,7 @@ impl<S: Study> Search<'_, S> {
             [&before, &after].map(|rows| Scores::mean(rows).rmse_heading_rad.unwrap_or(f64::NAN));
         let blocks = self.study.blocks(COMMON).dependent();
         let error = |row: &RowScore| row.heading_squared_error_rad2;
-        let loss = Gain::of(&after, &before, blocks, error).by_students_t();
+        let loss = Gain::of(&after, &before, blocks, error);
         let least = (1.0 + WORSE_SHARE).sqrt() * rmse_before;
         (loss.p_value < FAMILY_ERROR && least < rmse_after).then(|| {
             format!("headings would be off by {rmse_after:.3} rad instead of {rmse_before:.3} rad")

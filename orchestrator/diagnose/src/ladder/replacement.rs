@@ -107,10 +107,12 @@ impl<'a, S: Study> Search<'a, S> {
             let over = self.gain(&with_term(&rest, rival), &accepted, COMMON);
             let is_likely = test.gain.p_value < UNCORRECTED_LEVEL && common.p_value < FAMILY_ERROR;
             debug!(?rival, gain = over.gain, p = test.gain.p_value, "one for several");
-            (is_likely && 0.0 <= over.gain && self.contradiction(rival, &rest).is_none()).then(|| Replacement {
-                new: CandidateTest { common, ..test }.accepted_on_common_split(),
-                old,
-            })
+            (is_likely && 0.0 <= over.gain && self.contradiction(rival, &rest).is_none()).then(
+                || Replacement {
+                    new: CandidateTest { common, ..test }.accepted_on_common_split(),
+                    old,
+                },
+            )
         })
     }
 

@@ -20,7 +20,9 @@ impl RobotStudy {
         let Term::Effect(effect) = &self.model.terms[term] else { return None };
         let bounds = effect.bounds?;
         // What bounds a turn shows in headings.
-        if effect.is_on_turn() || self.candidates[term].only.as_ref().is_some_and(is_otherwise_limited) {
+        if effect.is_on_turn()
+            || self.candidates[term].only.as_ref().is_some_and(is_otherwise_limited)
+        {
             return None;
         }
         let (estimates, _) = self.estimates(fit, term);
@@ -104,7 +106,8 @@ impl RobotStudy {
             (BOUND_MARGIN * high_mps2 < asked_mps2).then_some((row, dot / asked_mps2))
         };
         let mean = self.mean_over_blocks(self.rows_of(term).filter_map(along))?;
-        (BOUND_MARGIN * high_mps2 < mean.least(CONTRADICTED_LEVEL)).then(|| {
+        let is_above = high_mps2 < mean.least(CONTRADICTED_LEVEL);
+        (is_above && BOUND_MARGIN * high_mps2 < mean.mean).then(|| {
             format!(
                 "robots that are asked for more are accelerated by {:.3} m/s², which is above {high_mps2:.3} m/s²",
                 mean.mean
@@ -121,6 +124,9 @@ impl RobotStudy {
         let first = window.start as usize;
         let samples = self.robots().samples.get(first..=first + 2 * reach)?;
         if tracks.robots.tracks[window.track as usize].end <= first + 2 * reach {
+            return None;
+        }
+        if (first..=first + 2 * reach).any(|sample| tracks.is_landed(sample)) {
             return None;
         }
         let half_s = 0.5 * (samples[2 * reach].time_s - samples[0].time_s);

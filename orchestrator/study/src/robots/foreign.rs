@@ -275,6 +275,7 @@ impl<'a> Mover<'a> {
         let orders = &tracks.orders[track][..];
         let from = *robot;
         physics.advance(robot, orders, &mut self.next, from_s, until_s, &around);
+        tracks.carry(robot, sample);
         let Some((base, drive, next)) = &mut self.reference else { return };
         let mut plain = Robot { drive: *drive, ..from };
         base.reference.advance(&mut plain, orders, next, from_s, until_s, &around);

@@ -2,6 +2,7 @@
 
 use super::density::Residual;
 use super::foreign::{ForeignBase, Mover};
+use super::ground;
 use super::inertial::{self, VelocityVariance};
 use super::neighbours::others;
 use crate::thresholds::FEWEST_RUNS_ALIKE;
@@ -45,6 +46,8 @@ pub(super) struct MeasuredTracks {
     /// The others of the same campaign at each sample; empty where they do not matter.
     others: Vec<Vec<Other>>,
     terrain: Terrain,
+    /// Height (m) at which robots are measured that have landed; none where none has.
+    pub(super) landed_m: Option<f64>,
     /// Directions (cosine, sine) along which the errors of windows are given; empty: along what is predicted.
     frames: Vec<[f64; 2]>,
     /// Another simulator's predictions, where they are the base model.
@@ -122,8 +125,10 @@ impl MeasuredTracks {
         let n_overlapping = (window_s / (stride as f64 * spacing_s)).max(1.0);
         let frames = Vec::new();
         let foreign = None;
+        let landed_m = ground::landed_m(&robots, &terrain);
         Self {
             robots,
+            landed_m,
             windows,
             n_overlapping,
             windows_of,
@@ -532,6 +537,7 @@ impl MeasuredTracks {
             let [a, b] = [index, index + 1].map(|index| self.robots.samples[index].time_s);
             let surroundings = Surroundings { draws: Some(draws), ..self.surroundings(index) };
             physics.advance(&mut robot, &self.orders[track], &mut next, a, b, &surroundings);
+            self.carry(&mut robot, index);
             driven.push(robot);
         }
         driven

@@ -6,8 +6,8 @@ use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use study::TermId;
 use study::linear::{Column, Dependence, Group, Linearised, Partition, on_rows};
 use study::thresholds::{
-    FAMILY_ERROR, FEWEST_COMPARED_GROUPS, LIMITED_NATS, TESTED_LIMITS, TIME_LIMIT_NATS,
-    UNCORRECTED_LEVEL,
+    FAMILY_ERROR, FEWEST_COMPARED_GROUPS, FEWEST_OTHERS_PER_GROUP, LIMITED_NATS, TESTED_LIMITS,
+    TIME_LIMIT_NATS, UNCORRECTED_LEVEL,
 };
 
 /// Moments at which something may have begun or ended that are tried first: so many quantiles of the times …
@@ -221,16 +221,42 @@ fn rounded(moment_s: f64) -> f64 {
     (10.0 * moment_s).round() / 10.0
 }
 
-/// Whether an amplitude lies outside of what the others make likely; of few groups always.
+/// Whether an amplitude lies outside of what the others make likely, alone or together with few that lie nearest to it; of few groups
+/// always.
 fn stands_out(own: f64, others: &[f64]) -> bool {
-    let n = others.len() as f64;
-    if others.len() + 1 < FEWEST_COMPARED_GROUPS {
+    let n_groups = others.len() + 1;
+    if n_groups < FEWEST_COMPARED_GROUPS {
         return true;
     }
-    let mean = others.iter().sum::<f64>() / n;
-    let squares: f64 = others.iter().map(|other| (other - mean) * (other - mean)).sum();
-    let t = (own - mean).abs() / (squares / (n - 1.0) * (1.0 + 1.0 / n)).sqrt();
-    // Of all groups the one that lies furthest.
-    let p_value = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |law| 2.0 * law.sf(t));
-    p_value * (n + 1.0) < UNCORRECTED_LEVEL
+    let mut others = others.to_vec();
+    others.sort_by(|a, b| (b - own).abs().total_cmp(&(a - own).abs()));
+    // Sets of so many groups of which this may be the one that lies furthest.
+    let mut n_sets = 1.0;
+    for n_alike in 0..(n_groups / FEWEST_OTHERS_PER_GROUP).max(1) {
+        n_sets *= (n_groups - n_alike) as f64 / (n_alike + 1) as f64;
+        let rest = &others[..others.len() - n_alike];
+        let n = rest.len() as f64;
+        let mean = rest.iter().sum::<f64>() / n;
+        let squares: f64 = rest.iter().map(|other| (other - mean) * (other - mean)).sum();
+        let t = (own - mean).abs() / (squares / (n - 1.0) * (1.0 + 1.0 / n)).sqrt();
+        let p_value = StudentsT::new(0.0, 1.0, n - 1.0).map_or(1.0, |law| 2.0 * law.sf(t));
+        if p_value * n_sets < UNCORRECTED_LEVEL {
+            return true;
+        }
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_or_two_of_seven_stand_out_and_one_of_many_that_differ_does_not() {
+        let alike = [0.01, -0.02, 0.0, 0.03, -0.01];
+        let with = |more: f64| [&alike[..], &[more]].concat();
+        assert!(stands_out(1.0, &with(0.02)) && stands_out(1.0, &with(0.9)));
+        assert!(!stands_out(0.04, &with(0.02)));
+        assert!(!stands_out(1.0, &[-0.9, 0.7, 0.1, -0.3, 0.5, 0.8]));
+    }
 }
