@@ -12,8 +12,8 @@
 use std::collections::BTreeMap;
 use study::linear::{Dependence, Linearised};
 use study::thresholds::{
-    FEWEST_CLUSTERS, FREE_SHARE, LACK_OF_FIT_RATIO, MOST_REPEAT_BLOCKS, MOST_REPEAT_WINDOWS,
-    REPEAT_CLUSTERS, REPEAT_WINDOWS,
+    FEWEST_CLUSTERS, FREE_SHARE, LACK_OF_FIT_RATIO, MOST_REPEAT_BLOCKS, REPEAT_CLUSTERS,
+    REPEAT_WINDOWS,
 };
 
 /// The standard normal quantile of a one-sided bound of 95 %.
@@ -77,7 +77,7 @@ fn of_repeats(errors: &[[f64; 3]], known: &[usize], dependence: &Dependence) -> 
     let Dependence { times_s, shortest_s, nodes, .. } = dependence;
     // Neighbouring windows of a robot share the error of one position; frames have none in common.
     let [least_s, most_s] = match nodes {
-        None => [REPEAT_WINDOWS * (1.0 - 1e-6), MOST_REPEAT_WINDOWS],
+        None => [REPEAT_WINDOWS[0] * (1.0 - 1e-6), REPEAT_WINDOWS[1]],
         Some(_) => [0.0, MOST_REPEAT_BLOCKS],
     }
     .map(|blocks| blocks * shortest_s);

@@ -289,7 +289,7 @@ mod tests {
         let csv = format!("time_s,tx\n{}", "1,2\n".repeat(10_000));
         let text = format!("time_s,tx\n{}", "x,y\n".repeat(10_000));
         let k7 = format!(
-            "{{\"start_date\":\"2018-01-11T16:32:22\",\"stop_date\":\"2018-01-12T16:32:22\",\"location\":\"x\",\
+            "{{\"start_date\":\"2018-01-11T16:32:22\",\"stop_date\":\"2018-01-12T16:32:22\",\"location\":\"x\",\"channels\":[11],\
              \"transmission_count\":100,\"node_count\":2}}\ndatetime,src,dst,channel,mean_rssi,pdr,tx_count\n{}",
             "2018-01-11T16:32:22,0,1,11,-70,1.0,100\n".repeat(2000)
         );
@@ -315,7 +315,7 @@ mod tests {
         encoder.finish().unwrap();
         assert!(std::fs::metadata(&path).unwrap().len() < 100_000);
         let error = DataTable::read(&path, MemoryBudget(1 << 20)).unwrap_err().to_string();
-        let expected = "line 26217: needs more than 1 MiB of memory for 26215 rows of 5 columns";
+        let expected = "line 26216: needs more than 1 MiB of memory for 26215 rows of 5 columns";
         assert!(error.contains(expected), "{error}");
     }
 }

@@ -239,6 +239,11 @@ pub const FOREIGN_SEGMENT_S: f64 = 1.0;
 /// Time by which a prediction begins before its segment (s): five time constants of actuators of 0.4 s.
 pub const FOREIGN_LEAD_S: f64 = 2.0;
 
+/// Accelerations are measured over this share of a window on either side.
+pub const ACCELERATION_SHARE: f64 = 0.2;
+/// Standard deviations by which noise of positions may pass a bound.
+pub const NOISE_SDS: f64 = 3.0;
+
 // Defects of the measurement.
 
 /// Probability with which any defect is reported of measurements without one.
@@ -467,11 +472,10 @@ pub const WORSE_SHARE: f64 = 0.05;
 /// A model lacks something if what it leaves exceeds the variance of repeats by this factor, clustered, at 95 %. Chosen: nearer
 /// to 1, errors of a tenth of the noise forbid an answer.
 pub const LACK_OF_FIT_RATIO: f64 = 1.5;
-/// A window of a robot is repeated no earlier than so many windows later: neighbours share the error of a position …
-pub const REPEAT_WINDOWS: f64 = 2.0;
-/// … and no later than so many. Chosen: later, what the model gets wrong may have changed.
-pub const MOST_REPEAT_WINDOWS: f64 = 4.0;
-/// A row of a link is repeated no later than so many of the shortest blocks of time.
+/// A window of a robot is repeated so many windows later: neighbours share the error of a position. Chosen: later, what the
+/// model gets wrong may have changed. A row of a link is repeated within so many of the shortest blocks of time.
+pub const REPEAT_WINDOWS: [f64; 2] = [2.0, 4.0];
+/// See [`REPEAT_WINDOWS`].
 pub const MOST_REPEAT_BLOCKS: f64 = 2.0;
 /// The greatest errors of robots that do not count as lack of fit, as a share of the windows: twice [`BROAD_SHARE`].
 pub const FREE_SHARE: f64 = 0.02;

@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use study::folds::Blocks;
 use study::linear::{Column, Dependence, Direction, Group, Linearised, Partition};
 use study::symbolic::FittedFormula;
-use study::thresholds::{FAMILY_ERROR, PREFERRED_SHARE, UNCORRECTED_LEVEL, WORTH_NATS};
+use study::thresholds::{FAMILY_ERROR, TIED_ERRORS, TIED_NATS, UNCORRECTED_LEVEL, WORTH_NATS};
 use study::{Candidate, Estimate, NotLimited, PerTerm, Residuals, RowScore};
 
 const ROWS: u64 = 3000;
@@ -303,8 +303,9 @@ fn what_gains_as_much_is_tied_even_where_chance_cannot_be_excluded_for_it_alone(
             if ladder.accepted != [a] || other.p_value < FAMILY_ERROR {
                 continue;
             }
-            let is_near = PREFERRED_SHARE * test.common.gain <= other.gain
-                && other.p_value < UNCORRECTED_LEVEL;
+            let over = search.gain(&[a], &[c], Level::Time);
+            let is_near = other.p_value < UNCORRECTED_LEVEL
+                && (over.gain <= TIED_ERRORS * over.standard_error || over.total() <= TIED_NATS);
             let is_tied = test.ties.contains(&c);
             assert!(is_near || !is_tied, "seed {seed}, scatter {scatter}");
             n_alike += u32::from(is_tied);

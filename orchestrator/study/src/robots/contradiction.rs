@@ -2,17 +2,15 @@
 
 use super::terms::Term;
 use super::{RobotFit, RobotStudy};
-use crate::thresholds::{BOUND_MARGIN, CONTRADICTED_LEVEL, FEWEST_SUMMED_BLOCKS, PASSING_SHARE};
+use crate::thresholds::{
+    ACCELERATION_SHARE, BOUND_MARGIN, CONTRADICTED_LEVEL, FEWEST_SUMMED_BLOCKS, NOISE_SDS,
+    PASSING_SHARE,
+};
 use crate::{Estimate, Study as _, TermId};
 use numbers::power::square;
 use proto::effect::Bounds;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
-
-/// Accelerations are measured over this share of a window on either side.
-const ACCELERATION_SHARE: f64 = 0.2;
-/// Standard deviations by which noise of positions may pass a bound.
-const NOISE_SDS: f64 = 3.0;
 
 impl RobotStudy {
     /// Why the measured motion contradicts an effect of a fit; none: it does not.

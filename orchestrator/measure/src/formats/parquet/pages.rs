@@ -196,7 +196,8 @@ mod tests {
     #[test]
     fn a_dictionary_of_more_values_than_bytes_is_refused() {
         let mut content = PAGES.concat();
-        content[4] = 0;
+        // One byte, of three values.
+        (content[3], content[4]) = (0x82, 0);
         let length = content.len() as u64;
         let error = memory_of(&mut Cursor::new(content), length, true);
         assert!(error.is_err());
