@@ -16,6 +16,8 @@ use study::thresholds::{
     REPEAT_WINDOWS,
 };
 
+/// Spans of a campaign that are clusters of rows, in each series.
+const REPEAT_CLUSTERS: f64 = 10.0;
 /// The standard normal quantile of a one-sided bound of 95 %.
 const Z_95: f64 = 1.644_853_626_951_472_2;
 /// The median absolute value of a standard normal number.

@@ -33,7 +33,7 @@ impl Default for MemoryBudget {
 
 impl fmt::Display for MemoryBudget {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let exact = UNITS.iter().filter(|(_, bytes)| 0 < self.0 && self.0 % bytes == 0);
+        let exact = UNITS.iter().filter(|(_, bytes)| 0 < self.0 && self.0.is_multiple_of(*bytes));
         let exact = exact.min_by_key(|(_, bytes)| self.0 / bytes);
         match exact {
             Some((unit, bytes)) => write!(formatter, "{} {unit}", self.0 / bytes),

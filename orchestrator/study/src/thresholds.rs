@@ -135,8 +135,8 @@ pub const STRAY_FRAMES: f64 = 1e-3;
 /// Correlation ρ of the frames of one row, because disturbances last longer than a frame. The effective sample size of k frames
 /// is k / (1 + (k − 1) ρ), at most 100.
 pub const FRAME_CORRELATION: f64 = 0.01;
-/// Where nobody said whether lost frames were logged, it matters if more than this share of readings is of a level at which more
-/// than this share of frames is lost. Chosen: one frame in a hundred moves a mean by less than readings are rounded.
+/// It matters whether lost frames were logged if more than this share of readings is of a level at which more than this share of
+/// frames is lost. Chosen: that moves a mean by less than readings are rounded.
 pub const SELECTED_SHARE: f64 = 0.01;
 /// Least standard deviation of the mean of any number of readings (dB): registers read in steps, and drift. Rounding to 1 dB
 /// alone has 0.29 dB.
@@ -437,8 +437,7 @@ pub const TIED_NATS: f64 = 3.0;
 /// Two effects are tied, too, if what they move, beside all that was estimated, is correlated by at least this: then errors of
 /// covariates decide between them. Chosen: of one part in fifty of the information.
 pub const SAME_COLUMNS: f64 = 0.99;
-/// A parameter is identified if half of its 90 % interval is at most this share of the estimate, or, of a parameter that is
-/// positive, of its logarithm: 0.6 to 1.65 times the estimate. Chosen: wider, not even the order of magnitude is known.
+/// A spread is identified if half of the 90 % interval of its logarithm is at most this: 0.6 to 1.65 times the estimate.
 pub const IDENTIFIED_HALF: f64 = 0.5;
 /// Level of the likelihood-ratio test by which a curve replaces an effect nested in it. Rows count as independent, which they
 /// are not, so that the level is far below any other.
@@ -469,8 +468,7 @@ pub const WORSE_SHARE: f64 = 0.05;
 
 // Lack of fit.
 
-/// A model lacks something if what it leaves exceeds the variance of repeats by this factor, clustered, at 95 %. Chosen: nearer
-/// to 1, errors of a tenth of the noise forbid an answer.
+/// A model lacks something if what it leaves exceeds the variance of noise by this factor (clustered lower bound of 95 %).
 pub const LACK_OF_FIT_RATIO: f64 = 1.5;
 /// A window of a robot is repeated so many windows later: neighbours share the error of a position. Chosen: later, what the
 /// model gets wrong may have changed. A row of a link is repeated within so many of the shortest blocks of time.
@@ -479,8 +477,6 @@ pub const REPEAT_WINDOWS: [f64; 2] = [2.0, 4.0];
 pub const MOST_REPEAT_BLOCKS: f64 = 2.0;
 /// The greatest errors of robots that do not count as lack of fit, as a share of the windows: twice [`BROAD_SHARE`].
 pub const FREE_SHARE: f64 = 0.02;
-/// Blocks of a campaign that are clusters of repeats, in each series.
-pub const REPEAT_CLUSTERS: f64 = 10.0;
 
 // Score tests.
 

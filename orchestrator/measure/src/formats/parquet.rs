@@ -209,8 +209,10 @@ fn add_values<T: DataType>(
             return Err("has fewer rows than the file: it is damaged".to_owned());
         }
         let mut present = values.iter().take(n_values);
+        // Of a column without nulls there are no levels.
+        let level_of = |k: usize| levels.get(k).copied().unwrap_or(about.max_def_level());
         for k in 0..n_read {
-            let is_there = about.max_def_level() == 0 || levels[k] == about.max_def_level();
+            let is_there = level_of(k) == about.max_def_level();
             let value = if is_there { present.next() } else { None };
             let number = match value.map(&number_of) {
                 None => f64::NAN,

@@ -95,6 +95,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
         "steps and ranges of derivatives, grids, tables and random walks",
         &[
             ("diagnose/src/ladder/limits/column.rs", &["FINE_MOMENTS", "MOMENTS"]),
+            ("diagnose/src/pure_error.rs", &["REPEAT_CLUSTERS"]),
             ("network/src/candidate_fits.rs", &["PLACES"]),
             ("network/src/candidates.rs", &["BETWEEN", "STEPS"]),
             ("study/src/defects/clock_skew.rs", &["FINE_S", "STEP_S"]),
