@@ -13,7 +13,9 @@ use column::{Asked, MOMENTS};
 use proto::effect::CONSTANT;
 use rayon::prelude::*;
 use study::linear::{Column, Group, Linearised, Partition};
-use study::thresholds::{FAMILY_ERROR, LIMITED_NATS, LIMITED_SHARE, MOST_LIMITED};
+use study::thresholds::{
+    FAMILY_ERROR, FEWEST_COMPARED_GROUPS, LIMITED_NATS, LIMITED_SHARE, MOST_LIMITED,
+};
 use study::{COMMON, Candidate, Study, TermId};
 use tracing::debug;
 
@@ -79,7 +81,12 @@ fn asked_for<S: Study>(
     let columns: Vec<(TermId, Vec<Column>)> =
         terms.iter().map(|&term| (term, study.columns(&fit, term))).collect();
     let n_columns: usize = columns.iter().map(|(_, columns)| columns.len()).sum();
-    let n_groups: usize = partitions.iter().map(|partition| partition.groups.len()).sum();
+    // Groups, and pairs of them.
+    let n_sets = |partition: &Partition| match partition.groups.len() {
+        n if n < FEWEST_COMPARED_GROUPS => n,
+        n => n * (n + 1) / 2,
+    };
+    let n_groups: usize = partitions.iter().map(n_sets).sum();
     let pairs: Vec<(TermId, &Column)> = columns
         .iter()
         .flat_map(|(term, columns)| columns.iter().map(move |column| (*term, column)))

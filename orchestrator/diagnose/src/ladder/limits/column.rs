@@ -129,16 +129,27 @@ impl Asked<'_> {
             .filter(|(_, rise)| LIMITED_NATS < *rise)
             .collect();
         promising.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let found = promising.into_iter().take(TESTED_LIMITS).filter_map(|(group, _)| {
-            let (mut found, amplitude) = self.of_time(term, &columns[group], Some(column))?;
-            let id = i64::from(partition.groups[group].id);
-            found.only.insert(key.to_owned(), toml::Value::Array(vec![id.into()]));
-            Some((group, found, amplitude))
+        let mut sets: Vec<Vec<usize>> =
+            promising.iter().take(TESTED_LIMITS).map(|(group, _)| vec![*group]).collect();
+        if let ([(first, _), (second, _), ..], true) =
+            (&promising[..], FEWEST_COMPARED_GROUPS <= columns.len())
+        {
+            // Two that are alike may have too few rows to be tested one by one.
+            sets.push(vec![*first.min(second), *first.max(second)]);
+        }
+        let found = sets.into_iter().filter_map(|set| {
+            let groups = || set.iter().map(|&group| &partition.groups[group]);
+            let rows: Vec<u32> = groups().flat_map(|group| group.rows.iter().copied()).collect();
+            let (mut found, amplitude) =
+                self.of_time(term, &on_rows(column, &rows), Some(column))?;
+            let ids = groups().map(|group| toml::Value::from(i64::from(group.id))).collect();
+            found.only.insert(key.to_owned(), toml::Value::Array(ids));
+            Some((set, found, amplitude))
         });
-        let (group, found, own) = found.max_by(|a, b| a.1.rise.total_cmp(&b.1.rise))?;
+        let (set, found, own) = found.max_by(|a, b| a.1.rise.total_cmp(&b.1.rise))?;
         let amplitude = |column: &Column| Some(self.tests.test(column, &[])?.amplitude);
         let others = (0..columns.len())
-            .filter(|other| *other != group)
+            .filter(|other| !set.contains(other))
             .map(|other| amplitude(&columns[other]));
         let others: Vec<f64> = others.flatten().collect();
         stands_out(own, &others).then_some(found)
