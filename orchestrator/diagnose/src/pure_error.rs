@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 use study::linear::{Dependence, Linearised};
 use study::thresholds::{
-    FEWEST_CLUSTERS, FREE_SHARE, LACK_OF_FIT_RATIO, MOST_REPEAT_BLOCKS, REPEAT_CLUSTERS,
+    FEWEST_CLUSTERS, FREE_SHARE, LACK_OF_FIT_RATIO, MOST_REPEAT_BLOCKS,
     REPEAT_WINDOWS,
 };
 

@@ -239,10 +239,6 @@ pub const FOREIGN_SEGMENT_S: f64 = 1.0;
 /// Time by which a prediction begins before its segment (s): five time constants of actuators of 0.4 s.
 pub const FOREIGN_LEAD_S: f64 = 2.0;
 
-/// Accelerations are measured over this share of a window on either side.
-pub const ACCELERATION_SHARE: f64 = 0.2;
-/// Standard deviations by which noise of positions may pass a bound.
-pub const NOISE_SDS: f64 = 3.0;
 
 // Defects of the measurement.
 
@@ -458,7 +454,7 @@ pub const HOPELESS_NATS: f64 = 12.0;
 /// Level of significance of a contradiction. Chosen: an effect is accepted at [`FAMILY_ERROR`], and rarely refused by chance.
 pub const CONTRADICTED_LEVEL: f64 = 0.001;
 /// Motion passes a bound from this number of times the bound. Chosen: another effect that is missing changes motion by less.
-pub const BOUND_MARGIN: f64 = 1.2;
+pub const BOUND_MARGIN: f64 = 1.1;
 /// Motion may pass a bound in this share of the windows: noise beyond three standard deviations, and stray windows, of which
 /// each end may be one (twice [`BROAD_SHARE`]).
 pub const PASSING_SHARE: f64 = 0.05;

@@ -2,6 +2,7 @@
 
 use super::candidate_test::CandidateTest;
 use super::search::{Search, with_term};
+use crate::acceptance::Verdict;
 use crate::gain::Gain;
 use proto::effect::{CONSTANT, Level};
 use rayon::prelude::*;
@@ -115,7 +116,7 @@ impl<S: Study> Search<'_, S> {
         }
         // That something is missing is beyond doubt: what is beyond chance as the only candidate goes first if it explains more.
         let explains_more = |test: &CandidateTest| {
-            if test.verdict.is_acceptable()
+            if matches!(test.verdict, Verdict::Acceptable | Verdict::Contradicted)
                 || FAMILY_ERROR < test.gain.p_value
                 || removed.contains(&test.term)
                 || self.is_curve(test)

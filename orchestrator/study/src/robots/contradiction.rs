@@ -3,14 +3,25 @@
 use super::terms::Term;
 use super::{RobotFit, RobotStudy};
 use crate::thresholds::{
-    ACCELERATION_SHARE, BOUND_MARGIN, CONTRADICTED_LEVEL, FEWEST_SUMMED_BLOCKS, NOISE_SDS,
-    PASSING_SHARE,
+    BOUND_MARGIN, CONTRADICTED_LEVEL, FEWEST_SUMMED_BLOCKS, PASSING_SHARE, SHORTEST_BLOCK_WINDOWS,
 };
 use crate::{Estimate, Study as _, TermId};
+use measure::robots::RobotSample;
 use numbers::power::square;
+use numbers::statistics::median_high;
 use proto::effect::Bounds;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
+
+/// Accelerations are measured over so long that noise changes them by at most this share of a bound (one standard deviation).
+const NOISE_OF_BOUND: f64 = 0.25;
+/// The standard deviation of noise over that by differences of neighbouring positions: noise with a correlation of 0.9 between
+/// neighbours differs by a quarter of what it scatters by.
+const CORRELATED_NOISE: f64 = 4.0;
+/// The median absolute value of a standard normal number.
+const MEDIAN_ABSOLUTE: f64 = 0.674_489_750_196_081_7;
+/// Standard deviations by which noise of positions may pass a bound.
+const NOISE_SDS: f64 = 3.0;
 
 impl RobotStudy {
     /// Why the measured motion contradicts an effect of a fit; none: it does not.
@@ -26,7 +37,20 @@ impl RobotStudy {
         let (estimates, _) = self.estimates(fit, term);
         let &Estimate { low, high, .. } = estimates.first()?;
         match bounds {
-            Bounds::Acceleration => self.passes_acceleration(term, high),
+            Bounds::Acceleration => {
+                // Over so long that noise of positions, differentiated twice, is small beside the bound.
+                let sd_m = 6.0_f64.sqrt() * self.position_sd_m(fit);
+                let over_s = (sd_m / (NOISE_OF_BOUND * high)).sqrt();
+                let passes = |first: usize| {
+                    let [acceleration_mps2, half_s] = self.acceleration_from(first, over_s)?;
+                    let noise_mps2 = NOISE_SDS * sd_m / square(half_s);
+                    Some((first, high * BOUND_MARGIN + noise_mps2 < acceleration_mps2))
+                };
+                let share = self.share_of(self.samples_of(term).filter_map(passes))?;
+                Some(format!(
+                    "robots are accelerated by more than {high:.3} m/s² at {share:.0} % of the moments"
+                ))
+            }
             Bounds::Speed => {
                 let passes = |row: usize| {
                     let [moved_m, _, window_s] = self.motion_of(row);
@@ -68,84 +92,86 @@ impl RobotStudy {
         [norm(difference(to_m, from_m)), speeds.fold(0.0, f64::max), tracks.window_s(row)]
     }
 
-    /// The windows in which an effect acts, if it is limited to robots or campaigns.
-    fn rows_of(&self, term: TermId) -> impl Iterator<Item = usize> + '_ {
+    /// Whether an effect, if it is limited to robots or campaigns, acts on a sample.
+    fn acts_on(&self, term: TermId, sample: usize) -> bool {
         let only = self.candidates[term].only.as_ref();
-        let list = |key: &str| only.and_then(|only| only.get(key)).and_then(toml::Value::as_array);
-        let (agents, runs) = (list("agents").cloned(), list("runs").cloned());
-        let has = |list: &Option<Vec<toml::Value>>, id: u32| {
-            list.as_ref().is_none_or(|list| list.contains(&toml::Value::from(i64::from(id))))
+        let sample = &self.robots().samples[sample];
+        let has = |key: &str, id: u32| {
+            let list = only.and_then(|only| only.get(key)).and_then(toml::Value::as_array);
+            list.is_none_or(|list| list.contains(&toml::Value::from(i64::from(id))))
         };
-        let tracks = &self.model.tracks;
-        (0..tracks.windows.len()).filter(move |&row| {
-            let start = tracks.start(&tracks.windows[row]);
-            has(&agents, start.agent) && has(&runs, start.run)
-        })
+        has("agents", sample.agent) && has("runs", sample.run)
+    }
+
+    /// The samples on which an effect acts.
+    fn samples_of(&self, term: TermId) -> impl Iterator<Item = usize> + '_ {
+        (0..self.robots().samples.len()).filter(move |&sample| self.acts_on(term, sample))
+    }
+
+    /// The windows in which an effect acts.
+    fn rows_of(&self, term: TermId) -> impl Iterator<Item = usize> + '_ {
+        let windows = &self.model.tracks.windows;
+        (0..windows.len()).filter(move |&row| self.acts_on(term, windows[row].start as usize))
     }
 
     /// The share (%) of windows that pass a bound, if it is more than noise and stray windows explain.
     fn passing_share(&self, term: TermId, passes: impl Fn(usize) -> Option<bool>) -> Option<f64> {
-        let values = self.rows_of(term).filter_map(|row| Some((row, f64::from(passes(row)?))));
-        let share = self.mean_over_blocks(values)?;
+        let start = |row: usize| self.model.tracks.windows[row].start as usize;
+        self.share_of(self.rows_of(term).filter_map(|row| Some((start(row), passes(row)?))))
+    }
+
+    /// The share (%) of moments, each by its sample, at which a bound is passed, if it is more than noise and stray windows explain.
+    fn share_of(&self, moments: impl Iterator<Item = (usize, bool)>) -> Option<f64> {
+        let share = self.mean_over_blocks(moments.map(|(at, passes)| (at, f64::from(passes))))?;
         (PASSING_SHARE < share.least(CONTRADICTED_LEVEL)).then_some(100.0 * share.mean)
     }
 
-    /// Whether robots that are asked for more than a greatest acceleration are accelerated by more, in the mean of the direction that is
-    /// asked for: noise of positions, which no command knows of, has no part in that.
-    fn passes_acceleration(&self, term: TermId, high_mps2: f64) -> Option<String> {
-        // Of commands of velocity, robots follow any change as they can.
-        if !self.robots().commands.is_inertial() {
-            return None;
-        }
-        let along = |row: usize| {
-            let [asked, measured] = self.accelerations_of(row)?;
-            let asked_mps2 = norm(asked);
-            let dot: f64 = asked.iter().zip(measured).map(|(a, b)| a * b).sum();
-            (BOUND_MARGIN * high_mps2 < asked_mps2).then_some((row, dot / asked_mps2))
-        };
-        let mean = self.mean_over_blocks(self.rows_of(term).filter_map(along))?;
-        let is_above = high_mps2 < mean.least(CONTRADICTED_LEVEL);
-        (is_above && BOUND_MARGIN * high_mps2 < mean.mean).then(|| {
-            format!(
-                "robots that are asked for more are accelerated by {:.3} m/s², which is above {high_mps2:.3} m/s²",
-                mean.mean
-            )
-        })
-    }
-
-    /// The acceleration (m/s²) that is asked for at the beginning of a window, and the measured one: both are means over the same time.
-    fn accelerations_of(&self, row: usize) -> Option<[[f64; 3]; 2]> {
+    /// The measured acceleration (m/s²) from a sample on, a mean over a time (s) on either side of a moment, and that time.
+    fn acceleration_from(&self, first: usize, over_s: f64) -> Option<[f64; 2]> {
         let tracks = &self.model.tracks;
-        let window = tracks.windows[row];
-        let n = (window.end - window.start) as usize;
-        let reach = ((ACCELERATION_SHARE * n as f64).round() as usize).max(2);
-        let first = window.start as usize;
-        let samples = self.robots().samples.get(first..=first + 2 * reach)?;
-        if tracks.robots.tracks[window.track as usize].end <= first + 2 * reach {
+        let track = tracks.robots.tracks.iter().find(|track| track.contains(&first))?;
+        let reach = ((over_s / self.robots().spacing_s()).ceil() as usize).max(1);
+        let last = first + 2 * reach;
+        if track.end <= last || (first..=last).any(|sample| tracks.is_landed(sample)) {
             return None;
         }
-        if (first..=first + 2 * reach).any(|sample| tracks.is_landed(sample)) {
-            return None;
-        }
-        let half_s = 0.5 * (samples[2 * reach].time_s - samples[0].time_s);
-        let [a, b, c] = [0, reach, 2 * reach].map(|k| samples[k].position_m);
-        let measured = std::array::from_fn(|i| (a[i] - 2.0 * b[i] + c[i]) / square(half_s));
-        // A second difference is a mean with weights that fall evenly on both sides.
-        let mut asked = [0.0; 3];
-        for (k, sample) in samples.iter().enumerate() {
-            let weight = (reach - k.abs_diff(reach)) as f64 / square(reach as f64);
-            for (sum, part) in asked.iter_mut().zip(sample.command) {
-                *sum += weight * part;
-            }
-        }
-        Some([asked, measured])
+        let [a, b, c] = [first, first + reach, last].map(|k| &self.robots().samples[k]);
+        let half_s = 0.5 * (c.time_s - a.time_s);
+        let bend_m =
+            std::array::from_fn(|i| a.position_m[i] - 2.0 * b.position_m[i] + c.position_m[i]);
+        Some([norm(bend_m) / square(half_s), half_s])
     }
 
-    /// The mean of values of windows, with its standard error over blocks of time. None of too few blocks.
+    /// Standard deviation (m) of the noise of one measured position: that of a fit, or less if neighbouring positions scatter less about
+    /// a parabola. What the model misses does not count as noise then.
+    fn position_sd_m(&self, fit: &RobotFit) -> f64 {
+        let robots = self.robots();
+        let third = |samples: &[RobotSample]| -> [f64; 3] {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|k| samples[k].position_m);
+            std::array::from_fn(|i| (d[i] - 3.0 * c[i] + 3.0 * b[i] - a[i]).abs())
+        };
+        let tracks = robots.tracks.iter();
+        let mut differences_m: Vec<f64> = tracks
+            .flat_map(|track| robots.samples[track.clone()].windows(4).flat_map(third))
+            .filter(|difference_m| 0.0 < *difference_m)
+            .collect();
+        if differences_m.is_empty() {
+            return fit.sd_m();
+        }
+        differences_m.sort_by(f64::total_cmp);
+        // The variance of a third difference is 1 + 9 + 9 + 1 times that of a position.
+        let white_m = median_high(&differences_m) / MEDIAN_ABSOLUTE / 20.0_f64.sqrt();
+        fit.sd_m().min(CORRELATED_NOISE * white_m)
+    }
+
+    /// The mean of values, each with its sample, and its standard error over blocks of time of each track. None of too few blocks.
     fn mean_over_blocks(&self, values: impl Iterator<Item = (usize, f64)>) -> Option<BlockMean> {
-        let mut sums: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
-        for (row, value) in values {
-            let [sum, n] = sums.entry(self.in_time.dependent()[row]).or_default();
+        let tracks = &self.model.tracks;
+        let block_s = SHORTEST_BLOCK_WINDOWS * tracks.window_s(0);
+        let mut sums: BTreeMap<(u32, u32, u64), [f64; 2]> = BTreeMap::new();
+        for (sample, value) in values {
+            let RobotSample { run, agent, time_s, .. } = self.robots().samples[sample];
+            let [sum, n] = sums.entry((run, agent, (time_s / block_s) as u64)).or_default();
             *sum += value;
             *n += 1.0;
         }

@@ -152,3 +152,32 @@ fn a_body_that_takes_other_commands_is_refused() {
     let text = error.unwrap_err().to_string();
     assert!(text.contains("\"point-mass\"") && text.contains("\"car\""), "{text}");
 }
+
+/// Robots that are no faster than a limit.
+fn limited(n_steps: usize, limit_mps: f64) -> DataTable {
+    driven(n_steps, "battery_v", |_, command, at, _| {
+        let speed_mps = libm::hypot(command[0], command[1]);
+        let share = if limit_mps < speed_mps { limit_mps / speed_mps } else { 1.0 };
+        for axis in 0..2 {
+            at[axis] += STEP_S * share * command[axis];
+        }
+        12.0
+    })
+}
+
+#[test]
+fn robots_that_pass_a_limit_contradict_it() {
+    let contradiction = |table: &DataTable, held_mps: Option<f64>| {
+        let study = study(table);
+        let limit = index(&study, "speed-limit");
+        let all: Vec<u32> = (0..study.n_rows() as u32).collect();
+        let mut fit = study.fit(&[limit], &all, Level::Time, None);
+        if let Some(held_mps) = held_mps {
+            fit = study.with_parameter_held(&fit, limit, "limit_mps", held_mps).unwrap();
+        }
+        study.contradiction(&fit, limit)
+    };
+    assert_eq!(contradiction(&limited(1000, THRESHOLD_MPS), None), None);
+    let why = contradiction(&limited(1000, f64::INFINITY), Some(THRESHOLD_MPS)).unwrap();
+    assert!(why.starts_with("robots are faster than"), "{why}");
+}

@@ -79,6 +79,10 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
             ("study/src/links/predict.rs", &["SAME_DB"]),
             ("study/src/links/random_effects/covariance.rs", &["AT_END"]),
             ("study/src/links/terms/basis.rs", &["ROUNDING"]),
+            (
+                "study/src/robots/contradiction.rs",
+                &["CORRELATED_NOISE", "NOISE_OF_BOUND", "NOISE_SDS"],
+            ),
             ("study/src/robots/derivatives.rs", &["MOST_BENT"]),
             (
                 "study/src/robots/fit.rs",
