@@ -222,3 +222,57 @@ impl NodeCells {
         self.square(&vec![0.0; self.0.len()]) / self.freedom()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proto::rng::{Draws, Purpose};
+
+    /// Cells of ten nodes in both directions with noise of 0.5 dB, and what node 4 adds to each of its own.
+    fn cells(of_node: impl Fn(u32) -> f64) -> Vec<Cell> {
+        let draws = Draws::new(3, Purpose::Resample);
+        let pairs = (0..10u32).flat_map(|tx| (0..10u32).map(move |rx| (tx, rx)));
+        let cell = |(tx, rx): (u32, u32)| {
+            let added_db = match (tx, rx) {
+                (4, other) | (other, 4) => of_node(other),
+                _ => 0.0,
+            };
+            let level_db = f64::from(tx % 3) - f64::from(rx % 4);
+            let noise_db = 0.5 * draws.normal(u64::from(tx), u64::from(rx), 0);
+            Cell { tx, rx, rows: vec![0], mean_db: level_db + added_db + noise_db, noise: 0.25 }
+        };
+        pairs.filter(|(tx, rx)| tx != rx).map(cell).collect()
+    }
+
+    fn mean_square(cells: &[Cell]) -> f64 {
+        let (own, others): (Vec<&Cell>, Vec<&Cell>) = cells.iter().partition(|cell| cell.has(4));
+        let levels = Levels::new(&others).unwrap();
+        assert!((levels.freedom - 55.0).abs() < 1e-9, "{}", levels.freedom);
+        levels.of_node(4, &own).unwrap().mean_square()
+    }
+
+    #[test]
+    fn a_level_of_a_node_does_not_make_its_links_vary() {
+        assert!(mean_square(&cells(|_| 0.0)) < 2.0);
+        assert!((mean_square(&cells(|_| 6.0)) - mean_square(&cells(|_| 0.0))).abs() < 1e-9);
+        assert!(10.0 < mean_square(&cells(|other| f64::from(other % 5) * 2.0)));
+    }
+
+    #[test]
+    fn a_move_that_explains_the_residuals_leaves_what_other_links_leave() {
+        let shape = |other: u32| f64::from(other % 5) * 2.0;
+        let cells = cells(shape);
+        let (own, others): (Vec<&Cell>, Vec<&Cell>) = cells.iter().partition(|cell| cell.has(4));
+        let node = Levels::new(&others).unwrap().of_node(4, &own).unwrap();
+        let ends = own.iter().map(|cell| if cell.tx == 4 { cell.rx } else { cell.tx });
+        let moved_db: Vec<f64> = ends.map(shape).collect();
+        assert!(node.square(&moved_db) / node.freedom() < 2.0);
+    }
+
+    #[test]
+    fn few_links_of_others_tell_nothing() {
+        let cells = cells(|_| 0.0);
+        let few: Vec<&Cell> = cells.iter().take(30).collect();
+        assert!(Levels::new(&few).is_none());
+    }
+}
