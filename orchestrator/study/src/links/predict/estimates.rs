@@ -6,7 +6,7 @@ use crate::links::fit::LinkFit;
 use crate::links::fit::run::FitOptions;
 use crate::links::fit::search;
 use crate::links::random_effects::Random;
-use crate::links::random_effects::cells::HALF_WAVE_M;
+use crate::links::random_effects::cells::{self, HALF_WAVE_M, Span};
 use crate::links::random_effects::covariance::{CorrelationLength, Products};
 use crate::links::random_effects::scales::CORRELATION_S;
 use crate::links::rows::blocks;
@@ -223,14 +223,13 @@ impl LinkStudy {
         let fit = &marginal(fit, |random| random.clone().without_times(&cells));
         let edges_s = self.lags_s();
         let span_s = *edges_s.first()?;
-        let mut spans: BTreeMap<(u32, i64), (f64, f64)> = BTreeMap::new();
+        let numbers = cells::spans(&self.rows, Some(span_s));
+        let mut spans: BTreeMap<Span, (f64, f64)> = BTreeMap::new();
         for (row, residual_db) in self.residuals_db(fit) {
-            let measured = &self.rows.links.rows[row];
-            let span = (measured.time_s / span_s).floor() as i64;
-            let sum = spans.entry((measured.run, span)).or_default();
+            let sum = spans.entry(numbers[row]).or_default();
             (sum.0, sum.1) = (sum.0 + residual_db, sum.1 + 1.0);
         }
-        let means: Vec<((u32, i64), f64)> =
+        let means: Vec<(Span, f64)> =
             spans.into_iter().map(|(key, (sum, n))| (key, sum / n)).collect();
         let mut products = Products::new(edges_s);
         for (index, ((run, span), mean)) in means.iter().enumerate() {

@@ -37,11 +37,11 @@ pub(in crate::links) fn drift_times_s(rows: &ModelledLinks) -> Vec<f64> {
 }
 
 /// A span of time: its campaign, and its number.
-type Span = (u32, i64);
+pub(in crate::links) type Span = (u32, i64);
 
 /// The span of time, of the campaign of each row, of a length (s), from the first row of the campaign; the same for all rows where there
 /// is none.
-fn spans(rows: &ModelledLinks, span_s: Option<f64>) -> Vec<Span> {
+pub(in crate::links) fn spans(rows: &ModelledLinks, span_s: Option<f64>) -> Vec<Span> {
     let measured = &rows.links.rows;
     let Some(span_s) = span_s else { return vec![(0, 0); measured.len()] };
     let mut first_s: BTreeMap<u32, f64> = BTreeMap::new();
