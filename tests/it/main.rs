@@ -36,6 +36,7 @@ mod given_rssi;
 mod interrupts;
 mod links;
 mod measurement_defects;
+mod metamorphic;
 mod only;
 mod orders;
 mod packets;
