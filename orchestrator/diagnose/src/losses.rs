@@ -1,5 +1,5 @@
-//! What holds of two answers about one campaign: as if received frames alone had been logged, and as if reception did not depend on the
-//! level. Where nobody knows whether lost frames were logged, only that is certain which both say.
+//! What holds of two answers about one campaign: as if reception had no part in what was logged, and as if received frames alone had
+//! been logged. Where nobody knows whether lost frames were logged, only that is certain which both say.
 
 use crate::diagnosis::{Diagnosis, Structure, Verdict};
 use std::collections::BTreeSet;
@@ -36,7 +36,7 @@ pub(crate) fn agreed(mut found: Diagnosis, other: &Diagnosis) -> Diagnosis {
     found.too_little = Some(format!(
         "{either_way}Whether lost frames were logged is not known, and decides: if received frames alone were logged, {}; if reception \
          had no part in it, {}. Say which with --losses",
-        found.sentence, other.sentence
+        other.sentence, found.sentence
     ));
     found.missing = certain;
     found.verdict = if !found.unexplained.is_empty() {

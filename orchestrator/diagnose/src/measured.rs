@@ -45,9 +45,8 @@ pub(crate) trait Measured: Viewed + Sized {
         None
     }
 
-    /// The same measurements as if reception did not depend on the level, where it is not known whether lost frames were logged and
-    /// it matters.
-    fn without_selection(&self) -> Option<Self> {
+    /// The same measurements as if received frames alone had been logged, where it is not known whether lost frames were and it matters.
+    fn as_received(&self) -> Option<Self> {
         None
     }
 
@@ -138,8 +137,8 @@ impl Measured for LinkStudy {
         self.thinned()
     }
 
-    fn without_selection(&self) -> Option<Self> {
-        Self::without_selection(self)
+    fn as_received(&self) -> Option<Self> {
+        Self::as_received(self)
     }
 
     fn defects(&self, observer: &dyn Observer) -> Vec<Defect> {

@@ -88,7 +88,7 @@ fn diagnosed<S: Measured>(
     request: &Request<'_>,
     observer: &dyn Observer,
 ) -> Result<Answered<Diagnosis>, DiagnoseError> {
-    let otherwise = opened.0.without_selection().map(|study| (study, opened.1.clone()));
+    let otherwise = opened.0.as_received().map(|study| (study, opened.1.clone()));
     let found = searched(opened, request, observer)?;
     let Some(otherwise) = otherwise else { return Ok(found) };
     let other = searched(otherwise, &Request { wants_rows: false, ..request.clone() }, observer)?;

@@ -12,8 +12,7 @@
 use std::collections::BTreeMap;
 use study::linear::{Dependence, Linearised};
 use study::thresholds::{
-    FEWEST_CLUSTERS, FREE_SHARE, LACK_OF_FIT_RATIO, MOST_REPEAT_BLOCKS,
-    REPEAT_WINDOWS,
+    FEWEST_CLUSTERS, FREE_SHARE, LACK_OF_FIT_RATIO, MOST_REPEAT_BLOCKS, REPEAT_WINDOWS,
 };
 
 /// Spans of a campaign that are clusters of rows, in each series.

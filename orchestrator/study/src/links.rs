@@ -135,11 +135,10 @@ impl LinkStudy {
         Self { are_losses_unknown, ..self }
     }
 
-    /// The same measurements as if reception did not depend on the level, where nobody said whether lost frames were logged and it
-    /// matters: more than one reading in a hundred is of a level at which more than one frame in a hundred is lost. That is asked
+    /// The same measurements as if received frames alone had been logged, where nobody said whether lost frames were and it matters: more than one reading in a hundred is of a level at which more than one frame in a hundred is lost. That is asked
     /// of the readings, not of the model, which may be far off.
     #[must_use]
-    pub fn without_selection(&self) -> Option<Self> {
+    pub fn as_received(&self) -> Option<Self> {
         if !self.are_losses_unknown {
             return None;
         }
@@ -151,7 +150,7 @@ impl LinkStudy {
             return None;
         }
         let mut rows = self.rows.clone();
-        rows.links.readings.losses = Losses::Ignored;
+        rows.links.readings.losses = Losses::NotLogged;
         let study = Self::new(rows, self.fixed_sd_db, &self.choices, &self.catalogue).ok()?;
         Some(study.with_stop_flag(&self.stop))
     }

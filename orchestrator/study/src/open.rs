@@ -322,8 +322,8 @@ pub fn links(
 }
 
 /// Settles what rows say of lost frames by what was stated: on the command line, in the file, or by lost frames that are there. Returns
-/// whether it is unknown: then received frames alone are taken to have been logged, and answers hold only as far as they do not
-/// depend on it.
+/// whether it is unknown: then readings are taken as they are, and what a diagnosis finds is certain only as far as it does not depend
+/// on it.
 fn settle_losses(links: &mut LinkSamples, choices: &Choices) -> Result<bool, ChoiceError> {
     let is_lost = |row: &&LinkRow| row.received < row.frames;
     let is_logged = links.readings.has_losses();
@@ -336,10 +336,10 @@ fn settle_losses(links: &mut LinkSamples, choices: &Choices) -> Result<bool, Cho
     links.readings.losses = match stated {
         Some(true) => Losses::Logged,
         _ if is_logged => Losses::Logged,
-        _ if links.readings.is_given => Losses::Ignored,
-        _ => Losses::NotLogged,
+        Some(false) if !links.readings.is_given => Losses::NotLogged,
+        _ => Losses::Ignored,
     };
-    Ok(stated.is_none() && links.readings.losses == Losses::NotLogged)
+    Ok(stated.is_none() && !is_logged && !links.readings.is_given)
 }
 
 /// Where effects of one side are configured, and how the columns are found that limit one.

@@ -239,7 +239,6 @@ pub const FOREIGN_SEGMENT_S: f64 = 1.0;
 /// Time by which a prediction begins before its segment (s): five time constants of actuators of 0.4 s.
 pub const FOREIGN_LEAD_S: f64 = 2.0;
 
-
 // Defects of the measurement.
 
 /// Probability with which any defect is reported of measurements without one.

@@ -7,6 +7,9 @@ use crate::thresholds::{
 use numbers::power::square;
 use std::collections::BTreeMap;
 
+/// A link: its sender, its receiver and the square of each.
+type CellKey = (u32, u32, [[i64; 3]; 2]);
+
 /// Steps in which levels of senders and receivers are fitted.
 const STEPS: usize = 30;
 
@@ -44,7 +47,7 @@ pub(super) fn cells(evidence: &Evidence<'_>) -> Option<Vec<Cell>> {
     let of_place = |place_m: [f64; 3], is_moving: bool| {
         if is_moving { evidence.modelled().square_numbers(place_m, side_m) } else { [0; 3] }
     };
-    let mut by_key: BTreeMap<(u32, u32, [[i64; 3]; 2]), Vec<usize>> = BTreeMap::new();
+    let mut by_key: BTreeMap<CellKey, Vec<usize>> = BTreeMap::new();
     for row in evidence.received().filter(|&row| evidence.residual_db(row).is_finite()) {
         let (one, [tx_moves, rx_moves]) = (&rows[row], moving[row]);
         let squares = [of_place(one.tx_m, tx_moves), of_place(one.rx_m, rx_moves)];
