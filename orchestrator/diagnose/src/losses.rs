@@ -24,8 +24,9 @@ pub(crate) fn agreed(mut found: Diagnosis, other: &Diagnosis) -> Diagnosis {
     for candidate in &mut found.candidates {
         let is_named =
             certain.iter().any(|name| name.split(" or ").any(|one| one == candidate.effect));
-        let is_curve = candidate.effect.starts_with(study::CURVE);
-        if candidate.accepted && !is_named && !(is_curve && !found.unexplained.is_empty()) {
+        let is_structure =
+            candidate.effect.starts_with(study::CURVE) && !found.unexplained.is_empty();
+        if candidate.accepted && !is_named && !is_structure {
             candidate.doubt = Some("it depends on whether lost frames were logged".to_owned());
         }
     }
