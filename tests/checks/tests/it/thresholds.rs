@@ -83,6 +83,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
                 "study/src/robots/contradiction.rs",
                 &["CORRELATED_NOISE", "NOISE_OF_BOUND", "NOISE_SDS"],
             ),
+            ("study/src/robots/contradiction.rs", &["MEDIAN_ABSOLUTE"]),
             ("study/src/robots/derivatives.rs", &["MOST_BENT"]),
             (
                 "study/src/robots/fit.rs",
@@ -99,7 +100,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
         "steps and ranges of derivatives, grids, tables and random walks",
         &[
             ("diagnose/src/ladder/limits/column.rs", &["FINE_MOMENTS", "MOMENTS"]),
-            ("diagnose/src/pure_error.rs", &["REPEAT_CLUSTERS"]),
+            ("diagnose/src/pure_error.rs", &["MEDIAN_ABSOLUTE", "REPEAT_CLUSTERS", "Z_95"]),
             ("network/src/candidate_fits.rs", &["PLACES"]),
             ("network/src/candidates.rs", &["BETWEEN", "STEPS"]),
             ("study/src/defects/clock_skew.rs", &["FINE_S", "STEP_S"]),
