@@ -81,9 +81,8 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
             ("study/src/links/terms/basis.rs", &["ROUNDING"]),
             (
                 "study/src/robots/contradiction.rs",
-                &["CORRELATED_NOISE", "NOISE_OF_BOUND", "NOISE_SDS"],
+                &["CORRELATED_NOISE", "MEDIAN_ABSOLUTE", "NOISE_OF_BOUND", "NOISE_SDS"],
             ),
-            ("study/src/robots/contradiction.rs", &["MEDIAN_ABSOLUTE"]),
             ("study/src/robots/derivatives.rs", &["MOST_BENT"]),
             (
                 "study/src/robots/fit.rs",
