@@ -13,7 +13,6 @@
 //! | [`register_limits`] | the register reads no less, or no more, than a certain reading |
 //! | [`stuck_node`] | a receiver reports one reading, whoever sends |
 //! | [`swapped_ends`] | sender and receiver are exchanged |
-//! | [`wrong_position`] | the surveyed place of a node that stands still is wrong |
 
 pub mod channel_shift;
 pub mod clock_skew;
@@ -25,7 +24,6 @@ pub mod position_noise;
 pub mod register_limits;
 pub mod stuck_node;
 pub mod swapped_ends;
-pub mod wrong_position;
 
 use super::Estimate;
 use crate::thresholds::{DEFECT_FAMILY_ERROR, DEFECT_WORTH_SHARE};
@@ -63,7 +61,6 @@ pub const KINDS: &[Kind] = &[
     Kind { name: heading_convention::NAME, test: Test::AllRows(heading_convention::test) },
     Kind { name: channel_shift::NAME, test: Test::AllRows(channel_shift::test) },
     Kind { name: swapped_ends::NAME, test: Test::AllRows(swapped_ends::test) },
-    Kind { name: wrong_position::NAME, test: Test::AllRows(wrong_position::test) },
     Kind { name: position_noise::NAME, test: Test::AllRows(position_noise::test) },
     Kind { name: outliers::NAME, test: Test::UnaffectedRows(outliers::test) },
 ];

@@ -277,18 +277,6 @@ pub const EQUAL_OUTCOME_CHANCES: (f64, f64) = (0.001, 0.999);
 /// Fewest pairs of consecutive rows of one link, for that probability.
 pub const FEWEST_CONSECUTIVE_PAIRS: usize = 50;
 
-/// The mean residuals of a node's links vary more than those of others at this p-value, Bonferroni-corrected for nodes, before
-/// places are sought; at another place they may not do so at it.
-pub const NODE_MISPLACED_LEVEL: f64 = 0.001;
-/// Fewest degrees of freedom of the links of a node …
-pub const FEWEST_NODE_CELLS: f64 = 6.0;
-/// … and of those of all other nodes: as clusters of score tests.
-pub const FEWEST_OTHER_CELLS: f64 = 20.0;
-/// Fewest rows that repeat others of their link, for the noise of single rows.
-pub const FEWEST_REPEATED_ROWS: usize = 40;
-/// Nodes whose places are wrong, at most. Chosen: of more, those that are right may be moved to those that are wrong.
-pub const MOST_WRONG_POSITIONS: usize = 3;
-
 /// Slower nodes have no direction of motion (m/s): noise of positions would decide it.
 pub const LEAST_HEADING_MPS: f64 = 0.1;
 /// Headings agree with the motion from this mean cosine of their difference.

@@ -22,8 +22,6 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
             ("network/src/candidate_fits.rs", &["FINAL_TRIES", "ROUNDS"]),
             ("network/src/task/figures.rs", &["MOST_LOOKS"]),
             ("study/src/defects/evidence.rs", &["STEPS"]),
-            ("study/src/defects/wrong_position/cells.rs", &["STEPS"]),
-            ("study/src/defects/wrong_position/search.rs", &["N_REFINED", "ROWS_OF_CELL"]),
             (
                 "study/src/links/fit/run.rs",
                 &["MOST_ROUNDS", "MOST_STEPS", "TRIAL_STEPS", "WARM_ROUNDS"],
@@ -104,10 +102,6 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
             ("network/src/candidates.rs", &["BETWEEN", "STEPS"]),
             ("study/src/defects/clock_skew.rs", &["FINE_S", "STEP_S"]),
             ("study/src/defects/evidence.rs", &["REACH_SD", "STEP_SD"]),
-            (
-                "study/src/defects/wrong_position/search.rs",
-                &["FACTOR", "FIRST_M", "LEAST_STEP_M", "N_DIRECTIONS"],
-            ),
             ("study/src/defects/position_noise.rs", &["SDS_M", "STEP_M"]),
             ("study/src/defects/register_limits.rs", &["STEP_DB"]),
             ("study/src/links/fit.rs", &["CURVE_STEP"]),
