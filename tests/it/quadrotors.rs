@@ -122,7 +122,9 @@ fn refused(csv: &str, dynamics: &str) -> String {
 }
 
 fn missing(found: &Value) -> Vec<&str> {
-    found["missing"].as_array().unwrap().iter().filter_map(Value::as_str).collect()
+    let names = found["missing"].as_array().unwrap().iter().filter_map(Value::as_str);
+    // Of several that look alike the first.
+    names.filter_map(|name| name.split(" or ").next()).collect()
 }
 
 /// The number of an accepted effect, with its interval.
