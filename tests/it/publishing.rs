@@ -47,7 +47,7 @@ fn a_run_killed_after_its_last_step_is_recovered_as_the_complete_run_that_it_is(
         assert_same(&whole.path().join("runs/flocking"), &result);
         assert_eq!(unfinished(folder.path()), None, "{point}");
         assert!(!folder.path().join("runs/flocking-2").exists(), "{point}");
-        // The next run of that name removes what is left of the one that was killed.
+        // The next run of that name removes the files of the killed one.
         assert!(flocking(folder.path(), "").status.success());
         for file in ["checkpoint", "ending.json"] {
             assert!(!result.join(file).exists(), "{point}: {file}");

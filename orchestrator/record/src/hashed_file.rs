@@ -31,6 +31,11 @@ impl Fingerprint {
         hash.finish()
     }
 
+    /// The SHA-256 of each part of [`PART_BYTES`], the last one shorter. A file of at most one is its only part.
+    pub(crate) fn parts(&self) -> &[String] {
+        if self.mebibytes.is_empty() { std::slice::from_ref(&self.sha256) } else { &self.mebibytes }
+    }
+
     /// Whether another file has the same content.
     #[must_use]
     pub fn is_same_content(&self, other: &Self) -> bool {

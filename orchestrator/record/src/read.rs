@@ -112,8 +112,8 @@ pub enum ReadError {
 pub(crate) type Found = (Option<Topic>, Vec<u8>);
 
 impl RunReader {
-    /// Opens a recording of which nothing is known but what is in it, given its directory: of a run that did not end, or one that is
-    /// verified by other means. Everything else opens a [`ResultFolder`](super::result::ResultFolder).
+    /// Opens a recording without checking it against `provenance.json`, given its directory: the recording of an unfinished run, or one
+    /// that [`verify()`](super::verify()) checks. All other code opens a [`ResultFolder`](super::result::ResultFolder).
     ///
     /// # Errors
     ///

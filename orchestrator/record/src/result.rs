@@ -236,33 +236,22 @@ impl ResultFolder {
     fn file(&self, name: &str) -> Result<CheckedFile, ResultError> {
         let path = self.dir.join(name);
         let failed = |source| ResultError::Read { path: path.clone(), source };
-        let file = File::open(&path).map_err(failed)?;
-        let length = file.metadata().map_err(failed)?.len();
-        let mut parts = None;
-        if let Some(expected) = self.expected(name)? {
-            let changed = |changed| ResultError::Changed { path: path.clone(), changed };
-            if length != expected.bytes {
-                let place = format!("has {length} bytes, but the run wrote {}", expected.bytes);
-                return Err(changed(Changed { place }));
-            }
-            let digests = if expected.mebibytes.is_empty() {
-                // Results of earlier versions list whole files alone.
-                if PART_BYTES < length
-                    && !expected.is_same_content(&fingerprint(&path).map_err(failed)?)
-                {
-                    return Err(changed(Changed::whole()));
-                }
-                if PART_BYTES < length { Vec::new() } else { vec![expected.sha256.clone()] }
-            } else {
-                expected.mebibytes.clone()
-            };
-            if !digests.is_empty() && digests.len() as u64 != length.div_ceil(PART_BYTES).max(1) {
-                return Err(changed(Changed::whole()));
-            }
-            let checked = digests.iter().map(|_| AtomicBool::new(false)).collect();
-            parts = Some(Arc::new(Parts { digests, checked }));
+        let mut file = File::open(&path).and_then(CheckedFile::unchecked).map_err(failed)?;
+        let Some(expected) = self.expected(name)? else { return Ok(file) };
+        let changed = |changed| ResultError::Changed { path: path.clone(), changed };
+        if file.length != expected.bytes {
+            let place = format!("has {} bytes, but the run wrote {}", file.length, expected.bytes);
+            return Err(changed(Changed { place }));
         }
-        Ok(CheckedFile { file: Arc::new(file), length, position: 0, parts })
+        let digests = expected.parts();
+        if digests.len() as u64 == file.length.div_ceil(PART_BYTES).max(1) {
+            let checked = digests.iter().map(|_| AtomicBool::new(false)).collect();
+            file.parts = Some(Arc::new(Parts { digests: digests.to_vec(), checked }));
+        } else if !expected.is_same_content(&fingerprint(&path).map_err(failed)?) {
+            // Results of earlier versions list whole files alone.
+            return Err(changed(Changed::whole()));
+        }
+        Ok(file)
     }
 
     /// Checks every file that is listed.
@@ -316,7 +305,7 @@ fn listed(dir: &Path) -> Result<BTreeMap<String, Fingerprint>, ResultError> {
 /// The mebibytes of a file.
 #[derive(Debug)]
 struct Parts {
-    /// The SHA-256 of each; empty where the file was checked as a whole.
+    /// The SHA-256 of each.
     digests: Vec<String>,
     checked: Vec<AtomicBool>,
 }
@@ -327,12 +316,12 @@ pub struct CheckedFile {
     file: Arc<File>,
     length: u64,
     position: u64,
-    /// None: nothing is checked.
+    /// None: nothing is checked any more.
     parts: Option<Arc<Parts>>,
 }
 
 impl CheckedFile {
-    /// A file that nothing is known of.
+    /// A file of which nothing is checked.
     pub(crate) fn unchecked(file: File) -> io::Result<Self> {
         let length = file.metadata()?.len();
         Ok(Self { file: Arc::new(file), length, position: 0, parts: None })
@@ -343,11 +332,10 @@ impl CheckedFile {
         let index = self.position / PART_BYTES;
         let end = ((index + 1) * PART_BYTES).min(self.length);
         let Some(parts) = &self.parts else { return Ok(self.length) };
-        let Some(digest) = parts.digests.get(index as usize) else { return Ok(self.length) };
         if !parts.checked[index as usize].load(Ordering::Relaxed) {
             let mut part = vec![0; (end - index * PART_BYTES) as usize];
             self.file.read_exact_at(&mut part, index * PART_BYTES)?;
-            if hex(&Sha256::digest(&part)) != *digest {
+            if hex(&Sha256::digest(&part)) != parts.digests[index as usize] {
                 return Err(io::Error::other(Changed::part(index, self.length)));
             }
             parts.checked[index as usize].store(true, Ordering::Relaxed);
