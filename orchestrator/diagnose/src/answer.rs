@@ -59,15 +59,16 @@ pub(crate) fn answer<S: Study>(
     residuals: &Unexplained,
     all_rows: Option<&S>,
 ) -> Diagnosis {
-    let gate = if search.is_stopped() {
-        Gate::default()
+    let slopes = if search.is_stopped() {
+        None
     } else {
-        gate::gate(study, &search.full_fit(&ladder.accepted, COMMON, None))
+        study.linearised(&search.full_fit(&ladder.accepted, COMMON, None))
     };
+    let gate = slopes.as_ref().map_or_else(Gate::default, |rows| gate::of_slopes(study, rows));
+    let pure = slopes.and_then(|rows| pure_error(&rows, &study.dependence()));
     let (numbers_of, fit) = numbers(search, study, all_rows, &ladder.accepted);
     let unexplained = unexplained(study, ladder, residuals);
     let (mut candidates, known) = tested(study, ladder, numbers_of, &fit);
-    let pure = if search.is_stopped() { None } else { pure_error_of(study, search, ladder) };
     let remains = Remains { gate: &gate, pure, has_structure: !unexplained.is_empty() };
     let doubts = certainty::doubts(study, search, ladder, &known, &remains);
     for (term, why) in &doubts {
@@ -88,10 +89,8 @@ pub(crate) fn answer<S: Study>(
         Verdict::NothingFound
     } else if !unexplained.is_empty() {
         Verdict::UnexplainedStructure
-    } else if !missing.is_empty() && missing.len() == missing_one_of.len() {
-        Verdict::MissingOneOf
-    } else if !missing.is_empty() {
-        Verdict::MissingEffects
+    } else if let Some(verdict) = Verdict::of_missing(&missing, &missing_one_of) {
+        verdict
     } else if !gate.misfits.is_empty() {
         Verdict::SomethingMissing
     } else if gate.tells_too_little()
@@ -188,15 +187,6 @@ fn named<S: Study>(study: &S, ladder: &Ladder, doubts: &[(TermId, String)]) -> N
         }
     }
     named
-}
-
-fn pure_error_of<S: Study>(
-    study: &S,
-    search: &Search<'_, S>,
-    ladder: &Ladder,
-) -> Option<PureError> {
-    let fit = search.full_fit(&ladder.accepted, COMMON, None);
-    pure_error(&study.linearised(&fit)?, &study.dependence())
 }
 
 /// That more is left than repeats differ by.

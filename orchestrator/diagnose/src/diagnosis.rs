@@ -96,6 +96,17 @@ pub enum Verdict {
     NothingFound,
 }
 
+impl Verdict {
+    /// The verdict on what is missing for certain, of which `one_of` are sets that these data do not tell apart; none: nothing is.
+    pub(crate) fn of_missing(missing: &[String], one_of: &[Vec<String>]) -> Option<Self> {
+        match missing.len() {
+            0 => None,
+            n if n == one_of.len() => Some(Self::MissingOneOf),
+            _ => Some(Self::MissingEffects),
+        }
+    }
+}
+
 /// Held-out scores of a model.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Rung {
@@ -323,6 +334,21 @@ impl Structure {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_verdict_says_whether_any_cause_is_told_from_its_rivals() {
+        let of = |missing: &[&str], one_of: &[&[&str]]| {
+            let texts =
+                |names: &[&str]| -> Vec<String> { names.iter().map(|&it| it.to_owned()).collect() };
+            let one_of: Vec<Vec<String>> = one_of.iter().map(|names| texts(names)).collect();
+            Verdict::of_missing(&texts(missing), &one_of)
+        };
+        let tied: &[&[&str]] = &[&["slip", "wind"]];
+        assert_eq!(of(&[], &[]), None);
+        assert_eq!(of(&["slip or wind"], tied), Some(Verdict::MissingOneOf));
+        assert_eq!(of(&["dead-time", "slip or wind"], tied), Some(Verdict::MissingEffects));
+        assert_eq!(of(&["slip"], &[]), Some(Verdict::MissingEffects));
+    }
 
     #[test]
     fn a_structure_is_named_by_what_it_is_of_and_what_it_follows() {

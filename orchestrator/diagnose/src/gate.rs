@@ -78,11 +78,16 @@ fn mean_square(rows: &Linearised) -> f64 {
 /// Looks at what a fit leaves.
 #[must_use]
 pub(crate) fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
-    let Some(rows) = study.linearised(fit) else { return Gate::default() };
+    study.linearised(fit).map_or_else(Gate::default, |rows| of_slopes(study, &rows))
+}
+
+/// The same of the slopes of a fit.
+#[must_use]
+pub(crate) fn of_slopes<S: Study>(study: &S, rows: &Linearised) -> Gate {
     let dependence = study.dependence();
     let plain = rows.plain();
-    let all_tests = [&rows, &plain].map(|rows| ScoreTests::new(rows, &dependence));
-    let square = mean_square(&rows);
+    let all_tests = [rows, &plain].map(|rows| ScoreTests::new(rows, &dependence));
+    let square = mean_square(rows);
     let directions = study.directions();
     let partitions = study.partitions();
     let n_groups: usize = partitions.iter().map(|partition| partition.groups.len()).sum();
@@ -106,7 +111,7 @@ pub(crate) fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
                 let bound = test.upper_bound(1.0 - INTERVAL_PROBABILITY);
                 let hides = gate.could_hide.is_none_or(|(before, ..)| before < bound);
                 if hides {
-                    gate.could_hide = Some((bound, (square / parts(&rows)).sqrt(), unit));
+                    gate.could_hide = Some((bound, (square / parts(rows)).sqrt(), unit));
                 }
             }
             // All rows have half of the error, all groups together the other.
@@ -130,7 +135,7 @@ pub(crate) fn gate<S: Study>(study: &S, fit: &S::Fit) -> Gate {
     }
     gate.is_unbounded = gate.could_hide.is_none() && !directions.is_empty();
     for partition in &partitions {
-        gate.misfits.extend(spread_apart(&rows, partition, directions.first()));
+        gate.misfits.extend(spread_apart(rows, partition, directions.first()));
     }
     gate.misfits.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
     gate

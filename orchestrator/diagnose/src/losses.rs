@@ -40,12 +40,12 @@ pub(crate) fn agreed(mut found: Diagnosis, other: &Diagnosis) -> Diagnosis {
         other.sentence, found.sentence
     ));
     found.missing = certain;
-    found.verdict = if !found.unexplained.is_empty() {
-        Verdict::UnexplainedStructure
-    } else if !found.missing.is_empty() {
-        Verdict::MissingEffects
+    found.missing_one_of.retain(|names| found.missing.contains(&names.join(" or ")));
+    found.complete &= other.complete;
+    found.verdict = if found.unexplained.is_empty() {
+        Verdict::of_missing(&found.missing, &found.missing_one_of).unwrap_or(Verdict::NothingFound)
     } else {
-        Verdict::NothingFound
+        Verdict::UnexplainedStructure
     };
     found.sentence = found.too_little.clone().unwrap_or_default();
     widen(&mut found, other);

@@ -1,13 +1,14 @@
 //! Lack of fit against pure error: whether a model leaves more than noise.
 //!
-//! The residual itself says nothing of it: the more a model misses, the greater is the noise that is fitted to it. Noise is estimated in
-//! ways of which each is, where the model is right, as great as what is left, and smaller where it is wrong in one way:
+//! The residual variance alone cannot show it: the more a model misses, the larger is the noise that is fitted to it. It is therefore
+//! compared with estimates of the noise variance. If the model is right, each estimate is close to the residual variance. If it is wrong,
+//! at least one of them is smaller:
 //!
-//! * Repeats: half of the mean square of the difference of two rows of one series soon after each other (a robot two windows later, a
-//!   link soon again), which share what the model gets wrong for a while (N. R. Draper and H. Smith, Applied Regression Analysis, 3rd
-//!   edition 1998, section 2.1). Of robots along and across the motion, and to the east and north.
-//! * The bulk of robots' rows: the median absolute error, which is of rows on which the model is right where it is wrong on fewer than
-//!   half of them. Beside it, the greatest [`FREE_SHARE`] of the errors do not count.
+//! * Repeats: half of the mean squared difference of two rows of one series that follow each other closely. Their model error is nearly
+//!   the same, so that the difference is noise (N. R. Draper and H. Smith, Applied Regression Analysis, 3rd edition 1998, section 2.1).
+//!   For robots it is taken along and across the motion, and to the east and north.
+//! * The bulk of the rows, for robots: the squared median absolute error, scaled to a variance. It is not affected by a model that is
+//!   wrong on fewer than half of the rows. The largest [`FREE_SHARE`] of the errors is left out of the residual variance here.
 
 use std::collections::BTreeMap;
 use study::linear::{Dependence, Linearised};
@@ -40,10 +41,11 @@ impl PureError {
     }
 }
 
-/// Sums by cluster of what is left, and of what noise there is.
+/// By cluster: sums of squared residuals, of squared noise, and of rows.
 type Sums = BTreeMap<(u32, [u32; 2], u64), [f64; 3]>;
 
-/// Compares what is left with the noise, by the estimate that shows most. None where too few rows have a repeat.
+/// Compares the residual variance with each estimate of the noise, and returns the comparison with the largest lower bound of the ratio.
+/// None if too few rows have a repeat.
 pub(crate) fn pure_error(rows: &Linearised, dependence: &Dependence) -> Option<PureError> {
     let known =
         |row: &usize| rows.errors[*row][0].is_finite() && dependence.times_s[*row].is_finite();
@@ -162,15 +164,14 @@ mod tests {
     use super::*;
     use proto::rng::{Draws, Purpose};
 
-    /// Eight series of 200 rows: noise of one unit beside what `missed` says of series and time.
-    fn of(missed: impl Fn(u32, u32) -> f64) -> PureError {
-        let draws = Draws::new(3, Purpose::Resample);
+    /// Eight series of 200 rows, each with the errors that `errors` gives for series and time.
+    fn compared_with(
+        errors: impl Fn((u32, u32)) -> [f64; 3],
+        directions: Vec<[f64; 2]>,
+    ) -> PureError {
         let keys = || (0..8u32).flat_map(|series| (0..200u32).map(move |time| (series, time)));
-        let error = |(series, time): (u32, u32)| {
-            let noise = draws.normal(u64::from(series), u64::from(time), 0);
-            [noise + missed(series, time), f64::NAN, f64::NAN]
-        };
-        let rows = Linearised { errors: keys().map(error).collect(), ..Linearised::default() };
+        let errors = keys().map(errors).collect();
+        let rows = Linearised { errors, directions, ..Linearised::default() };
         let dependence = Dependence {
             times_s: keys().map(|(_, time)| f64::from(time)).collect(),
             series: keys().map(|(series, _)| series).collect(),
@@ -179,6 +180,16 @@ mod tests {
             nodes: None,
         };
         pure_error(&rows, &dependence).expect("enough rows repeat each other")
+    }
+
+    /// Noise of one unit beside what `missed` says of series and time.
+    fn of(missed: impl Fn(u32, u32) -> f64) -> PureError {
+        let draws = Draws::new(3, Purpose::Resample);
+        let error = |(series, time): (u32, u32)| {
+            let noise = draws.normal(u64::from(series), u64::from(time), 0);
+            [noise + missed(series, time), f64::NAN, f64::NAN]
+        };
+        compared_with(error, Vec::new())
     }
 
     #[test]
@@ -198,7 +209,6 @@ mod tests {
 
     #[test]
     fn what_is_missed_on_few_rows_is_more_than_the_bulk_differs_by() {
-        let keys = || (0..8u32).flat_map(|series| (0..200u32).map(move |time| (series, time)));
         let draws = Draws::new(5, Purpose::Resample);
         let of = |missed: f64, share: u32| {
             let error = |(series, time): (u32, u32)| {
@@ -206,20 +216,7 @@ mod tests {
                 let off = if (7 * time + 3 * series) % 100 < share { missed } else { 0.0 };
                 [noise(0) + off, noise(1), f64::NAN]
             };
-            let errors: Vec<[f64; 3]> = keys().map(error).collect();
-            let rows = Linearised {
-                directions: vec![[1.0, 0.0]; errors.len()],
-                errors,
-                ..Linearised::default()
-            };
-            let dependence = Dependence {
-                times_s: keys().map(|(_, time)| f64::from(time)).collect(),
-                series: keys().map(|(series, _)| series).collect(),
-                campaigns: keys().map(|_| 0).collect(),
-                shortest_s: 1.0,
-                nodes: None,
-            };
-            pure_error(&rows, &dependence).expect("enough rows repeat each other")
+            compared_with(error, vec![[1.0, 0.0]; 8 * 200])
         };
         assert!(!of(0.0, 0).is_alarming());
         assert!(of(5.0, 15).is_alarming());
