@@ -5,7 +5,7 @@
 //! noise and other laws of motion.
 //!
 //! A situation draws all its numbers from the seed. Its truth, and what a campaign can show of it, are computed from the
-//! causes and the design ([`reference`]), never from a diagnosis.
+//! causes and the design (`reference`), never from a diagnosis.
 
 mod a;
 mod b;
