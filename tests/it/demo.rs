@@ -144,7 +144,7 @@ fn an_interrupted_demo_leaves_nothing() {
     // Once the folder is there, signals are listened for, and the work has begun.
     wait_until("the demo did not begin", || {
         let made = std::fs::read_dir(dir.path()).unwrap().next();
-        made.is_some_and(|made| made.unwrap().path().join("demo/model.toml").exists())
+        made.is_some_and(|made| made.unwrap().path().join("model.toml").exists())
     });
     signal("-INT", child.id());
     assert_eq!(end_of(child).status.code(), Some(1));

@@ -4,9 +4,11 @@
 //! killed: the next program that makes such a folder then removes it.
 
 use nix::fcntl::OFlag;
-use std::fs::{File, OpenOptions, Permissions};
+use std::fs::{DirBuilder, File, OpenOptions, Permissions};
 use std::io::{Error, ErrorKind, Result};
-use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _, PermissionsExt as _};
+use std::os::unix::fs::{
+    DirBuilderExt as _, MetadataExt as _, OpenOptionsExt as _, PermissionsExt as _,
+};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -18,6 +20,8 @@ const LOCK: &str = "lock";
 const UNLOCKED: &str = "lock.new";
 /// The folder in it that is used.
 const INSIDE: &str = "f";
+/// Only this user may enter either.
+const MODE: u32 = 0o700;
 
 /// A temporary folder that only this user may enter.
 #[derive(Debug)]
@@ -68,7 +72,7 @@ impl PrivateFolder {
 
     fn in_place(place: &Path) -> Result<Self> {
         let mut builder = tempfile::Builder::new();
-        builder.prefix(PREFIX).permissions(Permissions::from_mode(0o700));
+        builder.prefix(PREFIX).permissions(Permissions::from_mode(MODE));
         let folder = builder.tempdir_in(place)?;
         let unlocked = folder.path().join(UNLOCKED);
         let lock = File::create_new(&unlocked)?;
@@ -76,7 +80,7 @@ impl PrivateFolder {
         // It has its name only once it is locked, so that nobody takes it for left behind.
         std::fs::rename(unlocked, folder.path().join(LOCK))?;
         let inside = folder.path().join(INSIDE);
-        std::fs::create_dir(&inside)?;
+        DirBuilder::new().mode(MODE).create(&inside)?;
         sweep(place, lock.metadata()?.uid());
         Ok(Self { _folder: folder, inside, _lock: lock })
     }
@@ -122,8 +126,9 @@ mod tests {
             folder
         };
         let in_use = PrivateFolder::in_place(place.path()).unwrap();
-        let mode = in_use._folder.path().metadata().unwrap().mode() & 0o777;
-        assert_eq!(mode, 0o700);
+        for folder in [in_use._folder.path(), in_use.path()] {
+            assert_eq!(folder.metadata().unwrap().mode() & 0o777, MODE);
+        }
         // As one is left by a program that was killed: the system has released its lock.
         let left = make("murmuration-left");
         std::fs::write(left.join(LOCK), "").unwrap();
