@@ -3,6 +3,8 @@
 mod second_readings;
 mod warnings;
 
+pub use second_readings::is_named as is_reading_of_frame;
+
 use super::ranges::RangeCheck;
 use super::table::{CELL_BYTES, DataTable, covariates};
 use super::time_of_day;
@@ -103,7 +105,7 @@ pub struct LinkRow {
 /// Columns of both shapes.
 const COMMON: [&str; 4] = ["time_s", "tx", "rx", "rssi_dbm"];
 /// Columns with a meaning of their own, which are no covariates.
-pub const KNOWN: [&str; 20] = [
+pub const KNOWN: [&str; 24] = [
     "time_s",
     LOSSES_LOGGED,
     time_of_day::START,
@@ -124,6 +126,10 @@ pub const KNOWN: [&str; 20] = [
     "rx_z_m",
     "tx_heading_rad",
     "rx_heading_rad",
+    SEQUENCE[0],
+    SEQUENCE[1],
+    SEQUENCE[2],
+    SEQUENCE[3],
 ];
 /// Whether frames that were lost were logged, 1 or 0 in every row.
 pub const LOSSES_LOGGED: &str = "losses_logged";
@@ -159,8 +165,8 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     if let Err(lacking) = has_shape(table) {
         return Err(format!("not link samples: the file lacks {}", lacking.join(", ")));
     }
-    // Beside the rows, the covariates, and the 14 numbers by which a row is found again, with what keeps them in order.
-    let n_numbers = table.names().len() + 1 + 25;
+    // Beside the rows, the covariates, and the 15 numbers by which a row is found again, with what keeps them in order.
+    let n_numbers = table.names().len() + 1 + 26;
     table.check_memory(size_of::<LinkRow>() + CELL_BYTES * n_numbers, "links")?;
     let n_rows = table.n_rows();
     let column = |name: &str| table.column(name);
@@ -198,6 +204,7 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     let mut kept: Vec<usize> = Vec::with_capacity(n_rows);
     let mut seen = BTreeSet::new();
     let are_times_known = column("time_s").is_some_and(has_times);
+    let sequence = SEQUENCE.iter().find_map(|name| column(name));
     let mut untold = Untold::default();
     for index in 0..n_rows {
         let line = table.line(index);
@@ -237,12 +244,13 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
                     .chain(place)
                     .chain([u64::from(row.tx), u64::from(row.rx)])
                     .chain([u64::from(row.channel.unwrap_or(0)), row.frames.to_bits()])
+                    .chain([cell(sequence, index).to_bits()])
                     .collect();
                 let is_new = seen.insert(key);
                 if row.time_s.is_finite() && are_times_known && !is_new {
                     rejections.add(TWICE, line);
                 } else {
-                    if !is_new && !has_sequence(table) {
+                    if !is_new && sequence.is_none() {
                         untold.add(line);
                     }
                     rows.push(row);
@@ -312,12 +320,8 @@ fn has_times(times_s: &[f64]) -> bool {
     known.next().is_some_and(|first_s| known.any(|time_s| time_s != first_s))
 }
 
-/// Columns that number the frames of a sender.
-const SEQUENCE: [&str; 4] = ["seq", "seqno", "sequence", "sequence_number"];
-
-fn has_sequence(table: &DataTable) -> bool {
-    SEQUENCE.iter().any(|name| table.column(name).is_some())
-}
+/// Columns that number the frames of a sender. They tell frames apart, and are no covariates.
+const SEQUENCE: [&str; 4] = ["sequence", "seq", "seqno", "sequence_number"];
 
 /// Rows that equal earlier ones, and of which neither time nor sequence number says whether they are of another frame.
 #[derive(Clone, Copy, Debug, Default)]
@@ -437,4 +441,21 @@ fn checked(
 fn quantum(rows: &[LinkRow], is_aggregated: bool) -> f64 {
     let mut readings = rows.iter().map(|row| row.rssi_dbm).filter(|rssi| rssi.is_finite());
     if !is_aggregated && readings.all(|rssi| rssi.fract() == 0.0) { 1.0 } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn a_sequence_number_tells_frames_of_one_time_apart_and_is_no_covariate() {
+        let rows =
+            "0,1,2,-70,1,5\n1,1,2,-71,1,6\n1,1,2,-71,1,7\n1,1,2,-71,1,7\n2,1,2,,0,8\n2,1,2,,0,9\n";
+        let text = format!("time_s,tx,rx,rssi_dbm,received,sequence\n{rows}");
+        let table = DataTable::of_csv(Path::new("links.csv"), text.as_bytes()).unwrap();
+        let links = read(&table).unwrap();
+        assert_eq!((links.rows.len(), links.rejected[0].rows), (5, 1));
+        assert!(links.covariates.is_empty(), "{:?}", links.covariates);
+    }
 }

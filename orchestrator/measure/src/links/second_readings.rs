@@ -28,10 +28,14 @@ pub(super) fn is_one(name: &str, values: &[f64], rows: &[LinkRow], quantum_db: f
         .collect();
     let is_of_lost =
         rows.iter().zip(values).any(|(row, value)| row.received == 0.0 && value.is_finite());
+    is_named(name) && !is_of_lost || is_same(&pairs, quantum_db)
+}
+
+/// Whether a column's name says that it is a reading of a received frame, such as `snr_db`.
+#[must_use]
+pub fn is_named(name: &str) -> bool {
     let lower = name.to_lowercase();
-    let is_named =
-        lower.split(|letter: char| !letter.is_alphabetic()).any(|word| NAMES.contains(&word));
-    is_named && !is_of_lost || is_same(&pairs, quantum_db)
+    lower.split(|letter: char| !letter.is_alphabetic()).any(|word| NAMES.contains(&word))
 }
 
 /// Whether a line between both of each pair leaves no more than rounding.
