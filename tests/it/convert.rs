@@ -193,7 +193,10 @@ fn packets_at_a_root_show_what_was_lost_as_gaps() {
     let output = orchestrator(&["convert", "links.toml"], dir.path());
     assert_eq!(output.status.code(), Some(2));
     let text = said(&output);
-    assert!(text.contains("links.toml:2: lost_from_gaps: makes lost packets of gaps"), "{text}");
+    assert!(
+        text.contains("links.toml:2: lost_from_gaps: makes lost packets or frames of gaps"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -232,8 +235,7 @@ columns = { node = "name", latitude_deg = "lat", longitude_deg = "lon", z_m = "h
     assert_eq!((&answer["read"], &answer["written"]), (&60.into(), &58.into()), "{answer:#}");
     assert_eq!((&answer["names"]["gateway"], &answer["names"]["lamp"]), (&0.into(), &1.into()));
     let text = std::fs::read_to_string(dir.path().join("links.csv")).unwrap();
-    let header =
-        "time_s,start_epoch_s,tx,rx,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,frames,pdr";
+    let header = "time_s,start_epoch_s,tx,rx,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,frames,pdr,losses_logged";
     assert_eq!(text.lines().next(), Some(header));
     let row: Vec<f64> =
         text.lines().nth(1).unwrap().split(',').map(|cell| cell.parse().unwrap()).collect();
@@ -241,7 +243,9 @@ columns = { node = "name", latitude_deg = "lat", longitude_deg = "lon", z_m = "h
     assert_eq!(row[1], 1_709_294_400.0);
     assert_eq!([row[0], row[2], row[3], row[6], row[9]], [60.0, 0.0, 1.0, 2.0, 1.5]);
     assert!((row[8] - 111.13).abs() < 0.01, "{row:?}");
-    assert_eq!(row[10..], [-61.0, 10.0, 0.9]);
+    // Counts of what was sent show what was lost.
+    assert_eq!(row[10..], [-61.0, 10.0, 0.9, 1.0]);
+    assert_eq!(answer["losses_logged"], true);
     checked(dir.path(), "links.csv");
 }
 
@@ -276,4 +280,75 @@ fn a_trace_as_it_is_published_is_converted_and_its_bad_rows_are_counted() {
     // The start_date of the header, 2018-01-11T16:00:00Z.
     let text = std::fs::read_to_string(dir.path().join("trace.csv")).unwrap();
     assert!(text.lines().nth(1).unwrap().starts_with("0,1515686400,"), "{text}");
+}
+
+#[test]
+fn frames_that_a_log_of_received_frames_lacks_are_rebuilt_from_sequence_numbers() {
+    let dir = folder();
+    // Ten beacons a second with numbers of 8 bits. The dock loses three in ten, the mast every fourth.
+    let mut log = "when,node,gateway,rssi,counter\n".to_owned();
+    let mut n_lost = 0;
+    for number in 0..600u32 {
+        for (gateway, is_lost) in [("dock", number % 10 < 3), ("mast", number % 4 == 1)] {
+            // Before its first row, number 3, nothing is known of what the dock lost.
+            if is_lost && (gateway == "mast" || 3 < number) {
+                n_lost += 1;
+            } else if !is_lost {
+                let when = 1_700_000_000.0 + f64::from(number) / 10.0;
+                let rssi = -60 - (number % 7) as i32;
+                writeln!(log, "{when:.1},buoy,{gateway},{rssi},{}", number % 256).unwrap();
+            }
+        }
+    }
+    std::fs::write(dir.path().join("beacons.csv"), log).unwrap();
+    std::fs::write(
+        dir.path().join("places.csv"),
+        "name,t,x,y\nbuoy,1700000000,0,5\nbuoy,1700000060,60,5\ndock,1700000030,0,0\nmast,1700000030,30,0\n",
+    )
+    .unwrap();
+    let mapping = r#"table = "links"
+
+[[input]]
+files = "beacons.csv"
+columns = { time_s = "when", tx = "node", rx = "gateway", rssi_dbm = "rssi", received = 1, sequence = "counter" }
+
+[[input]]
+files = "places.csv"
+columns = { node = "name", time_s = "t", x_m = "x", y_m = "y" }
+join = "nearest"
+within_s = 100
+"#;
+    std::fs::write(dir.path().join("links.toml"), mapping).unwrap();
+    let answer = convert(dir.path(), &["links.toml"]);
+    assert_eq!(
+        (&answer["lost_from_gaps"], &answer["losses_logged"]),
+        (&n_lost.into(), &true.into())
+    );
+    let read = answer["read"].as_u64().unwrap();
+    assert_eq!(answer["written"], read + n_lost);
+    let missing: u64 =
+        answer["gaps"].as_array().unwrap().iter().map(|gap| gap["missing"].as_u64().unwrap()).sum();
+    assert_eq!(missing, n_lost);
+    assert_eq!(answer["gaps"][1]["receiver"], answer["names"]["mast"]);
+    let text = std::fs::read_to_string(dir.path().join("links.csv")).unwrap();
+    assert_eq!(
+        text.lines().next().unwrap(),
+        "time_s,start_epoch_s,tx,rx,tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm,received,sequence,losses_logged"
+    );
+    // Number 45, which the mast lost and the dock did not: the places are joined onto it.
+    let lost: Vec<&str> = text.lines().filter(|line| line.ends_with(",,0,45,1")).collect();
+    assert!(lost.iter().any(|line| line.contains("4.5,1700000000,0,2,0,5,30,0,")), "{lost:?}");
+    let found = checked(dir.path(), "links.csv");
+    let warnings = found["warnings"].to_string();
+    assert!(!warnings.contains("sequence") && !warnings.contains("--losses"), "{warnings}");
+
+    // Without numbers, the mapping says that losses are missing.
+    let stated =
+        format!("losses = \"not-logged\"\n{mapping}").replace(", sequence = \"counter\"", "");
+    std::fs::write(dir.path().join("stated.toml"), stated).unwrap();
+    let answer = convert(dir.path(), &["stated.toml"]);
+    assert_eq!((&answer["written"], &answer["losses_logged"]), (&read.into(), &false.into()));
+    let text = std::fs::read_to_string(dir.path().join("stated.csv")).unwrap();
+    assert!(text.lines().skip(1).all(|line| line.ends_with(",1,0")), "{text}");
+    checked(dir.path(), "stated.csv");
 }

@@ -18,6 +18,7 @@ pub(crate) fn aggregate(frame: &mut Frame, period_ns: i64, account: &mut Account
         (received != 0.0 && received != 1.0).then(|| "received is not 0 or 1".to_owned())
     });
     let Some(received) = frame.take("received") else { return };
+    frame.take("sequence");
     let times_ns = frame.time_ns().map_or_else(Vec::new, <[i64]>::to_vec);
     let key = |row: usize| {
         let bits = |name: &str| frame.column(name).map_or(0, |column| column[row].to_bits());

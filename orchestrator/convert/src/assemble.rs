@@ -10,11 +10,13 @@ use crate::frame::{self, Frame};
 use crate::geodesy::TangentPlane;
 use crate::join::{self, Joined};
 use crate::labels::Labels;
-use crate::mapping::{Input, JoinKind, Mapping};
+use crate::lost::{self, Added};
+use crate::mapping::{Input, JoinKind, Mapping, Start};
 use crate::sequence::SequenceGaps;
 use crate::tables::{COLUMNS, Content, TableKind, known};
 use crate::{Conversion, ConvertError, Converted, InputReport, SCHEMA};
 use measure::formats::open;
+use measure::links::LOSSES_LOGGED;
 use measure::memory::{Memory, MemoryBudget};
 use measure::table::DataTable;
 use measure::time_of_day;
@@ -39,6 +41,7 @@ pub fn convert(mapping: &Mapping, budget: MemoryBudget) -> Result<Converted, Con
         plane: mapping.origin_deg.map(TangentPlane::at),
         inputs: vec![InputState::default(); mapping.inputs.len()],
         n_lost: 0,
+        n_unshared: 0,
         memory: Memory::new(budget),
     };
     let mut rows = Table::default();
@@ -126,8 +129,10 @@ struct State<'a> {
     labels: Labels,
     plane: Option<TangentPlane>,
     inputs: Vec<InputState>,
-    /// Lost packets that were added for gaps.
+    /// Lost packets or frames that were added for gaps.
     n_lost: usize,
+    /// Senders of whose frames none was logged by two receivers.
+    n_unshared: usize,
     /// What all rows take.
     memory: Memory,
 }
@@ -150,6 +155,12 @@ impl State<'_> {
         warnings: &mut Vec<String>,
     ) -> Result<Frame, ConvertError> {
         let mut base = self.read(0, run)?;
+        if self.mapping.table == TableKind::Links && self.mapping.is_lost_from_gaps {
+            let added = self.add_lost_frames(&mut base, run)?;
+            self.n_lost += added.n_lost;
+            gaps.extend(added.gaps);
+            self.n_unshared += added.n_unshared;
+        }
         for number in 1..self.mapping.inputs.len() {
             self.join(&mut base, number, run)?;
         }
@@ -162,14 +173,18 @@ impl State<'_> {
             derive::differences(&mut base, &mut account);
         }
         derive::delivery_ratio(&mut base, &mut account);
-        if self.mapping.table == TableKind::Links {
+        if self.mapping.table == TableKind::Links && !self.mapping.is_lost_from_gaps {
             derive::drop_sums_over_channels(&mut base, &mut account);
         }
         if let Some(period_ns) = self.mapping.aggregate_ns {
+            if self.mapping.is_lost_from_gaps {
+                warnings.extend(derive::drop_partial_channels(&mut base));
+            }
             aggregate::aggregate(&mut base, period_ns, &mut account);
         }
         if self.mapping.table == TableKind::Packets && base.column("sequence").is_some() {
-            let found = derive::sequence_gaps(&mut base, run as u32 + 1, &mut account);
+            let modulus = self.mapping.sequence_modulus;
+            let found = derive::sequence_gaps(&mut base, run as u32 + 1, modulus, &mut account);
             if self.mapping.is_lost_from_gaps {
                 self.n_lost += derive::add_lost_packets(&mut base, &found)
                     .map_err(|refusal| crate::formats::refused(file, refusal))?;
@@ -180,6 +195,19 @@ impl State<'_> {
             warnings.push(format!("{} has no usable row", file.display()));
         }
         Ok(base)
+    }
+
+    /// Adds rows of frames that receivers did not log, before other inputs are joined onto all rows.
+    fn add_lost_frames(&mut self, base: &mut Frame, run: usize) -> Result<Added, ConvertError> {
+        let file = &self.files[0][run];
+        let mut account = Account { file, n_read: 0, rejected: &mut self.inputs[0].rejected };
+        if self.mapping.start == Start::Automatic && base.start_ns.is_none() {
+            derive::reject_unset_clock(base, &mut account);
+        }
+        let modulus = self.mapping.sequence_modulus;
+        let memory = &mut self.memory;
+        lost::add_lost_frames(base, run as u32 + 1, modulus, &mut account, memory)
+            .map_err(|refusal| crate::formats::refused(file, refusal).into())
     }
 
     /// Reads a file of an input.
@@ -241,8 +269,9 @@ impl State<'_> {
         let numbers = self.labels.numbers(&self.mapping.names);
         for gaps in &mut gaps {
             gaps.source = numbers[gaps.source as usize];
+            gaps.receiver = gaps.receiver.map(|receiver| numbers[receiver as usize]);
         }
-        gaps.sort_by_key(|gaps| (gaps.run, gaps.source));
+        gaps.sort_by_key(|gaps| (gaps.run, gaps.source, gaps.receiver));
         let Table { columns, places } = rows;
         let targets = self.mapping.inputs.iter().flat_map(|input| &input.columns);
         let labels: BTreeSet<&str> = targets
@@ -261,7 +290,22 @@ impl State<'_> {
         if self.files[0].len() == 1 && !self.mapping.inputs[0].has("run") {
             columns.retain(|(name, _)| name != "run");
         }
-        let order = |name: &str| COLUMNS.iter().position(|column| column.name == name);
+        let losses_logged = derive::losses_logged(&columns, self.mapping, &mut warnings);
+        let n_rows = places.len();
+        columns.extend(losses_logged.map(|is_logged| {
+            (LOSSES_LOGGED.to_owned(), vec![f64::from(u8::from(is_logged)); n_rows])
+        }));
+        if 0 < self.n_unshared {
+            warnings.push(format!(
+                "no frame of {} senders was logged by two receivers, although several logged some. If each frame is for one receiver, the others \
+                 did not lose it: write lost_from_gaps = false",
+                self.n_unshared
+            ));
+        }
+        let order = |name: &str| {
+            let position = COLUMNS.iter().position(|column| column.name == name);
+            position.or((name == LOSSES_LOGGED).then_some(COLUMNS.len()))
+        };
         columns.retain(|(name, _)| known(name).is_none_or(|column| !column.is_intermediate));
         columns.retain(|(name, values)| {
             name != time_of_day::START || values.iter().any(|start_s| start_s.is_finite())
@@ -308,6 +352,7 @@ impl State<'_> {
             read: inputs.first().map_or(0, |input| input.read),
             written: table.n_rows(),
             lost_from_gaps: self.n_lost,
+            losses_logged,
             inputs,
             names: self.labels.named(&numbers).into_iter().collect(),
             origin_deg: self.plane.map(|plane| plane.origin_deg),

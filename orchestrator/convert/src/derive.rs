@@ -2,8 +2,9 @@
 
 use crate::account::Account;
 use crate::frame::{Frame, NO_TIME};
-use crate::mapping::Start;
-use crate::sequence::{self, Gap, Numbered, SequenceGaps};
+use crate::mapping::{Mapping, Start};
+use crate::sequence::{self, Counting, Gap, Gaps, MODULUS_OF_PACKETS, Numbered, SequenceGaps};
+use crate::tables::TableKind;
 use measure::table::DataTable;
 use measure::time_of_day;
 use proto::bounds::ROWS;
@@ -26,24 +27,15 @@ pub(crate) fn start_at_zero(frame: &mut Frame, start: Start, account: &mut Accou
 
 /// Makes times count from the start, and returns it (ns). None where times stay as they are.
 fn subtract_start(frame: &mut Frame, start: Start, account: &mut Account<'_>) -> Option<i64> {
-    let times_ns = frame.time_ns()?;
-    let mut sorted = times_ns.to_vec();
-    sorted.sort_unstable();
-    let is_epoch = sorted.get(sorted.len() / 2).is_some_and(|&median| EPOCH_NS <= median);
     let start_ns = match (start, frame.start_ns) {
         (Start::AsWritten, _) => return None,
         (Start::At(start_ns), _) | (Start::Automatic, Some(start_ns)) => start_ns,
-        (Start::Automatic, None) if is_epoch => {
-            frame.reject(account, |frame, row| {
-                let is_early = frame.time_ns()?[row] < EPOCH_NS;
-                is_early.then(|| {
-                    "time_s is before 1973, while most times are later: the clock was not set"
-                        .to_owned()
-                })
-            });
-            sorted.into_iter().find(|&time_ns| EPOCH_NS <= time_ns).unwrap_or(0)
+        (Start::Automatic, None) => {
+            if !reject_unset_clock(frame, account) {
+                return None;
+            }
+            frame.time_ns()?.iter().copied().min().unwrap_or(0)
         }
-        (Start::Automatic, None) => return None,
     };
     frame.reject(account, |frame, row| {
         (frame.time_ns()?[row] < start_ns).then(|| "time_s is before the start".to_owned())
@@ -54,6 +46,23 @@ fn subtract_start(frame: &mut Frame, start: Start, account: &mut Account<'_>) ->
         }
     }
     Some(start_ns)
+}
+
+/// Rejects times before the epoch if most are epoch times. Returns whether they are.
+pub(crate) fn reject_unset_clock(frame: &mut Frame, account: &mut Account<'_>) -> bool {
+    let mut sorted = frame.time_ns().map_or_else(Vec::new, <[i64]>::to_vec);
+    sorted.sort_unstable();
+    let is_epoch = sorted.get(sorted.len() / 2).is_some_and(|&median| EPOCH_NS <= median);
+    if is_epoch {
+        frame.reject(account, |frame, row| {
+            let is_early = frame.time_ns()?[row] < EPOCH_NS;
+            is_early.then(|| {
+                "time_s is before 1973, while most times are later: the clock was not set"
+                    .to_owned()
+            })
+        });
+    }
+    is_epoch
 }
 
 /// Sender, receiver and channel of a row.
@@ -132,12 +141,40 @@ pub(crate) fn drop_sums_over_channels(frame: &mut Frame, account: &mut Account<'
     });
 }
 
+/// Rejects rows whose sequence number is none.
+///
+/// * `modulus`: numbers are below it, if the mapping states it.
+pub(crate) fn reject_numbers(frame: &mut Frame, modulus: Option<u64>, account: &mut Account<'_>) {
+    frame.reject(account, |frame, row| {
+        let sequence = frame.column("sequence")?[row];
+        let is_count = sequence.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&sequence);
+        if sequence.is_finite() && !is_count {
+            return Some("sequence is not a whole number".to_owned());
+        }
+        let is_above = modulus.is_some_and(|modulus| modulus as f64 <= sequence);
+        is_above.then(|| "sequence is not below sequence_modulus".to_owned())
+    });
+}
+
+/// The numbered packet or frame of a row.
+pub(crate) fn numbered(frame: &Frame, sequence: &[f64], row: usize) -> Numbered {
+    Numbered {
+        created_ns: frame.time_ns().map_or(0, |times| times[row]),
+        sequence: sequence[row] as u32,
+        row,
+        line: frame.lines[row],
+    }
+}
+
 /// Rejects packets that arrived before, and finds gaps in the sequence numbers of each source.
+///
+/// * `modulus`: as the mapping states it.
 pub(crate) fn sequence_gaps(
     frame: &mut Frame,
     run: u32,
+    modulus: Option<u64>,
     account: &mut Account<'_>,
-) -> Vec<(SequenceGaps, Vec<Gap>)> {
+) -> Vec<(SequenceGaps, Gaps)> {
     let mut seen = BTreeSet::new();
     let is_new: Vec<bool> = (0..frame.n_rows())
         .map(|row| {
@@ -153,26 +190,29 @@ pub(crate) fn sequence_gaps(
                 .to_owned()
         })
     });
-    frame.reject(account, |frame, row| {
-        let sequence = frame.column("sequence")?[row];
-        let is_count = sequence.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(&sequence);
-        (sequence.is_finite() && !is_count).then(|| "sequence is not a whole number".to_owned())
-    });
+    reject_numbers(frame, modulus, account);
     let mut by_source: BTreeMap<u32, Vec<Numbered>> = BTreeMap::new();
-    for row in 0..frame.n_rows() {
-        let number = |name: &str| frame.column(name).map_or(f64::NAN, |column| column[row]);
-        if number("sequence").is_finite() {
-            by_source.entry(number("source") as u32).or_default().push(Numbered {
-                created_ns: frame.time_ns().map_or(0, |times| times[row]),
-                sequence: number("sequence") as u32,
-                line: frame.lines[row],
-            });
-        }
+    let sequence = frame.column("sequence").unwrap_or_default();
+    for row in (0..sequence.len()).filter(|&row| sequence[row].is_finite()) {
+        let source = frame.column("source").map_or(f64::NAN, |column| column[row]);
+        by_source.entry(source as u32).or_default().push(numbered(frame, sequence, row));
     }
-    by_source
-        .into_iter()
-        .map(|(source, mut packets)| sequence::gaps(run, source, &mut packets))
-        .collect()
+    let counting = Counting { modulus: modulus.unwrap_or(MODULUS_OF_PACKETS), period_ns: None };
+    let of_source = |(source, mut packets): (u32, Vec<Numbered>)| {
+        packets.sort_by_key(|packet| (packet.created_ns, packet.sequence));
+        let found = sequence::gaps(&packets, counting);
+        let counts = SequenceGaps {
+            run,
+            source,
+            receiver: None,
+            arrived: packets.len(),
+            missing: found.n_missing(),
+            restarts: found.restarts,
+            first_line: found.gaps.first().map_or(0, |gap| gap.after.line),
+        };
+        (counts, found)
+    };
+    by_source.into_iter().map(of_source).collect()
 }
 
 /// Adds a row for every packet that is missing in a gap: a lost packet.
@@ -185,16 +225,12 @@ pub(crate) fn sequence_gaps(
 /// The table would have more rows than a table may have.
 pub(crate) fn add_lost_packets(
     frame: &mut Frame,
-    gaps: &[(SequenceGaps, Vec<Gap>)],
+    gaps: &[(SequenceGaps, Gaps)],
 ) -> Result<usize, String> {
     let n_lost: usize = gaps.iter().map(|(counts, _)| counts.missing).sum();
     ROWS.check((frame.n_rows() + n_lost) as u64)?;
-    let mut destinations: BTreeMap<usize, f64> = BTreeMap::new();
-    if let Some(column) = frame.column("destination") {
-        destinations.extend(frame.lines.iter().copied().zip(column.iter().copied()));
-    }
-    for (counts, gaps) in gaps {
-        for packet in gaps.iter().flat_map(Gap::missing) {
+    for (counts, found) in gaps {
+        for packet in found.gaps.iter().flat_map(Gap::missing) {
             frame.lines.push(packet.line);
             for (name, times_ns) in &mut frame.times_ns {
                 times_ns.push(if name == "time_s" { packet.created_ns } else { NO_TIME });
@@ -202,7 +238,7 @@ pub(crate) fn add_lost_packets(
             for (name, values) in &mut frame.columns {
                 values.push(match name.as_str() {
                     "source" => f64::from(counts.source),
-                    "destination" => destinations.get(&packet.line).copied().unwrap_or(f64::NAN),
+                    "destination" => values[packet.row],
                     "sequence" => f64::from(packet.sequence),
                     _ => f64::NAN,
                 });
@@ -210,6 +246,52 @@ pub(crate) fn add_lost_packets(
         }
     }
     Ok(n_lost)
+}
+
+/// Removes the channels if some rows have none: periods of a link would otherwise have one row for each channel, and one for the lost
+/// frames whose channel is unknown. Returns a warning about it.
+pub(crate) fn drop_partial_channels(frame: &mut Frame) -> Option<String> {
+    let channels = frame.column("channel")?;
+    let n_unknown = channels.iter().filter(|channel| channel.is_nan()).count();
+    (0 < n_unknown && n_unknown < channels.len()).then(|| {
+        frame.take("channel");
+        format!(
+            "the channels of {n_unknown} frames are not known, so the rows of each period are sums over all channels"
+        )
+    })
+}
+
+/// Whether the frames that were lost are in a table of links; `None`: unknown, or another table.
+pub(crate) fn losses_logged(
+    columns: &[(String, Vec<f64>)],
+    mapping: &Mapping,
+    warnings: &mut Vec<String>,
+) -> Option<bool> {
+    let stated = mapping.are_losses_logged();
+    let is_lost = |(name, values): &(String, Vec<f64>)| match name.as_str() {
+        "received" => values.contains(&0.0),
+        "pdr" => values.iter().any(|&pdr| pdr < 1.0),
+        _ => false,
+    };
+    let has_lost = columns.iter().any(is_lost);
+    match stated {
+        Some(false) if has_lost => {
+            warnings.push(
+                "losses = \"not-logged\", but the table has lost frames, so it does not state it"
+                    .to_owned(),
+            );
+            None
+        }
+        None if mapping.table == TableKind::Links && !has_lost => {
+            warnings.push(
+                "every frame was received, and neither sequence numbers nor counts show what was sent. State losses = \"not-logged\" if only \
+                 frames that were received are in the log, otherwise losses = \"logged\""
+                    .to_owned(),
+            );
+            None
+        }
+        stated => stated,
+    }
 }
 
 /// A warning if delivery ratios look like a fraction of a fraction.

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// What a field takes (bytes): in its frame, in the table of all frames, in the table that its reader checks, and in its rows.
-const BYTES_OF_CELL: usize = 4 * size_of::<f64>();
+pub(crate) const BYTES_OF_CELL: usize = 4 * size_of::<f64>();
 
 /// A time that a row does not have.
 pub(crate) const NO_TIME: i64 = i64::MIN;
@@ -60,6 +60,17 @@ impl Frame {
         retain(&mut self.lines, keep);
         self.times_ns.values_mut().for_each(|times| retain(times, keep));
         self.columns.iter_mut().for_each(|(_, values)| retain(values, keep));
+    }
+
+    /// Puts rows in another order: row `order[k]` becomes row k.
+    pub(crate) fn reorder(&mut self, order: &[usize]) {
+        self.lines = order.iter().map(|&row| self.lines[row]).collect();
+        for times in self.times_ns.values_mut() {
+            *times = order.iter().map(|&row| times[row]).collect();
+        }
+        for (_, values) in &mut self.columns {
+            *values = order.iter().map(|&row| values[row]).collect();
+        }
     }
 
     /// Keeps the rows for which `problem` finds nothing, and counts the others.

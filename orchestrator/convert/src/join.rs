@@ -42,10 +42,10 @@ impl Joined {
 
 /// A row that is joined, or two with the weight of the second.
 #[derive(Clone, Copy)]
-struct Match {
-    row: usize,
-    next: usize,
-    weight: f64,
+pub(crate) struct Match {
+    pub row: usize,
+    pub next: usize,
+    pub weight: f64,
     age_ns: i64,
 }
 
@@ -104,8 +104,8 @@ pub(crate) fn join(
     matches.iter().map(Option::is_some).collect()
 }
 
-/// The row of a list in order of time that goes with a time, if it is near enough.
-fn nearest(rows: &[(i64, usize)], time_ns: i64, how: Join) -> Option<Match> {
+/// The row of a list of times and rows, in order of time, that goes with a time, if it is near enough.
+pub(crate) fn nearest(rows: &[(i64, usize)], time_ns: i64, how: Join) -> Option<Match> {
     let n_before = rows.partition_point(|&(time, _)| time <= time_ns);
     let age = |at: usize| rows.get(at).map(|&(time, row)| (time.abs_diff(time_ns), row));
     let within = |found: Option<(u64, usize)>| {
@@ -135,7 +135,7 @@ fn nearest(rows: &[(i64, usize)], time_ns: i64, how: Join) -> Option<Match> {
 }
 
 /// The value of a column at a match; angles are interpolated along the shorter arc.
-fn value(name: &str, values: &[f64], matched: Match) -> f64 {
+pub(crate) fn value(name: &str, values: &[f64], matched: Match) -> f64 {
     let (from, to) = (values[matched.row], values[matched.next]);
     if matched.weight == 0.0 {
         return from;

@@ -24,6 +24,7 @@ mod frame;
 pub mod geodesy;
 mod join;
 mod labels;
+mod lost;
 pub mod mapping;
 pub mod output;
 pub mod sequence;
@@ -82,15 +83,17 @@ pub struct Conversion {
     pub read: usize,
     /// Rows of the table.
     pub written: usize,
-    /// Rows of the table that are no row of a log: packets missing in gaps of the sequence numbers, with `lost_from_gaps`.
+    /// Rows that were added to those of the first input, with `lost_from_gaps`: packets or frames missing in the sequence numbers.
     pub lost_from_gaps: usize,
+    /// Whether frames that were lost are in a table of links, as its column `losses_logged` states it; null if that is unknown.
+    pub losses_logged: Option<bool>,
     /// The inputs, in the order of the mapping.
     pub inputs: Vec<InputReport>,
     /// Numbers of nodes or robots by name; empty where the log has numbers, which stay as they are.
     pub names: BTreeMap<String, u32>,
     /// Latitude and longitude (degrees) of x = 0, y = 0; null where the log has no geographic coordinates.
     pub origin_deg: Option<[f64; 2]>,
-    /// Gaps in sequence numbers, by run and source; empty where packets have no sequence numbers.
+    /// Gaps in sequence numbers, by run, source and receiver; empty where rows have no sequence numbers.
     pub gaps: Vec<SequenceGaps>,
     /// On which channels the hops of packets were received, by run; empty where the log has no channels of hops, or too few hops.
     pub channels: Vec<ChannelShare>,

@@ -37,8 +37,12 @@ pub struct Mapping {
     pub origin_deg: Option<[f64; 2]>,
     /// Link samples are summed up over periods of this length (ns).
     pub aggregate_ns: Option<i64>,
-    /// Packets that are missing in gaps of the sequence numbers become lost packets.
+    /// What is missing in gaps of the sequence numbers becomes rows of lost packets or frames.
     pub is_lost_from_gaps: bool,
+    /// Sequence numbers begin anew after the number before this one; `None`: as the numbers show.
+    pub sequence_modulus: Option<u64>,
+    /// Whether the logs have the frames that were lost, as the mapping states it.
+    pub losses: Option<LoggedLosses>,
 }
 
 /// From when times count.
@@ -50,6 +54,15 @@ pub enum Start {
     AsWritten,
     /// From this time (ns).
     At(i64),
+}
+
+/// Whether logs have the frames that were lost.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LoggedLosses {
+    /// Every frame that was sent has a row, or is counted.
+    Logged,
+    /// Only frames that were received have a row.
+    NotLogged,
 }
 
 /// Log files of one format.
@@ -163,7 +176,7 @@ impl Mapping {
             .zip(keys.input)
             .map(|(number, table)| input(&tree, number, table, keys.table, &mut problems))
             .collect();
-        let mapping = Self {
+        let mut mapping = Self {
             path: path.to_owned(),
             text,
             tree,
@@ -174,8 +187,12 @@ impl Mapping {
             start,
             origin_deg: keys.origin_deg,
             aggregate_ns: keys.aggregate_s.map(|period_s| (period_s * 1e9) as i64),
-            is_lost_from_gaps: keys.lost_from_gaps,
+            is_lost_from_gaps: false,
+            sequence_modulus: keys.sequence_modulus,
+            losses: keys.losses,
         };
+        mapping.is_lost_from_gaps =
+            keys.lost_from_gaps.unwrap_or_else(|| mapping.is_lost_from_gaps_by_default());
         mapping.check_inputs(&mut problems);
         if problems.is_empty() { Ok(mapping) } else { Err(mapping.refuse(problems)) }
     }
@@ -228,12 +245,7 @@ impl Mapping {
                 "sums up link samples: it requires table = \"links\" and the column received";
             problems.push(Problem::new(spec::AGGREGATE_S, message));
         }
-        let has_sequence = self.table == TableKind::Packets
-            && self.inputs.iter().any(|input| input.has("sequence"));
-        if self.is_lost_from_gaps && !has_sequence {
-            let message = "makes lost packets of gaps in sequence numbers: it requires table = \"packets\" and the column sequence";
-            problems.push(Problem::new(spec::LOST_FROM_GAPS, message));
-        }
+        self.check_losses(first, problems);
         if !problems.is_empty() {
             return;
         }
@@ -244,6 +256,57 @@ impl Mapping {
                 format!("a table of {} also requires {}", self.table.name(), lacking.join(", ")),
             ));
         }
+    }
+
+    /// Link samples with sequence numbers show what was lost, unless the log has it.
+    fn is_lost_from_gaps_by_default(&self) -> bool {
+        self.table == TableKind::Links
+            && self.losses != Some(LoggedLosses::Logged)
+            && self.inputs.iter().any(|input| input.has("sequence"))
+    }
+
+    /// What is said of frames and packets that were lost.
+    fn check_losses(&self, first: &Input, problems: &mut Vec<Problem>) {
+        let is_links = self.table == TableKind::Links;
+        let has_sequence = self.inputs.iter().any(|input| input.has("sequence"));
+        if self.is_lost_from_gaps && !(self.table != TableKind::Robots && has_sequence) {
+            let message = "makes lost packets or frames of gaps in sequence numbers: it requires table = \"packets\" or \"links\", and \
+                           the column sequence";
+            problems.push(Problem::new(spec::LOST_FROM_GAPS, message));
+        } else if self.is_lost_from_gaps && is_links {
+            const NEEDED: [&str; 5] = ["sequence", "time_s", "tx", "rx", "received"];
+            if !NEEDED.iter().all(|name| first.has(name)) || first.has("frames") {
+                let message = "shows lost frames of link samples: the first input must have sequence, time_s, tx, rx and received (1, if \
+                               only frames that were received are in the log), without frames. Otherwise, write lost_from_gaps = false";
+                let with = self.inputs.iter().position(|input| input.has("sequence")).unwrap_or(0);
+                problems.push(Problem::new(format!("input[{with}].columns.sequence"), message));
+            }
+            if self.losses == Some(LoggedLosses::Logged) {
+                let message = "says that lost frames are in the log, so lost_from_gaps = true would add them again; remove one of them";
+                problems.push(Problem::new(spec::LOSSES, message));
+            }
+        }
+        if self.sequence_modulus.is_some() && !has_sequence {
+            problems.push(Problem::new(spec::SEQUENCE_MODULUS, "requires the column sequence"));
+        }
+        if self.losses.is_some() && !is_links {
+            let message = "says which frames a log of links has: it requires table = \"links\"";
+            problems.push(Problem::new(spec::LOSSES, message));
+        }
+    }
+
+    /// Whether frames that were lost are in the table: lost rows are added, the mapping states it, or frames that were sent are
+    /// counted. `None`: unknown.
+    #[must_use]
+    pub fn are_losses_logged(&self) -> Option<bool> {
+        if self.table != TableKind::Links {
+            return None;
+        }
+        if self.is_lost_from_gaps {
+            return Some(true);
+        }
+        let is_counted = self.inputs.iter().any(|input| input.has("frames"));
+        self.losses.map(|losses| losses == LoggedLosses::Logged).or(is_counted.then_some(true))
     }
 
     /// Names of the columns that the table will have.
@@ -474,6 +537,50 @@ mod tests {
         let said = refusal(&text("frames = \"n\", pdr = \"p\""));
         assert!(said.contains("map.toml:2: aggregate_s: sums up link samples"), "{said}");
         assert!(refusal("table = \"links\"\naggregate_s = 0\n").contains("0.001"));
+    }
+
+    #[test]
+    fn sequence_numbers_of_link_samples_show_lost_frames_unless_the_log_has_them() {
+        let text = |top: &str, columns: &str| {
+            format!(
+                "table = \"links\"\n{top}\n[[input]]\nfiles = \"a\"\ncolumns = {{ time_s = \"t\", tx = \"a\", rx = \"b\", rssi_dbm = \
+                 \"r\", {columns} }}\n"
+            )
+        };
+        let mapping = |top: &str, columns: &str| {
+            Mapping::of_text(Path::new("map.toml"), text(top, columns)).unwrap()
+        };
+        const NUMBERED: &str = "received = 1, sequence = \"n\"";
+        const COUNTED: &str = "frames = \"n\", pdr = \"p\"";
+        for (top, columns, is_lost_from_gaps, losses_logged) in [
+            ("", NUMBERED, true, Some(true)),
+            ("losses = \"not-logged\"", NUMBERED, true, Some(true)),
+            ("losses = \"logged\"", NUMBERED, false, Some(true)),
+            ("lost_from_gaps = false", NUMBERED, false, None),
+            ("losses = \"not-logged\"", "received = 1", false, Some(false)),
+            ("", "received = 1", false, None),
+            ("", COUNTED, false, Some(true)),
+            ("losses = \"not-logged\"", COUNTED, false, Some(false)),
+        ] {
+            let mapping = mapping(top, columns);
+            let found = (mapping.is_lost_from_gaps, mapping.are_losses_logged());
+            assert_eq!(found, (is_lost_from_gaps, losses_logged), "{top} {columns}");
+        }
+        for (top, columns, part) in [
+            ("", "frames = \"n\", pdr = \"p\", sequence = \"n\"", "sequence: shows lost frames"),
+            ("lost_from_gaps = true", COUNTED, "map.toml:2: lost_from_gaps: makes lost packets"),
+            (
+                "losses = \"logged\"\nlost_from_gaps = true",
+                NUMBERED,
+                "map.toml:2: losses: says that lost frames are in the log",
+            ),
+            ("sequence_modulus = 256", COUNTED, "sequence_modulus: requires the column sequence"),
+        ] {
+            let said = refusal(&text(top, columns));
+            assert!(said.contains(part), "{part}\nis not in\n{said}");
+        }
+        let covariate = text("", "received = 1") + "covariates = { losses_logged = 1 }\n";
+        assert!(refusal(&covariate).contains("is no covariate; write losses"));
     }
 
     #[test]

@@ -52,6 +52,7 @@ const LINKS: &[TableKind] = &[TableKind::Links];
 const ROBOTS: &[TableKind] = &[TableKind::Robots];
 const PACKETS: &[TableKind] = &[TableKind::Packets];
 const PLACED: &[TableKind] = &[TableKind::Links, TableKind::Robots];
+const NUMBERED: &[TableKind] = &[TableKind::Links, TableKind::Packets];
 const ALL: &[TableKind] = &[TableKind::Links, TableKind::Robots, TableKind::Packets];
 
 /// Columns by the tables that have them, each with its content. A comment is what a mapping should know of it.
@@ -178,7 +179,10 @@ columns! {
         hops: Number;
         /// Packets: size of the payload (bytes).
         payload_bytes: Number;
-        /// Packets: sequence number, in which gaps show lost packets.
+    }
+    in NUMBERED {
+        /// Packets and link samples: sequence number, in which gaps show lost packets and frames. Of links, the sender's number of the
+        /// frame, which all receivers could have received.
         sequence: Number;
     }
 }

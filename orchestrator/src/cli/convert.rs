@@ -5,6 +5,7 @@ use super::{Failure, check_place, place_for, write_json};
 use ::convert::channels::ChannelShare;
 use ::convert::mapping::Mapping;
 use ::convert::output::{self, OutputFormat};
+use ::convert::tables::TableKind;
 use ::convert::{Conversion, ConvertError, InputReport};
 use clap::Args;
 use std::collections::BTreeMap;
@@ -100,12 +101,25 @@ fn print(out: &Path, answer: &Conversion) {
     for (run, [arrived, missing, restarts]) in runs {
         let sent = arrived + missing;
         let percent = 100.0 * missing as f64 / (sent as f64).max(1.0);
+        let what = match answer.table {
+            TableKind::Links => "frames were not logged, over all receivers",
+            TableKind::Robots | TableKind::Packets => "sequence numbers are missing",
+        };
         say(format!(
-            "  gaps      run {run}: {missing} of {sent} sequence numbers are missing ({percent:.1} %), restarts: {restarts}"
+            "  gaps      run {run}: {missing} of {sent} {what} ({percent:.1} %), restarts: {restarts}"
         ));
     }
     if 0 < answer.lost_from_gaps {
-        say(format!("  lost      {} rows of lost packets added for gaps", answer.lost_from_gaps));
+        let what = if answer.table == TableKind::Links { "frames" } else { "packets" };
+        say(format!("  lost      {} rows of lost {what} added for gaps", answer.lost_from_gaps));
+    }
+    if let Some(is_logged) = answer.losses_logged {
+        let what = if is_logged {
+            "losses_logged = 1: the table has"
+        } else {
+            "losses_logged = 0: the table lacks"
+        };
+        say(format!("  losses    {what} the frames that were lost"));
     }
     for run in answer.channels.chunk_by(|a, b| a.run == b.run) {
         say(channels(run));

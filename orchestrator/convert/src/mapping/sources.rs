@@ -3,6 +3,7 @@
 use super::{MOST_NUMBER, Source, Target};
 use crate::tables::{self, Content, SourceKey, SourceKeys};
 use crate::units::{self, Unit};
+use measure::links::LOSSES_LOGGED;
 use proto::config::{Lists, Node, Problem, Section as _, Value, check, most_similar};
 
 /// What a column is filled from, if that is possible.
@@ -97,6 +98,11 @@ pub(super) fn covariates(
         }
         if tables::known(name).is_some() {
             problems.push(Problem::new(path, "is no covariate; move it to columns"));
+            continue;
+        }
+        if name == LOSSES_LOGGED {
+            let message = "is no covariate; write losses = \"logged\" or \"not-logged\" at the top";
+            problems.push(Problem::new(path, message));
             continue;
         }
         let key = match &node.value {

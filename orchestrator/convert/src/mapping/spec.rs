@@ -1,6 +1,6 @@
 //! The keys of mapping files.
 
-use super::JoinKind;
+use super::{JoinKind, LoggedLosses};
 use crate::formats::BUILT_IN;
 use crate::tables::{COLUMNS_SPEC, TableKind};
 use proto::config::{FilePath, Lists, OneOf, Registry, Section, Tag, Variants, json_schema};
@@ -8,8 +8,14 @@ use proto::config::{FilePath, Lists, OneOf, Registry, Section, Tag, Variants, js
 /// The key that sums up link samples.
 pub(super) const AGGREGATE_S: &str = "aggregate_s";
 
-/// The key that makes lost packets of gaps.
+/// The key that makes lost packets or frames of gaps.
 pub(super) const LOST_FROM_GAPS: &str = "lost_from_gaps";
+
+/// The key that says where sequence numbers begin anew.
+pub(super) const SEQUENCE_MODULUS: &str = "sequence_modulus";
+
+/// The key that says whether lost frames are in the log.
+pub(super) const LOSSES: &str = "losses";
 
 /// A mapping file: how logs become a table of measurements.
 #[derive(Section)]
@@ -31,10 +37,18 @@ pub(super) struct MappingKeys {
     /// with frames, pdr and the mean reading, as `--given-rssi` requires them.
     #[key(range = 1e-3..=1e9)]
     pub(super) aggregate_s: Option<f64>,
-    /// Packets: adds a row with an empty received_s for each sequence number that is missing between two packets of a source, created at
-    /// a time interpolated between them. Where the numbers begin anew, nothing is added. Requires the column sequence.
-    #[key(default = false)]
-    pub(super) lost_from_gaps: bool,
+    /// Adds rows for sequence numbers that are missing; requires the column sequence. Packets: a row with an empty received_s for each number
+    /// between two packets of a source, created at a time interpolated between them; false by default. Links: a row with received = 0
+    /// for each frame of a sender that a receiver did not log; true by default, unless losses = "logged". Where the numbers begin
+    /// anew, nothing is added.
+    pub(super) lost_from_gaps: Option<bool>,
+    /// After the number before this one, sequence numbers begin anew at 0: 256 for numbers of 8 bits. Packets: 65536 by default. Links: by
+    /// default 256, 4096 or 65536 if a sender's greatest number lies less than 33 below, otherwise 4294967296.
+    #[key(range = 256..=4_294_967_296)]
+    pub(super) sequence_modulus: Option<u64>,
+    /// Links: whether the log has the frames that were lost, which the column losses_logged then states. By default it states that losses
+    /// are logged if rows were added for missing sequence numbers, or if the column frames is filled.
+    pub(super) losses: Option<LoggedLosses>,
     /// The logs. Rows of the table are the rows of the first input; further inputs are joined onto them.
     #[key(required, tables = InputKeys::SPEC)]
     pub(super) input: Vec<toml::Table>,
