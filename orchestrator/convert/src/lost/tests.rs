@@ -9,7 +9,10 @@ const S: i64 = 1000 * MS;
 /// A row of a log: time (ns), sender, receiver, number.
 type Row = (i64, u32, u32, u32);
 
-fn frame(rows: &[Row], columns: &[(&str, &dyn Fn(&Row) -> f64)]) -> Frame {
+/// A column's name, and its value in a row.
+type Column<'a> = (&'a str, &'a dyn Fn(&Row) -> f64);
+
+fn frame(rows: &[Row], columns: &[Column<'_>]) -> Frame {
     let mut frame = Frame { lines: (2..2 + rows.len()).collect(), ..Frame::default() };
     frame.times_ns.insert("time_s".to_owned(), rows.iter().map(|row| row.0).collect());
     let mut add = |name: &str, value: &dyn Fn(&Row) -> f64| {
@@ -172,10 +175,13 @@ fn frames_for_one_receiver_each_are_noticed() {
     assert_eq!(add_lost(&mut frame(&shared, &[]), None).0.n_unshared, 0);
 }
 
+/// Times (ns) of lost frames by sender, receiver and number.
+type LostTimes = BTreeMap<(u32, u32, u32), Vec<i64>>;
+
 /// Three senders with numbers of 8 bits, ten frames a second, evenly or by chance; and four receivers that log a frame with a probability
 /// of 0.9 to 0.15, have an outage of a minute each, and clocks that differ by up to `skew_ns`. Returns the log, and the times at which
 /// each receiver lost frames of a sender and number.
-fn campaign(skew_ns: i64, is_even: bool) -> (Vec<Row>, BTreeMap<(u32, u32, u32), Vec<i64>>) {
+fn campaign(skew_ns: i64, is_even: bool) -> (Vec<Row>, LostTimes) {
     let mut state = 1u64;
     let mut uniform = || {
         state =
