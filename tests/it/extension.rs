@@ -31,7 +31,16 @@ fn phase(time_s: f64) -> f64 {
 
 /// How strong it is, which is what a fit finds.
 const fn amplitude(key: &'static str, unit: &'static str) -> Parameter {
-    Parameter { key, unit, min: -20.0, max: 20.0, starts: &[0.0], step: 0.01 }
+    Parameter {
+        key,
+        unit,
+        min: -20.0,
+        max: 20.0,
+        starts: &[0.0],
+        step: 0.01,
+        null: None,
+        plausible: None,
+    }
 }
 
 /// `kind = "radio-tide"`.

@@ -44,7 +44,7 @@ pub const ENTRY: Entry = Entry::of::<LowAntenna>();
 pub struct LowAntenna {
     /// What an antenna on the ground loses (dB).
     #[key(range = 0.0..=60.0)]
-    #[fit(unit = "dB", range = 0.0..=40.0, starts = [5.0], step = 0.05)]
+    #[fit(unit = "dB", range = 0.0..=40.0, starts = [5.0], step = 0.05, null = 0.0)]
     pub loss_db: f64,
     /// Height (m) at which 1/e of that is left.
     #[key(above = 0.0, most = 100.0, default = 0.3)]

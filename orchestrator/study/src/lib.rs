@@ -400,8 +400,16 @@ pub(crate) fn joined(cautions: Vec<String>) -> Option<String> {
 mod tests {
     use super::*;
 
-    const PARAMETER: Parameter =
-        Parameter { key: "sd_db", unit: "dB", min: 0.0, max: 20.0, starts: &[1.0], step: 0.1 };
+    const PARAMETER: Parameter = Parameter {
+        key: "sd_db",
+        unit: "dB",
+        min: 0.0,
+        max: 20.0,
+        starts: &[1.0],
+        step: 0.1,
+        null: None,
+        plausible: None,
+    };
 
     #[test]
     fn an_interval_includes_its_value() {

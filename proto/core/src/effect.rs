@@ -269,6 +269,21 @@ pub struct Parameter {
     pub starts: &'static [f64],
     /// A small step: what changes predictions a little.
     pub step: f64,
+    /// The value at which the effect does nothing, of a parameter that is the size of its effect.
+    pub null: Option<f64>,
+    /// Which values are physically plausible, where that is known. A fit is not held within them.
+    pub plausible: Option<Plausible>,
+}
+
+/// The values of a parameter that are physically plausible.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plausible {
+    /// Least value, in the parameter's unit.
+    pub min: f64,
+    /// Greatest value, in the parameter's unit.
+    pub max: f64,
+    /// Who reports such values, or what they follow from.
+    pub source: &'static str,
 }
 
 impl Parameter {
@@ -285,6 +300,8 @@ impl Parameter {
             max,
             starts: vec![start].leak(),
             step: (0.1 * around).min(0.1 * (max - min)),
+            null: None,
+            plausible: None,
         }
     }
 }
@@ -323,4 +340,53 @@ pub enum Level {
     Random,
     /// In a whole run of the network: judged by runs under many seeds.
     Run,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Section;
+
+    /// A loss.
+    ///
+    /// # Mechanism
+    ///
+    /// A cable.
+    ///
+    /// # Equation
+    ///
+    /// RSSI' = RSSI - loss_db
+    ///
+    /// # Source
+    ///
+    /// None.
+    ///
+    /// # Validity
+    ///
+    /// Of tests only.
+    ///
+    /// # Trace
+    ///
+    /// Weak links.
+    #[derive(Catalogued, Section)]
+    #[effect(name = "loss")]
+    #[expect(dead_code, reason = "only its declaration is read")]
+    struct Loss {
+        /// The loss (dB).
+        #[key(range = 0.0..=60.0)]
+        #[fit(unit = "dB", starts = [3.0], step = 0.05, null = 0.0, plausible = 0.5..=20.0, source = "a book")]
+        loss_db: f64,
+        /// Length of the cable (m).
+        #[key(range = 0.0..=9.0)]
+        #[fit(unit = "m", starts = [1.0], step = 0.01)]
+        length_m: f64,
+    }
+
+    #[test]
+    fn a_declaration_carries_the_null_and_the_plausible_range_of_a_parameter() {
+        let [loss, length] = Loss::FIT.parameters else { panic!("two parameters") };
+        assert_eq!((loss.min, loss.max, loss.null), (0.0, 60.0, Some(0.0)));
+        assert_eq!(loss.plausible, Some(Plausible { min: 0.5, max: 20.0, source: "a book" }));
+        assert_eq!((length.null, length.plausible), (None, None));
+    }
 }

@@ -97,6 +97,8 @@ fn parameters(fields: &Fields) -> Result<Vec<TokenStream>> {
             let mut name = key.name.clone();
             let mut unit = String::new();
             let (mut range, mut starts, mut step) = (None::<Expr>, None::<Expr>, None::<Expr>);
+            let (mut null, mut plausible) = (None::<Expr>, None::<Expr>);
+            let mut source = None::<LitStr>;
             attribute.parse_nested_meta(|meta| {
                 let word = meta.path.require_ident()?.to_string();
                 match word.as_str() {
@@ -105,7 +107,13 @@ fn parameters(fields: &Fields) -> Result<Vec<TokenStream>> {
                     "range" => range = Some(meta.value()?.parse()?),
                     "starts" => starts = Some(meta.value()?.parse()?),
                     "step" => step = Some(meta.value()?.parse()?),
-                    _ => return Err(meta.error("key, unit, range, starts or step")),
+                    "null" => null = Some(meta.value()?.parse()?),
+                    "plausible" => plausible = Some(meta.value()?.parse()?),
+                    "source" => source = Some(meta.value()?.parse()?),
+                    _ => {
+                        let known = "key, unit, range, starts, step, null, plausible or source";
+                        return Err(meta.error(known));
+                    }
                 }
                 Ok(())
             })?;
@@ -114,8 +122,20 @@ fn parameters(fields: &Fields) -> Result<Vec<TokenStream>> {
             let (min, max) = ends(range, &quote!(f64::INFINITY))?;
             let starts = starts.ok_or_else(|| lacks("starts"))?;
             let step = step.ok_or_else(|| lacks("step"))?;
+            let null = null.map_or(quote!(None), |null| quote!(Some(#null)));
+            let plausible = match (plausible, source) {
+                (None, None) => quote!(None),
+                (Some(range), Some(source)) => {
+                    let (min, max) = ends(&range, &quote!(f64::INFINITY))?;
+                    let ends = quote!(min: #min, max: #max, source: #source);
+                    quote!(Some(::proto::effect::Plausible { #ends }))
+                }
+                (Some(_), None) => return Err(lacks("the source of the plausible range")),
+                (None, Some(_)) => return Err(lacks("the plausible range")),
+            };
             parameters.push(quote!(::proto::effect::Parameter {
                 key: #name, unit: #unit, min: #min, max: #max, starts: &#starts, step: #step,
+                null: #null, plausible: #plausible,
             }));
         }
     }

@@ -74,6 +74,8 @@ pub fn one_of(input: TokenStream) -> TokenStream {
 /// `makes = Type` is the effect itself, which has the name. All other words are fields of `Fit`, those that are not said being those of
 /// `Fit::PLAIN`. `#[fit(unit = "dB", starts = [3.0], step = 0.1)]` marks a key that is fitted, from the least to
 /// the greatest value of the key or of `range = 0.0..=9.0`; `key = "velocity_mps[0]"` names an entry of a list.
+/// `null = 0.0` is the value at which the effect does nothing, of a key that is its size. `plausible = 0.5..=20.0` is the physically
+/// plausible range, and `source = "..."` says who reports it: both or neither.
 #[proc_macro_derive(Catalogued, attributes(effect, fit))]
 pub fn catalogued(input: TokenStream) -> TokenStream {
     derive(input, catalogued::catalogued)
