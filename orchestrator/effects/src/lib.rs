@@ -20,7 +20,7 @@ pub use picture::Picture;
 
 use experiment::program_name;
 use proto::config::{Default, Field, Kind, Program, Tag, Variant, most_similar};
-use proto::effect::{About, CONSTANT, Fit, Level};
+use proto::effect::{About, CONSTANT, Fit, Level, Parameter, Plausible};
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -200,7 +200,7 @@ impl Listed {
             let _ = writeln!(text, "  {}: {}", field.key, self.range(field));
             let _ = writeln!(text, "{}", wrapped(field.doc, "      "));
             if let Some(fitted) = self.fitted(field.key) {
-                let _ = writeln!(text, "      {fitted}");
+                let _ = writeln!(text, "{}", wrapped(&fitted, "      "));
             }
         }
         let _ = write!(text, "\nConfiguration\n");
@@ -237,17 +237,21 @@ impl Listed {
 
     /// A parameter's unit: as the fit names it, or as its key ends.
     fn unit(&self, key: &str) -> Option<&'static str> {
-        let fitted = self.fit.parameters.iter().find(|parameter| parameter.key == key);
-        match fitted {
+        match self.parameter(key) {
             Some(parameter) => Some(parameter.unit).filter(|unit| !["", "1"].contains(unit)),
             None => quantity::unit(key),
         }
     }
 
+    /// The fitted parameter of a key: of a list, that of its first entry.
+    fn parameter(&self, key: &str) -> Option<&'static Parameter> {
+        let entry_of = |parameter: &Parameter| parameter.key.split('[').next();
+        self.fit.parameters.iter().find(|parameter| entry_of(parameter) == Some(key))
+    }
+
     fn fitted(&self, key: &str) -> Option<String> {
         let is_of_model = self.fit.from_model.iter().any(|(of, _)| *of == key);
-        let parameter = self.fit.parameters.iter().find(|parameter| parameter.key == key);
-        let Some(parameter) = parameter else {
+        let Some(parameter) = self.parameter(key) else {
             return is_of_model.then(|| "taken from the configured model".to_owned());
         };
         let starts = if is_of_model {
@@ -256,8 +260,13 @@ impl Listed {
             let starts = parameter.starts.iter().map(|&start| trimmed(start, DECIMALS));
             starts.collect::<Vec<_>>().join(", ")
         };
-        let (min, max) = (trimmed(parameter.min, DECIMALS), trimmed(parameter.max, DECIMALS));
-        Some(format!("fitted from {min} to {max}, starting at {starts}"))
+        let ends = |min, max| format!("{} to {}", trimmed(min, DECIMALS), trimmed(max, DECIMALS));
+        let range = ends(parameter.min, parameter.max);
+        let plausible = parameter.plausible.map(|Plausible { min, max, source }| {
+            format!("; plausible from {} ({source})", ends(min, max))
+        });
+        let plausible = plausible.unwrap_or_default();
+        Some(format!("fitted from {range}, starting at {starts}{plausible}"))
     }
 
     fn answer(&self) -> EffectAnswer {
@@ -266,13 +275,17 @@ impl Listed {
             doc: field.doc,
             unit: self.unit(field.key),
             range: self.range(field),
-            fit: self.fit.parameters.iter().find(|parameter| parameter.key == field.key).map(
-                |parameter| FitAnswer {
-                    min: parameter.min,
-                    max: parameter.max,
-                    starts: parameter.starts,
-                },
-            ),
+            fit: self.parameter(field.key).map(|parameter| FitAnswer {
+                min: parameter.min,
+                max: parameter.max,
+                starts: parameter.starts,
+                null: parameter.null,
+                plausible: parameter.plausible.map(|it| PlausibleAnswer {
+                    min: it.min,
+                    max: it.max,
+                    source: it.source,
+                }),
+            }),
         };
         EffectAnswer {
             name: self.variant.name,
@@ -366,6 +379,21 @@ struct FitAnswer {
     max: f64,
     /// Values at which the fit starts.
     starts: &'static [f64],
+    /// The value at which the effect does nothing; null if the key is not the size of the effect.
+    null: Option<f64>,
+    /// Which values are physically plausible; null if no range is known.
+    plausible: Option<PlausibleAnswer>,
+}
+
+/// Physically plausible values of a key.
+#[derive(Debug, Serialize, JsonSchema)]
+struct PlausibleAnswer {
+    /// Least value.
+    min: f64,
+    /// Greatest value.
+    max: f64,
+    /// Who reports such values, or what they follow from.
+    source: &'static str,
 }
 
 /// On what the gain of an effect is judged.
@@ -439,6 +467,36 @@ mod tests {
     }
 
     #[test]
+    fn every_plausible_range_has_a_source_and_contains_starts_and_the_example() {
+        let mut n_ranges = 0;
+        for effect in all() {
+            let name = effect.variant.name;
+            let example: toml::Table = effect.keys().parse().unwrap();
+            for parameter in effect.fit.parameters {
+                let key = parameter.key;
+                let within = |null: f64| parameter.min <= null && null <= parameter.max;
+                assert!(parameter.null.is_none_or(within), "{name}: {key}");
+                let Some(Plausible { min, max, source }) = parameter.plausible else { continue };
+                n_ranges += 1;
+                assert!(min < max && !source.is_empty(), "{name}: {key}");
+                let written = match key.strip_suffix(']').and_then(|key| key.split_once('[')) {
+                    Some((list, index)) => example[list].get(index.parse::<usize>().unwrap()),
+                    None => example.get(key),
+                };
+                let written = written.map(|value| value.as_float().unwrap());
+                for value in parameter.starts.iter().copied().chain(written) {
+                    assert!(min <= value && value <= max, "{name}: {key} = {value}");
+                }
+            }
+        }
+        assert!(12 <= n_ranges, "{n_ranges}");
+        for name in ["system-gain", "node-offset"] {
+            let parameters = find(name).unwrap()[0].fit.parameters;
+            assert!(parameters.iter().all(|parameter| parameter.plausible.is_none()), "{name}");
+        }
+    }
+
+    #[test]
     fn every_effect_has_an_example_that_is_accepted_and_a_picture_that_shows_something() {
         for effect in all().iter().filter(|effect| effect.of == "radio") {
             let name = effect.variant.name;
@@ -467,6 +525,8 @@ mod tests {
         ] {
             assert!(text.contains(part), "{part} is not in\n{text}");
         }
+        let text = find("wind").unwrap()[0].explained();
+        assert!(text.contains("plausible from -60 to 60 (Beaufort"), "{text}");
         let error = find("two-ray").unwrap_err();
         assert!(error.contains("did you mean"), "{error}");
         assert!(table().lines().all(|line| line.chars().count() <= WIDTH), "{}", table());

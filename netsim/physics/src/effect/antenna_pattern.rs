@@ -76,7 +76,7 @@ struct Keys {
     shape: ShapeKey,
     /// Cardioid: front-to-back ratio (dB).
     #[key(range = 0.0..=60.0)]
-    #[fit(unit = "dB", range = 0.0..=40.0, starts = [4.0], step = 0.05)]
+    #[fit(unit = "dB", range = 0.0..=40.0, starts = [4.0], step = 0.05, null = 0.0)]
     front_to_back_db: Option<f64>,
     /// Cardioid: direction of maximum gain, seen from the body (rad, to the left of the heading).
     #[key(range = ANGLE, default = 0.0)]

@@ -48,7 +48,14 @@ pub const ENTRY: Entry = Entry::new::<BatterySag>(UNCHECKED, |table, _| {
 pub struct BatterySag {
     /// Change of the transmit power per hour (dB per hour): negative.
     #[key(range = -100.0..=0.0)]
-    #[fit(unit = "dB/h", starts = [-0.5], step = 0.01)]
+    #[fit(
+        unit = "dB/h",
+        starts = [-0.5],
+        step = 0.01,
+        null = 0.0,
+        plausible = -20.0..=0.0,
+        source = "CC2650MODA data sheet, figure 5-11: power varies by a few dB over the whole range of the supply",
+    )]
     pub db_per_hour: f64,
     /// Numbers of the battery-powered nodes. Absent: all.
     #[key(range = 0..=u32::MAX, length = 1..=1_000_000)]

@@ -43,7 +43,15 @@ pub const ENTRY: Entry = Entry::of::<BodyBlocking>();
 pub struct BodyBlocking {
     /// Loss per body (dB).
     #[key(range = 0.0..=60.0)]
-    #[fit(unit = "dB", range = 0.0..=40.0, starts = [3.0], step = 0.05)]
+    #[fit(
+        unit = "dB",
+        range = 0.0..=40.0,
+        starts = [3.0],
+        step = 0.05,
+        null = 0.0,
+        plausible = 0.0..=30.0,
+        source = "Abbas and Tufvesson, Int. J. Antennas and Propagation 2013: 10 to 20 dB behind vehicles",
+    )]
     pub loss_db: f64,
     /// Radius of a body around its antenna (m). 0.5: the radius of the first Fresnel zone in the middle of a link of 8 m.
     #[key(above = 0.0, most = 100.0, default = 0.5)]

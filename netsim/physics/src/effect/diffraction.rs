@@ -44,7 +44,7 @@ pub const ENTRY: Entry = Entry::of::<Diffraction>();
 pub struct Diffraction {
     /// Loss relative to the theory; 1: a knife edge.
     #[key(range = 0.0..=10.0, default = 1.0)]
-    #[fit(unit = "", range = 0.0..=3.0, starts = [1.0], step = 0.01)]
+    #[fit(unit = "", range = 0.0..=3.0, starts = [1.0], step = 0.01, null = 0.0)]
     pub scale: f64,
 }
 

@@ -67,7 +67,15 @@ pub const ENTRY: Entry = Entry::new::<Keys>(check, |table, _| {
 struct Keys {
     /// Loss per crossing (dB).
     #[key(range = 0.0..=100.0)]
-    #[fit(unit = "dB", range = 0.0..=40.0, starts = [5.0], step = 0.05)]
+    #[fit(
+        unit = "dB",
+        range = 0.0..=40.0,
+        starts = [5.0],
+        step = 0.05,
+        null = 0.0,
+        plausible = 0.1..=60.0,
+        source = "ITU-R P.2040: from thin plasterboard to reinforced concrete",
+    )]
     loss_db: f64,
     /// One end of the segment (x, y in m).
     #[key(kind = POINT)]

@@ -71,7 +71,7 @@ struct Keys {
     width_mhz: f64,
     /// Duty cycle: fraction of the time in which no frame can be received.
     #[key(range = Range::FRACTION)]
-    #[fit(unit = "", range = 0.0..=1.0, starts = [0.1], step = 0.002)]
+    #[fit(unit = "", range = 0.0..=1.0, starts = [0.1], step = 0.002, null = 0.0)]
     duty: f64,
     /// Start (s). Absent: the beginning.
     #[key(range = 0.0..=1e9)]

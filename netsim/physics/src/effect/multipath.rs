@@ -54,7 +54,13 @@ pub const ENTRY: Entry = Entry::new::<Keys>(UNCHECKED, |table, ordinal| {
 struct Keys {
     /// Standard deviation (dB).
     #[key(range = 0.0..=20.0)]
-    #[fit(unit = "dB", starts = [3.0], step = 0.05)]
+    #[fit(
+        unit = "dB",
+        starts = [3.0],
+        step = 0.05,
+        plausible = 0.0..=10.0,
+        source = "Rappaport, § 5.6: Rayleigh fading has 5.6 dB; two equal rays have 7.9 dB",
+    )]
     sd_db: f64,
     /// Coherence bandwidth (MHz): frequency difference over which the correlation falls to 1/e. 5: a room of about ten metres, with
     /// a delay spread of 30 ns.

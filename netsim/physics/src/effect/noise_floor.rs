@@ -41,7 +41,7 @@ pub const ENTRY: Entry = Entry::of::<NoiseFloor>();
 pub struct NoiseFloor {
     /// Shift (dB): the RSSI at which a frame is received with the same probability rises by this.
     #[key(range = -60.0..=60.0)]
-    #[fit(unit = "dB", range = -40.0..=40.0, starts = [0.0], step = 0.05)]
+    #[fit(unit = "dB", range = -40.0..=40.0, starts = [0.0], step = 0.05, null = 0.0)]
     pub shift_db: f64,
 }
 

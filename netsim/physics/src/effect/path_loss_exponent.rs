@@ -46,7 +46,13 @@ pub struct PathLossExponent {
     /// Path loss exponent of the site, that of the base model included: 1.6 to 1.8 along corridors, 2.7 to 3.5 in cities, 4 to 6 in
     /// obstructed buildings (Rappaport, table 4.2).
     #[key(range = 1.0..=8.0)]
-    #[fit(unit = "", starts = [2.0], step = 0.01)]
+    #[fit(
+        unit = "",
+        starts = [2.0],
+        step = 0.01,
+        plausible = 1.2..=7.0,
+        source = "Rappaport, table 4.2: 1.6 to 6",
+    )]
     pub exponent: f64,
     /// Exponent that the base model has already: 2 in free space, or the exponent of log-distance. The effect adds the difference.
     /// diagnose and extend take it from the configuration.

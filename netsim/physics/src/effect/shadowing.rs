@@ -47,7 +47,13 @@ pub const ENTRY: Entry = Entry::new::<Shadowing>(UNCHECKED, |table, ordinal| {
 pub struct Shadowing {
     /// Standard deviation (dB).
     #[key(range = 0.0..=20.0)]
-    #[fit(unit = "dB", starts = [3.0], step = 0.1)]
+    #[fit(
+        unit = "dB",
+        starts = [3.0],
+        step = 0.1,
+        plausible = 0.0..=18.0,
+        source = "Seidel and Rappaport, IEEE Vehicular Technology Conference 1991: 5 to 16.3 dB",
+    )]
     pub sd_db: f64,
     /// Decorrelation distance (m): total movement of both ends over which the correlation falls to 1/e. 8.3: Gudmundson's 0.3 at 10
     /// m in an urban microcell.

@@ -43,7 +43,7 @@ pub const ENTRY: Entry = Entry::of::<SystemGain>();
 pub struct SystemGain {
     /// Offset (dB). Losses are negative.
     #[key(range = -100.0..=100.0)]
-    #[fit(unit = "dB", starts = [0.0], step = 0.1)]
+    #[fit(unit = "dB", starts = [0.0], step = 0.1, null = 0.0)]
     pub gain_db: f64,
     /// Whether only the RSSI reading changes, and not reception.
     #[key(default = false)]

@@ -45,7 +45,14 @@ pub const ENTRY: Entry = Entry::of::<Temperature>();
 pub struct Temperature {
     /// Change of the received power if both ends warm up by one degree (dB per degree C). Measured: -0.1 to -0.2.
     #[key(range = -5.0..=5.0)]
-    #[fit(unit = "dB/degC", starts = [-0.1], step = 0.005)]
+    #[fit(
+        unit = "dB/degC",
+        starts = [-0.1],
+        step = 0.005,
+        null = 0.0,
+        plausible = -1.5..=0.5,
+        source = "Bannister et al. 2008 and Boano et al. 2010: -0.1 to -0.2 dB per degree C",
+    )]
     pub db_per_c: f64,
     /// Reference temperature (degrees C) at which nothing is added. It is aliased with system-gain: its fit absorbs any missing
     /// constant.

@@ -45,7 +45,14 @@ pub const ENTRY: Entry = Entry::of::<Vegetation>();
 pub struct Vegetation {
     /// Gain per metre within foliage (dB per m): negative. Absent: Weissberger's model for trees in leaf.
     #[key(range = -20.0..=0.0)]
-    #[fit(unit = "dB/m", starts = [-0.4], step = 0.005)]
+    #[fit(
+        unit = "dB/m",
+        starts = [-0.4],
+        step = 0.005,
+        null = 0.0,
+        plausible = -10.0..=0.0,
+        source = "ITU-R P.833 and Weissberger 1982: -0.3 to -0.6 dB/m at 2.4 GHz",
+    )]
     pub db_per_m: Option<f64>,
 }
 

@@ -44,7 +44,15 @@ pub const ENTRY: Entry = Entry::of::<WallAttenuation>();
 pub struct WallAttenuation {
     /// Loss per wall (dB): 2 to 4 for plasterboard, 6 to 15 for brick and concrete.
     #[key(range = 0.0..=100.0)]
-    #[fit(unit = "dB", range = 0.0..=40.0, starts = [3.0], step = 0.05)]
+    #[fit(
+        unit = "dB",
+        range = 0.0..=40.0,
+        starts = [3.0],
+        step = 0.05,
+        null = 0.0,
+        plausible = 0.1..=60.0,
+        source = "ITU-R P.2040: from thin plasterboard to reinforced concrete",
+    )]
     pub loss_db: f64,
     /// Walls of this material only. Absent: all walls.
     pub material: Option<String>,

@@ -41,7 +41,7 @@ pub(super) const ENTRY: Entry = Entry::of::<ActuatorLag>();
 struct ActuatorLag {
     /// Time constant (s).
     #[key(range = 0.0..=60.0)]
-    #[fit(unit = "s", range = 0.0..=10.0, starts = [0.0, 0.05, 0.15, 0.5, 1.5], step = 0.005)]
+    #[fit(unit = "s", range = 0.0..=10.0, starts = [0.0, 0.05, 0.15, 0.5, 1.5], step = 0.005, null = 0.0)]
     tau_s: f64,
     #[key(flatten)]
     actuator: Actuator,

@@ -40,7 +40,7 @@ pub(super) const ENTRY: Entry = Entry::of::<DeadTime>();
 struct DeadTime {
     /// Delay (s).
     #[key(range = 0.0..=60.0)]
-    #[fit(unit = "s", range = 0.0..=5.0, starts = [0.0, 0.03, 0.1, 0.3, 1.0], step = 0.005)]
+    #[fit(unit = "s", range = 0.0..=5.0, starts = [0.0, 0.03, 0.1, 0.3, 1.0], step = 0.005, null = 0.0)]
     delay_s: f64,
     #[key(flatten)]
     actuator: Actuator,

@@ -40,7 +40,14 @@ pub(super) const ENTRY: Entry = Entry::of::<Downwash>();
 struct Downwash {
     /// Drift speed at zero distance (m/s). Negative: robots attract each other.
     #[key(range = -1e3..=1e3)]
-    #[fit(unit = "m/s", range = -100.0..=100.0, starts = [0.0], step = 0.02)]
+    #[fit(
+        unit = "m/s",
+        range = -100.0..=100.0,
+        starts = [0.0],
+        step = 0.02,
+        plausible = -50.0..=50.0,
+        source = "momentum theory, Leishman, Principles of Helicopter Aerodynamics, ch. 2: wakes of at most about 40 m/s",
+    )]
     gain: f64,
     /// Distance over which the drift falls to 1/e (m).
     #[key(above = 0.0, most = 1e4)]

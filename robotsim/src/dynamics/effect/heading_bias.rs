@@ -40,7 +40,7 @@ pub(super) const ENTRY: Entry = Entry::of::<HeadingBias>();
 struct HeadingBias {
     /// Angle of the bias, to the left (rad).
     #[key(range = -3.2..=3.2)]
-    #[fit(unit = "rad", starts = [0.0, 1.0, -1.0, 2.5, -2.5], step = 0.005)]
+    #[fit(unit = "rad", starts = [0.0, 1.0, -1.0, 2.5, -2.5], step = 0.005, null = 0.0)]
     angle_rad: f64,
 }
 

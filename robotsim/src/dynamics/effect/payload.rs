@@ -54,7 +54,7 @@ pub(super) const ENTRY: Entry = Entry {
 struct Payload {
     /// Mass in addition to the assumed one (kg). Negative: the robot is lighter than assumed; its total mass must be positive.
     #[key(range = -1e6..=1e6)]
-    #[fit(unit = "kg", range = 0.0..=1e3, starts = [0.0], step = 0.002)]
+    #[fit(unit = "kg", range = 0.0..=1e3, starts = [0.0], step = 0.002, null = 0.0)]
     payload_kg: f64,
     /// Mass that the commands assume (kg). `diagnose` takes it from robotsim.dynamics.mass_kg.
     #[key(above = 0.0, most = 1e6)]

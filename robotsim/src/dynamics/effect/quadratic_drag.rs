@@ -40,7 +40,7 @@ pub(super) const ENTRY: Entry = Entry::of::<QuadraticDrag>();
 struct QuadraticDrag {
     /// q (1/m).
     #[key(range = 0.0..=1e3)]
-    #[fit(unit = "1/m", range = 0.0..=100.0, starts = [0.0, 0.003, 0.03, 0.3], step = 0.001)]
+    #[fit(unit = "1/m", range = 0.0..=100.0, starts = [0.0, 0.003, 0.03, 0.3], step = 0.001, null = 0.0)]
     coefficient_per_m: f64,
 }
 

@@ -52,7 +52,15 @@ struct RoughGround {
     radius_m: f64,
     /// Ratio of the speed inside the disc to that outside.
     #[key(range = 0.0..=10.0)]
-    #[fit(unit = "1", range = 0.0..=5.0, starts = [0.7], step = 0.01)]
+    #[fit(
+        unit = "1",
+        range = 0.0..=5.0,
+        starts = [0.7],
+        step = 0.01,
+        null = 1.0,
+        plausible = 0.0..=2.0,
+        source = "Wong, Theory of Ground Vehicles: a slip of 0 to 1 of the commanded speed",
+    )]
     scale: f64,
 }
 

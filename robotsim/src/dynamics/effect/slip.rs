@@ -42,7 +42,15 @@ pub(super) const ENTRY: Entry = Entry::of::<Slip>();
 struct Slip {
     /// Ratio of executed to commanded velocity; with on = "turn", of the yaw rate or steering angle.
     #[key(range = 0.0..=10.0)]
-    #[fit(unit = "1", range = 0.0..=5.0, starts = [1.0], step = 0.005)]
+    #[fit(
+        unit = "1",
+        range = 0.0..=5.0,
+        starts = [1.0],
+        step = 0.005,
+        null = 1.0,
+        plausible = 0.0..=2.0,
+        source = "Wong, Theory of Ground Vehicles: a slip of 0 to 1 of the commanded speed",
+    )]
     scale: f64,
     #[key(flatten)]
     actuator: Actuator,

@@ -41,7 +41,7 @@ pub(super) const ENTRY: Entry = Entry::of::<Slope>();
 struct Slope {
     /// Drift (m/s) on a slope of 1 m per metre.
     #[key(range = -1e3..=1e3)]
-    #[fit(unit = "m/s", starts = [0.0], step = 0.02)]
+    #[fit(unit = "m/s", starts = [0.0], step = 0.02, null = 0.0)]
     gain: f64,
 }
 

@@ -40,11 +40,11 @@ pub(super) const ENTRY: Entry = Entry::of::<SteeringBias>();
 struct SteeringBias {
     /// Bias of a car's steering angle (rad), to the left.
     #[key(range = -1.5..=1.5, default = 0.0)]
-    #[fit(unit = "rad", starts = [0.0], step = 0.002)]
+    #[fit(unit = "rad", starts = [0.0], step = 0.002, null = 0.0)]
     angle_rad: f64,
     /// Bias of a unicycle's yaw rate (rad/s), to the left.
     #[key(range = -100.0..=100.0, default = 0.0)]
-    #[fit(unit = "rad/s", range = -20.0..=20.0, starts = [0.0], step = 0.005)]
+    #[fit(unit = "rad/s", range = -20.0..=20.0, starts = [0.0], step = 0.005, null = 0.0)]
     rate_radps: f64,
 }
 

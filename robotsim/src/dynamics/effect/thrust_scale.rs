@@ -40,7 +40,15 @@ pub(super) const ENTRY: Entry = Entry::of::<ThrustScale>();
 struct ThrustScale {
     /// Ratio of executed to commanded thrust.
     #[key(range = 0.0..=10.0)]
-    #[fit(unit = "1", range = 0.0..=5.0, starts = [1.0], step = 0.002)]
+    #[fit(
+        unit = "1",
+        range = 0.0..=5.0,
+        starts = [1.0],
+        step = 0.002,
+        null = 1.0,
+        plausible = 0.25..=4.0,
+        source = "ISO 2533: air at 5000 m has 0.6 of its density; cells of 3 to 4.2 V halve the thrust",
+    )]
     scale: f64,
 }
 

@@ -41,7 +41,7 @@ pub(super) const ENTRY: Entry = Entry::of::<TurnSlowdown>();
 struct TurnSlowdown {
     /// Fraction of the speed that is lost per unit of yaw rate (s/rad).
     #[key(range = 0.0..=10.0)]
-    #[fit(unit = "s/rad", starts = [0.02], step = 0.002)]
+    #[fit(unit = "s/rad", starts = [0.02], step = 0.002, null = 0.0)]
     gain: f64,
 }
 

@@ -42,8 +42,22 @@ pub(super) const ENTRY: Entry = Entry::of::<Wind>();
 struct Wind {
     /// Velocity of the drift (x, y, z in m/s), in the direction the wind blows to; with a turn rate, its value at time 0.
     #[key(range = -100.0..=100.0)]
-    #[fit(key = "velocity_mps[0]", unit = "m/s", starts = [0.0], step = 0.02)]
-    #[fit(key = "velocity_mps[1]", unit = "m/s", starts = [0.0], step = 0.02)]
+    #[fit(
+        key = "velocity_mps[0]",
+        unit = "m/s",
+        starts = [0.0],
+        step = 0.02,
+        plausible = -60.0..=60.0,
+        source = "Beaufort scale, WMO: hurricanes from 32.7 m/s",
+    )]
+    #[fit(
+        key = "velocity_mps[1]",
+        unit = "m/s",
+        starts = [0.0],
+        step = 0.02,
+        plausible = -60.0..=60.0,
+        source = "Beaufort scale, WMO: hurricanes from 32.7 m/s",
+    )]
     velocity_mps: [f64; 3],
     /// Turn rate of its direction, to the left (rad/s).
     #[key(range = -10.0..=10.0, default = 0.0)]

@@ -41,7 +41,7 @@ pub(super) const ENTRY: Entry = Entry::of::<YawCoupling>();
 struct YawCoupling {
     /// Sideways velocity per product of speed and yaw rate (s), positive towards the inside of the turn, negative outwards.
     #[key(range = -10.0..=10.0)]
-    #[fit(unit = "s", starts = [0.0], step = 0.005)]
+    #[fit(unit = "s", starts = [0.0], step = 0.005, null = 0.0)]
     gain: f64,
 }
 
