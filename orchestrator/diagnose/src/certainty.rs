@@ -1,5 +1,6 @@
-//! What of all that was accepted is certain. A selection accepts what predicts rows left out better; a name is certain only if the data
-//! also tell how large the effect is, show what is its own, and leave nothing else open that it may be part of.
+//! What of all that was accepted is certain. A selection accepts what predicts rows left out better. A name is certain only if the data
+//! also tell how large the effect is, and show what is its own. The size must be plausible, and nothing else may be open that the effect
+//! may be part of.
 
 use crate::gate::Gate;
 use crate::ladder::{Ladder, Search, without_term};
@@ -7,7 +8,7 @@ use crate::pure_error::PureError;
 use numbers::format::with_unit;
 use proto::effect::Level;
 use study::thresholds::{IDENTIFIED_HALF, LACK_OF_FIT_RATIO};
-use study::{Estimate, Study, TermId};
+use study::{Candidate, Estimate, Study, TermId};
 
 /// What is seen of the model with all that was accepted.
 pub(crate) struct Remains<'a> {
@@ -44,30 +45,65 @@ pub(crate) fn doubts<S: Study>(
         let others = without_term(&ladder.accepted, term);
         search.contradiction(term, &others).or_else(|| worse.clone())
     };
-    let doubt =
-        |(place, &term): (usize, &TermId)| {
-            let candidate = &candidates[term];
-            let estimates = known.iter().find(|(other, _)| *other == term);
-            let main = estimates.and_then(|(_, estimates)| estimates.first());
-            let why = match main {
-            Some(main) if candidate.level == Level::Random && !is_identified(main) => Some(format!(
-                "{} is not identified, it may be {} to {}",
-                main.name,
-                number(main.low),
-                with_unit(&number(main.high), &main.unit)
-            )),
-            _ if candidate.is_spread && !is_independent(remains.pure) => Some(
-                "these data do not show that what it spreads is independent from frame to frame"
-                    .to_owned(),
-            ),
-            _ if 0 < place && remains.is_something() => {
-                Some("something else is missing, of which it may be a part".to_owned())
-            }
-            _ => contradiction(term),
-        };
-            why.map(|why| (term, why))
-        };
+    let doubt = |(place, &term): (usize, &TermId)| {
+        let candidate = &candidates[term];
+        let estimates = known.iter().find(|(other, _)| *other == term);
+        let estimates = estimates.map_or(&[][..], |(_, estimates)| estimates);
+        let why = implausible(candidate, estimates)
+            .or_else(|| unidentified(candidate, estimates))
+            .or_else(|| {
+                let is_open = candidate.is_spread && !is_independent(remains.pure);
+                is_open.then(|| SPREAD.to_owned())
+            })
+            .or_else(|| (0 < place && remains.is_something()).then(|| PART.to_owned()))
+            .or_else(|| contradiction(term));
+        why.map(|why| (term, why))
+    };
     effects.filter_map(doubt).collect()
+}
+
+/// Of an effect that spreads single frames.
+const SPREAD: &str =
+    "these data do not show that what it spreads is independent from frame to frame";
+/// Of an effect that was accepted after another one.
+const PART: &str = "something else is missing, of which it may be a part";
+
+/// Which estimate of an effect is physically implausible: its whole interval is outside the plausible range.
+fn implausible(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> {
+    estimates.iter().filter(|estimate| estimate.is_identifiable).find_map(|estimate| {
+        let Estimate { name, value, low, high, unit, .. } = estimate;
+        let plausible = candidate.parameter(estimate)?.plausible?;
+        let is_outside = *high < plausible.min || plausible.max < *low;
+        is_outside.then(|| {
+            format!(
+                "its {name} of {} ({} to {}) is outside the plausible range of {} to {} ({})",
+                with_unit(&number(*value), unit),
+                number(*low),
+                number(*high),
+                plausible.min,
+                with_unit(&plausible.max.to_string(), unit),
+                plausible.source
+            )
+        })
+    })
+}
+
+/// Which size of an effect is not known to within a factor: the first spread of a random effect. Of another effect it is the first
+/// parameter that has a value at which the effect does nothing.
+fn unidentified(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> {
+    let size = if candidate.level == Level::Random {
+        estimates.first().filter(|spread| !is_identified(spread))
+    } else {
+        let null = |size: &Estimate| candidate.parameter(size)?.null;
+        let size = estimates.iter().find_map(|size| Some((size, null(size)?)));
+        size.filter(|(size, null)| !is_size_identified(size, *null)).map(|(size, _)| size)
+    }?;
+    Some(format!(
+        "{} is not identified, it may be {} to {}",
+        size.name,
+        number(size.low),
+        with_unit(&number(size.high), &size.unit)
+    ))
 }
 
 fn number(value: f64) -> String {
@@ -81,6 +117,12 @@ fn is_identified(spread: &Estimate) -> bool {
         && libm::log(spread.high / spread.low) / 2.0 <= IDENTIFIED_HALF
 }
 
+/// Whether the distance of a size from the value at which its effect does nothing is known to within half of it, either way.
+fn is_size_identified(size: &Estimate, null: f64) -> bool {
+    let half = (size.high - size.low) / 2.0;
+    size.is_identifiable && half <= IDENTIFIED_HALF * (size.value - null).abs()
+}
+
 /// Whether rows that repeat each other differ by all that is left.
 fn is_independent(pure: Option<PureError>) -> bool {
     pure.is_some_and(|pure| {
@@ -92,6 +134,7 @@ fn is_independent(pure: Option<PureError>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::effect::{Parameter, Plausible};
 
     #[test]
     fn a_spread_is_identified_within_a_factor() {
@@ -99,6 +142,79 @@ mod tests {
         assert!(is_identified(&of(1.1, 2.6)));
         assert!(!is_identified(&of(0.045, 296.0)) && !is_identified(&of(0.0, 2.0)));
         assert!(!is_identified(&of(1.5, 2.0).not_identifiable()));
+    }
+
+    #[test]
+    fn a_size_is_identified_to_within_half_of_its_distance_from_the_null() {
+        let of = |value, low, high| Estimate::new("scale", "1", value, (low, high));
+        assert!(is_size_identified(&of(-8.0, -12.0, -4.0), 0.0));
+        assert!(!is_size_identified(&of(8.0, 3.0, 13.0), 0.0));
+        assert!(is_size_identified(&of(0.9, 0.86, 0.94), 1.0));
+        assert!(!is_size_identified(&of(0.9, 0.84, 0.96), 1.0));
+        assert!(!is_size_identified(&of(8.0, 7.0, 9.0).not_identifiable(), 0.0));
+    }
+
+    /// The candidate of an effect of the catalogue.
+    fn of_parameters(parameters: &'static [Parameter], level: Level) -> Candidate {
+        Candidate {
+            name: "an-effect".to_owned(),
+            about: None,
+            is_spread: false,
+            level,
+            parameters,
+            n_parameters: parameters.len(),
+            generalises: Vec::new(),
+            linear_in: None,
+            is_derived: false,
+            untestable: None,
+            only: None,
+            another_of: None,
+            stands_in_for: None,
+        }
+    }
+
+    const SLOPE: Parameter = Parameter {
+        key: "db_per_hour",
+        unit: "dB/h",
+        min: -100.0,
+        max: 0.0,
+        starts: &[-0.5],
+        step: 0.01,
+        null: Some(0.0),
+        plausible: Some(Plausible { min: -20.0, max: 0.0, source: "a data sheet" }),
+    };
+    const PLACE: Parameter = Parameter { key: "x_m", null: None, plausible: None, ..SLOPE };
+
+    #[test]
+    fn an_estimate_is_implausible_if_its_whole_interval_is_outside_the_range() {
+        let sag = of_parameters(&[PLACE, SLOPE], Level::Time);
+        let of = |low, high| {
+            let slope = Estimate::new("db_per_hour", "dB/h", -27.0, (low, high));
+            let place = Estimate::new("x_m", "m", -50.0, (-51.0, -49.0));
+            let beside = Estimate::new("from_m", "m", -50.0, (-51.0, -49.0));
+            [place, beside, slope]
+        };
+        let expected = "its db_per_hour of -27.000 dB/h (-29.000 to -25.000) is outside the plausible range of -20 to 0 dB/h (a data sheet)";
+        assert_eq!(implausible(&sag, &of(-29.0, -25.0)).as_deref(), Some(expected));
+        assert_eq!(implausible(&sag, &of(-36.0, -20.0)), None);
+        let unknown = of(-29.0, -25.0).map(Estimate::not_identifiable);
+        assert_eq!(implausible(&sag, &unknown), None);
+    }
+
+    #[test]
+    fn the_first_size_of_an_effect_must_be_identified_and_of_a_random_one_the_first_spread() {
+        let place = Estimate::new("x_m", "m", -1.0, (-60.0, -0.1));
+        let of =
+            |low, high| [place.clone(), Estimate::new("db_per_hour", "dB/h", -8.0, (low, high))];
+        let sag = of_parameters(&[PLACE, SLOPE], Level::Time);
+        assert_eq!(unidentified(&sag, &of(-11.0, -5.0)), None);
+        let expected = "db_per_hour is not identified, it may be -15.000 to -1.000 dB/h";
+        assert_eq!(unidentified(&sag, &of(-15.0, -1.0)).as_deref(), Some(expected));
+        let place_only = of_parameters(&[PLACE], Level::Place);
+        assert_eq!(unidentified(&place_only, std::slice::from_ref(&place)), None);
+        let random = of_parameters(&[SLOPE], Level::Random);
+        let spread = Estimate::new("sd_db", "dB", 1.7, (0.045, 296.0));
+        assert!(unidentified(&random, &[spread]).is_some());
     }
 
     #[test]

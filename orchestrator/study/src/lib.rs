@@ -47,6 +47,8 @@ pub struct Candidate {
     pub is_spread: bool,
     /// Over what its covariate varies, which decides the blocks that are held out to judge it.
     pub level: Level,
+    /// What an effect of the catalogue declares of the parameters that are estimated; empty for curves and formulas.
+    pub parameters: &'static [Parameter],
     /// How many numbers a fit of it sets, places of a search included.
     pub n_parameters: usize,
     /// Names of the effects that are nested in it.
@@ -67,6 +69,12 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// What is declared of an estimated parameter; none of what a search finds beside, such as places.
+    #[must_use]
+    pub fn parameter(&self, estimate: &Estimate) -> Option<&'static Parameter> {
+        self.parameters.iter().find(|parameter| parameter.key == estimate.name)
+    }
+
     /// The covariate of a curve.
     #[must_use]
     pub fn curve_over(&self) -> Option<&str> {

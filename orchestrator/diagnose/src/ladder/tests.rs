@@ -35,6 +35,7 @@ fn candidate(name: &str) -> Candidate {
         about: None,
         is_spread: false,
         level: Level::Time,
+        parameters: &[],
         n_parameters: 1,
         generalises: Vec::new(),
         linear_in: None,

@@ -141,6 +141,7 @@ pub(in crate::links) fn candidate(
             about: None,
             is_spread: false,
             level: level_of(rows, curve),
+            parameters: &[],
             n_parameters: curve.knots.len(),
             generalises: curve.generalises(&catalogue.effects),
             linear_in: None,
@@ -164,6 +165,7 @@ pub(in crate::links) fn candidate(
                 about: Some(&entry.about),
                 is_spread: entry.fit.is_spread,
                 level: entry.fit.level,
+                parameters: entry.fit.parameters,
                 n_parameters: match spec {
                     TermSpec::Formula(_, asked) => asked.parameters.len(),
                     _ => entry.fit.parameters.len(),
