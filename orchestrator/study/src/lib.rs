@@ -379,11 +379,19 @@ pub trait Study: Sync {
     fn settings(&self, fit: &Self::Fit, term: TermId) -> Option<toml::Table>;
 }
 
-/// Whether a value lies at an end of a parameter's range: nearer than a thousandth of the step that changes predictions a little.
+/// Whether a value lies at an end of a parameter's range: nearer than a thousandth of the step that changes predictions a little. Where
+/// the range is positive and spans two decades, a thousandth of the value counts instead.
 #[must_use]
 pub fn is_at_bound(parameter: &Parameter, value: f64) -> bool {
-    let near = 1e-3 * parameter.step;
-    value - parameter.min < near || parameter.max - value < near
+    let Parameter { min, max, step, .. } = *parameter;
+    let spans_decades = 0.0 < min && 100.0 * min <= max;
+    let near = 1e-3 * if spans_decades { value } else { step };
+    value - min < near || max - value < near
+}
+
+/// Whether an interval from `low` to `high` is as wide as a range from `min` to `max`, so that the data say nothing of the parameter.
+pub(crate) fn is_as_wide([low, high]: [f64; 2], [min, max]: [f64; 2]) -> bool {
+    max - min <= high - low
 }
 
 /// What to mind of a parameter: the data say nothing of it, or it is at a bound of its range.
@@ -429,6 +437,14 @@ mod tests {
         assert_eq!(ends(310.0, (47.0, 156.0)), (47.0, 310.0));
         assert_eq!(ends(300.0, (337.44, 280.0)), (300.0, 300.0));
         assert_eq!(ends(2.0, (f64::NAN, f64::NAN)), (2.0, 2.0));
+    }
+
+    #[test]
+    fn a_bound_of_a_range_that_spans_decades_is_judged_on_a_log_scale() {
+        let limit = Parameter { min: 0.01, max: 1e6, step: 0.05, ..PARAMETER };
+        let at_bound = |value| is_at_bound(&limit, value);
+        assert!(!at_bound(0.34) && !at_bound(0.011) && !at_bound(9e5));
+        assert!(at_bound(0.01) && at_bound(0.010_001) && at_bound(999_900.0) && at_bound(1e6));
     }
 
     #[test]

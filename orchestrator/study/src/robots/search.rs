@@ -10,7 +10,7 @@ use crate::symbolic::FittedFormula;
 use crate::thresholds::TAIL_90;
 use crate::{
     Candidate, Estimate, PerTerm, PredictionDifference, Residuals, RowScore, Study, TermId,
-    caution, joined,
+    caution, is_as_wide, joined,
 };
 use numbers::normal::Z_90;
 use numbers::power::square;
@@ -213,7 +213,9 @@ impl Study for RobotStudy {
             .map(|(index, (parameter, &value))| {
                 if let Some((low, high)) = by_likelihood {
                     let ends = (low, high);
-                    let estimate = Estimate::new(parameter.key, parameter.unit, value, ends);
+                    let mut estimate = Estimate::new(parameter.key, parameter.unit, value, ends);
+                    let ends = [estimate.low, estimate.high];
+                    estimate.is_identifiable = !is_as_wide(ends, [parameter.min, parameter.max]);
                     cautions.extend(caution(parameter, &estimate));
                     return estimate;
                 }
@@ -227,7 +229,8 @@ impl Study for RobotStudy {
                     (parameter.min, parameter.max)
                 };
                 let mut estimate = Estimate::new(parameter.key, parameter.unit, value, (low, high));
-                estimate.is_identifiable = !half.is_nan() && half < span && high - low < span;
+                let is_wide = is_as_wide([low, high], [parameter.min, parameter.max]);
+                estimate.is_identifiable = !half.is_nan() && half < span && !is_wide;
                 cautions.extend(caution(parameter, &estimate));
                 estimate
             })

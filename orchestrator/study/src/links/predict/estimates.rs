@@ -15,7 +15,7 @@ use crate::thresholds::{
     CERTAIN_PASS, JACKKNIFE_GROUPS, LINKS_COLLINEAR, MOST_COMPARED_ROWS, MOST_PROFILED_ROWS,
     TAIL_90,
 };
-use crate::{Estimate, Study as _, TermId, caution, joined};
+use crate::{Estimate, Study as _, TermId, caution, is_as_wide, joined};
 use numbers::normal::{FALL_90_NATS, Z_90};
 use numbers::optimise::roots::ParabolicRoot;
 use numbers::power::square;
@@ -46,7 +46,7 @@ impl LinkStudy {
             for estimate in &mut estimates {
                 let field = entry.variant.fields.iter().find(|field| field.key == estimate.name);
                 if let Some(Field { kind: Kind::Number(range), .. }) = field {
-                    cautions.extend(bounded(estimate, range.max));
+                    cautions.extend(bounded(estimate, [range.min, range.max]));
                 }
             }
         }
@@ -121,7 +121,8 @@ impl LinkStudy {
         }
         let mut cautions = Vec::new();
         for (parameter, estimate) in parameters.iter().zip(&mut estimates) {
-            estimate.is_identifiable = estimate.high - estimate.low < parameter.max - parameter.min;
+            let range = [parameter.min, parameter.max];
+            estimate.is_identifiable = !is_as_wide([estimate.low, estimate.high], range);
             cautions.extend(caution(parameter, estimate));
         }
         if let (true, Some(inverse)) = (cautions.is_empty(), inverse) {
@@ -366,14 +367,20 @@ fn spread(name: &str, value: f64, n: f64) -> Estimate {
     Estimate::new(name, "dB", value, (ends[0], ends[1]))
 }
 
-/// Keeps an estimate within what a configuration takes, and cautions if it is not below the bound.
-fn bounded(estimate: &mut Estimate, most: f64) -> Option<String> {
-    if estimate.value < most {
-        return None;
+/// Keeps an estimate within what a configuration takes. Cautions if it is not below the bound, or if its interval is as wide as the
+/// range: then it is not identifiable.
+fn bounded(estimate: &mut Estimate, [least, most]: [f64; 2]) -> Option<String> {
+    let mut caution = None;
+    if estimate.is_identifiable && is_as_wide([estimate.low, estimate.high], [least, most]) {
+        estimate.is_identifiable = false;
+        caution = Some(format!("{} is not identifiable from these data", estimate.name));
     }
-    let caution = estimate
-        .is_identifiable
-        .then(|| format!("{} is at the bound of its range, {most}", estimate.name));
+    if estimate.value < most {
+        return caution;
+    }
+    if estimate.is_identifiable {
+        caution = Some(format!("{} is at the bound of its range, {most}", estimate.name));
+    }
     estimate.value = most;
     estimate.low = estimate.low.min(most);
     caution
@@ -501,14 +508,24 @@ mod tests {
 
     #[test]
     fn a_spread_beyond_its_range_is_cut_and_cautioned_against() {
+        let range = [0.0, 20.0];
         let mut estimate = spread("sd_db", 19.9, 30.0);
-        assert_eq!(bounded(&mut estimate, 20.0), None);
+        assert_eq!(bounded(&mut estimate, range), None);
         assert_eq!(estimate.value, 19.9);
         let mut estimate = spread("sd_db", 30.0, 30.0);
-        let caution = bounded(&mut estimate, 20.0);
+        let caution = bounded(&mut estimate, range);
         assert_eq!(caution.as_deref(), Some("sd_db is at the bound of its range, 20"));
         assert_eq!(estimate.value, 20.0);
         assert!(estimate.low <= 20.0 && 20.0 <= estimate.high);
+    }
+
+    #[test]
+    fn a_spread_whose_interval_is_wider_than_its_range_is_not_identifiable() {
+        // Of two nodes: one degree of freedom.
+        let mut estimate = spread("tx_sd_db", 1.7, 1.0);
+        let caution = bounded(&mut estimate, [0.0, 20.0]);
+        assert_eq!(caution.as_deref(), Some("tx_sd_db is not identifiable from these data"));
+        assert!(!estimate.is_identifiable && estimate.value == 1.7);
     }
 
     #[test]
