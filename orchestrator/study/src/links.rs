@@ -337,7 +337,7 @@ impl Study for LinkStudy {
     fn agreement(&self, fit: &LinkFit, term: TermId) -> Option<f64> {
         match self.specs[term] {
             TermSpec::Drift(_) => Some(self.p_value_of_agreement(fit)),
-            TermSpec::NodeOffset(_) => Some(self.p_value_of_nodes(&fit.without_links())),
+            TermSpec::NodeOffset(_) => self.p_value_of_nodes(&fit.without_links()),
             TermSpec::Multipath(_) => Some(self.p_value_of_channels(fit)),
             TermSpec::LinkDrift(_) => Some(self.p_value_of_times(fit)),
             _ => None,

@@ -23,8 +23,9 @@ struct Means {
 
 impl LinkStudy {
     /// Probability that links which differ at random agree as much where they share a node, in what a fit leaves of their readings. 1
-    /// where there are too few links.
-    pub(in crate::links) fn p_value_of_nodes(&self, fit: &LinkFit) -> f64 {
+    /// where there are too few links. None where there is one pair of nodes: its two directions differ by levels of nodes alone, and
+    /// nothing can be exchanged.
+    pub(in crate::links) fn p_value_of_nodes(&self, fit: &LinkFit) -> Option<f64> {
         let mut sums: BTreeMap<[u32; 2], [(f64, f64); 2]> = BTreeMap::new();
         for (row, residual_db) in self.residuals_db(fit) {
             let measured = &self.rows.links.rows[row];
@@ -38,7 +39,10 @@ impl LinkStudy {
             forward_db: mean(forward),
             back_db: mean(back),
         });
-        p_value(&links.collect::<Vec<_>>())
+        let links: Vec<Means> = links.collect();
+        let is_one_pair =
+            links.len() == 1 && links[0].forward_db.is_some() && links[0].back_db.is_some();
+        (!is_one_pair).then(|| p_value(&links))
     }
 }
 
