@@ -9,6 +9,8 @@
 //! | `verdicts` | which candidates are acceptable |
 //! | `choice` | which acceptable candidate is added |
 //! | `replacement` | changes of the model: what enters it in place of what, and what leaves it |
+//! | `nearest` | the effect that comes nearest to a curve |
+//! | `survival` | whether an effect stands where something else is missing |
 //! | `ties` | which candidates these data cannot distinguish from the one that enters |
 //! | `selection` | the rounds of a selection |
 //! | `limits` | effects that are limited to some rows, as candidates of a further selection |
@@ -18,9 +20,11 @@ mod choice;
 mod clustered;
 mod contradiction;
 mod limits;
+mod nearest;
 mod replacement;
 mod search;
 mod selection;
+mod survival;
 mod ties;
 mod verdicts;
 
@@ -32,7 +36,9 @@ use study::thresholds::MOST_LIMITED_OF_A_KIND;
 use study::{Study, TermId};
 
 pub(crate) use candidate_test::CandidateTest;
+pub(crate) use clustered::dependence_of;
 pub(crate) use limits::screened;
+pub(crate) use nearest::Nearest;
 pub(crate) use search::{Known, Search, without_term};
 
 /// One model of the stepwise selection, with its held-out scores.

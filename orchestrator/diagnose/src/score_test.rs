@@ -132,21 +132,49 @@ impl<'a> ScoreTests<'a> {
     pub(crate) fn test(&self, column: &Column, beside: &[&Column]) -> Option<ScoreTest> {
         let beside = self.units(beside);
         let (left, information) = self.left(column, &[&self.estimated, &beside])?;
-        let total = self.total(&left);
-        let amplitude = total / information;
+        let amplitude = self.total(&left) / information;
         // The slopes that are left after the step, along the column and along those beside it.
         let steps: Vec<(f64, &Column)> = beside
             .iter()
             .map(|Unit(unit)| (self.total(unit), unit))
             .chain([(amplitude, &left)])
             .collect();
+        let after = |row: usize, k: usize| {
+            let (s, w) = (self.rows.slopes[row], self.rows.weights[row]);
+            s[k] - w[k] * steps.iter().map(|(step, column)| step * column[row][k]).sum::<f64>()
+        };
+        self.judged((&left, information), after)
+    }
+
+    /// Tests a column by the noise that a fit with its effect leaves. Where an effect is large, one step along it leaves more: the step is
+    /// linear, and what counts of each row is as the noise with the effect in it says.
+    #[must_use]
+    pub(crate) fn test_in_noise_of(
+        &self,
+        column: &Column,
+        with_effect: &Linearised,
+    ) -> Option<ScoreTest> {
+        let (left, information) = self.left(column, &[&self.estimated])?;
+        let after = |row: usize, k: usize| {
+            let weight = with_effect.weights[row][k];
+            let scale = if 0.0 < weight { self.rows.weights[row][k] / weight } else { 0.0 };
+            scale * with_effect.slopes[row][k]
+        };
+        self.judged((&left, information), after)
+    }
+
+    /// The test of a column of some information, by the slopes that are left with its effect, by row and part.
+    fn judged(
+        &self,
+        (left, information): (&Column, f64),
+        after: impl Fn(usize, usize) -> f64,
+    ) -> Option<ScoreTest> {
+        let total = self.total(left);
+        let amplitude = total / information;
         let (mut left_over, mut informations) = (Vec::new(), Vec::new());
         for (row, x) in left.iter().enumerate() {
-            let (s, w) = (self.rows.slopes[row], self.rows.weights[row]);
-            let after = |k: usize| {
-                s[k] - w[k] * steps.iter().map(|(step, column)| step * column[row][k]).sum::<f64>()
-            };
-            left_over.push((0..3).map(|k| after(k) * x[k]).sum::<f64>());
+            let w = self.rows.weights[row];
+            left_over.push((0..3).map(|k| after(row, k) * x[k]).sum::<f64>());
             informations.push((0..3).map(|k| w[k] * x[k] * x[k]).sum::<f64>());
         }
         let spread = self.clusters.spread(&left_over, &informations)?;

@@ -409,6 +409,14 @@ pub const FEWEST_BLOCKS_WITHIN: usize = 8;
 /// what they gain. Chosen: nearer to 1, random effects hide effects whose shape is not exact; smaller, wrong effects replace
 /// them.
 pub const PREFERRED_SHARE: f64 = 0.85;
+/// Structure may be of a known effect if one gains at least this share of what a free curve gains. Chosen: a law of few numbers that is
+/// right gains more than a curve with many; one that is nearly right loses little.
+pub const CATALOGUE_SHARE: f64 = 0.8;
+/// Structure over one covariate may be of another over which there is at least this share of it. Chosen: covariates that go together share
+/// structure.
+pub const RIVAL_STRUCTURE: f64 = 0.5;
+/// The effect nearest to a curve is not worth a mention below this share of its gain.
+pub const NEAREST_SHARE: f64 = 0.5;
 /// A rival of the chosen candidate raises the log likelihood by at least this share of what it does.
 pub const RIVAL_SHARE: f64 = 0.8;
 /// Two candidates are tied if their gains differ by at most this number of standard errors of the difference: about 95 % of a
@@ -452,6 +460,10 @@ pub const WORSE_SHARE: f64 = 0.05;
 
 // Lack of fit.
 
+/// A group of rows scatters more than the others if its variance exceeds theirs by this factor (lower bound). Chosen: less is worth little.
+pub const NOISIER_RATIO: f64 = 1.1;
+/// Spans of a campaign between which the scatter of a group is taken as independent.
+pub const NOISE_BLOCKS: f64 = 20.0;
 /// A model lacks something if what it leaves exceeds the variance of noise by this factor (clustered lower bound of 95 %).
 pub const LACK_OF_FIT_RATIO: f64 = 1.5;
 /// A window of a robot is repeated so many windows later: neighbours share the error of a position. Chosen: later, what the
@@ -477,6 +489,8 @@ pub const MOST_IN_ONE_CLUSTER: f64 = 0.5;
 pub const COUNTED_INFORMATION: f64 = 1e-3;
 /// Probability of intervals, and of a bound on what may be hidden.
 pub const INTERVAL_PROBABILITY: f64 = 0.9;
+/// Probability with which an effect of the size that is called detectable is found.
+pub const DETECTABLE_PROBABILITY: f64 = 0.9;
 
 // Limited effects: to a group of rows, or to a span of time.
 

@@ -5,6 +5,7 @@ use super::search::{Search, with_term};
 use crate::gate;
 use crate::score_test::{ScoreTest, ScoreTests};
 use proto::effect::{CONSTANT, Level};
+use study::linear::{Column, Dependence, Linearised};
 use study::thresholds::{FAMILY_ERROR, FAR_HALF_INTERVALS, UNCORRECTED_LEVEL};
 use study::{COMMON, Study, TermId};
 use tracing::debug;
@@ -21,18 +22,12 @@ impl<S: Study> Search<'_, S> {
             return agreement.is_none_or(|p_value| p_value < FAMILY_ERROR);
         }
         let Some(rows) = self.study.linearised(&fit) else { return true };
-        let mut dependence = self.study.dependence();
+        let dependence = dependence_of(self.study, term);
         if candidate.level == Level::Place && dependence.nodes.is_none() {
             // Judged on places left out, which blocks of time are not.
             return true;
         }
-        // What overlaps is together: an effect is not refused because of blocks that are as short as they can be.
-        dependence.shortest_s *= 2.0;
         let varies_in_time = candidate.level == Level::Time;
-        if varies_in_time && candidate.linear_in != Some(CONSTANT) {
-            // Nodes see the same covariate at the same time: what is theirs does not follow it.
-            dependence.nodes = None;
-        }
         let tests = ScoreTests::new(&rows, &dependence);
         if candidate.curve_over().is_some() {
             let columns = self.study.columns_of_curve(&fit, term);
@@ -48,21 +43,15 @@ impl<S: Study> Search<'_, S> {
         if columns.is_empty() {
             return true;
         }
-        let (mut known, mut unknown_nats) = (Vec::<ScoreTest>::new(), 0.0);
-        for column in &columns {
-            match tests.test(column, &[]) {
-                Some(test) => known.push(test),
-                None => unknown_nats += tests.rise(column, &[]),
-            }
-        }
-        // Of a push in some direction, the component that can be told may be the one that is not there.
-        if known.iter().map(|test| test.rise).sum::<f64>() < unknown_nats {
-            known.clear();
-        }
-        let least = known.iter().map(|test| test.p_value).fold(f64::INFINITY, f64::min);
-        debug!(name = candidate.name, least, n = known.len(), "clustered");
+        // A likelihood with heavy tails passes over the rows that are far off; all rows alike are told by the plain one.
+        let with_term = self.full_fit(&with_term(others, term), COMMON, Some(&fit));
+        let Some(left) = self.study.linearised(&with_term) else { return true };
+        let p_values = [(&rows, &left), (&rows.plain(), &left.plain())]
+            .map(|(rows, left)| p_value(&ScoreTests::new(rows, &dependence), left, &columns));
+        debug!(name = candidate.name, ?p_values, "clustered");
         // Where nothing can be told, the gain on rows left out decides.
-        known.is_empty() || least * (known.len() as f64) < UNCORRECTED_LEVEL
+        let told = p_values.into_iter().flatten().reduce(f64::min);
+        told.is_none_or(|least| 2.0 * least < UNCORRECTED_LEVEL)
     }
 
     /// Whether an effect that is limited to some rows, or moves all alike, is asked for by the slopes of the fit of others. Of few blocks, such
@@ -111,4 +100,34 @@ impl<S: Study> Search<'_, S> {
         let gate = gate::gate(self.study, &self.full_fit(terms, COMMON, None));
         gate.misfits.iter().any(|misfit| misfit.of.is_none())
     }
+}
+
+/// Which rows may depend on each other in a test of a term.
+pub(crate) fn dependence_of<S: Study>(study: &S, term: TermId) -> Dependence {
+    let candidate = &study.candidates()[term];
+    let mut dependence = study.dependence();
+    // What overlaps is together: an effect is not refused because of blocks that are as short as they can be.
+    dependence.shortest_s *= 2.0;
+    if candidate.level == Level::Time && candidate.linear_in != Some(CONSTANT) {
+        // Nodes see the same covariate at the same time: what is theirs does not follow it.
+        dependence.nodes = None;
+    }
+    dependence
+}
+
+/// P-value of the surest of several columns of an effect, corrected for their number, by what a fit with the effect leaves. None where nothing can be told, as where most is moved by a column
+/// that cannot be told: of a push in some direction, the component that can be told may be the one that is not there.
+fn p_value(tests: &ScoreTests<'_>, with_effect: &Linearised, columns: &[Column]) -> Option<f64> {
+    let (mut known, mut unknown_nats) = (Vec::<ScoreTest>::new(), 0.0);
+    for column in columns {
+        match tests.test_in_noise_of(column, with_effect) {
+            Some(test) => known.push(test),
+            None => unknown_nats += tests.rise(column, &[]),
+        }
+    }
+    if known.is_empty() || known.iter().map(|test| test.rise).sum::<f64>() < unknown_nats {
+        return None;
+    }
+    let least = known.iter().map(|test| test.p_value).fold(f64::INFINITY, f64::min);
+    Some(least * known.len() as f64)
 }

@@ -14,7 +14,25 @@ impl<S: Study> Search<'_, S> {
         }
         let with = with_term(others, term);
         let fit = self.full_fit(&with, COMMON, None);
-        self.study.contradiction(&fit, term).or_else(|| self.worse_headings(&with, others))
+        self.study
+            .contradiction(&fit, term)
+            .or_else(|| self.worse_headings(&with, others))
+            .or_else(|| self.worse_scatter(term, &with, others))
+    }
+
+    /// Whether readings are predicted worse with an effect that spreads them, by the continuous ranked probability score: a broad density
+    /// for all rows may gain likelihood on few rows that are far off, and lose on all others.
+    fn worse_scatter(&self, term: TermId, with: &[TermId], without: &[TermId]) -> Option<String> {
+        if !self.study.candidates()[term].is_spread {
+            return None;
+        }
+        let [before, after] = [without, with].map(|terms| self.held_out_scores(terms, COMMON));
+        let blocks = self.study.blocks(COMMON).dependent();
+        let loss = Gain::of(&after, &before, blocks, |row: &RowScore| row.crps);
+        let [before, after] = [&before, &after].map(|rows| Scores::mean(rows).crps);
+        (loss.standard_error < loss.gain).then(|| {
+            format!("the CRPS of readings would be {after:.3} dB instead of {before:.3} dB")
+        })
     }
 
     /// By how much headings are predicted worse by one model than by another; none: no worse.

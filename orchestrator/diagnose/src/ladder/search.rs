@@ -60,6 +60,11 @@ impl<'a, S: Study> Search<'a, S> {
         Arc::clone(&self.known)
     }
 
+    /// What is searched.
+    pub(crate) fn study(&self) -> &'a S {
+        self.study
+    }
+
     /// Whether the search was stopped. Fits that were not made before are not to be used.
     pub(crate) fn is_stopped(&self) -> bool {
         self.study.is_stopped()

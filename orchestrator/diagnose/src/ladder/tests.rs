@@ -417,3 +417,52 @@ fn where_nothing_acts_nothing_is_limited() {
         assert_eq!(selected(&mut of_row(seed, |_, _| 0.0)), [], "{seed}");
     }
 }
+
+/// A curve, one effect that is nearly the same, and one of its own.
+fn beside_a_curve(likeness: f64) -> Lines {
+    let mut lines = Lines::new(&["curve:dust", "effect", "other"], 9, |x| 0.5 * x[0] + 0.5 * x[2]);
+    let [curve, effect] = ["curve:dust", "effect"].map(|name| lines.term(name));
+    let pairs = lines.columns[curve].iter().zip(&lines.columns[effect]);
+    let like = pairs.map(|(a, b)| likeness * a + (1.0 - likeness * likeness).sqrt() * b);
+    let like: Vec<f64> = like.collect();
+    lines.set_column("effect", &like);
+    lines
+}
+
+#[test]
+fn the_effect_that_explains_most_of_a_curve_is_nearest_to_it() {
+    let report = |_: SearchProgress<'_>| {};
+    let nearest = |likeness: f64| {
+        let lines = beside_a_curve(likeness);
+        let search = Search::new(&lines, &report);
+        let [curve, effect, other] = ["curve:dust", "effect", "other"].map(|name| lines.term(name));
+        let found = search.nearest_effect(curve, &[other]);
+        assert!(found.as_ref().is_none_or(|found| found.term == effect), "{found:?}");
+        found
+    };
+    // It explains the square of its correlation with the curve.
+    let most = nearest(0.95).expect("nine tenths");
+    assert!((most.share - 0.9).abs() < 0.06 && most.may_be_cause(), "{most:?}");
+    let half = nearest(0.8).expect("six tenths");
+    assert!((half.share - 0.64).abs() < 0.08 && !half.may_be_cause(), "{half:?}");
+    assert_eq!(nearest(0.3), None);
+}
+
+#[test]
+fn what_is_part_of_a_curve_does_not_survive_beside_it() {
+    let report = |_: SearchProgress<'_>| {};
+    let survive = |likeness: f64| {
+        let lines = beside_a_curve(likeness);
+        let search = Search::new(&lines, &report);
+        let [effect, other] = ["effect", "other"].map(|name| lines.term(name));
+        let ladder = Ladder {
+            accepted: vec![effect, other],
+            rungs: Vec::new(),
+            tests: Vec::new(),
+            too_little: None,
+            stopped: None,
+        };
+        [effect, other].map(|term| search.survives_beside_curves(term, &ladder, &["dust"]))
+    };
+    assert_eq!(survive(0.95), [false, true]);
+}

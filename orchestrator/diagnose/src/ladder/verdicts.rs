@@ -108,7 +108,7 @@ impl<S: Study> Search<'_, S> {
     }
 
     /// Number of candidates that p-values are corrected for.
-    pub(super) fn n_tried(&self) -> usize {
+    pub(crate) fn n_tried(&self) -> usize {
         self.study.candidates().iter().filter(|candidate| candidate.is_tried()).count()
     }
 
