@@ -137,7 +137,8 @@ def test_the_loop_of_measurements_takes_data_frames(tmp_path):
     compared = murmuration.compare(model, data)
     assert "rssi" in json.dumps(compared.content) and compared._repr_html_().startswith("<pre>")
     found = murmuration.diagnose(model, data)
-    assert found["verdict"] == "missing-effects" and found["missing"] == ["system-gain"]
+    # Of one pair of nodes on one line, an obstacle or a pattern may be the same constant.
+    assert found["verdict"] == "missing-one-of" and found["missing"][0].split(" or ")[0] == "system-gain"
     extended = tmp_path / "extended.toml"
     murmuration.extend(model, data, extended, effect="system-gain")
     assert 'kind = "system-gain"' in extended.read_text()

@@ -195,7 +195,11 @@ fn what_no_effect_explains_is_structure_in_the_right_covariate() {
     for hidden in UNEXPLAINED {
         let campaign = clear(&[hidden]);
         let (_, _, json) = diagnosed(&campaign);
-        assert_eq!(json["verdict"], "unexplained-structure", "{hidden:?}");
+        // An effect of the catalogue explains most of a step.
+        let may_be_known = json["unexplained"][0]["nearest_effect"]["may_be_cause"] == true;
+        assert_eq!(may_be_known, hidden == Hidden::Step, "{hidden:?}: {}", json["sentence"]);
+        let verdict = if may_be_known { "something-missing" } else { "unexplained-structure" };
+        assert_eq!(json["verdict"], verdict, "{hidden:?}");
         let covariate = json["unexplained"][0]["covariate"].as_str().unwrap();
         assert!(campaign.truth[0].covariates.contains(&covariate), "{hidden:?}: {covariate}");
     }

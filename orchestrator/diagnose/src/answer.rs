@@ -1,12 +1,14 @@
 //! From a search to an answer: which effects, which structure, which numbers.
 
+use super::bounds::{self, SizeBounds};
 use super::certainty::{self, Remains};
 use super::diagnosis::{
-    Affects, AlsoAlong, Diagnosis, Parameter, Rung, SCHEMA, Structure, Tested, Verdict,
+    Affects, AlsoAlong, Diagnosis, NearestEffect, Parameter, Rung, SCHEMA, Structure, Tested,
+    Verdict,
 };
 use super::gain::Gain;
-use super::gate::{self, Gate};
-use super::ladder::{self, CandidateTest, Ladder, Search};
+use super::gate::{self, Gate, Noisier};
+use super::ladder::{self, CandidateTest, Ladder, Nearest, Search, without_term};
 use super::next;
 use super::pure_error::{PureError, pure_error};
 use super::scan::Unexplained;
@@ -18,6 +20,7 @@ use std::sync::Arc;
 use study::open::Subject;
 use study::symbolic::FittedFormula;
 use study::{COMMON, Estimate, Study, TermId};
+use tracing::debug;
 
 /// The measurements that a diagnosis is about.
 #[derive(Clone, Copy, Debug)]
@@ -59,17 +62,28 @@ pub(crate) fn answer<S: Study>(
     residuals: &Unexplained,
     all_rows: Option<&S>,
 ) -> Diagnosis {
-    let slopes = if search.is_stopped() {
-        None
-    } else {
-        study.linearised(&search.full_fit(&ladder.accepted, COMMON, None))
-    };
+    let found = (!search.is_stopped()).then(|| search.full_fit(&ladder.accepted, COMMON, None));
+    let slopes = found.as_ref().and_then(|fit| study.linearised(fit));
     let gate = slopes.as_ref().map_or_else(Gate::default, |rows| gate::of_slopes(study, rows));
-    let pure = slopes.and_then(|rows| pure_error(&rows, &study.dependence()));
+    let noisier = slopes.as_ref().and_then(|rows| gate::noisiest(study, rows));
+    let pure = slopes.as_ref().and_then(|rows| pure_error(rows, &study.dependence()));
+    debug!(?pure, "noise");
+    let n_parts = slopes.as_ref().map_or(1.0, gate::parts);
+    let sizes = found.zip(slopes).map_or_else(Vec::new, |(fit, rows)| {
+        bounds::size_bounds(search, &rows, &fit, &ladder.accepted)
+    });
     let (numbers_of, fit) = numbers(search, study, all_rows, &ladder.accepted);
-    let unexplained = unexplained(study, ladder, residuals);
+    let unexplained = unexplained(search, ladder, residuals);
     let (mut candidates, known) = tested(study, ladder, numbers_of, &fit);
-    let remains = Remains { gate: &gate, pure, has_structure: !unexplained.is_empty() };
+    let structure = unexplained.iter().map(|it| it.covariate.as_str()).collect();
+    let remains = Remains { gate: &gate, pure, n_parts, structure };
+    for bounds in &sizes {
+        let effect = study.candidates()[bounds.term].effect();
+        let is_of = |one: &&mut Tested| one.effect == effect && one.only.is_none();
+        if let Some(one) = candidates.iter_mut().find(is_of) {
+            (one.upper, one.detectable) = (Some(bounds.upper), Some(bounds.detectable));
+        }
+    }
     let doubts = certainty::doubts(study, search, ladder, &known, &remains);
     for (term, why) in &doubts {
         let doubted = &study.candidates()[*term];
@@ -80,24 +94,32 @@ pub(crate) fn answer<S: Study>(
             one.doubt = Some(why.clone());
         }
     }
-    let Named { missing, missing_one_of, possible } = named(study, ladder, &doubts);
+    let Named { missing, missing_one_of, mut possible } = named(study, ladder, &doubts);
+    let causes = unexplained.iter().filter_map(Structure::possible_cause);
+    let causes = causes.map(|cause| (cause.effect.clone(), cause.why_not.clone()));
+    for other in causes.chain(possible_by_size(study, ladder, &sizes)) {
+        if possible.iter().all(|(name, _)| *name != other.0) {
+            possible.push(other);
+        }
+    }
     let is_complete = ladder.stopped.is_none() && !search.is_stopped();
     let withheld: Vec<&str> =
         ladder.withheld().map(|term| study.candidates()[term].name.as_str()).collect();
     let contradicted = contradicted_text(study, search, ladder);
     let verdict = if ladder.too_little.is_some() && gate.misfits.is_empty() {
         Verdict::NothingFound
-    } else if !unexplained.is_empty() {
+    } else if unexplained.iter().any(|structure| structure.possible_cause().is_none()) {
         Verdict::UnexplainedStructure
     } else if let Some(verdict) = Verdict::of_missing(&missing, &missing_one_of) {
         verdict
-    } else if !gate.misfits.is_empty() {
+    } else if !gate.misfits.is_empty() || !unexplained.is_empty() {
         Verdict::SomethingMissing
     } else if gate.tells_too_little()
         || !withheld.is_empty()
         || contradicted.is_some()
         || !possible.is_empty()
         || pure.is_some_and(|pure| pure.is_alarming())
+        || noisier.is_some()
         || !is_complete
     {
         Verdict::NothingFound
@@ -109,6 +131,7 @@ pub(crate) fn answer<S: Study>(
     } else {
         next::measurements(study, search, ladder, &known)
     };
+    let (possible, reasons): (Vec<String>, Vec<String>) = possible.into_iter().unzip();
     let possible_text = possible.join(" and ");
     let mut diagnosis = Diagnosis {
         schema: SCHEMA,
@@ -137,15 +160,17 @@ pub(crate) fn answer<S: Study>(
         too_little: ladder.too_little.clone().or_else(|| {
             if verdict != Verdict::NothingFound {
                 None
-            } else if let (false, Some((_, why))) = (possible_text.is_empty(), doubts.first()) {
+            } else if let Some(why) = reasons.first() {
                 Some(format!("nothing is certain: {possible_text} may be missing, but {why}"))
             } else if !withheld.is_empty() {
                 Some(withheld_text(&withheld))
             } else if contradicted.is_some() {
                 contradicted
             } else {
-                pure.filter(|pure| pure.is_alarming())
-                    .map(|pure| lack_of_fit_text(&pure, measurements.error_unit))
+                let unit = measurements.error_unit;
+                let pure = pure.filter(|pure| pure.is_alarming());
+                pure.map(|pure| lack_of_fit_text(&pure, unit))
+                    .or_else(|| noisier.as_ref().map(|it| noisier_text(it, unit)))
             }
         }),
         stopped_in_round: ladder.stopped,
@@ -163,8 +188,8 @@ struct Named {
     missing: Vec<String>,
     /// Of these the latter.
     missing_one_of: Vec<Vec<String>>,
-    /// What is not certain.
-    possible: Vec<String>,
+    /// What is not certain, and why not.
+    possible: Vec<(String, String)>,
 }
 
 fn named<S: Study>(study: &S, ladder: &Ladder, doubts: &[(TermId, String)]) -> Named {
@@ -177,8 +202,8 @@ fn named<S: Study>(study: &S, ladder: &Ladder, doubts: &[(TermId, String)]) -> N
         let names: Vec<String> =
             names.into_iter().map(|term| candidates[term].name.clone()).collect();
         let one_of = names.join(" or ");
-        if doubts.iter().any(|(doubted, _)| *doubted == term) {
-            named.possible.push(one_of);
+        if let Some((_, why)) = doubts.iter().find(|(doubted, _)| *doubted == term) {
+            named.possible.push((one_of, why.clone()));
             continue;
         }
         named.missing.push(one_of);
@@ -189,12 +214,52 @@ fn named<S: Study>(study: &S, ladder: &Ladder, doubts: &[(TermId, String)]) -> N
     named
 }
 
+/// Effects that were not found and may be missing by what the slopes say, and why they are not certain. What may explain the same as an
+/// accepted effect is not another; what was withheld or contradicted is told by itself.
+fn possible_by_size<S: Study>(
+    study: &S,
+    ladder: &Ladder,
+    sizes: &[SizeBounds],
+) -> Vec<(String, String)> {
+    let is_tied = |term: TermId| {
+        ladder
+            .accepted
+            .iter()
+            .any(|&it| trial_of(ladder, it).is_some_and(|it| it.ties.contains(&term)))
+    };
+    let is_told = |term| ladder.withheld().chain(ladder.contradicted()).any(|it| it == term);
+    let predicts_better =
+        |term: TermId| trial_of(ladder, term).is_some_and(|test| 0.0 < test.gain.gain);
+    let may_be = |bounds: &&SizeBounds| {
+        bounds.is_possible()
+            && predicts_better(bounds.term)
+            && !is_tied(bounds.term)
+            && !is_told(bounds.term)
+    };
+    let why = |bounds: &SizeBounds| {
+        let why = format!(
+            "it may be chance (p = {:.1e} after the correction for all candidates)",
+            bounds.p_value
+        );
+        (study.candidates()[bounds.term].name.clone(), why)
+    };
+    sizes.iter().filter(may_be).map(why).collect()
+}
+
 /// That more is left than repeats differ by.
 fn lack_of_fit_text(pure: &PureError, unit: &str) -> String {
     format!(
         "nothing was found, but the model is off by {:.3} {unit} where rows that repeat each other differ by {:.3} {unit}: something may be \
          missing that was not tested",
         pure.remaining, pure.pure
+    )
+}
+
+/// That one group scatters more than the others.
+fn noisier_text(Noisier { of, errors: [own, others], .. }: &Noisier, unit: &str) -> String {
+    format!(
+        "nothing was found, but errors of {of} ({own:.3} {unit}) exceed those of the others ({others:.3} {unit}): its place, its clock or \
+         its noise may be wrong"
     )
 }
 
@@ -239,16 +304,34 @@ fn rung<S: Study>(study: &S, rung: &ladder::LadderStep) -> Rung {
 }
 
 /// Structure that no effect explains: the curves that were accepted, and what a scan of the residuals found.
-fn unexplained<S: Study>(study: &S, ladder: &Ladder, residuals: &Unexplained) -> Vec<Structure> {
+fn unexplained<S: Study>(
+    search: &Search<'_, S>,
+    ladder: &Ladder,
+    residuals: &Unexplained,
+) -> Vec<Structure> {
+    let study = search.study();
     let curves = ladder.accepted.iter().enumerate();
-    let mut structure: Vec<Structure> =
-        curves.filter_map(|(step, &term)| curve(study, ladder, residuals, (step, term))).collect();
+    let named = |nearest: Nearest| NearestEffect {
+        effect: study.candidates()[nearest.term].name.clone(),
+        share: nearest.share.min(1.0),
+        may_be_cause: nearest.may_be_cause(),
+        why_not: nearest.why_not,
+    };
+    let of_curve = |(step, &term): (usize, &TermId)| {
+        let structure = curve(study, ladder, residuals, (step, term))?;
+        let nearest = search.nearest_effect(term, &without_term(&ladder.accepted, term));
+        Some(Structure { nearest_effect: nearest.map(named), ..structure })
+    };
+    let mut structure: Vec<Structure> = curves.filter_map(of_curve).collect();
     if let Some(left) = &residuals.structure {
         let formula = left.formula.as_ref();
         // A curve is not exactly what it stands for: its rest shows over whatever goes with its covariate.
         let curves =
             ladder.accepted.iter().filter_map(|&term| study.candidates()[term].curve_over());
-        let curves = curves.filter(|&other| other != left.covariate).map(str::to_owned).collect();
+        let curves = curves.filter(|&other| other != left.covariate).map(str::to_owned);
+        let mut others: Vec<String> = curves.chain(left.others.iter().cloned()).collect();
+        others.sort_unstable();
+        others.dedup();
         structure.push(Structure {
             covariate: left.covariate.clone(),
             affects: None,
@@ -258,7 +341,8 @@ fn unexplained<S: Study>(study: &S, ladder: &Ladder, residuals: &Unexplained) ->
             target: formula.map(|formula| formula.target.to_owned()),
             also: formula.and_then(also),
             rmse_after: formula.map(|formula| formula.rmse),
-            indistinguishable_from: curves,
+            indistinguishable_from: others,
+            nearest_effect: search.nearest_to_rest(left.nats(), ladder).map(named),
         });
     }
     structure
@@ -296,6 +380,7 @@ fn curve<S: Study>(
             .filter(|&other| other != covariate)
             .map(str::to_owned)
             .collect(),
+        nearest_effect: None,
     })
 }
 
@@ -376,6 +461,8 @@ fn tested<S: Study>(
             p_value: gain.p_value,
             accepted,
             doubt: None,
+            upper: None,
+            detectable: None,
             indistinguishable_from: ties
                 .iter()
                 .filter(is_other)

@@ -6,7 +6,7 @@ use crate::gate::Gate;
 use crate::ladder::{Ladder, Search, without_term};
 use crate::pure_error::PureError;
 use numbers::format::with_unit;
-use proto::effect::Level;
+use proto::effect::{CONSTANT, Level};
 use study::thresholds::{IDENTIFIED_HALF, LACK_OF_FIT_RATIO};
 use study::{Candidate, Estimate, Study, TermId};
 
@@ -16,16 +16,24 @@ pub(crate) struct Remains<'a> {
     pub gate: &'a Gate,
     /// What it leaves beside what repeats differ by.
     pub pure: Option<PureError>,
-    /// Whether there is structure that no effect explains.
-    pub has_structure: bool,
+    /// In how many directions rows have an error.
+    pub n_parts: f64,
+    /// Covariates over which there is structure that no effect explains.
+    pub structure: Vec<&'a str>,
 }
 
 impl Remains<'_> {
     /// Whether something else is missing.
     fn is_something(&self) -> bool {
-        self.has_structure
+        !self.structure.is_empty()
             || !self.gate.misfits.is_empty()
             || self.pure.is_some_and(|pure| pure.is_alarming())
+    }
+
+    /// What a model that leaves nothing but noise would gain (nats per row), where more is left; else 0.
+    fn unexplained_nats(&self) -> f64 {
+        let alarming = self.pure.filter(|pure| pure.is_alarming());
+        alarming.map_or(0.0, |pure| self.n_parts * libm::log(pure.remaining / pure.pure))
     }
 }
 
@@ -55,7 +63,15 @@ pub(crate) fn doubts<S: Study>(
                 let is_open = candidate.is_spread && !is_independent(remains.pure);
                 is_open.then(|| SPREAD.to_owned())
             })
-            .or_else(|| (0 < place && remains.is_something()).then(|| PART.to_owned()))
+            .or_else(|| {
+                let gain = ladder.tests.iter().find(|test| test.term == term)?.gain.gain;
+                let is_small = 0 < place && gain < remains.unexplained_nats();
+                let is_part = remains.is_something()
+                    && candidate.linear_in != Some(CONSTANT)
+                    && (is_small
+                        || !search.survives_beside_curves(term, ladder, &remains.structure));
+                is_part.then(|| PART.to_owned())
+            })
             .or_else(|| contradiction(term));
         why.map(|why| (term, why))
     };
@@ -65,7 +81,7 @@ pub(crate) fn doubts<S: Study>(
 /// Of an effect that spreads single frames.
 const SPREAD: &str =
     "these data do not show that what it spreads is independent from frame to frame";
-/// Of an effect that was accepted after another one.
+/// Of an effect that gains nothing beside a free curve, or less than is left unexplained.
 const PART: &str = "something else is missing, of which it may be a part";
 
 /// Which estimate of an effect is physically implausible: its whole interval is outside the plausible range.
@@ -123,12 +139,9 @@ fn is_size_identified(size: &Estimate, null: f64) -> bool {
     size.is_identifiable && half <= IDENTIFIED_HALF * (size.value - null).abs()
 }
 
-/// Whether rows that repeat each other differ by all that is left.
+/// Whether the data show that rows that repeat each other differ by all that is left.
 fn is_independent(pure: Option<PureError>) -> bool {
-    pure.is_some_and(|pure| {
-        let ratio = (pure.remaining / pure.pure) * (pure.remaining / pure.pure);
-        ratio < LACK_OF_FIT_RATIO && !pure.is_alarming()
-    })
+    pure.is_some_and(|pure| pure.greatest_ratio < LACK_OF_FIT_RATIO)
 }
 
 #[cfg(test)]
@@ -219,8 +232,11 @@ mod tests {
 
     #[test]
     fn what_repeats_share_is_not_independent_from_frame_to_frame() {
-        let of = |remaining, least_ratio| PureError { remaining, pure: 1.0, least_ratio };
-        assert!(is_independent(Some(of(1.05, 1.0))));
-        assert!(!is_independent(Some(of(1.5, 1.9))) && !is_independent(None));
+        let of = |greatest_ratio| {
+            let least_ratio = 2.0 - greatest_ratio;
+            PureError { remaining: 1.0, pure: 1.0, least_ratio, greatest_ratio }
+        };
+        assert!(is_independent(Some(of(1.2))));
+        assert!(!is_independent(Some(of(1.7))) && !is_independent(None));
     }
 }

@@ -218,6 +218,8 @@ pub(crate) fn with_defects(mut diagnosis: Diagnosis, found: &[Defect]) -> Diagno
         p_value: defect.p_value,
         accepted: true,
         doubt: None,
+        upper: None,
+        detectable: None,
         only: None,
         indistinguishable_from: Vec::new(),
         warning: None,

@@ -90,7 +90,8 @@ pub enum Verdict {
     MissingOneOf,
     /// There is structure that no effect of the catalogue explains.
     UnexplainedStructure,
-    /// The model is wrong, and these data do not say why.
+    /// The model is wrong, and these data do not say why: readings are off by a constant, or there is structure that an effect of the
+    /// catalogue may explain, though it is not certain.
     SomethingMissing,
     /// Nothing was found in data that are too few to tell that nothing is missing.
     NothingFound,
@@ -169,6 +170,13 @@ pub struct Tested {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<serde_json::Map<String, serde_json::Value>>")]
     pub only: Option<toml::Table>,
+    /// Of an effect that was not accepted: it moves rows by no more than this, in the unit of errors (root mean square over the rows; 90 %
+    /// for all such effects together). Absent where the design does not tell it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub upper: Option<f64>,
+    /// The size, likewise, that would have been found in 9 of 10 such campaigns.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub detectable: Option<f64>,
     /// What to mind when its parameters are used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warning: Option<String>,
@@ -241,6 +249,22 @@ pub struct Structure {
     pub rmse_after: Option<f64>,
     /// Other covariates that explain these data as well.
     pub indistinguishable_from: Vec<String>,
+    /// The effect of the catalogue that explains most of the same, if one explains half of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub nearest_effect: Option<NearestEffect>,
+}
+
+/// The effect of the catalogue that explains most of what structure over a covariate explains.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct NearestEffect {
+    /// Its name.
+    pub effect: String,
+    /// Its gain in held-out log score, as a share of that of the structure.
+    pub share: f64,
+    /// Whether it explains so much that it may be the cause.
+    pub may_be_cause: bool,
+    /// Why it was not accepted in place of the structure.
+    pub why_not: String,
 }
 
 /// A formula along a second direction.
@@ -308,6 +332,12 @@ impl Structure {
         if self.explained.is_finite() { self.explained } else { 0.0 }
     }
 
+    /// The effect of the catalogue that may be its cause.
+    #[must_use]
+    pub fn possible_cause(&self) -> Option<&NearestEffect> {
+        self.nearest_effect.as_ref().filter(|nearest| nearest.may_be_cause)
+    }
+
     /// What follows which covariate, and the covariates that explain it as well, in words.
     #[must_use]
     pub fn named(&self) -> String {
@@ -363,6 +393,7 @@ mod tests {
                 also: None,
                 rmse_after: None,
                 indistinguishable_from: others.iter().map(|&other| other.to_owned()).collect(),
+                nearest_effect: None,
             };
             structure.named()
         };

@@ -8,11 +8,12 @@ use crate::score_test::{ScoreTest, ScoreTests};
 use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
+use std::collections::BTreeMap;
 use study::Study;
-use study::linear::{Direction, Group, Linearised, Partition, on_rows};
+use study::linear::{Dependence, Direction, Group, Linearised, Partition, on_rows};
 use study::thresholds::{
-    FAMILY_ERROR, FEWEST_ERROR_GROUPS, GROUP_ERROR_RATIO, INTERVAL_PROBABILITY, TRIMMED_SHARE,
-    WORTH_SHARE,
+    FAMILY_ERROR, FEWEST_ERROR_GROUPS, FREE_SHARE, GROUP_ERROR_RATIO, INTERVAL_PROBABILITY,
+    NOISE_BLOCKS, NOISIER_RATIO, TRIMMED_SHARE, UNCORRECTED_LEVEL, WORTH_SHARE,
 };
 
 /// A constant by which the model is wrong, of all rows or of a group of them.
@@ -192,8 +193,84 @@ fn spread_apart(
     })
 }
 
+/// A group of rows whose errors have a greater variance than those of the other rows: the place or the clock of a node may be wrong, which
+/// moves no mean.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Noisier {
+    /// The rows: `sender 7`.
+    pub of: String,
+    /// Root mean squared error of its rows, and of all others.
+    pub errors: [f64; 2],
+    /// Least ratio of both variances that the data allow (95 %, corrected for all groups).
+    pub least_ratio: f64,
+}
+
+/// The group of rows that surely scatters more than the others.
+pub(crate) fn noisiest<S: Study>(study: &S, rows: &Linearised) -> Option<Noisier> {
+    let (partitions, dependence) = (study.partitions(), study.dependence());
+    let all = partitions.iter().filter_map(|partition| noisier(rows, partition, &dependence));
+    all.max_by(|a, b| a.least_ratio.total_cmp(&b.least_ratio))
+}
+
+/// The group of a partition that surely scatters more than the other rows. Squares are trimmed alike in all groups, and blocks of time are
+/// independent.
+fn noisier(rows: &Linearised, partition: &Partition, dependence: &Dependence) -> Option<Noisier> {
+    let square = |row: u32| -> Option<f64> {
+        let errors = rows.errors[row as usize];
+        let known = errors.iter().filter(|error| error.is_finite());
+        errors[0].is_finite().then(|| known.map(|error| error * error).sum())
+    };
+    let of_rows = |members: &[u32]| {
+        let mut squares: Vec<(f64, u32)> =
+            members.iter().filter_map(|&row| Some((square(row)?, row))).collect();
+        squares.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        squares.truncate(((1.0 - FREE_SHARE) * squares.len() as f64) as usize);
+        squares
+    };
+    let times_s = &dependence.times_s;
+    let span = times_s.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &time_s| {
+        (low.min(time_s), high.max(time_s))
+    });
+    let block = |row: u32| {
+        let share = (times_s[row as usize] - span.0) / (span.1 - span.0);
+        (dependence.campaigns[row as usize], (share * NOISE_BLOCKS) as u64)
+    };
+    let n_groups = partition.groups.len();
+    if n_groups < FEWEST_ERROR_GROUPS || !times_s.iter().all(|time_s| time_s.is_finite()) {
+        return None;
+    }
+    let mean = |squares: &[(f64, u32)]| {
+        squares.iter().map(|(square, _)| square).sum::<f64>() / squares.len() as f64
+    };
+    let of_group = |group: &Group| {
+        let mut is_in = vec![false; rows.errors.len()];
+        group.rows.iter().for_each(|&row| is_in[row as usize] = true);
+        let outside: Vec<u32> =
+            (0..is_in.len() as u32).filter(|&row| !is_in[row as usize]).collect();
+        let squares = of_rows(&group.rows);
+        let (own, others) = (mean(&squares), mean(&of_rows(&outside)));
+        let mut blocks: BTreeMap<(u32, u64), f64> = BTreeMap::new();
+        for &(square, row) in &squares {
+            *blocks.entry(block(row)).or_default() += square - own;
+        }
+        let freedom = blocks.len().checked_sub(1).filter(|&n| FEWEST_ERROR_GROUPS <= n)? as f64;
+        let variance: f64 = blocks.values().map(|sum| sum * sum).sum();
+        let level = UNCORRECTED_LEVEL / n_groups as f64;
+        let quantile = -StudentsT::new(0.0, 1.0, freedom).ok()?.inverse_cdf(level);
+        let least = own - quantile * variance.sqrt() / squares.len() as f64;
+        Some(Noisier {
+            of: format!("{} {}", partition.of, group.id),
+            errors: [own.sqrt(), others.sqrt()],
+            least_ratio: least / others,
+        })
+    };
+    let all = partition.groups.iter().filter_map(of_group);
+    all.filter(|one| NOISIER_RATIO < one.least_ratio)
+        .max_by(|a, b| a.least_ratio.total_cmp(&b.least_ratio))
+}
+
 /// Parts of which errors are known.
-fn parts(rows: &Linearised) -> f64 {
+pub(crate) fn parts(rows: &Linearised) -> f64 {
     let known = |errors: &&[f64; 3]| errors[0].is_finite();
     let first = rows.errors.iter().find(known);
     first.map_or(1.0, |errors| errors.iter().filter(|error| error.is_finite()).count() as f64)
@@ -202,6 +279,7 @@ fn parts(rows: &Linearised) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::rng::{Draws, Purpose};
 
     fn misfit(off: f64, of: Option<&str>) -> Misfit {
         Misfit {
@@ -255,5 +333,29 @@ mod tests {
         // Nor do they where no bound can be stated of a constant that there may be.
         assert!(Gate { is_unbounded: true, ..Gate::default() }.tells_too_little());
         assert!(!Gate::default().tells_too_little());
+    }
+
+    #[test]
+    fn a_node_that_scatters_more_than_the_others_is_told() {
+        let found = |times: f64| {
+            let draws = Draws::new(4, Purpose::Resample);
+            let error = |row: u64| draws.normal(row, 0, 0) * if row < 300 { times } else { 1.0 };
+            let errors = (0..3000).map(|row| [error(row), f64::NAN, f64::NAN]).collect();
+            let rows = Linearised { errors, ..Linearised::default() };
+            let group = |id| Group { id, rows: (300 * id..300 * (id + 1)).collect() };
+            let groups = (0..10).map(group).collect();
+            let dependence = Dependence {
+                times_s: (0..3000).map(|row| f64::from(row % 300)).collect(),
+                series: vec![0; 3000],
+                campaigns: vec![0; 3000],
+                shortest_s: 1.0,
+                nodes: None,
+            };
+            noisier(&rows, &Partition { of: "node", key: None, groups }, &dependence)
+        };
+        let noisy = found(1.5).expect("twice the variance");
+        assert_eq!(noisy.of, "node 0");
+        assert!((noisy.errors[0] / noisy.errors[1] - 1.5).abs() < 0.15, "{noisy:?}");
+        assert_eq!(found(1.0), None);
     }
 }

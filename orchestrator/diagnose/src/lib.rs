@@ -35,6 +35,7 @@
 //! | `held_out` | predictions of rows by fits that have not seen them |
 //! | `scan` | structure of the residuals |
 //! | `next` | the measurement that would break a tie |
+//! | `bounds` | how large effects may be that were not found |
 //! | `certainty` | what of all that was accepted is certain |
 //! | `pure_error` | whether the model leaves more than repeats differ by |
 //! | `losses` | the answer where nobody knows whether lost frames were logged |
@@ -49,6 +50,7 @@
 mod acceptance;
 mod answer;
 pub mod between;
+mod bounds;
 mod certainty;
 pub mod compare;
 pub mod corrected_data;

@@ -32,6 +32,8 @@ pub(crate) struct PureError {
     pub pure: f64,
     /// Least ratio of both variances that the data allow (95 %, clustered).
     pub least_ratio: f64,
+    /// The greatest, likewise.
+    pub greatest_ratio: f64,
 }
 
 impl PureError {
@@ -151,11 +153,13 @@ fn compared(sums: &Sums) -> Option<PureError> {
     let [remaining, pure, n] = total;
     let ratio = remaining / pure;
     let squares: f64 = sums.values().map(|[r, p, _]| (r - ratio * p) * (r - ratio * p)).sum();
-    let least_ratio = ratio - Z_95 * squares.sqrt() / pure;
+    let beyond = Z_95 * squares.sqrt() / pure;
+    let least_ratio = ratio - beyond;
     Some(PureError {
         remaining: (remaining / n).sqrt(),
         pure: (pure / n).sqrt(),
         least_ratio: if least_ratio.is_finite() { least_ratio } else { 0.0 },
+        greatest_ratio: ratio + beyond,
     })
 }
 

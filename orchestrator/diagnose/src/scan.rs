@@ -12,8 +12,8 @@ use study::folds::Blocks;
 use study::linear::{Dependence, Linearised};
 use study::symbolic::FittedFormula;
 use study::thresholds::{
-    FAMILY_ERROR, FEWEST_STRUCTURE_BIN_ROWS, FINE_STRUCTURE_BINS, LEAST_ERROR_SHARE, SIGN_FLIPS,
-    STRUCTURE_BINS, UNCORRECTED_LEVEL,
+    FAMILY_ERROR, FEWEST_STRUCTURE_BIN_ROWS, FINE_STRUCTURE_BINS, LEAST_ERROR_SHARE,
+    RIVAL_STRUCTURE, SIGN_FLIPS, STRUCTURE_BINS, UNCORRECTED_LEVEL,
 };
 use study::{COMMON, Study};
 
@@ -28,8 +28,22 @@ pub(crate) struct ResidualStructure {
     pub p_value: f64,
     /// In which of the residuals it is, by number.
     pub residual: usize,
+    /// Other covariates over which there is at least half as much structure: it may be theirs.
+    pub others: Vec<String>,
     /// A short formula of the covariate, if there is one.
     pub formula: Option<FittedFormula>,
+}
+
+impl ResidualStructure {
+    /// What knowing it would gain (nats per row), of normal residuals.
+    pub(crate) fn nats(&self) -> f64 {
+        nats(self.explained)
+    }
+}
+
+/// What a share of the variance is worth (nats per row).
+fn nats(explained: f64) -> f64 {
+    -0.5 * libm::log(1.0 - explained)
 }
 
 /// What the selected model leaves unexplained.
@@ -56,8 +70,7 @@ pub(crate) struct StandardisedResiduals<'a> {
 impl StandardisedResiduals<'_> {
     /// Whether structure that explains this share is worth telling: as for effects, by nats, or by the share of the error.
     fn are_worth(&self, explained: f64) -> bool {
-        let nats = -0.5 * libm::log(1.0 - explained);
-        is_worth(nats, LEAST_ERROR_SHARE * self.configured, || explained)
+        is_worth(nats(explained), LEAST_ERROR_SHARE * self.configured, || explained)
     }
 }
 
@@ -190,7 +203,7 @@ fn strongest_in(
     n_bins: usize,
 ) -> Option<ResidualStructure> {
     let tests = (2 * covariates.len() * residuals.len()).max(1) as f64;
-    let mut best: Option<ResidualStructure> = None;
+    let mut all: Vec<ResidualStructure> = Vec::new();
     for (name, values) in covariates {
         let Some(bins) = binned(values, n_bins) else { continue };
         for (number, residual) in residuals.iter().enumerate() {
@@ -198,21 +211,28 @@ fn strongest_in(
             else {
                 continue;
             };
-            let found = p_value < FAMILY_ERROR / tests
-                && residual.are_worth(explained)
-                && best.as_ref().is_none_or(|best| best.explained < explained);
+            let found = p_value < FAMILY_ERROR / tests && residual.are_worth(explained);
             if found {
-                best = Some(ResidualStructure {
+                all.push(ResidualStructure {
                     covariate: name.clone(),
                     explained,
                     p_value,
                     residual: number,
+                    others: Vec::new(),
                     formula: None,
                 });
             }
         }
     }
-    best
+    // The first of equal ones.
+    let best = all.iter().rev().max_by(|a, b| a.explained.total_cmp(&b.explained))?.clone();
+    let is_other = |one: &&ResidualStructure| {
+        one.covariate != best.covariate && RIVAL_STRUCTURE * best.explained <= one.explained
+    };
+    let mut others: Vec<String> =
+        all.iter().filter(is_other).map(|one| one.covariate.clone()).collect();
+    others.dedup();
+    Some(ResidualStructure { others, ..best })
 }
 
 /// The bin of each row; `u8::MAX` where the covariate is unknown.

@@ -13,6 +13,10 @@ use study::thresholds::PLAIN_ERROR_SHARE;
 pub fn sentence(diagnosis: &Diagnosis) -> String {
     let missing = effects(diagnosis).join(", then ");
     let found = match (&diagnosis.too_little, diagnosis.verdict) {
+        (None, Verdict::SomethingMissing) if diagnosis.misfits.is_empty() => {
+            let all: Vec<String> = diagnosis.unexplained.iter().map(structure_and_cause).collect();
+            format!("something is missing: {}", all.join("; "))
+        }
         (why, Verdict::SomethingMissing) => {
             let why = why.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
             let misfit = diagnosis.misfits.first().map(Misfit::sentence).unwrap_or_default();
@@ -28,7 +32,7 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             diagnosis.could_hide, diagnosis.error_unit
         ),
         (None, Verdict::NothingMissing) => {
-            "no missing effect is detectable in these data".to_owned()
+            format!("no missing effect is detectable in these data{}", at_most(diagnosis))
         }
         (None, Verdict::MissingEffects) if missing.is_empty() => {
             "no missing effect is detectable in the corrected data".to_owned()
@@ -44,13 +48,19 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             format!("missing: {missing}{ties}{}{}", possibly(diagnosis), left.unwrap_or_default())
         }
         (None, Verdict::UnexplainedStructure) => {
-            let over: Vec<String> = diagnosis.unexplained.iter().map(Structure::named).collect();
+            let of_no_effect = |it: &&Structure| it.possible_cause().is_none();
+            let over: Vec<String> =
+                diagnosis.unexplained.iter().filter(of_no_effect).map(Structure::named).collect();
             let also = if missing.is_empty() {
                 String::new()
             } else {
                 format!("; also missing: {missing}")
             };
-            format!("found {}, which no known effect explains{also}", over.join(", and "))
+            format!(
+                "found {}, which no known effect explains{also}{}",
+                over.join(", and "),
+                possibly(diagnosis)
+            )
         }
     };
     let found = match defects::clauses(&diagnosis.measurement_defects) {
@@ -69,12 +79,49 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
     }
 }
 
+/// Structure, and the effect that may be its cause, in words.
+fn structure_and_cause(structure: &Structure) -> String {
+    let cause = structure.nearest_effect.as_ref().map(|cause| {
+        let percent = 100.0 * cause.share;
+        format!(
+            "; {} explains {percent:.0} % of what a free curve does, and is not certain: {}",
+            cause.effect, cause.why_not
+        )
+    });
+    format!("{}{}", structure.named(), cause.unwrap_or_default())
+}
+
+/// The effect that may be the largest of those that were not found.
+fn at_most(diagnosis: &Diagnosis) -> String {
+    let bounds = diagnosis.candidates.iter().filter_map(|one| Some((&one.effect, one.upper?)));
+    let largest = bounds.max_by(|a, b| a.1.total_cmp(&b.1));
+    largest.map_or_else(String::new, |(effect, upper)| {
+        format!(
+            "; of those tested, {effect} may be the largest, with at most {}",
+            size(upper, diagnosis)
+        )
+    })
+}
+
+/// A size with its unit.
+fn size(value: f64, diagnosis: &Diagnosis) -> String {
+    let digits = (1.0 - libm::floor(libm::log10(value.max(1e-9)))).clamp(0.0, 6.0) as usize;
+    format!("{value:.digits$} {}", diagnosis.error_unit)
+}
+
 /// What may be missing beside what is certain.
 fn possibly(diagnosis: &Diagnosis) -> String {
     if diagnosis.possible.is_empty() {
         return String::new();
     }
-    format!("; possibly also {}", diagnosis.possible.join(" and "))
+    let of_structure = |name: &String| {
+        let is_cause =
+            |it: &&Structure| it.possible_cause().is_some_and(|cause| cause.effect == *name);
+        let structure = diagnosis.unexplained.iter().find(is_cause);
+        structure.map_or_else(|| name.clone(), |it| format!("{name}, for {}", it.named()))
+    };
+    let all: Vec<String> = diagnosis.possible.iter().map(of_structure).collect();
+    format!("; possibly also {}", all.join(" and "))
 }
 
 /// Names of the effects that are missing, defects of the measurement apart.
@@ -86,7 +133,7 @@ fn effects(diagnosis: &Diagnosis) -> Vec<&str> {
 /// A diagnosis as a person reads it on a terminal.
 #[must_use]
 pub fn text(diagnosis: &Diagnosis) -> String {
-    let mut text = String::new();
+    let mut text = format!("{}\n\n", diagnosis.sentence);
     ladder(&mut text, diagnosis);
     plain_error(&mut text, diagnosis);
     let _ = writeln!(text);
@@ -103,6 +150,14 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         .filter_map(|candidate| Some((candidate, candidate.untestable.as_ref()?)))
         .map(|(candidate, why)| format!("{} ({why})", candidate.effect))
         .collect();
+    let excluded = diagnosis.candidates.iter().filter_map(|one| {
+        let (upper, detectable) = (size(one.upper?, diagnosis), size(one.detectable?, diagnosis));
+        Some(format!("{} (at most {upper}, found from {detectable})", one.effect))
+    });
+    let excluded: Vec<String> = excluded.collect();
+    if !excluded.is_empty() {
+        let _ = writeln!(text, "not found: {}", excluded.join("; "));
+    }
     if !untestable.is_empty() {
         let _ = writeln!(text, "not testable on these data: {}", untestable.join("; "));
     }
@@ -122,7 +177,6 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     for next in &diagnosis.next_measurement {
         let _ = writeln!(text, "{}", next.sentence);
     }
-    let _ = writeln!(text, "\n{}", diagnosis.sentence);
     text
 }
 
@@ -226,4 +280,13 @@ fn unexplained(text: &mut String, structure: &Structure) {
         100.0 * structure.share(),
         formulas.join(", and ")
     );
+    if let Some(nearest) = &structure.nearest_effect {
+        let _ = writeln!(
+            text,
+            "  nearest known effect: {}, {:.0} % of its gain; {}",
+            nearest.effect,
+            100.0 * nearest.share,
+            nearest.why_not
+        );
+    }
 }

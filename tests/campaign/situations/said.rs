@@ -83,8 +83,11 @@ impl Claim {
             one["only"][key].as_array().into_iter().flatten().filter_map(Value::as_u64)
         });
         let parameters = one["parameters"].as_object().into_iter().flatten();
+        let nearest = &one["nearest_effect"];
+        let cause = nearest["effect"].as_str().filter(|_| nearest["may_be_cause"] == true);
+        let ties = texts(&one["indistinguishable_from"]).into_iter().chain(cause);
         Self {
-            ties: texts(&one["indistinguishable_from"]).into_iter().map(str::to_owned).collect(),
+            ties: ties.map(str::to_owned).collect(),
             is_warned: one["warning"].is_string(),
             limited_by: limited_by.collect(),
             members: members.collect(),

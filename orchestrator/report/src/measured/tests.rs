@@ -89,6 +89,8 @@ fn candidate(effect: &str, gain: f64) -> Tested {
         p_value: 0.0,
         accepted: 0.0 < gain,
         doubt: None,
+        upper: None,
+        detectable: None,
         only: None,
         indistinguishable_from: Vec::new(),
         warning: None,
@@ -110,6 +112,7 @@ fn structure(covariate: &str, explained: f64, formula: &str, target: &str) -> St
         also: None,
         rmse_after: None,
         indistinguishable_from: Vec::new(),
+        nearest_effect: None,
     }
 }
 
