@@ -58,16 +58,18 @@ def judged(answer, truth, own):
     """What an answer names.
 
     `right`: effects that say a hidden cause, or one of `own`. `tied`: others that the answer lists as indistinguishable from such
-    an effect. `wrong`: all others. `missed`: hidden causes of the catalogue that nothing named says. `structure`: covariates of
-    unexplained structure.
+    an effect. `wrong`: all others. `missed`: hidden causes of the catalogue that nothing says which is named or possible. `structure`: covariates
+    of unexplained structure.
     """
     says = own.union(*truth.names.values())
     ties = {one["effect"]: set(one["indistinguishable_from"]) for one in answer["candidates"] if one["accepted"]}
     found = {"right": [], "tied": [], "wrong": []}
-    for name in answer["missing"]:
+    for names in answer["missing"]:
+        name = names.split(" or ")[0]
         kind = "right" if name in says else "tied" if ties.get(name, set()) & says else "wrong"
         found[kind].append(name)
     named = set(found["right"]).union(*(ties[name] for name in found["tied"]))
+    named.update(" or ".join(answer.get("possible", [])).split(" or "))
     missed = [key for key, names in truth.names.items() if key != truth.outside and not names & named]
     structure = [one["covariate"] for one in answer["unexplained"]]
     told = {key: answer[key] for key in ("verdict", "sentence", "misfits")}

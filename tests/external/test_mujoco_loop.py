@@ -52,7 +52,10 @@ def test_it_keeps_the_promises_about_predictions(mujoco, tmp_path):
 def test_a_rover_with_nothing_hidden_has_the_lag_and_the_creep_of_its_mjcf(campaign):
     """A unicycle has neither motors nor tyres; both numbers are held against the state of MuJoCo."""
     answer = diagnosed(campaign(Truth("rover", {}, {}, ""), 1), "built-in")
-    assert set(answer["missing"]) == OWN["rover"], answer["sentence"]
+    # A lag and a dead time look alike in turns, and what no effect of the catalogue has is left: not all of it is certain.
+    own = OWN["rover"]
+    assert answer["missing"] and all(own & set(names.split(" or ")) for names in answer["missing"]), answer["sentence"]
+    assert own <= set(" or ".join(answer["missing"] + answer.get("possible", [])).split(" or ")), answer["sentence"]
     robot = Robot({"robot": "rover"})
     # From rest: the time in which a speed that is asked for is reached but for a part of 1 / e.
     robot.begin((0, 0, 0), (0, 0), (0, 0))
