@@ -134,7 +134,7 @@ pub struct BuildContext<'a> {
     pub agent_count: usize,
     /// Length of a slot (ns).
     pub slot_ns: u64,
-    /// Channels in use, if frames have any.
+    /// Channels in use, if frames have any; none where measurements are compared without a network.
     pub channels: &'a [u8],
     /// Contents of the files that the configuration names.
     pub files: &'a BTreeMap<String, Bytes>,

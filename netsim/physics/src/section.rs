@@ -78,7 +78,8 @@ pub fn read(
         radio: keys.radio,
         agent_count,
         slot_ns: 1,
-        channels: &standard::o_qpsk_2450::HOPPING_SEQUENCE,
+        // Without a network nothing hops: a trace need not cover any channel.
+        channels: &[],
         files,
         problems: Vec::new(),
         warnings: Vec::new(),

@@ -159,6 +159,13 @@ impl Consent {
 }
 
 impl Capability {
+    /// To read a file. `None`: it is in the folder `base` of the file that names it.
+    #[must_use]
+    pub fn of_file(key: String, file: &Path, base: &Path) -> Option<Self> {
+        let file = absolute(Path::new(""), file);
+        (!is_inside(&file, base)).then_some(Self { key, action: Action::ReadFile { file } })
+    }
+
     /// To call a program elsewhere, which is sent these files, too. `None`: it is on this machine, and no file is sent to it.
     #[must_use]
     pub fn call(key: String, url: String, files: Vec<PathBuf>) -> Option<Self> {
@@ -231,6 +238,14 @@ fn touches(tree: &Node) -> Vec<(&'static str, Vec<Touch>)> {
     tables.chain(entries).collect()
 }
 
+/// The keys of an experiment file that name files, each with the path written there.
+pub(super) fn named_files(tree: &Node) -> impl Iterator<Item = (String, String)> {
+    touches(tree).into_iter().flat_map(|(_, touches)| touches).filter_map(|touch| {
+        let TouchTarget::File(FilePath(path)) = touch.target else { return None };
+        Some((touch.key, path))
+    })
+}
+
 /// Everything that an experiment file in the folder `base` asks for outside of it. What the command line gives in place of a key is
 /// not asked for by the file, and contents that were recorded are not read again.
 #[must_use]
@@ -292,7 +307,7 @@ fn files_of(all: &[(&'static str, Vec<Touch>)], section: &str, base: &Path) -> V
     files
 }
 
-fn absolute(base: &Path, path: &str) -> PathBuf {
+fn absolute(base: &Path, path: impl AsRef<Path>) -> PathBuf {
     let path = base.join(path);
     std::path::absolute(&path).unwrap_or(path)
 }

@@ -34,7 +34,7 @@ use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sides::Sides;
-pub use sides::missing_file;
+pub use sides::{missing_file, named_files};
 use std::path::{Path, PathBuf};
 
 /// Certificates to talk to simulators with.

@@ -1,5 +1,7 @@
 //! The sections of the two simulators: read here, judged by the simulator itself if it is ours to start.
 
+use super::Overrides;
+use super::consent::{self, Action};
 use super::reach::{self, SideCommand};
 use bytes::Bytes;
 use proto::bounds::NAMED_FILE_BYTES;
@@ -89,7 +91,7 @@ impl Sides<'_> {
             }
             let content = match known {
                 Some(content) => Ok(content.clone()),
-                None => read_file(&file).map(Bytes::from),
+                None => read_named(&reference.key, &reference.path, &file),
             };
             match content {
                 Ok(content) => {
@@ -103,17 +105,9 @@ impl Sides<'_> {
                     places.push((reference.key, place.display().to_string()));
                     contents.insert(name, content);
                 }
-                Err(error) => {
-                    let reason = if error.kind() == std::io::ErrorKind::NotFound {
-                        missing_file(&file)
-                    } else {
-                        format!("cannot be read: {error}")
-                    };
+                Err(problem) => {
                     refused.insert(reference.key.clone());
-                    self.problems.push(
-                        Problem::new(reference.key, format!("names a file that {reason}"))
-                            .value(format!("{:?}", reference.path)),
-                    );
+                    self.problems.push(problem);
                     // Stands for the file, so that the rest of the section is still checked.
                     contents.insert(reference.path, Bytes::new());
                 }
@@ -196,8 +190,47 @@ pub(super) fn check_messages(
     }
 }
 
-fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
-    NAMED_FILE_BYTES.read(std::fs::File::open(path)?)
+/// The content of a file that a key names, by the path written there.
+fn read_named(key: &str, written: &str, file: &Path) -> Result<Bytes, Problem> {
+    let content = std::fs::File::open(file).and_then(|file| NAMED_FILE_BYTES.read(file));
+    content.map(Bytes::from).map_err(|error| {
+        let reason = if error.kind() == std::io::ErrorKind::NotFound {
+            missing_file(file)
+        } else {
+            format!("cannot be read: {error}")
+        };
+        Problem::new(key, format!("names a file that {reason}")).value(format!("{written:?}"))
+    })
+}
+
+/// The contents of the files that the keys of a table name, such as those of `netsim.phy`, by the path written there. Files outside of
+/// the folder `base` of the configuration need consent.
+///
+/// # Errors
+///
+/// Every file that may not be read, does not exist or cannot be read.
+pub fn named_files(
+    base: &Path,
+    tree: &Node,
+    table: &str,
+    overrides: &Overrides,
+) -> Result<BTreeMap<String, Bytes>, Vec<Problem>> {
+    let is_within = |key: &str| key.strip_prefix(table).is_some_and(|rest| rest.starts_with('.'));
+    let mut asked = consent::capabilities(tree, base, overrides);
+    asked.retain(|asked| is_within(&asked.key) && matches!(asked.action, Action::ReadFile { .. }));
+    let mut problems = overrides.consent.refusals(&asked);
+    let unread = overrides.consent.unread(&asked);
+    let mut contents = BTreeMap::new();
+    for (key, written) in consent::named_files(tree) {
+        if !is_within(&key) || unread.contains(&key.as_str()) {
+            continue;
+        }
+        match read_named(&key, &written, &base.join(&written)) {
+            Ok(content) => _ = contents.insert(written, content),
+            Err(problem) => problems.push(problem),
+        }
+    }
+    if problems.is_empty() { Ok(contents) } else { Err(problems) }
 }
 
 /// The last part of a path.

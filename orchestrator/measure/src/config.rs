@@ -1,5 +1,6 @@
 //! The part of a configuration that is compared with measurements.
 
+use bytes::Bytes;
 use physics::Model;
 use proto::config::{Node, Problem, Refusal, Value};
 use proto::site::{self, Site};
@@ -22,6 +23,8 @@ pub struct Compared {
     pub site: Site,
     /// What it can choose by name.
     pub catalogues: Catalogues,
+    /// Contents of the files that `[netsim.phy]` names, by the path written there.
+    pub files: BTreeMap<String, Bytes>,
 }
 
 /// The lists of both simulators: what configurations can choose by name, and so what a diagnosis tries. By default what is built in.
@@ -70,17 +73,24 @@ impl Compared {
             return Err(Refusal::new(path, &text, &tree, problems));
         }
         let catalogues = Catalogues::default();
-        Ok(Self { path: path.to_owned(), text, set: set.to_vec(), tree, site, catalogues })
+        let (path, set, files) = (path.to_owned(), set.to_vec(), BTreeMap::new());
+        Ok(Self { path, text, set, tree, site, catalogues, files })
     }
 
-    /// Another text under the same path, keys and catalogues, such as this one with an effect added.
+    /// Another text under the same path, keys, files and catalogues, such as this one with an effect added.
     ///
     /// # Errors
     ///
     /// Every problem it has, with its place.
     pub fn with_text(&self, text: String) -> Result<Self, Refusal> {
         let other = Self::of_text(&self.path, text, &self.set)?;
-        Ok(other.with_catalogues(self.catalogues.clone()))
+        Ok(other.with_catalogues(self.catalogues.clone()).with_files(self.files.clone()))
+    }
+
+    /// The same with the contents of the files that `[netsim.phy]` names.
+    #[must_use]
+    pub fn with_files(self, files: BTreeMap<String, Bytes>) -> Self {
+        Self { files, ..self }
     }
 
     /// The same where other things can be chosen by name, such as effects of a user's own.
@@ -119,7 +129,7 @@ impl Compared {
     pub fn radio(&self, n_motes: usize) -> Result<(Model, toml::Table), Refusal> {
         let phy = self.section("netsim", "phy");
         let catalogue = &self.catalogues.radio;
-        physics::section::read(&phy, "netsim.phy", n_motes, &BTreeMap::new(), catalogue)
+        physics::section::read(&phy, "netsim.phy", n_motes, &self.files, catalogue)
             .map_err(|problems| self.refuse(problems))
     }
 

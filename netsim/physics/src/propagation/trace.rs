@@ -140,7 +140,9 @@ fn build(table: &toml::Table, context: &mut BuildContext<'_>) -> Option<Box<dyn 
     };
     let before = context.problems.len();
     let header = &k7.header;
-    if header.node_count != context.agent_count {
+    // Measurements may be of some of the nodes.
+    let is_compared = context.channels.is_empty() && context.agent_count < header.node_count;
+    if header.node_count != context.agent_count && !is_compared {
         let message =
             format!("has {} nodes, so the experiment must have as many agents", header.node_count);
         let problem = Problem::new(&key, message);
