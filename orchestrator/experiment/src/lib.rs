@@ -458,18 +458,41 @@ impl TlsKeys {
 #[must_use]
 pub fn is_file_name(name: &str) -> bool {
     !name.starts_with(['.', '-'])
-        && name.len() <= 100
+        && (1..=100).contains(&name.len())
         && name.chars().all(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.'))
 }
 
 /// The most similar text that can name an experiment; `experiment` if there is none.
 #[must_use]
 pub fn as_file_name(name: &str) -> String {
-    let replaced: String = name
-        .trim_start_matches(['.', '-'])
+    let replaced = name
         .chars()
-        .take(100)
         .map(|c| if c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '-' })
-        .collect();
-    if replaced.is_empty() { "experiment".to_owned() } else { replaced }
+        .skip_while(|c| ['.', '-'].contains(c))
+        .take(100)
+        .collect::<String>();
+    if is_file_name(&replaced) { replaced } else { "experiment".to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_suggested_name_is_valid_and_a_valid_one_stays() {
+        let long = "x".repeat(200);
+        for (name, suggested) in [
+            ("../../escape", "escape"),
+            ("é", "experiment"),
+            ("-rf", "rf"),
+            ("my run", "my-run"),
+            ("", "experiment"),
+            (&long, &long[..100]),
+            ("run-1.b", "run-1.b"),
+        ] {
+            assert_eq!(as_file_name(name), suggested);
+            assert!(is_file_name(suggested), "{suggested}");
+        }
+        assert!(!is_file_name(""));
+    }
 }

@@ -89,10 +89,14 @@ async fn go_on(
     carry_out(&plan, &options.start, attempt, origin, interrupt, audience).await
 }
 
-/// Refuses the folder of a result: it is no run to go on with.
+/// Refuses what does not exist, and the folder of a result: it is no run to go on with.
 fn is_unfinished(dir: &Path) -> Result<(), RunError> {
     let name = std::path::absolute(dir).ok().and_then(|dir| dir.file_name().map(OsString::from));
     let is_hidden = name.is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    if !dir.exists() {
+        let reason = format!("it {}", experiment::missing_file(dir));
+        return Err(RunError::NotRecovered { dir: dir.to_owned(), reason });
+    }
     if is_hidden || ResultFolder::unchecked(dir).summary().is_err() {
         return Ok(());
     }

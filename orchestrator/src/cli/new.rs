@@ -59,7 +59,7 @@ pub(super) fn new(args: &NewArgs) -> Result<(), Failure> {
 /// The name of the experiment, if it can be one.
 fn checked_name(folder: &Path) -> Result<String, Failure> {
     let last = folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    if is_file_name(&last) && !last.is_empty() {
+    if is_file_name(&last) {
         return Ok(last);
     }
     Err(Failure::request(format!(
