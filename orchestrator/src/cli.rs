@@ -45,6 +45,9 @@ use diagnose::extend::ExtendError;
 use drive::peer::become_command;
 use experiment::{Consent, Overrides, Tls, set_program_name};
 pub use help::command;
+use input::Reading;
+use measure::DataError;
+use measure::memory::MemoryBudget;
 use proto_host::{ServeArgs, ServeOptions, init_logging_to, use_threads};
 use record::read::ReadError;
 use record::result::{ResultFolder, Trust};
@@ -52,6 +55,7 @@ use record::run_summary::RunSummary;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Once;
 use terminal::{LoggedStderr, complain, leave_stdout_to_answers, run_log, stdout_error, warn};
 
 /// Simulate robot swarms that communicate over a radio mesh, and find missing physics from measurements
@@ -217,29 +221,35 @@ impl OverrideArgs {
     }
 }
 
-/// Whether the files of results are believed as they are.
-#[derive(Args, Clone)]
-struct TrustArgs {
+/// How files of others are read.
+#[derive(Args, Clone, Copy)]
+struct ReadArgs {
+    /// Refuse a file of measurements or of a result that needs more memory than this to be read, as in 2GiB or 500MB
+    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
+    memory_budget: MemoryBudget,
     /// Read files of a result that were changed after they were written, or that cannot be checked
     #[arg(long)]
     unverified: bool,
 }
 
-impl TrustArgs {
-    /// What was said, with a warning if nothing is checked.
-    fn trust(&self) -> Trust {
+impl ReadArgs {
+    /// What was said, with a warning, once, if nothing is checked.
+    fn reading(self) -> Reading {
+        static WARNED: Once = Once::new();
         if !self.unverified {
-            return Trust::Checked;
+            return self.memory_budget.into();
         }
-        warn(
-            "--unverified: files are read as they are, changed or not; `murmuration verify` tells",
-        );
-        Trust::Unchecked
+        WARNED.call_once(|| {
+            warn(
+                "--unverified: files are read as they are, changed or not; `murmuration verify` tells",
+            );
+        });
+        Reading { budget: self.memory_budget, trust: Trust::Unchecked }
     }
 
     /// The folder of a run.
-    fn open(&self, run: &Path) -> Result<ResultFolder, Failure> {
-        ResultFolder::open(run, self.trust()).map_err(|error| {
+    fn open(self, run: &Path) -> Result<ResultFolder, Failure> {
+        ResultFolder::open(run, self.reading()).map_err(|error| {
             if run.join(RunSummary::FILE).is_file() {
                 Failure::work(error)
             } else {
@@ -257,10 +267,8 @@ struct AllowArgs {
     /// batch system. Give it only for files that you trust
     #[arg(long)]
     allow_command: bool,
-    /// Read this file, or any file in this folder, if the experiment file names it. Files in the folder of the experiment file
-    /// need no permission. Repeatable
-    #[arg(long, value_name = "PATH")]
-    allow_file: Vec<PathBuf>,
+    #[command(flatten)]
+    files: AllowFileArgs,
     /// Send the experiment, with the contents of its files, to this URL if the experiment file names it. Repeatable
     #[arg(long, value_name = "URL")]
     allow_url: Vec<String>,
@@ -270,10 +278,24 @@ impl AllowArgs {
     fn consent(&self) -> Consent {
         Consent {
             commands: self.allow_command,
-            files: self.allow_file.clone(),
             urls: self.allow_url.clone(),
-            ..Consent::default()
+            ..self.files.consent()
         }
+    }
+}
+
+/// Which files a configuration or a mapping may read.
+#[derive(Args, Clone, Default)]
+struct AllowFileArgs {
+    /// Read this file, or any file in this folder, if the configuration or mapping file names it. Files in the folder of that
+    /// file need no permission. Repeatable
+    #[arg(long, value_name = "PATH")]
+    allow_file: Vec<PathBuf>,
+}
+
+impl AllowFileArgs {
+    fn consent(&self) -> Consent {
+        Consent { files: self.allow_file.clone(), ..Consent::default() }
     }
 }
 
@@ -307,6 +329,14 @@ impl Failure {
             ));
         }
         Self::work(error)
+    }
+
+    /// A file of measurements cannot be used: only if it is of a result, and was changed, is that not the request's fault.
+    fn of_data(error: &DataError) -> Self {
+        match error {
+            DataError::Unbelieved(_) => Self::work(error),
+            DataError::Read { .. } | DataError::Format { .. } => Self::request(error),
+        }
     }
 
     fn request(error: impl ToString) -> Self {

@@ -322,7 +322,7 @@ def imported(folder, name):
     assert mapping.count("\n") < 10
     (folder / "mapping.toml").write_text(mapping)
     table, found, seen = folder / f"{name}.csv.gz", folder / "converted.json", folder / "checked.json"
-    orchestrator("convert", folder / "mapping.toml", "--out", table, "--json", found)
+    orchestrator("convert", folder / "mapping.toml", "--out", table, "--json", found, "--allow-file", DATA)
     orchestrator("check", "--data", table, "--json", seen)
     checked = json.loads(seen.read_text())
     assert checked["rejected"] == [] and checked["rows"] == checked["used"], checked
@@ -440,7 +440,7 @@ def test_losses_of_a_testbed_are_those_of_its_links_and_of_its_schedule(tmp_path
     mapping = f'table = "packets"\nnames = {{ 1 = 0 }}\nlost_from_gaps = true\n\n[[input]]\nfiles = "{DATA}/tschdata/{log}.log.gz"\n'
     (tmp_path / "mapping.toml").write_text(mapping + 'format = "openwsn-packets"\n')
     table, found = tmp_path / "packets.csv", tmp_path / "found.json"
-    orchestrator("convert", tmp_path / "mapping.toml", "--out", table, "--json", found)
+    orchestrator("convert", tmp_path / "mapping.toml", "--out", table, "--json", found, "--allow-file", DATA)
     converted = json.loads(found.read_text())
     assert (converted["written"], converted["lost_from_gaps"]) == (arrived + lost, lost), converted
     packets = packet_links.hops_of(table)

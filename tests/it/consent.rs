@@ -94,3 +94,40 @@ fn a_recorded_configuration_reads_the_files_of_others_only_if_that_is_allowed() 
     let again = asked(&[&["run", &config, "--out", "again"], &allowed[..]].concat(), folder.path());
     assert!(again.status.success(), "{}", tests::said(&again));
 }
+
+#[test]
+fn a_model_over_a_trace_is_compared_with_measurements_and_reads_no_file_elsewhere() {
+    let folder = tests::folder();
+    let own = folder.path().join("own");
+    fs::create_dir(&own).unwrap();
+    let trace = "{\"start_date\": \"2018-01-11T16:32:22.0\", \"stop_date\": \"2018-01-11T16:33:22.0\", \
+                 \"node_count\": 3, \"channels\": [11]}\ndatetime,src,dst,channel,mean_rssi,pdr,tx_count\n\
+                 2018-01-11T16:32:22.0,0,1,11,-60,1.0,100\n2018-01-11T16:32:22.0,1,0,11,-65,1.0,100\n";
+    fs::write(own.join("own.k7"), trace).unwrap();
+    fs::write(folder.path().join("other.k7"), trace).unwrap();
+    let mut rows =
+        "time_s,tx,rx,channel,tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm,received\n".to_owned();
+    for time_s in 0..60 {
+        rows += &format!("{time_s},0,1,11,0,0,9,0,{}.5,1\n", -60 - time_s % 3);
+        rows += &format!("{time_s}.5,1,0,11,9,0,0,0,{}.5,1\n", -64 - time_s % 3);
+    }
+    fs::write(own.join("data.csv"), rows).unwrap();
+    let compare = |file: &str, more: &[&str]| {
+        let text = format!("[netsim.phy]\npropagation = \"trace\"\nfile = {file:?}\n");
+        fs::write(own.join("model.toml"), text).unwrap();
+        let args = ["compare", "model.toml", "--data", "data.csv", "--json", "-"];
+        asked(&[&args[..], more].concat(), &own)
+    };
+    let output = compare("own.k7", &[]);
+    assert!(output.status.success(), "{}", tests::said(&output));
+    let refused = compare("../other.k7", &[]);
+    let said = tests::said(&refused);
+    assert_eq!(refused.status.code(), Some(2), "{said}");
+    assert!(said.contains("netsim.phy.file: would read a file outside"), "{said}");
+    assert!(said.contains("--allow-file "), "{said}");
+    let output = compare("../other.k7", &["--allow-file", "../other.k7"]);
+    assert!(output.status.success(), "{}", tests::said(&output));
+    let refused = compare("gone.k7", &[]);
+    let said = tests::said(&refused);
+    assert!(said.contains("names a file that does not exist"), "{said}");
+}

@@ -352,3 +352,38 @@ within_s = 100
     assert!(text.lines().skip(1).all(|line| line.ends_with(",1,0")), "{text}");
     checked(dir.path(), "stated.csv");
 }
+
+#[test]
+fn a_mapping_reads_logs_of_its_own_folder_alone_unless_others_are_allowed() {
+    let dir = folder();
+    let own = dir.path().join("own");
+    std::fs::create_dir(&own).unwrap();
+    for name in ["a.csv", "b.csv"] {
+        let row = "t,tx,rx,rssi\n0,0,1,-60\n1,1,0,-61\n";
+        std::fs::write(dir.path().join(name), row).unwrap();
+    }
+    let columns =
+        "columns = { time_s = \"t\", tx = \"tx\", rx = \"rx\", rssi_dbm = \"rssi\", received = 1 }";
+    let mapping = |files: &str| {
+        let text = format!("table = \"links\"\n[[input]]\nfiles = {files:?}\n{columns}\n");
+        std::fs::write(own.join("m.toml"), text).unwrap();
+    };
+    let place = dir.path().display();
+    for (files, asked) in [
+        ("../a.csv".to_owned(), "a.csv"),
+        (format!("{place}/b.csv"), "b.csv"),
+        ("../*.csv".to_owned(), ""),
+    ] {
+        mapping(&files);
+        let refused = orchestrator(&["convert", "own/m.toml", "--out", "t.csv"], dir.path());
+        let text = said(&refused);
+        assert_eq!(refused.status.code(), Some(2), "{text}");
+        assert!(text.contains("input[0].files: would read a file outside of the folder"), "{text}");
+        assert!(text.contains("--allow-file ") && text.contains(asked), "{text}");
+        assert!(!dir.path().join("t.csv").exists());
+        let allowed = ["convert", "own/m.toml", "--out", "t.csv", "--allow-file", "."];
+        let output = orchestrator(&allowed, dir.path());
+        assert!(output.status.success(), "{}", said(&output));
+        std::fs::remove_file(dir.path().join("t.csv")).unwrap();
+    }
+}

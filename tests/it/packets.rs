@@ -8,6 +8,7 @@ use network::SeedComparison;
 use network::resimulate::{Resimulation, exchanged};
 use network::tracks::Tracks;
 use proto_messages::v1;
+use record::read::RunReader;
 use record::result::ResultFolder;
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -149,7 +150,8 @@ fn a_run_and_its_resimulation_under_the_same_seed_are_the_same_bytes() {
         let dir = folder();
         let config = dir.path().join("model.toml");
         std::fs::write(&config, &text).unwrap();
-        let mut recorded = ResultFolder::unchecked(&run(&config, dir.path(), &[])).steps().unwrap();
+        let mut recorded =
+            RunReader::of(&ResultFolder::unchecked(&run(&config, dir.path(), &[]))).unwrap();
         let plan = load(&config, &Overrides::default()).unwrap();
         let mut configured = recorded.configured().unwrap().clone();
         // Asked of other processes alone: within one there is nothing to compare.

@@ -53,7 +53,7 @@ fn parts(fault: &str, seed: u64) -> Worded<TaskComparison> {
         consent: &Consent::default(),
         data: &out,
         heard: &out,
-        budget: MemoryBudget::default(),
+        reading: MemoryBudget::default().into(),
     };
     let options = ComparisonOptions { seeds: 99, ..ComparisonOptions::default() };
     network::task(&TaskRequest::open(&files, options).unwrap(), &Unobserved).unwrap()
@@ -139,7 +139,7 @@ fn the_command_splits_what_csv_files_say_and_refuses_what_cannot_be_split() {
         consent: &Consent::default(),
         data: &data,
         heard: &received,
-        budget: MemoryBudget::default(),
+        reading: MemoryBudget::default().into(),
     };
     let request = TaskRequest::open(&files, ComparisonOptions { seeds: 99, from_s: 100.0 });
     let stopping = Stopping::default();

@@ -167,3 +167,94 @@ fn a_publication_can_cite_a_result_by_one_hash() {
     assert!(verify(&[]).status.success());
     assert_eq!(verify(&["--root", &root]).status.code(), Some(1));
 }
+
+/// Flips a bit in a file.
+fn damage(file: &Path, place: usize) {
+    let mut bytes = std::fs::read(file).unwrap();
+    bytes[place] ^= 4;
+    std::fs::write(file, bytes).unwrap();
+}
+
+#[test]
+fn a_run_that_is_read_as_measurements_is_checked_too() {
+    let folder = tests::folder();
+    let config = tests::repository().join("configs/flocking.toml");
+    let options = ["--set", "experiment.duration_s=6.0", "--set", "output.links=all"];
+    let run = tests::run(&config, &folder.path().join("runs"), &options);
+    let at = |name: &str| folder.path().join(name);
+    std::fs::copy(&config, at("model.toml")).unwrap();
+    std::fs::write(at("data.csv"), "time_s,agent,x_m,y_m\n0,0,0,0\n1,0,1,0\n").unwrap();
+    let packets: String = (0..30).map(|time_s| format!("{time_s},0,1,{time_s}.5\n")).collect();
+    let packets = format!("time_s,source,destination,received_s\n{packets}");
+    std::fs::write(at("packets.csv"), packets).unwrap();
+    std::os::unix::fs::symlink("runs/flocking/steps.parquet", at("link.parquet")).unwrap();
+    damage(&run.join("steps.parquet"), 200);
+    std::fs::copy(run.join("steps.parquet"), at("copy.parquet")).unwrap();
+    let said_by = |args: &[&str]| {
+        let output = tests::orchestrator(args, folder.path());
+        (output.status.code(), tests::said(&output))
+    };
+    let (run, table) = ("runs/flocking", "runs/flocking/steps.parquet");
+    for command in [
+        &["check", "--data", run][..],
+        &["check", "--data", table],
+        &["check", "--data", "link.parquet"],
+        &["compare", "model.toml", "--data", run],
+        &["compare", "model.toml", "--data", table, "--heard", run],
+        &["compare", "model.toml", "--data", run, "--heard", run],
+        &["compare", "model.toml", "--data", "packets.csv", "--positions", run],
+        &["compare", "model.toml", "--data", "packets.csv", "--positions", run, "--links", table],
+        &["diagnose", "model.toml", "--data", run],
+        &["diagnose", "model.toml", "--between", "data.csv", table],
+        &["extend", "model.toml", "--data", run, "--all", "--output", "a.toml"],
+        &["simulate", "model.toml", "--like", table, "--output", "a.csv"],
+        &["power", "model.toml", "--like", table, "--effect", "wind"],
+    ] {
+        let (status, said) = said_by(command);
+        assert_eq!(status, Some(1), "{command:?}: {said}");
+        let has_place = said.contains(".parquet: bytes 0 to ");
+        assert!(has_place && said.contains("--unverified"), "{command:?}: {said}");
+        if command[0] != "check" {
+            continue;
+        }
+        let (_, said) = said_by(&[command, &["--unverified"]].concat());
+        assert_eq!(said.matches("warning: --unverified: ").count(), 1, "{command:?}: {said}");
+        assert!(!said.contains("are not what the run wrote"), "{command:?}: {said}");
+    }
+    // What belongs to no result is read as before; what a result does not list is not.
+    let (_, said) = said_by(&["check", "--data", "copy.parquet"]);
+    assert!(!said.contains("provenance.json"), "{said}");
+    std::fs::rename(at("copy.parquet"), at("runs/flocking/other.parquet")).unwrap();
+    let (status, said) = said_by(&["check", "--data", "runs/flocking/other.parquet"]);
+    assert!(status == Some(1) && said.contains("does not list it"), "{said}");
+}
+
+#[test]
+fn damage_of_a_recording_or_a_summary_is_named_with_its_place() {
+    let folder = tests::folder();
+    let config = tests::repository().join("configs/flocking.toml");
+    let options = ["--set", "experiment.duration_s=6.0"];
+    let run = tests::run(&config, &folder.path().join("runs"), &options);
+    let intact = std::fs::read(run.join("run.mcap")).unwrap();
+    let refused = |command: &[&str], part: &str| {
+        let output = tests::orchestrator(command, folder.path());
+        let said = tests::said(&output);
+        assert_eq!(output.status.code(), Some(1), "{command:?}: {said}");
+        assert!(said.contains(part) && said.contains("--unverified"), "{command:?}: {said}");
+    };
+    damage(&run.join("run.mcap"), intact.len() / 2);
+    for command in [
+        &["render", "runs/flocking", "--at", "1", "--output", "a.svg"][..],
+        &["replay", "runs/flocking", "--output", "a.html"],
+        &["export", "runs/flocking", "--format", "rosbag2", "--out", "bag"],
+        &["reproduce", "runs/flocking"],
+    ] {
+        refused(command, "runs/flocking/run.mcap: bytes 0 to ");
+    }
+    std::fs::write(run.join("run.mcap"), intact).unwrap();
+    damage(&run.join("summary.json"), 3);
+    let compared = ["compare-runs", "runs/flocking", "runs/flocking"];
+    refused(&compared, "runs/flocking/summary.json: bytes 0 to ");
+    let other = tests::orchestrator(&["compare-runs", ".", "runs/flocking"], folder.path());
+    assert_eq!(other.status.code(), Some(2), "{}", tests::said(&other));
+}

@@ -3,6 +3,7 @@
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::{Field, Row};
 use proto_messages::v1::mote_command::Order;
+use record::read::RunReader;
 use record::result::ResultFolder;
 use record::verify;
 use serde_json::Value;
@@ -217,7 +218,7 @@ fn orders_take_effect_in_the_step_that_contains_their_time_and_are_recorded_ther
     let folder = tests::folder();
     let (dir, summary) = run(folder.path(), KILLED, &[]);
     // 15 steps of formation; the fourth step after that goes from 0.3 to 0.4 s.
-    let mut reader = ResultFolder::unchecked(&dir).steps().unwrap();
+    let mut reader = RunReader::of(&ResultFolder::unchecked(&dir)).unwrap();
     let mut ordered = Vec::new();
     while let Some(step) = reader.next_step().unwrap() {
         for command in &step.commands {

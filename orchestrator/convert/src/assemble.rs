@@ -15,9 +15,11 @@ use crate::mapping::{Input, JoinKind, Mapping, Start};
 use crate::sequence::SequenceGaps;
 use crate::tables::{COLUMNS, Content, TableKind, known};
 use crate::{Conversion, ConvertError, Converted, InputReport, SCHEMA};
+use input::Reading;
+use input::result::Trust;
 use measure::formats::open;
 use measure::links::LOSSES_LOGGED;
-use measure::memory::{Memory, MemoryBudget};
+use measure::memory::Memory;
 use measure::table::DataTable;
 use measure::time_of_day;
 use proto::bounds::{CELLS, ROWS};
@@ -31,9 +33,10 @@ use std::path::{Path, PathBuf};
 ///
 /// The mapping does not fit the logs: every problem with its place in the mapping file. Or a log cannot be read, or needs more memory
 /// than the budget.
-pub fn convert(mapping: &Mapping, budget: MemoryBudget) -> Result<Converted, ConvertError> {
+pub fn convert(mapping: &Mapping, reading: impl Into<Reading>) -> Result<Converted, ConvertError> {
+    let reading = reading.into();
     let files = files_of(mapping)?;
-    check_fields(mapping, &files, budget)?;
+    check_fields(mapping, &files, reading)?;
     let mut state = State {
         mapping,
         files: &files,
@@ -42,7 +45,8 @@ pub fn convert(mapping: &Mapping, budget: MemoryBudget) -> Result<Converted, Con
         inputs: vec![InputState::default(); mapping.inputs.len()],
         n_lost: 0,
         n_unshared: 0,
-        memory: Memory::new(budget),
+        memory: Memory::new(reading.budget),
+        trust: reading.trust,
     };
     let mut rows = Table::default();
     let (mut gaps, mut channels, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
@@ -55,7 +59,11 @@ pub fn convert(mapping: &Mapping, budget: MemoryBudget) -> Result<Converted, Con
 }
 
 /// The files of each input; those of further inputs in the order of the runs.
-fn files_of(mapping: &Mapping) -> Result<Vec<Vec<PathBuf>>, ConvertError> {
+///
+/// # Errors
+///
+/// An input has none, or has not one for each run: every problem with its place in the mapping file.
+pub fn files_of(mapping: &Mapping) -> Result<Vec<Vec<PathBuf>>, ConvertError> {
     let folder = mapping.path.parent().unwrap_or(Path::new(""));
     let mut problems = Vec::new();
     let mut found: Vec<Vec<Found>> = Vec::new();
@@ -99,12 +107,12 @@ fn files_of(mapping: &Mapping) -> Result<Vec<Vec<PathBuf>>, ConvertError> {
 fn check_fields(
     mapping: &Mapping,
     files: &[Vec<PathBuf>],
-    budget: MemoryBudget,
+    reading: Reading,
 ) -> Result<(), ConvertError> {
     let mut problems = Vec::new();
     for (number, (input, files)) in mapping.inputs.iter().zip(files).enumerate() {
         if let Some(file) = files.first() {
-            let rows = rows_of(input, file, budget)?;
+            let rows = rows_of(input, file, reading)?;
             let path = format!("input[{number}]");
             problems.extend(
                 frame::check_fields(input, &path, rows.names(), file).err().unwrap_or_default(),
@@ -114,12 +122,8 @@ fn check_fields(
     if problems.is_empty() { Ok(()) } else { Err(mapping.refuse(problems).into()) }
 }
 
-fn rows_of(
-    input: &Input,
-    file: &Path,
-    budget: MemoryBudget,
-) -> Result<Box<dyn Rows>, ConvertError> {
-    Ok((input.format.open)(file, open(file, budget)?, &input.keys)?)
+fn rows_of(input: &Input, file: &Path, reading: Reading) -> Result<Box<dyn Rows>, ConvertError> {
+    Ok((input.format.open)(file, open(file, reading)?, &input.keys)?)
 }
 
 /// What is kept over the runs.
@@ -135,6 +139,8 @@ struct State<'a> {
     n_unshared: usize,
     /// What all rows take.
     memory: Memory,
+    /// Whether logs that are files of a result are believed.
+    trust: Trust,
 }
 
 #[derive(Clone, Default)]
@@ -218,7 +224,8 @@ impl State<'_> {
         if let Some((_, frame)) = state.last.as_ref().filter(|(last, _)| last == file) {
             return Ok(frame.clone());
         }
-        let mut rows = rows_of(input, file, self.memory.left())?;
+        let reading = Reading { budget: self.memory.left(), trust: self.trust };
+        let mut rows = rows_of(input, file, reading)?;
         let mut account = Account { file, n_read: state.n_read, rejected: &mut state.rejected };
         let mut frame =
             frame::read(input, &mut *rows, &mut self.labels, &mut account, &mut self.memory)?;

@@ -33,7 +33,7 @@ pub mod time;
 pub mod units;
 
 pub use account::RejectedRows;
-pub use assemble::convert;
+pub use assemble::{convert, files_of};
 pub use join::JoinReport;
 
 use channels::ChannelShare;

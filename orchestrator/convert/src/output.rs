@@ -3,6 +3,7 @@
 use crate::units::Unit;
 use flate2::Compression;
 use flate2::write::GzEncoder;
+use input::table::in_words;
 use measure::table::DataTable;
 use parquet::basic::{Compression as ParquetCompression, ZstdLevel};
 use parquet::data_type::{DoubleType, Int64Type};
@@ -56,7 +57,9 @@ pub fn write(
             csv(table, &mut file)?;
             file.finish()?.flush()
         }
-        OutputFormat::Parquet => parquet(table, BufWriter::new(file)).map_err(Error::other),
+        OutputFormat::Parquet => {
+            parquet(table, BufWriter::new(file)).map_err(|error| Error::other(in_words(&error)))
+        }
     }
 }
 

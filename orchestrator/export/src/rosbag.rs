@@ -8,6 +8,7 @@ use super::{ExportError, Exported};
 use mcap::records::MessageHeader;
 use mcap::{Compression, WriteOptions, Writer};
 use proto::types::{AgentStates, NS_PER_S, seconds};
+use record::random_access::Recording;
 use record::result::ResultFolder;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -29,7 +30,7 @@ pub(super) fn export(
     folder: &Path,
     name: &str,
 ) -> Result<Vec<Exported>, ExportError> {
-    let recording = run.recording()?;
+    let recording = Recording::of(run)?;
     let start = recording.configured().robots_start.states.clone();
     let file_name = format!("{name}_0.mcap");
     let path = folder.join(&file_name);

@@ -1,11 +1,9 @@
 //! Parquet tables as CSV. A null is an empty field.
 
 use super::{ExportError, Exported};
-use parquet::errors::ParquetError;
-use parquet::file::reader::FileReader as _;
 use parquet::record::Field;
 use record::TABLES;
-use record::result::{ResultError, ResultFolder};
+use record::result::ResultFolder;
 use std::path::Path;
 
 /// Writes every table of a run.
@@ -25,11 +23,7 @@ pub(super) fn export(run: &ResultFolder, folder: &Path) -> Result<Vec<Exported>,
 }
 
 fn convert(run: &ResultFolder, name: &str, path: &Path) -> Result<u64, ExportError> {
-    let reader = run.table(name)?;
-    let unreadable = |error: ParquetError| ResultError::Format {
-        path: run.path().join(name),
-        message: error.to_string(),
-    };
+    let table = run.table(name)?;
     let failed = |error: csv::Error| ExportError::Write {
         path: path.to_owned(),
         source: std::io::Error::other(error),
@@ -37,15 +31,15 @@ fn convert(run: &ResultFolder, name: &str, path: &Path) -> Result<u64, ExportErr
     let file = system::File::create(path).map_err(ExportError::write(path))?;
     let mut out = csv::Writer::from_writer(file);
     let mut n_rows = 0;
-    for row in reader.get_row_iter(None).map_err(unreadable)? {
-        let row = row.map_err(unreadable)?;
+    table.each_row(|row| {
         if n_rows == 0 {
             out.write_record(row.get_column_iter().map(|(name, _)| name)).map_err(failed)?;
         }
         let cells = row.get_column_iter().map(|(_, field)| text(field));
         out.write_record(cells).map_err(failed)?;
         n_rows += 1;
-    }
+        Ok::<(), ExportError>(())
+    })?;
     out.flush().map_err(ExportError::write(path))?;
     Ok(n_rows)
 }

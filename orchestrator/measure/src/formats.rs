@@ -13,6 +13,9 @@ use crate::DataError;
 use crate::memory::{Memory, MemoryBudget, UNCOUNTED};
 use crate::table::DataTable;
 use flate2::read::MultiGzDecoder;
+use input::Reading;
+use input::checked::CheckedFile;
+use input::result::{ResultError, ResultFolder};
 use proto::bounds::TABLE_BYTES;
 use sha2::{Digest as _, Sha256};
 use std::fs::File;
@@ -29,18 +32,40 @@ pub type Uncounted<'a> = Box<dyn BufRead + 'a>;
 pub struct Content<'a> {
     source: Uncounted<'a>,
     memory: Memory,
+    reading: Reading,
+    /// The file of a result, of which each part is checked before it is read.
+    file: Option<CheckedFile>,
 }
 
 impl<'a> Content<'a> {
     /// From a source, to be read within a budget.
-    pub fn new(source: impl BufRead + 'a, budget: MemoryBudget) -> Self {
-        Self { source: Box::new(source), memory: Memory::new(budget) }
+    pub fn new(source: impl BufRead + 'a, reading: impl Into<Reading>) -> Self {
+        let reading = reading.into();
+        let memory = Memory::new(reading.budget);
+        Self { source: Box::new(source), memory, reading, file: None }
     }
 
     /// The source, and the account in which its reader counts what it keeps.
     #[must_use]
     pub fn uncounted(self) -> (Uncounted<'a>, Memory) {
         (self.source, self.memory)
+    }
+
+    /// How the files of a folder are read.
+    #[must_use]
+    pub fn reading(&self) -> Reading {
+        self.reading
+    }
+
+    /// The file at `path` that this is the content of, to be read by place, and the account in which its reader counts what it keeps.
+    ///
+    /// # Errors
+    ///
+    /// It cannot be opened.
+    pub fn by_place(self, path: &Path) -> Result<(CheckedFile, Memory), DataError> {
+        let file = self.file.map_or_else(|| CheckedFile::unchecked(path), Ok);
+        let file = file.map_err(|source| DataError::Read { path: path.to_owned(), source })?;
+        Ok((file, self.memory))
     }
 }
 
@@ -90,9 +115,25 @@ impl DataTable {
     ///
     /// # Errors
     ///
-    /// It cannot be read, is no table, or needs more memory than the budget: the place is named.
-    pub fn read(path: &Path, budget: MemoryBudget) -> Result<Self, DataError> {
-        read(path, BUILT_IN, budget)
+    /// It cannot be read, is no table, needs more memory than the budget, or is of a result and not what the run wrote: the place is
+    /// named.
+    pub fn read(path: &Path, reading: impl Into<Reading>) -> Result<Self, DataError> {
+        read(path, BUILT_IN, reading)
+    }
+
+    /// Reads a table of a result.
+    ///
+    /// # Errors
+    ///
+    /// See [`DataTable::read`].
+    pub fn of_result(
+        run: &ResultFolder,
+        name: &str,
+        budget: MemoryBudget,
+    ) -> Result<Self, DataError> {
+        let path = run.path().join(name);
+        let reading = Reading { budget, ..run.reading() };
+        read_file(&path, Some(run.file(name)?), BUILT_IN, reading)
     }
 
     /// Reads CSV: the first line names the columns. `path` is named in errors.
@@ -112,35 +153,77 @@ const GZIP: [u8; 2] = [0x1f, 0x8b];
 ///
 /// # Errors
 ///
-/// It cannot be read, no format recognises it, it is no table, or needs more memory than the budget: the place is named.
-#[expect(clippy::disallowed_methods, reason = "measurements are files")]
-pub fn read(path: &Path, formats: &[Format], budget: MemoryBudget) -> Result<DataTable, DataError> {
-    let failed = |source| DataError::Read { path: path.to_owned(), source };
+/// It cannot be read, no format recognises it, it is no table, needs more memory than the budget, or is of a result and not what the run
+/// wrote: the place is named.
+pub fn read(
+    path: &Path,
+    formats: &[Format],
+    reading: impl Into<Reading>,
+) -> Result<DataTable, DataError> {
+    let reading = reading.into();
     if path.is_dir() {
-        return read_content(path, Content::new(std::io::empty(), budget), formats);
+        return read_content(path, Content::new(std::io::empty(), reading), formats);
     }
-    let sha256 = digest(&mut File::open(path).map_err(failed)?).map_err(failed)?;
-    let content = open(path, budget)?;
-    let table = read_content(path, content, formats)?;
+    read_file(path, file_of_result(path, reading)?, formats, reading)
+}
+
+/// Reads a file; `file`: the same, if it is of a result.
+#[expect(clippy::disallowed_methods, reason = "measurements are files")]
+fn read_file(
+    path: &Path,
+    file: Option<CheckedFile>,
+    formats: &[Format],
+    reading: Reading,
+) -> Result<DataTable, DataError> {
+    let failed = |source| DataError::Read { path: path.to_owned(), source };
+    let sha256 = match &file {
+        Some(file) => file.sha256().map_err(|source| ResultError::of_reading(path, source))?,
+        None => digest(&mut File::open(path).map_err(failed)?).map_err(failed)?,
+    };
+    let table = read_content(path, content(path, file, reading)?, formats)?;
     Ok(DataTable { sha256, ..table })
+}
+
+/// The file, if it is of a result.
+fn file_of_result(path: &Path, reading: Reading) -> Result<Option<CheckedFile>, DataError> {
+    let found = ResultFolder::holding(path, reading)?;
+    Ok(found.map(|(run, name)| run.file(&name)).transpose()?)
 }
 
 /// Opens a file; one that gzip has compressed is decompressed, up to the size that a table may have.
 ///
 /// # Errors
 ///
-/// It cannot be read.
+/// It cannot be read, or is of a result and not what the run wrote.
+pub fn open(path: &Path, reading: impl Into<Reading>) -> Result<Content<'static>, DataError> {
+    let reading = reading.into();
+    let file = file_of_result(path, reading)?;
+    if let Some(file) = &file {
+        file.sha256().map_err(|source| ResultError::of_reading(path, source))?;
+    }
+    content(path, file, reading)
+}
+
+/// The content of a file, decompressed; `file`: the same, if it is of a result.
 #[expect(clippy::disallowed_methods, reason = "measurements are files")]
-pub fn open(path: &Path, budget: MemoryBudget) -> Result<Content<'static>, DataError> {
+fn content(
+    path: &Path,
+    file: Option<CheckedFile>,
+    reading: Reading,
+) -> Result<Content<'static>, DataError> {
     let failed = |source| DataError::Read { path: path.to_owned(), source };
-    let mut content = BufReader::new(File::open(path).map_err(failed)?);
-    let is_gzip = content.fill_buf().map_err(failed)?.starts_with(&GZIP);
-    Ok(if is_gzip {
-        let bounded = BoundedSize { content: MultiGzDecoder::new(content), n_read: 0 };
-        Content::new(BufReader::new(bounded), budget)
+    let mut source: Uncounted<'static> = match &file {
+        Some(file) => Box::new(BufReader::new(file.clone())),
+        None => Box::new(BufReader::new(File::open(path).map_err(failed)?)),
+    };
+    let is_gzip = source.fill_buf().map_err(failed)?.starts_with(&GZIP);
+    let content = if is_gzip {
+        let bounded = BoundedSize { content: MultiGzDecoder::new(source), n_read: 0 };
+        Content::new(BufReader::new(bounded), reading)
     } else {
-        Content::new(content, budget)
-    })
+        Content::new(source, reading)
+    };
+    Ok(Content { file, ..content })
 }
 
 fn read_content(

@@ -5,7 +5,7 @@
 //! | [`account`] | which measurements an answer is about |
 //! | [`table`] | a file as named columns of numbers |
 //! | [`formats`] | file formats: CSV, Parquet, K7, the folder of a run |
-//! | [`memory`] | how much memory reading may take |
+//! | [`memory`] | how much memory reading may take (crate `input`) |
 //! | [`links`] | link samples and aggregated link tables |
 //! | [`ranges`] | plausible ranges of measured quantities |
 //! | [`warnings`] | warnings about measurements that can be used |
@@ -19,7 +19,6 @@ pub mod account;
 pub mod config;
 pub mod formats;
 pub mod links;
-pub mod memory;
 pub mod packets;
 pub mod pooled;
 pub mod ranges;
@@ -28,6 +27,9 @@ pub mod table;
 pub mod time_of_day;
 pub mod warnings;
 
+pub use input::memory;
+
+use input::result::ResultError;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -51,6 +53,9 @@ pub enum DataError {
         /// What is wrong.
         message: String,
     },
+    /// The file is of a result, and is not what the run wrote, or cannot be checked.
+    #[error(transparent)]
+    Unbelieved(#[from] ResultError),
 }
 
 /// Rows that could not be used, for one reason.

@@ -16,6 +16,8 @@ use ::diagnose::extend::ExtendError;
 use ::diagnose::progress::SearchProgress;
 use ::diagnose::{Effects, Observer, Stopped};
 use experiment::{Consent, Overrides, Plan};
+use input::Reading;
+use measure::DataError;
 use measure::account::DataAccount;
 use measure::config::Compared;
 use measure::packets::{self, MeasuredPacket};
@@ -53,6 +55,8 @@ pub struct PacketFiles<'a> {
     pub positions: Option<&'a Path>,
     /// End of the campaign (s), if it is later than the last packet.
     pub until_s: Option<f64>,
+    /// How files of measurements are read.
+    pub reading: Reading,
 }
 
 /// Why packets have no answer.
@@ -61,6 +65,9 @@ pub enum PacketError {
     /// One of the files cannot be used.
     #[error("{0}")]
     File(String),
+    /// A file of measurements cannot be used.
+    #[error(transparent)]
+    Data(#[from] DataError),
     /// The campaign cannot end then.
     #[error("{until_s}: must be {bound}")]
     Until {
@@ -108,7 +115,7 @@ impl PacketRequest {
     ///
     /// What is wrong with one of them, in words for its author.
     pub fn open(files: &PacketFiles<'_>, options: ComparisonOptions) -> Result<Self, PacketError> {
-        let PacketFiles { config, set, consent, table, positions, until_s } = *files;
+        let PacketFiles { config, set, consent, table, positions, until_s, reading } = *files;
         let named =
             |path: &Path, why: String| PacketError::File(format!("{}: {why}", path.display()));
         let overrides =
@@ -116,8 +123,7 @@ impl PacketRequest {
         let plan: Plan = experiment::load(config, &overrides)
             .map_err(|error| PacketError::File(error.to_string()))?;
         let measured = packets::read(table).map_err(|why| named(&table.path, why))?;
-        let tracks = positions.map(|path| Tracks::read(path, table.budget())).transpose();
-        let tracks = tracks.map_err(|error| PacketError::File(error.to_string()))?;
+        let tracks = positions.map(|path| Tracks::read(path, reading)).transpose()?;
         let resimulation = Resimulation::new(plan, tracks, &measured.packets)
             .map_err(|error| named(config, error.to_string()))?;
         let resimulation = match until_s {

@@ -1,6 +1,8 @@
 //! Where robots were measured: places over time, straight between them.
 
-use measure::memory::MemoryBudget;
+use input::Reading;
+use input::result::ResultFolder;
+use measure::DataError;
 use measure::ranges::of_column;
 use measure::table::DataTable;
 use numbers::statistics::median_high;
@@ -23,9 +25,9 @@ impl Tracks {
     ///
     /// # Errors
     ///
-    /// It cannot be read, or is none, in words for its author.
-    pub fn read(path: &Path, budget: MemoryBudget) -> Result<Self, String> {
-        Self::with_table(path, budget).map(|(tracks, _)| tracks)
+    /// It cannot be read, is none, or is of a result and not what the run wrote.
+    pub fn read(path: &Path, reading: impl Into<Reading>) -> Result<Self, DataError> {
+        Self::with_table(path, reading.into()).map(|(tracks, _)| tracks)
     }
 
     /// The same, and the table in which they stand.
@@ -33,11 +35,15 @@ impl Tracks {
     /// # Errors
     ///
     /// See [`Self::read`].
-    pub fn with_table(path: &Path, budget: MemoryBudget) -> Result<(Self, DataTable), String> {
-        let file = if path.is_dir() { path.join("steps.parquet") } else { path.to_owned() };
-        let table = DataTable::read(&file, budget).map_err(|error| error.to_string())?;
-        let tracks =
-            Self::from_table(&table).map_err(|error| format!("{}: {error}", file.display()))?;
+    pub fn with_table(path: &Path, reading: Reading) -> Result<(Self, DataTable), DataError> {
+        let table = if path.is_dir() {
+            let run = ResultFolder::open(path, reading)?;
+            DataTable::of_result(&run, "steps.parquet", reading.budget)?
+        } else {
+            DataTable::read(path, reading)?
+        };
+        let tracks = Self::from_table(&table)
+            .map_err(|message| DataError::Format { path: table.path.clone(), message })?;
         Ok((tracks, table))
     }
 

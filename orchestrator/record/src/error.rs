@@ -1,6 +1,8 @@
 //! What can go wrong while recording.
 
 use super::lock::LockHolder;
+use super::read::mcap_in_words;
+use input::table::in_words;
 use parquet::errors::ParquetError;
 use std::path::PathBuf;
 
@@ -98,7 +100,7 @@ pub enum RecordError {
         source: std::io::Error,
     },
     /// The message log failed, most likely for the reason that writing a file fails.
-    #[error("cannot write {}: {source}", path.display())]
+    #[error("cannot write {}: {}", path.display(), mcap_in_words(source))]
     Log {
         /// The file.
         path: PathBuf,
@@ -106,7 +108,7 @@ pub enum RecordError {
         source: Box<mcap::McapError>,
     },
     /// A table failed, most likely for the reason that writing a file fails.
-    #[error("cannot write {}: {source}", path.display())]
+    #[error("cannot write {}: {}", path.display(), in_words(source))]
     Table {
         /// The file.
         path: PathBuf,

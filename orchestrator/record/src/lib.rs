@@ -3,7 +3,7 @@
 //!
 //! [`Recorder`] takes what the sides replied, as values, and hands it to a thread that writes, so that the disk does not hold up the
 //! coupling until it is several steps behind. Files grow in `OUT/.<name>.partial-<pid>/`; when all are whole the directory
-//! becomes `OUT/<name>/`, or `OUT/<name>-2/` where it may not replace the result that stands there. [`result`] opens a record again, [`verify()`] checks one.
+//! becomes `OUT/<name>/`, or `OUT/<name>-2/` where it may not replace the result that stands there. [`result`] (of the crate `input`) opens a record again, [`verify()`] checks one.
 //!
 //! The same configuration and seed leave the same messages, tables and summary, byte for byte. What depends on when, where
 //! and how a run was made is in `provenance.json` alone.
@@ -25,7 +25,6 @@ mod pcap;
 pub mod periods;
 pub mod random_access;
 pub mod read;
-pub mod result;
 pub mod run_log;
 pub mod run_summary;
 mod scene;
@@ -37,7 +36,8 @@ pub mod verify;
 mod writer;
 
 pub use error::RecordError;
-pub use hashed_file::fingerprint;
+pub use input::fingerprint::fingerprint;
+pub use input::result;
 pub use measurer::Measurer;
 pub use pcap::CapturePart;
 pub use table::{ColumnKind, ColumnShape, TableShape};
@@ -52,7 +52,7 @@ pub use tables::is_column_of_motes;
 
 use directory::{Directory, Published};
 use experiment::{OutputConfig, Start};
-use hashed_file::Fingerprint;
+use input::fingerprint::Fingerprint;
 use metrics::Measures;
 use proto::config::Choice;
 use proto::digest::Digest;
@@ -67,8 +67,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
-pub use writer::States;
 use writer::{Event, RunWriter, Written};
+pub use writer::{LOG_FILE, States};
 
 /// What a finished run hands to whoever makes its report.
 #[derive(Clone, Copy, Debug)]

@@ -4,10 +4,10 @@
 //! fields are cleared before a message comes here.
 
 use super::descriptors::descriptors_of;
-use super::hashed_file::Fingerprint;
 use super::mcap_file::McapFile;
 use super::{RecordError, StepRecord};
 use bytes::Bytes;
+use input::fingerprint::Fingerprint;
 use prost::Message as _;
 use proto::exchange::{Configured, NetworkStep, RobotsStep};
 use proto_messages::v1;

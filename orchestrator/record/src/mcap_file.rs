@@ -1,7 +1,8 @@
 //! An MCAP file being written. Compression runs in one thread, so that the same messages make the same bytes anywhere.
 
 use super::RecordError;
-use super::hashed_file::{Fingerprint, WholeFile};
+use super::hashed_file::WholeFile;
+use input::fingerprint::Fingerprint;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{Compression, WriteOptions, Writer};

@@ -1,7 +1,8 @@
 //! `radio.pcap`: what the network says was on the air, as it says it.
 
 use super::RecordError;
-use super::hashed_file::{Fingerprint, WholeFile};
+use super::hashed_file::WholeFile;
+use input::fingerprint::Fingerprint;
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read as _, Write as _};
 use std::path::{Path, PathBuf};

@@ -1,8 +1,9 @@
 //! Reads the steps of any span of a recording, without reading what is before it.
 
-use super::read::{Found, ReadError, RunReader};
-use super::result::CheckedFile;
+use super::read::{Found, ReadError, RunReader, log_of};
 use super::{StepRecord, log::Topic, values};
+use input::checked::CheckedFile;
+use input::result::ResultFolder;
 use mcap::sans_io::indexed_reader::{IndexedReadEvent, IndexedReader, IndexedReaderOptions};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 use proto::bounds::RECORDING_BYTES;
@@ -26,7 +27,8 @@ impl Recording {
     /// # Errors
     ///
     /// Not the recording of a run, one that was changed, or one that ends before its index, as that of a run that was killed.
-    pub(crate) fn open(path: PathBuf, file: CheckedFile) -> Result<Self, ReadError> {
+    pub fn of(run: &ResultFolder) -> Result<Self, ReadError> {
+        let (path, file) = log_of(run)?;
         let configured = RunReader::of_file(path.clone(), file.clone())?.configured().cloned();
         let configured = configured.ok_or_else(|| ReadError::Unexpected {
             path: path.clone(),
@@ -37,7 +39,7 @@ impl Recording {
             path: path.clone(),
             field: invalid.to_string(),
         })?;
-        let damaged = |source| ReadError::Damaged { path: path.clone(), source: Box::new(source) };
+        let damaged = |source| ReadError::of_mcap(&path, source);
         let summary = summary(file.clone()).map_err(damaged)?;
         let stats =
             summary.stats.as_ref().ok_or_else(|| damaged(mcap::McapError::UnexpectedEof))?;
@@ -80,9 +82,8 @@ impl Recording {
             .starting_after(after_ns)
             .ending_at(until_ns)
             .with_record_length_limit(RECORDING_BYTES.most as usize);
-        let reader = IndexedReader::new_with_options(&self.summary, options).map_err(|source| {
-            ReadError::Damaged { path: self.path.clone(), source: Box::new(source) }
-        })?;
+        let reader = IndexedReader::new_with_options(&self.summary, options)
+            .map_err(|source| ReadError::of_mcap(&self.path, source))?;
         let topics = self.summary.channels.iter();
         let topics = topics.map(|(id, channel)| (*id, Topic::named(&channel.topic)));
         let messages = Messages { file, reader, topics: topics.collect(), chunk: Vec::new() };

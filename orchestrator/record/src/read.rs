@@ -2,14 +2,14 @@
 
 use super::log::Topic;
 use super::random_access::Messages;
-use super::result::{CheckedFile, ResultError};
 use super::writer::LOG_FILE;
+use input::checked::{Changed, CheckedFile};
+use input::result::{ResultError, ResultFolder};
 use mcap::io::MessageReader;
 use mcap::sans_io::LinearReaderOptions;
 use prost::Message;
 use proto::bounds::RECORDING_BYTES;
 use proto_messages::v1;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -71,7 +71,7 @@ pub enum ReadError {
         source: Box<ResultError>,
     },
     /// The file is damaged or ends too early. What was read before is right.
-    #[error("{} is damaged or truncated: {source}", path.display())]
+    #[error("{} is damaged or truncated: {}", path.display(), mcap_in_words(source))]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -108,6 +108,36 @@ pub enum ReadError {
     },
 }
 
+impl ReadError {
+    /// What the reader of MCAP says of a file.
+    pub(crate) fn of_mcap(path: &Path, source: mcap::McapError) -> Self {
+        let path = path.to_owned();
+        match source {
+            mcap::McapError::Io(source) if Changed::of(&source).is_some() => {
+                Self::Unbelieved { source: Box::new(ResultError::of_reading(&path, source)) }
+            }
+            source => Self::Damaged { path, source: Box::new(source) },
+        }
+    }
+}
+
+/// What is wrong with a recording. The library's own words of an error of the system do not say which.
+pub(crate) fn mcap_in_words(error: &mcap::McapError) -> String {
+    match error {
+        mcap::McapError::Io(source) => source.to_string(),
+        error => error.to_string(),
+    }
+}
+
+/// The recording of a result, and its path.
+pub(crate) fn log_of(run: &ResultFolder) -> Result<(PathBuf, CheckedFile), ReadError> {
+    let file = run.file(LOG_FILE).map_err(|error| match error {
+        ResultError::Read { path, source } => ReadError::Open { path, source },
+        error => ReadError::Unbelieved { source: Box::new(error) },
+    })?;
+    Ok((run.path().join(LOG_FILE), file))
+}
+
 /// A message: its topic, if runs write such, and its bytes.
 pub(crate) type Found = (Option<Topic>, Vec<u8>);
 
@@ -120,9 +150,18 @@ impl RunReader {
     /// No such file, or not the recording of a run.
     pub(crate) fn open(run: &Path) -> Result<Self, ReadError> {
         let path = run.join(LOG_FILE);
-        let file = File::open(&path)
-            .and_then(CheckedFile::unchecked)
+        let file = CheckedFile::unchecked(&path)
             .map_err(|source| ReadError::Open { path: path.clone(), source })?;
+        Self::of_file(path, file)
+    }
+
+    /// Opens the recording of a result.
+    ///
+    /// # Errors
+    ///
+    /// No such file, not the recording of a run, or one that was changed. What is read later is checked then.
+    pub fn of(run: &ResultFolder) -> Result<Self, ReadError> {
+        let (path, file) = log_of(run)?;
         Self::of_file(path, file)
     }
 
@@ -223,10 +262,7 @@ impl RunReader {
                 message.map(|message| (Topic::named(&message.channel.topic), message.data.to_vec()))
             }),
         };
-        next.transpose().map_err(|source| ReadError::Damaged {
-            path: self.path.clone(),
-            source: Box::new(source),
-        })
+        next.transpose().map_err(|source| ReadError::of_mcap(&self.path, source))
     }
 
     fn decode<M: Message + Default>(&self, topic: Topic, data: &[u8]) -> Result<M, ReadError> {

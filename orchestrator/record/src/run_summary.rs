@@ -4,6 +4,7 @@ use super::Status;
 use super::bounded::read_file;
 use experiment::Start;
 use indexmap::IndexMap;
+use input::result::{ResultError, ResultFolder};
 use metrics::figures::FiguresByName;
 use metrics::kpi::kpi_summary::KpiSummary;
 use proto::bounds::DESCRIPTION_BYTES;
@@ -200,8 +201,20 @@ impl RunSummary {
     /// Name of the file in the directory of a run.
     pub const FILE: &'static str = "summary.json";
 
-    /// Reads the summary in the directory of a run as it is found. Everything outside of this crate opens a
-    /// [`ResultFolder`](super::result::ResultFolder).
+    /// The summary of a result.
+    ///
+    /// # Errors
+    ///
+    /// It was changed, cannot be read, or is not that of a run.
+    pub fn of(run: &ResultFolder) -> Result<Self, ResultError> {
+        let text = run.bytes(&DESCRIPTION_BYTES, Self::FILE)?;
+        serde_json::from_slice(&text).map_err(|error| ResultError::Format {
+            path: run.path().join(Self::FILE),
+            message: error.to_string(),
+        })
+    }
+
+    /// Reads the summary in the directory of a run as it is found. All code outside of this crate opens a [`ResultFolder`].
     ///
     /// # Errors
     ///

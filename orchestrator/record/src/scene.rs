@@ -3,11 +3,11 @@
 mod place;
 
 use super::descriptors::descriptors_of;
-use super::hashed_file::Fingerprint;
 use super::mcap_file::McapFile;
 use super::{RecordError, RunHeader};
 use foxglove::line_primitive::Type as LineType;
 use foxglove::log::Level;
+use input::fingerprint::Fingerprint;
 use metrics::period::Period;
 use place::{colour, pose};
 use prost::Message;

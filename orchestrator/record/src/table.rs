@@ -1,7 +1,8 @@
 //! A Parquet file that grows row by row, in bounded row groups.
 
 use super::RecordError;
-use super::hashed_file::{Fingerprint, WholeFile};
+use super::hashed_file::WholeFile;
+use input::fingerprint::Fingerprint;
 use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::data_type::{
     BoolType, ByteArray, ByteArrayType, DataType, DoubleType, FloatType, Int32Type, Int64Type,

@@ -6,10 +6,10 @@ mod shapes;
 
 pub use shapes::TABLES;
 
-use super::hashed_file::Fingerprint;
 use super::table::{Cell, Table};
 use super::{RecordError, RunHeader};
 use experiment::output::{Links, OutputConfig};
+use input::fingerprint::Fingerprint;
 use metrics::counts::was_heard_by;
 use metrics::kpi::PacketAccount;
 use metrics::period::{Period, distance_m};

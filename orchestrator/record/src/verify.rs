@@ -2,12 +2,13 @@
 
 use super::bounded::{read_file, read_text_file};
 use super::directory::is_record;
-use super::hashed_file::{Fingerprint, PART_BYTES, fingerprint};
 use super::pcap::{self, Counter};
 use super::read::{ReadError, RecordedConfiguration, RunReader};
 use super::result::PROVENANCE_FILE;
 use super::run_log;
 use super::run_summary::{FileCount, RunSummary};
+use input::fingerprint::{Fingerprint, PART_BYTES, fingerprint};
+use input::table::in_words;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use proto::bounds::DESCRIPTION_BYTES;
 use proto::digest::full::{NetworkReply, RobotsReply, of_exchange};
@@ -66,14 +67,8 @@ pub fn verify(dir: &Path) -> Result<VerifyReport, VerifyError> {
     if !is_record(dir) {
         return Err(VerifyError::NotARecord { path: dir.to_owned() });
     }
-    let (files, problems) = (Vec::new(), Vec::new());
-    let root_sha256 = String::new();
-    let mut report =
-        VerifyReport { schema: SCHEMA, files, steps: 0, digests: 0, root_sha256, problems };
+    let mut report = verify_files(dir);
     let summary: Option<RunSummary> = json(dir, RunSummary::FILE, &mut report);
-    let provenance: Option<Provenance> = json(dir, PROVENANCE_FILE, &mut report);
-    let found = whole_files(dir, provenance.unwrap_or_default(), &mut report);
-    report.root_sha256 = root(dir, found, &mut report);
     let config = configuration(dir, &mut report);
     if let Some(summary) = summary {
         tables(dir, &summary, &mut report);
@@ -83,6 +78,19 @@ pub fn verify(dir: &Path) -> Result<VerifyReport, VerifyError> {
         }
     }
     Ok(report)
+}
+
+/// Checks the files that `provenance.json` lists, of whatever result it is.
+#[must_use]
+pub fn verify_files(dir: &Path) -> VerifyReport {
+    let (files, problems) = (Vec::new(), Vec::new());
+    let root_sha256 = String::new();
+    let mut report =
+        VerifyReport { schema: SCHEMA, files, steps: 0, digests: 0, root_sha256, problems };
+    let provenance: Option<Provenance> = json(dir, PROVENANCE_FILE, &mut report);
+    let found = whole_files(dir, provenance.unwrap_or_default(), &mut report);
+    report.root_sha256 = root(dir, found, &mut report);
+    report
 }
 
 /// What `provenance.json` says of the other files.
@@ -189,7 +197,7 @@ fn tables(dir: &Path, summary: &RunSummary, report: &mut VerifyReport) {
         let FileCount::Rows(expected) = *count else { continue };
         let rows = || -> Result<u64, String> {
             let file = File::open(dir.join(name)).map_err(|error| error.to_string())?;
-            let reader = SerializedFileReader::new(file).map_err(|error| error.to_string())?;
+            let reader = SerializedFileReader::new(file).map_err(|error| in_words(&error))?;
             let n_rows = reader.metadata().file_metadata().num_rows();
             u64::try_from(n_rows).map_err(|error| error.to_string())
         };

@@ -2,7 +2,6 @@
 //! else.
 
 use super::checkpoint::{Checkpoint, Reserve};
-use super::hashed_file::Fingerprint;
 use super::log::{MessageLog, configuration_messages, step_messages};
 use super::pcap::{self, Capture, CapturePart};
 use super::periods::Periods;
@@ -12,6 +11,7 @@ use super::scene::{self, SceneLog};
 use super::tables::Tables;
 use super::{RecordError, RunHeader, StepRecord};
 use bytes::Bytes;
+use input::fingerprint::Fingerprint;
 use metrics::kpi::{Applications, Kpis};
 use metrics::measures::{KILL, Measures};
 use metrics::task::Task;
@@ -308,4 +308,4 @@ fn event(order: &MoteOrder) -> (&'static str, Option<u32>) {
 }
 
 /// The message log.
-pub(crate) const LOG_FILE: &str = "run.mcap";
+pub const LOG_FILE: &str = "run.mcap";

@@ -12,8 +12,10 @@ use proto::bounds::DESCRIPTION_BYTES;
 use proto::config::Refusal;
 use record::bounded::read_file;
 use record::leftover::Leftover;
+use record::read::RunReader;
 use record::result::{PROVENANCE_FILE, ResultFolder};
 use record::run_log;
+use record::run_summary::RunSummary;
 use record::values;
 use record::{
     Ending, Finished, RecordError, Recorder, ReplacePolicy, Reservation, Status, fingerprint,
@@ -91,13 +93,13 @@ async fn go_on(
 
 /// Refuses what does not exist, and the folder of a result: it is no run to go on with.
 fn is_unfinished(dir: &Path) -> Result<(), RunError> {
-    let name = std::path::absolute(dir).ok().and_then(|dir| dir.file_name().map(OsString::from));
-    let is_hidden = name.is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
     if !dir.exists() {
         let reason = format!("it {}", experiment::missing_file(dir));
         return Err(RunError::NotRecovered { dir: dir.to_owned(), reason });
     }
-    if is_hidden || ResultFolder::unchecked(dir).summary().is_err() {
+    let name = std::path::absolute(dir).ok().and_then(|dir| dir.file_name().map(OsString::from));
+    let is_hidden = name.is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    if is_hidden || RunSummary::of(&ResultFolder::unchecked(dir)).is_err() {
         return Ok(());
     }
     let reason = "it is the result of a run that ended; there is nothing to recover".to_owned();
@@ -213,11 +215,11 @@ async fn run_again(
     let run = folder.path();
     let not_complete = |reason: String| RunError::NotReproducible { dir: run.to_owned(), reason };
     folder.check_all().map_err(|error| RunError::Unbelieved { error })?;
-    let summary = folder.summary().map_err(|error| not_complete(error.to_string()))?;
+    let summary = RunSummary::of(folder).map_err(|error| not_complete(error.to_string()))?;
     if summary.status != Status::Complete {
         return Err(not_complete(format!("the run is {}, not complete", summary.status.name())));
     }
-    let reader = folder.steps().map_err(|error| not_complete(error.to_string()))?;
+    let reader = RunReader::of(folder).map_err(|error| not_complete(error.to_string()))?;
     let exchange = reader
         .configured()
         .cloned()
@@ -290,7 +292,7 @@ fn compare(run: &Path, again: &Path) -> Result<Reproduction, String> {
 
 /// The first step whose messages differ, as far as both recordings can be read.
 fn first_difference(run: &Path, again: &Path) -> Option<u64> {
-    let steps = |dir: &Path| ResultFolder::unchecked(dir).steps().ok();
+    let steps = |dir: &Path| RunReader::of(&ResultFolder::unchecked(dir)).ok();
     let (mut before, mut after) = (steps(run)?, steps(again)?);
     if before.configured() != after.configured() {
         return Some(0);

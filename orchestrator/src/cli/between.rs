@@ -1,10 +1,11 @@
 //! `murmuration diagnose --between A B`: what changed between two campaigns.
 
-use super::Failure;
-use super::inputs::{MemoryArgs, Watching, compared, table};
+use super::inputs::{Watching, table};
 use super::stop::Stopper;
+use super::{Failure, ReadArgs};
 use clap::Args;
 use diagnose::between::{Between, BetweenError, BetweenRequest, words};
+use measure::config::Compared;
 use std::path::{Path, PathBuf};
 use study::choices::Choices;
 use terminal::say;
@@ -48,12 +49,12 @@ impl BetweenArgs {
         files.fold("--between".to_owned(), |words, file| format!("{words} {}", file.display()))
     }
 
-    /// Finds what changed and prints it. `config`: the file, and keys that are set.
+    /// Finds what changed and prints it.
     pub(super) fn diagnose(
         &self,
-        (config, set): (&Path, &[String]),
+        config: Compared,
         choices: Choices,
-        memory: MemoryArgs,
+        read: ReadArgs,
         stopper: &Stopper,
     ) -> Result<Between, Failure> {
         let [a, b] = self.between.as_deref().unwrap_or_default() else {
@@ -61,8 +62,7 @@ impl BetweenArgs {
                 "--between: requires two files, as in --between A.csv B.csv",
             ));
         };
-        let config = compared(config, set)?;
-        let [a, b] = [a, b].map(|path| table(path, memory));
+        let [a, b] = [a, b].map(|path| table(path, read));
         let request = BetweenRequest { config: &config, tables: [&a?, &b?], choices };
         let watching = Watching::new(Some(stopper));
         let found = diagnose::between(&request, &watching).map_err(|error| match error {

@@ -1,8 +1,8 @@
 //! `murmuration check`: an experiment file, or a file of measurements, without running or fitting anything.
 
 use super::choice::ChoiceArgs;
-use super::inputs::{self, MemoryArgs, print_account};
-use super::{Failure, OverrideArgs, write_json};
+use super::inputs::{self, print_account};
+use super::{Failure, OverrideArgs, ReadArgs, write_json};
 use check::{AskedPermission, CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use clap::Args;
 use experiment::{Acts, Capability};
@@ -21,7 +21,7 @@ pub(super) struct CheckArgs {
     #[arg(long, value_name = "FILE")]
     data: Option<PathBuf>,
     #[command(flatten)]
-    memory: MemoryArgs,
+    read: ReadArgs,
     #[command(flatten)]
     choices: ChoiceArgs,
     #[command(flatten)]
@@ -42,9 +42,12 @@ pub(super) fn check(args: &CheckArgs) -> Result<(), Failure> {
 }
 
 fn check_data(args: &CheckArgs, data: &Path) -> Result<(), Failure> {
-    let config = args.config.as_deref().map(|path| inputs::compared(path, &args.change.set));
+    let config = args
+        .config
+        .as_deref()
+        .map(|path| inputs::compared(path, &args.change.set, args.change.allow.consent()));
     let config = config.transpose()?;
-    let table = inputs::table(data, args.memory)?;
+    let table = inputs::table(data, args.read)?;
     if packets::has_shape(&table).is_ok() {
         let checked = check::packets(&table).map_err(Failure::request)?;
         print_account(&checked.account);

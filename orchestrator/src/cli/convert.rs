@@ -1,13 +1,13 @@
 //! `murmuration convert`: logs become a table of measurements.
 
-use super::inputs::MemoryArgs;
-use super::{Failure, check_place, place_for, write_json};
+use super::{AllowFileArgs, Failure, ReadArgs, check_place, place_for, write_json};
 use ::convert::channels::ChannelShare;
 use ::convert::mapping::Mapping;
 use ::convert::output::{self, OutputFormat};
 use ::convert::tables::TableKind;
 use ::convert::{Conversion, ConvertError, InputReport};
 use clap::Args;
+use experiment::Capability;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use terminal::{say, warn, warn_all};
@@ -20,7 +20,9 @@ pub(super) struct ConvertArgs {
     #[arg(long, value_name = "FILE", alias = "out")]
     output: Option<PathBuf>,
     #[command(flatten)]
-    memory: MemoryArgs,
+    read: ReadArgs,
+    #[command(flatten)]
+    allow: AllowFileArgs,
     /// Replace the file of --output if it exists
     #[arg(long)]
     replace: bool,
@@ -44,11 +46,16 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
     }
     check_place("--output", &out)?;
     let mapping = Mapping::read(&args.mapping).map_err(Failure::request)?;
-    let converted =
-        ::convert::convert(&mapping, args.memory.memory_budget).map_err(|error| match error {
-            ConvertError::Mapping(refusal) => Failure::request(refusal),
-            ConvertError::Log(error) => Failure::request(error),
-        })?;
+    let failed = |error| match error {
+        ConvertError::Mapping(refusal) => Failure::request(refusal),
+        ConvertError::Log(error) => Failure::of_data(&error),
+    };
+    let files = ::convert::files_of(&mapping).map_err(failed)?;
+    let refused = args.allow.consent().refusals(&outside(&mapping, &files));
+    if !refused.is_empty() {
+        return Err(Failure::request(mapping.refuse(refused)));
+    }
+    let converted = ::convert::convert(&mapping, args.read.reading()).map_err(failed)?;
     let mut logs = converted.answer.inputs.iter().flat_map(|input| &input.files);
     if logs.any(|log| is_same(Path::new(log), &out)) {
         let text = format!("--output {}: is one of the logs; give another name", out.display());
@@ -65,6 +72,25 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
     })?;
     print(&out, &converted.answer);
     write_json(args.json.as_deref(), &converted.answer)
+}
+
+/// What a mapping reads outside of its own folder: a file of an input, or the folder of several.
+fn outside(mapping: &Mapping, files: &[Vec<PathBuf>]) -> Vec<Capability> {
+    let base = mapping.path.parent().unwrap_or(Path::new(""));
+    let mut found = Vec::new();
+    for (number, files) in files.iter().enumerate() {
+        let mut of_folder: BTreeMap<&Path, Vec<&PathBuf>> = BTreeMap::new();
+        for file in files {
+            of_folder.entry(file.parent().unwrap_or(Path::new(""))).or_default().push(file);
+        }
+        for (folder, files) in of_folder {
+            let asked = |path| Capability::of_file(format!("input[{number}].files"), path, base);
+            let mut outside = files.into_iter().filter_map(|file| asked(file));
+            let first = outside.next();
+            found.extend(if outside.next().is_some() { asked(folder).or(first) } else { first });
+        }
+    }
+    found
 }
 
 fn is_same(log: &Path, out: &Path) -> bool {

@@ -1,6 +1,6 @@
 //! `murmuration export`.
 
-use super::{Failure, TrustArgs};
+use super::{Failure, ReadArgs};
 use clap::Args;
 use export::{ExportError, ExportFormat};
 use std::path::PathBuf;
@@ -17,7 +17,7 @@ pub(super) struct ExportArgs {
     #[arg(long, value_name = "DIR", alias = "output")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    trust: TrustArgs,
+    read: ReadArgs,
 }
 
 /// Writes a run in the format of another program.
@@ -26,7 +26,7 @@ pub(super) fn export(args: &ExportArgs) -> Result<(), Failure> {
         let name = args.run.file_name().unwrap_or_default().to_string_lossy().into_owned();
         args.run.with_file_name(format!("{name}-{}", args.format.name()))
     });
-    let run = args.trust.open(&args.run)?;
+    let run = args.read.open(&args.run)?;
     let written = export::export(&run, args.format, &output).map_err(|error| match error {
         ExportError::NoTables { .. } | ExportError::Exists { .. } => Failure::request(error),
         ExportError::Recording(error) => Failure::of_reading(&error),

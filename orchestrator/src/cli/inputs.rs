@@ -1,15 +1,14 @@
 //! Reads the files that commands about measurements take, and prints what was read.
 
-use super::Failure;
 use super::search_log::SearchLog;
 use super::stop::Stopper;
-use clap::Args;
+use super::{Failure, ReadArgs};
 use diagnose::Observer;
 use diagnose::defects::MeasurementDefect;
 use diagnose::progress::SearchProgress;
+use experiment::{Consent, Overrides};
 use measure::DataError;
 use measure::config::Compared;
-use measure::memory::MemoryBudget;
 use measure::table::DataTable;
 use std::io::ErrorKind;
 use std::path::Path;
@@ -17,39 +16,35 @@ use study::StopFlag;
 use study::open::DataAccount;
 use terminal::{say, warn, warn_all};
 
-/// How much memory measurements may take while they are read.
-#[derive(Args, Clone, Copy)]
-pub(super) struct MemoryArgs {
-    /// Refuse a file of measurements that needs more memory than this to be read, as in 2GiB or 500MB
-    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
-    pub(super) memory_budget: MemoryBudget,
-}
-
-/// The configuration that is compared with measurements, with `--set` applied.
-pub(super) fn compared(path: &Path, set: &[String]) -> Result<Compared, Failure> {
+/// The configuration that is compared with measurements, with `--set` applied and the files that its radio names.
+pub(super) fn compared(path: &Path, set: &[String], consent: Consent) -> Result<Compared, Failure> {
     let text = experiment::text_of(path).map_err(Failure::request)?;
-    Compared::of_text(path, text, set).map_err(Failure::request)
+    let compared = Compared::of_text(path, text, set).map_err(Failure::request)?;
+    let overrides = Overrides { set: set.to_vec(), consent, ..Overrides::default() };
+    let base = path.parent().unwrap_or(Path::new(""));
+    let files = experiment::named_files(base, &compared.tree, "netsim.phy", &overrides)
+        .map_err(|problems| Failure::request(compared.refuse(problems)))?;
+    Ok(compared.with_files(files))
 }
 
 /// A configuration and a file of measurements.
 pub(super) fn files(
-    config: &Path,
-    set: &[String],
+    (config, set, consent): (&Path, &[String], Consent),
     data: &Path,
-    memory: MemoryArgs,
+    read: ReadArgs,
 ) -> Result<(Compared, DataTable), Failure> {
-    Ok((compared(config, set)?, table(data, memory)?))
+    Ok((compared(config, set, consent)?, table(data, read)?))
 }
 
 /// A file of measurements.
-pub(super) fn table(path: &Path, memory: MemoryArgs) -> Result<DataTable, Failure> {
-    DataTable::read(path, memory.memory_budget).map_err(|error| match error {
+pub(super) fn table(path: &Path, read: ReadArgs) -> Result<DataTable, Failure> {
+    DataTable::read(path, read.reading()).map_err(|error| match error {
         DataError::Read { path: read, source }
             if source.kind() == ErrorKind::NotFound && read == path =>
         {
             Failure::request(format!("{}: {}", path.display(), experiment::missing_file(path)))
         }
-        error => Failure::request(error),
+        error => Failure::of_data(&error),
     })
 }
 

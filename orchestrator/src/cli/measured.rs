@@ -91,20 +91,20 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
             consent: &data.allow.consent(),
             data: data.data(),
             heard,
-            budget: data.memory.memory_budget,
+            reading: data.read.reading(),
         };
         let found = task::split(&files, args.resimulation.asked())?;
         let found = NetworkAnswer::Task(&found);
         return args.write_network(found, &format!(" --heard {}", heard.display()));
     }
-    let (config, table) = inputs::files(&data.config, &data.set(), data.data(), data.memory)?;
+    let (config, table) = data.files()?;
     if packets::has_shape(&table).is_ok() {
         args.refuse_residuals("packets")?;
         let request = data.packet_request(&args.resimulation, &table)?;
         let links = match links {
             Some(path) => {
                 args.resimulation.needs_positions()?;
-                Some((inputs::table(path, data.memory)?, path))
+                Some((inputs::table(path, data.read)?, path))
             }
             None => None,
         };
@@ -139,7 +139,7 @@ const NO_FORMULA: &str = "--formula applies to measured links and robots only: t
 pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     let data = &args.data;
     let stopper = Stopper::listen(args.budget)?;
-    let (config, table) = inputs::files(&data.config, &data.set(), data.data(), data.memory)?;
+    let (config, table) = data.files()?;
     let subject = open::subject(&table);
     if let (Some(path), Ok(Subject::Robots) | Err(_)) = (&args.corrected_data, &subject) {
         return Err(Failure::request(format!(
@@ -259,12 +259,11 @@ pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
     let data = &args.data;
     if between.is_asked() {
         args.refuse_residuals("what changed between two files")?;
-        let found =
-            between.diagnose((&data.config, &data.set()), data.choices(), data.memory, &stopper)?;
+        let found = between.diagnose(data.compared()?, data.choices(), data.read, &stopper)?;
         args.write_between(&found, &between.words())?;
         return stopper.require_complete(found.complete);
     }
-    let (config, table) = inputs::files(&data.config, &data.set(), data.data(), data.memory)?;
+    let (config, table) = data.files()?;
     if packets::has_shape(&table).is_ok() {
         args.refuse_residuals("packets")?;
         let request = data.packet_request(&args.resimulation, &table)?;

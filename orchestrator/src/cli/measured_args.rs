@@ -3,10 +3,12 @@
 use super::arguments::{MOST_SEED, whole_number};
 use super::choice::ChoiceArgs;
 use super::foreign::{Foreign, ForeignArgs};
-use super::inputs::MemoryArgs;
+use super::inputs;
 use super::packets::ResimulationArgs;
 use super::stop::Stopper;
-use super::{AllowArgs, Failure, check_place, is_stdout, residuals, write_json, write_whole};
+use super::{
+    AllowArgs, Failure, ReadArgs, check_place, is_stdout, residuals, write_json, write_whole,
+};
 use clap::Args;
 use diagnose::Request;
 use diagnose::between::Between;
@@ -39,7 +41,7 @@ pub(super) struct DataArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = whole_number::<MOST_SEED>)]
     pub(super) seed: Option<u64>,
     #[command(flatten)]
-    pub(super) memory: MemoryArgs,
+    pub(super) read: ReadArgs,
     #[command(flatten)]
     pub(super) allow: AllowArgs,
     #[command(flatten)]
@@ -65,6 +67,16 @@ impl DataArgs {
     pub(super) fn set(&self) -> Vec<String> {
         let seed = self.seed.map(|seed| format!("experiment.seed={seed}"));
         self.set.iter().cloned().chain(seed).collect()
+    }
+
+    /// The configuration.
+    pub(super) fn compared(&self) -> Result<Compared, Failure> {
+        inputs::compared(&self.config, &self.set(), self.allow.consent())
+    }
+
+    /// The configuration and the measurements.
+    pub(super) fn files(&self) -> Result<(Compared, DataTable), Failure> {
+        Ok((self.compared()?, inputs::table(self.data(), self.read)?))
     }
 
     pub(super) fn choices(&self) -> Choices {
@@ -120,7 +132,12 @@ impl DataArgs {
     ) -> Result<PacketRequest, Failure> {
         self.foreign.refuse("packets")?;
         self.refuse_choices("packets")?;
-        resimulation.open(&self.config, (&self.set(), &self.allow.consent()), table)
+        resimulation.open(
+            &self.config,
+            (&self.set(), &self.allow.consent()),
+            table,
+            self.read.reading(),
+        )
     }
 }
 

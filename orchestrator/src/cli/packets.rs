@@ -6,6 +6,7 @@ use super::{Failure, write_json, write_whole};
 use clap::Args;
 use diagnose::{Effects, Stopped};
 use experiment::Consent;
+use input::Reading;
 use measure::config::Compared;
 use measure::table::DataTable;
 use network::comparison::NetworkComparison;
@@ -72,10 +73,11 @@ impl ResimulationArgs {
         config: &Path,
         (set, consent): (&[String], &Consent),
         table: &DataTable,
+        reading: Reading,
     ) -> Result<PacketRequest, Failure> {
         let positions = self.positions.as_deref();
         let until_s = self.until;
-        let files = PacketFiles { config, set, consent, table, positions, until_s };
+        let files = PacketFiles { config, set, consent, table, positions, until_s, reading };
         PacketRequest::open(&files, self.asked()).map_err(failure)
     }
 }
@@ -86,6 +88,7 @@ fn failure(error: PacketError) -> Failure {
         PacketError::Until { .. } => Failure::request(format!("--until {error}")),
         PacketError::TooFewSeeds { .. } => Failure::request(format!("--seeds {error}")),
         PacketError::Extend(_) | PacketError::Stopped(_) => Failure::work(error),
+        PacketError::Data(error) => Failure::of_data(&error),
         PacketError::File(_) | PacketError::Effect(_) | PacketError::Resimulation(_) => {
             Failure::request(error)
         }

@@ -2,9 +2,9 @@
 
 use super::arguments::whole_number;
 use super::choice::ChoiceArgs;
-use super::inputs::{self, MemoryArgs, Watching};
+use super::inputs::{self, Watching};
 use super::stop::{BudgetArgs, Stopper};
-use super::{Failure, check_json, write_json};
+use super::{AllowFileArgs, Failure, ReadArgs, check_json, write_json};
 use clap::Args;
 use diagnose::Request;
 use diagnose::power::{self, Question};
@@ -37,7 +37,9 @@ pub(super) struct PowerArgs {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     #[command(flatten)]
-    memory: MemoryArgs,
+    read: ReadArgs,
+    #[command(flatten)]
+    allow: AllowFileArgs,
     #[command(flatten)]
     choices: ChoiceArgs,
     #[command(flatten)]
@@ -51,7 +53,8 @@ pub(super) struct PowerArgs {
 pub(super) fn power(args: &PowerArgs) -> Result<(), Failure> {
     check_json(args.json.as_deref())?;
     let stopper = Stopper::listen(args.budget)?;
-    let (config, table) = inputs::files(&args.config, &args.set, &args.like, args.memory)?;
+    let model = (&*args.config, &*args.set, args.allow.consent());
+    let (config, table) = inputs::files(model, &args.like, args.read)?;
     let request = Request::new(&config, &table).with_choices(args.choices.choices());
     let question = Question {
         effect: &args.effect,

@@ -1,7 +1,7 @@
 //! `murmuration recover` and `murmuration reproduce`.
 
 use super::{
-    AllowArgs, Failure, StartOptions, TlsArgs, TrustArgs, check_json, on_runtime, write_json,
+    AllowArgs, Failure, ReadArgs, StartOptions, TlsArgs, check_json, on_runtime, write_json,
 };
 use clap::Args;
 use drive::private_folder::PrivateFolder;
@@ -34,7 +34,7 @@ pub(super) struct ReproduceArgs {
     #[command(flatten)]
     allow: AllowArgs,
     #[command(flatten)]
-    trust: TrustArgs,
+    read: ReadArgs,
     /// Keep the results of the new run in this folder [default: a temporary one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -76,7 +76,7 @@ pub(super) fn reproduce(args: &ReproduceArgs, start: StartOptions) -> Result<(),
         ..Overrides::default()
     };
     let screen = &mut Screen::default();
-    let folder = args.trust.open(&args.run)?;
+    let folder = args.read.open(&args.run)?;
     let answer = on_runtime(run::reproduce(&folder, out, &start, &overrides, screen))?
         .map_err(Failure::of_run)?;
     write_json(args.json.as_deref(), &answer)?;

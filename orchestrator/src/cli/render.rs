@@ -2,7 +2,7 @@
 
 use super::answer_file::Answer;
 use super::{
-    Failure, TrustArgs, check_json, check_place, place_for, replay, write_json, write_whole,
+    Failure, ReadArgs, check_json, check_place, place_for, replay, write_json, write_whole,
 };
 use clap::{ArgGroup, Args, ValueEnum};
 use numbers::format::{count, count_of, trimmed};
@@ -70,7 +70,7 @@ pub(super) struct RenderArgs {
     #[arg(long)]
     dark: bool,
     #[command(flatten)]
-    trust: TrustArgs,
+    read: ReadArgs,
 }
 
 /// What colours links.
@@ -149,7 +149,7 @@ impl RenderArgs {
 
     /// The run, with what was estimated of its place.
     fn open(&self) -> Result<RecordedRun, Failure> {
-        let mut run = replay::open(&self.trust.open(&self.run)?)?;
+        let mut run = replay::open(&self.read.open(&self.run)?)?;
         if let Some(path) = &self.diagnosis {
             run.add_estimates(&Answer::of_option(path)?.estimates());
         }

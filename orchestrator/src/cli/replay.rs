@@ -1,15 +1,14 @@
 //! `murmuration replay`.
 
 use super::answer_file::Answer;
-use super::inputs::MemoryArgs;
-use super::{Failure, TrustArgs, check_place, on_runtime, residuals, write_whole};
+use super::{Failure, ReadArgs, check_place, on_runtime, residuals, write_whole};
 use clap::Args;
 use record::result::ResultFolder;
 use run::interrupt::Interrupt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
-use terminal::say;
+use terminal::{complain, say};
 use view::page;
 use view::recorded::RecordedRun;
 use view::server::{RunSource, Server, Shown};
@@ -29,8 +28,6 @@ pub(super) struct ReplayArgs {
     /// each covariate
     #[arg(long, value_name = "FILE", requires = "diagnosis")]
     residuals: Option<PathBuf>,
-    #[command(flatten)]
-    memory: MemoryArgs,
     /// Write one HTML page that contains the recording and needs no server; - for standard output
     #[arg(long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -42,7 +39,7 @@ pub(super) struct ReplayArgs {
     #[arg(long, value_name = "PORT", conflicts_with = "output")]
     port: Option<u16>,
     #[command(flatten)]
-    trust: TrustArgs,
+    read: ReadArgs,
 }
 
 /// Shows recorded runs in a browser.
@@ -52,13 +49,13 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     }
     let folders = std::iter::once(&args.run).chain(&args.with);
     let mut runs: Vec<RecordedRun> =
-        folders.map(|folder| open(&args.trust.open(folder)?)).collect::<Result<_, _>>()?;
+        folders.map(|folder| open(&args.read.open(folder)?)).collect::<Result<_, _>>()?;
     let mut measurements = None;
     if let Some(path) = &args.diagnosis {
         let answer = Answer::of_option(path)?;
         // Of robots a row is a window of the track, of which an answer does not say how many there are.
         let n_rows = answer.is_of_links().then(|| answer.n_rows());
-        let read = |path: &Path| residuals::read(path, n_rows, answer.has_effects(), args.memory);
+        let read = |path: &Path| residuals::read(path, n_rows, answer.has_effects(), args.read);
         let rows = args.residuals.as_deref().map(read).transpose();
         let rows = rows.map_err(|problem| Failure::request(format!("--residuals {problem}")))?;
         let estimates = answer.estimates();
@@ -80,7 +77,7 @@ pub(super) fn replay(args: &ReplayArgs) -> Result<(), Failure> {
         return Ok(());
     }
     let runs: Vec<Arc<RecordedRun>> = runs.into_iter().map(Arc::new).collect();
-    runs.iter().for_each(RecordedRun::read_in_background);
+    runs.iter().for_each(|run| run.read_in_background(|failure: &str| complain(failure)));
     let shown = Shown::new(runs.into_iter().map(RunSource::Recorded).collect())
         .with_measurements(measurements);
     let serving = Serving::begin(args.port, &shown)?;
@@ -136,7 +133,7 @@ impl Serving {
     /// Shows a run that has ended, until someone presses Ctrl-C.
     pub(super) fn replay(self, shown: &Shown, folder: &Path) -> Result<(), Failure> {
         let run = Arc::new(open(&ResultFolder::unchecked(folder))?);
-        run.read_in_background();
+        run.read_in_background(|failure: &str| complain(failure));
         shown.replace(RunSource::Recorded(run));
         let words = format!("replay the run at {}; press Ctrl-C to end", self.url);
         self.until_interrupted(&words)

@@ -1,6 +1,6 @@
 //! `--residuals`: the residual of each measured row as CSV, for other programs and for the page that shows a run.
 
-use super::inputs::MemoryArgs;
+use super::ReadArgs;
 use diagnose::compare::explained;
 use diagnose::rows::{MeasuredRows, PredictedRows};
 use indexmap::IndexMap;
@@ -78,12 +78,12 @@ pub(super) fn read(
     path: &Path,
     n_rows: Option<usize>,
     has_effects: bool,
-    memory: MemoryArgs,
+    reading: ReadArgs,
 ) -> Result<view::MeasuredRows, String> {
     const GIVE: &str =
         "give the file that compare or diagnose wrote with --residuals beside this answer";
     let table =
-        DataTable::read(path, memory.memory_budget).map_err(|error| format!("{error}; {GIVE}"))?;
+        DataTable::read(path, reading.reading()).map_err(|error| format!("{error}; {GIVE}"))?;
     if let Some(n_rows) = n_rows.filter(|n_rows| *n_rows != table.n_rows()) {
         return Err(format!(
             "{}: has {} rows, but the answer was found from {n_rows}; {GIVE}",

@@ -1,8 +1,8 @@
 //! `murmuration simulate`: the campaign that a model would have measured.
 
 use super::arguments::whole_number;
-use super::inputs::{self, MemoryArgs};
-use super::{Failure, check_place, is_stdout, write_json, write_whole};
+use super::inputs;
+use super::{AllowFileArgs, Failure, ReadArgs, check_place, is_stdout, write_json, write_whole};
 use clap::Args;
 use diagnose::simulate::simulation::Simulation;
 use diagnose::simulate::{self, Simulated};
@@ -29,7 +29,9 @@ pub(super) struct SimulateArgs {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     #[command(flatten)]
-    memory: MemoryArgs,
+    read: ReadArgs,
+    #[command(flatten)]
+    allow: AllowFileArgs,
     /// Write a summary as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -46,7 +48,8 @@ pub(super) fn simulate(args: &SimulateArgs) -> Result<(), Failure> {
         )));
     }
     check_place("--output", &args.output)?;
-    let (config, table) = inputs::files(&args.config, &args.set, &args.like, args.memory)?;
+    let model = (&*args.config, &*args.set, args.allow.consent());
+    let (config, table) = inputs::files(model, &args.like, args.read)?;
     let simulated =
         simulate::simulate(&config, &table, args.seed, None).map_err(Failure::request)?;
     let content = content(ending, &simulated).map_err(Failure::work)?;

@@ -2,7 +2,7 @@
 
 use super::run::show_dry_run;
 use super::{
-    Failure, FileArgs, TrustArgs, check_json, check_place, is_stdout, on_runtime, write_json,
+    Failure, FileArgs, ReadArgs, check_json, check_place, is_stdout, on_runtime, write_json,
     write_whole,
 };
 use clap::Args;
@@ -262,7 +262,7 @@ pub(super) struct CompareRunsArgs {
     /// Folder of the second run or sweep
     b: PathBuf,
     #[command(flatten)]
-    trust: TrustArgs,
+    read: ReadArgs,
     /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -271,7 +271,7 @@ pub(super) struct CompareRunsArgs {
 /// `murmuration compare-runs`.
 pub(super) fn compare_runs(args: &CompareRunsArgs) -> Result<(), Failure> {
     let changes =
-        compare_runs::compare_runs(&args.a, &args.b, args.trust.trust()).map_err(|error| {
+        compare_runs::compare_runs(&args.a, &args.b, args.read.reading()).map_err(|error| {
             match error {
                 CompareRunsError::Unbelieved(_) => Failure::work(error),
                 other => Failure::request(other),

@@ -14,6 +14,7 @@ pub(super) fn split(
     let request = TaskRequest::open(files, asked).map_err(|error| match error {
         TaskError::TooFewSeeds { .. } => Failure::request(format!("--seeds {error}")),
         TaskError::From { .. } => Failure::request(format!("--from {error}")),
+        TaskError::Data(error) => Failure::of_data(&error),
         TaskError::File(_) => Failure::request(error),
     })?;
     network::task(&request, &Watching::new(None)).map_err(Failure::request).map(print_answer)

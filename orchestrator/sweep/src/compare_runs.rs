@@ -8,7 +8,8 @@ pub use runs_comparison::RunsComparison;
 pub use words::text;
 
 use crate::sweep_summary::MetricSpread;
-use record::result::{ResultError, Trust};
+use input::Reading;
+use record::result::ResultError;
 use rows::{Pairing, RunFolder};
 use runs_comparison::{Change, ChangedKey, SCHEMA, SettingComparison};
 use std::collections::BTreeMap;
@@ -62,8 +63,13 @@ pub enum CompareRunsError {
 /// # Errors
 ///
 /// See [`CompareRunsError`].
-pub fn compare_runs(a: &Path, b: &Path, trust: Trust) -> Result<RunsComparison, CompareRunsError> {
-    let (found_a, found_b) = (rows::find(a, trust)?, rows::find(b, trust)?);
+pub fn compare_runs(
+    a: &Path,
+    b: &Path,
+    reading: impl Into<Reading>,
+) -> Result<RunsComparison, CompareRunsError> {
+    let reading = reading.into();
+    let (found_a, found_b) = (rows::find(a, reading)?, rows::find(b, reading)?);
     let Pairing { groups, warnings } = rows::pair([a, b], [&found_a, &found_b])?;
     let figures = figures(&found_a, &found_b);
     let settings = groups.iter().map(|(id, pairs)| SettingComparison {

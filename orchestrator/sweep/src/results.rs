@@ -10,6 +10,7 @@ use numbers::format::number;
 use numbers::statistics::range;
 use proto::config::most_similar;
 use record::result::{PROVENANCE_FILE, ResultFolder, Trust};
+use record::run_summary::RunSummary;
 use record::{RecordError, fingerprint, forget_progress, pretty};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -36,7 +37,7 @@ pub(super) fn kept_runs(dir: &Path) -> PathBuf {
 /// Whether all is there that a trial left: it is the run of which the row is.
 pub(super) fn is_kept(dir: &Path, plan: &SweepPlan, trial: SweepTrial, row: &TrialRow) -> bool {
     let run = kept_runs(dir).join(plan.trial_name(trial));
-    let summary = ResultFolder::open(&run, Trust::Checked).and_then(|run| run.summary());
+    let summary = ResultFolder::open(&run, Trust::Checked).and_then(|run| RunSummary::of(&run));
     summary.is_ok_and(|summary| summary.final_digest == row.digest)
 }
 

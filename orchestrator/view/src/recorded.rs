@@ -10,12 +10,12 @@ use metrics::period::Period;
 use prost::Message as _;
 use proto::exchange::Configured;
 use proto::types::{Coupling, MovedObstacle};
-use record::StepRecord;
 use record::periods::Periods;
 use record::random_access::Recording;
 use record::read::ReadError;
 use record::result::{ResultError, ResultFolder};
 use record::run_summary::RunSummary;
+use record::{LOG_FILE, StepRecord};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -55,7 +55,7 @@ impl RecordedRun {
     ///
     /// No such file, not a complete recording, or one that was changed.
     pub fn open(folder: &ResultFolder) -> Result<Self, ReadError> {
-        let recording = folder.recording()?;
+        let recording = Recording::of(folder)?;
         let name = folder.path().file_name().map(|name| name.to_string_lossy().into_owned());
         let configured = run_of(&name.unwrap_or_default(), recording.configured());
         let run = view::Run {
@@ -97,14 +97,15 @@ impl RecordedRun {
         self.configured().robots_request.experiment.coupling
     }
 
-    /// Reads the whole recording in a thread, for its overview.
-    pub fn read_in_background(self: &Arc<Self>) {
+    /// Reads the whole recording in a thread, for its overview. If that fails, the page is told when it asks, and `tell` at once.
+    pub fn read_in_background(self: &Arc<Self>, tell: impl FnOnce(&str) + Send + 'static) {
         let run = Arc::clone(self);
         // Without the thread there is no overview: the page says how far it reaches.
         let _ = std::thread::Builder::new().name("overview".to_owned()).spawn(move || {
             if let Err(error) = run.read_overview() {
-                run.scan.lock().unwrap_or_else(PoisonError::into_inner).failure =
-                    Some(error.to_string());
+                let failure = error.to_string();
+                tell(&failure);
+                run.scan.lock().unwrap_or_else(PoisonError::into_inner).failure = Some(failure);
             }
         });
     }
@@ -142,9 +143,10 @@ impl RecordedRun {
                 refreshed = Instant::now();
             }
         }
+        // What no step needed. The page asks no more once the overview is complete.
+        self.folder.check(LOG_FILE).map_err(unbelieved)?;
         self.publish(&overview.overview(true));
-        // What no step needed.
-        self.folder.check_recording().map_err(unbelieved)
+        Ok(())
     }
 
     fn publish(&self, overview: &view::Overview) {
@@ -269,7 +271,7 @@ fn seed_of(folder: &ResultFolder) -> Result<Option<u64>, ReadError> {
     if !folder.has(RunSummary::FILE) {
         return Ok(None);
     }
-    folder.summary().map(|summary| Some(summary.seed)).map_err(unbelieved)
+    RunSummary::of(folder).map(|summary| Some(summary.seed)).map_err(unbelieved)
 }
 
 /// Makes frames of steps that follow each other.

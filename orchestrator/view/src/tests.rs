@@ -324,3 +324,23 @@ fn steps_that_a_resumed_run_takes_again_are_shown_once() {
     let alive = overview.series.iter().find(|series| series.name == "n_alive").unwrap();
     assert_eq!(alive.time_s, [0.1, 0.2, 0.3, 0.4]);
 }
+
+#[test]
+fn damage_that_is_found_in_the_background_is_told_and_shown() {
+    let (out, run) = recorded(Coupling::Sequential, STEPS);
+    let file = out.path().join("run/run.mcap");
+    let mut bytes = std::fs::read(&file).unwrap();
+    // Of the magic number at the end, which no step needs.
+    *bytes.last_mut().unwrap() ^= 4;
+    std::fs::write(&file, bytes).unwrap();
+    let run = Arc::new(run);
+    let (tell, told) = std::sync::mpsc::channel();
+    run.read_in_background(move |failure| tell.send(failure.to_owned()).unwrap());
+    let told = told.recv_timeout(Duration::from_secs(60)).unwrap();
+    assert!(told.contains("run.mcap: bytes 0 to ") && told.contains("--unverified"), "{told}");
+    let shown = (0..600).find_map(|_| {
+        std::thread::sleep(Duration::from_millis(100));
+        run.overview().err()
+    });
+    assert_eq!(shown, Some(told));
+}

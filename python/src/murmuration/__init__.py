@@ -97,52 +97,60 @@ def sweep(
 
 def compare(
     config: Config, data: Any, seed: int | None = None, *, memory_budget: str | None = None,
-    progress: bool | None = None, **overrides: Any,
+    allow_file: Paths = (), unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Measures how large the error of a model is on measurements, and under which conditions. `data`: a file or a data frame.
 
-    `memory_budget` is how much memory the measurements may take while they are read, such as "2GiB"; 1 GiB by default.
+    `memory_budget` is how much memory the measurements may take while they are read, such as "2GiB"; 1 GiB by default. `allow_file`
+    is that of `run`. `unverified` reads measurements that are a result although their files were changed.
     """
-    return _about("compare", config, data, [*_seed(seed), *_option("--memory-budget", memory_budget)], overrides, progress)
+    return _about("compare", config, data, [*_seed(seed), *_reading(memory_budget, allow_file, unverified)], overrides, progress)
 
 
 def diagnose(
     config: Config, data: Any, seed: int | None = None, *, budget_s: float | None = None, memory_budget: str | None = None,
-    progress: bool | None = None, **overrides: Any,
+    allow_file: Paths = (), unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Finds the physical effects that a model lacks, from measurements. `budget_s` limits the time it may take."""
-    options = [*_seed(seed), *_option("--budget", budget_s), *_option("--memory-budget", memory_budget)]
+    options = [*_seed(seed), *_option("--budget", budget_s), *_reading(memory_budget, allow_file, unverified)]
     return _about("diagnose", config, data, options, overrides, progress)
 
 
 def extend(
     config: Config, data: Any, output: str | os.PathLike[str], *, effect: str | None = None, all: bool = False,  # noqa: A002
-    seed: int | None = None, memory_budget: str | None = None, progress: bool | None = None, **overrides: Any,
+    seed: int | None = None, memory_budget: str | None = None, allow_file: Paths = (),
+    unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Fits a missing effect to measurements and writes the configuration with it to `output`."""
     options = [*_seed(seed), *_option("--effect", effect), *_flag("--all", all), "--output", os.fspath(output)]
-    options += _option("--memory-budget", memory_budget)
+    options += _reading(memory_budget, allow_file, unverified)
     return _about("extend", config, data, options, overrides, progress)
 
 
 def simulate(
     config: Config, like: Any, output: str | os.PathLike[str], seed: int | None = None, *, memory_budget: str | None = None,
-    progress: bool | None = None, **overrides: Any,
+    allow_file: Paths = (), unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Simulates a measurement campaign with the times, places and commands of `like`, and writes it to `output` (CSV)."""
-    options = ["--output", output, *_seed(seed), *_option("--memory-budget", memory_budget)]
+    options = ["--output", output, *_seed(seed), *_reading(memory_budget, allow_file, unverified)]
     with config_file(config) as path, table_file(like) as table:
         return _answer(["simulate", path, "--like", table, *options, *settings(overrides)], progress)
 
 
 def power(
     config: Config, like: Any, effect: str, *, campaigns: int | None = None, seed: int | None = None,
-    memory_budget: str | None = None, progress: bool | None = None, **overrides: Any,
+    memory_budget: str | None = None, allow_file: Paths = (),
+    unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
     """Estimates how large an effect must be for a campaign like `like` to detect it."""
-    options = ["--effect", effect, *_option("--campaigns", campaigns), *_seed(seed), *_option("--memory-budget", memory_budget)]
+    options = ["--effect", effect, *_option("--campaigns", campaigns), *_seed(seed), *_reading(memory_budget, allow_file, unverified)]
     with config_file(config) as path, table_file(like) as table:
         return _answer(["power", path, "--like", table, *options, *settings(overrides)], progress)
+
+
+def _reading(memory_budget: str | None, allow_file: Paths, unverified: bool) -> list[str]:
+    options = [*_option("--memory-budget", memory_budget), *_flag("--unverified", unverified)]
+    return options + _allowed(False, allow_file, ())
 
 
 def _about(

@@ -67,6 +67,7 @@ def call(arguments: Sequence[str | os.PathLike[str]], progress: bool | None = No
     if child.returncode != 0:
         kind = InvalidInput if child.returncode == 2 else MurmurationError
         said = said.strip().replace("with --allow-command", "with allow_command=True")
+        said = said.replace("give --unverified", "give unverified=True")
         said = re.sub(r"with --allow-(file|url) '?([^'\n]+)'?", r"with allow_\1='\2'", said)
         raise kind(said or printed.strip() or f"{' '.join(command)} ended with exit status {child.returncode}")
     if said.strip() and not quiet:

@@ -143,23 +143,30 @@ def read_bag(
     return table_of(_columns(runs))
 
 
-def convert(mapping: Config, *, memory_budget: str | None = None) -> Any:
+def convert(
+    mapping: Config, *, allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (), memory_budget: str | None = None,
+) -> Any:
     """A table of links, robots or packets from logs, by a mapping: a TOML file, or a dictionary of the same form (docs/mapping.md).
 
         importers.convert({"table": "packets", "input": [{"files": "root.log.gz", "format": "openwsn-packets"}]})
         importers.convert({"table": "robots", "input": [{"files": frame, "columns": {"time_s": "t", "x_m": "x", …}}]})
 
-    In a dictionary, `files` may be a data frame of polars or pandas, and paths are relative to the working directory.
+    In a dictionary, `files` may be a data frame of polars or pandas, and paths are relative to the working directory. A mapping file
+    may name logs in its own folder; `allow_file` are others that it may read, or folders with all that is in them.
     Rows that cannot be used are counted by reason on standard error. `memory_budget` is how much memory the logs may take while
     they are read, such as "2GiB"; 1 GiB by default.
     """
     with contextlib.ExitStack() as stack:
         if isinstance(mapping, Mapping):
             mapping = {**mapping, "input": [_with_file(stack, one) for one in mapping.get("input", [])]}
+            # Paths that this program says need no other consent.
+            allow_file = "/"
         path = stack.enter_context(config_file(mapping))
         output = stack.enter_context(private_folder()) / "table.parquet"
+        files = [allow_file] if isinstance(allow_file, str | os.PathLike) else allow_file
+        allowed = [word for file in files for word in ("--allow-file", os.fspath(file))]
         budget = [] if memory_budget is None else ["--memory-budget", memory_budget]
-        call(["convert", path, "--output", output, *budget])
+        call(["convert", path, "--output", output, *allowed, *budget])
         return read_table(output)
 
 

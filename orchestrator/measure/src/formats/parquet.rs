@@ -3,39 +3,36 @@
 //! A column is read by itself, and before it is the headers of its pages, which say what memory it needs. A column that holds no numbers
 //! is read only if its name has a meaning.
 
-mod pages;
-
 use super::Format;
 use crate::DataError;
 use crate::memory::Memory;
 use crate::table::{CELL_BYTES, DataTable};
 use crate::{links, packets, robots};
+use input::checked::CheckedFile;
+use input::pages;
+use input::table::in_words;
 use parquet::basic::{ConvertedType, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, DataType};
-use parquet::file::metadata::ColumnChunkMetaData;
-use parquet::file::reader::{FileReader as _, SerializedFileReader};
+use parquet::file::reader::{FileReader as _, Length as _, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 use proto::bounds::{CELLS, ROWS, TABLE_BYTES};
-use std::fs::File;
-use std::io::{BufReader, Read as _, Seek as _, SeekFrom};
+use std::io::{BufReader, Seek as _, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// The format. It is read by place, not from beginning to end.
-#[expect(clippy::disallowed_methods, reason = "the file is opened again, to be read by place")]
 pub const FORMAT: Format = Format {
     name: "Parquet",
     recognises: |_, begin| begin.starts_with(b"PAR1"),
     read: |path, content| {
-        let file =
-            File::open(path).map_err(|source| DataError::Read { path: path.to_owned(), source })?;
-        read_or_refuse(path, file, content.uncounted().1)
+        let (file, memory) = content.by_place(path)?;
+        read_or_refuse(path, file, memory)
     },
 };
 
 /// Reads a file. The library panics on some that are damaged.
-fn read_or_refuse(path: &Path, file: File, memory: Memory) -> Result<DataTable, DataError> {
+fn read_or_refuse(path: &Path, file: CheckedFile, memory: Memory) -> Result<DataTable, DataError> {
     let refused = |message: String| DataError::Format { path: path.to_owned(), message };
     let table = catch_unwind(AssertUnwindSafe(|| read(file, memory).map_err(refused)));
     let table = table.unwrap_or_else(|_| {
@@ -44,18 +41,16 @@ fn read_or_refuse(path: &Path, file: File, memory: Memory) -> Result<DataTable, 
     Ok(DataTable { path: path.to_owned(), first_line: 1, ..table })
 }
 
-/// What a byte of the description at the end of a file takes in memory, at most.
-const DESCRIPTION: u64 = 32;
 /// So many values are decoded at a time.
 const BATCH: usize = 1024;
 
-fn read(file: File, mut memory: Memory) -> Result<DataTable, String> {
+fn read(file: CheckedFile, mut memory: Memory) -> Result<DataTable, String> {
     let words = |error: std::io::Error| error.to_string();
-    let length = file.metadata().map_err(words)?.len();
-    let mut pages = BufReader::new(file.try_clone().map_err(words)?);
-    let described = DESCRIPTION * description_length(&mut pages, length).map_err(words)?;
+    let length = file.len();
+    let mut pages = BufReader::new(file.clone());
+    let described = pages::memory_of_description(&mut pages, length).map_err(words)?;
     memory.take(described, "the description at its end")?;
-    let reader = SerializedFileReader::new(file).map_err(|error| error.to_string())?;
+    let reader = SerializedFileReader::new(file).map_err(|error| in_words(&error))?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let names: Vec<String> = schema.columns().iter().map(|column| column.path().string()).collect();
     let n_all = u64::try_from(reader.metadata().file_metadata().num_rows())
@@ -64,7 +59,7 @@ fn read(file: File, mut memory: Memory) -> Result<DataTable, String> {
     let n_cells = n_all.saturating_mul(names.len() as u64);
     CELLS.check(n_cells)?;
     for column in reader.metadata().row_groups().iter().flat_map(|group| group.columns()) {
-        check_place(column, length)?;
+        pages::check_place(column, length)?;
     }
     let nested =
         |column: &&ColumnDescriptor| 1 < column.path().parts().len() || 0 < column.max_rep_level();
@@ -83,7 +78,7 @@ fn read(file: File, mut memory: Memory) -> Result<DataTable, String> {
 
     let mut table = DataTable::with_columns(names, memory)?;
     for group in 0..reader.num_row_groups() {
-        let group = reader.get_row_group(group).map_err(|error| error.to_string())?;
+        let group = reader.get_row_group(group).map_err(|error| in_words(&error))?;
         let n_rows = usize::try_from(group.metadata().num_rows());
         let n_rows = n_rows.map_err(|_| "has less than 0 rows in a part: it is damaged")?;
         if n_all < (table.n_rows as u64).saturating_add(n_rows as u64) {
@@ -98,7 +93,7 @@ fn read(file: File, mut memory: Memory) -> Result<DataTable, String> {
             let needed = pages::memory_of(&mut pages, chunk.byte_range().1, is_text);
             let needed = needed.map_err(|error| failed(error.to_string()))?;
             table.memory.take(needed.total(), format_args!("a page of the column {name}"))?;
-            let reader = group.get_column_reader(column).map_err(|error| error.to_string())?;
+            let reader = group.get_column_reader(column).map_err(|error| in_words(&error))?;
             add(&mut table, column, n_rows, reader, chunk.column_descr()).map_err(failed)?;
             table.memory.release(needed.total());
         }
@@ -112,29 +107,6 @@ fn read(file: File, mut memory: Memory) -> Result<DataTable, String> {
     }
     table.strange.sort();
     Ok(table)
-}
-
-/// The length of the description of the columns, as the end of the file states it.
-fn description_length(content: &mut BufReader<File>, length: u64) -> std::io::Result<u64> {
-    // Four bytes, and a magic number of four.
-    let Some(at) = length.checked_sub(8) else { return Ok(0) };
-    content.seek(SeekFrom::Start(at))?;
-    let mut stated = [0; 4];
-    content.read_exact(&mut stated)?;
-    Ok(u32::from_le_bytes(stated).into())
-}
-
-/// Refuses a column that does not lie in the file.
-fn check_place(column: &ColumnChunkMetaData, length: u64) -> Result<(), String> {
-    let start = column.dictionary_page_offset().unwrap_or(column.data_page_offset());
-    let place = [start, column.data_page_offset(), column.compressed_size()].map(u64::try_from);
-    match place {
-        [Ok(start), Ok(_), Ok(size)] if start.saturating_add(size) <= length => Ok(()),
-        _ => {
-            let message = format!("the column {} lies outside the file", column.column_path());
-            Err(format!("{message}: it is damaged"))
-        }
-    }
 }
 
 /// Whether a column has numbers or truth values.
@@ -204,7 +176,7 @@ fn add_values<T: DataType>(
         levels.clear();
         let most = BATCH.min(end - row);
         let read = from.read_records(most, Some(&mut levels), None, &mut values);
-        let (n_read, n_values, _) = read.map_err(|error| error.to_string())?;
+        let (n_read, n_values, _) = read.map_err(|error| in_words(&error))?;
         if n_read == 0 {
             return Err("has fewer rows than the file: it is damaged".to_owned());
         }

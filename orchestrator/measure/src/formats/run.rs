@@ -4,6 +4,8 @@ use super::Format;
 use crate::DataError;
 use crate::memory::Memory;
 use crate::table::{CELL_BYTES, DataTable};
+use input::Reading;
+use input::result::ResultFolder;
 use numbers::power::square;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,7 +14,7 @@ use std::path::Path;
 pub const FORMAT: Format = Format {
     name: "the folder of a run",
     recognises: |path, _| path.is_dir(),
-    read: |path, content| links(path, content.uncounted().1),
+    read: |path, content| links(path, content.reading(), content.uncounted().1),
 };
 
 /// Memory of a row that is made (bytes): 13 numbers and its place.
@@ -25,8 +27,8 @@ const BYTES_OF_STEP: usize = 4 * CELL_BYTES;
 ///
 /// # Errors
 ///
-/// The folder is no run's, or its links were not recorded.
-fn links(folder: &Path, mut memory: Memory) -> Result<DataTable, DataError> {
+/// The folder is no run's, its links were not recorded, or its files are not what the run wrote.
+fn links(folder: &Path, reading: Reading, mut memory: Memory) -> Result<DataTable, DataError> {
     let format = |message: String| DataError::Format { path: folder.to_owned(), message };
     for name in ["links.parquet", "steps.parquet"] {
         if !folder.join(name).is_file() {
@@ -36,11 +38,12 @@ fn links(folder: &Path, mut memory: Memory) -> Result<DataTable, DataError> {
             )));
         }
     }
-    let links = DataTable::read(&folder.join("links.parquet"), memory.left())?;
+    let run = &ResultFolder::open(folder, reading)?;
+    let links = DataTable::of_result(run, "links.parquet", memory.left())?;
     let n_links = links.n_rows();
     let what = format_args!("{n_links} rows of links, and the places of their ends");
     memory.take(2 * links.n_bytes() + (BYTES_OF_ROW * n_links) as u64, what).map_err(format)?;
-    let steps = DataTable::read(&folder.join("steps.parquet"), memory.left())?;
+    let steps = DataTable::of_result(run, "steps.parquet", memory.left())?;
     let of_steps = 2 * steps.n_bytes() + (BYTES_OF_STEP * steps.n_rows()) as u64;
     memory.take(of_steps, what).map_err(format)?;
     let column = |table: &'_ DataTable, name: &str| -> Result<Vec<f64>, DataError> {
@@ -111,7 +114,7 @@ fn links(folder: &Path, mut memory: Memory) -> Result<DataTable, DataError> {
     columns.push(("received", picked(&received)));
     let (names, columns) = columns.into_iter().map(|(name, c)| (name.to_owned(), c)).unzip();
     let mut table = DataTable::of_columns(names, columns);
-    table.path = folder.to_owned();
+    folder.clone_into(&mut table.path);
     table.sha256 = links.sha256;
     Ok(table)
 }

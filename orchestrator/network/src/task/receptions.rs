@@ -1,7 +1,9 @@
 //! Who heard whom, and when: as it was measured, or as a network would have had it. What was said is not part of it.
 
 use bytes::Bytes;
-use measure::memory::MemoryBudget;
+use input::Reading;
+use input::result::ResultFolder;
+use measure::DataError;
 use measure::table::DataTable;
 use measure::{links, packets};
 use proto::bounds::DESCRIPTION_BYTES;
@@ -49,22 +51,22 @@ impl Receptions {
     ///
     /// # Errors
     ///
-    /// It cannot be read, or does not say who heard whom and when, in words for its author.
+    /// It cannot be read, does not say who heard whom and when, or is of a result and not what the run wrote.
     pub fn read(
         path: &Path,
         n_agents: usize,
         from_s: f64,
-        budget: MemoryBudget,
-    ) -> Result<Self, String> {
-        let file = if path.is_dir() {
-            is_whole(path)?;
-            path.join("links.parquet")
+        reading: Reading,
+    ) -> Result<Self, DataError> {
+        let table = if path.is_dir() {
+            let run = ResultFolder::open(path, reading)?;
+            is_whole(&run)?;
+            DataTable::of_result(&run, "links.parquet", reading.budget)?
         } else {
-            path.to_owned()
+            DataTable::read(path, reading)?
         };
-        let table = DataTable::read(&file, budget).map_err(|error| error.to_string())?;
         Self::of_table(&table, n_agents, from_s)
-            .map_err(|error| format!("{}: {error}", file.display()))
+            .map_err(|message| DataError::Format { path: table.path.clone(), message })
     }
 
     /// The same of a table.
@@ -235,25 +237,19 @@ pub(super) fn collect(
 }
 
 /// Refuses a run that has kept only some of what was heard.
-#[expect(
-    clippy::disallowed_methods,
-    reason = "what a run has kept is in the configuration beside its tables"
-)]
-fn is_whole(run: &Path) -> Result<(), String> {
-    let text = std::fs::File::open(run.join("config.toml"))
-        .and_then(|file| DESCRIPTION_BYTES.read_text(file))
-        .map_err(|error| format!("{}: {error}", run.join("config.toml").display()))?;
+fn is_whole(run: &ResultFolder) -> Result<(), DataError> {
+    let text = run.text(&DESCRIPTION_BYTES, "config.toml")?;
     let config: toml::Table = text.parse().unwrap_or_default();
     let output = config.get("output").and_then(toml::Value::as_table);
     let setting = |key: &str| output.and_then(|output| output.get(key));
     let links = setting("links").and_then(toml::Value::as_str).unwrap_or("heard");
     let every = setting("every_steps").and_then(toml::Value::as_integer).unwrap_or(1);
     if !["heard", "all"].contains(&links) || every != 1 {
-        return Err(format!(
-            "{}: the run did not record all receptions (output.links = {links:?}, every_steps = {every}); record it with \
-             links = \"heard\" and every_steps = 1",
-            run.display()
-        ));
+        let message = format!(
+            "the run did not record all receptions (output.links = {links:?}, every_steps = {every}); record it with \
+             links = \"heard\" and every_steps = 1"
+        );
+        return Err(DataError::Format { path: run.path().to_owned(), message });
     }
     Ok(())
 }

@@ -9,9 +9,10 @@ use crate::resimulate::{Resimulation, ResimulationError};
 use crate::tracks::Tracks;
 use diagnose::Observer;
 use experiment::{Consent, Overrides};
+use input::Reading;
+use measure::DataError;
 use measure::account::DataAccount;
 use measure::config::Compared;
-use measure::memory::MemoryBudget;
 use measure::table::DataTable;
 use std::path::Path;
 use study::open;
@@ -30,8 +31,8 @@ pub struct TaskFiles<'a> {
     pub data: &'a Path,
     /// Receptions: which robot received a message of which, and when.
     pub heard: &'a Path,
-    /// How much memory each file of measurements may take while it is read.
-    pub budget: MemoryBudget,
+    /// How files of measurements are read.
+    pub reading: Reading,
 }
 
 /// A measured swarm, and the experiment that is compared with it.
@@ -53,6 +54,9 @@ pub enum TaskError {
     /// One of the files cannot be used.
     #[error("{0}")]
     File(String),
+    /// A file of measurements cannot be used.
+    #[error(transparent)]
+    Data(#[from] DataError),
     /// The seeds cannot tell a part of the error from chance.
     #[error(
         "{seeds}: must be at least {FEWEST_PACKETS_SEEDS}; with fewer seeds no part of the error can be significant"
@@ -90,12 +94,10 @@ impl TaskRequest {
             .map_err(|error| file(&error))?;
         let compared =
             Compared::of_text(files.config, text, files.set).map_err(|error| file(&error))?;
-        let (tracks, table) =
-            Tracks::with_table(files.data, files.budget).map_err(|error| file(&error))?;
+        let (tracks, table) = Tracks::with_table(files.data, files.reading)?;
         let tracks = tracks.since(from_s).map_err(|reason| TaskError::From { from_s, reason })?;
         let n_agents = plan.experiment.agent_count;
-        let heard = Receptions::read(files.heard, n_agents, from_s, files.budget)
-            .map_err(|error| file(&error))?;
+        let heard = Receptions::read(files.heard, n_agents, from_s, files.reading)?;
         let resimulation = Resimulation::of_task(plan, tracks.clone())
             .map_err(|error| TaskError::File(format!("{}: {error}", files.config.display())))?;
         let sd_m = open::localization_sd_m(&compared);

@@ -4,12 +4,12 @@ use super::{CompareRunsError, Pair};
 use crate::sweep_summary::SCHEMA;
 use crate::table::{CASE, SEED, SETTING, STATUS};
 use crate::{TABLE_FILE, figures};
+use input::Reading;
+use input::table::Table;
 use metrics::figures::FigureValue;
-use parquet::errors::ParquetError;
-use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::record::Field;
 use proto::bounds::DESCRIPTION_BYTES;
-use record::result::{CheckedFile, ResultError, ResultFolder, Trust};
+use record::result::{ResultError, ResultFolder};
 use record::run_summary::RunSummary;
 use record::{SCHEMA_PREFIX, Status, Tagged};
 use std::collections::{BTreeMap, BTreeSet};
@@ -37,16 +37,19 @@ struct RunRow {
 }
 
 /// Reads a folder.
-pub(super) fn find(path: &Path, trust: Trust) -> Result<RunFolder, CompareRunsError> {
+pub(super) fn find(path: &Path, reading: Reading) -> Result<RunFolder, CompareRunsError> {
     let wrong = |reason: String| CompareRunsError::Folder { path: path.to_owned(), reason };
     let foreign = |error: &dyn Display| {
         let hint = "is not the folder of a run or of a finished sweep";
         wrong(format!("{hint} (summary.json: {error})"))
     };
-    let found = ResultFolder::unchecked(path);
-    let text = found.bytes(&DESCRIPTION_BYTES, RunSummary::FILE).map_err(|error| match error {
+    let folder = ResultFolder::open(path, reading).map_err(|error| {
+        let is_result = path.join(RunSummary::FILE).is_file();
+        if is_result { CompareRunsError::Unbelieved(error) } else { foreign(&error) }
+    })?;
+    let text = folder.bytes(&DESCRIPTION_BYTES, RunSummary::FILE).map_err(|error| match error {
         ResultError::Read { source, .. } => foreign(&source),
-        error => foreign(&error),
+        error => CompareRunsError::Unbelieved(error),
     })?;
     let Tagged { schema } = serde_json::from_slice(&text).map_err(|error| foreign(&error))?;
     if schema != SCHEMA && !schema.starts_with(SCHEMA_PREFIX) {
@@ -54,15 +57,12 @@ pub(super) fn find(path: &Path, trust: Trust) -> Result<RunFolder, CompareRunsEr
             "summary.json has the schema {schema:?}, which is neither that of a run nor that of a sweep"
         )));
     }
-    let folder = ResultFolder::open(path, trust)?;
-    let text = folder.bytes(&DESCRIPTION_BYTES, RunSummary::FILE)?;
     let config = |name: &str| -> Result<toml::Table, CompareRunsError> {
         let text = folder.text(&DESCRIPTION_BYTES, name)?;
         text.parse().map_err(|error: toml::de::Error| wrong(format!("{name}: {error}")))
     };
     if schema == SCHEMA {
-        let (figures, rows) = rows_of(&folder.table(TABLE_FILE)?)
-            .map_err(|why| wrong(format!("{TABLE_FILE}: {why}")))?;
+        let (figures, rows) = rows_of(&folder.table(TABLE_FILE)?, &folder)?;
         Ok(RunFolder { config: config("sweep.toml")?, figures, rows, is_run: false })
     } else {
         let summary: RunSummary = serde_json::from_slice(&text).map_err(|error| foreign(&error))?;
@@ -86,18 +86,27 @@ pub(super) fn find(path: &Path, trust: Trust) -> Result<RunFolder, CompareRunsEr
     }
 }
 
+/// Memory of a field of a trial beside its name and text: its place in a map (bytes).
+const BYTES_OF_FIELD: usize = 64;
+
 /// The figures and the rows of the table of a sweep.
 fn rows_of(
-    reader: &SerializedFileReader<CheckedFile>,
-) -> Result<(Vec<String>, Vec<RunRow>), ParquetError> {
+    table: &Table,
+    folder: &ResultFolder,
+) -> Result<(Vec<String>, Vec<RunRow>), ResultError> {
     let mut names = Vec::new();
     let mut rows = Vec::new();
-    for row in reader.get_row_iter(None)? {
-        let row = row?;
+    let mut memory = table.memory();
+    table.each_row(|row| {
         let mut found =
             RunRow { id: BTreeMap::new(), seed: 0, is_complete: false, values: BTreeMap::new() };
         let mut is_figure = false;
         for (name, field) in row.get_column_iter() {
+            let text = if let Field::Str(text) = field { text.len() } else { 0 };
+            let what = format_args!("{} trials", rows.len() + 1);
+            memory.take((BYTES_OF_FIELD + name.len() + text) as u64, what).map_err(|message| {
+                ResultError::Format { path: folder.path().join(TABLE_FILE), message }
+            })?;
             match (name.as_str(), field) {
                 (SEED, Field::ULong(seed)) => found.seed = *seed,
                 (STATUS, Field::Str(status)) => {
@@ -120,14 +129,14 @@ fn rows_of(
             }
         }
         rows.push(found);
-    }
-    let columns = reader.metadata().file_metadata().schema_descr();
+        Ok::<(), ResultError>(())
+    })?;
     let mut is_figure = false;
-    for column in columns.columns() {
+    for column in table.columns() {
         if is_figure {
-            names.push(column.name().to_owned());
+            names.push(column.to_owned());
         }
-        is_figure |= column.name() == STATUS;
+        is_figure |= column == STATUS;
     }
     Ok((names, rows))
 }

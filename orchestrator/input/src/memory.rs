@@ -1,18 +1,18 @@
-//! How much memory reading measurements may take.
+//! How much memory reading may take.
 //!
-//! Every reader gets its bytes through [`Content`](crate::formats::Content), which carries the account. A reader that does not count what it
-//! keeps is charged for every byte that it reads; one that counts takes the bytes uncharged, with the account.
+//! A reader of measurements gets its bytes with an account. One that does not count what it keeps is charged for every byte that it
+//! reads; one that counts takes the bytes uncharged, with the account.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// The most memory (bytes) that one table of measurements may take, and what is read from it.
+/// The most memory (bytes) that one table may take, and what is read from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct MemoryBudget(pub u64);
 
 /// What a reader is charged for each byte of text that it reads and does not count: a number and its separator are two bytes at
 /// least, and eight in memory.
-pub(crate) const UNCOUNTED: u64 = 4;
+pub const UNCOUNTED: u64 = 4;
 
 const UNITS: [(&str, u64); 7] = [
     ("TiB", 1 << 40),
@@ -75,7 +75,7 @@ impl Memory {
     }
 
     /// For what is at hand already.
-    pub(crate) const UNLIMITED: Self = Self { budget: MemoryBudget(u64::MAX), taken: 0 };
+    pub const UNLIMITED: Self = Self { budget: MemoryBudget(u64::MAX), taken: 0 };
 
     /// The most that may be taken.
     #[must_use]

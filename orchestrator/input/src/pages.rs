@@ -2,11 +2,46 @@
 //!
 //! A header is a struct `PageHeader` of the Parquet format in Thrift's compact protocol.
 
-use std::io::{BufRead, Error, ErrorKind, Read, Result, Seek};
+use parquet::file::metadata::ColumnChunkMetaData;
+use std::io::{BufRead, Error, ErrorKind, Read, Result, Seek, SeekFrom};
+
+/// What a byte of the description at the end of a file takes in memory, at most.
+const DESCRIPTION: u64 = 32;
+
+/// The memory of the description of the columns, which stands at the end of a file of `length` bytes.
+///
+/// # Errors
+///
+/// The end cannot be read.
+pub fn memory_of_description<R: Read + Seek>(content: &mut R, length: u64) -> Result<u64> {
+    // Four bytes with the length of the description, and a magic number of four.
+    let Some(at) = length.checked_sub(8) else { return Ok(0) };
+    content.seek(SeekFrom::Start(at))?;
+    let mut stated = [0; 4];
+    content.read_exact(&mut stated)?;
+    Ok(DESCRIPTION * u64::from(u32::from_le_bytes(stated)))
+}
+
+/// Refuses a column that does not lie in a file of `length` bytes.
+///
+/// # Errors
+///
+/// The column, in words.
+pub fn check_place(column: &ColumnChunkMetaData, length: u64) -> std::result::Result<(), String> {
+    let start = column.dictionary_page_offset().unwrap_or(column.data_page_offset());
+    let place = [start, column.data_page_offset(), column.compressed_size()].map(u64::try_from);
+    match place {
+        [Ok(start), Ok(_), Ok(size)] if start.saturating_add(size) <= length => Ok(()),
+        _ => {
+            let message = format!("the column {} lies outside the file", column.column_path());
+            Err(format!("{message}: it is damaged"))
+        }
+    }
+}
 
 /// What is needed to read a column (bytes).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct PagesMemory {
+pub struct PagesMemory {
     /// The largest page, as it is stored and decompressed.
     pub page: u64,
     /// The dictionary.
@@ -14,7 +49,9 @@ pub(super) struct PagesMemory {
 }
 
 impl PagesMemory {
-    pub(super) fn total(self) -> u64 {
+    /// What both take together (bytes).
+    #[must_use]
+    pub fn total(self) -> u64 {
         self.page.saturating_add(self.dictionary)
     }
 }
@@ -25,7 +62,11 @@ const DICTIONARY_VALUE: u64 = 32;
 const DELTA_TEXT: [i64; 2] = [6, 7];
 
 /// Reads the headers of all pages within the next `length` bytes. `is_text`: values are bytes.
-pub(super) fn memory_of<R: BufRead + Seek>(
+///
+/// # Errors
+///
+/// They cannot be read, or the column is damaged or encoded so that its memory is not known.
+pub fn memory_of<R: BufRead + Seek>(
     content: &mut R,
     length: u64,
     is_text: bool,
