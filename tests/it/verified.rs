@@ -258,3 +258,32 @@ fn damage_of_a_recording_or_a_summary_is_named_with_its_place() {
     let other = tests::orchestrator(&["compare-runs", ".", "runs/flocking"], folder.path());
     assert_eq!(other.status.code(), Some(2), "{}", tests::said(&other));
 }
+
+#[test]
+fn a_sweep_is_verified_with_the_runs_that_it_keeps() {
+    let folder = tests::folder();
+    let text = "[experiment]\nname = \"s\"\nseed = 3\nduration_s = 1.0\nagents = 3\n\
+                [robotsim.scenario]\nkind = \"line\"\n[robotsim.controller]\nkind = \"hold\"\n\
+                [netsim.phy]\npropagation = \"full\"\n[sweep]\nseeds = 1\nkeep = \"all\"\n\
+                [sweep.vary]\nrobotsim.scenario.spacing_m = [1.0, 2.0]\n";
+    std::fs::write(folder.path().join("s.toml"), text).unwrap();
+    let said_by = |args: &[&str]| {
+        let output = tests::orchestrator(args, folder.path());
+        (output.status.code(), tests::said(&output))
+    };
+    let (status, said) = said_by(&["sweep", "s.toml", "--out", "runs"]);
+    assert_eq!(status, Some(0), "{said}");
+    let (status, said) = said_by(&["verify", "runs/s"]);
+    assert!(status == Some(0) && said.contains("valid"), "{said}");
+    damage(&folder.path().join("runs/s/trials.parquet"), 200);
+    let kept = folder.path().join("runs/s/runs");
+    let run = std::fs::read_dir(kept).unwrap().next().unwrap().unwrap();
+    damage(&run.path().join("steps.parquet"), 200);
+    let (status, said) = said_by(&["verify", "runs/s"]);
+    let name = run.file_name();
+    let of_run = format!("runs/{}: steps.parquet: ", name.to_str().unwrap());
+    assert!(status == Some(1) && said.contains(&of_run), "{said}");
+    assert!(said.contains("trials.parquet: its content was changed"), "{said}");
+    let (status, said) = said_by(&["recover", "nosuch"]);
+    assert!(status == Some(2) && said.contains("it does not exist"), "{said}");
+}

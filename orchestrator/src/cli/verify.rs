@@ -7,7 +7,7 @@ use terminal::{complain, say};
 
 #[derive(Args)]
 pub(super) struct VerifyArgs {
-    /// Folder of the run
+    /// Folder of the run, or of a sweep, whose kept runs are checked, too
     run: PathBuf,
     /// Also require that the whole result has this SHA-256, as a publication cites it
     #[arg(long, value_name = "SHA256")]
@@ -19,7 +19,11 @@ pub(super) struct VerifyArgs {
 
 /// Reports whether a recorded run is complete and consistent.
 pub(super) fn verify(args: &VerifyArgs) -> Result<(), Failure> {
-    let report = record::verify(&args.run).map_err(Failure::work)?;
+    let report = if sweep::verify::is_result(&args.run) {
+        sweep::verify::verify(&args.run)
+    } else {
+        record::verify(&args.run).map_err(Failure::work)?
+    };
     for problem in &report.problems {
         complain(problem);
     }

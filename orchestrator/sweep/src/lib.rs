@@ -32,6 +32,7 @@ mod shard;
 mod statistics;
 mod sweep_summary;
 mod table;
+pub mod verify;
 mod worker;
 
 pub use dry_run::dry_run;
