@@ -239,7 +239,7 @@ def test_losses_that_readings_do_not_explain_follow_the_channel(tmp_path, data, 
 
 def test_what_a_testbed_lacks_is_distance_nodes_and_fading_and_nothing_by_channel_alone(tmp_path):
     found = Model(tmp_path, FRIIS, TESTBED).diagnosis(*IN_REACH)
-    # Rows that repeat each other differ by less than what is left, of which levels of nodes and fading may be a part.
+    # The residual variance exceeds that of repeated rows. Levels of nodes and fading may be a part of the excess.
     assert found["missing"] == ["path-loss-exponent"], found["sentence"]
     assert {"node-offset", "multipath"} <= set(" or ".join(found["possible"]).split(" or ")), found["sentence"]
     assert found["unexplained"] == [], found["unexplained"]

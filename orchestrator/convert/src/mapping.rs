@@ -265,7 +265,7 @@ impl Mapping {
             && self.inputs.iter().any(|input| input.has("sequence"))
     }
 
-    /// What is said of frames and packets that were lost.
+    /// Checks the keys about lost frames and packets.
     fn check_losses(&self, first: &Input, problems: &mut Vec<Problem>) {
         let is_links = self.table == TableKind::Links;
         let has_sequence = self.inputs.iter().any(|input| input.has("sequence"));

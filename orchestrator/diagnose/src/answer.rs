@@ -19,7 +19,7 @@ use proto::effect::Level;
 use std::sync::Arc;
 use study::open::Subject;
 use study::symbolic::FittedFormula;
-use study::{COMMON, Estimate, Study, TermId};
+use study::{COMMON, Candidate, Estimate, Study, TermId};
 use tracing::debug;
 
 /// The measurements that a diagnosis is about.
@@ -78,19 +78,13 @@ pub(crate) fn answer<S: Study>(
     let structure = unexplained.iter().map(|it| it.covariate.as_str()).collect();
     let remains = Remains { gate: &gate, pure, n_parts, structure };
     for bounds in &sizes {
-        let effect = study.candidates()[bounds.term].effect();
-        let is_of = |one: &&mut Tested| one.effect == effect && one.only.is_none();
-        if let Some(one) = candidates.iter_mut().find(is_of) {
+        if let Some(one) = listed(&mut candidates, &study.candidates()[bounds.term]) {
             (one.upper, one.detectable) = (Some(bounds.upper), Some(bounds.detectable));
         }
     }
     let doubts = certainty::doubts(study, search, ladder, &known, &remains);
     for (term, why) in &doubts {
-        let doubted = &study.candidates()[*term];
-        let is_doubted = |one: &&mut Tested| {
-            (one.effect.as_str(), &one.only) == (doubted.effect(), &doubted.only)
-        };
-        if let Some(one) = candidates.iter_mut().find(is_doubted) {
+        if let Some(one) = listed(&mut candidates, &study.candidates()[*term]) {
             one.doubt = Some(why.clone());
         }
     }
@@ -182,6 +176,14 @@ pub(crate) fn answer<S: Study>(
     diagnosis
 }
 
+/// What is listed of a candidate.
+fn listed<'a>(all: &'a mut [Tested], candidate: &Candidate) -> Option<&'a mut Tested> {
+    let is_it = |one: &&mut Tested| {
+        (one.effect.as_str(), &one.only) == (candidate.effect(), &candidate.only)
+    };
+    all.iter_mut().find(is_it)
+}
+
 /// Names for what was accepted.
 struct Named {
     /// What is certain, each an effect, or several of which these data cannot tell which it is.
@@ -197,7 +199,7 @@ fn named<S: Study>(study: &S, ladder: &Ladder, doubts: &[(TermId, String)]) -> N
     let mut named = Named { missing: Vec::new(), missing_one_of: Vec::new(), possible: Vec::new() };
     let effects = ladder.accepted.iter().filter(|&&term| candidates[term].curve_over().is_none());
     for &term in effects {
-        let ties = trial_of(ladder, term).map_or(&[][..], |test| &test.ties);
+        let ties = ladder.test_of(term).map_or(&[][..], |test| &test.ties);
         let names = [&[term], ties].concat();
         let names: Vec<String> =
             names.into_iter().map(|term| candidates[term].name.clone()).collect();
@@ -214,8 +216,8 @@ fn named<S: Study>(study: &S, ladder: &Ladder, doubts: &[(TermId, String)]) -> N
     named
 }
 
-/// Effects that were not found and may be missing by what the slopes say, and why they are not certain. What may explain the same as an
-/// accepted effect is not another; what was withheld or contradicted is told by itself.
+/// Effects that were not accepted and whose score tests are significant at the level for what is possible, each with the reason why it is not
+/// certain. Effects that are tied with an accepted one, withheld or contradicted are reported elsewhere.
 fn possible_by_size<S: Study>(
     study: &S,
     ladder: &Ladder,
@@ -225,11 +227,11 @@ fn possible_by_size<S: Study>(
         ladder
             .accepted
             .iter()
-            .any(|&it| trial_of(ladder, it).is_some_and(|it| it.ties.contains(&term)))
+            .any(|&it| ladder.test_of(it).is_some_and(|it| it.ties.contains(&term)))
     };
     let is_told = |term| ladder.withheld().chain(ladder.contradicted()).any(|it| it == term);
     let predicts_better =
-        |term: TermId| trial_of(ladder, term).is_some_and(|test| 0.0 < test.gain.gain);
+        |term: TermId| ladder.test_of(term).is_some_and(|test| 0.0 < test.gain.gain);
     let may_be = |bounds: &&SizeBounds| {
         bounds.is_possible()
             && predicts_better(bounds.term)
@@ -357,7 +359,7 @@ fn curve<S: Study>(
 ) -> Option<Structure> {
     let candidate = &study.candidates()[term];
     let covariate = candidate.curve_over()?;
-    let test = trial_of(ladder, term)?;
+    let test = ladder.test_of(term)?;
     let (before, after) = (&ladder.rungs[step].scores, &ladder.rungs[step + 1].scores);
     let (affects, left) = if candidate.is_of_losses() {
         (Affects::Losses, after.reception_log_loss / before.reception_log_loss)
@@ -388,10 +390,6 @@ fn curve<S: Study>(
 fn also(formula: &FittedFormula) -> Option<AlsoAlong> {
     let (text, target) = formula.also.as_ref()?;
     Some(AlsoAlong { formula: text.clone(), target: (*target).to_owned() })
-}
-
-fn trial_of(ladder: &Ladder, term: TermId) -> Option<&CandidateTest> {
-    ladder.tests.iter().find(|test| test.term == term)
 }
 
 /// The estimates of terms.
@@ -425,7 +423,7 @@ fn tested<S: Study>(
     let candidates = study.candidates();
     let (mut listed, mut known) = (Vec::new(), Vec::new());
     for (term, candidate) in candidates.ids().zip(candidates.iter()) {
-        let test = trial_of(ladder, term);
+        let test = ladder.test_of(term);
         let accepted = ladder.accepted.contains(&term);
         // Of a curve and the one that stands in for it, one is listed.
         let stands_in = |&other: &TermId| candidates[other].stands_in_for == Some(term);

@@ -64,7 +64,7 @@ pub(crate) fn doubts<S: Study>(
                 is_open.then(|| SPREAD.to_owned())
             })
             .or_else(|| {
-                let gain = ladder.tests.iter().find(|test| test.term == term)?.gain.gain;
+                let gain = ladder.test_of(term)?.gain.gain;
                 let is_small = 0 < place && gain < remains.unexplained_nats();
                 let is_part = remains.is_something()
                     && candidate.linear_in != Some(CONSTANT)
@@ -147,6 +147,7 @@ fn is_independent(pure: Option<PureError>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ladder::tests::candidate;
     use proto::effect::{Parameter, Plausible};
 
     #[test]
@@ -169,21 +170,8 @@ mod tests {
 
     /// The candidate of an effect of the catalogue.
     fn of_parameters(parameters: &'static [Parameter], level: Level) -> Candidate {
-        Candidate {
-            name: "an-effect".to_owned(),
-            about: None,
-            is_spread: false,
-            level,
-            parameters,
-            n_parameters: parameters.len(),
-            generalises: Vec::new(),
-            linear_in: None,
-            is_derived: false,
-            untestable: None,
-            only: None,
-            another_of: None,
-            stands_in_for: None,
-        }
+        let n_parameters = parameters.len();
+        Candidate { level, parameters, n_parameters, ..candidate("an-effect") }
     }
 
     const SLOPE: Parameter = Parameter {

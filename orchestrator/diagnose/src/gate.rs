@@ -39,14 +39,14 @@ impl Misfit {
     #[must_use]
     pub fn sentence(&self) -> String {
         let of = self.of.as_ref().map(|of| format!(" ({of})")).unwrap_or_default();
-        format!("{} by {:.*} {}{of}", self.what, decimals(self.off), self.off, self.unit)
+        format!("{} by {:.*} {}{of}", self.what, decimals(self.off, 1.0), self.off, self.unit)
     }
 }
 
-/// Decimals that show two digits of a number, and one at least.
-fn decimals(value: f64) -> usize {
+/// Decimals that show two digits of a number, and at least so many.
+pub(crate) fn decimals(value: f64, least: f64) -> usize {
     let digits = 1.0 - libm::floor(libm::log10(value.abs().max(1e-9)));
-    digits.clamp(1.0, 6.0) as usize
+    digits.clamp(least, 6.0) as usize
 }
 
 /// What the gate saw.
@@ -142,6 +142,23 @@ pub(crate) fn of_slopes<S: Study>(study: &S, rows: &Linearised) -> Gate {
     gate
 }
 
+/// Squared errors of some rows with the number of the row, ascending, without the largest of them. `share`: how many are left out.
+fn trimmed_squares(rows: &Linearised, members: &[u32], share: f64) -> Vec<(f64, u32)> {
+    let square = |&row: &u32| {
+        let errors = rows.errors[row as usize];
+        let known = errors.iter().filter(|error| error.is_finite());
+        errors[0].is_finite().then(|| (known.map(|error| error * error).sum(), row))
+    };
+    let mut squares: Vec<(f64, u32)> = members.iter().filter_map(square).collect();
+    squares.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    squares.truncate(((1.0 - share) * squares.len() as f64) as usize);
+    squares
+}
+
+fn mean(squares: &[(f64, u32)]) -> f64 {
+    squares.iter().map(|(square, _)| square).sum::<f64>() / squares.len() as f64
+}
+
 /// A group of rows whose errors are far greater than those of each other group: a model that is wrong for one robot alone, whose rows a
 /// likelihood with heavy tails passes over.
 fn spread_apart(
@@ -151,18 +168,8 @@ fn spread_apart(
 ) -> Option<Misfit> {
     let unit = direction?.unit;
     let root_mean_square = |group: &Group| {
-        let of_row = |&row: &u32| {
-            let errors = rows.errors[row as usize];
-            errors[0].is_finite().then(|| {
-                errors.iter().filter(|error| error.is_finite()).map(|error| error * error).sum()
-            })
-        };
-        let mut squares: Vec<f64> = group.rows.iter().filter_map(of_row).collect();
-        squares.sort_by(f64::total_cmp);
-        squares.truncate(((1.0 - TRIMMED_SHARE) * squares.len() as f64) as usize);
-        (!squares.is_empty())
-            .then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
-            .filter(|error| 0.0 < *error)
+        let squares = trimmed_squares(rows, &group.rows, TRIMMED_SHARE);
+        (!squares.is_empty()).then(|| mean(&squares).sqrt()).filter(|error| 0.0 < *error)
     };
     let all: Vec<(u32, f64)> = partition
         .groups
@@ -215,18 +222,6 @@ pub(crate) fn noisiest<S: Study>(study: &S, rows: &Linearised) -> Option<Noisier
 /// The group of a partition that surely scatters more than the other rows. Squares are trimmed alike in all groups, and blocks of time are
 /// independent.
 fn noisier(rows: &Linearised, partition: &Partition, dependence: &Dependence) -> Option<Noisier> {
-    let square = |row: u32| -> Option<f64> {
-        let errors = rows.errors[row as usize];
-        let known = errors.iter().filter(|error| error.is_finite());
-        errors[0].is_finite().then(|| known.map(|error| error * error).sum())
-    };
-    let of_rows = |members: &[u32]| {
-        let mut squares: Vec<(f64, u32)> =
-            members.iter().filter_map(|&row| Some((square(row)?, row))).collect();
-        squares.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        squares.truncate(((1.0 - FREE_SHARE) * squares.len() as f64) as usize);
-        squares
-    };
     let times_s = &dependence.times_s;
     let span = times_s.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &time_s| {
         (low.min(time_s), high.max(time_s))
@@ -239,16 +234,13 @@ fn noisier(rows: &Linearised, partition: &Partition, dependence: &Dependence) ->
     if n_groups < FEWEST_ERROR_GROUPS || !times_s.iter().all(|time_s| time_s.is_finite()) {
         return None;
     }
-    let mean = |squares: &[(f64, u32)]| {
-        squares.iter().map(|(square, _)| square).sum::<f64>() / squares.len() as f64
-    };
     let of_group = |group: &Group| {
         let mut is_in = vec![false; rows.errors.len()];
         group.rows.iter().for_each(|&row| is_in[row as usize] = true);
         let outside: Vec<u32> =
             (0..is_in.len() as u32).filter(|&row| !is_in[row as usize]).collect();
-        let squares = of_rows(&group.rows);
-        let (own, others) = (mean(&squares), mean(&of_rows(&outside)));
+        let squares = trimmed_squares(rows, &group.rows, FREE_SHARE);
+        let (own, others) = (mean(&squares), mean(&trimmed_squares(rows, &outside, FREE_SHARE)));
         let mut blocks: BTreeMap<(u32, u64), f64> = BTreeMap::new();
         for &(square, row) in &squares {
             *blocks.entry(block(row)).or_default() += square - own;

@@ -66,6 +66,11 @@ pub(crate) struct Ladder {
 }
 
 impl Ladder {
+    /// The test that decided on a candidate.
+    pub(crate) fn test_of(&self, term: TermId) -> Option<&CandidateTest> {
+        self.tests.iter().find(|test| test.term == term)
+    }
+
     /// Candidates that were withheld in the last round.
     pub(crate) fn withheld(&self) -> impl Iterator<Item = TermId> + '_ {
         let withheld = self.tests.iter().filter(|test| test.verdict == Verdict::Withheld);
@@ -152,4 +157,4 @@ fn wanted_another<S: Study>(study: &S, ladder: &Ladder, term: TermId) -> Option<
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -20,7 +20,6 @@ pub(crate) fn agreed(mut found: Diagnosis, other: &Diagnosis) -> Diagnosis {
     let only_there = other.missing.iter().filter(|name| !certain.contains(name)).cloned();
     found.possible = one_sided;
     found.possible.extend(only_there);
-    found.possible.dedup();
     found.unexplained.retain(|one| other.unexplained.iter().any(|it| it.named() == one.named()));
     for candidate in &mut found.candidates {
         let is_named =

@@ -109,7 +109,7 @@ pub(crate) fn measurements<S: Study>(
     let chosen = search.full_fit(&ladder.accepted, COMMON, None);
     let mut all = Vec::new();
     for (place, &term) in ladder.accepted.iter().enumerate() {
-        let Some(test) = ladder.tests.iter().find(|test| test.term == term) else { continue };
+        let Some(test) = ladder.test_of(term) else { continue };
         for &rival in test.ties.iter().filter(|tie| !ladder.accepted.contains(tie)) {
             let mut terms = ladder.accepted.clone();
             terms[place] = rival;

@@ -2,7 +2,7 @@
 
 use super::defects;
 use super::diagnosis::{Diagnosis, Structure, Tested, Verdict};
-use super::gate::Misfit;
+use super::gate::{Misfit, decimals};
 use numbers::format::with_unit;
 use std::fmt::Write as _;
 use study::defects::PREFIX;
@@ -105,8 +105,7 @@ fn at_most(diagnosis: &Diagnosis) -> String {
 
 /// A size with its unit.
 fn size(value: f64, diagnosis: &Diagnosis) -> String {
-    let digits = (1.0 - libm::floor(libm::log10(value.max(1e-9)))).clamp(0.0, 6.0) as usize;
-    format!("{value:.digits$} {}", diagnosis.error_unit)
+    format!("{value:.*} {}", decimals(value, 0.0), diagnosis.error_unit)
 }
 
 /// What may be missing beside what is certain.

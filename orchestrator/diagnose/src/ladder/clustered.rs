@@ -28,14 +28,13 @@ impl<S: Study> Search<'_, S> {
             return true;
         }
         let varies_in_time = candidate.level == Level::Time;
-        let tests = ScoreTests::new(&rows, &dependence);
         if candidate.curve_over().is_some() {
             let columns = self.study.columns_of_curve(&fit, term);
             let has_times = dependence.times_s.iter().all(|time_s| time_s.is_finite());
             if columns.is_empty() || !varies_in_time || !has_times {
                 return true;
             }
-            let p_value = tests.p_value_together(&columns);
+            let p_value = ScoreTests::new(&rows, &dependence).p_value_together(&columns);
             debug!(name = candidate.name, ?p_value, "clustered");
             return p_value.is_none_or(|p_value| p_value < UNCORRECTED_LEVEL);
         }
@@ -43,9 +42,9 @@ impl<S: Study> Search<'_, S> {
         if columns.is_empty() {
             return true;
         }
-        // A likelihood with heavy tails passes over the rows that are far off; all rows alike are told by the plain one.
-        let with_term = self.full_fit(&with_term(others, term), COMMON, Some(&fit));
-        let Some(left) = self.study.linearised(&with_term) else { return true };
+        // The likelihood has heavy tails and gives large errors a small weight. Therefore the test is also made with equal weights.
+        let with_effect = self.full_fit(&with_term(others, term), COMMON, Some(&fit));
+        let Some(left) = self.study.linearised(&with_effect) else { return true };
         let p_values = [(&rows, &left), (&rows.plain(), &left.plain())]
             .map(|(rows, left)| p_value(&ScoreTests::new(rows, &dependence), left, &columns));
         debug!(name = candidate.name, ?p_values, "clustered");
@@ -115,8 +114,9 @@ pub(crate) fn dependence_of<S: Study>(study: &S, term: TermId) -> Dependence {
     dependence
 }
 
-/// P-value of the surest of several columns of an effect, corrected for their number, by what a fit with the effect leaves. None where nothing can be told, as where most is moved by a column
-/// that cannot be told: of a push in some direction, the component that can be told may be the one that is not there.
+/// P-value of the most significant of several columns of an effect, corrected for their number, by what a fit with the effect leaves. None
+/// where no column can be tested, or those that cannot be would raise the likelihood more: of a push in some direction, the component that
+/// can be tested may be the one that is not there.
 fn p_value(tests: &ScoreTests<'_>, with_effect: &Linearised, columns: &[Column]) -> Option<f64> {
     let (mut known, mut unknown_nats) = (Vec::<ScoreTest>::new(), 0.0);
     for column in columns {

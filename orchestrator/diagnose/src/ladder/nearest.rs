@@ -20,9 +20,8 @@ pub(crate) struct Nearest {
 }
 
 impl<S: Study> Search<'_, S> {
-    /// The effect that explains most of what a curve explains beside other terms, each in place of the curve. Random effects follow any curve
-    /// and are not asked. None: none explains as
-    /// much as [`NEAREST_SHARE`] of it.
+    /// The effect that explains most of what a curve explains beside other terms, each in place of the curve. None: none explains as much as
+    /// [`NEAREST_SHARE`] of it.
     pub(crate) fn nearest_effect(&self, curve: TermId, others: &[TermId]) -> Option<Nearest> {
         if self.is_stopped() {
             return None;
@@ -35,11 +34,8 @@ impl<S: Study> Search<'_, S> {
         let rise = self.study.log_likelihood(&of_curve) - self.study.log_likelihood(&parent);
         let gain_of_curve = self.gain(&with_curve, others, level).gain;
         let may_be = |term: &TermId| {
-            let candidate = &candidates[*term];
-            candidate.curve_over().is_none()
-                && candidate.level != Level::Random
-                && candidate.untestable.is_none()
-                && candidate.is_tried_beside(others)
+            self.is_law(*term)
+                && candidates[*term].is_tried_beside(others)
                 && !others.contains(term)
         };
         let all: Vec<TermId> = candidates.ids().filter(may_be).collect();
@@ -57,12 +53,8 @@ impl<S: Study> Search<'_, S> {
     /// The effect that gains most beside the terms of a selection, beside structure that was found in what it left and is worth `nats` per
     /// row.
     pub(crate) fn nearest_to_rest(&self, nats: f64, ladder: &Ladder) -> Option<Nearest> {
-        let candidates = self.study.candidates();
-        let is_effect = |test: &&CandidateTest| {
-            candidates[test.term].curve_over().is_none()
-                && candidates[test.term].level != Level::Random
-                && !ladder.accepted.contains(&test.term)
-        };
+        let is_effect =
+            |test: &&CandidateTest| self.is_law(test.term) && !ladder.accepted.contains(&test.term);
         let effects = ladder.tests.iter().filter(is_effect);
         let most = effects.max_by(|a, b| a.gain.gain.total_cmp(&b.gain.gain))?;
         let (term, share) = (most.term, most.gain.gain / nats);
@@ -71,6 +63,12 @@ impl<S: Study> Search<'_, S> {
             share,
             why_not: self.why_not(term, None, &ladder.accepted),
         })
+    }
+
+    /// Whether a term is an effect that predicts a course of its own. A random effect follows any curve.
+    fn is_law(&self, term: TermId) -> bool {
+        let candidate = &self.study.candidates()[term];
+        candidate.curve_over().is_none() && candidate.level != Level::Random
     }
 
     /// Why an effect was not accepted, in place of a curve where one was.

@@ -29,7 +29,7 @@ struct LineFit {
     log_likelihood: f64,
 }
 
-fn candidate(name: &str) -> Candidate {
+pub(crate) fn candidate(name: &str) -> Candidate {
     Candidate {
         name: name.to_owned(),
         about: None,
@@ -283,7 +283,7 @@ fn two_columns_that_are_one_are_tied() {
     study.set_column("c", &twice);
     let ladder = Search::new(&study, &|_| {}).stepwise_selection();
     assert_eq!(ladder.accepted.len(), 1);
-    let test = ladder.tests.iter().find(|test| test.term == ladder.accepted[0]).unwrap();
+    let test = ladder.test_of(ladder.accepted[0]).unwrap();
     assert_eq!(test.ties, [if test.term == a { c } else { a }]);
 }
 
@@ -298,7 +298,7 @@ fn what_gains_as_much_is_tied_even_where_chance_cannot_be_excluded_for_it_alone(
             let mixed: Vec<f64> = mixed.map(|(a, b)| a + scatter * b).collect();
             study.set_column("c", &mixed);
             let ladder = Search::new(&study, &|_| {}).stepwise_selection();
-            let Some(test) = ladder.tests.iter().find(|test| test.term == a) else { continue };
+            let Some(test) = ladder.test_of(a) else { continue };
             let search = Search::new(&study, &|_| {});
             let other = search.gain(&[c], &[], Level::Time);
             if ladder.accepted != [a] || other.p_value < FAMILY_ERROR {
