@@ -43,10 +43,8 @@ pub(super) fn find(path: &Path, reading: Reading) -> Result<RunFolder, CompareRu
         let hint = "is not the folder of a run or of a finished sweep";
         wrong(format!("{hint} (summary.json: {error})"))
     };
-    let folder = ResultFolder::open(path, reading).map_err(|error| {
-        let is_result = path.join(RunSummary::FILE).is_file();
-        if is_result { CompareRunsError::Unbelieved(error) } else { foreign(&error) }
-    })?;
+    std::fs::metadata(path.join(RunSummary::FILE)).map_err(|error| foreign(&error))?;
+    let folder = ResultFolder::open(path, reading)?;
     let text = folder.bytes(&DESCRIPTION_BYTES, RunSummary::FILE).map_err(|error| match error {
         ResultError::Read { source, .. } => foreign(&source),
         error => CompareRunsError::Unbelieved(error),
