@@ -310,6 +310,19 @@ impl Diagnosis {
     pub fn accepted(&self) -> impl Iterator<Item = &Tested> {
         self.candidates.iter().filter(|candidate| candidate.accepted)
     }
+
+    /// Effects that were not found and whose sizes are bounded, each with `upper` and `detectable`; the one that may be largest first. An
+    /// effect that is named as one of several is not among them.
+    #[must_use]
+    pub fn not_found(&self) -> Vec<(&str, f64, f64)> {
+        let is_named = |name: &String| self.missing_one_of.iter().flatten().any(|it| it == name);
+        let others = self.candidates.iter().filter(|one| !is_named(&one.effect));
+        let mut bounded: Vec<(&str, f64, f64)> = others
+            .filter_map(|one| Some((one.effect.as_str(), one.upper?, one.detectable?)))
+            .collect();
+        bounded.sort_by(|a, b| b.1.total_cmp(&a.1));
+        bounded
+    }
 }
 
 impl Structure {

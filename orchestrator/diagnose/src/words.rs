@@ -93,9 +93,8 @@ fn structure_and_cause(structure: &Structure) -> String {
 
 /// The effect that may be the largest of those that were not found.
 fn at_most(diagnosis: &Diagnosis) -> String {
-    let bounds = diagnosis.candidates.iter().filter_map(|one| Some((&one.effect, one.upper?)));
-    let largest = bounds.max_by(|a, b| a.1.total_cmp(&b.1));
-    largest.map_or_else(String::new, |(effect, upper)| {
+    let largest = diagnosis.not_found().into_iter().next();
+    largest.map_or_else(String::new, |(effect, upper, _)| {
         format!(
             "; of those tested, {effect} may be the largest, with at most {}",
             size(upper, diagnosis)
@@ -143,25 +142,18 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     for candidate in diagnosis.accepted().filter(is_effect) {
         accepted(&mut text, candidate);
     }
+    for structure in &diagnosis.unexplained {
+        unexplained(&mut text, structure);
+    }
+    not_found(&mut text, diagnosis);
     let untestable: Vec<String> = diagnosis
         .candidates
         .iter()
         .filter_map(|candidate| Some((candidate, candidate.untestable.as_ref()?)))
         .map(|(candidate, why)| format!("{} ({why})", candidate.effect))
         .collect();
-    let excluded = diagnosis.candidates.iter().filter_map(|one| {
-        let (upper, detectable) = (size(one.upper?, diagnosis), size(one.detectable?, diagnosis));
-        Some(format!("{} (at most {upper}, found from {detectable})", one.effect))
-    });
-    let excluded: Vec<String> = excluded.collect();
-    if !excluded.is_empty() {
-        let _ = writeln!(text, "not found: {}", excluded.join("; "));
-    }
     if !untestable.is_empty() {
         let _ = writeln!(text, "not testable on these data: {}", untestable.join("; "));
-    }
-    for structure in &diagnosis.unexplained {
-        unexplained(&mut text, structure);
     }
     for misfit in &diagnosis.misfits {
         let _ = writeln!(
@@ -258,6 +250,22 @@ fn accepted(text: &mut String, candidate: &Tested) {
     }
     if let Some(warning) = &candidate.warning {
         let _ = writeln!(text, "  warning: {warning}");
+    }
+}
+
+/// How large what was not found may be.
+fn not_found(text: &mut String, diagnosis: &Diagnosis) {
+    let bounded = diagnosis.not_found();
+    if bounded.is_empty() {
+        return;
+    }
+    let unit = diagnosis.error_unit;
+    let heads = [format!("at most {unit}"), format!("found from {unit}")];
+    let _ = writeln!(text, "{:<34} {:>12} {:>15}", "not found", heads[0], heads[1]);
+    for (effect, upper, detectable) in bounded {
+        let [upper, detectable] =
+            [upper, detectable].map(|it| format!("{it:.*}", decimals(it, 0.0)));
+        let _ = writeln!(text, "{effect:<34} {upper:>12} {detectable:>15}");
     }
 }
 

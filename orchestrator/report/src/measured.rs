@@ -130,6 +130,7 @@ const SECTIONS: &[Section] = &[
     words::parameters,
     words::ties,
     words::unexplained,
+    words::not_found,
     errors::by_covariate,
     places::maps,
     errors::of_distributions,

@@ -1,5 +1,7 @@
 use super::*;
-use diagnose::diagnosis::{Affects, NextMeasurement, Parameter, Rung, Structure, Tested, Verdict};
+use diagnose::diagnosis::{
+    Affects, NearestEffect, NextMeasurement, Parameter, Rung, Structure, Tested, Verdict,
+};
 use diagnose::rows::{LinkEnd, LinkRows};
 use indexmap::IndexMap;
 use measure::Rejected;
@@ -251,6 +253,67 @@ fn a_loss_that_is_the_same_everywhere_is_said_as_a_share_of_frames() {
         assert!(page.contains(part), "{part} is not in the page");
     }
     assert!(!page.contains("a smooth curve"), "there is none");
+}
+
+/// Where a part begins in a page.
+fn place(page: &str, part: &str) -> usize {
+    page.find(part).unwrap_or_else(|| panic!("{part} is not in the page"))
+}
+
+#[test]
+fn what_was_not_found_is_a_table_with_the_largest_bound_first() {
+    let bounded = |effect: &str, upper: f64, detectable: f64| Tested {
+        upper: Some(upper),
+        detectable: Some(detectable),
+        ..candidate(effect, 0.0)
+    };
+    let diagnosis = Diagnosis {
+        candidates: vec![
+            bounded("vegetation", 0.25, 0.5),
+            candidate("shadowing", 0.0),
+            bounded("temperature", 1.25, 0.75),
+            bounded("battery-sag", 9.0, 9.5),
+        ],
+        missing_one_of: vec![vec!["drift".to_owned(), "battery-sag".to_owned()]],
+        ..diagnosis(Verdict::MissingOneOf, "missing: drift or battery-sag")
+    };
+    let page = contents(MeasuredAnswer::Diagnosis(&diagnosis), &site(), None);
+    let table = &page[place(&page, "What was not found")..];
+    let rows = "<th class=\"n\">at most (dB)</th><th class=\"n\">would be found from (dB)</th></tr>\
+                <tr><td>temperature</td><td class=\"n\">1.25</td><td class=\"n\">0.750</td></tr>\
+                <tr><td>vegetation</td><td class=\"n\">0.250</td><td class=\"n\">0.500</td></tr></table>";
+    place(table, rows);
+    let none = Diagnosis { candidates: vec![candidate("shadowing", 0.0)], ..diagnosis };
+    let page = contents(MeasuredAnswer::Diagnosis(&none), &site(), None);
+    assert!(!page.contains("What was not found"));
+}
+
+#[test]
+fn a_structure_stands_with_the_nearest_effect_and_is_not_called_unknown_if_that_may_be_its_cause() {
+    let page = |share: f64, may_be_cause: bool| {
+        let nearest_effect = Some(NearestEffect {
+            effect: "temperature".to_owned(),
+            share,
+            may_be_cause,
+            why_not: "it may be chance".to_owned(),
+        });
+        let over = Structure { nearest_effect, ..structure("dust", 0.1, "dust", "mean") };
+        let diagnosis = Diagnosis {
+            unexplained: vec![over],
+            ..diagnosis(Verdict::UnexplainedStructure, "found structure over dust")
+        };
+        contents(MeasuredAnswer::Diagnosis(&diagnosis), &site(), None)
+    };
+    let unknown = page(0.625, false);
+    place(&unknown, "There is structure over dust, which no known effect explains: 10 % of");
+    let nearest = "The nearest known effect is temperature, which reaches 62.5 % of its gain. Not accepted: it may be chance.";
+    place(&unknown, nearest);
+    let known = page(0.9, true);
+    place(&known, "There is structure over dust: 10 % of");
+    place(
+        &known,
+        "reaches 90 % of its gain, and may be its cause. Not accepted: it may be chance.",
+    );
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::{MeasuredAnswer, MeasuredPage};
 use crate::layout::{self, listing, number_cell, with_unit};
-use diagnose::diagnosis::{Rung, Structure};
+use diagnose::diagnosis::{NearestEffect, Rung, Structure};
 use maud::{Markup, html};
 use measure::account::DataAccount;
 use numbers::format::{capitalised, count, number, number_within, percent};
@@ -246,15 +246,56 @@ fn unexplained_in_words(entry: &Structure) -> Markup {
     } else {
         ["it", "the residual error"]
     };
+    let unknown =
+        if entry.possible_cause().is_none() { ", which no known effect explains" } else { "" };
     html! {
-        "There is " (entry.named()) ", which no known effect explains: " (percent(entry.share())) " of " (error)
+        "There is " (entry.named()) (unknown) ": " (percent(entry.share())) " of " (error)
         @for (k, (formula, target)) in entry.formulas().enumerate() {
             @if k == 0 { ": " } @else { "; and along the other direction " }
             code { (formula) } " describes " (what) ", and can be added with "
             code { "extend --formula '" (formula) "' --target " (target) }
         }
         "."
+        @if let Some(nearest) = &entry.nearest_effect { p.soft { (nearest_in_words(nearest)) } }
     }
+}
+
+/// The effect of the catalogue that comes nearest to a structure: what it reaches, and why it was not accepted.
+fn nearest_in_words(nearest: &NearestEffect) -> String {
+    let NearestEffect { effect, share, may_be_cause, why_not } = nearest;
+    let share = percent(*share);
+    let is_cause = if *may_be_cause { ", and may be its cause" } else { "" };
+    format!(
+        "The nearest known effect is {effect}, which reaches {share} of its gain{is_cause}. Not accepted: {why_not}."
+    )
+}
+
+/// Effects that were not found: how large each may be, and from which size on it would have been found.
+pub(super) fn not_found(contents: &MeasuredPage<'_>) -> Option<Markup> {
+    let diagnosis = contents.answer.diagnosis()?;
+    let (bounded, unit) = (diagnosis.not_found(), diagnosis.error_unit);
+    let table = html! {
+        h2 { "What was not found" }
+        p {
+            "Each effect may still move predictions by “at most” this (90 %, for all these effects together). From the second size on, \
+             9 of 10 such campaigns would have shown it. Sizes are root mean squares over the rows."
+        }
+        table {
+            tr {
+                th { "effect" }
+                th.n { "at most (" (unit) ")" }
+                th.n { "would be found from (" (unit) ")" }
+            }
+            @for (effect, upper, detectable) in &bounded {
+                tr {
+                    td { (effect) }
+                    (number_cell(number(known(*upper))))
+                    (number_cell(number(known(*detectable))))
+                }
+            }
+        }
+    };
+    (!bounded.is_empty()).then_some(table)
 }
 
 /// What the data lack.
