@@ -276,14 +276,14 @@ pub struct AlsoAlong {
     pub target: String,
 }
 
-/// Where to measure so that two models can be distinguished.
+/// Where, or how, to measure so that two models can be distinguished.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct NextMeasurement {
     /// The two models: names of candidates, or two values of a parameter.
     pub between: [String; 2],
-    /// The covariate by which rows are selected.
+    /// The covariate by which rows are selected, or that is to vary otherwise.
     pub covariate: String,
-    /// Least value of the covariate.
+    /// Least value of the covariate; this and the next three are null where conditions are needed that these data do not have.
     #[serde(serialize_with = "json_number::serialize")]
     #[schemars(with = "Option<f64>")]
     pub from: f64,
@@ -301,8 +301,25 @@ pub struct NextMeasurement {
     pub elsewhere: f64,
     /// Unit of the differences.
     pub unit: &'static str,
+    /// How many rows there distinguish the two with a power of 90 % (one-sided, 5 %), rounded up; absent where conditions are needed that
+    /// these data do not have.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rows: Option<u64>,
     /// The same in words.
     pub sentence: String,
+}
+
+impl NextMeasurement {
+    /// Advice to measure under conditions that these data do not have.
+    pub(crate) fn of_new_conditions(
+        between: [String; 2],
+        covariate: String,
+        unit: &'static str,
+        sentence: String,
+    ) -> Self {
+        let [from, to, difference, elsewhere] = [f64::NAN; 4];
+        Self { between, covariate, from, to, difference, elsewhere, unit, rows: None, sentence }
+    }
 }
 
 impl Diagnosis {

@@ -1,7 +1,7 @@
 //! What holds of two answers about one campaign: as if reception had no part in what was logged, and as if received frames alone had
 //! been logged. Where nobody knows whether lost frames were logged, only that is certain which both say.
 
-use crate::diagnosis::{Diagnosis, Structure, Verdict};
+use crate::diagnosis::{Diagnosis, NextMeasurement, Structure, Verdict};
 use std::collections::BTreeSet;
 
 /// The first answer, as far as the other says the same.
@@ -48,8 +48,21 @@ pub(crate) fn agreed(mut found: Diagnosis, other: &Diagnosis) -> Diagnosis {
         Verdict::UnexplainedStructure
     };
     found.sentence = found.too_little.clone().unwrap_or_default();
+    found.next_measurement.insert(0, logged_losses(found.error_unit));
     widen(&mut found, other);
     found
+}
+
+/// What would tell which of two answers holds.
+fn logged_losses(unit: &'static str) -> NextMeasurement {
+    let between = ["received frames alone were logged", "reception had no part in it"];
+    let sentence = "to distinguish the two answers, log lost frames too: each sender's sequence numbers or counts of sent frames are enough";
+    NextMeasurement::of_new_conditions(
+        between.map(str::to_owned),
+        "losses_logged".to_owned(),
+        unit,
+        sentence.to_owned(),
+    )
 }
 
 /// Intervals that hold either way.
@@ -64,5 +77,18 @@ fn widen(found: &mut Diagnosis, other: &Diagnosis) {
                 parameter.high = parameter.high.max(it.high);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_that_differ_by_what_was_logged_are_told_apart_by_logging_it() {
+        let advice = logged_losses("dB");
+        assert!(advice.sentence.contains("log lost frames too"));
+        assert!(advice.rows.is_none() && advice.difference.is_nan());
+        assert_eq!(advice.covariate, "losses_logged");
     }
 }

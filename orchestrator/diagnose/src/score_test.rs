@@ -16,6 +16,7 @@ mod clusters;
 
 use clusters::Clusters;
 use nalgebra::{DMatrix, DVector};
+use numbers::power::square;
 use statrs::distribution::{ContinuousCDF as _, FisherSnedecor, StudentsT};
 use study::linear::{Column, Dependence, Linearised};
 
@@ -48,6 +49,13 @@ impl ScoreTest {
             return 1.0;
         }
         upper_tail(beyond, self.freedom).max(least_p_value(self.n_clusters))
+    }
+
+    /// Design effect: the variance of the amplitude by clusters over that of independent rows.
+    #[must_use]
+    pub(crate) fn design_effect(&self) -> f64 {
+        let information = 2.0 * self.rise / square(self.amplitude);
+        information * square(self.standard_error)
     }
 
     /// The greatest amplitude (absolute) that a one-sided test at `level` does not reject.

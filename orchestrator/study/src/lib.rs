@@ -193,6 +193,8 @@ pub struct PredictionDifference {
     pub by_row: Vec<f64>,
     /// Its unit: `dB`, `points of delivery`, `m`.
     pub unit: &'static str,
+    /// How much each row tells of it: the inverse of the variance of what is measured of it (1/unit²); 0 where nothing is.
+    pub information: Vec<f64>,
     /// Covariates: a name, and a value per row.
     pub covariates: Vec<(String, Vec<f64>)>,
 }

@@ -596,3 +596,11 @@ pub const WIDE_INTERVAL: f64 = 1.0;
 /// Least difference between two predictions, in their unit, for a condition of the next campaign. A smaller share of received
 /// frames is printed as 0.00.
 pub const LEAST_NEXT_DIFFERENCE: f64 = 0.005;
+/// A condition of the next campaign that needs more rows than this number of times those at hand is not recommended. Chosen: a
+/// larger value recommends campaigns that nobody makes, a smaller one withholds what a longer campaign could tell.
+pub const MOST_NEXT_ROWS: f64 = 10.0;
+/// Two covariates go together if their correlation is at least this (absolute). Chosen: beyond, four fifths of the variance of
+/// one is that of the other.
+pub const GOING_TOGETHER: f64 = 0.9;
+/// A covariate hardly varies if its standard deviation is at most this share of its mean.
+pub const HARDLY_VARYING_SHARE: f64 = 0.1;

@@ -204,6 +204,7 @@ fn a_diagnosis_shows_the_ladder_what_was_found_and_what_is_left() {
             difference: 1.0,
             elsewhere: 0.0,
             unit: "dB",
+            rows: Some(130),
             sentence: "send on channel 11".to_owned(),
         }],
         ..diagnosis(Verdict::MissingEffects, "missing: hidden-obstacle")

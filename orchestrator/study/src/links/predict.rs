@@ -13,6 +13,7 @@ use crate::links::terms::active::AlteredRegister;
 use crate::symbolic::{self, FittedFormula, UnexplainedResiduals};
 use crate::thresholds::LEAST_EXPECTED_PASS;
 use crate::{Component, PredictionDifference, Residuals, RowScore, TermId};
+use numbers::power::square;
 use numbers::statistics::mean_ignoring_nan;
 use physics::effect::formula::NAMES;
 use proto::effect::CONSTANT;
@@ -244,12 +245,23 @@ impl LinkStudy {
         let (one, other) = (self.predictions(one), self.predictions(other));
         let both = || one.iter().zip(&other);
         let by_row: Vec<f64> = both().map(|(a, b)| (a.rssi_dbm - b.rssi_dbm).abs()).collect();
-        let (by_row, unit) = if by_row.iter().any(|&apart_db| SAME_DB < apart_db) {
-            (by_row, "dB")
-        } else {
-            let points = both().map(|(a, b)| 100.0 * (a.passes - b.passes).abs());
-            (points.collect(), "points of delivery")
+        let readings = &self.rows.links.readings;
+        let are_frames = readings.has_losses() && !readings.is_aggregated;
+        // A frame has a reading if it is received.
+        let of_reading = |row: &Predicted| {
+            let received = if are_frames { row.passes } else { 1.0 };
+            received / square(row.sd_db)
         };
-        PredictionDifference { by_row, unit, covariates: self.covariates() }
+        let of_delivery = |row: &Predicted| 1.0 / square(100.0 * row.passes_sd);
+        let (by_row, unit, information): (Vec<f64>, _, Vec<f64>) =
+            if by_row.iter().any(|&apart_db| SAME_DB < apart_db) {
+                (by_row, "dB", one.iter().map(of_reading).collect())
+            } else {
+                let points = both().map(|(a, b)| 100.0 * (a.passes - b.passes).abs());
+                (points.collect(), "points of delivery", one.iter().map(of_delivery).collect())
+            };
+        let known = |it: f64| if it.is_finite() { it } else { 0.0 };
+        let information = information.into_iter().map(known).collect();
+        PredictionDifference { by_row, unit, information, covariates: self.covariates() }
     }
 }

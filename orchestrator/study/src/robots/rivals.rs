@@ -2,6 +2,7 @@
 
 use super::terms::Term;
 use super::{RobotFit, RobotStudy};
+use crate::view::Viewed as _;
 use crate::{PredictionDifference, TermId};
 use numbers::power::square;
 
@@ -21,7 +22,10 @@ impl RobotStudy {
             .zip(ends(other)?)
             .map(|(a, b)| (0..3).map(|i| square(a[i] - b[i])).sum::<f64>().sqrt())
             .collect();
-        Some(PredictionDifference { by_row, unit: "m", covariates: self.covariates() })
+        let view = self.view(one);
+        // Across the motion, where positions tell less.
+        let information = view.across.iter().map(|[_, sd_m]| 1.0 / square(*sd_m)).collect();
+        Some(PredictionDifference { by_row, unit: "m", information, covariates: self.covariates() })
     }
 
     /// A fit with a number of an effect at another value; the others follow as far as their estimates are correlated with it.
