@@ -1,5 +1,5 @@
 //! What must not change an answer: another origin of coordinates and times, mirrored and turned coordinates, other numbers of nodes,
-//! another order of rows, a column that says nothing.
+//! another order of rows, a column that says nothing. A model with another transmit power misses another gain, and nothing else.
 
 use diagnose::Request;
 use diagnose::diagnosis::Diagnosis;
@@ -187,5 +187,69 @@ fn exact_failures(number: usize) -> Vec<String> {
 #[test]
 fn transformations_that_change_nothing_change_no_answer() {
     let failures: Vec<String> = (0..HIDDEN.len()).flat_map(exact_failures).collect();
+    assert!(failures.is_empty(), "{failures:#?}");
+}
+
+/// By how much the transmit power of a configuration is changed (dB).
+const GAIN_DB: f64 = 30.0;
+/// What else is estimated is the same within this share of its interval. A level of all links goes first where there is one, so that the
+/// search takes another way.
+const SAME_OF_INTERVAL: f64 = 0.25;
+
+/// The configuration with a stronger transmitter.
+fn stronger(config: &str, by_db: f64) -> String {
+    let line = |line: &str| match line.strip_prefix("tx_power_dbm = ") {
+        Some(power) => format!("tx_power_dbm = {}\n", power.parse::<f64>().unwrap() + by_db),
+        None => format!("{line}\n"),
+    };
+    config.lines().map(line).collect()
+}
+
+/// How the answer to a campaign changes with the transmit power beyond the gain, and by how much the gain is not what it should be.
+fn gain_failures(number: usize) -> Vec<String> {
+    const GAIN: &str = "system-gain";
+    let campaign = campaign(number);
+    let by_db = if number.is_multiple_of(2) { GAIN_DB } else { -GAIN_DB };
+    let [before, after] =
+        [0.0, by_db].map(|by_db| found(&campaign.csv, &stronger(&campaign.config_toml, by_db)));
+    let mut failures = Vec::new();
+    let others = |answer: &Diagnosis| {
+        let names = accepted(answer).into_iter().filter(|name| *name != GAIN);
+        names.map(str::to_owned).collect::<std::collections::BTreeSet<String>>()
+    };
+    let names = [&before, &after].map(others);
+    let differing: Vec<&String> = names[0].symmetric_difference(&names[1]).collect();
+    if !differing.iter().all(|effect| is_close(effect, [&before, &after])) {
+        failures.push(format!("{:?}, then {:?}", accepted(&before), accepted(&after)));
+    }
+    let interval = |answer: &Diagnosis, effect: &str, key: &str| {
+        let found = answer.candidates.iter().find(|one| one.accepted && one.effect == effect)?;
+        found.parameters.get(key).map(|it| [it.value, it.low, it.high])
+    };
+    match interval(&after, GAIN, "gain_db") {
+        None => failures.push("no gain".to_owned()),
+        Some([gain_db, low_db, high_db]) => {
+            let known_db = interval(&before, GAIN, "gain_db").map_or(0.0, |[gain_db, ..]| gain_db);
+            if (gain_db - known_db + by_db).abs() > (high_db - low_db).max(0.1) {
+                failures.push(format!("gain {known_db} dB, then {gain_db} dB"));
+            }
+        }
+    }
+    for (effect, key) in before.candidates.iter().filter(|one| one.accepted).flat_map(|one| {
+        let keys = one.parameters.keys().filter(|_| one.effect != GAIN);
+        keys.map(|key| (one.effect.clone(), key.clone())).collect::<Vec<_>>()
+    }) {
+        let both = [&before, &after].map(|answer| interval(answer, &effect, &key));
+        let [Some([value, low, high]), Some([now, ..])] = both else { continue };
+        if SAME_OF_INTERVAL * (high - low) < (now - value).abs() {
+            failures.push(format!("{effect} {key}: {value}, then {now}"));
+        }
+    }
+    failures.into_iter().map(|text| format!("{:?} {by_db:+} dB: {text}", HIDDEN[number])).collect()
+}
+
+#[test]
+fn another_transmit_power_changes_the_gain_and_nothing_else() {
+    let failures: Vec<String> = (0..HIDDEN.len()).flat_map(gain_failures).collect();
     assert!(failures.is_empty(), "{failures:#?}");
 }

@@ -73,11 +73,14 @@ pub(crate) fn answer<S: Study>(
         bounds::size_bounds(search, &rows, &fit, &ladder.accepted)
     });
     let (numbers_of, fit) = numbers(search, study, all_rows, &ladder.accepted);
-    let unexplained = unexplained(search, ladder, residuals);
+    let unit = measurements.error_unit;
+    let excess = pure.filter(|pure| pure.is_alarming()).map(|pure| Excess { pure, unit });
+    let unexplained = unexplained(search, ladder, residuals, excess.as_ref());
     let (mut candidates, known) = tested(study, ladder, numbers_of, &fit);
     let structure = unexplained.iter().map(|it| it.covariate.as_str()).collect();
     let remains = Remains { gate: &gate, pure, n_parts, structure };
-    for bounds in &sizes {
+    // Beside something unknown, a bound holds for nothing.
+    for bounds in sizes.iter().filter(|_| !remains.is_something()) {
         if let Some(one) = listed(&mut candidates, &study.candidates()[bounds.term]) {
             (one.upper, one.detectable) = (Some(bounds.upper), Some(bounds.detectable));
         }
@@ -102,7 +105,7 @@ pub(crate) fn answer<S: Study>(
     let contradicted = contradicted_text(study, search, ladder);
     let verdict = if ladder.too_little.is_some() && gate.misfits.is_empty() {
         Verdict::NothingFound
-    } else if unexplained.iter().any(|structure| structure.possible_cause().is_none()) {
+    } else if unexplained.iter().any(Structure::is_certain) {
         Verdict::UnexplainedStructure
     } else if let Some(verdict) = Verdict::of_missing(&missing, &missing_one_of) {
         verdict
@@ -161,9 +164,9 @@ pub(crate) fn answer<S: Study>(
             } else if contradicted.is_some() {
                 contradicted
             } else {
-                let unit = measurements.error_unit;
-                let pure = pure.filter(|pure| pure.is_alarming());
-                pure.map(|pure| lack_of_fit_text(&pure, unit))
+                excess
+                    .as_ref()
+                    .map(Excess::of_model)
                     .or_else(|| noisier.as_ref().map(|it| noisier_text(it, unit)))
             }
         }),
@@ -248,13 +251,37 @@ fn possible_by_size<S: Study>(
     sizes.iter().filter(may_be).map(why).collect()
 }
 
-/// That more is left than repeats differ by.
-fn lack_of_fit_text(pure: &PureError, unit: &str) -> String {
-    format!(
-        "nothing was found, but the model is off by {:.3} {unit} where rows that repeat each other differ by {:.3} {unit}: something may be \
-         missing that was not tested",
-        pure.remaining, pure.pure
-    )
+/// What is left beyond noise.
+struct Excess<'a> {
+    pure: PureError,
+    unit: &'a str,
+}
+
+impl Excess<'_> {
+    /// Where nothing was found.
+    fn of_model(&self) -> String {
+        let Self { pure: PureError { remaining, pure, .. }, unit } = self;
+        format!(
+            "nothing was found, but the model is off by {remaining:.3} {unit} where rows that repeat each other differ by {pure:.3} {unit}: \
+             something may be missing that was not tested"
+        )
+    }
+
+    /// Where structure was found that explains a share of a squared error. `is_in_model`: the error is that of the model without it,
+    /// otherwise of the model that leaves the excess. None: it explains more than is left.
+    fn beside(&self, explained: f64, is_in_model: bool) -> Option<String> {
+        let Self { pure: PureError { remaining, pure, .. }, unit } = self;
+        let squares = remaining * remaining;
+        let explains =
+            if is_in_model { explained / (1.0 - explained) } else { explained } * squares;
+        let left = squares - pure * pure - if is_in_model { 0.0 } else { explains };
+        (explains < left).then(|| {
+            format!(
+                "the model is still off by {remaining:.3} {unit} where rows that repeat each other differ by {pure:.3} {unit}, so the cause may \
+                 follow another quantity"
+            )
+        })
+    }
 }
 
 /// That one group scatters more than the others.
@@ -310,6 +337,7 @@ fn unexplained<S: Study>(
     search: &Search<'_, S>,
     ladder: &Ladder,
     residuals: &Unexplained,
+    excess: Option<&Excess<'_>>,
 ) -> Vec<Structure> {
     let study = search.study();
     let curves = ladder.accepted.iter().enumerate();
@@ -322,7 +350,11 @@ fn unexplained<S: Study>(
     let of_curve = |(step, &term): (usize, &TermId)| {
         let structure = curve(study, ladder, residuals, (step, term))?;
         let nearest = search.nearest_effect(term, &without_term(&ladder.accepted, term));
-        Some(Structure { nearest_effect: nearest.map(named), ..structure })
+        let of_readings = excess.filter(|_| !structure.is_of_losses());
+        let warning = of_readings.and_then(|excess| excess.beside(structure.explained, true));
+        let of_node = || search.only_node_of(term, &ladder.accepted).map(certainty::of_one_node);
+        let warning = warning.or_else(of_node);
+        Some(Structure { nearest_effect: nearest.map(named), warning, ..structure })
     };
     let mut structure: Vec<Structure> = curves.filter_map(of_curve).collect();
     if let Some(left) = &residuals.structure {
@@ -345,6 +377,7 @@ fn unexplained<S: Study>(
             rmse_after: formula.map(|formula| formula.rmse),
             indistinguishable_from: others,
             nearest_effect: search.nearest_to_rest(left.nats(), ladder).map(named),
+            warning: excess.and_then(|excess| excess.beside(left.explained, false)),
         });
     }
     structure
@@ -383,6 +416,7 @@ fn curve<S: Study>(
             .map(str::to_owned)
             .collect(),
         nearest_effect: None,
+        warning: None,
     })
 }
 

@@ -24,7 +24,7 @@ pub(crate) struct Remains<'a> {
 
 impl Remains<'_> {
     /// Whether something else is missing.
-    fn is_something(&self) -> bool {
+    pub(crate) fn is_something(&self) -> bool {
         !self.structure.is_empty()
             || !self.gate.misfits.is_empty()
             || self.pure.is_some_and(|pure| pure.is_alarming())
@@ -72,6 +72,7 @@ pub(crate) fn doubts<S: Study>(
                         || !search.survives_beside_curves(term, ladder, &remains.structure));
                 is_part.then(|| PART.to_owned())
             })
+            .or_else(|| search.only_node_of(term, &ladder.accepted).map(of_one_node))
             .or_else(|| contradiction(term));
         why.map(|why| (term, why))
     };
@@ -83,6 +84,13 @@ const SPREAD: &str =
     "these data do not show that what it spreads is independent from frame to frame";
 /// Of an effect that gains nothing beside a free curve, or less than is left unexplained.
 const PART: &str = "something else is missing, of which it may be a part";
+
+/// Of an effect or structure that moves hardly anything but the rows of one node.
+pub(crate) fn of_one_node(node: u32) -> String {
+    format!(
+        "nearly all that it moves has node {node} in common, whose position or antenna may be another"
+    )
+}
 
 /// Which estimate of an effect is physically implausible: its whole interval is outside the plausible range.
 fn implausible(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> {

@@ -252,6 +252,9 @@ pub struct Structure {
     /// The effect of the catalogue that explains most of the same, if one explains half of it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub nearest_effect: Option<NearestEffect>,
+    /// Why its cause may follow another quantity: less is explained than is left.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warning: Option<String>,
 }
 
 /// The effect of the catalogue that explains most of what structure over a covariate explains.
@@ -362,6 +365,12 @@ impl Structure {
         if self.explained.is_finite() { self.explained } else { 0.0 }
     }
 
+    /// Whether the covariate is certain: no effect of the catalogue explains nearly as much, and what is left is less.
+    #[must_use]
+    pub fn is_certain(&self) -> bool {
+        self.possible_cause().is_none() && self.warning.is_none()
+    }
+
     /// The effect of the catalogue that may be its cause.
     #[must_use]
     pub fn possible_cause(&self) -> Option<&NearestEffect> {
@@ -424,6 +433,7 @@ mod tests {
                 rmse_after: None,
                 indistinguishable_from: others.iter().map(|&other| other.to_owned()).collect(),
                 nearest_effect: None,
+                warning: None,
             };
             structure.named()
         };

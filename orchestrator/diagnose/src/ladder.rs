@@ -21,6 +21,7 @@ mod clustered;
 mod contradiction;
 mod limits;
 mod nearest;
+mod node_levels;
 mod replacement;
 mod search;
 mod selection;

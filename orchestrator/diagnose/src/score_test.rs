@@ -18,10 +18,13 @@ use clusters::Clusters;
 use nalgebra::{DMatrix, DVector};
 use numbers::power::square;
 use statrs::distribution::{ContinuousCDF as _, FisherSnedecor, StudentsT};
+use std::collections::BTreeMap;
 use study::linear::{Column, Dependence, Linearised};
 
 /// What is left of the information of a column beside what was estimated, where it can be tested.
 const LEAST_LEFT: f64 = 1e-6;
+/// Projections onto levels of nodes and what was estimated, in turn.
+const MOST_PROJECTIONS: usize = 100;
 
 /// The result of a score test.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -205,6 +208,53 @@ impl<'a> ScoreTests<'a> {
         let (a, of_a) = self.left(a, &[&self.estimated])?;
         let (b, of_b) = self.left(b, &[&self.estimated])?;
         Some(self.inner(&a, &b) / (of_a * of_b).sqrt())
+    }
+
+    /// The share of a column's information, beside all that was estimated and a level of all rows, that is left beside a level for each
+    /// sender and each receiver. `nodes`: sender and receiver of each row. None: the column moves nothing else than what was estimated.
+    #[must_use]
+    pub(crate) fn left_beside_nodes(&self, column: &Column, nodes: &[[u32; 2]]) -> Option<f64> {
+        let together = |_: &[u32; 2]| 0;
+        let of_all = self.beside_levels(column, nodes, &[&together])?;
+        let [senders, receivers] = [|ends: &[u32; 2]| ends[0], |ends: &[u32; 2]| ends[1]];
+        let of_nodes = self.beside_levels(column, nodes, &[&senders, &receivers]);
+        Some(of_nodes.unwrap_or(0.0) / of_all)
+    }
+
+    /// The information of a column beside what was estimated and levels of groups of rows, by projecting onto one after the other
+    /// (I. Halperin, The product of projection operators, Acta Sci. Math. 23, 1962). None where nothing is left.
+    fn beside_levels(
+        &self,
+        column: &Column,
+        nodes: &[[u32; 2]],
+        groups: &[&dyn Fn(&[u32; 2]) -> u32],
+    ) -> Option<f64> {
+        let whole = self.inner(column, column);
+        let mut left = column.clone();
+        let mut before = f64::INFINITY;
+        for _ in 0..MOST_PROJECTIONS {
+            let (beside, information) = self.left(&left, &[&self.estimated])?;
+            left = beside;
+            if information < LEAST_LEFT * whole {
+                return None;
+            }
+            if before - information < LEAST_LEFT * whole {
+                break;
+            }
+            before = information;
+            for of_row in groups {
+                let mut sums: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
+                for ((x, w), ends) in left.iter().zip(&self.rows.weights).zip(nodes) {
+                    let sum = sums.entry(of_row(ends)).or_default();
+                    *sum = [sum[0] + w[0] * x[0], sum[1] + w[0]];
+                }
+                for (x, ends) in left.iter_mut().zip(nodes) {
+                    let [sum, weight] = sums[&of_row(ends)];
+                    x[0] -= if 0.0 < weight { sum / weight } else { 0.0 };
+                }
+            }
+        }
+        Some(before.min(self.inner(&left, &left)))
     }
 
     /// P-value of several columns together, of rows that depend on each other in time (Hotelling's T², by Fisher's F). None where nothing can

@@ -48,9 +48,8 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             format!("missing: {missing}{ties}{}{}", possibly(diagnosis), left.unwrap_or_default())
         }
         (None, Verdict::UnexplainedStructure) => {
-            let of_no_effect = |it: &&Structure| it.possible_cause().is_none();
-            let over: Vec<String> =
-                diagnosis.unexplained.iter().filter(of_no_effect).map(Structure::named).collect();
+            let certain = diagnosis.unexplained.iter().filter(|it| it.is_certain());
+            let over: Vec<String> = certain.map(Structure::named).collect();
             let also = if missing.is_empty() {
                 String::new()
             } else {
@@ -79,7 +78,7 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
     }
 }
 
-/// Structure, and the effect that may be its cause, in words.
+/// Structure, the effect that may be its cause, and why it may be something else, in words.
 fn structure_and_cause(structure: &Structure) -> String {
     let cause = structure.nearest_effect.as_ref().map(|cause| {
         let percent = 100.0 * cause.share;
@@ -88,7 +87,8 @@ fn structure_and_cause(structure: &Structure) -> String {
             cause.effect, cause.why_not
         )
     });
-    format!("{}{}", structure.named(), cause.unwrap_or_default())
+    let warning = structure.warning.as_ref().map(|why| format!("; {why}"));
+    [structure.named(), cause.unwrap_or_default(), warning.unwrap_or_default()].concat()
 }
 
 /// The effect that may be the largest of those that were not found.
@@ -295,5 +295,8 @@ fn unexplained(text: &mut String, structure: &Structure) {
             100.0 * nearest.share,
             nearest.why_not
         );
+    }
+    if let Some(warning) = &structure.warning {
+        let _ = writeln!(text, "  warning: {warning}");
     }
 }

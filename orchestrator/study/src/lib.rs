@@ -253,6 +253,12 @@ pub trait Study: Sync {
         if level == Level::Random { Level::Time } else { level }
     }
 
+    /// Sender and receiver of each row, each of which has a level of its own, if a term is a random effect of such levels. None: it is
+    /// something else.
+    fn nodes_with_levels(&self, _term: TermId) -> Option<Vec<[u32; 2]>> {
+        None
+    }
+
     /// Fits the configured model, its noise, and the terms (indices of candidates) together, to convergence.
     ///
     /// * `train`: the rows.

@@ -237,6 +237,11 @@ impl Study for LinkStudy {
         }
     }
 
+    fn nodes_with_levels(&self, term: TermId) -> Option<Vec<[u32; 2]>> {
+        let nodes = || self.rows.links.rows.iter().map(|row| [row.tx, row.rx]).collect();
+        matches!(self.specs[term], TermSpec::NodeOffset(_)).then(nodes)
+    }
+
     fn judging_level(&self, level: Level) -> Level {
         if level == Level::Random && self.once.is_none() { Level::Time } else { level }
     }

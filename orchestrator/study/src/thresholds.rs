@@ -428,6 +428,8 @@ pub const TIED_NATS: f64 = 3.0;
 /// Two effects are tied, too, if what they move, beside all that was estimated, is correlated by at least this: then errors of
 /// covariates decide between them. Chosen: of one part in fifty of the information.
 pub const SAME_COLUMNS: f64 = 0.99;
+/// An effect is tied with levels of nodes if less than this share of its information is left beside them.
+pub const LEFT_BESIDE_NODES: f64 = 0.1;
 /// A spread is identified if half of the 90 % interval of its logarithm is at most this: 0.6 to 1.65 times the estimate. Another size is
 /// identified if half of its 90 % interval is at most this share of its distance from no effect: 3.3 standard errors.
 pub const IDENTIFIED_HALF: f64 = 0.5;

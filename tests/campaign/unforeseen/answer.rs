@@ -211,7 +211,11 @@ impl Answer {
             .chain(list("unexplained"))
             .filter(|one| is_wrong(one))
             .collect();
-        let is_certain = wrong.iter().any(|one| !one["warning"].is_string() && !is_tied(one));
+        let is_doubted = |one: &Value| {
+            ["warning", "doubt"].iter().any(|key| one[key].is_string())
+                || one["nearest_effect"]["may_be_cause"] == true
+        };
+        let is_certain = wrong.iter().any(|one| !is_doubted(one) && !is_tied(one));
         let verdict = diagnosis["verdict"].as_str().unwrap_or_default();
         let is_honest =
             wrong.is_empty() && self.verdicts.contains(&verdict) && self.all_made(&accepted);

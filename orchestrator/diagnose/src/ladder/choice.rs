@@ -10,6 +10,7 @@ use study::thresholds::{
     FAMILY_ERROR, PREFERRED_SHARE, TIED_ERRORS, UNCORRECTED_LEVEL, WORTH_NATS,
 };
 use study::{COMMON, Study, TermId};
+use tracing::debug;
 
 /// The wanted test with the greatest gain on the common split; the first of equal ones.
 fn greatest_gain<'t>(
@@ -39,7 +40,10 @@ impl<S: Study> Search<'_, S> {
         let curve = self.choose_curve(tests, accepted, effect.is_some());
         let Some(greatest) = effect else { return curve };
         let effect = self.choose_effect(greatest, tests, accepted, removed);
-        let curve = curve.filter(|curve| self.explains_more(curve, (effect, greatest), accepted));
+        let curve = curve.filter(|curve| {
+            self.explains_more(curve, (effect, greatest), accepted)
+                && !self.is_of_few_nodes(curve, tests, accepted)
+        });
         Some(curve.unwrap_or(effect))
     }
 
@@ -140,9 +144,10 @@ impl<S: Study> Search<'_, S> {
         let candidates = self.study.candidates();
         let level = self.common_level(curve, effect);
         let over = self.gain_between_at(curve, effect, accepted, level);
-        // A level of its own for every node or link follows any curve: there it need not be much better.
-        let is_random = candidates[effect.term].level == Level::Random;
-        let margin = if is_random && curve.verdict.is_acceptable() {
+        // Where an effect follows any curve, this one need not be much better.
+        let n_numbers = candidates[curve.term].n_parameters;
+        let follows_any = self.follows_any_curve(effect.term, n_numbers);
+        let margin = if follows_any && curve.verdict.is_acceptable() {
             0.0
         } else {
             (2.0 * over.standard_error).max(WORTH_NATS / 10.0)
@@ -152,6 +157,27 @@ impl<S: Study> Search<'_, S> {
         let is_beaten = greatest.term != effect.term
             && self.gain_between_at(curve, greatest, accepted, own).gain <= 0.0;
         margin < over.gain && !is_beaten
+    }
+
+    /// Whether a curve explains no more than a level of all rows and one for each of a few nodes, which are simpler.
+    fn is_of_few_nodes(
+        &self,
+        curve: &CandidateTest,
+        tests: &[CandidateTest],
+        accepted: &[TermId],
+    ) -> bool {
+        let candidates = self.study.candidates();
+        let is_simpler = |test: &&CandidateTest| {
+            test.verdict.is_acceptable()
+                && candidates[test.term].level == Level::Random
+                && !self.follows_any_curve(test.term, candidates[curve.term].n_parameters)
+        };
+        tests.iter().filter(is_simpler).any(|levels| {
+            let simpler = self.with_levels(levels.term, accepted);
+            let over = self.gain(&with_term(accepted, curve.term), &simpler, COMMON);
+            debug!(?over, "curve over levels of nodes");
+            over.gain <= 2.0 * over.standard_error
+        })
     }
 
     /// A special case of the best candidate that is preferred to it. An acceptable one that is judged on unseen places is preferred;

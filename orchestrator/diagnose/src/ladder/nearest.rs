@@ -5,8 +5,9 @@ use super::candidate_test::CandidateTest;
 use super::search::{Search, with_term};
 use proto::effect::Level;
 use rayon::prelude::*;
-use study::thresholds::{CATALOGUE_SHARE, FAMILY_ERROR, NEAREST_SHARE};
-use study::{Study, TermId};
+use study::thresholds::{CATALOGUE_SHARE, FAMILY_ERROR, NEAREST_SHARE, STRUCTURE_BINS};
+use study::{COMMON, Study, TermId};
+use tracing::debug;
 
 /// The effect that explains most of what a curve explains.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,15 +35,24 @@ impl<S: Study> Search<'_, S> {
         let rise = self.study.log_likelihood(&of_curve) - self.study.log_likelihood(&parent);
         let gain_of_curve = self.gain(&with_curve, others, level).gain;
         let may_be = |term: &TermId| {
-            self.is_law(*term)
+            !self.follows_any_curve(*term, candidates[curve].n_parameters)
+                && candidates[*term].curve_over().is_none()
                 && candidates[*term].is_tried_beside(others)
                 && !others.contains(term)
         };
         let all: Vec<TermId> = candidates.ids().filter(may_be).collect();
         let share_of = |&term: &TermId| {
             let with_effect = with_term(others, term);
-            self.fit_if_promising(&with_effect, level, &parent, NEAREST_SHARE * rise)?;
-            let share = self.gain(&with_effect, others, level).gain / gain_of_curve;
+            let share = if candidates[term].level == Level::Random {
+                // Judged on places left out, every model has levels of nodes.
+                let levels = self.with_levels(term, others);
+                let of_levels = self.gain(&levels, others, COMMON).gain;
+                of_levels / self.gain(&with_curve, others, COMMON).gain
+            } else {
+                self.fit_if_promising(&with_effect, level, &parent, NEAREST_SHARE * rise)?;
+                self.gain(&with_effect, others, level).gain / gain_of_curve
+            };
+            debug!(name = candidates[term].name, share, "nearest");
             (NEAREST_SHARE <= share).then_some((term, share))
         };
         let shares: Vec<(TermId, f64)> = all.par_iter().filter_map(share_of).collect();
@@ -53,8 +63,11 @@ impl<S: Study> Search<'_, S> {
     /// The effect that gains most beside the terms of a selection, beside structure that was found in what it left and is worth `nats` per
     /// row.
     pub(crate) fn nearest_to_rest(&self, nats: f64, ladder: &Ladder) -> Option<Nearest> {
-        let is_effect =
-            |test: &&CandidateTest| self.is_law(test.term) && !ladder.accepted.contains(&test.term);
+        let is_effect = |test: &&CandidateTest| {
+            !self.is_curve(test)
+                && !self.follows_any_curve(test.term, STRUCTURE_BINS)
+                && !ladder.accepted.contains(&test.term)
+        };
         let effects = ladder.tests.iter().filter(is_effect);
         let most = effects.max_by(|a, b| a.gain.gain.total_cmp(&b.gain.gain))?;
         let (term, share) = (most.term, most.gain.gain / nats);
@@ -63,12 +76,6 @@ impl<S: Study> Search<'_, S> {
             share,
             why_not: self.why_not(term, None, &ladder.accepted),
         })
-    }
-
-    /// Whether a term is an effect that predicts a course of its own. A random effect follows any curve.
-    fn is_law(&self, term: TermId) -> bool {
-        let candidate = &self.study.candidates()[term];
-        candidate.curve_over().is_none() && candidate.level != Level::Random
     }
 
     /// Why an effect was not accepted, in place of a curve where one was.

@@ -40,7 +40,11 @@ impl<S: Study> Search<'_, S> {
                 && !(is_curve && self.is_no_better_than_nested(test, tests, accepted))
                 && self.is_tied(best, test, accepted)
         };
-        tests.par_iter().filter(is_tied).map(|test| test.term).collect()
+        let mut ties: Vec<TermId> =
+            tests.par_iter().filter(is_tied).map(|test| test.term).collect();
+        let levels = (!is_curve).then(|| self.levels_of_nodes(best.term, accepted)).flatten();
+        ties.extend(levels.filter(|levels| !ties.contains(levels)));
+        ties
     }
 
     /// Drops ties that the terms accepted later resolve: candidates that were indistinguishable from an accepted one when it was
@@ -49,7 +53,11 @@ impl<S: Study> Search<'_, S> {
         let Some(&last) = accepted.last() else { return };
         for test in decided.iter_mut().filter(|test| test.term != last) {
             let rest = without_term(accepted, test.term);
+            let levels = self.levels_of_nodes(test.term, accepted);
             let is_still_tied = |&rival: &TermId| {
+                if levels == Some(rival) {
+                    return true;
+                }
                 let mut again = self.test_candidate(&rest, rival);
                 if again.gain.p_value < FAMILY_ERROR {
                     again.verdict = Verdict::Significant;

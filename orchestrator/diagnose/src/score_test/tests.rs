@@ -142,3 +142,21 @@ fn what_shows_in_few_rows_of_many_series_is_found() {
     let test = made.test(&x, &[]).unwrap();
     assert!(test.p_value < 1e-6, "{test:?}");
 }
+
+#[test]
+fn what_levels_of_nodes_move_has_nothing_left_beside_them() {
+    let n = 600;
+    let made = Made::new(1, n, |row| normal(1, row));
+    let nodes: Vec<[u32; 2]> = (0..n as u32).map(|row| [row % 5, 5 + row % 4]).collect();
+    let tests = ScoreTests::new(&made.rows, &made.dependence);
+    let left = |value: &dyn Fn(usize) -> f64| tests.left_beside_nodes(&column(n, value), &nodes);
+    let of_nodes = |row: usize| 3.0 * f64::from(nodes[row][0]) - f64::from(nodes[row][1]);
+    assert_eq!(left(&of_nodes), Some(0.0));
+    // Half of the variance is the nodes' own.
+    let scale = 5.0;
+    let half = left(&|row| of_nodes(row) + scale * normal(2, row)).unwrap();
+    let of_nodes_variance = 9.0 * 2.0 + 1.25;
+    let expected = scale * scale / (scale * scale + of_nodes_variance);
+    assert!((half - expected).abs() < 0.05, "{half} {expected}");
+    assert_eq!(left(&|_| 1.0), None);
+}

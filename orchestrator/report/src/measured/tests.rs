@@ -115,6 +115,7 @@ fn structure(covariate: &str, explained: f64, formula: &str, target: &str) -> St
         rmse_after: None,
         indistinguishable_from: Vec::new(),
         nearest_effect: None,
+        warning: None,
     }
 }
 

@@ -164,6 +164,8 @@ pub struct Random {
     /// Of senders, of receivers, of times: what crosses links.
     crossing_db: Vec<f64>,
     crossing_variance: Vec<f64>,
+    /// Covariance of the level of each sender with that of each receiver: row by row of senders.
+    end_covariance: Vec<f64>,
     /// How many levels of times are well determined.
     times_determined: f64,
 }
@@ -180,6 +182,7 @@ impl Random {
             channel_weight: vec![0.0; cells.link_of_channel.len()],
             crossing_db: vec![0.0; cells.n_crossing()],
             crossing_variance: vec![0.0; cells.n_crossing()],
+            end_covariance: vec![0.0; cells.n_nodes * cells.n_nodes],
             times_determined: 0.0,
         }
     }
@@ -194,10 +197,13 @@ impl Random {
         if sd.channel_db == 0.0 {
             other.channel_db.fill(0.0);
         }
-        for (place, level_db) in other.crossing_db.iter_mut().enumerate() {
+        for place in 0..other.crossing_db.len() {
             if cells.sd_of_crossing(place, sd) == 0.0 {
-                *level_db = 0.0;
+                (other.crossing_db[place], other.crossing_variance[place]) = (0.0, 0.0);
             }
+        }
+        if sd.tx_db == 0.0 || sd.rx_db == 0.0 {
+            other.end_covariance.fill(0.0);
         }
         other
     }
@@ -247,7 +253,10 @@ impl Random {
     /// Variance of the random level of a row about its mode (dB²).
     #[must_use]
     pub fn variance(&self, cells: &RowCells, row: usize) -> f64 {
-        let crossing: f64 = cells.crossing(row).map(|place| self.crossing_variance[place]).sum();
+        let alone: f64 = cells.crossing(row).map(|place| self.crossing_variance[place]).sum();
+        // Of few nodes, the sum of both levels is known far better than either.
+        let (tx, rx) = cells.nodes[row];
+        let crossing = alone + 2.0 * self.end_covariance[tx as usize * cells.n_nodes + rx as usize];
         let posterior = |sd: f64, weight: f64| {
             let variance = sd * sd / (1.0 + weight * sd * sd);
             (variance, 1.0 - weight * variance)

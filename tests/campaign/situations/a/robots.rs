@@ -175,10 +175,13 @@ fn fly(body: &mut Body, now: &Moment, mass_kg: f64, gain: f64) {
     let [thrust_n, roll, pitch, yaw] = now.command;
     let mut acceleration = thrust_mps2([gain * thrust_n / mass_kg, roll, pitch, yaw]);
     // The ground carries what does not fly.
-    if body.at_m[2] <= 0.0 && acceleration[2] <= 0.0 {
-        body.velocity_mps = [0.0; 3];
-        acceleration = [0.0; 3];
+    if body.at_m[2] <= 0.0 {
         body.at_m[2] = 0.0;
+        body.velocity_mps[2] = body.velocity_mps[2].max(0.0);
+        if acceleration[2] <= 0.0 {
+            body.velocity_mps = [0.0; 3];
+            acceleration = [0.0; 3];
+        }
     }
     accelerate(body, acceleration);
 }

@@ -19,6 +19,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
         "limits of iterations and of memory",
         &[
             ("diagnose/src/ladder.rs", &["MOST_ROUNDS"]),
+            ("diagnose/src/score_test.rs", &["MOST_PROJECTIONS"]),
             ("network/src/candidate_fits.rs", &["FINAL_TRIES", "ROUNDS"]),
             ("network/src/task/figures.rs", &["MOST_LOOKS"]),
             ("study/src/defects/evidence.rs", &["STEPS"]),

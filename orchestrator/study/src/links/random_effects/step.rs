@@ -267,6 +267,12 @@ impl<'a> System<'a> {
             self.after.crossing_variance[place] = inverse[(index, index)];
         }
         let (cells, sd_db) = (self.solver.cells, self.before.sd.time_db);
+        if self.crossing.start == 0 {
+            let n = cells.n_nodes;
+            let of_ends = (0..n * n).map(|index| inverse[(index / n, n + index % n)]);
+            self.after.end_covariance.clear();
+            self.after.end_covariance.extend(of_ends);
+        }
         if 0.0 < sd_db {
             let times = 2 * cells.n_nodes - self.crossing.start;
             // The trace of their prior precision times their posterior covariance.
@@ -380,5 +386,44 @@ impl Sums {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::RandomEffectSds;
+    use super::*;
+
+    #[test]
+    fn of_two_nodes_the_sum_of_levels_is_known_though_neither_is() {
+        let n = 200;
+        let ends = |row: u32| (row % 2, 1 - row % 2);
+        let cells = RowCells {
+            link: vec![0; n],
+            channel: vec![0; n],
+            link_of_channel: vec![0],
+            n_links: 1,
+            nodes: (0..n as u32).map(ends).collect(),
+            n_nodes: 2,
+            times: Vec::new(),
+            correlations: Vec::new(),
+        };
+        let sd = RandomEffectSds { tx_db: 5.0, rx_db: 5.0, ..RandomEffectSds::default() };
+        let train: Vec<u32> = (0..n as u32).collect();
+        let slope = RowLikelihood { over_level: 0.0, weight: 1.0, ..RowLikelihood::default() };
+        let (slopes, random) = (vec![slope; n], Random::new(sd, &cells));
+        let solver = Solver {
+            cells: &cells,
+            train: &train,
+            slopes: &slopes,
+            jacobian: &[],
+            n_parameters: 0,
+        };
+        let step = solver.step(&random, &DMatrix::zeros(0, 0), &DVector::zeros(0), 0.0).unwrap();
+        // A hundred rows of variance 1, and a prior of twice 25.
+        let expected = 1.0 / (100.0 + 1.0 / 50.0);
+        assert!((step.random.variance(&cells, 0) - expected).abs() < 1e-9);
+        let alone = step.random.with_sds(RandomEffectSds::default(), &cells);
+        assert_eq!(alone.variance(&cells, 0), 0.0);
     }
 }

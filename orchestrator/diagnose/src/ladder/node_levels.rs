@@ -1,0 +1,115 @@
+//! Effects that move what levels of nodes could move as well.
+
+use super::search::{Search, with_term, without_term};
+use crate::score_test::ScoreTests;
+use proto::effect::{CONSTANT, Level};
+use std::collections::{BTreeMap, BTreeSet};
+use study::thresholds::{CATALOGUE_SHARE, LEFT_BESIDE_NODES};
+use study::{COMMON, Study, TermId};
+
+impl<S: Study> Search<'_, S> {
+    /// The effect of a level for each node, if these data can hardly tell a term of a selection from it: of the information about the term
+    /// less than [`LEFT_BESIDE_NODES`] is left beside a level for each sender and each receiver. None of a level of all links, which goes
+    /// first.
+    pub(super) fn levels_of_nodes(&self, term: TermId, accepted: &[TermId]) -> Option<TermId> {
+        let candidates = self.study.candidates();
+        let (levels, nodes) = self.nodes()?;
+        let is_other = candidates[levels].is_tried()
+            && levels != term
+            && !accepted.contains(&levels)
+            && candidates[term].linear_in != Some(CONSTANT);
+        let columns = |others: &[TermId]| {
+            let fit = self.full_fit(others, COMMON, None);
+            Some((self.study.linearised(&fit)?, self.study.columns(&fit, term)))
+        };
+        let (rows, columns) = is_other.then(|| columns(&without_term(accepted, term)))??;
+        let dependence = self.study.dependence();
+        let tests = ScoreTests::new(&rows, &dependence);
+        let left = columns.iter().filter_map(|column| tests.left_beside_nodes(column, &nodes));
+        let most = left.max_by(f64::total_cmp)?;
+        (most < LEFT_BESIDE_NODES).then_some(levels)
+    }
+
+    /// The effect of a level for each node, and sender and receiver of each row. None: rows are not of links.
+    fn nodes(&self) -> Option<(TermId, Vec<[u32; 2]>)> {
+        let of_levels = |term: TermId| Some((term, self.study.nodes_with_levels(term)?));
+        self.study.candidates().ids().find_map(of_levels)
+    }
+
+    /// Terms with random levels and, about which they are, a level of all rows.
+    pub(super) fn with_levels(&self, levels: TermId, others: &[TermId]) -> Vec<TermId> {
+        let candidates = self.study.candidates();
+        let is_of_all = |term: &TermId| {
+            candidates[*term].linear_in == Some(CONSTANT)
+                && candidates[*term].is_tried_beside(others)
+                && !others.contains(term)
+        };
+        let of_all = candidates.ids().find(is_of_all);
+        let terms = of_all.map_or_else(|| others.to_vec(), |term| with_term(others, term));
+        with_term(&terms, levels)
+    }
+
+    /// The node that has nearly all in common that a term of a selection moves, though most rows are of others: its own place or antenna
+    /// may be the cause. None of what is limited to nodes, or has a level of each.
+    pub(crate) fn only_node_of(&self, term: TermId, accepted: &[TermId]) -> Option<u32> {
+        let candidate = &self.study.candidates()[term];
+        if candidate.level != Level::Place || candidate.only.is_some() {
+            return None;
+        }
+        let (_, nodes) = self.nodes()?;
+        // A random effect would take over a part of what is left out.
+        let is_law = |other: &TermId| self.study.candidates()[*other].level != Level::Random;
+        let laws: Vec<TermId> = accepted.iter().copied().filter(is_law).collect();
+        let [with, without] = [laws.clone(), without_term(&laws, term)]
+            .map(|terms| self.full_fit(&terms, COMMON, None));
+        let moved = self.study.prediction_difference(&with, &without)?.by_row;
+        mostly_of_one(&nodes, &moved)
+    }
+
+    /// Whether a term is a random effect that follows any curve of so many numbers. One of nodes that has no more levels than that does not:
+    /// it is as simple.
+    pub(super) fn follows_any_curve(&self, term: TermId, n_numbers: usize) -> bool {
+        // Of two nodes, what one sends the other receives.
+        let n_levels = |nodes: Vec<[u32; 2]>| {
+            let of_end = |end: usize| nodes.iter().map(|ends| ends[end]).collect::<BTreeSet<u32>>();
+            let n_ends = (0..2).map(|end| of_end(end).len()).sum::<usize>();
+            n_ends.min(nodes.iter().collect::<BTreeSet<_>>().len())
+        };
+        self.study.candidates()[term].level == Level::Random
+            && self.study.nodes_with_levels(term).is_none_or(|nodes| n_numbers < n_levels(nodes))
+    }
+}
+
+/// The node at an end of rows that have [`CATALOGUE_SHARE`] of the squares of these numbers, and are fewer than half of all.
+fn mostly_of_one(nodes: &[[u32; 2]], moved: &[f64]) -> Option<u32> {
+    let mut of_node: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
+    let mut all = [0.0; 2];
+    for (ends, moved) in nodes.iter().zip(moved).filter(|(_, moved)| moved.is_finite()) {
+        let row = [moved * moved, 1.0];
+        for node in ends {
+            let sum = of_node.entry(*node).or_default();
+            *sum = [sum[0] + row[0], sum[1] + row[1]];
+        }
+        all = [all[0] + row[0], all[1] + row[1]];
+    }
+    let is_alone = |sum: &[f64; 2]| CATALOGUE_SHARE * all[0] < sum[0] && 2.0 * sum[1] < all[1];
+    of_node.into_iter().find(|(_, sum)| is_alone(sum)).map(|(node, _)| node)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_moves_rows_of_one_node_alone_is_told_from_what_moves_others_too() {
+        let nodes: Vec<[u32; 2]> = (0..600).map(|row| [row % 6, (row / 6 + 1 + row) % 6]).collect();
+        let moved = |other: f64| -> Vec<f64> {
+            nodes.iter().map(|ends| if ends.contains(&4) { 3.0 } else { other }).collect()
+        };
+        assert_eq!(mostly_of_one(&nodes, &moved(0.1)), Some(4));
+        assert_eq!(mostly_of_one(&nodes, &moved(2.0)), None);
+        // A node that has an end of each row.
+        let star: Vec<[u32; 2]> = (0..600).map(|row| [4, row % 4]).collect();
+        assert_eq!(mostly_of_one(&star, &moved(0.1)), None);
+    }
+}
