@@ -45,8 +45,7 @@ pub const FEWEST_JACKKNIFE_GROUPS: f64 = 4.0;
 
 /// Number of folds of cross-validation. The usual choice: each fit has four fifths of the rows.
 pub const N_FOLDS: usize = 5;
-/// Fewest blocks for a test on held-out rows. The standard error is clustered over blocks, and with fewer its estimate is too
-/// uncertain.
+/// Fewest blocks for a test on held-out rows. The standard error is clustered over blocks, and with fewer its estimate is too uncertain.
 pub const FEWEST_BLOCKS: usize = 20;
 /// Blocks of time into which the rows of links are cut. Chosen: three times [`FEWEST_BLOCKS`]. More blocks are shorter, and
 /// depend on each other more.
@@ -54,8 +53,7 @@ pub const TIME_BLOCKS: usize = 60;
 /// Blocks of time into which the tracks of robots are cut, within [`SHORTEST_BLOCK_WINDOWS`] and [`LONGEST_BLOCK_WINDOWS`]: as
 /// many as [`TIME_BLOCKS`].
 pub const WANTED_BLOCKS: f64 = 60.0;
-/// Length of the shortest block of a track, in windows. Chosen: neighbouring blocks depend on each other more if they are
-/// shorter.
+/// Length of the shortest block of a track, in windows. Chosen: neighbouring blocks depend on each other more if they are shorter.
 pub const SHORTEST_BLOCK_WINDOWS: f64 = 2.0;
 /// Length of the longest block of a track, in windows. Chosen: longer blocks are fewer, but hardly more independent.
 pub const LONGEST_BLOCK_WINDOWS: f64 = 20.0;
@@ -90,8 +88,7 @@ pub const SHORTEST_CLUSTER_WINDOWS: f64 = 1.0;
 /// Squares along the longer side of the plane, in each of which a node that moves counts as another node. Chosen: smaller
 /// squares give a test more clusters, and depend on each other more.
 pub const NODE_SQUARES_ACROSS: f64 = 8.0;
-/// Fewest blocks for a t test of a mean over blocks of rows. Chosen: with fewer, its p-value depends more on sums over blocks
-/// being normal.
+/// Fewest blocks for a t test of a mean over blocks of rows. Chosen: with fewer, its p-value depends more on sums over blocks being normal.
 pub const FEWEST_SUMMED_BLOCKS: usize = 8;
 
 // Random effects.
@@ -120,11 +117,9 @@ pub const FEWEST_LAG_PAIRS: f64 = 10.0;
 /// A correlation length lies between the shortest lag divided by this and the longest lag times this. Beyond, it is not
 /// identifiable: all correlations are near 0, or near 1.
 pub const CORRELATION_REACH: f64 = 4.0;
-/// Probability of reception above which a reading counts as unselected. Of frames that are received less often, the stronger
-/// ones were.
+/// Probability of reception above which a reading counts as unselected. Of frames that are received less often, the stronger ones were.
 pub const CERTAIN_PASS: f64 = 0.9;
-/// Probability of reception from which residuals of losses are computed. Below, the ratio of received and expected frames is
-/// mostly noise.
+/// Probability of reception from which residuals of losses are computed. Below, the ratio of received and expected frames is mostly noise.
 pub const LEAST_EXPECTED_PASS: f64 = 0.3;
 
 // Likelihood.
@@ -167,8 +162,7 @@ pub const ROBOTS_COLLINEAR: f64 = 0.95;
 /// Fewest places from which a node of unknown heading was seen, for an antenna pattern. A heading and a pattern are three
 /// numbers; with fewer places, nothing is left to test them.
 pub const FEWEST_VIEWS: usize = 6;
-/// Positions of other agents, over all moments, above which shadowing by other agents is not considered: a limit of memory
-/// and time.
+/// Positions of other agents, over all moments, above which shadowing by other agents is not considered: a limit of memory and time.
 pub const MOST_AGENT_POSITIONS: usize = 8_000_000;
 
 // Permutation tests of residuals of links.
@@ -190,8 +184,7 @@ pub const MOST_COURSES: usize = 200;
 
 /// Knots of a curve over a covariate. Chosen: more knots follow more structure, and need more rows.
 pub const CURVE_KNOTS: usize = 7;
-/// Knots of a fine curve over time, for what comes and goes. Rows are left out in [`TIME_BLOCKS`], so that a fit has rows near
-/// every knot.
+/// Knots of a fine curve over time, for what comes and goes. Rows are left out in [`TIME_BLOCKS`], so that a fit has rows near every knot.
 pub const FINE_CURVE_KNOTS: usize = 25;
 /// Fewest rows, or windows, for each knot of a fine curve. Chosen: with fewer, values at knots are mostly noise.
 pub const ROWS_PER_KNOT: usize = 40;
@@ -212,8 +205,7 @@ pub const SECOND_DIRECTION_SHARE: f64 = 0.01;
 
 // Screening.
 
-/// Gain by which an obstacle that came and went must exceed one that always stood (nats). It is the best of many spans of
-/// time and places.
+/// Gain by which an obstacle that came and went must exceed one that always stood (nats). It is the best of many spans of time and places.
 pub const LIMITED_OBSTACLE_NATS: f64 = 20.0;
 /// A start of a robot effect is abandoned if a step gains less (nats).
 pub const SCREEN_QUIET_NATS: f64 = 0.5;
@@ -230,8 +222,7 @@ pub const TRACK_BEGIN_WINDOWS: f64 = 0.5;
 pub const TRACK_BEGIN_SAMPLES: usize = 3;
 /// Time at the beginning of a track from which the velocity there is estimated (s).
 pub const TRACK_BEGIN_S: f64 = 0.5;
-/// Fewest campaigns that all begin at one place, for positions to count as relative to where a robot began. So many are no
-/// coincidence.
+/// Fewest campaigns that all begin at one place, for positions to count as relative to where a robot began. So many are no coincidence.
 pub const FEWEST_RUNS_ALIKE: usize = 5;
 /// Length of the segments that another robot simulator predicts (s). Chosen: place and heading of its prediction are less
 /// accurate in a longer one, and a shorter one takes more predictions.
@@ -354,8 +345,7 @@ pub const MOST_REFINED: usize = 4;
 pub const CONSISTENT_BEHIND_NATS: f64 = 10.0;
 /// A rival is indistinguishable from the best candidate if it makes the packets at most twenty times less probable (nats).
 pub const RIVAL_NATS: f64 = 3.0;
-/// Fall of the log likelihood within which values of a parameter are searched further (nats): wider than any interval that
-/// is reported.
+/// Fall of the log likelihood within which values of a parameter are searched further (nats): wider than any interval that is reported.
 pub const SEARCHED_NATS: f64 = 4.0;
 /// How often seeds are drawn again, for the error that their choice causes.
 pub const SEED_RESAMPLES: u64 = 100;
@@ -374,8 +364,7 @@ pub const FEWEST_MOTE_PACKETS: u32 = 5;
 pub const SPLIT_CAMPAIGNS: u64 = 39;
 /// Runs over each of them.
 pub const SPLIT_RUNS: u64 = 5;
-/// Frames of a link that are counted together, on average. Chosen: fewer determine a reception ratio less, more mix what
-/// changes.
+/// Frames of a link that are counted together, on average. Chosen: fewer determine a reception ratio less, more mix what changes.
 pub const COUNTED_FRAMES: f64 = 20.0;
 /// Least difference of a figure on its scale that counts, and least standard deviation of a figure for the parts of an error.
 pub const LEAST_FIGURE_DIFFERENCE: f64 = 0.005;
@@ -405,9 +394,8 @@ pub const FEWEST_BLOCKS_WITHIN: usize = 8;
 
 // Ties between effects.
 
-/// A physical effect is preferred over random effects, and a constant over other effects, if it gains at least this share of
-/// what they gain. Chosen: nearer to 1, random effects hide effects whose shape is not exact; smaller, wrong effects replace
-/// them.
+/// A physical effect is preferred over random effects, and a constant over other effects, if it gains at least this share of what they
+/// gain. Chosen: nearer to 1, random effects hide effects whose shape is not exact; smaller, wrong effects replace them.
 pub const PREFERRED_SHARE: f64 = 0.85;
 /// Structure may be of a known effect if one gains at least this share of what a free curve gains. Chosen: a law of few numbers that is
 /// right gains more than a curve with many; one that is nearly right loses little.
