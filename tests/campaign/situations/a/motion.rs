@@ -90,6 +90,8 @@ pub(super) struct Fleet {
     pub(super) mass_kg: f64,
     /// Whether all drive to the east at one speed.
     pub(super) is_steady: bool,
+    /// Height about which quadrotors are to fly.
+    pub(super) hover_m: f64,
     /// Rows between which quadrotors stand on the ground.
     pub(super) landed: std::ops::Range<usize>,
 }
@@ -109,6 +111,7 @@ impl Fleet {
             memory: 0.0,
             mass_kg: rounded(draws.between(0.03, 1.2), 3),
             is_steady: false,
+            hover_m: 1.2,
             landed: 0..0,
             draws,
         }
@@ -137,8 +140,8 @@ impl Fleet {
                 }
                 // A proportional and derivative law towards a place that moves, and what else a pilot does.
                 let phase = row as f64 / 60.0;
-                let goal =
-                    [(0.7 * phase).sin(), (0.45 * phase).cos(), 1.2 + 0.4 * (0.9 * phase).sin()];
+                let height_m = self.hover_m + 0.4 * (0.9 * phase).sin();
+                let goal = [(0.7 * phase).sin(), (0.45 * phase).cos(), height_m];
                 let wish = |axis: usize| {
                     1.2 * (goal[axis] - body.at_m[axis]) - 1.6 * body.velocity_mps[axis]
                 };
@@ -167,7 +170,7 @@ impl Fleet {
                 let mut at_m = [0.0; 3];
                 at_m[0] = self.draws.uniform() * side_m;
                 at_m[1] = self.draws.uniform() * side_m;
-                at_m[2] = if self.kind == Kind::Quadrotor { 1.2 } else { 0.0 };
+                at_m[2] = if self.kind == Kind::Quadrotor { self.hover_m } else { 0.0 };
                 Body { at_m, heading_rad: self.draws.between(-3.0, 3.0), ..Body::default() }
             })
             .collect();
