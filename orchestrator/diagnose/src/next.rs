@@ -464,7 +464,10 @@ mod tests {
     }
 
     /// How to part a rival that follows a temperature from one that follows another covariate.
-    fn how(covariates: &[(&str, fn(f64) -> f64)], other: &Candidate) -> Option<String> {
+    /// A covariate: its name, and its value by time.
+    type Given = (&'static str, fn(f64) -> f64);
+
+    fn how(covariates: &[Given], other: &Candidate) -> Option<String> {
         let of = |value: fn(f64) -> f64| (0..100).map(|row| value(f64::from(row))).collect();
         let covariates =
             covariates.iter().map(|(name, value)| ((*name).to_owned(), of(*value))).collect();

@@ -214,21 +214,16 @@ impl<'a> ScoreTests<'a> {
     /// sender and each receiver. `nodes`: sender and receiver of each row. None: the column moves nothing else than what was estimated.
     #[must_use]
     pub(crate) fn left_beside_nodes(&self, column: &Column, nodes: &[[u32; 2]]) -> Option<f64> {
-        let together = |_: &[u32; 2]| 0;
-        let of_all = self.beside_levels(column, nodes, &[&together])?;
-        let [senders, receivers] = [|ends: &[u32; 2]| ends[0], |ends: &[u32; 2]| ends[1]];
-        let of_nodes = self.beside_levels(column, nodes, &[&senders, &receivers]);
+        let of_all = self.beside_levels(column, &[vec![0; nodes.len()]])?;
+        let ends = [0, 1].map(|end| nodes.iter().map(|ends| ends[end]).collect());
+        let of_nodes = self.beside_levels(column, &ends);
         Some(of_nodes.unwrap_or(0.0) / of_all)
     }
 
     /// The information of a column beside what was estimated and levels of groups of rows, by projecting onto one after the other
-    /// (I. Halperin, The product of projection operators, Acta Sci. Math. 23, 1962). None where nothing is left.
-    fn beside_levels(
-        &self,
-        column: &Column,
-        nodes: &[[u32; 2]],
-        groups: &[&dyn Fn(&[u32; 2]) -> u32],
-    ) -> Option<f64> {
+    /// (I. Halperin, The product of projection operators, Acta Sci. Math. 23, 1962). `divisions`: the group of each row. None where nothing
+    /// is left.
+    fn beside_levels(&self, column: &Column, divisions: &[Vec<u32>]) -> Option<f64> {
         let whole = self.inner(column, column);
         let mut left = column.clone();
         let mut before = f64::INFINITY;
@@ -242,14 +237,14 @@ impl<'a> ScoreTests<'a> {
                 break;
             }
             before = information;
-            for of_row in groups {
+            for groups in divisions {
                 let mut sums: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
-                for ((x, w), ends) in left.iter().zip(&self.rows.weights).zip(nodes) {
-                    let sum = sums.entry(of_row(ends)).or_default();
+                for ((x, w), group) in left.iter().zip(&self.rows.weights).zip(groups) {
+                    let sum = sums.entry(*group).or_default();
                     *sum = [sum[0] + w[0] * x[0], sum[1] + w[0]];
                 }
-                for (x, ends) in left.iter_mut().zip(nodes) {
-                    let [sum, weight] = sums[&of_row(ends)];
+                for (x, group) in left.iter_mut().zip(groups) {
+                    let [sum, weight] = sums[group];
                     x[0] -= if 0.0 < weight { sum / weight } else { 0.0 };
                 }
             }
