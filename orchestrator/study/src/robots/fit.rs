@@ -35,6 +35,8 @@ const FOLD_STEPS: usize = 10;
 const SETTLING_TIMES: usize = 5;
 /// Steps of a first look at each of several starts.
 const LOOK_STEPS: usize = 6;
+/// Logarithms of gains that are tried where a fit has converged.
+const TRIED_GAINS: [f64; 3] = [-4.0, -2.5, -1.0];
 /// How many of several starts are followed.
 const N_FOLLOWED: usize = 3;
 
@@ -51,7 +53,7 @@ impl RobotModel {
                 return start.clone();
             }
         }
-        fit = self.refine_jointly(fit, train);
+        fit = self.refine_jointly(self.with_gains_tried(fit, train), train);
         // Numbers in the order of the terms.
         if fit.terms == terms { fit } else { self.with_terms(terms, &fit) }
     }
@@ -73,6 +75,28 @@ impl RobotModel {
             .map(|(fit, _)| self.maximise(fit, train, LOOK_STEPS, CONVERGED_NATS))
             .max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood));
         self.fit_to_convergence(best.unwrap_or_else(|| parent.clone()), train)
+    }
+
+    /// A fit, or a better one with other gains: a model that is wrong trusts each measurement, and the likelihood of a right one may have
+    /// a maximum there, too.
+    fn with_gains_tried(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
+        let mut best = fit;
+        for index in 0..self.n_gains() {
+            let at = |value: f64| {
+                let mut tried = RobotFit { derivatives: Arc::default(), ..best.clone() };
+                tried.values[index] = value;
+                let total = self.point(&tried, train)?.total;
+                (best.log_likelihood < total).then_some((tried, total))
+            };
+            let better = TRIED_GAINS.into_iter().filter_map(at);
+            if let Some((tried, _)) = better.max_by(|a, b| a.1.total_cmp(&b.1)) {
+                let found = self.fit_to_convergence(tried, train);
+                if best.log_likelihood < found.log_likelihood {
+                    best = found;
+                }
+            }
+        }
+        best
     }
 
     /// Fits with one more term, at the best of its starts.

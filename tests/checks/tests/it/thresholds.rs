@@ -51,7 +51,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
             ("study/src/links/fit/search.rs", &["FINALISTS"]),
             ("study/src/links/fit/starts.rs", &["FINALISTS", "MANY_STARTS"]),
             ("study/src/robots/discs.rs", &["N_TRIED"]),
-            ("study/src/robots/fit.rs", &["N_FOLLOWED"]),
+            ("study/src/robots/fit.rs", &["N_FOLLOWED", "TRIED_GAINS"]),
             ("study/src/robots/linear.rs", &["MOST_STARTS"]),
         ],
     ),
