@@ -50,18 +50,19 @@ impl<S: Study> Search<'_, S> {
     }
 
     /// The node that has nearly all in common that a term of a selection moves, though most rows are of others: its own place or antenna
-    /// may be the cause. None of what is limited to nodes, or has a level of each.
+    /// may be the cause. None of what changes in time, is limited to nodes, or has a level of each.
     pub(crate) fn only_node_of(&self, term: TermId, accepted: &[TermId]) -> Option<u32> {
         let candidate = &self.study.candidates()[term];
-        if candidate.level != Level::Place || candidate.only.is_some() {
+        let (levels, nodes) = self.nodes()?;
+        if candidate.level == Level::Time || candidate.only.is_some() || term == levels {
             return None;
         }
-        let (_, nodes) = self.nodes()?;
-        // A random effect would take over a part of what is left out.
+        // Another random effect would take over a part of what is left out.
         let is_law = |other: &TermId| self.study.candidates()[*other].level != Level::Random;
-        let laws: Vec<TermId> = accepted.iter().copied().filter(is_law).collect();
-        let [with, without] = [laws.clone(), without_term(&laws, term)]
-            .map(|terms| self.full_fit(&terms, COMMON, None));
+        let laws = accepted.iter().copied().filter(|other| is_law(other) && *other != term);
+        let laws: Vec<TermId> = laws.collect();
+        let [with, without] =
+            [with_term(&laws, term), laws].map(|terms| self.full_fit(&terms, COMMON, None));
         let moved = self.study.prediction_difference(&with, &without)?.by_row;
         mostly_of_one(&nodes, &moved)
     }

@@ -257,6 +257,7 @@ fn unexplained_in_words(entry: &Structure) -> Markup {
         }
         "."
         @if let Some(nearest) = &entry.nearest_effect { p.soft { (nearest_in_words(nearest)) } }
+        @if let Some(warning) = &entry.warning { p.soft { "Warning: " (warning) "." } }
     }
 }
 
