@@ -15,6 +15,7 @@ use super::scan::Unexplained;
 use super::words;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
+use numbers::power::square;
 use proto::effect::Level;
 use std::sync::Arc;
 use study::open::Subject;
@@ -258,27 +259,31 @@ struct Excess<'a> {
 }
 
 impl Excess<'_> {
-    /// Where nothing was found.
-    fn of_model(&self) -> String {
+    fn compared(&self) -> String {
         let Self { pure: PureError { remaining, pure, .. }, unit } = self;
         format!(
-            "nothing was found, but the model is off by {remaining:.3} {unit} where rows that repeat each other differ by {pure:.3} {unit}: \
-             something may be missing that was not tested"
+            "off by {remaining:.3} {unit} where rows that repeat each other differ by {pure:.3} {unit}"
         )
     }
 
-    /// Where structure was found that explains a share of a squared error. `is_in_model`: the error is that of the model without it,
-    /// otherwise of the model that leaves the excess. None: it explains more than is left.
+    /// Where nothing was found.
+    fn of_model(&self) -> String {
+        format!(
+            "nothing was found, but the model is {}: something may be missing that was not tested",
+            self.compared()
+        )
+    }
+
+    /// Where structure was found that explains a share of the squared error of the model without it. `is_in_model`: the excess is what is
+    /// left with it, otherwise without it. None: it explains more than is left.
     fn beside(&self, explained: f64, is_in_model: bool) -> Option<String> {
-        let Self { pure: PureError { remaining, pure, .. }, unit } = self;
-        let squares = remaining * remaining;
-        let explains =
-            if is_in_model { explained / (1.0 - explained) } else { explained } * squares;
-        let left = squares - pure * pure - if is_in_model { 0.0 } else { explains };
-        (explains < left).then(|| {
+        let PureError { remaining, pure, .. } = self.pure;
+        let left = 1.0 - explained;
+        let without = if is_in_model { square(remaining) / left } else { square(remaining) };
+        (explained * without < left * without - square(pure)).then(|| {
             format!(
-                "the model is still off by {remaining:.3} {unit} where rows that repeat each other differ by {pure:.3} {unit}, so the cause may \
-                 follow another quantity"
+                "the model is still {}, so the cause may follow another quantity",
+                self.compared()
             )
         })
     }

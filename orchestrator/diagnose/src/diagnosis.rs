@@ -365,7 +365,7 @@ impl Structure {
         if self.explained.is_finite() { self.explained } else { 0.0 }
     }
 
-    /// Whether the covariate is certain: no effect of the catalogue explains nearly as much, and what is left is less.
+    /// Whether its cause is unknown and depends on this covariate: no effect of the catalogue may be the cause, and there is no warning.
     #[must_use]
     pub fn is_certain(&self) -> bool {
         self.possible_cause().is_none() && self.warning.is_none()

@@ -5,6 +5,7 @@
 //! 1 %. What is significant and smaller is worth nothing.
 
 use crate::score_test::{ScoreTest, ScoreTests};
+use numbers::statistics::mean;
 use schemars::JsonSchema;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
@@ -155,8 +156,8 @@ fn trimmed_squares(rows: &Linearised, members: &[u32], share: f64) -> Vec<(f64, 
     squares
 }
 
-fn mean(squares: &[(f64, u32)]) -> f64 {
-    squares.iter().map(|(square, _)| square).sum::<f64>() / squares.len() as f64
+fn mean_of_squares(squares: &[(f64, u32)]) -> f64 {
+    mean(squares.iter().map(|(square, _)| *square))
 }
 
 /// A group of rows whose errors are far greater than those of each other group: a model that is wrong for one robot alone, whose rows a
@@ -169,7 +170,7 @@ fn spread_apart(
     let unit = direction?.unit;
     let root_mean_square = |group: &Group| {
         let squares = trimmed_squares(rows, &group.rows, TRIMMED_SHARE);
-        (!squares.is_empty()).then(|| mean(&squares).sqrt()).filter(|error| 0.0 < *error)
+        (!squares.is_empty()).then(|| mean_of_squares(&squares).sqrt()).filter(|error| 0.0 < *error)
     };
     let all: Vec<(u32, f64)> = partition
         .groups
@@ -240,7 +241,8 @@ fn noisier(rows: &Linearised, partition: &Partition, dependence: &Dependence) ->
         let outside: Vec<u32> =
             (0..is_in.len() as u32).filter(|&row| !is_in[row as usize]).collect();
         let squares = trimmed_squares(rows, &group.rows, FREE_SHARE);
-        let (own, others) = (mean(&squares), mean(&trimmed_squares(rows, &outside, FREE_SHARE)));
+        let outside = trimmed_squares(rows, &outside, FREE_SHARE);
+        let (own, others) = (mean_of_squares(&squares), mean_of_squares(&outside));
         let mut blocks: BTreeMap<(u32, u64), f64> = BTreeMap::new();
         for &(square, row) in &squares {
             *blocks.entry(block(row)).or_default() += square - own;

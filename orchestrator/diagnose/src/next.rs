@@ -7,7 +7,7 @@ use super::score_test::{ScoreTest, ScoreTests};
 use numbers::format::{count, number, trimmed, with_unit};
 use numbers::power::{integer_power, square};
 use numbers::quantity;
-use numbers::statistics::{mean, mean_ignoring_nan};
+use numbers::statistics::{correlation, mean, mean_ignoring_nan};
 use proto::effect::{CONSTANT, Need};
 use statrs::distribution::{ContinuousCDF as _, Normal};
 use study::thresholds::{
@@ -285,8 +285,8 @@ fn separated(
     [a, b]: [&Candidate; 2],
 ) -> Option<(String, String)> {
     let (of_a, of_b) = (covariate(difference, declared(a)?)?, covariate(difference, declared(b)?)?);
-    let together = correlation(&of_a.1, &of_b.1);
-    if of_a.0 == of_b.0 || together.abs() < GOING_TOGETHER || together.is_nan() {
+    let together = correlation_where_known(&of_a.1, &of_b.1)?;
+    if of_a.0 == of_b.0 || together.abs() < GOING_TOGETHER {
         return None;
     }
     // Nobody can repeat a moment, but a temperature at another one.
@@ -322,17 +322,11 @@ fn varied(difference: &PredictionDifference, [a, b]: [&Candidate; 2]) -> Option<
     [a, b].into_iter().find_map(hardly)
 }
 
-/// Correlation of two covariates over the rows in which both are known.
-fn correlation(a: &[f64], b: &[f64]) -> f64 {
-    let both: Vec<[f64; 2]> = a.iter().zip(b).map(|(&a, &b)| [a, b]).collect();
-    let both: Vec<[f64; 2]> =
-        both.into_iter().filter(|it| it.iter().all(|value| value.is_finite())).collect();
-    let [of_a, of_b] = [0, 1].map(|k: usize| mean(both.iter().map(|it| it[k])));
-    let product = |j: usize, k: usize| {
-        let of = [of_a, of_b];
-        mean(both.iter().map(|it| (it[j] - of[j]) * (it[k] - of[k])))
-    };
-    product(0, 1) / (product(0, 0) * product(1, 1)).sqrt()
+/// Correlation of two covariates over the rows in which both are known; `None` if one of them is constant.
+fn correlation_where_known(a: &[f64], b: &[f64]) -> Option<f64> {
+    let both = a.iter().zip(b).filter(|(a, b)| a.is_finite() && b.is_finite());
+    let (a, b): (Vec<f64>, Vec<f64>) = both.unzip();
+    correlation(&a, &b)
 }
 
 /// Where to measure, and what for, in words.
@@ -463,10 +457,10 @@ mod tests {
         Candidate { linear_in, ..candidate(name) }
     }
 
-    /// How to part a rival that follows a temperature from one that follows another covariate.
-    /// A covariate: its name, and its value by time.
+    /// A covariate: its name, and its value by row.
     type Given = (&'static str, fn(f64) -> f64);
 
+    /// How to distinguish an effect that follows a temperature from one that follows another covariate.
     fn how(covariates: &[Given], other: &Candidate) -> Option<String> {
         let of = |value: fn(f64) -> f64| (0..100).map(|row| value(f64::from(row))).collect();
         let covariates =

@@ -97,14 +97,14 @@ fn at_most(diagnosis: &Diagnosis) -> String {
     largest.map_or_else(String::new, |(effect, upper, _)| {
         format!(
             "; of those tested, {effect} may be the largest, with at most {}",
-            size(upper, diagnosis)
+            with_unit(&size(upper), diagnosis.error_unit)
         )
     })
 }
 
-/// A size with its unit.
-fn size(value: f64, diagnosis: &Diagnosis) -> String {
-    format!("{value:.*} {}", decimals(value, 0.0), diagnosis.error_unit)
+/// A size with two digits.
+fn size(value: f64) -> String {
+    format!("{value:.*}", decimals(value, 0.0))
 }
 
 /// What may be missing beside what is certain.
@@ -263,8 +263,7 @@ fn not_found(text: &mut String, diagnosis: &Diagnosis) {
     let heads = [format!("at most {unit}"), format!("found from {unit}")];
     let _ = writeln!(text, "{:<34} {:>12} {:>15}", "not found", heads[0], heads[1]);
     for (effect, upper, detectable) in bounded {
-        let [upper, detectable] =
-            [upper, detectable].map(|it| format!("{it:.*}", decimals(it, 0.0)));
+        let [upper, detectable] = [upper, detectable].map(size);
         let _ = writeln!(text, "{effect:<34} {upper:>12} {detectable:>15}");
     }
 }

@@ -63,6 +63,20 @@ pub fn standard_deviation(values: impl IntoIterator<Item = f64, IntoIter: Clone>
     libm::sqrt(variance(values))
 }
 
+/// Pearson's correlation of two samples of the same length; `None` if one of them is constant.
+#[must_use]
+pub fn correlation(x: &[f64], y: &[f64]) -> Option<f64> {
+    let [mean_x, mean_y] = [x, y].map(|values| mean(values.iter().copied()));
+    let [mut xx, mut yy, mut xy] = [0.0; 3];
+    for (a, b) in x.iter().zip(y) {
+        let (a, b) = (a - mean_x, b - mean_y);
+        xx += a * a;
+        yy += b * b;
+        xy += a * b;
+    }
+    (0.0 < xx && 0.0 < yy).then(|| xy / libm::sqrt(xx * yy))
+}
+
 /// The quantile of ascending values by linear interpolation: definition 7 of Hyndman and Fan (The American Statistician 50(4),
 /// 1996), which is the default of NumPy and R. `share` is from 0 to 1.
 #[must_use]

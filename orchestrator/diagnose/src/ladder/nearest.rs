@@ -42,13 +42,13 @@ impl<S: Study> Search<'_, S> {
         };
         let all: Vec<TermId> = candidates.ids().filter(may_be).collect();
         let share_of = |&term: &TermId| {
-            let with_effect = with_term(others, term);
             let share = if candidates[term].level == Level::Random {
                 // Judged on places left out, every model has levels of nodes.
                 let levels = self.with_levels(term, others);
                 let of_levels = self.gain(&levels, others, COMMON).gain;
                 of_levels / self.gain(&with_curve, others, COMMON).gain
             } else {
+                let with_effect = with_term(others, term);
                 self.fit_if_promising(&with_effect, level, &parent, NEAREST_SHARE * rise)?;
                 self.gain(&with_effect, others, level).gain / gain_of_curve
             };

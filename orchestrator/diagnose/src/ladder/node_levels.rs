@@ -57,7 +57,7 @@ impl<S: Study> Search<'_, S> {
         if candidate.level == Level::Time || candidate.only.is_some() || term == levels {
             return None;
         }
-        // Another random effect would take over a part of what is left out.
+        // In a fit without the term, another random effect would absorb a part of what the term explains. Both fits are without any.
         let is_law = |other: &TermId| self.study.candidates()[*other].level != Level::Random;
         let laws = accepted.iter().copied().filter(|other| is_law(other) && *other != term);
         let laws: Vec<TermId> = laws.collect();

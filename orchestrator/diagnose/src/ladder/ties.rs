@@ -51,7 +51,7 @@ impl<S: Study> Search<'_, S> {
     /// accepted, and no longer are.
     pub(super) fn drop_resolved_ties(&self, decided: &mut [CandidateTest], accepted: &[TermId]) {
         let Some(&last) = accepted.last() else { return };
-        for test in decided.iter_mut().filter(|test| test.term != last) {
+        for test in decided.iter_mut().filter(|test| test.term != last && !test.ties.is_empty()) {
             let rest = without_term(accepted, test.term);
             let levels = self.levels_of_nodes(test.term, accepted);
             let is_still_tied = |&rival: &TermId| {

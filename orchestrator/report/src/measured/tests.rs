@@ -299,7 +299,8 @@ fn a_structure_stands_with_the_nearest_effect_and_is_not_called_unknown_if_that_
             may_be_cause,
             why_not: "it may be chance".to_owned(),
         });
-        let over = Structure { nearest_effect, ..structure("dust", 0.1, "dust", "mean") };
+        let warning = Some("the model is still off".to_owned());
+        let over = Structure { nearest_effect, warning, ..structure("dust", 0.1, "dust", "mean") };
         let diagnosis = Diagnosis {
             unexplained: vec![over],
             ..diagnosis(Verdict::UnexplainedStructure, "found structure over dust")
@@ -310,6 +311,7 @@ fn a_structure_stands_with_the_nearest_effect_and_is_not_called_unknown_if_that_
     place(&unknown, "There is structure over dust, which no known effect explains: 10 % of");
     let nearest = "The nearest known effect is temperature, which reaches 62.5 % of its gain. Not accepted: it may be chance.";
     place(&unknown, nearest);
+    place(&unknown, "Warning: the model is still off.");
     let known = page(0.9, true);
     place(&known, "There is structure over dust: 10 % of");
     place(

@@ -3,7 +3,7 @@
 use super::names::{Catalogue, Name};
 use crate::plan::SweepPlan;
 use numbers::format::{number, shortest};
-use numbers::statistics::mean;
+use numbers::statistics::{correlation, mean};
 use proto::config::{Node, Value};
 
 /// Something that varies: the case, or a key.
@@ -163,19 +163,6 @@ fn ranks(values: &[f64]) -> Vec<f64> {
         below as f64 + (equal as f64 - 1.0) / 2.0
     };
     values.iter().map(place).collect()
-}
-
-/// Pearson's correlation; `None` if one side is constant.
-fn correlation(x: &[f64], y: &[f64]) -> Option<f64> {
-    let [mean_x, mean_y] = [x, y].map(|values| mean(values.iter().copied()));
-    let [mut xx, mut yy, mut xy] = [0.0; 3];
-    for (a, b) in x.iter().zip(y) {
-        let (a, b) = (a - mean_x, b - mean_y);
-        xx += a * a;
-        yy += b * b;
-        xy += a * b;
-    }
-    (0.0 < xx && 0.0 < yy).then(|| xy / libm::sqrt(xx * yy))
 }
 
 /// The settings of a panel, and what they have in common.
