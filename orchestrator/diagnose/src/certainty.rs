@@ -73,6 +73,7 @@ pub(crate) fn doubts<S: Study>(
                 is_part.then(|| PART.to_owned())
             })
             .or_else(|| search.only_node_of(term, &ladder.accepted).map(of_one_node))
+            .or_else(|| search.place_instead_of(term, &ladder.accepted).map(|it| as_well(&it)))
             .or_else(|| contradiction(term));
         why.map(|why| (term, why))
     };
@@ -90,6 +91,11 @@ pub(crate) fn of_one_node(node: u32) -> String {
     format!(
         "nearly all that it moves has node {node} in common, whose position or antenna may be another"
     )
+}
+
+/// Of an effect that the place of a node explains as well.
+fn as_well(place: &str) -> String {
+    format!("these data are predicted as well without it if {place}")
 }
 
 /// Which estimate of an effect is physically implausible: its whole interval is outside the plausible range.

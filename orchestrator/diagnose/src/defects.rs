@@ -16,7 +16,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write as _;
 use study::defects::evidence::Evidence;
-use study::defects::{self, Correction, Defect, PREFIX};
+use study::defects::{self, Correction, Defect, PREFIX, node_place};
 use study::links::LinkStudy;
 use study::{COMMON, Study as _, TermId};
 
@@ -132,11 +132,23 @@ pub(crate) fn find(study: &LinkStudy, report: &(dyn Fn(SearchProgress<'_>) + Syn
     }
     let thin = study.thinned();
     let searched = thin.as_ref().unwrap_or(study);
-    let ladder = Search::new(searched, report).stepwise_selection();
+    let search = Search::new(searched, report);
+    let ladder = search.stepwise_selection();
     if ladder.stopped.is_some() {
         return suspected;
     }
-    confirmed(study, &ladder.accepted, suspected)
+    let (places, others): (Vec<Defect>, Vec<Defect>) =
+        suspected.into_iter().partition(|defect| defect.name == node_place::NAME);
+    // A curve, or an effect that moves hardly anything but the rows of one node, is less simple than its place.
+    let candidates = searched.candidates();
+    let is_rival = |term: &TermId| {
+        candidates[*term].curve_over().is_none()
+            && !matches!(search.only_node_of(*term, &ladder.accepted),
+                Some(node) if places.iter().any(|place| place.nodes == [node]))
+    };
+    let rivals: Vec<TermId> = ladder.accepted.iter().copied().filter(is_rival).collect();
+    let others = confirmed(study, &ladder.accepted, others);
+    confirmed(study, &rivals, places).into_iter().chain(others).collect()
 }
 
 /// Defects under the model as configured, with its level and noise fitted.

@@ -8,6 +8,7 @@
 //! | [`clock_skew`] | the clock of a receiver is late or early |
 //! | [`duplicates`] | rows stand in the file twice |
 //! | [`heading_convention`] | headings count from north, or clockwise |
+//! | [`node_place`] | a node that stands still is elsewhere |
 //! | [`outliers`] | some readings are grossly wrong |
 //! | [`position_noise`] | positions of moving nodes are off |
 //! | [`register_limits`] | the register reads no less, or no more, than a certain reading |
@@ -19,6 +20,7 @@ pub mod clock_skew;
 pub mod duplicates;
 pub mod evidence;
 pub mod heading_convention;
+pub mod node_place;
 pub mod outliers;
 pub mod position_noise;
 pub mod register_limits;
@@ -61,6 +63,7 @@ pub const KINDS: &[Kind] = &[
     Kind { name: heading_convention::NAME, test: Test::AllRows(heading_convention::test) },
     Kind { name: channel_shift::NAME, test: Test::AllRows(channel_shift::test) },
     Kind { name: swapped_ends::NAME, test: Test::AllRows(swapped_ends::test) },
+    Kind { name: node_place::NAME, test: Test::AllRows(node_place::test) },
     Kind { name: position_noise::NAME, test: Test::AllRows(position_noise::test) },
     Kind { name: outliers::NAME, test: Test::UnaffectedRows(outliers::test) },
 ];

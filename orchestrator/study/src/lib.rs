@@ -259,6 +259,15 @@ pub trait Study: Sync {
         None
     }
 
+    /// The same measurements with one node elsewhere than surveyed, and what is wrong then, as a clause: where another place explains
+    /// so much of what a fit leaves, random effects apart, that it is no chance by itself. None: no place does.
+    fn resurveyed(&self, _fit: &Self::Fit) -> Option<(String, Self)>
+    where
+        Self: Sized,
+    {
+        None
+    }
+
     /// Fits the configured model, its noise, and the terms (indices of candidates) together, to convergence.
     ///
     /// * `train`: the rows.

@@ -17,6 +17,8 @@ pub mod rows;
 pub mod terms;
 
 use super::choices::{ChoiceError, Choices};
+use super::defects::evidence::Evidence;
+use super::defects::node_place;
 use super::folds::Blocks;
 use super::limits::NotLimited;
 use super::linear::{Column, Dependence, Direction, Linearised, Partition};
@@ -26,7 +28,7 @@ use super::{
     TermId,
 };
 use crate::thresholds::{
-    DECORRELATION_M, DEFAULT_DECORRELATION_M, MOST_SEARCHED_ROWS, SELECTED_SHARE,
+    DECORRELATION_M, DEFAULT_DECORRELATION_M, MOST_SEARCHED_ROWS, SELECTED_SHARE, UNCORRECTED_LEVEL,
 };
 use fit::LinkFit;
 use likelihood::Instrument;
@@ -240,6 +242,13 @@ impl Study for LinkStudy {
     fn nodes_with_levels(&self, term: TermId) -> Option<Vec<[u32; 2]>> {
         let nodes = || self.rows.links.rows.iter().map(|row| [row.tx, row.rx]).collect();
         matches!(self.specs[term], TermSpec::NodeOffset(_)).then(nodes)
+    }
+
+    fn resurveyed(&self, fit: &LinkFit) -> Option<(String, Self)> {
+        let evidence = Evidence::new(self, fit)?;
+        let place = node_place::test(&evidence).filter(|it| it.p_value < UNCORRECTED_LEVEL)?;
+        let study = self.corrected(&place.correction).ok()??;
+        Some((place.clause, study))
     }
 
     fn judging_level(&self, level: Level) -> Level {

@@ -237,6 +237,10 @@ pub const DEFECT_FAMILY_ERROR: f64 = 0.005;
 /// A defect matters from this share of the squared error of the readings, or of the rows.
 pub const DEFECT_WORTH_SHARE: f64 = 0.01;
 
+/// The place of a node is wrong only if another explains this share of the variance between its links, beside its level. Chosen:
+/// shadowing that happens to look like a place explains less.
+pub const NODE_PLACE_SHARE: f64 = 0.5;
+
 /// Shifts of channel labels that are tried: up to this number of channels up and down.
 pub const MOST_CHANNEL_SHIFT: i16 = 3;
 

@@ -1,10 +1,11 @@
 //! Effects that move what levels of nodes could move as well.
 
 use super::search::{Search, with_term, without_term};
+use crate::gain::Gain;
 use crate::score_test::ScoreTests;
 use proto::effect::{CONSTANT, Level};
 use std::collections::{BTreeMap, BTreeSet};
-use study::thresholds::{CATALOGUE_SHARE, LEFT_BESIDE_NODES};
+use study::thresholds::{CATALOGUE_SHARE, LEFT_BESIDE_NODES, TIED_ERRORS, TIED_NATS};
 use study::{COMMON, Study, TermId};
 
 impl<S: Study> Search<'_, S> {
@@ -65,6 +66,31 @@ impl<S: Study> Search<'_, S> {
             [with_term(&laws, term), laws].map(|terms| self.full_fit(&terms, COMMON, None));
         let moved = self.study.prediction_difference(&with, &without)?.by_row;
         mostly_of_one(&nodes, &moved)
+    }
+
+    /// The other place of a node that explains as much as a term of a selection, as a clause: rows left out are predicted as well with the
+    /// node there and without the term. None: no place does.
+    pub(crate) fn place_instead_of(&self, term: TermId, accepted: &[TermId]) -> Option<String> {
+        let candidates = self.study.candidates();
+        let rest = without_term(accepted, term);
+        let is_law = |other: &TermId| candidates[*other].level != Level::Random;
+        let laws: Vec<TermId> = rest.iter().copied().filter(is_law).collect();
+        let (clause, study) = self.study.resurveyed(&self.full_fit(&laws, COMMON, None))?;
+        let others = study.candidates();
+        // What is limited to some rows has no other number there.
+        let is_there = |other: &TermId| {
+            others.ids().any(|id| id == *other && others[id].name == candidates[id].name)
+        };
+        if !rest.iter().all(is_there) {
+            return None;
+        }
+        let elsewhere = Search::new(&study, self.report).held_out_scores(&rest, COMMON);
+        let blocks = self.study.blocks(COMMON);
+        let as_surveyed = self.held_out_scores(accepted, COMMON);
+        let gain = Gain::from_scores(&as_surveyed, &elsewhere, blocks.dependent());
+        let is_better = TIED_ERRORS * gain.standard_error < gain.gain && TIED_NATS < gain.total();
+        tracing::debug!(name = candidates[term].name, clause, ?gain, "or a place");
+        (!is_better).then_some(clause)
     }
 
     /// Whether a term is a random effect that follows any curve of so many numbers. One of nodes that has no more levels than that does not:

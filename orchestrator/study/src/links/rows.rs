@@ -352,10 +352,30 @@ impl ModelledLinks {
     /// predict all of them.
     #[must_use]
     pub fn with_rows(&self, rows: Vec<LinkRow>) -> Option<Self> {
-        let links = LinkSamples { rows, ..self.links.clone() };
+        self.with_some_rows(rows.into_iter().enumerate().collect())
+    }
+
+    /// Some of the measurements, each by its index, with other rows in their place; `None`: the model cannot predict all of them.
+    #[must_use]
+    pub fn with_some_rows(&self, rows: Vec<(usize, LinkRow)>) -> Option<Self> {
+        let n = rows.len();
+        let (indices, rows): (Vec<usize>, Vec<LinkRow>) = rows.into_iter().unzip();
+        let column = |(name, values): &(String, Vec<f64>)| {
+            (name.clone(), indices.iter().map(|&row| values[row]).collect())
+        };
+        let LinkSamples { covariates, n_rows, readings, losses_logged, .. } = &self.links;
+        let links = LinkSamples {
+            rows,
+            covariates: covariates.iter().map(column).collect(),
+            rejected: self.links.rejected.clone(),
+            warnings: self.links.warnings.clone(),
+            n_rows: *n_rows,
+            readings: *readings,
+            losses_logged: *losses_logged,
+        };
         let mut changed = Self::of_shared(links, self.model.clone(), self.site.clone());
         changed.limits_dbm = self.limits_dbm;
-        (changed.len() == self.len()).then_some(changed)
+        (changed.len() == n).then_some(changed)
     }
 
     /// What every register reads (dBm) where it would have read `reading_dbm`, by its least and greatest reading.
