@@ -5,6 +5,7 @@
 //! | module | what is wrong |
 //! |---|---|
 //! | [`channel_shift`] | labels of channels are shifted |
+//! | [`clock_rate`] | places of a moving node are those of a clock that is late, or runs fast or slow |
 //! | [`clock_skew`] | the clock of a receiver is late or early |
 //! | [`duplicates`] | rows stand in the file twice |
 //! | [`heading_convention`] | headings count from north, or clockwise |
@@ -16,6 +17,7 @@
 //! | [`swapped_ends`] | sender and receiver are exchanged |
 
 pub mod channel_shift;
+pub mod clock_rate;
 pub mod clock_skew;
 pub mod duplicates;
 pub mod evidence;
@@ -60,6 +62,7 @@ pub const KINDS: &[Kind] = &[
     Kind { name: register_limits::CEILING, test: Test::AllRows(register_limits::ceiling) },
     Kind { name: stuck_node::NAME, test: Test::AllRows(stuck_node::test) },
     Kind { name: clock_skew::NAME, test: Test::AllRows(clock_skew::test) },
+    Kind { name: clock_rate::NAME, test: Test::AllRows(clock_rate::test) },
     Kind { name: heading_convention::NAME, test: Test::AllRows(heading_convention::test) },
     Kind { name: channel_shift::NAME, test: Test::AllRows(channel_shift::test) },
     Kind { name: swapped_ends::NAME, test: Test::AllRows(swapped_ends::test) },
@@ -163,7 +166,19 @@ pub fn found(evidence: &Evidence<'_>) -> Vec<Defect> {
         let Defect { name, p_value, share, .. } = defect;
         tracing::debug!(name, p_value, share, clause = defect.clause, "tested");
     }
-    significant(tested)
+    one_clock_of_a_node(significant(tested))
+}
+
+/// Of two errors of one node's clock, the one that explains more: the other follows from it.
+fn one_clock_of_a_node(found: Vec<Defect>) -> Vec<Defect> {
+    let is_clock = |defect: &Defect| [clock_rate::NAME, clock_skew::NAME].contains(&defect.name);
+    let is_beaten = |defect: &Defect| {
+        is_clock(defect)
+            && found.iter().any(|other| {
+                is_clock(other) && other.nodes == defect.nodes && defect.share < other.share
+            })
+    };
+    found.iter().filter(|defect| !is_beaten(defect)).cloned().collect()
 }
 
 /// Those of the tested defects that are significant and matter. A kind that was not testable counts as one that was tested.
@@ -220,6 +235,15 @@ mod tests {
     fn defects_matter_from_one_per_cent_on() {
         assert_eq!(significant(vec![defect(1e-9, 0.0101)]).len(), 1);
         assert_eq!(significant(vec![defect(1e-9, 0.0099)]).len(), 0);
+    }
+
+    #[test]
+    fn of_two_errors_of_one_clock_the_one_that_explains_more_remains() {
+        let of = |name, share, node| Defect { name, nodes: vec![node], ..defect(1e-9, share) };
+        let (rate, skew) = (of(clock_rate::NAME, 0.4, 3), of(clock_skew::NAME, 0.2, 3));
+        let elsewhere = of(clock_skew::NAME, 0.1, 5);
+        let found = one_clock_of_a_node(vec![rate.clone(), skew, elsewhere.clone()]);
+        assert_eq!(found, [rate, elsewhere]);
     }
 
     #[test]

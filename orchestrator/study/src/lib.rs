@@ -268,6 +268,13 @@ pub trait Study: Sync {
         None
     }
 
+    /// The standard deviation (m) of positions that is likeliest under a fit, where a covariate follows from positions and this noise is no
+    /// chance by itself: a right model of noisy positions has errors over distance and strength (regression dilution). None: positions may
+    /// be right.
+    fn position_noise_m(&self, _fit: &Self::Fit, _covariate: &str) -> Option<f64> {
+        None
+    }
+
     /// Fits the configured model, its noise, and the terms (indices of candidates) together, to convergence.
     ///
     /// * `train`: the rows.

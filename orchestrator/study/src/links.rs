@@ -18,7 +18,7 @@ pub mod terms;
 
 use super::choices::{ChoiceError, Choices};
 use super::defects::evidence::Evidence;
-use super::defects::node_place;
+use super::defects::{node_place, position_noise};
 use super::folds::Blocks;
 use super::limits::NotLimited;
 use super::linear::{Column, Dependence, Direction, Linearised, Partition};
@@ -249,6 +249,15 @@ impl Study for LinkStudy {
         let place = node_place::test(&evidence).filter(|it| it.p_value < UNCORRECTED_LEVEL)?;
         let study = self.corrected(&place.correction).ok()??;
         Some((place.clause, study))
+    }
+
+    fn position_noise_m(&self, fit: &LinkFit, covariate: &str) -> Option<f64> {
+        if !covariates::OF_PLACES.contains(&covariate) {
+            return None;
+        }
+        let found = position_noise::test(&Evidence::new(self, fit)?)?;
+        let sd_m = found.estimates.first()?.value;
+        (found.p_value < UNCORRECTED_LEVEL).then_some(sd_m)
     }
 
     fn judging_level(&self, level: Level) -> Level {

@@ -9,14 +9,14 @@ use super::evidence::Evidence;
 use super::{Correction, Defect};
 use crate::Estimate;
 use crate::thresholds::{
-    FEWEST_TRACKED_ROWS, LEAST_CLOCK_SHIFT_S, LEAST_TRACKED_SHARE, MOST_TRACK_SHIFT_S,
+    FEWEST_TRACKED_ROWS, LEAST_CLOCK_SHIFT_S, LEAST_TRACKED_SHARE, MOST_TRACK_SHIFT_S, STILL_M,
 };
 use measure::links::LinkRow;
 use numbers::normal::FALL_90_NATS;
 use std::collections::BTreeMap;
 
 mod coincidence;
-mod tracks;
+pub(super) mod tracks;
 
 use coincidence::Coincidence;
 use tracks::Tracks;
@@ -34,7 +34,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     if rows.iter().all(|row| row.time_s.is_nan()) {
         return None;
     }
-    let tracks = Tracks::new(rows);
+    let tracks = Tracks::new(rows, STILL_M);
     match coincidence::best(rows) {
         Some(found) => by_coincidence(evidence, &tracks, &found),
         None => by_likelihood(evidence, &tracks),

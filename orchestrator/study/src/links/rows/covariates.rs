@@ -3,6 +3,18 @@
 use super::ModelledLinks;
 use physics::link::{Link, channel_hz};
 
+/// Those that follow from the places of both ends.
+pub const OF_PLACES: [&str; 8] = [
+    "distance_m",
+    "log10_distance",
+    "elevation_rad",
+    "tx_bearing_rad",
+    "rx_bearing_rad",
+    "midpoint_x_m",
+    "midpoint_y_m",
+    "predicted_rssi_dbm",
+];
+
 /// Covariates by name, with a value per row; NaN where it is unknown.
 #[must_use]
 pub fn by_name(rows: &ModelledLinks) -> Vec<(String, Vec<f64>)> {
