@@ -161,7 +161,7 @@ pub(crate) fn answer<S: Study>(
             } else if let Some(why) = reasons.first() {
                 Some(format!("nothing is certain: {possible_text} may be missing, but {why}"))
             } else if !withheld.is_empty() {
-                Some(withheld_text(&withheld))
+                Some(withheld_text(&withheld, measurements.subject))
             } else if contradicted.is_some() {
                 contradicted
             } else {
@@ -298,10 +298,13 @@ fn noisier_text(Noisier { of, errors: [own, others], .. }: &Noisier, unit: &str)
 }
 
 /// Why candidates that gain beyond chance are not named.
-fn withheld_text(names: &[&str]) -> String {
+fn withheld_text(names: &[&str], subject: Subject) -> String {
+    let dependent = match subject {
+        Subject::Links => "rows that follow each other or share a node",
+        Subject::Robots => "rows that follow each other",
+    };
     format!(
-        "nothing was found for certain: {} would predict rows left out better, but by no more than what rows that follow each other or \
-         share a node may have in common",
+        "nothing was found for certain: {} would predict rows left out better, but by no more than what {dependent} may have in common",
         names.join(", ")
     )
 }
@@ -520,4 +523,18 @@ pub(super) fn parameter(estimate: &Estimate) -> (String, Parameter) {
     let Estimate { name, value, unit, low, high, .. } = estimate;
     let parameter = Parameter { value: *value, unit: unit.clone(), low: *low, high: *high };
     (name.clone(), parameter)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn robots_share_no_node() {
+        let why = |subject| withheld_text(&["slip", "wind"], subject);
+        let of_robots = "nothing was found for certain: slip, wind would predict rows left out better, but by no more than what rows that \
+                         follow each other may have in common";
+        assert_eq!(why(Subject::Robots), of_robots);
+        assert!(why(Subject::Links).contains("rows that follow each other or share a node may"));
+    }
 }
