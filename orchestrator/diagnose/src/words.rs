@@ -3,10 +3,14 @@
 use super::defects;
 use super::diagnosis::{Diagnosis, Structure, Tested, Verdict};
 use super::gate::{Misfit, decimals};
-use numbers::format::with_unit;
+use indexmap::IndexMap;
+use numbers::format::{with_unit, wrapped};
 use std::fmt::Write as _;
 use study::defects::PREFIX;
 use study::thresholds::PLAIN_ERROR_SHARE;
+
+/// Most characters of a line of a list.
+const WIDTH: usize = 100;
 
 /// What a diagnosis came to, in a sentence.
 #[must_use]
@@ -146,15 +150,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
         unexplained(&mut text, structure);
     }
     not_found(&mut text, diagnosis);
-    let untestable: Vec<String> = diagnosis
-        .candidates
-        .iter()
-        .filter_map(|candidate| Some((candidate, candidate.untestable.as_ref()?)))
-        .map(|(candidate, why)| format!("{} ({why})", candidate.effect))
-        .collect();
-    if !untestable.is_empty() {
-        let _ = writeln!(text, "not testable on these data: {}", untestable.join("; "));
-    }
+    untestable(&mut text, diagnosis);
     for misfit in &diagnosis.misfits {
         let _ = writeln!(
             text,
@@ -268,6 +264,23 @@ fn not_found(text: &mut String, diagnosis: &Diagnosis) {
     }
 }
 
+/// Effects that these data cannot show, those together that lack the same.
+fn untestable(text: &mut String, diagnosis: &Diagnosis) {
+    let mut lacking: IndexMap<&str, Vec<&str>> = IndexMap::new();
+    for candidate in &diagnosis.candidates {
+        if let Some(why) = &candidate.untestable {
+            lacking.entry(why).or_default().push(&candidate.effect);
+        }
+    }
+    if !lacking.is_empty() {
+        let _ = writeln!(text, "not testable on these data:");
+    }
+    for (why, effects) in lacking {
+        let entry = wrapped(&format!("{} ({why})", effects.join(", ")), "    ", WIDTH);
+        let _ = writeln!(text, "  {}", entry.trim_start());
+    }
+}
+
 fn unexplained(text: &mut String, structure: &Structure) {
     let error = if structure.is_of_losses() { "log loss of reception" } else { "squared error" };
     let formulas: Vec<String> = structure
@@ -299,3 +312,6 @@ fn unexplained(text: &mut String, structure: &Structure) {
         let _ = writeln!(text, "  warning: {warning}");
     }
 }
+
+#[cfg(test)]
+mod tests;
