@@ -345,6 +345,15 @@ impl Diagnosis {
     }
 }
 
+impl Tested {
+    /// Its name, with what limits it: `slip (only agents = [3])`.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let limited = self.only.as_ref().map(|only| study::limited_name(&self.effect, only));
+        limited.unwrap_or_else(|| self.effect.clone())
+    }
+}
+
 impl Structure {
     /// Whether it is one of losses rather than of readings.
     #[must_use]

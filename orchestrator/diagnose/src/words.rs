@@ -12,6 +12,9 @@ use study::thresholds::PLAIN_ERROR_SHARE;
 /// Most characters of a line of a list.
 const WIDTH: usize = 100;
 
+/// Least width of the first column of a table.
+const FIRST_COLUMN: usize = 34;
+
 /// What a diagnosis came to, in a sentence.
 #[must_use]
 pub fn sentence(diagnosis: &Diagnosis) -> String {
@@ -167,6 +170,11 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     text
 }
 
+/// Width of the first column of a table with these entries.
+fn first_column<'a>(entries: impl Iterator<Item = &'a str>) -> usize {
+    entries.map(|entry| entry.chars().count()).fold(FIRST_COLUMN, usize::max)
+}
+
 fn ladder(text: &mut String, diagnosis: &Diagnosis) {
     let unit = diagnosis.error_unit;
     let first = diagnosis.ladder.first();
@@ -175,10 +183,12 @@ fn ladder(text: &mut String, diagnosis: &Diagnosis) {
     }
     let has_losses = first.is_some_and(|rung| !rung.reception_log_loss.is_nan());
     let has_headings = first.is_some_and(|rung| rung.rmse_heading_rad.is_some());
+    let head = format!("model ({} held out)", diagnosis.split);
+    let names = diagnosis.ladder.iter().map(|rung| rung.model.as_str());
+    let width = first_column(names.chain([head.as_str()]));
     let _ = writeln!(
         text,
-        "{:<34} {:>12} {:>10} {:>10}{}{}",
-        format!("model ({} held out)", diagnosis.split),
+        "{head:<width$} {:>12} {:>10} {:>10}{}{}",
         "log score",
         format!("rmse {unit}"),
         format!("crps {unit}"),
@@ -192,7 +202,7 @@ fn ladder(text: &mut String, diagnosis: &Diagnosis) {
         let heading = heading.map_or_else(String::new, |rmse_rad| format!("  {rmse_rad:>16.4}"));
         let _ = writeln!(
             text,
-            "{:<34} {:>12.4} {:>10.4} {:>10.4}{loss}{heading}",
+            "{:<width$} {:>12.4} {:>10.4} {:>10.4}{loss}{heading}",
             rung.model, rung.log_score, rung.rmse, rung.crps
         );
     }
@@ -231,15 +241,17 @@ fn accepted(text: &mut String, candidate: &Tested) {
         })
         .chain(unknown)
         .collect();
-    let _ = writeln!(
+    let name = candidate.name();
+    let _ = write!(
         text,
-        "{}: gain {:.4} +- {:.4} nats per row ({} held out). {}",
-        candidate.effect,
-        candidate.gain,
-        candidate.standard_error,
-        candidate.held_out,
-        parameters.join(", ")
+        "{name}: gain {:.4} +- {:.4} nats per row ({} held out)",
+        candidate.gain, candidate.standard_error, candidate.held_out
     );
+    // A curve has no parameters with a meaning.
+    if !parameters.is_empty() {
+        let _ = write!(text, ". {}", parameters.join(", "));
+    }
+    let _ = writeln!(text);
     if !candidate.indistinguishable_from.is_empty() {
         let others = candidate.indistinguishable_from.join(", ");
         let _ = writeln!(text, "  indistinguishable on these data from {others}");
@@ -256,11 +268,13 @@ fn not_found(text: &mut String, diagnosis: &Diagnosis) {
         return;
     }
     let unit = diagnosis.error_unit;
-    let heads = [format!("at most {unit}"), format!("found from {unit}")];
-    let _ = writeln!(text, "{:<34} {:>12} {:>15}", "not found", heads[0], heads[1]);
+    let head = "not found (rms over the rows)";
+    let heads = [format!("at most {unit}"), format!("detectable from {unit}")];
+    let width = first_column(bounded.iter().map(|(effect, ..)| *effect).chain([head]));
+    let _ = writeln!(text, "{head:<width$} {:>12} {:>18}", heads[0], heads[1]);
     for (effect, upper, detectable) in bounded {
         let [upper, detectable] = [upper, detectable].map(size);
-        let _ = writeln!(text, "{effect:<34} {upper:>12} {detectable:>15}");
+        let _ = writeln!(text, "{effect:<width$} {upper:>12} {detectable:>18}");
     }
 }
 

@@ -1,7 +1,7 @@
 //! A diagnosis as people read it.
 
 use super::*;
-use crate::diagnosis::SCHEMA;
+use crate::diagnosis::{Rung, SCHEMA};
 use measure::account::DataAccount;
 use study::open::Subject;
 
@@ -76,4 +76,34 @@ fn effects_that_lack_the_same_are_listed_together_in_short_lines() {
     positions of all agents)
 ";
     assert!(text.ends_with(expected), "{text}");
+}
+
+fn rung(model: &str, log_score: f64) -> Rung {
+    Rung {
+        model: model.to_owned(),
+        log_score,
+        rmse: 2.0,
+        rmse_received_db: None,
+        rmse_heading_rad: None,
+        crps: 1.0,
+        reception_log_loss: f64::NAN,
+    }
+}
+
+#[test]
+fn a_curve_without_parameters_ends_its_line_and_long_names_do_not_shift_columns() {
+    let only = "agents = [2]\nfrom_s = 160.8".parse().unwrap();
+    let limited = Tested { only: Some(only), ..candidate("speed-limit") };
+    let long = "+ speed-limit (only agents = [2], from_s = 160.8)";
+    let diagnosis = Diagnosis {
+        ladder: vec![rung("as configured", 2.25), rung(long, 3.5)],
+        candidates: vec![limited, candidate("curve:time_s")],
+        ..diagnosis(Verdict::MissingEffects)
+    };
+    let text = text(&diagnosis);
+    assert!(text.contains(&format!("\n{:<49}       2.2500", "as configured")), "{text}");
+    assert!(text.contains(&format!("\n{long}       3.5000")), "{text}");
+    let gain = "gain 0.2500 +- 0.0100 nats per row (blocks of time held out)";
+    let expected = format!("\n{}: {gain}\ncurve:time_s: {gain}\n", &long[2..]);
+    assert!(text.ends_with(&expected), "{text}");
 }
