@@ -129,8 +129,8 @@ pub(crate) fn answer<S: Study>(
     } else {
         next::measurements(study, search, ladder, &known)
     };
-    let (possible, reasons): (Vec<String>, Vec<String>) = possible.into_iter().unzip();
-    let possible_text = possible.join(" and ");
+    let is_any_possible = !possible.is_empty();
+    let (possible, possible_because): (Vec<String>, Vec<String>) = possible.into_iter().unzip();
     let mut diagnosis = Diagnosis {
         schema: SCHEMA,
         kind: measurements.subject,
@@ -139,6 +139,7 @@ pub(crate) fn answer<S: Study>(
         missing,
         missing_one_of,
         possible,
+        possible_because,
         measurement_defects: Vec::new(),
         split: study.blocks(COMMON).unit,
         ladder: ladder
@@ -156,10 +157,8 @@ pub(crate) fn answer<S: Study>(
         next_measurement,
         complete: is_complete,
         too_little: ladder.too_little.clone().or_else(|| {
-            if verdict != Verdict::NothingFound {
+            if verdict != Verdict::NothingFound || is_any_possible {
                 None
-            } else if let Some(why) = reasons.first() {
-                Some(format!("nothing is certain: {possible_text} may be missing, but {why}"))
             } else if !withheld.is_empty() {
                 Some(withheld_text(&withheld, measurements.subject))
             } else if contradicted.is_some() {
@@ -243,14 +242,13 @@ fn possible_by_size<S: Study>(
             && !is_told(bounds.term)
     };
     let why = |bounds: &SizeBounds| {
-        let why = format!(
-            "it may be chance (p = {:.1e} after the correction for all candidates)",
-            bounds.p_value
-        );
-        (study.candidates()[bounds.term].name.clone(), why)
+        (study.candidates()[bounds.term].name.clone(), MAY_BE_CHANCE.to_owned())
     };
     sizes.iter().filter(may_be).map(why).collect()
 }
+
+/// Of an effect that was not accepted, though its score test is significant at a lower level.
+const MAY_BE_CHANCE: &str = "the gain on held-out rows may be chance, or too small to matter";
 
 /// What is left beyond noise.
 struct Excess<'a> {

@@ -84,7 +84,7 @@ pub(crate) fn doubts<S: Study>(
 const SPREAD: &str =
     "these data do not show that what it spreads is independent from frame to frame";
 /// Of an effect that gains nothing beside a free curve, or less than is left unexplained.
-const PART: &str = "something else is missing, of which it may be a part";
+const PART: &str = "something else is missing, of which this may be a part";
 
 /// Of an effect or structure that moves hardly anything but the rows of one node.
 pub(crate) fn of_one_node(node: u32) -> String {

@@ -1,10 +1,10 @@
 //! A diagnosis in words: its sentence, and the text of the terminal.
 
 use super::defects;
-use super::diagnosis::{Diagnosis, Structure, Tested, Verdict};
+use super::diagnosis::{Diagnosis, NearestEffect, Structure, Tested, Verdict};
 use super::gate::{Misfit, decimals};
 use indexmap::IndexMap;
-use numbers::format::{with_unit, wrapped};
+use numbers::format::{capitalised, with_unit, wrapped};
 use std::fmt::Write as _;
 use study::defects::PREFIX;
 use study::thresholds::PLAIN_ERROR_SHARE;
@@ -15,14 +15,49 @@ const WIDTH: usize = 100;
 /// Least width of the first column of a table.
 const FIRST_COLUMN: usize = 34;
 
-/// What a diagnosis came to, in a sentence.
+/// What a diagnosis came to: the verdict in a sentence, and in further ones what is possible beside it, with the reason why it is not certain.
 #[must_use]
 pub fn sentence(diagnosis: &Diagnosis) -> String {
+    let first = first_sentence(diagnosis);
+    if is_before_any_result(diagnosis) {
+        return first;
+    }
+    [first]
+        .into_iter()
+        .chain(further(diagnosis).iter().map(|it| capitalised(it)))
+        .collect::<Vec<_>>()
+        .join(". ")
+}
+
+/// The verdict in a sentence.
+pub(crate) fn first_sentence(diagnosis: &Diagnosis) -> String {
+    let found = verdict(diagnosis);
+    let found = match defects::clauses(&diagnosis.measurement_defects) {
+        Some(clauses) => format!("the measurement: {clauses}. The model: {found}"),
+        None => found,
+    };
+    match diagnosis.stopped_in_round {
+        None if diagnosis.complete => found,
+        None => format!("stopped after the search; what follows from it may still change: {found}"),
+        Some(round) if is_before_any_result(diagnosis) => {
+            format!("stopped in round {round}, before any result")
+        }
+        Some(round) => {
+            format!("stopped in round {round}; partial result, which may still change: {found}")
+        }
+    }
+}
+
+fn is_before_any_result(diagnosis: &Diagnosis) -> bool {
+    diagnosis.stopped_in_round.is_some() && diagnosis.ladder.len() < 2
+}
+
+/// The verdict of a complete search on measurements without defects.
+fn verdict(diagnosis: &Diagnosis) -> String {
     let missing = effects(diagnosis).join(", then ");
-    let found = match (&diagnosis.too_little, diagnosis.verdict) {
+    match (&diagnosis.too_little, diagnosis.verdict) {
         (None, Verdict::SomethingMissing) if diagnosis.misfits.is_empty() => {
-            let all: Vec<String> = diagnosis.unexplained.iter().map(structure_and_cause).collect();
-            format!("something is missing: {}", all.join("; "))
+            format!("something is missing: {}", structures(diagnosis.unexplained.iter()))
         }
         (why, Verdict::SomethingMissing) => {
             let why = why.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
@@ -30,6 +65,9 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             format!("something is missing, and these data do not say what: {misfit}{why}")
         }
         (Some(why), _) => why.clone(),
+        (None, Verdict::NothingFound) if !diagnosis.possible.is_empty() => {
+            "nothing is certain".to_owned()
+        }
         (None, Verdict::NothingFound) if diagnosis.could_hide.is_nan() => {
             "nothing was found, but these data are too few to tell how great an error could hide in them"
                 .to_owned()
@@ -45,57 +83,86 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             "no missing effect is detectable in the corrected data".to_owned()
         }
         (None, Verdict::MissingEffects | Verdict::MissingOneOf) => {
-            let misfit = diagnosis.misfits.first().map(Misfit::sentence);
-            let left = misfit.map(|misfit| format!("; something else is missing: {misfit}"));
             let ties = if diagnosis.missing_one_of.is_empty() {
                 ""
             } else {
                 " (these data cannot tell which)"
             };
-            format!("missing: {missing}{ties}{}{}", possibly(diagnosis), left.unwrap_or_default())
+            format!("missing: {missing}{ties}")
         }
         (None, Verdict::UnexplainedStructure) => {
             let certain = diagnosis.unexplained.iter().filter(|it| it.is_certain());
-            let over: Vec<String> = certain.map(Structure::named).collect();
-            let also = if missing.is_empty() {
-                String::new()
-            } else {
-                format!("; also missing: {missing}")
-            };
-            format!(
-                "found {}, which no known effect explains{also}{}",
-                over.join(", and "),
-                possibly(diagnosis)
-            )
-        }
-    };
-    let found = match defects::clauses(&diagnosis.measurement_defects) {
-        Some(clauses) => format!("the measurement: {clauses}. The model: {found}"),
-        None => found,
-    };
-    match diagnosis.stopped_in_round {
-        None if diagnosis.complete => found,
-        None => format!("stopped after the search; what follows from it may still change: {found}"),
-        Some(round) if diagnosis.ladder.len() < 2 => {
-            format!("stopped in round {round}, before any result")
-        }
-        Some(round) => {
-            format!("stopped in round {round}; partial result, which may still change: {found}")
+            format!("found {}, which no known effect explains", structures(certain))
         }
     }
 }
 
-/// Structure, the effect that may be its cause, and why it may be something else, in words.
-fn structure_and_cause(structure: &Structure) -> String {
-    let cause = structure.nearest_effect.as_ref().map(|cause| {
-        let percent = 100.0 * cause.share;
-        format!(
-            "; {} explains {percent:.0} % of what a free curve does, and is not certain: {}",
-            cause.effect, cause.why_not
-        )
-    });
-    let warning = structure.warning.as_ref().map(|why| format!("; {why}"));
-    [structure.named(), cause.unwrap_or_default(), warning.unwrap_or_default()].concat()
+/// What follows the verdict, each a sentence.
+fn further(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut all = Vec::new();
+    if diagnosis.too_little.is_none() || diagnosis.verdict == Verdict::SomethingMissing {
+        let missing = effects(diagnosis).join(", then ");
+        if diagnosis.verdict == Verdict::UnexplainedStructure && !missing.is_empty() {
+            all.push(format!("also missing: {missing}"));
+        }
+        all.extend(possible(diagnosis));
+        all.extend(open_structure(diagnosis));
+    }
+    let is_named = matches!(diagnosis.verdict, Verdict::MissingEffects | Verdict::MissingOneOf);
+    let misfit = diagnosis.misfits.first().filter(|_| is_named && diagnosis.too_little.is_none());
+    all.extend(misfit.map(|it| format!("something else is missing: {}", it.sentence())));
+    all
+}
+
+/// Effects that may be missing, those together that are not certain for one reason.
+fn possible(diagnosis: &Diagnosis) -> impl Iterator<Item = String> {
+    let is_beside =
+        !diagnosis.missing.is_empty() || diagnosis.verdict == Verdict::UnexplainedStructure;
+    let also = if is_beside { "also " } else { "" };
+    let mut groups: IndexMap<(String, &str), Vec<&str>> = IndexMap::new();
+    for (name, why) in diagnosis.possible.iter().zip(&diagnosis.possible_because) {
+        let explained = diagnosis.unexplained.iter().find_map(|structure| {
+            let cause = structure.possible_cause().filter(|cause| cause.effect == *name)?;
+            let percent = 100.0 * cause.share;
+            Some(format!(", which would explain {percent:.0} % of {}", structure.named()))
+        });
+        groups.entry((explained.unwrap_or_default(), why)).or_default().push(name);
+    }
+    groups.into_iter().map(move |((explained, why), names)| {
+        format!("possibly {also}{}{explained}: not certain, because {why}", listed(&names))
+    })
+}
+
+/// Names in a sentence: `a, b and c`.
+fn listed(names: &[&str]) -> String {
+    match names {
+        [others @ .., last] if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+        _ => names.concat(),
+    }
+}
+
+/// Names of structures, each once.
+fn structures<'a>(all: impl Iterator<Item = &'a Structure>) -> String {
+    let mut names: Vec<String> = Vec::new();
+    for name in all.map(Structure::named) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names.join(", and ")
+}
+
+/// Structure whose cause nobody knows to follow its covariate, where the verdict is something else.
+fn open_structure(diagnosis: &Diagnosis) -> Vec<String> {
+    let is_open = |it: &&Structure| !it.is_certain() && it.possible_cause().is_none();
+    let open = || diagnosis.unexplained.iter().filter(is_open);
+    let named = match diagnosis.verdict {
+        Verdict::UnexplainedStructure => return Vec::new(),
+        Verdict::MissingEffects | Verdict::MissingOneOf => structures(open()),
+        _ => String::new(),
+    };
+    let seen = (!named.is_empty()).then(|| format!("something else is missing, seen as {named}"));
+    seen.into_iter().chain(open().find_map(|it| it.warning.clone())).collect()
 }
 
 /// The effect that may be the largest of those that were not found.
@@ -112,21 +179,6 @@ fn at_most(diagnosis: &Diagnosis) -> String {
 /// A size with two digits.
 fn size(value: f64) -> String {
     format!("{value:.*}", decimals(value, 0.0))
-}
-
-/// What may be missing beside what is certain.
-fn possibly(diagnosis: &Diagnosis) -> String {
-    if diagnosis.possible.is_empty() {
-        return String::new();
-    }
-    let of_structure = |name: &String| {
-        let is_cause =
-            |it: &&Structure| it.possible_cause().is_some_and(|cause| cause.effect == *name);
-        let structure = diagnosis.unexplained.iter().find(is_cause);
-        structure.map_or_else(|| name.clone(), |it| format!("{name}, for {}", it.named()))
-    };
-    let all: Vec<String> = diagnosis.possible.iter().map(of_structure).collect();
-    format!("; possibly also {}", all.join(" and "))
 }
 
 /// Names of the effects that are missing, defects of the measurement apart.
@@ -149,8 +201,8 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     for candidate in diagnosis.accepted().filter(is_effect) {
         accepted(&mut text, candidate);
     }
-    for structure in &diagnosis.unexplained {
-        unexplained(&mut text, structure);
+    for (place, structure) in diagnosis.unexplained.iter().enumerate() {
+        unexplained(&mut text, structure, &diagnosis.unexplained[..place]);
     }
     not_found(&mut text, diagnosis);
     untestable(&mut text, diagnosis);
@@ -295,7 +347,10 @@ fn untestable(text: &mut String, diagnosis: &Diagnosis) {
     }
 }
 
-fn unexplained(text: &mut String, structure: &Structure) {
+/// A structure; what was printed of those `before` is not repeated.
+fn unexplained(text: &mut String, structure: &Structure, before: &[Structure]) {
+    let same = before.iter().find(|it| it.is_over_same(structure));
+    let further = if same.is_some() { "further " } else { "" };
     let error = if structure.is_of_losses() { "log loss of reception" } else { "squared error" };
     let formulas: Vec<String> = structure
         .formulas()
@@ -308,21 +363,26 @@ fn unexplained(text: &mut String, structure: &Structure) {
     let colon = if formulas.is_empty() { "" } else { ": " };
     let _ = writeln!(
         text,
-        "unexplained: {} explains {:.1} % of the {error}{colon}{}",
+        "unexplained: {further}{} explains {:.1} % of the {error}{colon}{}",
         structure.named(),
         100.0 * structure.share(),
         formulas.join(", and ")
     );
-    if let Some(nearest) = &structure.nearest_effect {
+    let is_new = |nearest: &&NearestEffect| {
+        let other = same.and_then(|same| same.nearest_effect.as_ref());
+        other.is_none_or(|other| other.effect != nearest.effect)
+    };
+    if let Some(nearest) = structure.nearest_effect.as_ref().filter(is_new) {
         let _ = writeln!(
             text,
-            "  nearest known effect: {}, {:.0} % of its gain; {}",
+            "  nearest known effect: {}, {:.0} % of its gain; not accepted, because {}",
             nearest.effect,
             100.0 * nearest.share,
             nearest.why_not
         );
     }
-    if let Some(warning) = &structure.warning {
+    let is_new = |why: &&String| same.is_none_or(|same| same.warning.as_ref() != Some(why));
+    if let Some(warning) = structure.warning.as_ref().filter(is_new) {
         let _ = writeln!(text, "  warning: {warning}");
     }
 }
