@@ -129,8 +129,8 @@ pub(crate) fn answer<S: Study>(
     } else {
         next::measurements(study, search, ladder, &known)
     };
-    let (possible, reasons): (Vec<String>, Vec<String>) = possible.into_iter().unzip();
-    let possible_text = possible.join(" and ");
+    let is_any_possible = !possible.is_empty();
+    let (possible, possible_because): (Vec<String>, Vec<String>) = possible.into_iter().unzip();
     let mut diagnosis = Diagnosis {
         schema: SCHEMA,
         kind: measurements.subject,
@@ -139,6 +139,7 @@ pub(crate) fn answer<S: Study>(
         missing,
         missing_one_of,
         possible,
+        possible_because,
         measurement_defects: Vec::new(),
         split: study.blocks(COMMON).unit,
         ladder: ladder
@@ -156,12 +157,10 @@ pub(crate) fn answer<S: Study>(
         next_measurement,
         complete: is_complete,
         too_little: ladder.too_little.clone().or_else(|| {
-            if verdict != Verdict::NothingFound {
+            if verdict != Verdict::NothingFound || is_any_possible {
                 None
-            } else if let Some(why) = reasons.first() {
-                Some(format!("nothing is certain: {possible_text} may be missing, but {why}"))
             } else if !withheld.is_empty() {
-                Some(withheld_text(&withheld))
+                Some(withheld_text(&withheld, measurements.subject))
             } else if contradicted.is_some() {
                 contradicted
             } else {
@@ -243,14 +242,13 @@ fn possible_by_size<S: Study>(
             && !is_told(bounds.term)
     };
     let why = |bounds: &SizeBounds| {
-        let why = format!(
-            "it may be chance (p = {:.1e} after the correction for all candidates)",
-            bounds.p_value
-        );
-        (study.candidates()[bounds.term].name.clone(), why)
+        (study.candidates()[bounds.term].name.clone(), MAY_BE_CHANCE.to_owned())
     };
     sizes.iter().filter(may_be).map(why).collect()
 }
+
+/// Of an effect that was not accepted, though its score test is significant at a lower level.
+const MAY_BE_CHANCE: &str = "the gain on held-out rows may be chance, or too small to matter";
 
 /// What is left beyond noise.
 struct Excess<'a> {
@@ -298,10 +296,13 @@ fn noisier_text(Noisier { of, errors: [own, others], .. }: &Noisier, unit: &str)
 }
 
 /// Why candidates that gain beyond chance are not named.
-fn withheld_text(names: &[&str]) -> String {
+fn withheld_text(names: &[&str], subject: Subject) -> String {
+    let dependent = match subject {
+        Subject::Links => "rows that follow each other or share a node",
+        Subject::Robots => "rows that follow each other",
+    };
     format!(
-        "nothing was found for certain: {} would predict rows left out better, but by no more than what rows that follow each other or \
-         share a node may have in common",
+        "nothing was found for certain: {} would predict rows left out better, but by no more than what {dependent} may have in common",
         names.join(", ")
     )
 }
@@ -520,4 +521,18 @@ pub(super) fn parameter(estimate: &Estimate) -> (String, Parameter) {
     let Estimate { name, value, unit, low, high, .. } = estimate;
     let parameter = Parameter { value: *value, unit: unit.clone(), low: *low, high: *high };
     (name.clone(), parameter)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn robots_share_no_node() {
+        let why = |subject| withheld_text(&["slip", "wind"], subject);
+        let of_robots = "nothing was found for certain: slip, wind would predict rows left out better, but by no more than what rows that \
+                         follow each other may have in common";
+        assert_eq!(why(Subject::Robots), of_robots);
+        assert!(why(Subject::Links).contains("rows that follow each other or share a node may"));
+    }
 }

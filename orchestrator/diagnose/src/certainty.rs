@@ -59,6 +59,7 @@ pub(crate) fn doubts<S: Study>(
         let estimates = estimates.map_or(&[][..], |(_, estimates)| estimates);
         let why = implausible(candidate, estimates)
             .or_else(|| unidentified(candidate, estimates))
+            .or_else(|| of_unknown_shape(candidate, estimates))
             .or_else(|| {
                 let is_open = candidate.is_spread && !is_independent(remains.pure);
                 is_open.then(|| SPREAD.to_owned())
@@ -84,7 +85,7 @@ pub(crate) fn doubts<S: Study>(
 const SPREAD: &str =
     "these data do not show that what it spreads is independent from frame to frame";
 /// Of an effect that gains nothing beside a free curve, or less than is left unexplained.
-const PART: &str = "something else is missing, of which it may be a part";
+const PART: &str = "something else is missing, of which this may be a part";
 
 /// Of an effect or structure that moves hardly anything but the rows of one node.
 pub(crate) fn of_one_node(node: u32) -> String {
@@ -134,6 +135,17 @@ fn unidentified(candidate: &Candidate, estimates: &[Estimate]) -> Option<String>
         number(size.low),
         with_unit(&number(size.high), &size.unit)
     ))
+}
+
+/// Which other parameter of an effect these data do not determine, where what the effect does depends on it: how far downwash reaches.
+/// Random effects are judged by their spreads. Of an effect that is linear in a covariate the other parameter is the covariate's zero.
+fn of_unknown_shape(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> {
+    if candidate.level == Level::Random || candidate.linear_in.is_some() {
+        return None;
+    }
+    let unknown =
+        estimates.iter().find(|it| !it.is_identifiable && candidate.parameter(it).is_some())?;
+    Some(format!("what it does depends on its {}, which these data do not determine", unknown.name))
 }
 
 fn number(value: f64) -> String {
@@ -230,6 +242,26 @@ mod tests {
         let random = of_parameters(&[SLOPE], Level::Random);
         let spread = Estimate::new("sd_db", "dB", 1.7, (0.045, 296.0));
         assert!(unidentified(&random, &[spread]).is_some());
+    }
+
+    #[test]
+    fn an_effect_whose_reach_is_unknown_is_doubted_and_the_zero_of_a_covariate_is_not() {
+        let size = Estimate::new("db_per_hour", "dB/h", -8.0, (-9.0, -7.0));
+        let reach = Estimate::new("x_m", "m", -1.0, (-100.0, 0.0));
+        let downwash = of_parameters(&[SLOPE, PLACE], Level::Time);
+        let known = [size.clone(), reach.clone()];
+        let unknown = [size.clone(), reach.clone().not_identifiable()];
+        assert_eq!(of_unknown_shape(&downwash, &known), None);
+        let expected = "what it does depends on its x_m, which these data do not determine";
+        assert_eq!(of_unknown_shape(&downwash, &unknown).as_deref(), Some(expected));
+        let linear = Candidate { linear_in: Some("temperature_c"), ..downwash.clone() };
+        let random = Candidate { level: Level::Random, ..downwash.clone() };
+        for candidate in [linear, random] {
+            assert_eq!(of_unknown_shape(&candidate, &unknown), None);
+        }
+        // Of a place that a search finds nothing is declared.
+        let found = Estimate::new("from_m", "m", -1.0, (-100.0, 0.0)).not_identifiable();
+        assert_eq!(of_unknown_shape(&downwash, &[size, reach, found]), None);
     }
 
     #[test]

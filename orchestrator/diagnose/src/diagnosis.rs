@@ -26,7 +26,7 @@ pub struct Diagnosis {
     pub kind: Subject,
     /// The verdict.
     pub verdict: Verdict,
-    /// The verdict in a sentence.
+    /// The verdict in a sentence; in further ones what is possible beside it, and why that is not certain.
     pub sentence: String,
     /// Defects of the measurement as `measurement:` and their kind, then what is certainly missing, in the order in which it was
     /// found: the name of an effect, or `A or B` where these data cannot tell which of several it is.
@@ -34,9 +34,12 @@ pub struct Diagnosis {
     /// Of what is missing, the effects that these data cannot tell apart: the names of each set. Absent if there are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing_one_of: Vec<Vec<String>>,
-    /// Names of effects that may be missing and are not certain, each for a reason that `sentence` states. Absent if there are none.
+    /// Names of effects that may be missing and are not certain. Absent if there are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub possible: Vec<String>,
+    /// Why each effect of `possible` is not certain. Absent if there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub possible_because: Vec<String>,
     /// What the blocks are that are held out together, by which candidates are ordered and models compared: `blocks of time`, `places`.
     pub split: &'static str,
     /// Of links: defects of the measurement. All else is about the corrected measurements. Absent if there are none.
@@ -345,11 +348,26 @@ impl Diagnosis {
     }
 }
 
+impl Tested {
+    /// Its name, with what limits it: `slip (only agents = [3])`.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let limited = self.only.as_ref().map(|only| study::limited_name(&self.effect, only));
+        limited.unwrap_or_else(|| self.effect.clone())
+    }
+}
+
 impl Structure {
     /// Whether it is one of losses rather than of readings.
     #[must_use]
     pub fn is_of_losses(&self) -> bool {
         self.affects == Some(Affects::Losses)
+    }
+
+    /// Whether another one is over the same covariate, of losses or of readings as this one.
+    #[must_use]
+    pub fn is_over_same(&self, other: &Self) -> bool {
+        (&self.covariate, self.is_of_losses()) == (&other.covariate, other.is_of_losses())
     }
 
     /// Its formulas, each with what it is added to.

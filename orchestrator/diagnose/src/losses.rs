@@ -2,7 +2,11 @@
 //! been logged. Where nobody knows whether lost frames were logged, only that is certain which both say.
 
 use crate::diagnosis::{Diagnosis, NextMeasurement, Structure, Verdict};
+use crate::words;
 use std::collections::BTreeSet;
+
+/// Why what one answer alone says is not certain.
+const IT_DEPENDS: &str = "it depends on whether lost frames were logged";
 
 /// The first answer, as far as the other says the same.
 pub(crate) fn agreed(mut found: Diagnosis, other: &Diagnosis) -> Diagnosis {
@@ -14,12 +18,14 @@ pub(crate) fn agreed(mut found: Diagnosis, other: &Diagnosis) -> Diagnosis {
         widen(&mut found, other);
         return found;
     }
+    let [either, or] = [other, &found].map(words::first_sentence);
     let is_in_both = |name: &String| other.missing.contains(name);
     let (certain, one_sided): (Vec<String>, Vec<String>) =
         found.missing.drain(..).partition(is_in_both);
     let only_there = other.missing.iter().filter(|name| !certain.contains(name)).cloned();
     found.possible = one_sided;
     found.possible.extend(only_there);
+    found.possible_because = vec![IT_DEPENDS.to_owned(); found.possible.len()];
     found.unexplained.retain(|one| other.unexplained.iter().any(|it| it.named() == one.named()));
     for candidate in &mut found.candidates {
         let is_named =
@@ -27,7 +33,7 @@ pub(crate) fn agreed(mut found: Diagnosis, other: &Diagnosis) -> Diagnosis {
         let is_structure =
             candidate.effect.starts_with(study::CURVE) && !found.unexplained.is_empty();
         if candidate.accepted && !is_named && !is_structure {
-            candidate.doubt = Some("it depends on whether lost frames were logged".to_owned());
+            candidate.doubt = Some(IT_DEPENDS.to_owned());
         }
     }
     let either_way = match &certain[..] {
@@ -35,9 +41,8 @@ pub(crate) fn agreed(mut found: Diagnosis, other: &Diagnosis) -> Diagnosis {
         certain => format!("missing either way: {}. ", certain.join(", ")),
     };
     found.too_little = Some(format!(
-        "{either_way}Whether lost frames were logged is not known, and decides: if received frames alone were logged, {}; if reception \
-         had no part in it, {}. Say which with --losses",
-        other.sentence, found.sentence
+        "{either_way}Whether lost frames were logged is not known, and decides: if received frames alone were logged, {either}; if reception \
+         had no part in it, {or}. Say which with --losses"
     ));
     found.missing = certain;
     found.missing_one_of.retain(|names| found.missing.contains(&names.join(" or ")));

@@ -1,21 +1,63 @@
 //! A diagnosis in words: its sentence, and the text of the terminal.
 
 use super::defects;
-use super::diagnosis::{Diagnosis, Structure, Tested, Verdict};
+use super::diagnosis::{Diagnosis, NearestEffect, Structure, Tested, Verdict};
 use super::gate::{Misfit, decimals};
-use numbers::format::with_unit;
+use indexmap::IndexMap;
+use numbers::format::{capitalised, with_unit, wrapped};
 use std::fmt::Write as _;
 use study::defects::PREFIX;
 use study::thresholds::PLAIN_ERROR_SHARE;
 
-/// What a diagnosis came to, in a sentence.
+/// Most characters of a line of a list.
+const WIDTH: usize = 100;
+
+/// Least width of the first column of a table.
+const FIRST_COLUMN: usize = 34;
+
+/// What a diagnosis came to: the verdict in a sentence, and in further ones what is possible beside it, with the reason why it is not certain.
 #[must_use]
 pub fn sentence(diagnosis: &Diagnosis) -> String {
+    let first = first_sentence(diagnosis);
+    if is_before_any_result(diagnosis) {
+        return first;
+    }
+    [first]
+        .into_iter()
+        .chain(further(diagnosis).iter().map(|it| capitalised(it)))
+        .collect::<Vec<_>>()
+        .join(". ")
+}
+
+/// The verdict in a sentence.
+pub(crate) fn first_sentence(diagnosis: &Diagnosis) -> String {
+    let found = verdict(diagnosis);
+    let found = match defects::clauses(&diagnosis.measurement_defects) {
+        Some(clauses) => format!("the measurement: {clauses}. The model: {found}"),
+        None => found,
+    };
+    match diagnosis.stopped_in_round {
+        None if diagnosis.complete => found,
+        None => format!("stopped after the search; what follows from it may still change: {found}"),
+        Some(round) if is_before_any_result(diagnosis) => {
+            format!("stopped in round {round}, before any result")
+        }
+        Some(round) => {
+            format!("stopped in round {round}; partial result, which may still change: {found}")
+        }
+    }
+}
+
+fn is_before_any_result(diagnosis: &Diagnosis) -> bool {
+    diagnosis.stopped_in_round.is_some() && diagnosis.ladder.len() < 2
+}
+
+/// The verdict of a complete search on measurements without defects.
+fn verdict(diagnosis: &Diagnosis) -> String {
     let missing = effects(diagnosis).join(", then ");
-    let found = match (&diagnosis.too_little, diagnosis.verdict) {
+    match (&diagnosis.too_little, diagnosis.verdict) {
         (None, Verdict::SomethingMissing) if diagnosis.misfits.is_empty() => {
-            let all: Vec<String> = diagnosis.unexplained.iter().map(structure_and_cause).collect();
-            format!("something is missing: {}", all.join("; "))
+            format!("something is missing: {}", structures(diagnosis.unexplained.iter()))
         }
         (why, Verdict::SomethingMissing) => {
             let why = why.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
@@ -23,6 +65,9 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             format!("something is missing, and these data do not say what: {misfit}{why}")
         }
         (Some(why), _) => why.clone(),
+        (None, Verdict::NothingFound) if !diagnosis.possible.is_empty() => {
+            "nothing is certain".to_owned()
+        }
         (None, Verdict::NothingFound) if diagnosis.could_hide.is_nan() => {
             "nothing was found, but these data are too few to tell how great an error could hide in them"
                 .to_owned()
@@ -38,57 +83,86 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
             "no missing effect is detectable in the corrected data".to_owned()
         }
         (None, Verdict::MissingEffects | Verdict::MissingOneOf) => {
-            let misfit = diagnosis.misfits.first().map(Misfit::sentence);
-            let left = misfit.map(|misfit| format!("; something else is missing: {misfit}"));
             let ties = if diagnosis.missing_one_of.is_empty() {
                 ""
             } else {
                 " (these data cannot tell which)"
             };
-            format!("missing: {missing}{ties}{}{}", possibly(diagnosis), left.unwrap_or_default())
+            format!("missing: {missing}{ties}")
         }
         (None, Verdict::UnexplainedStructure) => {
             let certain = diagnosis.unexplained.iter().filter(|it| it.is_certain());
-            let over: Vec<String> = certain.map(Structure::named).collect();
-            let also = if missing.is_empty() {
-                String::new()
-            } else {
-                format!("; also missing: {missing}")
-            };
-            format!(
-                "found {}, which no known effect explains{also}{}",
-                over.join(", and "),
-                possibly(diagnosis)
-            )
-        }
-    };
-    let found = match defects::clauses(&diagnosis.measurement_defects) {
-        Some(clauses) => format!("the measurement: {clauses}. The model: {found}"),
-        None => found,
-    };
-    match diagnosis.stopped_in_round {
-        None if diagnosis.complete => found,
-        None => format!("stopped after the search; what follows from it may still change: {found}"),
-        Some(round) if diagnosis.ladder.len() < 2 => {
-            format!("stopped in round {round}, before any result")
-        }
-        Some(round) => {
-            format!("stopped in round {round}; partial result, which may still change: {found}")
+            format!("found {}, which no known effect explains", structures(certain))
         }
     }
 }
 
-/// Structure, the effect that may be its cause, and why it may be something else, in words.
-fn structure_and_cause(structure: &Structure) -> String {
-    let cause = structure.nearest_effect.as_ref().map(|cause| {
-        let percent = 100.0 * cause.share;
-        format!(
-            "; {} explains {percent:.0} % of what a free curve does, and is not certain: {}",
-            cause.effect, cause.why_not
-        )
-    });
-    let warning = structure.warning.as_ref().map(|why| format!("; {why}"));
-    [structure.named(), cause.unwrap_or_default(), warning.unwrap_or_default()].concat()
+/// What follows the verdict, each a sentence.
+fn further(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut all = Vec::new();
+    if diagnosis.too_little.is_none() || diagnosis.verdict == Verdict::SomethingMissing {
+        let missing = effects(diagnosis).join(", then ");
+        if diagnosis.verdict == Verdict::UnexplainedStructure && !missing.is_empty() {
+            all.push(format!("also missing: {missing}"));
+        }
+        all.extend(possible(diagnosis));
+        all.extend(open_structure(diagnosis));
+    }
+    let is_named = matches!(diagnosis.verdict, Verdict::MissingEffects | Verdict::MissingOneOf);
+    let misfit = diagnosis.misfits.first().filter(|_| is_named && diagnosis.too_little.is_none());
+    all.extend(misfit.map(|it| format!("something else is missing: {}", it.sentence())));
+    all
+}
+
+/// Effects that may be missing, those together that are not certain for one reason.
+fn possible(diagnosis: &Diagnosis) -> impl Iterator<Item = String> {
+    let is_beside =
+        !diagnosis.missing.is_empty() || diagnosis.verdict == Verdict::UnexplainedStructure;
+    let also = if is_beside { "also " } else { "" };
+    let mut groups: IndexMap<(String, &str), Vec<&str>> = IndexMap::new();
+    for (name, why) in diagnosis.possible.iter().zip(&diagnosis.possible_because) {
+        let explained = diagnosis.unexplained.iter().find_map(|structure| {
+            let cause = structure.possible_cause().filter(|cause| cause.effect == *name)?;
+            let percent = 100.0 * cause.share;
+            Some(format!(", which would explain {percent:.0} % of {}", structure.named()))
+        });
+        groups.entry((explained.unwrap_or_default(), why)).or_default().push(name);
+    }
+    groups.into_iter().map(move |((explained, why), names)| {
+        format!("possibly {also}{}{explained}: not certain, because {why}", listed(&names))
+    })
+}
+
+/// Names in a sentence: `a, b and c`.
+fn listed(names: &[&str]) -> String {
+    match names {
+        [others @ .., last] if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+        _ => names.concat(),
+    }
+}
+
+/// Names of structures, each once.
+fn structures<'a>(all: impl Iterator<Item = &'a Structure>) -> String {
+    let mut names: Vec<String> = Vec::new();
+    for name in all.map(Structure::named) {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names.join(", and ")
+}
+
+/// Structure whose cause nobody knows to follow its covariate, where the verdict is something else.
+fn open_structure(diagnosis: &Diagnosis) -> Vec<String> {
+    let is_open = |it: &&Structure| !it.is_certain() && it.possible_cause().is_none();
+    let open = || diagnosis.unexplained.iter().filter(is_open);
+    let named = match diagnosis.verdict {
+        Verdict::UnexplainedStructure => return Vec::new(),
+        Verdict::MissingEffects | Verdict::MissingOneOf => structures(open()),
+        _ => String::new(),
+    };
+    let seen = (!named.is_empty()).then(|| format!("something else is missing, seen as {named}"));
+    seen.into_iter().chain(open().find_map(|it| it.warning.clone())).collect()
 }
 
 /// The effect that may be the largest of those that were not found.
@@ -105,21 +179,6 @@ fn at_most(diagnosis: &Diagnosis) -> String {
 /// A size with two digits.
 fn size(value: f64) -> String {
     format!("{value:.*}", decimals(value, 0.0))
-}
-
-/// What may be missing beside what is certain.
-fn possibly(diagnosis: &Diagnosis) -> String {
-    if diagnosis.possible.is_empty() {
-        return String::new();
-    }
-    let of_structure = |name: &String| {
-        let is_cause =
-            |it: &&Structure| it.possible_cause().is_some_and(|cause| cause.effect == *name);
-        let structure = diagnosis.unexplained.iter().find(is_cause);
-        structure.map_or_else(|| name.clone(), |it| format!("{name}, for {}", it.named()))
-    };
-    let all: Vec<String> = diagnosis.possible.iter().map(of_structure).collect();
-    format!("; possibly also {}", all.join(" and "))
 }
 
 /// Names of the effects that are missing, defects of the measurement apart.
@@ -142,19 +201,11 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     for candidate in diagnosis.accepted().filter(is_effect) {
         accepted(&mut text, candidate);
     }
-    for structure in &diagnosis.unexplained {
-        unexplained(&mut text, structure);
+    for (place, structure) in diagnosis.unexplained.iter().enumerate() {
+        unexplained(&mut text, structure, &diagnosis.unexplained[..place]);
     }
     not_found(&mut text, diagnosis);
-    let untestable: Vec<String> = diagnosis
-        .candidates
-        .iter()
-        .filter_map(|candidate| Some((candidate, candidate.untestable.as_ref()?)))
-        .map(|(candidate, why)| format!("{} ({why})", candidate.effect))
-        .collect();
-    if !untestable.is_empty() {
-        let _ = writeln!(text, "not testable on these data: {}", untestable.join("; "));
-    }
+    untestable(&mut text, diagnosis);
     for misfit in &diagnosis.misfits {
         let _ = writeln!(
             text,
@@ -171,6 +222,11 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     text
 }
 
+/// Width of the first column of a table with these entries.
+fn first_column<'a>(entries: impl Iterator<Item = &'a str>) -> usize {
+    entries.map(|entry| entry.chars().count()).fold(FIRST_COLUMN, usize::max)
+}
+
 fn ladder(text: &mut String, diagnosis: &Diagnosis) {
     let unit = diagnosis.error_unit;
     let first = diagnosis.ladder.first();
@@ -179,10 +235,12 @@ fn ladder(text: &mut String, diagnosis: &Diagnosis) {
     }
     let has_losses = first.is_some_and(|rung| !rung.reception_log_loss.is_nan());
     let has_headings = first.is_some_and(|rung| rung.rmse_heading_rad.is_some());
+    let head = format!("model ({} held out)", diagnosis.split);
+    let names = diagnosis.ladder.iter().map(|rung| rung.model.as_str());
+    let width = first_column(names.chain([head.as_str()]));
     let _ = writeln!(
         text,
-        "{:<34} {:>12} {:>10} {:>10}{}{}",
-        format!("model ({} held out)", diagnosis.split),
+        "{head:<width$} {:>12} {:>10} {:>10}{}{}",
         "log score",
         format!("rmse {unit}"),
         format!("crps {unit}"),
@@ -196,7 +254,7 @@ fn ladder(text: &mut String, diagnosis: &Diagnosis) {
         let heading = heading.map_or_else(String::new, |rmse_rad| format!("  {rmse_rad:>16.4}"));
         let _ = writeln!(
             text,
-            "{:<34} {:>12.4} {:>10.4} {:>10.4}{loss}{heading}",
+            "{:<width$} {:>12.4} {:>10.4} {:>10.4}{loss}{heading}",
             rung.model, rung.log_score, rung.rmse, rung.crps
         );
     }
@@ -235,15 +293,17 @@ fn accepted(text: &mut String, candidate: &Tested) {
         })
         .chain(unknown)
         .collect();
-    let _ = writeln!(
+    let name = candidate.name();
+    let _ = write!(
         text,
-        "{}: gain {:.4} +- {:.4} nats per row ({} held out). {}",
-        candidate.effect,
-        candidate.gain,
-        candidate.standard_error,
-        candidate.held_out,
-        parameters.join(", ")
+        "{name}: gain {:.4} +- {:.4} nats per row ({} held out)",
+        candidate.gain, candidate.standard_error, candidate.held_out
     );
+    // A curve has no parameters with a meaning.
+    if !parameters.is_empty() {
+        let _ = write!(text, ". {}", parameters.join(", "));
+    }
+    let _ = writeln!(text);
     if !candidate.indistinguishable_from.is_empty() {
         let others = candidate.indistinguishable_from.join(", ");
         let _ = writeln!(text, "  indistinguishable on these data from {others}");
@@ -260,15 +320,37 @@ fn not_found(text: &mut String, diagnosis: &Diagnosis) {
         return;
     }
     let unit = diagnosis.error_unit;
-    let heads = [format!("at most {unit}"), format!("found from {unit}")];
-    let _ = writeln!(text, "{:<34} {:>12} {:>15}", "not found", heads[0], heads[1]);
+    let head = "not found (rms over the rows)";
+    let heads = [format!("at most {unit}"), format!("detectable from {unit}")];
+    let width = first_column(bounded.iter().map(|(effect, ..)| *effect).chain([head]));
+    let _ = writeln!(text, "{head:<width$} {:>12} {:>18}", heads[0], heads[1]);
     for (effect, upper, detectable) in bounded {
         let [upper, detectable] = [upper, detectable].map(size);
-        let _ = writeln!(text, "{effect:<34} {upper:>12} {detectable:>15}");
+        let _ = writeln!(text, "{effect:<width$} {upper:>12} {detectable:>18}");
     }
 }
 
-fn unexplained(text: &mut String, structure: &Structure) {
+/// Effects that these data cannot show, those together that lack the same.
+fn untestable(text: &mut String, diagnosis: &Diagnosis) {
+    let mut lacking: IndexMap<&str, Vec<&str>> = IndexMap::new();
+    for candidate in &diagnosis.candidates {
+        if let Some(why) = &candidate.untestable {
+            lacking.entry(why).or_default().push(&candidate.effect);
+        }
+    }
+    if !lacking.is_empty() {
+        let _ = writeln!(text, "not testable on these data:");
+    }
+    for (why, effects) in lacking {
+        let entry = wrapped(&format!("{} ({why})", effects.join(", ")), "    ", WIDTH);
+        let _ = writeln!(text, "  {}", entry.trim_start());
+    }
+}
+
+/// A structure; what was printed of those `before` is not repeated.
+fn unexplained(text: &mut String, structure: &Structure, before: &[Structure]) {
+    let same = before.iter().find(|it| it.is_over_same(structure));
+    let further = if same.is_some() { "further " } else { "" };
     let error = if structure.is_of_losses() { "log loss of reception" } else { "squared error" };
     let formulas: Vec<String> = structure
         .formulas()
@@ -281,21 +363,29 @@ fn unexplained(text: &mut String, structure: &Structure) {
     let colon = if formulas.is_empty() { "" } else { ": " };
     let _ = writeln!(
         text,
-        "unexplained: {} explains {:.1} % of the {error}{colon}{}",
+        "unexplained: {further}{} explains {:.1} % of the {error}{colon}{}",
         structure.named(),
         100.0 * structure.share(),
         formulas.join(", and ")
     );
-    if let Some(nearest) = &structure.nearest_effect {
+    let is_new = |nearest: &&NearestEffect| {
+        let other = same.and_then(|same| same.nearest_effect.as_ref());
+        other.is_none_or(|other| other.effect != nearest.effect)
+    };
+    if let Some(nearest) = structure.nearest_effect.as_ref().filter(is_new) {
         let _ = writeln!(
             text,
-            "  nearest known effect: {}, {:.0} % of its gain; {}",
+            "  nearest known effect: {}, {:.0} % of its gain; not accepted, because {}",
             nearest.effect,
             100.0 * nearest.share,
             nearest.why_not
         );
     }
-    if let Some(warning) = &structure.warning {
+    let is_new = |why: &&String| same.is_none_or(|same| same.warning.as_ref() != Some(why));
+    if let Some(warning) = structure.warning.as_ref().filter(is_new) {
         let _ = writeln!(text, "  warning: {warning}");
     }
 }
+
+#[cfg(test)]
+mod tests;

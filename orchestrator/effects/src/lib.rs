@@ -13,7 +13,7 @@ mod examples;
 mod page;
 mod picture;
 
-use numbers::format::trimmed;
+use numbers::format::{trimmed, wrapped};
 use numbers::quantity;
 pub use page::page;
 pub use picture::Picture;
@@ -107,10 +107,10 @@ pub fn table() -> String {
             text,
             "  {:width$}  {}",
             effect.variant.name,
-            wrapped(effect.variant.doc, &indent).trim_start()
+            wrapped(effect.variant.doc, &indent, WIDTH).trim_start()
         );
         let needs = format!("needs {}", effect.needs().join("; "));
-        let _ = writeln!(text, "{}", wrapped(&needs, &indent));
+        let _ = writeln!(text, "{}", wrapped(&needs, &indent, WIDTH));
     }
     let _ = write!(text, "\n`{} effects NAME` explains an effect.", program_name());
     text
@@ -120,24 +120,6 @@ pub fn table() -> String {
 const DECIMALS: usize = 3;
 /// Width of text for people.
 const WIDTH: usize = 110;
-
-/// Lines of at most [`WIDTH`] characters.
-fn wrapped(text: &str, indent: &str) -> String {
-    let mut lines = String::new();
-    let mut line = indent.to_owned();
-    for word in text.split_whitespace() {
-        if line.len() > indent.len() {
-            if WIDTH < line.chars().count() + 1 + word.chars().count() {
-                let _ = writeln!(lines, "{line}");
-                line = indent.to_owned();
-            } else {
-                line.push(' ');
-            }
-        }
-        line.push_str(word);
-    }
-    lines + &line
-}
 
 impl Listed {
     /// What measurements must have for it to be tested.
@@ -173,7 +155,7 @@ impl Listed {
     pub fn explained(&self) -> String {
         let mut text = format!("{} ({})\n", self.variant.name, self.of);
         let mut part = |title: &str, body: &str| {
-            let _ = write!(text, "\n{title}\n{}\n", wrapped(body, "  "));
+            let _ = write!(text, "\n{title}\n{}\n", wrapped(body, "  ", WIDTH));
         };
         part("Summary", self.variant.doc);
         part("Mechanism", self.about.mechanism);
@@ -198,9 +180,9 @@ impl Listed {
         let _ = writeln!(text, "\nParameters");
         for field in self.fields() {
             let _ = writeln!(text, "  {}: {}", field.key, self.range(field));
-            let _ = writeln!(text, "{}", wrapped(field.doc, "      "));
+            let _ = writeln!(text, "{}", wrapped(field.doc, "      ", WIDTH));
             if let Some(fitted) = self.fitted(field.key) {
-                let _ = writeln!(text, "{}", wrapped(&fitted, "      "));
+                let _ = writeln!(text, "{}", wrapped(&fitted, "      ", WIDTH));
             }
         }
         let _ = write!(text, "\nConfiguration\n");

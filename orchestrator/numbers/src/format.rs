@@ -133,6 +133,26 @@ pub fn years(value: f64) -> (String, &'static str) {
     (number(value * per_year), unit)
 }
 
+/// Words in lines of at most `width` characters, each after `indent`. A word that is longer has a line of its own.
+#[must_use]
+pub fn wrapped(text: &str, indent: &str, width: usize) -> String {
+    let mut lines = String::new();
+    let mut line = indent.to_owned();
+    for word in text.split_whitespace() {
+        if line.len() > indent.len() {
+            if width < line.chars().count() + 1 + word.chars().count() {
+                lines.push_str(&line);
+                lines.push('\n');
+                indent.clone_into(&mut line);
+            } else {
+                line.push(' ');
+            }
+        }
+        line.push_str(word);
+    }
+    lines + &line
+}
+
 /// A sentence with a capital letter at its beginning.
 #[must_use]
 pub fn capitalised(sentence: &str) -> String {
@@ -212,6 +232,13 @@ mod tests {
         let expected =
             "4.33 years, 0.830 years, 18.2 days, 8.76 hours, 5.26 minutes, 1.58 minutes, 3.15 s";
         assert_eq!(shown.join(", "), expected);
+    }
+
+    #[test]
+    fn lines_are_as_long_as_their_width_allows() {
+        assert_eq!(wrapped("a quick  brown fox", "  ", 9), "  a quick\n  brown\n  fox");
+        assert_eq!(wrapped("unbreakable é", "", 4), "unbreakable\né");
+        assert_eq!(wrapped("", "  ", 4), "  ");
     }
 
     #[test]

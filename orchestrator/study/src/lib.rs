@@ -19,7 +19,7 @@ mod term;
 pub mod thresholds;
 pub mod view;
 
-pub use limits::{NotLimited, span_s};
+pub use limits::{NotLimited, limited_name, span_s};
 pub use stop::StopFlag;
 pub use term::{PerTerm, TermId};
 

@@ -28,7 +28,8 @@ pub fn span_s(limits: &toml::Table) -> std::ops::Range<f64> {
 }
 
 /// The name of a candidate that is limited: `slip (only agents = [3], from_s = 10.0)`.
-pub(crate) fn limited_name(name: &str, limits: &toml::Table) -> String {
+#[must_use]
+pub fn limited_name(name: &str, limits: &toml::Table) -> String {
     format!("{name}{}", suffix(limits))
 }
 

@@ -128,6 +128,7 @@ fn diagnosis(verdict: Verdict, sentence: &str) -> Diagnosis {
         missing: Vec::new(),
         missing_one_of: Vec::new(),
         possible: Vec::new(),
+        possible_because: Vec::new(),
         split: "blocks of time",
         measurement_defects: Vec::new(),
         ladder: Vec::new(),

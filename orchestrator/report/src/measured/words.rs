@@ -231,7 +231,12 @@ pub(super) fn unexplained(contents: &MeasuredPage<'_>) -> Option<Markup> {
     Some(html! {
         h2 { "Unexplained structure" }
         @if !structure.is_empty() {
-            ul { @for entry in structure { li { (unexplained_in_words(entry)) } } }
+            ul {
+                @for (k, entry) in structure.iter().enumerate() {
+                    @let is_further = structure[..k].iter().any(|it| it.is_over_same(entry));
+                    li { (unexplained_in_words(entry, is_further)) }
+                }
+            }
         } @else if diagnosis.residuals_searched {
             p { "No covariate explains a significant part of the residuals." }
         } @else {
@@ -240,7 +245,8 @@ pub(super) fn unexplained(contents: &MeasuredPage<'_>) -> Option<Markup> {
     })
 }
 
-fn unexplained_in_words(entry: &Structure) -> Markup {
+/// `is_further`: an entry before is over the same.
+fn unexplained_in_words(entry: &Structure, is_further: bool) -> Markup {
     let [what, error] = if entry.is_of_losses() {
         ["the share of frames lost", "the log loss of reception"]
     } else {
@@ -249,7 +255,7 @@ fn unexplained_in_words(entry: &Structure) -> Markup {
     let unknown =
         if entry.possible_cause().is_none() { ", which no known effect explains" } else { "" };
     html! {
-        "There is " (entry.named()) (unknown) ": " (percent(entry.share())) " of " (error)
+        "There is " @if is_further { "further " } (entry.named()) (unknown) ": " (percent(entry.share())) " of " (error)
         @for (k, (formula, target)) in entry.formulas().enumerate() {
             @if k == 0 { ": " } @else { "; and along the other direction " }
             code { (formula) } " describes " (what) ", and can be added with "
