@@ -353,13 +353,22 @@ fn unexplained<S: Study>(
         may_be_cause: nearest.may_be_cause(),
         why_not: nearest.why_not,
     };
+    let is_law = |term: &TermId| {
+        let candidate = &study.candidates()[*term];
+        candidate.curve_over().is_none() && candidate.level != Level::Random
+    };
+    let laws: Vec<TermId> = ladder.accepted.iter().copied().filter(is_law).collect();
+    let noisy_places = |covariate: &str| {
+        let fit = search.full_fit(&laws, COMMON, None);
+        study.position_noise_m(&fit, covariate).map(certainty::of_noisy_places)
+    };
     let of_curve = |(step, &term): (usize, &TermId)| {
         let structure = curve(study, ladder, residuals, (step, term))?;
         let nearest = search.nearest_effect(term, &without_term(&ladder.accepted, term));
         let of_readings = excess.filter(|_| !structure.is_of_losses());
         let warning = of_readings.and_then(|excess| excess.beside(structure.explained, true));
         let of_node = || search.only_node_of(term, &ladder.accepted).map(certainty::of_one_node);
-        let warning = warning.or_else(of_node);
+        let warning = warning.or_else(of_node).or_else(|| noisy_places(&structure.covariate));
         Some(Structure { nearest_effect: nearest.map(named), warning, ..structure })
     };
     let mut structure: Vec<Structure> = curves.filter_map(of_curve).collect();
@@ -383,7 +392,9 @@ fn unexplained<S: Study>(
             rmse_after: formula.map(|formula| formula.rmse),
             indistinguishable_from: others,
             nearest_effect: search.nearest_to_rest(left.nats(), ladder).map(named),
-            warning: excess.and_then(|excess| excess.beside(left.explained, false)),
+            warning: excess
+                .and_then(|excess| excess.beside(left.explained, false))
+                .or_else(|| noisy_places(&left.covariate)),
         });
     }
     structure

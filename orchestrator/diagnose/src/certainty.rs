@@ -94,6 +94,13 @@ pub(crate) fn of_one_node(node: u32) -> String {
     )
 }
 
+/// Of structure over what follows from positions, if these are as noisy as is likeliest (m).
+pub(crate) fn of_noisy_places(sd_m: f64) -> String {
+    format!(
+        "positions of moving nodes may be off by {sd_m:.2} m (standard deviation), which has such structure, too"
+    )
+}
+
 /// Of an effect that the place of a node explains as well.
 fn as_well(place: &str) -> String {
     format!("these data are predicted as well without it if {place}")

@@ -25,7 +25,7 @@ pub const NAME: &str = "clock-rate";
 const STEP_M: f64 = 3.0;
 const N_STEPS: i32 = 6;
 /// Between two rows of a node that are so near (m), its place is known.
-const MOST_GAP_M: f64 = 6.0;
+const MOST_GAP_M: f64 = 10.0;
 /// Rows of a node that are compared.
 const MOST_ROWS: usize = 600;
 /// Evaluations of the likelihood in the search for the best clock.

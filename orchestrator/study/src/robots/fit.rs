@@ -79,7 +79,7 @@ impl RobotModel {
 
     /// A fit, or a better one with other gains: a model that is wrong trusts each measurement, and the likelihood of a right one may have
     /// a maximum there, too.
-    fn with_gains_tried(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
+    pub(super) fn with_gains_tried(&self, fit: RobotFit, train: &[u32]) -> RobotFit {
         let mut best = fit;
         for index in 0..self.n_gains() {
             let at = |value: f64| {

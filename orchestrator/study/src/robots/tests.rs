@@ -64,6 +64,22 @@ fn a_lag_is_fitted_with_its_time_constant_and_the_noise_is_what_is_left() {
 }
 
 #[test]
+fn a_fit_leaves_gains_at_which_a_wrong_model_trusts_each_measurement() {
+    let study = study(&lagging(1000, 0.2));
+    let lag = index(&study, "actuator-lag");
+    let all: Vec<u32> = (0..study.n_rows() as u32).collect();
+    let fit = study.fit(&[lag], &all, Level::Time, None);
+    let mut trusting = RobotFit { derivatives: Arc::default(), ..fit };
+    let gains = 0..study.model.n_gains();
+    // Gains count by their logarithm.
+    trusting.values[gains.clone()].fill(0.0);
+    trusting.log_likelihood = study.model.point(&trusting, &all).unwrap().total;
+    let found = study.model.with_gains_tried(trusting.clone(), &all);
+    assert!(trusting.log_likelihood + 10.0 < found.log_likelihood, "{found:?}");
+    assert!(found.values[gains].iter().all(|gain| *gain < -0.1), "{found:?}");
+}
+
+#[test]
 fn an_effect_that_does_nothing_gains_nothing() {
     // Ten kilometres from each other, nobody feels the other's wash.
     let study = study(&lagging(400, 0.2));
