@@ -3,8 +3,8 @@
 use super::bounds::{self, SizeBounds};
 use super::certainty::{self, Remains};
 use super::diagnosis::{
-    Affects, AlsoAlong, Diagnosis, NearestEffect, Parameter, Rung, SCHEMA, Structure, Tested,
-    Verdict,
+    Affects, AlsoAlong, Diagnosis, NearestEffect, Parameter, Rival, Rung, SCHEMA, Structure,
+    Tested, Verdict,
 };
 use super::gain::Gain;
 use super::gate::{self, Gate, Noisier};
@@ -150,6 +150,7 @@ pub(crate) fn answer<S: Study>(
             .map(|rung| self::rung(study, rung))
             .collect(),
         candidates,
+        rivals: rivals(study, search, ladder),
         unexplained,
         residuals_searched: residuals.is_searched,
         could_hide: gate.could_hide.map_or(f64::NAN, |(bound, ..)| bound),
@@ -185,6 +186,42 @@ fn listed<'a>(all: &'a mut [Tested], candidate: &Candidate) -> Option<&'a mut Te
         (one.effect.as_str(), &one.only) == (candidate.effect(), &candidate.only)
     };
     all.iter_mut().find(is_it)
+}
+
+/// Most rivals of an accepted effect whose numbers are stated: each takes a fit.
+const MOST_RIVALS: usize = 3;
+
+/// The numbers of effects that are tied with accepted ones, each fitted in place of it; none once a search is stopped.
+fn rivals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -> Vec<Rival> {
+    let candidates = study.candidates();
+    let is_rival = |term: &&TermId| {
+        !ladder.accepted.contains(term) && candidates[**term].curve_over().is_none()
+    };
+    let chosen = search.full_fit(&ladder.accepted, COMMON, None);
+    let of_term = |(place, &term): (usize, &TermId)| {
+        let ties = ladder.test_of(term).map_or(&[][..], |test| &test.ties);
+        let fitted = |&rival: &TermId| {
+            let mut terms = ladder.accepted.clone();
+            terms[place] = rival;
+            let fit = search.full_fit(&terms, COMMON, Some(&chosen));
+            let (known, unknown) = told(study.estimates(&fit, rival).0);
+            Rival {
+                in_place_of: candidates[term].name.clone(),
+                effect: candidates[rival].name.clone(),
+                parameters: known.iter().map(parameter).collect(),
+                not_identifiable: unknown.into_iter().map(|estimate| estimate.name).collect(),
+            }
+        };
+        ties.iter().filter(is_rival).take(MOST_RIVALS).map(fitted).collect::<Vec<_>>()
+    };
+    let is_stopped = search.is_stopped();
+    let accepted = ladder.accepted.iter().enumerate().filter(|_| !is_stopped);
+    accepted.flat_map(of_term).collect()
+}
+
+/// Estimates of which the data say something, and the others.
+fn told(estimates: Vec<Estimate>) -> (Vec<Estimate>, Vec<Estimate>) {
+    estimates.into_iter().partition(|estimate| estimate.is_identifiable)
 }
 
 /// Names for what was accepted.
@@ -480,10 +517,9 @@ fn tested<S: Study>(
         let mut not_identifiable = Vec::new();
         if accepted {
             let (estimates, of_estimates) = numbers_of.estimates(fit, term);
-            let (told, untold): (Vec<&Estimate>, Vec<&Estimate>) =
-                estimates.iter().partition(|estimate| estimate.is_identifiable);
-            parameters.extend(told.into_iter().map(parameter));
-            not_identifiable.extend(untold.into_iter().map(|estimate| estimate.name.clone()));
+            let (identified, others) = told(estimates.clone());
+            parameters.extend(identified.iter().map(parameter));
+            not_identifiable.extend(others.into_iter().map(|estimate| estimate.name));
             let follows_curve = is_after_curve(study, ladder, term);
             warning = of_estimates
                 .into_iter()
