@@ -490,6 +490,21 @@ fn is_after_curve<S: Study>(study: &S, ladder: &Ladder, term: TermId) -> bool {
     !is_curve(&term) && ladder.accepted.iter().take_while(|&&other| other != term).any(is_curve)
 }
 
+/// What to mind of an accepted effect or curve that the log score alone shows; `step`: its place among what was accepted. What lowers the log
+/// loss of reception shows there.
+fn only_in_log_score(candidate: &Candidate, ladder: &Ladder, step: usize) -> Option<String> {
+    let scores = |rung: usize| Some(&ladder.rungs.get(rung)?.scores);
+    let (before, after) = (scores(step)?, scores(step + 1)?);
+    let losses_fall = after.reception_log_loss < before.reception_log_loss;
+    let is_alone = before.log_score < after.log_score && before.rmse <= after.rmse && !losses_fall;
+    let why = if candidate.is_spread || candidate.level == Level::Random {
+        "it widens the spread"
+    } else {
+        "large errors count less in the log score"
+    };
+    is_alone.then(|| format!("the log score rises though the rmse does not fall: {why}"))
+}
+
 /// The candidates with what became of them, and the estimates of those that were accepted.
 fn tested<S: Study>(
     study: &S,
@@ -521,8 +536,10 @@ fn tested<S: Study>(
             parameters.extend(identified.iter().map(parameter));
             not_identifiable.extend(others.into_iter().map(|estimate| estimate.name));
             let follows_curve = is_after_curve(study, ladder, term);
+            let step = ladder.accepted.iter().position(|other| *other == term);
             warning = of_estimates
                 .into_iter()
+                .chain(step.and_then(|step| only_in_log_score(candidate, ladder, step)))
                 .chain(follows_curve.then(|| AFTER_CURVE.to_owned()))
                 .reduce(|one, other| format!("{one}; {other}"));
             known.push((term, estimates));
@@ -562,6 +579,43 @@ pub(super) fn parameter(estimate: &Estimate) -> (String, Parameter) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gain::Scores;
+    use crate::ladder::LadderStep;
+    use crate::ladder::tests::candidate;
+
+    #[test]
+    fn an_effect_that_raises_the_log_score_and_not_the_rmse_is_accepted_with_a_clause() {
+        let scores = |log_score, rmse, reception_log_loss| Scores {
+            log_score,
+            rmse,
+            reception_log_loss,
+            rmse_received_db: None,
+            rmse_heading_rad: None,
+            crps: 1.0,
+        };
+        let of = |candidate: &Candidate, after: Scores| {
+            let rungs = [scores(1.0, 2.0, 0.5), after];
+            let rungs = rungs.map(|scores| LadderStep { terms: Vec::new(), scores });
+            let ladder = Ladder {
+                accepted: Vec::new(),
+                rungs: rungs.into(),
+                tests: Vec::new(),
+                too_little: None,
+                stopped: None,
+            };
+            only_in_log_score(candidate, &ladder, 0)
+        };
+        let mean = candidate("yaw-coupling");
+        let spread = Candidate { is_spread: true, ..candidate("fast-fading") };
+        let start = "the log score rises though the rmse does not fall: ";
+        let expected = format!("{start}it widens the spread");
+        assert_eq!(of(&spread, scores(1.5, 2.0, 0.5)), Some(expected));
+        let expected = format!("{start}large errors count less in the log score");
+        assert_eq!(of(&mean, scores(1.5, 2.25, f64::NAN)), Some(expected));
+        for after in [scores(1.5, 1.75, 0.5), scores(1.5, 2.0, 0.25), scores(0.5, 2.0, 0.5)] {
+            assert_eq!(of(&mean, after), None);
+        }
+    }
 
     #[test]
     fn robots_share_no_node() {
