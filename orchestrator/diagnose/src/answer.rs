@@ -2,6 +2,7 @@
 
 use super::bounds::{self, SizeBounds};
 use super::certainty::{self, Remains};
+use super::constant;
 use super::diagnosis::{
     Affects, AlsoAlong, Diagnosis, NearestEffect, Parameter, Rival, Rung, SCHEMA, Structure,
     Tested, Verdict,
@@ -78,6 +79,12 @@ pub(crate) fn answer<S: Study>(
     let excess = pure.filter(|pure| pure.is_alarming()).map(|pure| Excess { pure, unit });
     let unexplained = unexplained(search, ladder, residuals, excess.as_ref());
     let (mut candidates, known) = tested(study, ladder, numbers_of, &fit);
+    for &term in &ladder.accepted {
+        if let Some(one) = listed(&mut candidates, &study.candidates()[term]) {
+            let constant = constant::within(search, ladder, term);
+            one.warning = one.warning.take().into_iter().chain(constant).reduce(joined);
+        }
+    }
     let structure = unexplained.iter().map(|it| it.covariate.as_str()).collect();
     let remains = Remains { gate: &gate, pure, n_parts, structure };
     // Beside something unknown, a bound holds for nothing.
@@ -178,6 +185,11 @@ pub(crate) fn answer<S: Study>(
     };
     diagnosis.sentence = words::sentence(&diagnosis);
     diagnosis
+}
+
+/// Two clauses of a warning as one.
+fn joined(one: String, other: String) -> String {
+    format!("{one}; {other}")
 }
 
 /// What is listed of a candidate.
@@ -541,7 +553,7 @@ fn tested<S: Study>(
                 .into_iter()
                 .chain(step.and_then(|step| only_in_log_score(candidate, ladder, step)))
                 .chain(follows_curve.then(|| AFTER_CURVE.to_owned()))
-                .reduce(|one, other| format!("{one}; {other}"));
+                .reduce(joined);
             known.push((term, estimates));
         }
         listed.push(Tested {
