@@ -328,10 +328,10 @@ fn not_found(text: &mut String, diagnosis: &Diagnosis) {
     let head = "not found (rms over the rows)";
     let heads = [format!("at most {unit}"), format!("detectable from {unit}")];
     let width = first_column(bounded.iter().map(|(effect, ..)| *effect).chain([head]));
-    let _ = writeln!(text, "{head:<width$} {:>12} {:>18}", heads[0], heads[1]);
+    let _ = writeln!(text, "{head:<width$} {:>12} {:>20}", heads[0], heads[1]);
     for (effect, upper, detectable) in bounded {
         let [upper, detectable] = [upper, detectable].map(size);
-        let _ = writeln!(text, "{effect:<width$} {upper:>12} {detectable:>18}");
+        let _ = writeln!(text, "{effect:<width$} {upper:>12} {detectable:>20}");
     }
 }
 
