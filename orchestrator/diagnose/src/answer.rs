@@ -2,9 +2,10 @@
 
 use super::bounds::{self, SizeBounds};
 use super::certainty::{self, Remains};
+use super::constant;
 use super::diagnosis::{
-    Affects, AlsoAlong, Diagnosis, NearestEffect, Parameter, Rung, SCHEMA, Structure, Tested,
-    Verdict,
+    Affects, AlsoAlong, Diagnosis, NearestEffect, Parameter, Rival, Rung, SCHEMA, Structure,
+    Tested, Verdict,
 };
 use super::gain::Gain;
 use super::gate::{self, Gate, Noisier};
@@ -78,6 +79,12 @@ pub(crate) fn answer<S: Study>(
     let excess = pure.filter(|pure| pure.is_alarming()).map(|pure| Excess { pure, unit });
     let unexplained = unexplained(search, ladder, residuals, excess.as_ref());
     let (mut candidates, known) = tested(study, ladder, numbers_of, &fit);
+    for &term in &ladder.accepted {
+        if let Some(one) = listed(&mut candidates, &study.candidates()[term]) {
+            let constant = constant::within(search, ladder, term);
+            one.warning = one.warning.take().into_iter().chain(constant).reduce(joined);
+        }
+    }
     let structure = unexplained.iter().map(|it| it.covariate.as_str()).collect();
     let remains = Remains { gate: &gate, pure, n_parts, structure };
     // Beside something unknown, a bound holds for nothing.
@@ -150,6 +157,7 @@ pub(crate) fn answer<S: Study>(
             .map(|rung| self::rung(study, rung))
             .collect(),
         candidates,
+        rivals: rivals(study, search, ladder),
         unexplained,
         residuals_searched: residuals.is_searched,
         could_hide: gate.could_hide.map_or(f64::NAN, |(bound, ..)| bound),
@@ -179,12 +187,53 @@ pub(crate) fn answer<S: Study>(
     diagnosis
 }
 
+/// Two clauses of a warning as one.
+fn joined(one: String, other: String) -> String {
+    format!("{one}; {other}")
+}
+
 /// What is listed of a candidate.
 fn listed<'a>(all: &'a mut [Tested], candidate: &Candidate) -> Option<&'a mut Tested> {
     let is_it = |one: &&mut Tested| {
         (one.effect.as_str(), &one.only) == (candidate.effect(), &candidate.only)
     };
     all.iter_mut().find(is_it)
+}
+
+/// Most rivals of an accepted effect whose numbers are stated: each takes a fit.
+const MOST_RIVALS: usize = 3;
+
+/// The numbers of effects that are tied with accepted ones, each fitted in place of it; none once a search is stopped.
+fn rivals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -> Vec<Rival> {
+    let candidates = study.candidates();
+    let is_rival = |term: &&TermId| {
+        !ladder.accepted.contains(term) && candidates[**term].curve_over().is_none()
+    };
+    let chosen = search.full_fit(&ladder.accepted, COMMON, None);
+    let of_term = |(place, &term): (usize, &TermId)| {
+        let ties = ladder.test_of(term).map_or(&[][..], |test| &test.ties);
+        let fitted = |&rival: &TermId| {
+            let mut terms = ladder.accepted.clone();
+            terms[place] = rival;
+            let fit = search.full_fit(&terms, COMMON, Some(&chosen));
+            let (known, unknown) = told(study.estimates(&fit, rival).0);
+            Rival {
+                in_place_of: candidates[term].name.clone(),
+                effect: candidates[rival].name.clone(),
+                parameters: known.iter().map(parameter).collect(),
+                not_identifiable: unknown.into_iter().map(|estimate| estimate.name).collect(),
+            }
+        };
+        ties.iter().filter(is_rival).take(MOST_RIVALS).map(fitted).collect::<Vec<_>>()
+    };
+    let is_stopped = search.is_stopped();
+    let accepted = ladder.accepted.iter().enumerate().filter(|_| !is_stopped);
+    accepted.flat_map(of_term).collect()
+}
+
+/// Estimates of which the data say something, and the others.
+fn told(estimates: Vec<Estimate>) -> (Vec<Estimate>, Vec<Estimate>) {
+    estimates.into_iter().partition(|estimate| estimate.is_identifiable)
 }
 
 /// Names for what was accepted.
@@ -464,6 +513,21 @@ fn is_after_curve<S: Study>(study: &S, ladder: &Ladder, term: TermId) -> bool {
     !is_curve(&term) && ladder.accepted.iter().take_while(|&&other| other != term).any(is_curve)
 }
 
+/// What to mind of an accepted effect or curve that the log score alone shows; `step`: its place among what was accepted. What lowers the log
+/// loss of reception shows there.
+fn only_in_log_score(candidate: &Candidate, ladder: &Ladder, step: usize) -> Option<String> {
+    let scores = |rung: usize| Some(&ladder.rungs.get(rung)?.scores);
+    let (before, after) = (scores(step)?, scores(step + 1)?);
+    let losses_fall = after.reception_log_loss < before.reception_log_loss;
+    let is_alone = before.log_score < after.log_score && before.rmse <= after.rmse && !losses_fall;
+    let why = if candidate.is_spread || candidate.level == Level::Random {
+        "it widens the spread"
+    } else {
+        "large errors count less in the log score"
+    };
+    is_alone.then(|| format!("the log score rises though the rmse does not fall: {why}"))
+}
+
 /// The candidates with what became of them, and the estimates of those that were accepted.
 fn tested<S: Study>(
     study: &S,
@@ -491,15 +555,16 @@ fn tested<S: Study>(
         let mut not_identifiable = Vec::new();
         if accepted {
             let (estimates, of_estimates) = numbers_of.estimates(fit, term);
-            let (told, untold): (Vec<&Estimate>, Vec<&Estimate>) =
-                estimates.iter().partition(|estimate| estimate.is_identifiable);
-            parameters.extend(told.into_iter().map(parameter));
-            not_identifiable.extend(untold.into_iter().map(|estimate| estimate.name.clone()));
+            let (identified, others) = told(estimates.clone());
+            parameters.extend(identified.iter().map(parameter));
+            not_identifiable.extend(others.into_iter().map(|estimate| estimate.name));
             let follows_curve = is_after_curve(study, ladder, term);
+            let step = ladder.accepted.iter().position(|other| *other == term);
             warning = of_estimates
                 .into_iter()
+                .chain(step.and_then(|step| only_in_log_score(candidate, ladder, step)))
                 .chain(follows_curve.then(|| AFTER_CURVE.to_owned()))
-                .reduce(|one, other| format!("{one}; {other}"));
+                .reduce(joined);
             known.push((term, estimates));
         }
         listed.push(Tested {
@@ -537,6 +602,43 @@ pub(super) fn parameter(estimate: &Estimate) -> (String, Parameter) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gain::Scores;
+    use crate::ladder::LadderStep;
+    use crate::ladder::tests::candidate;
+
+    #[test]
+    fn an_effect_that_raises_the_log_score_and_not_the_rmse_is_accepted_with_a_clause() {
+        let scores = |log_score, rmse, reception_log_loss| Scores {
+            log_score,
+            rmse,
+            reception_log_loss,
+            rmse_received_db: None,
+            rmse_heading_rad: None,
+            crps: 1.0,
+        };
+        let of = |candidate: &Candidate, after: Scores| {
+            let rungs = [scores(1.0, 2.0, 0.5), after];
+            let rungs = rungs.map(|scores| LadderStep { terms: Vec::new(), scores });
+            let ladder = Ladder {
+                accepted: Vec::new(),
+                rungs: rungs.into(),
+                tests: Vec::new(),
+                too_little: None,
+                stopped: None,
+            };
+            only_in_log_score(candidate, &ladder, 0)
+        };
+        let mean = candidate("yaw-coupling");
+        let spread = Candidate { is_spread: true, ..candidate("fast-fading") };
+        let start = "the log score rises though the rmse does not fall: ";
+        let expected = format!("{start}it widens the spread");
+        assert_eq!(of(&spread, scores(1.5, 2.0, 0.5)), Some(expected));
+        let expected = format!("{start}large errors count less in the log score");
+        assert_eq!(of(&mean, scores(1.5, 2.25, f64::NAN)), Some(expected));
+        for after in [scores(1.5, 1.75, 0.5), scores(1.5, 2.0, 0.25), scores(0.5, 2.0, 0.5)] {
+            assert_eq!(of(&mean, after), None);
+        }
+    }
 
     #[test]
     fn robots_share_no_node() {

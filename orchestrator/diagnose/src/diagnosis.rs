@@ -49,6 +49,9 @@ pub struct Diagnosis {
     pub ladder: Vec<Rung>,
     /// Candidates tested, in the order of the catalogue.
     pub candidates: Vec<Tested>,
+    /// The numbers of tied effects, each fitted in place of the accepted one. Absent if there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rivals: Vec<Rival>,
     /// Structure that no effect of the catalogue explains.
     pub unexplained: Vec<Structure>,
     /// Whether the residuals were searched for structure: not of an incomplete search, nor of data in too few blocks.
@@ -195,6 +198,19 @@ pub struct Tested {
     pub untestable: Option<String>,
 }
 
+/// An effect that explains these data as well as an accepted one, fitted in its place.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Rival {
+    /// The accepted effect, with what limits it.
+    pub in_place_of: String,
+    /// The tied effect, with what limits it.
+    pub effect: String,
+    /// Its parameters as fitted to the rows that were searched, by key.
+    pub parameters: IndexMap<String, Parameter>,
+    /// Keys of its parameters of which these data say nothing.
+    pub not_identifiable: Vec<String>,
+}
+
 /// A fitted parameter with its interval.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Parameter {
@@ -332,6 +348,11 @@ impl Diagnosis {
     /// Candidates that were accepted, curves among them.
     pub fn accepted(&self) -> impl Iterator<Item = &Tested> {
         self.candidates.iter().filter(|candidate| candidate.accepted)
+    }
+
+    /// The rivals of an accepted effect, by its name with what limits it.
+    pub fn rivals_of(&self, name: &str) -> impl Iterator<Item = &Rival> {
+        self.rivals.iter().filter(move |rival| rival.in_place_of == name)
     }
 
     /// Effects that were not found and whose sizes are bounded, each with `upper` and `detectable`; the one that may be largest first. An

@@ -37,6 +37,7 @@
 //! | `next` | the measurement that would break a tie |
 //! | `bounds` | how large effects may be that were not found |
 //! | `certainty` | what of all that was accepted is certain |
+//! | `constant` | whether an effect includes a constant that all rows are off by |
 //! | `pure_error` | whether the model leaves more than repeats differ by |
 //! | `losses` | the answer where nobody knows whether lost frames were logged |
 //! | `answer` | from what was found to an answer |
@@ -53,6 +54,7 @@ pub mod between;
 mod bounds;
 mod certainty;
 pub mod compare;
+mod constant;
 pub mod corrected_data;
 pub mod defects;
 pub mod diagnosis;

@@ -1,7 +1,7 @@
 //! A diagnosis in words: its sentence, and the text of the terminal.
 
 use super::defects;
-use super::diagnosis::{Diagnosis, NearestEffect, Structure, Tested, Verdict};
+use super::diagnosis::{Diagnosis, NearestEffect, Parameter, Structure, Tested, Verdict};
 use super::gate::{Misfit, decimals};
 use indexmap::IndexMap;
 use numbers::format::{capitalised, with_unit, wrapped};
@@ -199,7 +199,7 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     }
     let is_effect = |candidate: &&Tested| !candidate.effect.starts_with(PREFIX);
     for candidate in diagnosis.accepted().filter(is_effect) {
-        accepted(&mut text, candidate);
+        accepted(&mut text, candidate, diagnosis);
     }
     for (place, structure) in diagnosis.unexplained.iter().enumerate() {
         unexplained(&mut text, structure, &diagnosis.unexplained[..place]);
@@ -282,17 +282,18 @@ fn plain_error(text: &mut String, diagnosis: &Diagnosis) {
     );
 }
 
-fn accepted(text: &mut String, candidate: &Tested) {
-    let unknown = candidate.not_identifiable.iter().map(|key| format!("{key} not identifiable"));
-    let parameters: Vec<String> = candidate
-        .parameters
-        .iter()
-        .map(|(key, parameter)| {
-            let value = with_unit(&format!("{:.4}", parameter.value), &parameter.unit);
-            format!("{key} = {value} (90 %: {:.4} to {:.4})", parameter.low, parameter.high)
-        })
-        .chain(unknown)
-        .collect();
+/// Parameters in words, and which of them are not identifiable.
+fn numbers_of(parameters: &IndexMap<String, Parameter>, not_identifiable: &[String]) -> String {
+    let known = parameters.iter().map(|(key, parameter)| {
+        let value = with_unit(&format!("{:.4}", parameter.value), &parameter.unit);
+        format!("{key} = {value} (90 %: {:.4} to {:.4})", parameter.low, parameter.high)
+    });
+    let unknown = not_identifiable.iter().map(|key| format!("{key} not identifiable"));
+    known.chain(unknown).collect::<Vec<_>>().join(", ")
+}
+
+fn accepted(text: &mut String, candidate: &Tested, diagnosis: &Diagnosis) {
+    let parameters = numbers_of(&candidate.parameters, &candidate.not_identifiable);
     let name = candidate.name();
     let _ = write!(
         text,
@@ -301,12 +302,16 @@ fn accepted(text: &mut String, candidate: &Tested) {
     );
     // A curve has no parameters with a meaning.
     if !parameters.is_empty() {
-        let _ = write!(text, ". {}", parameters.join(", "));
+        let _ = write!(text, ". {parameters}");
     }
     let _ = writeln!(text);
     if !candidate.indistinguishable_from.is_empty() {
         let others = candidate.indistinguishable_from.join(", ");
         let _ = writeln!(text, "  indistinguishable on these data from {others}");
+        for rival in diagnosis.rivals_of(&name) {
+            let numbers = numbers_of(&rival.parameters, &rival.not_identifiable);
+            let _ = writeln!(text, "  {} in its place: {numbers}", rival.effect);
+        }
     }
     if let Some(warning) = &candidate.warning {
         let _ = writeln!(text, "  warning: {warning}");
@@ -323,10 +328,10 @@ fn not_found(text: &mut String, diagnosis: &Diagnosis) {
     let head = "not found (rms over the rows)";
     let heads = [format!("at most {unit}"), format!("detectable from {unit}")];
     let width = first_column(bounded.iter().map(|(effect, ..)| *effect).chain([head]));
-    let _ = writeln!(text, "{head:<width$} {:>12} {:>18}", heads[0], heads[1]);
+    let _ = writeln!(text, "{head:<width$} {:>12} {:>20}", heads[0], heads[1]);
     for (effect, upper, detectable) in bounded {
         let [upper, detectable] = [upper, detectable].map(size);
-        let _ = writeln!(text, "{effect:<width$} {upper:>12} {detectable:>18}");
+        let _ = writeln!(text, "{effect:<width$} {upper:>12} {detectable:>20}");
     }
 }
 

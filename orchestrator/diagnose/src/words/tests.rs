@@ -1,7 +1,7 @@
 //! A diagnosis as people read it.
 
 use super::*;
-use crate::diagnosis::{Affects, Rung, SCHEMA};
+use crate::diagnosis::{Affects, Rival, Rung, SCHEMA};
 use measure::account::DataAccount;
 use study::open::Subject;
 
@@ -40,6 +40,7 @@ fn diagnosis(verdict: Verdict) -> Diagnosis {
         measurement_defects: Vec::new(),
         ladder: Vec::new(),
         candidates: Vec::new(),
+        rivals: Vec::new(),
         unexplained: Vec::new(),
         residuals_searched: true,
         misfits: Vec::new(),
@@ -189,4 +190,36 @@ fn structure_that_has_no_known_cause_is_said_beside_what_is_missing() {
     };
     let expected = "missing: slip. Something else is missing, seen as structure over heading_rad. The model is still off";
     assert_eq!(sentence(&diagnosis), expected);
+}
+
+#[test]
+fn the_numbers_of_a_rival_stand_below_those_of_the_effect_that_it_is_tied_with() {
+    let number = |key: &str, value: f64, unit: &str| {
+        let parameter =
+            Parameter { value, unit: unit.to_owned(), low: value - 0.5, high: value + 0.5 };
+        IndexMap::from([(key.to_owned(), parameter)])
+    };
+    let rival = |in_place_of: &str| Rival {
+        in_place_of: in_place_of.to_owned(),
+        effect: "temperature".to_owned(),
+        parameters: number("db_per_c", -1.5, "dB/degC"),
+        not_identifiable: texts(&["reference_c"]),
+    };
+    let sag = Tested {
+        indistinguishable_from: texts(&["temperature"]),
+        parameters: number("db_per_hour", -6.0, "dB/h"),
+        ..candidate("battery-sag")
+    };
+    let diagnosis = Diagnosis {
+        candidates: vec![sag],
+        rivals: vec![rival("drift"), rival("battery-sag")],
+        ..diagnosis(Verdict::MissingOneOf)
+    };
+    let expected = "
+battery-sag: gain 0.2500 +- 0.0100 nats per row (blocks of time held out). db_per_hour = -6.0000 dB/h (90 %: -6.5000 to -5.5000)
+  indistinguishable on these data from temperature
+  temperature in its place: db_per_c = -1.5000 dB/degC (90 %: -2.0000 to -1.0000), reference_c not identifiable
+";
+    let text = text(&diagnosis);
+    assert!(text.ends_with(expected), "{text}");
 }

@@ -1,6 +1,6 @@
 use super::*;
 use diagnose::diagnosis::{
-    Affects, NearestEffect, NextMeasurement, Parameter, Rung, Structure, Tested, Verdict,
+    Affects, NearestEffect, NextMeasurement, Parameter, Rival, Rung, Structure, Tested, Verdict,
 };
 use diagnose::rows::{LinkEnd, LinkRows};
 use indexmap::IndexMap;
@@ -133,6 +133,7 @@ fn diagnosis(verdict: Verdict, sentence: &str) -> Diagnosis {
         measurement_defects: Vec::new(),
         ladder: Vec::new(),
         candidates: Vec::new(),
+        rivals: Vec::new(),
         unexplained: Vec::new(),
         residuals_searched: true,
         misfits: Vec::new(),
@@ -178,6 +179,7 @@ fn a_comparison_shows_errors_reception_and_scores() {
 
 #[test]
 fn a_diagnosis_shows_the_ladder_what_was_found_and_what_is_left() {
+    let sd_db = Parameter { value: 7.0, unit: "dB".to_owned(), low: 6.5, high: 7.5 };
     let loss_db = Parameter { value: 4.0, unit: "dB".to_owned(), low: 3.5, high: 4.5 };
     let obstacle = "kind = \"hidden-obstacle\"\nfrom_m = [1.0, 1.0]\nto_m = [3.0, 4.0]";
     let diagnosis = Diagnosis {
@@ -197,6 +199,12 @@ fn a_diagnosis_shows_the_ladder_what_was_found_and_what_is_left() {
                 ..candidate("two-ray-ground", 0.0)
             },
         ],
+        rivals: vec![Rival {
+            in_place_of: "hidden-obstacle".to_owned(),
+            effect: "shadowing".to_owned(),
+            parameters: IndexMap::from([("sd_db".to_owned(), sd_db)]),
+            not_identifiable: Vec::new(),
+        }],
         unexplained: vec![structure("height", 0.1, "1 + height", "mean")],
         next_measurement: vec![NextMeasurement {
             between: ["hidden-obstacle".to_owned(), "shadowing".to_owned()],
@@ -218,6 +226,8 @@ fn a_diagnosis_shows_the_ladder_what_was_found_and_what_is_left() {
         "Error, effect by effect",
         "Log loss of reception, effect by effect",
         "3.50 to 4.50",
+        "or shadowing in its place",
+        "6.50 to 7.50",
         "class=\"found\"",
         "is indistinguishable from shadowing",
         "Send on channel 11",

@@ -2,7 +2,8 @@
 
 use super::{MeasuredAnswer, MeasuredPage};
 use crate::layout::{self, listing, number_cell, with_unit};
-use diagnose::diagnosis::{NearestEffect, Rung, Structure};
+use diagnose::diagnosis::{NearestEffect, Parameter, Rung, Structure};
+use indexmap::IndexMap;
 use maud::{Markup, html};
 use measure::account::DataAccount;
 use numbers::format::{capitalised, count, number, number_within, percent};
@@ -141,8 +142,6 @@ fn known(value: f64) -> f64 {
 pub(super) fn parameters(contents: &MeasuredPage<'_>) -> Option<Markup> {
     let diagnosis = contents.answer.diagnosis()?;
     diagnosis.accepted().next()?;
-    // An effect and what to mind about it stand in its first row alone.
-    let first = |k: usize, words| if k == 0 { words } else { "" };
     let has_warning = diagnosis.accepted().any(|candidate| candidate.warning.is_some());
     Some(html! {
         h2 { "Their parameters" }
@@ -165,21 +164,39 @@ pub(super) fn parameters(contents: &MeasuredPage<'_>) -> Option<Markup> {
                 @if candidate.parameters.is_empty() {
                     tr { td { (name) } td colspan="4" { (curve_in_words(name)) } @if has_warning { td { (warning) } } }
                 }
-                @for (k, (key, parameter)) in candidate.parameters.iter().enumerate() {
-                    @let [value, low, high] = [parameter.value, parameter.low, parameter.high].map(known);
-                    @let [value, low, high] = [value, low, high].map(|it| number_within(it, (high - low) / 2.0));
-                    tr {
-                        td { (first(k, name)) }
-                        td { (key) }
-                        (number_cell(value))
-                        (number_cell(format!("{low} to {high}")))
-                        td { (parameter.unit) }
-                        @if has_warning { td { (first(k, warning)) } }
-                    }
+                (parameter_rows(name, &candidate.parameters, has_warning.then_some(warning)))
+                @for rival in diagnosis.rivals_of(&candidate.name()) {
+                    @let name = format!("or {} in its place", rival.effect);
+                    (parameter_rows(&name, &rival.parameters, has_warning.then_some("")))
                 }
             }
         }
     })
+}
+
+/// Rows of the table of parameters. The effect and what to mind about it stand in the first row alone.
+///
+/// * `warning`: what to mind, where the table has a column for it.
+fn parameter_rows(
+    effect: &str,
+    parameters: &IndexMap<String, Parameter>,
+    warning: Option<&str>,
+) -> Markup {
+    let first = |k: usize, words| if k == 0 { words } else { "" };
+    html! {
+        @for (k, (key, parameter)) in parameters.iter().enumerate() {
+            @let [value, low, high] = [parameter.value, parameter.low, parameter.high].map(known);
+            @let [value, low, high] = [value, low, high].map(|it| number_within(it, (high - low) / 2.0));
+            tr {
+                td { (first(k, effect)) }
+                td { (key) }
+                (number_cell(value))
+                (number_cell(format!("{low} to {high}")))
+                td { (parameter.unit) }
+                @if let Some(warning) = warning { td { (first(k, warning)) } }
+            }
+        }
+    }
 }
 
 /// What a curve that was accepted is, in place of numbers.
