@@ -17,6 +17,7 @@ mod fit_state;
 mod foreign;
 mod formulas;
 mod ground;
+mod headings;
 mod inertial;
 mod limited_effects;
 mod linear;
@@ -42,6 +43,7 @@ use density::ResidualDensity;
 use derivatives::Derivatives;
 use foreign::ForeignBase;
 pub use foreign::{TooDense, command_kind, prediction_windows};
+use headings::HeadingDensity;
 use measure::Rejected;
 use measure::robots::RobotSamples;
 use measure::table::DataTable;
@@ -399,6 +401,7 @@ impl RobotStudy {
                 sd_m: given_sd_m.unwrap_or(0.1),
                 sd_rad: if shape.is_turning() { 0.01 } else { 0.0 },
                 n_parts,
+                heading: shape.is_turning().then(|| HeadingDensity::new(1.0)),
             },
             log_likelihood: f64::NEG_INFINITY,
             derivatives: Arc::default(),
@@ -408,7 +411,12 @@ impl RobotStudy {
         model.tracks.fix_frames(model.directions.clone());
         model.steps_m = model.tracks.steps_m(&physics, gains);
         let all = in_time.fitted();
-        let configured = model.fitted(&[], &all, &start);
+        let mut configured = model.fitted(&[], &all, &start);
+        if let Some(heading) = configured.density.heading {
+            let weight = model.heading_weight(&configured, &all, &in_time);
+            configured.density.heading = Some(heading.weighted(weight));
+            configured = model.fitted(&[], &all, &configured);
+        }
         Ok(Self {
             model,
             candidates,

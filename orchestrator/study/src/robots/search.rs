@@ -177,7 +177,7 @@ impl Study for RobotStudy {
     fn scores(&self, fit: &RobotFit, test: &[u32]) -> Vec<RowScore> {
         let residuals = self.model.residuals(fit, test).unwrap_or_default();
         let score = |residual: &Residual| RowScore {
-            log: fit.density.log(residual).0,
+            log: fit.density.log(residual),
             squared_error: residual.parts_m.iter().map(|part| part * part).sum(),
             plain_squared_error: f64::NAN,
             heading_squared_error_rad2: square(residual.heading_rad),
