@@ -271,7 +271,7 @@ impl RobotModel {
 
     /// How many numbers, the first ones, say how much measurements count.
     fn n_gains(&self) -> usize {
-        if self.has_direction() { 2 } else { 1 }
+        if self.has_direction() { 3 } else { 1 }
     }
 
     /// What a fit says of the robot, and of how much measurements count.
@@ -294,8 +294,13 @@ impl RobotModel {
 
     /// How much measurements count under a fit.
     fn gains(&self, fit: &RobotFit) -> Gains {
-        let heading = if self.has_direction() { libm::exp(fit.values[1]) } else { 1.0 };
-        Gains { position: libm::exp(fit.values[0]), heading }
+        let position = libm::exp(fit.values[0]);
+        let [heading, sensor] = if self.has_direction() {
+            [1, 2].map(|index| libm::exp(fit.values[index]))
+        } else {
+            [1.0; 2]
+        };
+        Gains { position, heading, sensor }
     }
 }
 
@@ -363,8 +368,8 @@ impl RobotStudy {
         let mut base = vec![gain];
         let mut values = vec![-1.0];
         if shape.is_turning() {
-            base.push(gain);
-            values.push(-1.0);
+            base.extend([gain; 2]);
+            values.extend([-1.0; 2]);
         }
         if is_wheelbase_free {
             base.push(Number { min: 0.01, max: 50.0, step: 0.01 });
