@@ -93,11 +93,12 @@ fn is_one_sided(candidate: &Candidate) -> bool {
     })
 }
 
-/// Root mean square of a column over the rows that have an error.
+/// Root mean square of a column over the rows that have an error, of the parts that have one.
 fn moved(column: &Column, rows: &Linearised) -> f64 {
     let known = column.iter().zip(&rows.errors).filter(|(_, errors)| errors[0].is_finite());
-    let (sum, n) = known.fold((0.0, 0.0), |(sum, n), (parts, _)| {
-        (sum + parts.iter().filter(|it| it.is_finite()).map(|it| it * it).sum::<f64>(), n + 1.0)
+    let (sum, n) = known.fold((0.0, 0.0), |(sum, n), (parts, errors)| {
+        let known = parts.iter().zip(errors).filter(|(it, error)| (*it * *error).is_finite());
+        (sum + known.map(|(it, _)| it * it).sum::<f64>(), n + 1.0)
     });
     (sum / n).sqrt()
 }

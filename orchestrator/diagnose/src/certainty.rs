@@ -3,7 +3,7 @@
 //! may be part of.
 
 use crate::gate::Gate;
-use crate::ladder::{Ladder, Search, without_term};
+use crate::ladder::{Channel, Ladder, Search, without_term};
 use crate::pure_error::PureError;
 use numbers::format::with_unit;
 use proto::effect::{CONSTANT, Level};
@@ -48,7 +48,7 @@ pub(crate) fn doubts<S: Study>(
     let candidates = study.candidates();
     let is_effect = |term: &&TermId| candidates[**term].curve_over().is_none();
     let effects = ladder.accepted.iter().filter(is_effect).enumerate();
-    let worse = search.worse_headings(&ladder.accepted, &[]);
+    let worse = search.worse_channel(&ladder.accepted, &[]);
     let contradiction = |term: TermId| {
         let others = without_term(&ladder.accepted, term);
         search.contradiction(term, &others).or_else(|| worse.clone())
@@ -75,7 +75,13 @@ pub(crate) fn doubts<S: Study>(
             })
             .or_else(|| search.only_node_of(term, &ladder.accepted).map(of_one_node))
             .or_else(|| search.place_instead_of(term, &ladder.accepted).map(|it| as_well(&it)))
-            .or_else(|| contradiction(term));
+            .or_else(|| contradiction(term))
+            .or_else(|| {
+                let others = without_term(&ladder.accepted, term);
+                search
+                    .channel_without(term, &others)
+                    .map(|channel| of_one_channel(channel).to_owned())
+            });
         why.map(|why| (term, why))
     };
     effects.filter_map(doubt).collect()
@@ -86,6 +92,14 @@ const SPREAD: &str =
     "these data do not show that what it spreads is independent from frame to frame";
 /// Of an effect that gains nothing beside a free curve, or less than is left unexplained.
 const PART: &str = "something else is missing, of which this may be a part";
+
+/// Of an effect that moves positions and headings, of which one does not show it.
+fn of_one_channel(silent: Channel) -> &'static str {
+    match silent {
+        Channel::Positions => "only headings show it, whose sensor may drift",
+        Channel::Headings => "headings do not show it, whose sensor may drift",
+    }
+}
 
 /// Of an effect or structure that moves hardly anything but the rows of one node.
 pub(crate) fn of_one_node(node: u32) -> String {

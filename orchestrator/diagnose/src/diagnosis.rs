@@ -131,8 +131,8 @@ pub struct Rung {
     /// of frames that are received, which the noise of the model shifts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rmse_received_db: Option<f64>,
-    /// Of robots whose body turns: root mean squared error of the heading at the end of a window (rad). It is reported beside the
-    /// position; no effect is accepted by it.
+    /// Of robots whose body turns: root mean squared error of the heading at the end of a window (rad). The log score
+    /// includes it; `rmse` and `crps` are of positions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rmse_heading_rad: Option<f64>,
     /// Continuous ranked probability score (dB, m or a share of frames).

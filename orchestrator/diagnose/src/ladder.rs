@@ -38,6 +38,7 @@ use study::{Study, TermId};
 
 pub(crate) use candidate_test::CandidateTest;
 pub(crate) use clustered::dependence_of;
+pub(crate) use contradiction::Channel;
 pub(crate) use limits::screened;
 pub(crate) use nearest::Nearest;
 pub(crate) use search::{Known, Search, without_term};

@@ -141,8 +141,10 @@ pub struct RowScore {
     /// Of links: square of the reading less the predicted mean level, whatever is received (dB²); NaN where nothing was read. The
     /// squared error, in contrast, is about the mean reading of frames that are received.
     pub plain_squared_error: f64,
-    /// Of robots whose body turns: squared error of the predicted heading (rad²); NaN otherwise. No part of the log density.
+    /// Of robots whose body turns: squared error of the predicted heading (rad²); NaN otherwise. The log density includes the heading, as far as that counts.
     pub heading_squared_error_rad2: f64,
+    /// The same: log predictive density (nats) of the position alone.
+    pub log_of_position: f64,
     /// Continuous ranked probability score (dB or m); NaN where nothing was read.
     pub crps: f64,
     /// Log loss of the prediction of reception (nats); NaN where it is unknown.

@@ -4,7 +4,7 @@
 //! from the slopes of the rows' log likelihoods (efficient scores), without another fit.
 
 /// By how much something moves the predicted mean of each row, part by part: of links the level (dB); of robots where a window ends,
-/// along, across and above the predicted motion (m).
+/// along, across and above the predicted motion (m). Of bodies that turn the third part is the heading (rad).
 pub type Column = Vec<[f64; 3]>;
 
 /// A column on some rows only.
@@ -26,7 +26,7 @@ pub struct Linearised {
     pub weights: Column,
     /// What the parameters that were estimated move, by unit of each.
     pub estimated: Vec<Column>,
-    /// Measured less predicted; NaN where nothing was measured.
+    /// Measured less predicted; NaN where nothing was measured, and of headings.
     pub errors: Column,
     /// Cosine and sine of the direction along which the first part of each row lies, from the east; empty where parts have none.
     pub directions: Vec<[f64; 2]>,

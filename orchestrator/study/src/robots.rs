@@ -17,6 +17,7 @@ mod fit_state;
 mod foreign;
 mod formulas;
 mod ground;
+mod headings;
 mod inertial;
 mod limited_effects;
 mod linear;
@@ -42,6 +43,7 @@ use density::ResidualDensity;
 use derivatives::Derivatives;
 use foreign::ForeignBase;
 pub use foreign::{TooDense, command_kind, prediction_windows};
+use headings::HeadingDensity;
 use measure::Rejected;
 use measure::robots::RobotSamples;
 use measure::table::DataTable;
@@ -269,7 +271,7 @@ impl RobotModel {
 
     /// How many numbers, the first ones, say how much measurements count.
     fn n_gains(&self) -> usize {
-        if self.has_direction() { 2 } else { 1 }
+        if self.has_direction() { 3 } else { 1 }
     }
 
     /// What a fit says of the robot, and of how much measurements count.
@@ -292,8 +294,13 @@ impl RobotModel {
 
     /// How much measurements count under a fit.
     fn gains(&self, fit: &RobotFit) -> Gains {
-        let heading = if self.has_direction() { libm::exp(fit.values[1]) } else { 1.0 };
-        Gains { position: libm::exp(fit.values[0]), heading }
+        let position = libm::exp(fit.values[0]);
+        let [heading, sensor] = if self.has_direction() {
+            [1, 2].map(|index| libm::exp(fit.values[index]))
+        } else {
+            [1.0; 2]
+        };
+        Gains { position, heading, sensor }
     }
 }
 
@@ -361,8 +368,8 @@ impl RobotStudy {
         let mut base = vec![gain];
         let mut values = vec![-1.0];
         if shape.is_turning() {
-            base.push(gain);
-            values.push(-1.0);
+            base.extend([gain; 2]);
+            values.extend([-1.0; 2]);
         }
         if is_wheelbase_free {
             base.push(Number { min: 0.01, max: 50.0, step: 0.01 });
@@ -399,6 +406,7 @@ impl RobotStudy {
                 sd_m: given_sd_m.unwrap_or(0.1),
                 sd_rad: if shape.is_turning() { 0.01 } else { 0.0 },
                 n_parts,
+                heading: shape.is_turning().then(|| HeadingDensity::new(1.0)),
             },
             log_likelihood: f64::NEG_INFINITY,
             derivatives: Arc::default(),
@@ -408,7 +416,12 @@ impl RobotStudy {
         model.tracks.fix_frames(model.directions.clone());
         model.steps_m = model.tracks.steps_m(&physics, gains);
         let all = in_time.fitted();
-        let configured = model.fitted(&[], &all, &start);
+        let mut configured = model.fitted(&[], &all, &start);
+        if let Some(heading) = configured.density.heading {
+            let weight = model.heading_weight(&configured, &all, &in_time);
+            configured.density.heading = Some(heading.weighted(weight));
+            configured = model.fitted(&[], &all, &configured);
+        }
         Ok(Self {
             model,
             candidates,

@@ -303,6 +303,7 @@ mod tests {
             log: f64::NAN,
             squared_error: square,
             heading_squared_error_rad2: f64::NAN,
+            log_of_position: f64::NAN,
             plain_squared_error: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,

@@ -2,11 +2,21 @@
 
 use super::search::{Search, with_term};
 use crate::gain::{Gain, Scores};
-use study::thresholds::{FAMILY_ERROR, WORSE_SHARE};
+use study::thresholds::{FAMILY_ERROR, UNCORRECTED_LEVEL, WORSE_SHARE};
 use study::{COMMON, RowScore, Study, TermId};
 
+/// An effect moves headings if it moves one by this (rad).
+const TURNED_RAD: f64 = 1e-9;
+
+/// What is measured of bodies that turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Channel {
+    Positions,
+    Headings,
+}
+
 impl<S: Study> Search<'_, S> {
-    /// Why the measurements contradict a term beside others: they show what it rules out, or headings are predicted worse with it. None:
+    /// Why the measurements contradict a term beside others: they show what it rules out, or a channel is predicted worse with it. None:
     /// they do not. A curve names no cause, and is not contradicted.
     pub(crate) fn contradiction(&self, term: TermId, others: &[TermId]) -> Option<String> {
         if self.study.candidates()[term].curve_over().is_some() || self.is_stopped() {
@@ -16,7 +26,7 @@ impl<S: Study> Search<'_, S> {
         let fit = self.full_fit(&with, COMMON, None);
         self.study
             .contradiction(&fit, term)
-            .or_else(|| self.worse_headings(&with, others))
+            .or_else(|| self.worse_channel(&with, others))
             .or_else(|| self.worse_scatter(term, &with, others))
     }
 
@@ -35,8 +45,48 @@ impl<S: Study> Search<'_, S> {
         })
     }
 
-    /// By how much headings are predicted worse by one model than by another; none: no worse.
-    pub(crate) fn worse_headings(&self, with: &[TermId], without: &[TermId]) -> Option<String> {
+    /// By how much headings, or positions beside them, are predicted worse by one model than by another; none: no worse.
+    pub(crate) fn worse_channel(&self, with: &[TermId], without: &[TermId]) -> Option<String> {
+        self.worse_headings(with, without).or_else(|| {
+            let loss = self.gain_of_positions(without, with)?;
+            (loss.p_value < FAMILY_ERROR).then(|| {
+                format!("positions would be predicted worse by {:.3} nats per row", loss.gain)
+            })
+        })
+    }
+
+    /// Which of positions and headings do not show a term beside others (p < 5 %) though it moves them; none: both show it, or headings
+    /// are not measured.
+    pub(crate) fn channel_without(&self, term: TermId, others: &[TermId]) -> Option<Channel> {
+        let with = with_term(others, term);
+        if UNCORRECTED_LEVEL <= self.gain_of_positions(&with, others)?.p_value {
+            return Some(Channel::Positions);
+        }
+        let columns = self.study.columns(&self.full_fit(others, COMMON, None), term);
+        let turns = columns.iter().flatten().any(|moved| TURNED_RAD < moved[2].abs());
+        let of_heading = |row: &RowScore| row.log - row.log_of_position;
+        let gain = self.gain_of_channel(&with, others, of_heading)?;
+        (turns && UNCORRECTED_LEVEL <= gain.p_value).then_some(Channel::Headings)
+    }
+
+    /// Gain of one model over another in the held-out log score of positions; none where no headings are measured beside them.
+    fn gain_of_positions(&self, with: &[TermId], without: &[TermId]) -> Option<Gain> {
+        self.gain_of_channel(with, without, |row| row.log_of_position)
+    }
+
+    fn gain_of_channel(
+        &self,
+        with: &[TermId],
+        without: &[TermId],
+        score: impl Fn(&RowScore) -> f64,
+    ) -> Option<Gain> {
+        let [before, after] = [without, with].map(|terms| self.held_out_scores(terms, COMMON));
+        let blocks = self.study.blocks(COMMON).dependent();
+        let gain = Gain::of(&after, &before, blocks, score);
+        (0 < gain.n_rows).then_some(gain)
+    }
+
+    fn worse_headings(&self, with: &[TermId], without: &[TermId]) -> Option<String> {
         let before = self.held_out_scores(without, COMMON);
         if before.iter().all(|row| row.heading_squared_error_rad2.is_nan()) {
             return None;

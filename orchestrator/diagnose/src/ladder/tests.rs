@@ -19,6 +19,8 @@ struct Lines {
     candidates: PerTerm<Candidate>,
     columns: PerTerm<Vec<f64>>,
     y: Vec<f64>,
+    /// A second channel, and the share of what is predicted of y that is predicted of it.
+    positions: Option<(Vec<f64>, f64)>,
     blocks: Blocks,
 }
 
@@ -66,7 +68,7 @@ impl Lines {
         let keys: Vec<u64> = (0..n_rows).map(|row| row / 50).collect();
         let blocks = Blocks::of_keys("blocks", &keys);
         let candidates = names.iter().map(|name| candidate(name)).collect();
-        Self { candidates, columns, y, blocks }
+        Self { candidates, columns, y, positions: None, blocks }
     }
 
     /// The term of a name.
@@ -87,9 +89,12 @@ impl Lines {
     }
 
     fn log_density(&self, fit: &LineFit, row: usize) -> f64 {
-        let left = self.y[row] - self.predicted(fit, row);
-        -0.5 * (left * left + libm::log(std::f64::consts::TAU))
+        log_density_of(self.y[row] - self.predicted(fit, row))
     }
+}
+
+fn log_density_of(left: f64) -> f64 {
+    -0.5 * (left * left + libm::log(std::f64::consts::TAU))
 }
 
 impl Study for Lines {
@@ -164,6 +169,11 @@ impl Study for Lines {
                 squared_error: left * left,
                 plain_squared_error: f64::NAN,
                 heading_squared_error_rad2: f64::NAN,
+                log_of_position: self.positions.as_ref().map_or(f64::NAN, |(positions, share)| {
+                    log_density_of(
+                        positions[row as usize] - share * self.predicted(fit, row as usize),
+                    )
+                }),
                 crps: left.abs(),
                 reception_log_loss: f64::NAN,
             }
@@ -254,6 +264,32 @@ fn the_terms_that_act_are_accepted_the_stronger_one_first_and_no_other() {
     let names = ["a", "b", "c", "d", "e"];
     let study = Lines::new(&names, 3, |x| 0.3 * x[1] + 0.8 * x[3]);
     assert_eq!(accepted(&study), ["d", "b"]);
+}
+
+/// A term that one channel shows, beside another channel that shows a share of it and of which another share is predicted.
+fn beside_positions(shown: f64, predicted: f64) -> (Lines, TermId) {
+    let mut study = Lines::new(&["a", "b"], 3, |x| 0.8 * x[0]);
+    let term = study.term("a");
+    let draws = Draws::new(4, Purpose::Resample);
+    let position = |(row, x): (usize, &f64)| 0.8 * shown * x + draws.normal(row as u64, 0, 0);
+    let positions = study.columns[term].iter().enumerate().map(position).collect();
+    study.positions = Some((positions, predicted));
+    (study, term)
+}
+
+#[test]
+fn a_term_that_only_headings_show_is_known_and_one_that_positions_contradict_is_refused() {
+    let judged = |shown, predicted| {
+        let (study, term) = beside_positions(shown, predicted);
+        let search = Search::new(&study, &|_| {});
+        (search.channel_without(term, &[]), search.contradiction(term, &[]).is_some())
+    };
+    assert_eq!(judged(1.0, 1.0), (None, false));
+    assert_eq!(judged(0.0, 1e-3), (Some(Channel::Positions), false));
+    assert_eq!(judged(0.0, 1.0), (Some(Channel::Positions), true));
+    let alone = Lines::new(&["a", "b"], 3, |x| 0.8 * x[0]);
+    let search = Search::new(&alone, &|_| {});
+    assert_eq!(search.channel_without(alone.term("a"), &[]), None);
 }
 
 /// With five candidates and 0.5 % for all of them, one of 20 searches accepts anything in 10 % of the cases.

@@ -432,6 +432,7 @@ impl Instrument {
             squared_error: f64::NAN,
             plain_squared_error: f64::NAN,
             heading_squared_error_rad2: f64::NAN,
+            log_of_position: f64::NAN,
             crps: f64::NAN,
             reception_log_loss: f64::NAN,
         };

@@ -1,14 +1,17 @@
-//! Whether measured motion contradicts an effect: an effect that bounds motion is wrong if robots pass that bound.
+//! Whether measured motion contradicts an effect: an effect that bounds motion is wrong if robots pass that bound, and an error of the
+//! course that noise of headings explains is none.
 
 use super::terms::Term;
 use super::{RobotFit, RobotStudy};
 use crate::thresholds::{
-    BOUND_MARGIN, CONTRADICTED_LEVEL, FEWEST_SUMMED_BLOCKS, PASSING_SHARE, SHORTEST_BLOCK_WINDOWS,
+    BOUND_MARGIN, CONTRADICTED_LEVEL, FAR_HALF_INTERVALS, FEWEST_SUMMED_BLOCKS, PASSING_SHARE,
+    SHORTEST_BLOCK_WINDOWS,
 };
 use crate::{Estimate, Study as _, TermId};
 use measure::robots::RobotSample;
+use numbers::normal::Z_90;
 use numbers::power::square;
-use numbers::statistics::median_high;
+use numbers::statistics::{mean, median_high};
 use proto::effect::Bounds;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
@@ -27,6 +30,9 @@ impl RobotStudy {
     /// Why the measured motion contradicts an effect of a fit; none: it does not.
     pub(super) fn contradicted(&self, fit: &RobotFit, term: TermId) -> Option<String> {
         let Term::Effect(effect) = &self.model.terms[term] else { return None };
+        if effect.is_of_course() {
+            return self.chance_of_course(fit, term);
+        }
         let bounds = effect.bounds?;
         // What bounds a turn shows in headings.
         if effect.is_on_turn()
@@ -72,6 +78,27 @@ impl RobotStudy {
                 ))
             }
         }
+    }
+
+    /// Why a constant error of the course is none: the mean of as many measured headings is off by as much by chance. Motion tells the
+    /// course far better than headings do, so that the interval of the fit is that of this mean.
+    fn chance_of_course(&self, fit: &RobotFit, term: TermId) -> Option<String> {
+        if !self.robots().shape.is_turning() {
+            return None;
+        }
+        let (estimates, _) = self.estimates(fit, term);
+        let Estimate { value, low, high, .. } = estimates.first()?;
+        let rows: Vec<u32> = self.rows_of(term).map(|row| row as u32).collect();
+        let residuals = self.model.residuals(fit, &rows)?;
+        let known = residuals.iter().map(|it| square(it.heading_rad)).filter(|it| it.is_finite());
+        let n = self.samples_of(term).count() as f64;
+        let mean_sd_rad = (mean(known) / n).sqrt();
+        let half_rad = libm::hypot(0.5 * (high - low), Z_90 * mean_sd_rad);
+        (value.abs() < FAR_HALF_INTERVALS * half_rad).then(|| {
+            format!(
+                "its angle of {value:.4} rad is no more than the mean of {n:.0} noisy headings is off by chance"
+            )
+        })
     }
 
     /// By how much (m) noise of both positions may change a measured way.

@@ -1,7 +1,9 @@
-//! How predicted positions scatter.
+//! How predicted positions scatter, and headings beside them.
 
+use super::headings::HeadingDensity;
 use crate::thresholds::{BROAD_FACTOR, BROAD_SHARE};
 use numbers::optimise::pattern_search::{PatternSearch, Polling};
+use robotsim::dynamics::wrapped;
 use std::f64::consts::TAU;
 
 /// A residual in the directions along and across the predicted motion, and upwards.
@@ -13,8 +15,19 @@ pub(super) struct Residual {
     pub(super) spread: f64,
     /// Predicted way (m).
     pub(super) way_m: f64,
-    /// Measured less predicted heading (rad); NaN where the body does not turn. No part of the density.
+    /// Measured less predicted heading (rad); NaN where the body does not turn.
     pub(super) heading_rad: f64,
+}
+
+impl Residual {
+    /// By how much it exceeds another of the same window: along, across, and up (m) or, where headings are measured, in heading (rad).
+    pub(super) fn less(&self, other: &Self) -> [f64; 3] {
+        let mut less = std::array::from_fn(|i| self.parts_m[i] - other.parts_m[i]);
+        if !self.heading_rad.is_nan() {
+            less[2] = wrapped(self.heading_rad - other.heading_rad);
+        }
+        less
+    }
 }
 
 /// Scatter of residuals: a normal law and, for one window in a hundred, one that is ten times as broad, so that a single
@@ -25,8 +38,10 @@ pub(super) struct ResidualDensity {
     pub(super) sd_m: f64,
     /// Standard deviation of the direction at the window's start (rad): scatter across the motion grows with the way.
     pub(super) sd_rad: f64,
-    /// Components that are measured: 2 or 3.
+    /// Components of positions that are measured: 2 or 3.
     pub(super) n_parts: usize,
+    /// Scatter of headings, of bodies that turn: these have two components.
+    pub(super) heading: Option<HeadingDensity>,
 }
 
 impl ResidualDensity {
@@ -37,8 +52,31 @@ impl ResidualDensity {
         [own.sqrt(), (own + turned * turned).sqrt(), own.sqrt()]
     }
 
-    /// Log density (nats), and how much the window counts in a least squares fit.
-    pub(super) fn log(&self, residual: &Residual) -> (f64, f64) {
+    /// Log density (nats) of the position, and of the heading as far as that counts.
+    pub(super) fn log(&self, residual: &Residual) -> f64 {
+        let position = self.log_of_position(residual).0;
+        self.heading.map_or(position, |heading| position + heading.log(residual.heading_rad))
+    }
+
+    /// How many components are predicted: those of the position, and the heading after two of these.
+    pub(super) fn n_components(&self) -> usize {
+        if self.heading.is_some() { 3 } else { self.n_parts }
+    }
+
+    /// What pulls the prediction of each component (m; of the heading the sine), and its information (1/m², 1/rad²): their product is the
+    /// slope of the log density.
+    pub(super) fn pulls(&self, residual: &Residual) -> ([f64; 3], [f64; 3]) {
+        let weight = self.log_of_position(residual).1;
+        let mut parts = residual.parts_m;
+        let mut scales = self.sd_m(residual).map(|sd_m| weight / (sd_m * sd_m));
+        if let Some(heading) = self.heading {
+            (parts[2], scales[2]) = heading.pull(residual.heading_rad);
+        }
+        (parts, scales)
+    }
+
+    /// Log density (nats) of the position, and how much it counts in a least squares fit.
+    pub(super) fn log_of_position(&self, residual: &Residual) -> (f64, f64) {
         let sd_m = self.sd_m(residual);
         let (mut square, mut norm) = (0.0, 0.0);
         for (part, sd) in residual.parts_m.iter().zip(sd_m).take(self.n_parts) {
@@ -58,12 +96,23 @@ impl ResidualDensity {
 
     /// Sum of log densities (nats).
     pub(super) fn total(&self, residuals: &[Residual]) -> f64 {
-        residuals.iter().map(|residual| self.log(residual).0).sum()
+        residuals.iter().map(|residual| self.log(residual)).sum()
     }
 
     /// The likeliest density, searched from this one. The ratio of its two scatters is searched only where asked; positions
     /// scatter as they do where not `is_noise_free`.
     pub(super) fn fitted(
+        self,
+        residuals: &[Residual],
+        is_noise_free: bool,
+        searches_ratio: bool,
+    ) -> Self {
+        let heading = self.heading.map(|heading| heading.fitted(residuals));
+        let positions = Self { heading: None, ..self };
+        Self { heading, ..positions.fitted_to_positions(residuals, is_noise_free, searches_ratio) }
+    }
+
+    fn fitted_to_positions(
         self,
         residuals: &[Residual],
         is_noise_free: bool,
@@ -108,7 +157,7 @@ impl ResidualDensity {
             self.sd_rad = ratio * self.sd_m;
             let mut sum = 0.0;
             for residual in residuals {
-                let weight = self.log(residual).1;
+                let weight = self.log_of_position(residual).1;
                 let sd_m = self.sd_m(residual);
                 for (part, sd) in residual.parts_m.iter().zip(sd_m).take(self.n_parts) {
                     sum += weight * (part / sd) * (part / sd);
@@ -171,7 +220,7 @@ mod tests {
         for residual in residuals.iter_mut().step_by(200) {
             residual.parts_m[0] += 0.3;
         }
-        let start = ResidualDensity { sd_m: 1.0, sd_rad: 1.0, n_parts: 2 };
+        let start = ResidualDensity { sd_m: 1.0, sd_rad: 1.0, n_parts: 2, heading: None };
         let found = start.fitted(&residuals, true, true);
         // Standard errors about 0.7 % and 2 %; the far ones add a little.
         assert!((found.sd_m / 0.02 - 1.0).abs() < 0.03, "{found:?}");
@@ -180,14 +229,14 @@ mod tests {
 
     #[test]
     fn densities_sum_to_one() {
-        let density = ResidualDensity { sd_m: 0.02, sd_rad: 0.03, n_parts: 2 };
+        let density = ResidualDensity { sd_m: 0.02, sd_rad: 0.03, n_parts: 2, heading: None };
         let h = 0.004;
         let mut sum = 0.0;
         for i in -400..400 {
             for j in -400..400 {
                 let parts_m = [f64::from(i) * h, f64::from(j) * h, 0.0];
                 let residual = Residual { parts_m, spread: 1.5, way_m: 2.0, ..Residual::default() };
-                sum += libm::exp(density.log(&residual).0) * h * h;
+                sum += libm::exp(density.log(&residual)) * h * h;
             }
         }
         assert!((sum - 1.0).abs() < 1e-3, "{sum}");
@@ -196,7 +245,7 @@ mod tests {
     #[test]
     fn the_crps_of_a_normal_law_is_that_of_the_literature() {
         // Gneiting and Raftery 2007, at z = 0: sd (2 φ(0) − 1/√π) = 0.233695 sd.
-        let density = ResidualDensity { sd_m: 2.0, sd_rad: 0.0, n_parts: 2 };
+        let density = ResidualDensity { sd_m: 2.0, sd_rad: 0.0, n_parts: 2, heading: None };
         let residual = Residual { parts_m: [0.0; 3], spread: 1.0, ..Residual::default() };
         assert!((density.crps_m(&residual) - 2.0 * 0.233_695).abs() < 1e-6);
     }

@@ -15,7 +15,7 @@ const BEND_STEPS: f64 = 0.2;
 /// where residuals jump there is no telling.
 const MOST_BENT: [f64; 2] = [-0.5, 4.0];
 
-/// How the components of each residual change.
+/// How the components of each residual change: see [`Residual::less`].
 type DerivativeColumn = Vec<[f64; 3]>;
 
 /// Derivatives of residuals at a fit.
@@ -120,13 +120,15 @@ impl RobotModel {
                 let h = BEND_STEPS * number.step;
                 let [above, below] = [moved(index, h, known)?, moved(index, -h, known)?];
                 let both = || above.iter().zip(&below);
-                let slope = |(a, b): (&Residual, &Residual)| {
-                    std::array::from_fn(|i| (a.parts_m[i] - b.parts_m[i]) / (2.0 * h))
-                };
+                let slope = |(a, b): (&Residual, &Residual)| a.less(b).map(|it| it / (2.0 * h));
                 let second = |((a, b), at): ((&Residual, &Residual), &Residual)| {
-                    std::array::from_fn(|i| {
+                    let mut second = std::array::from_fn(|i| {
                         (a.parts_m[i] - 2.0 * at.parts_m[i] + b.parts_m[i]) / (h * h)
-                    })
+                    });
+                    if !at.heading_rad.is_nan() {
+                        second[2] = (a.less(at)[2] + b.less(at)[2]) / (h * h);
+                    }
+                    second
                 };
                 derivatives.by.push(both().map(slope).collect());
                 derivatives.bends.push(Bend {
@@ -149,9 +151,8 @@ impl RobotModel {
             let h = if number.max < fit.values[index] + h { -h } else { h };
             // … and nothing else changes what curves do.
             let displaced = moved(index, h, Unchanged { paths: None, actings: Some(&actings) })?;
-            let column = displaced.iter().zip(at).map(|(displaced, at)| {
-                std::array::from_fn(|i| (displaced.parts_m[i] - at.parts_m[i]) / h)
-            });
+            let column = displaced.iter().zip(at);
+            let column = column.map(|(displaced, at)| displaced.less(at).map(|it| it / h));
             derivatives.by.push(column.collect());
         }
         Some(derivatives)
@@ -169,19 +170,22 @@ impl RobotModel {
         let mut slope = DVector::zeros(n);
         let mut bent = vec![0.0; bends.len()];
         for (row, residual) in at.residuals.iter().enumerate() {
-            let weight = at.density.log(residual).1;
+            let (parts, scales) = at.density.pulls(residual);
             let sd_m = at.density.sd_m(residual);
-            for part in 0..at.density.n_parts {
-                let scale = weight / (sd_m[part] * sd_m[part]);
-                let own = square(at.density.sd_m / sd_m[part]);
-                let surprise = scale * square(residual.parts_m[part]) - 1.0;
+            for part in 0..at.density.n_components() {
+                let scale = scales[part];
                 for (i, bend) in bends.iter().enumerate() {
-                    bent[i] += scale * residual.parts_m[part] * bend.second[row][part];
-                    slope[i] += 0.5 * own * surprise * bend.spread[row];
+                    bent[i] += scale * parts[part] * bend.second[row][part];
+                    // The concentration of headings is the same for all windows.
+                    if part < at.density.n_parts {
+                        let own = square(at.density.sd_m / sd_m[part]);
+                        let surprise = scale * square(parts[part]) - 1.0;
+                        slope[i] += 0.5 * own * surprise * bend.spread[row];
+                    }
                 }
                 for i in 0..n {
                     let by_i = columns[i][row][part] * scale;
-                    slope[i] -= by_i * residual.parts_m[part];
+                    slope[i] -= by_i * parts[part];
                     for j in 0..=i {
                         information[(i, j)] += by_i * columns[j][row][part];
                     }

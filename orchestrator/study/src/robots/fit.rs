@@ -292,10 +292,15 @@ impl RobotModel {
         let n_blocks = blocks.n_blocks();
         let mut scores = DMatrix::zeros(n_blocks, n);
         for (row, (residual, &window)) in point.residuals.iter().zip(&all).enumerate() {
-            let weight = point.density.log(residual).1;
+            let weight = point.density.log_of_position(residual).1;
             let sd_m = point.density.sd_m(residual);
-            for part in 0..point.density.n_parts {
-                let pull = weight * residual.parts_m[part] / (sd_m[part] * sd_m[part]);
+            let (parts, scales) = point.density.pulls(residual);
+            for part in 0..point.density.n_components() {
+                let pull = if part < point.density.n_parts {
+                    weight * parts[part] / (sd_m[part] * sd_m[part])
+                } else {
+                    scales[part] * parts[part]
+                };
                 for i in 0..n {
                     scores[(blocks.of_row[window as usize] as usize, i)] -=
                         pull * columns[i][row][part];

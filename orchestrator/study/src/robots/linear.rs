@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// Starts of an effect that are looked at.
 const MOST_STARTS: usize = 8;
-/// A column moves something if it moves some window by this (m).
+/// A column moves something if it moves some window by this (m, rad).
 const MOVES_M: f64 = 1e-12;
 
 impl RobotStudy {
@@ -22,16 +22,14 @@ impl RobotStudy {
         let all: Vec<u32> = (0..self.n_rows() as u32).collect();
         let residuals = self.model.residuals(fit, &all)?;
         let derivatives = fit.derivatives.get_or_init(|| self.model.derivatives(fit)).as_ref()?;
-        let n_parts = fit.density.n_parts;
-        let parts = |value: &dyn Fn(usize) -> f64| {
-            std::array::from_fn(|part| if part < n_parts { value(part) } else { 0.0 })
+        let (n_parts, n_components) = (fit.density.n_parts, fit.density.n_components());
+        let of_components = |value: &dyn Fn(usize) -> f64| {
+            std::array::from_fn(|part| if part < n_components { value(part) } else { 0.0 })
         };
         let of = |residual: &Residual| {
-            let weight = fit.density.log(residual).1;
-            let sd_m = fit.density.sd_m(residual);
-            let scale = |part: usize| weight / (sd_m[part] * sd_m[part]);
-            let slopes = parts(&|part| scale(part) * residual.parts_m[part]);
-            (slopes, parts(&scale))
+            let (parts, scales) = fit.density.pulls(residual);
+            let slopes = of_components(&|part| scales[part] * parts[part]);
+            (slopes, of_components(&|part| scales[part]))
         };
         let (slopes, weights) = residuals.iter().map(of).unzip();
         let minus = |column: &Column| column.iter().map(|moved| moved.map(|part| -part)).collect();
@@ -59,9 +57,7 @@ impl RobotStudy {
             let terms = terms.clone();
             let with = RobotFit { terms, values, derivatives: Arc::default(), ..fit.clone() };
             let with = self.model.residuals(&with, &all)?;
-            let moved = |(without, with): (&Residual, &Residual)| {
-                std::array::from_fn(|part| without.parts_m[part] - with.parts_m[part])
-            };
+            let moved = |(without, with): (&Residual, &Residual)| without.less(with);
             Some(without.iter().zip(&with).map(moved).collect())
         };
         let moves = |column: &Column| column.iter().flatten().any(|m| MOVES_M < m.abs());

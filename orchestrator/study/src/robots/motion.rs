@@ -28,7 +28,18 @@ pub(super) struct MotionWindow {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Gains {
     pub(super) position: f64,
+    /// Of a heading, for the direction of motion.
     pub(super) heading: f64,
+    /// Of a heading, for the headings that follow: the error of a sensor that drifts is in all of these, and in no motion.
+    pub(super) sensor: f64,
+}
+
+impl Gains {
+    /// Those of the measurement after step `index`: the first ones count in full, as a mean of all so far does.
+    fn after(self, index: usize) -> Self {
+        let of = |gain: f64| gain.max(1.0 / (index + 2) as f64);
+        Self { position: of(self.position), heading: of(self.heading), sensor: of(self.sensor) }
+    }
 }
 
 /// Measured tracks, ready to be predicted.
@@ -67,6 +78,8 @@ struct StateEstimate {
     /// Where the model alone would be, and by how much (rad) the estimate is turned against it.
     path_m: [f64; 3],
     turned_rad: f64,
+    /// What the sensor of the heading is expected to show (rad).
+    shown_rad: f64,
     /// What the model moved the estimate since the sample before.
     step_m: [f64; 3],
     /// What our own kinematics does, where another simulator's predictions are the base.
@@ -80,7 +93,7 @@ struct StateEstimate {
 struct PredictedMotion {
     /// From where the window begins to where it ends (m).
     way_m: [f64; 3],
-    /// Heading at its end (rad).
+    /// Heading that is measured at its end (rad).
     heading_rad: f64,
 }
 
@@ -201,9 +214,9 @@ impl MeasuredTracks {
                     break;
                 }
                 add(sample, sums);
-                let (gain, _) = weights(gains, index);
+                let correction = gains.after(index).position;
                 for sum in sums.iter_mut().flatten() {
-                    *sum *= 1.0 - gain;
+                    *sum *= 1.0 - correction;
                 }
             }
         }
@@ -336,12 +349,14 @@ impl MeasuredTracks {
             for window in windows {
                 let begin = estimates[window.start as usize - range.start];
                 let moved = if is_alike {
-                    let last = window.end as usize - range.start;
+                    let [first, last] =
+                        [window.start, window.end].map(|sample| sample as usize - range.start);
                     let end = &estimates[last];
                     let path_m = std::array::from_fn(|i| end.path_m[i] - begin.path_m[i]);
                     PredictedMotion {
                         way_m: rotated(path_m, begin.turned_rad),
-                        heading_rad: paths[track][last].heading_rad + begin.turned_rad,
+                        heading_rad: begin.shown_rad + paths[track][last].heading_rad
+                            - paths[track][first].heading_rad,
                     }
                 } else {
                     self.simulate(physics, track, window, &begin)
@@ -435,23 +450,26 @@ impl MeasuredTracks {
             robot,
             variance: 1.0,
             path_m: robot.position_m,
+            shown_rad: robot.heading_rad,
             ..StateEstimate::default()
         };
         estimates.push(at);
         for (index, (pair, robot)) in samples.windows(2).zip(&path[1..]).enumerate() {
             let step_m: [f64; 3] = std::array::from_fn(|i| robot.position_m[i] - at.path_m[i]);
             let step_m = rotated(step_m, at.turned_rad);
-            let (gain, heading_gain) = weights(gains, index);
+            let gains = gains.after(index);
             let measured_m = pair[1].position_m;
             at.robot.position_m = std::array::from_fn(|i| {
                 let expected = at.robot.position_m[i] + step_m[i];
-                expected + gain * (measured_m[i] - expected)
+                expected + gains.position * (measured_m[i] - expected)
             });
             if is_turning {
                 let expected = robot.heading_rad + at.turned_rad;
-                at.turned_rad += heading_gain * wrapped(pair[1].heading_rad - expected);
+                at.turned_rad += gains.heading * wrapped(pair[1].heading_rad - expected);
+                at.shown_rad += robot.heading_rad - path[index].heading_rad;
+                at.shown_rad += gains.sensor * wrapped(pair[1].heading_rad - at.shown_rad);
             }
-            at.variance = square(1.0 - gain) * at.variance + gain * gain;
+            at.variance = square(1.0 - gains.position) * at.variance + square(gains.position);
             at.path_m = robot.position_m;
             at.step_m = step_m;
             estimates.push(at);
@@ -465,13 +483,16 @@ impl MeasuredTracks {
         let samples = &self.robots.samples[range.clone()];
         let mut robot = self.begin(track, physics);
         let mut variance = 1.0;
+        let mut shown_rad = robot.heading_rad;
         let mut velocity = VelocityVariance::default();
         let mut estimates = Vec::with_capacity(samples.len());
         let mut mover = Mover::new(self, physics, track, None);
         let reference = mover.reference_drive();
-        estimates.push(StateEstimate { robot, variance, reference, ..StateEstimate::default() });
+        let first =
+            StateEstimate { robot, variance, shown_rad, reference, ..StateEstimate::default() };
+        estimates.push(first);
         for (index, pair) in samples.windows(2).enumerate() {
-            let from_m = robot.position_m;
+            let Robot { position_m: from_m, heading_rad: from_rad, .. } = robot;
             mover.advance(&mut robot, range.start + index);
             let step_m = std::array::from_fn(|i| robot.position_m[i] - from_m[i]);
             if physics.is_inertial() {
@@ -486,19 +507,23 @@ impl MeasuredTracks {
                 });
                 continue;
             }
-            let (gain, heading_gain) = weights(gains, index);
+            let gains = gains.after(index);
             for i in 0..3 {
-                robot.position_m[i] += gain * (pair[1].position_m[i] - robot.position_m[i]);
+                robot.position_m[i] +=
+                    gains.position * (pair[1].position_m[i] - robot.position_m[i]);
             }
             if physics.shape().is_turning() {
-                robot.heading_rad +=
-                    heading_gain * wrapped(pair[1].heading_rad - robot.heading_rad);
+                let measured_rad = pair[1].heading_rad;
+                shown_rad += robot.heading_rad - from_rad;
+                shown_rad += gains.sensor * wrapped(measured_rad - shown_rad);
+                robot.heading_rad += gains.heading * wrapped(measured_rad - robot.heading_rad);
             }
-            variance = square(1.0 - gain) * variance + gain * gain;
+            variance = square(1.0 - gains.position) * variance + square(gains.position);
             let reference = mover.reference_drive();
             estimates.push(StateEstimate {
                 robot,
                 variance,
+                shown_rad,
                 step_m,
                 reference,
                 ..StateEstimate::default()
@@ -524,7 +549,7 @@ impl MeasuredTracks {
         }
         PredictedMotion {
             way_m: std::array::from_fn(|i| robot.position_m[i] - from_m[i]),
-            heading_rad: robot.heading_rad,
+            heading_rad: begin.shown_rad + robot.heading_rad - begin.robot.heading_rad,
         }
     }
 
@@ -558,12 +583,6 @@ impl MeasuredTracks {
 
 /// Measured positions do not agree so closely (m), unless they are counted from there.
 const SAME_M: f64 = 1e-6;
-
-/// Weights of the measurement after step `index`: the first ones count in full, as a mean of all so far does.
-fn weights(gains: Gains, index: usize) -> (f64, f64) {
-    let mean = 1.0 / (index + 2) as f64;
-    (gains.position.max(mean), gains.heading.max(mean))
-}
 
 /// Cosine and sine of the direction of a motion; east where there is none.
 fn direction(moved_m: [f64; 3]) -> [f64; 2] {

@@ -177,10 +177,15 @@ impl Study for RobotStudy {
     fn scores(&self, fit: &RobotFit, test: &[u32]) -> Vec<RowScore> {
         let residuals = self.model.residuals(fit, test).unwrap_or_default();
         let score = |residual: &Residual| RowScore {
-            log: fit.density.log(residual).0,
+            log: fit.density.log(residual),
             squared_error: residual.parts_m.iter().map(|part| part * part).sum(),
             plain_squared_error: f64::NAN,
             heading_squared_error_rad2: square(residual.heading_rad),
+            log_of_position: if fit.density.heading.is_some() {
+                fit.density.log_of_position(residual).0
+            } else {
+                f64::NAN
+            },
             crps: fit.density.crps_m(residual),
             reception_log_loss: f64::NAN,
         };

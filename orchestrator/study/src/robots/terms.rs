@@ -56,6 +56,11 @@ impl EffectTerm {
         (self.search == Search::Thresholds { only_below: true }).then_some(part)
     }
 
+    /// Whether it turns the course by a constant, as the mean error of measured headings does, too.
+    pub(super) fn is_of_course(&self) -> bool {
+        self.table.get("kind").and_then(toml::Value::as_str) == Some("heading-bias")
+    }
+
     /// Whether it acts on the turn actuator.
     pub(super) fn is_on_turn(&self) -> bool {
         self.table.get("on").and_then(toml::Value::as_str) == Some("turn")

@@ -2,6 +2,7 @@
 
 mod driven;
 mod foreign;
+mod headings;
 
 use super::*;
 use crate::folds::scramble;
@@ -29,7 +30,11 @@ fn lagging(n_steps: usize, tau_s: f64) -> DataTable {
 }
 
 fn study(table: &DataTable) -> RobotStudy {
-    let node = proto::config::parse("kind = 'point-mass'").unwrap();
+    study_of("point-mass", table)
+}
+
+fn study_of(kind: &str, table: &DataTable) -> RobotStudy {
+    let node = proto::config::parse(&format!("kind = '{kind}'")).unwrap();
     let spec = &robotsim::dynamics::SPEC;
     let dynamics =
         proto::config::check(&node, "", spec, &Catalogue::built_in().lists(), &mut Vec::new())

@@ -58,6 +58,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
     (
         "tolerances, and what keeps a computation finite",
         &[
+            ("diagnose/src/ladder/contradiction.rs", &["TURNED_RAD"]),
             ("diagnose/src/measured.rs", &["SAME_M"]),
             ("diagnose/src/score_test.rs", &["LEAST_LEFT"]),
             ("network/src/candidate_fits.rs", &["SAME"]),
@@ -89,6 +90,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
             ),
             ("study/src/robots/fit_state.rs", &["DAMPING_FLOOR", "LEAST_DAMPED"]),
             ("study/src/robots/ground.rs", &["FEWEST_LANDED", "OFF_SHARE", "RESTS_M", "RESTS_S"]),
+            ("study/src/robots/headings.rs", &["MOST_CONCENTRATED", "N_POINTS", "SERIES_FROM"]),
             ("study/src/robots/linear.rs", &["MOVES_M"]),
             ("study/src/robots/motion.rs", &["SAME_M"]),
             ("study/src/symbolic.rs", &["NOTHING"]),

@@ -83,6 +83,7 @@ impl Instrument {
             squared_error: away * away,
             plain_squared_error: f64::NAN,
             heading_squared_error_rad2: f64::NAN,
+            log_of_position: f64::NAN,
             crps: normal_crps(away, sd),
             reception_log_loss: -measured * libm::log(share)
                 - (1.0 - measured) * libm::log(1.0 - share),

@@ -1,0 +1,192 @@
+//! How predicted headings scatter: the channel that bodies which turn are measured in beside their position.
+
+use super::density::Residual;
+use super::{RobotFit, RobotModel};
+use crate::folds::Blocks;
+use crate::thresholds::{BROAD_FACTOR, BROAD_SHARE};
+use numbers::power::square;
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// The greatest concentration: headings that agree to 1e-9 rad.
+const MOST_CONCENTRATED: f64 = 1e18;
+
+/// Scatter of the headings at the ends of windows: von Mises' law and, for one window in a hundred, one that is ten times as broad.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct HeadingDensity {
+    /// Concentration of the law, which each fit estimates (1/rad²).
+    concentration: f64,
+    /// What a heading counts of an independent measurement, from 0 to 1.
+    pub(super) weight: f64,
+    /// Logarithm (nats) of the integral over all headings: of the narrow law and of the broad one.
+    log_norms: [f64; 2],
+}
+
+impl HeadingDensity {
+    /// Of headings that count so much, before a fit.
+    pub(super) fn new(weight: f64) -> Self {
+        Self { concentration: 0.0, weight, log_norms: [0.0; 2] }.concentrated(1e4)
+    }
+
+    /// The same with headings that count so much.
+    pub(super) fn weighted(self, weight: f64) -> Self {
+        Self { weight, ..self }
+    }
+
+    fn concentrated(self, concentration: f64) -> Self {
+        let broad = concentration / square(BROAD_FACTOR);
+        Self { concentration, log_norms: [concentration, broad].map(log_norm), ..self }
+    }
+
+    /// Log density (nats) of an error whose cosine lies so far below 1, and how much it counts in a least squares fit.
+    fn log_unweighted(&self, below: f64) -> (f64, f64) {
+        let pull = self.concentration * below;
+        let narrow = libm::log(1.0 - BROAD_SHARE) - pull - self.log_norms[0];
+        let broad = libm::log(BROAD_SHARE) - pull / square(BROAD_FACTOR) - self.log_norms[1];
+        let top = narrow.max(broad);
+        let sum = libm::exp(narrow - top) + libm::exp(broad - top);
+        let share = libm::exp(narrow - top) / sum;
+        (top + libm::log(sum), share + (1.0 - share) / square(BROAD_FACTOR))
+    }
+
+    /// Log density (nats) of an error (rad), times what a heading counts; 0 where none is measured.
+    pub(super) fn log(&self, error_rad: f64) -> f64 {
+        if error_rad.is_nan() { 0.0 } else { self.weight * self.log_unweighted(below(error_rad)).0 }
+    }
+
+    /// What pulls the prediction towards a heading that is off by an error (rad), and its information (1/rad²); 0 where none is
+    /// measured.
+    pub(super) fn pull(&self, error_rad: f64) -> (f64, f64) {
+        if error_rad.is_nan() {
+            return (0.0, 0.0);
+        }
+        let counts = self.log_unweighted(below(error_rad)).1;
+        (libm::sin(error_rad), self.weight * counts * self.concentration)
+    }
+
+    /// The likeliest concentration, by expectation and maximisation from this one.
+    pub(super) fn fitted(mut self, residuals: &[Residual]) -> Self {
+        let errors = residuals.iter().map(|residual| residual.heading_rad);
+        let below: Vec<f64> = errors.filter(|error| !error.is_nan()).map(below).collect();
+        if below.is_empty() {
+            return self;
+        }
+        for _ in 0..60 {
+            let weighted = below.iter().map(|below| self.log_unweighted(*below).1 * below);
+            let mean = weighted.sum::<f64>() / below.len() as f64;
+            let before = self.concentration;
+            self = self.concentrated(concentration(mean));
+            if (self.concentration / before - 1.0).abs() < 1e-7 {
+                break;
+            }
+        }
+        self
+    }
+}
+
+impl RobotModel {
+    /// What a heading counts: the ratio of the variance that the sum of all slopes would have if windows were independent to that
+    /// by tracks, or by blocks of time if that is smaller. At most 1. An error that lasts, such as the drift of a gyroscope, then counts
+    /// once.
+    pub(super) fn heading_weight(&self, fit: &RobotFit, rows: &[u32], blocks: &Blocks) -> f64 {
+        let (Some(heading), Some(residuals)) = (fit.density.heading, self.residuals(fit, rows))
+        else {
+            return 1.0;
+        };
+        let slopes = residuals.iter().map(|residual| {
+            let (sine, information) = heading.weighted(1.0).pull(residual.heading_rad);
+            sine * information
+        });
+        let slopes: Vec<f64> = slopes.collect();
+        let by = |cluster: &dyn Fn(usize) -> u32| {
+            let mut sums: BTreeMap<u32, f64> = BTreeMap::new();
+            for (slope, &row) in slopes.iter().zip(rows) {
+                *sums.entry(cluster(row as usize)).or_default() += slope;
+            }
+            sums.values().copied().map(square).sum::<f64>()
+        };
+        let alone: f64 = slopes.iter().copied().map(square).sum();
+        let together = by(&|row| self.tracks.windows[row].track).max(by(&|row| blocks.of_row[row]));
+        if alone < together { alone / together } else { 1.0 }
+    }
+}
+
+/// How far the cosine of an error (rad) lies below 1.
+fn below(error_rad: f64) -> f64 {
+    2.0 * square(libm::sin(0.5 * error_rad))
+}
+
+/// The concentration (1/rad²) of headings whose cosines lie so far below 1 in the mean (A. Banerjee, I. S. Dhillon, J. Ghosh and S. Sra,
+/// Clustering on the unit hypersphere using von Mises-Fisher distributions, J. Mach. Learn. Res. 6, 2005).
+fn concentration(mean_below: f64) -> f64 {
+    let length = (1.0 - mean_below).max(0.0);
+    let free = mean_below * (1.0 + length);
+    (length * (2.0 - length * length) / free).min(MOST_CONCENTRATED)
+}
+
+/// Logarithm of the integral of exp(κ (cos θ − 1)) over a turn.
+fn log_norm(concentration: f64) -> f64 {
+    const SERIES_FROM: f64 = 50.0;
+    const N_POINTS: u32 = 64;
+    if SERIES_FROM < concentration {
+        // I₀ for large arguments: M. Abramowitz and I. A. Stegun, Handbook of Mathematical Functions, 1964, 9.7.1.
+        let x = 1.0 / (8.0 * concentration);
+        let series = 1.0 + x * (1.0 + x * (4.5 + x * 37.5));
+        return libm::log(series) + 0.5 * libm::log(TAU / concentration);
+    }
+    // The trapezoidal rule is exact to rounding for so smooth a function of a turn.
+    let step = TAU / f64::from(N_POINTS);
+    let value = |k: u32| libm::exp(-concentration * below(step * f64::from(k)));
+    libm::log(step * (0..N_POINTS).map(value).sum::<f64>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proto::rng::normal;
+
+    #[test]
+    fn densities_of_a_turn_sum_to_one() {
+        for concentration in [0.0, 0.3, 20.0, 49.9, 50.1, 4000.0] {
+            let density = HeadingDensity::new(1.0).concentrated(concentration);
+            let n = 100_000;
+            let step = TAU / f64::from(n);
+            let sum: f64 = (0..n).map(|k| libm::exp(density.log(step * f64::from(k)))).sum();
+            assert!((step * sum - 1.0).abs() < 1e-6, "{concentration}: {}", step * sum);
+        }
+    }
+
+    #[test]
+    fn the_scatter_that_was_put_in_is_found_and_missing_headings_drop_out() {
+        let draw = |k: u64| {
+            let word = |j| crate::folds::scramble(2 * k + j);
+            normal(word(0), word(1))
+        };
+        let of = |heading_rad| Residual { heading_rad, ..Residual::default() };
+        let mut residuals: Vec<Residual> = (0..20_000).map(|k| of(0.02 * draw(k))).collect();
+        // One in two hundred points elsewhere, and one in ten is not measured.
+        residuals.iter_mut().step_by(200).for_each(|residual| residual.heading_rad += 0.15);
+        residuals.iter_mut().step_by(10).for_each(|residual| {
+            residual.heading_rad =
+                if residual.heading_rad < 0.1 { f64::NAN } else { residual.heading_rad };
+        });
+        let found = HeadingDensity::new(1.0).fitted(&residuals);
+        let sd_rad = found.concentration.sqrt().recip();
+        assert!((sd_rad / 0.02 - 1.0).abs() < 0.03, "{sd_rad}");
+        assert_eq!((found.log(f64::NAN), found.pull(f64::NAN)), (0.0, (0.0, 0.0)));
+        let half = found.weighted(0.5);
+        assert!((2.0 * half.log(0.03) - found.log(0.03)).abs() < 1e-12);
+        assert!(found.log(0.01) < 0.01 + found.log(TAU - 0.01));
+    }
+
+    #[test]
+    fn a_pull_is_the_slope_of_the_log_density() {
+        let density = HeadingDensity::new(0.3).concentrated(400.0);
+        for error_rad in [-0.4, -0.05, 0.02, 0.1, 0.3] {
+            let h = 1e-6;
+            let slope = (density.log(error_rad - h) - density.log(error_rad + h)) / (2.0 * h);
+            let (sine, information) = density.pull(error_rad);
+            assert!((sine * information - slope).abs() < 1e-5 * slope.abs(), "{error_rad}");
+        }
+    }
+}
