@@ -1,17 +1,18 @@
 //! From a search to an answer: which effects, which structure, which numbers.
 
 use super::bounds::{self, SizeBounds};
+use super::cautions;
 use super::certainty::{self, Remains};
-use super::constant;
 use super::diagnosis::{
-    Affects, AlsoAlong, Diagnosis, NearestEffect, Parameter, Rival, Rung, SCHEMA, Structure,
-    Tested, Verdict,
+    Affects, AlsoAlong, Diagnosis, NearestEffect, Parameter, Rung, SCHEMA, Structure, Tested,
+    Verdict,
 };
 use super::gain::Gain;
 use super::gate::{self, Gate, Noisier};
 use super::ladder::{self, CandidateTest, Ladder, Nearest, Search, without_term};
 use super::next;
 use super::pure_error::{PureError, pure_error};
+use super::rivals::{rivals, told};
 use super::scan::Unexplained;
 use super::words;
 use indexmap::IndexMap;
@@ -81,7 +82,7 @@ pub(crate) fn answer<S: Study>(
     let (mut candidates, known) = tested(study, ladder, numbers_of, &fit);
     for &term in &ladder.accepted {
         if let Some(one) = listed(&mut candidates, &study.candidates()[term]) {
-            let constant = constant::within(search, ladder, term);
+            let constant = cautions::constant_within(search, ladder, term);
             one.warning = one.warning.take().into_iter().chain(constant).reduce(joined);
         }
     }
@@ -198,42 +199,6 @@ fn listed<'a>(all: &'a mut [Tested], candidate: &Candidate) -> Option<&'a mut Te
         (one.effect.as_str(), &one.only) == (candidate.effect(), &candidate.only)
     };
     all.iter_mut().find(is_it)
-}
-
-/// Most rivals of an accepted effect whose numbers are stated: each takes a fit.
-const MOST_RIVALS: usize = 3;
-
-/// The numbers of effects that are tied with accepted ones, each fitted in place of it; none once a search is stopped.
-fn rivals<S: Study>(study: &S, search: &Search<'_, S>, ladder: &Ladder) -> Vec<Rival> {
-    let candidates = study.candidates();
-    let is_rival = |term: &&TermId| {
-        !ladder.accepted.contains(term) && candidates[**term].curve_over().is_none()
-    };
-    let chosen = search.full_fit(&ladder.accepted, COMMON, None);
-    let of_term = |(place, &term): (usize, &TermId)| {
-        let ties = ladder.test_of(term).map_or(&[][..], |test| &test.ties);
-        let fitted = |&rival: &TermId| {
-            let mut terms = ladder.accepted.clone();
-            terms[place] = rival;
-            let fit = search.full_fit(&terms, COMMON, Some(&chosen));
-            let (known, unknown) = told(study.estimates(&fit, rival).0);
-            Rival {
-                in_place_of: candidates[term].name.clone(),
-                effect: candidates[rival].name.clone(),
-                parameters: known.iter().map(parameter).collect(),
-                not_identifiable: unknown.into_iter().map(|estimate| estimate.name).collect(),
-            }
-        };
-        ties.iter().filter(is_rival).take(MOST_RIVALS).map(fitted).collect::<Vec<_>>()
-    };
-    let is_stopped = search.is_stopped();
-    let accepted = ladder.accepted.iter().enumerate().filter(|_| !is_stopped);
-    accepted.flat_map(of_term).collect()
-}
-
-/// Estimates of which the data say something, and the others.
-fn told(estimates: Vec<Estimate>) -> (Vec<Estimate>, Vec<Estimate>) {
-    estimates.into_iter().partition(|estimate| estimate.is_identifiable)
 }
 
 /// Names for what was accepted.
@@ -513,21 +478,6 @@ fn is_after_curve<S: Study>(study: &S, ladder: &Ladder, term: TermId) -> bool {
     !is_curve(&term) && ladder.accepted.iter().take_while(|&&other| other != term).any(is_curve)
 }
 
-/// What to mind of an accepted effect or curve that the log score alone shows; `step`: its place among what was accepted. What lowers the log
-/// loss of reception shows there.
-fn only_in_log_score(candidate: &Candidate, ladder: &Ladder, step: usize) -> Option<String> {
-    let scores = |rung: usize| Some(&ladder.rungs.get(rung)?.scores);
-    let (before, after) = (scores(step)?, scores(step + 1)?);
-    let losses_fall = after.reception_log_loss < before.reception_log_loss;
-    let is_alone = before.log_score < after.log_score && before.rmse <= after.rmse && !losses_fall;
-    let why = if candidate.is_spread || candidate.level == Level::Random {
-        "it widens the spread"
-    } else {
-        "large errors count less in the log score"
-    };
-    is_alone.then(|| format!("the log score rises though the rmse does not fall: {why}"))
-}
-
 /// The candidates with what became of them, and the estimates of those that were accepted.
 fn tested<S: Study>(
     study: &S,
@@ -562,7 +512,7 @@ fn tested<S: Study>(
             let step = ladder.accepted.iter().position(|other| *other == term);
             warning = of_estimates
                 .into_iter()
-                .chain(step.and_then(|step| only_in_log_score(candidate, ladder, step)))
+                .chain(step.and_then(|step| cautions::only_in_log_score(candidate, ladder, step)))
                 .chain(follows_curve.then(|| AFTER_CURVE.to_owned()))
                 .reduce(joined);
             known.push((term, estimates));
@@ -602,43 +552,6 @@ pub(super) fn parameter(estimate: &Estimate) -> (String, Parameter) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gain::Scores;
-    use crate::ladder::LadderStep;
-    use crate::ladder::tests::candidate;
-
-    #[test]
-    fn an_effect_that_raises_the_log_score_and_not_the_rmse_is_accepted_with_a_clause() {
-        let scores = |log_score, rmse, reception_log_loss| Scores {
-            log_score,
-            rmse,
-            reception_log_loss,
-            rmse_received_db: None,
-            rmse_heading_rad: None,
-            crps: 1.0,
-        };
-        let of = |candidate: &Candidate, after: Scores| {
-            let rungs = [scores(1.0, 2.0, 0.5), after];
-            let rungs = rungs.map(|scores| LadderStep { terms: Vec::new(), scores });
-            let ladder = Ladder {
-                accepted: Vec::new(),
-                rungs: rungs.into(),
-                tests: Vec::new(),
-                too_little: None,
-                stopped: None,
-            };
-            only_in_log_score(candidate, &ladder, 0)
-        };
-        let mean = candidate("yaw-coupling");
-        let spread = Candidate { is_spread: true, ..candidate("fast-fading") };
-        let start = "the log score rises though the rmse does not fall: ";
-        let expected = format!("{start}it widens the spread");
-        assert_eq!(of(&spread, scores(1.5, 2.0, 0.5)), Some(expected));
-        let expected = format!("{start}large errors count less in the log score");
-        assert_eq!(of(&mean, scores(1.5, 2.25, f64::NAN)), Some(expected));
-        for after in [scores(1.5, 1.75, 0.5), scores(1.5, 2.0, 0.25), scores(0.5, 2.0, 0.5)] {
-            assert_eq!(of(&mean, after), None);
-        }
-    }
 
     #[test]
     fn robots_share_no_node() {

@@ -37,7 +37,8 @@
 //! | `next` | the measurement that would break a tie |
 //! | `bounds` | how large effects may be that were not found |
 //! | `certainty` | what of all that was accepted is certain |
-//! | `constant` | whether an effect includes a constant that all rows are off by |
+//! | `cautions` | what to mind of an accepted effect |
+//! | `rivals` | the numbers of effects that are tied with accepted ones |
 //! | `pure_error` | whether the model leaves more than repeats differ by |
 //! | `losses` | the answer where nobody knows whether lost frames were logged |
 //! | `answer` | from what was found to an answer |
@@ -52,9 +53,9 @@ mod acceptance;
 mod answer;
 pub mod between;
 mod bounds;
+mod cautions;
 mod certainty;
 pub mod compare;
-mod constant;
 pub mod corrected_data;
 pub mod defects;
 pub mod diagnosis;
@@ -72,6 +73,7 @@ pub mod power;
 pub mod progress;
 mod pure_error;
 mod request;
+mod rivals;
 pub mod rows;
 mod scan;
 mod score_test;

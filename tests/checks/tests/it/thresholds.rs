@@ -19,6 +19,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
         "limits of iterations and of memory",
         &[
             ("diagnose/src/ladder.rs", &["MOST_ROUNDS"]),
+            ("diagnose/src/rivals.rs", &["MOST_RIVALS"]),
             ("diagnose/src/score_test.rs", &["MOST_PROJECTIONS"]),
             ("network/src/candidate_fits.rs", &["FINAL_TRIES", "ROUNDS"]),
             ("network/src/task/figures.rs", &["MOST_LOOKS"]),
@@ -161,6 +162,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
         &[
             ("diagnose/src/compare/words.rs", &["MOST_COVARIATES"]),
             ("diagnose/src/next.rs", &["DECIMALS"]),
+            ("diagnose/src/words.rs", &["FIRST_COLUMN", "WIDTH"]),
         ],
     ),
     (

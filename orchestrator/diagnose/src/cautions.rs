@@ -1,5 +1,5 @@
-//! Whether an accepted effect or curve includes a constant by which all rows are off. `temperature` may set the reference, and a curve its
-//! level, so that a constant error goes into them and `system-gain` is not named.
+//! What to mind of an accepted effect or curve: that the log score alone shows it, and that it includes a constant by which all rows are
+//! off. `temperature` may set the reference, and a curve its level, so that a constant error goes into them and `system-gain` is not named.
 
 use crate::gate::decimals;
 use crate::ladder::{Ladder, Search, without_term};
@@ -8,13 +8,33 @@ use numbers::format::{number, with_unit};
 use numbers::normal::Z_90;
 use numbers::quantity;
 use numbers::statistics::mean_ignoring_nan;
+use proto::effect::Level;
 use study::linear::{Dependence, Direction, Linearised};
 use study::thresholds::FAR_HALF_INTERVALS;
 use study::{COMMON, Candidate, Study, TermId};
 
+/// What to mind of an accepted effect or curve that the log score alone shows; `step`: its place among what was accepted. What lowers the log
+/// loss of reception shows there.
+pub(crate) fn only_in_log_score(
+    candidate: &Candidate,
+    ladder: &Ladder,
+    step: usize,
+) -> Option<String> {
+    let scores = |rung: usize| Some(&ladder.rungs.get(rung)?.scores);
+    let (before, after) = (scores(step)?, scores(step + 1)?);
+    let losses_fall = after.reception_log_loss < before.reception_log_loss;
+    let is_alone = before.log_score < after.log_score && before.rmse <= after.rmse && !losses_fall;
+    let why = if candidate.is_spread || candidate.level == Level::Random {
+        "it widens the spread"
+    } else {
+        "large errors count less in the log score"
+    };
+    is_alone.then(|| format!("the log score rises though the rmse does not fall: {why}"))
+}
+
 /// The constant that an accepted effect or curve includes, as a clause. None where it includes none, or where rows may be off in several
 /// directions, as those of robots.
-pub(crate) fn within<S: Study>(
+pub(crate) fn constant_within<S: Study>(
     search: &Search<'_, S>,
     ladder: &Ladder,
     term: TermId,
@@ -70,6 +90,8 @@ fn included(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gain::Scores;
+    use crate::ladder::LadderStep;
     use crate::ladder::tests::candidate;
     use proto::effect::Parameter;
     use proto::rng::{Draws, Purpose};
@@ -102,6 +124,40 @@ mod tests {
         let column = vec![[1.0, 0.0, 0.0]; without.errors.len()];
         let direction = Direction { name: "readings are off", unit: "dB", column };
         included([&with, &without], &dependence, &direction)
+    }
+
+    #[test]
+    fn an_effect_that_raises_the_log_score_and_not_the_rmse_is_accepted_with_a_clause() {
+        let scores = |log_score, rmse, reception_log_loss| Scores {
+            log_score,
+            rmse,
+            reception_log_loss,
+            rmse_received_db: None,
+            rmse_heading_rad: None,
+            crps: 1.0,
+        };
+        let of = |candidate: &Candidate, after: Scores| {
+            let rungs = [scores(1.0, 2.0, 0.5), after];
+            let rungs = rungs.map(|scores| LadderStep { terms: Vec::new(), scores });
+            let ladder = Ladder {
+                accepted: Vec::new(),
+                rungs: rungs.into(),
+                tests: Vec::new(),
+                too_little: None,
+                stopped: None,
+            };
+            only_in_log_score(candidate, &ladder, 0)
+        };
+        let mean = candidate("yaw-coupling");
+        let spread = Candidate { is_spread: true, ..candidate("fast-fading") };
+        let start = "the log score rises though the rmse does not fall: ";
+        let expected = format!("{start}it widens the spread");
+        assert_eq!(of(&spread, scores(1.5, 2.0, 0.5)), Some(expected));
+        let expected = format!("{start}large errors count less in the log score");
+        assert_eq!(of(&mean, scores(1.5, 2.25, f64::NAN)), Some(expected));
+        for after in [scores(1.5, 1.75, 0.5), scores(1.5, 2.0, 0.25), scores(0.5, 2.0, 0.5)] {
+            assert_eq!(of(&mean, after), None);
+        }
     }
 
     #[test]
