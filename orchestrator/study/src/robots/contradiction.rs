@@ -92,7 +92,8 @@ impl RobotStudy {
         let residuals = self.model.residuals(fit, &rows)?;
         let known = residuals.iter().map(|it| square(it.heading_rad)).filter(|it| it.is_finite());
         let n = self.samples_of(term).count() as f64;
-        let mean_sd_rad = (mean(known) / n).sqrt();
+        // The mean of all means up to a sample has twice the variance of the mean of all.
+        let mean_sd_rad = (2.0 * mean(known) / n).sqrt();
         let half_rad = libm::hypot(0.5 * (high - low), Z_90 * mean_sd_rad);
         (value.abs() < FAR_HALF_INTERVALS * half_rad).then(|| {
             format!(

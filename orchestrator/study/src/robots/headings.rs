@@ -10,6 +10,8 @@ use std::f64::consts::TAU;
 
 /// The greatest concentration: headings that agree to 1e-9 rad.
 const MOST_CONCENTRATED: f64 = 1e18;
+/// The mean of headings is off by chance by at most so many standard deviations.
+const CHANCE_SDS: f64 = 3.0;
 
 /// Scatter of the headings at the ends of windows: von Mises' law and, for one window in a hundred, one that is ten times as broad.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,6 +110,39 @@ impl RobotModel {
         let alone: f64 = slopes.iter().copied().map(square).sum();
         let together = by(&|row| self.tracks.windows[row].track).max(by(&|row| blocks.of_row[row]));
         if alone < together { alone / together } else { 1.0 }
+    }
+}
+
+impl RobotModel {
+    /// Turns the measured headings of each track by what their mean is off by chance. A model whose motion is right takes that mean for the
+    /// course, and positions, which tell the course far better, would show a bias. An angle that exceeds [`CHANCE_SDS`] standard deviations
+    /// of the mean is no chance, and stays.
+    pub(super) fn turn_headings(&mut self, fit: &RobotFit, rows: &[u32]) {
+        let (Some(heading), Some(residuals)) = (fit.density.heading, self.residuals(fit, rows))
+        else {
+            return;
+        };
+        let variance_m2 = square(fit.density.sd_m) * self.tracks.n_overlapping;
+        // Of each track: how far it went to the square, and times the error to the left (m²).
+        let mut ways: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
+        for (residual, &row) in residuals.iter().zip(rows) {
+            let window = &self.tracks.windows[row as usize];
+            let [from_m, to_m] = [window.start, window.end]
+                .map(|sample| self.tracks.robots.samples[sample as usize].position_m);
+            let way_m = libm::hypot(to_m[0] - from_m[0], to_m[1] - from_m[1]);
+            let sums = ways.entry(window.track).or_default();
+            *sums = [sums[0] + square(way_m), sums[1] + way_m * residual.parts_m[1]];
+        }
+        for (track, [square_m2, left_m2]) in ways {
+            let range = self.tracks.robots.tracks[track as usize].clone();
+            let samples = &mut self.tracks.robots.samples[range];
+            // The mean of all means up to a sample, which the filter follows, has twice the variance of the mean of all.
+            let variance = 2.0 / (heading.concentration * samples.len() as f64);
+            let angle_rad = left_m2 / (square_m2 + variance_m2 / variance);
+            if angle_rad.abs() < CHANCE_SDS * variance.sqrt() {
+                samples.iter_mut().for_each(|sample| sample.heading_rad += angle_rad);
+            }
+        }
     }
 }
 
