@@ -7,11 +7,14 @@ use crate::thresholds::{BROAD_FACTOR, BROAD_SHARE};
 use numbers::power::square;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 /// The greatest concentration: headings that agree to 1e-9 rad.
 const MOST_CONCENTRATED: f64 = 1e18;
 /// The mean of headings is off by chance by at most so many standard deviations.
 const CHANCE_SDS: f64 = 3.0;
+/// Headings are turned by this (rad) for the slope of errors over them.
+const TURN_RAD: f64 = 1e-3;
 
 /// Scatter of the headings at the ends of windows: von Mises' law and, for one window in a hundred, one that is ten times as broad.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,27 +125,35 @@ impl RobotModel {
         else {
             return;
         };
+        let measured = self.tracks.robots.samples.clone();
+        self.turn(0..measured.len(), TURN_RAD);
+        let turned = self.residuals(fit, rows);
+        self.tracks.robots.samples = measured;
+        let Some(turned) = turned else { return };
         let variance_m2 = square(fit.density.sd_m) * self.tracks.n_overlapping;
-        // Of each track: how far it went to the square, and times the error to the left (m²).
-        let mut ways: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
-        for (residual, &row) in residuals.iter().zip(rows) {
-            let window = &self.tracks.windows[row as usize];
-            let [from_m, to_m] = [window.start, window.end]
-                .map(|sample| self.tracks.robots.samples[sample as usize].position_m);
-            let way_m = libm::hypot(to_m[0] - from_m[0], to_m[1] - from_m[1]);
-            let sums = ways.entry(window.track).or_default();
-            *sums = [sums[0] + square(way_m), sums[1] + way_m * residual.parts_m[1]];
-        }
-        for (track, [square_m2, left_m2]) in ways {
-            let range = self.tracks.robots.tracks[track as usize].clone();
-            let samples = &mut self.tracks.robots.samples[range];
-            // The mean of all means up to a sample, which the filter follows, has twice the variance of the mean of all.
-            let variance = 2.0 / (heading.concentration * samples.len() as f64);
-            let angle_rad = left_m2 / (square_m2 + variance_m2 / variance);
-            if angle_rad.abs() < CHANCE_SDS * variance.sqrt() {
-                samples.iter_mut().for_each(|sample| sample.heading_rad += angle_rad);
+        // Of each track the sum of the squares of slopes over the angle (m²/rad²), and that of slopes times errors (m²/rad).
+        let mut sums: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
+        for ((residual, turned), &row) in residuals.iter().zip(&turned).zip(rows) {
+            let of = sums.entry(self.tracks.windows[row as usize].track).or_default();
+            for (left_m, turned_m) in residual.parts_m.iter().zip(turned.parts_m) {
+                let slope = (left_m - turned_m) / TURN_RAD;
+                *of = [of[0] + square(slope), of[1] + slope * left_m];
             }
         }
+        for (track, [information, pull]) in sums {
+            let range = self.tracks.robots.tracks[track as usize].clone();
+            // The mean of all means up to a sample, which the filter follows, has twice the variance of the mean of all.
+            let variance = 2.0 / (heading.concentration * range.len() as f64);
+            let angle_rad = pull / (information + variance_m2 / variance);
+            if angle_rad.abs() < CHANCE_SDS * variance.sqrt() {
+                self.turn(range, angle_rad);
+            }
+        }
+    }
+
+    fn turn(&mut self, samples: Range<usize>, angle_rad: f64) {
+        let samples = &mut self.tracks.robots.samples[samples];
+        samples.iter_mut().for_each(|sample| sample.heading_rad += angle_rad);
     }
 }
 
