@@ -195,7 +195,7 @@ fn odd_links_are_used_with_a_warning_that_says_what_it_does() {
             shrunk.keep(|sheet, fields| {
                 rx(sheet, fields) != 7.0 && tx(sheet, fields) != rx(sheet, fields)
             }),
-            &["mote 7 never appears"],
+            &["mote 7 without any row"],
         ),
         (
             "a mote that is deaf",

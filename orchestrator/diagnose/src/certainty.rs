@@ -74,6 +74,10 @@ pub(crate) fn doubts<S: Study>(
                 is_part.then(|| PART.to_owned())
             })
             .or_else(|| search.only_node_of(term, &ladder.accepted).map(of_one_node))
+            .or_else(|| {
+                let is_first = search.is_of_beginnings(term, &ladder.accepted);
+                is_first.then(|| BEGINNING.to_owned())
+            })
             .or_else(|| search.place_instead_of(term, &ladder.accepted).map(|it| as_well(&it)))
             .or_else(|| contradiction(term))
             .or_else(|| {
@@ -92,6 +96,10 @@ const SPREAD: &str =
     "these data do not show that what it spreads is independent from frame to frame";
 /// Of an effect that gains nothing beside a free curve, or less than is left unexplained.
 const PART: &str = "something else is missing, of which this may be a part";
+
+/// Of an effect that moves hardly anything but the first windows of tracks.
+const BEGINNING: &str =
+    "nearly all that it moves is at the beginnings of tracks, before which the motion is not known";
 
 /// Of an effect that moves positions and headings, of which one does not show it.
 fn of_one_channel(silent: Channel) -> &'static str {

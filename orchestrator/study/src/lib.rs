@@ -277,6 +277,11 @@ pub trait Study: Sync {
         None
     }
 
+    /// Which rows are at the beginning of a track, where motion depends on what was before. None: rows are no motion.
+    fn beginnings(&self) -> Option<Vec<bool>> {
+        None
+    }
+
     /// Fits the configured model, its noise, and the terms (indices of candidates) together, to convergence.
     ///
     /// * `train`: the rows.

@@ -68,6 +68,21 @@ impl<S: Study> Search<'_, S> {
         mostly_of_one(&nodes, &moved)
     }
 
+    /// Whether nearly all that a term of places moves are rows at the beginnings of tracks, though most rows are elsewhere: what the state of
+    /// a robot was before its log is not known.
+    pub(crate) fn is_of_beginnings(&self, term: TermId, accepted: &[TermId]) -> bool {
+        if self.study.candidates()[term].level != Level::Place {
+            return false;
+        }
+        let moved = || {
+            let is_first = self.study.beginnings()?;
+            let [with, without] = [accepted.to_vec(), without_term(accepted, term)]
+                .map(|terms| self.full_fit(&terms, COMMON, None));
+            Some((is_first, self.study.prediction_difference(&with, &without)?.by_row))
+        };
+        moved().is_some_and(|(is_first, moved)| mostly_at(&is_first, &moved))
+    }
+
     /// The other place of a node that explains as much as a term of a selection, as a clause: rows left out are predicted as well with the
     /// node there and without the term. None: no place does.
     pub(crate) fn place_instead_of(&self, term: TermId, accepted: &[TermId]) -> Option<String> {
@@ -123,9 +138,29 @@ fn mostly_of_one(nodes: &[[u32; 2]], moved: &[f64]) -> Option<u32> {
     of_node.into_iter().find(|(_, sum)| is_alone(sum)).map(|(node, _)| node)
 }
 
+/// Whether the rows marked have [`CATALOGUE_SHARE`] of the squares of these numbers, and are fewer than half of all.
+fn mostly_at(is_marked: &[bool], moved: &[f64]) -> bool {
+    let known = || is_marked.iter().zip(moved).filter(|(_, moved)| moved.is_finite());
+    let add = |[sum, n]: [f64; 2], (_, moved): (&bool, &f64)| [sum + moved * moved, n + 1.0];
+    let [all, n_all] = known().fold([0.0; 2], add);
+    let [own, n_own] = known().filter(|(is_marked, _)| **is_marked).fold([0.0; 2], add);
+    CATALOGUE_SHARE * all < own && 2.0 * n_own < n_all
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_moves_beginnings_alone_is_told_from_what_moves_others_too() {
+        let is_first: Vec<bool> = (0..100).map(|row| row % 10 == 0).collect();
+        let moved = |other: f64| -> Vec<f64> {
+            is_first.iter().map(|is_first| if *is_first { 3.0 } else { other }).collect()
+        };
+        assert!(mostly_at(&is_first, &moved(0.1)));
+        assert!(!mostly_at(&is_first, &moved(2.0)));
+        assert!(!mostly_at(&[true; 100], &moved(0.1)));
+    }
 
     #[test]
     fn what_moves_rows_of_one_node_alone_is_told_from_what_moves_others_too() {

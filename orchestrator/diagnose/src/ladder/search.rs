@@ -169,7 +169,7 @@ impl<'a, S: Study> Search<'a, S> {
     }
 
     /// A fit to all rows with one term more than `parent`; none where a quick one raises the likelihood by less than `least`
-    /// (nats).
+    /// (nats). Beside random levels that take up what an effect explains a quick fit is far from its end, and is not asked.
     pub(super) fn fit_if_promising(
         &self,
         terms: &[TermId],
@@ -177,9 +177,15 @@ impl<'a, S: Study> Search<'a, S> {
         parent: &S::Fit,
         least: f64,
     ) -> Option<Arc<S::Fit>> {
+        let candidates = self.study.candidates();
         let start = self.study.screen(terms, level, parent);
         let before = self.study.log_likelihood(parent);
-        if start.as_ref().is_some_and(|start| self.study.log_likelihood(start) - before < least) {
+        let has_levels = level == Level::Place
+            || terms.iter().any(|&term| candidates[term].level == Level::Random);
+        let is_effect = terms.last().is_some_and(|&new| candidates[new].curve_over().is_none());
+        let is_quick = !(has_levels && is_effect);
+        let rise = |start: &S::Fit| self.study.log_likelihood(start) - before;
+        if is_quick && start.as_ref().is_some_and(|start| rise(start) < least) {
             return None;
         }
         Some(self.full_fit(terms, level, Some(start.as_ref().unwrap_or(parent))))

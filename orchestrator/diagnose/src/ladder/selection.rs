@@ -60,6 +60,7 @@ impl<S: Study> Search<'_, S> {
             (self.report)(SearchProgress::Ties);
             let before = decided.clone();
             self.drop_resolved_ties(&mut decided, &accepted);
+            self.add_late_ties(&mut decided, &accepted);
             if self.is_stopped() {
                 decided = before;
                 stopped = Some(n_rounds.max(1));

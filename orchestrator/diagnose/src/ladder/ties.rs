@@ -4,6 +4,7 @@ use super::candidate_test::CandidateTest;
 use super::search::{Search, with_term, without_term};
 use crate::acceptance::Verdict;
 use crate::score_test::ScoreTests;
+use proto::effect::Level;
 use rayon::prelude::*;
 use study::thresholds::{
     FAMILY_ERROR, RIVAL_SHARE, SAME_COLUMNS, TIED_ERRORS, TIED_NATS, UNCORRECTED_LEVEL, WORTH_NATS,
@@ -67,6 +68,36 @@ impl<S: Study> Search<'_, S> {
             };
             let ties: Vec<TermId> = test.ties.par_iter().copied().filter(is_still_tied).collect();
             test.ties = ties;
+        }
+    }
+
+    /// Adds ties of random levels that terms accepted later make: a level of each link explains what a law would explain as well, once
+    /// another part of it is in the model.
+    pub(super) fn add_late_ties(&self, decided: &mut [CandidateTest], accepted: &[TermId]) {
+        let candidates = self.study.candidates();
+        let Some(&last) = accepted.last() else { return };
+        let is_random = |term: TermId| candidates[term].level == Level::Random;
+        for test in decided.iter_mut().filter(|it| it.term != last && is_random(it.term)) {
+            let rest = without_term(accepted, test.term);
+            let is_law = |&rival: &TermId| {
+                let candidate = &candidates[rival];
+                candidate.curve_over().is_none()
+                    && candidate.stands_in_for.is_none()
+                    && !is_random(rival)
+                    && !accepted.contains(&rival)
+                    && !test.ties.contains(&rival)
+            };
+            let laws: Vec<TermId> = candidates.ids().filter(is_law).collect();
+            let is_tied = |&rival: &TermId| {
+                let mut instead = self.test_candidate(&rest, rival);
+                if FAMILY_ERROR <= instead.gain.p_value {
+                    return false;
+                }
+                instead.verdict = Verdict::Significant;
+                self.is_tied(test, &instead, &rest)
+            };
+            let ties: Vec<TermId> = laws.into_par_iter().filter(is_tied).collect();
+            test.ties.extend(ties);
         }
     }
 

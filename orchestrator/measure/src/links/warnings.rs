@@ -258,8 +258,8 @@ fn motes(rows: &[LinkRow]) -> Vec<String> {
         };
         if !missing.is_empty() {
             warnings.push(format!(
-                "{} {} never appears, although motes are numbered {first} to {last}; check whether it was off, or its rows \
-                 were lost. Effects visible only on its links are not found",
+                "{} {} without any row, although motes are numbered {first} to {last}: switched off, or rows were lost? Effects \
+                 visible only on links of these are not found",
                 noun(&missing),
                 first_few(&missing)
             ));

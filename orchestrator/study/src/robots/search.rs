@@ -1,6 +1,7 @@
 //! What a search for missing effects asks of robot samples: the trait [`Study`].
 
 use super::density::Residual;
+use super::motion::MotionWindow;
 use super::terms::Term;
 use super::{RobotFit, RobotStudy};
 use crate::folds::Blocks;
@@ -12,6 +13,7 @@ use crate::{
     Candidate, Estimate, PerTerm, PredictionDifference, Residuals, RowScore, Study, TermId,
     caution, is_as_wide, joined,
 };
+use measure::robots::RobotSamples;
 use numbers::normal::Z_90;
 use numbers::power::square;
 use proto::effect::Level;
@@ -88,6 +90,16 @@ impl Study for RobotStudy {
         }
         let known = parent.derivatives.get_or_init(|| self.model.derivatives(parent)).as_ref()?;
         self.model.screen_term(parent, known, term, &self.fitted_rows())
+    }
+
+    fn beginnings(&self) -> Option<Vec<bool>> {
+        let tracks = &self.model.tracks;
+        let RobotSamples { samples, tracks: ranges, .. } = &tracks.robots;
+        let is_first = |(row, window): (usize, &MotionWindow)| {
+            let begin_s = samples[ranges[window.track as usize].start].time_s;
+            tracks.start(window).time_s < begin_s + tracks.window_s(row)
+        };
+        Some(tracks.windows.iter().enumerate().map(is_first).collect())
     }
 
     fn prediction_difference(
