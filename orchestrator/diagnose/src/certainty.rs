@@ -6,7 +6,7 @@ use crate::gate::Gate;
 use crate::ladder::{Channel, Ladder, Search, without_term};
 use crate::pure_error::PureError;
 use numbers::format::with_unit;
-use proto::effect::{CONSTANT, Level};
+use proto::effect::{CONSTANT, Level, Need};
 use study::thresholds::{IDENTIFIED_HALF, LACK_OF_FIT_RATIO};
 use study::{Candidate, Estimate, Study, TermId};
 
@@ -70,6 +70,7 @@ pub(crate) fn doubts<S: Study>(
                 let is_part = remains.is_something()
                     && candidate.linear_in != Some(CONSTANT)
                     && (is_small
+                        || needs_losses(candidate)
                         || !search.survives_beside_curves(term, ladder, &remains.structure));
                 is_part.then(|| PART.to_owned())
             })
@@ -89,6 +90,11 @@ pub(crate) fn doubts<S: Study>(
         why.map(|why| (term, why))
     };
     effects.filter_map(doubt).collect()
+}
+
+/// Whether an effect shows in lost frames alone, of which whatever else weakens frames is a cause, too.
+fn needs_losses(candidate: &Candidate) -> bool {
+    candidate.about.is_some_and(|about| about.needs.contains(&Need::Losses))
 }
 
 /// Of an effect that spreads single frames.

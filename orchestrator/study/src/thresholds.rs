@@ -237,10 +237,12 @@ pub const DEFECT_FAMILY_ERROR: f64 = 0.005;
 /// A defect matters from this share of the squared error of the readings, or of the rows.
 pub const DEFECT_WORTH_SHARE: f64 = 0.01;
 
-/// The place of a node is wrong only if another explains this share of the variance between its links, beside its level. Chosen:
-/// shadowing that happens to look like a place explains less.
+/// The place of a node is wrong only if another explains this share of the variance between its links, beside its level.
 pub const NODE_PLACE_SHARE: f64 = 0.5;
-
+/// Between two rows of a node that are so near (m), its place is known, for a clock that runs fast or slow.
+pub const MOST_CLOCK_GAP_M: f64 = 10.0;
+/// The mean of measured headings is off by chance by at most this number of its standard deviations.
+pub const CHANCE_SDS: f64 = 3.0;
 /// Shifts of channel labels that are tried: up to this number of channels up and down.
 pub const MOST_CHANNEL_SHIFT: i16 = 3;
 
@@ -590,11 +592,9 @@ pub const WIDE_INTERVAL: f64 = 1.0;
 /// Least difference between two predictions, in their unit, for a condition of the next campaign. A smaller share of received
 /// frames is printed as 0.00.
 pub const LEAST_NEXT_DIFFERENCE: f64 = 0.005;
-/// A condition of the next campaign that needs more rows than this number of times those at hand is not recommended. Chosen: a
-/// larger value recommends campaigns that nobody makes, a smaller one withholds what a longer campaign could tell.
+/// A condition of the next campaign that needs more rows than this number of times those at hand is not recommended.
 pub const MOST_NEXT_ROWS: f64 = 10.0;
-/// Two covariates go together if their correlation is at least this (absolute). Chosen: beyond, four fifths of the variance of
-/// one is that of the other.
+/// Two covariates go together if their correlation is at least this (absolute): four fifths of their variance are common.
 pub const GOING_TOGETHER: f64 = 0.9;
 /// A covariate hardly varies if its standard deviation is at most this share of its mean.
 pub const HARDLY_VARYING_SHARE: f64 = 0.1;

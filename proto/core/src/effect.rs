@@ -154,7 +154,7 @@ pub struct Fit {
     pub is_repeatable: bool,
     /// Of a robot effect that has directions or places of the plane: positions of all campaigns must be in one frame.
     pub needs_one_frame: bool,
-    /// Of a robot effect: the motion that its first parameter bounds. Measurements that pass the bound contradict the effect.
+    /// Of a robot effect: what measured motion may contradict, such as a bound that the first parameter sets and robots pass.
     pub bounds: Option<Bounds>,
 }
 
@@ -178,7 +178,7 @@ impl Fit {
     };
 }
 
-/// The motion that an effect on robots rules out.
+/// What an effect on robots says of motion by its first parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bounds {
     /// Robots are no faster.
@@ -187,6 +187,8 @@ pub enum Bounds {
     Acceleration,
     /// Robots that are commanded to be slower stand still.
     Standstill,
+    /// The course is turned by this angle, as it is by the mean error of measured headings.
+    Course,
 }
 
 /// What a fit estimates of an effect.

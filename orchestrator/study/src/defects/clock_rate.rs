@@ -11,7 +11,8 @@ use super::evidence::{Evidence, p_value_by_blocks};
 use super::{Correction, Defect};
 use crate::Estimate;
 use crate::thresholds::{
-    FEWEST_TRACKED_ROWS, LEAST_CLOCK_SHIFT_S, LEAST_TRACKED_SHARE, UNCORRECTED_LEVEL,
+    FEWEST_TRACKED_ROWS, LEAST_CLOCK_SHIFT_S, LEAST_TRACKED_SHARE, MOST_CLOCK_GAP_M,
+    UNCORRECTED_LEVEL,
 };
 use measure::links::LinkRow;
 use numbers::normal::Z_90;
@@ -24,10 +25,8 @@ pub const NAME: &str = "clock-rate";
 /// Trial clocks: so many steps either way, of the middle and of half the change over the campaign. In one the node moves so far (m).
 const STEP_M: f64 = 3.0;
 const N_STEPS: i32 = 6;
-/// Between two rows of a node that are so near (m), its place is known.
-const MOST_GAP_M: f64 = 10.0;
-/// Rows of a node that are compared.
-const MOST_ROWS: usize = 600;
+/// Rows of a node that are compared: of each node, and of the one that gains most.
+const MOST_ROWS: (usize, usize) = (200, 600);
 /// Evaluations of the likelihood in the search for the best clock.
 const MOST_LOOKS: usize = 80;
 /// The share of a step by which a clock is moved for the curvature of the likelihood.
@@ -63,8 +62,9 @@ impl<'a> Node<'a> {
         tracks: &'a Tracks,
         (node, rows): (u32, &[usize]),
         [from_s, to_s]: [f64; 2],
+        most_rows: usize,
     ) -> Option<Self> {
-        let n = rows.len().min(MOST_ROWS);
+        let n = rows.len().min(most_rows);
         let mut rows: Vec<usize> = (0..n).map(|k| rows[k * rows.len() / n]).collect();
         let time_s = |row: usize| evidence.rows()[row].time_s;
         rows.sort_by(|&a, &b| time_s(a).total_cmp(&time_s(b)));
@@ -143,13 +143,18 @@ impl<'a> Node<'a> {
             && LEAST_TRACKED_SHARE * self.rows.len() as f64 <= gain.n_known as f64
     }
 
-    /// The likeliest clock, with what it gains.
-    fn best(&self) -> Option<(Clock, Gain)> {
+    /// The trial clock that gains most, and how much (nats).
+    fn best_trial(&self) -> Option<(Clock, f64)> {
         let steps = || (-N_STEPS..=N_STEPS).map(|step| f64::from(step) * self.step_s);
         let clocks = steps().flat_map(|middle| steps().map(move |end| [middle, end]));
         let gained = clocks.filter_map(|clock| Some((clock, self.gain(clock)?)));
         let tracked = gained.filter(|(_, gain)| self.is_tracked(gain));
-        let (start, _) = tracked.max_by(|a, b| a.1.nats.total_cmp(&b.1.nats))?;
+        let nats = tracked.map(|(clock, gain)| (clock, gain.nats));
+        nats.max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// The likeliest clock near a trial, with what it gains.
+    fn refined(&self, start: Clock) -> Option<(Clock, Gain)> {
         let search = NelderMead { max_evaluations: MOST_LOOKS, tolerance: 1e-3 };
         let cost = |clock: &[f64]| {
             let gain = self.gain([clock[0], clock[1]]).filter(|gain| self.is_tracked(gain));
@@ -183,7 +188,7 @@ impl<'a> Node<'a> {
 pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let (rows, still) = (evidence.rows(), evidence.modelled().still());
     let span_s = range(rows.iter().map(|row| row.time_s));
-    let tracks = Tracks::new(rows, MOST_GAP_M);
+    let tracks = Tracks::new(rows, MOST_CLOCK_GAP_M);
     if !span_s.iter().all(|end| end.is_finite()) || span_s[0] == span_s[1] {
         return None;
     }
@@ -193,12 +198,14 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
             of_node.entry(node).or_default().push(index);
         }
     }
-    let node = |(&node, rows): (&u32, &Vec<usize>)| {
-        Node::new(evidence, &tracks, (node, rows.as_slice()), span_s)
+    let node = |node: u32, most_rows: usize| {
+        Node::new(evidence, &tracks, (node, of_node[&node].as_slice()), span_s, most_rows)
     };
-    let nodes: Vec<Node<'_>> = of_node.iter().filter_map(node).collect();
-    let found = nodes.iter().filter_map(|node| Some((node, node.best()?)));
-    let (node, (clock, gain)) = found.max_by(|a, b| a.1.1.nats.total_cmp(&b.1.1.nats))?;
+    let trial = |&id: &u32| Some((id, node(id, MOST_ROWS.0)?.best_trial()?));
+    let trials: Vec<(u32, (Clock, f64))> = of_node.keys().filter_map(trial).collect();
+    let &(id, (start, _)) = trials.iter().max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+    let node = node(id, MOST_ROWS.1)?;
+    let (clock, gain) = node.refined(start)?;
     let ends_s = [clock[0] - clock[1], clock[0] + clock[1]];
     let most_s = ends_s.into_iter().map(f64::abs).fold(0.0, f64::max);
     tracing::debug!(node = node.node, ?clock, ?gain, "clock");
@@ -233,7 +240,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let (rate, late_s) = (clock[1] * per_s, clock[0]);
     Some(Defect {
         name: NAME,
-        p_value: ((nodes.len() * n_clocks) as f64 * p_value).min(1.0),
+        p_value: ((trials.len() * n_clocks) as f64 * p_value).min(1.0),
         share,
         estimates: vec![
             estimate("shift_s", "s", late_s, errors_s[0]),

@@ -30,10 +30,10 @@ impl RobotStudy {
     /// Why the measured motion contradicts an effect of a fit; none: it does not.
     pub(super) fn contradicted(&self, fit: &RobotFit, term: TermId) -> Option<String> {
         let Term::Effect(effect) = &self.model.terms[term] else { return None };
-        if effect.is_of_course() {
+        let bounds = effect.bounds?;
+        if bounds == Bounds::Course {
             return self.chance_of_course(fit, term);
         }
-        let bounds = effect.bounds?;
         // What bounds a turn shows in headings.
         if effect.is_on_turn()
             || self.candidates[term].only.as_ref().is_some_and(is_otherwise_limited)
@@ -57,6 +57,7 @@ impl RobotStudy {
                     "robots are accelerated by more than {high:.3} m/s² at {share:.0} % of the moments"
                 ))
             }
+            Bounds::Course => None,
             Bounds::Speed => {
                 let passes = |row: usize| {
                     let [moved_m, _, window_s] = self.motion_of(row);

@@ -3,7 +3,7 @@
 use super::density::Residual;
 use super::{RobotFit, RobotModel};
 use crate::folds::Blocks;
-use crate::thresholds::{BROAD_FACTOR, BROAD_SHARE};
+use crate::thresholds::{BROAD_FACTOR, BROAD_SHARE, CHANCE_SDS};
 use numbers::power::square;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -11,8 +11,6 @@ use std::ops::Range;
 
 /// The greatest concentration: headings that agree to 1e-9 rad.
 const MOST_CONCENTRATED: f64 = 1e18;
-/// The mean of headings is off by chance by at most so many standard deviations.
-const CHANCE_SDS: f64 = 3.0;
 /// Headings are turned by this (rad) for the slope of errors over them.
 const TURN_RAD: f64 = 1e-3;
 

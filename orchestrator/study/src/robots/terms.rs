@@ -35,7 +35,7 @@ pub(super) struct EffectTerm {
     pub(super) starts: Starts,
     /// What those starts are.
     search: Search,
-    /// The motion that the first parameter bounds.
+    /// What the first parameter says of motion.
     pub(super) bounds: Option<Bounds>,
 }
 
@@ -54,11 +54,6 @@ impl EffectTerm {
     pub(super) fn threshold_on(&self) -> Option<Part> {
         let part = if self.is_on_turn() { Part::Turn } else { Part::Speed };
         (self.search == Search::Thresholds { only_below: true }).then_some(part)
-    }
-
-    /// Whether it turns the course by a constant, as the mean error of measured headings does, too.
-    pub(super) fn is_of_course(&self) -> bool {
-        self.table.get("kind").and_then(toml::Value::as_str) == Some("heading-bias")
     }
 
     /// Whether it acts on the turn actuator.

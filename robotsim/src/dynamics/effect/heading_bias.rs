@@ -2,7 +2,7 @@
 
 use super::{Drive, Effect, Entry, Shape};
 use proto::config::Section;
-use proto::effect::Catalogued;
+use proto::effect::{Bounds, Catalogued};
 
 /// `kind = "heading-bias"`.
 pub(super) const ENTRY: Entry = Entry::of::<HeadingBias>();
@@ -36,6 +36,7 @@ pub(super) const ENTRY: Entry = Entry::of::<HeadingBias>();
     name = "heading-bias",
     needs = &[],
     example = "angle_rad = 0.05\n",
+    bounds = Some(Bounds::Course),
 )]
 struct HeadingBias {
     /// Angle of the bias, to the left (rad).
