@@ -5,6 +5,8 @@
 //! an error of its own, are the noise of this regression. A partner that moves has no mean residual; its rows count by the square of
 //! the area in which it is, together with those of all others that move.
 //!
+//! The partner on which the regression rests most is left out of it: a link that is very short must not decide alone.
+//!
 //! Trial places stand on rings about the surveyed one. The amplitude of the change is free in the test, so that each place is one test
 //! by Student's t, and none in the estimate, which a simplex search refines.
 
@@ -112,8 +114,8 @@ impl<'a> Node<'a> {
         let mut node =
             Self { evidence, node, partners, reach_m, residuals_db, readings_dbm: Vec::new() };
         node.readings_dbm = node.readings_dbm([0.0; 2])?;
-        // The level and the amplitude leave nothing of two partners.
-        (2 < node.partners.len() && 0.0 < reach_m).then_some(node)
+        // Without any of them, the level and the amplitude leave nothing of two partners.
+        (3 < node.partners.len() && 0.0 < reach_m).then_some(node)
     }
 
     /// What the model says of the rows (dBm) with the node elsewhere by so much (m).
@@ -152,7 +154,7 @@ impl<'a> Node<'a> {
             })
         });
         let regression = |by_m| {
-            let found = regression(&self.residuals_db, &self.changes_db(by_m)?)?;
+            let found = without_any(&self.residuals_db, &self.changes_db(by_m)?)?;
             Some((by_m, found))
         };
         places.filter_map(regression).min_by(|a, b| a.1.p_value.total_cmp(&b.1.p_value))
@@ -205,6 +207,16 @@ fn regression(residuals_db: &[f64], changes_db: &[f64]) -> Option<Regression> {
     let t = amplitude * (xx * freedom / (yy * (1.0 - share))).sqrt();
     let law = StudentsT::new(0.0, 1.0, freedom).ok()?;
     t.is_finite().then(|| Regression { p_value: law.sf(t), amplitude, share })
+}
+
+/// The regression without the partner on which it rests most: a link that is very short, or behind a wall, must not decide alone.
+fn without_any(residuals_db: &[f64], changes_db: &[f64]) -> Option<Regression> {
+    let without = |left_out: usize| {
+        let rest = |values: &[f64]| [&values[..left_out], &values[left_out + 1..]].concat();
+        regression(&rest(residuals_db), &rest(changes_db))
+    };
+    let all: Option<Vec<Regression>> = (0..residuals_db.len()).map(without).collect();
+    all?.into_iter().max_by(|a, b| a.p_value.total_cmp(&b.p_value))
 }
 
 /// Looks for the node whose place is wrong.
@@ -283,6 +295,17 @@ mod tests {
         // The opposite change is none.
         let opposite: Vec<f64> = changes.iter().map(|it| -it).collect();
         assert!(0.99 < regression(&residuals, &opposite).unwrap().p_value);
+    }
+
+    #[test]
+    fn one_partner_does_not_decide() {
+        let noise = |k: i32| 0.5 * libm::cos(7.0 * f64::from(k));
+        let residuals: Vec<f64> =
+            (0..10).map(|k| noise(k) + if k == 4 { 9.0 } else { 0.0 }).collect();
+        let changes: Vec<f64> =
+            (0..10).map(|k| if k == 4 { 6.0 } else { 0.1 * noise(k + 20) }).collect();
+        assert!(regression(&residuals, &changes).unwrap().p_value < 1e-6);
+        assert!(0.01 < without_any(&residuals, &changes).unwrap().p_value);
     }
 
     #[test]

@@ -116,8 +116,8 @@ impl RobotModel {
 
 impl RobotModel {
     /// Turns the measured headings of each track by what their mean is off by chance. A model whose motion is right takes that mean for the
-    /// course, and positions, which tell the course far better, would show a bias. An angle that exceeds [`CHANCE_SDS`] standard deviations
-    /// of the mean is no chance, and stays.
+    /// course, and positions, which tell the course far better, would show a bias. Where the angle of a track, or what all have in common,
+    /// exceeds [`CHANCE_SDS`] standard deviations, it is no chance: something turns robots, and nothing is done.
     pub(super) fn turn_headings(&mut self, fit: &RobotFit, rows: &[u32]) {
         let (Some(heading), Some(residuals)) = (fit.density.heading, self.residuals(fit, rows))
         else {
@@ -138,14 +138,19 @@ impl RobotModel {
                 *of = [of[0] + square(slope), of[1] + slope * left_m];
             }
         }
-        for (track, [information, pull]) in sums {
+        let angle = |(track, [information, pull]): (u32, [f64; 2])| {
             let range = self.tracks.robots.tracks[track as usize].clone();
             // The mean of all means up to a sample, which the filter follows, has twice the variance of the mean of all.
             let variance = 2.0 / (heading.concentration * range.len() as f64);
             let angle_rad = pull / (information + variance_m2 / variance);
-            if angle_rad.abs() < CHANCE_SDS * variance.sqrt() {
-                self.turn(range, angle_rad);
-            }
+            (range, angle_rad, angle_rad / variance.sqrt())
+        };
+        let angles: Vec<(Range<usize>, f64, f64)> = sums.into_iter().map(angle).collect();
+        let is_chance = |sds: f64| sds.abs() < CHANCE_SDS;
+        let common =
+            angles.iter().map(|(_, _, sds)| sds).sum::<f64>() / (angles.len() as f64).sqrt();
+        if is_chance(common) && angles.iter().all(|(_, _, sds)| is_chance(*sds)) {
+            angles.into_iter().for_each(|(range, angle_rad, _)| self.turn(range, angle_rad));
         }
     }
 
