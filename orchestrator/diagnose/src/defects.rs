@@ -121,7 +121,7 @@ pub(crate) fn clauses(defects: &[MeasurementDefect]) -> Option<String> {
 }
 
 /// The defects of measured links. Only where some are suspected, the measurements as they are are searched for effects that explain
-/// them. Where that search is stopped, what was suspected is returned.
+/// them. Where that search is stopped, what was suspected is returned, wrong places apart.
 pub(crate) fn find(study: &LinkStudy, report: &(dyn Fn(SearchProgress<'_>) + Sync)) -> Vec<Defect> {
     let suspected = suspected(study);
     if suspected.is_empty() {
@@ -134,11 +134,12 @@ pub(crate) fn find(study: &LinkStudy, report: &(dyn Fn(SearchProgress<'_>) + Syn
     let searched = thin.as_ref().unwrap_or(study);
     let search = Search::new(searched, report);
     let ladder = search.stepwise_selection();
-    if ladder.stopped.is_some() {
-        return suspected;
-    }
     let (places, others): (Vec<Defect>, Vec<Defect>) =
         suspected.into_iter().partition(|defect| defect.name == node_place::NAME);
+    if ladder.stopped.is_some() {
+        // A wall that the model lacks looks like a wrong place, too.
+        return others;
+    }
     // A curve, or an effect that moves hardly anything but the rows of one node, is less simple than its place.
     let candidates = searched.candidates();
     let is_rival = |term: &TermId| {

@@ -28,7 +28,8 @@ use super::{
     TermId,
 };
 use crate::thresholds::{
-    DECORRELATION_M, DEFAULT_DECORRELATION_M, MOST_SEARCHED_ROWS, SELECTED_SHARE, UNCORRECTED_LEVEL,
+    DECORRELATION_M, DEFAULT_DECORRELATION_M, MOST_SEARCHED_ROWS, NODE_PLACE_SHARE, SELECTED_SHARE,
+    UNCORRECTED_LEVEL,
 };
 use fit::LinkFit;
 use likelihood::Instrument;
@@ -246,7 +247,8 @@ impl Study for LinkStudy {
 
     fn resurveyed(&self, fit: &LinkFit) -> Option<(String, Self)> {
         let evidence = Evidence::new(self, fit)?;
-        let place = node_place::test(&evidence).filter(|it| it.p_value < UNCORRECTED_LEVEL)?;
+        let place = node_place::likeliest(&evidence, NODE_PLACE_SHARE)
+            .filter(|it| it.p_value < UNCORRECTED_LEVEL)?;
         let study = self.corrected(&place.correction).ok()??;
         Some((place.clause, study))
     }

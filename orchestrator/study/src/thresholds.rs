@@ -237,7 +237,7 @@ pub const DEFECT_FAMILY_ERROR: f64 = 0.005;
 /// A defect matters from this share of the squared error of the readings, or of the rows.
 pub const DEFECT_WORTH_SHARE: f64 = 0.01;
 
-/// The place of a node is wrong only if another explains this share of the variance between its links, beside its level.
+/// The place of a node may be wrong if another explains this share of the variance between its links, beside its level.
 pub const NODE_PLACE_SHARE: f64 = 0.5;
 /// Between two rows of a node that are so near (m), its place is known, for a clock that runs fast or slow.
 pub const MOST_CLOCK_GAP_M: f64 = 10.0;

@@ -13,7 +13,7 @@
 use super::evidence::Evidence;
 use super::{Correction, Defect};
 use crate::Estimate;
-use crate::thresholds::NODE_PLACE_SHARE;
+use crate::thresholds::CATALOGUE_SHARE;
 use measure::links::LinkRow;
 use numbers::optimise::nelder_mead::NelderMead;
 use numbers::power::square;
@@ -219,9 +219,15 @@ fn without_any(residuals_db: &[f64], changes_db: &[f64]) -> Option<Regression> {
     all?.into_iter().max_by(|a, b| a.p_value.total_cmp(&b.p_value))
 }
 
-/// Looks for the node whose place is wrong.
+/// Looks for a node whose place is surely wrong: another explains nearly all that its links differ by.
 #[must_use]
 pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
+    likeliest(evidence, CATALOGUE_SHARE)
+}
+
+/// The node whose place is likeliest to be wrong, if another explains at least this share of the variance between its links.
+#[must_use]
+pub fn likeliest(evidence: &Evidence<'_>, least_share: f64) -> Option<Defect> {
     let still = evidence.modelled().still();
     let mut of_node: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for row in evidence.received() {
@@ -237,7 +243,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let trials = nodes.iter().filter_map(|node| Some((node, node.best_trial()?)));
     let (node, (trial_m, found)) = trials.min_by(|a, b| a.1.1.p_value.total_cmp(&b.1.1.p_value))?;
     tracing::debug!(node = node.node, ?trial_m, ?found, "place");
-    if found.share < NODE_PLACE_SHARE {
+    if found.share < least_share {
         return None;
     }
     let start = trial_m.map(|part| part * found.amplitude.clamp(0.5, 2.0));
