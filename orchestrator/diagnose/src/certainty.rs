@@ -79,8 +79,17 @@ pub(crate) fn doubts<S: Study>(
                 let is_first = search.is_of_beginnings(term, &ladder.accepted);
                 is_first.then(|| BEGINNING.to_owned())
             })
-            .or_else(|| search.place_instead_of(term, &ladder.accepted).map(|it| as_well(&it)))
+            .or_else(|| {
+                // A model that is not complete misses more than a place.
+                let is_complete = ladder.stopped.is_none();
+                let place = is_complete.then(|| search.place_instead_of(term, &ladder.accepted));
+                place.flatten().map(|it| as_well(&it))
+            })
             .or_else(|| contradiction(term))
+            .or_else(|| {
+                let others = without_term(&ladder.accepted, term);
+                search.may_be_drift(term, &others).then(|| DRIFT.to_owned())
+            })
             .or_else(|| {
                 let others = without_term(&ladder.accepted, term);
                 search
@@ -102,6 +111,9 @@ const SPREAD: &str =
     "these data do not show that what it spreads is independent from frame to frame";
 /// Of an effect that gains nothing beside a free curve, or less than is left unexplained.
 const PART: &str = "something else is missing, of which this may be a part";
+
+/// Of an effect that turns robots whose headings are not those of their course.
+const DRIFT: &str = "measured headings drift against the course that positions show, so that their sensor may be wrong";
 
 /// Of an effect that moves hardly anything but the first windows of tracks.
 const BEGINNING: &str =

@@ -277,6 +277,11 @@ pub trait Study: Sync {
         None
     }
 
+    /// Whether measured headings drift against the course that positions show.
+    fn do_headings_drift(&self) -> bool {
+        false
+    }
+
     /// Which rows are at the beginning of a track, where motion depends on what was before. None: rows are no motion.
     fn beginnings(&self) -> Option<Vec<bool>> {
         None

@@ -2,7 +2,8 @@
 
 use super::search::{Search, with_term};
 use crate::gain::{Gain, Scores};
-use study::thresholds::{FAMILY_ERROR, UNCORRECTED_LEVEL, WORSE_SHARE};
+use study::linear::Column;
+use study::thresholds::{CATALOGUE_SHARE, FAMILY_ERROR, UNCORRECTED_LEVEL, WORSE_SHARE};
 use study::{COMMON, RowScore, Study, TermId};
 
 /// An effect moves headings if it moves one by this (rad).
@@ -67,6 +68,23 @@ impl<S: Study> Search<'_, S> {
         let of_heading = |row: &RowScore| row.log - row.log_of_position;
         let gain = self.gain_of_channel(&with, others, of_heading)?;
         (turns && UNCORRECTED_LEVEL <= gain.p_value).then_some(Channel::Headings)
+    }
+
+    /// Whether a term turns robots rather than moves them along, and measured headings drift: the sensor may be what turns.
+    pub(crate) fn may_be_drift(&self, term: TermId, others: &[TermId]) -> bool {
+        let across = |column: &Column| {
+            let known = column.iter().filter(|moved| (moved[0] * moved[1]).is_finite());
+            known.fold([0.0; 2], |[across, all], moved| {
+                let turned = moved[1] * moved[1] + moved[2] * moved[2];
+                [across + turned, all + turned + moved[0] * moved[0]]
+            })
+        };
+        let turns = |column: &Column| {
+            let [across, all] = across(column);
+            CATALOGUE_SHARE * all < across
+        };
+        self.study.do_headings_drift()
+            && self.study.columns(&self.full_fit(others, COMMON, None), term).iter().any(turns)
     }
 
     /// Gain of one model over another in the held-out log score of positions; none where no headings are measured beside them.

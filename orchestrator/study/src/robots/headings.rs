@@ -1,10 +1,13 @@
 //! How predicted headings scatter: the channel that bodies which turn are measured in beside their position.
 
 use super::density::Residual;
-use super::{RobotFit, RobotModel};
+
+use super::{RobotFit, RobotModel, RobotStudy};
 use crate::folds::Blocks;
-use crate::thresholds::{BROAD_FACTOR, BROAD_SHARE, CHANCE_SDS};
+use crate::thresholds::{BROAD_FACTOR, BROAD_SHARE, CHANCE_SDS, FAMILY_ERROR};
 use numbers::power::square;
+use robotsim::dynamics::wrapped;
+use statrs::distribution::{ContinuousCDF as _, FisherSnedecor};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -13,6 +16,10 @@ use std::ops::Range;
 const MOST_CONCENTRATED: f64 = 1e18;
 /// Headings are turned by this (rad) for the slope of errors over them.
 const TURN_RAD: f64 = 1e-3;
+/// A course is measured by a way of at least so many times the noise of positions.
+const FAR_NOISES: f64 = 5.0;
+/// Windows of a part of a track.
+const PART_WINDOWS: usize = 8;
 
 /// Scatter of the headings at the ends of windows: von Mises' law and, for one window in a hundred, one that is ten times as broad.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -158,6 +165,77 @@ impl RobotModel {
         let samples = &mut self.tracks.robots.samples[samples];
         samples.iter_mut().for_each(|sample| sample.heading_rad += angle_rad);
     }
+}
+
+impl RobotStudy {
+    /// Whether measured headings drift against the course that positions show: windows that follow each other, without overlap, differ from
+    /// those of other parts of their track by more than among themselves (F test at [`FAMILY_ERROR`]). What a wind of the same direction
+    /// everywhere turns is taken out first.
+    pub(super) fn do_headings_drift(&self) -> bool {
+        let tracks = &self.model.tracks;
+        let samples = &tracks.robots.samples;
+        let least_m = FAR_NOISES * self.configured.density.sd_m;
+        // Of each window of a track: track and part, the course less the heading (rad), and what a wind turns.
+        let mut rows: Vec<((u32, usize), [f64; 3])> = Vec::new();
+        let (mut track, mut n, mut last_end) = (u32::MAX, 0, 0);
+        for window in &tracks.windows {
+            if window.track != track {
+                (track, n, last_end) = (window.track, 0, 0);
+            }
+            let [from, to] = [window.start, window.end].map(|sample| samples[sample as usize]);
+            let [dx, dy] = [0, 1].map(|axis| to.position_m[axis] - from.position_m[axis]);
+            let way_m = libm::hypot(dx, dy);
+            let turned_rad = wrapped(to.heading_rad - from.heading_rad);
+            let middle_rad = from.heading_rad + 0.5 * turned_rad;
+            let forward = libm::cos(libm::atan2(dy, dx) - middle_rad);
+            if window.start < last_end || way_m < least_m || forward.is_nan() || forward < 0.5 {
+                continue;
+            }
+            let off_rad = wrapped(libm::atan2(dy, dx) - middle_rad);
+            let slow = (to.time_s - from.time_s) / way_m;
+            let (sin, cos) = libm::sincos(middle_rad);
+            rows.push(((track, n / PART_WINDOWS), [off_rad, slow * sin, slow * cos]));
+            (n, last_end) = (n + 1, window.end);
+        }
+        let n_tracks = by_group(&mut rows, |(track, _)| u64::from(track));
+        let beside_wind = |column: usize, rows: &mut [((u32, usize), [f64; 3])]| {
+            let products = |k: usize| rows.iter().map(move |(_, it)| it[column] * it[k]);
+            let sums: Vec<f64> = (0..3).map(|k| products(k).sum()).collect();
+            for k in [0, 2].into_iter().filter(|&k| k == 0 || column < k) {
+                let share = if 0.0 < sums[column] { sums[k] / sums[column] } else { 0.0 };
+                rows.iter_mut().for_each(|(_, it)| it[k] -= share * it[column]);
+            }
+        };
+        beside_wind(1, &mut rows);
+        beside_wind(2, &mut rows);
+        let all = rows.iter().map(|(_, it)| square(it[0])).sum::<f64>();
+        let n_rows = rows.len();
+        let parts = by_group(&mut rows, |(track, part)| (u64::from(track) << 32) + part as u64);
+        let within = rows.iter().map(|(_, it)| square(it[0])).sum::<f64>();
+        let between = all - within;
+        let (Some(more), Some(left)) = (parts.checked_sub(n_tracks), n_rows.checked_sub(parts + 2))
+        else {
+            return false;
+        };
+        let [more, left] = [more as f64, left as f64];
+        FisherSnedecor::new(more, left)
+            .is_ok_and(|law| law.sf(between / more / (within / left)) < FAMILY_ERROR)
+    }
+}
+
+/// Takes the mean of each group from its rows, and returns the number of groups.
+fn by_group(rows: &mut [((u32, usize), [f64; 3])], group: impl Fn((u32, usize)) -> u64) -> usize {
+    let mut sums: BTreeMap<u64, ([f64; 3], f64)> = BTreeMap::new();
+    for (key, values) in rows.iter() {
+        let (sum, n) = sums.entry(group(*key)).or_default();
+        (0..3).for_each(|k| sum[k] += values[k]);
+        *n += 1.0;
+    }
+    for (key, values) in rows.iter_mut() {
+        let (sum, n) = &sums[&group(*key)];
+        (0..3).for_each(|k| values[k] -= sum[k] / n);
+    }
+    sums.len()
 }
 
 /// How far the cosine of an error (rad) lies below 1.

@@ -92,6 +92,10 @@ impl Study for RobotStudy {
         self.model.screen_term(parent, known, term, &self.fitted_rows())
     }
 
+    fn do_headings_drift(&self) -> bool {
+        self.robots().shape.is_turning() && Self::do_headings_drift(self)
+    }
+
     fn beginnings(&self) -> Option<Vec<bool>> {
         let tracks = &self.model.tracks;
         let RobotSamples { samples, tracks: ranges, .. } = &tracks.robots;

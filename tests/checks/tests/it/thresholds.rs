@@ -137,7 +137,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
             ("study/src/robots/command_thresholds.rs", &["COARSE", "PARTS", "TAIL_HALVES"]),
             ("study/src/robots/derivatives.rs", &["BEND_STEPS"]),
             ("study/src/robots/discs.rs", &["N_LOOKS"]),
-            ("study/src/robots/headings.rs", &["TURN_RAD"]),
+            ("study/src/robots/headings.rs", &["FAR_NOISES", "PART_WINDOWS", "TURN_RAD"]),
             ("study/src/symbolic.rs", &["HALVES"]),
         ],
     ),
