@@ -97,6 +97,16 @@ fn a_turn_is_told_by_headings_more_exactly_than_by_positions() {
 }
 
 #[test]
+fn headings_that_drift_against_the_course_are_told_from_motion_that_turns_less() {
+    let drift = |turn_scale, errors| {
+        crate::Study::do_headings_drift(&study_of("unicycle", &unicycles(turn_scale, errors)))
+    };
+    assert!(!drift(1.0, SensorErrors::default()) && !drift(0.95, SensorErrors::default()));
+    assert!(drift(1.0, SensorErrors { drift_radps: 0.002, ..SensorErrors::default() }));
+    assert!(drift(1.0, SensorErrors { walk_rad: 0.01, ..SensorErrors::default() }));
+}
+
+#[test]
 fn bodies_that_do_not_turn_have_no_headings() {
     let study = study(&super::lagging(400, 0.2));
     assert!(study.configured().density.heading.is_none());
