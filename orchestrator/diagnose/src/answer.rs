@@ -367,11 +367,8 @@ fn unexplained<S: Study>(
         may_be_cause: nearest.may_be_cause(),
         why_not: nearest.why_not,
     };
-    let is_law = |term: &TermId| {
-        let candidate = &study.candidates()[*term];
-        candidate.curve_over().is_none() && candidate.level != Level::Random
-    };
-    let laws: Vec<TermId> = ladder.accepted.iter().copied().filter(is_law).collect();
+    let mut laws = search.without_random(&ladder.accepted);
+    laws.retain(|&term| study.candidates()[term].curve_over().is_none());
     let noisy_places = |covariate: &str| {
         let fit = search.full_fit(&laws, COMMON, None);
         study.position_noise_m(&fit, covariate).map(certainty::of_noisy_places)

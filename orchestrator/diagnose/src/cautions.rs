@@ -96,7 +96,7 @@ mod tests {
     use proto::effect::Parameter;
     use proto::rng::{Draws, Purpose};
 
-    /// Rows of two series, 5 s apart, that are off by what is told.
+    /// Rows of two series, 5 s apart, with these errors and normal noise.
     fn off(by: impl Fn(usize) -> f64) -> (Linearised, Dependence) {
         let n = 2000;
         let draws = Draws::new(1, Purpose::Resample);

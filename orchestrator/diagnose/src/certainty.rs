@@ -49,12 +49,9 @@ pub(crate) fn doubts<S: Study>(
     let is_effect = |term: &&TermId| candidates[**term].curve_over().is_none();
     let effects = ladder.accepted.iter().filter(is_effect).enumerate();
     let worse = search.worse_channel(&ladder.accepted, &[]);
-    let contradiction = |term: TermId| {
-        let others = without_term(&ladder.accepted, term);
-        search.contradiction(term, &others).or_else(|| worse.clone())
-    };
     let doubt = |(place, &term): (usize, &TermId)| {
         let candidate = &candidates[term];
+        let others = without_term(&ladder.accepted, term);
         let estimates = known.iter().find(|(other, _)| *other == term);
         let estimates = estimates.map_or(&[][..], |(_, estimates)| estimates);
         let why = implausible(candidate, estimates)
@@ -85,17 +82,10 @@ pub(crate) fn doubts<S: Study>(
                 let place = is_complete.then(|| search.place_instead_of(term, &ladder.accepted));
                 place.flatten().map(|it| as_well(&it))
             })
-            .or_else(|| contradiction(term))
-            .or_else(|| {
-                let others = without_term(&ladder.accepted, term);
-                search.may_be_drift(term, &others).then(|| DRIFT.to_owned())
-            })
-            .or_else(|| {
-                let others = without_term(&ladder.accepted, term);
-                search
-                    .channel_without(term, &others)
-                    .map(|channel| of_one_channel(channel).to_owned())
-            });
+            .or_else(|| search.contradiction(term, &others))
+            .or_else(|| worse.clone())
+            .or_else(|| search.may_be_drift(term, &others).then(|| DRIFT.to_owned()))
+            .or_else(|| search.channel_without(term, &others).map(of_one_channel));
         why.map(|why| (term, why))
     };
     effects.filter_map(doubt).collect()
@@ -120,11 +110,12 @@ const BEGINNING: &str =
     "nearly all that it moves is at the beginnings of tracks, before which the motion is not known";
 
 /// Of an effect that moves positions and headings, of which one does not show it.
-fn of_one_channel(silent: Channel) -> &'static str {
-    match silent {
+fn of_one_channel(silent: Channel) -> String {
+    let shown = match silent {
         Channel::Positions => "only headings show it, whose sensor may drift",
         Channel::Headings => "headings do not show it, whose sensor may drift",
-    }
+    };
+    shown.to_owned()
 }
 
 /// Of an effect or structure that moves hardly anything but the rows of one node.

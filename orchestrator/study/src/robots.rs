@@ -417,13 +417,12 @@ impl RobotStudy {
         model.steps_m = model.tracks.steps_m(&physics, gains);
         let all = in_time.fitted();
         let mut configured = model.fitted(&[], &all, &start);
-        if configured.density.heading.is_some() {
+        if shape.is_turning() {
             model.turn_headings(&configured, &all);
             configured = model.fitted(&[], &all, &configured);
-        }
-        if let Some(heading) = configured.density.heading {
             let weight = model.heading_weight(&configured, &all, &in_time);
-            configured.density.heading = Some(heading.weighted(weight));
+            let heading = configured.density.heading.map(|heading| heading.weighted(weight));
+            configured.density.heading = heading;
             configured = model.fitted(&[], &all, &configured);
         }
         Ok(Self {

@@ -50,6 +50,12 @@ impl<S: Study> Search<'_, S> {
         with_term(&terms, levels)
     }
 
+    /// The terms that are no random effects.
+    pub(crate) fn without_random(&self, terms: &[TermId]) -> Vec<TermId> {
+        let is_law = |term: &TermId| self.study.candidates()[*term].level != Level::Random;
+        terms.iter().copied().filter(is_law).collect()
+    }
+
     /// The node that has nearly all in common that a term of a selection moves, though most rows are of others: its own place or antenna
     /// may be the cause. None of what changes in time, is limited to nodes, or has a level of each.
     pub(crate) fn only_node_of(&self, term: TermId, accepted: &[TermId]) -> Option<u32> {
@@ -59,9 +65,7 @@ impl<S: Study> Search<'_, S> {
             return None;
         }
         // In a fit without the term, another random effect would absorb a part of what the term explains. Both fits are without any.
-        let is_law = |other: &TermId| self.study.candidates()[*other].level != Level::Random;
-        let laws = accepted.iter().copied().filter(|other| is_law(other) && *other != term);
-        let laws: Vec<TermId> = laws.collect();
+        let laws = self.without_random(&without_term(accepted, term));
         let [with, without] =
             [with_term(&laws, term), laws].map(|terms| self.full_fit(&terms, COMMON, None));
         let moved = self.study.prediction_difference(&with, &without)?.by_row;
@@ -88,8 +92,7 @@ impl<S: Study> Search<'_, S> {
     pub(crate) fn place_instead_of(&self, term: TermId, accepted: &[TermId]) -> Option<String> {
         let candidates = self.study.candidates();
         let rest = without_term(accepted, term);
-        let is_law = |other: &TermId| candidates[*other].level != Level::Random;
-        let laws: Vec<TermId> = rest.iter().copied().filter(is_law).collect();
+        let laws = self.without_random(&rest);
         let (clause, study) = self.study.resurveyed(&self.full_fit(&laws, COMMON, None))?;
         let others = study.candidates();
         // What is limited to some rows has no other number there.

@@ -59,15 +59,22 @@ impl<S: Study> Search<'_, S> {
                 if levels == Some(rival) {
                     return true;
                 }
-                let mut again = self.test_candidate(&rest, rival);
-                if again.gain.p_value < FAMILY_ERROR {
-                    again.verdict = Verdict::Significant;
-                }
+                let again = self.tested_again(&rest, rival);
                 (again.verdict.is_significant() || self.is_rival(test, &again, &rest))
                     && self.is_tied(test, &again, &rest)
             };
             let ties: Vec<TermId> = test.ties.par_iter().copied().filter(is_still_tied).collect();
             test.ties = ties;
+        }
+    }
+
+    /// The test of a candidate when the search has ended, significant or not by its gain alone.
+    fn tested_again(&self, accepted: &[TermId], term: TermId) -> CandidateTest {
+        let test = self.test_candidate(accepted, term);
+        if test.gain.p_value < FAMILY_ERROR {
+            CandidateTest { verdict: Verdict::Significant, ..test }
+        } else {
+            test
         }
     }
 
@@ -89,12 +96,8 @@ impl<S: Study> Search<'_, S> {
             };
             let laws: Vec<TermId> = candidates.ids().filter(is_law).collect();
             let is_tied = |&rival: &TermId| {
-                let mut instead = self.test_candidate(&rest, rival);
-                if FAMILY_ERROR <= instead.gain.p_value {
-                    return false;
-                }
-                instead.verdict = Verdict::Significant;
-                self.is_tied(test, &instead, &rest)
+                let instead = self.tested_again(&rest, rival);
+                instead.verdict.is_significant() && self.is_tied(test, &instead, &rest)
             };
             let ties: Vec<TermId> = laws.into_par_iter().filter(is_tied).collect();
             test.ties.extend(ties);

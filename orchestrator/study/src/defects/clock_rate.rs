@@ -41,7 +41,7 @@ struct Node<'a> {
     tracks: &'a Tracks,
     node: u32,
     rows: Vec<usize>,
-    /// Log likelihood of each of these rows as it stands (nats).
+    /// Log likelihood of each of these rows with the measured places (nats).
     logs: Vec<f64>,
     middle_s: f64,
     half_s: f64,
@@ -83,7 +83,7 @@ impl<'a> Node<'a> {
     }
 
     /// A row with the place that the node has by a clock; none where nobody tells.
-    fn by_clock(&self, row: &LinkRow, clock: Clock) -> Option<LinkRow> {
+    fn row_by_clock(&self, row: &LinkRow, clock: Clock) -> Option<LinkRow> {
         let time_s = row.time_s - self.late_s(clock, row.time_s);
         let place = self.tracks.place(row.run, self.node, time_s)?;
         let mut row = *row;
@@ -91,19 +91,24 @@ impl<'a> Node<'a> {
         Some(row)
     }
 
+    /// The rows that are compared, each by its index, with the place that the node has by a clock; none where nobody tells.
+    fn by_clock(&self, clock: Clock) -> impl Iterator<Item = Option<(usize, LinkRow)>> + '_ {
+        let moved =
+            move |&row: &usize| Some((row, self.row_by_clock(&self.evidence.rows()[row], clock)?));
+        self.rows.iter().map(moved)
+    }
+
     /// Log likelihoods of rows (nats).
     fn logs(&self, rows: Vec<(usize, LinkRow)>) -> Option<Vec<f64>> {
-        let Evidence { study, fit, instrument, intercept_db, .. } = self.evidence;
-        let changed = self.evidence.modelled().with_some_rows(rows)?;
-        let levels = study.row_predictions(fit, &changed);
+        let Evidence { instrument, intercept_db, .. } = self.evidence;
+        let (changed, levels) = self.evidence.predicted(rows)?;
         let log = |(row, level)| instrument.row_likelihood(row, level, *intercept_db).log;
         Some(changed.links.rows.iter().zip(&levels).map(log).collect())
     }
 
     /// What a clock gains over rows whose place it gives.
     fn gain(&self, clock: Clock) -> Option<Gain> {
-        let row = |&row: &usize| Some((row, self.by_clock(&self.evidence.rows()[row], clock)?));
-        let changed: Vec<Option<(usize, LinkRow)>> = self.rows.iter().map(row).collect();
+        let changed: Vec<Option<(usize, LinkRow)>> = self.by_clock(clock).collect();
         let known =
             || changed.iter().zip(&self.logs).filter_map(|(it, log)| Some((it.as_ref()?, log)));
         let logs = self.logs(known().map(|(it, _)| *it).collect())?;
@@ -119,11 +124,9 @@ impl<'a> Node<'a> {
     /// How many rows carry the information of one independent row, by the correlation of what a clock leaves of consecutive readings:
     /// one and twice the sum of its first positive terms (C. Geyer, Practical Markov chain Monte Carlo, Stat. Sci. 7, 1992).
     fn design_effect(&self, clock: Clock) -> Option<f64> {
-        let Evidence { study, fit, instrument, intercept_db, .. } = self.evidence;
-        let row = |&row: &usize| Some((row, self.by_clock(&self.evidence.rows()[row], clock)?));
-        let changed =
-            self.evidence.modelled().with_some_rows(self.rows.iter().filter_map(row).collect())?;
-        let levels = study.row_predictions(fit, &changed);
+        let Evidence { instrument, intercept_db, .. } = self.evidence;
+        let rows = self.by_clock(clock).flatten().collect();
+        let (changed, levels) = self.evidence.predicted(rows)?;
         let left = changed.links.rows.iter().zip(&levels).map(|(row, level)| {
             let (mean_dbm, sd_db) = instrument.reading(level, *intercept_db, None);
             (row.rssi_dbm - mean_dbm) / sd_db
@@ -219,7 +222,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let (mut changed, mut is_known) = (rows.to_vec(), vec![false; rows.len()]);
     let (mut replaced, mut left_out) = (Vec::new(), Vec::new());
     for &row in concerned {
-        match node.by_clock(&rows[row], clock) {
+        match node.row_by_clock(&rows[row], clock) {
             Some(moved) => {
                 (changed[row], is_known[row]) = (moved, true);
                 if is_apart(moved.tx_m, rows[row].tx_m) || is_apart(moved.rx_m, rows[row].rx_m) {

@@ -85,8 +85,7 @@ impl<'a> Evidence<'a> {
     /// and noise are fitted again, as those of the measured rows were. Else they stay, for rows of which only some would change.
     #[must_use]
     pub fn alternative(&self, rows: &[LinkRow], is_refitted: bool) -> Option<Alternative> {
-        let changed = self.study.rows.with_rows(rows.to_vec())?;
-        let levels = self.study.row_predictions(self.fit, &changed);
+        let (changed, levels) = self.predicted(rows.iter().copied().enumerate().collect())?;
         let rows = &changed.links.rows;
         let again = if is_refitted { Some(fitted(&self.instrument, rows, &levels)?) } else { None };
         let (instrument, intercept_db) =
@@ -106,6 +105,17 @@ impl<'a> Evidence<'a> {
                 .map(|(row, level)| log_loss(instrument, row, level, intercept_db))
                 .collect(),
         })
+    }
+
+    /// Some rows, each by its index, with other contents, and what the model says of each; `None`: it cannot predict all of them.
+    #[must_use]
+    pub fn predicted(
+        &self,
+        rows: Vec<(usize, LinkRow)>,
+    ) -> Option<(ModelledLinks, Vec<RowPrediction>)> {
+        let changed = self.modelled().with_some_rows(rows)?;
+        let levels = self.study.row_predictions(self.fit, &changed);
+        Some((changed, levels))
     }
 
     /// What an alternative gains in log likelihood over the rows of a scope (nats), and the p-value of that by blocks of time.

@@ -123,8 +123,7 @@ impl<'a> Node<'a> {
         let Self { evidence, node, .. } = self;
         let rows = self.partners.iter().flatten();
         let rows = rows.map(|&row| (row, displaced(&evidence.rows()[row], *node, by_m))).collect();
-        let changed = evidence.modelled().with_some_rows(rows)?;
-        let levels = evidence.study.row_predictions(evidence.fit, &changed);
+        let (_, levels) = evidence.predicted(rows)?;
         let reading = |level| evidence.instrument.reading(level, evidence.intercept_db, None).0;
         Some(levels.iter().map(reading).collect())
     }
@@ -179,7 +178,6 @@ impl<'a> Node<'a> {
             Some(at.iter().zip(moved).map(|(a, b)| (b - a) / STEP_M).collect::<Vec<f64>>())
         };
         let (x, y) = (slope(0)?, slope(1)?);
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let (xx, yy, xy) = (dot(&x, &x), dot(&y, &y), dot(&x, &y));
         let determinant = xx * yy - xy * xy;
         let freedom = at.len() as f64 - 3.0;
@@ -196,11 +194,14 @@ fn centred(values: &[f64]) -> Vec<f64> {
     values.iter().map(|value| value - level).collect()
 }
 
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
 /// The regression of residuals on changes, beside a level. `None`: too few, or nothing varies.
 fn regression(residuals_db: &[f64], changes_db: &[f64]) -> Option<Regression> {
     let (y, x) = (centred(residuals_db), centred(changes_db));
-    let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let (xx, xy, yy) = (sum(&x, &x), sum(&x, &y), sum(&y, &y));
+    let (xx, xy, yy) = (dot(&x, &x), dot(&x, &y), dot(&y, &y));
     let freedom = y.len() as f64 - 2.0;
     let amplitude = xy / xx;
     let share = xy * amplitude / yy;

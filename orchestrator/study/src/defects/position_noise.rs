@@ -52,9 +52,8 @@ fn gradients(evidence: &Evidence<'_>) -> Option<Vec<[[f64; 2]; 2]>> {
                 place[axis] += STEP_M;
                 displaced
             };
-            let displaced: Vec<LinkRow> = rows.iter().map(displace).collect();
-            let changed = evidence.modelled().with_rows(displaced)?;
-            let levels = evidence.study.row_predictions(evidence.fit, &changed);
+            let displaced = rows.iter().map(displace).enumerate().collect();
+            let (_, levels) = evidence.predicted(displaced)?;
             for (row, (displaced, level)) in levels.iter().zip(&evidence.levels).enumerate() {
                 if moving[row][end] {
                     let slope = (displaced.power_dbm - level.power_dbm) / STEP_M;

@@ -171,7 +171,7 @@ impl RobotStudy {
     /// Whether measured headings drift against the course that positions show: windows that follow each other, without overlap, differ from
     /// those of other parts of their track by more than among themselves (F test at [`FAMILY_ERROR`]). What a wind of the same direction
     /// everywhere turns is taken out first.
-    pub(super) fn do_headings_drift(&self) -> bool {
+    pub(super) fn headings_drift(&self) -> bool {
         let tracks = &self.model.tracks;
         let samples = &tracks.robots.samples;
         let least_m = FAR_NOISES * self.configured.density.sd_m;

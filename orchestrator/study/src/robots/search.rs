@@ -93,7 +93,7 @@ impl Study for RobotStudy {
     }
 
     fn do_headings_drift(&self) -> bool {
-        self.robots().shape.is_turning() && Self::do_headings_drift(self)
+        self.robots().shape.is_turning() && self.headings_drift()
     }
 
     fn beginnings(&self) -> Option<Vec<bool>> {
