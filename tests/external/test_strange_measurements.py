@@ -22,7 +22,7 @@ MAY_BE = {
     "s1-L36-null-received-only-half": set(),
     "expo2.5-100-0": {"path-loss-exponent"},
     # The surveyed place of a node is 18 m off.
-    "s1-L31-node-misplaced": {"node-offset", "measurement:wrong-position"},
+    "s1-L31-node-misplaced": {"node-offset", "measurement:node-place", "measurement:wrong-position"},
     "s1-L21-forklift": {"hidden-obstacle"},
     "s2-R13-wind-shear": {"wind"},
     "s2-R14-lag-up-down": {"actuator-lag", "acceleration-limit"},
