@@ -49,6 +49,9 @@ pub(crate) fn doubts<S: Study>(
     let is_effect = |term: &&TermId| candidates[**term].curve_over().is_none();
     let effects = ladder.accepted.iter().filter(is_effect).enumerate();
     let worse = search.worse_channel(&ladder.accepted, &[]);
+    // What moves readings weakens frames, too. Where readings are given nothing does.
+    let are_readings_tested =
+        candidates.iter().any(|it| it.about.is_some() && it.is_tried() && !needs_losses(it));
     let doubt = |(place, &term): (usize, &TermId)| {
         let candidate = &candidates[term];
         let others = without_term(&ladder.accepted, term);
@@ -67,7 +70,7 @@ pub(crate) fn doubts<S: Study>(
                 let is_part = remains.is_something()
                     && candidate.linear_in != Some(CONSTANT)
                     && (is_small
-                        || needs_losses(candidate)
+                        || (needs_losses(candidate) && are_readings_tested)
                         || !search.survives_beside_curves(term, ladder, &remains.structure));
                 is_part.then(|| PART.to_owned())
             })

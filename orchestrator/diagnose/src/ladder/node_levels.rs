@@ -91,7 +91,13 @@ impl<S: Study> Search<'_, S> {
     /// node there and without the term. None: no place does.
     pub(crate) fn place_instead_of(&self, term: TermId, accepted: &[TermId]) -> Option<String> {
         let candidates = self.study.candidates();
-        let rest = without_term(accepted, term);
+        // Random effects take the place of a level of all links, wherever a node stands.
+        let accepted = if candidates[term].linear_in == Some(CONSTANT) {
+            self.without_random(accepted)
+        } else {
+            accepted.to_vec()
+        };
+        let rest = without_term(&accepted, term);
         let laws = self.without_random(&rest);
         let (clause, study) = self.study.resurveyed(&self.full_fit(&laws, COMMON, None))?;
         let others = study.candidates();
@@ -104,7 +110,7 @@ impl<S: Study> Search<'_, S> {
         }
         let elsewhere = Search::new(&study, self.report).held_out_scores(&rest, COMMON);
         let blocks = self.study.blocks(COMMON);
-        let as_surveyed = self.held_out_scores(accepted, COMMON);
+        let as_surveyed = self.held_out_scores(&accepted, COMMON);
         let gain = Gain::from_scores(&as_surveyed, &elsewhere, blocks.dependent());
         let is_better = TIED_ERRORS * gain.standard_error < gain.gain && TIED_NATS < gain.total();
         tracing::debug!(name = candidates[term].name, clause, ?gain, "or a place");
