@@ -425,7 +425,7 @@ impl RobotStudy {
             configured.density.heading = heading;
             configured = model.fitted(&[], &all, &configured);
         }
-        Ok(Self {
+        let mut study = Self {
             model,
             candidates,
             in_time,
@@ -434,7 +434,11 @@ impl RobotStudy {
             rejected: kept.rejected,
             n_fitted: all.len(),
             cache: Mutex::default(),
-        })
+        };
+        if let Some(alone) = study.of_positions_alone(&all) {
+            study.configured = alone;
+        }
+        Ok(study)
     }
 
     /// The same study, whose fits end early once `stop` is set.

@@ -194,7 +194,10 @@ impl RobotStudy {
     }
 
     /// The mean of values, each with its sample, and its standard error over blocks of time of each track. None of too few blocks.
-    fn mean_over_blocks(&self, values: impl Iterator<Item = (usize, f64)>) -> Option<BlockMean> {
+    pub(super) fn mean_over_blocks(
+        &self,
+        values: impl Iterator<Item = (usize, f64)>,
+    ) -> Option<BlockMean> {
         let tracks = &self.model.tracks;
         let block_s = SHORTEST_BLOCK_WINDOWS * tracks.window_s(0);
         let mut sums: BTreeMap<(u32, u32, u64), [f64; 2]> = BTreeMap::new();
@@ -215,15 +218,15 @@ impl RobotStudy {
 }
 
 /// A mean over blocks.
-struct BlockMean {
-    mean: f64,
+pub(super) struct BlockMean {
+    pub(super) mean: f64,
     standard_error: f64,
     blocks: f64,
 }
 
 impl BlockMean {
     /// Its lower bound at a one-sided level.
-    fn least(&self, level: f64) -> f64 {
+    pub(super) fn least(&self, level: f64) -> f64 {
         let quantile = StudentsT::new(0.0, 1.0, self.blocks - 1.0)
             .map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - level));
         self.mean - quantile * self.standard_error

@@ -4,7 +4,7 @@ use super::density::Residual;
 
 use super::{RobotFit, RobotModel, RobotStudy};
 use crate::folds::Blocks;
-use crate::thresholds::{BROAD_FACTOR, BROAD_SHARE, CHANCE_SDS, FAMILY_ERROR};
+use crate::thresholds::{BROAD_FACTOR, BROAD_SHARE, CHANCE_SDS, FAMILY_ERROR, UNCORRECTED_LEVEL};
 use numbers::power::square;
 use robotsim::dynamics::wrapped;
 use statrs::distribution::{ContinuousCDF as _, FisherSnedecor};
@@ -168,6 +168,29 @@ impl RobotModel {
 }
 
 impl RobotStudy {
+    /// The configured model fitted to positions alone, if it cannot predict headings with the same numbers: positions are predicted worse
+    /// beside headings than chance explains (one-sided [`UNCORRECTED_LEVEL`] over blocks of time). On the rows of the fit a shared number
+    /// that is off by z standard errors lies z / 2 above chance, so that this is 3.3 standard errors. A car is measured at a point before or
+    /// behind its rear axle, and turns by another wheelbase than it moves. Positions are what is predicted, and headings do not count then.
+    pub(super) fn of_positions_alone(&self, rows: &[u32]) -> Option<RobotFit> {
+        let joint = &self.configured;
+        joint.density.heading?;
+        let mut start = joint.clone();
+        start.density.heading = None;
+        let alone = self.model.fitted(&[], rows, &start);
+        let logs = |fit: &RobotFit| -> Option<Vec<f64>> {
+            let residuals = self.model.residuals(fit, rows)?;
+            Some(residuals.iter().map(|it| fit.density.log_of_position(it).0).collect())
+        };
+        let more =
+            logs(&alone)?.into_iter().zip(logs(joint)?).zip(rows).map(|((a, b), &row)| {
+                (self.model.tracks.windows[row as usize].start as usize, a - b)
+            });
+        let gain = self.mean_over_blocks(more)?;
+        tracing::debug!(mean = gain.mean, least = gain.least(UNCORRECTED_LEVEL), "positions alone");
+        (0.0 < gain.least(UNCORRECTED_LEVEL)).then_some(alone)
+    }
+
     /// Whether measured headings drift against the course that positions show: windows that follow each other, without overlap, differ from
     /// those of other parts of their track by more than among themselves (F test at [`FAMILY_ERROR`]). What a wind of the same direction
     /// everywhere turns is taken out first.

@@ -24,8 +24,27 @@ struct SensorErrors {
 
 /// Four unicycles that turn by a share of what is commanded.
 fn unicycles(turn_scale: f64, errors: SensorErrors) -> DataTable {
-    let names =
-        ["time_s", "agent", "x_m", "y_m", "heading_rad", "cmd_speed_mps", "cmd_yaw_rate_radps"];
+    driven("cmd_yaw_rate_radps", turn_scale, |_, turn_radps| turn_radps, 0.0, errors)
+}
+
+/// Four cars that are measured so far (m) before their rear axle.
+fn cars(lever_m: f64) -> DataTable {
+    let steer_rad = |speed_mps: f64, turn_radps: f64| libm::atan(0.5 * turn_radps / speed_mps);
+    driven("cmd_steer_rad", 1.0, steer_rad, lever_m, SensorErrors::default())
+}
+
+/// Four robots on wheels.
+///
+/// * `turn_command`: the column of the command of turns, which follows from speed (m/s) and yaw rate (rad/s) by `command`.
+/// * `lever_m`: how far before the axle positions are measured.
+fn driven(
+    turn_command: &str,
+    turn_scale: f64,
+    command: impl Fn(f64, f64) -> f64,
+    lever_m: f64,
+    errors: SensorErrors,
+) -> DataTable {
+    let names = ["time_s", "agent", "x_m", "y_m", "heading_rad", "cmd_speed_mps", turn_command];
     let mut columns = vec![Vec::new(); names.len()];
     let mut draws = 0u64;
     let mut draw = || {
@@ -47,11 +66,11 @@ fn unicycles(turn_scale: f64, errors: SensorErrors) -> DataTable {
             let row = [
                 time_s,
                 f64::from(agent),
-                at_m[0] + NOISE_M * draw(),
-                at_m[1] + NOISE_M * draw(),
+                at_m[0] + lever_m * libm::cos(heading_rad) + NOISE_M * draw(),
+                at_m[1] + lever_m * libm::sin(heading_rad) + NOISE_M * draw(),
                 (measured_rad + PI).rem_euclid(TAU) - PI,
                 speed_mps,
-                turn_radps,
+                command(speed_mps, turn_radps),
             ];
             columns.iter_mut().zip(row).for_each(|(column, value)| column.push(value));
             let turned_rad = turn_scale * turn_radps * STEP_S;
@@ -104,6 +123,13 @@ fn headings_that_drift_against_the_course_are_told_from_motion_that_turns_less()
     assert!(!drift(1.0, SensorErrors::default()) && !drift(0.95, SensorErrors::default()));
     assert!(drift(1.0, SensorErrors { drift_radps: 0.002, ..SensorErrors::default() }));
     assert!(drift(1.0, SensorErrors { walk_rad: 0.01, ..SensorErrors::default() }));
+}
+
+#[test]
+fn headings_of_cars_that_are_measured_before_their_axle_do_not_count() {
+    let heading = |lever_m| study_of("car", &cars(lever_m)).configured().density.heading;
+    assert!(heading(0.0).is_some());
+    assert!(heading(0.3).is_none());
 }
 
 #[test]
