@@ -28,6 +28,28 @@ struct Row {
     rssi_dbm: Option<f64>,
 }
 
+#[test]
+fn two_nodes_that_stand_elsewhere_are_named() {
+    let dir = folder();
+    let mut surveyed = rows(9, &|_| 0.0);
+    for row in &mut surveyed {
+        for (node, by_m) in [(1, [9.0, 2.0]), (4, [-3.0, 8.0])] {
+            let ends = [(row.tx, &mut row.tx_m), (row.rx, &mut row.rx_m)];
+            for (_, place_m) in ends.into_iter().filter(|(end, _)| *end == node) {
+                *place_m = [place_m[0] + by_m[0], place_m[1] + by_m[1]];
+            }
+        }
+    }
+    put(dir.path(), &model(""), &surveyed);
+    let answer = answer(dir.path(), "diagnose");
+    let place = "measurement:node-place";
+    assert_eq!(answer["missing"], serde_json::json!([place, place]), "{}", answer["sentence"]);
+    let defects = answer["measurement_defects"].as_array().unwrap();
+    let mut nodes: Vec<u64> = defects.iter().map(|it| it["nodes"][0].as_u64().unwrap()).collect();
+    nodes.sort_unstable();
+    assert_eq!(nodes, [1, 4]);
+}
+
 /// A uniform number from 0 to 1 that depends on all four.
 fn uniform(seed: u64, what: u64, a: u64, b: u64) -> f64 {
     Draws::new(seed, Purpose::FrameNoise).words(what, a, b)[0] as f64 / 2.0_f64.powi(64)
@@ -296,7 +318,7 @@ fn a_diagnosis_names_the_defect_and_blames_no_effect() {
     assert_eq!(answer["measurement_defects"][0]["nodes"], serde_json::json!([5]));
     assert_eq!(answer["candidates"][0]["effect"], "measurement:stuck-node");
     let sentence = answer["sentence"].as_str().unwrap();
-    assert!(sentence.starts_with("the measurement: the readings of node 5"), "{sentence}");
+    assert!(sentence.starts_with("the measurement is wrong: the readings of node 5"), "{sentence}");
     let rejected = answer["rejected"].as_array().unwrap();
     let left_out = rejected.iter().find(|one| one["reason"] == "measurement:stuck-node").unwrap();
     assert_eq!(left_out["rows"], answer["measurement_defects"][0]["left_out"]);

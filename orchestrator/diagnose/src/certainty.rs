@@ -115,8 +115,8 @@ const BEGINNING: &str =
 /// Of an effect that moves positions and headings, of which one does not show it.
 fn of_one_channel(silent: Channel) -> String {
     let shown = match silent {
-        Channel::Positions => "only headings show it, whose sensor may drift",
-        Channel::Headings => "headings do not show it, whose sensor may drift",
+        Channel::Positions => "only headings show it, and their sensor may drift",
+        Channel::Headings => "headings do not show it, and their sensor may drift",
     };
     shown.to_owned()
 }

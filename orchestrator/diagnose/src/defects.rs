@@ -99,19 +99,22 @@ impl MeasurementDefect {
 fn correction_in_words(correction: &Correction) -> String {
     let mut parts = Vec::new();
     if !correction.replaced.is_empty() {
-        parts.push(format!("{} rows were corrected", correction.replaced.len()));
+        parts.push(format!("{} changed", rows(correction.replaced.len())));
     }
     if !correction.left_out.is_empty() {
-        parts.push(format!("{} rows were left out", correction.left_out.len()));
+        parts.push(format!("{} left out", rows(correction.left_out.len())));
     }
     if correction.limits_dbm.is_some() {
-        parts.push("readings at the end were taken for bounds of the power".to_owned());
+        parts.push("readings at the end are bounds of the power".to_owned());
     }
     if parts.is_empty() {
-        return "The rows are left out whenever the file is read".to_owned();
+        parts.push("these rows are left out whenever the file is read".to_owned());
     }
-    let text = parts.join(", ");
-    text[..1].to_uppercase() + &text[1..]
+    format!("Correction: {}", parts.join(", "))
+}
+
+fn rows(n: usize) -> String {
+    if n == 1 { "1 row".to_owned() } else { format!("{n} rows") }
 }
 
 /// The clauses of all defects, if there are any.
@@ -122,34 +125,65 @@ pub(crate) fn clauses(defects: &[MeasurementDefect]) -> Option<String> {
 
 /// The defects of measured links. Only where some are suspected, the measurements as they are are searched for effects that explain
 /// them. Where that search is stopped, what was suspected is returned, wrong places apart.
+///
+/// One defect makes others appear: where a node stands elsewhere, the clock of one that passes it seems to drift. Of those that change rows
+/// the one that explains most is taken, and the others are looked for again in changed rows; what leaves rows out comes last.
 pub(crate) fn find(study: &LinkStudy, report: &(dyn Fn(SearchProgress<'_>) + Sync)) -> Vec<Defect> {
-    let suspected = suspected(study);
-    if suspected.is_empty() {
-        return suspected;
+    let mut seen = suspected(study);
+    if seen.is_empty() {
+        return seen;
     }
-    for defect in &suspected {
+    for defect in &seen {
         tracing::info!(name = defect.name, p = defect.p_value, "suspected");
     }
     let thin = study.thinned();
     let searched = thin.as_ref().unwrap_or(study);
     let search = Search::new(searched, report);
     let ladder = search.stepwise_selection();
-    let (places, others): (Vec<Defect>, Vec<Defect>) =
-        suspected.into_iter().partition(|defect| defect.name == node_place::NAME);
     if ladder.stopped.is_some() {
         // A wall that the model lacks looks like a wrong place, too.
-        return others;
+        seen.retain(|defect| !is_place(defect));
+        return seen;
     }
-    // A curve, or an effect that moves hardly anything but the rows of one node, is less simple than its place.
-    let candidates = searched.candidates();
-    let is_rival = |term: &TermId| {
-        candidates[*term].curve_over().is_none()
-            && !matches!(search.only_node_of(*term, &ladder.accepted),
-                Some(node) if places.iter().any(|place| place.nodes == [node]))
+    let names = |terms: &[TermId]| -> Vec<&str> {
+        terms.iter().map(|&term| searched.candidates()[term].name.as_str()).collect()
     };
-    let rivals: Vec<TermId> = ladder.accepted.iter().copied().filter(is_rival).collect();
-    let others = confirmed(study, &ladder.accepted, others);
-    confirmed(study, &rivals, places).into_iter().chain(others).collect()
+    let accepted = names(&ladder.accepted);
+    let (mut found, mut changed): (Vec<Defect>, Option<LinkStudy>) = (Vec::new(), None);
+    loop {
+        let now = changed.as_ref().unwrap_or(study);
+        let (places, others): (Vec<Defect>, Vec<Defect>) = seen.into_iter().partition(is_place);
+        // A curve, or an effect that moves hardly anything but the rows of one node, is less simple than its place.
+        let is_rival = |term: &TermId| {
+            searched.candidates()[*term].curve_over().is_none()
+                && !matches!(search.only_node_of(*term, &ladder.accepted),
+                    Some(node) if places.iter().any(|place| place.nodes == [node]))
+        };
+        let rivals: Vec<TermId> = ladder.accepted.iter().copied().filter(is_rival).collect();
+        let mut new = confirmed(now, &names(&rivals), places);
+        new.extend(confirmed(now, &accepted, others));
+        let moving = new.iter().filter(|defect| !defect.correction.replaced.is_empty());
+        let Some(most) = moving.max_by(|a, b| a.share.total_cmp(&b.share)).cloned() else {
+            found.extend(new);
+            return found;
+        };
+        found.push(most);
+        let replaced = joint_correction(&found).replaced;
+        let corrected = study.corrected(&Correction { replaced, ..Correction::default() });
+        let Ok(Some(corrected)) = corrected else { return found };
+        seen = suspected(&corrected);
+        seen.retain(|defect| found.iter().all(|it| !is_same(it, defect)));
+        changed = Some(corrected);
+    }
+}
+
+fn is_place(defect: &Defect) -> bool {
+    defect.name == node_place::NAME
+}
+
+/// Whether two defects are of one kind, and concern the same nodes and runs.
+fn is_same(one: &Defect, other: &Defect) -> bool {
+    (one.name, &one.nodes, &one.runs) == (other.name, &other.nodes, &other.runs)
 }
 
 /// Defects under the model as configured, with its level and noise fitted.
@@ -164,20 +198,21 @@ fn under(study: &LinkStudy, terms: &[TermId]) -> Vec<Defect> {
     Evidence::new(study, &fit).map_or_else(Vec::new, |evidence| defects::found(&evidence))
 }
 
-/// The suspected defects that are significant under the model with the accepted terms, too. Of both p-values the greater counts.
+/// The suspected defects that are significant under the model with the accepted terms, too, each by its name. Of both p-values the greater
+/// counts.
 #[must_use]
-fn confirmed(study: &LinkStudy, accepted: &[TermId], suspected: Vec<Defect>) -> Vec<Defect> {
-    if accepted.is_empty() || suspected.is_empty() {
+fn confirmed(study: &LinkStudy, accepted: &[&str], suspected: Vec<Defect>) -> Vec<Defect> {
+    let candidates = study.candidates();
+    let is_accepted = |term: &TermId| accepted.contains(&candidates[*term].name.as_str());
+    let terms: Vec<TermId> = candidates.ids().filter(is_accepted).collect();
+    if terms.is_empty() || suspected.is_empty() {
         return suspected;
     }
-    let again = under(study, accepted);
+    let again = under(study, &terms);
     suspected
         .into_iter()
         .filter_map(|defect| {
-            let other = again.iter().find(|other| {
-                (other.name, &other.nodes, &other.runs)
-                    == (defect.name, &defect.nodes, &defect.runs)
-            })?;
+            let other = again.iter().find(|other| is_same(other, &defect))?;
             Some(Defect { p_value: defect.p_value.max(other.p_value), ..defect })
         })
         .collect()

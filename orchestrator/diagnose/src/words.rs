@@ -33,7 +33,9 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
 pub(crate) fn first_sentence(diagnosis: &Diagnosis) -> String {
     let found = verdict(diagnosis);
     let found = match defects::clauses(&diagnosis.measurement_defects) {
-        Some(clauses) => format!("the measurement: {clauses}. The model: {found}"),
+        Some(clauses) => {
+            format!("the measurement is wrong: {clauses}. With that corrected, {found}")
+        }
         None => found,
     };
     match diagnosis.stopped_in_round {
@@ -80,7 +82,7 @@ fn verdict(diagnosis: &Diagnosis) -> String {
             format!("no missing effect is detectable in these data{}", at_most(diagnosis))
         }
         (None, Verdict::MissingEffects) if missing.is_empty() => {
-            "no missing effect is detectable in the corrected data".to_owned()
+            "no missing effect is detectable".to_owned()
         }
         (None, Verdict::MissingEffects | Verdict::MissingOneOf) => {
             let ties = if diagnosis.missing_one_of.is_empty() {
@@ -117,7 +119,7 @@ fn further(diagnosis: &Diagnosis) -> Vec<String> {
 /// Effects that may be missing, those together that are not certain for one reason.
 fn possible(diagnosis: &Diagnosis) -> impl Iterator<Item = String> {
     let is_beside =
-        !diagnosis.missing.is_empty() || diagnosis.verdict == Verdict::UnexplainedStructure;
+        !effects(diagnosis).is_empty() || diagnosis.verdict == Verdict::UnexplainedStructure;
     let also = if is_beside { "also " } else { "" };
     let mut groups: IndexMap<(String, &str), Vec<&str>> = IndexMap::new();
     for (name, why) in diagnosis.possible.iter().zip(&diagnosis.possible_because) {

@@ -23,6 +23,7 @@ pub use limits::{NotLimited, limited_name, span_s};
 pub use stop::StopFlag;
 pub use term::{PerTerm, TermId};
 
+use defects::node_place::NodeLevel;
 use folds::Blocks;
 use linear::{Column, Dependence, Direction, Linearised, Partition};
 use proto::effect::{About, Level, Need, Parameter};
@@ -262,8 +263,8 @@ pub trait Study: Sync {
     }
 
     /// The same measurements with one node elsewhere than surveyed, and what is wrong then, as a clause: where another place explains
-    /// so much of what a fit leaves, random effects apart, that it is no chance by itself. None: no place does.
-    fn resurveyed(&self, _fit: &Self::Fit) -> Option<(String, Self)>
+    /// so much of what a fit leaves beside a level of the node, random effects apart, that it is no chance by itself. None: no place does.
+    fn resurveyed(&self, _fit: &Self::Fit, _level: NodeLevel) -> Option<(String, Self)>
     where
         Self: Sized,
     {

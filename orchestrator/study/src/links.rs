@@ -18,7 +18,8 @@ pub mod terms;
 
 use super::choices::{ChoiceError, Choices};
 use super::defects::evidence::Evidence;
-use super::defects::{node_place, position_noise};
+use super::defects::node_place::{self, NodeLevel};
+use super::defects::position_noise;
 use super::folds::Blocks;
 use super::limits::NotLimited;
 use super::linear::{Column, Dependence, Direction, Linearised, Partition};
@@ -245,9 +246,9 @@ impl Study for LinkStudy {
         matches!(self.specs[term], TermSpec::NodeOffset(_)).then(nodes)
     }
 
-    fn resurveyed(&self, fit: &LinkFit) -> Option<(String, Self)> {
+    fn resurveyed(&self, fit: &LinkFit, level: NodeLevel) -> Option<(String, Self)> {
         let evidence = Evidence::new(self, fit)?;
-        let place = node_place::likeliest(&evidence, NODE_PLACE_SHARE)
+        let place = node_place::likeliest(&evidence, NODE_PLACE_SHARE, level)
             .filter(|it| it.p_value < UNCORRECTED_LEVEL)?;
         let study = self.corrected(&place.correction).ok()??;
         Some((place.clause, study))

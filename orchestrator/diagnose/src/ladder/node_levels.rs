@@ -5,6 +5,7 @@ use crate::gain::Gain;
 use crate::score_test::ScoreTests;
 use proto::effect::{CONSTANT, Level};
 use std::collections::{BTreeMap, BTreeSet};
+use study::defects::node_place::NodeLevel;
 use study::thresholds::{CATALOGUE_SHARE, LEFT_BESIDE_NODES, TIED_ERRORS, TIED_NATS};
 use study::{COMMON, Study, TermId};
 
@@ -99,7 +100,10 @@ impl<S: Study> Search<'_, S> {
         };
         let rest = without_term(&accepted, term);
         let laws = self.without_random(&rest);
-        let (clause, study) = self.study.resurveyed(&self.full_fit(&laws, COMMON, None))?;
+        // What levels of nodes explain, a place must explain without them.
+        let is_of_levels = self.study.nodes_with_levels(term).is_some();
+        let level = if is_of_levels { NodeLevel::Zero } else { NodeLevel::Free };
+        let (clause, study) = self.study.resurveyed(&self.full_fit(&laws, COMMON, None), level)?;
         let others = study.candidates();
         // What is limited to some rows has no other number there.
         let is_there = |other: &TermId| {

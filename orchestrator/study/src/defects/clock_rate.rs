@@ -156,19 +156,32 @@ impl<'a> Node<'a> {
         nats.max_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// The likeliest clock near a trial, with what it gains.
-    fn refined(&self, start: Clock) -> Option<(Clock, Gain)> {
+    /// The likeliest clock near a trial, with what it gains. One number: it is as late at the end as in the middle.
+    fn refined(&self, start: &[f64]) -> Option<(Clock, Gain)> {
         let search = NelderMead { max_evaluations: MOST_LOOKS, tolerance: 1e-3 };
-        let cost = |clock: &[f64]| {
-            let gain = self.gain([clock[0], clock[1]]).filter(|gain| self.is_tracked(gain));
+        let clock = |numbers: &[f64]| [numbers[0], numbers.get(1).copied().unwrap_or_default()];
+        let cost = |numbers: &[f64]| {
+            let gain = self.gain(clock(numbers)).filter(|gain| self.is_tracked(gain));
             gain.map_or(f64::INFINITY, |gain| -gain.nats)
         };
-        let point = search.minimise(&cost, start.to_vec(), &[self.step_s / 4.0; 2]).point;
-        let clock = [point[0], point[1]];
+        let steps_s = vec![self.step_s / 4.0; start.len()];
+        let clock = clock(&search.minimise(&cost, start.to_vec(), &steps_s).point);
         Some((clock, self.gain(clock)?))
     }
 
-    /// The standard errors of a clock (s) by the curvature of the likelihood.
+    /// The likeliest clock near a trial, with what it gains and its standard errors (s): one that does not drift if the interval of the drift
+    /// includes 0.
+    fn likeliest(&self, start: Clock) -> Option<(Clock, Gain, [f64; 2])> {
+        let (clock, gain) = self.refined(&start)?;
+        let errors_s = self.errors_s(clock)?;
+        if Z_90 * errors_s[1] < clock[1].abs() {
+            return Some((clock, gain, errors_s));
+        }
+        let (clock, gain) = self.refined(&clock[..1])?;
+        Some((clock, gain, self.errors_s(clock)?))
+    }
+
+    /// The standard errors of a clock (s) by the curvature of the likelihood: of one that drifts by both numbers, of another by the first.
     fn errors_s(&self, clock: Clock) -> Option<[f64; 2]> {
         let by_s = CURVATURE_SHARE * self.step_s;
         let at = |middle: f64, end: f64| {
@@ -177,6 +190,9 @@ impl<'a> Node<'a> {
         };
         let (here, square) = (at(0.0, 0.0)?, by_s * by_s);
         let middle = (2.0 * here - at(1.0, 0.0)? - at(-1.0, 0.0)?) / square;
+        if clock[1] == 0.0 {
+            return (0.0 < middle).then(|| [1.0 / middle.sqrt(), 0.0]);
+        }
         let end = (2.0 * here - at(0.0, 1.0)? - at(0.0, -1.0)?) / square;
         let both =
             (at(1.0, -1.0)? + at(-1.0, 1.0)? - at(1.0, 1.0)? - at(-1.0, -1.0)?) / (4.0 * square);
@@ -184,6 +200,18 @@ impl<'a> Node<'a> {
         let errors = [(end / determinant).sqrt(), (middle / determinant).sqrt()];
         errors.iter().all(|error| error.is_finite()).then_some(errors)
     }
+}
+
+/// A clock in words, by how late it is (s) at the beginning and at the end: a late clock stamps early.
+fn in_words(node: u32, [begin_s, end_s]: [f64; 2]) -> String {
+    let off = |s: f64| format!("{:.2} s too {}", s.abs(), if 0.0 < s { "early" } else { "late" });
+    let [begin, end] = [begin_s, end_s].map(off);
+    if begin == end {
+        return format!("positions of node {node} are stamped {begin}");
+    }
+    format!(
+        "positions of node {node} are stamped {begin} at the beginning and {end} at the end of the campaign"
+    )
 }
 
 /// Looks for a moving node whose clock is wrong.
@@ -208,7 +236,7 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     let trials: Vec<(u32, (Clock, f64))> = of_node.keys().filter_map(trial).collect();
     let &(id, (start, _)) = trials.iter().max_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
     let node = node(id, MOST_ROWS.1)?;
-    let (clock, gain) = node.refined(start)?;
+    let (clock, gain, errors_s) = node.likeliest(start)?;
     let ends_s = [clock[0] - clock[1], clock[0] + clock[1]];
     let most_s = ends_s.into_iter().map(f64::abs).fold(0.0, f64::max);
     tracing::debug!(node = node.node, ?clock, ?gain, "clock");
@@ -217,7 +245,6 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
         return None;
     }
     let p_value = libm::exp(-gain.nats / node.design_effect(clock)?);
-    let errors_s = node.errors_s(clock)?;
     let concerned = &of_node[&node.node];
     let (mut changed, mut is_known) = (rows.to_vec(), vec![false; rows.len()]);
     let (mut replaced, mut left_out) = (Vec::new(), Vec::new());
@@ -240,27 +267,20 @@ pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
     // Bonferroni: each node by each trial clock, and those of the search for the best.
     let n_clocks = (2 * N_STEPS + 1).pow(2) as usize + MOST_LOOKS;
     let per_s = 1.0 / node.half_s;
-    let (rate, late_s) = (clock[1] * per_s, clock[0]);
+    let mut estimates = vec![estimate("shift_s", "s", clock[0], errors_s[0])];
+    if clock[1] != 0.0 {
+        estimates.push(estimate("rate", "", clock[1] * per_s, errors_s[1] * per_s));
+    }
     Some(Defect {
         name: NAME,
         p_value: ((trials.len() * n_clocks) as f64 * p_value).min(1.0),
         share,
-        estimates: vec![
-            estimate("shift_s", "s", late_s, errors_s[0]),
-            estimate("rate", "", rate, errors_s[1] * per_s),
-        ],
+        estimates,
         nodes: vec![node.node],
         runs: Vec::new(),
         n_rows: concerned.len(),
         first_line: concerned.iter().map(|&row| rows[row].line).min()?,
-        clause: format!(
-            "the places of node {} are those of a clock that is {:.2} s {} at the beginning and {:.2} s {} at the end",
-            node.node,
-            ends_s[0].abs(),
-            if 0.0 < ends_s[0] { "late" } else { "early" },
-            ends_s[1].abs(),
-            if 0.0 < ends_s[1] { "late" } else { "early" },
-        ),
+        clause: in_words(node.node, ends_s),
         correction: Correction { replaced, ..Correction::leaving_out(left_out) },
     })
 }

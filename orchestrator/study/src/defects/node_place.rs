@@ -38,10 +38,20 @@ const STEP_M: f64 = 0.05;
 /// What stands for one partner: itself, or the square in which others move.
 type Partner = (Option<u32>, i64, i64);
 
+/// The level that all links of a node have in common, beside what its place changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NodeLevel {
+    /// Free: that of its device. The place must explain by what its links differ.
+    Free,
+    /// None: the place must explain the level, too. All links of a node at the edge of a site grow longer with it.
+    Zero,
+}
+
 /// Rows of a node by partner.
 struct Node<'a> {
     evidence: &'a Evidence<'a>,
     node: u32,
+    level: NodeLevel,
     /// Rows of each partner, ascending.
     partners: Vec<Vec<usize>>,
     /// Root mean square distance to the partners (m).
@@ -76,7 +86,12 @@ fn displaced(row: &LinkRow, node: u32, by_m: [f64; 2]) -> LinkRow {
 
 impl<'a> Node<'a> {
     /// Rows of a node, at most so many of each partner.
-    fn new(evidence: &'a Evidence<'a>, node: u32, rows: &[usize], most: usize) -> Option<Self> {
+    fn new(
+        evidence: &'a Evidence<'a>,
+        (node, level): (u32, NodeLevel),
+        rows: &[usize],
+        most: usize,
+    ) -> Option<Self> {
         let (all, still) = (evidence.rows(), evidence.modelled().still());
         let partner = |row: usize| match end_at(&all[row], node) {
             Some(0) => (all[row].rx, all[row].rx_m),
@@ -111,8 +126,15 @@ impl<'a> Node<'a> {
         let reach_m = mean(partners.iter().flatten().map(distance)).sqrt();
         let of = |rows: &Vec<usize>| mean(rows.iter().map(|&row| evidence.residual_db(row)));
         let residuals_db = partners.iter().map(of).collect();
-        let mut node =
-            Self { evidence, node, partners, reach_m, residuals_db, readings_dbm: Vec::new() };
+        let mut node = Self {
+            evidence,
+            node,
+            level,
+            partners,
+            reach_m,
+            residuals_db,
+            readings_dbm: Vec::new(),
+        };
         node.readings_dbm = node.readings_dbm([0.0; 2])?;
         // Without any of them, the level and the amplitude leave nothing of two partners.
         (3 < node.partners.len() && 0.0 < reach_m).then_some(node)
@@ -136,12 +158,12 @@ impl<'a> Node<'a> {
         Some(self.partners.iter().map(of).collect())
     }
 
-    /// The residuals beside their level when the node is elsewhere (dB).
+    /// The residuals beside the level of the node when it is elsewhere (dB).
     fn left_db(&self, by_m: [f64; 2]) -> Option<Vec<f64>> {
         let changes = self.changes_db(by_m)?;
         let left =
             self.residuals_db.iter().zip(changes).map(|(residual, change)| residual - change);
-        Some(centred(&left.collect::<Vec<f64>>()))
+        Some(self.level.taken_from(&left.collect::<Vec<f64>>()))
     }
 
     /// The trial place that is likeliest, by the p-value of its regression.
@@ -153,7 +175,7 @@ impl<'a> Node<'a> {
             })
         });
         let regression = |by_m| {
-            let found = without_any(&self.residuals_db, &self.changes_db(by_m)?)?;
+            let found = without_any(&self.residuals_db, &self.changes_db(by_m)?, self.level)?;
             Some((by_m, found))
         };
         places.filter_map(regression).min_by(|a, b| a.1.p_value.total_cmp(&b.1.p_value))
@@ -180,7 +202,7 @@ impl<'a> Node<'a> {
         let (x, y) = (slope(0)?, slope(1)?);
         let (xx, yy, xy) = (dot(&x, &x), dot(&y, &y), dot(&x, &y));
         let determinant = xx * yy - xy * xy;
-        let freedom = at.len() as f64 - 3.0;
+        let freedom = at.len() as f64 - 2.0 - self.level.n_numbers();
         let variance = dot(&at, &at) / freedom / determinant;
         let errors = [(variance * yy).sqrt(), (variance * xx).sqrt()];
         (0.0 < freedom && errors.iter().all(|error| error.is_finite()))
@@ -188,21 +210,34 @@ impl<'a> Node<'a> {
     }
 }
 
-/// Numbers less their mean.
-fn centred(values: &[f64]) -> Vec<f64> {
-    let level = mean(values.iter().copied());
-    values.iter().map(|value| value - level).collect()
+impl NodeLevel {
+    /// Numbers less their level.
+    fn taken_from(self, values: &[f64]) -> Vec<f64> {
+        let level = match self {
+            Self::Free => mean(values.iter().copied()),
+            Self::Zero => 0.0,
+        };
+        values.iter().map(|value| value - level).collect()
+    }
+
+    /// How many numbers it is.
+    fn n_numbers(self) -> f64 {
+        match self {
+            Self::Free => 1.0,
+            Self::Zero => 0.0,
+        }
+    }
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The regression of residuals on changes, beside a level. `None`: too few, or nothing varies.
-fn regression(residuals_db: &[f64], changes_db: &[f64]) -> Option<Regression> {
-    let (y, x) = (centred(residuals_db), centred(changes_db));
+/// The regression of residuals on changes, beside the level of the node. `None`: too few, or nothing varies.
+fn regression(residuals_db: &[f64], changes_db: &[f64], level: NodeLevel) -> Option<Regression> {
+    let (y, x) = (level.taken_from(residuals_db), level.taken_from(changes_db));
     let (xx, xy, yy) = (dot(&x, &x), dot(&x, &y), dot(&y, &y));
-    let freedom = y.len() as f64 - 2.0;
+    let freedom = y.len() as f64 - 1.0 - level.n_numbers();
     let amplitude = xy / xx;
     let share = xy * amplitude / yy;
     let t = amplitude * (xx * freedom / (yy * (1.0 - share))).sqrt();
@@ -211,10 +246,10 @@ fn regression(residuals_db: &[f64], changes_db: &[f64]) -> Option<Regression> {
 }
 
 /// The regression without the partner on which it rests most: a link that is very short, or behind a wall, must not decide alone.
-fn without_any(residuals_db: &[f64], changes_db: &[f64]) -> Option<Regression> {
+fn without_any(residuals_db: &[f64], changes_db: &[f64], level: NodeLevel) -> Option<Regression> {
     let without = |left_out: usize| {
         let rest = |values: &[f64]| [&values[..left_out], &values[left_out + 1..]].concat();
-        regression(&rest(residuals_db), &rest(changes_db))
+        regression(&rest(residuals_db), &rest(changes_db), level)
     };
     let all: Option<Vec<Regression>> = (0..residuals_db.len()).map(without).collect();
     all?.into_iter().max_by(|a, b| a.p_value.total_cmp(&b.p_value))
@@ -223,12 +258,13 @@ fn without_any(residuals_db: &[f64], changes_db: &[f64]) -> Option<Regression> {
 /// Looks for a node whose place is surely wrong: another explains nearly all that its links differ by.
 #[must_use]
 pub fn test(evidence: &Evidence<'_>) -> Option<Defect> {
-    likeliest(evidence, CATALOGUE_SHARE)
+    likeliest(evidence, CATALOGUE_SHARE, NodeLevel::Free)
 }
 
-/// The node whose place is likeliest to be wrong, if another explains at least this share of the variance between its links.
+/// The node whose place is likeliest to be wrong, if another explains at least this share of what its links differ by, or beside no level of
+/// the node of their squares.
 #[must_use]
-pub fn likeliest(evidence: &Evidence<'_>, least_share: f64) -> Option<Defect> {
+pub fn likeliest(evidence: &Evidence<'_>, least_share: f64, level: NodeLevel) -> Option<Defect> {
     let still = evidence.modelled().still();
     let mut of_node: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     for row in evidence.received() {
@@ -239,8 +275,10 @@ pub fn likeliest(evidence: &Evidence<'_>, least_share: f64) -> Option<Defect> {
     }
     let n_links = of_node.values().map(Vec::len).sum::<usize>().div_ceil(ROWS_OF_LINK.1);
     let most = (MOST_ROWS / n_links.max(1)).clamp(ROWS_OF_LINK.0, ROWS_OF_LINK.1);
-    let nodes: Vec<Node<'_>> =
-        of_node.iter().filter_map(|(&node, rows)| Node::new(evidence, node, rows, most)).collect();
+    let nodes: Vec<Node<'_>> = of_node
+        .iter()
+        .filter_map(|(&node, rows)| Node::new(evidence, (node, level), rows, most))
+        .collect();
     let trials = nodes.iter().filter_map(|node| Some((node, node.best_trial()?)));
     let (node, (trial_m, found)) = trials.min_by(|a, b| a.1.1.p_value.total_cmp(&b.1.1.p_value))?;
     tracing::debug!(node = node.node, ?trial_m, ?found, "place");
@@ -275,8 +313,10 @@ pub fn likeliest(evidence: &Evidence<'_>, least_share: f64) -> Option<Defect> {
         n_rows: concerned.len(),
         first_line: concerned.iter().map(|&row| rows[row].line).min()?,
         clause: format!(
-            "node {} stands {:.2} m from its surveyed place",
+            "node {} stands at ({:.2}, {:.2}) m, {:.2} m from its surveyed place",
             node.node,
+            surveyed_m[0] + by_m[0],
+            surveyed_m[1] + by_m[1],
             libm::hypot(by_m[0], by_m[1])
         ),
         correction: Correction {
@@ -296,12 +336,12 @@ mod tests {
         let noise = |k: usize| 0.1 * libm::cos(7.0 * k as f64);
         let residuals: Vec<f64> =
             changes.iter().enumerate().map(|(k, it)| 3.0 + 2.0 * it + noise(k)).collect();
-        let found = regression(&residuals, &changes).unwrap();
+        let found = regression(&residuals, &changes, NodeLevel::Free).unwrap();
         assert!(found.p_value < 1e-9 && (found.amplitude - 2.0).abs() < 0.1, "{found:?}");
         assert!(0.98 < found.share);
         // The opposite change is none.
         let opposite: Vec<f64> = changes.iter().map(|it| -it).collect();
-        assert!(0.99 < regression(&residuals, &opposite).unwrap().p_value);
+        assert!(0.99 < regression(&residuals, &opposite, NodeLevel::Free).unwrap().p_value);
     }
 
     #[test]
@@ -311,16 +351,20 @@ mod tests {
             (0..10).map(|k| noise(k) + if k == 4 { 9.0 } else { 0.0 }).collect();
         let changes: Vec<f64> =
             (0..10).map(|k| if k == 4 { 6.0 } else { 0.1 * noise(k + 20) }).collect();
-        assert!(regression(&residuals, &changes).unwrap().p_value < 1e-6);
-        assert!(0.01 < without_any(&residuals, &changes).unwrap().p_value);
+        assert!(regression(&residuals, &changes, NodeLevel::Free).unwrap().p_value < 1e-6);
+        assert!(0.01 < without_any(&residuals, &changes, NodeLevel::Free).unwrap().p_value);
     }
 
     #[test]
     fn the_test_is_students_of_the_slope() {
         // t = 13.973463 with 3 degrees of freedom.
-        let found = regression(&[1.1, 1.9, 3.2, 3.8, 5.3], &[1.0, 2.0, 3.0, 4.0, 5.0]).unwrap();
+        let (y, x) = ([1.1, 1.9, 3.2, 3.8, 5.3], [1.0, 2.0, 3.0, 4.0, 5.0]);
+        let found = regression(&y, &x, NodeLevel::Free).unwrap();
         assert!((found.amplitude - 1.03).abs() < 1e-12, "{found:?}");
         assert!((found.share - 0.984_868_176_8).abs() < 1e-9, "{found:?}");
         assert!((found.p_value - 0.000_396_806_6).abs() < 1e-9, "{found:?}");
+        // Through the origin: Σxy / Σx² = 56.8 / 55.
+        let found = regression(&y, &x, NodeLevel::Zero).unwrap();
+        assert!((found.amplitude - 56.8 / 55.0).abs() < 1e-12, "{found:?}");
     }
 }

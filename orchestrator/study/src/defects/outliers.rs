@@ -17,6 +17,7 @@ use crate::thresholds::{
     FEWEST_OUTLIER_READINGS, FEWEST_OUTLIERS, FEWEST_OUTLIERS_ABOVE, LEAST_OUTLIERS_ABOVE,
     MOST_OUTLIER_SHARE, MOST_OUTLIERS_BESIDE, TAIL_90,
 };
+use measure::links::LinkRow;
 use numbers::normal::INTERQUARTILE_RANGE;
 use numbers::optimise::nelder_mead::NelderMead;
 use statrs::distribution::{Beta, ChiSquared, ContinuousCDF as _};
@@ -138,7 +139,7 @@ pub fn test(evidence: &Evidence<'_>, is_unaffected: &[bool]) -> Option<Defect> {
         && mixture.share <= MOST_OUTLIER_SHARE
         && FEWEST_OUTLIERS_ABOVE as f64 <= n_above as f64
         && LEAST_OUTLIERS_ABOVE * outliers.len() as f64 <= n_above as f64
-        && share_beside(evidence, &received, &outliers) <= MOST_OUTLIERS_BESIDE;
+        && share_beside(rows, &received, &outliers) <= MOST_OUTLIERS_BESIDE;
     if !is_plausible {
         return None;
     }
@@ -181,10 +182,9 @@ fn interval(n_hits: usize, n: usize) -> (f64, f64) {
     )
 }
 
-/// The share of outliers among the rows beside outliers: the one before and the one after of the same two nodes, and those of the
-/// same frame.
-fn share_beside(evidence: &Evidence<'_>, received: &[usize], outliers: &[usize]) -> f64 {
-    let rows = evidence.rows();
+/// The share of outliers among the rows beside outliers: the one before and the one after of the same two nodes, or those of the same
+/// frame. The greater counts: a path lasts, and what disturbs a frame disturbs all that hear it.
+fn share_beside(rows: &[LinkRow], received: &[usize], outliers: &[usize]) -> f64 {
     let mut pairs: BTreeMap<(u32, u32, u32), Vec<usize>> = BTreeMap::new();
     let mut frames: BTreeMap<(u32, u64, u32), Vec<usize>> = BTreeMap::new();
     for &row in received {
@@ -196,37 +196,51 @@ fn share_beside(evidence: &Evidence<'_>, received: &[usize], outliers: &[usize])
         of_pair.sort_by(|&a, &b| rows[a].time_s.total_cmp(&rows[b].time_s).then(a.cmp(&b)));
     }
     let is_outlier: BTreeSet<usize> = outliers.iter().copied().collect();
-    let (mut n, mut n_off) = (0_usize, 0_usize);
-    let mut count = |row: usize| {
-        n += 1;
-        n_off += usize::from(is_outlier.contains(&row));
-    };
-    for of_pair in pairs.values() {
-        for two in of_pair.windows(2) {
-            for (one, other) in [(two[0], two[1]), (two[1], two[0])] {
-                if is_outlier.contains(&one) {
-                    count(other);
-                }
-            }
-        }
+    let n_off = |rows: &[usize]| rows.iter().filter(|row| is_outlier.contains(row)).count();
+    // Rows beside outliers, and how many of them are outliers.
+    let (mut of_pairs, mut of_frames) = ([0_usize; 2], [0_usize; 2]);
+    for two in pairs.values().flat_map(|of_pair| of_pair.windows(2)) {
+        let off = n_off(two);
+        of_pairs = [of_pairs[0] + off, of_pairs[1] + if off == 2 { 2 } else { 0 }];
     }
-    for frame in frames.values().filter(|frame| frame.iter().any(|row| is_outlier.contains(row))) {
-        // Each outlier has all other rows of its frame beside it.
-        for one in frame.iter().filter(|row| is_outlier.contains(row)) {
-            frame.iter().filter(|other| *other != one).for_each(|&other| count(other));
-        }
+    for frame in frames.values() {
+        let off = n_off(frame);
+        of_frames =
+            [of_frames[0] + off * (frame.len() - 1), of_frames[1] + off * off.saturating_sub(1)];
     }
-    if n == 0 { 0.0 } else { n_off as f64 / n as f64 }
+    let share = |[n, n_off]: [usize; 2]| if n == 0 { 0.0 } else { n_off as f64 / n as f64 };
+    share(of_pairs).max(share(of_frames))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::links::likelihood::tests::row;
     use proto::rng::{Draws, Purpose};
 
     fn p_value_of(residuals_db: &[f64]) -> f64 {
         let ([alone, both], _) = fitted(residuals_db).unwrap();
         p_value(both - alone, residuals_db.len())
+    }
+
+    #[test]
+    fn readings_of_one_path_are_not_isolated_however_many_hear_each_frame() {
+        // Three nodes send in turn, and five others hear each frame.
+        let row = |k: u32| LinkRow {
+            time_s: f64::from(k / 5),
+            tx: k / 5 % 3,
+            rx: 3 + k % 5,
+            ..row(1.0, 1.0, -70.0)
+        };
+        let rows: Vec<LinkRow> = (0..300).map(row).collect();
+        let all: Vec<usize> = (0..rows.len()).collect();
+        let of = |is_off: &dyn Fn(usize) -> bool| {
+            let off: Vec<usize> = all.iter().copied().filter(|&row| is_off(row)).collect();
+            share_beside(&rows, &all, &off)
+        };
+        assert_eq!(of(&|row| (rows[row].tx, rows[row].rx) == (1, 4)), 1.0);
+        assert_eq!(of(&|row| rows[row].time_s == 7.0), 1.0);
+        assert_eq!(of(&|row| row % 37 == 0), 0.0);
     }
 
     #[test]
