@@ -46,8 +46,8 @@ pub(crate) fn doubts<S: Study>(
     remains: &Remains<'_>,
 ) -> Vec<(TermId, String)> {
     let candidates = study.candidates();
-    let is_effect = |term: &&TermId| candidates[**term].curve_over().is_none();
-    let effects = ladder.accepted.iter().filter(is_effect).enumerate();
+    let is_effect = |term: &TermId| candidates[*term].curve_over().is_none();
+    let effects: Vec<TermId> = ladder.accepted.iter().copied().filter(is_effect).collect();
     let worse = search.worse_channel(&ladder.accepted, &[]);
     // What moves readings weakens frames, too. Where readings are given nothing does.
     let are_readings_tested =
@@ -64,6 +64,7 @@ pub(crate) fn doubts<S: Study>(
                 let is_open = candidate.is_spread && !is_independent(remains.pure);
                 is_open.then(|| SPREAD.to_owned())
             })
+            .or_else(|| search.is_shape_of_noise(term, &ladder.accepted).then(|| NOISE.to_owned()))
             .or_else(|| {
                 let gain = ladder.test_of(term)?.gain.gain;
                 let is_small = 0 < place && gain < remains.unexplained_nats();
@@ -91,7 +92,18 @@ pub(crate) fn doubts<S: Study>(
             .or_else(|| search.channel_without(term, &others).map(of_one_channel));
         why.map(|why| (term, why))
     };
-    effects.filter_map(doubt).collect()
+    let mut doubts: Vec<(TermId, String)> = effects.iter().enumerate().filter_map(doubt).collect();
+    // What shows only beside an effect that is not certain is not certain.
+    let doubted: Vec<TermId> = doubts.iter().map(|(term, _)| *term).collect();
+    if !doubted.is_empty() && ladder.stopped.is_none() {
+        let certain = effects.into_iter().filter(|term| !doubted.contains(term));
+        let needing = certain.filter(|&term| search.needs(term, &doubted, &ladder.accepted));
+        doubts.extend(needing.map(|term| {
+            let names: Vec<&str> = doubted.iter().map(|it| candidates[*it].name.as_str()).collect();
+            (term, format!("it shows only beside {}", names.join(", ")))
+        }));
+    }
+    doubts
 }
 
 /// Whether an effect shows in lost frames alone, of which whatever else weakens frames is a cause, too.
@@ -102,6 +114,8 @@ fn needs_losses(candidate: &Candidate) -> bool {
 /// Of an effect that spreads single frames.
 const SPREAD: &str =
     "these data do not show that what it spreads is independent from frame to frame";
+/// Of an effect that spreads single frames as noise of another shape does.
+const NOISE: &str = "noise of another skew or other tails explains these data as well";
 /// Of an effect that gains nothing beside a free curve, or less than is left unexplained.
 const PART: &str = "something else is missing, of which this may be a part";
 

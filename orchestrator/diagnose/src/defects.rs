@@ -129,7 +129,8 @@ pub(crate) fn clauses(defects: &[MeasurementDefect]) -> Option<String> {
 /// One defect makes others appear: where a node stands elsewhere, the clock of one that passes it seems to drift. Of those that change rows
 /// the one that explains most is taken, and the others are looked for again in changed rows; what leaves rows out comes last.
 pub(crate) fn find(study: &LinkStudy, report: &(dyn Fn(SearchProgress<'_>) + Sync)) -> Vec<Defect> {
-    let mut seen = suspected(study);
+    let mut before = Correction::default();
+    let mut seen = under(study, &[], &before);
     if seen.is_empty() {
         return seen;
     }
@@ -160,18 +161,20 @@ pub(crate) fn find(study: &LinkStudy, report: &(dyn Fn(SearchProgress<'_>) + Syn
                     Some(node) if places.iter().any(|place| place.nodes == [node]))
         };
         let rivals: Vec<TermId> = ladder.accepted.iter().copied().filter(is_rival).collect();
-        let mut new = confirmed(now, &names(&rivals), places);
-        new.extend(confirmed(now, &accepted, others));
+        let mut new = confirmed(now, &names(&rivals), places, &before);
+        new.extend(confirmed(now, &accepted, others, &before));
         let moving = new.iter().filter(|defect| !defect.correction.replaced.is_empty());
         let Some(most) = moving.max_by(|a, b| a.share.total_cmp(&b.share)).cloned() else {
             found.extend(new);
             return found;
         };
         found.push(most);
-        let replaced = joint_correction(&found).replaced;
+        // Rows that are left out stay until the end, so that each keeps its number.
+        before = joint_correction(&found);
+        let replaced = before.replaced.clone();
         let corrected = study.corrected(&Correction { replaced, ..Correction::default() });
         let Ok(Some(corrected)) = corrected else { return found };
-        seen = suspected(&corrected);
+        seen = under(&corrected, &[], &before);
         seen.retain(|defect| found.iter().all(|it| !is_same(it, defect)));
         changed = Some(corrected);
     }
@@ -186,29 +189,28 @@ fn is_same(one: &Defect, other: &Defect) -> bool {
     (one.name, &one.nodes, &one.runs) == (other.name, &other.nodes, &other.runs)
 }
 
-/// Defects under the model as configured, with its level and noise fitted.
-#[must_use]
-fn suspected(study: &LinkStudy) -> Vec<Defect> {
-    under(study, &[])
-}
-
-/// Defects under the model with some terms.
-fn under(study: &LinkStudy, terms: &[TermId]) -> Vec<Defect> {
+/// Defects under the model with some terms, its level and noise fitted, beside what was corrected already.
+fn under(study: &LinkStudy, terms: &[TermId], before: &Correction) -> Vec<Defect> {
     let fit = study.fit(terms, &study.fitted_rows(), COMMON, None);
-    Evidence::new(study, &fit).map_or_else(Vec::new, |evidence| defects::found(&evidence))
+    Evidence::new(study, &fit).map_or_else(Vec::new, |evidence| defects::found(&evidence, before))
 }
 
 /// The suspected defects that are significant under the model with the accepted terms, too, each by its name. Of both p-values the greater
 /// counts.
 #[must_use]
-fn confirmed(study: &LinkStudy, accepted: &[&str], suspected: Vec<Defect>) -> Vec<Defect> {
+fn confirmed(
+    study: &LinkStudy,
+    accepted: &[&str],
+    suspected: Vec<Defect>,
+    before: &Correction,
+) -> Vec<Defect> {
     let candidates = study.candidates();
     let is_accepted = |term: &TermId| accepted.contains(&candidates[*term].name.as_str());
     let terms: Vec<TermId> = candidates.ids().filter(is_accepted).collect();
     if terms.is_empty() || suspected.is_empty() {
         return suspected;
     }
-    let again = under(study, &terms);
+    let again = under(study, &terms, before);
     suspected
         .into_iter()
         .filter_map(|defect| {
@@ -221,7 +223,8 @@ fn confirmed(study: &LinkStudy, accepted: &[&str], suspected: Vec<Defect>) -> Ve
 /// Defects under the model as configured, as answers list them.
 #[must_use]
 pub fn listed(study: &LinkStudy) -> Vec<MeasurementDefect> {
-    suspected(study).iter().map(MeasurementDefect::of).collect()
+    let found = under(study, &[], &Correction::default());
+    found.iter().map(MeasurementDefect::of).collect()
 }
 
 /// The corrections of all defects.

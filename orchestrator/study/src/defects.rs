@@ -143,17 +143,18 @@ impl Correction {
 }
 
 /// The defects that are significant at [`DEFECT_FAMILY_ERROR`] after Holm's correction for all kinds, and that matter, in the order of
-/// [`KINDS`].
+/// [`KINDS`]. `before`: what was corrected already; its rows are no outliers.
 #[must_use]
-pub fn found(evidence: &Evidence<'_>) -> Vec<Defect> {
+pub fn found(evidence: &Evidence<'_>, before: &Correction) -> Vec<Defect> {
     let in_all = |kind: &Kind| match kind.test {
         Test::AllRows(test) => test(evidence),
         Test::UnaffectedRows(_) => None,
     };
     let mut tested: Vec<Defect> = KINDS.iter().filter_map(in_all).collect();
     let mut is_unaffected = vec![true; evidence.rows().len()];
-    for defect in significant(tested.clone()) {
-        let Correction { left_out, replaced, .. } = &defect.correction;
+    let significant_now = significant(tested.clone());
+    let corrections = significant_now.iter().map(|defect| &defect.correction).chain([before]);
+    for Correction { left_out, replaced, .. } in corrections {
         let concerned = left_out.iter().chain(replaced.iter().map(|(row, _)| row));
         concerned.for_each(|&row| is_unaffected[row as usize] = false);
     }

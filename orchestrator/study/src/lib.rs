@@ -271,6 +271,11 @@ pub trait Study: Sync {
         None
     }
 
+    /// Whether noise of another skew and other tails explains as much as a term that spreads single frames: by fits with it and without it.
+    fn is_shape_of_noise(&self, _with: &Self::Fit, _without: &Self::Fit) -> bool {
+        false
+    }
+
     /// The standard deviation (m) of positions that is likeliest under a fit, where a covariate follows from positions and this noise is no
     /// chance by itself: a right model of noisy positions has errors over distance and strength (regression dilution). None: positions may
     /// be right.

@@ -19,7 +19,7 @@ pub mod terms;
 use super::choices::{ChoiceError, Choices};
 use super::defects::evidence::Evidence;
 use super::defects::node_place::{self, NodeLevel};
-use super::defects::position_noise;
+use super::defects::{outliers, position_noise};
 use super::folds::Blocks;
 use super::limits::NotLimited;
 use super::linear::{Column, Dependence, Direction, Linearised, Partition};
@@ -252,6 +252,11 @@ impl Study for LinkStudy {
             .filter(|it| it.p_value < UNCORRECTED_LEVEL)?;
         let study = self.corrected(&place.correction).ok()??;
         Some((place.clause, study))
+    }
+
+    fn is_shape_of_noise(&self, with: &LinkFit, without: &LinkFit) -> bool {
+        let evidence = [with, without].map(|fit| Evidence::new(self, fit));
+        matches!(&evidence, [Some(with), Some(without)] if outliers::is_shape_of_noise(with, without))
     }
 
     fn position_noise_m(&self, fit: &LinkFit, covariate: &str) -> Option<f64> {

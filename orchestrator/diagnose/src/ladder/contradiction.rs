@@ -1,6 +1,6 @@
 //! Effects that predict one channel better and that the measurements contradict nevertheless.
 
-use super::search::{Search, with_term};
+use super::search::{Search, with_term, without_term};
 use crate::gain::{Gain, Scores};
 use study::linear::Column;
 use study::thresholds::{CATALOGUE_SHARE, FAMILY_ERROR, UNCORRECTED_LEVEL, WORSE_SHARE};
@@ -44,6 +44,25 @@ impl<S: Study> Search<'_, S> {
         (loss.standard_error < loss.gain).then(|| {
             format!("the CRPS of readings would be {after:.3} dB instead of {before:.3} dB")
         })
+    }
+
+    /// Whether noise of another shape explains as much as a term of a selection that spreads single frames. Both are compared without random
+    /// effects.
+    pub(crate) fn is_shape_of_noise(&self, term: TermId, accepted: &[TermId]) -> bool {
+        let laws = self.without_random(accepted);
+        let [with, without] = [laws.clone(), without_term(&laws, term)]
+            .map(|terms| self.full_fit(&terms, COMMON, None));
+        self.study.candidates()[term].is_spread && self.study.is_shape_of_noise(&with, &without)
+    }
+
+    /// Whether a term of a selection gains nothing without some others (p >= 5 % on held-out rows).
+    pub(crate) fn needs(&self, term: TermId, others: &[TermId], accepted: &[TermId]) -> bool {
+        let alone: Vec<TermId> =
+            accepted.iter().copied().filter(|it| !others.contains(it)).collect();
+        let [with, without] = [alone.clone(), without_term(&alone, term)]
+            .map(|terms| self.held_out_scores(&terms, COMMON));
+        let blocks = self.study.blocks(COMMON).dependent();
+        UNCORRECTED_LEVEL <= Gain::from_scores(&with, &without, blocks).p_value
     }
 
     /// By how much headings, or positions beside them, are predicted worse by one model than by another; none: no worse.

@@ -2,22 +2,31 @@
 
 use super::Ladder;
 use super::search::{Search, with_term, without_term};
+use proto::effect::Level;
 use rayon::prelude::*;
 use study::thresholds::FAMILY_ERROR;
 use study::{COMMON, Study, TermId};
 
 impl<S: Study> Search<'_, S> {
-    /// Whether an accepted term predicts rows left out better beside each of the best free curves: those over some covariates, and of each
-    /// channel the one that gains most beside all that was accepted. A curve takes what is only a part of something unknown.
+    /// Whether an accepted term predicts rows left out better beside each of the best free curves, and beside all of them: those over some
+    /// covariates, and of each channel the one that gains most beside all that was accepted. A curve takes what is only a part of
+    /// something unknown. A random effect follows any structure, so that it does not survive structure over what no curve follows.
     pub(crate) fn survives_beside_curves(
         &self,
         term: TermId,
         ladder: &Ladder,
         covariates: &[&str],
     ) -> bool {
+        let candidates = self.study.candidates();
+        let has_curve =
+            |over: &&str| candidates.ids().any(|id| candidates[id].curve_over() == Some(*over));
+        if candidates[term].level == Level::Random && !covariates.iter().all(has_curve) {
+            return false;
+        }
         let others = without_term(&ladder.accepted, term);
         let curves = self.best_curves(ladder, covariates);
         curves.par_iter().all(|&curve| self.survives_beside(term, &with_term(&others, curve)))
+            && (curves.len() < 2 || self.survives_beside(term, &[others, curves].concat()))
     }
 
     fn best_curves(&self, ladder: &Ladder, covariates: &[&str]) -> Vec<TermId> {
