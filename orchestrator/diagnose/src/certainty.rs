@@ -49,6 +49,7 @@ pub(crate) fn doubts<S: Study>(
     let is_effect = |term: &TermId| candidates[*term].curve_over().is_none();
     let effects: Vec<TermId> = ladder.accepted.iter().copied().filter(is_effect).collect();
     let worse = search.worse_channel(&ladder.accepted, &[]);
+    let are_places_tested = candidates.iter().any(|it| it.is_tried() && it.level == Level::Place);
     // What moves readings weakens frames, too. Where readings are given nothing does.
     let are_readings_tested =
         candidates.iter().any(|it| it.about.is_some() && it.is_tried() && !needs_losses(it));
@@ -75,6 +76,7 @@ pub(crate) fn doubts<S: Study>(
                         || !search.survives_beside_curves(term, ladder, &remains.structure));
                 is_part.then(|| PART.to_owned())
             })
+            .or_else(|| (are_places_tested && is_passage(candidate)).then(|| PASSAGE.to_owned()))
             .or_else(|| search.only_node_of(term, &ladder.accepted).map(of_one_node))
             .or_else(|| {
                 let is_first = search.is_of_beginnings(term, &ladder.accepted);
@@ -110,6 +112,16 @@ pub(crate) fn doubts<S: Study>(
 fn needs_losses(candidate: &Candidate) -> bool {
     candidate.about.is_some_and(|about| about.needs.contains(&Need::Losses))
 }
+
+/// Whether an effect is limited to some robots or nodes, and ends.
+fn is_passage(candidate: &Candidate) -> bool {
+    let has = |key: &str| candidate.only.as_ref().is_some_and(|only| only.contains_key(key));
+    (has("agents") || has("nodes")) && has("until_s")
+}
+
+/// Of an effect of some robots or nodes that ends.
+const PASSAGE: &str =
+    "what acts in a place that only these passed, and only in that time, looks the same";
 
 /// Of an effect that spreads single frames.
 const SPREAD: &str =
@@ -297,6 +309,19 @@ mod tests {
         let random = of_parameters(&[SLOPE], Level::Random);
         let spread = Estimate::new("sd_db", "dB", 1.7, (0.045, 296.0));
         assert!(unidentified(&random, &[spread]).is_some());
+    }
+
+    #[test]
+    fn what_ends_for_some_robots_may_be_a_place_that_they_passed() {
+        let of = |only: &str| Candidate {
+            only: Some(only.parse().unwrap()),
+            ..of_parameters(&[SLOPE], Level::Time)
+        };
+        assert!(is_passage(&of("agents = [2]\nuntil_s = 93.6")));
+        assert!(is_passage(&of("nodes = [2]\nfrom_s = 3.0\nuntil_s = 93.6")));
+        for lasting in ["agents = [2]\nfrom_s = 93.6", "until_s = 93.6", "agents = [2]"] {
+            assert!(!is_passage(&of(lasting)));
+        }
     }
 
     #[test]

@@ -10,6 +10,7 @@ use numbers::quantity;
 use numbers::statistics::{correlation, mean, mean_ignoring_nan};
 use proto::effect::{CONSTANT, Need};
 use statrs::distribution::{ContinuousCDF as _, Normal};
+use study::links::rows::covariates;
 use study::thresholds::{
     CONDITION_BINS, DETECTABLE_PROBABILITY, FEWEST_BIN_ROWS, GOING_TOGETHER, HARDLY_VARYING_SHARE,
     LEAST_NEXT_DIFFERENCE, MOST_NEXT_ROWS, UNCORRECTED_LEVEL, WIDE_INTERVAL,
@@ -40,8 +41,6 @@ pub(crate) struct Condition {
 /// measured. Another covariate stands for each of them.
 const NOT_CHOSEN: [&str; 5] =
     ["time_s", "rssi_dbm", "predicted_rssi_dbm", "measured_speed_mps", "log10_distance"];
-/// Numbers of nodes: one of them can be chosen, a range of them means nothing.
-const NUMBERS_OF_NODES: [&str; 2] = ["transmitter", "receiver"];
 
 /// The first parameter of a random offset of nodes.
 const OF_NODES: &str = "tx_sd_db";
@@ -65,7 +64,8 @@ pub(crate) fn greatest_difference(difference: &PredictionDifference) -> Option<C
             let is_range = from < to;
             if part.len() < FEWEST_BIN_ROWS
                 || n <= part.len()
-                || is_range && NUMBERS_OF_NODES.contains(&name.as_str())
+                // One node can be chosen, a range of numbers means nothing.
+                || is_range && covariates::OF_NODES.contains(&name.as_str())
             {
                 continue;
             }

@@ -7,7 +7,7 @@ use numbers::power::square;
 use numbers::statistics::nth_quantile;
 use proto::rng::{Draws, Purpose};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, Gamma};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use study::folds::Blocks;
 use study::linear::{Dependence, Linearised};
 use study::symbolic::FittedFormula;
@@ -169,8 +169,8 @@ fn stands_clustered<S: Study>(
     p_value < UNCORRECTED_LEVEL
 }
 
-/// Whether a covariate has one value for each sender, or each receiver, and these are too few to tell it from what nodes differ by: any
-/// shape in so many bins fits them.
+/// Whether a covariate has one value for each sender, or each receiver, and these values are too few to tell it from what nodes differ by:
+/// any shape in so many bins fits them. A node that moves counts once, however many squares it passes.
 fn is_of_few_nodes(values: &[f64], nodes: &[[u32; 2]]) -> bool {
     (0..2).any(|end| {
         let mut of_node: BTreeMap<u32, f64> = BTreeMap::new();
@@ -179,7 +179,8 @@ fn is_of_few_nodes(values: &[f64], nodes: &[[u32; 2]]) -> bool {
             .zip(nodes)
             .filter(|(value, _)| value.is_finite())
             .all(|(value, ends)| of_node.entry(ends[end]).or_insert(*value) == value);
-        is_of_node && of_node.len() < 2 * STRUCTURE_BINS
+        let different: BTreeSet<u64> = of_node.values().map(|value| value.to_bits()).collect();
+        is_of_node && different.len() < 2 * STRUCTURE_BINS
     })
 }
 

@@ -295,7 +295,9 @@ impl Study for LinkStudy {
     }
 
     fn scanned_covariates(&self) -> Vec<(String, Vec<f64>)> {
-        self.covariates()
+        let mut covariates = self.covariates();
+        covariates.retain(|(name, _)| !covariates::OF_NODES.contains(&name.as_str()));
+        covariates
     }
 
     fn scanned_blocks(&self) -> Vec<&Blocks> {

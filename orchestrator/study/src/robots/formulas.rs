@@ -12,6 +12,8 @@ use robotsim::dynamics::effect::NAMES;
 
 /// A covariate whose error is part of a window's error: both hold the position measured when the window begins.
 const SHARES_ITS_ERROR: &str = "measured_speed_mps";
+/// The number of a robot.
+const AGENT: &str = "agent";
 /// What formulas may be multiplied by: what robots lose of their way is a share of it.
 const SPEED: &str = "speed_mps";
 
@@ -19,10 +21,10 @@ const SPEED: &str = "speed_mps";
 type Covariate<'a> = (&'a str, &'a [f64]);
 
 impl RobotStudy {
-    /// Covariates of each window whose errors are independent of the window's.
+    /// Covariates of each window whose errors are independent of the window's, robots' numbers apart: no law follows a number.
     pub(super) fn independent_covariates(&self) -> Vec<(String, Vec<f64>)> {
         let mut covariates = self.covariates();
-        covariates.retain(|(name, _)| name != SHARES_ITS_ERROR);
+        covariates.retain(|(name, _)| name != SHARES_ITS_ERROR && name != AGENT);
         covariates
     }
 

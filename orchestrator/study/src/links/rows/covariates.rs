@@ -3,6 +3,9 @@
 use super::ModelledLinks;
 use physics::link::{Link, channel_hz};
 
+/// Numbers of nodes: levels of nodes may differ, and no law follows a number.
+pub const OF_NODES: [&str; 2] = ["transmitter", "receiver"];
+
 /// Those that follow from the places of both ends.
 pub const OF_PLACES: [&str; 8] = [
     "distance_m",
