@@ -49,10 +49,13 @@ impl<S: Study> Search<'_, S> {
     /// Whether noise of another shape explains as much as a term of a selection that spreads single frames. Both are compared without random
     /// effects.
     pub(crate) fn is_shape_of_noise(&self, term: TermId, accepted: &[TermId]) -> bool {
+        if !self.study.candidates()[term].is_spread {
+            return false;
+        }
         let laws = self.without_random(accepted);
         let [with, without] = [laws.clone(), without_term(&laws, term)]
             .map(|terms| self.full_fit(&terms, COMMON, None));
-        self.study.candidates()[term].is_spread && self.study.is_shape_of_noise(&with, &without)
+        self.study.is_shape_of_noise(&with, &without)
     }
 
     /// Whether a term of a selection gains nothing without some others (p >= 5 % on held-out rows).

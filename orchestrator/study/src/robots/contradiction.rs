@@ -219,7 +219,7 @@ impl RobotStudy {
 
 /// A mean over blocks.
 pub(super) struct BlockMean {
-    pub(super) mean: f64,
+    mean: f64,
     standard_error: f64,
     blocks: f64,
 }

@@ -187,7 +187,6 @@ impl RobotStudy {
                 (self.model.tracks.windows[row as usize].start as usize, a - b)
             });
         let gain = self.mean_over_blocks(more)?;
-        tracing::debug!(mean = gain.mean, least = gain.least(UNCORRECTED_LEVEL), "positions alone");
         (0.0 < gain.least(UNCORRECTED_LEVEL)).then_some(alone)
     }
 
