@@ -44,11 +44,20 @@ fn order(token: Option<&str>) -> Request<v1::RobotSimServiceCommandRequest> {
     request
 }
 
-/// Gives an order to whoever listens there, as soon as it is configured.
+/// Gives an order to whoever listens there, as soon as it listens and is configured.
 async fn give(url: &str, token: Option<&str>) -> Result<(), Status> {
-    let channel = Endpoint::from_shared(url.to_owned()).unwrap().connect().await.unwrap();
-    let mut robots = RobotSimServiceClient::new(channel);
     let begun = Instant::now();
+    let endpoint = Endpoint::from_shared(url.to_owned()).unwrap();
+    // A socket's file is there from its bind on, and refuses connections until its listen.
+    let channel = loop {
+        match endpoint.connect().await {
+            Err(_) if begun.elapsed() < DEADLINE => {
+                tokio::time::sleep(Duration::from_millis(20)).await;
+            }
+            answer => break answer.unwrap(),
+        }
+    };
+    let mut robots = RobotSimServiceClient::new(channel);
     loop {
         match robots.command(order(token)).await {
             Err(status)
