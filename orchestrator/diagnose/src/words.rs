@@ -31,7 +31,12 @@ pub fn sentence(diagnosis: &Diagnosis) -> String {
 
 /// The verdict in a sentence.
 pub(crate) fn first_sentence(diagnosis: &Diagnosis) -> String {
-    let found = verdict(diagnosis);
+    // What a search that was stopped has not found may be there.
+    let is_open = !diagnosis.complete
+        && diagnosis.possible.is_empty()
+        && matches!(diagnosis.verdict, Verdict::NothingFound | Verdict::NothingMissing);
+    let found =
+        if is_open { "no effect was found until then".to_owned() } else { verdict(diagnosis) };
     let found = match defects::clauses(&diagnosis.measurement_defects) {
         Some(clauses) => {
             format!("the measurement is wrong: {clauses}. With that corrected, {found}")

@@ -25,6 +25,9 @@ pub fn sentence(between: &Between) -> String {
             )
         }
         BetweenVerdict::SomethingChanged => something_changed(between),
+        BetweenVerdict::NothingChanged | BetweenVerdict::NothingFound if !between.complete => {
+            "no change was found until then".to_owned()
+        }
         BetweenVerdict::NothingChanged => format!(
             "nothing changed that these data could show: a difference of up to {} {} could hide in them",
             short(between.could_hide),

@@ -166,6 +166,10 @@ fn what_is_possible_has_its_reason_and_stands_after_the_verdict() {
     let stopped = sentence(&Diagnosis { complete: false, ..drifting() });
     let start = "stopped after the search; what follows from it may still change: missing: heading-bias. Possibly";
     assert!(stopped.starts_with(start), "{stopped}");
+    let empty = Diagnosis { verdict: Verdict::NothingFound, possible: Vec::new(), ..drifting() };
+    let unfinished = sentence(&Diagnosis { complete: false, ..empty });
+    let start = "stopped after the search; what follows from it may still change: no effect was found until then";
+    assert!(unfinished.starts_with(start), "{unfinished}");
     let before = Diagnosis { stopped_in_round: Some(1), complete: false, ..drifting() };
     assert_eq!(sentence(&before), "stopped in round 1, before any result");
 }
