@@ -9,6 +9,7 @@ mod body;
 pub(crate) mod contacts;
 pub mod effect;
 pub mod fleet;
+mod forces;
 mod inertial;
 pub mod physics;
 mod point_mass;
@@ -101,6 +102,8 @@ pub struct Memory {
     drive: Drive,
     /// How bodies that keep their velocity are accelerated (m/s²).
     push_mps2: [f64; 3],
+    /// How the load below it hangs.
+    load: forces::Hanging,
     /// How a rigid body spins (rad/s), counter-clockwise.
     spin_radps: f64,
     /// Commands that may still have to act, oldest first.
@@ -185,6 +188,7 @@ impl Dynamics {
                 }
             }
         }
+        effect::check_loads(&effects, &join(path, "effect"), problems);
         Some(Self { physics: Physics::new(body, effects), localization, limited })
     }
 
@@ -317,11 +321,13 @@ impl Dynamics {
             heading_rad: states.heading_rad.get(agent).copied().unwrap_or(0.0),
             drive: memory.drive,
             push_mps2: memory.push_mps2,
+            load: memory.load,
         };
         let orders = &memory.orders;
         self.physics.advance(&mut robot, orders, &mut 0, from_s, until_s, surroundings);
         memory.drive = robot.drive;
         memory.push_mps2 = robot.push_mps2;
+        memory.load = robot.load;
         if self.physics.shape().is_turning() {
             states.heading_rad[agent] = wrapped(robot.heading_rad);
         }

@@ -157,7 +157,7 @@ fn the_program_lists_explains_and_draws_effects() {
 const FLOWN: &str = "campaigns have robots on the ground: tests/it/quadrotors.rs hides it from quadrotors by equations of its own";
 
 /// Effects that no campaign of `tests/campaign` can hide, and why.
-const WITHOUT_CAMPAIGN: [(&str, &str, &str); 8] = [
+const WITHOUT_CAMPAIGN: [(&str, &str, &str); 14] = [
     (
         "radio",
         "drift",
@@ -168,9 +168,15 @@ const WITHOUT_CAMPAIGN: [(&str, &str, &str); 8] = [
         "link-drift",
         "links that drift by themselves have a campaign of their own: tests/campaign/unforeseen/drift.rs",
     ),
+    ("robots", "attitude-bias", FLOWN),
     ("robots", "ground-effect", FLOWN),
+    ("robots", "linear-drag", FLOWN),
     ("robots", "payload-mass", FLOWN),
+    ("robots", "push", FLOWN),
+    ("robots", "rotor-loss", FLOWN),
+    ("robots", "swinging-load", FLOWN),
     ("robots", "thrust-scale", FLOWN),
+    ("robots", "thrust-voltage", FLOWN),
     (
         "robots",
         "turn-slowdown",

@@ -52,7 +52,7 @@ pub struct RobotSample {
     pub time_s: f64,
     /// Measured position (m).
     pub position_m: [f64; 3],
-    /// Measured heading (rad); NaN where unknown.
+    /// Measured heading (rad), of commands of thrust and attitude else the commanded yaw; NaN where unknown.
     pub heading_rad: f64,
     /// Command in force from now on; of commands of thrust and attitude the thrust as a vector (N, east, north, up).
     pub command: Drive,
@@ -133,7 +133,7 @@ pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
             agent,
             time_s: cell("time_s", row),
             position_m: [cell("x_m", row), cell("y_m", row), or_zero(cell("z_m", row))],
-            heading_rad: cell("heading_rad", row),
+            heading_rad: commands.heading_rad(|name| cell(name, row)),
             command: commands.command(|name| cell(name, row)),
         };
         kept.push((sample, row));

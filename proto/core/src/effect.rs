@@ -230,6 +230,8 @@ pub enum Search {
     },
     /// Robots: as thresholds, of how fast commands change.
     ThresholdsOfChanges,
+    /// Robots: at times spread over the measurements, of the last parameter, each with the starts of the others.
+    Times,
 }
 
 /// A property of a configured radio, its base model and effects together, or of a configured robot.
@@ -250,6 +252,8 @@ pub enum Body {
     Unicycle,
     /// Commanded by speed and steering angle.
     Car,
+    /// Commanded by an acceleration, or by thrust and attitude.
+    Inertial,
 }
 
 /// The covariate of what is the same in every row.

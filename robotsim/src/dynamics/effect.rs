@@ -4,30 +4,38 @@
 
 mod acceleration_limit;
 mod actuator_lag;
+mod attitude_bias;
 mod dead_band;
 mod dead_time;
 mod downwash;
 mod formula;
 mod ground_effect;
 mod heading_bias;
+mod linear_drag;
 mod localization;
 pub mod only;
 mod payload;
+mod push;
 mod quadratic_drag;
+mod rotor_loss;
 mod rough_ground;
 mod slip;
 mod slope;
 mod speed_limit;
 mod steering_bias;
+mod swinging_load;
 #[cfg(test)]
 pub(super) mod testing;
 mod thrust_scale;
+mod thrust_voltage;
 mod turn_slowdown;
 mod wind;
 mod yaw_coupling;
 
 pub use formula::NAMES;
 pub use localization::Localization;
+pub use swinging_load::Pendulum;
+pub(super) use swinging_load::check as check_loads;
 
 use super::body::{Drive, Part, Shape};
 use super::surroundings::Surroundings;
@@ -40,9 +48,10 @@ use proto::effect::{About, Catalogued, Fit, Named};
 ///
 /// A command passes through effects in this order, whatever their order in the configuration: it comes late
 /// ([`Effect::delay_s`]); what it asks for is changed ([`Effect::shape`], in the order of the configuration); the actuators
-/// follow with lag and limits ([`Effect::lag_s`], [`Effect::limit_per_s`]); their thrust is changed ([`Effect::thrust_gain`]); the ground and the air add theirs
-/// ([`Effect::ground_scale`], [`Effect::drift_mps`]); and at last the position is measured ([`Effect::localization`]). Most
-/// effects use one of these; the others have neutral defaults.
+/// follow with lag and limits ([`Effect::lag_s`], [`Effect::limit_per_s`]); their thrust is changed ([`Effect::thrust_gain`],
+/// [`Effect::tilt_rad`]); the ground and the air add theirs ([`Effect::ground_scale`], [`Effect::drift_mps`], and to bodies that keep
+/// their velocity [`Effect::force_mps2`] and [`Effect::load`]); and at last the position is measured ([`Effect::localization`]).
+/// Most effects use one of these; the others have neutral defaults.
 pub trait Effect: Named + Send + Sync + std::fmt::Debug {
     /// What limits it to some robots or times, if anything does. Nothing else of it depends on that.
     fn limits(&self) -> Option<&only::Limits> {
@@ -89,7 +98,7 @@ pub trait Effect: Named + Send + Sync + std::fmt::Debug {
         1.0
     }
 
-    /// Velocity (m/s) that is added to the robot's own.
+    /// Velocity (m/s) that is added to the own one of a robot that does not keep its velocity.
     fn drift_mps(&self, _at: &Situation<'_>) -> [f64; 3] {
         [0.0; 3]
     }
@@ -104,17 +113,43 @@ pub trait Effect: Named + Send + Sync + std::fmt::Debug {
         [1.0; 2]
     }
 
+    /// By how much (rad) the thrust of a body that keeps its velocity is tilted, beside its attitude: roll and pitch.
+    fn tilt_rad(&self) -> [f64; 2] {
+        [0.0; 2]
+    }
+
+    /// What a force beside the thrust accelerates a body by (m/s²) that keeps its velocity. Where nothing else is said, that is the number
+    /// which is added to the velocity (m/s) of other robots.
+    fn force_mps2(&self, at: &Situation<'_>) -> [f64; 3] {
+        self.drift_mps(at)
+    }
+
+    /// The greatest of [`Effect::force_mps2`] on a body at rest (m/s²).
+    fn most_force_mps2(&self) -> f64 {
+        0.0
+    }
+
+    /// What hangs below a body that keeps its velocity.
+    fn load(&self) -> Option<Pendulum> {
+        None
+    }
+
     /// Whether there is a drift at all.
     fn drifts(&self) -> bool {
         false
     }
 
-    /// Whether [`Effect::ground_scale`], [`Effect::drift_mps`] or [`Effect::thrust_gain`] change as the robot moves or time passes.
+    /// Whether what it does to the motion changes as the robot moves or time passes.
     fn varies_on_the_way(&self) -> bool {
         false
     }
 
-    /// Whether [`Effect::drift_mps`] depends on other robots.
+    /// The same of bodies that keep their velocity.
+    fn force_varies(&self) -> bool {
+        self.varies_on_the_way()
+    }
+
+    /// Whether it depends on other robots.
     fn heeds_others(&self) -> bool {
         false
     }
@@ -204,21 +239,27 @@ pub(crate) const LIST: &str = "robotsim.dynamics.effect";
 pub(crate) const BUILT_IN: &[Entry] = &[
     acceleration_limit::ENTRY,
     actuator_lag::ENTRY,
+    attitude_bias::ENTRY,
     dead_band::ENTRY,
     dead_time::ENTRY,
     downwash::ENTRY,
     formula::ENTRY,
     ground_effect::ENTRY,
     heading_bias::ENTRY,
+    linear_drag::ENTRY,
     localization::ENTRY,
     payload::ENTRY,
+    push::ENTRY,
     quadratic_drag::ENTRY,
+    rotor_loss::ENTRY,
     rough_ground::ENTRY,
     slip::ENTRY,
     slope::ENTRY,
     speed_limit::ENTRY,
     steering_bias::ENTRY,
+    swinging_load::ENTRY,
     thrust_scale::ENTRY,
+    thrust_voltage::ENTRY,
     turn_slowdown::ENTRY,
     wind::ENTRY,
     yaw_coupling::ENTRY,

@@ -179,6 +179,7 @@ impl Fleet {
         for memory in memory {
             memory.drive = [0.0; 3];
             memory.push_mps2 = [0.0; 3];
+            memory.load = Default::default();
             memory.spin_radps = 0.0;
             memory.orders.clear();
         }

@@ -3,6 +3,7 @@
 use super::body::{Body, Drive, Part};
 use super::effect::only::{Limits, Moment};
 use super::effect::{Effect, Situation};
+use super::forces::Hanging;
 use super::inertial::{Push, within};
 use super::norm;
 use super::response::Response;
@@ -19,8 +20,10 @@ pub struct Robot {
     pub heading_rad: f64,
     /// What its actuators do.
     pub drive: Drive,
-    /// How a body that keeps its velocity is accelerated (m/s²).
+    /// How a body that keeps its velocity is accelerated by its actuators (m/s²).
     pub push_mps2: [f64; 3],
+    /// How its load hangs, where it has one on a cable.
+    pub load: Hanging,
 }
 
 /// A command and since when it is in force.
@@ -48,7 +51,7 @@ pub struct Physics {
 
 /// What effects that act at a moment come to together.
 #[derive(Clone, Copy, Debug)]
-struct Acting {
+pub(super) struct Acting {
     /// By place in the list of effects.
     bits: u64,
     delay_s: [f64; 2],
@@ -56,7 +59,11 @@ struct Acting {
     course_rad: f64,
     sideways_s: f64,
     slowdown_s: f64,
+    /// Roll and pitch of the thrust beside the attitude.
+    pub(super) tilt_rad: [f64; 2],
     varies: bool,
+    /// The same of bodies that keep their velocity.
+    pub(super) force_varies: bool,
 }
 
 /// So many effects, the first ones, may be limited to some robots or times.
@@ -83,13 +90,15 @@ impl Acting {
             course_rad: sum(&|effect| effect.course_rad()),
             sideways_s: sum(&|effect| effect.sideways_s()),
             slowdown_s: sum(&|effect| effect.slowdown_s()),
+            tilt_rad: [0, 1].map(|axis| sum(&|effect| effect.tilt_rad()[axis])),
             varies: acting().any(|(_, effect)| effect.varies_on_the_way()),
+            force_varies: acting().any(|(_, effect)| effect.force_varies()),
         }
     }
 
     /// Whether the effect at this place acts.
     #[inline]
-    fn has(&self, place: usize) -> bool {
+    pub(super) fn has(&self, place: usize) -> bool {
         has(self.bits, place)
     }
 }
@@ -396,61 +405,19 @@ impl Physics {
         let Response { lag_s, limit } = acting.response[0];
         let asked_mps2 = body.limited(within(asked_mps2, limit));
         let lag_s = lag_s + body.lag_s();
-        let longest_s = if acting.varies { self.steps.local_s } else { f64::INFINITY };
+        let longest_s = if acting.force_varies { self.steps.local_s } else { f64::INFINITY };
         let n = (dt_s / longest_s).ceil().max(1.0) as usize;
         let h_s = dt_s / n as f64;
         for step in 0..n {
             let mut push = Push { velocity_mps: robot.drive, acceleration_mps2: robot.push_mps2 };
             let mut mean_mps = push.advance(asked_mps2, lag_s, h_s);
             let time_s = from_s + (step as f64 + 0.5) * h_s;
-            let gain = self.thrust_gain(robot, acting, mean_mps, [time_s, h_s], surroundings);
-            if gain != 1.0 {
-                // Thrust is a + lift: a' = gain (a + lift) - lift, gain being held over the step.
-                let sinks_mps = (gain - 1.0) * body.lift_mps2() * h_s;
-                for (axis, own_mps) in robot.drive.into_iter().enumerate() {
-                    let sinks_mps = if axis == 2 { sinks_mps } else { 0.0 };
-                    let changed = |free_mps: f64| own_mps + gain * (free_mps - own_mps);
-                    mean_mps[axis] = changed(mean_mps[axis]) + 0.5 * sinks_mps;
-                    push.velocity_mps[axis] = changed(push.velocity_mps[axis]) + sinks_mps;
-                }
-            }
+            let free = (&mut push, &mut mean_mps);
+            self.act(robot, acting, free, [time_s, h_s], surroundings);
             self.shift(robot, acting, mean_mps, time_s, h_s, surroundings);
             robot.drive = push.velocity_mps;
             robot.push_mps2 = push.acceleration_mps2;
         }
-    }
-
-    /// By what effects multiply the thrust of a body that keeps its velocity, half way through a step in which its velocity would be
-    /// `mean_mps` in the mean. `span_s`: when that is, and the length of the step.
-    fn thrust_gain(
-        &self,
-        robot: &Robot,
-        acting: &Acting,
-        mean_mps: [f64; 3],
-        [time_s, h_s]: [f64; 2],
-        surroundings: &Surroundings<'_>,
-    ) -> f64 {
-        if self.effects.is_empty() {
-            return 1.0;
-        }
-        let situation = Situation {
-            time_s,
-            position_m: std::array::from_fn(|i| robot.position_m[i] + 0.5 * h_s * mean_mps[i]),
-            velocity_mps: mean_mps,
-            heading_rad: robot.heading_rad,
-            surroundings,
-        };
-        let all = self.effects.iter().enumerate().filter(|(place, _)| acting.has(*place));
-        all.map(|(_, effect)| effect.thrust_gain(&situation)).product()
-    }
-
-    /// How fast (m/s²) a body that keeps its velocity may be accelerated that is asked for this, whichever effects act.
-    pub(super) fn most_mps2(&self, asked_mps2: [f64; 3]) -> f64 {
-        let gains = self.effects.iter().map(|effect| effect.thrust_gains());
-        let [least, most] =
-            gains.fold([1.0; 2], |[a, b], [least, most]| [a * least.min(1.0), b * most.max(1.0)]);
-        let lift_mps2 = self.body.inertial().map_or(0.0, |body| body.lift_mps2());
-        most * norm(asked_mps2) + (most - 1.0).max(1.0 - least) * lift_mps2
     }
 
     /// Lets the actuators follow for `h_s` and returns their mean over that time.
@@ -558,7 +525,8 @@ impl Physics {
             heading_rad: robot.heading_rad,
             surroundings,
         };
-        for effect in effects() {
+        // Bodies that keep their velocity are pushed instead.
+        for effect in effects().filter(|_| !self.is_inertial()) {
             let drift_mps = effect.drift_mps(&situation);
             for (velocity, drift) in over_ground.iter_mut().zip(drift_mps) {
                 *velocity += drift;

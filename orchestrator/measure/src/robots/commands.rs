@@ -2,7 +2,7 @@
 
 use crate::table::DataTable;
 use proto::config::Range;
-use robotsim::dynamics::{Drive, GRAVITY_MPS2, Shape, thrust_direction};
+use robotsim::dynamics::{Drive, GRAVITY_MPS2, Shape, thrust_direction, wrapped};
 use std::f64::consts::PI;
 
 /// Columns that all robot samples have.
@@ -131,6 +131,16 @@ impl CommandKind {
                 let angles_rad = ["cmd_roll_rad", "cmd_pitch_rad", "cmd_yaw_rad"].map(&cell);
                 thrust_direction(angles_rad).map(|part| cell("cmd_thrust_n") * part)
             }
+        }
+    }
+
+    /// Where a robot faces (rad): measured, or as its attitude is commanded. NaN where unknown.
+    pub(super) fn heading_rad(self, cell: impl Fn(&str) -> f64) -> f64 {
+        let measured_rad = cell("heading_rad");
+        if self == Self::Thrust && measured_rad.is_nan() {
+            wrapped(cell("cmd_yaw_rad"))
+        } else {
+            measured_rad
         }
     }
 

@@ -1,4 +1,4 @@
-//! Numbers that count only where they pass a command: thresholds, and limits of change.
+//! Numbers that count only where they pass a command or a time: thresholds, limits of change, beginnings.
 
 use super::fit_state::FitState;
 use super::motion::MeasuredTracks;
@@ -13,6 +13,9 @@ use robotsim::dynamics::Part;
 /// How often the share of commands beyond a threshold is halved, from a 24th on: a limit that only the fastest commands meet is
 /// worth finding.
 const TAIL_HALVES: usize = 4;
+
+/// At so many times of the measurements something may begin, where a search for it starts.
+const N_TIMES: usize = 16;
 
 /// A threshold is looked for in steps of this part of all commands, a quarter of what its starts are apart …
 const COARSE: usize = 96;
@@ -59,6 +62,16 @@ impl MeasuredTracks {
             [smallest].into_iter().chain(middles).chain([largest]).map(|v| v.max(0.01)).collect();
         values.dedup();
         values
+    }
+
+    /// Times (s) that part the samples into equal parts.
+    pub(super) fn times_s(&self) -> Vec<f64> {
+        let mut all: Vec<f64> = self.robots.samples.iter().map(|sample| sample.time_s).collect();
+        all.sort_by(f64::total_cmp);
+        let mut times: Vec<f64> =
+            (1..=N_TIMES).map(|k| all[k * (all.len() - 1) / (N_TIMES + 1)]).collect();
+        times.dedup();
+        times
     }
 
     /// Accelerations (m/s²) with which the greatest change of a commanded speed would take from a hundred times the time between

@@ -53,8 +53,14 @@ impl MeasuredTracks {
         })
     }
 
-    /// Puts a robot on the ground that has sunk to it under the command of a sample, where it comes to rest.
+    /// Turns a robot that is free to turn to where it faces in the next sample, and puts it on the ground that has sunk to it under the
+    /// command of a sample, where it comes to rest.
     pub(super) fn carry(&self, robot: &mut Robot, sample: usize) {
+        let next_rad =
+            self.robots.samples.get(sample + 1).map_or(f64::NAN, |next| next.heading_rad);
+        if self.robots.commands.is_inertial() && !next_rad.is_nan() {
+            robot.heading_rad = next_rad;
+        }
         let Some(ground_m) = self.landed_m else { return };
         let is_lifted = 0.0 <= self.robots.samples[sample].command[2];
         if is_lifted || ground_m < robot.position_m[2] {

@@ -15,6 +15,10 @@ impl RobotStudy {
         let Term::Effect(effect) = &self.model.terms[term] else {
             return Err(NotLimited::Candidate);
         };
+        let is_timed = limits.contains_key("from_s") || limits.contains_key("until_s");
+        if effect.has_beginning() && is_timed {
+            return Err(NotLimited::Candidate);
+        }
         let mut problems = Vec::new();
         let limits = only::checked(limits, "effect", &mut problems);
         if !problems.is_empty() {

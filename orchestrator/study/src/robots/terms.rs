@@ -56,6 +56,11 @@ impl EffectTerm {
         (self.search == Search::Thresholds { only_below: true }).then_some(part)
     }
 
+    /// Whether it begins at a time that is fitted.
+    pub(super) fn has_beginning(&self) -> bool {
+        self.search == Search::Times
+    }
+
     /// Whether it acts on the turn actuator.
     pub(super) fn is_on_turn(&self) -> bool {
         self.table.get("on").and_then(toml::Value::as_str) == Some("turn")
@@ -102,7 +107,7 @@ pub(super) fn all(
                 Some("turn") => format!("{} (turn)", entry.variant.name),
                 _ => entry.variant.name.to_owned(),
             };
-            let parameters: Vec<Parameter> = entry
+            let mut parameters: Vec<Parameter> = entry
                 .fit
                 .parameters
                 .iter()
@@ -112,9 +117,15 @@ pub(super) fn all(
                     of_body.is_none_or(|(_, body)| match body {
                         Body::Car => shape == Shape::Car,
                         Body::Unicycle => shape == Shape::Unicycle,
+                        Body::Inertial => tracks.robots.commands.is_inertial(),
                     })
                 })
                 .collect();
+            if let (Search::Times, Some(time)) = (entry.fit.search, parameters.last_mut()) {
+                // What begins before all measurements is another effect.
+                let times_s = tracks.times_s();
+                (time.min, time.max) = (times_s[0], times_s[times_s.len() - 1]);
+            }
             let starts = starts(entry, on, &parameters, tracks);
             candidates.push(Candidate {
                 name,
@@ -312,6 +323,7 @@ fn untestable(
             Need::VelocityCommands => tracks.robots.commands.is_inertial(),
             Need::ThrustCommands => !tracks.robots.commands.is_inertial(),
             Need::Mass => mass_kg(dynamics).is_none(),
+            Need::Column(name) => !tracks.robots.covariates.iter().any(|(known, _)| known == name),
             _ => false,
         })
         .map(|need| format!("needs {}", need.describe()))
@@ -382,15 +394,18 @@ fn starts(
             );
         }
         Search::Discs => return Starts::Discs(tracks.discs()),
-        Search::Starts | Search::Headings | Search::Places | Search::Nodes => {}
+        Search::Starts | Search::Headings | Search::Places | Search::Nodes | Search::Times => {}
     }
+    let times_s = tracks.times_s();
+    let last = parameters.len().saturating_sub(1);
     let mut products: Vec<Vec<f64>> = vec![Vec::new()];
-    for parameter in parameters {
+    for (index, parameter) in parameters.iter().enumerate() {
+        let is_time = entry.fit.search == Search::Times && index == last;
+        let values = if is_time { &times_s[..] } else { parameter.starts };
         products = products
             .iter()
             .flat_map(|begin| {
-                parameter
-                    .starts
+                values
                     .iter()
                     .map(move |&start| begin.iter().copied().chain([start]).collect::<Vec<f64>>())
             })

@@ -17,6 +17,7 @@ pub(super) const ENTRY: Entry = Entry::of::<Downwash>();
 ///
 /// ```text
 /// v_i = u_i + gain * sum over j of e^(-d_ij / range_m) (x_i - x_j) / d_ij
+/// of bodies that keep their velocity the same is added to the acceleration
 /// ```
 ///
 /// # Source
@@ -38,7 +39,7 @@ pub(super) const ENTRY: Entry = Entry::of::<Downwash>();
     example = "gain = 0.3\nrange_m = 0.5\n",
 )]
 struct Downwash {
-    /// Drift speed at zero distance (m/s). Negative: robots attract each other.
+    /// Drift speed at zero distance (m/s), or acceleration (m/s²) of bodies that keep their velocity. Negative: robots attract each other.
     #[key(range = -1e3..=1e3)]
     #[fit(
         unit = "m/s",

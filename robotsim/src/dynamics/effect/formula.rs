@@ -22,7 +22,7 @@ fn written(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> Opti
     Written::read(&Keys::read(table).formula, path, &NAMES.map(|(name, _)| name), problems)
 }
 
-/// A user-defined expression of covariates and named parameters, added to the velocity.
+/// A user-defined expression of covariates and named parameters, added to the velocity, or to the acceleration of bodies that keep theirs.
 ///
 /// # Mechanism
 ///
@@ -32,7 +32,7 @@ fn written(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> Opti
 /// # Equation
 ///
 /// ```text
-/// v = u + expression * direction
+/// v = u + expression * direction, of bodies that keep their velocity a' = a + expression * direction
 /// ```
 ///
 /// # Source
@@ -58,10 +58,11 @@ fn written(table: &toml::Table, path: &str, problems: &mut Vec<Problem>) -> Opti
 struct Keys {
     #[key(flatten)]
     formula: FormulaKeys,
-    /// The direction in which the expression's value is added to the velocity (m/s).
+    /// The direction in which the expression's value is added: to the velocity (m/s), or to the acceleration (m/s²) of bodies that keep
+    /// their velocity.
     #[key(default = Target::Ahead)]
     target: Target,
-    /// Limit of the expression's absolute value (m/s); larger values are clipped.
+    /// Limit of the expression's absolute value (m/s, or m/s²); larger values are clipped.
     #[key(range = 0.0..=1e3, default = 10.0)]
     limit_mps: f64,
 }
@@ -161,6 +162,10 @@ impl Effect for Formula {
             .unwrap_or(0.0)
             .clamp(-self.limit_mps, self.limit_mps);
         self.direction(at).map(|part| value * part)
+    }
+
+    fn most_force_mps2(&self) -> f64 {
+        self.limit_mps
     }
 
     fn drifts(&self) -> bool {

@@ -43,7 +43,15 @@ pub(super) const ENTRY: Entry = Entry::of::<GroundEffect>();
 struct GroundEffect {
     /// Radius of the rotor (m); for several rotors, of one rotor with the same effect.
     #[key(range = 0.0..=100.0)]
-    #[fit(unit = "m", range = 0.0..=10.0, starts = [0.05, 0.2, 0.8], step = 0.005, null = 0.0)]
+    #[fit(
+        unit = "m",
+        range = 0.0..=10.0,
+        starts = [0.05, 0.2, 0.8],
+        step = 0.005,
+        null = 0.0,
+        plausible = 0.01..=2.0,
+        source = "propellers of 2 cm to 4 m",
+    )]
     rotor_radius_m: f64,
     /// Height of the ground minus the height of the rotor above the measured position (m).
     #[key(range = Range::PLACE, default = 0.0)]

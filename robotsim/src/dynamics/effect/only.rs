@@ -1,6 +1,6 @@
 //! Effects that act on some robots only, or at some times: the table `only` of a `[[robotsim.dynamics.effect]]`.
 
-use super::{Common, Drive, Effect, Localization, Part, Shape, Situation, formula};
+use super::{Common, Drive, Effect, Localization, Part, Pendulum, Shape, Situation, formula};
 use proto::config::{Problem, Section};
 use proto::effect::Named;
 use proto::effect::only::{self, MOST_ENTRIES, Span};
@@ -247,12 +247,32 @@ impl Effect for Limited {
         self.effect.thrust_gains()
     }
 
+    fn tilt_rad(&self) -> [f64; 2] {
+        self.effect.tilt_rad()
+    }
+
+    fn force_mps2(&self, at: &Situation<'_>) -> [f64; 3] {
+        self.effect.force_mps2(at)
+    }
+
+    fn most_force_mps2(&self) -> f64 {
+        self.effect.most_force_mps2()
+    }
+
+    fn load(&self) -> Option<Pendulum> {
+        self.effect.load()
+    }
+
     fn drifts(&self) -> bool {
         self.effect.drifts()
     }
 
     fn varies_on_the_way(&self) -> bool {
         self.effect.varies_on_the_way()
+    }
+
+    fn force_varies(&self) -> bool {
+        self.effect.force_varies()
     }
 
     fn heeds_others(&self) -> bool {

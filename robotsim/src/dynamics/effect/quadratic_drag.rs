@@ -1,8 +1,9 @@
 //! Resistance that grows with the square of the speed.
 
-use super::{Drive, Effect, Entry, Shape, with_speed};
+use super::{Drive, Effect, Entry, Shape, Situation, with_speed};
+use crate::dynamics::norm;
 use proto::config::Section;
-use proto::effect::{Catalogued, Need};
+use proto::effect::Catalogued;
 
 /// `kind = "quadratic-drag"`.
 pub(super) const ENTRY: Entry = Entry::of::<QuadraticDrag>();
@@ -16,7 +17,7 @@ pub(super) const ENTRY: Entry = Entry::of::<QuadraticDrag>();
 /// # Equation
 ///
 /// ```text
-/// v + q v^2 = u
+/// v + q v^2 = u, of bodies that keep their velocity a' = a - q |v| v
 /// ```
 ///
 /// # Source
@@ -26,17 +27,14 @@ pub(super) const ENTRY: Entry = Entry::of::<QuadraticDrag>();
 ///
 /// # Validity
 ///
-/// The steady state only; actuator-lag models the transient. Linear drag is aliased with slip.
+/// Still air. With commands of velocity the steady state only: actuator-lag models the transient, and linear drag is aliased with
+/// slip.
 ///
 /// # Trace
 ///
 /// An error along the motion, in proportion to the square of the speed.
 #[derive(Clone, Debug, PartialEq, Catalogued, Section)]
-#[effect(
-    name = "quadratic-drag",
-    needs = &[Need::VelocityCommands],
-    example = "coefficient_per_m = 0.02\n",
-)]
+#[effect(name = "quadratic-drag", example = "coefficient_per_m = 0.02\n")]
 struct QuadraticDrag {
     /// q (1/m).
     #[key(range = 0.0..=1e3)]
@@ -51,6 +49,15 @@ impl Effect for QuadraticDrag {
             2.0 * speed_mps / (1.0 + libm::sqrt(1.0 + 4.0 * self.coefficient_per_m * speed_mps))
         })
     }
+
+    fn force_mps2(&self, at: &Situation<'_>) -> [f64; 3] {
+        let speed_mps = norm(at.velocity_mps);
+        at.velocity_mps.map(|part_mps| -self.coefficient_per_m * speed_mps * part_mps)
+    }
+
+    fn force_varies(&self) -> bool {
+        true
+    }
 }
 
 #[cfg(test)]
@@ -62,5 +69,16 @@ mod tests {
         let text = "[[effect]]\nkind = 'quadratic-drag'\ncoefficient_per_m = 0.1";
         // 10 + 0.1 × 10² = 20.
         assert_near(drive(text, [12.0, 0.0, -16.0], 1.0).position_m, [6.0, 0.0, -8.0]);
+    }
+
+    #[test]
+    fn a_body_that_falls_comes_to_the_speed_at_which_drag_bears_it() {
+        // v̇ = a − q v²: v = √(a/q) tanh(√(a q) t), x = ln cosh(√(a q) t) / q.
+        let text = "kind = 'double-integrator'\nspeed_cap_mps = 100.0\n[[effect]]\nkind = 'quadratic-drag'\ncoefficient_per_m = 0.2";
+        let end = drive(text, [5.0, 0.0, 0.0], 2.0);
+        let (fast_mps, way_m) = (5.0 * 2f64.tanh(), 2f64.cosh().ln() / 0.2);
+        // Steps of 10 ms, of second order: the rate is up to 2 q v = 2, (2 × 0.01)² a second.
+        assert!((end.drive[0] - fast_mps).abs() < 4e-4, "{end:?} {fast_mps}");
+        assert!((end.position_m[0] - way_m).abs() < 4e-4, "{end:?} {way_m}");
     }
 }

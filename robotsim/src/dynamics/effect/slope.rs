@@ -16,7 +16,7 @@ pub(super) const ENTRY: Entry = Entry::of::<Slope>();
 /// # Equation
 ///
 /// ```text
-/// v = u - gain * grad h
+/// v = u - gain * grad h, of bodies that keep their velocity a' = a - gain * grad h
 /// ```
 ///
 /// # Source
@@ -39,7 +39,7 @@ pub(super) const ENTRY: Entry = Entry::of::<Slope>();
     needs_one_frame = true,
 )]
 struct Slope {
-    /// Drift (m/s) on a slope of 1 m per metre.
+    /// Drift (m/s), or acceleration (m/s²) of bodies that keep their velocity, on a slope of 1 m per metre.
     #[key(range = -1e3..=1e3)]
     #[fit(unit = "m/s", starts = [0.0], step = 0.02, null = 0.0)]
     gain: f64,

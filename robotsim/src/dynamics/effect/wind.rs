@@ -1,13 +1,14 @@
 //! A drift that is the same for all.
 
 use super::{Effect, Entry, Situation};
+use crate::dynamics::norm;
 use proto::config::Section;
-use proto::effect::{Catalogued, Fixed, Need};
+use proto::effect::{Body, Catalogued, Fixed};
 
 /// `kind = "wind"`.
 pub(super) const ENTRY: Entry = Entry::of::<Wind>();
 
-/// A drift added to the velocity: constant, slowly turning, or with gusts.
+/// Moving air: a drift added to the velocity, or a force on bodies that keep theirs. Constant, slowly turning, or with gusts.
 ///
 /// # Mechanism
 ///
@@ -16,12 +17,14 @@ pub(super) const ENTRY: Entry = Entry::of::<Wind>();
 /// # Equation
 ///
 /// ```text
-/// v = u + velocity_mps + gust, gust normal with sd_mps, the same for all robots
+/// v = u + w, w = velocity_mps + gust, gust normal with sd_mps, the same for all robots
+/// a' = a + drag_per_s (w - v) of bodies that keep their velocity
 /// ```
 ///
 /// # Source
 ///
-/// Definition. Gusts: normal values every gust_s, joined by g = n_k cos(pi f / 2) + n_(k+1) sin(pi f / 2), which has the same
+/// Definition; drag in proportion to the airspeed: M. Faessler, A. Franchi and D. Scaramuzza, Differential flatness of quadrotor
+/// dynamics subject to rotor drag, IEEE Robotics and Automation Letters 3 (2018) 620. Gusts: normal values every gust_s, joined by g = n_k cos(pi f / 2) + n_(k+1) sin(pi f / 2), which has the same
 /// variance at all times.
 ///
 /// # Validity
@@ -34,9 +37,10 @@ pub(super) const ENTRY: Entry = Entry::of::<Wind>();
 #[derive(Clone, Debug, PartialEq, Catalogued, Section)]
 #[effect(
     name = "wind",
-    needs = &[Need::VelocityCommands],
     example = "velocity_mps = [0.2, -0.1, 0.0]\n",
     variants = &[&[("velocity_mps[2]", Fixed::Number(0.0))]],
+    generalises = &["push", "linear-drag"],
+    of_body = &[("drag_per_s", Body::Inertial)],
     needs_one_frame = true,
 )]
 struct Wind {
@@ -68,6 +72,16 @@ struct Wind {
     /// Duration of a gust (s).
     #[key(above = 0.0, most = 1e4, default = 2.0)]
     gust_s: f64,
+    /// Deceleration of bodies that keep their velocity, per velocity through the air (1/s). Others are carried along.
+    #[key(range = 0.0..=50.0, default = 0.4)]
+    #[fit(
+        unit = "1/s",
+        starts = [0.4],
+        step = 0.002,
+        plausible = 0.01..=10.0,
+        source = "Faessler, Franchi and Scaramuzza 2018: 0.4 to 0.5 of a quadrotor",
+    )]
+    drag_per_s: f64,
 }
 
 impl Effect for Wind {
@@ -89,12 +103,25 @@ impl Effect for Wind {
         drift_mps
     }
 
+    fn force_mps2(&self, at: &Situation<'_>) -> [f64; 3] {
+        let air_mps = self.drift_mps(at);
+        std::array::from_fn(|i| self.drag_per_s * (air_mps[i] - at.velocity_mps[i]))
+    }
+
+    fn most_force_mps2(&self) -> f64 {
+        self.drag_per_s * norm(self.velocity_mps)
+    }
+
     fn drifts(&self) -> bool {
         true
     }
 
     fn varies_on_the_way(&self) -> bool {
         self.turning_radps != 0.0 || self.sd_mps != 0.0
+    }
+
+    fn force_varies(&self) -> bool {
+        true
     }
 }
 
@@ -112,6 +139,20 @@ mod tests {
         assert_near(drive(text, [0.0; 3], 3.0).position_m, [3.0, -1.5, 0.0]);
         let end = drive(&format!("kind = 'unicycle'\n{text}"), [0.0, 2.0, 0.0], 3.0);
         assert_near(end.position_m, [3.0, -1.5, 0.0]);
+    }
+
+    #[test]
+    fn a_body_that_keeps_its_velocity_comes_to_that_of_the_air() {
+        // v = w (1 − e^(−k t)), and the same integrated.
+        let text = "kind = 'double-integrator'\n[[effect]]\nkind = 'wind'\nvelocity_mps = [4.0, 0.0, -1.0]\ndrag_per_s = 0.5";
+        let end = drive(text, [0.0; 3], 3.0);
+        let gone = 1.0 - (-1.5f64).exp();
+        for (axis, air_mps) in [4.0, 0.0, -1.0].into_iter().enumerate() {
+            let way_m = air_mps * (3.0 - gone / 0.5);
+            // Steps of 10 ms, of second order: (0.5 × 0.01)² / 6 a step.
+            assert!((end.drive[axis] - air_mps * gone).abs() < 1e-4, "{end:?}");
+            assert!((end.position_m[axis] - way_m).abs() < 1e-4, "{end:?} {way_m}");
+        }
     }
 
     #[test]
