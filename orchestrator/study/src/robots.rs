@@ -330,6 +330,7 @@ impl RobotStudy {
         }
         let mut robots = robots;
         inertial::in_accelerations(&mut robots, dynamics)?;
+        inertial::under_local_gravity(&mut robots, dynamics);
         let shape = robots.shape;
         let n_parts = if robots.is_spatial { 3 } else { 2 };
         let window_s = choices.window_s.unwrap_or(WINDOW_S);

@@ -1,6 +1,7 @@
-//! Whether measured motion contradicts an effect: an effect that bounds motion is wrong if robots pass that bound, and an error of the
-//! course that noise of headings explains is none.
+//! Whether measured motion contradicts an effect: an effect that bounds motion is wrong if robots pass that bound, an error of the
+//! course that noise of headings explains is none, and neither is a thrust that differs by no more than gravity does.
 
+use super::inertial::{self, GRAVITY_RANGE_MPS2};
 use super::terms::Term;
 use super::{RobotFit, RobotStudy};
 use crate::thresholds::{
@@ -13,6 +14,8 @@ use numbers::normal::Z_90;
 use numbers::power::square;
 use numbers::statistics::{mean, median_high};
 use proto::effect::Bounds;
+use robotsim::dynamics::effect::{self, Situation};
+use robotsim::dynamics::{GRAVITY_MPS2, Part};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 
@@ -30,6 +33,9 @@ impl RobotStudy {
     /// Why the measured motion contradicts an effect of a fit; none: it does not.
     pub(super) fn contradicted(&self, fit: &RobotFit, term: TermId) -> Option<String> {
         let Term::Effect(effect) = &self.model.terms[term] else { return None };
+        if let Some(why) = self.is_gravity(fit, term) {
+            return Some(why);
+        }
         let bounds = effect.bounds?;
         if bounds == Bounds::Course {
             return self.chance_of_course(fit, term);
@@ -79,6 +85,57 @@ impl RobotStudy {
                 ))
             }
         }
+    }
+
+    /// Why an effect on a body that bears its weight is none: all that it does is to accelerate it vertically, by no more than gravity
+    /// differs by.
+    fn is_gravity(&self, fit: &RobotFit, term: TermId) -> Option<String> {
+        let tracks = &self.model.tracks;
+        if !inertial::is_borne(&tracks.robots, &self.model.dynamics) {
+            return None;
+        }
+        let table = self.effect_table(fit, term)?;
+        let entry = self.model.catalogue.effects.selected(&table, &effect::TAG)?;
+        let effect = effect::build_one(entry, &table)?;
+        let is_otherwise = 0.0 < effect.delay_s(Part::Speed)
+            || 0.0 < effect.lag_s(Part::Speed)
+            || effect.limit_per_s(Part::Speed).is_finite()
+            || effect.tilt_rad() != [0.0; 2];
+        if is_otherwise {
+            return None;
+        }
+        // A load that swings pulls sideways by less than it weighs.
+        let borne = effect.load().map_or(1.0, |load| 1.0 / (1.0 + load.share));
+        let (mut up_mps2, mut aside_mps2) = (0.0_f64, 0.0_f64);
+        for (index, pair) in tracks.robots.samples.windows(2).enumerate() {
+            let [now, next] = pair else { continue };
+            let over_s = next.time_s - now.time_s;
+            if (now.run, now.agent) != (next.run, next.agent) || over_s <= 0.0 {
+                continue;
+            }
+            let surroundings = tracks.surroundings(index);
+            let at = Situation {
+                time_s: now.time_s,
+                position_m: now.position_m,
+                velocity_mps: difference(next.position_m, now.position_m).map(|part| part / over_s),
+                heading_rad: if now.heading_rad.is_nan() { 0.0 } else { now.heading_rad },
+                surroundings: &surroundings,
+            };
+            let gain = borne * effect.thrust_gain(&at);
+            let force_mps2 = effect.force_mps2(&at);
+            let [east, north, up]: [f64; 3] = std::array::from_fn(|i| {
+                let lift_mps2 = if i == 2 { GRAVITY_MPS2 } else { 0.0 };
+                (gain - 1.0) * (now.command[i] + lift_mps2) + force_mps2[i]
+            });
+            up_mps2 = up_mps2.max(up.abs());
+            aside_mps2 = aside_mps2.max(libm::hypot(east, north));
+        }
+        (aside_mps2 <= up_mps2 && 0.0 < up_mps2 && up_mps2 <= GRAVITY_RANGE_MPS2).then(|| {
+            format!(
+                "it accelerates robots vertically by {up_mps2:.4} m/s² at most, and gravity differs by up to \
+                 {GRAVITY_RANGE_MPS2} m/s² from place to place"
+            )
+        })
     }
 
     /// Why a constant error of the course is none: the mean of as many measured headings is off by as much by chance. Motion tells the

@@ -10,6 +10,7 @@
 use super::RobotStudyError;
 use crate::thresholds::{TRACK_BEGIN_S, TRACK_BEGIN_SAMPLES, TRACK_BEGIN_WINDOWS};
 use measure::robots::{CommandKind, RobotSample, RobotSamples};
+use nalgebra::{Matrix3, Vector3};
 use numbers::power::square;
 use robotsim::dynamics::GRAVITY_MPS2;
 use robotsim::dynamics::physics::Robot;
@@ -30,6 +31,72 @@ pub(super) fn in_accelerations(
         sample.command[2] -= GRAVITY_MPS2;
     }
     Ok(())
+}
+
+/// By how much gravity differs from standard gravity on the ground at most (m/s²), at the equator and at the poles: H. Moritz, Geodetic
+/// Reference System 1980, Journal of Geodesy 74 (2000) 128, with 0.0007 for heights and rock.
+pub(super) const GRAVITY_RANGE_MPS2: f64 = 0.027;
+/// Least time (s) over which it is looked for: noise of 1 cm is then far below the range.
+const LEAST_S: f64 = 20.0;
+
+/// Whether robots bear their weight by their thrust.
+pub(super) fn is_borne(robots: &RobotSamples, dynamics: &toml::Table) -> bool {
+    let kind = dynamics.get("kind").and_then(toml::Value::as_str);
+    robots.commands.is_inertial() && kind == Some("quadrotor")
+}
+
+/// Makes commands of bodies that bear their weight those under the gravity of the place, which nobody says. It shows in how a robot departs from
+/// the height that it would have as commanded, with the square of time. More than gravity may differ by is the doing of something else, and
+/// left as it is.
+pub(super) fn under_local_gravity(robots: &mut RobotSamples, dynamics: &toml::Table) {
+    if !is_borne(robots, dynamics) {
+        return;
+    }
+    let lag_s = dynamics.get("attitude_lag_s").and_then(toml::Value::as_float).unwrap_or(0.0);
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for track in &robots.tracks {
+        if let Some((excess_mps2, span_s)) = vertical_excess(&robots.samples[track.clone()], lag_s)
+        {
+            sum += square(span_s) * excess_mps2;
+            weights += square(span_s);
+        }
+    }
+    let excess_mps2 = sum / weights;
+    // Not a number without a track that is long enough.
+    if excess_mps2.abs() <= GRAVITY_RANGE_MPS2 {
+        for sample in &mut robots.samples {
+            sample.command[2] += excess_mps2;
+        }
+    }
+}
+
+/// By how much more (m/s²) than is commanded a robot is accelerated upwards over its track, and how long that is (s): by least squares
+/// over its heights, from an unknown height and speed, the command being followed with a lag.
+fn vertical_excess(samples: &[RobotSample], lag_s: f64) -> Option<(f64, f64)> {
+    let [first, last] = [samples.first()?, samples.last()?];
+    let span_s = last.time_s - first.time_s;
+    if span_s < LEAST_S {
+        return None;
+    }
+    let (mut height_m, mut up_mps, mut up_mps2) = (0.0, 0.0, first.command[2]);
+    let (mut matrix, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for (index, sample) in samples.iter().enumerate() {
+        let part = (sample.time_s - first.time_s) / span_s;
+        let powers = Vector3::new(1.0, part, 0.5 * square(part));
+        matrix += powers * powers.transpose();
+        right += powers * (sample.position_m[2] - height_m);
+        let Some(next) = samples.get(index + 1) else { break };
+        let h_s = next.time_s - sample.time_s;
+        let missing_mps2 = up_mps2 - sample.command[2];
+        let gone = if lag_s == 0.0 { 1.0 } else { -libm::expm1(-h_s / lag_s) };
+        let late_mps = missing_mps2 * lag_s;
+        height_m +=
+            h_s * (up_mps + 0.5 * h_s * sample.command[2]) + late_mps * (h_s - lag_s * gone);
+        up_mps += h_s * sample.command[2] + late_mps * gone;
+        up_mps2 = sample.command[2] + missing_mps2 * (1.0 - gone);
+    }
+    let [_, _, curved] = (matrix.try_inverse()? * right).into();
+    Some((curved / square(span_s), span_s))
 }
 
 /// The first sample of a track at which a window may begin.
@@ -156,6 +223,52 @@ mod tests {
         assert!((velocity.variance - 1.0 / squares).abs() < 1e-9, "{velocity:?}");
         assert!((velocity.covariance - last_s / squares).abs() < 1e-9, "{velocity:?}");
         assert!((variance - (1.0 / n + last_s * last_s / squares)).abs() < 1e-9, "{variance}");
+    }
+
+    #[test]
+    fn gravity_of_the_place_is_taken_from_flight_as_far_as_it_may_differ() {
+        let of = |gravity_mps2: f64| {
+            // To and fro with 1 m/s², as commanded under standard gravity, for two minutes.
+            let (mut z_m, mut up_mps) = (10.0, 0.0);
+            let samples = (0..1200).map(|k| {
+                let command = [0.0, 0.0, if k % 40 < 20 { 1.0 } else { -1.0 }];
+                let now = RobotSample {
+                    position_m: [0.0, 0.0, z_m],
+                    command,
+                    ..sample(STEP_S * f64::from(k), 0.0)
+                };
+                let up_mps2 = command[2] + GRAVITY_MPS2 - gravity_mps2;
+                z_m += STEP_S * (up_mps + 0.5 * STEP_S * up_mps2);
+                up_mps += STEP_S * up_mps2;
+                now
+            });
+            let samples: Vec<RobotSample> = samples.collect();
+            let n = samples.len();
+            let mut robots = RobotSamples {
+                samples,
+                tracks: std::iter::once(0..n).collect(),
+                covariates: Vec::new(),
+                commands: CommandKind::Acceleration,
+                shape: robotsim::dynamics::Shape::Velocity,
+                is_spatial: true,
+                rejected: Vec::new(),
+                warnings: Vec::new(),
+                n_rows: n,
+            };
+            let dynamics = "kind = 'quadrotor'\nattitude_lag_s = 0.0".parse().unwrap();
+            under_local_gravity(&mut robots, &dynamics);
+            robots.samples[0].command[2] - 1.0
+        };
+        for gravity_mps2 in [9.81, 9.79, 9.83] {
+            let excess_mps2 = GRAVITY_MPS2 - gravity_mps2;
+            // Rounding of heights up to 100 m, over 120 s.
+            assert!(
+                (of(gravity_mps2) - excess_mps2).abs() < 1e-10,
+                "{gravity_mps2}: {}",
+                of(gravity_mps2)
+            );
+        }
+        assert_eq!(of(9.7), 0.0);
     }
 
     #[test]
