@@ -423,7 +423,14 @@ fn served(result: Result<(), proto_host::ServeError>) -> ExitCode {
 }
 
 fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> {
-    use_threads(None);
+    let of_search = match &command {
+        Command::Compare(args) => args.threads().threads,
+        Command::Diagnose(args) => args.threads().threads,
+        Command::Extend(args) => args.threads().threads,
+        Command::Power(args) => args.threads.threads,
+        _ => None,
+    };
+    use_threads(of_search);
     let start = |threads| -> Result<StartOptions, Failure> {
         let executable = std::env::current_exe().map_err(Failure::work)?;
         Ok(StartOptions {

@@ -10,7 +10,6 @@ import argparse
 import hashlib
 import json
 import math
-import os
 import resource
 import subprocess
 import time
@@ -53,14 +52,13 @@ def diagnose(folder, program, timeout_s, threads):
     known = json.loads((folder / "truth.json").read_text())
     answer = folder / "answer.json"
     answer.unlink(missing_ok=True)
-    command = [program, "diagnose", "model.toml", "--data", "data.csv", "--json", answer.name]
+    command = [program, "diagnose", "model.toml", "--data", "data.csv", "--json", answer.name, "--threads", str(threads)]
     began_s, used_s = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     line = {"name": known["name"], "kind": known["kind"], "detectable": known["detectable"], "nats": known["nats"]}
     try:
         done = subprocess.run(
             command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s,
-            env={**os.environ, "RAYON_NUM_THREADS": str(threads)},
-        )  # fmt: skip
+        )
         failure = None if done.returncode == 0 else done.stderr.strip()[-300:]
     except subprocess.TimeoutExpired:
         failure = f"not finished after {timeout_s} s"

@@ -1,6 +1,7 @@
 //! The same configuration and seed give the same recording, byte for byte, however it is run.
 
 use std::path::{Path, PathBuf};
+use tests::campaign::{Campaign, Hidden, Layout, Size};
 use tests::recording::{assert_same, read_recording};
 use tests::{Server, run};
 
@@ -50,6 +51,28 @@ fn threads_do_not_matter() {
         let other = run(&config(name), &home.join("threads"), &args(settings, &["--threads", "2"]));
         assert_same(reference, &other);
     });
+}
+
+#[test]
+fn threads_of_a_search_do_not_matter() {
+    let folder = tests::folder();
+    let hidden = [(Hidden::WallAttenuation, Size::Clear)];
+    let campaign = Campaign::link(0, &Layout::standard(), &hidden, 600);
+    std::fs::write(folder.path().join("model.toml"), &campaign.config_toml).unwrap();
+    std::fs::write(folder.path().join("data.csv"), &campaign.csv).unwrap();
+    let found = |threads: &str| {
+        let args =
+            ["diagnose", "model.toml", "--data", "data.csv", "--json", "-", "--threads", threads];
+        let output = tests::orchestrator(&args, folder.path());
+        assert!(output.status.success(), "{}", tests::said(&output));
+        output.stdout
+    };
+    assert!(found("1") == found("3"));
+    let refused = tests::orchestrator(
+        &["diagnose", "model.toml", "--data", "data.csv", "--threads", "0"],
+        folder.path(),
+    );
+    assert_eq!(refused.status.code(), Some(2), "{}", tests::said(&refused));
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Messages about arguments that the program does not take.
 
+use clap::Args;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, Error, ErrorKind};
 
@@ -35,6 +36,14 @@ pub(super) fn whole_number<const MOST: u64>(text: &str) -> Result<u64, String> {
 
 /// The greatest seed of an experiment: TOML has signed numbers.
 pub(super) const MOST_SEED: u64 = i64::MAX as u64;
+
+/// How many threads a search uses.
+#[derive(Args, Clone, Copy)]
+pub(super) struct ThreadsArgs {
+    /// Number of threads; results do not depend on it [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(super) threads: Option<u16>,
+}
 
 #[cfg(test)]
 mod tests {

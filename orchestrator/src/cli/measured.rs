@@ -1,5 +1,6 @@
 //! The commands that hold a model against measurements.
 
+use super::arguments::ThreadsArgs;
 use super::between::BetweenArgs;
 use super::formula::FormulaArgs;
 use super::inputs::Watching;
@@ -73,6 +74,24 @@ pub(super) struct ExtendArgs {
     corrected_data: Option<PathBuf>,
     #[command(flatten)]
     resimulation: ResimulationArgs,
+}
+
+impl CompareArgs {
+    pub(super) fn threads(&self) -> ThreadsArgs {
+        self.answer.data.threads
+    }
+}
+
+impl DiagnoseArgs {
+    pub(super) fn threads(&self) -> ThreadsArgs {
+        self.answer.data.threads
+    }
+}
+
+impl ExtendArgs {
+    pub(super) fn threads(&self) -> ThreadsArgs {
+        self.data.threads
+    }
 }
 
 /// `murmuration compare`.

@@ -1,6 +1,6 @@
 //! What commands about measurements are given, and where their answers go.
 
-use super::arguments::{MOST_SEED, whole_number};
+use super::arguments::{MOST_SEED, ThreadsArgs, whole_number};
 use super::choice::ChoiceArgs;
 use super::foreign::{Foreign, ForeignArgs};
 use super::inputs;
@@ -48,6 +48,8 @@ pub(super) struct DataArgs {
     pub(super) foreign: ForeignArgs,
     #[command(flatten)]
     pub(super) choices: ChoiceArgs,
+    #[command(flatten)]
+    pub(super) threads: ThreadsArgs,
     /// Rows that aggregate several frames: predict the reception rate of each row from its mean RSSI reading. Only effects
     /// on reception are then tried and scored
     #[arg(long)]

@@ -1,6 +1,6 @@
 //! `murmuration power`: how large an effect a campaign would show.
 
-use super::arguments::whole_number;
+use super::arguments::{ThreadsArgs, whole_number};
 use super::choice::ChoiceArgs;
 use super::inputs::{self, Watching};
 use super::stop::{BudgetArgs, Stopper};
@@ -44,6 +44,8 @@ pub(super) struct PowerArgs {
     choices: ChoiceArgs,
     #[command(flatten)]
     budget: BudgetArgs,
+    #[command(flatten)]
+    pub(super) threads: ThreadsArgs,
     /// Write the results as JSON to this file; - for standard output
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
