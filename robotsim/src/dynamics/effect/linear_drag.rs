@@ -42,7 +42,7 @@ struct LinearDrag {
     #[key(range = 0.0..=50.0)]
     #[fit(
         unit = "1/s",
-        starts = [0.0],
+        starts = [0.1],
         step = 0.002,
         null = 0.0,
         plausible = 0.01..=10.0,
