@@ -127,8 +127,8 @@ fn flown(hidden: Hidden, commands: Commands, heights_m: [f64; 2]) -> String {
                     push_mps2[i] -= hidden.drag_per_s * through_mps[i]
                         + hidden.drag_per_m * speed_mps * velocity_mps[i];
                 }
-                for i in 0..2 {
-                    push_mps2[i] += hidden.push_mps2[i];
+                for (part, push) in push_mps2.iter_mut().zip(hidden.push_mps2) {
+                    *part += push;
                 }
                 if hidden.cable_m == 0.0 {
                     push_mps2 = push_mps2.map(|part| part / (1.0 + load));
@@ -266,7 +266,7 @@ fn of_quadrotors_that_fly_as_modelled_nothing_is_missing() {
 #[test]
 fn forces_are_found_with_their_sizes() {
     let default = Hidden::default();
-    let cases: [(Hidden, &str, &[(&str, f64, f64)]); 6] = [
+    let cases: [(Hidden, &str, &[Number]); 6] = [
         (
             Hidden { push_mps2: [0.3, -0.2], ..default },
             "push",
@@ -315,9 +315,12 @@ fn thrust_that_changes_on_the_way_is_found_with_when_or_by_what() {
     expect(&diagnosed(&fallen, ""), "thrust-voltage", &numbers);
 }
 
-/// That one effect is missing, alone or first of several that look alike, with these numbers and how far off they may be.
+/// The key of a number, what it is, and how far off its estimate may be.
+type Number = (&'static str, f64, f64);
+
+/// That one effect is missing, alone or first of several that look alike, with these numbers.
 #[track_caller]
-fn expect(found: &Value, effect: &str, numbers: &[(&str, f64, f64)]) {
+fn expect(found: &Value, effect: &str, numbers: &[Number]) {
     assert_eq!(missing(found), [effect], "{}", found["sentence"]);
     for &(key, truth, within) in numbers {
         let [value, ..] = number(found, effect, key);
