@@ -3,7 +3,7 @@
 use super::{Effect, Entry, Situation};
 use crate::dynamics::norm;
 use proto::config::Section;
-use proto::effect::{Catalogued, Need};
+use proto::effect::{Catalogued, Fixed, Need};
 
 /// `kind = "push"`.
 pub(super) const ENTRY: Entry = Entry::of::<Push>();
@@ -26,8 +26,9 @@ pub(super) const ENTRY: Entry = Entry::of::<Push>();
 ///
 /// # Validity
 ///
-/// The same force everywhere and at all speeds; where it depends on the speed, see wind. At hover its vertical
-/// part is aliased with thrust-scale, and its horizontal part with attitude-bias of a robot that never turns.
+/// The same force everywhere and at all speeds; where it depends on the speed, see wind. Its
+/// horizontal part is aliased with attitude-bias of a robot that never turns. The vertical part is configured and not fitted: at hover
+/// it is aliased with thrust-scale.
 ///
 /// # Trace
 ///
@@ -37,6 +38,7 @@ pub(super) const ENTRY: Entry = Entry::of::<Push>();
     name = "push",
     needs = &[Need::ThrustCommands],
     example = "acceleration_mps2 = [0.5, -0.2, 0.0]\n",
+    variants = &[&[("acceleration_mps2[2]", Fixed::Number(0.0))]],
     needs_one_frame = true,
 )]
 struct Push {
@@ -53,15 +55,6 @@ struct Push {
     )]
     #[fit(
         key = "acceleration_mps2[1]",
-        unit = "m/s²",
-        range = -100.0..=100.0,
-        starts = [0.0],
-        step = 0.005,
-        plausible = -30.0..=30.0,
-        source = "drag of a quadrotor in a storm: 0.5 1/s times 60 m/s",
-    )]
-    #[fit(
-        key = "acceleration_mps2[2]",
         unit = "m/s²",
         range = -100.0..=100.0,
         starts = [0.0],
