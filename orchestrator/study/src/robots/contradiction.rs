@@ -107,12 +107,10 @@ impl RobotStudy {
         // A load that swings pulls sideways by less than it weighs.
         let borne = effect.load().map_or(1.0, |load| 1.0 / (1.0 + load.share));
         let (mut up_mps2, mut aside_mps2) = (0.0_f64, 0.0_f64);
-        for (index, pair) in tracks.robots.samples.windows(2).enumerate() {
-            let [now, next] = pair else { continue };
+        let steps = tracks.robots.tracks.iter().flat_map(|track| track.start..track.end - 1);
+        for index in steps {
+            let [now, next] = [index, index + 1].map(|index| tracks.robots.samples[index]);
             let over_s = next.time_s - now.time_s;
-            if (now.run, now.agent) != (next.run, next.agent) || over_s <= 0.0 {
-                continue;
-            }
             let surroundings = tracks.surroundings(index);
             let at = Situation {
                 time_s: now.time_s,

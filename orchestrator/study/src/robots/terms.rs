@@ -121,12 +121,12 @@ pub(super) fn all(
                     })
                 })
                 .collect();
-            if let (Search::Times, Some(time)) = (entry.fit.search, parameters.last_mut()) {
+            let times_s = (entry.fit.search == Search::Times).then(|| tracks.times_s());
+            if let (Some(times_s), Some(time)) = (&times_s, parameters.last_mut()) {
                 // What begins before all measurements is another effect.
-                let times_s = tracks.times_s();
                 (time.min, time.max) = (times_s[0], times_s[times_s.len() - 1]);
             }
-            let starts = starts(entry, on, &parameters, tracks);
+            let starts = starts(entry, on, (&parameters, times_s.as_deref()), tracks);
             candidates.push(Candidate {
                 name,
                 about: Some(&entry.about),
@@ -368,11 +368,12 @@ fn template(
     check(&node, "", &effect::SPEC, &catalogue.lists(), &mut Vec::new()).table
 }
 
-/// Where a search for an effect starts: the catalogue's values, or for thresholds those that these data can tell apart.
+/// Where a search for an effect starts: the catalogue's values, or for thresholds those that these data can tell apart. `times_s`: of the
+/// last parameter, if it is a time.
 fn starts(
     entry: &Entry,
     on: Option<&str>,
-    parameters: &[Parameter],
+    (parameters, times_s): (&[Parameter], Option<&[f64]>),
     tracks: &MeasuredTracks,
 ) -> Starts {
     let part = if on == Some("turn") { Part::Turn } else { Part::Speed };
@@ -396,12 +397,10 @@ fn starts(
         Search::Discs => return Starts::Discs(tracks.discs()),
         Search::Starts | Search::Headings | Search::Places | Search::Nodes | Search::Times => {}
     }
-    let times_s = tracks.times_s();
     let last = parameters.len().saturating_sub(1);
     let mut products: Vec<Vec<f64>> = vec![Vec::new()];
     for (index, parameter) in parameters.iter().enumerate() {
-        let is_time = entry.fit.search == Search::Times && index == last;
-        let values = if is_time { &times_s[..] } else { parameter.starts };
+        let values = times_s.filter(|_| index == last).unwrap_or(parameter.starts);
         products = products
             .iter()
             .flat_map(|begin| {
