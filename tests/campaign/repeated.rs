@@ -111,6 +111,8 @@ const N_NODES: usize = 11;
 /// These move, or leave; or drive, at some sites.
 const FROM_MOVED: usize = 7;
 const N_FRAMES: usize = 180;
+/// Recordings of a campaign, one after the other.
+const N_RECORDINGS: usize = 4;
 const EXTENT_M: [f64; 2] = [60.0, 40.0];
 const DURATION_S: f64 = 1600.0;
 const TX_POWER_DBM: f64 = -5.0;
@@ -274,7 +276,7 @@ fn campaign(
         if is_new { node + N_NODES } else { node }
     };
     let mut csv =
-        "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,received\n"
+        "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,rssi_dbm,received,run\n"
             .to_owned();
     for frame in 0..N_FRAMES {
         let time_s = (frame as f64 + draws.uniform()) * DURATION_S / N_FRAMES as f64;
@@ -313,9 +315,10 @@ fn campaign(
             let [x1, y1] = b;
             let _ = writeln!(
                 csv,
-                "{time_s:.2},{},{},{channel},{x0:.3},{y0:.3},1,{x1:.3},{y1:.3},1,{dbm:.0},1",
+                "{time_s:.2},{},{},{channel},{x0:.3},{y0:.3},1,{x1:.3},{y1:.3},1,{dbm:.0},1,{}",
                 number(tx),
-                number(rx)
+                number(rx),
+                frame * N_RECORDINGS / N_FRAMES
             );
         }
     }

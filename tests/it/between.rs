@@ -13,6 +13,8 @@ const N_NODES: usize = 11;
 /// These stand still, the others drive circles.
 const N_FIXED: usize = 7;
 const N_FRAMES: usize = 200;
+/// Recordings of a campaign, one after the other.
+const N_RECORDINGS: usize = 5;
 const NOISE_DB: f64 = 1.5;
 const TX_POWER_DBM: f64 = -10.0;
 
@@ -44,10 +46,33 @@ fn place_m(site: u64, node: usize, time_s: f64) -> [f64; 2] {
     [30.0 + 10.0 * angle.cos(), 20.0 + 10.0 * angle.sin()]
 }
 
+/// The recording of a frame.
+const fn recording(frame: usize) -> usize {
+    frame * N_RECORDINGS / N_FRAMES
+}
+
+/// The same campaign as one recording.
+fn as_one_recording(csv: &str) -> String {
+    csv.lines().map(|line| format!("{}\n", line.rsplit_once(',').unwrap().0)).collect()
+}
+
+/// The same campaign with so much more on all readings of each recording (dB).
+fn with_levels(csv: &str, level_db: &dyn Fn(usize) -> f64) -> String {
+    let line = |line: &str| {
+        let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+        let n = fields.len();
+        if let (Ok(run), Ok(dbm)) = (fields[n - 1].parse(), fields[n - 3].parse::<f64>()) {
+            fields[n - 3] = format!("{:.0}", dbm + level_db(run));
+        }
+        fields.join(",") + "\n"
+    };
+    csv.lines().map(line).collect()
+}
+
 /// A campaign of links at a site. `start_s`: added to all times.
 fn links(seed: u64, more_db: More<'_>, is_heavy: bool, start_s: f64) -> String {
     let mut csv =
-        "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,temperature_c,rssi_dbm,received\n".to_owned();
+        "time_s,tx,rx,channel,tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m,temperature_c,rssi_dbm,received,run\n".to_owned();
     for frame in 0..N_FRAMES {
         let k = frame as u64;
         let time_s = (100.0 * (8.0 * frame as f64 + 7.0 * uniform(seed, 2, k, 0))).round() / 100.0;
@@ -64,9 +89,10 @@ fn links(seed: u64, more_db: More<'_>, is_heavy: bool, start_s: f64) -> String {
                 TX_POWER_DBM + free_db + random_db + more_db(tx, rx, distance_m, temperature_c);
             let _ = writeln!(
                 csv,
-                "{:.2},{tx},{rx},{channel},{x0:.3},{y0:.3},1,{x1:.3},{y1:.3},1,{temperature_c:.2},{:.0},1",
+                "{:.2},{tx},{rx},{channel},{x0:.3},{y0:.3},1,{x1:.3},{y1:.3},1,{temperature_c:.2},{:.0},1,{}",
                 start_s + time_s,
-                dbm
+                dbm,
+                recording(frame)
             );
         }
     }
@@ -76,7 +102,7 @@ fn links(seed: u64, more_db: More<'_>, is_heavy: bool, start_s: f64) -> String {
 /// A campaign of five robots that move as commanded, but for a share of the speed of each, and a wind (m/s, east).
 fn robots(seed: u64, share: &dyn Fn(usize) -> f64, wind_mps: f64) -> String {
     let step_s = 0.1;
-    let mut csv = "time_s,agent,x_m,y_m,cmd_vx_mps,cmd_vy_mps\n".to_owned();
+    let mut csv = "time_s,agent,x_m,y_m,cmd_vx_mps,cmd_vy_mps,run\n".to_owned();
     for agent in 0..5 {
         let a = agent as u64;
         let mut at_m = [10.0 * uniform(seed, 1, a, 0), 10.0 * uniform(seed, 1, a, 1)];
@@ -91,7 +117,8 @@ fn robots(seed: u64, share: &dyn Fn(usize) -> f64, wind_mps: f64) -> String {
             let [x_m, y_m] = [at_m[0] + 0.01 * draw(4), at_m[1] + 0.01 * draw(5)];
             let [vx, vy] = command_mps;
             let time_s = step_s * step as f64;
-            let _ = writeln!(csv, "{time_s:.1},{agent},{x_m:.4},{y_m:.4},{vx:.4},{vy:.4}");
+            let run = step / 100;
+            let _ = writeln!(csv, "{time_s:.1},{agent},{x_m:.4},{y_m:.4},{vx:.4},{vy:.4},{run}");
             let wind_mps = [wind_mps, 0.0];
             for axis in 0..2 {
                 let mps = share(agent) * command_mps[axis] + wind_mps[axis];
@@ -164,6 +191,55 @@ fn a_level_that_changes_by_6_db_is_the_only_change() {
     let difference = &gain["difference"];
     assert!(number(difference, "low") < 6.0 + 0.2 && 6.0 - 0.2 < number(difference, "high"));
     assert!((number(difference, "value") - 6.0).abs() < 0.2, "{said}");
+}
+
+#[test]
+fn of_one_recording_a_side_no_change_is_certain() {
+    let lower: More<'_> = &|_, _, _, _| -6.0;
+    let [a, b] = [(1, NOTHING), (2, lower)]
+        .map(|(seed, more_db)| as_one_recording(&links(seed, more_db, false, 0.0)));
+    let (answer, said) = between(RADIO, &a, &b);
+    assert_eq!(answer["verdict"], "cannot-tell", "{said}");
+    assert_eq!(effects(&answer, "possible"), ["system-gain"], "{said}");
+    let sentence = answer["sentence"].as_str().unwrap();
+    assert!(sentence.starts_with("these recordings differ: system-gain: gain_db -"), "{sentence}");
+    assert!(sentence.contains("from 4 recordings of each campaign on"), "{sentence}");
+    assert!(answer["caution"].as_str().unwrap().contains("regression to the mean"), "{said}");
+}
+
+/// Recordings of both campaigns differ by 3 dB (standard deviation), and nothing else does. The family of tests has a level of 0.5 %.
+#[test]
+fn what_recordings_of_one_condition_differ_by_is_no_change() {
+    for seed in 0..6 {
+        let campaign = |number: u64| {
+            let level_db = |run: usize| {
+                3.0 * Draws::new(300 + seed, Purpose::FrameNoise).normal(20, number, run as u64)
+            };
+            with_levels(&links(400 + 2 * seed + number, NOTHING, false, 0.0), &level_db)
+        };
+        let (answer, said) = between(RADIO, &campaign(0), &campaign(1));
+        assert_eq!(effects(&answer, "changed"), [""; 0], "{seed}: {said}");
+    }
+}
+
+#[test]
+fn of_conditions_that_the_campaigns_do_not_share_no_change_is_certain() {
+    // 15 to 24 degC in A, 30 degC more in B, and no effect of it is known: it may be what lowers the readings.
+    let warmer = |csv: &str| -> String {
+        let line = |(number, line): (usize, &str)| {
+            let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+            if 0 < number {
+                fields[10] = format!("{:.2}", fields[10].parse::<f64>().unwrap() + 30.0);
+            }
+            fields.join(",") + "\n"
+        };
+        csv.lines().enumerate().map(line).collect()
+    };
+    let lower: More<'_> = &|_, _, _, _| -6.0;
+    let (a, b) = (links(1, NOTHING, false, 0.0), warmer(&links(2, lower, false, 0.0)));
+    let (answer, said) = between(RADIO, &a, &b);
+    assert_eq!(answer["verdict"], "cannot-tell", "{said}");
+    assert_eq!(answer["confounded"][0]["covariate"], "temperature_c", "{said}");
 }
 
 #[test]

@@ -9,6 +9,8 @@
 //! | `answer` | from what was found to an answer |
 //! | `search`, `rivals` | the search for changes, and other explanations of them |
 //! | `pairs` | what stayed the same |
+//! | `recordings` | recordings as replicates of a condition |
+//! | `certainty` | which changes are certain |
 //! | `contrast` | tests of differences between the campaigns |
 //! | [`error_change`] | whether the second campaign is predicted worse than the first |
 //! | `rule` | the verdict |
@@ -16,9 +18,11 @@
 
 mod answer;
 mod campaigns;
+mod certainty;
 mod contrast;
 pub mod error_change;
 mod pairs;
+mod recordings;
 mod rivals;
 mod rule;
 mod search;
@@ -55,7 +59,7 @@ pub struct Between {
     pub sentence: String,
     /// What changed from A to B, in the order in which it was found.
     pub changed: Vec<Change>,
-    /// Changes that are indistinguishable on these data from an effect that acts in both campaigns, under other conditions.
+    /// Changes that are not certain: each says why (`doubt`), or what it is indistinguishable from.
     pub possible: Vec<Change>,
     /// What the configured model lacks in both campaigns alike.
     pub common: Vec<Common>,
@@ -77,11 +81,18 @@ pub struct Between {
     pub could_hide: f64,
     /// Covariates of which A and B have hardly a value in common: an effect of them is indistinguishable from a change.
     pub confounded: Vec<Confounded>,
+    /// Rows that the campaigns are compared on: those within the common range of each other covariate.
+    pub shared: SidesOf<Shared>,
+    /// How many recordings (values of `run`) each campaign has. A change is certain only if each has four.
+    pub recordings: SidesOf<usize>,
     /// When both were measured, in hours since midnight (UTC); absent where the start of one is unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time_of_day_h: Option<Spans>,
     /// Columns that only one of the files has. They are not used.
     pub left_out_columns: Vec<String>,
+    /// What to check before the answer is trusted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub caution: Option<String>,
     /// What A shows over the time since its start. It is not carried over to B.
     pub of_time_in_a: Vec<String>,
     /// Why the data are too few to find anything, if they are.
@@ -142,6 +153,9 @@ pub struct Change {
     pub indistinguishable_from: Vec<String>,
     /// Explanations that were fitted in its place and predict held-out rows significantly worse.
     pub ruled_out: Vec<String>,
+    /// Why it is not certain; absent where it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub doubt: Option<String>,
     /// What to mind when its parameters are used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warning: Option<String>,
@@ -200,6 +214,15 @@ pub struct SidesOf<T> {
     pub b: T,
 }
 
+/// Rows of a campaign that were measured under conditions which the other has, too.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct Shared {
+    /// How many.
+    pub rows: usize,
+    /// Of how many.
+    pub of: usize,
+}
+
 /// A covariate of which the campaigns have hardly a value in common.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Confounded {
@@ -222,11 +245,17 @@ impl Spans {
     /// Of the values in both campaigns; none where either has none.
     #[must_use]
     pub fn of(a: &[f64], b: &[f64]) -> Option<Self> {
+        Self::within(a, b, TAIL_90)
+    }
+
+    /// From one quantile to the other, each with this share of the values beyond.
+    #[must_use]
+    pub(crate) fn within(a: &[f64], b: &[f64], tail: f64) -> Option<Self> {
         let span = |values: &[f64]| {
             let mut known: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
             known.sort_by(f64::total_cmp);
             let at = |share: f64| known[(share * (known.len() - 1) as f64).round() as usize];
-            (!known.is_empty()).then(|| [at(TAIL_90), at(1.0 - TAIL_90)])
+            (!known.is_empty()).then(|| [at(tail), at(1.0 - tail)])
         };
         Some(Self { a: span(a)?, b: span(b)? })
     }

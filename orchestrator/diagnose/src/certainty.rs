@@ -6,9 +6,9 @@ use crate::gate::Gate;
 use crate::ladder::{Channel, Ladder, Search, without_term};
 use crate::pure_error::PureError;
 use numbers::format::with_unit;
-use proto::effect::{CONSTANT, Level, Need};
+use proto::effect::{CONSTANT, Level, Need, Parameter};
 use study::thresholds::{IDENTIFIED_HALF, LACK_OF_FIT_RATIO};
-use study::{Candidate, Estimate, Study, TermId};
+use study::{COMMON, Candidate, Estimate, Study, TermId, is_at_bound};
 
 /// What is seen of the model with all that was accepted.
 pub(crate) struct Remains<'a> {
@@ -61,6 +61,7 @@ pub(crate) fn doubts<S: Study>(
         let why = implausible(candidate, estimates)
             .or_else(|| unidentified(candidate, estimates))
             .or_else(|| of_unknown_shape(candidate, estimates))
+            .or_else(|| at_bound(candidate, estimates))
             .or_else(|| {
                 let is_open = candidate.is_spread && !is_independent(remains.pure);
                 is_open.then(|| SPREAD.to_owned())
@@ -69,10 +70,15 @@ pub(crate) fn doubts<S: Study>(
             .or_else(|| {
                 let gain = ladder.test_of(term)?.gain.gain;
                 let is_small = 0 < place && gain < remains.unexplained_nats();
+                let is_collinear = || {
+                    let fit = search.full_fit(&ladder.accepted, COMMON, None);
+                    study.is_collinear(&fit, term)
+                };
                 let is_part = remains.is_something()
                     && candidate.linear_in != Some(CONSTANT)
                     && (is_small
                         || (needs_losses(candidate) && are_readings_tested)
+                        || is_collinear()
                         || !search.survives_beside_curves(term, ladder, &remains.structure));
                 is_part.then(|| PART.to_owned())
             })
@@ -129,13 +135,13 @@ const SPREAD: &str =
 /// Of an effect that spreads single frames as noise of another shape does.
 const NOISE: &str = "noise of another skew or other tails explains these data as well";
 /// Of an effect that gains nothing beside a free curve, or less than is left unexplained.
-const PART: &str = "something else is missing, of which this may be a part";
+pub(crate) const PART: &str = "something else is missing, of which this may be a part";
 
 /// Of an effect that turns robots whose headings are not those of their course.
 const DRIFT: &str = "measured headings drift against the course that positions show, so that their sensor may be wrong";
 
 /// Of an effect that moves hardly anything but the first windows of tracks.
-const BEGINNING: &str =
+pub(crate) const BEGINNING: &str =
     "nearly all that it moves is at the beginnings of tracks, before which the motion is not known";
 
 /// Of an effect that moves positions and headings, of which one does not show it.
@@ -167,7 +173,7 @@ fn as_well(place: &str) -> String {
 }
 
 /// Which estimate of an effect is physically implausible: its whole interval is outside the plausible range.
-fn implausible(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> {
+pub(crate) fn implausible(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> {
     estimates.iter().filter(|estimate| estimate.is_identifiable).find_map(|estimate| {
         let Estimate { name, value, low, high, unit, .. } = estimate;
         let plausible = candidate.parameter(estimate)?.plausible?;
@@ -188,7 +194,7 @@ fn implausible(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> 
 
 /// Which size of an effect is not known to within a factor: the first spread of a random effect. Of another effect it is the first
 /// parameter that has a value at which the effect does nothing.
-fn unidentified(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> {
+pub(crate) fn unidentified(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> {
     let size = if candidate.level == Level::Random {
         estimates.first().filter(|spread| !is_identified(spread))
     } else {
@@ -206,13 +212,32 @@ fn unidentified(candidate: &Candidate, estimates: &[Estimate]) -> Option<String>
 
 /// Which other parameter of an effect these data do not determine, where what the effect does depends on it: how far downwash reaches.
 /// Random effects are judged by their spreads. Of an effect that is linear in a covariate the other parameter is the covariate's zero.
-fn of_unknown_shape(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> {
+pub(crate) fn of_unknown_shape(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> {
     if candidate.level == Level::Random || candidate.linear_in.is_some() {
         return None;
     }
     let unknown =
         estimates.iter().find(|it| !it.is_identifiable && candidate.parameter(it).is_some())?;
     Some(format!("what it does depends on its {}, which these data do not determine", unknown.name))
+}
+
+/// Which size of an effect is at the bound of its range that is farther from no effect: the data ask for something else.
+pub(crate) fn at_bound(candidate: &Candidate, estimates: &[Estimate]) -> Option<String> {
+    let (size, parameter) = estimates
+        .iter()
+        .find_map(|size| {
+            let parameter = candidate.parameter(size)?;
+            parameter.null.map(|null| (size, parameter, null)).filter(|(size, parameter, null)| {
+                let is_null = (size.value - null).abs() < parameter.step;
+                is_at_bound(parameter, size.value) && !is_null
+            })
+        })
+        .map(|(size, parameter, _)| (size, parameter))?;
+    let Parameter { key, min, max, .. } = parameter;
+    Some(format!(
+        "its {key} of {} is at the bound of its range, {min} to {max}",
+        with_unit(&number(size.value), &size.unit)
+    ))
 }
 
 fn number(value: f64) -> String {
@@ -227,7 +252,7 @@ fn is_identified(spread: &Estimate) -> bool {
 }
 
 /// Whether the distance of a size from the value at which its effect does nothing is known to within half of it, either way.
-fn is_size_identified(size: &Estimate, null: f64) -> bool {
+pub(crate) fn is_size_identified(size: &Estimate, null: f64) -> bool {
     let half = (size.high - size.low) / 2.0;
     size.is_identifiable && half <= IDENTIFIED_HALF * (size.value - null).abs()
 }
@@ -241,7 +266,7 @@ fn is_independent(pure: Option<PureError>) -> bool {
 mod tests {
     use super::*;
     use crate::ladder::tests::candidate;
-    use proto::effect::{Parameter, Plausible};
+    use proto::effect::Plausible;
 
     #[test]
     fn a_spread_is_identified_within_a_factor() {
@@ -309,6 +334,19 @@ mod tests {
         let random = of_parameters(&[SLOPE], Level::Random);
         let spread = Estimate::new("sd_db", "dB", 1.7, (0.045, 296.0));
         assert!(unidentified(&random, &[spread]).is_some());
+    }
+
+    #[test]
+    fn a_size_at_the_far_bound_of_its_range_is_doubted() {
+        let lag = Parameter { key: "tau_s", min: 0.0, max: 10.0, null: Some(0.0), ..SLOPE };
+        let lag = of_parameters(Box::leak(Box::new([lag])), Level::Time);
+        let of = |value: f64| {
+            at_bound(&lag, &[Estimate::new("tau_s", "s", value, (0.9 * value, 1.1 * value))])
+        };
+        assert_eq!(of(0.3), None);
+        assert_eq!(of(0.0), None);
+        let expected = "its tau_s of 10.000 s is at the bound of its range, 0 to 10";
+        assert_eq!(of(10.0).as_deref(), Some(expected));
     }
 
     #[test]

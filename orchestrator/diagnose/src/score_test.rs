@@ -79,6 +79,22 @@ fn least_p_value(n_clusters: usize) -> f64 {
     libm::exp2(1.0 - n_clusters as f64)
 }
 
+/// What some rows tell of a column, in place of all: their slope along what is left of it beside others, and how much one unit of the
+/// column moves there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Total {
+    pub slope: f64,
+    pub information: f64,
+}
+
+impl Total {
+    /// The amplitude that one step leads to, in units of the column.
+    #[must_use]
+    pub(crate) fn amplitude(self) -> f64 {
+        self.slope / self.information
+    }
+}
+
 /// A column made orthogonal to others, of length 1.
 #[derive(Clone, Debug)]
 struct Unit(Column);
@@ -200,6 +216,30 @@ impl<'a> ScoreTests<'a> {
             rise: 0.5 * total * amplitude,
             n_clusters: spread.n_clusters,
         })
+    }
+
+    /// What each group of rows tells of a column, along what is left of another beside what was estimated and others: the ratio of both
+    /// parts of a total estimates its amplitude in the group. Beside them, the information of what is left. `groups`: of each row, by number
+    /// from 0. None where nothing is left.
+    #[must_use]
+    pub(crate) fn by_group(
+        &self,
+        column: &Column,
+        (along, beside): (&Column, &[&Column]),
+        groups: &[usize],
+    ) -> Option<(Vec<Total>, f64)> {
+        let beside = self.units(beside);
+        let (left, information) = self.left(along, &[&self.estimated, &beside])?;
+        let n_groups = groups.iter().max().map_or(0, |last| last + 1);
+        let mut totals = vec![Total::default(); n_groups];
+        for (row, group) in groups.iter().enumerate() {
+            let (s, w) = (self.rows.slopes[row], self.rows.weights[row]);
+            for k in 0..3 {
+                totals[*group].slope += left[row][k] * s[k];
+                totals[*group].information += left[row][k] * w[k] * column[row][k];
+            }
+        }
+        Some((totals, information))
     }
 
     /// The correlation of what two columns move beside all that was estimated; none where one moves nothing else.

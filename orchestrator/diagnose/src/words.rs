@@ -292,8 +292,10 @@ fn plain_error(text: &mut String, diagnosis: &Diagnosis) {
 /// Parameters in words, and which of them are not identifiable.
 fn numbers_of(parameters: &IndexMap<String, Parameter>, not_identifiable: &[String]) -> String {
     let known = parameters.iter().map(|(key, parameter)| {
-        let value = with_unit(&format!("{:.4}", parameter.value), &parameter.unit);
-        format!("{key} = {value} (90 %: {:.4} to {:.4})", parameter.low, parameter.high)
+        let Parameter { value, low, high, unit } = parameter;
+        let n = decimals(*value, 4.0);
+        let value = with_unit(&format!("{value:.n$}"), unit);
+        format!("{key} = {value} (90 %: {low:.n$} to {high:.n$})")
     });
     let unknown = not_identifiable.iter().map(|key| format!("{key} not identifiable"));
     known.chain(unknown).collect::<Vec<_>>().join(", ")

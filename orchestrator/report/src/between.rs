@@ -69,12 +69,13 @@ fn heading(contents: &BetweenPage<'_>) -> Option<Markup> {
 }
 
 fn notices(contents: &BetweenPage<'_>) -> Option<Markup> {
-    let Between { a, b, measurement_defects: defects, too_little, complete, .. } = contents.answer;
+    let Between { a, b, measurement_defects: defects, too_little, caution, complete, .. } =
+        contents.answer;
     let mut notices: Vec<String> = Vec::new();
     if !complete {
         notices.push("The search was stopped before its end; the answer may still change".into());
     }
-    notices.extend(too_little.iter().map(|why| capitalised(why)));
+    notices.extend(too_little.iter().chain(caution).map(|why| capitalised(why)));
     for (name, account, defects) in [("A", a, &defects.a), ("B", b, &defects.b)] {
         notices.extend(account.rejected.iter().map(|rejected| {
             format!(
@@ -127,7 +128,7 @@ fn possible(contents: &BetweenPage<'_>) -> Option<Markup> {
         html! {
             h2 { "What may have changed" }
             p {
-                "An effect that acts in both campaigns, under other conditions, explains B as well as each of these changes does."
+                "None of these changes is certain: something else explains B as well, or the recordings do not show it beyond doubt."
             }
             (changes_table(changes))
             (notes_on(changes))
@@ -199,8 +200,9 @@ fn notes_on(changes: &[Change]) -> Markup {
                     (change.effect) ": held-out gain " (number(change.gain)) " ± " (number(change.standard_error))
                     " nats a row, p = " (format_args!("{:.1e}", change.p_value)) "."
                     @if !change.indistinguishable_from.is_empty() {
-                        " Indistinguishable on these data from " (change.indistinguishable_from.join(", ")) "."
+                        " Indistinguishable on these data from " (change.indistinguishable_from.join(", or ")) "."
                     }
+                    @if let Some(why) = &change.doubt { " Not certain, because " (why) "." }
                     @if let Some(warning) = &change.warning { " " (capitalised(warning)) "." }
                 }
             }

@@ -288,6 +288,16 @@ pub trait Study: Sync {
         false
     }
 
+    /// Whether the size of a term of a fit is nearly collinear with a number of another term.
+    fn is_collinear(&self, _fit: &Self::Fit, _term: TermId) -> bool {
+        false
+    }
+
+    /// Whether an effect begins at a time that is fitted.
+    fn begins_in_time(&self, _term: TermId) -> bool {
+        false
+    }
+
     /// Which rows are at the beginning of a track, where motion depends on what was before. None: rows are no motion.
     fn beginnings(&self) -> Option<Vec<bool>> {
         None

@@ -33,6 +33,16 @@ pub struct Linearised {
 }
 
 impl Linearised {
+    /// The same where some rows alone tell anything.
+    #[must_use]
+    pub fn of_rows(&self, counts: &[bool]) -> Self {
+        let of = |values: &Column| -> Column {
+            let rows = values.iter().zip(counts);
+            rows.map(|(value, counts)| if *counts { *value } else { [0.0; 3] }).collect()
+        };
+        Self { slopes: of(&self.slopes), weights: of(&self.weights), ..self.clone() }
+    }
+
     /// The same with the errors themselves for slopes. A likelihood with heavy tails passes over rows that are far off; where these are all
     /// of one robot, they are no outliers.
     #[must_use]

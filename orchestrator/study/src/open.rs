@@ -5,7 +5,7 @@ use super::choices::{ChoiceError, Choices, ConditionRows};
 use super::links::LinkStudy;
 use super::links::rows::ModelledLinks;
 use super::links::rows::covariates;
-use super::robots::{RobotStudy, RobotStudyError, StatedSettings, body_for};
+use super::robots::{RobotStudy, RobotStudyError, StatedSettings, body_for, odd_commands};
 use super::thresholds::FEWEST_BLOCKS;
 use measure::DataError;
 use measure::account::DataFile;
@@ -151,6 +151,8 @@ pub fn robots_predicted(
         Err(problems) => return Err(config.refuse(problems).into()),
     };
     let (predicted_by, predicted) = predicted.map(|it| (it.by, it.windows)).unzip();
+    let mass_kg = dynamics.get("mass_kg").and_then(toml::Value::as_float);
+    let odd = odd_commands::warnings(&robots, mass_kg);
     let mut account = DataAccount {
         data: file_of(table),
         rows: robots.n_rows,
@@ -174,6 +176,7 @@ pub fn robots_predicted(
             },
         )?;
     account.rejected.extend_from_slice(study.rejected());
+    account.warnings.extend(odd);
     account.warnings.extend(too_few(&study));
     Ok((study, account))
 }

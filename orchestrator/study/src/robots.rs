@@ -25,6 +25,7 @@ mod motion;
 mod neighbours;
 mod noise_free_motion;
 mod objective;
+pub(crate) mod odd_commands;
 mod rivals;
 mod screen;
 mod search;

@@ -20,12 +20,16 @@
 //! | score tests | which rows a test of a candidate takes for dependent |
 //! | limited effects | whether an effect is limited to some rows |
 //! | structure | what is reported of residuals and errors |
-//! | two campaigns | what changed between them |
+//! | two campaigns (`two_campaigns`) | what changed between them |
 //! | planning | which effects a campaign would show, and which campaign is next |
 //!
 //! Iteration limits, step sizes, grids and other numeric tolerances are where they are used. They change how fast and how
 //! accurately a number is computed. Where a constant is a compromise without a source, its comment says "chosen" and names
 //! what a larger and a smaller value would cost. A test lists the constants that other files may declare.
+
+mod two_campaigns;
+
+pub use two_campaigns::*;
 
 // Intervals.
 
@@ -229,6 +233,13 @@ pub const FEWEST_RUNS_ALIKE: usize = 5;
 pub const FOREIGN_SEGMENT_S: f64 = 1.0;
 /// Time by which a prediction begins before its segment (s): five time constants of actuators of 0.4 s.
 pub const FOREIGN_LEAD_S: f64 = 2.0;
+
+/// A thrust is odd if its median is so many times the weight of a robot, or that part of it. Chosen: loads and climbs change it by less.
+pub const WEIGHTS_OF_THRUST: f64 = 3.0;
+/// An axis has the opposite sign if commanded and measured accelerations along it have at least this correlation, negative …
+pub const OPPOSITE_CORRELATION: f64 = 0.3;
+/// … by at least this number of its standard errors. Chosen: neighbouring accelerations share a sample, and controllers react to noise.
+pub const OPPOSITE_ERRORS: f64 = 6.0;
 
 // Defects of the measurement.
 
@@ -543,35 +554,6 @@ pub const PLAIN_ERROR_SHARE: f64 = 0.1;
 /// A simulator executes an effect if, with it, its predictions miss at most this share of what the fit moves: effects are fitted
 /// to first order.
 pub const MOST_MISSING_SHARE: f64 = 0.5;
-
-// Two campaigns.
-
-/// Changes that are searched at most.
-pub const MOST_CHANGES: usize = 6;
-/// Effects in both campaigns that are fitted in a round beside differences, the most promising ones: a limit of time.
-pub const MOST_IN_BOTH: usize = 4;
-/// An effect in both campaigns is fitted if it promises at least this share of what the best difference does.
-pub const IN_BOTH_SHARE: f64 = 0.3;
-/// Two explanations are distinguished if one predicts held-out rows better at this p-value.
-pub const DISTINGUISHED_LEVEL: f64 = 0.05;
-/// Least rise of the log likelihood that a difference promises, to be tested (nats).
-pub const DIFFERENCE_NATS: f64 = 8.0;
-/// A difference is tested if it promises at least this share of what the best one does.
-pub const DIFFERENCE_SHARE: f64 = 0.3;
-/// Differences that are tested, the most promising ones: a limit of time.
-pub const MOST_TESTED_DIFFERENCES: usize = 40;
-/// Differences that are fitted, the most promising ones: a limit of time.
-pub const MOST_FITTED_DIFFERENCES: usize = 8;
-/// Those among them, at most, for which the score test is not significant.
-pub const MOST_INSIGNIFICANT_DIFFERENCES: usize = 3;
-/// A parameter is reported as unchanged if the margin of its difference is at most this share of its size.
-pub const UNCHANGED_SHARE: f64 = 0.25;
-/// Below this p-value of a change of the error, the verdict is not `nothing-changed`.
-pub const DOUBTFUL_LEVEL: f64 = 0.05;
-/// Fewest blocks of each campaign for a test of a change of the error.
-pub const FEWEST_CHANGE_BLOCKS: usize = 10;
-/// Campaign B was at new places if more than this share of its rows has no row of A in its block of places.
-pub const NEW_PLACES_SHARE: f64 = 0.02;
 
 // Planning: power, and the next campaign.
 

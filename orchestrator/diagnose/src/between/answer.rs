@@ -5,18 +5,17 @@ use super::error_change::{ErrorChange, error_change, with_changes};
 use super::pairs::Pair;
 use super::rule::{Evidence, verdict};
 use super::search::{Found, FoundChange};
-use super::{Between, Change, Changed, Common, Confounded, SCHEMA, Same, SidesOf, Spans, words};
+use super::{Between, Change, Changed, Common, SCHEMA, Same, SidesOf, Spans, certainty, words};
 use crate::answer::parameter;
 use crate::defects::MeasurementDefect;
 use crate::diagnosis::Parameter;
-use crate::ladder::Search;
+use crate::ladder::{Search, without_term};
 use crate::score_test::ScoreTest;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
-use measure::time_of_day::TIME_OF_DAY;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use study::open::Subject;
-use study::thresholds::{INTERVAL_PROBABILITY, UNCHANGED_SHARE};
+use study::thresholds::{DOUBTFUL_LEVEL, INTERVAL_PROBABILITY, UNCHANGED_SHARE};
 use study::{COMMON, Estimate, Study, TermId};
 
 /// Two campaigns, and what is known of them beside the pooled study.
@@ -58,20 +57,42 @@ pub(super) fn answer<S: Study>(
         constants(study, search, found, sides).unwrap_or_default()
     };
     let mut error =
-        if is_stopped() { None } else { error_change(study, search, &found.base, &sides.is_b) };
+        if is_stopped() { None } else { error_change(study, search, &found.base, sides) };
     if let Some(error) = error.as_mut().filter(|_| !found.changes.is_empty()) {
         with_changes(error, search, &found.terms, &sides.is_b);
     }
     let fit = search.full_fit(&found.terms, COMMON, None);
     let estimates = |term: TermId| study.estimates(&fit, term);
-    let (possible, changed): (Vec<&FoundChange>, Vec<&FoundChange>) =
-        found.changes.iter().partition(|change| change.is_only_possible);
-    let of_change = |change: &&FoundChange| {
+    let is_something = !constants.misfits.is_empty();
+    let of_change = |change: &FoundChange| {
         let settings = study.settings(&fit, change.in_b);
-        self::change(study, change, settings, &estimates)
+        let wide = |term: TermId| -> Vec<Estimate> {
+            estimates(term).0.iter().map(|it| widened(it, change.widening)).collect()
+        };
+        let (in_a, in_b) = (change.in_a.map(wide).unwrap_or_default(), wide(change.in_b));
+        let doubt = if is_stopped() || change.is_only_possible {
+            None
+        } else {
+            let known = (change, &in_a[..], &in_b[..]);
+            let too_little = campaigns.too_little.map(str::to_owned);
+            certainty::doubt(study, search, found, known, (sides, is_something)).or(too_little)
+        };
+        let warning = estimates(change.in_b).1;
+        let ties = change.ties.iter().map(|tie| {
+            let of_tie = tie.term.filter(|_| !is_stopped());
+            let size = of_tie.map(|term| tied_size(study, search, found, (change, term)));
+            tie.name.clone() + &size.unwrap_or_default()
+        });
+        let change = Change {
+            indistinguishable_from: ties.collect(),
+            ..self::change(study, change, settings, [&in_a, &in_b], (doubt, warning))
+        };
+        (change.doubt.is_some() || !change.indistinguishable_from.is_empty(), change)
     };
-    let changed: Vec<Change> = changed.iter().map(of_change).collect();
-    let possible: Vec<Change> = possible.iter().map(of_change).collect();
+    let (possible, changed): (Vec<(bool, Change)>, Vec<(bool, Change)>) =
+        found.changes.iter().map(of_change).partition(|(is_open, _)| *is_open);
+    let [possible, changed] =
+        [possible, changed].map(|list| list.into_iter().map(|(_, it)| it).collect::<Vec<Change>>());
     let common = found.common.iter().map(|&(term, found_in_a)| {
         let candidate = &study.candidates()[term];
         let known = estimates(term).0;
@@ -88,7 +109,10 @@ pub(super) fn answer<S: Study>(
         test.upper_bound(0.5 * (1.0 - INTERVAL_PROBABILITY))
     };
     let could_hide = constants.everywhere.iter().map(bound).fold(f64::NAN, f64::max);
-    let mut same: Vec<Same> = constants.everywhere.iter().map(same_constant).collect();
+    // What has a difference that is no chance is not the same.
+    let includes_none = |same: &Same| same.difference.low <= 0.0 && 0.0 <= same.difference.high;
+    let mut same: Vec<Same> =
+        constants.everywhere.iter().map(same_constant).filter(includes_none).collect();
     for pair in pairs.iter().filter(|_| !is_stopped()) {
         same.extend(same_parameters(study, search, pair));
     }
@@ -105,9 +129,13 @@ pub(super) fn answer<S: Study>(
         is_complete,
     };
     let [a, b] = campaigns.accounts.map(DataAccount::clone);
+    let [n_a, n_b] = sides.recordings.counts();
     let is_change = |term: &&TermId| found.changes.iter().any(|change| change.effect == **term);
-    let not_found = found.tested.iter().filter(|term| !is_change(term));
-    let not_found = not_found.map(|&term| study.candidates()[term].name.clone()).collect();
+    let is_alias = |term: &&TermId| found.changes.iter().any(|it| it.aliases.contains(*term));
+    let not_found = found.tested.iter().filter(|term| !is_change(term) && !is_alias(term));
+    let names = not_found.map(|&term| study.candidates()[term].name.clone());
+    // What a change is tied with was found as much as the change.
+    let not_found = names.filter(|name| !is_tied(found, name)).collect();
     let mut between = Between {
         schema: SCHEMA,
         kind: campaigns.subject,
@@ -122,7 +150,10 @@ pub(super) fn answer<S: Study>(
         unexplained: constants.misfits,
         error,
         could_hide,
-        confounded: confounded(&study.scanned_covariates(), sides),
+        confounded: sides.apart.clone(),
+        shared: sides.shared(),
+        recordings: SidesOf { a: n_a, b: n_b },
+        caution: None,
         time_of_day_h: campaigns.time_of_day_h,
         left_out_columns: campaigns.left_out_columns.to_vec(),
         of_time_in_a: found.of_time_in_a.clone(),
@@ -133,8 +164,37 @@ pub(super) fn answer<S: Study>(
         b,
         error_unit: campaigns.error_unit,
     };
+    between.caution = regression_to_the_mean(&between, sides.recordings.are_enough());
     between.sentence = words::sentence(&between);
     between
+}
+
+/// The numbers of what is tied with a change, fitted in its place.
+fn tied_size<S: Study>(
+    study: &S,
+    search: &Search<'_, S>,
+    found: &Found<S::Fit>,
+    (change, term): (&FoundChange, TermId),
+) -> String {
+    let mut terms = without_term(&found.terms, change.in_b);
+    terms.push(term);
+    let start = search.full_fit(&found.terms, COMMON, None);
+    let fit = search.full_fit(&terms, COMMON, Some(&start));
+    let (estimates, _) = study.estimates(&fit, term);
+    let known = estimates.iter().filter(|estimate| estimate.is_identifiable);
+    let sizes: Vec<String> = known
+        .map(|estimate| {
+            let (key, it) = parameter(&widened(estimate, change.widening));
+            words::interval(&key, &it)
+        })
+        .collect();
+    if sizes.is_empty() { String::new() } else { format!(": {}", sizes.join(", ")) }
+}
+
+/// Whether a change that was found is indistinguishable from one of this effect.
+fn is_tied<F>(found: &Found<F>, name: &str) -> bool {
+    let mut ties = found.changes.iter().flat_map(|change| &change.ties);
+    ties.any(|tie| tie.name.strip_prefix(name).is_some_and(|rest| rest.starts_with(' ')))
 }
 
 /// Constants by which B is off beyond A, with all that was found.
@@ -144,7 +204,7 @@ fn constants<S: Study>(
     found: &Found<S::Fit>,
     sides: &Sides,
 ) -> Option<Constants> {
-    let rows = study.linearised(&search.full_fit(&found.terms, COMMON, None))?;
+    let rows = sides.linearised(study, &search.full_fit(&found.terms, COMMON, None))?;
     let dependences = Dependences::of(study);
     let contrasts = Contrasts::new(study, &rows, &dependences, sides);
     Some(contrasts.constants(&study.directions()))
@@ -155,20 +215,20 @@ fn without_runs(mut only: toml::Table) -> toml::Table {
     only
 }
 
+/// A change as the answer has it. `in_a`, `in_b`: its estimates in both campaigns, with intervals that are wide enough.
 fn change<S: Study>(
     study: &S,
     change: &FoundChange,
     settings: Option<toml::Table>,
-    estimates: &dyn Fn(TermId) -> (Vec<Estimate>, Option<String>),
+    [in_a, in_b]: [&[Estimate]; 2],
+    (doubt, warning): (Option<String>, Option<String>),
 ) -> Change {
     let candidate = &study.candidates()[change.in_b];
-    let (in_b, warning) = estimates(change.in_b);
-    let in_a = change.in_a.map(|term| estimates(term).0).unwrap_or_default();
     let mut parameters = IndexMap::new();
     for estimate in in_b.iter().filter(|estimate| estimate.is_identifiable) {
-        let (key, b) = parameter(&widened(estimate, change.widening));
+        let (key, b) = parameter(estimate);
         let of_a = in_a.iter().find(|other| other.name == key && other.is_identifiable);
-        let a = of_a.map(|estimate| parameter(&widened(estimate, change.widening)).1);
+        let a = of_a.map(|estimate| parameter(estimate).1);
         let difference = a.as_ref().map(|a| difference(a, &b));
         parameters.insert(key, Changed { unit: b.unit.clone(), a, b, difference });
     }
@@ -187,8 +247,9 @@ fn change<S: Study>(
         gain: change.gain.gain,
         standard_error: change.gain.standard_error,
         p_value: change.p_value.min(1.0),
-        indistinguishable_from: change.ties.clone(),
+        indistinguishable_from: Vec::new(),
         ruled_out: change.ruled_out.clone(),
+        doubt,
         warning,
         settings,
     }
@@ -214,6 +275,12 @@ fn difference(a: &Parameter, b: &Parameter) -> Parameter {
         low: value - libm::hypot(b.value - b.low, a.high - a.value),
         high: value + libm::hypot(b.high - b.value, a.value - a.low),
     }
+}
+
+/// The same of two estimates.
+pub(super) fn difference_of(a: &Estimate, b: &Estimate) -> Estimate {
+    let Parameter { value, unit, low, high } = difference(&parameter(a).1, &parameter(b).1);
+    Estimate::new(&b.name, &unit, value, (low, high))
 }
 
 /// A constant that is the same in both campaigns.
@@ -254,18 +321,18 @@ fn same_parameters<S: Study>(study: &S, search: &Search<'_, S>, pair: &Pair) -> 
     both.filter_map(of_pair).collect()
 }
 
-/// Covariates of which the campaigns have hardly a value in common. The time of day has a place of its own in the answer.
-fn confounded(covariates: &[(String, Vec<f64>)], sides: &Sides) -> Vec<Confounded> {
-    let of_side = |values: &[f64], wanted: bool| -> Vec<f64> {
-        let rows = values.iter().zip(&sides.is_b).filter(|(_, is_b)| **is_b == wanted);
-        rows.map(|(value, _)| *value).collect()
-    };
-    let apart = |(name, values): &(String, Vec<f64>)| {
-        let spans = Spans::of(&of_side(values, false), &of_side(values, true))?;
-        spans.are_apart().then(|| Confounded { covariate: name.clone(), spans })
-    };
-    let others = covariates.iter().filter(|(name, _)| name != TIME_OF_DAY);
-    others.filter_map(apart).collect()
+/// The warning that a campaign which was picked for its error is followed by one with another, whatever changed (F. Galton, Regression
+/// towards mediocrity in hereditary stature, J. Anthropol. Inst. 15, 1886). None where errors are alike, or where there are recordings
+/// enough to tell how much they differ by themselves.
+fn regression_to_the_mean(between: &Between, are_enough: bool) -> Option<String> {
+    let error = between.error.as_ref().filter(|_| !are_enough)?;
+    let (name, other) = if error.rmse_a < error.rmse_b { ("B", "A") } else { ("A", "B") };
+    (error.doubtful_p_value() < DOUBTFUL_LEVEL).then(|| {
+        format!(
+            "if {name} was chosen because its error is large, {other} has a smaller one by chance alone (regression to the mean): \
+             choose recordings before you know their errors"
+        )
+    })
 }
 
 #[cfg(test)]

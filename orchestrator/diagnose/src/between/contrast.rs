@@ -6,15 +6,20 @@
 //! The difference at one node is tested twice: rows of a block of time may depend on each other, and rows of a pair of nodes, of which
 //! the node has one with each of the others. The greater p-value counts.
 
+use super::recordings::Recordings;
+use super::{Confounded, Shared, SidesOf, Spans};
 use crate::gate::Misfit;
 use crate::score_test::{ScoreTest, ScoreTests};
+use measure::time_of_day::TIME_OF_DAY;
+use numbers::normal::Z_90;
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::{BTreeMap, BTreeSet};
 use study::linear::{Column, Dependence, Direction, Linearised, on_rows};
 use study::thresholds::{
-    DIFFERENCE_NATS, DIFFERENCE_SHARE, FAMILY_ERROR, MOST_FITTED_DIFFERENCES,
-    MOST_INSIGNIFICANT_DIFFERENCES, MOST_TESTED_DIFFERENCES, WORTH_SHARE,
+    DIFFERENCE_NATS, DIFFERENCE_SHARE, FAMILY_ERROR, LIKE_RANGES, MOST_FITTED_DIFFERENCES,
+    MOST_INSIGNIFICANT_DIFFERENCES, MOST_TESTED_DIFFERENCES, RANGE_TAIL, SAME_COLUMNS,
+    SHARED_RANGE, WORTH_SHARE,
 };
 use study::{Study, TermId, linear::Partition};
 
@@ -30,6 +35,12 @@ pub(super) struct Sides {
     pub runs_b: Vec<u32>,
     /// Whether each row is of B.
     pub is_b: Vec<bool>,
+    /// Whether each row was measured under conditions that both campaigns share.
+    pub is_shared: Vec<bool>,
+    /// Covariates of which the campaigns share hardly a value.
+    pub apart: Vec<Confounded>,
+    /// The recordings of both.
+    pub recordings: Recordings,
 }
 
 impl Sides {
@@ -49,7 +60,57 @@ impl Sides {
                 sides.runs_a.push(group.id);
             }
         }
+        sides.share(&study.scanned_covariates());
+        sides.recordings = Recordings::of(study, &sides);
         (!sides.runs_a.is_empty() && !sides.runs_b.is_empty()).then_some(sides)
+    }
+
+    /// Finds the rows that were measured under conditions that both campaigns share: within the common range of each covariate, but of
+    /// those that would leave only few. The time of day has a place of its own in the answer.
+    fn share(&mut self, covariates: &[(String, Vec<f64>)]) {
+        self.is_shared = vec![true; self.is_b.len()];
+        for (name, values) in covariates.iter().filter(|(name, _)| name != TIME_OF_DAY) {
+            let of = |side: bool| -> Vec<f64> {
+                let rows = values.iter().zip(&self.is_b).filter(|(_, is_b)| **is_b == side);
+                rows.map(|(value, _)| *value).collect()
+            };
+            let (a, b) = (of(false), of(true));
+            let Some(ranges) = Spans::within(&a, &b, RANGE_TAIL) else { continue };
+            let common = [ranges.a[0].max(ranges.b[0]), ranges.a[1].min(ranges.b[1])];
+            let is_in = |value: f64| !(value < common[0] || common[1] < value);
+            let share = |values: &[f64]| {
+                let n = values.iter().filter(|value| is_in(**value)).count();
+                n as f64 / values.len() as f64
+            };
+            let least = share(&a).min(share(&b));
+            if SHARED_RANGE <= least {
+                if LIKE_RANGES <= least {
+                    continue;
+                }
+                for (is_shared, value) in self.is_shared.iter_mut().zip(values) {
+                    *is_shared &= is_in(*value);
+                }
+            } else if let Some(spans) = Spans::of(&a, &b).filter(Spans::are_apart) {
+                self.apart.push(Confounded { covariate: name.clone(), spans });
+            }
+        }
+    }
+
+    /// How many rows of A and of B were measured under shared conditions, and how many there are.
+    #[must_use]
+    pub(super) fn shared(&self) -> SidesOf<Shared> {
+        let of = |side: bool| {
+            let of_side = || self.is_b.iter().zip(&self.is_shared).filter(|it| *it.0 == side);
+            let rows = of_side().filter(|(_, is_shared)| **is_shared).count();
+            Shared { rows, of: of_side().count() }
+        };
+        SidesOf { a: of(false), b: of(true) }
+    }
+
+    /// Slopes of a fit on the rows that count.
+    #[must_use]
+    pub(super) fn linearised<S: Study>(&self, study: &S, fit: &S::Fit) -> Option<Linearised> {
+        Some(study.linearised(fit)?.of_rows(&self.is_shared))
     }
 
     /// A column on rows of B only.
@@ -85,6 +146,14 @@ pub(super) struct Difference {
     pub n_tests: f64,
     /// What the effect moves on all rows.
     pub column: Column,
+    /// Effects that move the same rows of B alike.
+    pub aliases: Vec<TermId>,
+    /// P-value of the difference between recordings, times the number of tests; none where recordings are too few.
+    pub recordings_p_value: Option<f64>,
+    /// How many times wider the interval by recordings is than that of independent rows, at least 1.
+    pub recordings_widening: f64,
+    /// Whether rows of A ask for the effect more than those of B do.
+    pub is_of_a: bool,
 }
 
 /// An effect in both campaigns whose score test is significant.
@@ -163,12 +232,13 @@ impl<'a> Contrasts<'a> {
     /// The differences of some effects between the campaigns, everywhere and at one robot or node: those that are significant after
     /// correction for all tests, and those that promise more than the best of these, were rows independent. A great change makes
     /// the scores of rows at a fit without it depend on each other, so that the test has no power; a fit with it decides. `columns`: of
-    /// each effect.
+    /// each effect. `is_alias`: whether a change that was found before moves the same as an effect does, there.
     #[must_use]
     pub(super) fn differences(
         &self,
         columns: &[(TermId, Column)],
         design_effect: f64,
+        is_alias: &(dyn Fn(TermId, Option<&One>) -> bool + Sync),
     ) -> Vec<Difference> {
         let groups = || {
             let limiting = self.partitions.iter().filter_map(|partition| {
@@ -181,7 +251,8 @@ impl<'a> Contrasts<'a> {
         let of_column = |(term, column): &(TermId, Column)| -> Vec<Difference> {
             let difference = |one: Option<One>, there: &Column, beside: &[&Column]| {
                 let rise = self.tests.rise(there, beside) / design_effect;
-                (DIFFERENCE_NATS < rise).then(|| Difference {
+                let is_new = DIFFERENCE_NATS < rise && !is_alias(*term, one.as_ref());
+                is_new.then(|| Difference {
                     term: *term,
                     one,
                     rise,
@@ -189,6 +260,10 @@ impl<'a> Contrasts<'a> {
                     widening: 1.0,
                     n_tests,
                     column: column.clone(),
+                    aliases: Vec::new(),
+                    recordings_p_value: None,
+                    recordings_widening: 1.0,
+                    is_of_a: false,
                 })
             };
             let everywhere = difference(None, &self.sides.in_b(column), &[column]);
@@ -230,18 +305,46 @@ impl<'a> Contrasts<'a> {
             !is_other || best < difference.rise && n_others <= MOST_INSIGNIFICANT_DIFFERENCES
         });
         found.truncate(MOST_FITTED_DIFFERENCES);
+        found.par_iter_mut().for_each(|difference| self.complete(difference, columns));
         found
+    }
+
+    /// Adds what moves the same, and what recordings tell.
+    fn complete(&self, difference: &mut Difference, columns: &[(TermId, Column)]) {
+        let rows = difference.one.as_ref().and_then(|one| self.rows_of(one));
+        let there = |column: &Column| rows.map_or_else(|| column.clone(), |it| on_rows(column, it));
+        let column = there(&difference.column);
+        let others = columns.iter().filter(|(term, _)| *term != difference.term);
+        let alike = others.filter(|(_, other)| self.move_alike(&column, &there(other)));
+        difference.aliases = alike.map(|(term, _)| *term).collect();
+        difference.aliases.dedup();
+        let recordings = &self.sides.recordings;
+        let there = self.sides.in_b(&column);
+        let all = &difference.column;
+        let beside: &[&Column] = if rows.is_some() { &[all, &column] } else { &[all] };
+        let sides: Vec<usize> = self.sides.is_b.iter().map(|is_b| usize::from(*is_b)).collect();
+        if let Some((of, _)) = self.tests.by_group(&column, (&there, beside), &sides)
+            && let [a, b] = of[..]
+        {
+            difference.is_of_a = b.amplitude().abs() < a.amplitude().abs();
+        }
+        let totals = self.tests.by_group(&column, (&there, beside), &recordings.of_row);
+        if let Some((totals, information)) = totals
+            && let Some(by_recording) = recordings.difference(&totals)
+        {
+            difference.recordings_p_value = Some(difference.n_tests * by_recording.p_value());
+            let independent = Z_90 / information.sqrt();
+            difference.recordings_widening = (by_recording.half_width() / independent).max(1.0);
+        }
     }
 
     /// The test of a difference, everywhere or at one robot or node, and its p-value, of one test.
     fn test(&self, column: &Column, one: Option<&One>) -> Option<(ScoreTest, f64)> {
-        let Some(One { key, id }) = one else {
+        let Some(one) = one else {
             let test = self.tests.test(&self.sides.in_b(column), &[column])?;
             return Some((test, test.p_value));
         };
-        let of_key = self.partitions.iter().find(|partition| partition.key == Some(*key))?;
-        let group = of_key.groups.iter().find(|group| group.id == *id)?;
-        self.at_one(column, &group.rows)
+        self.at_one(column, self.rows_of(one)?)
     }
 
     /// P-value, times the number of tests, of a difference that raises the log likelihood by so much (nats) over the fit without it. The tests
@@ -256,6 +359,19 @@ impl<'a> Contrasts<'a> {
         let law = StudentsT::new(0.0, 1.0, test.freedom).ok()?;
         let least = libm::exp2(1.0 - test.n_clusters as f64);
         Some((difference.n_tests * (2.0 * law.sf(t)).max(least), widening))
+    }
+
+    fn rows_of(&self, One { key, id }: &One) -> Option<&[u32]> {
+        let of_key = self.partitions.iter().find(|partition| partition.key == Some(*key))?;
+        let group = of_key.groups.iter().find(|group| group.id == *id)?;
+        Some(&group.rows)
+    }
+
+    /// Whether two effects move rows of B alike, beside all that was estimated: what errors of covariates decide between.
+    #[must_use]
+    pub(super) fn move_alike(&self, one: &Column, other: &Column) -> bool {
+        let [one, other] = [one, other].map(|column| self.sides.in_b(column));
+        self.tests.correlation(&one, &other).is_some_and(|it| SAME_COLUMNS <= it.abs())
     }
 
     /// The difference of a column on some rows, beside what the column does on all; and its p-value, of one test.

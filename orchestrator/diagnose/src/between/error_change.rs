@@ -4,6 +4,7 @@
 //! population variances are involved, Biometrika 34, 1947): of log scores, whether B is predicted worse, and of squared errors, whether
 //! they differ at all. Both together have the probability of the smaller p-value doubled.
 
+use super::contrast::Sides;
 use crate::json_number;
 use crate::ladder::Search;
 use proto::effect::Level;
@@ -76,7 +77,8 @@ pub(super) fn with_changes<S: Study>(
     error.log_score_b_with_changes = mean(|score| score.log);
 }
 
-/// Compares how a model that is fitted to A predicts A and B. `is_b`: whether each row is of B. None where there are too few blocks.
+/// Compares how a model that is fitted to A predicts A and B, of rows under conditions that both share. None where there are too few
+/// blocks.
 ///
 /// A model with random effects of places predicts known places better than new ones. Where B has new places, A is predicted at held-out
 /// places, too.
@@ -84,11 +86,13 @@ pub(super) fn error_change<S: Study>(
     study: &S,
     search: &Search<'_, S>,
     terms: &[TermId],
-    is_b: &[bool],
+    sides: &Sides,
 ) -> Option<ErrorChange> {
     let start = search.full_fit(terms, COMMON, None);
     let [all_a, all_b] = [false, true].map(|side| {
-        (0..study.n_rows() as u32).filter(|row| is_b[*row as usize] == side).collect::<Vec<u32>>()
+        let of_side =
+            |row: &u32| sides.is_shared[*row as usize] && sides.is_b[*row as usize] == side;
+        (0..study.n_rows() as u32).filter(of_side).collect::<Vec<u32>>()
     });
     let fit = study.fit(terms, &all_a, COMMON, Some(&start));
     let scores_b = study.scores(&fit, &all_b);
@@ -104,7 +108,7 @@ pub(super) fn error_change<S: Study>(
         add(1, &all_b, &scores_b);
         for fold in 0..blocks.n_folds() {
             let (train, test) = blocks.split(fold);
-            let [train, test] = [train, test].map(|rows| of_a(rows, is_b));
+            let [train, test] = [train, test].map(|rows| of_a(rows, sides));
             if !train.is_empty() && !test.is_empty() {
                 let fit = study.fit(terms, &train, COMMON, Some(&fit));
                 add(0, &test, &study.scores(&fit, &test));
@@ -114,7 +118,7 @@ pub(super) fn error_change<S: Study>(
     };
     let mut error = compared(study.blocks(COMMON), true)?;
     let places = places(study);
-    if has_new_places(places.dependent(), is_b) {
+    if has_new_places(places.dependent(), &sides.is_b) {
         // Some places of B are known from A: that it is predicted better there is no change. Without enough places, no change is certain.
         let of_places = compared(&places, false);
         error.p_value_new_places = Some(of_places.map_or(1.0, |places| places.p_value));
@@ -129,8 +133,9 @@ fn places<S: Study>(study: &S) -> Blocks {
     Blocks::of_keys("places", &nodes.iter().map(key).collect::<Vec<_>>())
 }
 
-fn of_a(rows: Vec<u32>, is_b: &[bool]) -> Vec<u32> {
-    rows.into_iter().filter(|row| !is_b[*row as usize]).collect()
+fn of_a(rows: Vec<u32>, sides: &Sides) -> Vec<u32> {
+    let is_of_a = |row: &u32| sides.is_shared[*row as usize] && !sides.is_b[*row as usize];
+    rows.into_iter().filter(is_of_a).collect()
 }
 
 /// Whether many rows of B lie in blocks without a row of A.

@@ -1,7 +1,7 @@
 //! Explanations that no score test proposes, held against the changes that were found.
 
 use super::contrast::Sides;
-use super::search::{Found, limited, only};
+use super::search::{Found, Tie, limited, only};
 use crate::gain::Gain;
 use crate::ladder::Search;
 use crate::progress::SearchProgress;
@@ -52,7 +52,7 @@ pub(super) fn at_a_place<S: Study>(
         for change in &mut found.changes {
             if is_rival {
                 change.is_only_possible = true;
-                change.ties.push(name.clone());
+                change.ties.push(Tie::named(name.clone()));
             } else if over.p_value < DISTINGUISHED_LEVEL {
                 change.ruled_out.push(name.clone());
             }

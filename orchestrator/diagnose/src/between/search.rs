@@ -63,11 +63,32 @@ pub(super) struct FoundChange {
     /// How many times wider intervals are than those of independent rows.
     pub widening: f64,
     /// What explains these data as well.
-    pub ties: Vec<String>,
+    pub ties: Vec<Tie>,
     /// Explanations that were fitted in its place and predict held-out rows significantly worse.
     pub ruled_out: Vec<String>,
     /// Whether an effect in both campaigns explains them as well.
     pub is_only_possible: bool,
+    /// Effects that move the same rows alike at the same robot or node. They are ties, and no further changes.
+    pub aliases: Vec<TermId>,
+    /// P-value of the difference between recordings, times the number of tests; none where recordings are too few.
+    pub recordings_p_value: Option<f64>,
+}
+
+/// What explains these data as well as a change.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Tie {
+    /// What it is called.
+    pub name: String,
+    /// The term that stands in the place of the change; none where it is no such term.
+    pub term: Option<TermId>,
+}
+
+impl Tie {
+    /// What is no term in the place of a change.
+    #[must_use]
+    pub(super) const fn named(name: String) -> Self {
+        Self { name, term: None }
+    }
 }
 
 /// What a search found.
@@ -193,6 +214,10 @@ impl<S: Study> Stepwise for Rounds<'_, S> {
             if !is_worth(&scores, &parent, &is_concerned) || gain.gain <= 0.0 {
                 continue;
             }
+            if let Some(why) = search.contradiction(term, &without_term(&terms, term)) {
+                debug!(name, why, "contradicted");
+                continue;
+            }
             let n_parameters = study.candidates()[term].n_parameters;
             let what = match proposal {
                 Proposal::InBoth(InBoth { term, .. }) => What::Common(term),
@@ -212,10 +237,12 @@ impl<S: Study> Stepwise for Rounds<'_, S> {
                         in_b: term,
                         gain,
                         p_value,
-                        widening,
+                        widening: widening.max(difference.recordings_widening),
                         ties: Vec::new(),
                         ruled_out: Vec::new(),
                         is_only_possible: false,
+                        aliases: difference.aliases,
+                        recordings_p_value: difference.recordings_p_value,
                     })
                 }
             };
@@ -231,7 +258,18 @@ impl<S: Study> Stepwise for Rounds<'_, S> {
             What::Change(change) => change_name(study, change),
             What::Common(term) => format!("{} in both", study.candidates()[*term].name),
         };
-        let Some(Choice { best, ties, ruled_out }) = choose(explanations, &blocks, name) else {
+        let generalises = |general: &What, special: &What| match (general, special) {
+            (What::Change(general), What::Change(special)) => {
+                let candidates = study.candidates();
+                general.one == special.one
+                    && candidates[general.effect]
+                        .generalises
+                        .contains(&candidates[special.effect].name)
+            }
+            _ => false,
+        };
+        let chosen = choose(explanations, &blocks, name, generalises);
+        let Some(Choice { best, ties, ruled_out }) = chosen else {
             found.is_complete = true;
             return Ok(Round::Finished);
         };
@@ -246,11 +284,24 @@ impl<S: Study> Stepwise for Rounds<'_, S> {
                     found.common.retain(|(term, _)| Some(*term) != replaced && *term != in_a);
                 }
                 let mut is_only_possible = ties.iter().any(|(_, is_common)| *is_common);
-                let mut ties: Vec<String> = ties.into_iter().map(|(name, _)| name).collect();
+                let mut ties: Vec<Tie> = ties.into_iter().map(|(tie, _)| tie).collect();
+                let is_known = |ties: &[Tie], term| ties.iter().any(|tie| tie.term == Some(term));
+                for &effect in &change.aliases {
+                    let one = change.one.as_ref();
+                    let Some(term) = limited(study, effect, &only(one, Some(&sides.runs_b))) else {
+                        continue;
+                    };
+                    if !is_known(&ties, term) {
+                        ties.push(Tie { name: change_of(study, effect, one), term: Some(term) });
+                    }
+                }
                 if let Some(one) = change.one.as_ref().filter(|one| has_moved(study, one, sides)) {
                     is_only_possible = true;
-                    ties.push(format!("another place of node {}", one.id));
+                    ties.push(Tie::named(format!("another place of node {}", one.id)));
                 }
+                is_only_possible |= !ties.is_empty();
+                let is_tied = |name: &String| ties.iter().any(|tie| tie.name == *name);
+                let ruled_out = ruled_out.into_iter().filter(|name| !is_tied(name)).collect();
                 found.changes.push(FoundChange { ties, ruled_out, is_only_possible, ..change });
             }
         }
@@ -291,8 +342,13 @@ fn backward_elimination<S: Study>(
 
 /// What a change is called.
 pub(super) fn change_name<S: Study>(study: &S, change: &FoundChange) -> String {
-    let effect = &study.candidates()[change.effect].name;
-    match &change.one {
+    change_of(study, change.effect, change.one.as_ref())
+}
+
+/// What a change of an effect is called, everywhere or at one robot or node.
+fn change_of<S: Study>(study: &S, effect: TermId, one: Option<&One>) -> String {
+    let effect = &study.candidates()[effect].name;
+    match one {
         None => format!("{effect} changed"),
         Some(One { key, id }) => format!("{effect} changed (only {key} = [{id}])"),
     }
@@ -362,18 +418,23 @@ fn proposals<S: Study>(
 ) -> Option<Proposals> {
     let search = Search::new(study, report).with_known(Arc::clone(&found.known));
     let fit = search.full_fit(&found.terms, COMMON, None);
-    let rows = study.linearised(&fit)?;
+    let rows = sides.linearised(study, &fit)?;
     let contrasts = Contrasts::new(study, &rows, dependences, sides);
     let candidates = study.candidates();
+    // A time at which something begins is another in every recording.
     let columns: Vec<(TermId, Column)> = candidates
         .ids()
-        .filter(|&term| candidates[term].may_be_limited())
+        .filter(|&term| candidates[term].may_be_limited() && !study.begins_in_time(term))
         .flat_map(|term| {
             let of_term = study.columns(&fit, term).into_iter();
             of_term.map(move |column| (term, column)).collect::<Vec<_>>()
         })
         .collect();
-    let differences = contrasts.differences(&columns, study.design_effect());
+    let is_alias = |term: TermId, one: Option<&One>| {
+        let of_one = found.changes.iter().filter(|change| change.one.as_ref() == one);
+        of_one.flat_map(|change| &change.aliases).any(|alias| *alias == term)
+    };
+    let differences = contrasts.differences(&columns, study.design_effect(), &is_alias);
     let tested = columns.iter().map(|(term, _)| *term).collect();
     let Some(best) = differences.first().map(|difference| difference.rise) else {
         return Some(Proposals { proposals: Vec::new(), tested });
@@ -426,7 +487,7 @@ fn adjusted<S: Study>(
 ) -> Option<(f64, f64)> {
     // What the fit without it estimated: the difference is not to be orthogonal to itself.
     let estimated = study.linearised(without)?.estimated;
-    let rows = Linearised { estimated, ..study.linearised(with)? };
+    let rows = Linearised { estimated, ..sides.linearised(study, with)? };
     let contrasts = Contrasts::new(study, &rows, dependences, sides);
     contrasts.adjusted(difference, rise).filter(|(p_value, _)| *p_value < FAMILY_ERROR)
 }
@@ -478,6 +539,14 @@ fn proposed_model<S: Study>(
             None => effect,
             Some(_) => limited(study, effect, &only(one, None))?,
         });
+        // Where A asks for it and was too small to be diagnosed alone, each campaign has its own.
+        if difference.is_of_a {
+            let of_a = limited(study, effect, &only(one, Some(&sides.runs_a)))?;
+            if !terms.contains(&of_a) {
+                terms.push(of_a);
+                in_a = Some(of_a);
+            }
+        }
     }
     let term = limited(study, effect, &only(one, Some(&sides.runs_b)))?;
     if terms.contains(&term) {
@@ -517,8 +586,8 @@ fn is_worth(scores: &[RowScore], parent: &[RowScore], is_concerned: &[bool]) -> 
 /// The explanation that is chosen among those that were fitted.
 struct Choice {
     best: Explanation,
-    /// Explanations that these data do not distinguish from it: their names, and whether they act in both campaigns.
-    ties: Vec<(String, bool)>,
+    /// Explanations that these data do not distinguish from it, and whether they act in both campaigns.
+    ties: Vec<(Tie, bool)>,
     /// Names of those that predict held-out rows significantly worse.
     ruled_out: Vec<String>,
 }
@@ -529,8 +598,18 @@ fn choose(
     mut explanations: Vec<Explanation>,
     blocks: &[u32],
     name: impl Fn(&What) -> String,
+    generalises: impl Fn(&What, &What) -> bool,
 ) -> Option<Choice> {
     explanations.sort_by(|a, b| b.gain.gain.total_cmp(&a.gain.gain));
+    // Of an effect and its special case the special one, unless it predicts held-out rows clearly worse.
+    let most = explanations.first()?;
+    let is_preferred = |special: &&Explanation| {
+        let over = Gain::from_scores(&most.scores, &special.scores, blocks);
+        generalises(&most.what, &special.what) && over.gain <= 2.0 * over.standard_error
+    };
+    let place = explanations.iter().position(|special| is_preferred(&special)).unwrap_or(0);
+    let special = explanations.remove(place);
+    explanations.insert(0, special);
     let best = explanations.first()?;
     let is_tied = |other: &Explanation| {
         let gain = Gain::from_scores(&best.scores, &other.scores, blocks);
@@ -553,7 +632,10 @@ fn choose(
     let best = explanations.remove(place);
     let ties = explanations
         .iter()
-        .map(|it| (name(&it.what), matches!(it.what, What::Common(_))))
+        .map(|it| {
+            let is_common = matches!(it.what, What::Common(_));
+            (Tie { name: name(&it.what), term: it.terms.last().copied() }, is_common)
+        })
         .collect();
     Some(Choice { best, ties, ruled_out })
 }

@@ -5,7 +5,7 @@ use crate::defects::MeasurementDefect;
 use crate::diagnosis::Parameter;
 use crate::gate::Misfit;
 use std::fmt::Write as _;
-use study::thresholds::DOUBTFUL_LEVEL;
+use study::thresholds::{DOUBTFUL_LEVEL, FEWEST_RECORDINGS};
 
 /// The verdict on two campaigns in a sentence.
 #[must_use]
@@ -15,15 +15,12 @@ pub fn sentence(between: &Between) -> String {
     let mut text = match between.verdict {
         BetweenVerdict::Changed => format!("changed: {}", list(&between.changed)),
         BetweenVerdict::CannotTell if has_defects(between) => defective(between),
-        BetweenVerdict::CannotTell => {
-            let other =
-                between.possible.first().map(|change| change.indistinguishable_from.join(", "));
-            format!(
-                "B differs, and these data do not distinguish the explanations: {}, or {}",
-                list(&between.possible),
-                other.unwrap_or_default()
-            )
-        }
+        BetweenVerdict::CannotTell => format!(
+            "{} differ: {}{}",
+            if has_few_recordings(between) { "these recordings" } else { "A and B" },
+            list(&between.possible),
+            not_certain(&between.possible)
+        ),
         BetweenVerdict::SomethingChanged => something_changed(between),
         BetweenVerdict::NothingChanged | BetweenVerdict::NothingFound if !between.complete => {
             "no change was found until then".to_owned()
@@ -42,6 +39,22 @@ pub fn sentence(between: &Between) -> String {
         text.push_str(&confounding(between));
     }
     text
+}
+
+/// Whether a campaign has fewer recordings than tell how much recordings differ by themselves.
+fn has_few_recordings(between: &Between) -> bool {
+    let SidesOf { a, b } = between.recordings;
+    a.min(b) < FEWEST_RECORDINGS
+}
+
+/// Why changes are not certain, each reason once.
+fn not_certain(changes: &[Change]) -> String {
+    let mut reasons: Vec<&str> = changes.iter().filter_map(|it| it.doubt.as_deref()).collect();
+    reasons.dedup();
+    if reasons.is_empty() {
+        return String::new();
+    }
+    format!(". This is not certain, because {}", reasons.join("; "))
 }
 
 fn has_defects(between: &Between) -> bool {
@@ -162,7 +175,9 @@ fn change_sentence(change: &Change) -> String {
     let parameters: Vec<String> =
         change.parameters.iter().map(|(key, changed)| changed_parameter(key, changed)).collect();
     let colon = if parameters.is_empty() { "" } else { ": " };
-    format!("{}{of}{colon}{}", change.effect, parameters.join(", "))
+    let ties = &change.indistinguishable_from;
+    let or = if ties.is_empty() { String::new() } else { format!(", or {}", ties.join(", or ")) };
+    format!("{}{of}{colon}{}{or}", change.effect, parameters.join(", "))
 }
 
 /// To which nodes or robots a change is limited: `nodes = [3]`.
@@ -195,6 +210,14 @@ fn changed_parameter(key: &str, changed: &Changed) -> String {
     text.replace("  ", " ").replace(" ,", ",")
 }
 
+/// A parameter with its interval: `payload_kg 0.00250 kg (90 %: 0.00240 to 0.00260)`.
+pub(super) fn interval(key: &str, Parameter { value, unit, low, high }: &Parameter) -> String {
+    let unit = if unit == NO_UNIT { "" } else { unit };
+    let text =
+        format!("{key} {} {unit} (90 %: {} to {})", short(*value), short(*low), short(*high));
+    text.replace("  ", " ")
+}
+
 /// The unit of a number without one.
 const NO_UNIT: &str = "1";
 
@@ -204,7 +227,7 @@ fn short(value: f64) -> String {
         return format!("{value:.0}");
     }
     let digits = 2.0 - libm::floor(libm::log10(value.abs()));
-    format!("{value:.*}", digits.clamp(0.0, 6.0) as usize)
+    format!("{value:.*}", digits.clamp(0.0, 9.0) as usize)
 }
 
 /// The answer as a person reads it on a terminal.
@@ -296,13 +319,12 @@ fn change_lines(text: &mut String, what: &str, change: &Change) {
         "  gain {:.4} +- {:.4} nats per row (blocks of time held out), p = {:.1e}",
         change.gain, change.standard_error, change.p_value
     );
-    if !change.indistinguishable_from.is_empty() {
-        let others = change.indistinguishable_from.join(", ");
-        let _ = writeln!(text, "  indistinguishable on these data from {others}");
-    }
     if !change.ruled_out.is_empty() {
         let others = change.ruled_out.join(", ");
         let _ = writeln!(text, "  ruled out, because they predict held-out rows worse: {others}");
+    }
+    if let Some(why) = &change.doubt {
+        let _ = writeln!(text, "  not certain, because {why}");
     }
     if let Some(warning) = &change.warning {
         let _ = writeln!(text, "  warning: {warning}");
@@ -324,6 +346,17 @@ fn notes(text: &mut String, between: &Between) {
                 "time of day: unknown. Give time_s as epoch times, or a column start_epoch_s, in both files"
             );
         }
+    }
+    let [a, b] = [&between.shared.a, &between.shared.b];
+    if a.rows + b.rows < a.of + b.of {
+        let _ = writeln!(
+            text,
+            "compared under the conditions that both share: {} of {} rows of A, {} of {} of B",
+            a.rows, a.of, b.rows, b.of
+        );
+    }
+    if let Some(caution) = &between.caution {
+        let _ = writeln!(text, "note: {caution}");
     }
     for effect in &between.of_time_in_a {
         let _ = writeln!(

@@ -1,5 +1,6 @@
 //! How large an effect a campaign would show: the answer that programs read as JSON and people as text.
 
+use crate::gate::decimals;
 use crate::json_number;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -76,14 +77,16 @@ pub fn sentence(power: &Power) -> String {
     }
     let found = match power.value {
         Some(value) => format!(
-            "a campaign like this detects {effect} with a power of {percent} % from {parameter} = {value:.4} {unit} on \
-             ({from})"
+            "a campaign like this detects {effect} with a power of {percent} % from {parameter} = {value:.n$} {unit} on \
+             ({from})",
+            n = decimals(value, 4.0)
         ),
         None => {
             let last = power.tried.last().map_or(*neutral, |size| size.value);
             format!(
-                "a campaign like this does not detect {effect} with a power of {percent} % even at {parameter} = {last:.4} \
-                 {unit} ({from})"
+                "a campaign like this does not detect {effect} with a power of {percent} % even at {parameter} = {last:.n$} \
+                 {unit} ({from})",
+                n = decimals(last, 4.0)
             )
         }
     };
@@ -107,9 +110,10 @@ pub fn text(power: &Power) -> String {
     for Size { value, found, campaigns, rmse: [without, with] } in &power.tried {
         let _ = writeln!(
             text,
-            "{value:>14.4} {:>10} {:>24}",
+            "{value:>14.n$} {:>10} {:>24}",
             format!("{found} of {campaigns}"),
-            format!("{without:.4}, {with:.4}")
+            format!("{without:.4}, {with:.4}"),
+            n = decimals(*value, 4.0)
         );
     }
     let _ = write!(

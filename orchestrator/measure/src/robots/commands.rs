@@ -176,12 +176,6 @@ impl CommandKind {
                 ));
             }
         }
-        if self == Self::Thrust && (0.0..=1.0).contains(&greatest("cmd_thrust_n")) {
-            warnings.push(format!(
-                "cmd_thrust_n never exceeds {}. Check that it is in N; a fraction of the greatest thrust must be converted",
-                greatest("cmd_thrust_n")
-            ));
-        }
         if self == Self::Acceleration {
             let mut vertical = known("cmd_az_mps2");
             vertical.sort_by(f64::total_cmp);
@@ -239,18 +233,6 @@ mod tests {
             assert!(refused.contains("must be in rad, not degrees"), "{refused}");
         }
         assert!(read(&flown([10.0, 3.1, -3.1, 40.0])).is_ok());
-    }
-
-    #[test]
-    fn thrusts_up_to_one_are_warned_of() {
-        let warned = |thrust_n: f64| {
-            let robots = read(&flown([thrust_n, 0.0, 0.0, 0.0])).unwrap();
-            robots
-                .warnings
-                .iter()
-                .any(|warning| warning.contains("fraction of the greatest thrust"))
-        };
-        assert!(warned(0.6) && warned(1.0) && !warned(1.01));
     }
 
     #[test]

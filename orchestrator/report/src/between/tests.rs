@@ -33,6 +33,7 @@ fn change(a: Option<Parameter>, difference: Option<Parameter>) -> Change {
         p_value: 1e-9,
         indistinguishable_from: vec!["<antenna> changed".to_owned()],
         ruled_out: vec!["shadow changed".to_owned()],
+        doubt: None,
         warning: None,
         settings: None,
     }
@@ -54,6 +55,9 @@ fn quiet() -> Between {
         error: None,
         could_hide: f64::NAN,
         confounded: Vec::new(),
+        shared: SidesOf::default(),
+        recordings: SidesOf { a: 4, b: 4 },
+        caution: None,
         time_of_day_h: None,
         left_out_columns: Vec::new(),
         of_time_in_a: Vec::new(),

@@ -186,6 +186,16 @@ impl Study for RobotStudy {
         self.contradicted(fit, term)
     }
 
+    fn is_collinear(&self, fit: &RobotFit, term: TermId) -> bool {
+        let covariance = self.model.covariance(fit, &self.in_time);
+        matches!(&self.model.terms[term], Term::Effect(_))
+            && self.confounded(fit, term, covariance.as_ref()).is_some()
+    }
+
+    fn begins_in_time(&self, term: TermId) -> bool {
+        matches!(&self.model.terms[term], Term::Effect(effect) if effect.has_beginning())
+    }
+
     fn log_likelihood(&self, fit: &RobotFit) -> f64 {
         fit.log_likelihood
     }
