@@ -174,11 +174,11 @@ fn finished<S: Study>(kind: RowKind, facts: Facts, study: &S, account: DataAccou
         None => {
             let blocks = study.blocks(candidate.level);
             (!blocks.suffices()).then(|| {
-                let few = study::thresholds::FEWEST_BLOCKS;
                 format!(
-                    "requires at least {few} {1}; the data have {0}",
-                    blocks.n_scored(),
-                    blocks.unit
+                    "requires at least {} {}; the data have {}",
+                    blocks.fewest(),
+                    blocks.unit,
+                    blocks.n_scored()
                 )
             })
         }

@@ -4,8 +4,8 @@ use super::bounds::{self, SizeBounds};
 use super::cautions;
 use super::certainty::{self, Remains};
 use super::diagnosis::{
-    Affects, AlsoAlong, Diagnosis, NearestEffect, Parameter, Rung, SCHEMA, Structure, Tested,
-    Verdict,
+    Affects, AlsoAlong, Diagnosis, Directions, NearestEffect, Parameter, Rung, SCHEMA, Structure,
+    Tested, Verdict,
 };
 use super::gain::Gain;
 use super::gate::{self, Gate, Noisier};
@@ -20,6 +20,7 @@ use measure::account::DataAccount;
 use numbers::power::square;
 use proto::effect::Level;
 use std::sync::Arc;
+use study::links::predict::directions::DirectionsApart;
 use study::open::Subject;
 use study::symbolic::FittedFormula;
 use study::{COMMON, Candidate, Estimate, Study, TermId};
@@ -81,7 +82,13 @@ pub(crate) fn answer<S: Study>(
     let unexplained = unexplained(search, ladder, residuals, excess.as_ref());
     let (mut candidates, known) = tested(study, ladder, numbers_of, &fit);
     for &term in &ladder.accepted {
+        let apart = directions_apart(search, ladder, term);
         if let Some(one) = listed(&mut candidates, &study.candidates()[term]) {
+            if apart.is_some() {
+                // What has no spread is said as a difference.
+                one.warning = None;
+            }
+            one.directions = apart;
             let constant = cautions::constant_within(search, ladder, term);
             one.warning = one.warning.take().into_iter().chain(constant).reduce(joined);
         }
@@ -126,6 +133,7 @@ pub(crate) fn answer<S: Study>(
         || !possible.is_empty()
         || pure.is_some_and(|pure| pure.is_alarming())
         || noisier.is_some()
+        || !study.blocks(COMMON).are_many()
         || !is_complete
     {
         Verdict::NothingFound
@@ -186,6 +194,23 @@ pub(crate) fn answer<S: Study>(
     };
     diagnosis.sentence = words::sentence(&diagnosis);
     diagnosis
+}
+
+/// The difference between the directions of two nodes that an accepted effect of their levels explains.
+fn directions_apart<S: Study>(
+    search: &Search<'_, S>,
+    ladder: &Ladder,
+    term: TermId,
+) -> Option<Directions> {
+    if search.is_stopped() {
+        return None;
+    }
+    let fit = search.full_fit(&without_term(&ladder.accepted, term), COMMON, None);
+    let DirectionsApart { weaker: [from, to], difference_db, low_db, high_db } =
+        search.study().directions_apart(&fit, term)?;
+    let unit = "dB".to_owned();
+    let weaker_by = Parameter { value: difference_db, unit, low: low_db, high: high_db };
+    Some(Directions { from, to, weaker_by })
 }
 
 /// Two clauses of a warning as one.
@@ -380,6 +405,7 @@ fn unexplained<S: Study>(
         let warning = of_readings.and_then(|excess| excess.beside(structure.explained, true));
         let of_node = || search.only_node_of(term, &ladder.accepted).map(certainty::of_one_node);
         let warning = warning.or_else(of_node).or_else(|| noisy_places(&structure.covariate));
+        let warning = warning.or_else(|| certainty::of_few_blocks(study));
         Some(Structure { nearest_effect: nearest.map(named), warning, ..structure })
     };
     let mut structure: Vec<Structure> = curves.filter_map(of_curve).collect();
@@ -524,6 +550,7 @@ fn tested<S: Study>(
             doubt: None,
             upper: None,
             detectable: None,
+            directions: None,
             indistinguishable_from: ties
                 .iter()
                 .filter(is_other)

@@ -115,6 +115,7 @@ mod tests {
             campaigns: vec![0; n],
             shortest_s: 10.0,
             nodes: None,
+            replicates: None,
         };
         (rows, dependence)
     }

@@ -7,7 +7,8 @@ use crate::ladder::{Channel, Ladder, Search, without_term};
 use crate::pure_error::PureError;
 use numbers::format::with_unit;
 use proto::effect::{CONSTANT, Level, Need, Parameter};
-use study::thresholds::{IDENTIFIED_HALF, LACK_OF_FIT_RATIO};
+use study::links::predict::directions::DirectionsApart;
+use study::thresholds::{FEWEST_BLOCKS, FEWEST_REPLICATES, IDENTIFIED_HALF, LACK_OF_FIT_RATIO};
 use study::{COMMON, Candidate, Estimate, Study, TermId, is_at_bound};
 
 /// What is seen of the model with all that was accepted.
@@ -59,9 +60,15 @@ pub(crate) fn doubts<S: Study>(
         let estimates = known.iter().find(|(other, _)| *other == term);
         let estimates = estimates.map_or(&[][..], |(_, estimates)| estimates);
         let why = implausible(candidate, estimates)
-            .or_else(|| unidentified(candidate, estimates))
+            .or_else(|| {
+                // Of two nodes the spread of levels has no size, and the difference between both directions has one.
+                let fit = search.full_fit(&others, COMMON, None);
+                let apart = study.directions_apart(&fit, term);
+                if apart.is_some_and(is_apart) { None } else { unidentified(candidate, estimates) }
+            })
             .or_else(|| of_unknown_shape(candidate, estimates))
             .or_else(|| at_bound(candidate, estimates))
+            .or_else(|| of_few_blocks(study))
             .or_else(|| {
                 let is_open = candidate.is_spread && !is_independent(remains.pure);
                 is_open.then(|| SPREAD.to_owned())
@@ -112,6 +119,23 @@ pub(crate) fn doubts<S: Study>(
         }));
     }
     doubts
+}
+
+/// Of blocks that are few and follow each other in one recording.
+pub(crate) fn of_few_blocks<S: Study>(study: &S) -> Option<String> {
+    let blocks = study.blocks(COMMON);
+    (!blocks.may_be_certain()).then(|| {
+        format!(
+            "these data are {} {} that follow each other, and at least {FEWEST_BLOCKS}, or {FEWEST_REPLICATES} runs, are required",
+            blocks.n_scored(),
+            blocks.unit
+        )
+    })
+}
+
+/// Whether the difference between two directions is known to within half of it, either way.
+fn is_apart(apart: DirectionsApart) -> bool {
+    (apart.high_db - apart.low_db) / 2.0 <= IDENTIFIED_HALF * apart.difference_db
 }
 
 /// Whether an effect shows in lost frames alone, of which whatever else weakens frames is a cause, too.

@@ -269,6 +269,7 @@ pub(crate) fn with_defects(mut diagnosis: Diagnosis, found: &[Defect]) -> Diagno
         p_value: defect.p_value,
         accepted: true,
         doubt: None,
+        directions: None,
         upper: None,
         detectable: None,
         only: None,

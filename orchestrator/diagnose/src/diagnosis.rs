@@ -183,6 +183,9 @@ pub struct Tested {
     /// The size, likewise, that would have been found in 9 of 10 such campaigns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detectable: Option<f64>,
+    /// Of levels of nodes, where there are only two: the difference between both directions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub directions: Option<Directions>,
     /// What to mind when its parameters are used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warning: Option<String>,
@@ -196,6 +199,18 @@ pub struct Tested {
     /// Why these data cannot show it, if they cannot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub untestable: Option<String>,
+}
+
+/// How much weaker one direction between two nodes is than the other. Whether the sender of the weaker direction or its receiver is the
+/// cause cannot be told from two nodes.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Directions {
+    /// The sender of the weaker direction.
+    pub from: u32,
+    /// Its receiver.
+    pub to: u32,
+    /// By how much it is weaker than the other (dB).
+    pub weaker_by: Parameter,
 }
 
 /// An effect that explains these data as well as an accepted one, fitted in its place.

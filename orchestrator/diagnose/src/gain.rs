@@ -4,6 +4,7 @@ use numbers::power::integer_power;
 use numbers::statistics::mean_ignoring_nan;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use study::RowScore;
+use study::thresholds::{FEWEST_BLOCKS, TIED_ERRORS, UNCORRECTED_LEVEL};
 
 /// Means of the scores over all rows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,6 +81,16 @@ impl Gain {
     #[must_use]
     pub fn total(&self) -> f64 {
         self.gain * self.n_rows as f64
+    }
+
+    /// Standard errors beyond which a gain is no chance, with a probability of about 95 %: of a few blocks by Student's t.
+    #[must_use]
+    pub(crate) fn apart_errors(&self) -> f64 {
+        if FEWEST_BLOCKS <= self.n_blocks {
+            return TIED_ERRORS;
+        }
+        StudentsT::new(0.0, 1.0, self.n_blocks.saturating_sub(1) as f64)
+            .map_or(f64::INFINITY, |law| -law.inverse_cdf(UNCORRECTED_LEVEL / 2.0))
     }
 
     /// The gain of a candidate over its parent, from the scores of the same rows under both. `block_of_row`: the block of each row.

@@ -344,6 +344,7 @@ mod tests {
                 campaigns: vec![0; 3000],
                 shortest_s: 1.0,
                 nodes: None,
+                replicates: None,
             };
             noisier(&rows, &Partition { of: "node", key: None, groups }, &dependence)
         };

@@ -529,7 +529,7 @@ fn candidates_and_blocks<S: Study>(study: &S, effect: &str) -> Result<(usize, us
     let term = extend::candidate(study, effect)?;
     let candidates = study.candidates();
     let blocks = study.blocks(candidates[term].level);
-    if !blocks.suffices() {
+    if !blocks.are_many() {
         return Err(PowerError::TooFew {
             effect: effect.to_owned(),
             n_blocks: blocks.n_blocks(),

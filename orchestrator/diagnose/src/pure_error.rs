@@ -182,6 +182,7 @@ mod tests {
             campaigns: keys().map(|_| 0).collect(),
             shortest_s: 1.0,
             nodes: None,
+            replicates: None,
         };
         pure_error(&rows, &dependence).expect("enough rows repeat each other")
     }

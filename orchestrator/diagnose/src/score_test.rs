@@ -10,9 +10,11 @@
 //! * Links: rows that share a node (Aronow, Samii and Assenova 2015), and time; both together by Cameron, Gelbach and Miller (2011).
 //! * Sums of clusters are skewed: the statistic is corrected by Hall (1992), where that makes it smaller.
 //!
-//! A dimension with fewer than [`FEWEST_CLUSTERS`](study::thresholds::FEWEST_CLUSTERS) clusters gives no result.
+//! A dimension with fewer than [`FEWEST_CLUSTERS`](study::thresholds::FEWEST_CLUSTERS) clusters gives no result. Replicates, such as a few
+//! flights, take the place of all dimensions: of at least [`FEWEST_REPLICATES`](study::thresholds::FEWEST_REPLICATES), by Student's t.
 
 mod clusters;
+pub(crate) mod passes;
 
 use clusters::Clusters;
 use nalgebra::{DMatrix, DVector};
@@ -39,7 +41,8 @@ pub(crate) struct ScoreTest {
     pub p_value: f64,
     /// By how much the step raises the log likelihood (nats), if rows are independent.
     pub rise: f64,
-    /// The number of clusters, of the dimension with the fewest.
+    /// The number of clusters whose signs bound the p-value, of the dimension with the fewest; [`usize::MAX`] of replicates, where
+    /// Student's t alone decides.
     pub n_clusters: usize,
 }
 

@@ -1,7 +1,9 @@
 //! A diagnosis in words: its sentence, and the text of the terminal.
 
 use super::defects;
-use super::diagnosis::{Diagnosis, NearestEffect, Parameter, Structure, Tested, Verdict};
+use super::diagnosis::{
+    Diagnosis, Directions, NearestEffect, Parameter, Structure, Tested, Verdict,
+};
 use super::gate::{Misfit, decimals};
 use indexmap::IndexMap;
 use numbers::format::{capitalised, with_unit, wrapped};
@@ -112,6 +114,8 @@ fn further(diagnosis: &Diagnosis) -> Vec<String> {
         if diagnosis.verdict == Verdict::UnexplainedStructure && !missing.is_empty() {
             all.push(format!("also missing: {missing}"));
         }
+        let certain = diagnosis.accepted().filter(|candidate| candidate.doubt.is_none());
+        all.extend(certain.filter_map(|candidate| directions(candidate)));
         all.extend(possible(diagnosis));
         all.extend(open_structure(diagnosis));
     }
@@ -119,6 +123,16 @@ fn further(diagnosis: &Diagnosis) -> Vec<String> {
     let misfit = diagnosis.misfits.first().filter(|_| is_named && diagnosis.too_little.is_none());
     all.extend(misfit.map(|it| format!("something else is missing: {}", it.sentence())));
     all
+}
+
+/// How much weaker one direction of two nodes is, and what that cannot be told from.
+fn directions(candidate: &Tested) -> Option<String> {
+    let Directions { from, to, weaker_by: Parameter { value, low, high, .. } } =
+        candidate.directions.as_ref()?;
+    Some(format!(
+        "frames from node {from} to node {to} arrive {value:.1} dB weaker than from {to} to {from} (90 %: {low:.1} to {high:.1}); two nodes do \
+         not tell a weaker transmitter of {from} from a less sensitive receiver of {to}, and which direction is right depends on system-gain"
+    ))
 }
 
 /// Effects that may be missing, those together that are not certain for one reason.
@@ -321,6 +335,9 @@ fn accepted(text: &mut String, candidate: &Tested, diagnosis: &Diagnosis) {
             let numbers = numbers_of(&rival.parameters, &rival.not_identifiable);
             let _ = writeln!(text, "  {} in its place: {numbers}", rival.effect);
         }
+    }
+    if let Some(directions) = directions(candidate).filter(|_| candidate.doubt.is_some()) {
+        let _ = writeln!(text, "  {directions}");
     }
     if let Some(warning) = &candidate.warning {
         let _ = writeln!(text, "  warning: {warning}");

@@ -1,7 +1,19 @@
 //! Blocks of rows that depend on each other, dealt to folds that are left out in turn.
 
-use crate::thresholds::{FEWEST_BLOCKS, N_FOLDS};
+use crate::thresholds::{FEWEST_BLOCKS, FEWEST_REPLICATES, N_FOLDS};
 use std::collections::BTreeSet;
+
+/// What blocks show that are fewer than [`FEWEST_BLOCKS`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Few {
+    /// Nothing: they share nodes, or nobody knows how they depend on each other.
+    #[default]
+    Nothing,
+    /// What may be missing: they follow each other in one recording.
+    Possible,
+    /// What is missing: they are replicates, such as flights and places, which are independent.
+    Certain,
+}
 
 /// Rows in blocks, blocks in folds.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +31,8 @@ pub struct Blocks {
     pub gaps: Vec<(u32, u8)>,
     /// Which rows are scored, by a fit to all others: one split by hand, and no folds.
     pub scored: Option<Vec<bool>>,
+    /// What they show where they are few.
+    pub few: Few,
 }
 
 impl Blocks {
@@ -45,7 +59,15 @@ impl Blocks {
             filled[fold] += n_rows[block];
             fold_of_block[block] = fold as u8;
         }
-        Self { unit, of_row, fold_of_block, clusters: None, gaps: Vec::new(), scored: None }
+        Self {
+            unit,
+            of_row,
+            fold_of_block,
+            clusters: None,
+            gaps: Vec::new(),
+            scored: None,
+            few: Few::Nothing,
+        }
     }
 
     /// The same, but blocks that follow each other are never left out together: of every five each is in another fold, and the first of
@@ -91,10 +113,45 @@ impl Blocks {
         of_scored.map(|(number, _)| number).collect::<BTreeSet<_>>().len()
     }
 
+    /// The same, which show this where they are few.
+    #[must_use]
+    pub fn showing(self, few: Few) -> Self {
+        Self { few, ..self }
+    }
+
+    /// Number of blocks that are scored and do not depend on each other.
+    fn n_independent(&self) -> usize {
+        self.n_scored().min(self.distinct(self.dependent()))
+    }
+
+    /// How many blocks tell something.
+    #[must_use]
+    pub fn fewest(&self) -> usize {
+        if self.few == Few::Nothing { FEWEST_BLOCKS } else { FEWEST_REPLICATES }
+    }
+
     /// Whether there are enough blocks to tell anything.
     #[must_use]
     pub fn suffices(&self) -> bool {
-        FEWEST_BLOCKS <= self.n_scored().min(self.distinct(self.dependent()))
+        self.fewest() <= self.n_independent()
+    }
+
+    /// Whether there are so many blocks that it does not matter what they are.
+    #[must_use]
+    pub fn are_many(&self) -> bool {
+        FEWEST_BLOCKS <= self.n_independent()
+    }
+
+    /// Whether what they show may be certain.
+    #[must_use]
+    pub fn may_be_certain(&self) -> bool {
+        self.are_many() || (self.few == Few::Certain && self.suffices())
+    }
+
+    /// The replicate of each row, where a few replicates take the place of many blocks.
+    #[must_use]
+    pub fn replicates(&self) -> Option<&[u32]> {
+        (!self.are_many() && self.may_be_certain()).then(|| self.dependent())
     }
 
     /// How many folds are left out in turn.
@@ -176,6 +233,22 @@ mod tests {
         assert!(folds.windows(2).all(|pair| pair[0] != pair[1]), "{folds:?}");
         for fold in 0..N_FOLDS as u8 {
             assert_eq!(folds.iter().filter(|&&other| other == fold).count(), 12);
+        }
+    }
+
+    #[test]
+    fn a_few_replicates_may_be_certain_and_a_few_parts_of_one_recording_may_not() {
+        let of = |n: u64, few| {
+            let keys: Vec<u64> = (0..10 * n).map(|row| row / 10).collect();
+            let blocks = Blocks::of_keys("blocks", &keys).showing(few);
+            (blocks.suffices(), blocks.may_be_certain(), blocks.replicates().is_some())
+        };
+        assert_eq!(of(4, Few::Certain), (true, true, true));
+        assert_eq!(of(3, Few::Certain), (false, false, false));
+        assert_eq!(of(19, Few::Possible), (true, false, false));
+        assert_eq!(of(19, Few::Nothing), (false, false, false));
+        for few in [Few::Nothing, Few::Possible, Few::Certain] {
+            assert_eq!(of(20, few), (true, true, false));
         }
     }
 

@@ -26,6 +26,8 @@ pub use term::{PerTerm, TermId};
 use defects::node_place::NodeLevel;
 use folds::Blocks;
 use linear::{Column, Dependence, Direction, Linearised, Partition};
+use links::predict::directions::DirectionsApart;
+use links::rows::passes::Passes;
 use proto::effect::{About, Level, Need, Parameter};
 use serde::Serialize;
 use symbolic::FittedFormula;
@@ -394,6 +396,18 @@ pub trait Study: Sync {
     ///
     /// The limits are wrong, or the candidate is none that can be limited.
     fn add_limited(&mut self, term: TermId, limits: &toml::Table) -> Result<TermId, NotLimited>;
+
+    /// Passes of a node through all bearings, where a term is judged by these: a few are replicates of the pattern of its antenna. None: it
+    /// is judged by blocks of its level.
+    fn passes(&self, _term: TermId) -> Option<&Passes> {
+        None
+    }
+
+    /// The difference between both directions of the only pair of nodes that a fit leaves, where a term has levels of nodes and the
+    /// difference is significant. Levels of two nodes have no spread, but this difference has a size.
+    fn directions_apart(&self, _fit: &Self::Fit, _term: TermId) -> Option<DirectionsApart> {
+        None
+    }
 
     /// Whether a term is a random level that all rows share and that drifts in time. The log likelihood of a fit has it integrated out.
     fn is_drift(&self, _term: TermId) -> bool {

@@ -103,6 +103,9 @@ pub struct Dependence {
     pub shortest_s: f64,
     /// The two nodes of each row, where rows are of links.
     pub nodes: Option<Vec<[u32; 2]>>,
+    /// The replicate of each row, where a few of these take the place of blocks of time and of nodes: flights of a campaign. They are
+    /// independent by design.
+    pub replicates: Option<Vec<u32>>,
 }
 
 /// Keys as numbers from 0, in the order in which the keys sort.

@@ -29,8 +29,8 @@ use super::{
     TermId,
 };
 use crate::thresholds::{
-    DECORRELATION_M, DEFAULT_DECORRELATION_M, MOST_SEARCHED_ROWS, NODE_PLACE_SHARE, SELECTED_SHARE,
-    UNCORRECTED_LEVEL,
+    DECORRELATION_M, DEFAULT_DECORRELATION_M, FEWEST_REPLICATES, MOST_SEARCHED_ROWS,
+    NODE_PLACE_SHARE, SELECTED_SHARE, UNCORRECTED_LEVEL,
 };
 use fit::LinkFit;
 use likelihood::Instrument;
@@ -38,10 +38,12 @@ use likelihood::reception::SampledCurve;
 use measure::links::Losses;
 use physics::catalogue::Catalogue;
 use predict::RandomEffect;
-use proto::effect::Level;
+use predict::directions::DirectionsApart;
+use proto::effect::{Level, Search};
 use random_effects::cells::{FINEST_M, drift_times_s};
 use random_effects::{RandomEffectSds, RowCells, Scales};
 use rows::blocks::{self, Grouped};
+use rows::passes::Passes;
 use rows::{ModelledLinks, covariates};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
@@ -80,6 +82,8 @@ pub struct LinkStudy {
     repeats: f64,
     /// How many nodes send, and how many receive.
     n_ends: [usize; 2],
+    /// Where pairs and places are few: passes of a node that turns on the spot, if there are enough to show the pattern of its antenna.
+    passes: Option<Passes>,
     /// Whether fits are to stop.
     stop: StopFlag,
     /// Nobody said whether lost frames were logged.
@@ -107,9 +111,18 @@ impl LinkStudy {
         let times_s = drift_times_s(&rows);
         let lengths = lengths.iter().chain(finest.iter().filter(|_| moving));
         let configured = RandomEffectSds::configured(&rows);
-        let candidates =
-            specs.iter().map(|spec| candidates::candidate(spec, &rows, catalogue)).collect();
+        let passes = (!place.are_many())
+            .then(|| Passes::of(&rows))
+            .filter(|passes| FEWEST_REPLICATES <= passes.rows.len());
+        let candidates = specs.iter().map(|spec| {
+            let candidate = candidates::candidate(spec, &rows, catalogue);
+            // What one pair shows as it turns is judged over time.
+            let is_of_pass = passes.is_some() && spec.search() == Search::Headings;
+            Candidate { level: if is_of_pass { Level::Time } else { candidate.level }, ..candidate }
+        });
+        let candidates = candidates.collect();
         Ok(Self {
+            passes,
             n_fitted: time.fitted().len(),
             n_ends: blocks::n_ends(&rows),
             repeats: blocks::repeats(&rows),
@@ -302,7 +315,7 @@ impl Study for LinkStudy {
 
     fn scanned_blocks(&self) -> Vec<&Blocks> {
         let levels = [&self.time, &self.place];
-        if levels.iter().all(|blocks| blocks.suffices()) { levels.to_vec() } else { Vec::new() }
+        if levels.iter().all(|blocks| blocks.are_many()) { levels.to_vec() } else { Vec::new() }
     }
 
     fn scanned_residuals(&self, fit: &LinkFit) -> Residuals {
@@ -361,6 +374,16 @@ impl Study for LinkStudy {
 
     fn add_another(&mut self, term: TermId) -> Option<TermId> {
         self.another(term)
+    }
+
+    fn passes(&self, term: TermId) -> Option<&Passes> {
+        let is_of_pass = self.candidates[term].level == Level::Time
+            && self.specs[term].search() == Search::Headings;
+        self.passes.as_ref().filter(|_| is_of_pass)
+    }
+
+    fn directions_apart(&self, fit: &LinkFit, term: TermId) -> Option<DirectionsApart> {
+        matches!(self.specs[term], TermSpec::NodeOffset(_)).then(|| self.two_directions(fit))?
     }
 
     fn is_drift(&self, term: TermId) -> bool {

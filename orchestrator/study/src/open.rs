@@ -6,7 +6,7 @@ use super::links::LinkStudy;
 use super::links::rows::ModelledLinks;
 use super::links::rows::covariates;
 use super::robots::{RobotStudy, RobotStudyError, StatedSettings, body_for, odd_commands};
-use super::thresholds::FEWEST_BLOCKS;
+use super::thresholds::{FEWEST_BLOCKS, FEWEST_REPLICATES};
 use measure::DataError;
 use measure::account::DataFile;
 use measure::config::Compared;
@@ -510,13 +510,20 @@ fn too_few<S: Study>(study: &S) -> Vec<String> {
         ));
         return warnings;
     }
+    if !blocks.may_be_certain() {
+        warnings.push(format!(
+            "the data have only {} {}; at least {FEWEST_BLOCKS}, or {FEWEST_REPLICATES} runs, are required for an effect to be certain",
+            blocks.n_scored(),
+            blocks.unit
+        ));
+    }
     let blocks = study.blocks(Level::Place);
     if !blocks.suffices() && !names(Level::Place).is_empty() {
         warnings.push(format!(
-            "the data have only {} {}; at least {FEWEST_BLOCKS} are required for effects that differ between places. Not \
-             tried: {}",
+            "the data have only {} {}; at least {} are required for effects that differ between places. Not tried: {}",
             blocks.n_scored(),
             blocks.unit,
+            blocks.fewest(),
             names(Level::Place)
         ));
     }

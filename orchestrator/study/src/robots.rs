@@ -384,7 +384,7 @@ impl RobotStudy {
                 let blocks = tracks.split_blocks(window_s, split)?;
                 (blocks.clone(), blocks)
             }
-            None => (tracks.blocks_in_time(window_s), tracks.blocks_in_place()),
+            None => (tracks.default_blocks(window_s), tracks.blocks_in_place()),
         };
         let scored = choices.scored_rows(&tracks.runs());
         let [in_time, in_place] =

@@ -35,11 +35,9 @@ pub use two_campaigns::*;
 
 /// Probability beyond each end of a 90 % interval.
 pub const TAIL_90: f64 = 0.05;
-/// With more rows than this, an interval follows from the curvature of the log likelihood instead of a profile. Chosen:
-/// with so many rows the log likelihood is a parabola, and a profile takes many fits.
+/// With more rows than this, an interval follows from the curvature of the log likelihood, a parabola by then: a profile takes many fits.
 pub const MOST_PROFILED_ROWS: usize = 50_000;
-/// Groups of links that the delete-a-group jackknife leaves out in turn, for the standard error of a correlation length.
-/// Chosen: more groups give Student's t more degrees of freedom, and take more time.
+/// Groups of links that the jackknife of a correlation length leaves out in turn. Chosen: more give more degrees of freedom, and take time.
 pub const JACKKNIFE_GROUPS: usize = 24;
 /// Fewest of these groups that give a length. Chosen: with fewer, a standard error has less than three degrees of freedom, and
 /// an interval is too wide to be of use.
@@ -51,24 +49,25 @@ pub const FEWEST_JACKKNIFE_GROUPS: f64 = 4.0;
 pub const N_FOLDS: usize = 5;
 /// Fewest blocks for a test on held-out rows. The standard error is clustered over blocks, and with fewer its estimate is too uncertain.
 pub const FEWEST_BLOCKS: usize = 20;
-/// Blocks of time into which the rows of links are cut. Chosen: three times [`FEWEST_BLOCKS`]. More blocks are shorter, and
-/// depend on each other more.
+/// Fewest replicates in place of these blocks: flights, places, passes of an antenna. Chosen: of fewer, hardly any t is beyond chance.
+pub const FEWEST_REPLICATES: usize = 4;
+/// Fewest rows of a pass of an antenna through all bearings: two in each quadrant.
+pub const FEWEST_PASS_ROWS: usize = 8;
+/// Squares in which a node turns on the spot (m). Chosen: the level hardly changes within, and a robot that turns slips by less.
+pub const SPOT_M: f64 = 0.5;
+/// Blocks of time into which rows of links are cut: three times [`FEWEST_BLOCKS`]. Chosen: more blocks depend on each other more.
 pub const TIME_BLOCKS: usize = 60;
-/// Blocks of time into which the tracks of robots are cut, within [`SHORTEST_BLOCK_WINDOWS`] and [`LONGEST_BLOCK_WINDOWS`]: as
-/// many as [`TIME_BLOCKS`].
+/// Blocks of time into which the tracks of robots are cut, of at most and at least these lengths: as many as [`TIME_BLOCKS`].
 pub const WANTED_BLOCKS: f64 = 60.0;
 /// Length of the shortest block of a track, in windows. Chosen: neighbouring blocks depend on each other more if they are shorter.
 pub const SHORTEST_BLOCK_WINDOWS: f64 = 2.0;
-/// Length of the longest block of a track, in windows. Chosen: longer blocks are fewer, but hardly more independent.
+/// Length of the longest block of a track, in windows. Chosen: longer ones are fewer, and hardly more independent.
 pub const LONGEST_BLOCK_WINDOWS: f64 = 20.0;
-/// Squares along the longer side of the area in which robots move: blocks of places. Chosen: smaller squares are more blocks,
-/// and depend on each other more.
+/// Squares along the longer side of the area in which robots move. Chosen: smaller squares are more blocks, and depend on each other.
 pub const PLACES_ACROSS: f64 = 9.0;
-/// Blocks of places of moving nodes from which no smaller squares are tried. Chosen: twice [`FEWEST_BLOCKS`]. Smaller squares
-/// are more blocks, and depend on each other more.
+/// Blocks of places of moving nodes from which no smaller squares are tried: twice [`FEWEST_BLOCKS`]. Chosen: as [`PLACES_ACROSS`].
 pub const FEWEST_PLACE_BLOCKS: usize = 40;
-/// Length of the windows over which the motion of a robot is predicted, unless the user chooses one (s). Chosen: a shorter
-/// window shows more noise of positions, a longer one hides when an error arose.
+/// Length of the windows over which robots are predicted by default (s). Chosen: a shorter one shows more noise, a longer one hides times.
 pub const WINDOW_S: f64 = 1.0;
 /// Lengths of the windows over which predictions are compared (s).
 pub const HORIZONS_S: [f64; 4] = [0.1, 0.3, 1.0, 3.0];
@@ -89,8 +88,7 @@ pub const SHORTEST_CLUSTER_SHARE: f64 = 1.0 / 240.0;
 /// Length of the shortest blocks of time of robots, in windows. Noise of positions makes neighbouring windows err in opposite
 /// directions, which only increases the estimated variance of sums.
 pub const SHORTEST_CLUSTER_WINDOWS: f64 = 1.0;
-/// Squares along the longer side of the plane, in each of which a node that moves counts as another node. Chosen: smaller
-/// squares give a test more clusters, and depend on each other more.
+/// Squares along the longer side of the plane, in each of which a node that moves counts as another node. Chosen: as [`PLACES_ACROSS`].
 pub const NODE_SQUARES_ACROSS: f64 = 8.0;
 /// Fewest blocks for a t test of a mean over blocks of rows. Chosen: with fewer, its p-value depends more on sums over blocks being normal.
 pub const FEWEST_SUMMED_BLOCKS: usize = 8;

@@ -18,7 +18,7 @@ use study::choices::Choices;
 use study::links::LinkStudy;
 use study::open::{self, OpenError, Subject};
 use study::robots::RobotStudy;
-use study::thresholds::FEWEST_BLOCKS;
+use study::thresholds::{FEWEST_BLOCKS, FEWEST_REPLICATES};
 use study::{COMMON, Study};
 
 /// A model and the measurements of two campaigns, of links or of robots.
@@ -148,8 +148,12 @@ fn answered<S: Measured>(
 /// Why a campaign alone has too few blocks to find anything in.
 fn too_few_blocks<S: Study>(study: &S) -> Option<String> {
     let blocks = study.blocks(COMMON);
-    (!blocks.suffices()).then(|| {
-        format!("{} {}, and at least {FEWEST_BLOCKS} are required", blocks.n_scored(), blocks.unit)
+    (!blocks.may_be_certain()).then(|| {
+        format!(
+            "{} {}, and at least {FEWEST_BLOCKS}, or {FEWEST_REPLICATES} runs, are required",
+            blocks.n_scored(),
+            blocks.unit
+        )
     })
 }
 

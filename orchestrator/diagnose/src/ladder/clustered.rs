@@ -3,6 +3,7 @@
 use super::limits;
 use super::search::{Search, with_term};
 use crate::gate;
+use crate::score_test::passes;
 use crate::score_test::{ScoreTest, ScoreTests};
 use proto::effect::{CONSTANT, Level};
 use study::linear::{Column, Dependence, Linearised};
@@ -23,7 +24,11 @@ impl<S: Study> Search<'_, S> {
         }
         let Some(rows) = self.study.linearised(&fit) else { return true };
         let dependence = dependence_of(self.study, term);
-        if candidate.level == Level::Place && dependence.nodes.is_none() {
+        if let Some(passes) = self.study.passes(term) {
+            return passes::p_value(&rows, passes) < FAMILY_ERROR;
+        }
+        let are_few = dependence.replicates.is_some();
+        if candidate.level == Level::Place && dependence.nodes.is_none() && !are_few {
             // Judged on places left out, which blocks of time are not.
             return true;
         }
@@ -38,26 +43,57 @@ impl<S: Study> Search<'_, S> {
             debug!(name = candidate.name, ?p_value, "clustered");
             return p_value.is_none_or(|p_value| p_value < UNCORRECTED_LEVEL);
         }
-        let columns = self.study.columns(&fit, term);
-        if columns.is_empty() {
+        if self.study.columns(&fit, term).is_empty() {
             return true;
         }
+        let p_value = self.clustered_p_value(term, others, &dependence);
+        debug!(name = candidate.name, ?p_value, "clustered");
+        // Where nothing can be told, the gain on rows left out decides; not of a few replicates, one of which may be all that it is.
+        p_value.map_or(!are_few, |p_value| p_value < UNCORRECTED_LEVEL)
+    }
+
+    /// P-value of what a term moves beside others, by rows that depend on each other. None where nothing can be told.
+    fn clustered_p_value(
+        &self,
+        term: TermId,
+        others: &[TermId],
+        dependence: &Dependence,
+    ) -> Option<f64> {
+        let fit = self.full_fit(others, COMMON, None);
+        let rows = self.study.linearised(&fit)?;
+        let columns = self.study.columns(&fit, term);
         // The likelihood has heavy tails and gives large errors a small weight. Therefore the test is also made with equal weights.
         let with_effect = self.full_fit(&with_term(others, term), COMMON, Some(&fit));
-        let Some(left) = self.study.linearised(&with_effect) else { return true };
+        let left = self.study.linearised(&with_effect)?;
         let p_values = [(&rows, &left), (&rows.plain(), &left.plain())]
-            .map(|(rows, left)| p_value(&ScoreTests::new(rows, &dependence), left, &columns));
-        debug!(name = candidate.name, ?p_values, "clustered");
-        // Where nothing can be told, the gain on rows left out decides.
-        let told = p_values.into_iter().flatten().reduce(f64::min);
-        told.is_none_or(|least| 2.0 * least < UNCORRECTED_LEVEL)
+            .map(|(rows, left)| p_value(&ScoreTests::new(rows, dependence), left, &columns));
+        p_values.into_iter().flatten().reduce(f64::min).map(|least| 2.0 * least)
+    }
+
+    /// Whether a term is significant by a few replicates after correction for all candidates: by Student's t of what it moves in each. Gains
+    /// of flights differ more than sizes of an effect do, so that a mean of few gains tells less.
+    pub(super) fn is_replicated(&self, term: TermId, others: &[TermId]) -> bool {
+        let candidate = &self.study.candidates()[term];
+        let p_value = || {
+            if let Some(passes) = self.study.passes(term) {
+                let rows = self.study.linearised(&self.full_fit(others, COMMON, None))?;
+                return Some(passes::p_value(&rows, passes));
+            }
+            let dependence = dependence_of(self.study, term);
+            let is_of_few = dependence.replicates.is_some()
+                && candidate.level != Level::Random
+                && candidate.curve_over().is_none();
+            is_of_few.then(|| self.clustered_p_value(term, others, &dependence))?
+        };
+        p_value().is_some_and(|p_value| p_value < FAMILY_ERROR / self.n_tried() as f64)
     }
 
     /// Whether an effect that is limited to some rows, or moves all alike, is asked for by the slopes of the fit of others. Of few blocks, such
     /// as those of one robot, a mean of gains tells little.
     pub(super) fn is_asked_for(&self, term: TermId, others: &[TermId]) -> bool {
         let candidate = &self.study.candidates()[term];
-        (candidate.only.is_some() || candidate.linear_in == Some(CONSTANT))
+        self.study.blocks(COMMON).are_many()
+            && (candidate.only.is_some() || candidate.linear_in == Some(CONSTANT))
             && limits::p_value(self.study, &self.full_fit(others, COMMON, None), term)
                 < FAMILY_ERROR
     }

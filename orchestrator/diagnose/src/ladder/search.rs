@@ -161,11 +161,13 @@ impl<'a, S: Study> Search<'a, S> {
     /// Gain of `terms` over `parent`, at a level.
     pub(crate) fn gain(&self, terms: &[TermId], parent: &[TermId], level: Level) -> Gain {
         let blocks = self.study.blocks(level);
-        Gain::from_scores(
+        let gain = Gain::from_scores(
             &self.held_out_scores(terms, level),
             &self.held_out_scores(parent, level),
             blocks.dependent(),
-        )
+        );
+        // The skewness of a few sums is mostly chance.
+        if blocks.are_many() { gain } else { gain.by_students_t() }
     }
 
     /// A fit to all rows with one term more than `parent`; none where a quick one raises the likelihood by less than `least`

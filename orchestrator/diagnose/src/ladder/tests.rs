@@ -222,6 +222,7 @@ impl Study for Lines {
             campaigns: rows.map(|_| 0).collect(),
             shortest_s: 3.0,
             nodes: None,
+            replicates: None,
         }
     }
 

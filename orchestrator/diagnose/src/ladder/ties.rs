@@ -7,7 +7,7 @@ use crate::score_test::ScoreTests;
 use proto::effect::Level;
 use rayon::prelude::*;
 use study::thresholds::{
-    FAMILY_ERROR, RIVAL_SHARE, SAME_COLUMNS, TIED_ERRORS, TIED_NATS, UNCORRECTED_LEVEL, WORTH_NATS,
+    FAMILY_ERROR, RIVAL_SHARE, SAME_COLUMNS, TIED_NATS, UNCORRECTED_LEVEL, WORTH_NATS,
 };
 use study::{COMMON, Study, TermId};
 use tracing::debug;
@@ -104,7 +104,7 @@ impl<S: Study> Search<'_, S> {
         }
     }
 
-    /// Whether two candidates are indistinguishable: their held-out scores agree within [`TIED_ERRORS`], and neither gains
+    /// Whether two candidates are indistinguishable: their held-out scores agree within [`Gain::apart_errors`](crate::gain::Gain::apart_errors), and neither gains
     /// significantly on top of the other.
     pub(super) fn is_tied(
         &self,
@@ -116,7 +116,7 @@ impl<S: Study> Search<'_, S> {
         // What is not beyond chance by its own measure may well explain more where places and nodes are known.
         let apart =
             if b.verdict.is_significant() { difference.gain.abs() } else { difference.gain };
-        let is_apart = TIED_ERRORS * difference.standard_error < apart
+        let is_apart = difference.apart_errors() * difference.standard_error < apart
             && TIED_NATS < apart * difference.n_rows as f64;
         if is_apart && !self.moves_the_same(a.term, b.term, accepted) {
             return false;

@@ -7,7 +7,7 @@ use crate::acceptance::{self, Verdict};
 use crate::gain::{Gain, Scores};
 use proto::effect::Level;
 use study::thresholds::{EVIDENT_NATS, WORTH_NATS};
-use study::{Study, TermId};
+use study::{COMMON, Study, TermId};
 use tracing::debug;
 
 impl<S: Study> Search<'_, S> {
@@ -44,7 +44,8 @@ impl<S: Study> Search<'_, S> {
             let is_asked_for = || self.is_asked_for(test.term, accepted) && 0.0 < test.gain.gain;
             let is_beside_drift =
                 || 0.0 < test.gain.gain && self.stands_beside_drift(test.term, accepted);
-            let is_shown = || is_asked_for() || is_beside_drift();
+            let is_replicated = || 0.0 < test.gain.gain && self.is_replicated(test.term, accepted);
+            let is_shown = || is_asked_for() || is_beside_drift() || is_replicated();
             let is_significant = verdict.is_significant() || is_shown();
             let is_worth = || {
                 let share = || self.share_removed(test.term, accepted);
@@ -76,7 +77,12 @@ impl<S: Study> Search<'_, S> {
     /// of links, nodes and channels: what they explain comes in small parts from all rows, of which blocks of time tell little.
     fn accept_by_total(&self, tests: &mut [CandidateTest], accepted: &[TermId]) {
         let is_random = |term: TermId| self.study.candidates()[term].level == Level::Random;
-        let may_be = |test: &CandidateTest| accepted.is_empty() || is_random(test.term);
+        let may_be = |test: &CandidateTest| {
+            // Of a few replicates, rows tell nothing of how these differ.
+            let level = self.study.candidates()[test.term].level;
+            self.study.blocks(self.study.judging_level(level)).are_many()
+                && (accepted.is_empty() || is_random(test.term))
+        };
         for test in tests.iter_mut().filter(|test| test.verdict.is_plausible() && may_be(test)) {
             let design_effect = self.study.design_effect();
             if acceptance::is_certain_by_total(&test.gain, self.n_tried(), design_effect)
@@ -98,6 +104,7 @@ impl<S: Study> Search<'_, S> {
         let least = EVIDENT_NATS.max(WORTH_NATS * self.all.len() as f64);
         let may_be = |test: &&mut CandidateTest| {
             self.study.candidates()[test.term].level == Level::Random
+                && self.study.blocks(COMMON).are_many()
                 && !removed.contains(&test.term)
                 && least < test.rise
                 && 0.0 < test.gain.gain

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use study::linear::Dependence;
 use study::thresholds::{
-    COUNTED_INFORMATION, FEWEST_CLUSTERS, FEWEST_NODES, MOST_IN_ONE_CLUSTER, NEIGHBOUR_CORRELATION,
+    COUNTED_INFORMATION, FEWEST_CLUSTERS, FEWEST_NODES, FEWEST_REPLICATES, MOST_IN_ONE_CLUSTER,
+    NEIGHBOUR_CORRELATION,
 };
 
 /// How a sum over rows may vary.
@@ -50,7 +51,7 @@ impl Sums {
 
 impl<'a> Clusters<'a> {
     pub(super) fn new(dependence: &'a Dependence) -> Self {
-        let Dependence { times_s, series, campaigns, shortest_s, nodes } = dependence;
+        let Dependence { times_s, series, campaigns, shortest_s, nodes, .. } = dependence;
         let count = |numbers: &[u32]| numbers.iter().max().map_or(0, |&last| last as usize + 1);
         let first_s = times_s.iter().copied().fold(f64::INFINITY, f64::min);
         let last_s = times_s.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -77,6 +78,9 @@ impl<'a> Clusters<'a> {
 
     /// How the sum of scores may vary, by what their step left of them. None where there are too few clusters.
     pub(super) fn spread(&self, left: &[f64], informations: &[f64]) -> Option<Spread> {
+        if let Some(of_row) = &self.dependence.replicates {
+            return of_replicates(of_row, left, informations);
+        }
         let mut spreads = Vec::new();
         let mut in_pairs_and_time = None;
         if self.has_times {
@@ -85,10 +89,10 @@ impl<'a> Clusters<'a> {
                 self.in_blocks((campaigns, self.n_campaigns), left, informations)?;
             if self.pairs.is_none() {
                 let (within, _) = self.in_blocks((series, self.n_series), left, informations)?;
-                spreads.push(of_sums(&within)?);
+                spreads.push(of_sums(&within, FEWEST_CLUSTERS)?);
             }
             if 1 < self.n_series || self.pairs.is_some() {
-                spreads.push(of_sums(&across)?);
+                spreads.push(of_sums(&across, FEWEST_CLUSTERS)?);
             }
             in_pairs_and_time = Some(length_s);
         }
@@ -115,7 +119,7 @@ impl<'a> Clusters<'a> {
     /// Sums of several scores over blocks of time, in series and across those of a campaign, so long that neighbours are not correlated.
     /// None where there are too few blocks.
     pub(super) fn in_time(&self, left: &[Vec<f64>]) -> Option<Vec<Vec<Vec<f64>>>> {
-        if !self.has_times {
+        if !self.has_times || self.dependence.replicates.is_some() {
             return None;
         }
         let series = self.pairs.is_none().then_some(&self.dependence.series);
@@ -263,13 +267,24 @@ fn counting(sums: &Sums) -> Vec<bool> {
     sums.informations.iter().map(|j| COUNTED_INFORMATION * mean < *j).collect()
 }
 
-/// How a sum over independent clusters varies. None where there are too few, or one decides alone.
-fn of_sums(sums: &Sums) -> Option<Spread> {
+/// How a sum over a few replicates varies. Their sums count as normal: the signs of so few bound a p-value far above what Student's t
+/// says, and their skewness is mostly chance.
+fn of_replicates(of_row: &[u32], left: &[f64], informations: &[f64]) -> Option<Spread> {
+    let mut sums = Sums::new(of_row.iter().max().map_or(0, |&last| last as usize + 1));
+    for ((replicate, value), information) in of_row.iter().zip(left).zip(informations) {
+        sums.add(*replicate as usize, *value, *information);
+    }
+    let spread = of_sums(&sums, FEWEST_REPLICATES)?;
+    Some(Spread { n_clusters: usize::MAX, skewness: 0.0, ..spread })
+}
+
+/// How a sum over independent clusters varies. None where there are fewer than `fewest`, or one decides alone.
+fn of_sums(sums: &Sums, fewest: usize) -> Option<Spread> {
     let total: f64 = sums.informations.iter().sum();
     let counts = counting(sums);
     let n = counts.iter().filter(|counts| **counts).count();
     let most = sums.informations.iter().copied().fold(0.0, f64::max);
-    if n < FEWEST_CLUSTERS || MOST_IN_ONE_CLUSTER * total < most {
+    if n < fewest || MOST_IN_ONE_CLUSTER * total < most {
         return None;
     }
     let both = || sums.values.iter().zip(&sums.informations);

@@ -30,6 +30,7 @@ impl Made {
                 campaigns: vec![0; n],
                 shortest_s: 2.0,
                 nodes: None,
+                replicates: None,
             },
         }
     }

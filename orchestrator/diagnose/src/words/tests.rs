@@ -14,6 +14,7 @@ fn candidate(effect: &str) -> Tested {
         p_value: 0.0,
         accepted: true,
         doubt: None,
+        directions: None,
         upper: None,
         detectable: None,
         only: None,

@@ -91,6 +91,7 @@ fn candidate(effect: &str, gain: f64) -> Tested {
         p_value: 0.0,
         accepted: 0.0 < gain,
         doubt: None,
+        directions: None,
         upper: None,
         detectable: None,
         only: None,

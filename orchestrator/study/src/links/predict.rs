@@ -1,6 +1,7 @@
 //! What a fitted model predicts for the rows, and their residuals.
 
 mod correction;
+pub mod directions;
 mod estimates;
 mod view;
 

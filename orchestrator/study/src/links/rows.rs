@@ -2,6 +2,7 @@
 
 pub(super) mod blocks;
 pub mod covariates;
+pub mod passes;
 pub mod testable;
 
 use crate::links::likelihood::register::Register;

@@ -2,7 +2,7 @@
 
 use super::motion::MeasuredTracks;
 use crate::choices::{ChoiceError, SplitBy};
-use crate::folds::Blocks;
+use crate::folds::{Blocks, Few};
 use crate::thresholds::{
     LONGEST_BLOCK_WINDOWS, MEMORY_S, N_FOLDS, PLACES_ACROSS, SHORTEST_BLOCK_WINDOWS, WANTED_BLOCKS,
 };
@@ -24,7 +24,7 @@ impl MeasuredTracks {
         let blocks = match split {
             SplitBy::Time => self.blocks_in_time(window_s),
             SplitBy::Place => self.blocks_in_place(),
-            SplitBy::Run => blocks_by("campaigns", &|sample| sample.run),
+            SplitBy::Run => blocks_by("campaigns", &|sample| sample.run).showing(Few::Certain),
             SplitBy::Node => blocks_by("robots", &|sample| sample.agent),
             SplitBy::Pair => {
                 return refused("robot samples have no pairs".to_owned(), SplitBy::Node);
@@ -35,6 +35,14 @@ impl MeasuredTracks {
             return refused(reason, SplitBy::Time);
         }
         Ok(blocks)
+    }
+
+    /// Blocks of time; whole runs where blocks of time are few and runs are enough. Runs are replicates, and parts of a run are not.
+    pub(super) fn default_blocks(&self, window_s: f64) -> Blocks {
+        let parts = self.blocks_in_time(window_s);
+        let runs = self.windows.iter().map(|window| u64::from(self.start(window).run));
+        let runs = Blocks::of_keys("runs", &runs.collect::<Vec<_>>()).showing(Few::Certain);
+        if !parts.are_many() && runs.suffices() { runs } else { parts }
     }
 
     /// Blocks of time: parts of a robot's track.
@@ -64,7 +72,7 @@ impl MeasuredTracks {
             (track as u64) << 32 | part.min(n - 1.0) as u64
         };
         let keys: Vec<u64> = self.windows.iter().map(key).collect();
-        let mut blocks = Blocks::of_keys("parts of tracks", &keys);
+        let mut blocks = Blocks::of_keys("parts of tracks", &keys).showing(Few::Possible);
         blocks.gaps = self.gaps(&blocks, window_s + MEMORY_S);
         blocks
     }

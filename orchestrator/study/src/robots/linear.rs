@@ -153,6 +153,7 @@ impl RobotStudy {
             campaigns: numbered(windows().map(|window| tracks.start(window).run)),
             shortest_s: SHORTEST_CLUSTER_WINDOWS * tracks.window_s(0),
             nodes: None,
+            replicates: self.in_time.replicates().map(<[u32]>::to_vec),
         }
     }
 }

@@ -119,7 +119,7 @@ impl Study for RobotStudy {
     }
 
     fn scanned_blocks(&self) -> Vec<&Blocks> {
-        [&self.in_time, &self.in_place].into_iter().filter(|blocks| blocks.suffices()).collect()
+        [&self.in_time, &self.in_place].into_iter().filter(|blocks| blocks.are_many()).collect()
     }
 
     fn scanned_residuals(&self, fit: &RobotFit) -> Residuals {

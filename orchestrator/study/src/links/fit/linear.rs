@@ -134,6 +134,7 @@ impl LinkStudy {
             series: numbered(measured.iter().map(|row| row.run)),
             campaigns: numbered(measured.iter().map(|row| row.run)),
             nodes: Some(self.ends_of()),
+            replicates: self.time.replicates().map(<[u32]>::to_vec),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::ModelledLinks;
 use crate::choices::{ChoiceError, Choices, SplitBy};
-use crate::folds::{Blocks, scramble};
+use crate::folds::{Blocks, Few, scramble};
 use crate::thresholds::{FEWEST_BLOCKS, FEWEST_PLACE_BLOCKS, THINNED_RUN_ROWS, TIME_BLOCKS};
 use measure::links::LinkRow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -33,7 +33,7 @@ fn time_blocks(rows: &ModelledLinks, scored: Option<&[bool]>) -> Blocks {
             keys[row] = first + block as u64;
         }
     }
-    Blocks::of_keys("blocks of time", &keys).in_turn()
+    Blocks::of_keys("blocks of time", &keys).in_turn().showing(Few::Possible)
 }
 
 /// Whether the rows were measured at so many times that blocks of time can be left out.
@@ -125,7 +125,7 @@ fn blocks_of_squares(rows: &ModelledLinks) -> Blocks {
                 key
             })
             .collect();
-        let blocks = Blocks::of_keys("places", &keys);
+        let blocks = Blocks::of_keys("places", &keys).showing(Few::Certain);
         let enough = FEWEST_PLACE_BLOCKS <= blocks.n_blocks();
         if best.as_ref().is_none_or(|best| best.n_blocks() < blocks.n_blocks()) {
             best = Some(blocks);
@@ -201,7 +201,7 @@ pub(in crate::links) fn grouped(
 fn default_blocks(rows: &ModelledLinks, scored: Option<&[bool]>) -> Grouped {
     let is_enough = |blocks: &Blocks| {
         let scored = scored.map(<[bool]>::to_vec);
-        Blocks { scored, ..blocks.clone() }.suffices()
+        Blocks { scored, ..blocks.clone() }.are_many()
     };
     let (time, place) = (time_blocks(rows, scored), place_blocks(rows));
     let once = (!has_times(rows)).then(|| link_channel_blocks(rows));
@@ -243,7 +243,7 @@ fn split_blocks(
         SplitBy::Place => blocks_of_squares(rows),
         SplitBy::Run => {
             let runs = rows.links.rows.iter().map(|row| u64::from(row.run));
-            Blocks::of_keys("campaigns", &runs.collect::<Vec<_>>())
+            Blocks::of_keys("campaigns", &runs.collect::<Vec<_>>()).showing(Few::Certain)
         }
     };
     if blocks.n_blocks() < 2 {

@@ -63,6 +63,17 @@ fn way(link: &Link<'_>) -> [f64; 3] {
     std::array::from_fn(|k| link.receiver.position_m[k] - link.sender.position_m[k])
 }
 
+/// The bearing at which an end of a row, 0 for the sender and 1 for the receiver, sees the other (rad); none where its heading is unknown.
+#[must_use]
+pub fn bearing_rad(rows: &ModelledLinks, row: usize, end: usize) -> Option<f64> {
+    let bearing_rad = rows.link(row, |link| {
+        let ends = [(link.sender.heading_rad, 1.0), (link.receiver.heading_rad, -1.0)];
+        let (heading_rad, sign) = ends[end];
+        seen(link, heading_rad, sign)
+    });
+    Some(bearing_rad).filter(|it| it.is_finite())
+}
+
 /// The bearing at which an end sees the other, from where its body faces (rad, -pi to pi); NaN where that is unknown.
 fn seen(link: &Link<'_>, heading_rad: Option<f64>, sign: f64) -> f64 {
     let [dx, dy, _] = way(link);
