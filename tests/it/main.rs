@@ -27,6 +27,7 @@ mod documented;
 mod exploration;
 mod extension;
 mod faults;
+mod few_replicates;
 mod flocking;
 mod formation;
 mod formula;

@@ -69,6 +69,7 @@ pub(crate) fn doubts<S: Study>(
             .or_else(|| of_unknown_shape(candidate, estimates))
             .or_else(|| at_bound(candidate, estimates))
             .or_else(|| of_few_blocks(study))
+            .or_else(|| search.may_be_of_runs(term, &others).then(|| RUNS.to_owned()))
             .or_else(|| {
                 let is_open = candidate.is_spread && !is_independent(remains.pure);
                 is_open.then(|| SPREAD.to_owned())
@@ -161,6 +162,8 @@ const NOISE: &str = "noise of another skew or other tails explains these data as
 /// Of an effect that gains nothing beside a free curve, or less than is left unexplained.
 pub(crate) const PART: &str = "something else is missing, of which this may be a part";
 
+/// Of an effect whose size differs between runs.
+const RUNS: &str = "it differs between runs by so much that its mean over these may be chance";
 /// Of an effect that turns robots whose headings are not those of their course.
 const DRIFT: &str = "measured headings drift against the course that positions show, so that their sensor may be wrong";
 

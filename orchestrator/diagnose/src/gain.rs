@@ -200,6 +200,14 @@ mod tests {
         assert!((0.005..0.05).contains(&with(2)), "{}", with(2));
     }
 
+    #[test]
+    fn of_four_blocks_more_standard_errors_are_chance_than_of_many() {
+        let of = |n_blocks| Gain { n_blocks, ..Gain::NONE }.apart_errors();
+        // By tables: 3.18 at three degrees of freedom.
+        assert!((of(4) - 3.18).abs() < 0.01, "{}", of(4));
+        assert!((of(60) - TIED_ERRORS).abs() < f64::EPSILON);
+    }
+
     /// Gains under a model that is right lie below 0 in the mean, and e^gain is 1 in the mean: a gain of few blocks by chance is
     /// not taken for more than that.
     #[test]

@@ -130,8 +130,8 @@ fn directions(candidate: &Tested) -> Option<String> {
     let Directions { from, to, weaker_by: Parameter { value, low, high, .. } } =
         candidate.directions.as_ref()?;
     Some(format!(
-        "frames from node {from} to node {to} arrive {value:.1} dB weaker than from {to} to {from} (90 %: {low:.1} to {high:.1}); two nodes do \
-         not tell a weaker transmitter of {from} from a less sensitive receiver of {to}, and which direction is right depends on system-gain"
+        "frames from node {from} to node {to} arrive {value:.1} dB weaker than from {to} to {from} (90 %: {low:.1} to {high:.1}). Two nodes do \
+         not tell a weaker transmitter of {from} from a less sensitive receiver of {to}, nor which direction is right from system-gain"
     ))
 }
 

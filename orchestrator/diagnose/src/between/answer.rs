@@ -205,7 +205,7 @@ fn constants<S: Study>(
     sides: &Sides,
 ) -> Option<Constants> {
     let rows = sides.linearised(study, &search.full_fit(&found.terms, COMMON, None))?;
-    let dependences = Dependences::of(study);
+    let dependences = Dependences::of(study, sides);
     let contrasts = Contrasts::new(study, &rows, &dependences, sides);
     Some(contrasts.constants(&study.directions()))
 }

@@ -17,9 +17,9 @@ use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::{BTreeMap, BTreeSet};
 use study::linear::{Column, Dependence, Direction, Linearised, on_rows};
 use study::thresholds::{
-    DIFFERENCE_NATS, DIFFERENCE_SHARE, FAMILY_ERROR, LIKE_RANGES, MOST_FITTED_DIFFERENCES,
-    MOST_INSIGNIFICANT_DIFFERENCES, MOST_TESTED_DIFFERENCES, RANGE_TAIL, SAME_COLUMNS,
-    SHARED_RANGE, WORTH_SHARE,
+    DIFFERENCE_NATS, DIFFERENCE_SHARE, FAMILY_ERROR, FEWEST_REPLICATES, LIKE_RANGES,
+    MOST_FITTED_DIFFERENCES, MOST_INSIGNIFICANT_DIFFERENCES, MOST_TESTED_DIFFERENCES, RANGE_TAIL,
+    SAME_COLUMNS, SHARED_RANGE, WORTH_SHARE,
 };
 use study::{Study, TermId, linear::Partition};
 
@@ -44,6 +44,15 @@ pub(super) struct Sides {
 }
 
 impl Sides {
+    /// Whether both campaigns have enough of the replicates to which rows belong.
+    fn have_replicates(&self, of_row: &[u32]) -> bool {
+        [false, true].into_iter().all(|is_b| {
+            let of_side = of_row.iter().zip(&self.is_b).filter(|(_, side)| **side == is_b);
+            let distinct: BTreeSet<u32> = of_side.map(|(replicate, _)| *replicate).collect();
+            FEWEST_REPLICATES <= distinct.len()
+        })
+    }
+
     /// Which rows of a study are of the campaigns of B. None where all rows are of one side.
     #[must_use]
     pub(super) fn of<S: Study>(study: &S, runs_b: &[u32]) -> Option<Self> {
@@ -186,8 +195,10 @@ pub(super) struct Dependences {
 impl Dependences {
     /// Of a study.
     #[must_use]
-    pub(super) fn of<S: Study>(study: &S) -> Self {
-        let all = study.dependence();
+    pub(super) fn of<S: Study>(study: &S, sides: &Sides) -> Self {
+        let mut all = study.dependence();
+        // What changed must exceed what replicates of either campaign differ by.
+        all.replicates = all.replicates.filter(|of_row| sides.have_replicates(of_row));
         let Some(nodes) = &all.nodes else {
             return Self { all, of_nodes: None, pairs: Vec::new() };
         };

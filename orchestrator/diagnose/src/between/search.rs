@@ -149,7 +149,7 @@ pub(super) fn search<S: Study>(
         is_complete: false,
         known: Arc::default(),
     };
-    let dependences = Dependences::of(study);
+    let dependences = Dependences::of(study, sides);
     let mut rounds = Rounds { study, dependences, sides, report };
     let Ok(ended) = stepwise::select(&mut rounds, &mut found);
     if ended.stopped_in().is_some() {

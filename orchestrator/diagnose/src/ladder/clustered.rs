@@ -88,6 +88,23 @@ impl<S: Study> Search<'_, S> {
         p_value().is_some_and(|p_value| p_value < FAMILY_ERROR / self.n_tried() as f64)
     }
 
+    /// Whether what a term of robots moves differs between runs by so much that its mean over them may be chance, by Student's t. Parts of a
+    /// run share what is the run's own. Not of what is limited to some rows.
+    pub(crate) fn may_be_of_runs(&self, term: TermId, others: &[TermId]) -> bool {
+        let dependence = dependence_of(self.study, term);
+        if self.study.dependence().nodes.is_some()
+            || dependence.replicates.is_some()
+            || self.study.candidates()[term].only.is_some()
+        {
+            return false;
+        }
+        let replicates = Some(dependence.campaigns.clone());
+        let of_runs = Dependence { replicates, ..dependence };
+        let p_value = self.clustered_p_value(term, others, &of_runs);
+        debug!(name = self.study.candidates()[term].name, ?p_value, "over runs");
+        p_value.is_some_and(|p_value| FAMILY_ERROR <= p_value)
+    }
+
     /// Whether an effect that is limited to some rows, or moves all alike, is asked for by the slopes of the fit of others. Of few blocks, such
     /// as those of one robot, a mean of gains tells little.
     pub(super) fn is_asked_for(&self, term: TermId, others: &[TermId]) -> bool {

@@ -134,6 +134,37 @@ fn a_few_clusters_tell_nothing() {
     assert_eq!(of(2 * FEWEST_CLUSTERS - 4), None);
 }
 
+/// The p-value of a level of flights of 30 rows, of which each has a level of its own (standard deviation 1) beside this one.
+fn p_of_flights(seed: u64, n_flights: usize, level: f64) -> Option<f64> {
+    let n = 30 * n_flights;
+    let own = |row: usize| normal(seed, 100_000 + row / 30);
+    let mut made = Made::new(1, n, |row| level + own(row) + normal(seed, row));
+    made.dependence.replicates = Some((0..n).map(|row| (row / 30) as u32).collect());
+    Some(made.test(&column(n, |_| 1.0), &[])?.p_value)
+}
+
+#[test]
+fn a_few_flights_are_judged_by_what_they_differ_by() {
+    for n_flights in [4, 8, 15] {
+        let found = |seed: &u64| p_of_flights(*seed, n_flights, 0.0).unwrap() < 0.05;
+        let n_found = (1..=400).filter(found).count();
+        // 5 % of 400 are 20, with a standard deviation of 4.4.
+        assert!((8..=33).contains(&n_found), "{n_found} of 400 with {n_flights} flights");
+    }
+    // The signs of four flights alone would leave 12.5 %.
+    assert!(p_of_flights(1, 4, 30.0).unwrap() < 0.001);
+    assert_eq!(p_of_flights(1, 3, 30.0), None);
+}
+
+#[test]
+fn what_one_flight_alone_shows_is_not_tested() {
+    let n = 240;
+    let mut made = Made::new(1, n, |row| normal(1, row));
+    made.dependence.replicates = Some((0..n).map(|row| (row / 30) as u32).collect());
+    let of_one = column(n, |row| if row < 30 { 1.0 } else { 0.0 });
+    assert_eq!(made.test(&of_one, &[]), None);
+}
+
 #[test]
 fn what_shows_in_few_rows_of_many_series_is_found() {
     // Blocks of single series are many and most of them say nothing; blocks across series are few. The skewness of one is not that of the

@@ -151,6 +151,28 @@ fn drifting() -> Diagnosis {
 }
 
 #[test]
+fn of_two_nodes_the_weaker_direction_stands_after_the_verdict() {
+    let weaker_by = Parameter { value: 8.04, unit: "dB".to_owned(), low: 7.5, high: 8.56 };
+    let levels = |doubt: Option<&str>| Tested {
+        directions: Some(Directions { from: 2, to: 1, weaker_by: weaker_by.clone() }),
+        doubt: doubt.map(str::to_owned),
+        ..candidate("node-offset")
+    };
+    let of = |levels| Diagnosis {
+        missing: texts(&["node-offset"]),
+        candidates: vec![levels],
+        ..diagnosis(Verdict::MissingEffects)
+    };
+    let expected = "missing: node-offset. Frames from node 2 to node 1 arrive 8.0 dB weaker than from 1 to 2 (90 %: 7.5 to 8.6). Two nodes do not \
+                    tell a weaker transmitter of 2 from a less sensitive receiver of 1, nor which direction is right from system-gain";
+    assert_eq!(sentence(&of(levels(None))), expected);
+    // What is not certain is not in the sentence.
+    let doubted = of(levels(Some("the data are few")));
+    assert!(!sentence(&doubted).contains("weaker"));
+    assert!(text(&doubted).contains("\n  frames from node 2 to node 1 arrive 8.0 dB weaker"));
+}
+
+#[test]
 fn what_is_possible_has_its_reason_and_stands_after_the_verdict() {
     let expected = "missing: heading-bias. Possibly also steering-bias, which would explain 100 % of structure over time_s: not certain, \
                     because headings would be off by 0.254 rad instead of 0.116 rad. Possibly also actuator-lag (turn) and yaw-coupling \
