@@ -8,7 +8,7 @@ use crate::score_test::{ScoreTest, ScoreTests};
 use proto::effect::{CONSTANT, Level};
 use study::linear::{Column, Dependence, Linearised};
 use study::thresholds::{FAMILY_ERROR, FAR_HALF_INTERVALS, UNCORRECTED_LEVEL};
-use study::{COMMON, Study, TermId};
+use study::{COMMON, Candidate, Study, TermId};
 use tracing::debug;
 
 impl<S: Study> Search<'_, S> {
@@ -46,46 +46,50 @@ impl<S: Study> Search<'_, S> {
         if self.study.columns(&fit, term).is_empty() {
             return true;
         }
-        let p_value = self.clustered_p_value(term, others, &dependence);
-        debug!(name = candidate.name, ?p_value, "clustered");
+        let p_values = self.clustered_p_values(term, others, &dependence);
+        debug!(name = candidate.name, ?p_values, "clustered");
         // Where nothing can be told, the gain on rows left out decides; not of a few replicates, one of which may be all that it is.
-        p_value.map_or(!are_few, |p_value| p_value < UNCORRECTED_LEVEL)
+        let told = p_values.into_iter().flatten().reduce(f64::min);
+        told.map_or(!are_few, |least| 2.0 * least < UNCORRECTED_LEVEL)
     }
 
-    /// P-value of what a term moves beside others, by rows that depend on each other. None where nothing can be told.
-    fn clustered_p_value(
+    /// P-values of what a term moves beside others, by rows that depend on each other: as the likelihood weighs rows, and with equal weights.
+    /// The likelihood has heavy tails and gives large errors a small weight. None where nothing can be told.
+    fn clustered_p_values(
         &self,
         term: TermId,
         others: &[TermId],
         dependence: &Dependence,
-    ) -> Option<f64> {
+    ) -> [Option<f64>; 2] {
         let fit = self.full_fit(others, COMMON, None);
-        let rows = self.study.linearised(&fit)?;
-        let columns = self.study.columns(&fit, term);
-        // The likelihood has heavy tails and gives large errors a small weight. Therefore the test is also made with equal weights.
         let with_effect = self.full_fit(&with_term(others, term), COMMON, Some(&fit));
-        let left = self.study.linearised(&with_effect)?;
-        let p_values = [(&rows, &left), (&rows.plain(), &left.plain())]
-            .map(|(rows, left)| p_value(&ScoreTests::new(rows, dependence), left, &columns));
-        p_values.into_iter().flatten().reduce(f64::min).map(|least| 2.0 * least)
+        let [rows, left] = [&fit, &with_effect].map(|fit| self.study.linearised(fit));
+        let (Some(rows), Some(left)) = (rows, left) else { return [None; 2] };
+        let columns = self.study.columns(&fit, term);
+        [(&rows, &left), (&rows.plain(), &left.plain())]
+            .map(|(rows, left)| p_value(&ScoreTests::new(rows, dependence), left, &columns))
     }
 
-    /// Whether a term is significant by a few replicates after correction for all candidates: by Student's t of what it moves in each. Gains
-    /// of flights differ more than sizes of an effect do, so that a mean of few gains tells less.
+    /// Whether an effect is significant by a few replicates after correction for all effects: by Student's t of what it moves in each. Gains of
+    /// flights differ more than sizes of an effect do, so that a mean of few gains tells less.
     pub(super) fn is_replicated(&self, term: TermId, others: &[TermId]) -> bool {
         let candidate = &self.study.candidates()[term];
+        let are_few = self.study.blocks(COMMON).replicates().is_some();
+        if !are_few && self.study.passes(term).is_none() {
+            return false;
+        }
         let p_value = || {
             if let Some(passes) = self.study.passes(term) {
                 let rows = self.study.linearised(&self.full_fit(others, COMMON, None))?;
                 return Some(passes::p_value(&rows, passes));
             }
+            let is_of_mean = candidate.level != Level::Random && candidate.curve_over().is_none();
             let dependence = dependence_of(self.study, term);
-            let is_of_few = dependence.replicates.is_some()
-                && candidate.level != Level::Random
-                && candidate.curve_over().is_none();
-            is_of_few.then(|| self.clustered_p_value(term, others, &dependence))?
+            is_of_mean.then(|| self.clustered_p_values(term, others, &dependence)[0])?
         };
-        p_value().is_some_and(|p_value| p_value < FAMILY_ERROR / self.n_tried() as f64)
+        let is_effect = |it: &&Candidate| it.is_tried() && it.curve_over().is_none();
+        let n = self.study.candidates().iter().filter(is_effect).count() as f64;
+        p_value().is_some_and(|p_value| n * p_value < FAMILY_ERROR)
     }
 
     /// Whether what a term of robots moves differs between runs by so much that its mean over them may be chance, by Student's t. Parts of a
@@ -100,7 +104,7 @@ impl<S: Study> Search<'_, S> {
         }
         let replicates = Some(dependence.campaigns.clone());
         let of_runs = Dependence { replicates, ..dependence };
-        let p_value = self.clustered_p_value(term, others, &of_runs);
+        let [p_value, _] = self.clustered_p_values(term, others, &of_runs);
         debug!(name = self.study.candidates()[term].name, ?p_value, "over runs");
         p_value.is_some_and(|p_value| FAMILY_ERROR <= p_value)
     }
