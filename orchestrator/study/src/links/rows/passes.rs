@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn bearings_in_any_order_are_passed_and_half_of_the_plane_is_not() {
-        let mixed = (0..80u32).map(|row| f64::from(row * 27 % 80) / 80.0);
+        let mixed = (0..80u32).map(|row| (f64::from(row * 31 % 80) + 0.5) / 80.0);
         assert!(4 <= lengths(mixed).len());
         let half = (0..400u32).map(|row| f64::from(row % 40) / 80.0);
         assert_eq!(lengths(half), [0; 0]);
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn what_is_passed_on_several_spots_counts_on_each_by_itself() {
-        let steps = (0..320u32).map(|row| (row, row / 20 % 2, TAU * f64::from(row) / 80.0));
+        let steps = (0..320u32).map(|row| (row, row / 20 % 2, TAU * (f64::from(row) + 0.5) / 80.0));
         assert_eq!(passes(steps), [Vec::<u32>::new(); 0]);
     }
 }
