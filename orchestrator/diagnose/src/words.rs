@@ -115,7 +115,7 @@ fn further(diagnosis: &Diagnosis) -> Vec<String> {
             all.push(format!("also missing: {missing}"));
         }
         let certain = diagnosis.accepted().filter(|candidate| candidate.doubt.is_none());
-        all.extend(certain.filter_map(|candidate| directions(candidate)));
+        all.extend(certain.filter_map(directions));
         all.extend(possible(diagnosis));
         all.extend(open_structure(diagnosis));
     }
