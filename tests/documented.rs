@@ -20,6 +20,9 @@ use std::process::{Command, Stdio};
 /// Pages whose commands take minutes: `tests/external/test_documented.py` runs them.
 pub const LONG: [&str; 2] = ["docs/measured-packets.md", "docs/missing-physics.md"];
 
+/// Pages whose commands need measurements that are not in the repository: `tests/external/test_real_flight.py` runs them.
+pub const MEASURED: [&str; 1] = ["docs/real-flight.md"];
+
 /// Pages whose commands simulate large swarms: `.ci/release` runs them.
 pub const LARGE: [&str; 1] = ["docs/performance.md"];
 

@@ -38,9 +38,9 @@ REAL_TESTS = "test_real_measurements.py"
 REAL_MISSING = f"real measurements were not found: {REAL_TESTS} does not run. Set {REAL} to their folder (tests/external/README.md)"
 HAS_REAL = bool(os.environ.get(REAL))
 # So are those that somebody else made up.
-STRANGE_TESTS = "test_strange_measurements.py"
+STRANGE_TESTS = ["test_strange_measurements.py", "test_real_flight.py"]
 HAS_STRANGE = bool(os.environ.get("MURMURATION_CASES"))
-collect_ignore = ([] if HAS_REAL else [REAL_TESTS]) + ([] if HAS_STRANGE else [STRANGE_TESTS])
+collect_ignore = ([] if HAS_REAL else [REAL_TESTS]) + ([] if HAS_STRANGE else STRANGE_TESTS)
 
 # A run of a ready experiment takes seconds; a hang must not take the whole of CI with it.
 RUN_DEADLINE_S = 120

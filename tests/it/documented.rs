@@ -1,13 +1,14 @@
 //! What the pages show is what the programs print.
 
-use tests::documented::{LARGE, LONG, commands, deviations_of_page, pages};
+use tests::documented::{LARGE, LONG, MEASURED, commands, deviations_of_page, pages};
 
 #[test]
 fn numbers_on_the_pages_are_those_that_the_documented_commands_print() {
     let programs = tests::executable("murmuration").parent().unwrap().to_owned();
     let mut wrong = Vec::new();
     let mut n_run = 0;
-    let is_short = |page: &&String| !LONG.iter().chain(&LARGE).any(|other| other == page);
+    let elsewhere = [&LONG[..], &LARGE, &MEASURED].concat();
+    let is_short = |page: &&String| !elsewhere.contains(&page.as_str());
     for page in pages().iter().filter(is_short) {
         let text = std::fs::read_to_string(tests::repository().join(page)).unwrap();
         if commands(&text).is_empty() {
@@ -22,8 +23,8 @@ fn numbers_on_the_pages_are_those_that_the_documented_commands_print() {
 }
 
 #[test]
-fn pages_whose_commands_take_long_have_some() {
-    for page in LONG.into_iter().chain(LARGE) {
+fn pages_that_other_tests_run_have_commands() {
+    for page in LONG.into_iter().chain(LARGE).chain(MEASURED) {
         let text = std::fs::read_to_string(tests::repository().join(page)).unwrap();
         assert!(
             !commands(&text).is_empty(),
