@@ -8,7 +8,7 @@ use crate::certainty::{
     BEGINNING, PART, at_bound, implausible, is_size_identified, of_unknown_shape, unidentified,
 };
 use crate::ladder::Search;
-use study::thresholds::{FAMILY_ERROR, FEWEST_RECORDINGS};
+use study::thresholds::{FAMILY_ERROR, FEWEST_REPLICATES};
 use study::{Candidate, Estimate, Study};
 
 /// Why a change is not certain; none: it is, or it is tied and says so.
@@ -54,7 +54,7 @@ fn of_recordings(change: &FoundChange, counts: [usize; 2]) -> Option<String> {
             p_value.min(1.0)
         )),
         None => Some(format!(
-            "what differs from one recording to the next looks the same: a change is certain from {FEWEST_RECORDINGS} recordings of \
+            "what differs from one recording to the next looks the same: a change is certain from {FEWEST_REPLICATES} recordings of \
              each campaign on, and there are {} of A and {} of B (column run)",
             counts[0], counts[1]
         )),

@@ -8,7 +8,7 @@ use crate::score_test::Total;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use study::Study;
-use study::thresholds::{FEWEST_RECORDINGS, TAIL_90};
+use study::thresholds::{FEWEST_REPLICATES, TAIL_90};
 
 /// Share of the information of all recordings that one has at least, to have an amplitude.
 const LEAST_SHARE: f64 = 1e-6;
@@ -48,7 +48,7 @@ impl Recordings {
     /// Whether each side has enough of them to tell how much recordings of one condition differ.
     #[must_use]
     pub(super) fn are_enough(&self) -> bool {
-        self.counts().iter().all(|n| FEWEST_RECORDINGS <= *n)
+        self.counts().iter().all(|n| FEWEST_REPLICATES <= *n)
     }
 
     /// The difference of amplitudes between B and A. `totals`: of each recording. None where too few recordings tell something of it.
@@ -76,7 +76,7 @@ pub(super) struct MeanDifference {
 
 impl MeanDifference {
     fn of(a: &[f64], b: &[f64]) -> Option<Self> {
-        if a.len().min(b.len()) < FEWEST_RECORDINGS {
+        if a.len().min(b.len()) < FEWEST_REPLICATES {
             return None;
         }
         let mean_and_variance = |values: &[f64]| {

@@ -5,7 +5,7 @@ use crate::defects::MeasurementDefect;
 use crate::diagnosis::Parameter;
 use crate::gate::Misfit;
 use std::fmt::Write as _;
-use study::thresholds::{DOUBTFUL_LEVEL, FEWEST_RECORDINGS};
+use study::thresholds::{DOUBTFUL_LEVEL, FEWEST_REPLICATES};
 
 /// The verdict on two campaigns in a sentence.
 #[must_use]
@@ -44,7 +44,7 @@ pub fn sentence(between: &Between) -> String {
 /// Whether a campaign has fewer recordings than tell how much recordings differ by themselves.
 fn has_few_recordings(between: &Between) -> bool {
     let SidesOf { a, b } = between.recordings;
-    a.min(b) < FEWEST_RECORDINGS
+    a.min(b) < FEWEST_REPLICATES
 }
 
 /// Why changes are not certain, each reason once.

@@ -26,9 +26,6 @@ pub const DOUBTFUL_LEVEL: f64 = 0.05;
 pub const FEWEST_CHANGE_BLOCKS: usize = 10;
 /// Campaign B was at new places if more than this share of its rows has no row of A in its block of places.
 pub const NEW_PLACES_SHARE: f64 = 0.02;
-/// Fewest recordings of a condition, on each side, for a change to be certain. With fewer, Welch's test of their means has hardly any
-/// degrees of freedom, and signs of four are no rarer than one in eight.
-pub const FEWEST_RECORDINGS: usize = 4;
 /// Share of the rows of a campaign beyond each end of what counts as its range of a covariate: stray values are no range.
 pub const RANGE_TAIL: f64 = 0.01;
 /// Rows are compared within the range of a covariate that both campaigns share if it has at least this share of the rows of each. Of
