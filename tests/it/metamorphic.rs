@@ -252,7 +252,8 @@ fn another_transmit_power_changes_the_gain_and_nothing_else() {
     let has_no_constant = |number: &usize| {
         ![Hidden::Temperature, Hidden::Sinusoid].iter().any(|kind| HIDDEN[*number].contains(kind))
     };
-    let numbers = (0..HIDDEN.len()).filter(has_no_constant);
+    // Every other one: each takes two diagnoses, and differs from its neighbour in what is hidden alone.
+    let numbers = (0..HIDDEN.len()).filter(has_no_constant).step_by(2);
     let failures: Vec<String> = numbers.flat_map(gain_failures).collect();
     assert!(failures.is_empty(), "{failures:#?}");
 }
