@@ -42,12 +42,12 @@ pub(super) fn doubt<S: Study>(
             (!names.is_empty())
                 .then(|| format!("A and B have hardly a value in common of {}", names.join(", ")))
         })
-        .or_else(|| of_recordings(change, sides.recordings.counts()))
+        .or_else(|| of_recordings(change.recordings_p_value, sides.recordings.counts()))
 }
 
-/// Why recordings do not show a change. `counts`: of A and of B.
-fn of_recordings(change: &FoundChange, counts: [usize; 2]) -> Option<String> {
-    match change.recordings_p_value {
+/// Why recordings do not show a change. `p_value`: by recordings, times the number of tests; `counts`: of A and of B.
+fn of_recordings(p_value: Option<f64>, counts: [usize; 2]) -> Option<String> {
+    match p_value {
         Some(p_value) if p_value < FAMILY_ERROR => None,
         Some(p_value) => Some(format!(
             "recordings of one campaign differ by nearly as much (p = {:.2} by recordings)",
@@ -83,36 +83,17 @@ fn unidentified_difference(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gain::Gain;
-
-    fn change(recordings_p_value: Option<f64>) -> FoundChange {
-        let term = std::iter::once(()).collect::<study::PerTerm<()>>().ids().next().unwrap();
-        FoundChange {
-            effect: term,
-            one: None,
-            in_a: None,
-            in_b: term,
-            gain: Gain::default(),
-            p_value: 1e-9,
-            widening: 1.0,
-            ties: Vec::new(),
-            ruled_out: Vec::new(),
-            is_only_possible: false,
-            aliases: Vec::new(),
-            recordings_p_value,
-        }
-    }
 
     #[test]
     fn one_recording_a_side_makes_nothing_certain() {
-        let why = of_recordings(&change(None), [1, 1]).unwrap();
+        let why = of_recordings(None, [1, 1]).unwrap();
         assert!(why.contains("4 recordings") && why.contains("1 of A and 1 of B"), "{why}");
     }
 
     #[test]
     fn a_change_must_exceed_what_recordings_differ_by() {
-        assert_eq!(of_recordings(&change(Some(1e-4)), [5, 5]), None);
-        let why = of_recordings(&change(Some(0.2)), [5, 5]).unwrap();
+        assert_eq!(of_recordings(Some(1e-4), [5, 5]), None);
+        let why = of_recordings(Some(0.2), [5, 5]).unwrap();
         assert!(why.contains("p = 0.20"), "{why}");
     }
 }
