@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `campaigns` | from two files to an answer |
 //! | `answer` | from what was found to an answer |
-//! | `search`, `rivals` | the search for changes, and other explanations of them |
+//! | `search`, `choice`, `rivals` | the search for changes, which explanation is chosen, and other explanations of them |
 //! | `pairs` | what stayed the same |
 //! | `recordings` | recordings as replicates of a condition |
 //! | `certainty` | which changes are certain |
@@ -19,6 +19,7 @@
 mod answer;
 mod campaigns;
 mod certainty;
+mod choice;
 mod contrast;
 pub mod error_change;
 mod pairs;

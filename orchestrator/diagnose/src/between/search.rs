@@ -1,5 +1,6 @@
 //! The search for changes: which difference between the campaigns makes the pooled model predict held-out rows better, then which next.
 
+use super::choice::{Choice, Explanation, What, choose};
 use super::contrast::{Contrasts, Dependences, Difference, InBoth, One, RUNS, Sides, has_moved};
 use super::rivals;
 use crate::acceptance;
@@ -110,20 +111,6 @@ pub(super) struct Found<F> {
     pub is_complete: bool,
     /// What the search has computed.
     pub known: Arc<Known<F>>,
-}
-
-/// One explanation of the residuals.
-struct Explanation {
-    terms: Vec<TermId>,
-    what: What,
-    gain: Gain,
-    scores: Arc<Vec<RowScore>>,
-    n_parameters: usize,
-}
-
-enum What {
-    Change(FoundChange),
-    Common(TermId),
 }
 
 /// Looks for changes. `base`: what a diagnosis of A accepted.
@@ -581,61 +568,4 @@ fn is_worth(scores: &[RowScore], parent: &[RowScore], is_concerned: &[bool]) -> 
     let (now, before) = (Scores::mean(&scores), Scores::mean(&parent));
     let gain = now.log_score - before.log_score;
     acceptance::is_worth(gain, 0.0, || now.share_removed(&before))
-}
-
-/// The explanation that is chosen among those that were fitted.
-struct Choice {
-    best: Explanation,
-    /// Explanations that these data do not distinguish from it, and whether they act in both campaigns.
-    ties: Vec<(Tie, bool)>,
-    /// Names of those that predict held-out rows significantly worse.
-    ruled_out: Vec<String>,
-}
-
-/// Chooses the explanation that predicts held-out rows best. Of those that these data do not distinguish from it, the one with the fewest
-/// parameters is chosen, and the best of these.
-fn choose(
-    mut explanations: Vec<Explanation>,
-    blocks: &[u32],
-    name: impl Fn(&What) -> String,
-    generalises: impl Fn(&What, &What) -> bool,
-) -> Option<Choice> {
-    explanations.sort_by(|a, b| b.gain.gain.total_cmp(&a.gain.gain));
-    // Of an effect and its special case the special one, unless it predicts held-out rows clearly worse.
-    let most = explanations.first()?;
-    let is_preferred = |special: &&Explanation| {
-        let over = Gain::from_scores(&most.scores, &special.scores, blocks);
-        generalises(&most.what, &special.what) && over.gain <= 2.0 * over.standard_error
-    };
-    let place = explanations.iter().position(|special| is_preferred(&special)).unwrap_or(0);
-    let special = explanations.remove(place);
-    explanations.insert(0, special);
-    let best = explanations.first()?;
-    let is_tied = |other: &Explanation| {
-        let gain = Gain::from_scores(&best.scores, &other.scores, blocks);
-        DISTINGUISHED_LEVEL <= gain.p_value
-    };
-    let tied: Vec<bool> =
-        explanations.iter().enumerate().map(|(k, other)| k == 0 || is_tied(other)).collect();
-    let worse = explanations.iter().zip(&tied).filter(|(_, is_tied)| !**is_tied);
-    let ruled_out = worse.map(|(it, _)| name(&it.what)).collect();
-    let mut tied = tied.into_iter();
-    explanations.retain(|_| tied.next().unwrap_or(false));
-    let fewest = explanations.iter().map(|it| it.n_parameters).min()?;
-    // A change goes before an effect in both campaigns, which is named beside it.
-    let is_change = |it: &Explanation| matches!(it.what, What::Change(_));
-    let place = explanations
-        .iter()
-        .position(|it| it.n_parameters == fewest && is_change(it))
-        .or_else(|| explanations.iter().position(is_change))
-        .unwrap_or(0);
-    let best = explanations.remove(place);
-    let ties = explanations
-        .iter()
-        .map(|it| {
-            let is_common = matches!(it.what, What::Common(_));
-            (Tie { name: name(&it.what), term: it.terms.last().copied() }, is_common)
-        })
-        .collect();
-    Some(Choice { best, ties, ruled_out })
 }

@@ -146,7 +146,9 @@ mod tests {
             let mut robots = flight([1.0, 1.0]);
             robots.commands = CommandKind::Thrust;
             for sample in &mut robots.samples {
-                sample.command[2] = scale * 0.032 * GRAVITY_MPS2;
+                let thrust_n = |part_mps2: f64| scale * 0.032 * part_mps2;
+                let [forwards, left, _] = sample.command;
+                sample.command = [forwards, left, GRAVITY_MPS2].map(thrust_n);
             }
             warnings(&robots, Some(0.032))
         };

@@ -62,6 +62,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
     (
         "tolerances, and what keeps a computation finite",
         &[
+            ("diagnose/src/between/recordings.rs", &["LEAST_SHARE"]),
             ("diagnose/src/ladder/contradiction.rs", &["TURNED_RAD"]),
             ("diagnose/src/measured.rs", &["SAME_M"]),
             ("diagnose/src/score_test.rs", &["LEAST_LEFT"]),
@@ -97,6 +98,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
             ("study/src/robots/headings.rs", &["MOST_CONCENTRATED", "N_POINTS", "SERIES_FROM"]),
             ("study/src/robots/linear.rs", &["MOVES_M"]),
             ("study/src/robots/motion.rs", &["SAME_M"]),
+            ("study/src/robots/odd_commands.rs", &["HALF_S"]),
             ("study/src/symbolic.rs", &["NOTHING"]),
         ],
     ),
