@@ -1,10 +1,13 @@
 //! Which of several explanations of one round is chosen, and which are indistinguishable from it.
 
-use super::search::{FoundChange, Tie};
+use super::contrast::Sides;
+use super::search::{Found, FoundChange, Tie, limited, only};
 use crate::gain::Gain;
+use crate::ladder::{Search, without_term};
+use crate::progress::SearchProgress;
 use std::sync::Arc;
-use study::thresholds::DISTINGUISHED_LEVEL;
-use study::{RowScore, TermId};
+use study::thresholds::{DISTINGUISHED_LEVEL, FAMILY_ERROR, WORTH_NATS};
+use study::{COMMON, RowScore, Study, TermId};
 
 /// One explanation of the residuals.
 pub(super) struct Explanation {
@@ -75,4 +78,32 @@ pub(super) fn choose(
         })
         .collect();
     Some(Choice { best, ties, ruled_out })
+}
+
+/// Of the effects that move the same rows alike as a change those that these data do not distinguish from it, with the terms that stand in
+/// its place: beside such a term the change gains nothing.
+pub(super) fn aliases<S: Study>(
+    study: &mut S,
+    found: &mut Found<S::Fit>,
+    (change, terms): (&FoundChange, &[TermId]),
+    (sides, report): (&Sides, &(dyn Fn(SearchProgress<'_>) + Sync)),
+) -> Vec<(TermId, TermId)> {
+    let mut alike = Vec::new();
+    for &effect in &change.aliases {
+        let only = only(change.one.as_ref(), Some(&sides.runs_b));
+        alike.extend(limited(study, effect, &only).map(|term| (effect, term)));
+    }
+    let search = Search::new(&*study, report).with_known(Arc::clone(&found.known));
+    let start = search.full_fit(terms, COMMON, None);
+    alike.retain(|&(_, term)| {
+        let beside = [terms, &[term]].concat();
+        let instead = without_term(&beside, change.in_b);
+        for terms in [&instead, &beside] {
+            search.full_fit(terms, COMMON, Some(&start));
+        }
+        let gain = search.gain(&beside, &instead, COMMON);
+        !(gain.p_value < FAMILY_ERROR && WORTH_NATS / 2.0 < gain.gain)
+    });
+    found.known = search.known();
+    alike
 }

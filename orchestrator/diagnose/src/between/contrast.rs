@@ -18,8 +18,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use study::linear::{Column, Dependence, Direction, Linearised, on_rows};
 use study::thresholds::{
     DIFFERENCE_NATS, DIFFERENCE_SHARE, FAMILY_ERROR, FEWEST_REPLICATES, LIKE_RANGES,
-    MOST_FITTED_DIFFERENCES, MOST_INSIGNIFICANT_DIFFERENCES, MOST_TESTED_DIFFERENCES, RANGE_TAIL,
-    SAME_COLUMNS, SHARED_RANGE, WORTH_SHARE,
+    MOST_FITTED_DIFFERENCES, MOST_INSIGNIFICANT_DIFFERENCES, MOST_TESTED_DIFFERENCES, OF_A_SHARE,
+    RANGE_TAIL, SAME_COLUMNS, SHARED_RANGE, WORTH_SHARE,
 };
 use study::{Study, TermId, linear::Partition};
 
@@ -337,7 +337,7 @@ impl<'a> Contrasts<'a> {
         if let Some((of, _)) = self.tests.by_group(&column, (&there, beside), &sides)
             && let [a, b] = of[..]
         {
-            difference.is_of_a = b.amplitude().abs() < a.amplitude().abs();
+            difference.is_of_a = b.amplitude().abs() < OF_A_SHARE * a.amplitude().abs();
         }
         let totals = self.tests.by_group(&column, (&there, beside), &recordings.of_row);
         if let Some((totals, information)) = totals

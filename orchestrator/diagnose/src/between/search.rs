@@ -1,6 +1,6 @@
 //! The search for changes: which difference between the campaigns makes the pooled model predict held-out rows better, then which next.
 
-use super::choice::{Choice, Explanation, What, choose};
+use super::choice::{Choice, Explanation, What, aliases, choose};
 use super::contrast::{Contrasts, Dependences, Difference, InBoth, One, RUNS, Sides, has_moved};
 use super::rivals;
 use crate::acceptance;
@@ -272,14 +272,11 @@ impl<S: Study> Stepwise for Rounds<'_, S> {
                 }
                 let mut is_only_possible = ties.iter().any(|(_, is_common)| *is_common);
                 let mut ties: Vec<Tie> = ties.into_iter().map(|(tie, _)| tie).collect();
-                let is_known = |ties: &[Tie], term| ties.iter().any(|tie| tie.term == Some(term));
-                for &effect in &change.aliases {
-                    let one = change.one.as_ref();
-                    let Some(term) = limited(study, effect, &only(one, Some(&sides.runs_b))) else {
-                        continue;
-                    };
-                    if !is_known(&ties, term) {
-                        ties.push(Tie { name: change_of(study, effect, one), term: Some(term) });
+                let aliases = aliases(study, found, (&change, &terms), (sides, report));
+                for &(effect, term) in &aliases {
+                    if ties.iter().all(|tie| tie.term != Some(term)) {
+                        let name = change_of(study, effect, change.one.as_ref());
+                        ties.push(Tie { name, term: Some(term) });
                     }
                 }
                 if let Some(one) = change.one.as_ref().filter(|one| has_moved(study, one, sides)) {
@@ -289,7 +286,14 @@ impl<S: Study> Stepwise for Rounds<'_, S> {
                 is_only_possible |= !ties.is_empty();
                 let is_tied = |name: &String| ties.iter().any(|tie| tie.name == *name);
                 let ruled_out = ruled_out.into_iter().filter(|name| !is_tied(name)).collect();
-                found.changes.push(FoundChange { ties, ruled_out, is_only_possible, ..change });
+                let aliases = aliases.into_iter().map(|(effect, _)| effect).collect();
+                found.changes.push(FoundChange {
+                    ties,
+                    ruled_out,
+                    is_only_possible,
+                    aliases,
+                    ..change
+                });
             }
         }
         if let Some(&added) = terms.last() {

@@ -33,3 +33,6 @@ pub const RANGE_TAIL: f64 = 0.01;
 pub const SHARED_RANGE: f64 = 0.5;
 /// Two ranges of a covariate are alike if their common part has at least this share of the rows of each: nothing is left out for it.
 pub const LIKE_RANGES: f64 = 0.9;
+/// A change is fitted in A, too, if rows of B ask for less than this share of what rows of A do. Chosen: what a fit to both shares out is
+/// as much in one as in the other.
+pub const OF_A_SHARE: f64 = 0.5;
