@@ -311,15 +311,17 @@ fn links_that_change_each_by_itself_are_not_said_to_be_the_same() {
     assert!(1.2 * number(error, "rmse_a") < number(error, "rmse_b"), "{said}");
 }
 
+/// In A the robot was mostly where no robot was in B, so that shared conditions leave too few recordings for a certain answer.
 #[test]
 fn the_robot_that_begins_to_slip_is_named() {
     let a = robots(1, &|_| 1.0, 0.0);
     let b = robots(2, &|agent| if agent == 3 { 0.85 } else { 1.0 }, 0.0);
     let (answer, said) = between(POINTS, &a, &b);
-    assert_eq!(answer["verdict"], "changed", "{said}");
-    assert_eq!(effects(&answer, "changed"), ["slip"], "{said}");
-    assert_eq!(answer["changed"][0]["only"], serde_json::json!({"agents": [3]}), "{said}");
-    let scale = number(&parameter(&answer, "scale")["b"], "value");
+    assert_eq!(answer["verdict"], "cannot-tell", "{said}");
+    assert_eq!(effects(&answer, "possible"), ["slip"], "{said}");
+    let slip = &answer["possible"][0];
+    assert_eq!(slip["only"], serde_json::json!({"agents": [3]}), "{said}");
+    let scale = number(&slip["parameters"]["scale"]["b"], "value");
     assert!((scale - 0.85).abs() < 0.02, "{said}");
 }
 
