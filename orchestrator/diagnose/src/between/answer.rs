@@ -89,7 +89,7 @@ pub(super) fn answer<S: Study>(
         };
         (change.doubt.is_some() || !change.indistinguishable_from.is_empty(), change)
     };
-    let (possible, changed): (Vec<(bool, Change)>, Vec<(bool, Change)>) =
+    let (possible, changed): (Vec<_>, Vec<_>) =
         found.changes.iter().map(of_change).partition(|(is_open, _)| *is_open);
     let [possible, changed] =
         [possible, changed].map(|list| list.into_iter().map(|(_, it)| it).collect::<Vec<Change>>());
