@@ -122,6 +122,6 @@ mod tests {
     #[test]
     fn what_is_passed_on_several_spots_counts_on_each_by_itself() {
         let steps = (0..320u32).map(|row| (row, row / 20 % 2, TAU * (f64::from(row) + 0.5) / 80.0));
-        assert_eq!(passes(steps), [Vec::<u32>::new(); 0]);
+        assert!(passes(steps).is_empty());
     }
 }
