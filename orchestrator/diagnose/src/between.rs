@@ -13,6 +13,7 @@
 //! | `certainty` | which changes are certain |
 //! | `contrast` | tests of differences between the campaigns |
 //! | [`error_change`] | whether the second campaign is predicted worse than the first |
+//! | `welch` | the test of the means of two samples |
 //! | `rule` | the verdict |
 //! | [`words`] | the answer, as people read it |
 
@@ -27,6 +28,7 @@ mod recordings;
 mod rivals;
 mod rule;
 mod search;
+mod welch;
 pub mod words;
 
 pub use campaigns::{BetweenError, BetweenRequest, between};

@@ -82,8 +82,7 @@ fn least_p_value(n_clusters: usize) -> f64 {
     libm::exp2(1.0 - n_clusters as f64)
 }
 
-/// What some rows tell of a column, in place of all: their slope along what is left of it beside others, and how much one unit of the
-/// column moves there.
+/// Score and information of some rows for the amplitude of a column: sums over these rows of what the score test sums over all.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Total {
     pub slope: f64,
@@ -95,6 +94,12 @@ impl Total {
     #[must_use]
     pub(crate) fn amplitude(self) -> f64 {
         self.slope / self.information
+    }
+
+    /// Adds those of other rows.
+    pub(crate) fn add(&mut self, other: Self) {
+        self.slope += other.slope;
+        self.information += other.information;
     }
 }
 
@@ -221,18 +226,21 @@ impl<'a> ScoreTests<'a> {
         })
     }
 
-    /// What each group of rows tells of a column, along what is left of another beside what was estimated and others: the ratio of both
-    /// parts of a total estimates its amplitude in the group. Beside them, the information of what is left. `groups`: of each row, by number
-    /// from 0. None where nothing is left.
+    /// Score and information of each group of rows for the amplitude of a column, and the information of all rows. Another column serves as
+    /// the instrument (P. G. Wright, The Tariff on Animal and Vegetable Oils, 1928, appendix B), made orthogonal to what was estimated and to
+    /// some others. None where nothing of it is left.
+    ///
+    /// * `instrument`, `beside`: the other column, and those that it is made orthogonal to.
+    /// * `groups`: the group of each row, by number from 0.
     #[must_use]
     pub(crate) fn by_group(
         &self,
         column: &Column,
-        (along, beside): (&Column, &[&Column]),
+        (instrument, beside): (&Column, &[&Column]),
         groups: &[usize],
     ) -> Option<(Vec<Total>, f64)> {
         let beside = self.units(beside);
-        let (left, information) = self.left(along, &[&self.estimated, &beside])?;
+        let (left, information) = self.left(instrument, &[&self.estimated, &beside])?;
         let n_groups = groups.iter().max().map_or(0, |last| last + 1);
         let mut totals = vec![Total::default(); n_groups];
         for (row, group) in groups.iter().enumerate() {

@@ -66,18 +66,20 @@ pub(super) fn answer<S: Study>(
     let is_something = !constants.misfits.is_empty();
     let of_change = |change: &FoundChange| {
         let settings = study.settings(&fit, change.in_b);
-        let wide = |term: TermId| -> Vec<Estimate> {
-            estimates(term).0.iter().map(|it| widened(it, change.widening)).collect()
+        let wide = |term: TermId| {
+            let (known, warning) = estimates(term);
+            let wide = |it: &Estimate| widened(it, change.widening);
+            (known.iter().map(wide).collect::<Vec<Estimate>>(), warning)
         };
-        let (in_a, in_b) = (change.in_a.map(wide).unwrap_or_default(), wide(change.in_b));
-        let doubt = if is_stopped() || change.is_only_possible {
+        let (in_a, _) = change.in_a.map(wide).unwrap_or_default();
+        let (in_b, warning) = wide(change.in_b);
+        let doubt = if is_stopped() || !change.ties.is_empty() {
             None
         } else {
             let known = (change, &in_a[..], &in_b[..]);
             let too_little = campaigns.too_little.map(str::to_owned);
             certainty::doubt(study, search, found, known, (sides, is_something)).or(too_little)
         };
-        let warning = estimates(change.in_b).1;
         let ties = change.ties.iter().map(|tie| {
             let of_tie = tie.term.filter(|_| !is_stopped());
             let size = of_tie.map(|term| tied_size(study, search, found, (change, term)));
@@ -131,8 +133,7 @@ pub(super) fn answer<S: Study>(
     let [a, b] = campaigns.accounts.map(DataAccount::clone);
     let [n_a, n_b] = sides.recordings.counts();
     let is_change = |term: &&TermId| found.changes.iter().any(|change| change.effect == **term);
-    let is_alias = |term: &&TermId| found.changes.iter().any(|it| it.aliases.contains(*term));
-    let not_found = found.tested.iter().filter(|term| !is_change(term) && !is_alias(term));
+    let not_found = found.tested.iter().filter(|term| !is_change(term));
     let names = not_found.map(|&term| study.candidates()[term].name.clone());
     // What a change is tied with was found as much as the change.
     let not_found = names.filter(|name| !is_tied(found, name)).collect();

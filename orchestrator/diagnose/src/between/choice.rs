@@ -26,8 +26,8 @@ pub(super) enum What {
 /// The explanation that is chosen among those that were fitted.
 pub(super) struct Choice {
     pub best: Explanation,
-    /// Explanations that these data do not distinguish from it, and whether they act in both campaigns.
-    pub ties: Vec<(Tie, bool)>,
+    /// Explanations that these data do not distinguish from it.
+    pub ties: Vec<Tie>,
     /// Names of those that predict held-out rows significantly worse.
     pub ruled_out: Vec<String>,
 }
@@ -62,7 +62,7 @@ pub(super) fn choose(
     let mut tied = tied.into_iter();
     explanations.retain(|_| tied.next().unwrap_or(false));
     let fewest = explanations.iter().map(|it| it.n_parameters).min()?;
-    // A change goes before an effect in both campaigns, which is named beside it.
+    // A change is preferred to an effect that acts in both campaigns, which is listed as a tie.
     let is_change = |it: &Explanation| matches!(it.what, What::Change(_));
     let place = explanations
         .iter()
@@ -72,10 +72,7 @@ pub(super) fn choose(
     let best = explanations.remove(place);
     let ties = explanations
         .iter()
-        .map(|it| {
-            let is_common = matches!(it.what, What::Common(_));
-            (Tie { name: name(&it.what), term: it.terms.last().copied() }, is_common)
-        })
+        .map(|it| Tie { name: name(&it.what), term: it.terms.last().copied() })
         .collect();
     Some(Choice { best, ties, ruled_out })
 }

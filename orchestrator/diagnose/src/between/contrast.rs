@@ -333,19 +333,14 @@ impl<'a> Contrasts<'a> {
         let there = self.sides.in_b(&column);
         let all = &difference.column;
         let beside: &[&Column] = if rows.is_some() { &[all, &column] } else { &[all] };
-        let sides: Vec<usize> = self.sides.is_b.iter().map(|is_b| usize::from(*is_b)).collect();
-        if let Some((of, _)) = self.tests.by_group(&column, (&there, beside), &sides)
-            && let [a, b] = of[..]
-        {
-            difference.is_of_a = b.amplitude().abs() < OF_A_SHARE * a.amplitude().abs();
-        }
-        let totals = self.tests.by_group(&column, (&there, beside), &recordings.of_row);
-        if let Some((totals, information)) = totals
-            && let Some(by_recording) = recordings.difference(&totals)
-        {
-            difference.recordings_p_value = Some(difference.n_tests * by_recording.p_value());
+        let by_group = self.tests.by_group(&column, (&there, beside), &recordings.of_row);
+        let Some((totals, information)) = by_group else { return };
+        let [a, b] = recordings.by_side(&totals).map(|total| total.amplitude().abs());
+        difference.is_of_a = b < OF_A_SHARE * a;
+        if let Some(test) = recordings.difference(&totals) {
+            difference.recordings_p_value = Some(difference.n_tests * test.two_sided());
             let independent = Z_90 / information.sqrt();
-            difference.recordings_widening = (by_recording.half_width() / independent).max(1.0);
+            difference.recordings_widening = (test.half_width() / independent).max(1.0);
         }
     }
 

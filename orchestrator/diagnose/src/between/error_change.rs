@@ -1,16 +1,15 @@
 //! Whether the model of A predicts B as well as A itself: rows of A by fits to other blocks of A, rows of B by a fit to all of A.
 //!
-//! Means over blocks of rows are compared by Welch's t test (B. L. Welch, The generalization of Student's problem when several different
-//! population variances are involved, Biometrika 34, 1947): of log scores, whether B is predicted worse, and of squared errors, whether
+//! Means over blocks of rows are compared by Welch's t test: of log scores, whether B is predicted worse, and of squared errors, whether
 //! they differ at all. Both together have the probability of the smaller p-value doubled.
 
 use super::contrast::Sides;
+use super::welch::{WeightedMean, WelchTest, welch};
 use crate::json_number;
 use crate::ladder::Search;
 use proto::effect::Level;
 use schemars::JsonSchema;
 use serde::Serialize;
-use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::{BTreeMap, BTreeSet};
 use study::folds::Blocks;
 use study::thresholds::{FEWEST_CHANGE_BLOCKS, NEW_PLACES_SHARE};
@@ -157,14 +156,14 @@ fn changed(
     };
     let [logs_a, logs_b] = of(|score| score.log);
     let [squares_a, squares_b] = of(|score| score.squared_error);
-    let worse = welch(&logs_b, &logs_a).map(WelchTest::lower_tail);
+    let worse = welch(&logs_b, &logs_a, FEWEST_CHANGE_BLOCKS).map(WelchTest::lower_tail);
     let differs = if is_two_sided {
-        welch(&squares_b, &squares_a).map(WelchTest::two_sided)
+        welch(&squares_b, &squares_a, FEWEST_CHANGE_BLOCKS).map(WelchTest::two_sided)
     } else {
-        welch(&squares_a, &squares_b).map(WelchTest::lower_tail)
+        welch(&squares_a, &squares_b, FEWEST_CHANGE_BLOCKS).map(WelchTest::lower_tail)
     };
     let p_value = [worse, differs].into_iter().flatten().fold(f64::NAN, f64::min);
-    let mean = |means: &[BlockMean]| {
+    let mean = |means: &[WeightedMean]| {
         let n: f64 = means.iter().map(|mean| mean.n).sum();
         means.iter().map(|mean| mean.n * mean.value).sum::<f64>() / n
     };
@@ -180,97 +179,21 @@ fn changed(
     })
 }
 
-/// The mean of a block, and of how many rows.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct BlockMean {
-    value: f64,
-    n: f64,
-}
-
 fn means<'a>(
     blocks: impl Iterator<Item = &'a Vec<RowScore>>,
     value: fn(&RowScore) -> f64,
-) -> Vec<BlockMean> {
+) -> Vec<WeightedMean> {
     let of_block = |scores: &Vec<RowScore>| {
         let known: Vec<f64> = scores.iter().map(value).filter(|v| v.is_finite()).collect();
         let n = known.len() as f64;
-        (!known.is_empty()).then(|| BlockMean { value: known.iter().sum::<f64>() / n, n })
+        (!known.is_empty()).then(|| WeightedMean { value: known.iter().sum::<f64>() / n, n })
     };
     blocks.filter_map(of_block).collect()
-}
-
-/// A difference of means, in its standard error.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct WelchTest {
-    t: f64,
-    freedom: f64,
-}
-
-impl WelchTest {
-    /// Probability of a difference at most as great.
-    fn lower_tail(self) -> f64 {
-        StudentsT::new(0.0, 1.0, self.freedom).map_or(1.0, |law| law.cdf(self.t))
-    }
-
-    fn two_sided(self) -> f64 {
-        StudentsT::new(0.0, 1.0, self.freedom).map_or(1.0, |law| 2.0 * law.sf(self.t.abs()))
-    }
-}
-
-/// Welch's test of the mean of one sample of block means less that of another. Blocks count by their rows. None where there are too
-/// few blocks, or they do not vary.
-fn welch(one: &[BlockMean], other: &[BlockMean]) -> Option<WelchTest> {
-    // The mean over rows, and its squared standard error over blocks.
-    let mean_and_variance = |sample: &[BlockMean]| {
-        let n: f64 = sample.iter().map(|block| block.n).sum();
-        let mean = sample.iter().map(|block| block.n * block.value).sum::<f64>() / n;
-        let blocks = sample.len() as f64;
-        let squares: f64 = sample
-            .iter()
-            .map(|block| {
-                let off = block.n * (block.value - mean);
-                off * off
-            })
-            .sum();
-        (mean, blocks / (blocks - 1.0) * squares / (n * n), blocks)
-    };
-    if one.len().min(other.len()) < FEWEST_CHANGE_BLOCKS {
-        return None;
-    }
-    let (mean_one, variance_one, n_one) = mean_and_variance(one);
-    let (mean_other, variance_other, n_other) = mean_and_variance(other);
-    let variance = variance_one + variance_other;
-    let freedom = variance * variance
-        / (variance_one * variance_one / (n_one - 1.0)
-            + variance_other * variance_other / (n_other - 1.0));
-    let t = (mean_one - mean_other) / variance.sqrt();
-    (t.is_finite() && freedom.is_finite()).then_some(WelchTest { t, freedom })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn blocks(values: &[f64]) -> Vec<BlockMean> {
-        values.iter().map(|&value| BlockMean { value, n: 4.0 }).collect()
-    }
-
-    #[test]
-    fn of_blocks_of_equal_size_it_is_welchs_test() {
-        let one = [20.4, 24.2, 15.4, 21.4, 20.2, 18.5, 21.5, 19.8, 22.0, 18.1];
-        let other = [21.8, 25.6, 20.2, 22.3, 23.5, 22.6, 24.9, 22.0, 23.8, 21.0];
-        let WelchTest { t, freedom } = welch(&blocks(&one), &blocks(&other)).unwrap();
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / 10.0;
-        let variance = |values: &[f64]| {
-            let m = mean(values);
-            values.iter().map(|v| (v - m) * (v - m)).sum::<f64>() / 9.0 / 10.0
-        };
-        let (va, vb) = (variance(&one), variance(&other));
-        let expected = (mean(&one) - mean(&other)) / (va + vb).sqrt();
-        assert!((t - expected).abs() < 1e-12, "{t} {expected}");
-        let expected = (va + vb) * (va + vb) / (va * va / 9.0 + vb * vb / 9.0);
-        assert!((freedom - expected).abs() < 1e-9, "{freedom} {expected}");
-    }
 
     #[test]
     fn places_are_new_where_more_than_two_in_a_hundred_rows_are_elsewhere() {
@@ -322,27 +245,5 @@ mod tests {
         assert!(p_value(3.0, 0.0, true) < 0.001 && p_value(0.0, 3.0, true) < 0.001);
         assert!(p_value(0.0, 3.0, false) < 0.001);
         assert_eq!(p_value(3.0, 0.0, false), 1.0);
-    }
-
-    #[test]
-    fn too_few_blocks_or_blocks_that_do_not_vary_have_no_test() {
-        let many: Vec<f64> = (0..FEWEST_CHANGE_BLOCKS).map(|k| k as f64).collect();
-        assert!(welch(&blocks(&many), &blocks(&many)).is_some());
-        assert_eq!(welch(&blocks(&many[1..]), &blocks(&many)), None);
-        assert_eq!(
-            welch(&blocks(&[1.0; FEWEST_CHANGE_BLOCKS]), &blocks(&[1.0; FEWEST_CHANGE_BLOCKS])),
-            None
-        );
-    }
-
-    #[test]
-    fn worse_is_one_sided_and_different_is_not() {
-        let low: Vec<f64> = (0..20).map(|k| f64::from(k % 5)).collect();
-        let high: Vec<f64> = low.iter().map(|value| value + 3.0).collect();
-        let worse = welch(&blocks(&low), &blocks(&high)).unwrap();
-        let better = welch(&blocks(&high), &blocks(&low)).unwrap();
-        assert!(worse.lower_tail() < 1e-6 && 0.999 < better.lower_tail());
-        assert!((worse.two_sided() - better.two_sided()).abs() < 1e-15);
-        assert!((worse.two_sided() - 2.0 * worse.lower_tail()).abs() < 1e-12);
     }
 }

@@ -1,14 +1,12 @@
 //! Recordings as replicates of a condition: whether a change is more than what recordings of one condition differ by.
 //!
-//! Each recording has an amplitude of its own of what changed. Their means in A and in B are compared by Welch's t test (B. L. Welch, The
-//! generalization of Student's problem when several different population variances are involved, Biometrika 34, 1947).
+//! Each recording has an amplitude of its own of what changed. Their means in A and in B are compared by Welch's t test.
 
 use super::contrast::{RUNS, Sides};
+use super::welch::{WeightedMean, WelchTest, welch};
 use crate::score_test::Total;
-use serde::Serialize;
-use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use study::Study;
-use study::thresholds::{FEWEST_REPLICATES, TAIL_90};
+use study::thresholds::FEWEST_REPLICATES;
 
 /// Share of the information of all recordings that one has at least, to have an amplitude.
 const LEAST_SHARE: f64 = 1e-6;
@@ -53,63 +51,25 @@ impl Recordings {
 
     /// The difference of amplitudes between B and A. `totals`: of each recording. None where too few recordings tell something of it.
     #[must_use]
-    pub(super) fn difference(&self, totals: &[Total]) -> Option<MeanDifference> {
+    pub(super) fn difference(&self, totals: &[Total]) -> Option<WelchTest> {
         let whole: f64 = totals.iter().map(|total| total.information.abs()).sum();
-        let of_side = |side: bool| -> Vec<f64> {
+        let of_side = |side: bool| -> Vec<WeightedMean> {
             let of = totals.iter().zip(&self.is_b).filter(|(total, is_b)| {
                 **is_b == side && LEAST_SHARE * whole < total.information.abs()
             });
-            of.map(|(total, _)| total.amplitude()).collect()
+            of.map(|(total, _)| WeightedMean { value: total.amplitude(), n: 1.0 }).collect()
         };
-        MeanDifference::of(&of_side(false), &of_side(true))
+        welch(&of_side(true), &of_side(false), FEWEST_REPLICATES)
     }
-}
 
-/// The difference of two means, by Welch's test.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) struct MeanDifference {
-    /// Of B less that of A.
-    pub value: f64,
-    pub standard_error: f64,
-    pub freedom: f64,
-}
-
-impl MeanDifference {
-    fn of(a: &[f64], b: &[f64]) -> Option<Self> {
-        if a.len().min(b.len()) < FEWEST_REPLICATES {
-            return None;
+    /// What all recordings of A, and all of B, tell together. `totals`: of each recording.
+    #[must_use]
+    pub(super) fn by_side(&self, totals: &[Total]) -> [Total; 2] {
+        let mut sums = [Total::default(); 2];
+        for (total, is_b) in totals.iter().zip(&self.is_b) {
+            sums[usize::from(*is_b)].add(*total);
         }
-        let mean_and_variance = |values: &[f64]| {
-            let n = values.len() as f64;
-            let mean = values.iter().sum::<f64>() / n;
-            let squares: f64 = values.iter().map(|value| (value - mean) * (value - mean)).sum();
-            (mean, squares / (n - 1.0) / n, n)
-        };
-        let (mean_a, variance_a, n_a) = mean_and_variance(a);
-        let (mean_b, variance_b, n_b) = mean_and_variance(b);
-        let variance = variance_a + variance_b;
-        let freedom = variance * variance
-            / (variance_a * variance_a / (n_a - 1.0) + variance_b * variance_b / (n_b - 1.0));
-        let value = mean_b - mean_a;
-        (value.is_finite() && freedom.is_finite()).then(|| Self {
-            value,
-            standard_error: variance.sqrt(),
-            freedom,
-        })
-    }
-
-    /// Two-sided p-value.
-    #[must_use]
-    pub(super) fn p_value(&self) -> f64 {
-        let t = (self.value / self.standard_error).abs();
-        StudentsT::new(0.0, 1.0, self.freedom).map_or(1.0, |law| 2.0 * law.sf(t))
-    }
-
-    /// Half of the 90 % interval.
-    #[must_use]
-    pub(super) fn half_width(&self) -> f64 {
-        let law = StudentsT::new(0.0, 1.0, self.freedom);
-        law.map_or(f64::INFINITY, |law| law.inverse_cdf(1.0 - TAIL_90)) * self.standard_error
+        sums
     }
 }
 
@@ -132,14 +92,14 @@ mod tests {
         let difference = recordings(4, 4)
             .difference(&totals(&[1.0, 2.0, 3.0, 4.0, 11.0, 11.5, 12.0, 12.5]))
             .unwrap();
-        assert!((difference.value - 9.25).abs() < 1e-12);
+        assert!((difference.difference - 9.25).abs() < 1e-12);
         // Variances of the means: 5/3/4 and 5/12/4.
         assert!((difference.standard_error - (25.0_f64 / 48.0).sqrt()).abs() < 1e-12);
         let (a, b) = (5.0_f64 / 12.0, 5.0 / 48.0);
         let freedom = (a + b) * (a + b) / ((a * a + b * b) / 3.0);
         assert!((difference.freedom - freedom).abs() < 1e-9);
         // The incomplete beta function at 4.41 degrees of freedom, by its series: 1.2e-4.
-        assert!((1e-4..1.4e-4).contains(&difference.p_value()), "{}", difference.p_value());
+        assert!((1e-4..1.4e-4).contains(&difference.two_sided()), "{}", difference.two_sided());
         assert!(1.9 * difference.standard_error < difference.half_width());
     }
 

@@ -51,7 +51,6 @@ pub(super) fn at_a_place<S: Study>(
         let is_rival = over.gain <= 0.0 && !search.is_stopped();
         for change in &mut found.changes {
             if is_rival {
-                change.is_only_possible = true;
                 change.ties.push(Tie::named(name.clone()));
             } else if over.p_value < DISTINGUISHED_LEVEL {
                 change.ruled_out.push(name.clone());

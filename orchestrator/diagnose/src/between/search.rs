@@ -67,8 +67,6 @@ pub(super) struct FoundChange {
     pub ties: Vec<Tie>,
     /// Explanations that were fitted in its place and predict held-out rows significantly worse.
     pub ruled_out: Vec<String>,
-    /// Whether an effect in both campaigns explains them as well.
-    pub is_only_possible: bool,
     /// Effects that move the same rows alike at the same robot or node. They are ties, and no further changes.
     pub aliases: Vec<TermId>,
     /// P-value of the difference between recordings, times the number of tests; none where recordings are too few.
@@ -227,7 +225,6 @@ impl<S: Study> Stepwise for Rounds<'_, S> {
                         widening: widening.max(difference.recordings_widening),
                         ties: Vec::new(),
                         ruled_out: Vec::new(),
-                        is_only_possible: false,
                         aliases: difference.aliases,
                         recordings_p_value: difference.recordings_p_value,
                     })
@@ -256,7 +253,7 @@ impl<S: Study> Stepwise for Rounds<'_, S> {
             _ => false,
         };
         let chosen = choose(explanations, &blocks, name, generalises);
-        let Some(Choice { best, ties, ruled_out }) = chosen else {
+        let Some(Choice { best, mut ties, ruled_out }) = chosen else {
             found.is_complete = true;
             return Ok(Round::Finished);
         };
@@ -270,8 +267,6 @@ impl<S: Study> Stepwise for Rounds<'_, S> {
                         replaced(study, &found.terms, change.effect, change.one.as_ref());
                     found.common.retain(|(term, _)| Some(*term) != replaced && *term != in_a);
                 }
-                let mut is_only_possible = ties.iter().any(|(_, is_common)| *is_common);
-                let mut ties: Vec<Tie> = ties.into_iter().map(|(tie, _)| tie).collect();
                 let aliases = aliases(study, found, (&change, &terms), (sides, report));
                 for &(effect, term) in &aliases {
                     if ties.iter().all(|tie| tie.term != Some(term)) {
@@ -280,20 +275,12 @@ impl<S: Study> Stepwise for Rounds<'_, S> {
                     }
                 }
                 if let Some(one) = change.one.as_ref().filter(|one| has_moved(study, one, sides)) {
-                    is_only_possible = true;
                     ties.push(Tie::named(format!("another place of node {}", one.id)));
                 }
-                is_only_possible |= !ties.is_empty();
                 let is_tied = |name: &String| ties.iter().any(|tie| tie.name == *name);
                 let ruled_out = ruled_out.into_iter().filter(|name| !is_tied(name)).collect();
                 let aliases = aliases.into_iter().map(|(effect, _)| effect).collect();
-                found.changes.push(FoundChange {
-                    ties,
-                    ruled_out,
-                    is_only_possible,
-                    aliases,
-                    ..change
-                });
+                found.changes.push(FoundChange { ties, ruled_out, aliases, ..change });
             }
         }
         if let Some(&added) = terms.last() {
