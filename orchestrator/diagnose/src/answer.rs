@@ -387,7 +387,7 @@ fn unexplained<S: Study>(
     let study = search.study();
     let curves = ladder.accepted.iter().enumerate();
     let named = |nearest: Nearest| NearestEffect {
-        effect: study.candidates()[nearest.term].name.clone(),
+        effect: nearest.names(study.candidates()),
         share: nearest.share.min(1.0),
         may_be_cause: nearest.may_be_cause(),
         why_not: nearest.why_not,

@@ -291,16 +291,16 @@ pub struct Structure {
     pub warning: Option<String>,
 }
 
-/// The effect of the catalogue that explains most of what structure over a covariate explains.
+/// The effect of the catalogue that explains most of what structure over a covariate explains, or two that do so together.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct NearestEffect {
-    /// Its name.
+    /// Its name; `A with B` if only the two together may be the cause.
     pub effect: String,
     /// Its gain in held-out log score, as a share of that of the structure.
     pub share: f64,
     /// Whether it explains so much that it may be the cause.
     pub may_be_cause: bool,
-    /// Why it was not accepted in place of the structure.
+    /// Why it (the first of two) was not accepted in place of the structure.
     pub why_not: String,
 }
 

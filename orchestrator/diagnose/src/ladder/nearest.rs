@@ -1,4 +1,4 @@
-//! The effect of the catalogue that comes nearest to a curve, which names no cause.
+//! The effect of the catalogue, or the two effects, that come nearest to a curve, which names no cause.
 
 use super::Ladder;
 use super::candidate_test::CandidateTest;
@@ -6,23 +6,35 @@ use super::search::{Search, with_term};
 use proto::effect::Level;
 use rayon::prelude::*;
 use study::thresholds::{CATALOGUE_SHARE, FAMILY_ERROR, NEAREST_SHARE, STRUCTURE_BINS};
-use study::{COMMON, Study, TermId};
+use study::{COMMON, Candidate, PerTerm, Study, TermId};
 use tracing::debug;
 
-/// The effect that explains most of what a curve explains.
+/// The effect that explains most of what a curve explains, or two that do so together.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Nearest {
     /// The effect.
     pub term: TermId,
-    /// Its gain, as a share of that of the curve.
+    /// A second effect: the two together may be the cause, the first alone may not.
+    pub beside: Option<TermId>,
+    /// Their gain, as a share of that of the curve.
     pub share: f64,
-    /// Why it was not accepted in place of the curve.
+    /// Why the first was not accepted in place of the curve.
     pub why_not: String,
 }
 
+/// A curve, beside what it was accepted, and what it gains.
+struct Curve<'a> {
+    level: Level,
+    others: &'a [TermId],
+    with_curve: Vec<TermId>,
+    rise: f64,
+}
+
 impl<S: Study> Search<'_, S> {
-    /// The effect that explains most of what a curve explains beside other terms, each in place of the curve. None: none explains as much as
-    /// [`NEAREST_SHARE`] of it.
+    /// The effect that explains most of what a curve explains beside other terms, each in place of the curve; two, if only two together explain
+    /// [`CATALOGUE_SHARE`] of it. None: none explains as much as [`NEAREST_SHARE`] of it.
+    ///
+    /// Two, because a curve over time takes up whatever was changed between recordings: another device, then its bearing.
     pub(crate) fn nearest_effect(&self, curve: TermId, others: &[TermId]) -> Option<Nearest> {
         if self.is_stopped() {
             return None;
@@ -33,7 +45,7 @@ impl<S: Study> Search<'_, S> {
         let with_curve = with_term(others, curve);
         let of_curve = self.full_fit(&with_curve, level, Some(&parent));
         let rise = self.study.log_likelihood(&of_curve) - self.study.log_likelihood(&parent);
-        let gain_of_curve = self.gain(&with_curve, others, level).gain;
+        let curve_of = Curve { level, others, with_curve, rise };
         let may_be = |term: &TermId| {
             !self.follows_any_curve(*term, candidates[curve].n_parameters)
                 && candidates[*term].curve_over().is_none()
@@ -41,23 +53,53 @@ impl<S: Study> Search<'_, S> {
                 && !others.contains(term)
         };
         let all: Vec<TermId> = candidates.ids().filter(may_be).collect();
-        let share_of = |&term: &TermId| {
-            let share = if candidates[term].level == Level::Random {
-                // Judged on places left out, every model has levels of nodes.
-                let levels = self.with_levels(term, others);
-                let of_levels = self.gain(&levels, others, COMMON).gain;
-                of_levels / self.gain(&with_curve, others, COMMON).gain
-            } else {
-                let with_effect = with_term(others, term);
-                self.fit_if_promising(&with_effect, level, &parent, NEAREST_SHARE * rise)?;
-                self.gain(&with_effect, others, level).gain / gain_of_curve
+        let most = |sets: Vec<Vec<TermId>>, least: f64| {
+            let share = |set: Vec<TermId>| {
+                let share = self.share_of_curve(&curve_of, &set, least)?;
+                debug!(names = ?set.iter().map(|&term| &candidates[term].name).collect::<Vec<_>>(), share, "nearest");
+                (least <= share).then_some((set, share))
             };
-            debug!(name = candidates[term].name, share, "nearest");
-            (NEAREST_SHARE <= share).then_some((term, share))
+            let shares: Vec<(Vec<TermId>, f64)> = sets.into_par_iter().filter_map(share).collect();
+            shares.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))
         };
-        let shares: Vec<(TermId, f64)> = all.par_iter().filter_map(share_of).collect();
-        let (term, share) = shares.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-        Some(Nearest { term, share, why_not: self.why_not(term, Some(curve), others) })
+        let (one, share) = most(all.iter().map(|&term| vec![term]).collect(), NEAREST_SHARE)?;
+        let term = one[0];
+        let mut nearest =
+            Nearest { term, beside: None, share, why_not: self.why_not(term, Some(curve), others) };
+        if !nearest.may_be_cause() {
+            let may_join =
+                |other: &&TermId| **other != term && candidates[**other].is_tried_beside(&[term]);
+            let pairs = all.iter().filter(may_join).map(|&other| vec![term, other]).collect();
+            if let Some((pair, share)) = most(pairs, CATALOGUE_SHARE) {
+                (nearest.beside, nearest.share) = (Some(pair[1]), share);
+            }
+        }
+        Some(nearest)
+    }
+
+    /// What effects gain in place of a curve, as a share of its gain. None: the log likelihood rises by less than this share of what it
+    /// rises by with the curve.
+    fn share_of_curve(&self, curve: &Curve<'_>, effects: &[TermId], least: f64) -> Option<f64> {
+        let Curve { level, others, ref with_curve, rise } = *curve;
+        let is_random = |term: &TermId| self.study.candidates()[*term].level == Level::Random;
+        if effects.iter().any(is_random) {
+            // Judged on places left out, every model has levels of nodes.
+            let mut with_effects = others.to_vec();
+            for &term in effects {
+                with_effects = if is_random(&term) {
+                    self.with_levels(term, &with_effects)
+                } else {
+                    with_term(&with_effects, term)
+                };
+            }
+            let gain = self.gain(&with_effects, others, COMMON).gain;
+            return Some(gain / self.gain(with_curve, others, COMMON).gain);
+        }
+        let with_effects = effects.iter().fold(others.to_vec(), |all, &term| with_term(&all, term));
+        let parent = self.full_fit(others, level, None);
+        self.fit_if_promising(&with_effects, level, &parent, least * rise)?;
+        let gain_of_curve = self.gain(with_curve, others, level).gain;
+        Some(self.gain(&with_effects, others, level).gain / gain_of_curve)
     }
 
     /// The effect that gains most beside the terms of a selection, beside structure that was found in what it left and is worth `nats` per
@@ -73,6 +115,7 @@ impl<S: Study> Search<'_, S> {
         let (term, share) = (most.term, most.gain.gain / nats);
         (NEAREST_SHARE <= share && !self.is_stopped()).then(|| Nearest {
             term,
+            beside: None,
             share,
             why_not: self.why_not(term, None, &ladder.accepted),
         })
@@ -110,7 +153,17 @@ impl<S: Study> Search<'_, S> {
 }
 
 impl Nearest {
-    /// Whether it explains so much that the structure cannot be said to be of no known effect.
+    /// The effect, or both.
+    pub(crate) fn names(&self, candidates: &PerTerm<Candidate>) -> String {
+        let mut names = candidates[self.term].name.clone();
+        if let Some(beside) = self.beside {
+            names.push_str(" with ");
+            names.push_str(&candidates[beside].name);
+        }
+        names
+    }
+
+    /// Whether they explain so much that the structure cannot be said to be of no known effect.
     pub(crate) fn may_be_cause(&self) -> bool {
         CATALOGUE_SHARE <= self.share
     }

@@ -486,6 +486,26 @@ fn the_effect_that_explains_most_of_a_curve_is_nearest_to_it() {
 }
 
 #[test]
+fn two_effects_may_together_be_the_cause_of_a_curve() {
+    let report = |_: SearchProgress<'_>| {};
+    let nearest = |of_second: f64| {
+        let sum =
+            |first: f64, second: f64| (1.0 - of_second).sqrt() * first + of_second.sqrt() * second;
+        let names = ["curve:dust", "first", "second", "other"];
+        let mut lines = Lines::new(&names, 9, |x| 0.5 * sum(x[1], x[2]));
+        let [curve, first, second, _] = names.map(|name| lines.term(name));
+        let pairs = lines.columns[first].iter().zip(&lines.columns[second]);
+        let dust: Vec<f64> = pairs.map(|(&first, &second)| sum(first, second)).collect();
+        lines.set_column("curve:dust", &dust);
+        let found =
+            Search::new(&lines, &report).nearest_effect(curve, &[]).expect("more than half");
+        (found.term == first, found.beside == Some(second), found.may_be_cause())
+    };
+    assert_eq!(nearest(0.4), (true, true, true));
+    assert_eq!(nearest(0.05), (true, false, true), "one is enough");
+}
+
+#[test]
 fn what_is_part_of_a_curve_does_not_survive_beside_it() {
     let report = |_: SearchProgress<'_>| {};
     let survive = |likeness: f64| {
