@@ -70,6 +70,7 @@ pub(crate) fn doubts<S: Study>(
             .or_else(|| at_bound(candidate, estimates))
             .or_else(|| of_few_blocks(study))
             .or_else(|| search.may_be_of_runs(term, &others).then(|| RUNS.to_owned()))
+            .or_else(|| between_runs(search, term, &ladder.accepted))
             .or_else(|| {
                 let is_open = candidate.is_spread && !is_independent(remains.pure);
                 is_open.then(|| SPREAD.to_owned())
@@ -164,6 +165,17 @@ pub(crate) const PART: &str = "something else is missing, of which this may be a
 
 /// Of an effect whose size differs between runs.
 const RUNS: &str = "it differs between runs by so much that its mean over these may be chance";
+/// Of an effect or structure that follows the time and has one value for each run.
+pub(crate) fn between_runs<S: Study>(
+    search: &Search<'_, S>,
+    term: TermId,
+    accepted: &[TermId],
+) -> Option<String> {
+    search.is_between_runs(term, accepted).then(|| {
+        "it has one value for each run, and between runs more than the time may differ".to_owned()
+    })
+}
+
 /// Of an effect that turns robots whose headings are not those of their course.
 const DRIFT: &str = "measured headings drift against the course that positions show, so that their sensor may be wrong";
 

@@ -97,7 +97,7 @@ fn something_changed(between: &Between) -> String {
             short(error.rmse_a)
         ));
     }
-    format!("something changed, and no effect of the catalogue explains it: {}", reasons.join("; "))
+    format!("something changed, and these data do not show which effect: {}", reasons.join("; "))
 }
 
 fn nothing_found(between: &Between) -> String {

@@ -3,10 +3,10 @@
 use super::search::{Search, with_term, without_term};
 use crate::gain::Gain;
 use crate::score_test::ScoreTests;
-use proto::effect::{CONSTANT, Level};
+use proto::effect::{CONSTANT, Level, Need};
 use std::collections::{BTreeMap, BTreeSet};
 use study::defects::node_place::NodeLevel;
-use study::thresholds::{CATALOGUE_SHARE, LEFT_BESIDE_NODES, TIED_ERRORS, TIED_NATS};
+use study::thresholds::{CATALOGUE_SHARE, LEFT_BESIDE_NODES, TIED_ERRORS, TIED_NATS, WITHIN_RUNS};
 use study::{COMMON, Study, TermId};
 
 impl<S: Study> Search<'_, S> {
@@ -88,6 +88,24 @@ impl<S: Study> Search<'_, S> {
         moved().is_some_and(|(is_first, moved)| mostly_at(&is_first, &moved))
     }
 
+    /// Whether a term of a selection follows the time, and yet has one value for each of several runs, in which more than the time may differ:
+    /// another device, another bearing.
+    pub(crate) fn is_between_runs(&self, term: TermId, accepted: &[TermId]) -> bool {
+        let candidate = &self.study.candidates()[term];
+        let needs = candidate.about.map_or(&[][..], |about| about.needs);
+        let follows_time = candidate.curve_over() == Some("time_s")
+            || (needs.contains(&Need::Time)
+                && !needs.iter().any(|it| matches!(it, Need::Column(_))));
+        let moved = || {
+            let [with, without] = [accepted.to_vec(), without_term(accepted, term)]
+                .map(|terms| self.full_fit(&terms, COMMON, None));
+            Some(self.study.prediction_difference(&with, &without)?.by_row)
+        };
+        follows_time
+            && moved()
+                .is_some_and(|moved| has_one_value(&self.study.dependence().campaigns, &moved))
+    }
+
     /// The other place of a node that explains as much as a term of a selection, as a clause: rows left out are predicted as well with the
     /// node there and without the term. None: no place does.
     pub(crate) fn place_instead_of(&self, term: TermId, accepted: &[TermId]) -> Option<String> {
@@ -160,9 +178,34 @@ fn mostly_at(is_marked: &[bool], moved: &[f64]) -> bool {
     CATALOGUE_SHARE * all < own && 2.0 * n_own < n_all
 }
 
+/// Whether less than [`WITHIN_RUNS`] of the variation of these numbers is within runs, of which there are several.
+fn has_one_value(runs: &[u32], moved: &[f64]) -> bool {
+    let mut of_run: BTreeMap<u32, [f64; 3]> = BTreeMap::new();
+    for (run, moved) in runs.iter().zip(moved).filter(|(_, moved)| moved.is_finite()) {
+        let sums = of_run.entry(*run).or_default();
+        *sums = [sums[0] + 1.0, sums[1] + moved, sums[2] + moved * moved];
+    }
+    let about_mean = |[n, sum, squares]: [f64; 3]| squares - sum * sum / n;
+    let add = |all: [f64; 3], one: &[f64; 3]| [all[0] + one[0], all[1] + one[1], all[2] + one[2]];
+    let all = about_mean(of_run.values().fold([0.0; 3], add));
+    let within: f64 = of_run.values().map(|sums| about_mean(*sums)).sum();
+    1 < of_run.len() && within < WITHIN_RUNS * all
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_differs_between_runs_alone_is_told_from_what_varies_within_them() {
+        let runs: Vec<u32> = (0..300).map(|row| row / 60).collect();
+        let line: Vec<f64> = (0..300).map(f64::from).collect();
+        assert!(!has_one_value(&runs, &line), "a line over five runs without pauses");
+        let days: Vec<f64> =
+            (0..300).map(|row| f64::from(row % 60 + 86_400 * (row / 60))).collect();
+        assert!(has_one_value(&runs, &days), "a minute on each of five days");
+        assert!(!has_one_value(&[0; 300], &line), "one run");
+    }
 
     #[test]
     fn what_moves_beginnings_alone_is_told_from_what_moves_others_too() {
