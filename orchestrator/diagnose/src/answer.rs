@@ -66,17 +66,16 @@ pub(crate) fn answer<S: Study>(
     residuals: &Unexplained,
     all_rows: Option<&S>,
 ) -> Diagnosis {
-    let found = (!search.is_stopped()).then(|| search.full_fit(&ladder.accepted, COMMON, None));
-    let slopes = found.as_ref().and_then(|fit| study.linearised(fit));
-    let gate = slopes.as_ref().map_or_else(Gate::default, |rows| gate::of_slopes(study, rows));
-    let noisier = slopes.as_ref().and_then(|rows| gate::noisiest(study, rows));
-    let pure = slopes.as_ref().and_then(|rows| pure_error(rows, &study.dependence()));
+    let (numbers_of, fit) = numbers(search, study, all_rows, &ladder.accepted);
+    let slopes = (!search.is_stopped()).then(|| numbers_of.linearised(&fit)).flatten();
+    let gate = slopes.as_ref().map_or_else(Gate::default, |rows| gate::of_slopes(numbers_of, rows));
+    let noisier = slopes.as_ref().and_then(|rows| gate::noisiest(numbers_of, rows));
+    let pure = slopes.as_ref().and_then(|rows| pure_error(rows, &numbers_of.dependence()));
     debug!(?pure, "noise");
     let n_parts = slopes.as_ref().map_or(1.0, gate::parts);
-    let sizes = found.zip(slopes).map_or_else(Vec::new, |(fit, rows)| {
-        bounds::size_bounds(search, &rows, &fit, &ladder.accepted)
+    let sizes = slopes.map_or_else(Vec::new, |rows| {
+        bounds::size_bounds(numbers_of, search.n_tried(), (&rows, &fit), &ladder.accepted)
     });
-    let (numbers_of, fit) = numbers(search, study, all_rows, &ladder.accepted);
     let unit = measurements.error_unit;
     let excess = pure.filter(|pure| pure.is_alarming()).map(|pure| Excess { pure, unit });
     let unexplained = unexplained(search, ladder, residuals, excess.as_ref());

@@ -103,7 +103,7 @@ pub struct Between {
     pub too_little: Option<String>,
     /// Whether the search came to its end. If not, the answer may still change.
     pub complete: bool,
-    /// Of links: rows of both campaigns that were searched; of large files some of those used, spread evenly.
+    /// Rows of both campaigns that were searched, where these are a subset of those used, spread evenly. Of robots a row is a window.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub searched: Option<usize>,
     /// The file of the first campaign, and how much of it was used.

@@ -4,7 +4,7 @@
 //! (D. R. Cox and D. V. Hinkley, Theoretical Statistics, 1974, section 9.3). Sizes are root mean squares of what the effect moves, over the
 //! rows, so that all effects are in the unit of the errors.
 
-use crate::ladder::{Search, dependence_of};
+use crate::ladder::dependence_of;
 use crate::score_test::{ScoreTest, ScoreTests};
 use statrs::distribution::{ContinuousCDF as _, Normal, StudentsT};
 use study::linear::{Column, Linearised};
@@ -36,13 +36,15 @@ impl SizeBounds {
 }
 
 /// Bounds of all effects of the catalogue that move means and were not accepted, beside all that was.
+///
+/// * `n_tried`: how many terms the search tried.
+/// * `rows`, `fit`: the fit of what was accepted to all rows of the study, and its slopes.
 pub(crate) fn size_bounds<S: Study>(
-    search: &Search<'_, S>,
-    rows: &Linearised,
-    fit: &S::Fit,
+    study: &S,
+    n_tried: usize,
+    (rows, fit): (&Linearised, &S::Fit),
     accepted: &[TermId],
 ) -> Vec<SizeBounds> {
-    let study = search.study();
     let candidates = study.candidates();
     let may_be = |term: &TermId| {
         let candidate = &candidates[*term];
@@ -54,7 +56,7 @@ pub(crate) fn size_bounds<S: Study>(
     let columns = |term: TermId| (term, study.columns(fit, term));
     let all: Vec<(TermId, Vec<Column>)> = candidates.ids().filter(may_be).map(columns).collect();
     let n_columns: usize = all.iter().map(|(_, columns)| columns.len()).sum();
-    let n_tried = search.n_tried().max(n_columns) as f64;
+    let n_tried = n_tried.max(n_columns) as f64;
     // Each was tested on each group of rows, too.
     let limited = study.partitions().into_iter().filter(|partition| partition.key.is_some());
     let n_sets = 1 + limited.map(|partition| partition.groups.len()).sum::<usize>();

@@ -73,7 +73,7 @@ pub struct Diagnosis {
     /// The round in which the search was interrupted, if it was; what was accepted before stands.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped_in_round: Option<usize>,
-    /// Of links: rows that were searched; of large files some of those used, spread evenly.
+    /// Rows that were searched; of large files a subset of those used, spread evenly. Of robots a row is a window, and only a subset is counted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub searched: Option<usize>,
     /// The file of measurements, and how much of it was used.

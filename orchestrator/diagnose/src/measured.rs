@@ -209,6 +209,10 @@ impl Measured for RobotStudy {
         "m"
     }
 
+    fn some_rows(&self) -> Option<Self> {
+        self.thinned()
+    }
+
     fn with_formula(&mut self, wanted: &FormulaRequest) -> Result<(), FormulaFitError> {
         self.add_formula(wanted)
     }

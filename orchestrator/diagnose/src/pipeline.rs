@@ -102,7 +102,7 @@ fn searched<S: Measured>(
 ) -> Result<Answered<Diagnosis>, DiagnoseError> {
     let report = |progress: SearchProgress<'_>| observer.progress(progress);
     let mut campaign = Campaign::corrected(opened, observer)?;
-    campaign.thin = campaign.study.some_rows();
+    campaign.take_subset(request);
     let (ladder, known) = campaign.select(&report);
     let (study, whole) = campaign.searched();
     let search = Search::new(study, &report).with_known(known);
@@ -110,7 +110,7 @@ fn searched<S: Measured>(
     let measurements = Measurements {
         subject: S::SUBJECT,
         error_unit: study.error_unit(),
-        searched: (S::SUBJECT == Subject::Links).then(|| study.n_rows()),
+        searched: (S::SUBJECT == Subject::Links || whole.is_some()).then(|| study.n_rows()),
         account: &campaign.account,
     };
     let found = answer::answer(study, &search, &ladder, measurements, &residuals, whole);
@@ -210,7 +210,7 @@ fn extended<S: Measured>(
     }
     let (terms, known) = match &extending.effects {
         Effects::Accepted => {
-            campaign.thin = campaign.study.some_rows();
+            campaign.take_subset(request);
             let (ladder, known) = campaign.select(&report);
             if ladder.stopped.is_some() && !extending.accepts_partial {
                 return Err(DiagnoseError::Stopped(Stopped::Search));
@@ -303,6 +303,11 @@ impl<S: Measured> Campaign<S> {
         let account = defects::corrected_account(&self.account, &self.defects);
         let corrected = self.study.without_defects(&self.defects)?;
         Ok(Self { study: corrected.unwrap_or(self.study), account, ..self })
+    }
+
+    /// Searches a subset of the rows from now on, unless all are asked for or few enough.
+    fn take_subset(&mut self, request: &Request<'_>) {
+        self.thin = if request.is_thorough { None } else { self.study.some_rows() };
     }
 
     /// The study that is searched, and that of all rows where it has some only.

@@ -27,6 +27,8 @@ pub struct Request<'a> {
     pub simulator: Option<&'a dyn RobotSimulator>,
     /// Whether the answer shall have the rows with their predictions, for plots. That takes as long as some fits.
     pub wants_rows: bool,
+    /// Whether all rows are searched, however long that takes. Otherwise a subset of them is where there are many.
+    pub is_thorough: bool,
 }
 
 impl<'a> Request<'a> {
@@ -34,7 +36,7 @@ impl<'a> Request<'a> {
     #[must_use]
     pub fn new(config: &'a Compared, table: &'a DataTable) -> Self {
         let choices = Choices::default();
-        Self { config, table, choices, simulator: None, wants_rows: false }
+        Self { config, table, choices, simulator: None, wants_rows: false, is_thorough: false }
     }
 
     /// The same with other choices.

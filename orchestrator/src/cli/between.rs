@@ -53,7 +53,7 @@ impl BetweenArgs {
     pub(super) fn diagnose(
         &self,
         config: Compared,
-        choices: Choices,
+        (choices, is_thorough): (Choices, bool),
         read: ReadArgs,
         stopper: &Stopper,
     ) -> Result<Between, Failure> {
@@ -63,7 +63,7 @@ impl BetweenArgs {
             ));
         };
         let [a, b] = [a, b].map(|path| table(path, read));
-        let request = BetweenRequest { config: &config, tables: [&a?, &b?], choices };
+        let request = BetweenRequest { config: &config, tables: [&a?, &b?], choices, is_thorough };
         let watching = Watching::new(Some(stopper));
         let found = diagnose::between(&request, &watching).map_err(|error| match error {
             BetweenError::Open(error) => Failure::of_diagnosis(error),

@@ -12,7 +12,7 @@ use super::{Failure, inputs, write_json, write_whole};
 use clap::Args;
 use diagnose::corrected_data::CorrectedData;
 use diagnose::extend::extension;
-use diagnose::{DiagnoseError, Effects, Extending, Stopped};
+use diagnose::{DiagnoseError, Effects, Extending, Request, Stopped};
 use measure::packets;
 use network::{PacketRequest, TaskFiles};
 use report::measured::MeasuredAnswer;
@@ -27,6 +27,10 @@ use terminal::say;
 pub(super) struct DiagnoseArgs {
     #[command(flatten)]
     answer: AnswerArgs,
+    /// Links and robots only: search all rows, which of large files takes minutes to hours. By default a subset of them
+    /// is searched, and the result is fitted to all
+    #[arg(long)]
+    thorough: bool,
     #[command(flatten)]
     budget: BudgetArgs,
     #[command(flatten)]
@@ -147,12 +151,16 @@ pub(super) fn compare(args: &CompareArgs) -> Result<(), Failure> {
     let found = diagnose::compare(&request, &watching).map_err(Failure::of_diagnosis)?;
     watching.clear();
     say(diagnose::compare::words::text(&found.answer));
-    args.write(&config, MeasuredAnswer::Comparison(&found.answer), found.rows)
+    args.write(&config, (MeasuredAnswer::Comparison(&found.answer), ""), found.rows)
 }
 
 /// Packets have no rows to fit an expression to.
 const NO_FORMULA: &str = "--formula applies to measured links and robots only: the network has no effect of kind \
                           \"formula\". Use --effect NAME for packets";
+
+/// Packets are searched by resimulation.
+const NOT_THOROUGH: &str =
+    "--thorough applies to measured links and robots only; for packets, raise --seeds";
 
 /// `murmuration extend`.
 pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
@@ -271,20 +279,25 @@ fn hint(stopped: Stopped) -> &'static str {
 
 /// `murmuration diagnose`.
 pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
-    let DiagnoseArgs { answer: args, budget, between } = args;
+    let DiagnoseArgs { answer: args, thorough, budget, between } = args;
+    let words = if *thorough { " --thorough" } else { "" };
     between.refuse_data(args.data.data.as_deref())?;
     args.check_places()?;
     let stopper = Stopper::listen(*budget)?;
     let data = &args.data;
     if between.is_asked() {
         args.refuse_residuals("what changed between two files")?;
-        let found = between.diagnose(data.compared()?, data.choices(), data.read, &stopper)?;
-        args.write_between(&found, &between.words())?;
+        let found =
+            between.diagnose(data.compared()?, (data.choices(), *thorough), data.read, &stopper)?;
+        args.write_between(&found, &format!("{}{words}", between.words()))?;
         return stopper.require_complete(found.complete);
     }
     let (config, table) = data.files()?;
     if packets::has_shape(&table).is_ok() {
         args.refuse_residuals("packets")?;
+        if *thorough {
+            return Err(Failure::request(NOT_THOROUGH));
+        }
         let request = data.packet_request(&args.resimulation, &table)?;
         let found = super::packets::diagnose(&request, &stopper)?;
         args.write_network(NetworkAnswer::Diagnosis(&found), "")?;
@@ -292,15 +305,16 @@ pub(super) fn diagnose(args: &DiagnoseArgs) -> Result<(), Failure> {
     }
     let simulator = data.simulator(&table, Some(&stopper))?;
     let request = args.request((&config, &table), simulator.as_ref());
+    let request = Request { is_thorough: *thorough, ..request };
     let watching = Watching::new(Some(&stopper));
     let found = diagnose::diagnose(&request, &watching).map_err(Failure::of_diagnosis)?;
     watching.clear();
     if let Some(n_rows) = found.subset {
         say(format!(
-            "searched in a subset of {n_rows} rows, spread evenly over all rows; parameters fitted to all rows"
+            "searched in a subset of {n_rows} rows, spread evenly over all rows; parameters fitted to all rows (--thorough searches all)"
         ));
     }
     say(diagnose::words::text(&found.answer));
-    args.write(&config, MeasuredAnswer::Diagnosis(&found.answer), found.rows)?;
+    args.write(&config, (MeasuredAnswer::Diagnosis(&found.answer), words), found.rows)?;
     stopper.require_complete(found.answer.complete)
 }

@@ -259,11 +259,11 @@ impl AnswerArgs {
         Request { wants_rows, ..self.data.request(files, simulator) }
     }
 
-    /// Writes an answer about links or robots, and its rows.
+    /// Writes an answer about links or robots, and its rows. `further`: what else was asked, as it would be typed.
     pub(super) fn write(
         &self,
         config: &Compared,
-        answer: MeasuredAnswer<'_>,
+        (answer, further): (MeasuredAnswer<'_>, &str),
         rows: Option<PredictedRows>,
     ) -> Result<(), Failure> {
         write_json(self.data.json.as_deref(), &answer)?;
@@ -278,7 +278,7 @@ impl AnswerArgs {
         self.write_page(|| {
             page(&MeasuredPage {
                 config: name,
-                command: self.command(verb, &self.data.words()),
+                command: self.command(verb, &format!("{further}{}", self.data.words())),
                 answer,
                 site: &config.site,
                 rows,

@@ -109,12 +109,14 @@ impl SearchLog {
                 tracing::info!("round {round}: fitting candidate effects");
             }
             SearchProgress::Tried { round, done, of, name } => {
-                self.line.show(format!("round {round}: {done} of {of} candidates, last {name}"));
+                let left_s = times.0.elapsed().as_secs_f64() * (of - done) as f64 / done as f64;
+                self.line.show(format!(
+                    "round {round}: {done} of {of} candidates, about {left_s:.0} s left in the round, last {name}"
+                ));
                 if times.1.elapsed() < LOG_EVERY {
                     return;
                 }
                 times.1 = Instant::now();
-                let left_s = times.0.elapsed().as_secs_f64() * (of - done) as f64 / done as f64;
                 tracing::info!(
                     "round {round}: {done} of {of} candidates fitted, about {left_s:.0} s left"
                 );

@@ -29,6 +29,7 @@ pub(crate) mod odd_commands;
 mod rivals;
 mod screen;
 mod search;
+mod subset;
 mod terms;
 #[cfg(test)]
 mod tests;
@@ -290,7 +291,7 @@ impl RobotModel {
         }
         let physics =
             Dynamics::build(&table, "", &self.catalogue.effects, &mut Vec::new())?.into_physics();
-        Some((physics, self.gains(fit)))
+        Some((physics.in_fits(), self.gains(fit)))
     }
 
     /// How much measurements count under a fit.

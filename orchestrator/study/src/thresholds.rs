@@ -80,6 +80,12 @@ pub const THINNED_RUN_ROWS: u64 = 8;
 /// Rows of links that a search looks at; of several frames each, a third. The final fit uses all rows. Chosen: the time of a
 /// search grows with the rows, and the smallest effect that it finds shrinks with their root.
 pub const MOST_SEARCHED_ROWS: usize = 20_000;
+/// Windows of robots that a search looks at. Chosen: a search then takes about half a minute of processor time.
+pub const MOST_SEARCHED_WINDOWS: usize = 5000;
+/// The same of robots that keep their velocity, in steps from sample to sample: each window is simulated by itself.
+pub const MOST_SEARCHED_STEPS: f64 = 16_000.0;
+/// Time before a block of windows from which on its robots are followed, in windows. Chosen: what actuators did before has no influence.
+pub const SUBSET_LEAD_WINDOWS: f64 = 3.0;
 
 // Clusters of score tests.
 

@@ -144,6 +144,12 @@ pub trait Effect: Named + Send + Sync + std::fmt::Debug {
         false
     }
 
+    /// Of an effect that varies on the way: whether it does the same everywhere within a distance of a place. The distance is what a robot
+    /// may go without it.
+    fn is_uniform(&self, _position_m: [f64; 3], _reach_m: f64) -> bool {
+        false
+    }
+
     /// The same of bodies that keep their velocity.
     fn force_varies(&self) -> bool {
         self.varies_on_the_way()

@@ -62,6 +62,8 @@ pub(super) struct Acting {
     /// Roll and pitch of the thrust beside the attitude.
     pub(super) tilt_rad: [f64; 2],
     varies: bool,
+    /// The effect, by its place in the list, that alone makes motion vary on the way, where robots go nowhere but by themselves.
+    alone: Option<usize>,
     /// The same of bodies that keep their velocity.
     pub(super) force_varies: bool,
 }
@@ -83,12 +85,17 @@ impl Acting {
                 .map(|(_, effect)| effect.limit_per_s(part))
                 .fold(f64::INFINITY, f64::min),
         };
+        let mut varying = acting().filter(|(_, effect)| effect.varies_on_the_way());
+        let alone = varying.next().filter(|_| varying.next().is_none()).map(|(place, _)| place);
+        let sideways_s = sum(&|effect| effect.sideways_s());
+        let drifts = acting().any(|(_, effect)| effect.drifts());
         Self {
             bits,
+            alone: alone.filter(|_| !drifts && sideways_s == 0.0),
             delay_s: parts.map(|part| sum(&|effect| effect.delay_s(part))),
             response: parts.map(response),
             course_rad: sum(&|effect| effect.course_rad()),
-            sideways_s: sum(&|effect| effect.sideways_s()),
+            sideways_s,
             slowdown_s: sum(&|effect| effect.slowdown_s()),
             tilt_rad: [0, 1].map(|axis| sum(&|effect| effect.tilt_rad()[axis])),
             varies: acting().any(|(_, effect)| effect.varies_on_the_way()),
@@ -118,9 +125,16 @@ struct Steps {
     turning_s: f64,
     /// Where motion depends on the place or the time (s).
     local_s: f64,
+    /// Where forces on a body that keeps its velocity depend on its motion (s).
+    force_s: f64,
+    /// Whether steps are short only near places where motion changes.
+    are_adaptive: bool,
 }
 
-const STEPS: Steps = Steps { turning_s: 0.025, local_s: 0.01 };
+const STEPS: Steps = Steps { turning_s: 0.025, local_s: 0.01, force_s: 0.01, are_adaptive: false };
+/// In fits, which compare motion with noisy positions. Steps are of second order: the period of a load that swings with 5 rad/s changes by
+/// less than a thousandth.
+const FIT_STEPS: Steps = Steps { force_s: 0.025, are_adaptive: true, ..STEPS };
 
 impl Physics {
     pub(super) fn new(body: Body, effects: Vec<Box<dyn Effect>>) -> Self {
@@ -133,6 +147,12 @@ impl Physics {
             body,
             effects,
         }
+    }
+
+    /// The same with longer steps, for fits to measured motion.
+    #[must_use]
+    pub fn in_fits(self) -> Self {
+        Self { steps: FIT_STEPS, ..self }
     }
 
     /// How the body is commanded.
@@ -368,17 +388,15 @@ impl Physics {
         }
         let target = self.target(acting, demand);
         let turning = self.shape().is_turning();
-        let longest_s = match (acting.varies, turning) {
+        let varies = acting.varies
+            && !(self.steps.are_adaptive && self.is_uniform(robot, acting, target, dt_s));
+        let longest_s = match (varies, turning) {
             (true, _) => self.steps.local_s,
             (false, true) => self.steps.turning_s,
             (false, false) => f64::INFINITY,
         };
         let is_steady = robot.drive == target || acting.response == [Response::INSTANT; 2];
-        let n = if is_steady && !acting.varies {
-            1
-        } else {
-            (dt_s / longest_s).ceil().max(1.0) as usize
-        };
+        let n = if is_steady && !varies { 1 } else { (dt_s / longest_s).ceil().max(1.0) as usize };
         let h_s = dt_s / n as f64;
         for step in 0..n {
             let mean = self.respond(acting, &mut robot.drive, target, h_s);
@@ -389,6 +407,14 @@ impl Physics {
                 self.shift(robot, acting, mean, time_s, h_s, surroundings);
             }
         }
+    }
+
+    /// Whether what acts is the same wherever a robot may come within `dt_s`, with actuators that go from what they do to a target.
+    fn is_uniform(&self, robot: &Robot, acting: &Acting, target: Drive, dt_s: f64) -> bool {
+        let speed_mps =
+            |drive: Drive| if self.shape().is_turning() { drive[0].abs() } else { norm(drive) };
+        let reach_m = speed_mps(robot.drive).max(speed_mps(target)) * dt_s;
+        acting.alone.is_some_and(|place| self.effects[place].is_uniform(robot.position_m, reach_m))
     }
 
     /// Advances a robot that keeps its velocity by `dt_s`, asked for an acceleration (m/s²).
@@ -405,7 +431,7 @@ impl Physics {
         let Response { lag_s, limit } = acting.response[0];
         let asked_mps2 = body.limited(within(asked_mps2, limit));
         let lag_s = lag_s + body.lag_s();
-        let longest_s = if acting.force_varies { self.steps.local_s } else { f64::INFINITY };
+        let longest_s = if acting.force_varies { self.steps.force_s } else { f64::INFINITY };
         let n = (dt_s / longest_s).ceil().max(1.0) as usize;
         let h_s = dt_s / n as f64;
         for step in 0..n {

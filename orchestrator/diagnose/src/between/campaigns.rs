@@ -30,6 +30,8 @@ pub struct BetweenRequest<'a> {
     pub tables: [&'a DataTable; 2],
     /// Selection of rows, and prediction horizon of robots.
     pub choices: Choices,
+    /// Whether all rows are searched, however long that takes. Otherwise a subset of them is where there are many.
+    pub is_thorough: bool,
 }
 
 /// Why two campaigns have no answer.
@@ -116,13 +118,14 @@ fn answered<S: Measured>(
     a.find_defects(observer);
     b.find_defects(observer);
     let defects = SidesOf { a: a.listed_defects(), b: b.listed_defects() };
-    let some = study.some_rows();
+    let some_rows = |study: &S| if request.is_thorough { None } else { study.some_rows() };
+    let some = some_rows(&study);
     let searched = some.as_ref().map(S::n_rows);
     let mut study = some.unwrap_or(study);
     let sides = Sides::of(&study, &pooled.second_runs).ok_or_else(|| {
         BetweenError::Mismatch("one of the two files has no row that can be used".to_owned())
     })?;
-    a.study = a.study.some_rows().unwrap_or(a.study);
+    a.study = some_rows(&a.study).unwrap_or(a.study);
     let too_little = [("A", too_few_blocks(&a.study)), ("B", too_few_blocks(&b.study))]
         .into_iter()
         .find_map(|(name, why)| Some(format!("{name} has only {}", why?)));

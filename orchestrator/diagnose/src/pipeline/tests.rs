@@ -1,14 +1,17 @@
 //! Each step between the measurements and the answer is needed by one of these campaigns, which are written out here.
 
-use super::{Extending, diagnose, extend};
+use super::{Campaign, Extending, diagnose, extend};
 use crate::diagnosis::{Diagnosis, Verdict};
+use crate::measured::opened;
 use crate::{DiagnoseError, Request, Unobserved};
 use measure::config::Compared;
 use measure::table::DataTable;
 use proto::rng::{Draws, Purpose};
 use std::fmt::Write as _;
 use std::path::Path;
+use study::Study as _;
 use study::open::OpenError;
+use study::robots::RobotStudy;
 
 const FRIIS: &str = "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = 0.0\n";
 const MOTES: u32 = 8;
@@ -53,14 +56,13 @@ fn nothing_is_missing_from_free_space() {
     assert_eq!(found.verdict, Verdict::NothingMissing, "{}", found.sentence);
 }
 
-/// Eight robots that turn every second and a half, of which one goes at 0.8 of what is commanded; positions have a noise of 5 mm.
-fn robots() -> DataTable {
+/// Eight robots that turn every second and a half; positions have a noise of 5 mm. `moved`: what a robot goes under a command (m/s).
+fn robots(n_steps: u32, mut moved: impl FnMut(u32, [f64; 2]) -> [f64; 2]) -> DataTable {
     let draws = Draws::new(6, Purpose::Resample);
     let mut csv = "time_s,agent,x_m,y_m,cmd_vx_mps,cmd_vy_mps\n".to_owned();
     for agent in 0..8_u32 {
         let (mut x_m, mut y_m) = (0.0, 10.0 * f64::from(agent));
-        let scale = if agent == 3 { 0.8 } else { 1.0 };
-        for step in 0..300_u32 {
+        for step in 0..n_steps {
             let turn_rad = 0.3 * f64::from((step / 15 + 5 * agent) * 7 % 20);
             let (vx_mps, vy_mps) = (libm::cos(turn_rad), libm::sin(turn_rad));
             let noise_m = |axis| 0.005 * draws.normal(u64::from(agent), u64::from(step), axis);
@@ -71,18 +73,61 @@ fn robots() -> DataTable {
                 x_m + noise_m(0),
                 y_m + noise_m(1)
             );
-            x_m += 0.1 * scale * vx_mps;
-            y_m += 0.1 * scale * vy_mps;
+            let [x_mps, y_mps] = moved(agent, [vx_mps, vy_mps]);
+            x_m += 0.1 * x_mps;
+            y_m += 0.1 * y_mps;
         }
     }
     DataTable::of_csv(Path::new("robots.csv"), csv.as_bytes()).unwrap()
 }
 
+fn point_mass() -> Compared {
+    let text = "[robotsim.dynamics]\nkind = \"point-mass\"\n".to_owned();
+    Compared::of_text(Path::new("model.toml"), text, &[]).unwrap()
+}
+
+/// Robot 3 slips.
+fn slip_of_one(agent: u32, velocity_mps: [f64; 2]) -> [f64; 2] {
+    velocity_mps.map(|part| if agent == 3 { 0.8 * part } else { part })
+}
+
+/// What is selected in a table of robots, all windows or a subset of about so many being searched.
+fn selected(table: &DataTable, most: Option<usize>) -> Vec<String> {
+    let config = point_mass();
+    let opened = opened::<RobotStudy>(&Request::new(&config, table), &Unobserved).unwrap();
+    let mut campaign = Campaign::of(opened);
+    campaign.thin = most.map(|most| campaign.study.thinned_to(most).unwrap());
+    let (ladder, _) = campaign.select(&|_| ());
+    let candidates = campaign.study.candidates();
+    ladder.accepted.into_iter().map(|term| candidates[term].name.clone()).collect()
+}
+
+#[test]
+fn a_subset_of_the_windows_names_what_all_windows_name() {
+    let wind = |_, [x, y]: [f64; 2]| [x + 0.03, y];
+    let slip_and_wind = |_, [x, y]: [f64; 2]| [0.9 * x + 0.03, 0.9 * y];
+    for (table, names) in [
+        (robots(900, |_, it| it), &[][..]),
+        (robots(900, slip_of_one), &["slip (only agents = [3])"]),
+        (robots(900, wind), &["wind"]),
+        (robots(900, slip_and_wind), &["slip", "wind"]),
+    ] {
+        let mut of_all = selected(&table, None);
+        let mut of_subset = selected(&table, Some(800));
+        of_all.sort_unstable();
+        of_subset.sort_unstable();
+        assert_eq!(
+            (of_all.as_slice(), &of_subset),
+            (&names.iter().map(ToString::to_string).collect::<Vec<_>>()[..], &of_all)
+        );
+    }
+}
+
 #[test]
 fn an_effect_of_one_robot_is_limited_to_it() {
-    let text = "[robotsim.dynamics]\nkind = \"point-mass\"\n".to_owned();
-    let config = Compared::of_text(Path::new("model.toml"), text, &[]).unwrap();
-    let found = diagnose(&Request::new(&config, &robots()), &Unobserved).unwrap().answer;
+    let config = point_mass();
+    let table = robots(300, slip_of_one);
+    let found = diagnose(&Request::new(&config, &table), &Unobserved).unwrap().answer;
     let accepted = found.candidates.iter().find(|candidate| candidate.accepted);
     let only = accepted.and_then(|candidate| candidate.only.as_ref()).expect(&found.sentence);
     assert_eq!(only["agents"], toml::Value::Array(vec![3.into()]), "{}", found.sentence);

@@ -9,6 +9,9 @@ use crate::thresholds::{
 use measure::robots::RobotSample;
 use std::collections::BTreeMap;
 
+/// What blocks of time are called.
+pub(super) const PARTS: &str = "parts of tracks";
+
 impl MeasuredTracks {
     /// Blocks of windows that are left out together by choice.
     pub(super) fn split_blocks(
@@ -47,6 +50,11 @@ impl MeasuredTracks {
 
     /// Blocks of time: parts of a robot's track.
     pub(super) fn blocks_in_time(&self, window_s: f64) -> Blocks {
+        self.parts_of_tracks(window_s, 1.0)
+    }
+
+    /// Parts of tracks, so long that about [`WANTED_BLOCKS`] of them are this share of the time measured.
+    pub(super) fn parts_of_tracks(&self, window_s: f64, share: f64) -> Blocks {
         let begins: Vec<f64> = self
             .robots
             .tracks
@@ -61,7 +69,7 @@ impl MeasuredTracks {
             .map(|(track, begin)| self.robots.samples[track.end - 1].time_s - begin);
         let lengths: Vec<f64> = lengths.collect();
         let total_s: f64 = lengths.iter().sum();
-        let block_s = (total_s / WANTED_BLOCKS)
+        let block_s = (share * total_s / WANTED_BLOCKS)
             .clamp(SHORTEST_BLOCK_WINDOWS * window_s, LONGEST_BLOCK_WINDOWS * window_s);
         let key = |window: &super::motion::MotionWindow| {
             let track = window.track as usize;
@@ -72,9 +80,14 @@ impl MeasuredTracks {
             (track as u64) << 32 | part.min(n - 1.0) as u64
         };
         let keys: Vec<u64> = self.windows.iter().map(key).collect();
-        let mut blocks = Blocks::of_keys("parts of tracks", &keys).showing(Few::Possible);
-        blocks.gaps = self.gaps(&blocks, window_s + MEMORY_S);
+        let mut blocks = Blocks::of_keys(PARTS, &keys).showing(Few::Possible);
+        blocks.gaps = self.gaps_in_time(&blocks, window_s);
         blocks
+    }
+
+    /// Windows that lie too near to those of a fold of blocks of time.
+    pub(super) fn gaps_in_time(&self, blocks: &Blocks, window_s: f64) -> Vec<(u32, u8)> {
+        self.gaps(blocks, window_s + MEMORY_S)
     }
 
     /// Blocks of place: the squares of a grid in which windows begin.

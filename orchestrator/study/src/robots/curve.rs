@@ -2,6 +2,7 @@
 
 use super::density::Residual;
 use super::motion::{Gains, MeasuredTracks};
+use super::subset::kept_of;
 use super::{RobotFit, RobotModel};
 use crate::TermId;
 use crate::knots;
@@ -48,6 +49,11 @@ impl RobotCurve {
     /// The same with a constant.
     pub(super) fn with_constant(&self) -> Self {
         Self { has_constant: true, ..self.clone() }
+    }
+
+    /// The same at the windows that are kept.
+    pub(super) fn some(&self, kept: &[bool]) -> Self {
+        Self { windows: kept_of(&self.windows, kept), ..self.clone() }
     }
 
     /// The covariate at the start of each window; NaN where it is missing.

@@ -34,8 +34,7 @@ impl RobotModel {
         let weights: Vec<f64> = residuals
             .iter()
             .map(|residual| {
-                parent.density.log_of_position(residual).1
-                    / square(parent.density.sd_m(residual)[0])
+                parent.density.weight(residual) / square(parent.density.sd_m(residual)[0])
             })
             .collect();
         let mut found: Vec<(f64, Vec<f64>)> = discs

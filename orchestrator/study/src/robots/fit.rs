@@ -292,7 +292,7 @@ impl RobotModel {
         let n_blocks = blocks.n_blocks();
         let mut scores = DMatrix::zeros(n_blocks, n);
         for (row, (residual, &window)) in point.residuals.iter().zip(&all).enumerate() {
-            let weight = point.density.log_of_position(residual).1;
+            let weight = point.density.weight(residual);
             let sd_m = point.density.sd_m(residual);
             let (parts, scales) = point.density.pulls(residual);
             for part in 0..point.density.n_components() {

@@ -239,25 +239,27 @@ pub(super) struct Mover<'a> {
 }
 
 impl<'a> Mover<'a> {
-    /// From the sample at which a track begins, or from a later one with `drive`, what our own kinematics does there.
+    /// From where these samples of a track begin.
     pub(super) fn new(
         tracks: &'a MeasuredTracks,
         physics: &'a Physics,
         track: usize,
-        from: Option<(usize, Drive)>,
+        samples: &Range<usize>,
     ) -> Self {
-        let (first, drive) = from.unwrap_or_else(|| {
-            let first = tracks.robots.tracks[track].start;
-            let drive = |base: &ForeignBase| tracks.begin(track, &base.reference).drive;
-            (first, tracks.foreign.as_deref().map(drive).unwrap_or_default())
-        });
-        let next = match from {
-            Some(_) => {
-                let time_s = tracks.robots.samples[first].time_s;
-                tracks.orders[track].partition_point(|order| order.from_s <= time_s)
-            }
-            None => 0,
-        };
+        let drive = |base: &ForeignBase| tracks.begin(samples, &base.reference).drive;
+        let drive = tracks.foreign.as_deref().map(drive).unwrap_or_default();
+        Self::from(tracks, physics, (track, samples.start), drive)
+    }
+
+    /// From a sample of a track with `drive`, what our own kinematics does there.
+    pub(super) fn from(
+        tracks: &'a MeasuredTracks,
+        physics: &'a Physics,
+        (track, first): (usize, usize),
+        drive: Drive,
+    ) -> Self {
+        let time_s = tracks.robots.samples[first].time_s;
+        let next = tracks.orders[track].partition_point(|order| order.from_s <= time_s);
         let reference = tracks.foreign.as_deref().map(|base| (base, drive, next));
         Self { tracks, physics, track, next, reference }
     }

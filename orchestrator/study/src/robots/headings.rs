@@ -1,6 +1,6 @@
 //! How predicted headings scatter: the channel that bodies which turn are measured in beside their position.
 
-use super::density::Residual;
+use super::density::{Residual, mixed, mixed_weight};
 
 use super::{RobotFit, RobotModel, RobotStudy};
 use crate::folds::Blocks;
@@ -48,20 +48,25 @@ impl HeadingDensity {
         Self { concentration, log_norms: [concentration, broad].map(log_norm), ..self }
     }
 
-    /// Log density (nats) of an error whose cosine lies so far below 1, and how much it counts in a least squares fit.
-    fn log_unweighted(&self, below: f64) -> (f64, f64) {
+    /// Logarithm of the density of the broad law over that of the narrow one, for an error whose cosine lies so far below 1.
+    fn broader(&self, below: f64) -> f64 {
+        let [narrow, broad] = self.log_norms;
         let pull = self.concentration * below;
-        let narrow = libm::log(1.0 - BROAD_SHARE) - pull - self.log_norms[0];
-        let broad = libm::log(BROAD_SHARE) - pull / square(BROAD_FACTOR) - self.log_norms[1];
-        let top = narrow.max(broad);
-        let sum = libm::exp(narrow - top) + libm::exp(broad - top);
-        let share = libm::exp(narrow - top) / sum;
-        (top + libm::log(sum), share + (1.0 - share) / square(BROAD_FACTOR))
+        libm::log(BROAD_SHARE / (1.0 - BROAD_SHARE))
+            + pull * (1.0 - 1.0 / square(BROAD_FACTOR))
+            + narrow
+            - broad
+    }
+
+    /// Log density (nats) of such an error.
+    fn log_unweighted(&self, below: f64) -> f64 {
+        let narrow = libm::log(1.0 - BROAD_SHARE) - self.concentration * below - self.log_norms[0];
+        narrow + mixed(self.broader(below)).0
     }
 
     /// Log density (nats) of an error (rad), times what a heading counts; 0 where none is measured.
     pub(super) fn log(&self, error_rad: f64) -> f64 {
-        if error_rad.is_nan() { 0.0 } else { self.weight * self.log_unweighted(below(error_rad)).0 }
+        if error_rad.is_nan() { 0.0 } else { self.weight * self.log_unweighted(below(error_rad)) }
     }
 
     /// What pulls the prediction towards a heading that is off by an error (rad), and its information (1/rad²); 0 where none is
@@ -70,7 +75,7 @@ impl HeadingDensity {
         if error_rad.is_nan() {
             return (0.0, 0.0);
         }
-        let counts = self.log_unweighted(below(error_rad)).1;
+        let counts = mixed_weight(self.broader(below(error_rad)));
         (libm::sin(error_rad), self.weight * counts * self.concentration)
     }
 
@@ -82,7 +87,7 @@ impl HeadingDensity {
             return self;
         }
         for _ in 0..60 {
-            let weighted = below.iter().map(|below| self.log_unweighted(*below).1 * below);
+            let weighted = below.iter().map(|below| mixed_weight(self.broader(*below)) * below);
             let mean = weighted.sum::<f64>() / below.len() as f64;
             let before = self.concentration;
             self = self.concentrated(concentration(mean));
@@ -180,7 +185,7 @@ impl RobotStudy {
         let alone = self.model.fitted(&[], rows, &start);
         let logs = |fit: &RobotFit| -> Option<Vec<f64>> {
             let residuals = self.model.residuals(fit, rows)?;
-            Some(residuals.iter().map(|it| fit.density.log_of_position(it).0).collect())
+            Some(residuals.iter().map(|it| fit.density.log_of_position(it)).collect())
         };
         let more =
             logs(&alone)?.into_iter().zip(logs(joint)?).zip(rows).map(|((a, b), &row)| {

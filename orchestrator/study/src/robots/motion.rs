@@ -5,15 +5,16 @@ use super::foreign::{ForeignBase, Mover};
 use super::ground;
 use super::inertial::{self, VelocityVariance};
 use super::neighbours::others;
+use super::subset::Stretch;
 use crate::thresholds::FEWEST_RUNS_ALIKE;
 use measure::robots::{RobotSample, RobotSamples};
 use numbers::power::square;
 use proto::ids::AgentId;
-use proto::rng::Draws;
 use proto::site::Terrain;
 use robotsim::dynamics::physics::{Order, Physics, Robot};
 use robotsim::dynamics::surroundings::{Columns, Other, Surroundings};
 use robotsim::dynamics::{Drive, wrapped};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A row: from one sample of a track to a later one, as indices of samples.
@@ -43,15 +44,15 @@ impl Gains {
 }
 
 /// Measured tracks, ready to be predicted.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct MeasuredTracks {
     pub(super) robots: RobotSamples,
     /// Sorted by track and start.
     pub(super) windows: Vec<MotionWindow>,
     /// How many windows overlap at any time.
     pub(super) n_overlapping: f64,
-    /// The windows of each track.
-    windows_of: Vec<std::ops::Range<usize>>,
+    /// Parts of tracks that are predicted, each by itself: all of each track, or what a subset of the windows needs.
+    pub(super) stretches: Vec<Stretch>,
     /// What each track was commanded, sorted by time.
     pub(super) orders: Vec<Vec<Order>>,
     /// The others of the same campaign at each sample; empty where they do not matter.
@@ -60,12 +61,12 @@ pub(super) struct MeasuredTracks {
     /// Height (m) at which robots are measured that have landed; none where none has.
     pub(super) landed_m: Option<f64>,
     /// Directions (cosine, sine) along which the errors of windows are given; empty: along what is predicted.
-    frames: Vec<[f64; 2]>,
+    pub(super) frames: Vec<[f64; 2]>,
     /// Another simulator's predictions, where they are the base model.
     pub(super) foreign: Option<Arc<ForeignBase>>,
 }
 
-/// Where the model alone takes each robot, sample by sample: for motion that is alike everywhere, whatever measurements
+/// Where the model alone takes each robot in each stretch, sample by sample: for motion that is alike everywhere, whatever measurements
 /// count. Empty where motion depends on the place.
 pub(super) type ModelPaths = Vec<Vec<Robot>>;
 
@@ -104,7 +105,7 @@ impl MeasuredTracks {
         let stride = ((0.25 * window_s / spacing_s).round() as usize).max(1);
         let tolerance_s = 0.51 * spacing_s;
         let mut windows = Vec::new();
-        let mut windows_of = Vec::new();
+        let mut stretches = Vec::new();
         let mut orders = Vec::new();
         for (number, track) in robots.tracks.iter().enumerate() {
             let first_window = windows.len();
@@ -124,7 +125,8 @@ impl MeasuredTracks {
                     });
                 }
             }
-            windows_of.push(first_window..windows.len());
+            let windows = first_window..windows.len();
+            stretches.push(Stretch { track: number, samples: track.clone(), windows });
             // What was commanded at first is taken to have been in force before.
             let mut list = vec![Order { from_s: f64::NEG_INFINITY, demand: samples[0].command }];
             for sample in samples {
@@ -144,7 +146,7 @@ impl MeasuredTracks {
             landed_m,
             windows,
             n_overlapping,
-            windows_of,
+            stretches,
             orders,
             others,
             terrain,
@@ -156,9 +158,9 @@ impl MeasuredTracks {
     /// Only some of the windows. All samples stay: what is known when a window begins follows from those before.
     pub(super) fn keep(&mut self, kept: &[bool]) {
         let mut first = 0;
-        for range in &mut self.windows_of {
-            let n = kept[range.clone()].iter().filter(|kept| **kept).count();
-            *range = first..first + n;
+        for Stretch { windows, .. } in &mut self.stretches {
+            let n = kept[windows.clone()].iter().filter(|kept| **kept).count();
+            *windows = first..first + n;
             first += n;
         }
         let mut at = kept.iter();
@@ -203,10 +205,10 @@ impl MeasuredTracks {
         add: impl Fn(usize, &mut [[f64; N]]),
         mut tell: impl FnMut(&[[f64; N]]),
     ) {
-        for (track, range) in self.robots.tracks.iter().enumerate() {
-            let mut windows = self.windows[self.windows_of[track].clone()].iter().peekable();
+        for Stretch { samples, windows, .. } in &self.stretches {
+            let mut windows = self.windows[windows.clone()].iter().peekable();
             sums.fill([0.0; N]);
-            for (index, sample) in range.clone().enumerate() {
+            for (index, sample) in samples.clone().enumerate() {
                 if windows.next_if(|window| window.start as usize == sample).is_some() {
                     tell(sums);
                 }
@@ -226,12 +228,12 @@ impl MeasuredTracks {
     pub(super) fn steps_m(&self, physics: &Physics, gains: Gains) -> Vec<[f64; 2]> {
         let mut steps_m = vec![[0.0; 2]; self.robots.samples.len()];
         let paths = self.paths(physics);
-        for (track, range) in self.robots.tracks.iter().enumerate() {
-            if self.windows_of[track].is_empty() {
+        for (number, stretch) in self.stretches.iter().enumerate() {
+            if stretch.windows.is_empty() {
                 continue;
             }
-            let estimates = self.state_estimates(track, physics, &paths, gains);
-            for (sample, after) in range.clone().zip(&estimates[1..]) {
+            let estimates = self.state_estimates(stretch, physics, paths.get(number), gains);
+            for (sample, after) in stretch.samples.clone().zip(&estimates[1..]) {
                 steps_m[sample] = [after.step_m[0], after.step_m[1]];
             }
         }
@@ -283,15 +285,10 @@ impl MeasuredTracks {
         if !physics.is_alike_everywhere() {
             return ModelPaths::new();
         }
-        (0..self.robots.tracks.len())
-            .map(|track| {
-                if self.windows_of[track].is_empty() {
-                    Vec::new()
-                } else {
-                    self.path(track, physics)
-                }
-            })
-            .collect()
+        let path = |stretch: &Stretch| {
+            if stretch.windows.is_empty() { Vec::new() } else { self.path(stretch, physics) }
+        };
+        self.stretches.iter().map(path).collect()
     }
 
     /// Predicts all windows, and says how far measurements lie from that. `paths`: those of this physics.
@@ -340,26 +337,26 @@ impl MeasuredTracks {
     ) -> Vec<(StateEstimate, PredictedMotion)> {
         let mut predictions = Vec::with_capacity(self.windows.len());
         let is_alike = !paths.is_empty();
-        for (track, range) in self.robots.tracks.iter().enumerate() {
-            let windows = &self.windows[self.windows_of[track].clone()];
+        for (number, stretch) in self.stretches.iter().enumerate() {
+            let windows = &self.windows[stretch.windows.clone()];
             if windows.is_empty() {
                 continue;
             }
-            let estimates = self.state_estimates(track, physics, paths, gains);
+            let estimates = self.state_estimates(stretch, physics, paths.get(number), gains);
             for window in windows {
-                let begin = estimates[window.start as usize - range.start];
+                let [first, last] = [window.start, window.end]
+                    .map(|sample| sample as usize - stretch.samples.start);
+                let begin = estimates[first];
                 let moved = if is_alike {
-                    let [first, last] =
-                        [window.start, window.end].map(|sample| sample as usize - range.start);
                     let end = &estimates[last];
                     let path_m = std::array::from_fn(|i| end.path_m[i] - begin.path_m[i]);
                     PredictedMotion {
                         way_m: rotated(path_m, begin.turned_rad),
-                        heading_rad: begin.shown_rad + paths[track][last].heading_rad
-                            - paths[track][first].heading_rad,
+                        heading_rad: begin.shown_rad + paths[number][last].heading_rad
+                            - paths[number][first].heading_rad,
                     }
                 } else {
-                    self.simulate(physics, track, window, &begin)
+                    self.simulate(physics, stretch.track, window, &begin)
                 };
                 predictions.push((begin, moved));
             }
@@ -392,41 +389,40 @@ impl MeasuredTracks {
         }
     }
 
-    /// A robot where its track begins, doing what is commanded there.
-    pub(super) fn begin(&self, track: usize, physics: &Physics) -> Robot {
-        let first = &self.robots.samples[self.robots.tracks[track].start];
+    /// A robot where these samples begin, doing what is commanded there.
+    pub(super) fn begin(&self, samples: &Range<usize>, physics: &Physics) -> Robot {
+        let first = &self.robots.samples[samples.start];
         let heading_rad = if first.heading_rad.is_nan() { 0.0 } else { first.heading_rad };
         let robot = Robot { position_m: first.position_m, heading_rad, ..Robot::default() };
         if physics.is_inertial() {
-            return inertial::begin(robot, &self.robots.samples[self.robots.tracks[track].clone()]);
+            return inertial::begin(robot, &self.robots.samples[samples.clone()]);
         }
-        let around = self.surroundings(self.robots.tracks[track].start);
+        let around = self.surroundings(samples.start);
         let drive = physics.target_at(first.command, &robot, first.time_s, &around);
         Robot { drive, ..robot }
     }
 
-    /// Estimated state of a robot at each sample of its track.
+    /// Estimated state of a robot at each sample of a stretch; `path`: where the model alone takes it, where motion is alike everywhere.
     fn state_estimates(
         &self,
-        track: usize,
+        stretch: &Stretch,
         physics: &Physics,
-        paths: &ModelPaths,
+        path: Option<&Vec<Robot>>,
         gains: Gains,
     ) -> Vec<StateEstimate> {
-        match paths.get(track) {
-            Some(path) => self.follow(track, path, physics.shape().is_turning(), gains),
-            None => self.correct(track, physics, gains),
+        match path {
+            Some(path) => self.follow(stretch, path, physics.shape().is_turning(), gains),
+            None => self.correct(stretch, physics, gains),
         }
     }
 
-    /// Goes along a track by the model alone.
-    fn path(&self, track: usize, physics: &Physics) -> Vec<Robot> {
-        let range = self.robots.tracks[track].clone();
-        let mut robot = self.begin(track, physics);
-        let mut path = Vec::with_capacity(range.len());
+    /// Goes along a stretch by the model alone.
+    fn path(&self, Stretch { track, samples, .. }: &Stretch, physics: &Physics) -> Vec<Robot> {
+        let mut robot = self.begin(samples, physics);
+        let mut path = Vec::with_capacity(samples.len());
         path.push(robot);
-        let mut mover = Mover::new(self, physics, track, None);
-        for sample in range.start..range.end - 1 {
+        let mut mover = Mover::new(self, physics, *track, samples);
+        for sample in samples.start..samples.end - 1 {
             mover.advance(&mut robot, sample);
             path.push(robot);
         }
@@ -437,13 +433,12 @@ impl MeasuredTracks {
     /// from an estimate is what it does by itself, moved and turned.
     fn follow(
         &self,
-        track: usize,
+        stretch: &Stretch,
         path: &[Robot],
         is_turning: bool,
         gains: Gains,
     ) -> Vec<StateEstimate> {
-        let range = self.robots.tracks[track].clone();
-        let samples = &self.robots.samples[range];
+        let samples = &self.robots.samples[stretch.samples.clone()];
         let robot = path[0];
         let mut estimates = Vec::with_capacity(samples.len());
         let mut at = StateEstimate {
@@ -477,16 +472,20 @@ impl MeasuredTracks {
         estimates
     }
 
-    /// Goes along a track by the model, corrected by every measurement.
-    fn correct(&self, track: usize, physics: &Physics, gains: Gains) -> Vec<StateEstimate> {
-        let range = self.robots.tracks[track].clone();
+    /// Goes along a stretch by the model, corrected by every measurement.
+    fn correct(
+        &self,
+        Stretch { track, samples: range, .. }: &Stretch,
+        physics: &Physics,
+        gains: Gains,
+    ) -> Vec<StateEstimate> {
         let samples = &self.robots.samples[range.clone()];
-        let mut robot = self.begin(track, physics);
+        let mut robot = self.begin(range, physics);
         let mut variance = 1.0;
         let mut shown_rad = robot.heading_rad;
         let mut velocity = VelocityVariance::default();
         let mut estimates = Vec::with_capacity(samples.len());
-        let mut mover = Mover::new(self, physics, track, None);
+        let mut mover = Mover::new(self, physics, *track, range);
         let reference = mover.reference_drive();
         let first =
             StateEstimate { robot, variance, shown_rad, reference, ..StateEstimate::default() };
@@ -543,7 +542,7 @@ impl MeasuredTracks {
         let mut robot = begin.robot;
         let from_m = robot.position_m;
         let (first, end) = (window.start as usize, window.end as usize);
-        let mut mover = Mover::new(self, physics, track, Some((first, begin.reference)));
+        let mut mover = Mover::from(self, physics, (track, first), begin.reference);
         for sample in first..end {
             mover.advance(&mut robot, sample);
         }
@@ -551,21 +550,6 @@ impl MeasuredTracks {
             way_m: std::array::from_fn(|i| robot.position_m[i] - from_m[i]),
             heading_rad: begin.shown_rad + robot.heading_rad - begin.robot.heading_rad,
         }
-    }
-
-    /// A robot at each sample of a track by the model alone, from where the track begins.
-    pub(super) fn driven(&self, track: usize, physics: &Physics, draws: Draws) -> Vec<Robot> {
-        let range = self.robots.tracks[track].clone();
-        let mut robot = self.begin(track, physics);
-        let (mut next, mut driven) = (0, vec![robot]);
-        for index in range.start..range.end - 1 {
-            let [a, b] = [index, index + 1].map(|index| self.robots.samples[index].time_s);
-            let surroundings = Surroundings { draws: Some(draws), ..self.surroundings(index) };
-            physics.advance(&mut robot, &self.orders[track], &mut next, a, b, &surroundings);
-            self.carry(&mut robot, index);
-            driven.push(robot);
-        }
-        driven
     }
 
     pub(super) fn surroundings(&self, sample: usize) -> Surroundings<'_> {

@@ -1,8 +1,11 @@
 //! The motion of robots by the model alone, without measurement noise.
 
 use super::RobotStudy;
+use super::motion::MeasuredTracks;
 use proto::rng::Draws;
 use robotsim::dynamics::effect::Localization;
+use robotsim::dynamics::physics::{Physics, Robot};
+use robotsim::dynamics::surroundings::Surroundings;
 
 /// Positions and headings at every sample, without measurement noise.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,5 +56,22 @@ impl RobotStudy {
             }
         }
         motion
+    }
+}
+
+impl MeasuredTracks {
+    /// A robot at each sample of a track by the model alone, from where the track begins.
+    fn driven(&self, track: usize, physics: &Physics, draws: Draws) -> Vec<Robot> {
+        let range = self.robots.tracks[track].clone();
+        let mut robot = self.begin(&range, physics);
+        let (mut next, mut driven) = (0, vec![robot]);
+        for index in range.start..range.end - 1 {
+            let [a, b] = [index, index + 1].map(|index| self.robots.samples[index].time_s);
+            let surroundings = Surroundings { draws: Some(draws), ..self.surroundings(index) };
+            physics.advance(&mut robot, &self.orders[track], &mut next, a, b, &surroundings);
+            self.carry(&mut robot, index);
+            driven.push(robot);
+        }
+        driven
     }
 }

@@ -208,7 +208,7 @@ impl Study for RobotStudy {
             plain_squared_error: f64::NAN,
             heading_squared_error_rad2: square(residual.heading_rad),
             log_of_position: if fit.density.heading.is_some() {
-                fit.density.log_of_position(residual).0
+                fit.density.log_of_position(residual)
             } else {
                 f64::NAN
             },

@@ -3,6 +3,7 @@
 mod driven;
 mod foreign;
 mod headings;
+mod subset;
 
 use super::*;
 use crate::folds::scramble;

@@ -271,6 +271,10 @@ impl Effect for Limited {
         self.effect.varies_on_the_way()
     }
 
+    fn is_uniform(&self, position_m: [f64; 3], reach_m: f64) -> bool {
+        self.effect.is_uniform(position_m, reach_m)
+    }
+
     fn force_varies(&self) -> bool {
         self.effect.force_varies()
     }

@@ -91,6 +91,12 @@ impl Effect for RoughGround {
     fn varies_on_the_way(&self) -> bool {
         true
     }
+
+    fn is_uniform(&self, position_m: [f64; 3], reach_m: f64) -> bool {
+        let [x_m, y_m] = [0, 1].map(|axis| position_m[axis] - self.centre_m[axis]);
+        let reach_m = reach_m * self.scale.max(1.0);
+        reach_m < (libm::hypot(x_m, y_m) - self.radius_m).abs()
+    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use proto::site::{Hill, Terrain};
 
 /// The product's physics with other steps (s).
 fn with_steps(text: &str, turning_s: f64, local_s: f64) -> Physics {
-    Physics { steps: Steps { turning_s, local_s }, ..physics(text) }
+    Physics { steps: Steps { turning_s, local_s, force_s: local_s, ..STEPS }, ..physics(text) }
 }
 
 /// Where a robot comes to in `t_s` that begins at `robot` and is asked for `demand`.
@@ -161,4 +161,35 @@ fn a_quadrotor_alone_is_the_closed_form_whatever_the_step() {
         // Rounding of numbers about 1.
         assert!(apart_m(end.position_m, [exact, 0.0]) < 1e-14, "{end:?} {exact}");
     }
+}
+
+#[test]
+fn far_from_the_border_of_a_disc_a_fit_needs_no_short_steps() {
+    let disc =
+        "[[effect]]\nkind = 'rough-ground'\ncentre_m = [2.0, 0.5]\nradius_m = 1.0\nscale = 0.6";
+    for (kind, demand) in [("unicycle", [1.2, 0.2, 0.0]), ("point-mass", [1.0, 0.3, 0.0])] {
+        let text = format!("kind = '{kind}'\n{disc}");
+        let [short, adaptive] = [physics(&text), physics(&text).in_fits()];
+        let nowhere = Surroundings::default();
+        let mut robots = [Robot::default(); 2];
+        for step in 0..30 {
+            // Outside, over both borders and outside again.
+            for (physics, robot) in [&short, &adaptive].into_iter().zip(&mut robots) {
+                *robot = end(physics, *robot, demand, 0.2, &nowhere);
+            }
+            let [a, b] = robots.map(|robot| robot.position_m);
+            assert!(apart_m(a, [b[0], b[1]]) < 1e-12, "{kind} {step}: {a:?} {b:?}");
+        }
+        assert!(3.0 < robots[0].position_m[0], "{robots:?}");
+    }
+}
+
+#[test]
+fn forces_in_fits_err_by_far_less_than_noise() {
+    let text = "kind = 'double-integrator'\n[[effect]]\nkind = 'linear-drag'\nrate_per_s = 0.8";
+    let nowhere = Surroundings::default();
+    let fitted = end(&physics(text).in_fits(), Robot::default(), [3.0, 0.0, 0.0], 2.0, &nowhere);
+    // v = a / k (1 − e^(−k t)), from rest.
+    let exact = 3.0 / 0.8 * (2.0 - (1.0 - libm::exp(-1.6)) / 0.8);
+    assert!(apart_m(fitted.position_m, [exact, 0.0]) < 2e-4, "{fitted:?} {exact}");
 }
