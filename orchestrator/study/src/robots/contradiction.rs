@@ -214,7 +214,7 @@ impl RobotStudy {
     fn acceleration_from(&self, first: usize, over_s: f64) -> Option<[f64; 2]> {
         let tracks = &self.model.tracks;
         let track = tracks.robots.tracks.iter().find(|track| track.contains(&first))?;
-        let reach = ((over_s / self.robots().spacing_s()).ceil() as usize).max(1);
+        let reach = ((over_s / tracks.spacing_s).ceil() as usize).max(1);
         let last = first + 2 * reach;
         if track.end <= last || (first..=last).any(|sample| tracks.is_landed(sample)) {
             return None;

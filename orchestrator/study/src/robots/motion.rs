@@ -47,6 +47,8 @@ impl Gains {
 #[derive(Clone, Debug)]
 pub(super) struct MeasuredTracks {
     pub(super) robots: RobotSamples,
+    /// Time between samples (s): the median.
+    pub(super) spacing_s: f64,
     /// Sorted by track and start.
     pub(super) windows: Vec<MotionWindow>,
     /// How many windows overlap at any time.
@@ -143,6 +145,7 @@ impl MeasuredTracks {
         let landed_m = ground::landed_m(&robots, &terrain);
         Self {
             robots,
+            spacing_s,
             landed_m,
             windows,
             n_overlapping,
