@@ -68,11 +68,21 @@ pub(crate) fn answer<S: Study>(
 ) -> Diagnosis {
     let (numbers_of, fit) = numbers(search, study, all_rows, &ladder.accepted);
     let slopes = (!search.is_stopped()).then(|| numbers_of.linearised(&fit)).flatten();
-    let gate = slopes.as_ref().map_or_else(Gate::default, |rows| gate::of_slopes(numbers_of, rows));
-    let noisier = slopes.as_ref().and_then(|rows| gate::noisiest(numbers_of, rows));
-    let pure = slopes.as_ref().and_then(|rows| pure_error(rows, &numbers_of.dependence()));
+    // Of links there are many groups of rows, each of which is tested: those of the subset.
+    let is_of_subset = all_rows.is_some() && measurements.subject == Subject::Links;
+    let of_subset = slopes.as_ref().filter(|_| is_of_subset).and_then(|_| {
+        let found = search.full_fit(&ladder.accepted, COMMON, None);
+        study.linearised(&found)
+    });
+    let (seen, seen_in) = match &of_subset {
+        Some(rows) => (Some(rows), study),
+        None => (slopes.as_ref(), numbers_of),
+    };
+    let gate = seen.map_or_else(Gate::default, |rows| gate::of_slopes(seen_in, rows));
+    let noisier = seen.and_then(|rows| gate::noisiest(seen_in, rows));
+    let pure = seen.and_then(|rows| pure_error(rows, &seen_in.dependence()));
     debug!(?pure, "noise");
-    let n_parts = slopes.as_ref().map_or(1.0, gate::parts);
+    let n_parts = seen.map_or(1.0, gate::parts);
     let sizes = slopes.map_or_else(Vec::new, |rows| {
         bounds::size_bounds(numbers_of, search.n_tried(), (&rows, &fit), &ladder.accepted)
     });
