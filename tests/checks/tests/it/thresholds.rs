@@ -141,6 +141,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
                 "study/src/robots/command_thresholds.rs",
                 &["COARSE", "N_TIMES", "PARTS", "TAIL_HALVES"],
             ),
+            ("study/src/robots/density.rs", &["BROAD_WEIGHT"]),
             ("study/src/robots/derivatives.rs", &["BEND_STEPS"]),
             ("study/src/robots/discs.rs", &["N_LOOKS"]),
             ("study/src/robots/headings.rs", &["FAR_NOISES", "PART_WINDOWS", "TURN_RAD"]),
