@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use tests::answers::{self, measurements};
 
 const RADIO: &str = "[netsim.phy]\npropagation = \"friis\"\ntx_power_dbm = 0.0\n";
-const ROBOT: &str = "[robotsim.dynamics]\nkind = \"double-integrator\"\n";
+pub(super) const ROBOT: &str = "[robotsim.dynamics]\nkind = \"double-integrator\"\n";
 /// Level in free space at a metre, on the channel that is the default (dBm).
 const AT_A_METRE_DBM: f64 = -40.2;
 
@@ -154,7 +154,11 @@ fn of_two_nodes_the_weaker_direction_is_named_with_its_size() {
 
 /// Flights of some seconds with commands of acceleration and, in all of them, drag by speed (1/s). Each has a push (m/s²) and a gain of its
 /// own, with this standard deviation.
-fn flights(seed: u64, (n_flights, length_s): (u32, f64), [drag_per_s, own]: [f64; 2]) -> String {
+pub(super) fn flights(
+    seed: u64,
+    (n_flights, length_s): (u32, f64),
+    [drag_per_s, own]: [f64; 2],
+) -> String {
     const SAMPLE_S: f64 = 0.05;
     const STEPS: u32 = 10;
     let draws = Draws::new(seed, Purpose::Resample);

@@ -34,6 +34,7 @@ mod formula;
 mod front_door;
 mod fuzz_corpora;
 mod given_rssi;
+mod identifiability;
 mod interrupts;
 mod links;
 mod measurement_defects;

@@ -1,6 +1,7 @@
 //! What a file of measurements holds: the answer that programs read as JSON and people as text.
 
 use diagnose::defects::MeasurementDefect;
+use diagnose::identifiability::Identifiability;
 use diagnose::json_number;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
@@ -32,6 +33,9 @@ pub struct DataCheck {
     /// where they are not looked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measurement_defects: Option<Vec<MeasurementDefect>>,
+    /// With a configuration: what these data can tell, before any search. Absent where no level is predicted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub identifiability: Option<Identifiability>,
     /// The measurements.
     #[serde(flatten)]
     pub account: DataAccount,

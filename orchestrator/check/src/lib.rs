@@ -15,7 +15,7 @@ pub use data_check::DataCheck;
 use data_check::{
     CovariateFacts, Facts, LinkCounts, LinkFacts, Motes, NotTestable, RobotFacts, RowKind, SCHEMA,
 };
-use diagnose::defects;
+use diagnose::{defects, identifiability};
 pub use file_check::{AskedPermission, CHECK_SCHEMA, ExperimentCheck, SweepCheck};
 use indexmap::IndexMap;
 use measure::config::Compared;
@@ -56,11 +56,18 @@ pub fn data(
             let (study, account) = open::links(&config, table, choices)?;
             // Without a configuration nothing predicts the readings.
             let defects = (!is_without_configuration).then(|| defects::listed(&study));
-            DataCheck { measurement_defects: defects, ..links(&study, account) }
+            let table = (!is_without_configuration).then(|| identifiability::of_links(&study));
+            DataCheck {
+                measurement_defects: defects,
+                identifiability: table.flatten(),
+                ..links(&study, account)
+            }
         }
         Subject::Robots => {
             let (study, account) = open::robots(&config, table, choices)?;
-            robots(&study, account, choices.window_s.unwrap_or(WINDOW_S))
+            let table = (!is_without_configuration).then(|| identifiability::of_robots(&study));
+            let window_s = choices.window_s.unwrap_or(WINDOW_S);
+            DataCheck { identifiability: table.flatten(), ..robots(&study, account, window_s) }
         }
     };
     Ok(DataCheck { is_without_configuration, ..check })
@@ -199,6 +206,7 @@ fn finished<S: Study>(kind: RowKind, facts: Facts, study: &S, account: DataAccou
         testable,
         not_testable,
         measurement_defects: None,
+        identifiability: None,
         account,
         is_without_configuration: false,
     }

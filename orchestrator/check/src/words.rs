@@ -1,6 +1,7 @@
 //! What a file of measurements holds, in words: the text of the terminal.
 
 use super::data_check::{CovariateFacts, DataCheck, Facts, LinkFacts, RobotFacts, RowKind};
+use diagnose::identifiability;
 use indexmap::IndexMap;
 use numbers::format::rounded;
 use std::fmt::Write as _;
@@ -35,6 +36,9 @@ pub fn text(check: &DataCheck) -> String {
         for defect in defects {
             let _ = writeln!(text, "defect {}", defect.text());
         }
+    }
+    if let Some(table) = &check.identifiability {
+        text.push_str(&identifiability::text(table));
     }
     if check.is_without_configuration {
         text.push_str(

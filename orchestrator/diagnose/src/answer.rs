@@ -166,6 +166,7 @@ pub(crate) fn answer<S: Study>(
         possible,
         possible_because,
         measurement_defects: Vec::new(),
+        identifiability: None,
         split: study.blocks(COMMON).unit,
         ladder: ladder
             .rungs

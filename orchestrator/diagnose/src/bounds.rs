@@ -96,7 +96,7 @@ fn is_one_sided(candidate: &Candidate) -> bool {
 }
 
 /// Root mean square of a column over the rows that have an error, of the parts that have one.
-fn moved(column: &Column, rows: &Linearised) -> f64 {
+pub(crate) fn moved(column: &Column, rows: &Linearised) -> f64 {
     let known = column.iter().zip(&rows.errors).filter(|(_, errors)| errors[0].is_finite());
     let (sum, n) = known.fold((0.0, 0.0), |(sum, n), (parts, errors)| {
         let known = parts.iter().zip(errors).filter(|(it, error)| (*it * *error).is_finite());

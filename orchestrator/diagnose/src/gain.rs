@@ -115,6 +115,11 @@ impl Gain {
                 sums[block as usize].1 += 1;
             }
         }
+        Self::of_sums(sums)
+    }
+
+    /// The same of sums over blocks: the differences of the scores, and the number of rows.
+    pub(crate) fn of_sums(mut sums: Vec<(f64, usize)>) -> Self {
         // Rows that are not scored have no part in it.
         sums.retain(|&(_, n)| 0 < n);
         let n_blocks = sums.len();

@@ -14,6 +14,7 @@
 //! | [`words`] | the same, as people read it |
 //! | [`mod@extend`] | a configuration with effects added, fitted |
 //! | [`mod@between`] | what changed between two campaigns |
+//! | [`identifiability`] | what the design of measurements can tell, before any search |
 //! | [`mod@power`] | how large an effect a campaign would show |
 //! | [`mod@simulate`] | the campaign that a model would have measured |
 //! | [`defects`] | defects of the measurement, which are corrected before the search |
@@ -63,6 +64,7 @@ pub mod extend;
 pub mod gain;
 pub mod gate;
 mod held_out;
+pub mod identifiability;
 pub mod json_number;
 mod ladder;
 mod losses;

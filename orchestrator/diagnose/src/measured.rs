@@ -45,6 +45,11 @@ pub(crate) trait Measured: Viewed + Sized {
         None
     }
 
+    /// Why no size can be stated, before a search, from which on effects would be found. None: one can.
+    fn sizes_by_simulation(&self) -> Option<&'static str> {
+        None
+    }
+
     /// The same measurements as if received frames alone had been logged, where it is not known whether lost frames were and it matters.
     fn as_received(&self) -> Option<Self> {
         None
@@ -207,6 +212,11 @@ impl Measured for RobotStudy {
 
     fn error_unit(&self) -> &'static str {
         "m"
+    }
+
+    // The fit of others takes up a part of an effect of a body that moves, each of another part.
+    fn sizes_by_simulation(&self) -> Option<&'static str> {
+        Some("of robots, `power` finds sizes by simulation")
     }
 
     fn some_rows(&self) -> Option<Self> {

@@ -2,7 +2,7 @@
 //! measurements and the answer stands here and nowhere else.
 //!
 //! ```text
-//! open → look for defects → correct → thin → select effects → scan residuals → answer
+//! open → look for defects → correct → thin → identifiability → select effects → scan residuals → answer
 //! ```
 
 use crate::answer::{self, Measurements};
@@ -11,6 +11,7 @@ use crate::corrected_data::CorrectedData;
 use crate::defects::{self, MeasurementDefect};
 use crate::diagnosis::Diagnosis;
 use crate::extend::{self, ExtendError, ExtendedConfig};
+use crate::identifiability;
 use crate::ladder::{self, Known, Ladder, Search};
 use crate::losses;
 use crate::measured::{Added, Measured, opened};
@@ -89,20 +90,27 @@ fn diagnosed<S: Measured>(
     observer: &dyn Observer,
 ) -> Result<Answered<Diagnosis>, DiagnoseError> {
     let otherwise = opened.0.as_received().map(|study| (study, opened.1.clone()));
-    let found = searched(opened, request, observer)?;
+    let mut campaign = Campaign::corrected(opened, observer)?;
+    campaign.take_subset(request);
+    let table = identifiability::table(&Search::new(campaign.searched().0, &|_| {}));
+    if let Some(table) = &table {
+        observer.identifiability(table);
+    }
+    let mut found = searched(campaign, request, observer);
+    found.answer.identifiability = table;
     let Some(otherwise) = otherwise else { return Ok(found) };
-    let other = searched(otherwise, &Request { wants_rows: false, ..request.clone() }, observer)?;
+    let mut otherwise = Campaign::corrected(otherwise, observer)?;
+    otherwise.take_subset(request);
+    let other = searched(otherwise, &Request { wants_rows: false, ..request.clone() }, observer);
     Ok(Answered { answer: losses::agreed(found.answer, &other.answer), ..found })
 }
 
 fn searched<S: Measured>(
-    opened: (S, DataAccount),
+    mut campaign: Campaign<S>,
     request: &Request<'_>,
     observer: &dyn Observer,
-) -> Result<Answered<Diagnosis>, DiagnoseError> {
+) -> Answered<Diagnosis> {
     let report = |progress: SearchProgress<'_>| observer.progress(progress);
-    let mut campaign = Campaign::corrected(opened, observer)?;
-    campaign.take_subset(request);
     let (ladder, known) = campaign.select(&report);
     let (study, whole) = campaign.searched();
     let search = Search::new(study, &report).with_known(known);
@@ -116,7 +124,7 @@ fn searched<S: Measured>(
     let found = answer::answer(study, &search, &ladder, measurements, &residuals, whole);
     let answer = defects::with_defects(found, &campaign.defects);
     let rows = request.wants_rows.then(|| rows::predicted(study, &search, &ladder.accepted));
-    Ok(Answered { answer, rows, subset: whole.map(|_| study.n_rows()) })
+    Answered { answer, rows, subset: whole.map(|_| study.n_rows()) }
 }
 
 /// What a configuration is extended by, and how.

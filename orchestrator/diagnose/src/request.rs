@@ -3,6 +3,7 @@
 use crate::corrected_data::NotCorrectable;
 use crate::defects::MeasurementDefect;
 use crate::extend::ExtendError;
+use crate::identifiability::Identifiability;
 use crate::progress::SearchProgress;
 use measure::account::DataAccount;
 use measure::config::Compared;
@@ -50,6 +51,9 @@ impl<'a> Request<'a> {
 pub trait Observer: Sync {
     /// Measurements were read: how many rows are used, and why others are not.
     fn opened(&self, _account: &DataAccount) {}
+
+    /// What the measurements can tell, before a diagnosis searches them.
+    fn identifiability(&self, _table: &Identifiability) {}
 
     /// An extension found these defects of the measurement, and corrects them.
     fn defects(&self, _defects: &[MeasurementDefect]) {}

@@ -15,10 +15,12 @@
 
 mod clusters;
 pub(crate) mod passes;
+mod products;
 
 use clusters::Clusters;
 use nalgebra::{DMatrix, DVector};
 use numbers::power::square;
+pub(crate) use products::Products;
 use statrs::distribution::{ContinuousCDF as _, FisherSnedecor, StudentsT};
 use std::collections::BTreeMap;
 use study::linear::{Column, Dependence, Linearised};
@@ -55,6 +57,13 @@ impl ScoreTest {
             return 1.0;
         }
         upper_tail(beyond, self.freedom).max(least_p_value(self.n_clusters))
+    }
+
+    /// The two-sided p-value of another amplitude with the same standard error.
+    #[must_use]
+    pub(crate) fn p_value_of(&self, amplitude: f64) -> f64 {
+        let p_value = 2.0 * upper_tail(amplitude.abs() / self.standard_error, self.freedom);
+        p_value.max(least_p_value(self.n_clusters)).min(1.0)
     }
 
     /// Design effect: the variance of the amplitude by clusters over that of independent rows.
@@ -251,6 +260,12 @@ impl<'a> ScoreTests<'a> {
             }
         }
         Some((totals, information))
+    }
+
+    /// What a column moves beside all that was estimated, and the information about its amplitude; none where that is nothing.
+    #[must_use]
+    pub(crate) fn beside_estimated(&self, column: &Column) -> Option<(Column, f64)> {
+        self.left(column, &[&self.estimated])
     }
 
     /// The correlation of what two columns move beside all that was estimated; none where one moves nothing else.

@@ -2,6 +2,7 @@
 //! means. One file that opens without a network and needs no script.
 
 mod errors;
+mod identifiability;
 pub(crate) mod ladder;
 mod places;
 pub(crate) mod words;
@@ -131,6 +132,7 @@ const SECTIONS: &[Section] = &[
     words::ties,
     words::unexplained,
     words::not_found,
+    identifiability::section,
     errors::by_covariate,
     places::maps,
     errors::of_distributions,

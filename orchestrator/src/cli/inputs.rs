@@ -5,6 +5,7 @@ use super::stop::Stopper;
 use super::{Failure, ReadArgs};
 use diagnose::Observer;
 use diagnose::defects::MeasurementDefect;
+use diagnose::identifiability::{self, Identifiability};
 use diagnose::progress::SearchProgress;
 use experiment::{Consent, Overrides};
 use measure::DataError;
@@ -84,6 +85,10 @@ impl<'a> Watching<'a> {
 impl Observer for Watching<'_> {
     fn opened(&self, account: &DataAccount) {
         self.log.hide_during(|| print_account(account));
+    }
+
+    fn identifiability(&self, table: &Identifiability) {
+        self.log.hide_during(|| say(identifiability::text(table)));
     }
 
     fn defects(&self, defects: &[MeasurementDefect]) {

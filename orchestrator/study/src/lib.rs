@@ -25,7 +25,7 @@ pub use term::{PerTerm, TermId};
 
 use defects::node_place::NodeLevel;
 use folds::Blocks;
-use linear::{Column, Dependence, Direction, Linearised, Partition};
+use linear::{Column, Dependence, Direction, Linearised, Partition, Signature, SignatureSize};
 use links::predict::directions::DirectionsApart;
 use links::rows::passes::Passes;
 use proto::effect::{About, Level, Need, Parameter};
@@ -367,6 +367,19 @@ pub trait Study: Sync {
     /// What an effect that may be added to a fit would move, at each of the places where a search for it starts: by the amplitude
     /// it has there. Empty where it does something else than move means.
     fn columns(&self, fit: &Self::Fit, term: TermId) -> Vec<Column>;
+
+    /// The same columns, each with the number of the effect that makes its amplitude.
+    fn signatures(&self, fit: &Self::Fit, term: TermId) -> Vec<Signature> {
+        let columns = self.columns(fit, term).into_iter().enumerate();
+        columns
+            .map(|(shape, column)| Signature { column, size: SignatureSize::Unknown, shape })
+            .collect()
+    }
+
+    /// Whether a search decides where, on which node or when an effect acts.
+    fn is_searched_for(&self, _term: TermId) -> bool {
+        false
+    }
 
     /// What the numbers of a curve that may be added to a fit would move, by unit of each. Empty where it does something else than
     /// move means, and for effects.

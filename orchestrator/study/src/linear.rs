@@ -3,9 +3,33 @@
 //! A search for effects that act on one robot, one node or in one part of the time asks many questions of one fit. Each is answered
 //! from the slopes of the rows' log likelihoods (efficient scores), without another fit.
 
+use proto::effect::Parameter;
+
 /// By how much something moves the predicted mean of each row, part by part: of links the level (dB); of robots where a window ends,
 /// along, across and above the predicted motion (m). Of bodies that turn the third part is the heading (rad).
 pub type Column = Vec<[f64; 3]>;
+
+/// What an effect moves at one of the places where a search for it starts.
+#[derive(Clone, Debug)]
+pub struct Signature {
+    /// The column, by the amplitude that the effect has there.
+    pub column: Column,
+    /// The number of the effect that makes that amplitude.
+    pub size: SignatureSize,
+    /// Which of the effect's signatures differ by their sizes only: those of one number.
+    pub shape: usize,
+}
+
+/// Which number of an effect makes the amplitude of a signature.
+#[derive(Clone, Copy, Debug)]
+pub enum SignatureSize {
+    /// A parameter, by this distance from the value at which the effect does nothing.
+    By(Parameter, f64),
+    /// A parameter that has no such value, such as a limit: at this value.
+    At(Parameter, f64),
+    /// Several numbers, or none.
+    Unknown,
+}
 
 /// A column on some rows only.
 #[must_use]

@@ -22,7 +22,7 @@ use super::defects::node_place::{self, NodeLevel};
 use super::defects::{outliers, position_noise};
 use super::folds::Blocks;
 use super::limits::NotLimited;
-use super::linear::{Column, Dependence, Direction, Linearised, Partition};
+use super::linear::{Column, Dependence, Direction, Linearised, Partition, Signature};
 use super::symbolic::FittedFormula;
 use super::{
     Candidate, Estimate, PerTerm, PredictionDifference, Residuals, RowScore, StopFlag, Study,
@@ -345,7 +345,15 @@ impl Study for LinkStudy {
     }
 
     fn columns(&self, _fit: &LinkFit, term: TermId) -> Vec<Column> {
-        self.columns_of(term)
+        self.signatures_of(term).into_iter().map(|signature| signature.column).collect()
+    }
+
+    fn signatures(&self, _fit: &LinkFit, term: TermId) -> Vec<Signature> {
+        self.signatures_of(term)
+    }
+
+    fn is_searched_for(&self, term: TermId) -> bool {
+        self.specs[term].search() != Search::Starts
     }
 
     fn columns_of_curve(&self, _fit: &LinkFit, term: TermId) -> Vec<Column> {

@@ -1,6 +1,8 @@
 //! The search over a study that is made up: a straight-line model with unit noise, in which candidates are columns.
 
 use super::*;
+use crate::identifiability::detection::Detection;
+use crate::identifiability::noise::Noise;
 use proto::effect::Level;
 use proto::rng::{Draws, Purpose};
 use std::sync::Mutex;
@@ -8,7 +10,7 @@ use study::folds::Blocks;
 use study::linear::{Column, Dependence, Direction, Group, Linearised, Partition};
 use study::symbolic::FittedFormula;
 use study::thresholds::{FAMILY_ERROR, TIED_ERRORS, TIED_NATS, UNCORRECTED_LEVEL, WORTH_NATS};
-use study::{Candidate, Estimate, NotLimited, PerTerm, Residuals, RowScore};
+use study::{COMMON, Candidate, Estimate, NotLimited, PerTerm, Residuals, RowScore};
 
 const ROWS: u64 = 3000;
 /// Members whose rows take turns.
@@ -265,6 +267,28 @@ fn the_terms_that_act_are_accepted_the_stronger_one_first_and_no_other() {
     let names = ["a", "b", "c", "d", "e"];
     let study = Lines::new(&names, 3, |x| 0.3 * x[1] + 0.8 * x[3]);
     assert_eq!(accepted(&study), ["d", "b"]);
+}
+
+#[test]
+fn a_term_is_accepted_from_the_amplitude_on_that_is_said_to_be_found_and_hardly_at_half_of_it() {
+    let names = ["a", "b", "c", "d", "e"];
+    let study = Lines::new(&names, 100, |_| 0.0);
+    let search = Search::new(&study, &|_| {});
+    let fit = search.full_fit(&[], COMMON, None);
+    let noise = Noise { rows: study.linearised(&fit).unwrap(), rms: 1.0 };
+    let term = study.term("a");
+    let column = &study.columns(&fit, term)[0];
+    let amplitudes = Detection::new(&search, &noise).amplitudes(term, column).unwrap();
+    let found = amplitudes.found.unwrap();
+    let n_found = |amplitude: f64| {
+        let is_found = |&seed: &u64| {
+            accepted(&Lines::new(&names, seed, |x| amplitude * x[0])).iter().any(|name| name == "a")
+        };
+        (0..40).filter(is_found).count()
+    };
+    // Of 40 campaigns 36 are expected, with a standard deviation of 2.
+    assert!(31 <= n_found(found), "{} at {found}", n_found(found));
+    assert!(n_found(0.5 * found) <= 12, "{} at half of {found}", n_found(0.5 * found));
 }
 
 /// A term that one channel shows, beside another channel that shows a share of it and of which another share is predicted.

@@ -37,6 +37,7 @@ fn diagnosis(verdict: Verdict) -> Diagnosis {
         missing_one_of: Vec::new(),
         possible: Vec::new(),
         possible_because: Vec::new(),
+        identifiability: None,
         split: "blocks of time",
         measurement_defects: Vec::new(),
         ladder: Vec::new(),

@@ -2,6 +2,7 @@ use super::*;
 use diagnose::diagnosis::{
     Affects, NearestEffect, NextMeasurement, Parameter, Rival, Rung, Structure, Tested, Verdict,
 };
+use diagnose::identifiability::{EffectSize, Identifiability, WithoutSize};
 use diagnose::rows::{LinkEnd, LinkRows};
 use indexmap::IndexMap;
 use measure::Rejected;
@@ -130,6 +131,7 @@ fn diagnosis(verdict: Verdict, sentence: &str) -> Diagnosis {
         missing_one_of: Vec::new(),
         possible: Vec::new(),
         possible_because: Vec::new(),
+        identifiability: None,
         split: "blocks of time",
         measurement_defects: Vec::new(),
         ladder: Vec::new(),
@@ -272,6 +274,44 @@ fn a_loss_that_is_the_same_everywhere_is_said_as_a_share_of_frames() {
 /// Where a part begins in a page.
 fn place(page: &str, part: &str) -> usize {
     page.find(part).unwrap_or_else(|| panic!("{part} is not in the page"))
+}
+
+#[test]
+fn what_the_design_can_tell_is_a_table_with_the_nearest_rivals() {
+    let size = |effect: &str, found_from: Option<f64>, rivals: &[&str]| EffectSize {
+        effect: effect.to_owned(),
+        found_from,
+        parameter: None,
+        told_apart_from: found_from.map(|it| 3.0 * it),
+        rivals: rivals.iter().map(|&rival| rival.to_owned()).collect(),
+        explained: 0.955,
+    };
+    let lacking = WithoutSize {
+        effects: vec!["drift".to_owned(), "shadowing".to_owned()],
+        because: "random effects, which the search estimates".to_owned(),
+    };
+    let table = Identifiability {
+        noise: 2.0,
+        unit: "dB",
+        effects: vec![size("system-gain", Some(0.56), &["path-loss-exponent", "temperature"])],
+        without_size: vec![lacking],
+    };
+    let diagnosis = Diagnosis {
+        identifiability: Some(table),
+        ..diagnosis(Verdict::NothingMissing, "nothing is missing")
+    };
+    let page = contents(MeasuredAnswer::Diagnosis(&diagnosis), &site(), None);
+    for part in [
+        "What these data can tell",
+        "noise of 2.00 dB",
+        "path-loss-exponent + temperature (95.5 %)",
+        "0.560",
+        "1.68",
+        "drift, shadowing",
+        "random effects, which the search estimates",
+    ] {
+        assert!(page.contains(part), "{part}: {page}");
+    }
 }
 
 #[test]

@@ -4,7 +4,9 @@ use super::density::Residual;
 use super::fit_state::Unchanged;
 use super::terms::{Starts, Term};
 use super::{RobotFit, RobotStudy};
-use crate::linear::{Column, Dependence, Direction, Group, Linearised, Partition, numbered};
+use crate::linear::{
+    Column, Dependence, Direction, Group, Linearised, Partition, Signature, SignatureSize, numbered,
+};
 use crate::thresholds::SHORTEST_CLUSTER_WINDOWS;
 use crate::{Study as _, TermId};
 use proto::effect::Parameter;
@@ -45,7 +47,7 @@ impl RobotStudy {
         })
     }
 
-    pub(super) fn columns_of(&self, fit: &RobotFit, term: TermId) -> Vec<Column> {
+    pub(super) fn signatures_of(&self, fit: &RobotFit, term: TermId) -> Vec<Signature> {
         let Term::Effect(effect) = &self.model.terms[term] else { return Vec::new() };
         let Starts::At(starts) = &effect.starts else { return Vec::new() };
         let all: Vec<u32> = (0..self.n_rows() as u32).collect();
@@ -61,21 +63,45 @@ impl RobotStudy {
             Some(without.iter().zip(&with).map(moved).collect())
         };
         let moves = |column: &Column| column.iter().flatten().any(|m| MOVES_M < m.abs());
-        let columns = |start: &&Vec<f64>| -> Vec<Column> {
+        let nulls =
+            || effect.parameters.iter().enumerate().filter_map(|(k, it)| Some((k, it.null?)));
+        let starts: Vec<&Vec<f64>> = starts.iter().step_by(step).collect();
+        // Starts that differ by sizes only are of one shape; each direction in which one may be displaced is another.
+        let shape_of = |start: &Vec<f64>, direction: usize| {
+            let rest = |other: &Vec<f64>| -> Vec<u64> {
+                let is_size = |k: usize| nulls().any(|(size, _)| size == k);
+                (0..other.len()).filter(|&k| !is_size(k)).map(|k| other[k].to_bits()).collect()
+            };
+            let own = rest(start);
+            let first = starts.iter().position(|other| rest(other) == own).unwrap_or_default();
+            first * effect.parameters.len() + direction
+        };
+        let signatures = |start: &&Vec<f64>| -> Vec<Signature> {
             if let Some(column) = moved_by(start).filter(moves) {
-                return vec![column];
+                let changed: Vec<(usize, f64)> =
+                    nulls().filter(|(k, null)| start[*k] != *null).collect();
+                let size = match (changed[..].first(), &effect.parameters[..]) {
+                    (Some(&(k, null)), all) if changed.len() == 1 => {
+                        SignatureSize::By(all[k], start[k] - null)
+                    }
+                    (None, [limit]) if limit.null.is_none() => SignatureSize::At(*limit, start[0]),
+                    _ => SignatureSize::Unknown,
+                };
+                let direction = changed.first().map_or(0, |(k, _)| *k);
+                return vec![Signature { column, size, shape: shape_of(start, direction) }];
             }
             // Where an effect starts at nothing, a step from there.
             let displaced = |(k, parameter): (usize, &Parameter)| {
-                let mut start = (*start).clone();
+                let mut displaced = (*start).clone();
                 let up = start[k] + parameter.step;
-                start[k] = if parameter.max < up { start[k] - parameter.step } else { up };
-                moved_by(&start).filter(moves)
+                displaced[k] = if parameter.max < up { start[k] - parameter.step } else { up };
+                let column = moved_by(&displaced).filter(moves)?;
+                let size = SignatureSize::By(*parameter, displaced[k] - start[k]);
+                Some(Signature { column, size, shape: shape_of(start, k) })
             };
             effect.parameters.iter().enumerate().filter_map(displaced).collect()
         };
-        let starts: Vec<&Vec<f64>> = starts.iter().step_by(step).collect();
-        starts.par_iter().flat_map_iter(columns).collect()
+        starts.par_iter().flat_map_iter(signatures).collect()
     }
 
     pub(super) fn curve_columns_of(&self, fit: &RobotFit, term: TermId) -> Vec<Column> {

@@ -2,11 +2,11 @@
 
 use super::density::Residual;
 use super::motion::MotionWindow;
-use super::terms::Term;
+use super::terms::{Starts, Term};
 use super::{RobotFit, RobotStudy};
 use crate::folds::Blocks;
 use crate::limits::NotLimited;
-use crate::linear::{Column, Dependence, Direction, Linearised, Partition};
+use crate::linear::{Column, Dependence, Direction, Linearised, Partition, Signature};
 use crate::symbolic::FittedFormula;
 use crate::thresholds::TAIL_90;
 use crate::{
@@ -159,7 +159,15 @@ impl Study for RobotStudy {
     }
 
     fn columns(&self, fit: &RobotFit, term: TermId) -> Vec<Column> {
-        self.columns_of(fit, term)
+        self.signatures_of(fit, term).into_iter().map(|signature| signature.column).collect()
+    }
+
+    fn signatures(&self, fit: &RobotFit, term: TermId) -> Vec<Signature> {
+        self.signatures_of(fit, term)
+    }
+
+    fn is_searched_for(&self, term: TermId) -> bool {
+        matches!(&self.model.terms[term], Term::Effect(it) if matches!(it.starts, Starts::Discs(_)))
     }
 
     fn columns_of_curve(&self, fit: &RobotFit, term: TermId) -> Vec<Column> {

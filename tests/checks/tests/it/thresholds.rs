@@ -19,6 +19,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
     (
         "limits of iterations and of memory",
         &[
+            ("diagnose/src/identifiability/detection.rs", &["MOST_STEPS"]),
             ("diagnose/src/ladder.rs", &["MOST_ROUNDS"]),
             ("diagnose/src/rivals.rs", &["MOST_RIVALS"]),
             ("diagnose/src/score_test.rs", &["MOST_PROJECTIONS"]),
@@ -73,7 +74,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
             ("study/src/defects/outliers.rs", &["LEAST_SCALE_DB"]),
             ("study/src/defects/position_noise.rs", &["LEAST_VARIANCE"]),
             ("study/src/links/fit.rs", &["CONVERGED_NATS"]),
-            ("study/src/links/fit/linear.rs", &["MOVES_DB"]),
+            ("study/src/links/fit/linear.rs", &["MOVES_DB", "SAME_SHAPE"]),
             ("study/src/links/fit/run.rs", &["LEAST_START_DB"]),
             ("study/src/links/fit/search/headings.rs", &["CONVERGED_NATS"]),
             ("study/src/links/likelihood.rs", &["LEAST_WEIGHT", "MOST_TILT"]),
@@ -105,6 +106,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
     (
         "steps and ranges of derivatives, grids, tables and random walks",
         &[
+            ("diagnose/src/identifiability/detection.rs", &["STEP"]),
             ("diagnose/src/ladder/limits/column.rs", &["FINE_MOMENTS", "MOMENTS"]),
             ("diagnose/src/pure_error.rs", &["MEDIAN_ABSOLUTE", "REPEAT_CLUSTERS", "Z_95"]),
             ("network/src/candidate_fits.rs", &["PLACES"]),
@@ -174,6 +176,7 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
         "what is printed",
         &[
             ("diagnose/src/compare/words.rs", &["MOST_COVARIATES"]),
+            ("diagnose/src/identifiability/words.rs", &["MOST_LISTED", "WIDTH"]),
             ("diagnose/src/next.rs", &["DECIMALS"]),
             ("diagnose/src/words.rs", &["FIRST_COLUMN", "WIDTH"]),
         ],

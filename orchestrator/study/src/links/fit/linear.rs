@@ -1,7 +1,9 @@
 //! Slopes of the log likelihoods of link rows, and what effects move their levels by.
 
 use super::LinkFit;
-use crate::linear::{Column, Dependence, Direction, Group, Linearised, Partition, numbered};
+use crate::linear::{
+    Column, Dependence, Direction, Group, Linearised, Partition, Signature, SignatureSize, numbered,
+};
 use crate::links::LinkStudy;
 use crate::links::terms::{TermSpec, TermState};
 use crate::thresholds::{NODE_SQUARES_ACROSS, SHORTEST_CLUSTER_SHARE};
@@ -14,6 +16,9 @@ use std::collections::BTreeMap;
 /// A column moves something if it moves some row by this (dB).
 const MOVES_DB: f64 = 1e-9;
 
+/// A column is a multiple of another if it differs by less than this share of its square.
+const SAME_SHAPE: f64 = 1e-6;
+
 /// Both ends of a row.
 fn both((sender, receiver): &(End, End)) -> [&End; 2] {
     [sender, receiver]
@@ -21,6 +26,18 @@ fn both((sender, receiver): &(End, End)) -> [&End; 2] {
 
 fn moved(values: impl Iterator<Item = f64>) -> Column {
     values.map(|value_db| [value_db, 0.0, 0.0]).collect()
+}
+
+/// How many times as large a column is as the derivatives over a parameter, if it is a multiple of them.
+fn multiple(column: &Column, derivatives: &[f64]) -> Option<f64> {
+    let (mut square, mut product, mut unit) = (0.0, 0.0, 0.0);
+    for ([moved_db, ..], derivative) in column.iter().zip(derivatives) {
+        square += moved_db * moved_db;
+        product += moved_db * derivative;
+        unit += derivative * derivative;
+    }
+    let is_multiple = (1.0 - SAME_SHAPE) * square * unit < product * product;
+    is_multiple.then(|| (square / unit).sqrt())
 }
 
 impl LinkStudy {
@@ -58,23 +75,32 @@ impl LinkStudy {
         })
     }
 
-    pub(in crate::links) fn columns_of(&self, term: TermId) -> Vec<Column> {
+    pub(in crate::links) fn signatures_of(&self, term: TermId) -> Vec<Signature> {
         let spec = &self.specs[term];
         let is_plain_search = matches!(spec.search(), Search::Starts);
-        if !matches!(spec, TermSpec::Effect(_) | TermSpec::Limited(..)) || !is_plain_search {
+        let (TermSpec::Effect(entry) | TermSpec::Limited(entry, _)) = spec else {
+            return Vec::new();
+        };
+        if !is_plain_search {
             return Vec::new();
         }
         let n_rows = self.n_rows();
-        let column = |state: &TermState| {
+        let signature = |(shape, state): (usize, &TermState)| {
             let basis = self.bases.tangent(&self.rows, term, spec, state)?;
             let column = moved((0..n_rows).map(|row| basis.contribution(&state.values, row)));
+            let first = entry.fit.parameters.first().filter(|_| !state.values.is_empty());
+            let by =
+                |change| first.map_or(SignatureSize::Unknown, |it| SignatureSize::By(*it, change));
             if column.iter().any(|parts| MOVES_DB < parts[0].abs()) {
-                return Some(column);
+                let times = first.and_then(|_| multiple(&column, basis.column(0)));
+                let size = times.map_or(SignatureSize::Unknown, by);
+                return Some(Signature { column, size, shape });
             }
             // An amplitude that starts at nothing.
-            (!state.values.is_empty()).then(|| moved(basis.column(0).iter().copied()))
+            let column = first.map(|_| moved(basis.column(0).iter().copied()))?;
+            Some(Signature { column, size: by(1.0), shape })
         };
-        TermState::starts(spec).iter().filter_map(column).collect()
+        TermState::starts(spec).iter().enumerate().filter_map(signature).collect()
     }
 
     pub(in crate::links) fn curve_columns_of(&self, term: TermId) -> Vec<Column> {
