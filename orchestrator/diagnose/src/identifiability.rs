@@ -31,7 +31,7 @@ use study::linear::{Column, Linearised, Signature, SignatureSize};
 use study::links::LinkStudy;
 use study::robots::RobotStudy;
 use study::thresholds::{LEFT_BESIDE_NODES, SAME_COLUMNS};
-use study::{COMMON, Study, TermId};
+use study::{COMMON, TermId};
 pub use words::text;
 
 /// What measurements can tell before any search.
