@@ -64,7 +64,10 @@ fn robots(n_steps: u32, mut moved: impl FnMut(u32, [f64; 2]) -> [f64; 2]) -> Dat
         let (mut x_m, mut y_m) = (0.0, 10.0 * f64::from(agent));
         for step in 0..n_steps {
             let turn_rad = 0.3 * f64::from((step / 15 + 5 * agent) * 7 % 20);
-            let (vx_mps, vy_mps) = (libm::cos(turn_rad), libm::sin(turn_rad));
+            // At one speed a drag that grows with its square would be a slip.
+            let speed_mps = 0.6 + 0.1 * f64::from((step / 15 + 3 * agent) * 5 % 9);
+            let [vx_mps, vy_mps] =
+                [libm::cos(turn_rad), libm::sin(turn_rad)].map(|it| speed_mps * it);
             let noise_m = |axis| 0.005 * draws.normal(u64::from(agent), u64::from(step), axis);
             let _ = writeln!(
                 csv,
