@@ -60,16 +60,23 @@ pub fn text(table: &Identifiability) -> String {
             effect.rivals_in_words().unwrap_or_else(|| "-".to_owned()),
         ]
     }));
-    let widths = [0, 1, 2, 3]
-        .map(|column| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or_default());
-    if !effects.is_empty() {
-        for [effect, found, parameter, told_apart, rivals] in &rows {
-            let [a, b, c, d] = widths;
-            let _ = writeln!(
-                text,
-                "  {effect:<a$}  {found:>b$}  {parameter:<c$}  {told_apart:>d$}  {rivals}"
-            );
+    // Sizes that are stated of no effect have no columns.
+    let is_empty =
+        |column: usize| rows[1..].iter().all(|row| row[column].is_empty() || row[column] == "-");
+    let columns: Vec<usize> = (0..5).filter(|&it| it == 0 || !is_empty(it)).collect();
+    let width = |column: usize| {
+        rows.iter().map(|row| row[column].chars().count()).max().unwrap_or_default()
+    };
+    for row in rows.iter().filter(|_| !effects.is_empty()) {
+        let mut line = String::new();
+        for &column in &columns {
+            let (text, width) = (&row[column], width(column));
+            let _ = match column {
+                1 | 3 => write!(line, "  {text:>width$}"),
+                _ => write!(line, "  {text:<width$}"),
+            };
         }
+        let _ = writeln!(text, "{}", line.trim_end());
     }
     if MOST_LISTED < effects.len() {
         let _ = writeln!(text, "  and {} more; --json lists all", effects.len() - MOST_LISTED);
@@ -78,7 +85,13 @@ pub fn text(table: &Identifiability) -> String {
         text.push_str("  no size before a search:\n");
     }
     for lacking in without_size {
-        let entry = format!("{} ({})", lacking.effects.join(", "), lacking.because);
+        let is_of_all = effects.iter().all(|it| lacking.effects.contains(&it.effect));
+        let names = if is_of_all && !effects.is_empty() {
+            "all of these".to_owned()
+        } else {
+            lacking.effects.join(", ")
+        };
+        let entry = format!("{names} ({})", lacking.because);
         let _ = writeln!(text, "    {}", wrapped(&entry, "      ", WIDTH).trim_start());
     }
     text
