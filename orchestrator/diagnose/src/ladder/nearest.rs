@@ -95,9 +95,14 @@ impl<S: Study> Search<'_, S> {
             let gain = self.gain(&with_effects, others, COMMON).gain;
             return Some(gain / self.gain(with_curve, others, COMMON).gain);
         }
-        let with_effects = effects.iter().fold(others.to_vec(), |all, &term| with_term(&all, term));
-        let parent = self.full_fit(others, level, None);
-        self.fit_if_promising(&with_effects, level, &parent, least * rise)?;
+        let (&last, first) = effects.split_last()?;
+        let rest = first.iter().fold(others.to_vec(), |all, &term| with_term(&all, term));
+        let with_effects = with_term(&rest, last);
+        // Whether the last is worth a fit is asked beside all others.
+        let parent = self.full_fit(&rest, level, None);
+        let without = self.full_fit(others, level, None);
+        let of_first = self.study.log_likelihood(&parent) - self.study.log_likelihood(&without);
+        self.fit_if_promising(&with_effects, level, &parent, least * rise - of_first)?;
         let gain_of_curve = self.gain(with_curve, others, level).gain;
         Some(self.gain(&with_effects, others, level).gain / gain_of_curve)
     }
