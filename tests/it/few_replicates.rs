@@ -75,47 +75,12 @@ fn a_node_that_turns_before_one_anchor_shows_its_antenna() {
 fn a_node_that_turns_without_a_pattern_shows_none_and_three_turns_do_not_tell() {
     for seed in 11..15 {
         let found = diagnosed(RADIO, &turntable(seed, 5, 0.0, 0.0));
-        assert!(!found["sentence"].as_str().unwrap().contains("antenna-pattern"), "{seed}");
+        let sentence = found["sentence"].as_str().unwrap();
+        assert!(!sentence.contains("antenna-pattern"), "{seed}: {sentence}");
     }
     let found = diagnosed(RADIO, &turntable(15, 3, 4.0, 0.7));
     let is_certain = missing(&found).contains(&"antenna-pattern");
     assert!(!is_certain, "{}", found["sentence"]);
-}
-
-/// Recordings of 60 frames, an hour apart, of phones that a positioner turns by 45 degrees from one to the next: what a recording is off by is
-/// its own (sd 6 dB), and each phone's level, too.
-fn chamber(seed: u64, n_phones: u32) -> String {
-    let draws = Draws::new(seed, Purpose::Resample);
-    let mut csv = "run,time_s,tx,rx,tx_x_m,tx_y_m,rx_x_m,rx_y_m,tx_heading_rad,received,rssi_dbm\n"
-        .to_owned();
-    for recording in 0..13 * n_phones {
-        let phone = recording / 13;
-        let heading_rad = TAU * f64::from(recording % 8) / 8.0;
-        let level_dbm =
-            -50.0 - 10.0 * f64::from(phone) + 6.0 * draws.normal(u64::from(recording), 1, 0);
-        for frame in 0..60 {
-            let time_s = 3600.0 * f64::from(recording) + f64::from(frame);
-            let rssi_dbm = level_dbm + 2.0 * draws.normal(u64::from(60 * recording + frame), 0, 0);
-            writeln!(
-                csv,
-                "{recording},{time_s},{phone},9,0,0,2,0,{heading_rad:.4},1,{}",
-                rssi_dbm.round()
-            )
-            .unwrap();
-        }
-    }
-    csv
-}
-
-#[test]
-fn what_differs_between_recordings_is_no_course_of_time() {
-    for (seed, n_phones) in [(21, 1), (22, 3)] {
-        let found = diagnosed(RADIO, &chamber(seed, n_phones));
-        let sentence = found["sentence"].as_str().unwrap();
-        assert_ne!(found["verdict"], "unexplained-structure", "{seed}: {sentence}");
-        let of_time = ["link-drift", "drift", "battery-sag"];
-        assert!(missing(&found).iter().all(|it| !of_time.contains(it)), "{seed}: {sentence}");
-    }
 }
 
 /// Two nodes at places along a line, 20 frames each way at each, with noise of 2 dB; frames that node 2 sends arrive weaker by this (dB).

@@ -443,7 +443,8 @@ fn unexplained<S: Study>(
             nearest_effect: search.nearest_to_rest(left.nats(), ladder).map(named),
             warning: excess
                 .and_then(|excess| excess.beside(left.explained, false))
-                .or_else(|| noisy_places(&left.covariate)),
+                .or_else(|| noisy_places(&left.covariate))
+                .or_else(|| certainty::of_runs_in_turn(study, &left.covariate)),
         });
     }
     structure

@@ -7,6 +7,7 @@ use crate::ladder::{Channel, Ladder, Search, without_term};
 use crate::pure_error::PureError;
 use numbers::format::with_unit;
 use proto::effect::{CONSTANT, Level, Need, Parameter};
+use std::collections::BTreeMap;
 use study::links::predict::directions::DirectionsApart;
 use study::thresholds::{FEWEST_BLOCKS, FEWEST_REPLICATES, IDENTIFIED_HALF, LACK_OF_FIT_RATIO};
 use study::{COMMON, Candidate, Estimate, Study, TermId, is_at_bound};
@@ -165,15 +166,35 @@ pub(crate) const PART: &str = "something else is missing, of which this may be a
 
 /// Of an effect whose size differs between runs.
 const RUNS: &str = "it differs between runs by so much that its mean over these may be chance";
+const BETWEEN_RUNS: &str =
+    "it has one value for each run, and between runs more than the time may differ";
+
+/// Of structure that a search left over the time, where runs follow each other: it differs between these.
+pub(crate) fn of_runs_in_turn<S: Study>(study: &S, covariate: &str) -> Option<String> {
+    let dependence = study.dependence();
+    (covariate == "time_s" && are_in_turn(&dependence.campaigns, &dependence.times_s))
+        .then(|| BETWEEN_RUNS.to_owned())
+}
+
+/// Whether there are several runs, none of which begins before another has ended.
+fn are_in_turn(runs: &[u32], times_s: &[f64]) -> bool {
+    let mut spans: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
+    for (run, &time_s) in runs.iter().zip(times_s).filter(|(_, time_s)| time_s.is_finite()) {
+        let [begin_s, end_s] = spans.entry(*run).or_insert([time_s; 2]);
+        (*begin_s, *end_s) = (begin_s.min(time_s), end_s.max(time_s));
+    }
+    let mut spans: Vec<[f64; 2]> = spans.into_values().collect();
+    spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    1 < spans.len() && spans.windows(2).all(|pair| pair[0][1] <= pair[1][0])
+}
+
 /// Of an effect or structure that follows the time and has one value for each run.
 pub(crate) fn between_runs<S: Study>(
     search: &Search<'_, S>,
     term: TermId,
     accepted: &[TermId],
 ) -> Option<String> {
-    search.is_between_runs(term, accepted).then(|| {
-        "it has one value for each run, and between runs more than the time may differ".to_owned()
-    })
+    search.is_between_runs(term, accepted).then(|| BETWEEN_RUNS.to_owned())
 }
 
 /// Of an effect that turns robots whose headings are not those of their course.
@@ -306,6 +327,13 @@ mod tests {
     use super::*;
     use crate::ladder::tests::candidate;
     use proto::effect::Plausible;
+
+    #[test]
+    fn runs_are_in_turn_where_none_begins_before_another_has_ended() {
+        assert!(are_in_turn(&[2, 2, 7, 7], &[50.0, 60.0, 10.0, 20.0]));
+        assert!(!are_in_turn(&[2, 2, 7, 7], &[0.0, 60.0, 0.0, 60.0]), "times since each began");
+        assert!(!are_in_turn(&[2, 2, 2], &[0.0, 1.0, f64::NAN]), "one run");
+    }
 
     #[test]
     fn a_spread_is_identified_within_a_factor() {

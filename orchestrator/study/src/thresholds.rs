@@ -424,9 +424,6 @@ pub const CATALOGUE_SHARE: f64 = 0.8;
 /// Structure over one covariate may be of another over which there is at least this share of it. Chosen: covariates that go together share
 /// structure.
 pub const RIVAL_STRUCTURE: f64 = 0.5;
-/// A node whose heading differs by more than this (rad) turns. Chosen: a compass at rest reads within 10 degrees, and patterns of antennas
-/// change over tens of degrees.
-pub const TURNED_RAD: f64 = 0.35;
 /// What varies less than this within runs, as a share of its variation, has one value for each run. Chosen: of a straight line over ten runs
 /// without pauses between them, this share is within runs.
 pub const WITHIN_RUNS: f64 = 0.01;

@@ -55,7 +55,7 @@ pub enum Need {
     Headings,
     /// Nodes that move.
     Movement,
-    /// Nodes that all stand still and do not turn.
+    /// Nodes that all stand still.
     Still,
     /// Times that vary.
     Time,
@@ -101,7 +101,7 @@ impl Need {
             Self::Channels => "more than one channel".to_owned(),
             Self::Headings => "headings, or stationary nodes".to_owned(),
             Self::Movement => "mobile nodes".to_owned(),
-            Self::Still => "only nodes that neither move nor turn".to_owned(),
+            Self::Still => "stationary nodes only".to_owned(),
             Self::Time => "more than one time".to_owned(),
             Self::Walls => "walls in [site]".to_owned(),
             Self::Foliage => "foliage in [site]".to_owned(),

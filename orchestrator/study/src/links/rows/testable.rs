@@ -1,7 +1,7 @@
 //! What measurements have, and so which effects can be tested on them.
 
 use super::ModelledLinks;
-use crate::thresholds::{FEWEST_VIEWS, TURNED_RAD};
+use crate::thresholds::FEWEST_VIEWS;
 use proto::effect::{Level, Need};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,7 +27,7 @@ pub fn has(rows: &ModelledLinks, need: Need) -> bool {
                 || has_still_views(rows)
         }
         Need::Movement => still.values().any(|still| !still),
-        Need::Still => still.values().all(|still| *still) && !turns(rows),
+        Need::Still => still.values().all(|still| *still),
         Need::Time => differs(&mut measured.iter().map(|row| row.time_s)),
         Need::Walls => !rows.site.wall.is_empty(),
         Need::Edges => {
@@ -52,21 +52,6 @@ pub fn has(rows: &ModelledLinks, need: Need) -> bool {
         | Need::Packets
         | Need::Latencies => false,
     }
-}
-
-/// Whether a node is measured at headings that differ by more than [`TURNED_RAD`].
-fn turns(rows: &ModelledLinks) -> bool {
-    let mut headings: BTreeMap<u32, f64> = BTreeMap::new();
-    let ends = rows
-        .links
-        .rows
-        .iter()
-        .flat_map(|row| [(row.tx, row.tx_heading_rad), (row.rx, row.rx_heading_rad)]);
-    let mut known = ends.filter(|(_, heading_rad)| heading_rad.is_finite());
-    known.any(|(node, heading_rad)| {
-        let turned_rad = heading_rad - *headings.entry(node).or_insert(heading_rad);
-        turned_rad.cos() < TURNED_RAD.cos()
-    })
 }
 
 /// Whether a node that stands still, whose heading can be sought, is seen from so many places that a pattern would show.
