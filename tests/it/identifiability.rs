@@ -57,10 +57,6 @@ fn injected(
         (1..=n).into_par_iter().filter(is_found).count() as u64
     };
     let counts = [count(size), count(0.5 * size)];
-    println!(
-        "{effect}: size {size:.4}, named in {} of {n}, at half of it in {}",
-        counts[0], counts[1]
-    );
     (counts, n)
 }
 

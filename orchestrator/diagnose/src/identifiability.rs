@@ -310,7 +310,7 @@ impl<S: Measured> Design<'_, S> {
         let groups: Vec<&Group> = self.groups.iter().filter(is_rival).collect();
         let is_same =
             |other: &usize| SAME_COLUMNS <= self.products.correlation(column, *other).abs();
-        let is_tied = groups.iter().any(|group| group.columns.iter().any(|other| is_same(other)));
+        let is_tied = groups.iter().any(|group| group.columns.iter().any(&is_same));
         (nearest(&self.products, column, &groups), is_tied)
     }
 

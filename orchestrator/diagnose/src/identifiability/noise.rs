@@ -47,10 +47,10 @@ fn weighted_by_noise(rows: &Linearised, columns: &[&Column]) -> Linearised {
     let is_error = [0, 1, 2].map(|part| rows.errors.iter().any(|errors| errors[part].is_finite()));
     let scale_of = |group: bool| {
         let (mut squares, mut weights, mut n) = (0.0, 0.0, 0.0);
-        for row in 0..rows.slopes.len() {
+        for (row, moved) in moved.iter().enumerate() {
             for part in (0..3).filter(|&part| is_error[part] == group) {
                 let weight = rows.weights[row][part];
-                squares += square(rows.slopes[row][part] - weight * moved[row][part]);
+                squares += square(rows.slopes[row][part] - weight * moved[part]);
                 weights += weight;
                 n += f64::from(u8::from(0.0 < weight));
             }
