@@ -415,9 +415,8 @@ fn unexplained<S: Study>(
         let warning = of_readings.and_then(|excess| excess.beside(structure.explained, true));
         let of_node = || search.only_node_of(term, &ladder.accepted).map(certainty::of_one_node);
         let warning = warning.or_else(of_node).or_else(|| noisy_places(&structure.covariate));
-        let warning = warning
-            .or_else(|| certainty::between_runs(search, term, &ladder.accepted))
-            .or_else(|| certainty::of_few_blocks(study));
+        let of_runs = || certainty::between_runs(search, term, &ladder.accepted);
+        let warning = warning.or_else(of_runs).or_else(|| certainty::of_few_blocks(study));
         Some(Structure { nearest_effect: nearest.map(named), warning, ..structure })
     };
     let mut structure: Vec<Structure> = curves.filter_map(of_curve).collect();
