@@ -27,7 +27,10 @@ struct Curve<'a> {
     level: Level,
     others: &'a [TermId],
     with_curve: Vec<TermId>,
+    /// By how much it raises the log likelihood (nats).
     rise: f64,
+    /// Its gain in held-out log score.
+    gain: f64,
 }
 
 impl<S: Study> Search<'_, S> {
@@ -45,7 +48,8 @@ impl<S: Study> Search<'_, S> {
         let with_curve = with_term(others, curve);
         let of_curve = self.full_fit(&with_curve, level, Some(&parent));
         let rise = self.study.log_likelihood(&of_curve) - self.study.log_likelihood(&parent);
-        let curve_of = Curve { level, others, with_curve, rise };
+        let gain = self.gain(&with_curve, others, level).gain;
+        let curve_of = Curve { level, others, with_curve, rise, gain };
         let may_be = |term: &TermId| {
             !self.follows_any_curve(*term, candidates[curve].n_parameters)
                 && candidates[*term].curve_over().is_none()
@@ -80,7 +84,7 @@ impl<S: Study> Search<'_, S> {
     /// What effects gain in place of a curve, as a share of its gain. None: the log likelihood rises by less than this share of what it
     /// rises by with the curve.
     fn share_of_curve(&self, curve: &Curve<'_>, effects: &[TermId], least: f64) -> Option<f64> {
-        let Curve { level, others, ref with_curve, rise } = *curve;
+        let Curve { level, others, ref with_curve, rise, gain: of_curve } = *curve;
         let is_random = |term: &TermId| self.study.candidates()[*term].level == Level::Random;
         if effects.iter().any(is_random) {
             // Judged on places left out, every model has levels of nodes.
@@ -103,8 +107,7 @@ impl<S: Study> Search<'_, S> {
         let without = self.full_fit(others, level, None);
         let of_first = self.study.log_likelihood(&parent) - self.study.log_likelihood(&without);
         self.fit_if_promising(&with_effects, level, &parent, least * rise - of_first)?;
-        let gain_of_curve = self.gain(with_curve, others, level).gain;
-        Some(self.gain(&with_effects, others, level).gain / gain_of_curve)
+        Some(self.gain(&with_effects, others, level).gain / of_curve)
     }
 
     /// The effect that gains most beside the terms of a selection, beside structure that was found in what it left and is worth `nats` per
