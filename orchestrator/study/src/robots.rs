@@ -276,8 +276,13 @@ impl RobotModel {
         if self.has_direction() { 3 } else { 1 }
     }
 
-    /// What a fit says of the robot, and of how much measurements count.
+    /// What a fit says of the robot, in steps that suffice for fits, and of how much measurements count.
     fn physics(&self, fit: &RobotFit) -> Option<(Physics, Gains)> {
+        Some((self.physics_of_runs(fit)?.in_fits(), self.gains(fit)))
+    }
+
+    /// What a fit says of the robot, as runs simulate it.
+    fn physics_of_runs(&self, fit: &RobotFit) -> Option<Physics> {
         let mut table = self.dynamics.clone();
         if self.is_wheelbase_free {
             set(&mut table, "wheelbase_m", fit.values[self.base.len() - 1]);
@@ -289,9 +294,7 @@ impl RobotModel {
                 list.push(effect.table(fit.numbers(self, term)).into());
             }
         }
-        let physics =
-            Dynamics::build(&table, "", &self.catalogue.effects, &mut Vec::new())?.into_physics();
-        Some((physics.in_fits(), self.gains(fit)))
+        Some(Dynamics::build(&table, "", &self.catalogue.effects, &mut Vec::new())?.into_physics())
     }
 
     /// How much measurements count under a fit.

@@ -30,7 +30,7 @@ impl RobotStudy {
             headings_rad: samples.iter().map(|sample| sample.heading_rad).collect(),
             more_sd_m: 0.0,
         };
-        let Some((physics, _)) = self.model.physics(&self.configured) else { return motion };
+        let Some(physics) = self.model.physics_of_runs(&self.configured) else { return motion };
         let localization = physics.effects().iter().find_map(|effect| effect.localization());
         let Localization { sd_m, delay_s, scale } =
             localization.unwrap_or(Localization { sd_m: 0.0, delay_s: 0.0, scale: 1.0 });
