@@ -184,7 +184,7 @@ pub struct Tested {
     /// for all such effects together). Absent where the design does not tell it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub upper: Option<f64>,
-    /// The size, likewise, from which on it would have been found in 9 of 10 such campaigns; absent if there is none.
+    /// The size, likewise, that would have been found in 9 of 10 such campaigns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detectable: Option<f64>,
     /// Of levels of nodes, where there are only two: the difference between both directions.
@@ -374,14 +374,14 @@ impl Diagnosis {
         self.rivals.iter().filter(move |rival| rival.in_place_of == name)
     }
 
-    /// Effects that were not found and whose sizes are bounded, each with `upper` and, if there is one, `detectable`; the one that may be
-    /// largest first. An effect that is named as one of several is not among them.
+    /// Effects that were not found and whose sizes are bounded, each with `upper` and `detectable`; the one that may be largest first. An
+    /// effect that is named as one of several is not among them.
     #[must_use]
-    pub fn not_found(&self) -> Vec<(&str, f64, Option<f64>)> {
+    pub fn not_found(&self) -> Vec<(&str, f64, f64)> {
         let is_named = |name: &String| self.missing_one_of.iter().flatten().any(|it| it == name);
         let others = self.candidates.iter().filter(|one| !is_named(&one.effect));
-        let mut bounded: Vec<(&str, f64, Option<f64>)> = others
-            .filter_map(|one| Some((one.effect.as_str(), one.upper?, one.detectable)))
+        let mut bounded: Vec<(&str, f64, f64)> = others
+            .filter_map(|one| Some((one.effect.as_str(), one.upper?, one.detectable?)))
             .collect();
         bounded.sort_by(|a, b| b.1.total_cmp(&a.1));
         bounded

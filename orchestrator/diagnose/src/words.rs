@@ -356,8 +356,7 @@ fn not_found(text: &mut String, diagnosis: &Diagnosis) {
     let width = first_column(bounded.iter().map(|(effect, ..)| *effect).chain([head]));
     let _ = writeln!(text, "{head:<width$} {:>12} {:>20}", heads[0], heads[1]);
     for (effect, upper, detectable) in bounded {
-        let upper = size(upper);
-        let detectable = detectable.map_or_else(|| "-".to_owned(), size);
+        let [upper, detectable] = [upper, detectable].map(size);
         let _ = writeln!(text, "{effect:<width$} {upper:>12} {detectable:>20}");
     }
 }

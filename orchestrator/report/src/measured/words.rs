@@ -314,7 +314,7 @@ pub(super) fn not_found(contents: &MeasuredPage<'_>) -> Option<Markup> {
                 tr {
                     td { (effect) }
                     (number_cell(number(known(*upper))))
-                    (number_cell(number(detectable.map_or(f64::NAN, known))))
+                    (number_cell(number(known(*detectable))))
                 }
             }
         }
