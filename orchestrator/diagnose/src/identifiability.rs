@@ -41,7 +41,7 @@ pub struct Identifiability {
     pub noise: f64,
     /// Unit of all sizes: dB or m.
     pub unit: &'static str,
-    /// Effects that move means, the one that is told apart worst first.
+    /// Effects that move means, by descending `explained`.
     pub effects: Vec<EffectSize>,
     /// Effects of which no size can be stated, each group with the reason.
     pub without_size: Vec<WithoutSize>,
@@ -59,7 +59,7 @@ pub struct EffectSize {
     /// The parameter of the effect at that size, where one parameter makes it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parameter: Option<SizeOfParameter>,
-    /// From this size on it is told apart from its nearest rivals, likewise. Absent if they explain nearly all that it moves.
+    /// The least size, likewise, at which the data distinguish it from its nearest rivals. Absent if they explain nearly all that it moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub told_apart_from: Option<f64>,
     /// The nearest set of rivals: effects that together explain most of what it moves.

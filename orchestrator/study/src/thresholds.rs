@@ -440,8 +440,8 @@ pub const TIED_NATS: f64 = 3.0;
 /// Two effects are tied, too, if what they move, beside all that was estimated, is correlated by at least this: then errors of
 /// covariates decide between them. Chosen: of one part in fifty of the information.
 pub const SAME_COLUMNS: f64 = 0.99;
-/// An effect has several nearest rivals if each further one explains at least this share of what those before leave. Chosen: a set halves
-/// what is left with each member.
+/// An effect has several nearest rivals if each further one explains at least this share of what those before leave. Chosen: each
+/// further rival halves the rest.
 pub const RIVAL_ADDS_SHARE: f64 = 0.5;
 /// The nearest rivals are at most so many. Chosen: a search accepts hardly more in place of one effect.
 pub const MOST_RIVALS_IN_A_SET: usize = 3;

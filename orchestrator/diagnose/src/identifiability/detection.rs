@@ -27,8 +27,8 @@ const MOST_STEPS: usize = 1000;
 
 /// Tests of amplitudes beside noise.
 pub(crate) struct Detection<'a, S: Study> {
-    pub(crate) study: &'a S,
-    pub(crate) noise: &'a Noise,
+    study: &'a S,
+    noise: &'a Noise,
     /// Candidates that p-values are corrected for.
     n_tried: f64,
     /// Those of them that are effects.

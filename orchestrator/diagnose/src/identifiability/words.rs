@@ -5,7 +5,7 @@ use crate::gate::decimals;
 use numbers::format::{percent, with_unit, wrapped};
 use std::fmt::Write as _;
 
-/// Effects that are listed on a terminal, those that are told apart worst.
+/// How many effects are listed on a terminal: those whose rivals explain most.
 const MOST_LISTED: usize = 12;
 /// Most characters of a line of a list.
 const WIDTH: usize = 100;
