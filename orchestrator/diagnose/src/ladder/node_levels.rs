@@ -6,7 +6,10 @@ use crate::score_test::ScoreTests;
 use proto::effect::{CONSTANT, Level, Need};
 use std::collections::{BTreeMap, BTreeSet};
 use study::defects::node_place::NodeLevel;
-use study::thresholds::{CATALOGUE_SHARE, LEFT_BESIDE_NODES, TIED_ERRORS, TIED_NATS, WITHIN_RUNS};
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
+use study::thresholds::{
+    CATALOGUE_SHARE, FAMILY_ERROR, LEFT_BESIDE_NODES, TIED_ERRORS, TIED_NATS, WITHIN_RUNS,
+};
 use study::{COMMON, Study, TermId};
 
 impl<S: Study> Search<'_, S> {
@@ -88,22 +91,33 @@ impl<S: Study> Search<'_, S> {
         moved().is_some_and(|(is_first, moved)| mostly_at(&is_first, &moved))
     }
 
-    /// Whether a term of a selection follows the time, and yet has one value for each of several runs, in which more than the time may differ:
-    /// another device, another bearing.
+    /// Whether a term of a selection follows the time or acts in a part of it, and yet has one value for each of several runs, in which more
+    /// than the time may differ: another device, another bearing. None that acts in a part of the runs whose level stands out from the
+    /// levels of the others.
     pub(crate) fn is_between_runs(&self, term: TermId, accepted: &[TermId]) -> bool {
         let candidate = &self.study.candidates()[term];
         let needs = candidate.about.map_or(&[][..], |about| about.needs);
+        let is_limited = candidate.only.as_ref().is_some_and(|only| {
+            ["runs", "from_s", "until_s"].iter().any(|key| only.contains_key(*key))
+        });
         let follows_time = candidate.curve_over() == Some("time_s")
             || (needs.contains(&Need::Time)
                 && !needs.iter().any(|it| matches!(it, Need::Column(_))));
-        let moved = || {
-            let [with, without] = [accepted.to_vec(), without_term(accepted, term)]
-                .map(|terms| self.full_fit(&terms, COMMON, None));
-            Some(self.study.prediction_difference(&with, &without)?.by_row)
+        if !follows_time && !is_limited {
+            return false;
+        }
+        // Another random effect would absorb a part of what the term explains.
+        let laws = self.without_random(&without_term(accepted, term));
+        let [with, without] =
+            [with_term(&laws, term), laws].map(|terms| self.full_fit(&terms, COMMON, None));
+        let Some(moved) = self.study.prediction_difference(&with, &without) else { return false };
+        let runs = self.study.dependence().campaigns;
+        let stands_out = || {
+            let residuals = self.study.scanned_residuals(&without).components;
+            let of_error = residuals.iter().find(|component| component.is_of_error);
+            of_error.is_some_and(|it| stands_out(&runs, &it.standardised, &moved.by_row))
         };
-        follows_time
-            && moved()
-                .is_some_and(|moved| has_one_value(&self.study.dependence().campaigns, &moved))
+        has_one_value(&runs, &moved.by_row) && (follows_time || !stands_out())
     }
 
     /// The other place of a node that explains as much as a term of a selection, as a clause: rows left out are predicted as well with the
@@ -192,6 +206,35 @@ fn has_one_value(runs: &[u32], moved: &[f64]) -> bool {
     1 < of_run.len() && within < WITHIN_RUNS * all
 }
 
+/// Whether the mean residual of the runs that an effect moves differs from that of the others by more than runs differ by chance: Student's t
+/// over the means of runs, with the spread within both groups in common, corrected for every run or moment that could have been chosen.
+fn stands_out(runs: &[u32], residuals: &[f64], moved: &[f64]) -> bool {
+    let mut of_run: BTreeMap<u32, [f64; 3]> = BTreeMap::new();
+    let rows = runs.iter().zip(residuals).zip(moved);
+    for ((run, residual), moved) in rows.filter(|((_, it), moved)| (**it + **moved).is_finite()) {
+        let sums = of_run.entry(*run).or_default();
+        *sums = [sums[0] + 1.0, sums[1] + residual, sums[2] + moved];
+    }
+    let means: Vec<[f64; 2]> = of_run.values().map(|[n, sum, moved]| [sum / n, moved / n]).collect();
+    let most = means.iter().fold(0.0_f64, |most, [_, moved]| most.max(*moved));
+    let group = |is_moved: bool| -> Vec<f64> {
+        let own = means.iter().filter(|[_, moved]| (most < 2.0 * moved) == is_moved);
+        own.map(|[mean, _]| *mean).collect()
+    };
+    let sums = |levels: &[f64]| {
+        let n = levels.len() as f64;
+        let mean = levels.iter().sum::<f64>() / n;
+        [n, mean, levels.iter().map(|level| (level - mean) * (level - mean)).sum()]
+    };
+    let [[n_moved, moved, within_moved], [n_others, others, within_others]] =
+        [true, false].map(|is_moved| sums(&group(is_moved)));
+    let freedom = n_moved + n_others - 2.0;
+    let Ok(law) = StudentsT::new(0.0, 1.0, freedom) else { return false };
+    let variance = (within_moved + within_others) / freedom * (1.0 / n_moved + 1.0 / n_others);
+    let p_value = 2.0 * law.sf((moved - others).abs() / variance.sqrt());
+    n_moved.min(n_others) > 0.0 && p_value * 2.0 * (n_moved + n_others) < FAMILY_ERROR
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -205,6 +248,20 @@ mod tests {
             (0..300).map(|row| f64::from(row % 60 + 86_400 * (row / 60))).collect();
         assert!(has_one_value(&runs, &days), "a minute on each of five days");
         assert!(!has_one_value(&[0; 300], &line), "one run");
+    }
+
+    #[test]
+    fn a_run_stands_out_where_the_others_are_alike_and_not_where_all_differ() {
+        let runs: Vec<u32> = (0..240).map(|row| row / 20).collect();
+        let moved: Vec<f64> = runs.iter().map(|run| if *run == 7 { 3.0 } else { 0.0 }).collect();
+        let residuals = |spread: f64| -> Vec<f64> {
+            let level = |run: u32| if run == 7 { 3.0 } else { spread * f64::from(run * 5 % 7) };
+            (0..240).map(|row| level(row / 20) + if row % 2 == 0 { 1.0 } else { -1.0 }).collect()
+        };
+        assert!(stands_out(&runs, &residuals(0.05), &moved));
+        assert!(!stands_out(&runs, &residuals(0.5), &moved));
+        assert!(!stands_out(&runs[..160], &residuals(0.05)[..160], &moved[..160]), "not among them");
+        assert!(!stands_out(&[0; 240], &residuals(0.05), &moved), "one run");
     }
 
     #[test]
