@@ -4,9 +4,9 @@ use super::search::{Search, with_term, without_term};
 use crate::gain::Gain;
 use crate::score_test::ScoreTests;
 use proto::effect::{CONSTANT, Level, Need};
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::{BTreeMap, BTreeSet};
 use study::defects::node_place::NodeLevel;
-use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use study::thresholds::{
     CATALOGUE_SHARE, FAMILY_ERROR, LEFT_BESIDE_NODES, TIED_ERRORS, TIED_NATS, WITHIN_RUNS,
 };
@@ -215,7 +215,8 @@ fn stands_out(runs: &[u32], residuals: &[f64], moved: &[f64]) -> bool {
         let sums = of_run.entry(*run).or_default();
         *sums = [sums[0] + 1.0, sums[1] + residual, sums[2] + moved];
     }
-    let means: Vec<[f64; 2]> = of_run.values().map(|[n, sum, moved]| [sum / n, moved / n]).collect();
+    let means: Vec<[f64; 2]> =
+        of_run.values().map(|[n, sum, moved]| [sum / n, moved / n]).collect();
     let most = means.iter().fold(0.0_f64, |most, [_, moved]| most.max(*moved));
     let group = |is_moved: bool| -> Vec<f64> {
         let own = means.iter().filter(|[_, moved]| (most < 2.0 * moved) == is_moved);
@@ -260,7 +261,10 @@ mod tests {
         };
         assert!(stands_out(&runs, &residuals(0.05), &moved));
         assert!(!stands_out(&runs, &residuals(0.5), &moved));
-        assert!(!stands_out(&runs[..160], &residuals(0.05)[..160], &moved[..160]), "not among them");
+        assert!(
+            !stands_out(&runs[..140], &residuals(0.05)[..140], &moved[..140]),
+            "not among them"
+        );
         assert!(!stands_out(&[0; 240], &residuals(0.05), &moved), "one run");
     }
 
