@@ -121,6 +121,54 @@ fn what_recordings_differ_by_is_no_drift_and_no_onset() {
     }
 }
 
+/// Eight nodes that hear each other in turn, 60 frames a link with noise of 2 dB. A frame is lost as by the table of [`LOSSY`], and one that
+/// node 6 receives as if it were weaker by so much.
+fn eight_nodes(seed: u64, deaf_by_db: f64) -> String {
+    let draws = Draws::new(seed, Purpose::Resample);
+    let uniform = |row: u32| draws.uniform(u64::from(row), 2, 0);
+    let place = |node: u32| {
+        let [x, y] = [3, 4].map(|purpose| draws.uniform(u64::from(node), purpose, 0));
+        [24.0 * x, 14.0 * y]
+    };
+    let mut csv = "time_s,tx,rx,tx_x_m,tx_y_m,rx_x_m,rx_y_m,received,rssi_dbm\n".to_owned();
+    for row in 0..60 * 56u32 {
+        let (tx, step) = (row % 8, row / 8 % 7);
+        let rx = (tx + 1 + step) % 8;
+        let ([tx_x_m, tx_y_m], [rx_x_m, rx_y_m]) = (place(tx), place(rx));
+        let distance_m = (tx_x_m - rx_x_m).hypot(tx_y_m - rx_y_m).max(1.0);
+        let level_dbm = AT_A_METRE_DBM - 16.0 - 23.0 * distance_m.log10()
+            + 2.0 * draws.normal(u64::from(row), 0, 0);
+        let heard_dbm = level_dbm - if rx == 6 { deaf_by_db } else { 0.0 };
+        let is_received = uniform(row) < ((heard_dbm + 90.0) / 10.0).clamp(0.0, 1.0);
+        let rssi = if is_received { level_dbm.round().to_string() } else { String::new() };
+        let (time_s, received) = (0.2 * f64::from(row), u8::from(is_received));
+        writeln!(
+            csv,
+            "{time_s:.1},{tx},{rx},{tx_x_m},{tx_y_m},{rx_x_m},{rx_y_m},{received},{rssi}"
+        )
+        .unwrap();
+    }
+    csv
+}
+
+const LOSSY: &str = "[netsim.phy]\npropagation = \"log-distance\"\nexponent = 2.3\ntx_power_dbm = -16.0\n[netsim.phy.reception]\nkind = \
+                     \"table\"\npoints = [[-90.0, 0.0], [-80.0, 1.0]]\n";
+
+#[test]
+fn a_model_under_which_one_node_is_deaf_is_not_said_to_be_complete() {
+    for seed in 31..34 {
+        let sentence = |deaf_by_db: f64| {
+            let found = diagnosed(LOSSY, &eight_nodes(seed, deaf_by_db));
+            (found["verdict"].clone(), found["sentence"].as_str().unwrap().to_owned())
+        };
+        let (verdict, said) = sentence(0.0);
+        assert!(!said.contains("are lost"), "{seed}: {said}");
+        assert_eq!(verdict, "nothing-missing", "{seed}: {said}");
+        let (verdict, said) = sentence(6.0);
+        assert_ne!(verdict, "nothing-missing", "{seed}: {said}");
+    }
+}
+
 /// Two nodes at places along a line, 20 frames each way at each, with noise of 2 dB; frames that node 2 sends arrive weaker by this (dB).
 fn two_nodes(seed: u64, weaker_db: f64) -> String {
     let draws = Draws::new(seed, Purpose::Resample);

@@ -79,14 +79,17 @@ pub(crate) fn answer<S: Study>(
         None => (slopes.as_ref(), numbers_of),
     };
     let gate = seen.map_or_else(Gate::default, |rows| gate::of_slopes(seen_in, rows));
+    let unit = measurements.error_unit;
     let noisier = seen.and_then(|rows| gate::noisiest(seen_in, rows));
+    let noisier = noisier.map(|it| noisier_text(&it, unit));
+    let lost = || seen.and_then(|_| gate::lost_otherwise(numbers_of, &fit));
+    let noisier = noisier.or_else(lost);
     let pure = seen.and_then(|rows| pure_error(rows, &seen_in.dependence()));
     debug!(?pure, "noise");
     let n_parts = seen.map_or(1.0, gate::parts);
     let sizes = slopes.map_or_else(Vec::new, |rows| {
         bounds::size_bounds(numbers_of, search.n_tried(), (&rows, &fit), &ladder.accepted)
     });
-    let unit = measurements.error_unit;
     let excess = pure.filter(|pure| pure.is_alarming()).map(|pure| Excess { pure, unit });
     let unexplained = unexplained(search, ladder, residuals, excess.as_ref());
     let (mut candidates, known) = tested(study, ladder, numbers_of, &fit);
@@ -191,10 +194,7 @@ pub(crate) fn answer<S: Study>(
             } else if contradicted.is_some() {
                 contradicted
             } else {
-                excess
-                    .as_ref()
-                    .map(Excess::of_model)
-                    .or_else(|| noisier.as_ref().map(|it| noisier_text(it, unit)))
+                excess.as_ref().map(Excess::of_model).or(noisier)
             }
         }),
         stopped_in_round: ladder.stopped,

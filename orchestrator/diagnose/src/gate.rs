@@ -223,18 +223,8 @@ pub(crate) fn noisiest<S: Study>(study: &S, rows: &Linearised) -> Option<Noisier
 /// The group of a partition that surely scatters more than the other rows. Squares are trimmed alike in all groups, and blocks of time are
 /// independent.
 fn noisier(rows: &Linearised, partition: &Partition, dependence: &Dependence) -> Option<Noisier> {
-    let times_s = &dependence.times_s;
-    let span = times_s.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &time_s| {
-        (low.min(time_s), high.max(time_s))
-    });
-    let block = |row: u32| {
-        let share = (times_s[row as usize] - span.0) / (span.1 - span.0);
-        (dependence.campaigns[row as usize], (share * NOISE_BLOCKS) as u64)
-    };
     let n_groups = partition.groups.len();
-    if n_groups < FEWEST_ERROR_GROUPS || !times_s.iter().all(|time_s| time_s.is_finite()) {
-        return None;
-    }
+    let block = time_blocks(dependence).filter(|_| FEWEST_ERROR_GROUPS <= n_groups)?;
     let of_group = |group: &Group| {
         let mut is_in = vec![false; rows.errors.len()];
         group.rows.iter().for_each(|&row| is_in[row as usize] = true);
@@ -261,6 +251,61 @@ fn noisier(rows: &Linearised, partition: &Partition, dependence: &Dependence) ->
     let all = partition.groups.iter().filter_map(of_group);
     all.filter(|one| NOISIER_RATIO < one.least_ratio)
         .max_by(|a, b| a.least_ratio.total_cmp(&b.least_ratio))
+}
+
+/// What is said of a group of rows whose frames are surely lost more or less often than a fit predicts. A node may be deaf, or its
+/// surroundings noisy, which moves no reading.
+pub(crate) fn lost_otherwise<S: Study>(study: &S, fit: &S::Fit) -> Option<String> {
+    let residuals = study.scanned_residuals(fit).components;
+    let surprise = &residuals.iter().find(|component| !component.is_of_error)?.standardised;
+    let (partitions, dependence) = (study.partitions(), study.dependence());
+    let n_groups: usize = partitions.iter().map(|partition| partition.groups.len()).sum();
+    let block = time_blocks(&dependence)?;
+    let of_group = |partition: &Partition, group: &Group| {
+        let mut blocks: BTreeMap<(u32, u64), [f64; 2]> = BTreeMap::new();
+        for &row in group.rows.iter().filter(|row| surprise[**row as usize].is_finite()) {
+            let sums = blocks.entry(block(row)).or_default();
+            *sums = [sums[0] + 1.0, sums[1] + surprise[row as usize]];
+        }
+        let add = |all: [f64; 2], one: &[f64; 2]| [all[0] + one[0], all[1] + one[1]];
+        let [n, sum] = blocks.values().fold([0.0; 2], add);
+        let mean = sum / n;
+        let freedom = blocks.len().checked_sub(1).filter(|&n| FEWEST_ERROR_GROUPS <= n)? as f64;
+        let apart = |[n, sum]: &[f64; 2]| (sum - n * mean) * (sum - n * mean);
+        let variance: f64 = blocks.values().map(apart).sum();
+        let law = StudentsT::new(0.0, 1.0, freedom).ok()?;
+        let t = Some(sum.abs() / variance.sqrt()).filter(|t| t.is_finite())?;
+        let p_value = 2.0 * n_groups as f64 * law.sf(t);
+        let is_worth = WORTH_SHARE < mean * mean;
+        (is_worth && p_value < FAMILY_ERROR).then(|| {
+            let how = if mean < 0.0 { "more" } else { "less" };
+            let said = format!(
+                "nothing was found for certain, but frames of {} {} are lost {how} often than the model predicts: how well it hears, or what \
+                 disturbs it, may differ",
+                partition.of, group.id
+            );
+            (mean.abs(), said)
+        })
+    };
+    let all = partitions.iter().flat_map(|partition| {
+        partition.groups.iter().filter_map(move |group| of_group(partition, group))
+    });
+    all.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, said)| said)
+}
+
+/// The block of time of a row, in its campaign. None: times are not known.
+fn time_blocks(dependence: &Dependence) -> Option<impl Fn(u32) -> (u32, u64)> {
+    let times_s = &dependence.times_s;
+    let span = times_s.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &time_s| {
+        (low.min(time_s), high.max(time_s))
+    });
+    let are_known = times_s.iter().all(|time_s| time_s.is_finite());
+    are_known.then(|| {
+        move |row: u32| {
+            let share = (times_s[row as usize] - span.0) / (span.1 - span.0);
+            (dependence.campaigns[row as usize], (share * NOISE_BLOCKS) as u64)
+        }
+    })
 }
 
 /// Parts of which errors are known.

@@ -232,8 +232,9 @@ fn stands_out(runs: &[u32], residuals: &[f64], moved: &[f64]) -> bool {
     let freedom = n_moved + n_others - 2.0;
     let Ok(law) = StudentsT::new(0.0, 1.0, freedom) else { return false };
     let variance = (within_moved + within_others) / freedom * (1.0 / n_moved + 1.0 / n_others);
-    let p_value = 2.0 * law.sf((moved - others).abs() / variance.sqrt());
-    n_moved.min(n_others) > 0.0 && p_value * 2.0 * (n_moved + n_others) < FAMILY_ERROR
+    let t = (moved - others).abs() / variance.sqrt();
+    let n_choices = 2.0 * (n_moved + n_others);
+    t.is_finite() && 2.0 * n_choices * law.sf(t) < FAMILY_ERROR
 }
 
 #[cfg(test)]
