@@ -82,8 +82,8 @@ pub(crate) fn answer<S: Study>(
     let unit = measurements.error_unit;
     let noisier = seen.and_then(|rows| gate::noisiest(seen_in, rows));
     let noisier = noisier.map(|it| noisier_text(&it, unit));
-    let lost = || seen.and_then(|_| gate::lost_otherwise(numbers_of, &fit));
-    let noisier = noisier.or_else(lost);
+    let lost = seen.and_then(|_| gate::lost_otherwise(numbers_of, &fit));
+    let noisier = noisier.or_else(|| lost.as_deref().map(gate::nothing_but));
     let pure = seen.and_then(|rows| pure_error(rows, &seen_in.dependence()));
     debug!(?pure, "noise");
     let n_parts = seen.map_or(1.0, gate::parts);
@@ -106,7 +106,7 @@ pub(crate) fn answer<S: Study>(
         }
     }
     let structure = unexplained.iter().map(|it| it.covariate.as_str()).collect();
-    let remains = Remains { gate: &gate, pure, n_parts, structure };
+    let remains = Remains { gate: &gate, pure, n_parts, structure, lost: lost.as_deref() };
     // Beside something unknown, a bound holds for nothing.
     for bounds in sizes.iter().filter(|_| !remains.is_something()) {
         if let Some(one) = listed(&mut candidates, &study.candidates()[bounds.term]) {

@@ -22,6 +22,8 @@ pub(crate) struct Remains<'a> {
     pub n_parts: f64,
     /// Covariates over which there is structure that no effect explains.
     pub structure: Vec<&'a str>,
+    /// What it says of a node whose frames are lost otherwise.
+    pub lost: Option<&'a str>,
 }
 
 impl Remains<'_> {
@@ -91,6 +93,10 @@ pub(crate) fn doubts<S: Study>(
                         || is_collinear()
                         || !search.survives_beside_curves(term, ladder, &remains.structure));
                 is_part.then(|| PART.to_owned())
+            })
+            .or_else(|| {
+                let lost = remains.lost.filter(|_| needs_losses(candidate))?;
+                Some(format!("{lost}, and that node may be the cause"))
             })
             .or_else(|| (are_places_tested && is_passage(candidate)).then(|| PASSAGE.to_owned()))
             .or_else(|| search.only_node_of(term, &ladder.accepted).map(of_one_node))
