@@ -8,6 +8,7 @@ mod lowpan;
 mod mac;
 pub mod mobility;
 mod network;
+pub mod profile;
 mod rpl;
 mod security;
 mod standard;

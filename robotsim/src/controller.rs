@@ -251,6 +251,11 @@ pub trait Controller: std::fmt::Debug + Send + Sync {
     /// The command for one robot, for the period that begins.
     fn command(&self, view: &View<'_>, agent: AgentId) -> Command;
 
+    /// Whether its robots move at all.
+    fn moves(&self) -> bool {
+        true
+    }
+
     /// Whether it uses the received signal strength of frames.
     fn wants_rssi(&self) -> bool {
         false
@@ -305,6 +310,13 @@ impl Team {
         } else {
             (0..n).map(command).collect()
         }
+    }
+
+    /// Which of so many robots move.
+    #[must_use]
+    pub fn moving(&self, n_agents: usize) -> Vec<bool> {
+        let group = |agent: usize| self.groups.partition_point(|(end, _)| *end <= agent);
+        (0..n_agents).map(|agent| self.groups[group(agent)].1.moves()).collect()
     }
 
     /// Whether any of them asks how strong frames were.

@@ -47,6 +47,7 @@ mod packets_split;
 mod plain_numbers;
 mod power;
 mod predictions;
+mod profile;
 mod publishing;
 mod quadrotors;
 mod reference;

@@ -1,5 +1,6 @@
 //! The keys of `mode = "6tisch"`.
 
+use super::profile::Profile;
 use super::{admission, applications, energy, lowpan, mac, mobility, rpl, security, swarm};
 use crate::app;
 use crate::catalogue::Catalogue;
@@ -38,9 +39,12 @@ pub(super) struct Given<'a> {
 /// Keys of the full network.
 #[derive(Section)]
 pub(super) struct Keys {
+    /// Settings that go together. Keys that are written have priority over them.
+    #[key(default = Profile::Auto)]
+    pub(super) profile: Profile,
     /// Motes that are roots, each of its own DODAG. Absent: mote 0.
     #[key(length = 1..=10_000)]
-    roots: Option<Vec<MoteId>>,
+    pub(super) roots: Option<Vec<MoteId>>,
     /// Link-layer addresses of the first motes, as 02-00-00-00-00-00-00-05. Absent: 02-00-00-00-00-00-00-00 plus the mote's number,
     /// for mote 0 02-00-00-00-00-01-00-00.
     #[key(kind = Kind::List { of: &Kind::Text, min: 0, max: 100_000 })]
@@ -50,7 +54,7 @@ pub(super) struct Keys {
     mac: toml::Table,
     /// The scheduling function.
     #[key(table = sf::SPEC, default)]
-    sf: toml::Table,
+    pub(super) sf: toml::Table,
     /// Routing.
     #[key(table = rpl::SPEC, default)]
     rpl: toml::Table,
@@ -62,16 +66,16 @@ pub(super) struct Keys {
     lowpan: toml::Table,
     /// Admission.
     #[key(table = admission::SPEC, default)]
-    join: toml::Table,
+    pub(super) join: toml::Table,
     /// Security of frames and of admission. Absent: nothing is secured.
     #[key(table = security::SPEC)]
     security: Option<toml::Table>,
     /// Applications: packets that motes send in addition to the robots' payloads.
     #[key(tables = app::config::SPEC)]
-    app: Vec<toml::Table>,
+    pub(super) app: Vec<toml::Table>,
     /// Transport of the robots' payloads.
     #[key(table = swarm::SPEC, default)]
-    swarm: toml::Table,
+    pub(super) swarm: toml::Table,
     /// Charge.
     #[key(table = energy::SPEC, default)]
     energy: toml::Table,

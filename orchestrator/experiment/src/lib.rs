@@ -5,6 +5,7 @@ mod control;
 mod keys;
 pub mod output;
 mod overrides;
+mod profile;
 mod program;
 mod reach;
 mod sides;
@@ -35,6 +36,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sides::Sides;
 pub use sides::{missing_file, named_files};
+use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 
 /// Certificates to talk to simulators with.
@@ -124,6 +126,8 @@ pub struct Plan {
     pub capabilities: Vec<Capability>,
     /// What should be checked before the results are trusted.
     pub warnings: Vec<String>,
+    /// What was chosen for a network whose profile is `auto` and whose robots move.
+    pub profile: Option<String>,
 }
 
 /// Reads and checks an experiment file.
@@ -271,38 +275,25 @@ fn plan(
         check_name(name, problems);
     }
     let agents = keys.agents.unwrap_or(1);
-    let is_parallel = keys.coupling == CouplingMode::Parallel;
-    let slot_ns = slot_ns(section("netsim"));
-    let control = control::read(&keys.control_period, agents, slot_ns, is_parallel, problems);
-    let (timeline, timeline_tables) = timeline::read(tree, keys.agents, keys.duration_s, problems);
     let robots = robotsim::catalogue::Catalogue::built_in();
     let network = netsim::catalogue::Catalogue::built_in();
-    if overrides.netsim_url.is_none() && !reach::is_foreign(section("netsim")) {
-        timeline.check_orders(netsim::config::commands(section("netsim"), network), problems);
-        timeline.check_added(&netsim::config::absent(section("netsim"), network), problems);
-    }
-    let tls = match &overrides.tls {
-        Some(tls) => Some(tls.clone()),
-        None => keys.tls.as_ref().and_then(|tls| tls.certificates(base, problems)),
-    };
-    let experiment = Experiment {
+    // What robots are like decides about the network, and the network about the period.
+    let unknown_period = Experiment {
         seed: keys.seed,
         agent_count: agents,
-        step_ns: control.step_ns(control::slotframe_slots(section("netsim"), agents), slot_ns),
-        coupling: match (&control, keys.coupling) {
-            (ControlPeriod::Packet, _) => Coupling::Event,
-            (_, CouplingMode::Parallel) => Coupling::Parallel,
-            (_, CouplingMode::Sequential) => Coupling::Sequential,
-        },
+        step_ns: 1,
+        coupling: Coupling::Sequential,
     };
+    let motes = OnceCell::new();
+    let mut of_robots = Vec::new();
     let mut sides = Sides {
         base,
         site: &site,
-        experiment: &experiment,
+        experiment: &unknown_period,
         known: keys.agents.is_some(),
         files: &overrides.files,
         unread: overrides.consent.unread(&capabilities),
-        problems,
+        problems: &mut of_robots,
     };
     let robotsim = sides.read(
         section("robotsim"),
@@ -312,10 +303,51 @@ fn plan(
             robotsim::config::keys(node, path, robots, problems);
         },
         |node, path| robotsim::config::files(node, path, robots),
-        |setup| robotsim::config::read(setup, robots).map(|(_, effective)| (effective, Vec::new())),
+        |setup| {
+            let (config, effective) = robotsim::config::read(setup, robots)?;
+            _ = motes.set(profile::motes(&config, agents));
+            Ok((effective, Vec::new()))
+        },
     );
+    let unknown = robotsim.0.is_foreign().then(|| profile::unknown_motes(agents));
+    let motes = unknown.as_ref().or_else(|| motes.get());
+    let is_foreign = overrides.netsim_url.is_some() || reach::is_foreign(section("netsim"));
+    let (netsim_section, profile) =
+        profile::resolved(section("netsim"), motes, is_foreign, network);
+    let is_parallel = keys.coupling == CouplingMode::Parallel;
+    let slot_ns = slot_ns(&netsim_section);
+    let control = control::read(&keys.control_period, agents, slot_ns, is_parallel, problems);
+    let (timeline, timeline_tables) = timeline::read(tree, keys.agents, keys.duration_s, problems);
+    if !is_foreign {
+        timeline.check_orders(netsim::config::commands(&netsim_section, network), problems);
+        timeline.check_added(&netsim::config::absent(&netsim_section, network), problems);
+    }
+    let tls = match &overrides.tls {
+        Some(tls) => Some(tls.clone()),
+        None => keys.tls.as_ref().and_then(|tls| tls.certificates(base, problems)),
+    };
+    let experiment = Experiment {
+        seed: keys.seed,
+        agent_count: agents,
+        step_ns: control.step_ns(control::slotframe_slots(&netsim_section, agents), slot_ns),
+        coupling: match (&control, keys.coupling) {
+            (ControlPeriod::Packet, _) => Coupling::Event,
+            (_, CouplingMode::Parallel) => Coupling::Parallel,
+            (_, CouplingMode::Sequential) => Coupling::Sequential,
+        },
+    };
+    problems.append(&mut of_robots);
+    let mut sides = Sides {
+        base,
+        site: &site,
+        experiment: &experiment,
+        known: keys.agents.is_some(),
+        files: &overrides.files,
+        unread: overrides.consent.unread(&capabilities),
+        problems,
+    };
     let netsim = sides.read(
-        section("netsim"),
+        &netsim_section,
         "netsim",
         overrides.netsim_url.as_ref(),
         |node, path, problems| {
@@ -363,6 +395,7 @@ fn plan(
         tls,
         site_toml: site_table.to_string(),
         warnings: [robotsim.1, netsim.1].concat(),
+        profile,
         robotsim: robotsim.0,
         netsim: netsim.0,
         output,

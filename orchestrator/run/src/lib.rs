@@ -301,6 +301,9 @@ async fn from_file(
     if let Some(warning) = disk_space::fits_if_ended_early(&plan, &options.out) {
         audience.warn(&warning);
     }
+    if let Some(profile) = &plan.profile {
+        audience.note(profile);
+    }
     let mut interrupt = Interrupt::listen();
     // A place for the results first: what cannot be written is not worth computing.
     let reservation = Reservation::new(&options.out, &plan.name)

@@ -85,6 +85,9 @@ fn check_experiment(args: &CheckArgs, config: &Path) -> Result<(), Failure> {
         plan.experiment.seed,
         plan.experiment.step_ns as f64 / 1e6
     ));
+    if let Some(profile) = &plan.profile {
+        say(profile);
+    }
     for (section, side) in [("robotsim", &plan.robotsim), ("netsim", &plan.netsim)] {
         if let Some(url) = &side.url {
             say(format!(

@@ -23,4 +23,8 @@ impl Controller for Hold {
     fn command(&self, _view: &View<'_>, _agent: AgentId) -> Command {
         Command::Velocity([0.0; 3])
     }
+
+    fn moves(&self) -> bool {
+        false
+    }
 }

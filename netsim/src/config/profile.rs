@@ -1,0 +1,341 @@
+//! `netsim.profile`: settings that go together, chosen by what is known of an experiment before it starts.
+//!
+//! [`Profile::Auto`] writes keys into a section that does not have them, so that the effective configuration says what holds. A key that is
+//! written stays.
+
+use super::network;
+use super::{Keys, effective};
+use crate::catalogue::Catalogue;
+use crate::wire::slots::MAX_SLOTS;
+use physics::end::End;
+use physics::link::Scene;
+use physics::model::Model;
+use physics::section;
+use proto::config::{Choice, Node, Section as _, Value, parse};
+use proto::ids::MoteId;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Which settings go together.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Profile {
+    /// The orchestrator chooses before the start: `rfc` where no robot moves or sf.kind is written, otherwise settings for motes that move.
+    /// A network simulator by itself takes it as `rfc`.
+    Auto,
+    /// The standards' defaults.
+    Rfc,
+}
+
+/// What is known of the motes before the start.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motes {
+    /// Where they begin (m).
+    pub positions_m: Vec<[f64; 3]>,
+    /// Which of them move.
+    pub moves: Vec<bool>,
+}
+
+impl Motes {
+    /// The most motes within a distance of any of them, itself included.
+    fn most_within(&self, distance_m: f64) -> usize {
+        let near = |a: &[f64; 3], b: &[f64; 3]| apart_m(a, b) <= distance_m;
+        let around = |a| self.positions_m.iter().filter(|b| near(a, b)).count();
+        self.positions_m.iter().map(around).max().unwrap_or(0)
+    }
+
+    /// The motes that move, if all others reach a root over each other and every mote is in range of one of these: then nobody needs a
+    /// mote that moves as a parent.
+    fn among_routers(&self, roots: &[MoteId], range_m: f64) -> Option<Vec<usize>> {
+        let near =
+            |a: usize, b: usize| apart_m(&self.positions_m[a], &self.positions_m[b]) <= range_m;
+        let (moving, standing): (Vec<usize>, Vec<usize>) =
+            (0..self.moves.len()).partition(|&mote| self.moves[mote]);
+        let mut reached: Vec<usize> = standing
+            .iter()
+            .copied()
+            .filter(|&mote| roots.iter().any(|root| root.index() == mote))
+            .collect();
+        let mut next = 0;
+        while next < reached.len() {
+            let from = reached[next];
+            let new: Vec<usize> = standing
+                .iter()
+                .copied()
+                .filter(|&mote| !reached.contains(&mote) && near(mote, from))
+                .collect();
+            reached.extend(new);
+            next += 1;
+        }
+        let is_covered = |mote: &usize| reached.iter().any(|&router| near(*mote, router));
+        let are_routers = 2 * roots.len() < standing.len() && reached.len() == standing.len();
+        (are_routers && moving.iter().all(is_covered)).then_some(moving)
+    }
+}
+
+fn apart_m(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    (0..3).map(|axis| (a[axis] - b[axis]) * (a[axis] - b[axis])).sum::<f64>().sqrt()
+}
+
+/// Resolves `profile = "auto"` of a section: writes what it chooses where nothing is written, and returns a sentence about the choice.
+/// `None`: the standards' defaults hold, or another profile is written.
+#[must_use]
+pub fn resolve(config: &mut Node, motes: &Motes, catalogue: &Catalogue) -> Option<String> {
+    let table = effective(config, catalogue);
+    let keys = Keys::read(&table);
+    let protocols = keys.protocols().filter(|keys| keys.profile == Profile::Auto)?;
+    let chosen = chosen(config, &keys, protocols, motes, catalogue);
+    let (settings, said) =
+        chosen.map_or((Node::empty_table(), None), |(settings, said)| (settings, Some(said)));
+    fill(config, settings);
+    config.set("profile", Value::Text("rfc".to_owned())).ok()?;
+    said
+}
+
+/// The scheduling function for motes that move.
+const SOTDMA: &str = "sotdma";
+/// Shared slots: for joining and routing.
+const SHARED: usize = 16;
+/// Slots of single motes, as a share of the most motes within two hops before the start: where slots are fewer than motes, those that are
+/// farthest apart share one, and a slotframe is shorter.
+const OWN_SHARE: f64 = 0.65;
+/// Bounds of the number of these slots.
+const OWN_SLOTS: [usize; 2] = [16, MAX_SLOTS as usize - SHARED];
+/// Least probability of reception over a link on which a mote may rely.
+const RELIABLE: f64 = 0.9;
+/// A neighbour counts as a hop farther once its frames are weaker than this above the level at which links break (dB).
+const HANDOVER_MARGIN_DB: f64 = 1.7;
+/// Time between advertisements of a mote whose parents change (s): where datagrams travel down, and where none do.
+const DAO_INTERVAL_S: [f64; 2] = [3.0, 60.0];
+/// Kinds of applications that send upwards alone, unless they have a destination.
+const UPWARD: [&str; 3] = ["periodic", "poisson", "event"];
+/// Channels on which motes that look for the network find it sooner than on sixteen, those of TSCH-Sim and Contiki-NG.
+const FEW_CHANNELS: &str = "hopping_sequence = [15, 25, 26, 20]";
+
+/// The settings for motes that move, and what to say of them. `None`: none moves, or a scheduling function is written.
+fn chosen(
+    config: &Node,
+    keys: &Keys,
+    protocols: &network::Keys,
+    motes: &Motes,
+    catalogue: &Catalogue,
+) -> Option<(Node, String)> {
+    let n_moving = motes.moves.iter().filter(|moves| **moves).count();
+    let is_written = config.get("sf").is_some_and(|sf| sf.get("kind").is_some());
+    if n_moving == 0 || is_written {
+        return None;
+    }
+    let text = |table: &toml::Table, key: &str| Some(table.get(key)?.as_str()?.to_owned());
+    let radio = Radio::of(config, motes.positions_m.len(), catalogue);
+    let range_m = radio.map_or(f64::INFINITY, |radio| radio.range_m);
+    let n_around = motes.most_within(2.0 * range_m);
+    let [least, most] = OWN_SLOTS;
+    let n_own = (libm::ceil(OWN_SHARE * n_around as f64) as usize).clamp(least, most);
+    let n_slots = n_own + SHARED;
+    let beacon_period_s = n_slots as f64 * keys.slot_duration_s;
+    let roots = protocols.roots.clone().unwrap_or_else(|| vec![MoteId(0)]);
+    let leaves = motes.among_routers(&roots, range_m).unwrap_or_default();
+    let is_upward = |app: &toml::Table| {
+        let kind = text(app, "kind");
+        let is_to_root = text(app, "destination").is_none_or(|destination| destination == "root");
+        is_to_root
+            && !app.get("destination").is_some_and(toml::Value::is_integer)
+            && kind.is_some_and(|kind| UPWARD.contains(&kind.as_str()))
+    };
+    let carries_payloads = text(&protocols.swarm, "transport").as_deref() != Some("none");
+    let is_upward = !protocols.app.is_empty() && protocols.app.iter().all(is_upward);
+    let dao_interval_s = DAO_INTERVAL_S[usize::from(is_upward)];
+    let unicast = if carries_payloads && protocols.app.is_empty() { "shared" } else { "own" };
+    let handover = radio.map_or_else(String::new, |Radio { edge_dbm, .. }| {
+        format!("handover_dbm = {:.1}\nhandover_s = 1.0", edge_dbm + HANDOVER_MARGIN_DB)
+    });
+    let has_band = config.get("phy").is_some_and(|phy| phy.get("standard").is_some());
+    let channels = if has_band || radio.is_none() { "" } else { FEW_CHANNELS };
+    let is_secure = protocols.join.get("secure").and_then(toml::Value::as_bool) != Some(false);
+    let settings = format!(
+        r#"
+{channels}
+[mac]
+beacon_period_s = {beacon_period_s:?}
+beacon_spacing_s = 0.0
+beacon_wait_s = 10.0
+rejoin_wait_s = 4.0
+neighbours_to_wait = 1
+queue_frames = 100
+min_backoff_exponent = 4
+[sf]
+kind = "{SOTDMA}"
+slotframe_slots = {n_slots}
+shared_slots = {SHARED}
+unicast = "{unicast}"
+forget_slotframes = 3
+[rpl]
+dao_delay_s = 0.5
+dao_interval_s = {dao_interval_s:?}
+dao_ack = false
+initial_etx = 1.0
+max_failures = 3
+unusable_hold_s = 3.0
+repair_hold_s = 2.0
+neighbour_lifetime_s = 6.0
+solicitation = "multicast"
+dis_period_s = 5.0
+[join]
+rate_bytes_s = 200
+[mobility]
+leaves = {leaves:?}
+time_from_beacons = true
+rank_from_beacons = true
+{handover}
+reroute = true
+bursts = true
+keep_admission = {is_secure}
+"#
+    );
+    let settings = parse(&settings).ok()?;
+    let n_motes = motes.moves.len();
+    let among = if leaves.is_empty() { "" } else { " as leaves among routers that stand" };
+    let said = format!(
+        "netsim.profile = \"auto\": {n_moving} of {n_motes} robots move{among}, so sf.kind = {SOTDMA:?} with {n_slots} slots, a beacon every \
+         {beacon_period_s:.2} s, hand-over and rerouting; \"rfc\" has the standards' defaults"
+    );
+    Some((settings, said))
+}
+
+/// A radio whose links depend on distance alone, scatter apart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Radio {
+    /// How far a mote may rely on a link (m).
+    range_m: f64,
+    /// The power of frames there (dBm).
+    edge_dbm: f64,
+}
+
+impl Radio {
+    /// The radio of a section. `None`: its links depend on more than distance, or it is not valid, which is said elsewhere.
+    fn of(config: &Node, n_motes: usize, catalogue: &Catalogue) -> Option<Self> {
+        let empty = Node::empty_table();
+        let phy = config.get("phy").unwrap_or(&empty);
+        let (model, _) =
+            section::read(phy, "", n_motes, &BTreeMap::new(), &catalogue.physics).ok()?;
+        let edge = |distance_m: f64| Self::at(&model, distance_m);
+        // Steps of 1 %, from a decimetre to a hundred kilometres.
+        let steps = (0..1389).map(|step| 0.1 * libm::pow(1.01, f64::from(step)));
+        model
+            .is_isotropic()
+            .then(|| steps.take_while(|&it| edge(it).is_some()).last())?
+            .and_then(edge)
+    }
+
+    /// The radio at a distance, if a mote may rely on a link so long.
+    fn at(model: &Model, distance_m: f64) -> Option<Self> {
+        let scene = Scene::default();
+        let [one, other] =
+            [(0, 0.0), (1, distance_m)].map(|(mote, x_m)| End::new(MoteId(mote), [x_m, 0.0, 0.0]));
+        let budget = model.evaluate(&model.link(&scene, one, other, None, 0));
+        (RELIABLE <= budget.reception_probability)
+            .then_some(Self { range_m: distance_m, edge_dbm: budget.rssi_dbm })
+    }
+}
+
+/// Writes the entries of a table into another, where nothing is written.
+fn fill(config: &mut Node, settings: Node) {
+    let Value::Table(settings) = settings.value else { return };
+    for (key, span, setting) in settings {
+        let Value::Table(entries) = &mut config.value else { return };
+        match entries.iter_mut().find(|(written, ..)| *written == key) {
+            Some((.., written)) => fill(written, setting),
+            None => entries.push((key, span, setting)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A grid of motes 10 m apart, of which the last ones move.
+    fn motes(n_standing: usize, n_moving: usize) -> Motes {
+        let place = |mote: usize| [10.0 * (mote % 6) as f64, 10.0 * (mote / 6) as f64, 0.0];
+        let n_motes = n_standing + n_moving;
+        Motes {
+            positions_m: (0..n_motes).map(place).collect(),
+            moves: (0..n_motes).map(|mote| n_standing <= mote).collect(),
+        }
+    }
+
+    const DISK: &str =
+        "mode = \"6tisch\"\nphy = { propagation = \"unit-disk\", radius_m = 15.0 }\n";
+
+    /// What is written after the profile was resolved, and what is said.
+    fn resolved(more: &str, motes: &Motes) -> (toml::Value, Option<String>) {
+        let mut config = parse(&format!("{DISK}{more}")).unwrap();
+        let said = resolve(&mut config, motes, Catalogue::built_in());
+        (config.to_toml(), said)
+    }
+
+    #[test]
+    fn motes_that_stand_have_the_defaults_of_the_standards() {
+        let (config, said) = resolved("", &motes(36, 0));
+        assert_eq!(said, None);
+        assert!(config.get("sf").is_none() && config.get("mac").is_none());
+        assert_eq!(config["profile"].as_str(), Some("rfc"));
+    }
+
+    #[test]
+    fn a_crowd_has_slots_of_its_own_and_among_routers_it_has_leaves() {
+        let (crowd, said) = resolved("", &motes(1, 35));
+        assert!(said.is_some_and(|said| said.contains("35 of 36 robots move, so")));
+        assert_eq!(crowd["sf"]["kind"].as_str(), Some("sotdma"));
+        assert_eq!(crowd["mobility"]["leaves"].as_array().map(Vec::len), Some(0));
+        // Free space at 15 m on 2.44 GHz: 40.2 + 23.5 dB, and 1.7 dB more.
+        assert_eq!(crowd["mobility"]["handover_dbm"].as_float(), Some(-62.0));
+        let (among, said) = resolved("", &motes(36, 6));
+        assert!(said.is_some_and(|said| said.contains("as leaves among routers")));
+        let leaves: Vec<i64> = among["mobility"]["leaves"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter_map(toml::Value::as_integer)
+            .collect();
+        assert_eq!(leaves, [36, 37, 38, 39, 40, 41]);
+        // The slotframe follows the density: at most so many of the motes are within 30 m of one.
+        let slots = |config: &toml::Value| config["sf"]["slotframe_slots"].as_integer().unwrap();
+        let n_around = motes(36, 6).most_within(29.9) as f64;
+        assert_eq!(slots(&among), (OWN_SHARE * n_around).ceil().max(16.0) as i64 + 16);
+    }
+
+    #[test]
+    fn what_is_written_stays_and_another_function_is_a_choice() {
+        let more = "[mac]\nqueue_frames = 7\n[mobility]\nreroute = false\n";
+        let (config, _) = resolved(more, &motes(1, 35));
+        assert_eq!(config["mac"]["queue_frames"].as_integer(), Some(7));
+        assert_eq!(config["mobility"]["reroute"].as_bool(), Some(false));
+        assert_eq!(config["mobility"]["bursts"].as_bool(), Some(true));
+        for more in ["[sf]\nkind = \"msf\"\n", "profile = \"rfc\"\n"] {
+            let (config, said) = resolved(more, &motes(1, 35));
+            assert!(said.is_none() && config.get("mobility").is_none(), "{more}");
+        }
+    }
+
+    #[test]
+    fn a_section_is_resolved_once() {
+        let mut config = parse(DISK).unwrap();
+        assert!(resolve(&mut config, &motes(1, 35), Catalogue::built_in()).is_some());
+        let before = config.clone();
+        assert!(resolve(&mut config, &motes(1, 35), Catalogue::built_in()).is_none());
+        assert_eq!(config, before);
+    }
+
+    #[test]
+    fn routes_down_are_kept_fresh_where_something_travels_down() {
+        let interval = |app: &str| {
+            let (config, _) = resolved(app, &motes(1, 35));
+            config["rpl"]["dao_interval_s"].as_float().unwrap()
+        };
+        let app = |more: &str| format!("[[app]]\nkind = \"periodic\"\nperiod_s = 10.0\n{more}");
+        assert_eq!(interval(&app("senders = [1, 2]")), 60.0);
+        assert_eq!(interval(&app("senders = [0]\ndestination = 3")), 3.0);
+        assert_eq!(interval(""), 3.0);
+    }
+}
