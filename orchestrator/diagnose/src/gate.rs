@@ -304,13 +304,11 @@ fn time_blocks(dependence: &Dependence) -> Option<impl Fn(u32) -> (u32, u64)> {
     let span = times_s.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &time_s| {
         (low.min(time_s), high.max(time_s))
     });
-    let are_known = times_s.iter().all(|time_s| time_s.is_finite());
-    are_known.then(|| {
-        move |row: u32| {
-            let share = (times_s[row as usize] - span.0) / (span.1 - span.0);
-            (dependence.campaigns[row as usize], (share * NOISE_BLOCKS) as u64)
-        }
-    })
+    let block = move |row: u32| {
+        let share = (times_s[row as usize] - span.0) / (span.1 - span.0);
+        (dependence.campaigns[row as usize], (share * NOISE_BLOCKS) as u64)
+    };
+    times_s.iter().all(|time_s| time_s.is_finite()).then_some(block)
 }
 
 /// Parts of which errors are known.
