@@ -1,6 +1,6 @@
 //! `netsim.profile`: settings that go together, chosen by what is known of an experiment before it starts.
 //!
-//! [`Profile::Auto`] writes keys into a section that does not have them, so that the effective configuration says what holds. A key that is
+//! [`resolve`] writes keys into a section that does not have them, so that the effective configuration says what holds. A key that is
 //! written stays.
 
 use super::network;
