@@ -7,9 +7,10 @@ use super::network;
 use super::{Keys, effective};
 use crate::catalogue::Catalogue;
 use crate::wire::slots::MAX_SLOTS;
-use physics::end::End;
+use physics::end::{End, distance_squared_m2};
 use physics::link::Scene;
 use physics::model::Model;
+use physics::nearest::Grid;
 use physics::section;
 use proto::config::{Choice, Node, Section as _, Value, parse};
 use proto::ids::MoteId;
@@ -37,44 +38,83 @@ pub struct Motes {
 }
 
 impl Motes {
-    /// The most motes within a distance of any of them, itself included.
-    fn most_within(&self, distance_m: f64) -> usize {
-        let near = |a: &[f64; 3], b: &[f64; 3]| apart_m(a, b) <= distance_m;
-        let around = |a| self.positions_m.iter().filter(|b| near(a, b)).count();
-        self.positions_m.iter().map(around).max().unwrap_or(0)
+    /// The most motes within a distance of any of them, itself included; `enough` stands for more than that.
+    fn most_within(&self, distance_m: f64, enough: usize) -> usize {
+        let sorted = Sorted::new(&self.positions_m, distance_m);
+        let mut most = 0;
+        for mote in 0..self.positions_m.len() {
+            most = most.max(sorted.within(mote, distance_m).take(enough).count());
+            if most == enough {
+                break;
+            }
+        }
+        most
     }
 
     /// The motes that move, if all others reach a root over each other and every mote is in range of one of these: then nobody needs a
     /// mote that moves as a parent.
     fn among_routers(&self, roots: &[MoteId], range_m: f64) -> Option<Vec<usize>> {
-        let near =
-            |a: usize, b: usize| apart_m(&self.positions_m[a], &self.positions_m[b]) <= range_m;
         let (moving, standing): (Vec<usize>, Vec<usize>) =
             (0..self.moves.len()).partition(|&mote| self.moves[mote]);
-        let mut reached: Vec<usize> = standing
-            .iter()
-            .copied()
-            .filter(|&mote| roots.iter().any(|root| root.index() == mote))
-            .collect();
+        if standing.len() <= 2 * roots.len() {
+            return None;
+        }
+        let sorted = Sorted::new(&self.positions_m, range_m);
+        let is_root = |mote: &usize| roots.iter().any(|root| root.index() == *mote);
+        let mut reached: Vec<usize> = standing.iter().copied().filter(is_root).collect();
+        let mut is_open = self.moves.iter().map(|moves| !moves).collect::<Vec<bool>>();
+        reached.iter().for_each(|&mote| is_open[mote] = false);
         let mut next = 0;
-        while next < reached.len() {
-            let from = reached[next];
-            let new: Vec<usize> = standing
-                .iter()
-                .copied()
-                .filter(|&mote| !reached.contains(&mote) && near(mote, from))
-                .collect();
+        while let Some(&from) = reached.get(next) {
+            let new =
+                sorted.within(from, range_m).filter(|&mote| std::mem::take(&mut is_open[mote]));
             reached.extend(new);
             next += 1;
         }
-        let is_covered = |mote: &usize| reached.iter().any(|&router| near(*mote, router));
-        let are_routers = 2 * roots.len() < standing.len() && reached.len() == standing.len();
-        (are_routers && moving.iter().all(is_covered)).then_some(moving)
+        // All that stand are routers then.
+        let is_covered =
+            |mote: &usize| sorted.within(*mote, range_m).any(|router| !self.moves[router]);
+        (reached.len() == standing.len() && moving.iter().all(is_covered)).then_some(moving)
+    }
+
+    /// A length (m) that no two motes are apart.
+    fn extent_m(&self) -> f64 {
+        let span = |axis: usize| {
+            let places = self.positions_m.iter().map(|position_m| position_m[axis]);
+            let [low, high] = places
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| {
+                    [f64::min(low, place), f64::max(high, place)]
+                });
+            high - low
+        };
+        distance_squared_m2([span(0), span(1), span(2)]).sqrt() + 1.0
     }
 }
 
-fn apart_m(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    (0..3).map(|axis| (a[axis] - b[axis]) * (a[axis] - b[axis])).sum::<f64>().sqrt()
+/// Motes sorted by where they are.
+struct Sorted<'a> {
+    positions_m: &'a [[f64; 3]],
+    grid: Grid,
+}
+
+impl<'a> Sorted<'a> {
+    /// For searches within about a distance (m), which is finite.
+    fn new(positions_m: &'a [[f64; 3]], distance_m: f64) -> Self {
+        let mut grid = Grid::default();
+        grid.build(distance_m, positions_m.iter().map(|&[x_m, y_m, _]| [x_m, y_m]));
+        Self { positions_m, grid }
+    }
+
+    /// The motes within a distance (m) of one, itself included.
+    fn within(&self, mote: usize, distance_m: f64) -> impl Iterator<Item = usize> {
+        let [x_m, y_m, z_m] = self.positions_m[mote];
+        let near = move |other: &usize| {
+            let [other_x_m, other_y_m, other_z_m] = self.positions_m[*other];
+            let apart_m = [other_x_m - x_m, other_y_m - y_m, other_z_m - z_m];
+            distance_squared_m2(apart_m) <= distance_m * distance_m
+        };
+        self.grid.around([x_m, y_m], distance_m).map(|other| other as usize).filter(near)
+    }
 }
 
 /// Resolves `profile = "auto"` of a section: writes what it chooses where nothing is written, and returns a sentence about the choice.
@@ -84,10 +124,10 @@ pub fn resolve(config: &mut Node, motes: &Motes, catalogue: &Catalogue) -> Optio
     let table = effective(config, catalogue);
     let keys = Keys::read(&table);
     let protocols = keys.protocols().filter(|keys| keys.profile == Profile::Auto)?;
-    let chosen = chosen(config, &keys, protocols, motes, catalogue);
-    let (settings, said) =
-        chosen.map_or((Node::empty_table(), None), |(settings, said)| (settings, Some(said)));
-    fill(config, settings);
+    let said = chosen(config, &keys, protocols, motes, catalogue).map(|(settings, said)| {
+        fill(config, settings);
+        said
+    });
     config.set("profile", Value::Text("rfc".to_owned())).ok()?;
     said
 }
@@ -127,20 +167,21 @@ fn chosen(
     }
     let text = |table: &toml::Table, key: &str| Some(table.get(key)?.as_str()?.to_owned());
     let radio = Radio::of(config, motes.positions_m.len(), catalogue);
-    let range_m = radio.map_or(f64::INFINITY, |radio| radio.range_m);
-    let n_around = motes.most_within(2.0 * range_m);
+    let extent_m = motes.extent_m();
+    let range_m = radio.map_or(extent_m, |radio| radio.range_m.min(extent_m));
     let [least, most] = OWN_SLOTS;
+    // More of them do not have more slots.
+    let enough = libm::ceil(most as f64 / OWN_SHARE) as usize;
+    let n_around = motes.most_within(2.0 * range_m, enough);
     let n_own = (libm::ceil(OWN_SHARE * n_around as f64) as usize).clamp(least, most);
     let n_slots = n_own + SHARED;
     let beacon_period_s = n_slots as f64 * keys.slot_duration_s;
     let roots = protocols.roots.clone().unwrap_or_else(|| vec![MoteId(0)]);
     let leaves = motes.among_routers(&roots, range_m).unwrap_or_default();
     let is_upward = |app: &toml::Table| {
-        let kind = text(app, "kind");
-        let is_to_root = text(app, "destination").is_none_or(|destination| destination == "root");
-        is_to_root
-            && !app.get("destination").is_some_and(toml::Value::is_integer)
-            && kind.is_some_and(|kind| UPWARD.contains(&kind.as_str()))
+        let destination = app.get("destination");
+        destination.is_none_or(|destination| destination.as_str() == Some("root"))
+            && text(app, "kind").is_some_and(|kind| UPWARD.contains(&kind.as_str()))
     };
     let carries_payloads = text(&protocols.swarm, "transport").as_deref() != Some("none");
     let is_upward = !protocols.app.is_empty() && protocols.app.iter().all(is_upward);
@@ -218,13 +259,10 @@ impl Radio {
         let phy = config.get("phy").unwrap_or(&empty);
         let (model, _) =
             section::read(phy, "", n_motes, &BTreeMap::new(), &catalogue.physics).ok()?;
-        let edge = |distance_m: f64| Self::at(&model, distance_m);
         // Steps of 1 %, from a decimetre to a hundred kilometres.
         let steps = (0..1389).map(|step| 0.1 * libm::pow(1.01, f64::from(step)));
-        model
-            .is_isotropic()
-            .then(|| steps.take_while(|&it| edge(it).is_some()).last())?
-            .and_then(edge)
+        let reliable = steps.map_while(|distance_m| Self::at(&model, distance_m));
+        if model.is_isotropic() { reliable.last() } else { None }
     }
 
     /// The radio at a distance, if a mote may rely on a link so long.
@@ -253,6 +291,7 @@ fn fill(config: &mut Node, settings: Node) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proto::rng::{Draws, Purpose};
 
     /// A grid of motes 10 m apart, of which the last ones move.
     fn motes(n_standing: usize, n_moving: usize) -> Motes {
@@ -301,8 +340,27 @@ mod tests {
         assert_eq!(leaves, [36, 37, 38, 39, 40, 41]);
         // The slotframe follows the density: at most so many of the motes are within 30 m of one.
         let slots = |config: &toml::Value| config["sf"]["slotframe_slots"].as_integer().unwrap();
-        let n_around = motes(36, 6).most_within(29.9) as f64;
+        let n_around = motes(36, 6).most_within(29.9, 100) as f64;
         assert_eq!(slots(&among), (OWN_SHARE * n_around).ceil().max(16.0) as i64 + 16);
+    }
+
+    #[test]
+    fn motes_around_one_are_those_that_a_look_at_all_pairs_counts() {
+        let draws = Draws::new(1, Purpose::Resample);
+        let place = |mote: u64| [0, 1, 2].map(|axis| 60.0 * draws.uniform(mote, axis, 0));
+        let positions_m: Vec<[f64; 3]> = (0..200).map(place).collect();
+        let around = |one: &[f64; 3], distance_m: f64| {
+            let apart_m = |other: &[f64; 3]| {
+                distance_squared_m2([0, 1, 2].map(|axis| one[axis] - other[axis])).sqrt()
+            };
+            positions_m.iter().filter(|other| apart_m(other) <= distance_m).count()
+        };
+        let motes = Motes { positions_m: positions_m.clone(), moves: vec![true; 200] };
+        for distance_m in [5.0, 20.0, 40.0, motes.extent_m()] {
+            let most = positions_m.iter().map(|one| around(one, distance_m)).max().unwrap();
+            assert_eq!(motes.most_within(distance_m, 1000), most, "{distance_m}");
+            assert_eq!(motes.most_within(distance_m, 7), most.min(7), "{distance_m}");
+        }
     }
 
     #[test]
