@@ -3,7 +3,8 @@
 use serde_json::Value;
 use std::path::Path;
 
-/// Fifty robots that wander in a square, the first the root, and report to it every ten seconds. Nothing is said of the network but its radio.
+/// Fifty robots move between random waypoints in a square. Robot 0 is the root, and the others send it a packet every ten seconds. Of the
+/// network, only the mode, the radio and the traffic are configured.
 const WANDERING: &str = "[experiment]\nname = \"x\"\nseed = 1\nduration_s = 400.0\nagents = 50\ncontrol_period = { rate_hz = 1.0 }\n\
     [robotsim]\nscenario = { kind = \"square\", side_m = 45.0 }\n\
     controller = { kind = \"random-waypoint\", side_m = 45.0, slowest_mps = 1.0, fastest_mps = 1.0 }\n\

@@ -81,9 +81,9 @@ pub(crate) fn answer<S: Study>(
     let gate = seen.map_or_else(Gate::default, |rows| gate::of_slopes(seen_in, rows));
     let unit = measurements.error_unit;
     let noisier = seen.and_then(|rows| gate::noisiest(seen_in, rows));
-    let noisier = noisier.map(|it| noisier_text(&it, unit));
+    let odd_group = noisier.map(|it| noisier_text(&it, unit));
     let lost = seen.and_then(|_| gate::lost_otherwise(numbers_of, &fit));
-    let noisier = noisier.or_else(|| lost.as_deref().map(gate::nothing_but));
+    let odd_group = odd_group.or_else(|| lost.as_deref().map(gate::nothing_but));
     let pure = seen.and_then(|rows| pure_error(rows, &seen_in.dependence()));
     debug!(?pure, "noise");
     let n_parts = seen.map_or(1.0, gate::parts);
@@ -144,7 +144,7 @@ pub(crate) fn answer<S: Study>(
         || contradicted.is_some()
         || !possible.is_empty()
         || pure.is_some_and(|pure| pure.is_alarming())
-        || noisier.is_some()
+        || odd_group.is_some()
         || !study.blocks(COMMON).are_many()
         || !is_complete
     {
@@ -194,7 +194,7 @@ pub(crate) fn answer<S: Study>(
             } else if contradicted.is_some() {
                 contradicted
             } else {
-                excess.as_ref().map(Excess::of_model).or(noisier)
+                excess.as_ref().map(Excess::of_model).or(odd_group)
             }
         }),
         stopped_in_round: ladder.stopped,

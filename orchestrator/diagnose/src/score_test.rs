@@ -82,7 +82,8 @@ impl ScoreTest {
     }
 }
 
-fn upper_tail(t: f64, freedom: f64) -> f64 {
+/// The probability that Student's t with these degrees of freedom exceeds a value, which is a number; 1 without a degree of freedom.
+pub(crate) fn upper_tail(t: f64, freedom: f64) -> f64 {
     StudentsT::new(0.0, 1.0, freedom).map_or(1.0, |law| law.sf(t))
 }
 

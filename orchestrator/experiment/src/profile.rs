@@ -13,7 +13,7 @@ pub(super) fn motes(config: &robotsim::config::Config, n_agents: usize) -> Motes
     Motes { positions_m: positions_m.collect(), moves: config.behaviour.team.moving(n_agents) }
 }
 
-/// The motes of robots of which nothing is known: they move, and all may be in range of each other.
+/// The motes of another simulator's robots, whose positions and controllers are unknown: all are taken to move, in range of each other.
 pub(super) fn unknown_motes(n_agents: usize) -> Motes {
     Motes { positions_m: vec![[0.0; 3]; n_agents], moves: vec![true; n_agents] }
 }

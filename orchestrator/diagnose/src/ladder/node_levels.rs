@@ -2,9 +2,8 @@
 
 use super::search::{Search, with_term, without_term};
 use crate::gain::Gain;
-use crate::score_test::ScoreTests;
+use crate::score_test::{ScoreTests, upper_tail};
 use proto::effect::{CONSTANT, Level, Need};
-use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use std::collections::{BTreeMap, BTreeSet};
 use study::defects::node_place::NodeLevel;
 use study::thresholds::{
@@ -230,11 +229,10 @@ fn stands_out(runs: &[u32], residuals: &[f64], moved: &[f64]) -> bool {
     let [[n_moved, moved, within_moved], [n_others, others, within_others]] =
         [true, false].map(|is_moved| sums(&group(is_moved)));
     let freedom = n_moved + n_others - 2.0;
-    let Ok(law) = StudentsT::new(0.0, 1.0, freedom) else { return false };
     let variance = (within_moved + within_others) / freedom * (1.0 / n_moved + 1.0 / n_others);
     let t = (moved - others).abs() / variance.sqrt();
     let n_choices = 2.0 * (n_moved + n_others);
-    t.is_finite() && 2.0 * n_choices * law.sf(t) < FAMILY_ERROR
+    t.is_finite() && 2.0 * n_choices * upper_tail(t, freedom) < FAMILY_ERROR
 }
 
 #[cfg(test)]
