@@ -312,8 +312,7 @@ fn plan(
     let unknown = robotsim.0.is_foreign().then(|| profile::unknown_motes(agents));
     let motes = unknown.as_ref().or_else(|| motes.get());
     let is_foreign = overrides.netsim_url.is_some() || reach::is_foreign(section("netsim"));
-    let (netsim_section, profile) =
-        profile::resolved(section("netsim"), motes, is_foreign, network);
+    let (netsim_section, profile) = profile::resolved(section("netsim"), motes, network);
     let is_parallel = keys.coupling == CouplingMode::Parallel;
     let slot_ns = slot_ns(&netsim_section);
     let control = control::read(&keys.control_period, agents, slot_ns, is_parallel, problems);
