@@ -5,6 +5,7 @@
 //! | [`tsch`] | the MAC of one mote |
 //! | [`schedule`] | slotframes and cells |
 //! | [`queue`] | frames that wait |
+//! | [`kind`] | what frames are for |
 //! | [`backoff`] | waiting after a failure in a shared cell |
 //! | [`blacklist`] | channels that a link skips |
 //! | [`neighbours`] | whom a mote has heard; duplicates |
@@ -16,6 +17,7 @@ pub mod backoff;
 pub mod blacklist;
 pub mod clock;
 pub mod effect;
+pub mod kind;
 pub mod neighbours;
 pub mod queue;
 pub mod ration;

@@ -186,9 +186,9 @@ impl Mode {
 }
 
 impl Running {
-    fn start(&self, effective: toml::Table, warnings: Vec<String>) -> NetStart {
+    fn start(&mut self, effective: toml::Table, warnings: Vec<String>) -> NetStart {
         let start = NetStart { effective, motes: self.motes(), warnings, ..NetStart::default() };
-        match &self.mode {
+        match &mut self.mode {
             Mode::PropagationOnly(_) => start,
             Mode::Mesh(mesh) => {
                 let records = self.origin.records.clone();
@@ -260,7 +260,7 @@ impl NetSimulator for Network {
         let mut of_main = origin.clone();
         let second = of_main.take_second(&mut config);
         let mode = Mode::begin(config, of_main);
-        let running = Running { origin, seed: setup.experiment.seed, mode, second };
+        let mut running = Running { origin, seed: setup.experiment.seed, mode, second };
         let start = running.start(effective, warnings);
         self.running = Some(running);
         Ok(start)

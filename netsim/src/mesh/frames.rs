@@ -1,17 +1,12 @@
 //! The frames of a step, for the record.
 
 use super::scratch::Sending;
-use crate::app::ports::SWARM_PORT;
+use crate::mac::kind::FrameKind;
 use crate::mac::tsch::Outgoing;
 use crate::wire::Eui64;
-use crate::wire::datagram::Upper;
-use crate::wire::frame::Content;
 use proto::ids::MoteId;
 use proto::time::SimTime;
 use proto::types::{EVERYONE, FrameOutcome, Frames};
-
-/// Kinds of frames, by what they are for.
-const KINDS: [&str; 6] = ["beacon", "keep-alive", "6p", "rpl", "swarm", "data"];
 
 /// Frames since they were last taken, if they are wanted.
 #[derive(Clone, Debug)]
@@ -49,7 +44,7 @@ impl FrameLog {
             frames.channel.push(sent.transmission.channel.into());
             let at = sent.transmission.at;
             frames.channel_offset.push(at.map_or(u32::MAX, |at| at.cell.channel.into()));
-            frames.kind.push(kind(&frame.content));
+            frames.kind.push(FrameKind::of(&frame.content) as u32);
             frames.length_bytes.push(sent.psdu_bytes.into());
             frames.packet.push(packet);
             frames.attempt.push(attempt.into());
@@ -72,19 +67,8 @@ impl FrameLog {
 }
 
 fn empty() -> Frames {
-    Frames { kinds: KINDS.map(str::to_owned).to_vec(), ..Frames::default() }
-}
-
-/// What a frame is for, as an index into [`KINDS`].
-fn kind(content: &Content) -> u32 {
-    match content {
-        Content::Beacon(_) => 0,
-        Content::KeepAlive => 1,
-        Content::Sixp(_) => 2,
-        Content::Lowpan(part) => match &part.datagram().upper {
-            Upper::Rpl(_) => 3,
-            Upper::Udp(udp) if udp.destination_port == SWARM_PORT => 4,
-            Upper::Udp(_) => 5,
-        },
+    Frames {
+        kinds: FrameKind::ALL.map(|kind| kind.name().to_owned()).to_vec(),
+        ..Frames::default()
     }
 }

@@ -5,16 +5,23 @@ use crate::app::Counters;
 use crate::energy::{self, ACK_BYTES};
 use crate::lowpan::DropReason;
 use crate::mac::CellKind;
-use crate::mote::{Lack, Mote};
+use crate::mac::kind::FrameKind;
+use crate::mote::{Lack, Mote, tally};
 use crate::wire::Eui64;
 use physics::asn::Asn;
+use physics::medium::slot::Sent;
 use proto::ids::MoteId;
 use proto::side::{NetInput, NetOutput};
-use proto::time::SimTime;
+use proto::time::{SimDuration, SimTime};
 use proto::types::PacketPurpose;
 use proto::types::{
     self, Bitmap, Formation, HeardLinks, MoteStates, MoteStatistics, NetRecord, Schedule, Statistic,
 };
+
+/// Longest frame (PSDU, bytes).
+const LONGEST: u16 = 127;
+/// With a smaller probability of reception, a mote is out of range.
+const HARDLY: f64 = 0.1;
 
 impl Mesh {
     /// The reply to a step that has come to `time`.
@@ -143,7 +150,8 @@ impl Mesh {
 
     /// Numbers per mote at a time.
     #[must_use]
-    pub fn statistics(&self, time: SimTime) -> MoteStatistics {
+    pub fn statistics(&mut self, time: SimTime) -> MoteStatistics {
+        let out_of_range = self.parents_out_of_range(time);
         let slot = self.config.slot;
         let asn = Asn::first_from(time, slot);
         let model = self.settings.energy;
@@ -184,11 +192,11 @@ impl Mesh {
             used("radio_on_ns", "ns", &|usage| {
                 usage.radio_on(slot, ACK_BYTES, &airtime).ns() as f64
             }),
-            count("tx_frames", "frames", &|mote| mote.tally.n_tx),
+            count("tx_frames", "frames", &|mote| mote.tally.sent_in_all().n),
             count("rx_frames", "frames", &|mote| mote.tally.n_rx),
-            count("tx_unicast", "frames", &|mote| mote.tally.n_tx_unicast),
-            count("tx_acked", "frames", &|mote| mote.tally.n_tx_acked),
-            count("retransmissions", "frames", &|mote| mote.tally.n_retransmissions),
+            count("tx_unicast", "frames", &|mote| mote.tally.sent_in_all().n_unicast),
+            count("tx_acked", "frames", &|mote| mote.tally.sent_in_all().n_acked),
+            count("retransmissions", "frames", &|mote| mote.tally.sent_in_all().n_repeated),
             count("queue_drops", "frames", &|mote| mote.tally.n_queue_drops),
             count("payloads_superseded", "payloads", &|mote| mote.tally.n_superseded),
             count("parent_changes", "", &|mote| mote.tally.n_parent_changes),
@@ -196,6 +204,7 @@ impl Mesh {
             count("desynchronisations", "", &|mote| mote.tally.n_desynchronised),
             used("idle_listen_slots", "slots", &|usage| usage.idle_listen as f64),
             used("scan_slots", "slots", &|usage| usage.scan as f64),
+            out_of_range,
             first("first_synced_ns", &|mote| mote.tally.first_synced),
             first("first_joined_ns", &|mote| mote.tally.first_joined),
             first("first_ready_ns", &|mote| mote.tally.first_ready),
@@ -221,6 +230,18 @@ impl Mesh {
                 column("blocks_duplicated", |sent| sent.block_duplicates),
             ]);
         }
+        for kind in FrameKind::ALL {
+            let name = kind.name().replace('-', "_");
+            let mut column = |prefix: &str, value: fn(&tally::Sent) -> u64| {
+                let name = format!("{prefix}_{name}");
+                columns
+                    .push(count(&name, "frames", &|mote| value(&mote.tally.sent[kind as usize])));
+            };
+            column("tx_frames", |sent| sent.n);
+            column("tx_unicast", |sent| sent.n_unicast);
+            column("tx_acked", |sent| sent.n_acked);
+            column("retransmissions", |sent| sent.n_repeated);
+        }
         // Payloads that are superseded have a column of their own.
         let reasons = DropReason::ALL
             .into_iter()
@@ -230,6 +251,28 @@ impl Mesh {
             count(&name, "", &|mote| mote.tally.dropped(reason))
         }));
         MoteStatistics { columns }
+    }
+
+    /// Of each mote that has a parent, whether that hardly receives a frame of it any more.
+    fn parents_out_of_range(&mut self, time: SimTime) -> Statistic {
+        let channel = self.config.hopping_sequence.first().copied().unwrap_or_default();
+        let airtime = SimDuration::from_ns(self.settings.mac.airtime.of(LONGEST).unsigned_abs());
+        let MoteStates { alive, parent, .. } = self.motes();
+        let mut known = Bitmap::filled(parent.len(), false);
+        let mut values = vec![0.0; parent.len()];
+        for mote in alive.iter_ones().filter(|&mote| parent[mote] != u32::MAX) {
+            known.set(mote, true);
+            let sender = MoteId(mote as u32);
+            let sent = Sent { sender, channel, sent_ns: time.ns(), end_ns: (time + airtime).ns() };
+            let arrival = self.links.arrival(sent, MoteId(parent[mote]));
+            values[mote] = f64::from(u8::from(arrival.reception_probability < HARDLY));
+        }
+        Statistic {
+            name: "parent_out_of_range".to_owned(),
+            unit: String::new(),
+            values,
+            known: Some(known),
+        }
     }
 
     fn schedule(&self) -> Schedule {

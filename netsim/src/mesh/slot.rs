@@ -8,6 +8,7 @@ use super::network::Mesh;
 use super::scratch::{Scratch, Sending};
 use crate::app::ports::SWARM_PORT;
 use crate::energy::SlotUse;
+use crate::mac::kind::FrameKind;
 use crate::mac::tsch::{Listening, Outgoing, channel_of};
 use crate::mote::settings::Settings;
 use crate::wire::datagram::Upper;
@@ -362,6 +363,7 @@ impl Mesh {
     /// What became of a transmission.
     fn finish(&mut self, sent: Sending, asn: Asn) {
         let is_secured = sent.frame().security.is_secured();
+        let kind = FrameKind::of(&sent.frame().content);
         let Sending { sender, transmission, psdu_bytes: bytes, answered_by, acknowledged, .. } =
             sent;
         let now = asn * self.config.slot;
@@ -369,7 +371,7 @@ impl Mesh {
             Some(mote) if acknowledged => self.state.motes[mote.index()].mac.deviation_ns(now),
             _ => 0,
         };
-        let (is_unicast, is_retransmission) = match &transmission.outgoing {
+        let (is_unicast, is_repeated) = match &transmission.outgoing {
             Outgoing::Beacon => (false, false),
             Outgoing::Frame(queued) => (queued.destination().is_some(), 1 < queued.n_attempts),
         };
@@ -378,12 +380,9 @@ impl Mesh {
         let (node, mut world) = self.mote_and_world(sender, asn);
         world.effective_asn = asn + 1;
         node.mac.spend_airtime(airtime, now);
-        node.tally.n_tx += 1;
-        node.tally.n_retransmissions += u64::from(is_retransmission);
+        node.tally.sent[kind as usize].count(is_unicast.then_some(acknowledged), is_repeated);
         node.tally.usage.secured_acks_received += u64::from(acknowledged && is_secured);
         node.tally.usage.count(if is_unicast {
-            node.tally.n_tx_unicast += 1;
-            node.tally.n_tx_acked += u64::from(acknowledged);
             SlotUse::TxUnicast { bytes, acked: acknowledged }
         } else {
             SlotUse::TxBroadcast { bytes }

@@ -2,6 +2,7 @@
 
 use crate::energy::Usage;
 use crate::lowpan::DropReason;
+use crate::mac::kind::FrameKind;
 use physics::asn::Asn;
 use proto::time::SimTime;
 use serde::{Deserialize, Serialize};
@@ -12,14 +13,8 @@ pub struct Tally {
     /// Uses of the radio. Idle listening, scanning and sleep are counted from the schedule: see
     /// [`Tally::usage_until`].
     pub usage: Usage,
-    /// Frames sent, acknowledgments apart.
-    pub n_tx: u64,
-    /// Frames of them that asked for an acknowledgment.
-    pub n_tx_unicast: u64,
-    /// Those that got it.
-    pub n_tx_acked: u64,
-    /// Transmissions that repeat a frame that was not acknowledged.
-    pub n_retransmissions: u64,
+    /// Frames sent, acknowledgments apart, by [`FrameKind`].
+    pub sent: [Sent; FrameKind::N],
     /// Frames received, whether new or repeated.
     pub n_rx: u64,
     /// Those of them that were dropped because they were not secured by a key that the mote has.
@@ -54,6 +49,29 @@ pub struct Tally {
     pub datagrams_dropped: [u64; DropReason::N],
 }
 
+/// Transmissions of frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Sent {
+    /// All of them.
+    pub n: u64,
+    /// Those that asked for an acknowledgment.
+    pub n_unicast: u64,
+    /// Those of these that got it.
+    pub n_acked: u64,
+    /// Those that repeat a frame that was not acknowledged.
+    pub n_repeated: u64,
+}
+
+impl Sent {
+    /// Counts one. `acknowledged`: whether it was, if it asked for that.
+    pub(crate) fn count(&mut self, acknowledged: Option<bool>, is_repeated: bool) {
+        self.n += 1;
+        self.n_unicast += u64::from(acknowledged.is_some());
+        self.n_acked += u64::from(acknowledged == Some(true));
+        self.n_repeated += u64::from(is_repeated);
+    }
+}
+
 /// What became of the frames that layers gave to the MAC: all that it does not hold have ended in one of these ways.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Frames {
@@ -76,6 +94,17 @@ impl Frames {
 }
 
 impl Tally {
+    /// Frames sent, of all kinds together.
+    #[must_use]
+    pub fn sent_in_all(&self) -> Sent {
+        self.sent.iter().fold(Sent::default(), |sum, sent| Sent {
+            n: sum.n + sent.n,
+            n_unicast: sum.n_unicast + sent.n_unicast,
+            n_acked: sum.n_acked + sent.n_acked,
+            n_repeated: sum.n_repeated + sent.n_repeated,
+        })
+    }
+
     /// A frame ended without an acknowledgment. One in whose place comes a newer one for the same purpose does not end: the
     /// two are one.
     pub(super) fn drop_frame(&mut self, reason: DropReason, has_arrived: bool) {

@@ -91,9 +91,9 @@ impl Watch {
         self.n_recorded[2] += frames.outcome.iter().filter(is_acked).count() as u64;
         let motes = &mesh.state().motes;
         let counted: [u64; 3] = [
-            motes.iter().map(|mote| mote.tally.n_tx).sum(),
+            motes.iter().map(|mote| mote.tally.sent_in_all().n).sum(),
             motes.iter().map(|mote| mote.tally.n_rx).sum(),
-            motes.iter().map(|mote| mote.tally.n_tx_acked).sum(),
+            motes.iter().map(|mote| mote.tally.sent_in_all().n_acked).sum(),
         ];
         assert_eq!(self.n_recorded, counted, "{}", what());
     }
@@ -101,7 +101,7 @@ impl Watch {
     /// Nothing is received that was not sent.
     fn receptions(&mut self, mesh: &Mesh, output: &NetOutput, what: &dyn Fn() -> String) {
         let motes = &mesh.state().motes;
-        let n_tx: u64 = motes.iter().map(|mote| mote.tally.n_tx).sum();
+        let n_tx: u64 = motes.iter().map(|mote| mote.tally.sent_in_all().n).sum();
         let n_rx: u64 = motes.iter().map(|mote| mote.tally.n_rx).sum();
         let [tx_before, rx_before] = self.n_frames;
         let most = (n_tx - tx_before) * (motes.len() as u64 - 1);
@@ -109,8 +109,8 @@ impl Watch {
         self.n_frames = [n_tx, n_rx];
         assert_eq!(output.capture.is_empty(), n_tx == tx_before, "{}", what());
 
-        let acked: u64 = motes.iter().map(|mote| mote.tally.n_tx_acked).sum();
-        let unicast: u64 = motes.iter().map(|mote| mote.tally.n_tx_unicast).sum();
+        let acked: u64 = motes.iter().map(|mote| mote.tally.sent_in_all().n_acked).sum();
+        let unicast: u64 = motes.iter().map(|mote| mote.tally.sent_in_all().n_unicast).sum();
         let received: u64 = motes.iter().map(|mote| mote.tally.usage.rx_unicast.n).sum();
         assert!(
             acked <= received && received <= unicast,
@@ -122,7 +122,7 @@ impl Watch {
         let mut heard_by = vec![0; motes.len()];
         for place in 0..links.receiver.len() {
             let (receiver, sender) = (links.receiver[place], links.sender[place]);
-            let sent = motes[sender as usize].tally.n_tx;
+            let sent = motes[sender as usize].tally.sent_in_all().n;
             assert_ne!(receiver, sender, "{}", what());
             assert!(links.frames[place] <= sent, "{receiver} heard {sender}: {}", what());
             heard_by[receiver as usize] += links.frames[place];

@@ -91,13 +91,13 @@ fn effects_of_no_strength_change_nothing() {
 #[test]
 fn ack_loss_makes_motes_send_again_what_has_arrived() {
     let base = run(&config(""), 1, 7, 300);
-    assert_eq!((base.delivered, total(&base, |tally| tally.n_retransmissions)), (300, 0));
+    assert_eq!((base.delivered, total(&base, |tally| tally.sent_in_all().n_repeated)), (300, 0));
     let seen = run(&effect("kind = \"ack-loss\"\nprobability = 0.3"), 1, 7, 300);
-    let asked = total(&seen, |tally| tally.n_tx_unicast) as f64;
-    let answered = total(&seen, |tally| tally.n_tx_acked) as f64;
+    let asked = total(&seen, |tally| tally.sent_in_all().n_unicast) as f64;
+    let answered = total(&seen, |tally| tally.sent_in_all().n_acked) as f64;
     let four_sd = 4.0 * (0.3 * 0.7 / asked).sqrt();
     assert!((answered / asked - 0.7).abs() < four_sd, "{answered} of {asked}");
-    assert!(0 < total(&seen, |tally| tally.n_retransmissions));
+    assert!(0 < total(&seen, |tally| tally.sent_in_all().n_repeated));
     // What has come once counts, whether its sender knows or not.
     assert_eq!(seen.delivered, 300, "{:?}", seen.lost);
 }

@@ -88,12 +88,14 @@ fn c6_without_a_way_back_nothing_is_acknowledged_and_synchronisation_is_lost() {
         // A mote that knows its clock runs free for 300 s at most.
         bench.run(30_000 + 10);
         let tally = &bench.mote(1).tally;
-        let (n_sent, n_acked) =
-            (tally.n_tx_unicast - before.n_tx_unicast, tally.n_tx_acked - before.n_tx_acked);
+        let (n_sent, n_acked) = (
+            tally.sent_in_all().n_unicast - before.sent_in_all().n_unicast,
+            tally.sent_in_all().n_acked - before.sent_in_all().n_acked,
+        );
         if stays {
             bench.run(20_000);
             let tally = &bench.mote(1).tally;
-            assert_eq!(tally.n_tx_unicast, tally.n_tx_acked);
+            assert_eq!(tally.sent_in_all().n_unicast, tally.sent_in_all().n_acked);
             assert_eq!(tally.n_desynchronised, 0);
         } else {
             let asked = bench.sent(1, |what| *what == What::KeepAlive);

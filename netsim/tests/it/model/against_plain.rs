@@ -23,9 +23,7 @@ fn without_counts(mote: &Mote) -> Mote {
     let mut mote = mote.clone();
     mote.tally.usage = Usage::default();
     mote.tally.n_listening_used = 0;
-    (mote.tally.n_tx, mote.tally.n_rx) = (0, 0);
-    (mote.tally.n_tx_unicast, mote.tally.n_tx_acked) = (0, 0);
-    mote.tally.n_retransmissions = 0;
+    (mote.tally.sent, mote.tally.n_rx) = (Default::default(), 0);
     // Each looks at a mote's changes in slots of its own.
     mote.schedule.set_effective(Asn(0));
     mote
@@ -56,7 +54,8 @@ fn compare(mesh: &Mesh, plain: &mut Plain, output: &NetOutput) -> Result<(), Tes
     let state = mesh.state();
     for (place, (ours, theirs)) in state.motes.iter().zip(&plain.motes).enumerate() {
         let tally = &ours.tally;
-        let counts = [tally.n_tx, tally.n_tx_unicast, tally.n_tx_acked, tally.n_rx];
+        let sent = tally.sent_in_all();
+        let counts = [sent.n, sent.n_unicast, sent.n_acked, tally.n_rx];
         prop_assert_eq!(counts, plain.counts[place], "mote {}: frames", place);
         prop_assert_eq!(usage(ours, state.asn), plain.usages[place], "mote {}: radio", place);
         let [ours, theirs] = [ours, theirs].map(without_counts);
