@@ -51,7 +51,8 @@ mod tests {
     fn chosen(section: &str) -> Option<String> {
         let section = config::parse(section).unwrap();
         let (resolved, said) = resolved(&section, Some(&unknown_motes(2)), Catalogue::built_in());
-        let kind = resolved.get("sf").and_then(|sf| sf.get("kind")).map(Node::show);
+        let kind =
+            resolved.get("sf").and_then(|sf| sf.get("kind")).map(|node| node.show().into_owned());
         assert_eq!(said.is_some(), kind.is_some());
         kind
     }

@@ -12,7 +12,7 @@
 //! | in flight | created less delivered and dropped: nothing is lost from the account |
 //! | first join, last join | among motes that joined, roots apart |
 //! | churn | changes of the preferred parent per mote and hour of being on |
-//! | since the start | the same of the time in which robots were free to move: packets that ended then, changes of parents from when the network had formed on, and the share of motes that were joined |
+//! | since the start | the same of the time in which robots were free to move: packets that ended then, and of those expected those created then, changes of parents from when the network had formed on, and the share of motes that were joined |
 //! | duty cycle | time the radio sent or listened over the time the mote was on |
 //! | mean current | charge over the very time during which it was drawn: scanning counts on both sides of the fraction |
 //! | lifetime | charge of a new battery over the mean current; of the network: the shortest of a mote other than a root |
@@ -22,6 +22,7 @@
 mod applications;
 mod energy;
 pub mod kpi_summary;
+mod moving;
 mod packets;
 mod samples;
 
@@ -32,11 +33,13 @@ pub use samples::Samples;
 use super::period::Period;
 use indexmap::IndexMap;
 use kpi_summary::{
-    DeliveredOfExpected, FormationSummary, JoinTimes, Joining, KpiSummary, QueueDrops, Routing,
-    SinceStart, Transmissions,
+    DeliveredOfExpected, FormationSummary, FramesOfKind, JoinTimes, Joining, KpiSummary,
+    QueueDrops, Routing, SinceStart, Transmissions,
 };
+use moving::Moving;
 use numbers::format::count_of;
 use proto::types::{Formation, HeardLinks, MoteStates, MoteStatistics, Schedule, seconds};
+use std::cmp::Reverse;
 
 /// Charge of two AA cells (mAh), as the 6TiSCH simulator has it: where the network says nothing else in `battery_mah`.
 pub const BATTERY_MAH: f64 = 2821.5;
@@ -48,12 +51,8 @@ pub struct Kpis {
     pub account: PacketAccount,
     /// What motes should send.
     applications: Applications,
-    /// The account of packets that ended while robots were free to move.
-    moving: PacketAccount,
-    /// Robots had to wait before they were free to move.
-    has_waited: bool,
-    /// Share of motes that were joined, summed over nanoseconds, and those nanoseconds, while robots were free to move.
-    joined: (f64, f64),
+    /// What happened while robots were free to move.
+    moving: Moving,
     /// Formation as last reported; `None`: the network has nothing to form.
     pub formation: Option<Formation>,
     /// Statistics when the network had formed, and the latest ones, each with its time (ns).
@@ -85,20 +84,8 @@ impl Kpis {
     pub fn add(&mut self, period: &Period<'_>) {
         if let Some(packets) = period.packets {
             self.account.add(packets);
-            if !period.held {
-                self.moving.add(packets);
-            }
         }
-        self.has_waited |= period.held;
-        if let (false, Some(joined)) = (period.held, &period.motes.joined) {
-            let weight = (period.time_ns - period.from_ns) as f64;
-            let n_alive = period.motes.alive.iter_ones().count();
-            if 0 < n_alive {
-                let n = period.motes.alive.iter_ones().filter(|&mote| joined.get(mote)).count();
-                self.joined.0 += weight * n as f64 / n_alive as f64;
-                self.joined.1 += weight;
-            }
-        }
+        self.moving.add(period);
         if let Some(statistics) = period.statistics {
             self.latest = Some((period.time_ns, statistics.clone()));
             if self.is_formed() && self.formed.is_none() {
@@ -161,6 +148,7 @@ impl Kpis {
                     .map(|name| self.counted(name, n)),
             ),
             transmissions: self.transmissions(n),
+            frames_by_kind: self.frames_by_kind(None),
             routing: self.routing(None, n),
             since_start: self.since_start(n),
             queue_drops: self.queue_drops(n),
@@ -174,8 +162,46 @@ impl Kpis {
     /// What should be checked before the figures are trusted.
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = self.account.warnings();
+        warnings.extend(self.unequal_ratios());
+        warnings.extend(self.parents_out_of_range());
         warnings.extend(self.empty_batteries());
         warnings
+    }
+
+    /// Of what was due since the robots started another share was delivered than of all that was sent.
+    fn unequal_ratios(&self) -> Option<String> {
+        let due = self.delivered_of_expected_since_start(self.motes.alive.len())?.ratio;
+        let sent = self.account.delivery(|_| true)?.ratio;
+        (MAX_APART < (due - sent).abs()).then(|| {
+            format!(
+                "{:.1} % of the packets expected since the robots started were delivered, but {:.1} % of those sent in the whole run: motes                  outside of the network send nothing, and the second counts what was sent before the start;                  kpis.since_start.delivered_of_expected is the first",
+                100.0 * due,
+                100.0 * sent
+            )
+        })
+    }
+
+    /// Motes that have lost their parents.
+    fn parents_out_of_range(&self) -> Option<String> {
+        let column = self.statistics()?.column("parent_out_of_range")?;
+        let is_joined =
+            |mote: &usize| self.motes.joined.as_ref().is_some_and(|joined| joined.get(*mote));
+        let known: Vec<usize> = self
+            .motes
+            .alive
+            .iter_ones()
+            .filter(|mote| is_joined(mote) && column.get(*mote).is_some())
+            .collect();
+        let lost: Vec<usize> =
+            known.iter().copied().filter(|&mote| column.get(mote) == Some(1.0)).collect();
+        (MAX_LOST * (known.len() as f64) < lost.len() as f64).then(|| {
+            format!(
+                "at the end, {} of {} joined motes were out of range of their parents, where their packets cannot arrive ({})",
+                lost.len(),
+                known.len(),
+                listed(&lost)
+            )
+        })
     }
 
     /// Motes that ran on with an empty battery. A network whose empty motes fail says of each whether it is empty.
@@ -205,8 +231,19 @@ impl Kpis {
     /// Application packets delivered, of all that every mote should have sent while it was alive; `None` where the
     /// applications are not known.
     fn delivered_of_expected(&self, n: usize) -> Option<DeliveredOfExpected> {
-        let expected = (0..n).filter_map(|mote| self.expected(mote, n)).sum::<f64>() as u64;
         let delivered = self.account.delivery(|_| true).map_or(0, |delivery| delivery.delivered);
+        self.of_expected(delivered, (0..n).filter_map(|mote| self.expected(mote, n)).sum())
+    }
+
+    /// The same of packets that motes should have sent since robots were free to move.
+    fn delivered_of_expected_since_start(&self, n: usize) -> Option<DeliveredOfExpected> {
+        let delivered = (0..n).map(|mote| self.moving.ended(mote)[0]).sum();
+        let expected = (0..n).filter_map(|mote| self.expected_since_start(mote, n)).sum();
+        self.of_expected(delivered, expected)
+    }
+
+    fn of_expected(&self, delivered: u64, expected: f64) -> Option<DeliveredOfExpected> {
+        let expected = expected as u64;
         let alive: Vec<usize> = self.motes.alive.iter_ones().collect();
         let joined = self.motes.joined.as_ref();
         let n_joined = joined.map(|joined| alive.iter().filter(|&&mote| joined.get(mote)).count());
@@ -221,15 +258,30 @@ impl Kpis {
 
     /// How many application packets a mote should have sent while it was on.
     fn expected(&self, mote: usize, n: usize) -> Option<f64> {
-        if self.applications.is_empty() {
-            return None;
-        }
-        let statistic = |name: &str| self.statistics()?.column(name)?.get(mote);
-        let on_s = in_seconds(statistic("up_ns")?);
-        let expected =
-            self.applications.expected(u32::try_from(mote).ok()?, self.is_root(mote), n, on_s);
+        let on_s = in_seconds(self.statistic("up_ns", mote)?);
+        let expected = self.due(mote, n, on_s)?;
         // Periods begin at random: a mote may have sent one more than fits into its time.
-        Some(expected.round().max(statistic("packets_created").unwrap_or(0.0)))
+        Some(expected.round().max(self.statistic("packets_created", mote).unwrap_or(0.0)))
+    }
+
+    /// How many of them since robots were free to move. At least those that ended, because what some applications send does not
+    /// follow from the configuration.
+    fn expected_since_start(&self, mote: usize, n: usize) -> Option<f64> {
+        let on_s = in_seconds(self.statistic("up_ns", mote)?);
+        let before_s = (on_s - self.moving.on_s(mote)).max(0.0);
+        let expected = self.due(mote, n, on_s)? - self.due(mote, n, before_s)?;
+        Some(expected.round().max(self.moving.ended(mote)[1] as f64))
+    }
+
+    /// How many application packets a mote should have sent once it was on for some time (s); `None` where that is unknown.
+    fn due(&self, mote: usize, n: usize, on_s: f64) -> Option<f64> {
+        let id = u32::try_from(mote).ok().filter(|_| !self.applications.is_empty())?;
+        Some(self.applications.expected(id, self.is_root(mote), n, on_s))
+    }
+
+    /// The latest value of a statistic of a mote.
+    fn statistic(&self, name: &str, mote: usize) -> Option<f64> {
+        self.statistics()?.column(name)?.get(mote)
     }
 
     /// The values of a statistic, of motes for which it is known.
@@ -259,18 +311,21 @@ impl Kpis {
     /// What happened while robots were free to move.
     fn since_start(&self, n: usize) -> SinceStart {
         let base = self.formed.as_ref().map(|(_, formed)| formed);
-        let routing = match (self.has_waited, base) {
+        let routing = match (self.moving.has_waited, base) {
             (true, None) => Routing::default(),
             (true, base) => self.routing(base, n),
             (false, _) => self.routing(None, n),
         };
-        let (joined, weight) = self.joined;
+        let account = &self.moving.account;
+        let has_started = !self.moving.has_waited || base.is_some();
         SinceStart {
-            delivery: self.moving.delivery(|_| true),
-            delivery_upward: self.moving.delivery(|mote| self.is_root(mote)),
+            frames_by_kind: self.frames_by_kind(base).filter(|_| has_started),
+            delivered_of_expected: self.delivered_of_expected_since_start(n),
+            delivery: account.delivery(|_| true),
+            delivery_upward: account.delivery(|mote| self.is_root(mote)),
             parent_changes: routing.parent_changes,
             churn_per_mote_hour: routing.churn_per_mote_hour,
-            joined_ratio: (0.0 < weight).then(|| joined / weight),
+            joined_ratio: self.moving.joined_ratio(),
         }
     }
 
@@ -295,8 +350,7 @@ impl Kpis {
         }
     }
 
-    /// What queues did not keep, of all motes, by reason: packets for which there was no room, and robots' payloads in whose
-    /// place came a newer one.
+    /// Unicast transmissions of all motes, and how many were acknowledged.
     fn transmissions(&self, n: usize) -> Option<Transmissions> {
         let [unicast, acknowledged] = ["tx_unicast", "tx_acked"].map(|name| self.counted(name, n));
         let (unicast, acknowledged) = unicast.filter(|&unicast| unicast != 0).zip(acknowledged)?;
@@ -304,6 +358,47 @@ impl Kpis {
         Some(Transmissions { unicast, acknowledged, acknowledged_ratio })
     }
 
+    /// Transmissions by what their frames are for, from the beginning or since the report of `since`.
+    fn frames_by_kind(
+        &self,
+        since: Option<&MoteStatistics>,
+    ) -> Option<IndexMap<String, FramesOfKind>> {
+        let latest = self.statistics()?;
+        let sum = |prefix: &str, kind: &str| {
+            let name = format!("{prefix}{kind}");
+            let all = |statistics: &MoteStatistics| {
+                statistics.column(&name).map_or(0.0, |column| column.values.iter().sum::<f64>())
+            };
+            (all(latest) - since.map_or(0.0, all)) as u64
+        };
+        let kinds = latest.columns.iter().filter_map(|column| column.name.strip_prefix(SENT));
+        let mut of_kinds: IndexMap<String, FramesOfKind> = kinds
+            .map(|kind| {
+                let [unicast, acknowledged] =
+                    ["tx_unicast_", "tx_acked_"].map(|name| sum(name, kind));
+                let of_kind = FramesOfKind {
+                    transmissions: sum(SENT, kind),
+                    share: 0.0,
+                    repeated: sum("retransmissions_", kind),
+                    unicast,
+                    acknowledged,
+                    acknowledged_ratio: (unicast != 0)
+                        .then(|| acknowledged as f64 / unicast as f64),
+                };
+                (kind.to_owned(), of_kind)
+            })
+            .filter(|(_, of_kind)| of_kind.transmissions != 0)
+            .collect();
+        of_kinds.sort_by_cached_key(|_, of_kind| Reverse(of_kind.transmissions));
+        let all: u64 = of_kinds.values().map(|of_kind| of_kind.transmissions).sum();
+        for of_kind in of_kinds.values_mut() {
+            of_kind.share = of_kind.transmissions as f64 / all as f64;
+        }
+        (!of_kinds.is_empty()).then_some(of_kinds)
+    }
+
+    /// What queues did not keep, of all motes, by reason: packets for which there was no room, and robots' payloads in whose
+    /// place came a newer one.
     fn queue_drops(&self, n: usize) -> QueueDrops {
         QueueDrops {
             txqueue_full: self.sum_of("queue_drops", n),
@@ -350,9 +445,7 @@ impl Kpis {
                 columns.insert(name.to_owned(), values);
             }
         };
-        let statistic = |name: &str, mote: usize| {
-            self.statistics().and_then(|statistics| statistics.column(name)?.get(mote))
-        };
+        let statistic = |name: &str, mote: usize| self.statistic(name, mote);
         let of_mote = |mote: usize| self.account.of_mote(mote);
         add("is_root", &|mote| statistic("is_root", mote));
         add("first_synced_s", &|mote| statistic("first_synced_ns", mote).map(in_seconds));
@@ -402,12 +495,18 @@ pub const LATENCY_QUANTILES: [(&str, f64); 4] = [
 ];
 /// What names of a mote's columns end with that are of the time since the network had formed.
 pub const SINCE_FORMATION: &str = "_since_formation";
+/// How far the two ratios of delivery may be apart without a word.
+const MAX_APART: f64 = 0.05;
+/// Which share of joined motes may be out of range of their parents without a word: links come and go.
+const MAX_LOST: f64 = 0.05;
 /// A milliampere-hour (µC).
 const UC_PER_MAH: f64 = 3.6e6;
 /// Most motes that a sentence lists.
 const MAX_LISTED: usize = 8;
 /// What names of statistics begin with that say what ended at a mote; the reason follows.
 const DROPS: &str = "drops_";
+/// What names of statistics begin with that count transmissions of one kind of frames; the kind follows.
+const SENT: &str = "tx_frames_";
 
 fn formation(formation: &Formation) -> FormationSummary {
     FormationSummary {

@@ -3,6 +3,7 @@
 //! The page is a list of sections. To add one, write a function like those of the list in a file of its own, and name it in
 //! `SECTIONS`.
 
+mod airtime;
 pub mod between;
 mod details;
 mod figures;
@@ -30,6 +31,7 @@ const SECTIONS: &[Section] = &[
     top::tiles,
     player::section,
     figures::section,
+    airtime::section,
     motes::section,
     details::facts,
     details::again,

@@ -68,19 +68,16 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
     let has_way = measures.has_way();
     let is_flock = !is_line && measures.anybody_moved();
     let residual_m2 = measures.line_residual_m2().filter(|_| is_line);
-    let leads = expected.is_some_and(DeliveredOfExpected::leads);
-    let expected = (
-        "Delivered of expected packets",
-        expected.map(|expected| {
-            let joined = expected
-                .joined_at_end
-                .map(|joined| format!("{} of {} motes joined", joined, expected.alive_at_end));
-            let share = percent(expected.ratio);
-            joined.map_or_else(|| html! { (share) }, |joined| with_unit(&share, &joined))
-        }),
-    );
-    let (first, later) = if leads { (Some(expected), None) } else { (None, Some(expected)) };
+    let since = kpis.and_then(|kpis| kpis.since_start.delivered_of_expected.as_ref());
+    let of_expected = |expected: &DeliveredOfExpected| {
+        let share = percent(expected.ratio);
+        let joined = expected
+            .joined_at_end
+            .map(|joined| format!("{} of {} motes joined", joined, expected.alive_at_end));
+        joined.map_or_else(|| html! { (share) }, |joined| with_unit(&share, &joined))
+    };
     let tiles = [
+        ("Delivered of expected packets since the start", since.map(of_expected)),
         ("Flock speed", unit(measures.flock_speed_mps().filter(|_| is_flock), "m/s")),
         ("Residual of the line", unit(residual_m2, "m²")),
         ("Spread at the end", unit(measures.final_spread_m().filter(|_| has_way), "m")),
@@ -90,8 +87,10 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
         ("Mean delay", unit(measures.mean_delay_s().map(|delay_s| 1e3 * delay_s), "ms")),
         ("Network formed after", unit(formation.and_then(|formation| formation.formed_s), "s")),
         ("Packets delivered, of those sent", share(delivery.map(|delivery| delivery.ratio))),
-    ];
-    let last = [
+        (
+            "Delivered of expected packets, whole run",
+            expected.map(|of| html! { (percent(of.ratio)) }),
+        ),
         ("Median latency", unit(latency_s, "s")),
         ("Unicast transmissions acknowledged", transmissions.map(acknowledged)),
         ("Exchanges succeeded", exchanges.map(|exchanges| outcome(&exchanges.outcome))),
@@ -107,8 +106,7 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
             lifetime_years.map(|(time, unit)| with_unit(&time, unit)),
         ),
     ];
-    let all = first.into_iter().chain(tiles).chain(later).chain(last);
-    Some(layout::tiles(all.filter_map(|(name, value)| Some((name, value?)))))
+    Some(layout::tiles(tiles.into_iter().filter_map(|(name, value)| Some((name, value?)))))
 }
 
 /// How many exchanges or downloads succeeded, of how many.

@@ -3,7 +3,7 @@
 use super::replay::Serving;
 use super::{Failure, OverrideArgs, check_json, check_place, is_stdout, on_runtime, write_json};
 use clap::Args;
-use metrics::kpi::kpi_summary::{ExchangeOutcome, KpiSummary};
+use metrics::kpi::kpi_summary::{Delivery, ExchangeOutcome, KpiSummary};
 use proto::types::seconds;
 use record::ReplacePolicy;
 use record::run_summary::{RunSummary, TaskSummary};
@@ -190,24 +190,44 @@ fn highlights(summary: &RunSummary) -> Vec<String> {
 /// What a network with protocols did.
 fn of_packets(kpis: &KpiSummary) -> Vec<String> {
     let mut lines = Vec::new();
-    if let Some(formed_s) = kpis.formation.as_ref().and_then(|formation| formation.formed_s) {
-        lines.push(format!("the network had formed after {formed_s:.1} s"));
-    }
-    if let Some(expected) = kpis.delivered_of_expected.as_ref().filter(|it| it.leads()) {
+    let median = |delivery: &Delivery| {
+        let latency_s = delivery.latency_s.as_ref().and_then(|latency| latency.median);
+        latency_s.map(|s| format!(", after {s:.2} s (median)")).unwrap_or_default()
+    };
+    let since = &kpis.since_start;
+    let waited = kpis.before_start();
+    if let Some(expected) = &since.delivered_of_expected {
+        let joined = match expected.joined_at_end {
+            Some(joined) if joined < expected.alive_at_end => {
+                format!("; {joined} of {} motes joined at the end", expected.alive_at_end)
+            }
+            _ => String::new(),
+        };
         lines.push(format!(
-            "{:.1} % of the packets that motes should have sent delivered; {} of {} motes joined at the end",
+            "{:.1} % of the packets expected{} delivered: {} of {}{}{joined}",
             expected.ratio * 100.0,
-            expected.joined_at_end.unwrap_or_default(),
-            expected.alive_at_end
+            if waited.is_some() { " since the robots started" } else { "" },
+            expected.delivered,
+            expected.expected,
+            since.delivery.as_ref().map(median).unwrap_or_default()
         ));
     }
-    if let Some(delivery) = &kpis.delivery {
-        let latency_s = delivery.latency_s.as_ref().and_then(|latency| latency.median);
-        let latency = latency_s.map(|s| format!(", after {s:.2} s (median)")).unwrap_or_default();
+    if let Some(formed_s) = kpis.formation.as_ref().and_then(|formation| formation.formed_s) {
+        let before = waited.filter(|_| since.delivered_of_expected.is_some());
+        let before = before.map(|[delivered, ended]| {
+            format!("; until the robots started {delivered} of {ended} packets were delivered")
+        });
         lines.push(format!(
-            "{:.1} % of packets delivered, {} in all{latency}",
+            "the network had formed after {formed_s:.1} s{}",
+            before.unwrap_or_default()
+        ));
+    }
+    if let (Some(delivery), None) = (&kpis.delivery, &since.delivered_of_expected) {
+        lines.push(format!(
+            "{:.1} % of packets delivered, {} in all{}",
             delivery.ratio * 100.0,
-            delivery.delivered
+            delivery.delivered,
+            median(delivery)
         ));
     }
     if let Some(exchanges) = &kpis.exchanges {

@@ -29,6 +29,9 @@ pub struct KpiSummary {
     /// Unicast frames and their acknowledgments; absent where nothing was sent, or where that is unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transmissions: Option<Transmissions>,
+    /// Transmissions by what their frames are for, most first; absent where that is unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames_by_kind: Option<IndexMap<String, FramesOfKind>>,
     /// Changes of preferred parents.
     pub routing: Routing,
     /// The same of the time in which robots were free to move.
@@ -118,18 +121,6 @@ pub struct DeliveredOfExpected {
     /// Living motes at the end.
     pub alive_at_end: usize,
 }
-
-impl DeliveredOfExpected {
-    /// Whether fewer than 95 % of the living motes are joined: [`Delivery::ratio`] is then that of a few.
-    #[must_use]
-    pub fn leads(&self) -> bool {
-        let least = LEAST_JOINED * self.alive_at_end as f64;
-        self.joined_at_end.is_some_and(|joined| (joined as f64) < least)
-    }
-}
-
-/// With a smaller share of joined motes, reports lead with the packets that should have been sent.
-const LEAST_JOINED: f64 = 0.95;
 
 /// Latencies of packets (s).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -225,6 +216,23 @@ pub struct Transmissions {
     pub acknowledged_ratio: f64,
 }
 
+/// Transmissions of frames that are for one purpose. Each took a cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FramesOfKind {
+    /// Transmissions, each repetition counted.
+    pub transmissions: u64,
+    /// Share of the transmissions of all kinds.
+    pub share: f64,
+    /// Transmissions that repeat a frame that was not acknowledged.
+    pub repeated: u64,
+    /// Transmissions that asked for an acknowledgment.
+    pub unicast: u64,
+    /// Those of these whose acknowledgment the sender received.
+    pub acknowledged: u64,
+    /// Acknowledged / unicast; null without any.
+    pub acknowledged_ratio: Option<f64>,
+}
+
 /// Changes of preferred parents; null where unknown.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Routing {
@@ -237,10 +245,17 @@ pub struct Routing {
 /// What happened while robots were free to move.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SinceStart {
+    /// Application packets created and delivered then, of all that every mote should have sent then while it was alive; null where that is
+    /// unknown.
+    #[serde(default)]
+    pub delivered_of_expected: Option<DeliveredOfExpected>,
     /// Application packets to one destination that ended then.
     pub delivery: Option<Delivery>,
     /// Application packets to roots that ended then.
     pub delivery_upward: Option<Delivery>,
+    /// Transmissions by what their frames are for, since the first report after the network had formed; absent where that is unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames_by_kind: Option<IndexMap<String, FramesOfKind>>,
     /// Changes of preferred parents of all motes.
     pub parent_changes: Option<f64>,
     /// Changes per mote and hour of being on.
@@ -276,6 +291,17 @@ pub struct EnergySummary {
 }
 
 impl KpiSummary {
+    /// Application packets that were delivered, and those that ended, before robots were free to move; `None` if none ended then.
+    #[must_use]
+    pub fn before_start(&self) -> Option<[u64; 2]> {
+        let counted = |delivery: &Option<Delivery>| {
+            delivery.as_ref().map_or([0, 0], |of| [of.delivered, of.delivered + of.dropped])
+        };
+        let [whole, since] = [&self.delivery, &self.since_start.delivery].map(counted);
+        let before = [0, 1].map(|which| whole[which].saturating_sub(since[which]));
+        (before[1] != 0).then_some(before)
+    }
+
     /// The energy that reports show, and its period: since the network formed if it has run on from there, because motes scan
     /// before; else the whole run.
     #[must_use]

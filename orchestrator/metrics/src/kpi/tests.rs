@@ -442,10 +442,45 @@ fn pdr_of_a_network_that_one_of_two_motes_never_joined_counts_what_that_one_shou
     let expected = summary.delivered_of_expected.clone().unwrap();
     assert_eq!([expected.delivered, expected.expected], [10, 21]);
     assert_eq!((expected.joined_at_end, expected.alive_at_end), (Some(2), 3));
-    assert!(expected.leads());
     assert_eq!(json!(summary)["motes"]["expected"], json!([0.0, 11.0, 10.0]));
-    let all = DeliveredOfExpected { joined_at_end: Some(3), ..expected };
-    assert!(!all.leads());
+    // Robots that need not wait start with the run.
+    let since = summary.since_start.delivered_of_expected.clone().unwrap();
+    assert_eq!(summary.before_start(), None);
+    // One step of ten seconds: a packet each is due, and ten of one mote ended.
+    assert_eq!([since.delivered, since.expected], [10, 11]);
+}
+
+#[test]
+fn of_packets_due_since_the_start_those_sent_before_count_for_neither() {
+    let up = |up_s: f64, created: f64| {
+        Some(statistics(&[
+            ("is_root", [1.0, 0.0, 0.0]),
+            ("up_ns", [1e9 * up_s; N]),
+            ("packets_created", [0.0, created, 0.0]),
+        ]))
+    };
+    // Created while the network formed, one delivered then and one afterwards, one lost; then one of each mote is due.
+    let forming = packets(3, &[(1, 0, 1, 2, 1, 0), (1, 0, 3, 9, 1, 2)]);
+    let moving = packets(4, &[(1, 0, 4, 11, 1, 0), (1, 0, 12, 13, 1, 0)]);
+    let formed_ns = Some(9 * S);
+    let kpis = run(&[
+        Step {
+            packets: Some(forming),
+            held: true,
+            formed_ns,
+            statistics: up(10.0, 3.0),
+            ..Step::default()
+        },
+        Step { packets: Some(moving), formed_ns, statistics: up(20.0, 4.0), ..Step::default() },
+    ])
+    .with_applications(Applications::from_config(EVERY_10_S));
+    let summary = kpis.summary().unwrap();
+    let since = summary.since_start.delivered_of_expected.clone().unwrap();
+    assert_eq!([since.delivered, since.expected], [1, 2]);
+    assert_near(&json!(since.ratio), 0.5);
+    assert_eq!(summary.before_start(), Some([1, 2]));
+    let whole = summary.delivered_of_expected.unwrap();
+    assert_eq!([whole.delivered, whole.expected], [3, 6]);
 }
 
 #[test]
