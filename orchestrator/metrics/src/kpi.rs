@@ -174,7 +174,8 @@ impl Kpis {
         let sent = self.account.delivery(|_| true)?.ratio;
         (MAX_APART < (due - sent).abs()).then(|| {
             format!(
-                "{:.1} % of the packets expected since the robots started were delivered, but {:.1} % of those sent in the whole run: motes                  outside of the network send nothing, and the second counts what was sent before the start;                  kpis.since_start.delivered_of_expected is the first",
+                "{:.1} % of the packets expected since the robots started were delivered, but {:.1} % of those sent in the whole run: motes outside of \
+                 the network send nothing, and the second counts what was sent before the start; kpis.since_start.delivered_of_expected is the first",
                 100.0 * due,
                 100.0 * sent
             )
