@@ -194,8 +194,12 @@ impl Rpl {
         }
         self.is_running = false;
         if let Some(dodag) = self.dodag.take() {
-            // A root that returns has no routes: a new version brings them.
-            self.version = lollipop::next(dodag.version);
+            if self.config.root_keeps_version {
+                // A root that returns has no routes: a new version brings them.
+                self.version = lollipop::next(dodag.version);
+            } else if self.is_root {
+                (self.version, self.dtsn) = (lollipop::INITIAL, lollipop::INITIAL);
+            }
             if dodag.parent.is_some() {
                 self.events.push_back(Event::ParentChanged { old: dodag.parent, new: None });
             }

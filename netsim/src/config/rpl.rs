@@ -47,6 +47,10 @@ struct Keys {
     /// Minimum interval between advertisements of a mote that changes its parent often (s).
     #[key(range = 0.0..=15_000.0, default = 0.0)]
     dao_interval_s: f64,
+    /// Time (s) for which a mote advertises changes of its downward route after a request to join has passed it; the first is always
+    /// advertised. For networks in which nothing else travels downwards. 0: changes are always advertised.
+    #[key(range = 0.0..=1e5, default = 0.0)]
+    dao_for_joins_s: f64,
     /// Whether advertisements request an acknowledgment (DAO-ACK).
     #[key(default = true)]
     dao_ack: bool,
@@ -71,6 +75,10 @@ struct Keys {
     /// Interval between versions of the DODAG (s); 0: never.
     #[key(range = 0.0..=1e6, default = 0.0)]
     global_repair_s: f64,
+    /// Whether a root that was switched off remembers the version of its DODAG, and begins with the next one. Off: it begins with the
+    /// first version, like a device whose memory is lost.
+    #[key(default = false)]
+    root_keeps_version: bool,
 }
 
 /// The values of `objective`.
@@ -116,6 +124,8 @@ pub(super) fn build(table: &toml::Table, compat: Compat) -> Config {
         unusable_hold: duration(keys.unusable_hold_s),
         repair_hold: duration(keys.repair_hold_s),
         global_repair_period: duration(keys.global_repair_s),
+        dao_for_joins: (keys.dao_for_joins_s != 0.0).then(|| duration(keys.dao_for_joins_s)),
+        root_keeps_version: keys.root_keeps_version,
         no_trickle_suppression: compat.no_trickle_suppression,
         stale_rank: compat.stale_rank,
         ..Config::default()

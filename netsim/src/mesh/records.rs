@@ -18,6 +18,9 @@ use proto::types::{
     self, Bitmap, Formation, HeardLinks, MoteStates, MoteStatistics, NetRecord, Schedule, Statistic,
 };
 
+/// What a mote lacks whose answer from the root may not fit a frame.
+const TOO_FAR: &str = "waits to be admitted by the join registrar, and source routes of the root do not fit a frame: so many hops need \
+                       rpl.mode = \"storing\"";
 /// Longest frame (PSDU, bytes).
 const LONGEST: u16 = 127;
 /// With a smaller probability of reception, a mote is out of range.
@@ -100,17 +103,30 @@ impl Mesh {
             ..Formation::default()
         };
         if formed.is_none() {
+            // By the one through whom it asks: a root answers over a source route.
+            let is_too_far = self
+                .state
+                .motes
+                .iter()
+                .any(|mote| mote.is_root && mote.tally.dropped(DropReason::TooLarge) != 0);
+            let admission = if is_too_far {
+                formation.reasons.push(TOO_FAR.to_owned());
+                formation.reasons.len() - 1
+            } else {
+                Lack::Admission as usize
+            };
             for mote in &self.state.motes {
-                if !mote.is_on() && self.has_run_empty(mote.id, self.state.asn) {
-                    formation.missing.push(mote.id.0);
-                    formation.reason.push(Lack::ALL.len() as u32);
-                }
-                if let (true, Some(lack)) = (mote.is_on(), mote.lacks()) {
-                    formation.missing.push(mote.id.0);
-                    formation.reason.push(lack as u32);
-                }
+                let reason = match mote.lacks() {
+                    Some(Lack::Admission) if mote.is_on() => admission,
+                    Some(lack) if mote.is_on() => lack as usize,
+                    None if mote.is_on() => continue,
+                    _ if self.has_run_empty(mote.id, self.state.asn) => formation.reasons.len(),
+                    _ => continue,
+                };
+                formation.missing.push(mote.id.0);
+                formation.reason.push(reason as u32);
             }
-            if formation.reason.contains(&(Lack::ALL.len() as u32)) {
+            if formation.reason.contains(&(formation.reasons.len() as u32)) {
                 formation.reasons.push("has an empty battery".to_owned());
             }
         }

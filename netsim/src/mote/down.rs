@@ -264,6 +264,9 @@ impl Mote {
         if !may_repeat && self.mac.queue().has_same(destination, &content) {
             return self.lose(world, packet, DropReason::Duplicate);
         }
+        if priority == Priority::ForwardedRequest {
+            self.rpl.handle_join_request(world.now, &mut self.dice.routing);
+        }
         let priority = if has_two { priority.of_two() } else { priority };
         self.tally.frames.n_given += 1;
         if !self.mac.is_synced() {

@@ -87,6 +87,10 @@ pub struct Config {
     pub lifetime_unit_s: u16,
     /// As root: time between versions, which is global repair; 0: only when asked.
     pub global_repair_period: SimDuration,
+    /// Downward routes are advertised by motes over which a request to join came within this time; `None`: by all, always.
+    pub dao_for_joins: Option<SimDuration>,
+    /// A root that was off begins with the next version.
+    pub root_keeps_version: bool,
     /// ETX × 128 of a link over which nothing was sent yet.
     pub initial_etx_x128: u16,
     /// Transmissions in a row without an acknowledgment after which a neighbour is unusable.
@@ -157,6 +161,8 @@ impl Default for Config {
             default_lifetime: 30,
             lifetime_unit_s: 60,
             global_repair_period: SimDuration::ZERO,
+            dao_for_joins: None,
+            root_keeps_version: false,
             initial_etx_x128: 3 * 128,
             max_failures: 10,
             unusable_hold: 60 * SimDuration::SECOND,

@@ -26,6 +26,10 @@ pub(super) struct Dao {
     at: Option<SimTime>,
     /// When it last did.
     last: Option<SimTime>,
+    /// A change was not advertised, because nobody needed the way down.
+    is_stale: bool,
+    /// Until when somebody needs it.
+    needed_until: SimTime,
     /// Then everything that is kept for those below, too (storing mode).
     in_full: bool,
     /// The parent that was left and still has routes (storing mode).
@@ -55,6 +59,8 @@ impl Dao {
             path_sequence,
             at: None,
             last: None,
+            is_stale: false,
+            needed_until: SimTime::START,
             in_full: false,
             left: None,
             pending: vec![],
@@ -66,6 +72,8 @@ impl Dao {
     pub(super) fn stop(&mut self) {
         self.at = None;
         self.last = None;
+        self.is_stale = false;
+        self.needed_until = SimTime::START;
         self.left = None;
         self.pending.clear();
         self.is_known = false;
@@ -119,11 +127,33 @@ impl Rpl {
         if !self.config.advertises || self.mode().is_none() {
             return;
         }
+        self.dao.is_stale = !self.is_way_down_needed(now);
+        if self.dao.is_stale {
+            return;
+        }
         let delay = self.config.dao_delay;
         let at = now.saturating_add(dice.duration(delay / 2, delay + delay / 2));
         let apart = self.config.dao_interval;
         let at = self.dao.last.map_or(at, |last| at.max(last + apart));
         self.dao.at = Some(self.dao.at.map_or(at, |soon| soon.min(at)));
+    }
+
+    /// A request to join has come this way: the answer needs a way back.
+    pub(crate) fn handle_join_request(&mut self, now: SimTime, dice: &mut Dice) {
+        if let Some(within) = self.config.dao_for_joins {
+            self.dao.needed_until = now.saturating_add(within);
+            if self.dao.is_stale {
+                self.schedule_dao(now, dice);
+            }
+        }
+    }
+
+    /// Whether anybody needs the way down to this mote, if not everybody always does. The first advertisement is always needed: without it
+    /// nobody is admitted through the mote.
+    fn is_way_down_needed(&self, now: SimTime) -> bool {
+        self.config.dao_for_joins.is_none()
+            || self.dao.last.is_none()
+            || now < self.dao.needed_until
     }
 
     /// Time has passed: repeats what was not acknowledged, and advertises when it is time to.
@@ -133,6 +163,10 @@ impl Rpl {
             return;
         }
         self.dao.at = None;
+        self.dao.is_stale = !self.is_way_down_needed(now);
+        if self.dao.is_stale {
+            return;
+        }
         self.dao.last = Some(now);
         let Some(dodag) = &self.dodag else { return };
         let Some(parent) = dodag.parent else { return };
