@@ -168,10 +168,11 @@ pub fn read(
 ) -> Result<(Config, toml::Table, Vec<String>), Vec<Problem>> {
     let mut problems = Vec::new();
     let lists = catalogue.lists();
-    let mut table = check(&setup.config, &setup.path, &SPEC, &lists, &mut problems).table;
+    let config = profile::by_itself(&setup.config, catalogue);
+    let mut table = check(&config, &setup.path, &SPEC, &lists, &mut problems).table;
     if let Some(phy) = table.get_mut("phy").and_then(toml::Value::as_table_mut) {
         let path = join(&setup.path, "phy");
-        section::apply(phy, setup.config.get("phy"), &path, &catalogue.physics, &mut problems);
+        section::apply(phy, config.get("phy"), &path, &catalogue.physics, &mut problems);
     }
     let keys = Keys::read(&table);
     let key_path = |key: &str| join(&setup.path, key);
@@ -220,7 +221,7 @@ pub fn read(
         None if is_recording || is_network => physical.standard.hopping_sequence.to_vec(),
         None => Vec::new(),
     };
-    let written = setup.config.get("hopping_sequence");
+    let written = config.get("hopping_sequence");
     standard::check_channels(written, physical, &setup.path, &mut problems);
     let phy_path = key_path("phy");
     let mut context = BuildContext {

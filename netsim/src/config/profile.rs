@@ -15,7 +15,7 @@ use physics::section;
 use proto::config::{Choice, Node, Section as _, Value, parse};
 use proto::ids::MoteId;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Which settings go together.
 #[derive(Choice, Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,6 +26,154 @@ pub(super) enum Profile {
     Auto,
     /// The standards' defaults.
     Rfc,
+    /// The defaults of Contiki-NG 5.0 with Orchestra, December 2024, as far as they are keys here.
+    ContikiNg,
+    /// The defaults of OpenWSN's firmware (branch develop, commit 7ee5f203, November 2021), as far as they are keys here.
+    Openwsn,
+    /// BotNet's network, for Table I of its paper (arXiv 2108.13606): its scheduling function, radio and behaviour.
+    Botnet,
+}
+
+/// Contiki-NG: tsch-conf.h, orchestra-conf.h, rpl-lite/rpl-conf.h, queuebuf.h and link-stats.c of release/v5.0. A mote leaves the network
+/// 120 s after it last heard its time source: here after 24 s, until it has estimated its clock's drift, and then after 120 s.
+const CONTIKI_NG: &str = r#"
+hopping_sequence = [15, 25, 26, 20]
+[mac]
+queue_frames = 8
+max_retries = 7
+min_backoff_exponent = 1
+max_backoff_exponent = 5
+beacon_period_s = 16.0
+beacon_spacing_s = 0.0
+beacon_wait_s = 0.0
+rejoin_wait_s = 0.0
+neighbours_to_wait = 1
+scan_dwell_s = 1.0
+keep_alive_s = 12.0
+desynchronise_s = 24.0
+max_keep_alive_s = 60.0
+[sf]
+kind = "orchestra"
+rules = ["eb-per-time-source", "unicast-non-storing", "default-common"]
+eb_slots = 397
+common_slots = 31
+unicast_slots = 17
+eb_channel = 1
+common_channel = 0
+unicast_channel_min = 2
+unicast_channel_max = 3
+hash = "last-octet"
+[rpl]
+mode = "non-storing"
+objective = "mrhof"
+dio_interval_min = 12
+dio_interval_doublings = 8
+dio_redundancy = 0
+max_rank_increase = 1024
+solicitation = "multicast"
+dis_period_s = 30.0
+route_lifetime_s = 1800.0
+dao_delay_s = 4.0
+dao_ack = true
+initial_etx = 2.0
+"#;
+
+/// OpenWSN: IEEE802154E.h, schedule.h, openqueue.h, msf.h, icmpv6rpl.c and neighbors.h. Periods are in its slots of 20 ms; beacons and DIOs,
+/// which it sends with a chance in each slotframe, are as far apart as there on average.
+const OPENWSN: &str = r#"
+slot_duration_s = 0.02
+[mac]
+queue_frames = 20
+max_retries = 15
+min_backoff_exponent = 2
+max_backoff_exponent = 5
+beacon_period_s = 20.2
+beacon_wait_s = 0.0
+rejoin_wait_s = 0.0
+neighbours_to_wait = 1
+keep_alive_s = 20.0
+desynchronise_s = 35.0
+max_keep_alive_s = 20.0
+[sf]
+kind = "msf"
+slotframe_slots = 101
+max_num_cells = 32
+lim_numcellsused_high = 24
+lim_numcellsused_low = 8
+housekeeping_s = 30
+quarantine_s = 300
+wait_min_s = 30
+wait_max_s = 60
+[rpl]
+mode = "non-storing"
+objective = "of0"
+dio_interval_min = 14
+dio_interval_doublings = 0
+dio_redundancy = 0
+dao_period_s = 121.2
+dao_ack = false
+"#;
+
+/// BotNet: the settings of its program, and where it departs from the standards.
+const BOTNET: &str = r#"
+[phy]
+propagation = "full"
+rssi_dbm = -10.0
+interference = { kind = "table" }
+[sf]
+kind = "rrsf"
+[mac]
+beacon_wait_s = 0.1
+rejoin_wait_s = 0.1
+neighbours_to_wait = 2
+scan_dwell_s = 0.01
+[rpl]
+dao_period_s = 60.0
+dao_ack = false
+dao_delay_s = 0.0
+[compat]
+shared_slot_0 = true
+eb_rule = true
+no_frame_overhead = true
+no_trickle_suppression = true
+perfect_acks = true
+stale_rank = true
+"#;
+
+impl Profile {
+    /// Settings that do not depend on the experiment.
+    fn settings(self) -> Option<&'static str> {
+        match self {
+            Self::Auto | Self::Rfc => None,
+            Self::ContikiNg => Some(CONTIKI_NG),
+            Self::Openwsn => Some(OPENWSN),
+            Self::Botnet => Some(BOTNET),
+        }
+    }
+}
+
+/// A section as a network by itself takes it: with the settings of its profile, and `auto` as `rfc`, because it does not know whether motes
+/// will move.
+pub(super) fn by_itself(config: &Node, catalogue: &Catalogue) -> Node {
+    let mut config = config.clone();
+    let table = effective(&config, catalogue);
+    let Some(profile) = Keys::read(&table).protocols().map(|keys| keys.profile) else {
+        return config;
+    };
+    if profile == Profile::Auto {
+        tracing::info!("netsim.profile = \"auto\" is taken as \"rfc\": who moves is unknown here");
+        // A section that has protocols is a table.
+        _ = config.set("profile", Value::Text("rfc".to_owned()));
+    }
+    fill_with(&mut config, profile);
+    config
+}
+
+/// Writes the settings of a profile that does not depend on the experiment.
+fn fill_with(config: &mut Node, profile: Profile) {
+    if let Some(settings) = profile.settings().and_then(|text| parse(text).ok()) {
+        fill(config, settings);
+    }
 }
 
 /// What is known of the motes before the start.
@@ -49,6 +197,19 @@ impl Motes {
             }
         }
         most
+    }
+
+    /// Motes within a distance of a root, roots apart.
+    fn n_beside(&self, roots: &[MoteId], distance_m: f64) -> usize {
+        let sorted = Sorted::new(&self.positions_m, distance_m);
+        let is_root = |mote: usize| roots.iter().any(|root| root.index() == mote);
+        let in_range =
+            roots.iter().map(|root| root.index()).filter(|&root| root < self.moves.len());
+        let beside: BTreeSet<usize> = in_range
+            .flat_map(|root| sorted.within(root, distance_m).collect::<Vec<usize>>())
+            .filter(|&mote| !is_root(mote))
+            .collect();
+        beside.len()
     }
 
     /// The motes that move, if all others reach a root over each other and every mote is in range of one of these: then nobody needs a
@@ -123,7 +284,11 @@ impl<'a> Sorted<'a> {
 pub fn resolve(config: &mut Node, motes: &Motes, catalogue: &Catalogue) -> Option<String> {
     let table = effective(config, catalogue);
     let keys = Keys::read(&table);
-    let protocols = keys.protocols().filter(|keys| keys.profile == Profile::Auto)?;
+    let protocols = keys.protocols()?;
+    if protocols.profile != Profile::Auto {
+        fill_with(config, protocols.profile);
+        return None;
+    }
     let said = chosen(config, &keys, protocols, motes, catalogue).map(|(settings, said)| {
         fill(config, settings);
         said
@@ -139,14 +304,19 @@ const SHARED: usize = 16;
 /// Slots of single motes, as a share of the most motes within two hops before the start: where slots are fewer than motes, those that are
 /// farthest apart share one, and a slotframe is shorter.
 const OWN_SHARE: f64 = 0.65;
+/// A beacon is sent in a slot of the mote's own. Of these slots it may take all but this times those that data need at the busiest motes,
+/// the neighbours of roots: what else they pass on goes in bursts and in shared slots.
+const DATA_SHARE: f64 = 0.7;
+/// But at least this share, so that moving motes find the way.
+const LEAST_BEACONS: f64 = 0.4;
 /// Bounds of the number of these slots.
 const OWN_SLOTS: [usize; 2] = [16, MAX_SLOTS as usize - SHARED];
 /// Least probability of reception over a link on which a mote may rely.
 const RELIABLE: f64 = 0.9;
 /// A neighbour counts as a hop farther once its frames are weaker than this above the level at which links break (dB).
 const HANDOVER_MARGIN_DB: f64 = 1.7;
-/// Time between advertisements of a mote whose parents change (s): where datagrams travel down, and where none do.
-const DAO_INTERVAL_S: [f64; 2] = [3.0, 60.0];
+/// For so long after a request to join (s) do those on its way advertise how they are reached, where nothing else travels down.
+const DAO_FOR_JOINS_S: f64 = 120.0;
 /// Kinds of applications that send upwards alone, unless they have a destination.
 const UPWARD: [&str; 3] = ["periodic", "poisson", "event"];
 /// Channels on which motes that look for the network find it sooner than on sixteen, those of TSCH-Sim and Contiki-NG.
@@ -160,6 +330,7 @@ fn chosen(
     motes: &Motes,
     catalogue: &Catalogue,
 ) -> Option<(Node, String)> {
+    let n_motes = motes.moves.len();
     let n_moving = motes.moves.iter().filter(|moves| **moves).count();
     let is_written = config.get("sf").is_some_and(|sf| sf.get("kind").is_some());
     if n_moving == 0 || is_written {
@@ -175,8 +346,14 @@ fn chosen(
     let n_around = motes.most_within(2.0 * range_m, enough);
     let n_own = (libm::ceil(OWN_SHARE * n_around as f64) as usize).clamp(least, most);
     let n_slots = n_own + SHARED;
-    let beacon_period_s = n_slots as f64 * keys.slot_duration_s;
+    let slotframe_s = n_slots as f64 * keys.slot_duration_s;
     let roots = protocols.roots.clone().unwrap_or_else(|| vec![MoteId(0)]);
+    let n_senders = n_motes.saturating_sub(roots.len()) as f64;
+    let packets_per_s: f64 = protocols.app.iter().map(|app| packets_per_s(app, n_senders)).sum();
+    let n_beside_roots = motes.n_beside(&roots, range_m).max(1) as f64;
+    let load = slotframe_s * packets_per_s / n_beside_roots;
+    let of_beacons = (1.0 - DATA_SHARE * load).clamp(LEAST_BEACONS, 1.0);
+    let beacon_period_s = slotframe_s / of_beacons;
     let leaves = motes.among_routers(&roots, range_m).unwrap_or_default();
     let is_upward = |app: &toml::Table| {
         let destination = app.get("destination");
@@ -185,7 +362,7 @@ fn chosen(
     };
     let carries_payloads = text(&protocols.swarm, "transport").as_deref() != Some("none");
     let is_upward = !protocols.app.is_empty() && protocols.app.iter().all(is_upward);
-    let dao_interval_s = DAO_INTERVAL_S[usize::from(is_upward)];
+    let dao_for_joins_s = if is_upward { DAO_FOR_JOINS_S } else { 0.0 };
     let unicast = if carries_payloads && protocols.app.is_empty() { "shared" } else { "own" };
     let handover = radio.map_or_else(String::new, |Radio { edge_dbm, .. }| {
         format!("handover_dbm = {:.1}\nhandover_s = 1.0", edge_dbm + HANDOVER_MARGIN_DB)
@@ -212,7 +389,8 @@ unicast = "{unicast}"
 forget_slotframes = 3
 [rpl]
 dao_delay_s = 0.5
-dao_interval_s = {dao_interval_s:?}
+dao_interval_s = 3.0
+dao_for_joins_s = {dao_for_joins_s:?}
 dao_ack = false
 initial_etx = 1.0
 max_failures = 3
@@ -234,13 +412,23 @@ keep_admission = {is_secure}
 "#
     );
     let settings = parse(&settings).ok()?;
-    let n_motes = motes.moves.len();
     let among = if leaves.is_empty() { "" } else { " as leaves among routers that stand" };
     let said = format!(
         "netsim.profile = \"auto\": {n_moving} of {n_motes} robots move{among}, so sf.kind = {SOTDMA:?} with {n_slots} slots, a beacon every \
          {beacon_period_s:.2} s, hand-over and rerouting; \"rfc\" has the standards' defaults"
     );
     Some((settings, said))
+}
+
+/// Packets per second of an application whose rate is configured: of its senders, or of all motes but roots.
+fn packets_per_s(app: &toml::Table, n_others: f64) -> f64 {
+    let interval_s = ["period_s", "mean_interval_s"].map(|key| app.get(key)?.as_float());
+    let n_senders = app.get("senders").and_then(toml::Value::as_array).map(|all| all.len() as f64);
+    interval_s
+        .into_iter()
+        .flatten()
+        .next()
+        .map_or(0.0, |interval_s| n_senders.unwrap_or(n_others) / interval_s)
 }
 
 /// A radio whose links depend on distance alone, scatter apart.
@@ -276,8 +464,15 @@ impl Radio {
     }
 }
 
-/// Writes the entries of a table into another, where nothing is written.
+/// Writes the entries of a table into another, where nothing is written. A table of another kind has other keys, and stays.
 fn fill(config: &mut Node, settings: Node) {
+    let is_other = |tag| {
+        let [written, ours] = [&*config, &settings].map(|table| table.get(tag).map(Node::show));
+        written.is_some() && ours.is_some() && written != ours
+    };
+    if is_other("kind") || is_other("propagation") {
+        return;
+    }
     let Value::Table(settings) = settings.value else { return };
     for (key, span, setting) in settings {
         let Value::Table(entries) = &mut config.value else { return };
@@ -386,14 +581,54 @@ mod tests {
     }
 
     #[test]
-    fn routes_down_are_kept_fresh_where_something_travels_down() {
-        let interval = |app: &str| {
+    fn beacons_leave_slots_for_data_where_motes_beside_the_root_pass_on_much() {
+        // The period of beacons in slotframes, and the length of these (s).
+        let beacons = |app: &str| {
             let (config, _) = resolved(app, &motes(1, 35));
-            config["rpl"]["dao_interval_s"].as_float().unwrap()
+            let slotframe_s = 0.01 * config["sf"]["slotframe_slots"].as_integer().unwrap() as f64;
+            (config["mac"]["beacon_period_s"].as_float().unwrap() / slotframe_s, slotframe_s)
+        };
+        let app =
+            |period_s: f64| format!("[[app]]\nkind = \"periodic\"\nperiod_s = {period_s:?}\n");
+        assert!((beacons("").0 - 1.0).abs() < 1e-9);
+        // Three motes are within 15 m of the corner where the root is.
+        let (rarely, slotframe_s) = beacons(&app(20.0));
+        let load = slotframe_s * 35.0 / 20.0 / 3.0;
+        assert!((rarely * (1.0 - DATA_SHARE * load) - 1.0).abs() < 1e-9, "{rarely}");
+        assert!((beacons(&app(0.01)).0 * LEAST_BEACONS - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn profiles_of_other_systems_are_valid_and_leave_what_is_written() {
+        for name in ["contiki-ng", "openwsn", "botnet"] {
+            let text = format!("mode = \"6tisch\"\nprofile = \"{name}\"\n");
+            let config = parse(&text).unwrap();
+            let whole = by_itself(&config, Catalogue::built_in());
+            let mut problems = Vec::new();
+            let lists = Catalogue::built_in().lists();
+            proto::config::check(&whole, "netsim", &super::super::SPEC, &lists, &mut problems);
+            assert!(problems.is_empty(), "{name}: {problems:?}");
+            // An orchestrator writes the same.
+            let mut resolved = config.clone();
+            assert_eq!(resolve(&mut resolved, &motes(1, 35), Catalogue::built_in()), None);
+            assert_eq!(resolved.to_toml(), whole.to_toml());
+            assert_eq!(by_itself(&whole, Catalogue::built_in()).to_toml(), whole.to_toml());
+            let other = format!("{text}[sf]\nkind = \"minimal\"\n[mac]\nqueue_frames = 7\n");
+            let other = by_itself(&parse(&other).unwrap(), Catalogue::built_in()).to_toml();
+            assert_eq!(other["sf"].as_table().map(toml::Table::len), Some(1), "{name}");
+            assert_eq!(other["mac"]["queue_frames"].as_integer(), Some(7));
+        }
+    }
+
+    #[test]
+    fn routes_down_are_kept_fresh_where_something_travels_down() {
+        let for_joins_s = |app: &str| {
+            let (config, _) = resolved(app, &motes(1, 35));
+            config["rpl"]["dao_for_joins_s"].as_float().unwrap()
         };
         let app = |more: &str| format!("[[app]]\nkind = \"periodic\"\nperiod_s = 10.0\n{more}");
-        assert_eq!(interval(&app("senders = [1, 2]")), 60.0);
-        assert_eq!(interval(&app("senders = [0]\ndestination = 3")), 3.0);
-        assert_eq!(interval(""), 3.0);
+        assert_eq!(for_joins_s(&app("senders = [1, 2]")), 120.0);
+        assert_eq!(for_joins_s(&app("senders = [0]\ndestination = 3")), 0.0);
+        assert_eq!(for_joins_s(""), 0.0);
     }
 }

@@ -160,10 +160,10 @@ struct Keys {
     /// Slotframe length of special-for-root (slots). 7: Contiki-NG.
     #[key(range = 1..=MAX_SLOTS, default = 7)]
     root_slots: u16,
-    /// Channel offset of eb-per-time-source. 0: Contiki-NG.
+    /// Channel offset of eb-per-time-source. 0: Contiki-NG before 4.9, then 1.
     #[key(range = 0..=255, default = 0)]
     eb_channel: u16,
-    /// Channel offset of default-common. 1: Contiki-NG.
+    /// Channel offset of default-common. 1: Contiki-NG before 4.9, then 0.
     #[key(range = 0..=255, default = 1)]
     common_channel: u16,
     /// Minimum channel offset of unicast frames. 2: Contiki-NG.
