@@ -386,7 +386,7 @@ impl Kpis {
                     acknowledged_ratio: (unicast != 0)
                         .then(|| acknowledged as f64 / unicast as f64),
                 };
-                (kind.to_owned(), of_kind)
+                (kind.replace('_', "-"), of_kind)
             })
             .filter(|(_, of_kind)| of_kind.transmissions != 0)
             .collect();

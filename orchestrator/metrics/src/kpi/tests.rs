@@ -218,6 +218,70 @@ fn transmissions_are_those_of_all_motes_and_absent_where_nothing_was_sent() {
 }
 
 #[test]
+fn where_the_airtime_went_is_told_by_kind_most_first_since_the_start() {
+    let counted = |beacons: f64, asked: f64, answered: f64| {
+        Some(statistics(&[
+            ("tx_frames_beacon", [beacons, 0.0, 0.0]),
+            ("tx_frames_keep_alive", [0.0, asked, 0.0]),
+            ("tx_unicast_keep_alive", [0.0, asked, 0.0]),
+            ("tx_acked_keep_alive", [0.0, answered, 0.0]),
+            ("tx_frames_dao", [0.0; N]),
+        ]))
+    };
+    let formed_ns = Some(9 * S);
+    let kpis = run(&[
+        Step { held: true, formed_ns, ..Step::default() },
+        Step { statistics: counted(8.0, 4.0, 1.0), formed_ns, ..Step::default() },
+        Step { statistics: counted(9.0, 7.0, 4.0), formed_ns, ..Step::default() },
+    ]);
+    let summary = kpis.summary().unwrap();
+    let shown = |of: Option<IndexMap<String, FramesOfKind>>| -> Vec<(String, u64, u64)> {
+        let all = of.unwrap().into_iter();
+        all.map(|(kind, of)| (kind, of.transmissions, of.acknowledged)).collect()
+    };
+    let whole = [("beacon".to_owned(), 9, 0), ("keep-alive".to_owned(), 7, 4)];
+    assert_eq!(shown(summary.frames_by_kind), whole);
+    let since = summary.since_start.frames_by_kind;
+    assert_near(&json!(since)["keep-alive"]["share"], 0.75);
+    assert_near(&json!(since)["keep-alive"]["acknowledged_ratio"], 1.0);
+    assert_eq!(shown(since), [("keep-alive".to_owned(), 3, 3), ("beacon".to_owned(), 1, 0)]);
+    // Nothing is told of a network that does not count so.
+    assert!(
+        run(&[Step { statistics: Some(statistics(&[])), ..Step::default() }])
+            .summary()
+            .unwrap()
+            .frames_by_kind
+            .is_none()
+    );
+}
+
+#[test]
+fn joined_motes_out_of_range_of_their_parents_and_unequal_ratios_are_warned_of() {
+    let step = |lost: [f64; N], joined| Step {
+        statistics: Some(statistics(&[
+            ("is_root", [1.0, 0.0, 0.0]),
+            ("parent_out_of_range", lost),
+            ("up_ns", [1e11; N]),
+        ])),
+        packets: Some(packets(1, &[(1, 0, 0, 2, 1, 0)])),
+        joined: Some(joined),
+        ..Step::default()
+    };
+    let warned = |step: Step| run(&[step]).warnings();
+    let lost = warned(step([0.0, 1.0, 0.0], [true; N]));
+    assert!(
+        lost.len() == 1 && lost[0].contains("1 of 3 joined motes were out of range"),
+        "{lost:?}"
+    );
+    assert_eq!(warned(step([0.0, 1.0, 0.0], [true, false, true])), [""; 0]);
+    // One packet of two that were due arrived, and all that was sent.
+    let kpis = run(&[step([0.0; N], [true; N])]);
+    let kpis = kpis.with_applications(Applications::from_config(EVERY_10_S));
+    let warnings = kpis.warnings();
+    assert!(warnings.len() == 1 && warnings[0].contains("50.0 %"), "{warnings:?}");
+}
+
+#[test]
 fn an_account_that_cannot_be_right_is_warned_of() {
     let two = packets(1, &[(1, 0, 0, 2, 1, 0), (2, 0, 1, 5, 2, 0)]);
     let kpis = run(&[Step { packets: Some(two), ..Step::default() }]);
