@@ -20,8 +20,8 @@ pub(super) fn unknown_motes(n_agents: usize) -> Motes {
     Motes { positions_m: vec![[0.0; 3]; n_agents], moves: vec![true; n_agents] }
 }
 
-/// The network's section with its profile resolved, and what to say of the choice. A section of another simulator that has keys of its own
-/// stays: netsim alone is known to have profiles.
+/// The network's section with its profile resolved, and what to say of the choice. A section with keys that netsim does not know stays,
+/// wherever the simulator runs: another one has keys of its own, and netsim refuses them.
 pub(super) fn resolved(
     section: &Node,
     motes: Option<&Motes>,
@@ -29,7 +29,7 @@ pub(super) fn resolved(
 ) -> (Node, Option<String>) {
     let mut resolved = section.clone();
     let said = motes
-        .filter(|_| !reach::is_foreign(section) || is_of_netsim(section, catalogue))
+        .filter(|_| is_of_netsim(section, catalogue))
         .and_then(|motes| resolve(&mut resolved, motes, catalogue));
     (resolved, said)
 }
@@ -71,6 +71,8 @@ mod tests {
     fn a_network_with_keys_of_its_own_keeps_its_section() {
         for section in ["", "mode = \"6tisch\"\nloss = 0.1\n", "loss = 0.1\n"] {
             assert_eq!(chosen(&format!("{section}command = [\"./sim\"]\n")), None, "{section}");
+            // Its address may be on the command line.
+            assert_eq!(chosen(section), None, "{section}");
         }
     }
 }
