@@ -1,8 +1,7 @@
 //! What frames are for, as they are counted and recorded.
 
+use super::queue::Priority;
 use crate::app::ports::SWARM_PORT;
-use crate::join::ports;
-use crate::wire::coap;
 use crate::wire::datagram::Upper;
 use crate::wire::frame::Content;
 use crate::wire::rpl::RplMessage;
@@ -58,12 +57,7 @@ impl FrameKind {
                 Upper::Rpl(RplMessage::Dis(_)) => Self::Dis,
                 Upper::Rpl(RplMessage::Dao(_) | RplMessage::DaoAck(_)) => Self::Dao,
                 Upper::Udp(udp) if udp.destination_port == SWARM_PORT => Self::Swarm,
-                Upper::Udp(udp)
-                    if udp.destination_port != ports::COAP
-                        || coap::is_application(&udp.payload) =>
-                {
-                    Self::Data
-                }
+                Upper::Udp(_) if Priority::of(content, false) == Priority::Data => Self::Data,
                 Upper::Udp(_) => Self::Join,
             },
         }
