@@ -311,14 +311,11 @@ impl Kpis {
 
     /// What happened while robots were free to move.
     fn since_start(&self, n: usize) -> SinceStart {
-        let base = self.formed.as_ref().map(|(_, formed)| formed);
-        let routing = match (self.moving.has_waited, base) {
-            (true, None) => Routing::default(),
-            (true, base) => self.routing(base, n),
-            (false, _) => self.routing(None, n),
-        };
+        let formed = self.formed.as_ref().map(|(_, formed)| formed);
+        let base = formed.filter(|_| self.moving.has_waited);
+        let has_started = !self.moving.has_waited || formed.is_some();
+        let routing = if has_started { self.routing(base, n) } else { Routing::default() };
         let account = &self.moving.account;
-        let has_started = !self.moving.has_waited || base.is_some();
         SinceStart {
             frames_by_kind: self.frames_by_kind(base).filter(|_| has_started),
             delivered_of_expected: self.delivered_of_expected_since_start(n),

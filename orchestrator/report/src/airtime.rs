@@ -8,8 +8,7 @@ use record::FinishedRun;
 /// Frames by what they are for, if the network counts them so: since the robots started, if they have.
 pub(super) fn section(contents: &FinishedRun<'_>) -> Option<Markup> {
     let kpis = contents.summary.kpis.as_ref()?;
-    let since = kpis.since_start.frames_by_kind.as_ref().filter(|_| kpis.before_start().is_some());
-    let (frames, period) = match since {
+    let (frames, period) = match kpis.since_start.frames_by_kind.as_ref() {
         Some(frames) => (frames, "since the robots started"),
         None => (kpis.frames_by_kind.as_ref()?, "in the whole run"),
     };

@@ -253,7 +253,8 @@ pub struct SinceStart {
     pub delivery: Option<Delivery>,
     /// Application packets to roots that ended then.
     pub delivery_upward: Option<Delivery>,
-    /// Transmissions by what their frames are for, since the first report after the network had formed; absent where that is unknown.
+    /// Transmissions by what their frames are for, since the first report after the network had formed if robots waited for it; absent
+    /// where that is unknown.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames_by_kind: Option<IndexMap<String, FramesOfKind>>,
     /// Changes of preferred parents of all motes.

@@ -245,14 +245,14 @@ fn where_the_airtime_went_is_told_by_kind_most_first_since_the_start() {
     assert_near(&json!(since)["keep-alive"]["share"], 0.75);
     assert_near(&json!(since)["keep-alive"]["acknowledged_ratio"], 1.0);
     assert_eq!(shown(since), [("keep-alive".to_owned(), 3, 3), ("beacon".to_owned(), 1, 0)]);
-    // Nothing is told of a network that does not count so.
-    assert!(
-        run(&[Step { statistics: Some(statistics(&[])), ..Step::default() }])
-            .summary()
-            .unwrap()
-            .frames_by_kind
-            .is_none()
-    );
+    // Absent if the network does not count frames by kind.
+    let silent = Step { statistics: Some(statistics(&[])), ..Step::default() };
+    assert!(run(&[silent]).summary().unwrap().frames_by_kind.is_none());
+    // Robots that need not wait start with the run.
+    let steps = [counted(8.0, 4.0, 1.0), counted(9.0, 7.0, 4.0)];
+    let steps = steps.map(|statistics| Step { statistics, formed_ns, ..Step::default() });
+    let at_once = run(&steps).summary().unwrap();
+    assert_eq!(at_once.since_start.frames_by_kind, at_once.frames_by_kind);
 }
 
 #[test]
