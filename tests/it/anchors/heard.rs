@@ -1,7 +1,7 @@
 //! How often robots hear each other under BotNet's round robin, with BotNet's behaviour switched on.
 
 use super::forming::SETTINGS;
-use super::{COMPAT, SLOT_NS, Standing, compat, without};
+use super::{COMPAT, SLOT_NS, Standing, compat, wants_whole_tables, without};
 use proto::types::Payloads;
 use rayon::prelude::*;
 use tests::statistics::{mean, quantile};
@@ -13,7 +13,9 @@ const PAYLOAD_BYTES: u32 = 48;
 const N_SLOTFRAMES: u64 = 1000;
 
 /// Networks.
-const N_SEEDS: u64 = 32;
+fn n_seeds() -> u64 {
+    if wants_whole_tables() { 32 } else { 8 }
+}
 
 /// By sender: in which share of the slotframes the others heard it.
 fn shares(n: usize, config: &str, seed: u64) -> Vec<f64> {
@@ -41,7 +43,7 @@ fn heard(n: usize, on: &[&str]) -> ([f64; 3], [f64; 2]) {
     let config = SETTINGS.replace("transport = 'none'", "transport = 'own-cell'");
     let config = format!("{config}{}", compat(on));
     let runs: Vec<Vec<f64>> =
-        (0..N_SEEDS).into_par_iter().map(|seed| shares(n, &config, seed)).collect();
+        (0..n_seeds()).into_par_iter().map(|seed| shares(n, &config, seed)).collect();
     let shares_of = |sender: usize| runs.iter().map(|shares| shares[sender]).collect::<Vec<f64>>();
     let others: Vec<f64> = (1..n).map(|sender| mean(&shares_of(sender))).collect();
     let leader = shares_of(0);

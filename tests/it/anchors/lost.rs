@@ -1,12 +1,16 @@
 //! What fifty motes lose over random links, and by what: while the network forms, and after that.
 
 use super::standing::{FROM_FILE, SETTINGS, random_links};
-use super::{COMPAT, NS_PER_S, NetRecord, Standing, compat};
+use super::{COMPAT, NS_PER_S, NetRecord, Standing, compat, wants_whole_tables};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 const N_MOTES: usize = 50;
-const N_RUNS: u64 = 32;
+
+fn n_runs() -> u64 {
+    if wants_whole_tables() { 32 } else { 16 }
+}
+
 /// Transmissions of a frame: one, and five more.
 const N_ATTEMPTS: i32 = 6;
 /// A frame that is dropped was first sent at most so many steps before (s).
@@ -104,7 +108,7 @@ fn hour(seed: u64) -> [Counts; 2] {
 
 #[test]
 fn once_all_have_joined_what_is_lost_over_random_links_is_lost_by_chance() {
-    let hours: Vec<[Counts; 2]> = (0..N_RUNS).into_par_iter().map(hour).collect();
+    let hours: Vec<[Counts; 2]> = (0..n_runs()).into_par_iter().map(hour).collect();
     let mut phases = [Counts::new(), Counts::new()];
     for hour in &hours {
         for (sum, counts) in phases.iter_mut().zip(hour) {

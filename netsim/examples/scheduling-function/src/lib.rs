@@ -153,7 +153,8 @@ mod tests {
 
     #[test]
     fn in_every_slotframe_a_frame_goes_where_its_receiver_listens() {
-        let (mut from, mut to) = (Bench::start(&config(), MoteId(3)), Bench::start(&config(), MoteId(5)));
+        let (mut from, mut to) =
+            (Bench::start(&config(), MoteId(3)), Bench::start(&config(), MoteId(5)));
         let receiver = to.own;
         from.tell(|sf, cx| sf.handle_queue(cx, receiver, true));
         let mut places = BTreeSet::new();
