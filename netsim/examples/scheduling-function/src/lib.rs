@@ -102,6 +102,7 @@ impl SchedulingFunction for Wandering {
         self.next = None;
     }
 
+    #[expect(clippy::misnamed_getters, reason = "the slotframe of the minimal cell")]
     fn slotframe_slots(&self) -> u16 {
         self.config.minimal_slots
     }
