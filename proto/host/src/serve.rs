@@ -19,7 +19,7 @@ use std::time::Duration;
 use tokio::net::{TcpListener, UnixListener};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio_stream::wrappers::UnixListenerStream;
-use tonic::service::{Routes, RoutesBuilder};
+use tonic::service::Routes;
 use tonic::transport::server::TcpIncoming;
 use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
 use tracing_subscriber::filter::Targets;
@@ -193,9 +193,7 @@ pub fn serve_robots<S: RobotSimulator>(simulator: S, args: &ServeArgs) -> Result
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     let name = <RobotSimServiceServer<RobotHost<S>> as tonic::server::NamedService>::NAME;
-    serve(S::NAME, name, args, |routes| {
-        routes.add_service(service);
-    })
+    serve(S::NAME, name, args, Routes::new(service))
 }
 
 /// Serves a network simulator until the process receives a request to end.
@@ -209,9 +207,7 @@ pub fn serve_network<S: NetSimulator>(simulator: S, args: &ServeArgs) -> Result<
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     let name = <NetSimServiceServer<NetHost<S>> as tonic::server::NamedService>::NAME;
-    serve(S::NAME, name, args, |routes| {
-        routes.add_service(service);
-    })
+    serve(S::NAME, name, args, Routes::new(service))
 }
 
 /// Starts logging to standard error. Lines carry no wall-clock time, so that the logs of two runs can be compared.
@@ -248,11 +244,12 @@ pub fn init_logging_to<W: std::io::Write + 'static>(
     Ok(())
 }
 
+/// Not generic, so that HTTP/2 and TLS are compiled once, here.
 fn serve(
     simulator: &'static str,
     service: &'static str,
     args: &ServeArgs,
-    add: impl FnOnce(&mut RoutesBuilder),
+    routes: Routes,
 ) -> Result<(), ServeError> {
     init_logging(&args.log, args.log_json)?;
     let args = &args.options;
@@ -286,13 +283,11 @@ fn serve(
         };
         let unusable =
             |error: tonic_reflection::server::Error| ServeError::Transport(error.to_string());
-        let mut routes = Routes::builder();
-        routes
+        let routes = routes
             .add_service(health_service)
             .add_service(reflection().build_v1().map_err(unusable)?)
             // Some clients, grpcio-reflection among them, know only the older name of the same service.
             .add_service(reflection().build_v1alpha().map_err(unusable)?);
-        add(&mut routes);
         let mut server = Server::builder()
             .initial_stream_window_size(STREAM_WINDOW_BYTES)
             .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
@@ -305,7 +300,7 @@ fn serve(
         } else {
             "http"
         };
-        let router = server.add_routes(routes.routes());
+        let router = server.add_routes(routes);
         // Before the address is known to anyone.
         let end = end(args.exit_with_parent);
         let serving = async {
