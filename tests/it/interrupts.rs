@@ -70,7 +70,7 @@ fn a_run_that_has_not_begun_can_be_stopped() {
 }
 
 /// Measurements whose search takes seconds in each round, so that it can be stopped in one.
-const MANY_ROWS: usize = 8000;
+const MANY_ROWS: usize = 4000;
 
 /// A folder with a model that lacks two effects, and measurements of them.
 fn two_effects(n_rows: usize) -> tempfile::TempDir {

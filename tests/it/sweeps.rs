@@ -202,7 +202,7 @@ fn ranges_are_sampled_alike_for_every_seed() {
 #[test]
 fn a_network_that_does_not_form_is_a_row_and_full_networks_are_measured_alike_kept_or_not() {
     let folder = tests::folder();
-    let text = "[experiment]\nname = \"s\"\nseed = 1\nduration_s = 20.0\nagents = 4\nformation_limit_s = 600.0\n\
+    let text = "[experiment]\nname = \"s\"\nseed = 1\nduration_s = 20.0\nagents = 4\nformation_limit_s = 600.0\ncontrol_period = { rate_hz = 1.0 }\n\
         [robotsim.scenario]\nkind = \"line\"\n[robotsim.controller]\nkind = \"hold\"\n\
         [netsim]\nmode = \"6tisch\"\n[netsim.mac]\nbeacon_wait_s = 5.0\n\
         [netsim.phy]\npropagation = \"unit-disk\"\nradius_m = 10.0\n[netsim.sf]\nkind = \"rrsf\"\n\
