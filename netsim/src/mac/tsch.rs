@@ -29,6 +29,9 @@ use serde::{Deserialize, Serialize};
 /// Others count as senders of beacons for so many beacon periods after each that is heard: motes move, and leave.
 const N_PERIODS: u64 = 16;
 
+/// So many questions for the time make a beacon due.
+const N_ASKED: u32 = 2;
+
 /// The next slot follows a frame with the pending bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 struct Extra {
@@ -77,6 +80,8 @@ struct Beacons {
     /// When the next one is due.
     next: SimTime,
     is_due: bool,
+    /// Neighbours that asked for the time since the last one.
+    n_asked: u32,
 }
 
 /// What the pending bit announced has precedence in a slot in which all contend, or listen for everyone.
@@ -218,6 +223,20 @@ impl Tsch {
         self.beacons.is_due &= enabled;
     }
 
+    /// A neighbour has asked for the time in a cell in which all contend. One beacon tells it to all that are about to ask, so that the
+    /// second question since the last beacon makes the next one due: there is at most one for two questions.
+    pub fn handle_keep_alive(&mut self, config: &Config, now: SimTime) {
+        if !self.beacons.enabled || config.contends_as_peer || config.beacon_probability.is_some() {
+            return;
+        }
+        self.beacons.n_asked += 1;
+        if self.beacons.n_asked == N_ASKED {
+            let interval = self.beacon_interval(config, now);
+            self.beacons.is_due = true;
+            self.beacons.next = now + self.dice.duration(interval * 3 / 4, interval * 5 / 4);
+        }
+    }
+
     /// The mean time between this mote's beacons: longer where many others have sent them lately, too. A neighbour that has
     /// joined only sends none yet.
     fn beacon_interval(&mut self, config: &Config, now: SimTime) -> SimDuration {
@@ -307,6 +326,7 @@ impl Tsch {
                 let channel = self.channel_in(config, cell, asn);
                 if cell.kind != CellKind::Normal && self.beacon_goes(config) {
                     self.beacons.is_due = false;
+                    self.beacons.n_asked = 0;
                     let outgoing = Outgoing::Beacon;
                     return Some(Transmission { at: Some(at), channel, outgoing, pending: false });
                 }

@@ -5,9 +5,9 @@ use super::{Brought, Mote, World};
 use crate::app::ports::{APPLICATION_PORT, SWARM_PORT};
 use crate::join::ports;
 use crate::lowpan::{self, DropReason, LowpanAction, Step};
-use crate::mac::CellRef;
 use crate::mac::queue::Queued;
 use crate::mac::tsch::{Done, FrameHandling};
+use crate::mac::{CellKind, CellRef};
 use crate::rpl;
 use crate::wire::Eui64;
 use crate::wire::coap;
@@ -78,6 +78,12 @@ impl Mote {
         }
         if verdict.deliver {
             match &frame.content {
+                Content::KeepAlive if frame.destination.is_some() => {
+                    let is_for_all = |at: &CellRef| at.cell.kind != CellKind::Normal;
+                    if arrived.at.as_ref().is_some_and(is_for_all) {
+                        self.mac.handle_keep_alive(&world.settings.mac, world.now);
+                    }
+                }
                 Content::KeepAlive => {}
                 Content::Beacon(beacon) => {
                     let metric = beacon.join_metric;

@@ -46,3 +46,13 @@ fn where_everyone_hears_the_root_everyone_comes_to_be_its_child() {
     let output = interval(&mut network, &line(n), 0, 3600 * NS_PER_S);
     assert_eq!(output.motes.parent[1..], vec![0; n - 1]);
 }
+
+#[test]
+fn eighty_robots_in_one_shared_cell_form_beside_their_traffic() {
+    let config = "mode = \"6tisch\"\n[phy]\npropagation = \"full\"\n[sf]\nkind = \"minimal\"\n[swarm]\ntransport = \"none\"\n\
+                  [[app]]\nkind = \"periodic\"\nperiod_s = 60.0\npayload_bytes = 30\n";
+    for seed in 1..=2 {
+        let formed_s = formed_s(80, config, seed, 1200);
+        assert!(formed_s.is_some(), "seed {seed}");
+    }
+}

@@ -2,8 +2,8 @@
 
 use super::bench::{Bench, EAGER, EXACT, FULL, LINE, OnAir, SLOT_NS, What, line, settings};
 use netsim::mac::queue::{Priority, Queued};
-use netsim::mac::tsch::{Done, Outgoing, Tsch};
-use netsim::mac::{Cell, CellOptions, Schedule};
+use netsim::mac::tsch::{Done, Outgoing, Transmission, Tsch};
+use netsim::mac::{Cell, CellKind, CellOptions, Schedule};
 use netsim::wire::Eui64;
 use netsim::wire::frame::{Content, FrameRepr};
 use netsim::wire::security::FrameSecurity;
@@ -212,6 +212,24 @@ fn packet_of(outgoing: &Outgoing) -> u64 {
         Outgoing::Frame(queued) => queued.packet,
         Outgoing::Beacon => panic!("beacons are off"),
     }
+}
+
+#[test]
+fn of_neighbours_that_ask_for_the_time_every_second_one_is_answered_with_a_beacon_to_all() {
+    let config = settings("[mac]\nbeacon_period_s = 3600.0\n").mac;
+    let mut mac = Tsch::new(&config, Eui64::of_mote(MoteId(0)), MoteId(0), true, 1);
+    mac.start_root(SimTime::START);
+    mac.enable_beacons(&config, true, SimTime::START);
+    let mut schedule = Schedule::new();
+    schedule.add_slotframe(0, 10);
+    let cell = Cell::new(0, 0, CellOptions::TX_RX_SHARED, None).of_kind(CellKind::Advertising);
+    schedule.add(0, cell).unwrap();
+    let answered = [0, 10, 20, 30, 40, 50].map(|asn| {
+        mac.handle_keep_alive(&config, Asn(asn) * config.slot);
+        let sent = mac.poll_slot(&config, &schedule, Asn(asn));
+        matches!(sent, Some(Transmission { outgoing: Outgoing::Beacon, .. }))
+    });
+    assert_eq!(answered, [false, true, false, true, false, true]);
 }
 
 #[test]
