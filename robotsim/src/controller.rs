@@ -256,6 +256,11 @@ pub trait Controller: std::fmt::Debug + Send + Sync {
         true
     }
 
+    /// How fast robots of it may move apart from each other (m/s), where its keys say so: those of a flock move together.
+    fn scatter_mps(&self) -> Option<f64> {
+        None
+    }
+
     /// Whether it uses the received signal strength of frames.
     fn wants_rssi(&self) -> bool {
         false
@@ -317,6 +322,12 @@ impl Team {
     pub fn moving(&self, n_agents: usize) -> Vec<bool> {
         let group = |agent: usize| self.groups.partition_point(|(end, _)| *end <= agent);
         (0..n_agents).map(|agent| self.groups[group(agent)].1.moves()).collect()
+    }
+
+    /// How fast robots may move apart from each other (m/s), as far as controllers say so.
+    #[must_use]
+    pub fn scatter_mps(&self) -> Option<f64> {
+        self.groups.iter().filter_map(|(_, controller)| controller.scatter_mps()).reduce(f64::max)
     }
 
     /// Whether any of them asks how strong frames were.

@@ -1,9 +1,12 @@
-"""How much of what motes should have sent arrives where they move: the table of docs/network.md, "Motes that move".
+"""How much of what motes should have sent arrives where they move: the tables of docs/network.md, "Motes that move".
 
+    target/external/venv/bin/python tests/external/moving_networks.py --auto --seeds 5 --jobs 2 --journal auto.jsonl
     target/external/venv/bin/python tests/external/moving_networks.py --seeds 5 --jobs 2 --journal moving.jsonl
     target/external/venv/bin/python tests/external/moving_networks.py --function msf orchestra --journal functions.jsonl
 
 What is expected is computed here, from the configuration alone: each sender has one packet in ten seconds, all the time.
+With --auto, cases have no setting of the network but the radio and the traffic, robots wait until it has formed, and the quarter of an
+hour after that counts.
 A journal that exists is continued.
 """
 
@@ -36,6 +39,17 @@ FUNCTIONS = {
     "sotdma-shared": 'kind = "sotdma"\nslotframe_slots = 97\nshared_slots = 32\nforget_slotframes = 3',
     "oracle": 'kind = "oracle"',
 }
+# With --auto, by case: the configuration that it comes from, how many move, how fast (m/s).
+AUTO = {
+    **{f"routers-{speed}": ("routers", 20, speed) for speed in (1, 2, 5)},
+    **{f"crowd-{n}-{speed}": ("crowd", n, speed) for n in (50, 100) for speed in (1, 2, 5)},
+    "crowd-300-1": ("crowd", 300, 1),
+    "trail": ("trail", 10, 1),
+    "warehouse": ("warehouse", 20, 2),
+}
+# Of the square in crowd-300.csv (m).
+SIDE_300_M = 105.0
+CHOSEN = ("mac", "sf", "rpl", "join", "mobility")
 # 97.5 % quantiles of Student's t, from one degree of freedom.
 T_975 = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262]
 WARM_UP_S, END_S, PERIOD_S = 1800, 5400, 10
@@ -53,13 +67,62 @@ def configured(case, function, folder):
     return changed
 
 
+def automatic(case, folder):
+    """A case without what the profile chooses. A crowd has 100 robots in a square of 60 m, or as many to the square metre."""
+    source, n_moving, speed_mps = AUTO[case]
+    text = (ROOT / "configs" / "mobility" / f"{source}.toml").read_text()
+    for table in CHOSEN:
+        text = re.sub(rf"\[netsim\.{table}\]\n(?:[^\[\n].*\n)*\n?", "", text)
+    text = re.sub(r"\n(hopping_sequence|start) = .*", "", text)
+    text = re.sub(r"\nduration_s = .*", "\nduration_s = 900.0\nformation_limit_s = 20000.0", text)
+    positions = re.search(r'\nfile = "(.*)"', text)[1]
+    if source in ("routers", "crowd"):
+        text = re.sub(r"(slowest|fastest)_mps = .*", rf"\1_mps = {speed_mps:.1f}", text)
+    if source == "crowd":
+        side_m = 60 * (n_moving / 100) ** 0.5
+        text = text.replace("agents = 101", f"agents = {n_moving + 1}").replace("count = 100", f"count = {n_moving}")
+        text = text.replace("side_m = 60.0", f"side_m = {side_m:.1f}")
+        positions = "crowd-300.csv"
+    lines = (ROOT / "configs" / "mobility" / positions).read_text().splitlines()
+    lines = [line for line in lines if not line.startswith("#")]
+    if source == "crowd":
+        rows = [row.split(",") for row in lines[1 : n_moving + 2]]
+        lines = [lines[0], *(f"{agent},{side_m / SIDE_300_M * float(x):.2f},{side_m / SIDE_300_M * float(y):.2f}" for agent, x, y in rows)]
+    (folder / "positions.csv").write_text("\n".join(lines) + "\n")
+    path = folder / f"{source}.toml"
+    path.write_text(re.sub(r'\nfile = ".*"', '\nfile = "positions.csv"', text))
+    return path
+
+
+def measure_automatic(case, seed, settings):
+    """One run: delivered / expected since the robots started, when the network had formed, and for how long it was simulated."""
+    folder = Path(tempfile.mkdtemp(prefix="moving-"))
+    try:
+        config = automatic(case, folder)
+        command = [program(), "run", config, "--seed", str(seed), "--out", folder / "out", "--threads", "1"]
+        for setting in settings:
+            command += ["--set", setting]
+        subprocess.run(command, check=True, capture_output=True, text=True)
+        kpis = json.loads((folder / "out" / config.stem / "summary.json").read_text())["kpis"]
+        return {
+            "case": case, "seed": seed, "function": "auto", "settings": settings,
+            "ratio": kpis["since_start"]["delivered_of_expected"]["ratio"],
+            "median_latency_s": kpis["since_start"]["delivery"]["latency_s"]["median"], "formed_s": kpis["formation"]["formed_s"],
+        }  # fmt: skip
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def program():
+    return os.environ.get("ORCHESTRATOR") or ROOT / "target" / "release" / "murmuration"
+
+
 def measure(case, seed, function, settings):
     """One run: delivered / expected, latency (s), energy (mC a mote and hour) and when the network had formed."""
-    program = os.environ.get("ORCHESTRATOR") or ROOT / "target" / "release" / "murmuration"
     folder = Path(tempfile.mkdtemp(prefix="moving-"))
     try:
         config = configured(case, function, folder)
-        command = [program, "run", config, "--seed", str(seed), "--out", folder, "--threads", "1"]
+        command = [program(), "run", config, "--seed", str(seed), "--out", folder, "--threads", "1"]
         for setting in settings:
             command += ["--set", setting]
         begun = time.monotonic()
@@ -99,12 +162,21 @@ def interval(values):
     return f"{statistics.mean(values) - half:.3f} to {statistics.mean(values) + half:.3f}"
 
 
+def over_seeds(rows, key, digits):
+    """Mean, least and greatest."""
+    values = [row[key] for row in rows if row[key] is not None]
+    if not values:
+        return "–"
+    return f"{statistics.mean(values):.{digits}f} ({min(values):.{digits}f}–{max(values):.{digits}f})"
+
+
+def summary_automatic(rows):
+    return f"| `{rows[0]['case']}` | {over_seeds(rows, 'ratio', 3)} | {interval([row['ratio'] for row in rows])} | {over_seeds(rows, 'median_latency_s', 1)} | {over_seeds(rows, 'formed_s', 0)} | {len(rows)} |"
+
+
 def summary(rows):
     def over(key, digits):
-        values = [row[key] for row in rows if row[key] is not None]
-        if not values:
-            return "–"
-        return f"{statistics.mean(values):.{digits}f} ({min(values):.{digits}f}–{max(values):.{digits}f})"
+        return over_seeds(rows, key, digits)
 
     formed = over("formed_s", 0)
     n_formed = sum(row["formed_s"] is not None for row in rows)
@@ -116,18 +188,25 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--cases", nargs="*", choices=CASES, default=list(CASES))
+    parser.add_argument("--auto", action="store_true", help="the cases without settings of the network")
+    parser.add_argument("--cases", nargs="*", choices=[*CASES, *(case for case in AUTO if case not in CASES)], metavar="CASE")
     parser.add_argument("--function", nargs="*", choices=FUNCTIONS, default=["as-configured"], dest="functions")
     parser.add_argument("--set", action="append", default=[], dest="settings", metavar="KEY=VALUE")
     parser.add_argument("--journal", type=Path, required=True)
     asked = parser.parse_args()
+    if asked.auto:
+        asked.functions = ["auto"]
+    asked.cases = asked.cases or list(AUTO if asked.auto else CASES)
     done = [json.loads(line) for line in asked.journal.read_text().splitlines()] if asked.journal.exists() else []
     done = [row for row in done if row["settings"] == asked.settings]
     known = {(row["case"], row["seed"], row["function"]) for row in done}
     wanted = [(case, seed, function) for seed in range(1, asked.seeds + 1) for function in asked.functions for case in asked.cases]
     todo = [one for one in wanted if one not in known]
     with concurrent.futures.ThreadPoolExecutor(asked.jobs) as pool:
-        runs = [pool.submit(measure, *one, asked.settings) for one in todo]
+        runs = [
+            pool.submit(measure_automatic, case, seed, asked.settings) if asked.auto else pool.submit(measure, case, seed, function, asked.settings)
+            for case, seed, function in todo
+        ]
         for run in concurrent.futures.as_completed(runs):
             done.append(run.result())
             with asked.journal.open("a") as journal:
@@ -136,7 +215,7 @@ def main():
         for case in asked.cases:
             rows = [row for row in done if (row["case"], row["function"]) == (case, function)]
             if rows:
-                print(summary(rows))
+                print(summary_automatic(rows) if asked.auto else summary(rows))
 
 
 if __name__ == "__main__":

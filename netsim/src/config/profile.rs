@@ -79,6 +79,8 @@ pub struct Motes {
     pub positions_m: Vec<[f64; 3]>,
     /// Which of them move.
     pub moves: Vec<bool>,
+    /// How fast they may move apart from each other (m/s), if that is known.
+    pub scatter_mps: Option<f64>,
 }
 
 impl Motes {
@@ -205,6 +207,8 @@ const OWN_SHARE: f64 = 0.65;
 const DATA_SHARE: f64 = 0.7;
 /// But at least this share, so that moving motes find the way.
 const LEAST_BEACONS: f64 = 0.4;
+/// And so many that a mote sends this number of beacons while another one moves as far as a link reaches.
+const BEACONS_IN_RANGE: f64 = 7.0;
 /// Bounds of the number of these slots.
 const OWN_SLOTS: [usize; 2] = [16, MAX_SLOTS as usize - SHARED];
 /// Least probability of reception over a link on which a mote may rely.
@@ -248,7 +252,10 @@ fn chosen(
     let packets_per_s: f64 = protocols.app.iter().map(|app| packets_per_s(app, n_senders)).sum();
     let n_beside_roots = motes.n_beside(&roots, range_m).max(1) as f64;
     let load = slotframe_s * packets_per_s / n_beside_roots;
-    let of_beacons = (1.0 - DATA_SHARE * load).clamp(LEAST_BEACONS, 1.0);
+    let of_motion = motes.scatter_mps.zip(radio).map_or(0.0, |(scatter_mps, radio)| {
+        BEACONS_IN_RANGE * slotframe_s * scatter_mps / radio.range_m
+    });
+    let of_beacons = (1.0 - DATA_SHARE * load).clamp(of_motion.clamp(LEAST_BEACONS, 1.0), 1.0);
     let beacon_period_s = slotframe_s / of_beacons;
     let leaves = motes.among_routers(&roots, range_m).unwrap_or_default();
     let is_upward = |app: &toml::Table| {
@@ -309,8 +316,9 @@ keep_admission = {is_secure}
     );
     let settings = parse(&settings).ok()?;
     let among = if leaves.is_empty() { "" } else { " as leaves among routers that stand" };
+    let fast = motes.scatter_mps.map_or_else(String::new, |mps| format!(" at up to {mps} m/s"));
     let said = format!(
-        "netsim.profile = \"auto\": {n_moving} of {n_motes} robots move{among}, so sf.kind = {SOTDMA:?} with {n_slots} slots, a beacon every \
+        "netsim.profile = \"auto\": {n_moving} of {n_motes} robots move{fast}{among}, so sf.kind = {SOTDMA:?} with {n_slots} slots, a beacon every \
          {beacon_period_s:.2} s, hand-over and rerouting; \"rfc\" has the standards' defaults"
     );
     Some((settings, said))
@@ -391,6 +399,7 @@ mod tests {
         Motes {
             positions_m: (0..n_motes).map(place).collect(),
             moves: (0..n_motes).map(|mote| n_standing <= mote).collect(),
+            scatter_mps: None,
         }
     }
 
@@ -446,7 +455,8 @@ mod tests {
             };
             positions_m.iter().filter(|other| apart_m(other) <= distance_m).count()
         };
-        let motes = Motes { positions_m: positions_m.clone(), moves: vec![true; 200] };
+        let motes =
+            Motes { positions_m: positions_m.clone(), moves: vec![true; 200], scatter_mps: None };
         for distance_m in [5.0, 20.0, 40.0, motes.extent_m()] {
             let most = positions_m.iter().map(|one| around(one, distance_m)).max().unwrap();
             assert_eq!(motes.most_within(distance_m, 1000), most, "{distance_m}");
@@ -492,6 +502,20 @@ mod tests {
         let load = slotframe_s * 35.0 / 20.0 / 3.0;
         assert!((rarely * (1.0 - DATA_SHARE * load) - 1.0).abs() < 1e-9, "{rarely}");
         assert!((beacons(&app(0.01)).0 * LEAST_BEACONS - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn motes_that_move_fast_send_beacons_before_they_are_out_of_reach() {
+        let period_s = |scatter_mps| {
+            let motes = Motes { scatter_mps, ..motes(1, 35) };
+            let busy = "[[app]]\nkind = \"periodic\"\nperiod_s = 0.01\n";
+            resolved(busy, &motes).0["mac"]["beacon_period_s"].as_float().unwrap()
+        };
+        assert_eq!(period_s(Some(0.1)), period_s(None));
+        // Links reach 15 m, in steps of 1 %.
+        assert!((15.0 / 2.0 / BEACONS_IN_RANGE / period_s(Some(2.0)) - 1.0).abs() < 0.01);
+        // No more than one in each slotframe.
+        assert!((period_s(Some(100.0)) / period_s(None) - LEAST_BEACONS).abs() < 1e-9);
     }
 
     #[test]

@@ -12,12 +12,24 @@ pub(super) fn motes(config: &robotsim::config::Config, n_agents: usize) -> Motes
     let states = robotsim::scenario::states(config.scenario.as_ref(), n_agents, 0);
     let positions_m =
         (0..n_agents).map(|agent| [states.x_m[agent], states.y_m[agent], states.z_m[agent]]);
-    Motes { positions_m: positions_m.collect(), moves: config.behaviour.team.moving(n_agents) }
+    let team = &config.behaviour.team;
+    Motes {
+        positions_m: positions_m.collect(),
+        moves: team.moving(n_agents),
+        scatter_mps: team.scatter_mps(),
+    }
 }
+
+/// How fast robots of another simulator are taken to move (m/s): as a person walks.
+const UNKNOWN_MPS: f64 = 1.4;
 
 /// The motes of another simulator's robots, whose positions and controllers are unknown: all are taken to move, in range of each other.
 pub(super) fn unknown_motes(n_agents: usize) -> Motes {
-    Motes { positions_m: vec![[0.0; 3]; n_agents], moves: vec![true; n_agents] }
+    Motes {
+        positions_m: vec![[0.0; 3]; n_agents],
+        moves: vec![true; n_agents],
+        scatter_mps: Some(UNKNOWN_MPS),
+    }
 }
 
 /// The network's section with its profile resolved, and what to say of the choice. A section with keys that netsim does not know stays,

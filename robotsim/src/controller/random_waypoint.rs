@@ -93,6 +93,10 @@ impl RandomWaypoint {
 }
 
 impl Controller for RandomWaypoint {
+    fn scatter_mps(&self) -> Option<f64> {
+        Some(self.fastest_mps)
+    }
+
     fn command(&self, view: &View<'_>, agent: AgentId) -> Command {
         let own_m = view.position_m(agent);
         let mut goal_m = self.position_at(view.draws, agent, view.time_s + view.dt_s);
