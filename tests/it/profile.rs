@@ -55,3 +55,25 @@ fn a_swarm_that_moves_is_served_without_a_word_and_its_settings_are_written_down
     );
     assert!(since_start(&standard) < since_start(&chosen), "{}", standard["kpis"]["since_start"]);
 }
+
+#[test]
+fn what_is_chosen_is_said_before_a_run_and_by_a_sweep() {
+    let folder = tests::folder();
+    let short = WANDERING.replace("duration_s = 400.0", "duration_s = 5.0");
+    std::fs::write(folder.path().join("sweep.toml"), format!("{short}[sweep]\nseeds = 1\n"))
+        .unwrap();
+    std::fs::write(folder.path().join("run.toml"), short).unwrap();
+    for words in [
+        &["check", "run.toml"][..],
+        &["run", "run.toml", "--dry-run"],
+        &["sweep", "sweep.toml", "--dry-run"],
+        &["sweep", "sweep.toml"],
+    ] {
+        let output = tests::orchestrator(words, folder.path());
+        let said = tests::said(&output);
+        assert!(output.status.success(), "{words:?}: {said}");
+        let chosen =
+            "netsim.profile = \"auto\": 50 of 50 robots move at up to 1 m/s, so sf.kind = ";
+        assert!(said.contains(chosen), "{words:?}: {said}");
+    }
+}

@@ -513,7 +513,7 @@ mod tests {
         };
         assert_eq!(period_s(Some(0.1)), period_s(None));
         // Links reach 15 m, in steps of 1 %.
-        assert!((15.0 / 2.0 / BEACONS_IN_RANGE / period_s(Some(2.0)) - 1.0).abs() < 0.01);
+        assert!((15.0 / 4.0 / BEACONS_IN_RANGE / period_s(Some(4.0)) - 1.0).abs() < 0.01);
         // No more than one in each slotframe.
         assert!((period_s(Some(100.0)) / period_s(None) - LEAST_BEACONS).abs() < 1e-9);
     }

@@ -54,6 +54,8 @@ pub struct DryRun {
     pub folder: String,
     /// What the estimates are based on.
     pub basis: String,
+    /// What was chosen for a network whose profile is `auto` and whose robots move, in the longest trial; null if nothing.
+    pub chosen: Option<String>,
     /// What to check before it is run.
     pub warnings: Vec<String>,
 }
@@ -88,6 +90,7 @@ impl DryRun {
             free_bytes: free_bytes(out),
             folder: out.join(&plan.name).display().to_string(),
             basis,
+            chosen: plan.profile.clone(),
             warnings: plan.warnings.clone(),
         };
         if taken.as_ref().is_some_and(|taken| taken.is_forming) {
@@ -137,6 +140,9 @@ impl DryRun {
         let _ = write!(text, "\n  memory  {}", or_unknown(memory));
         let _ = write!(text, "\n  disk    {disk}{}, in {}", free.unwrap_or_default(), self.folder);
         let _ = write!(text, "\n  estimated from: {}", self.basis);
+        if let Some(chosen) = &self.chosen {
+            let _ = write!(text, "\n  {chosen}");
+        }
         text
     }
 }

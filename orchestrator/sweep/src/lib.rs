@@ -299,6 +299,11 @@ fn run_trials(
     let jobs = jobs(options, plan)?;
     let (trials, journal_name) = selected(plan, shard)?;
     terminal::warn_all(&plan.warnings);
+    if let Some(first) = trials.first()
+        && let Some(profile) = plan.plan(*first)?.profile
+    {
+        terminal::note(format!("{}: {profile}", plan.trial_name(*first)));
+    }
     let dir = options.out.join(&plan.name);
     check_folder(&dir, shard)?;
     system::create_dir_all(&dir)
