@@ -11,20 +11,21 @@ CONFIRMABLE, ACKNOWLEDGMENT = "0", "2"
 CONTENT = "69"
 
 
-def recorded(config, folder):
+def recorded(config, folder, seed):
     """The directory that a run of a configuration left, with a capture."""
     path = folder / "traffic.toml"
     path.write_text(config)
-    succeed([program("murmuration"), "run", path, "--out", folder, "--set", "output.pcap=true"], cwd=folder)
+    succeed([program("murmuration"), "run", path, "--seed", str(seed), "--out", folder, "--set", "output.pcap=true"], cwd=folder)
     return only_directory(folder)
 
 
 def test_wireshark_puts_the_blocks_of_downloads_together(tmp_path):
     config = (ROOT / "configs" / "traffic-download.toml").read_text()
-    # Without the reports of other motes: between two blocks that are minutes apart, Wireshark begins anew.
+    # Without the reports of other motes, and under a seed with which both stay in the network: between two blocks that are minutes
+    # apart, Wireshark begins anew.
     reports = '[[netsim.app]]\nkind = "periodic"\nperiod_s = 60.0\npayload_bytes = 40\n'
     assert reports in config
-    run = recorded(config.replace(reports, ""), tmp_path)
+    run = recorded(config.replace(reports, ""), tmp_path, seed=4)
     frames = dissect(run / "radio.pcap", "_ws.malformed", "coap.code", "ipv6.dst", "coap.block.reassembled.length",
                      "coap.block.error", "data.data")  # fmt: skip
     assert [frame for frame in frames if frame["_ws.malformed"] or frame["coap.block.error"]] == []
@@ -41,7 +42,8 @@ def test_wireshark_puts_the_blocks_of_downloads_together(tmp_path):
 
 
 def test_round_trips_are_those_of_the_frames_on_the_air(tmp_path):
-    run = recorded((ROOT / "configs" / "traffic-coap.toml").read_text(), tmp_path)
+    # Under this seed some exchanges fail.
+    run = recorded((ROOT / "configs" / "traffic-coap.toml").read_text(), tmp_path, seed=2)
     frames = dissect(run / "radio.pcap", "_ws.malformed", "frame.time_epoch", "coap.type", "coap.mid", "coap.token", "coap.opt.uri_path",
                      "coap.payload_length", "ipv6.src", "ipv6.dst")  # fmt: skip
     assert [frame for frame in frames if frame["_ws.malformed"]] == []
