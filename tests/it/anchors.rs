@@ -32,9 +32,10 @@ const COMPAT: [&str; 6] = [
     "stale_rank",
 ];
 
-/// `[compat]` with these keys switched on.
+/// `[compat]` with these keys switched on, and the others off.
 fn compat(on: &[&str]) -> String {
-    let lines: String = on.iter().map(|key| format!("{key} = true\n")).collect();
+    let lines: String =
+        COMPAT.iter().map(|key| format!("{key} = {}\n", on.contains(key))).collect();
     format!("[compat]\n{lines}")
 }
 

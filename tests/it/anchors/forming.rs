@@ -8,12 +8,8 @@ use std::fmt::Write as _;
 use std::sync::OnceLock;
 use tests::statistics::{Comparison, Measured, deviation, mean, median};
 
-/// BotNet's settings that are not behaviour.
-pub(super) const SETTINGS: &str = "[phy]\npropagation = 'full'\nrssi_dbm = -10.0\ninterference = { kind = 'table' }\n\
-     [sf]\nkind = 'rrsf'\n\
-     [mac]\nbeacon_wait_s = 0.1\nneighbours_to_wait = 2\nscan_dwell_s = 0.01\n\
-     [rpl]\ndao_period_s = 60.0\ndao_ack = false\ndao_delay_s = 0.0\n\
-     [swarm]\ntransport = 'none'\n";
+/// BotNet's settings, without a swarm that speaks.
+pub(super) const SETTINGS: &str = "profile = 'botnet'\n[swarm]\ntransport = 'none'\n";
 
 /// Slotframes that BotNet's runs were given.
 const MOST_SLOTFRAMES: u64 = 20_000;
@@ -152,10 +148,10 @@ fn the_shared_slot_is_what_makes_fifty_motes_slow() {
         "no_trickle_suppression" => with_keys(&without(key), &[]),
         _ => with_keys(&without(key), &[50]),
     });
-    let beacons = "[mac]\nbeacon_period_s = 2.0\nbeacon_spacing_s = 0.2\n";
-    let eager = SETTINGS.replace("[mac]\n", beacons);
-    let by = |kind: &str| row(&SETTINGS.replace("'rrsf'", &format!("'{kind}'")), &[]);
-    let frequent = row(&eager, &[50]);
+    let standard =
+        |more: &str, columns: &[usize]| row(&format!("{SETTINGS}{more}{}", compat(&[])), columns);
+    let by = |kind: &str| standard(&format!("[sf]\nkind = '{kind}'\n"), &[]);
+    let frequent = standard("[mac]\nbeacon_period_s = 2.0\nbeacon_spacing_s = 0.2\n", &[50]);
     let mut table = String::from("| behaviour | 5 | 10 | 25 | 50 |\n|---|---|---|---|---|\n");
     let mut write = |name: &str, runs: &[Vec<Formed>; 4]| {
         write!(table, "| {name} ").unwrap();
