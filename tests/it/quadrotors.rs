@@ -54,7 +54,7 @@ enum Commands {
 }
 
 /// Samples of a flight.
-const N_SAMPLES: u64 = 800;
+const N_SAMPLES: u64 = 1200;
 
 /// Two quadrotors that fly to places drawn anew every two seconds, at heights (m) from the first to the second number.
 fn flown(hidden: Hidden, commands: Commands, heights_m: [f64; 2]) -> String {

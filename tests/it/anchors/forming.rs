@@ -64,13 +64,13 @@ const MEASURED: [(usize, f64, f64, f64, [f64; 2], usize); 4] = [
     (50, 2480.0, 2365.0, 498.0, [1686.0, 2996.0], 11),
 ];
 
-/// Runs of ours: a greater network takes longer to simulate and scatters less. BotNet's figures are of 11 or 16 runs: 32 of ours make
-/// the comparison more exact by a tenth, 64 by another twentieth.
+/// Runs of ours: a greater network takes longer to simulate and scatters less. BotNet's figures are of 11 or 16 runs, and scatter
+/// more than those of 32: more runs of ours make the tables more exact, but hardly the comparison (at 50 motes by 7 %).
 fn n_seeds(n: usize) -> u64 {
     match (n < 50, wants_whole_tables()) {
         (true, true) => 256,
         (false, true) | (true, false) => 64,
-        (false, false) => n_runs_paired(),
+        (false, false) => N_PAIRS,
     }
 }
 
@@ -117,15 +117,13 @@ fn with_botnets_behaviour_a_network_forms_in_botnets_time() {
 const COLUMNS: [usize; 4] = [5, 10, 25, 50];
 
 /// Runs of each cell, under the same seeds.
-fn n_runs_paired() -> u64 {
-    if wants_whole_tables() { 32 } else { 16 }
-}
+const N_PAIRS: u64 = 32;
 
 /// One row of the second table, by column. Without whole tables, `columns` are simulated, and the others empty.
 fn row(config: &str, columns: &[usize]) -> [Vec<Formed>; 4] {
     COLUMNS.map(|n| {
         let is_wanted = wants_whole_tables() || columns.contains(&n);
-        if is_wanted { all(n, n_runs_paired(), config) } else { Vec::new() }
+        if is_wanted { all(n, N_PAIRS, config) } else { Vec::new() }
     })
 }
 
@@ -140,7 +138,7 @@ fn the_shared_slot_is_what_makes_fifty_motes_slow() {
     let with_keys =
         |on: &[&str], columns: &[usize]| row(&format!("{SETTINGS}{}", compat(on)), columns);
     let mut with_all = with_keys(&COMPAT, &[10]);
-    with_all[3] = fifty()[..n_runs_paired() as usize].to_vec();
+    with_all[3] = fifty()[..N_PAIRS as usize].to_vec();
     // The columns of which something is asserted.
     let left_out = COMPAT.map(|key| match key {
         "shared_slot_0" => with_keys(&without(key), &[25, 50]),
@@ -190,12 +188,11 @@ fn the_shared_slot_is_what_makes_fifty_motes_slow() {
     let [shared_slot_0, eb_rule, no_frame_overhead, _, perfect_acks, stale_rank] = &left_out;
     let slower = |one: f64, other: f64| one < other;
     let thrice = |one: f64, other: f64| 3.0 * other < one;
-    // Of 16 pairs, chance would put 13 or more on the side expected once in 94 times, 15 once in 3900.
-    let n_runs = n_runs_paired() as usize;
-    assert_eq!(n_pairs(&with_all[3], &shared_slot_0[3], thrice), n_runs, "{table}");
-    assert_eq!(n_pairs(&with_all[3], &frequent[3], thrice), n_runs, "{table}");
-    assert!(15 * n_runs <= 16 * n_pairs(&with_all[1], &eb_rule[1], slower), "{table}");
-    assert!(13 * n_runs <= 16 * n_pairs(&with_all[3], &stale_rank[3], slower), "{table}");
+    // Of 32 pairs, chance would put 25 or more on the side expected once in 950 times, 30 once in 8 million.
+    assert_eq!(n_pairs(&with_all[3], &shared_slot_0[3], thrice), 32, "{table}");
+    assert_eq!(n_pairs(&with_all[3], &frequent[3], thrice), 32, "{table}");
+    assert!(30 <= n_pairs(&with_all[1], &eb_rule[1], slower), "{table}");
+    assert!(25 <= n_pairs(&with_all[3], &stale_rank[3], slower), "{table}");
     // The comparison with BotNet's figures must be able to fail.
     for (runs, column) in [(shared_slot_0, 2), (shared_slot_0, 3), (eb_rule, 1)] {
         let (_, value, .., n_runs) = MEASURED[column];
@@ -210,7 +207,6 @@ fn the_shared_slot_is_what_makes_fifty_motes_slow() {
     assert!(shared_slot_0[3].iter().all(|formed| 0.99 < formed.root_acked));
     // Where links are perfect and nobody sends data, these hardly touch anything.
     for runs in [no_frame_overhead, perfect_acks] {
-        let n_same = n_pairs(&with_all[3], &runs[3], |one, other| one == other);
-        assert!(7 * n_runs <= 16 * n_same, "{table}");
+        assert!(14 <= n_pairs(&with_all[3], &runs[3], |one, other| one == other), "{table}");
     }
 }
