@@ -222,9 +222,11 @@ fn read_row(text: &str, header: &Header, start_ns: i128) -> Result<Row, String> 
     Ok(Row { from_ns: from_ns as u64, src, dst, channel, rssi_dbm, pdr, tx_count })
 }
 
-/// `2018-01-11T16:32:22.5` as nanoseconds since 1970. The fraction has one to six digits, or is left out.
-fn nanoseconds(text: &str) -> Option<i128> {
-    let (date, time) = text.split_once('T')?;
+/// `2018-01-11T16:32:22.5` as nanoseconds since 1970. A space may stand in place of the T. The fraction has one to six digits, or is
+/// left out.
+#[must_use]
+pub fn nanoseconds(text: &str) -> Option<i128> {
+    let (date, time) = text.split_once(['T', ' '])?;
     let number = |text: &str, digits: std::ops::RangeInclusive<usize>| -> Option<i128> {
         let plain = text.bytes().all(|byte| byte.is_ascii_digit());
         (digits.contains(&text.len()) && plain).then(|| text.parse().ok())?
@@ -275,7 +277,8 @@ mod tests {
         assert_eq!(nanoseconds("1970-01-01T00:00:00.0"), Some(0));
         assert_eq!(nanoseconds("2000-03-01T00:00:00"), Some(951_868_800_000_000_000));
         assert_eq!(nanoseconds("2018-01-11T16:32:22.25"), Some(1_515_688_342_250_000_000));
-        for wrong in ["2018-02-29T00:00:00.0", "2018-13-01T00:00:00.0", "2018-01-01 00:00:00", "x"]
+        assert_eq!(nanoseconds("2018-01-11 16:32:22.25"), Some(1_515_688_342_250_000_000));
+        for wrong in ["2018-02-29T00:00:00.0", "2018-13-01T00:00:00.0", "2018-01-01_00:00:00", "x"]
         {
             assert_eq!(nanoseconds(wrong), None, "{wrong}");
         }

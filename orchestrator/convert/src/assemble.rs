@@ -5,8 +5,8 @@ use crate::aggregate;
 use crate::channels::{self, ChannelShare};
 use crate::derive;
 use crate::files::{self, Found};
-use crate::formats::Rows;
-use crate::frame::{self, Frame};
+use crate::formats::{Rows, WithFields};
+use crate::frame::{self, Fields, Frame};
 use crate::geodesy::TangentPlane;
 use crate::join::{self, Joined};
 use crate::labels::Labels;
@@ -78,7 +78,7 @@ pub fn files_of(mapping: &Mapping) -> Result<Vec<Vec<PathBuf>>, ConvertError> {
     let runs = first.first().map_or(&[][..], |runs| &runs[..]);
     let mut files = vec![runs.iter().map(|found| found.path.clone()).collect::<Vec<_>>()];
     for (number, candidates) in (1..).zip(further) {
-        let has_wildcards = mapping.inputs[number].files.contains(['*', '?']);
+        let has_wildcards = files::is_pattern(&mapping.inputs[number].files);
         let mut of_input = Vec::new();
         for run in runs {
             let fits = |found: &&Found| !has_wildcards || found.wildcards == run.wildcards;
@@ -123,7 +123,11 @@ fn check_fields(
 }
 
 fn rows_of(input: &Input, file: &Path, reading: Reading) -> Result<Box<dyn Rows>, ConvertError> {
-    Ok((input.format.open)(file, open(file, reading)?, &input.keys)?)
+    let rows = (input.format.open)(file, open(file, reading)?, &input.keys)?;
+    Ok(match files::fields(&input.files, file) {
+        fields if fields.is_empty() => rows,
+        fields => Box::new(WithFields::new(rows, fields)),
+    })
 }
 
 /// What is kept over the runs.
@@ -179,9 +183,6 @@ impl State<'_> {
             derive::differences(&mut base, &mut account);
         }
         derive::delivery_ratio(&mut base, &mut account);
-        if self.mapping.table == TableKind::Links && !self.mapping.is_lost_from_gaps {
-            derive::drop_sums_over_channels(&mut base, &mut account);
-        }
         if let Some(period_ns) = self.mapping.aggregate_ns {
             if self.mapping.is_lost_from_gaps {
                 warnings.extend(derive::drop_partial_channels(&mut base));
@@ -227,8 +228,12 @@ impl State<'_> {
         let reading = Reading { budget: self.memory.left(), trust: self.trust };
         let mut rows = rows_of(input, file, reading)?;
         let mut account = Account { file, n_read: state.n_read, rejected: &mut state.rejected };
-        let mut frame =
-            frame::read(input, &mut *rows, &mut self.labels, &mut account, &mut self.memory)?;
+        let fields = Fields {
+            dates: self.mapping.dates,
+            is_without_repeats: self.mapping.is_without_repeats,
+        };
+        let (labels, memory) = (&mut self.labels, &mut self.memory);
+        let mut frame = frame::read(input, &mut *rows, fields, labels, &mut account, memory)?;
         frame::project(&mut frame, &mut self.plane, &mut account);
         state.n_read = account.n_read;
         if 0 < number {

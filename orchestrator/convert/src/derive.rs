@@ -121,26 +121,6 @@ pub(crate) fn delivery_ratio(frame: &mut Frame, account: &mut Account<'_>) {
     });
 }
 
-/// Rejects rows over all channels of a link whose single channels are in the file as well: they would count twice.
-pub(crate) fn drop_sums_over_channels(frame: &mut Frame, account: &mut Account<'_>) {
-    let key = |frame: &Frame, row: usize| {
-        let [tx, rx, _] = link_of(frame, row);
-        [tx, rx, frame.time_ns().map_or(0, |times| times[row] as u64)]
-    };
-    let Some(channels) = frame.column("channel") else { return };
-    let with_channels: BTreeSet<[u64; 3]> = (0..frame.n_rows())
-        .filter(|&row| channels[row].is_finite())
-        .map(|row| key(frame, row))
-        .collect();
-    frame.reject(account, |frame, row| {
-        let is_sum =
-            frame.column("channel")?[row].is_nan() && with_channels.contains(&key(frame, row));
-        is_sum.then(|| {
-            "it is the mean over channels that have rows of their own at the same time".to_owned()
-        })
-    });
-}
-
 /// Rejects rows whose sequence number is none.
 ///
 /// * `modulus`: numbers are below it, if the mapping states it.
@@ -407,16 +387,5 @@ mod tests {
         let reasons: Vec<(&str, usize)> =
             found.iter().map(|(reason, _, line)| (&reason[..9], *line)).collect();
         assert_eq!(reasons, [("it is the", 2), ("no frame ", 4), ("a counter", 5)]);
-    }
-
-    #[test]
-    fn a_mean_over_channels_beside_them_does_not_count_twice() {
-        let nan = f64::NAN;
-        let mut log = frame(
-            &[0, 0, 1],
-            &[("tx", &[1.0; 3]), ("rx", &[2.0; 3]), ("channel", &[11.0, nan, nan])],
-        );
-        let found = rejected(&mut log, drop_sums_over_channels);
-        assert_eq!((log.lines.clone(), found[0].2), (vec![2, 4], 3));
     }
 }

@@ -3,12 +3,12 @@
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
-/// A file, and what `*` and `?` of the pattern stand for in its path.
+/// A file, and what the wildcards of the pattern stand for in its path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
     /// The file.
     pub path: PathBuf,
-    /// One text for each `*` or `?`.
+    /// One text for each `*`, `?` and name in braces.
     pub wildcards: Vec<String>,
 }
 
@@ -16,6 +16,66 @@ pub struct Found {
 pub const MOST_FILES: usize = 10_000;
 /// Longest pattern and name (bytes) that are compared: patterns with many `*` take time.
 const LONGEST: usize = 4096;
+
+/// Whether a pattern may stand for several files.
+#[must_use]
+pub fn is_pattern(pattern: &str) -> bool {
+    pattern.split('/').any(|part| parts(part).iter().any(|part| !matches!(part, Part::Literal(_))))
+}
+
+/// What the names in braces of a pattern stand for in the path of a file, in order.
+///
+/// * `path`: of a file that the pattern stands for.
+#[must_use]
+pub fn fields(pattern: &str, path: &Path) -> Vec<(String, String)> {
+    let path: Vec<String> = path.iter().map(|part| part.to_string_lossy().into_owned()).collect();
+    let pattern: Vec<&str> = pattern.split('/').filter(|part| !part.is_empty()).collect();
+    let mut fields = Vec::new();
+    // A pattern is relative to a folder, so its parts are the last ones of the path.
+    for (part, name) in pattern.iter().rev().zip(path.iter().rev()).rev() {
+        let names = parts(part).into_iter().filter_map(|part| match part {
+            Part::Literal(_) => None,
+            Part::Any | Part::One => Some(None),
+            Part::Named(name) => Some(Some(name)),
+        });
+        let texts = matched(part, name).unwrap_or_default();
+        let named = names.zip(texts).filter_map(|(name, text)| Some((name?.to_owned(), text)));
+        fields.extend(named);
+    }
+    fields
+}
+
+/// A part of a pattern.
+#[derive(Clone, Copy)]
+enum Part<'a> {
+    Literal(char),
+    Any,
+    One,
+    Named(&'a str),
+}
+
+fn parts(pattern: &str) -> Vec<Part<'_>> {
+    let mut parts = Vec::new();
+    let mut rest = pattern;
+    while let Some(first) = rest.chars().next() {
+        let is_name = |name: &&str| {
+            !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        };
+        let named = rest.strip_prefix('{').and_then(|inner| inner.split_once('}'));
+        if let Some((name, after)) = named.filter(|(name, _)| is_name(name)) {
+            parts.push(Part::Named(name));
+            rest = after;
+            continue;
+        }
+        parts.push(match first {
+            '*' => Part::Any,
+            '?' => Part::One,
+            other => Part::Literal(other),
+        });
+        rest = &rest[first.len_utf8()..];
+    }
+    parts
+}
 
 /// Files that a pattern stands for, in natural order: `ds2` before `ds10`.
 ///
@@ -35,7 +95,7 @@ pub fn find(folder: &Path, pattern: &str) -> Result<Vec<Found>, String> {
     for part in pattern.split('/').filter(|part| !part.is_empty()) {
         let mut next = Vec::new();
         for at in found {
-            if part.contains(['*', '?']) {
+            if is_pattern(part) {
                 entries(&at, part, &mut next)?;
             } else {
                 next.push(Found { path: at.path.join(part), wildcards: at.wildcards });
@@ -45,7 +105,7 @@ pub fn find(folder: &Path, pattern: &str) -> Result<Vec<Found>, String> {
     }
     found.retain(|found| found.path.is_file());
     if found.is_empty() {
-        let has_wildcards = pattern.contains(['*', '?']);
+        let has_wildcards = is_pattern(pattern);
         let base = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         return Err(if has_wildcards {
             format!("matches no file (relative to {})", base.display())
@@ -80,9 +140,9 @@ fn entries(at: &Found, part: &str, next: &mut Vec<Found>) -> Result<(), String> 
     Ok(())
 }
 
-/// What each `*` and `?` of a pattern stands for in a name, if it matches. `*` stands for as little as possible.
+/// What each `*`, `?` and name in braces of a pattern stands for in a name, if it matches: as little as possible.
 fn matched(pattern: &str, name: &str) -> Option<Vec<String>> {
-    let pattern: Vec<char> = pattern.chars().collect();
+    let pattern = parts(pattern);
     let name: Vec<char> = name.chars().collect();
     // From the last `*` on, the match is tried again with one character more.
     let (mut at, mut read) = (0, 0);
@@ -90,18 +150,18 @@ fn matched(pattern: &str, name: &str) -> Option<Vec<String>> {
     let mut retry: Option<usize> = None;
     loop {
         match pattern.get(at) {
-            Some('*') => {
+            Some(Part::Any | Part::Named(_)) => {
                 retry = Some(starts.len());
                 starts.push((at, read, read));
                 at += 1;
                 continue;
             }
-            Some('?') if read < name.len() => {
+            Some(Part::One) if read < name.len() => {
                 starts.push((at, read, read + 1));
                 (at, read) = (at + 1, read + 1);
                 continue;
             }
-            Some(expected) if name.get(read) == Some(expected) => {
+            Some(Part::Literal(expected)) if name.get(read) == Some(expected) => {
                 (at, read) = (at + 1, read + 1);
                 continue;
             }
@@ -164,6 +224,11 @@ mod tests {
         assert_eq!(matched("a?c*", "abc").as_deref(), Some("b|"));
         assert_eq!(matched("a*", "b"), None);
         assert_eq!(matched("a?", "a"), None);
+        assert_eq!(matched("d{distance}m_*.csv", "d12m_3.csv").as_deref(), Some("12|3"));
+        let fields = fields("{site}/d{distance}m_*.csv", Path::new("/logs/hall/d12m_3.csv"));
+        let field = |name: &str, text: &str| (name.to_owned(), text.to_owned());
+        assert_eq!(fields, [field("site", "hall"), field("distance", "12")]);
+        assert!(is_pattern("a/{b}.csv") && !is_pattern("a{b c}.csv") && !is_pattern("a{}"));
     }
 
     #[test]

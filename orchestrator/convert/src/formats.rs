@@ -3,10 +3,13 @@
 //! A format turns a file into rows of named text fields. What the fields mean is the mapping's; a format whose fields always mean
 //! the same states their columns, so that a mapping need not.
 
+pub mod contiki;
 pub mod csv;
+pub mod json_lines;
 pub mod k7;
 pub mod openwsn;
 pub mod openwsn_transmissions;
+pub mod parquet;
 
 use ::csv::StringRecord;
 use measure::DataError;
@@ -45,8 +48,15 @@ impl Registered for Format {
 }
 
 /// The formats that are known.
-pub const BUILT_IN: &[Format] =
-    &[csv::FORMAT, k7::FORMAT, openwsn::FORMAT, openwsn_transmissions::FORMAT];
+pub const BUILT_IN: &[Format] = &[
+    csv::FORMAT,
+    json_lines::FORMAT,
+    parquet::FORMAT,
+    k7::FORMAT,
+    openwsn::FORMAT,
+    openwsn_transmissions::FORMAT,
+    contiki::FORMAT,
+];
 
 /// The rows of a log.
 pub trait Rows {
@@ -75,6 +85,39 @@ pub struct Row {
     pub fields: StringRecord,
     /// Why it cannot be used, if it cannot.
     pub problem: Option<String>,
+}
+
+/// Rows with further fields, the same in each.
+pub(crate) struct WithFields<'a> {
+    rows: Box<dyn Rows + 'a>,
+    names: Vec<String>,
+    values: Vec<String>,
+}
+
+impl<'a> WithFields<'a> {
+    /// * `fields`: names and values, which come after those of the rows.
+    pub(crate) fn new(rows: Box<dyn Rows + 'a>, fields: Vec<(String, String)>) -> Self {
+        let mut names = rows.names().to_vec();
+        let (further, values): (Vec<String>, Vec<String>) = fields.into_iter().unzip();
+        names.extend(further);
+        Self { rows, names, values }
+    }
+}
+
+impl Rows for WithFields<'_> {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    fn start_ns(&self) -> Option<i64> {
+        self.rows.start_ns()
+    }
+
+    fn next(&mut self, row: &mut Row) -> Result<bool, DataError> {
+        let is_there = self.rows.next(row)?;
+        self.values.iter().for_each(|value| row.fields.push_field(value));
+        Ok(is_there)
+    }
 }
 
 /// An error of a file, in the words of `message`.

@@ -5,14 +5,16 @@ use crate::account::Account;
 use crate::formats::{Row, Rows};
 use crate::geodesy::{FARTHEST_M, TangentPlane};
 use crate::labels::Labels;
-use crate::mapping::{Input, Source, Target};
+use crate::mapping::{Change, Input, Source, Target};
 use crate::tables::Content;
-use crate::time::{self, NS_PER_S};
+use crate::time::{self, Dates, DayClock, NS_PER_S, NoTime, Time};
+use crate::units::Unit;
 use csv::StringRecord;
 use measure::memory::Memory;
 use proto::bounds::{CELLS, ROWS};
 use proto::config::{Problem, most_similar};
-use std::collections::BTreeMap;
+use sha2::{Digest as _, Sha256};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// What a field takes (bytes): in its frame, in the table of all frames, in the table that its reader checks, and in its rows.
@@ -100,11 +102,11 @@ fn retain<T>(values: &mut Vec<T>, keep: &[bool]) {
 /// What a column is filled from, the fields of the log being found.
 enum Filling {
     Constant(f64),
-    Number { field: usize, scale: f64, offset: f64 },
+    Number { field: usize, factor: f64, change: Change },
     Label(usize),
     Quaternion([usize; 4]),
-    Time { field: usize, unit_ns: i128, scale: f64, offset_s: f64 },
-    SecondsAndNanoseconds([usize; 2]),
+    Time { field: usize, unit_ns: i128, change: Change },
+    TimeParts([usize; 2]),
 }
 
 /// Finds the fields that an input's columns are filled from.
@@ -158,7 +160,7 @@ fn fields(target: &Target) -> Vec<&String> {
     match &target.source {
         Source::Constant(_) => Vec::new(),
         Source::Column { name, .. } => vec![name],
-        Source::SecondsAndNanoseconds(names) => names.iter().collect(),
+        Source::TimeParts(names) => names.iter().collect(),
         Source::Quaternion(names) => names.iter().collect(),
     }
 }
@@ -171,6 +173,7 @@ fn fields(target: &Target) -> Vec<&String> {
 pub(crate) fn read(
     input: &Input,
     rows: &mut dyn Rows,
+    reading: Fields,
     labels: &mut Labels,
     account: &mut Account<'_>,
     memory: &mut Memory,
@@ -181,6 +184,8 @@ pub(crate) fn read(
     let mut times: Vec<Vec<i64>> = vec![Vec::new(); fillings.len()];
     let mut row = Row::default();
     let mut cells: Vec<Cell> = Vec::with_capacity(fillings.len());
+    let mut clocks = vec![DayClock::default(); fillings.len()];
+    let mut seen: BTreeSet<[u8; 32]> = BTreeSet::new();
     while rows.next(&mut row)? {
         account.n_read += 1;
         let refused = |refusal: String| {
@@ -189,10 +194,17 @@ pub(crate) fn read(
         ROWS.check(account.n_read as u64).map_err(refused)?;
         CELLS.check((account.n_read * fillings.len().max(1)) as u64).map_err(refused)?;
         let labels_before = labels.n_bytes();
-        let problem = row.problem.take().or_else(|| {
+        let mut problem = row.problem.take();
+        if problem.is_none() && reading.is_without_repeats {
+            memory.take(BYTES_OF_SEEN, "rows that were read").map_err(refused)?;
+            problem = (!seen.insert(digest(&row.fields))).then(|| REPEATED.to_owned());
+        }
+        let problem = problem.or_else(|| {
             cells.clear();
-            input.columns.iter().zip(&fillings).find_map(|(target, filling)| {
-                filling.cell(target, &row.fields, labels).map(|cell| cells.push(cell)).err()
+            let mut columns = input.columns.iter().zip(&fillings).zip(&mut clocks);
+            columns.find_map(|((target, filling), clock)| {
+                let cell = filling.cell(target, &row.fields, labels, reading, clock);
+                cell.map(|cell| cells.push(cell)).err()
             })
         });
         memory.take(labels.n_bytes() - labels_before, "names").map_err(refused)?;
@@ -220,6 +232,21 @@ pub(crate) fn read(
     Ok(frame)
 }
 
+/// Why a row is rejected that the file has twice.
+const REPEATED: &str = "it repeats an earlier row of the file in every field";
+/// What is kept of a row to recognise its repetition (bytes).
+const BYTES_OF_SEEN: u64 = 64;
+
+/// The SHA-256 of the fields of a row.
+fn digest(fields: &StringRecord) -> [u8; 32] {
+    let mut hash = Sha256::new();
+    for field in fields {
+        hash.update((field.len() as u64).to_le_bytes());
+        hash.update(field.as_bytes());
+    }
+    hash.finalize().into()
+}
+
 fn fillings(input: &Input, names: &[String], file: &Path) -> Result<Vec<Filling>, ConvertError> {
     let mut fillings = Vec::with_capacity(input.columns.len());
     for target in &input.columns {
@@ -233,22 +260,20 @@ fn fillings(input: &Input, names: &[String], file: &Path) -> Result<Vec<Filling>
         };
         fillings.push(match &target.source {
             Source::Constant(number) => Filling::Constant(*number),
-            Source::SecondsAndNanoseconds([s, ns]) => {
-                Filling::SecondsAndNanoseconds([find(s)?, find(ns)?])
-            }
+            Source::TimeParts([first, second]) => Filling::TimeParts([find(first)?, find(second)?]),
             Source::Quaternion([x, y, z, w]) => {
                 Filling::Quaternion([find(x)?, find(y)?, find(z)?, find(w)?])
             }
-            Source::Column { name, unit, scale, offset } => match target.content {
+            Source::Column { name, unit, change } => match target.content {
                 Content::Label => Filling::Label(find(name)?),
                 Content::Time => {
                     let unit_ns = unit.and_then(|unit| unit.nanoseconds()).unwrap_or(NS_PER_S);
-                    Filling::Time { field: find(name)?, unit_ns, scale: *scale, offset_s: *offset }
+                    Filling::Time { field: find(name)?, unit_ns, change: *change }
                 }
                 Content::Number | Content::Heading => Filling::Number {
                     field: find(name)?,
-                    scale: scale * unit.map_or(1.0, |unit| unit.factor(&target.name)),
-                    offset: *offset,
+                    factor: unit.map_or(1.0, |unit| unit.factor(&target.name)),
+                    change: *change,
                 },
             },
         });
@@ -270,6 +295,8 @@ impl Filling {
         target: &Target,
         fields: &StringRecord,
         labels: &mut Labels,
+        reading: Fields,
+        clock: &mut DayClock,
     ) -> Result<Cell, String> {
         let field = |at: usize| fields.get(at).unwrap_or_default().trim();
         let name = &target.name;
@@ -288,13 +315,13 @@ impl Filling {
                 }
             }
             Self::Label(at) => Ok(Cell::Number(f64::from(labels.occurrence(field(at))))),
-            Self::Number { field: at, scale, offset } => {
-                Ok(Cell::Number(number(name, field(at))? * scale + offset))
+            Self::Number { field: at, factor, change } => {
+                Ok(Cell::Number(change.apply(number(name, field(at), factor)?)))
             }
             Self::Quaternion(at) => {
                 let mut parts = [0.0; 4];
                 for (part, at) in parts.iter_mut().zip(at) {
-                    *part = number(name, field(at))?;
+                    *part = number(name, field(at), 1.0)?;
                 }
                 heading(parts).map(Cell::Number).ok_or_else(|| {
                     format!(
@@ -309,25 +336,68 @@ impl Filling {
                     Ok(Cell::Time(NO_TIME))
                 }
             }
-            Self::Time { field: at, unit_ns, scale, offset_s } => {
+            Self::Time { field: at, unit_ns, change } => {
                 // A time that is only another unit keeps all its digits.
-                let time_ns = if scale == 1.0 && offset_s == 0.0 {
-                    time::parse(field(at), unit_ns)
-                } else {
-                    let ns = number(name, field(at))? * scale * unit_ns as f64 + offset_s * 1e9;
-                    (ns.abs() < 9e18).then_some(ns as i64)
-                };
-                time_ns.map(Cell::Time).ok_or_else(|| format!("{name} is not a number or a date"))
+                if change == Change::NONE {
+                    return reading.time(name, field(at), unit_ns, clock).map(Cell::Time);
+                }
+                let Change { scale, offset, .. } = change;
+                let ns = number(name, field(at), scale * unit_ns as f64)? + offset * 1e9;
+                let time_ns = (ns.abs() < 9e18).then_some(ns as i64);
+                time_ns.map(Cell::Time).ok_or_else(|| format!("{name} is not a number"))
             }
-            Self::SecondsAndNanoseconds([s, ns]) => {
-                let parts = time::parse(field(s), NS_PER_S).zip(time::parse(field(ns), 1));
-                parts
-                    .and_then(|(s, ns)| s.checked_add(ns))
-                    .map(Cell::Time)
-                    .ok_or_else(|| format!("{name} is not two numbers, seconds and nanoseconds"))
+            Self::TimeParts([first, second]) => {
+                let (first, second) = (field(first), field(second));
+                if let Some(s) = time::parse(first, NS_PER_S).filter(|_| !is_date(first)) {
+                    let parts = time::parse(second, 1).and_then(|ns| s.checked_add(ns));
+                    return parts.map(Cell::Time).ok_or_else(|| {
+                        format!("{name} is not two numbers, seconds and nanoseconds")
+                    });
+                }
+                let text = format!("{first} {second}");
+                reading.time(name, &text, NS_PER_S, clock).map(Cell::Time)
             }
         }
     }
+}
+
+/// How the fields of a log are read.
+#[derive(Clone, Copy)]
+pub(crate) struct Fields {
+    /// How dates are written.
+    pub dates: Dates,
+    /// Rows that repeat an earlier one in every field are rejected.
+    pub is_without_repeats: bool,
+}
+
+impl Fields {
+    fn time(
+        self,
+        name: &str,
+        text: &str,
+        unit_ns: i128,
+        clock: &mut DayClock,
+    ) -> Result<i64, String> {
+        match time::read(text, unit_ns, self.dates) {
+            Ok(Time::OfDay(time_ns)) => Ok(clock.elapsed_ns(time_ns)),
+            Ok(time) => Ok(time.ns()),
+            Err(NoTime::Unknown) => Err(format!("{name} is not a number or a date")),
+            Err(NoTime::Ambiguous) => Err(format!(
+                "{name} is a date in which day and month may be either way round; state date_order in the mapping"
+            )),
+        }
+    }
+}
+
+/// Whether a text is a date, as a column beside one of times of day holds it. Eight digits are one.
+fn is_date(text: &str) -> bool {
+    let is_compact = text.len() == 8 && text.bytes().all(|byte| byte.is_ascii_digit());
+    is_compact
+        && matches!(time::read(&format!("{text}T000000"), 1, Dates::default()), Ok(Time::Date(_)))
+        || matches!(
+            time::read(text, 1, Dates::default()),
+            Ok(Time::Date(_)) | Err(NoTime::Ambiguous)
+        )
 }
 
 fn is_empty(field: &str) -> bool {
@@ -335,8 +405,10 @@ fn is_empty(field: &str) -> bool {
     field.is_empty() || EMPTY.iter().any(|word| field.eq_ignore_ascii_case(word))
 }
 
-/// A number, NaN where the field is empty.
-fn number(name: &str, field: &str) -> Result<f64, String> {
+/// A number in the unit of the table, NaN where the field is empty.
+///
+/// * `factor`: what one unit of a number is that has no unit of its own.
+fn number(name: &str, field: &str, factor: f64) -> Result<f64, String> {
     if is_empty(field) {
         return Ok(f64::NAN);
     }
@@ -346,8 +418,15 @@ fn number(name: &str, field: &str) -> Result<f64, String> {
     if field.eq_ignore_ascii_case("false") {
         return Ok(0.0);
     }
-    let number = field.parse::<f64>().ok().filter(|number| number.is_finite());
-    number.ok_or_else(|| format!("{name} is not a number"))
+    if let Ok(number) = field.parse::<f64>()
+        && number.is_finite()
+    {
+        return Ok(number * factor);
+    }
+    let with_unit = Unit::of_value(field).filter(|(_, unit)| unit.fits(name));
+    with_unit
+        .map(|(number, unit)| number * unit.factor(name))
+        .ok_or_else(|| format!("{name} is not a number"))
 }
 
 /// The heading (rad) of a body: the angle from +x to where its x axis points, seen from above. NaN where a part is missing.
@@ -424,10 +503,14 @@ mod tests {
 
     #[test]
     fn words_for_nothing_are_missing_and_other_words_are_no_numbers() {
-        assert!(number("x_m", "NaN").unwrap().is_nan() && number("x_m", "").unwrap().is_nan());
-        assert_eq!(number("received", "True"), Ok(1.0));
-        for wrong in ["x", "inf", "1,5"] {
-            assert_eq!(number("x_m", wrong), Err("x_m is not a number".to_owned()));
+        assert!(
+            number("x_m", "NaN", 1.0).unwrap().is_nan() && number("x_m", "", 1.0).unwrap().is_nan()
+        );
+        assert_eq!(number("received", "True", 1.0), Ok(1.0));
+        assert_eq!(number("x_m", "120 cm", 1.0), Ok(1.2));
+        assert_eq!(number("rssi_dbm", "-70dBm", -1.0), Ok(-70.0));
+        for wrong in ["x", "inf", "1,5", "3 deg", "m"] {
+            assert_eq!(number("x_m", wrong, 1.0), Err("x_m is not a number".to_owned()));
         }
     }
 }

@@ -86,9 +86,19 @@ pub(crate) fn join(
     for (name, values) in other.columns.iter().filter(|(name, _)| !is_key(name)) {
         let column = matches
             .iter()
-            .map(|matched| matched.map_or(f64::NAN, |matched| value(name, values, matched)))
-            .collect();
-        base.columns.push((format!("{prefix}{name}"), column));
+            .map(|matched| matched.map_or(f64::NAN, |matched| value(name, values, matched)));
+        let name = format!("{prefix}{name}");
+        // Several inputs may have the places of different nodes.
+        match base.columns.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, known)) => {
+                let empty = known.iter_mut().zip(column).filter(|(known, _)| known.is_nan());
+                empty.for_each(|(known, value)| *known = value);
+            }
+            None => {
+                let column = column.collect();
+                base.columns.push((name, column));
+            }
+        }
     }
     for matched in &matches {
         match matched {
@@ -202,5 +212,12 @@ mod tests {
         assert_eq!(found, [true, false]);
         let x_m = base.column("tx_x_m").unwrap();
         assert!(x_m[0] == 7.0 && x_m[1].is_nan());
+        // Places of other nodes, in another file, fill what is empty.
+        let mut others = frame(&[], &[("node", &[1.0, 2.0]), ("x_m", &[70.0, 9.0])]);
+        others.times_ns.clear();
+        others.lines = vec![2, 3];
+        join(&mut base, &others, how, Some(("tx", "node")), "tx_", &mut Joined::default());
+        assert_eq!(base.column("tx_x_m"), Some(&[7.0, 9.0][..]));
+        assert_eq!(base.columns.iter().filter(|(name, _)| name == "tx_x_m").count(), 1);
     }
 }

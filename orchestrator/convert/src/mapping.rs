@@ -6,8 +6,8 @@ mod spec;
 pub use spec::schema;
 
 use crate::formats::{BUILT_IN, Format};
-use crate::tables::{self, Content, SourceKey, TableKind};
-use crate::time::{self, NS_PER_S};
+use crate::tables::{self, Content, Sign, SourceKey, TableKind};
+use crate::time::{self, Dates, NS_PER_S};
 use crate::units::Unit;
 use proto::bounds::CONFIGURATION_BYTES;
 use proto::config::{
@@ -43,6 +43,10 @@ pub struct Mapping {
     pub sequence_modulus: Option<u64>,
     /// Whether the logs have the frames that were lost, as the mapping states it.
     pub losses: Option<LoggedLosses>,
+    /// How the logs write dates.
+    pub dates: Dates,
+    /// Rows that repeat an earlier row in every field of the log are rejected.
+    pub is_without_repeats: bool,
 }
 
 /// From when times count.
@@ -63,6 +67,15 @@ pub enum LoggedLosses {
     Logged,
     /// Only frames that were received have a row.
     NotLogged,
+}
+
+/// What becomes of rows that repeat an earlier row of their file in every field.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Repeats {
+    /// They are rows like others.
+    Keep,
+    /// They are rejected.
+    Drop,
 }
 
 /// Log files of one format.
@@ -106,15 +119,41 @@ pub enum Source {
         name: String,
         /// Its unit; `None`: that of the table.
         unit: Option<&'static Unit>,
-        /// The value is multiplied by this,
-        scale: f64,
-        /// and this is added.
-        offset: f64,
+        /// How its values become those of the table.
+        change: Change,
     },
-    /// Columns of whole seconds and of nanoseconds.
-    SecondsAndNanoseconds([String; 2]),
+    /// Columns of whole seconds and of nanoseconds, or of a date and of the time of day.
+    TimeParts([String; 2]),
     /// Columns of a unit quaternion: x, y, z, w.
     Quaternion([String; 4]),
+}
+
+/// How values of a log become those of the table, after their unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change {
+    /// The value is multiplied by this,
+    pub scale: f64,
+    /// and this is added.
+    pub offset: f64,
+    /// The sign of the result.
+    pub sign: Sign,
+    /// The least and the greatest result; others are missing.
+    pub within: Option<[f64; 2]>,
+}
+
+impl Change {
+    /// Values stay as they are.
+    pub const NONE: Self = Self { scale: 1.0, offset: 0.0, sign: Sign::AsWritten, within: None };
+
+    /// The value of the table, NaN where it is missing.
+    #[must_use]
+    pub fn apply(&self, value: f64) -> f64 {
+        let value = value * self.scale + self.offset;
+        let value = if self.sign == Sign::Negative { -value.abs() } else { value };
+        let is_outside =
+            self.within.is_some_and(|[least, greatest]| !(least..=greatest).contains(&value));
+        if is_outside { f64::NAN } else { value }
+    }
 }
 
 /// How rows are joined by time.
@@ -190,6 +229,11 @@ impl Mapping {
             is_lost_from_gaps: false,
             sequence_modulus: keys.sequence_modulus,
             losses: keys.losses,
+            dates: Dates {
+                order: keys.date_order,
+                offset_s: (keys.utc_offset_h * 3600.0).round() as i64,
+            },
+            is_without_repeats: keys.repeats == Repeats::Drop,
         };
         mapping.is_lost_from_gaps =
             keys.lost_from_gaps.unwrap_or_else(|| mapping.is_lost_from_gaps_by_default());
@@ -434,8 +478,7 @@ fn input(
                 source: Source::Column {
                     name: (*field).to_owned(),
                     unit: None,
-                    scale: 1.0,
-                    offset: 0.0,
+                    change: Change::NONE,
                 },
                 is_stated: false,
             });
@@ -499,7 +542,7 @@ mod tests {
         for part in [
             "map.toml:1: table: must be one of \"links\", \"robots\", \"packets\", got \"robot\" (nearest valid: \"robots\")",
             "map.toml:2: names.b: must differ from the number of \"a\", got 1",
-            "map.toml:5: input[0].format: must be one of \"csv\", \"k7\", \"openwsn-packets\", \"openwsn-transmissions\", got \"csvs\" (nearest valid: \"csv\")",
+            "map.toml:5: input[0].format: must be one of \"csv\", \"json-lines\", \"parquet\", \"k7\", \"openwsn-packets\", \"openwsn-transmissions\", \"contiki-packets\", got \"csvs\" (nearest valid: \"csv\")",
             "map.toml:6: input[0].columns.agnt: is not a known key (nearest valid: agent)",
             "map.toml:6: input[0].columns.y_m.unit: must be one of m, cm, mm, km, ft, got \"deg\"",
             "map.toml:7: input[0].covariates.heading_rad: is no covariate",

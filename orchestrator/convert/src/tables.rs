@@ -214,13 +214,27 @@ pub(crate) struct SourceKeys {
     /// This is added to the value after the multiplication, in the unit of the table.
     #[key(default = 0.0)]
     pub(crate) offset: f64,
+    /// The sign of the value: "negative" makes 73 and -73 both -73, where a log drops minus signs.
+    #[key(default = Sign::AsWritten)]
+    pub(crate) sign: Sign,
+    /// The least and the greatest value, in the unit of the table. Values outside are missing, as a reading of 127 that stands for none.
+    pub(crate) within: Option<[f64; 2]>,
+}
+
+/// The sign of the values of a column.
+#[derive(Choice, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sign {
+    /// As the log has it.
+    AsWritten,
+    /// All values are negative.
+    Negative,
 }
 
 /// The keys of `columns`: one for each of [`COLUMNS`].
 pub(crate) const COLUMNS_SPEC: TableSpec = TableSpec {
     doc: "Source of each column of the table: the name of a column of the log, a number that is the same in every row, a \
-          table with column and unit, or a list of columns: [seconds, nanoseconds] for a time, and a quaternion [x, y, z, w] \
-          for a heading.",
+          table with column and unit, or a list of columns: [seconds, nanoseconds] or [date, time of day] for a time, and a \
+          quaternion [x, y, z, w] for a heading.",
     fields: &{
         let mut fields = [key(&COLUMNS[0]); COLUMNS.len()];
         let mut at = 1;

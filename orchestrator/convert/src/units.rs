@@ -82,6 +82,15 @@ impl Unit {
         ALL.iter().find(|unit| unit.name == name || unit.aliases.contains(&&*name))
     }
 
+    /// The number and the unit of a text such as `-70 dBm`, if the unit is known.
+    #[must_use]
+    pub fn of_value(text: &str) -> Option<(f64, &'static Self)> {
+        let end = text.find(|c: char| c.is_alphabetic() || c == '°' || c == '%')?;
+        // The letter of an exponent is none of a unit.
+        let number = text[..end].trim().parse::<f64>().ok().filter(|number| number.is_finite())?;
+        Self::named(&text[end..]).map(|unit| (number, unit))
+    }
+
     /// The unit that the name of a log's column states: `speed_kmh`, `yaw [deg]`, `t (ms)`, `ns`.
     #[must_use]
     pub fn of_column(name: &str) -> Option<&'static Self> {

@@ -205,6 +205,7 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     let mut seen = BTreeSet::new();
     let are_times_known = column("time_s").is_some_and(has_times);
     let sequence = SEQUENCE.iter().find_map(|name| column(name));
+    let single_channels = if is_aggregated { single_channels(table) } else { BTreeSet::new() };
     let mut untold = Untold::default();
     for index in 0..n_rows {
         let line = table.line(index);
@@ -233,6 +234,11 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
             },
         };
         match checked(row, number("tx"), number("rx"), number("channel"), is_aggregated) {
+            Ok(row)
+                if row.channel.is_none() && single_channels.contains(&link_at(table, index)) =>
+            {
+                rejections.add(SUM_OVER_CHANNELS, line);
+            }
             Ok(row) => {
                 // The same frame twice says nothing twice.
                 let key = [row.time_s, f64::from(row.run), row.rssi_dbm, row.received]
@@ -312,6 +318,26 @@ pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
         ));
     }
     Ok(links)
+}
+
+const SUM_OVER_CHANNELS: &str =
+    "it is the mean over channels that have rows of their own at the same time";
+
+/// Run, time, sender and receiver of a row.
+fn link_at(table: &DataTable, row: usize) -> [u64; 4] {
+    ["run", "time_s", "tx", "rx"]
+        .map(|name| table.column(name).map_or(f64::NAN, |column| column[row]).to_bits())
+}
+
+/// The links and times that have rows of single channels, if the table has rows over all channels as well: these frames would count
+/// twice.
+fn single_channels(table: &DataTable) -> BTreeSet<[u64; 4]> {
+    let Some(channels) = table.column("channel") else { return BTreeSet::new() };
+    if !channels.iter().any(|channel| channel.is_nan()) {
+        return BTreeSet::new();
+    }
+    let is_single = |&row: &usize| channels[row].is_finite();
+    (0..table.n_rows()).filter(is_single).map(|row| link_at(table, row)).collect()
 }
 
 /// Whether times differ, so that equal rows of one time are one frame.

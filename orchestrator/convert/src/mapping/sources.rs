@@ -1,6 +1,6 @@
 //! What the columns of a table are filled from, as a mapping states it.
 
-use super::{MOST_NUMBER, Source, Target};
+use super::{Change, MOST_NUMBER, Source, Target};
 use crate::tables::{self, Content, SourceKey, SourceKeys};
 use crate::units::{self, Unit};
 use measure::links::LOSSES_LOGGED;
@@ -18,14 +18,14 @@ pub(super) fn target(
         SourceKey::Constant(number) => Source::Constant(number),
         SourceKey::Column(column) => {
             let unit = Unit::of_column(&column).filter(|unit| unit.fits(name));
-            Source::Column { name: column, unit, scale: 1.0, offset: 0.0 }
+            Source::Column { name: column, unit, change: Change::NONE }
         }
         SourceKey::Columns(list) => {
             let written = toml::Value::from(list.clone());
             let (expected, source) = match content {
                 Content::Time => (
-                    "must be the name of a column, or a list of two: [seconds, nanoseconds]",
-                    <[String; 2]>::try_from(list).map(Source::SecondsAndNanoseconds).ok(),
+                    "must be the name of a column, or a list of two: [seconds, nanoseconds] or [date, time of day]",
+                    <[String; 2]>::try_from(list).map(Source::TimeParts).ok(),
                 ),
                 Content::Heading => (
                     "must be the name of a column, or a list of four, a quaternion: [x, y, z, w]",
@@ -54,10 +54,29 @@ pub(super) fn target(
                 }
                 None => Unit::of_column(&keys.column).filter(|unit| unit.fits(name)),
             };
-            if content == Content::Label && (keys.scale != 1.0 || keys.offset != 0.0) {
-                problems.push(Problem::new(path, "is a number or name, without scale and offset"));
+            let change = Change {
+                scale: keys.scale,
+                offset: keys.offset,
+                sign: keys.sign,
+                within: keys.within,
+            };
+            if content == Content::Label && change != Change::NONE {
+                let message = "is a number or name, without scale, offset, sign and within";
+                problems.push(Problem::new(path, message));
             }
-            Source::Column { name: keys.column, unit, scale: keys.scale, offset: keys.offset }
+            if content == Content::Time
+                && (change.within.is_some() || change.sign != Change::NONE.sign)
+            {
+                problems.push(Problem::new(path, "is a time, without sign and within"));
+            }
+            if let Some([least, greatest]) =
+                change.within.filter(|[least, greatest]| greatest < least)
+            {
+                let message = "must be the least and the greatest value, in this order";
+                let value = format!("[{least}, {greatest}]");
+                problems.push(Problem::new(format!("{path}.within"), message).value(value));
+            }
+            Source::Column { name: keys.column, unit, change }
         }
     };
     if matches!(source, Source::Constant(_)) && content == Content::Time {

@@ -1,8 +1,9 @@
 //! The keys of mapping files.
 
-use super::{JoinKind, LoggedLosses};
+use super::{JoinKind, LoggedLosses, Repeats};
 use crate::formats::BUILT_IN;
 use crate::tables::{COLUMNS_SPEC, TableKind};
+use crate::time::DateOrder;
 use proto::config::{FilePath, Lists, OneOf, Registry, Section, Tag, Variants, json_schema};
 
 /// The key that sums up link samples.
@@ -49,6 +50,15 @@ pub(super) struct MappingKeys {
     /// Links: whether the log has the frames that were lost, which the column losses_logged then states. By default it states that losses
     /// are logged if rows were added for missing sequence numbers, or if the column frames is filled.
     pub(super) losses: Option<LoggedLosses>,
+    /// Order of day and month in dates such as 04/03/2025, whose year stands last and whose parts are not separated by points. By default,
+    /// rows are rejected where both orders are possible.
+    pub(super) date_order: Option<DateOrder>,
+    /// Offset from UTC (h) of dates that state none: 1 for Central European Time.
+    #[key(range = -14.0..=14.0, default = 0.0)]
+    pub(super) utc_offset_h: f64,
+    /// What becomes of rows that repeat an earlier row of their file in every field.
+    #[key(default = Repeats::Keep)]
+    pub(super) repeats: Repeats,
     /// The logs. Rows of the table are the rows of the first input; further inputs are joined onto them.
     #[key(required, tables = InputKeys::SPEC)]
     pub(super) input: Vec<toml::Table>,
@@ -67,8 +77,9 @@ pub(super) enum StartKey {
 #[derive(Section)]
 #[section(tag = FORMAT)]
 pub(super) struct InputKeys {
-    /// Path of the log, relative to the mapping file. `*` and `?` stand for any characters: each file is then a run of its own, in
-    /// natural order. Files of further inputs belong to the run in whose file name `*` stands for the same text.
+    /// Path of the log, relative to the mapping file. `*` and `?` stand for any characters, as does a name in braces, whose text becomes
+    /// a column of the log: `rssi_{distance}m.csv`. Each file is then a run of its own, in natural order. Files of further inputs
+    /// belong to the run in whose file name the same text stands.
     #[key(required)]
     pub(super) files: Option<FilePath>,
     /// Source of each column of the table.
