@@ -374,7 +374,7 @@ mod tests {
         let k7 = format!(
             "{{\"start_date\":\"2018-01-11T16:32:22\",\"stop_date\":\"2018-01-12T16:32:22\",\"location\":\"x\",\"channels\":[11],\
              \"transmission_count\":100,\"node_count\":2}}\ndatetime,src,dst,channel,mean_rssi,pdr,tx_count\n{}",
-            "2018-01-11T16:32:22,0,1,11,-70,1.0,100\n".repeat(2000)
+            "2018-01-11T16:32:22,0,1,11,-70,1.0,100\n".repeat(3000)
         );
         for (name, content) in [("a.csv", &csv), ("b.csv", &text), ("c.k7", &k7)] {
             let path = folder.path().join(name);

@@ -1,10 +1,58 @@
 //! What the columns of a table are filled from, as a mapping states it.
 
-use super::{Change, MOST_NUMBER, Source, Target};
-use crate::tables::{self, Content, SourceKey, SourceKeys};
+use super::{MOST_NUMBER, Target};
+use crate::tables::{self, Content, Sign, SourceKey, SourceKeys};
 use crate::units::{self, Unit};
 use measure::links::LOSSES_LOGGED;
 use proto::config::{Lists, Node, Problem, Section as _, Value, check, most_similar};
+
+/// What a column is filled from.
+#[derive(Clone, Debug)]
+pub enum Source {
+    /// The same number in every row.
+    Constant(f64),
+    /// A column of the log.
+    Column {
+        /// Its name.
+        name: String,
+        /// Its unit; `None`: that of the table.
+        unit: Option<&'static Unit>,
+        /// How its values become those of the table.
+        change: Change,
+    },
+    /// Columns of whole seconds and of nanoseconds, or of a date and of the time of day.
+    TimeParts([String; 2]),
+    /// Columns of a unit quaternion: x, y, z, w.
+    Quaternion([String; 4]),
+}
+
+/// How values of a log become those of the table, after their unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change {
+    /// The value is multiplied by this,
+    pub scale: f64,
+    /// and this is added.
+    pub offset: f64,
+    /// The sign of the result.
+    pub sign: Sign,
+    /// The least and the greatest result; others are missing.
+    pub within: Option<[f64; 2]>,
+}
+
+impl Change {
+    /// Values stay as they are.
+    pub const NONE: Self = Self { scale: 1.0, offset: 0.0, sign: Sign::AsWritten, within: None };
+
+    /// The value of the table, NaN where it is missing.
+    #[must_use]
+    pub fn apply(&self, value: f64) -> f64 {
+        let value = value * self.scale + self.offset;
+        let value = if self.sign == Sign::Negative { -value.abs() } else { value };
+        let is_outside =
+            self.within.is_some_and(|[least, greatest]| !(least..=greatest).contains(&value));
+        if is_outside { f64::NAN } else { value }
+    }
+}
 
 /// What a column is filled from, if that is possible.
 pub(super) fn target(

@@ -98,15 +98,19 @@ fn read(path: &Path, mut content: impl BufRead, memory: Memory) -> Result<DataTa
         };
         let time_ns = physics::k7::nanoseconds(field(0)).map(|ns| ns - start_ns);
         let is_first = first_rows.next([field(2), field(3), field(4)]);
-        let time_ns = if is_first { time_ns.map(|ns| ns.min(0)) } else { time_ns };
         match time_ns {
-            Some(time_ns) => {
+            Some(time_ns) if 0 <= time_ns => {
+                let time_ns = if is_first { 0 } else { time_ns };
                 table.push(0, &(time_ns as f64 * 1e-9).to_string());
-                table.push(1, &(1 + time_ns.div_euclid(NS_PER_DAY).max(0)).to_string());
+                table.push(1, &(1 + time_ns / NS_PER_DAY).to_string());
+            }
+            // Rows without a usable date are refused, with its text, where links are read.
+            Some(_) => {
+                table.push(0, &format!("{} (before start_date)", field(0)));
+                table.push(1, "1");
             }
             None => {
-                // What is no date is not a number either, unless it is one.
-                table.push(0, &format!("{:?}", field(0)));
+                table.push(0, &format!("{} (no date)", field(0)));
                 table.push(1, "1");
             }
         }
@@ -156,11 +160,13 @@ mod tests {
                     1,19,2017-09-22 10:01:07,7,-63,0.8,None,1\n";
         let table = table(text).unwrap();
         assert_eq!(table.names(), FIELDS.map(|(column, _)| column));
-        assert_eq!(table.column("time_s"), Some(&[0.0, 60.0, -60.0][..]));
+        let times_s = table.column("time_s").unwrap();
+        assert!(times_s[0] == 0.0 && (times_s[1] - 60.0).abs() < 1e-9 && times_s[2].is_nan());
         assert_eq!(table.column("frames"), Some(&[96.0, 100.0, 1.0][..]));
         let links = crate::links::read(&table).unwrap();
         assert_eq!((links.rows.len(), links.rejected.len()), (2, 1));
         assert_eq!(links.rejected[0].first_line, 5);
+        assert!(links.rejected[0].reason.starts_with("time_s is not"), "{:?}", links.rejected);
     }
 
     #[test]
