@@ -16,6 +16,7 @@ mod export;
 mod foreign;
 mod formula;
 mod help;
+mod import;
 mod inputs;
 mod measured;
 mod measured_args;
@@ -123,7 +124,12 @@ enum Command {
     Verify(verify::VerifyArgs),
     /// Test whether a running simulator conforms to the contract
     Conformance(conformance::ConformanceArgs),
-    /// Convert logs to a table of measurements
+    /// Find out what logs are, and make a table of measurements and a first model of them
+    ///
+    /// Looks at names, values and units of the columns, shows what it takes them for and the first rows, asks what the
+    /// logs leave open, and writes three files: the mapping, the table, and a model for compare and diagnose.
+    Import(import::ImportArgs),
+    /// Convert logs to a table of measurements, exactly as a mapping file says
     ///
     /// A mapping file names the logs, and which of their columns fill the columns of the table.
     Convert(convert::ConvertArgs),
@@ -460,6 +466,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Schema(args) => schema::schema(&args),
         Command::Effects(args) => effects::effects(&args),
         Command::Verify(args) => verify::verify(&args),
+        Command::Import(args) => import::import(&args),
         Command::Convert(args) => convert::convert(&args),
         Command::Compare(args) => measured::compare(&args),
         Command::Extend(args) => measured::extend(&args),

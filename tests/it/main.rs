@@ -35,6 +35,7 @@ mod front_door;
 mod fuzz_corpora;
 mod given_rssi;
 mod identifiability;
+mod import;
 mod interrupts;
 mod links;
 mod measurement_defects;

@@ -5,7 +5,7 @@ use crate::aggregate;
 use crate::channels::{self, ChannelShare};
 use crate::derive;
 use crate::files::{self, Found};
-use crate::formats::{Rows, WithFields};
+use crate::formats::{Melted, Rows, WithFields};
 use crate::frame::{self, Fields, Frame};
 use crate::geodesy::TangentPlane;
 use crate::join::{self, Joined};
@@ -124,9 +124,13 @@ fn check_fields(
 
 fn rows_of(input: &Input, file: &Path, reading: Reading) -> Result<Box<dyn Rows>, ConvertError> {
     let rows = (input.format.open)(file, open(file, reading)?, &input.keys)?;
-    Ok(match files::fields(&input.files, file) {
+    let rows = match files::fields(&input.files, file) {
         fields if fields.is_empty() => rows,
         fields => Box::new(WithFields::new(rows, fields)),
+    };
+    Ok(match &input.melt[..] {
+        [] => rows,
+        patterns => Box::new(Melted::new(rows, patterns)),
     })
 }
 

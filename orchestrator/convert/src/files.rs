@@ -140,6 +140,12 @@ fn entries(at: &Found, part: &str, next: &mut Vec<Found>) -> Result<(), String> 
     Ok(())
 }
 
+/// Whether a name is one that a pattern stands for.
+#[must_use]
+pub fn is_match(pattern: &str, name: &str) -> bool {
+    matched(pattern, name).is_some()
+}
+
 /// What each `*`, `?` and name in braces of a pattern stands for in a name, if it matches: as little as possible.
 fn matched(pattern: &str, name: &str) -> Option<Vec<String>> {
     let pattern = parts(pattern);

@@ -120,6 +120,76 @@ impl Rows for WithFields<'_> {
     }
 }
 
+/// Names of the fields that a row of one melted column has: the name of the column, and its value.
+pub const MELTED: [&str; 2] = ["column", "value"];
+
+/// Rows with several columns, of each of which a row is made.
+pub(crate) struct Melted<'a> {
+    rows: Box<dyn Rows + 'a>,
+    names: Vec<String>,
+    /// Columns that stay, and those that are melted.
+    kept: Vec<usize>,
+    melted: Vec<(usize, String)>,
+    /// The row that is melted, and the next of the columns.
+    row: Row,
+    next: usize,
+}
+
+impl<'a> Melted<'a> {
+    /// * `patterns`: names of the columns to melt; `*` and `?` stand for any characters.
+    pub(crate) fn new(rows: Box<dyn Rows + 'a>, patterns: &[String]) -> Self {
+        let is_melted =
+            |name: &String| patterns.iter().any(|pattern| crate::files::is_match(pattern, name));
+        let (melted, kept): (Vec<usize>, Vec<usize>) =
+            (0..rows.names().len()).partition(|&at| is_melted(&rows.names()[at]));
+        let names = kept.iter().map(|&at| rows.names()[at].clone());
+        let names = names.chain(MELTED.map(str::to_owned)).collect();
+        let melted: Vec<(usize, String)> =
+            melted.into_iter().map(|at| (at, rows.names()[at].clone())).collect();
+        let next = melted.len();
+        Self { rows, names, kept, melted, row: Row::default(), next }
+    }
+}
+
+impl Rows for Melted<'_> {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    fn start_ns(&self) -> Option<i64> {
+        self.rows.start_ns()
+    }
+
+    fn next(&mut self, row: &mut Row) -> Result<bool, DataError> {
+        loop {
+            let Some((at, name)) = self.melted.get(self.next) else {
+                if self.melted.is_empty() || !self.rows.next(&mut self.row)? {
+                    return Ok(false);
+                }
+                self.next = 0;
+                continue;
+            };
+            self.next += 1;
+            let value = self.row.fields.get(*at).unwrap_or_default();
+            if value.trim().is_empty() && self.row.problem.is_none() {
+                continue;
+            }
+            row.line = self.row.line;
+            row.problem = self.row.problem.take();
+            if row.problem.is_some() {
+                self.next = self.melted.len();
+            }
+            row.fields.clear();
+            for &at in &self.kept {
+                row.fields.push_field(self.row.fields.get(at).unwrap_or_default());
+            }
+            row.fields.push_field(name);
+            row.fields.push_field(value);
+            return Ok(true);
+        }
+    }
+}
+
 /// An error of a file, in the words of `message`.
 pub(crate) fn refused(path: &Path, message: impl Into<String>) -> DataError {
     DataError::Format { path: path.to_owned(), message: message.into() }

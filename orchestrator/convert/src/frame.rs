@@ -305,6 +305,13 @@ impl Filling {
             Self::Constant(number) if target.content == Content::Label => {
                 Ok(Cell::Number(f64::from(labels.occurrence(&number.to_string()))))
             }
+            Self::Constant(number) if target.content == Content::Time => {
+                let ns = number * 1e9;
+                let is_time = ns.abs() < 9e18;
+                is_time
+                    .then_some(Cell::Time(ns as i64))
+                    .ok_or_else(|| format!("{name} is too large"))
+            }
             Self::Constant(number) => Ok(Cell::Number(number)),
             Self::Label(at) if is_empty(field(at)) => {
                 // A route may be shorter than its columns; a row without its sender is useless.

@@ -5,6 +5,7 @@
 //! | [`mapping`] | mapping files: their keys, and every problem of one |
 //! | [`formats`] | formats of logs, one file each |
 //! | [`files`] | the files that a pattern stands for |
+//! | [`guess`] | which columns of logs are what, where no mapping says it |
 //! | [`units`], [`time`], [`geodesy`] | units, dates and positions, in the units of the tables |
 //! | [`tables`] | the tables and their columns |
 //! | [`sequence`] | gaps in sequence numbers |
@@ -22,6 +23,7 @@ pub mod files;
 pub mod formats;
 mod frame;
 pub mod geodesy;
+pub mod guess;
 mod join;
 mod labels;
 mod lost;

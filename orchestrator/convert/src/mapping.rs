@@ -89,6 +89,8 @@ pub struct Input {
     pub keys: toml::Table,
     /// What columns are filled from.
     pub columns: Vec<Target>,
+    /// Names of columns of which each makes a row of its own, or patterns for them.
+    pub melt: Vec<String>,
     /// Counters count from the start of the log.
     pub is_cumulative: bool,
     /// How its rows are joined onto those of the first input.
@@ -327,6 +329,13 @@ impl Mapping {
     }
 }
 
+/// The keys of the first input of a mapping, with their defaults.
+pub(crate) fn input_keys(text: &str) -> toml::Table {
+    let Ok(tree) = parse(text) else { return toml::Table::new() };
+    let checked = check(&tree, "", &MappingKeys::SPEC, &lists(), &mut Vec::new()).table;
+    MappingKeys::read(&checked).input.into_iter().next().unwrap_or_default()
+}
+
 fn start(key: Option<StartKey>, problems: &mut Vec<Problem>) -> Start {
     let text = match key {
         None => return Start::Automatic,
@@ -464,6 +473,7 @@ fn input(
         format,
         keys: table,
         columns,
+        melt: keys.melt,
         is_cumulative: keys.cumulative,
         join: Join { kind: keys.join, within_ns: (keys.within_s * 1e9) as i64 },
     }

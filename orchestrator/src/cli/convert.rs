@@ -5,7 +5,7 @@ use ::convert::channels::ChannelShare;
 use ::convert::mapping::Mapping;
 use ::convert::output::{self, OutputFormat};
 use ::convert::tables::TableKind;
-use ::convert::{Conversion, ConvertError, InputReport};
+use ::convert::{Conversion, ConvertError, Converted, InputReport, RejectedRows};
 use clap::Args;
 use experiment::Capability;
 use std::collections::BTreeMap;
@@ -55,7 +55,7 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
     if !refused.is_empty() {
         return Err(Failure::request(mapping.refuse(refused)));
     }
-    let converted = ::convert::convert(&mapping, args.read.reading()).map_err(failed)?;
+    let converted = checked(::convert::convert(&mapping, args.read.reading()))?;
     let mut logs = converted.answer.inputs.iter().flat_map(|input| &input.files);
     if logs.any(|log| is_same(Path::new(log), &out)) {
         let text = format!("--output {}: is one of the logs; give another name", out.display());
@@ -72,6 +72,39 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
     })?;
     print(&out, &converted.answer);
     write_json(args.json.as_deref(), &converted.answer)
+}
+
+/// What was converted, if any of it can be used.
+pub(super) fn checked(converted: Result<Converted, ConvertError>) -> Result<Converted, Failure> {
+    let converted = converted.map_err(|error| match error {
+        ConvertError::Mapping(refusal) => Failure::request(refusal),
+        ConvertError::Log(error) => Failure::of_data(&error),
+    })?;
+    let answer = &converted.answer;
+    let mut problems = Vec::new();
+    for (number, input) in answer.inputs.iter().enumerate() {
+        let unjoined = input.join.as_ref().filter(|join| join.matched == 0 && 0 < join.unmatched);
+        if unjoined.is_some() {
+            problems.push(format!(
+                "input[{number}] ({}) was joined onto no row: its times or nodes are none of those of input[0]",
+                input.files.join(", ")
+            ));
+        }
+    }
+    if answer.written == 0 {
+        problems.push(format!("none of {} rows can be used", answer.read));
+        let rejected = answer.inputs.iter().flat_map(|input| &input.rejected);
+        problems.extend(rejected.take(5).map(|rejected| {
+            let RejectedRows { rows, reason, file, first_line } = rejected;
+            format!("  {rows} rows: {reason} (first on line {first_line} of {file})")
+        }));
+        problems.extend(answer.warnings.iter().map(|warning| format!("  {warning}")));
+    }
+    if problems.is_empty() {
+        return Ok(converted);
+    }
+    problems.push("no table was written".to_owned());
+    Err(Failure::work(problems.join("\n")))
 }
 
 /// What a mapping reads outside of its own folder: a file of an input, or the folder of several.
@@ -101,7 +134,7 @@ fn exists(out: &Path) -> String {
     format!("--output {}: the file exists; give another name, or --replace", out.display())
 }
 
-fn print(out: &Path, answer: &Conversion) {
+pub(super) fn print(out: &Path, answer: &Conversion) {
     let table = answer.table.name();
     let [read, written] = [answer.read, answer.written];
     say(format!("{}: {written} rows of {table} from {read} rows of logs", out.display()));

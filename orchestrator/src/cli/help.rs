@@ -30,7 +30,8 @@ const GROUPS: [(&str, &[CommandHelp]); 6] = [
     (
         "Compare with measurements",
         &[
-            ("convert", "convert mapping.toml --output links.csv", &["check", "compare"]),
+            ("import", "import lab.csv", &["convert", "diagnose"]),
+            ("convert", "convert mapping.toml --output links.csv", &["import", "check", "compare"]),
             (
                 "compare",
                 "compare model.toml --data links.csv --report comparison.html",

@@ -1,6 +1,7 @@
 //! `murmuration schema`: the JSON Schema of experiment files, and of the answers that `--json` and `summary.json` hold.
 
 use super::Failure;
+use super::import::Import;
 use ::convert::{Conversion, mapping};
 use bench::BenchAnswer;
 use check::{DataCheck, ExperimentCheck, PacketCheck, SweepCheck};
@@ -55,7 +56,7 @@ const MAPPING: &str = "mapping";
 type OfType = fn(&mut SchemaGenerator) -> Schema;
 
 /// The answers: the command that gives it, and the types that it may have.
-const ANSWERS: [(&str, &[OfType]); 17] = [
+const ANSWERS: [(&str, &[OfType]); 18] = [
     ("bench", &[SchemaGenerator::subschema_for::<BenchAnswer>]),
     (
         "check",
@@ -77,6 +78,7 @@ const ANSWERS: [(&str, &[OfType]); 17] = [
     ("compare-runs", &[SchemaGenerator::subschema_for::<RunsComparison>]),
     ("conformance", &[SchemaGenerator::subschema_for::<ConformanceAnswer<'static>>]),
     ("convert", &[SchemaGenerator::subschema_for::<Conversion>]),
+    ("import", &[SchemaGenerator::subschema_for::<Import>]),
     ("demo", &[SchemaGenerator::subschema_for::<DemoAnswer>]),
     (
         "diagnose",

@@ -5,23 +5,22 @@ use measure::DataError;
 use measure::formats::{Content, Uncounted};
 use measure::memory::Memory;
 use proto::bounds::{COLUMNS, LINE_BYTES};
-use proto::config::Variant;
+use proto::config::{Section, variant};
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead as _, Read as _};
 use std::path::{Path, PathBuf};
 
 /// The format.
-pub const FORMAT: Format = Format {
-    variant: Variant {
-        name: "json-lines",
-        doc: "An object of JSON on each line, or one list of objects, plain or gzipped; a.b is the field b of the object a.",
-        fields: &[],
-    },
-    columns: &[],
-    check: UNCHECKED,
-    open,
-};
+pub const FORMAT: Format =
+    Format { variant: variant::<Keys>("json-lines"), columns: &[], check: UNCHECKED, open };
+
+/// An object of JSON on each line, or one list of objects, plain or gzipped; `a.b` is the field b of the object a.
+#[derive(Section)]
+struct Keys {
+    /// A list in each object: every entry makes a row, with the fields of the object beside those of the entry.
+    each: Option<String>,
+}
 
 /// So many objects are looked at for the names of their fields. Fields that only later ones have are not read.
 const NAMING: usize = 1000;
@@ -31,7 +30,7 @@ const BYTES_OF_BYTE: u64 = 8;
 fn open<'a>(
     path: &Path,
     content: Content<'a>,
-    _: &toml::Table,
+    keys: &toml::Table,
 ) -> Result<Box<dyn Rows + 'a>, DataError> {
     let (mut content, memory) = content.uncounted();
     let failed = |source| DataError::Read { path: path.to_owned(), source };
@@ -44,16 +43,20 @@ fn open<'a>(
         text: Vec::new(),
         ahead: VecDeque::new(),
         names: Vec::new(),
+        each: Keys::read(keys).each,
     };
     if begin == Some(b'[') {
         rows.read_list()?;
     }
     let mut places: BTreeMap<String, usize> = BTreeMap::new();
     for number in 0..NAMING {
-        if rows.ahead.len() <= number {
+        while rows.ahead.len() <= number {
             if begin == Some(b'[') || !rows.read_ahead()? {
                 break;
             }
+        }
+        if rows.ahead.len() <= number {
+            break;
         }
         if let Some((_, Ok(fields))) = rows.ahead.get(number) {
             for name in fields.keys() {
@@ -85,6 +88,7 @@ struct JsonRows<'a> {
     /// Lines that were read ahead.
     ahead: VecDeque<(usize, Fields)>,
     names: Vec<String>,
+    each: Option<String>,
 }
 
 impl JsonRows<'_> {
@@ -106,11 +110,16 @@ impl JsonRows<'_> {
             if self.text.trim_ascii().is_empty() {
                 continue;
             }
-            let fields = serde_json::from_slice::<Map<String, Value>>(&self.text)
-                .map(|object| flat(&object))
-                .map_err(|_| "the line is no object of JSON".to_owned());
-            self.ahead.push_back((self.line, fields));
-            return Ok(true);
+            match serde_json::from_slice::<Map<String, Value>>(&self.text) {
+                Ok(object) => self.add(self.line, object),
+                Err(_) => {
+                    let problem = "the line is no object of JSON".to_owned();
+                    self.ahead.push_back((self.line, Err(problem)));
+                }
+            }
+            if !self.ahead.is_empty() {
+                return Ok(true);
+            }
         }
     }
 
@@ -129,11 +138,28 @@ impl JsonRows<'_> {
             refused(&self.path, format!("{place}: is no list of objects of JSON"))
         })?;
         for (number, value) in (1..).zip(list) {
-            let fields = value.as_object().map(flat);
-            let fields = fields.ok_or_else(|| "the entry is no object".to_owned());
-            self.ahead.push_back((number, fields));
+            match value {
+                Value::Object(object) => self.add(number, object),
+                _ => self.ahead.push_back((number, Err("the entry is no object".to_owned()))),
+            }
         }
         Ok(())
+    }
+
+    /// Adds the row of an object, or those of the entries of its list.
+    fn add(&mut self, line: usize, mut object: Map<String, Value>) {
+        let Some(name) = &self.each else {
+            self.ahead.push_back((line, Ok(flat(&object))));
+            return;
+        };
+        let Some(Value::Array(entries)) = object.remove(name) else { return };
+        let shared = flat(&object);
+        for entry in entries {
+            let mut fields = shared.clone();
+            let entry = Map::from_iter([(name.clone(), entry)]);
+            fields.extend(flat(&entry));
+            self.ahead.push_back((line, Ok(fields)));
+        }
     }
 }
 
@@ -196,8 +222,16 @@ mod tests {
     use measure::memory::MemoryBudget;
 
     fn rows(text: &str) -> Result<(Vec<String>, Vec<(usize, String)>), String> {
+        rows_of(text, None)
+    }
+
+    fn rows_of(
+        text: &str,
+        each: Option<&str>,
+    ) -> Result<(Vec<String>, Vec<(usize, String)>), String> {
+        let keys = each.map(|each| ("each".to_owned(), each.into()));
         let content = Content::new(text.as_bytes(), MemoryBudget::default());
-        let mut rows = open(Path::new("log.jsonl"), content, &toml::Table::new())
+        let mut rows = open(Path::new("log.jsonl"), content, &toml::Table::from_iter(keys))
             .map_err(|error| error.to_string())?;
         let (mut row, mut read) = (Row::default(), Vec::new());
         while rows.next(&mut row).map_err(|error| error.to_string())? {
@@ -221,6 +255,17 @@ mod tests {
         let (names, read) = rows("[{\"t\": 1},\n {\"t\": null}]").unwrap();
         assert_eq!(names, ["t"]);
         assert_eq!(read, [(1, "1".to_owned()), (2, String::new())]);
+    }
+
+    #[test]
+    fn each_entry_of_a_list_makes_a_row() {
+        let text = "{\"f\": 1, \"rx\": [{\"id\": \"a\", \"rssi\": -70}, {\"id\": \"b\", \"rssi\": -80}]}\n{\"f\": 2, \"rx\": []}\n\
+                    {\"f\": 3, \"rx\": [{\"id\": \"a\", \"rssi\": -71}]}\n";
+        let (names, read) = rows_of(text, Some("rx")).unwrap();
+        assert_eq!(names, ["f", "rx.id", "rx.rssi"]);
+        let expected =
+            [(1, "1|a|-70".to_owned()), (1, "1|b|-80".to_owned()), (3, "3|a|-71".to_owned())];
+        assert_eq!(read, expected);
     }
 
     #[test]

@@ -127,10 +127,6 @@ pub(super) fn target(
             Source::Column { name: keys.column, unit, change }
         }
     };
-    if matches!(source, Source::Constant(_)) && content == Content::Time {
-        problems.push(Problem::new(path, "must be the name of a column or a list of two"));
-        return None;
-    }
     if let Source::Constant(number) = source
         && content == Content::Label
         && !(number.fract() == 0.0 && (0.0..=MOST_NUMBER as f64).contains(&number))
