@@ -3,7 +3,7 @@
 mod admission;
 mod applications;
 mod energy;
-
+pub mod idle;
 mod lowpan;
 mod mac;
 pub mod mobility;
@@ -18,9 +18,10 @@ use crate::catalogue::Catalogue;
 use crate::mesh::config::Config;
 use crate::second;
 use bytes::Bytes;
+use idle::Surroundings;
 use physics::propagation::{self, BuildContext, Family};
 use physics::{interference, section};
-use proto::config::{FileReference, Lists, Node, Problem, Section, TableSpec, check, join};
+use proto::config::{FileReference, Node, Problem, Section, TableSpec, check, join};
 use proto::effect::only::refuse_runs;
 use proto::ids::MoteId;
 use proto::side::Setup;
@@ -269,14 +270,14 @@ pub fn read(
     });
     let is_silent = network.iter().flatten().any(|(settings, _)| settings.is_silent());
     warnings.extend(second.iter().filter_map(|second| second.warning(&setup.path, is_silent)));
-    let (Some(model), Some(base), Some(interference), true) =
-        (model, base, interference, problems.is_empty())
-    else {
+    let (Some(model), Some(interference), true) = (model, interference, problems.is_empty()) else {
         assert!(!problems.is_empty(), "what cannot be built has a problem");
         return Err(problems);
     };
-    warnings.extend(without_influence(setup, base, &lists));
-    standard::warn_of_bands(&model, &hopping_sequence, &setup.path, &mut warnings);
+    let around =
+        Surroundings { path: &setup.path, site: &setup.site, agent_count, positions_m: None };
+    let idle = idle::idle(&setup.config, around, catalogue);
+    warnings.extend(idle.into_iter().map(|idle| idle.warning));
     let config = Config {
         slot,
         n_slots: step / slot,
@@ -289,39 +290,6 @@ pub fn read(
         second,
     };
     Ok((config, table, warnings))
-}
-
-/// Keys that are written, other than they would be anyway, but decide nothing.
-fn without_influence(setup: &Setup, base: &propagation::Entry, lists: &Lists) -> Vec<String> {
-    let name = base.variant.name;
-    let defaults = check(&Node::empty_table(), "", &SPEC, lists, &mut Vec::new()).table;
-    let written = |key: &str| {
-        let written = setup.config.get("phy").and_then(|phy| phy.get(key)).map(Node::to_toml);
-        // An effective configuration spells out the defaults: that is no wish of anybody.
-        written.is_some_and(|written| defaults["phy"].get(key) != Some(&written))
-    };
-    let mut warnings = Vec::new();
-    let mut warn = |key: &str, why: &str| {
-        let path = join(&setup.path, &format!("phy.{key}"));
-        warnings.push(format!("{path} has no influence: propagation = {name:?} {why}"));
-    };
-    if base.family != Family::Signal && written("reception") {
-        warn("reception", "states itself what is received");
-    }
-    if base.family == Family::Recording {
-        let unused = [
-            "tx_power_dbm",
-            "tx_antenna_gain_dbi",
-            "rx_antenna_gain_dbi",
-            "carrier_hz",
-            "min_distance_m",
-            "antenna_height_m",
-        ];
-        for key in unused.into_iter().filter(|key| written(key)) {
-            warn(key, "replays what was measured");
-        }
-    }
-    warnings
 }
 
 /// The divisor of `whole` that is nearest to `part`.

@@ -100,6 +100,13 @@ pub enum Route {
     Both,
 }
 
+impl Route {
+    /// That of a checked table.
+    pub(crate) fn of_table(table: &toml::Table) -> Self {
+        Keys::read(table).payloads
+    }
+}
+
 /// A configured second medium.
 #[derive(Debug)]
 pub struct Config {

@@ -36,6 +36,7 @@ mod fuzz_corpora;
 mod given_rssi;
 mod identifiability;
 mod import;
+mod idle_keys;
 mod interrupts;
 mod links;
 mod measurement_defects;

@@ -70,6 +70,11 @@ pub trait Effect: Named + Send + Sync + std::fmt::Debug {
         None
     }
 
+    /// Whether it acts only between antennas above the ground.
+    fn needs_heights(&self) -> bool {
+        false
+    }
+
     /// What varies at random about the mean, if anything does.
     fn scatter(&self) -> Option<Scatter> {
         None

@@ -60,7 +60,7 @@ pub(super) struct Keys {
     rpl: toml::Table,
     /// Extensions of the standards for mobile motes.
     #[key(table = mobility::SPEC, default)]
-    mobility: toml::Table,
+    pub(super) mobility: toml::Table,
     /// Fragments.
     #[key(table = lowpan::SPEC, default)]
     lowpan: toml::Table,
@@ -180,11 +180,6 @@ pub(super) fn build(
             key_path("join.secure"),
             key_path("rpl.routes_down"),
         ));
-    }
-    if mobility.keep_admission && !join.secure {
-        let (key, needs) = (key_path("mobility.keep_admission"), key_path("join.secure"));
-        warnings
-            .push(format!("{key}: changes nothing: with {needs} = false nobody needs admission"));
     }
     if 1 < given.agent_count && mobility.leaves.len() + roots.len() == given.agent_count {
         let key = key_path("mobility.leaves");

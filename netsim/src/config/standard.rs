@@ -2,7 +2,6 @@
 
 use super::MODE_6TISCH;
 use crate::mesh::config::STANDARD_SLOT;
-use physics::model::Model;
 use physics::standard::Entry;
 use proto::config::{Node, Problem, Value, join};
 use proto::time::SimDuration;
@@ -30,33 +29,6 @@ pub(super) fn check_channels(
             let nearest = channel.clamp(i64::from(first), i64::from(last));
             problems.push(problem.value(channel).nearest(nearest));
         }
-    }
-}
-
-/// Warns of effects that act on no channel of the hopping sequence.
-pub(super) fn warn_of_bands(
-    model: &Model,
-    hopping_sequence: &[u8],
-    path: &str,
-    warnings: &mut Vec<String>,
-) {
-    for (index, effect) in model.effects.iter().enumerate() {
-        let Some(band_hz) = effect.band_hz() else { continue };
-        let mut channels =
-            hopping_sequence.iter().map(|&channel| model.frequency_hz(Some(channel)));
-        if channels.any(|frequency_hz| band_hz.contains(&frequency_hz)) {
-            continue;
-        }
-        let why = if hopping_sequence.is_empty() {
-            format!("frames have no channel; set {path}.hopping_sequence")
-        } else {
-            let [first, last] = [band_hz.start(), band_hz.end()].map(|hz| hz / 1e6);
-            format!("no channel of the hopping sequence lies between {first} and {last} MHz")
-        };
-        warnings.push(format!(
-            "{path}.phy.effect[{index}] ({}) has no influence: {why}",
-            effect.name()
-        ));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::mote::settings::Transport;
 use crate::sf::{self, PayloadCells};
-use proto::config::{Choice, Problem, Section, TableSpec, join};
+use proto::config::{Choice, Problem, Reason, Section, TableSpec, join};
 
 /// Description of `[netsim.swarm]`.
 pub(super) const SPEC: TableSpec = Keys::SPEC;
@@ -59,12 +59,7 @@ pub(super) fn build(table: &toml::Table, given: &mut Given<'_>) -> Transport {
     let keys = Keys::read(table);
     let Some(function) = given.function else { return Transport::None };
     let cells = function.payload_cells;
-    let default = match cells {
-        PayloadCells::None => Choices::None,
-        PayloadCells::Own | PayloadCells::Either => Choices::OwnCell,
-        PayloadCells::Shared => Choices::BroadcastSlotframe,
-    };
-    let transport = keys.transport.unwrap_or(default);
+    let transport = keys.transport.unwrap_or(default_transport(function));
     let mut refuse = |why: &str, nearest: Choices| {
         let path = join(given.path, "transport");
         let message =
@@ -107,14 +102,32 @@ pub(super) fn build(table: &toml::Table, given: &mut Given<'_>) -> Transport {
                 join(given.path, "slots"),
             ));
         }
-    } else {
-        for key in ["slots", "channel_offset"].into_iter().filter(|key| table.contains_key(*key)) {
-            given.warnings.push(format!(
-                "{} has no influence: transport = {:?} has no broadcast slotframe",
-                join(given.path, key),
-                transport.name(),
-            ));
-        }
     }
     built
+}
+
+/// Why keys of the broadcast slotframe have no influence, if there is none. `path`: of the section.
+pub(super) fn without_slotframe(
+    table: &toml::Table,
+    function: Option<&sf::Entry>,
+    path: &str,
+) -> Option<Reason> {
+    let transport = Keys::read(table).transport.unwrap_or(default_transport(function?));
+    (transport != Choices::BroadcastSlotframe).then(|| {
+        let slotframe = Choices::BroadcastSlotframe.name();
+        let transport = transport.name();
+        Reason::new(
+            format!("transport = {transport:?} has no broadcast slotframe"),
+            format!("set {path}.transport = {slotframe:?}, or leave the key out"),
+        )
+    })
+}
+
+/// The transport of a scheduling function, if none is written.
+fn default_transport(function: &sf::Entry) -> Choices {
+    match function.payload_cells {
+        PayloadCells::None => Choices::None,
+        PayloadCells::Own | PayloadCells::Either => Choices::OwnCell,
+        PayloadCells::Shared => Choices::BroadcastSlotframe,
+    }
 }

@@ -93,7 +93,52 @@ fn a_trace_must_come_along_be_whole_and_fit_the_experiment() {
 fn what_has_no_influence_is_warned_of() {
     let config = "[phy]\npropagation = \"full\"\n[phy.reception]\nkind = \"o-qpsk\"\n";
     let (_, start) = started(&setup(2, config));
-    insta::assert_snapshot!(start.warnings.join("\n"), @r#"netsim.phy.reception has no influence: propagation = "full" states itself what is received"#);
+    insta::assert_snapshot!(start.warnings.join("\n"), @r#"netsim.phy.reception has no influence: propagation = "full" states itself what is received; choose a model of signal strength such as "log-distance", or leave the key out"#);
+}
+
+#[test]
+fn a_radio_that_carries_no_payloads_has_no_influence() {
+    let warnings = |config: &str| started(&setup(3, config)).1.warnings;
+    let second = "[second_medium]\nkind = \"wifi-broadcast\"\npayloads = \"second\"\n";
+    let phy = "[phy]\npropagation = \"log-distance\"\nexponent = 3.0\ntx_power_dbm = 0.0\n";
+    let found = warnings(&format!("{phy}{second}"));
+    let named: Vec<&str> = found.iter().filter_map(|warning| warning.split(' ').next()).collect();
+    // Its power is the default, but written.
+    assert_eq!(named, ["netsim.phy.exponent", "netsim.phy.tx_power_dbm"], "{found:?}");
+    insta::assert_snapshot!(found[1], @r#"netsim.phy.tx_power_dbm has no influence: with netsim.second_medium.payloads = "second" the second medium carries all payloads; set netsim.second_medium.payloads = "both" or "main", or leave the key out"#);
+    // Where the main network has something to carry, its radio counts.
+    let none: [&str; 0] = [];
+    assert_eq!(warnings(&format!("mode = \"6tisch\"\n{phy}{second}")), none);
+    assert_eq!(warnings(&format!("{phy}{}", second.replace("\"second\"\n", "\"both\"\n"))), none);
+    // And the other way round.
+    let idle = second.replace("\"second\"\n", "\"main\"\nrange_m = 9.0\n");
+    let found = warnings(&format!("{phy}{idle}"));
+    assert!(
+        found.len() == 1 && found[0].starts_with("netsim.second_medium.range_m has"),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn an_effective_configuration_is_warned_of_no_more_than_what_it_was_made_of() {
+    let config = "[phy]\ntx_power_dbm = 3.0\n[second_medium]\nkind = \"wifi-broadcast\"\npayloads = \"second\"\n";
+    let start = started(&setup(3, config)).1;
+    assert_eq!(start.warnings.len(), 1, "{:?}", start.warnings);
+    let again = started(&setup(3, &start.effective.to_string())).1;
+    assert_eq!(again.warnings, start.warnings);
+}
+
+#[test]
+fn an_effect_that_meets_nothing_of_its_kind_has_no_influence() {
+    let warnings = |n: usize, effect: &str| {
+        let config = format!("[phy]\npropagation = \"friis\"\n[[phy.effect]]\nkind = {effect}\n");
+        started(&setup(n, &config)).1.warnings.join("\n")
+    };
+    insta::assert_snapshot!(warnings(3, "\"wall-attenuation\"\nloss_db = 3.0"), @"netsim.phy.effect[0] (wall-attenuation) has no influence: [site] has no walls; add [[site.wall]]");
+    insta::assert_snapshot!(warnings(2, "\"body-blocking\"\nloss_db = 3.0"), @"netsim.phy.effect[0] (body-blocking) has no influence: no robot can be between two others; set experiment.agents to at least 3");
+    assert_eq!(warnings(3, "\"body-blocking\"\nloss_db = 3.0"), "");
+    // Where motes are is not known here.
+    assert_eq!(warnings(3, "\"two-ray-ground\"\nrelative_permittivity = 15.0"), "");
 }
 
 #[test]
@@ -147,7 +192,7 @@ fn settings_of_motes_that_move_which_change_nothing_or_shut_all_out_are_warned_o
         started(&setup(3, &config)).1.warnings.join("\n")
     };
     let insecure = "[join]\nsecure = false\n[mobility]\nkeep_admission = true\n";
-    insta::assert_snapshot!(warnings(insecure), @"netsim.mobility.keep_admission: changes nothing: with netsim.join.secure = false nobody needs admission");
+    insta::assert_snapshot!(warnings(insecure), @"netsim.mobility.keep_admission has no influence: with netsim.join.secure = false nobody needs admission; set netsim.join.secure = true, or leave the key out");
     assert_eq!(warnings("[mobility]\nkeep_admission = true\n"), "");
     insta::assert_snapshot!(warnings("[mobility]\nleaves = [1, 2]\n"), @"netsim.mobility.leaves: all motes but roots are leaves: only those that hear a root take part");
     assert_eq!(warnings("[mobility]\nleaves = [2]\n"), "");
@@ -260,8 +305,8 @@ fn a_broadcast_slotframe_that_is_not_there_or_too_short_is_warned_of() {
         started(&setup(10, &format!("mode = \"6tisch\"\n{config}"))).1.warnings.join("\n")
     };
     insta::assert_snapshot!(warnings("sf.kind = \"rrsf\"\nswarm = { slots = 5, channel_offset = 1 }\n"), @r#"
-    netsim.swarm.slots has no influence: transport = "own-cell" has no broadcast slotframe
-    netsim.swarm.channel_offset has no influence: transport = "own-cell" has no broadcast slotframe
+    netsim.swarm.slots has no influence: transport = "own-cell" has no broadcast slotframe; set netsim.swarm.transport = "broadcast-slotframe", or leave the key out
+    netsim.swarm.channel_offset has no influence: transport = "own-cell" has no broadcast slotframe; set netsim.swarm.transport = "broadcast-slotframe", or leave the key out
     "#);
     insta::assert_snapshot!(warnings("swarm.slots = 5\n"), @"netsim.swarm.slots = 5 for 10 motes: several share a slot, and whoever hears two of them receives one at most");
     assert_eq!(warnings("swarm.slots = 10\n"), "");

@@ -59,17 +59,25 @@ fn interference_that_meets_no_channel_is_warned_of() {
     let wifi = "centre_mhz = 2437.0";
     assert_eq!(warnings("o-qpsk-2450", "hopping_sequence = [11, 16]", wifi), Vec::<String>::new());
     // Channel 26 lies at 2480 MHz.
-    let beside = "netsim.phy.effect[0] (interference) has no influence: no channel of the hopping sequence lies between 2426 and \
-                  2448 MHz";
-    assert_eq!(warnings("o-qpsk-2450", "hopping_sequence = [26]", wifi), [beside]);
-    assert_eq!(warnings("o-qpsk-868", "hopping_sequence = [0]", wifi), [beside]);
+    let beside = |instead: &str| {
+        vec![format!(
+            "netsim.phy.effect[0] (interference) has no influence: no channel of the hopping sequence lies between 2426 and \
+             2448 MHz; {instead}"
+        )]
+    };
+    let others = beside(
+        "move the band, or add one of the channels 16, 17, 18, 19 to netsim.hopping_sequence",
+    );
+    assert_eq!(warnings("o-qpsk-2450", "hopping_sequence = [26]", wifi), others);
+    let beside = beside("phy.standard has no channel there either, so move the band");
+    assert_eq!(warnings("o-qpsk-868", "hopping_sequence = [0]", wifi), beside);
     assert_eq!(
         warnings(
             "o-qpsk-868",
             "hopping_sequence = [0]",
             &format!("{wifi}\nonly = {{ nodes = [1] }}")
         ),
-        [beside]
+        beside
     );
     let own_band = "centre_mhz = 868.0\nwidth_mhz = 2.0";
     assert_eq!(warnings("o-qpsk-868", "hopping_sequence = [0]", own_band), Vec::<String>::new());

@@ -2,6 +2,8 @@
 
 mod consent;
 mod control;
+mod file_kind;
+mod idle;
 mod keys;
 pub mod output;
 mod overrides;
@@ -15,6 +17,7 @@ mod warm_start;
 
 pub use consent::{Action, Acts, Capability, Consent, capabilities};
 pub use control::ControlPeriod;
+pub use file_kind::FileKind;
 pub use keys::{ExperimentKeys, WITHOUT_EFFECT};
 pub use output::OutputConfig;
 pub use overrides::Overrides;
@@ -28,7 +31,7 @@ pub use warm_start::WarmStart;
 use keys::{CouplingMode, TlsKeys};
 use proto::bounds::CONFIGURATION_BYTES;
 use proto::config::{
-    self, Choice, FilePath, Lists, Node, Problem, Refusal, Section, TableSpec, Value,
+    self, Choice, FilePath, IdleKey, Lists, Node, Problem, Refusal, Section, TableSpec, Value,
 };
 use proto::site;
 use proto::types::{Coupling, Experiment, NS_PER_S, seconds};
@@ -126,6 +129,8 @@ pub struct Plan {
     pub capabilities: Vec<Capability>,
     /// What should be checked before the results are trusted.
     pub warnings: Vec<String>,
+    /// Keys that are written and have no influence. Their warnings are among `warnings`.
+    pub idle: Vec<IdleKey>,
     /// What was chosen for a network whose profile is `auto` and whose robots move.
     pub profile: Option<String>,
 }
@@ -310,7 +315,9 @@ fn plan(
         },
     );
     let unknown = robotsim.0.is_foreign().then(|| profile::unknown_motes(agents));
+    let own_motes = motes.get().filter(|_| unknown.is_none());
     let motes = unknown.as_ref().or_else(|| motes.get());
+    let idle = OnceCell::new();
     let is_foreign = overrides.netsim_url.is_some() || reach::is_foreign(section("netsim"));
     let (netsim_section, profile) = profile::resolved(section("netsim"), motes, network);
     let is_parallel = keys.coupling == CouplingMode::Parallel;
@@ -354,7 +361,13 @@ fn plan(
         },
         |node, path| netsim::config::files(node, path, network),
         |setup| {
-            let (_, effective, warnings) = netsim::config::read(setup, network)?;
+            let (_, effective, mut warnings) = netsim::config::read(setup, network)?;
+            let found = idle::of_network(section("netsim"), setup, own_motes);
+            let is_new = |idle: &&IdleKey| !warnings.contains(&idle.warning);
+            let new: Vec<String> =
+                found.iter().filter(is_new).map(|idle| idle.warning.clone()).collect();
+            warnings.extend(new);
+            _ = idle.set(found);
             let trace_ns = netsim::config::replay_ns(&effective, &setup.files, network);
             match longer_than_the_trace(trace_ns, keys.duration_s) {
                 Some(problem) => Err(vec![problem]),
@@ -394,6 +407,7 @@ fn plan(
         tls,
         site_toml: site_table.to_string(),
         warnings: [robotsim.1, netsim.1].concat(),
+        idle: idle.into_inner().filter(|_| !netsim.0.is_foreign()).unwrap_or_default(),
         profile,
         robotsim: robotsim.0,
         netsim: netsim.0,

@@ -5,7 +5,7 @@ use experiment::sweep::{self as spec, Keep, MOST_TRIALS, Sampling, Seeds, Sweep}
 use experiment::{Action, Capability, Overrides, Plan};
 use indexmap::IndexSet;
 use proto::config::Refusal;
-use proto::config::{Node, Problem, Value};
+use proto::config::{IdleKey, Node, Problem, Value};
 use proto::digest::hex;
 use rayon::prelude::*;
 use run::{self, FormedFiles};
@@ -121,6 +121,8 @@ pub(crate) fn load(
                 name: plan.name,
                 elsewhere: plan.robotsim.url.or(plan.netsim.url),
                 warnings: plan.warnings,
+                idle: plan.idle,
+                tree: plan.tree,
             })
         })
         .collect();
@@ -129,7 +131,11 @@ pub(crate) fn load(
         return Err(refusal);
     }
     let good: Vec<CheckedSetting> = good.into_iter().flatten().collect();
-    let warnings: IndexSet<&String> = good.iter().flat_map(|checked| &checked.warnings).collect();
+    let warnings: IndexSet<&String> = good
+        .iter()
+        .flat_map(|checked| &checked.warnings)
+        .filter(|warning| !has_influence_elsewhere(warning, &good))
+        .collect();
     let warnings = warnings.into_iter().cloned().collect();
     Ok(SweepPlan {
         path: path.to_owned(),
@@ -163,6 +169,16 @@ struct CheckedSetting {
     name: String,
     elsewhere: Option<String>,
     warnings: Vec<String>,
+    idle: Vec<IdleKey>,
+    tree: Node,
+}
+
+/// Whether a warning is about a key that has no influence in some settings, but has some in others.
+fn has_influence_elsewhere(warning: &str, settings: &[CheckedSetting]) -> bool {
+    let mut idle = settings.iter().flat_map(|setting| &setting.idle);
+    let Some(IdleKey { key, .. }) = idle.find(|idle| idle.warning == warning) else { return false };
+    let is_idle = |setting: &CheckedSetting| setting.idle.iter().any(|idle| idle.key == *key);
+    settings.iter().any(|setting| setting.tree.at(key).is_some() && !is_idle(setting))
 }
 
 /// Keys that the command line sets although the sweep varies them: every trial would replace that value.

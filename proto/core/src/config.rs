@@ -12,6 +12,7 @@
 
 mod assignment;
 mod check;
+mod idle;
 mod refusal;
 mod registry;
 mod schema;
@@ -21,6 +22,7 @@ mod tree;
 
 pub use assignment::set;
 pub use check::{Checked, FileReference, Touch, TouchTarget, check};
+pub use idle::{IdleKey, Reason, Relation, idle_keys};
 pub use proto_derive::{Choice, OneOf, Section};
 pub use refusal::Refusal;
 pub use registry::{Lists, Registered, Registry};

@@ -95,6 +95,10 @@ impl Effect for Limited {
         self.effect.band_hz()
     }
 
+    fn needs_heights(&self) -> bool {
+        self.effect.needs_heights()
+    }
+
     fn contribution_db(&self, link: &Link<'_>) -> f64 {
         if self.acts_on(link) { self.effect.contribution_db(link) } else { 0.0 }
     }

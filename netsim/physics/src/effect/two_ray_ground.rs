@@ -99,6 +99,10 @@ impl Effect for TwoRayGround {
         (10.0 * libm::log10(power.max(0.0))).max(DEEPEST_DB)
     }
 
+    fn needs_heights(&self) -> bool {
+        true
+    }
+
     fn max_gain_db(&self) -> f64 {
         // Both rays alike: twice the field. Where the least distance is longer than the ground's ray, a little more.
         6.1

@@ -170,6 +170,44 @@ impl Node {
     }
 
     /// What stands at a dotted path.
+    #[must_use]
+    pub fn at(&self, path: &str) -> Option<&Self> {
+        let mut node = self;
+        for part in path.split('.') {
+            let (key, indices) = split_indices(part)?;
+            node = node.get(key)?;
+            for index in indices {
+                let Value::List(list) = &node.value else { return None };
+                node = list.get(index)?;
+            }
+        }
+        Some(node)
+    }
+
+    /// The same without what stands at a dotted path, be it a key of a table or an entry of a list.
+    #[must_use]
+    pub fn without(&self, path: &str) -> Self {
+        let mut node = self.clone();
+        let (parent, key) = match path.rsplit_once('.') {
+            Some((parent, key)) => (node.at_mut(parent), key),
+            None => (Some(&mut node), path),
+        };
+        match (parent, key.strip_suffix(']').and_then(|key| key.rsplit_once('['))) {
+            (Some(parent), None) => _ = parent.take(key),
+            (Some(parent), Some((list, index))) => {
+                if let (Some(Self { value: Value::List(list), .. }), Ok(index)) =
+                    (parent.at_mut(list), index.parse::<usize>())
+                    && index < list.len()
+                {
+                    list.remove(index);
+                }
+            }
+            (None, _) => {}
+        }
+        node
+    }
+
+    /// What stands at a dotted path.
     pub fn at_mut(&mut self, path: &str) -> Option<&mut Self> {
         let mut node = self;
         for part in path.split('.') {
@@ -187,18 +225,7 @@ impl Node {
     /// Whether there is something at a path that does not stand in the text.
     #[must_use]
     pub fn is_set_from_elsewhere(&self, path: &str) -> bool {
-        let mut node = self;
-        for part in path.split('.') {
-            let Some((key, indices)) = split_indices(part) else { return false };
-            let Some(child) = node.get(key) else { return false };
-            node = child;
-            for index in indices {
-                let Value::List(list) = &node.value else { return false };
-                let Some(child) = list.get(index) else { return false };
-                node = child;
-            }
-        }
-        node.span.is_none()
+        self.at(path).is_some_and(|node| node.span.is_none())
     }
 
     /// The value as plain TOML.
@@ -338,6 +365,17 @@ mod tests {
         assert_eq!(node.get("x").unwrap().get("y").unwrap().value, Value::Bool(true));
         assert_eq!(node.set("a.c.d", Value::Integer(0)).unwrap_err().path, "a.c");
         assert_eq!(node.set("a.b.e", Value::Integer(0)).unwrap_err().path, "a.b");
+    }
+
+    #[test]
+    fn a_key_or_an_entry_is_taken_out_by_its_path() {
+        let node = parse("[a]\nb = 1\n[[a.c]]\nd = 2\n[[a.c]]\nd = 3\n").unwrap();
+        assert_eq!(node.without("a.b").at("a.b"), None);
+        assert_eq!(node.without("a.c[0]").at("a.c[0].d").unwrap().show(), "3");
+        assert_eq!(node.without("a.c[1].d").at("a.c[1].d"), None);
+        for absent in ["x", "a.x.y", "a.c[2]", "a.b[0]"] {
+            assert_eq!(node.without(absent), node, "{absent}");
+        }
     }
 
     #[test]
