@@ -484,4 +484,26 @@ mod tests {
         assert_eq!((links.rows.len(), links.rejected[0].rows), (5, 1));
         assert!(links.covariates.is_empty(), "{:?}", links.covariates);
     }
+
+    /// Warnings of jumps on links of one mote to another, a row every 10 ms; `x_m`: where the sender is, by row.
+    fn jumps(x_m: impl Fn(usize) -> f64) -> Vec<String> {
+        let rows: String = (0..600)
+            .map(|row| format!("{},1,2,{},0,50,0,-70,1\n", 0.01 * row as f64, x_m(row)))
+            .collect();
+        let text = format!("time_s,tx,rx,tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm,received\n{rows}");
+        let table = DataTable::of_csv(Path::new("links.csv"), text.as_bytes()).unwrap();
+        let warnings = read(&table).unwrap().warnings;
+        warnings.into_iter().filter(|warning| warning.contains("position jumps")).collect()
+    }
+
+    #[test]
+    fn positions_that_hold_for_a_step_are_no_jumps_and_exchanged_ones_are() {
+        // 30 m/s, measured ten times a second.
+        assert_eq!(jumps(|row| 3.0 * (row / 10) as f64), [""; 0]);
+        // The same, with the ends of a row exchanged.
+        let exchanged = |row: usize| if row == 300 { 50.0 } else { 3.0 * (row / 10) as f64 };
+        assert_eq!(jumps(exchanged).len(), 1);
+        // Motes that stand still, with the ends of the later half exchanged.
+        assert_eq!(jumps(|row| if row < 300 { 0.0 } else { 50.0 }).len(), 1);
+    }
 }

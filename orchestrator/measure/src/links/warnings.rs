@@ -14,6 +14,8 @@ const LEAST_MPS: f64 = 0.05;
 const GREATEST_SPAN_S: f64 = 2e6;
 /// Fewer frames of a mote say nothing.
 const FEWEST_FRAMES: f64 = 20.0;
+/// Fewer intervals between changes of a position are no rate.
+const FEWEST_INTERVALS: usize = 5;
 /// A register that reads the same in so many rows is stuck.
 const STUCK_ROWS: usize = 20;
 
@@ -181,16 +183,31 @@ fn milliseconds(rows: &[LinkRow], tracks: &Tracks) -> Option<String> {
 /// Senders and receivers of a moment.
 type Ends = (BTreeSet<u32>, BTreeSet<u32>);
 
+/// The time between changes of the position of a mote (s), in the median. Frames are logged more often than positions change where
+/// positions are measured at a rate of their own, or hold for a step of a simulation: then a position is as old as this, and the time
+/// between two frames says nothing of a speed. 0 where there are too few changes.
+fn update_s(track: &[(f64, [f64; 3])]) -> f64 {
+    let changes: Vec<f64> =
+        track.windows(2).filter(|pair| pair[0].1 != pair[1].1).map(|pair| pair[1].0).collect();
+    let mut intervals_s: Vec<f64> = changes.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if intervals_s.len() < FEWEST_INTERVALS {
+        return 0.0;
+    }
+    intervals_s.sort_by(f64::total_cmp);
+    median_high(&intervals_s)
+}
+
 /// Signs of exchanged ends: one mote at two places at a time, motes that jump, one receiver of several senders at a time.
 fn exchanged(rows: &[LinkRow], tracks: &Tracks) -> Vec<String> {
     let mut warnings = Vec::new();
     let (mut torn, mut jumping) = (BTreeSet::new(), BTreeSet::new());
     for (&(_, mote), track) in tracks {
+        let update_s = update_s(track);
         for pair in track.windows(2) {
             let (passed_s, way) = (pair[1].0 - pair[0].0, way_m(pair[0].1, pair[1].1));
             if passed_s == 0.0 && 1.0 < way {
                 torn.insert(mote);
-            } else if LEAST_JUMP_M < way && GREATEST_MPS * passed_s < way {
+            } else if LEAST_JUMP_M < way && GREATEST_MPS * passed_s.max(update_s) < way {
                 jumping.insert(mote);
             }
         }
