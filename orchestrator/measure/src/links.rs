@@ -163,7 +163,7 @@ pub fn has_shape(table: &DataTable) -> Result<(), Vec<String>> {
 /// What makes the whole file useless, in words for its author.
 pub fn read(table: &DataTable) -> Result<LinkSamples, String> {
     if let Err(lacking) = has_shape(table) {
-        return Err(format!("not link samples: the file lacks {}", lacking.join(", ")));
+        return Err(table.lacking("link samples", &lacking));
     }
     // Beside the rows, the covariates, and the 15 numbers by which a row is found again, with what keeps them in order.
     let n_numbers = table.names().len() + 1 + 26;

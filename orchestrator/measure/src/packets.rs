@@ -75,8 +75,7 @@ pub fn has_shape(table: &DataTable) -> Result<(), Vec<String>> {
 ///
 /// What makes the whole file useless, in words for its author.
 pub fn read(table: &DataTable) -> Result<MeasuredPackets, String> {
-    has_shape(table)
-        .map_err(|lacking| format!("not packets: the file lacks {}", lacking.join(", ")))?;
+    has_shape(table).map_err(|lacking| table.lacking("packets", &lacking))?;
     // Each is kept, and looked up among the others by what it is.
     table.check_memory(2 * size_of::<MeasuredPacket>() + 4 * CELL_BYTES, "packets")?;
     let cell = |name: &str, row: usize| table.column(name).map_or(f64::NAN, |column| column[row]);

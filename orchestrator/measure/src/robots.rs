@@ -91,8 +91,8 @@ const FEWEST_ROWS: usize = 20;
 ///
 /// What makes the whole file useless, in words for its author.
 pub fn read(table: &DataTable) -> Result<RobotSamples, String> {
-    let commands = CommandKind::of_table(table)
-        .map_err(|lacking| format!("not robot samples: the file lacks {}", lacking.join(", ")))?;
+    let commands =
+        CommandKind::of_table(table).map_err(|lacking| table.lacking("robot samples", &lacking))?;
     // Once as they stand and once in order, beside the covariates.
     let n_numbers = table.names().len() + 4;
     table.check_memory(2 * size_of::<RobotSample>() + CELL_BYTES * n_numbers, "robots")?;

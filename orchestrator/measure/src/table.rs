@@ -90,6 +90,21 @@ impl DataTable {
         memory.take(bytes, format_args!("{} rows as {what}", self.n_rows))
     }
 
+    /// What to say of a table that lacks columns of a kind of measurements.
+    #[must_use]
+    pub fn lacking(&self, kind: &str, columns: &[String]) -> String {
+        format!("not {kind}: the file lacks {}. {}", columns.join(", "), self.import_hint())
+    }
+
+    /// What to do about a table whose columns are not those of measurements.
+    #[must_use]
+    pub fn import_hint(&self) -> String {
+        format!(
+            "If its columns have other names or units, make measurements of it: murmuration import {}",
+            self.path.display()
+        )
+    }
+
     /// The budget that it was read within.
     #[must_use]
     pub fn budget(&self) -> MemoryBudget {

@@ -54,7 +54,7 @@ impl Tracks {
     /// It has none, in words for its author.
     pub fn from_table(table: &DataTable) -> Result<Self, String> {
         let column = |name: &str| {
-            table.column(name).ok_or_else(|| format!("not positions: the file lacks {name}"))
+            table.column(name).ok_or_else(|| table.lacking("positions", &[name.to_owned()]))
         };
         let times_s: Vec<f64> = match table.column("time_ns") {
             Some(times_ns) => times_ns.iter().map(|ns| ns * 1e-9).collect(),

@@ -76,10 +76,11 @@ pub fn subject(table: &DataTable) -> Result<Subject, OpenError> {
         (Err(link), Err(robot)) => Err(OpenError::Useless {
             file: table.path.display().to_string(),
             reason: format!(
-                "the columns match no kind of measurements: link samples lack {}; robot samples lack {}; packets lack {}",
+                "the columns match no kind of measurements: link samples lack {}; robot samples lack {}; packets lack {}. {}",
                 hinted(&link, table),
                 hinted(&robot, table),
-                hinted(&packets::has_shape(table).err().unwrap_or_default(), table)
+                hinted(&packets::has_shape(table).err().unwrap_or_default(), table),
+                table.import_hint()
             ),
         }),
     }
