@@ -59,7 +59,7 @@ pub enum CheckpointError {
 /// What every checkpoint begins with; the last byte is the format.
 const MAGIC: [u8; 8] = *b"murmchk\x01";
 /// The file.
-pub(crate) const FILE: &str = "checkpoint";
+pub const FILE: &str = "checkpoint";
 /// The file while it is being written.
 pub(crate) const UNFINISHED: &str = "checkpoint.new";
 

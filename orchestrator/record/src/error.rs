@@ -4,6 +4,7 @@ use super::lock::LockHolder;
 use super::read::mcap_in_words;
 use input::table::in_words;
 use parquet::errors::ParquetError;
+use std::io::{Error, ErrorKind};
 use std::path::PathBuf;
 
 /// Why a run could not be recorded. Every variant names the path it is about; all end the recording.
@@ -147,4 +148,23 @@ pub enum RecordError {
         /// The directory it wrote to.
         path: PathBuf,
     },
+}
+
+impl RecordError {
+    /// Whether there is no space left on the disk.
+    #[must_use]
+    pub fn is_of_full_disk(&self) -> bool {
+        let source = match self {
+            Self::Create { source, .. }
+            | Self::Write { source, .. }
+            | Self::Rename { source, .. } => Some(source),
+            Self::Log { source, .. } => match &**source {
+                mcap::McapError::Io(source) => Some(source),
+                _ => None,
+            },
+            Self::Table { source: ParquetError::External(source), .. } => source.downcast_ref(),
+            _ => None,
+        };
+        source.is_some_and(|source: &Error| source.kind() == ErrorKind::StorageFull)
+    }
 }

@@ -61,10 +61,8 @@ pub(super) async fn carry_out(
             let saver = recording.saver.take();
             drop(recording);
             let next = Attempt::go_on(plan, start, &origin, &dir, &mut interrupt).await;
-            attempt = next.map_err(|error| RunError::NotResumed {
-                error: Box::new(error),
-                dir: dir.clone(),
-            })?;
+            attempt = next
+                .map_err(|error| RunError::NotEnded { error: Box::new(error), dir: dir.clone() })?;
             attempt.recording.live = live;
             attempt.recording.saver = saver;
             origin.left.push(dir);
@@ -90,11 +88,16 @@ pub(super) async fn carry_out(
         let reason = ending.reason.iter().map(|reason| format!(": {reason}")).collect::<String>();
         log.end(&format!("{} after step {n_steps}{reason}", ending.status.name()));
         let wall_s = begun.elapsed().as_secs_f64();
+        let dir = recording.recorder.path();
+        let unwritten = |error| RunError::NotEnded {
+            error: Box::new(RunError::Record { error, before_start: false }),
+            dir: dir.clone(),
+        };
         provenance.resumed(&origin.resumed);
         let finished = recording
             .recorder
             .finish(&ending, provenance.finish(n_steps, time_ns, wall_s), report::page)
-            .map_err(|error| RunError::Record { error, before_start: false })?;
+            .map_err(unwritten)?;
         for dir in &origin.left {
             if let Err(error) = system::remove_dir_all(dir) {
                 tracing::warn!(%error, "cannot remove {}", dir.display());
@@ -117,7 +120,7 @@ pub(super) async fn carry_out(
                 }
                 Err(RunError::NotFormed { account, kept: Box::new(finished) })
             }
-            Some(Failure::Observer(error)) => Err(RunError::Record { error, before_start: false }),
+            Some(Failure::Observer(error)) => Err(unwritten(error)),
         };
     }
 }

@@ -28,10 +28,12 @@ use experiment::{Overrides, program_name};
 use interrupt::Interrupt;
 use proto::config::Refusal;
 use proto::exchange::Configured;
+use record::checkpoint;
 use record::leftover::LeftoverError;
 use record::result::ResultError;
 use record::{
-    Ending, Finished, KeptReason, RecordError, ReplacePolicy, Reservation, Status, StepRecord,
+    Ending, Finished, KeptReason, LOG_FILE, RecordError, ReplacePolicy, Reservation, Status,
+    StepRecord,
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -157,12 +159,9 @@ pub enum RunError {
         /// Which, and where.
         error: ResultError,
     },
-    /// A run that lost a side could not go on.
-    #[error(
-        "{error}\nwhat was recorded is in {dir}; go on from its checkpoint with {program} run --resume {dir}, or keep what \
-         was recorded with {program} recover {dir}", dir = dir.display(), program = program_name()
-    )]
-    NotResumed {
+    /// A run that lost a side could not go on, or its record could not be written to the end.
+    #[error("{error}{}", way_on(dir, error))]
+    NotEnded {
         /// Why not.
         error: Box<Self>,
         /// The folder of what was recorded.
@@ -176,6 +175,24 @@ pub enum RunError {
         /// It was found before the first step.
         before_start: bool,
     },
+}
+
+/// What the user can do with what a run left in a folder when an error ended it.
+fn way_on(dir: &Path, error: &RunError) -> String {
+    if !dir.join(LOG_FILE).is_file() {
+        return String::new();
+    }
+    let is_full = matches!(error, RunError::Record { error, .. } if error.is_of_full_disk());
+    let first = if is_full { "free space on the disk, then " } else { "" };
+    let (shown, program) = (dir.display(), program_name());
+    let resume = if dir.join(checkpoint::FILE).is_file() {
+        format!("go on from its checkpoint with {program} run --resume {shown}, or ")
+    } else {
+        String::new()
+    };
+    format!(
+        "\nwhat was recorded is in {shown}; {first}{resume}keep what was recorded with {program} recover {shown}"
+    )
 }
 
 fn kept_text(kept: &Option<Box<Finished>>) -> String {
@@ -218,7 +235,7 @@ impl RunError {
             | Self::Unbelieved { .. }
             | Self::Interrupted { .. }
             | Self::NotFormed { .. }
-            | Self::NotResumed { .. } => 1,
+            | Self::NotEnded { .. } => 1,
         }
     }
 }
