@@ -5,10 +5,14 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use tests::{end_of, signal, wait_until};
 
-/// Runs a demo in this folder, and returns what it printed and its answer.
+/// Runs a demo in this folder, and returns what it printed and its answer. It shows its progress.
 fn demo(args: &[&str], folder: &Path) -> (String, Value) {
     let output = tests::orchestrator(&[&["demo", "--json", "answer.json"], args].concat(), folder);
     assert!(output.status.success(), "{}", tests::said(&output));
+    let progress = String::from_utf8(output.stderr).unwrap();
+    let begun = |step: &str| progress.lines().position(|line| line.starts_with(step));
+    let steps = [1, 2, 3, 4, 5].map(|step| begun(&format!("step {step} of 5: ")).unwrap());
+    assert!(steps.is_sorted(), "{progress}");
     let answer = std::fs::read_to_string(folder.join("answer.json")).unwrap();
     (String::from_utf8(output.stdout).unwrap(), serde_json::from_str(&answer).unwrap())
 }

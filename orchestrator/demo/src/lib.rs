@@ -171,14 +171,26 @@ struct Demo<'a> {
     commands: Vec<String>,
 }
 
-/// Runs the demo. `report` receives a line for each step.
+/// Who watches a demo.
+pub trait DemoObserver {
+    /// Work on a step begins, from 1 to [`STEPS`]. `what`: the work, as in `searching for …`.
+    fn begin(&mut self, step: u64, what: &str);
+
+    /// What a step found, as a line.
+    fn report(&mut self, line: String);
+}
+
+/// Number of steps of a demo.
+pub const STEPS: u64 = 5;
+
+/// Runs the demo.
 ///
 /// # Errors
 ///
 /// The request is invalid, a file cannot be written, a command fails, or a signal ends it. Then no folder is left.
 pub async fn demo(
     options: &DemoOptions,
-    report: &mut dyn FnMut(String),
+    observer: &mut dyn DemoObserver,
 ) -> Result<DemoAnswer, DemoError> {
     let hidden = hidden::draw(options.seed, options.effect.as_deref())
         .map_err(|problem| DemoError::Request(format!("--effect {problem}")))?;
@@ -202,7 +214,7 @@ pub async fn demo(
     let made = DraftFolder::beside(folder).map_err(|source| file_error(parent, source))?;
     let interrupt = Interrupt::listen();
     let mut demo = Demo { options, folder: made.path(), interrupt, commands: Vec::new() };
-    let answer = demo.run(hidden.as_ref(), report).await?;
+    let answer = demo.run(hidden.as_ref(), observer).await?;
     made.place(folder).map_err(|source| file_error(folder, source))?;
     Ok(answer)
 }
@@ -215,7 +227,7 @@ impl Demo<'_> {
     async fn run(
         &mut self,
         hidden: Option<&HiddenEffect>,
-        report: &mut dyn FnMut(String),
+        observer: &mut dyn DemoObserver,
     ) -> Result<DemoAnswer, DemoError> {
         let DemoOptions { seed, robots, .. } = *self.options;
         let measured = hidden.map_or(Measured::Links, |hidden| hidden.measured);
@@ -225,6 +237,7 @@ impl Demo<'_> {
         };
         let model = filled(MODEL, seed, robots, data);
         let truth = truth_text(&model, hidden);
+        observer.begin(1, &format!("simulating the measurements {data}"));
         let (n_rows, n_received) = self.measure(&truth, data, &template)?;
         self.write(MODEL_FILE, &model)?;
         let rows = match measured {
@@ -240,8 +253,11 @@ impl Demo<'_> {
                 format!("{} positions of {} robots", count(n_rows as u64), TRACKS.robots)
             }
         };
-        report(format!("1. {data}: {rows} ({what}). Seed {seed} chose what is hidden in them"));
+        observer.report(format!(
+            "1. {data}: {rows} ({what}). Seed {seed} chose what is hidden in them"
+        ));
 
+        observer.begin(2, &format!("comparing {MODEL_FILE} with {data}"));
         self.command(
             &["compare", MODEL_FILE, "--data", data],
             &[("--report", "comparison.html"), ("--json", "comparison.json")],
@@ -249,8 +265,9 @@ impl Demo<'_> {
         .await?;
         let comparison: ComparisonAnswer = self.answer("comparison.json")?;
         let before = comparison.error();
-        report(format!("2. the error of {MODEL_FILE} is {}", with_unit(before, unit)));
+        observer.report(format!("2. the error of {MODEL_FILE} is {}", with_unit(before, unit)));
 
+        observer.begin(3, &format!("searching for the effect that {MODEL_FILE} lacks"));
         self.command(
             &["diagnose", MODEL_FILE, "--data", data],
             &[
@@ -261,26 +278,28 @@ impl Demo<'_> {
         )
         .await?;
         let diagnosis: DiagnosisAnswer = self.answer("diagnosis.json")?;
-        report(format!(
+        observer.report(format!(
             "3. the diagnosis, from {MODEL_FILE} and {data} alone: {}",
             diagnosis.sentence
         ));
 
+        observer.begin(4, "adding what was found to the model");
         let after = self.extend(&diagnosis, data).await?;
         if let Some(after) = after {
-            report(format!(
+            observer.report(format!(
                 "4. the error of {BETTER_FILE} is {} in place of {}",
                 with_unit(after, unit),
                 with_unit(before, unit)
             ));
         } else {
-            report("4. no effect was named, so the model stays as it is".to_owned());
+            observer.report("4. no effect was named, so the model stays as it is".to_owned());
         }
 
         self.write(TRUTH_FILE, &truth)?;
+        observer.begin(5, &format!("comparing {TRUTH_FILE} with {data}"));
         self.command(&["compare", TRUTH_FILE, "--data", data], &[("--json", "truth.json")]).await?;
         let noise = self.answer::<ComparisonAnswer>("truth.json")?.error();
-        let swarms = self.swarms(hidden.is_some(), after.is_some()).await?;
+        let swarms = self.swarms(hidden.is_some(), after.is_some(), observer).await?;
         let floor_mps = swarms.first().map_or(0.0, |(swarm, _)| swarm.flock_speed_floor_mps);
         let leader_mps = swarms.first().map_or(0.0, |(swarm, _)| swarm.leader_speed_mps);
         let speeds: Vec<String> = swarms
@@ -289,7 +308,7 @@ impl Demo<'_> {
                 format!("{} m/s with {}.toml", number(swarm.flock_speed_mps), swarm.model)
             })
             .collect();
-        report(format!(
+        observer.report(format!(
             "5. flock speed (leader {} m/s; {} m/s if no robot follows): {}",
             number(leader_mps),
             number(floor_mps),
@@ -383,11 +402,13 @@ impl Demo<'_> {
         &mut self,
         is_hidden: bool,
         is_extended: bool,
+        observer: &mut dyn DemoObserver,
     ) -> Result<Vec<(SwarmResult, [String; 2])>, DemoError> {
         let models = [("model", true), ("better", is_extended), ("truth", is_hidden)];
         let mut swarms = Vec::new();
         for (model, _) in models.into_iter().filter(|(_, is_there)| *is_there) {
             let config = format!("{model}.toml");
+            observer.begin(5, &format!("running the swarm with {config}"));
             let name = format!("experiment.name={model}");
             self.command(&["run", &config], &[("--set", &name), ("--out", RUNS)]).await?;
             let run = format!("{RUNS}/{model}");

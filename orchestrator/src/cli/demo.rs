@@ -3,10 +3,10 @@
 use super::arguments::whole_number;
 use super::{Failure, check_json, on_runtime, write_json};
 use clap::Args;
-use demo::{DemoError, DemoOptions, demo};
+use demo::{DemoError, DemoObserver, DemoOptions, STEPS, demo};
 use numbers::format::{number_within, shortest};
 use std::path::{Path, PathBuf};
-use terminal::say;
+use terminal::{ProgressDisplay, say};
 
 /// The folder of a demo, if no other is asked for.
 const FOLDER: &str = "demo";
@@ -49,8 +49,10 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         robots: args.robots,
         folder,
     };
-    let mut report = |line: String| say(line);
-    let answer = on_runtime(demo(&options, &mut report))?.map_err(|error| match error {
+    let mut screen = DemoScreen { progress: ProgressDisplay::stages(STEPS) };
+    let answer = on_runtime(demo(&options, &mut screen))?;
+    screen.progress.finish();
+    let answer = answer.map_err(|error| match error {
         DemoError::Request(_) => Failure::request(error),
         _ => Failure::work(error),
     })?;
@@ -75,6 +77,21 @@ pub(super) fn run(args: &DemoArgs) -> Result<(), Failure> {
         say(format!("open {}", answer.page));
     }
     write_json(args.json.as_deref(), &answer)
+}
+
+/// A demo as a person sees it: what the steps found on standard output, and the progress on standard error.
+struct DemoScreen {
+    progress: ProgressDisplay,
+}
+
+impl DemoObserver for DemoScreen {
+    fn begin(&mut self, step: u64, what: &str) {
+        self.progress.stage(step, what);
+    }
+
+    fn report(&mut self, line: String) {
+        self.progress.aside(|| say(line));
+    }
 }
 
 /// The first folder of its kind that does not exist.

@@ -100,25 +100,6 @@ pub fn readable(text: impl Display) -> String {
     shown
 }
 
-/// Rows of a table as lines, with columns as wide as need be: the first to the left, numbers to the right.
-#[must_use]
-pub fn aligned(rows: &[Vec<String>]) -> Vec<String> {
-    let width =
-        |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..rows.first().map_or(0, Vec::len)).map(width).collect();
-    let line = |row: &Vec<String>| {
-        let mut line = String::new();
-        for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
-            let _ = match column {
-                0 => write!(line, "{cell:<width$}"),
-                _ => write!(line, "  {cell:>width$}"),
-            };
-        }
-        line
-    };
-    rows.iter().map(line).collect()
-}
-
 /// An error on standard error.
 pub fn complain(error: impl Display) {
     let _ = writeln!(std::io::stderr(), "error: {}", readable(error));
@@ -200,14 +181,34 @@ impl ProgressDisplay {
     /// For a run of at most `n_steps`.
     #[must_use]
     pub fn new(n_steps: u64) -> Self {
+        Self::with_template(n_steps, "{bar:30} {msg}")
+    }
+
+    /// For work of `n` stages, of which nobody knows how long they take. On a terminal the time used is shown.
+    #[must_use]
+    pub fn stages(n: u64) -> Self {
+        let display = Self::with_template(n, "{bar:30} {msg}  {elapsed}");
+        if let Some(bar) = &display.bar {
+            bar.enable_steady_tick(FRAME_EVERY);
+        }
+        display
+    }
+
+    fn with_template(n_steps: u64, template: &str) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
-            let style = ProgressStyle::with_template("{bar:30} {msg}")
+            let style = ProgressStyle::with_template(template)
                 .unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::with_draw_target(Some(n_steps), ProgressDrawTarget::stderr_with_hz(10))
                 .with_style(style)
         });
         let now = Instant::now();
         Self { bar, n_steps, begun: now, shown: now }
+    }
+
+    /// Stage `number`, from 1, begins.
+    pub fn stage(&mut self, number: u64, what: &str) {
+        let line = format!("step {number} of {}: {what}", self.n_steps);
+        self.show(number.saturating_sub(1), line);
     }
 
     /// `done` of `n` trials are done, `n_now` of them since this began.
@@ -325,13 +326,5 @@ mod tests {
         let name = "a\u{1b}[2J\rb\u{9b}31m\u{202e}c\u{7f}";
         assert_eq!(readable(name), "a\\u{1b}[2J\\u{d}b\\u{9b}31m\\u{202e}c\\u{7f}");
         assert_eq!(readable("ä\tb\n−3 ±"), "ä\tb\n−3 ±");
-    }
-
-    #[test]
-    fn columns_are_aligned_by_characters() {
-        let rows = [["figure", "A", "B − A"], ["x", "1.25", "−3"]];
-        let rows = rows.map(|row| row.map(str::to_owned).to_vec());
-        assert_eq!(aligned(&rows), ["figure     A  B − A", "x       1.25     −3"]);
-        assert!(aligned(&[]).is_empty());
     }
 }
