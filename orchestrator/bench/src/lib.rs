@@ -14,6 +14,8 @@ use drive::coupling::{StepOutcome, StepPlan};
 use drive::private_folder::PrivateFolder;
 use drive::{Taken, Wanted};
 use experiment::{Overrides, Plan};
+use numbers::format::wrapped;
+use numbers::layout::WIDTH;
 use numbers::statistics::quantile_lower;
 use peers::{PeerFigures, ROWS};
 use proto::exchange::Configured;
@@ -203,12 +205,17 @@ pub async fn bench(
         ROWS.iter().filter(|figures| wanted(figures.agents, u32::MAX)).collect();
     if has(Which::Propagation) && !rows.is_empty() {
         printer.heading(&heading());
+        let mut group = String::new();
         for figures in rows {
             let models = BenchModel::ALL.into_iter().filter(|&model| figures.measures(model));
             let pairs = models.flat_map(|model| RobotMotion::ALL.map(|robots| (model, robots)));
             for (model, robots) in pairs.filter(|(model, it)| it.act_in(figures.agents, *model)) {
                 for &mode in modes {
                     let cell = measure(figures.agents, model, robots, mode, options).await?;
+                    if cell.group() != group {
+                        group = cell.group();
+                        printer.row(&group);
+                    }
                     printer.row(&cell);
                     cells.push(cell);
                 }
@@ -231,10 +238,11 @@ pub async fn bench(
         None
     } else {
         let exchange_ms = exchange_ms(options).await?;
-        printer.heading(&format!(
-            "Two empty calls, one to each side, and back took {exchange_ms:.3} ms here ({EXCHANGE_MS} on the machine that the\n\
+        let about = format!(
+            "Two empty calls, one to each side, and back took {exchange_ms:.3} ms here ({EXCHANGE_MS} on the machine that the \
              column \"to reach\" was set for). Every step is two calls: rows of few robots cost little more, and scale with it."
-        ));
+        );
+        printer.heading(&wrapped(&about, "", WIDTH));
         Some(exchange_ms)
     };
     let threads = options.start.threads;
@@ -474,22 +482,39 @@ struct RowAnswer {
 
 /// What stands above the rows of propagation alone.
 fn heading() -> String {
+    let about = "Wall time per control step (ms), both processes and gRPC included. Robots that jump at random: square of \
+                 10 m, for the disk a disc of 0.22 per m²; robots that react to their neighbours (boids, olfati-saber) \
+                 start there and act at 10 Hz, measured from their 10th second. BotNet: robots that jump, one process, no \
+                 RPC, measured elsewhere on a 2-core machine (10 m square for all models); paper: as printed, for full.";
     format!(
-        "Wall time per control step (ms), both processes and gRPC included. Robots that jump at random:\n\
-         square of 10 m, for the disk a disc of 0.22 per m²; robots that react to their neighbours (boids, olfati-saber)\n\
-         start there and act at 10 Hz, measured from their 10th second. BotNet: robots that jump, one process, no\n\
-         RPC, measured elsewhere on a 2-core machine (10 m square for all models); paper: as printed, for full.\n\n\
-         {:>6}  {:<24} {:<13} {:<22} {:>9} {:>9} {:>9} {:>8} {:>8}  times faster",
-        "agents", "model", "controller", "mode", "median", "90 %", "to reach", "BotNet", "paper"
+        "{}\n\n{:55}{:>9}{:>17}\n{:>6}  {:<23} {:>8} {:>8} {:>7} {:>7} {:>6}  faster",
+        wrapped(about, "", WIDTH),
+        "",
+        "to",
+        "times",
+        "agents",
+        "model",
+        "median",
+        "90 %",
+        "reach",
+        "BotNet",
+        "paper"
     )
+}
+
+impl RowAnswer {
+    /// What rows that follow each other have in common.
+    fn group(&self) -> String {
+        format!("{}, {}", self.controller, self.mode)
+    }
 }
 
 impl fmt::Display for RowAnswer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { agents, model, controller, mode, median_ms, p90_ms, botnet_ms, .. } = self;
+        let Self { agents, model, median_ms, p90_ms, botnet_ms, .. } = self;
         write!(
             f,
-            "{agents:>6}  {model:<24} {controller:<13} {mode:<22} {median_ms:>9.3} {p90_ms:>9.3} {:>9} {:>8} {:>8}  {}",
+            "{agents:>6}  {model:<23} {median_ms:>8.3} {p90_ms:>8.3} {:>7} {:>7} {:>6}  {}",
             number_or_dash(self.to_reach_ms),
             number_or_dash(*botnet_ms),
             number_or_dash(self.paper_ms),

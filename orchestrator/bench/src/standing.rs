@@ -6,6 +6,8 @@ use super::{
 };
 use drive::Wanted;
 use experiment::{Overrides, Plan};
+use numbers::format::wrapped;
+use numbers::layout::WIDTH;
 use proto::types::{NS_PER_S, seconds};
 use record::Recorder;
 use run::{Processes, RunError, start};
@@ -240,25 +242,27 @@ pub(super) struct RowAnswer {
 
 /// What stands above the rows.
 fn heading() -> String {
+    let about = format!(
+        "Standing networks: wall time (s) until they have formed, and of the simulated hour after that; both processes and gRPC \
+         included, every packet and every ten minutes every mote's energy recorded. Square grid of 10 m, unit disk of 25 m (20 \
+         neighbours), root in the middle, 20 roots in the middles of as many parts. From every mote a 6LoWPAN datagram of 90 \
+         bytes every so many seconds to its root ({PAYLOAD_BYTES} of payload; 8 less over a single hop); routes live for 30 \
+         min. Peers: one process, measured elsewhere on a 2-core machine: 6TiSCH simulator with MSF (90 bytes, no headers), \
+         TSCH-Sim with Orchestra (1000: fixed two hops)."
+    );
+    let line =
+        |[motes, sf, app, formed, forming, hour, pdr, reach, tisch, tsch, faster]: [&str; 11]| {
+            format!(
+                "{motes:>8} {sf:<9} {app:>4} {formed:>6} {forming:>7} {hour:>7} {pdr:>6} {reach:>6} {tisch:>6} {tsch:>5}  {faster}"
+            )
+        };
     format!(
-        "Standing networks: wall time (s) until they have formed, and of the simulated hour after that; both processes and\n\
-         gRPC included, every packet and every ten minutes every mote's energy recorded. Square grid of 10 m, unit disk of\n\
-         25 m (20 neighbours), root in the middle, 20 roots in the middles of as many parts. From every mote a 6LoWPAN\n\
-         datagram of 90 bytes every so many seconds to its root ({PAYLOAD_BYTES} of payload; 8 less over a single hop); routes live for\n\
-         30 min. Peers: one process, measured elsewhere on a 2-core machine: 6TiSCH simulator with MSF (90 bytes, no headers),\n\
-         TSCH-Sim with Orchestra (1000: fixed two hops).\n\n\
-         {:>6} {:>5}  {:<9} {:>6} {:>9} {:>9} {:>9} {:>8} {:>9} {:>10} {:>8}  times faster",
-        "motes",
-        "roots",
-        "cells by",
-        "app s",
-        "formed s",
-        "forming",
-        "hour",
-        "PDR %",
-        "to reach",
-        "6TiSCH sim",
-        "TSCH-Sim"
+        "{}\n\n{}\n{}",
+        wrapped(&about, "", WIDTH),
+        line(["motes/", "", "app", "formed", "", "", "PDR", "to", "6TiSCH", "TSCH-", "times"]),
+        line([
+            "roots", "cells by", "s", "s", "forming", "hour", "%", "reach", "sim", "Sim", "faster"
+        ])
     )
 }
 
@@ -270,7 +274,8 @@ impl fmt::Display for RowAnswer {
         let peer_s = if *sf == "msf" { simulator_6tisch_s.or(*tsch_sim_s) } else { *tsch_sim_s };
         write!(
             f,
-            "{motes:>6} {roots:>5}  {sf:<9} {app_period_s:>6} {formed:>9} {:>9.3} {:>9.3} {:>8.2} {:>9} {:>10} {:>8}  {}",
+            "{:>8} {sf:<9} {app_period_s:>4} {formed:>6} {:>7.3} {:>7.3} {:>6.2} {:>6} {:>6} {:>5}  {}",
+            format!("{motes}/{roots}"),
             self.forming_wall_s,
             self.hour_wall_s,
             100.0 * *delivered as f64 / (delivered + self.lost).max(1) as f64,

@@ -5,6 +5,8 @@ use super::{
 };
 use drive::Wanted;
 use experiment::{Overrides, Plan};
+use numbers::format::wrapped;
+use numbers::layout::WIDTH;
 use numbers::statistics::quantile_lower;
 use proto::types::{NS_PER_S, seconds};
 use record::Recorder;
@@ -156,14 +158,23 @@ pub(super) struct RowAnswer {
 
 /// What stands above the rows.
 fn heading() -> String {
+    let about = format!(
+        "Wall time per control period (ms), both processes and gRPC included: 6TiSCH with round-robin cells (RRSF), everyone \
+         hears everyone, 48 bytes from each robot in each period, after formation; every packet and every minute every mote's \
+         energy recorded. Every robot jumps at random in a square of 10 m. From {MANY} on motes are admitted without asking \
+         and DAOs not acknowledged: the root's one frame in a slotframe cannot answer so many. BotNet: one process, no RPC, \
+         measured elsewhere on a 2-core machine; paper: as printed."
+    );
     format!(
-        "Wall time per control period (ms), both processes and gRPC included: 6TiSCH with round-robin cells (RRSF),\n\
-         everyone hears everyone, 48 bytes from each robot in each period, after formation; every packet and every minute\n\
-         every mote's energy recorded. Every robot jumps at random in a square of 10 m. From {MANY} on motes are admitted\n\
-         without asking and DAOs not acknowledged: the root's one frame in a slotframe cannot answer so many. BotNet: one\n\
-         process, no RPC, measured elsewhere on a 2-core machine; paper: as printed.\n\n\
-         {:>6}  {:>9} {:>9} {:>9} {:>9} {:>14} {:>8}  times faster",
-        "agents", "formed s", "median", "90 %", "to reach", "BotNet", "paper"
+        "{}\n\n{:>6}  {:>8} {:>8} {:>8} {:>8} {:>13} {:>8}  times faster",
+        wrapped(&about, "", WIDTH),
+        "agents",
+        "formed s",
+        "median",
+        "90 %",
+        "to reach",
+        "BotNet",
+        "paper"
     )
 }
 
@@ -176,7 +187,7 @@ impl fmt::Display for RowAnswer {
         let botnet = botnet_ms.map_or_else(|| "does not form".to_owned(), |ms| ms.to_string());
         write!(
             f,
-            "{agents:>6}  {formed_s:>9.1} {median_ms:>9.3} {p90_ms:>9.3} {to_reach_ms:>9} {botnet:>14} {:>8}  {}",
+            "{agents:>6}  {formed_s:>8.1} {median_ms:>8.3} {p90_ms:>8.3} {to_reach_ms:>8} {botnet:>13} {:>8}  {}",
             number_or_dash(self.paper_ms),
             botnet_ms.map_or_else(|| "-".to_owned(), |peer| format!("{:.0}", peer / median_ms)),
         )

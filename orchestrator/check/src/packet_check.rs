@@ -1,5 +1,6 @@
 //! What a file of measured packets holds: the answer that programs read as JSON and people as text.
 
+use crate::words;
 use diagnose::json_number;
 use measure::account::DataAccount;
 use measure::packets::{self, MeasuredPacket};
@@ -9,7 +10,6 @@ use numbers::statistics::median_high;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 use study::open::file_of;
 
 /// What the schema of the answer is called.
@@ -105,7 +105,7 @@ impl PacketCheck {
             ),
         ];
         for (label, words) in facts {
-            let _ = writeln!(text, "  {label:<12} {words}");
+            words::fact(&mut text, label, &words);
         }
         text
     }

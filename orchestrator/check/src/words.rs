@@ -3,7 +3,8 @@
 use super::data_check::{CovariateFacts, DataCheck, Facts, LinkFacts, RobotFacts, RowKind};
 use diagnose::identifiability;
 use indexmap::IndexMap;
-use numbers::format::rounded;
+use numbers::format::{rounded, wrapped};
+use numbers::layout::WIDTH;
 use std::fmt::Write as _;
 
 /// What was found as a person reads it on a terminal.
@@ -20,14 +21,17 @@ pub fn text(check: &DataCheck) -> String {
         Facts::Robots(facts) => robots(facts),
     };
     for (label, words) in facts {
-        let _ = writeln!(text, "  {label:<12} {words}");
+        fact(&mut text, label, &words);
     }
-    let _ = writeln!(text, "  {:<12} {}", "held out in", check.blocks.join("; "));
+    fact(&mut text, "held out in", &check.blocks.join("; "));
     let testable =
         if check.testable.is_empty() { "none".to_owned() } else { check.testable.join(", ") };
     let _ = writeln!(text, "testable effects: {testable}");
     for lacking in &check.not_testable {
-        let _ = writeln!(text, "not testable: {:<24} {}", lacking.effect, lacking.because);
+        let begin = format!("not testable: {:<24} ", lacking.effect);
+        let indent = " ".repeat(begin.chars().count());
+        let because = wrapped(&lacking.because, &indent, WIDTH);
+        let _ = writeln!(text, "{begin}{}", because.trim_start());
     }
     if let Some(defects) = &check.measurement_defects {
         if defects.is_empty() {
@@ -46,6 +50,12 @@ pub fn text(check: &DataCheck) -> String {
         );
     }
     text
+}
+
+/// Adds a fact. Words that do not fit stand below its own.
+pub(super) fn fact(text: &mut String, label: &str, words: &str) {
+    let words = wrapped(words, &" ".repeat(15), WIDTH);
+    let _ = writeln!(text, "  {label:<12} {}", words.trim_start());
 }
 
 /// A fact: its name, and what it is.

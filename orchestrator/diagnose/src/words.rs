@@ -7,15 +7,13 @@ use super::diagnosis::{
 use super::gate::{Misfit, decimals};
 use indexmap::IndexMap;
 use numbers::format::{capitalised, with_unit, wrapped};
+use numbers::layout::TextTable;
 use std::fmt::Write as _;
 use study::defects::PREFIX;
 use study::thresholds::PLAIN_ERROR_SHARE;
 
 /// Most characters of a line of a list.
 const WIDTH: usize = 100;
-
-/// Least width of the first column of a table.
-const FIRST_COLUMN: usize = 34;
 
 /// What a diagnosis came to: the verdict in a sentence, and in further ones what is possible beside it, with the reason why it is not certain.
 #[must_use]
@@ -243,11 +241,6 @@ pub fn text(diagnosis: &Diagnosis) -> String {
     text
 }
 
-/// Width of the first column of a table with these entries.
-fn first_column<'a>(entries: impl Iterator<Item = &'a str>) -> usize {
-    entries.map(|entry| entry.chars().count()).fold(FIRST_COLUMN, usize::max)
-}
-
 fn ladder(text: &mut String, diagnosis: &Diagnosis) {
     let unit = diagnosis.error_unit;
     let first = diagnosis.ladder.first();
@@ -257,28 +250,17 @@ fn ladder(text: &mut String, diagnosis: &Diagnosis) {
     let has_losses = first.is_some_and(|rung| !rung.reception_log_loss.is_nan());
     let has_headings = first.is_some_and(|rung| rung.rmse_heading_rad.is_some());
     let head = format!("model ({} held out)", diagnosis.split);
-    let names = diagnosis.ladder.iter().map(|rung| rung.model.as_str());
-    let width = first_column(names.chain([head.as_str()]));
-    let _ = writeln!(
-        text,
-        "{head:<width$} {:>12} {:>10} {:>10}{}{}",
-        "log score",
-        format!("rmse {unit}"),
-        format!("crps {unit}"),
-        if has_losses { "  reception loss" } else { "" },
-        if has_headings { "  rmse heading rad" } else { "" }
-    );
+    let headings = [head, "log score".to_owned(), format!("rmse {unit}"), format!("crps {unit}")];
+    let loss = has_losses.then(|| "reception loss".to_owned());
+    let heading = has_headings.then(|| "rmse heading rad".to_owned());
+    let mut table = TextTable::new(headings.into_iter().chain(loss).chain(heading));
     for rung in &diagnosis.ladder {
-        let loss =
-            if has_losses { format!("  {:>14.4}", rung.reception_log_loss) } else { String::new() };
-        let heading = rung.rmse_heading_rad;
-        let heading = heading.map_or_else(String::new, |rmse_rad| format!("  {rmse_rad:>16.4}"));
-        let _ = writeln!(
-            text,
-            "{:<width$} {:>12.4} {:>10.4} {:>10.4}{loss}{heading}",
-            rung.model, rung.log_score, rung.rmse, rung.crps
-        );
+        let loss = has_losses.then_some(rung.reception_log_loss);
+        let numbers = [rung.log_score, rung.rmse, rung.crps].into_iter().chain(loss);
+        let numbers = numbers.chain(rung.rmse_heading_rad).map(|number| format!("{number:.4}"));
+        table.row(std::iter::once(rung.model.clone()).chain(numbers));
     }
+    text.push_str(&table.text());
 }
 
 /// The plain error of received frames, where the error about the mean reading of received frames is another.
@@ -353,12 +335,11 @@ fn not_found(text: &mut String, diagnosis: &Diagnosis) {
     let unit = diagnosis.error_unit;
     let head = "not found (rms over the rows)";
     let heads = [format!("at most {unit}"), format!("detectable from {unit}")];
-    let width = first_column(bounded.iter().map(|(effect, ..)| *effect).chain([head]));
-    let _ = writeln!(text, "{head:<width$} {:>12} {:>20}", heads[0], heads[1]);
+    let mut table = TextTable::new(std::iter::once(head.to_owned()).chain(heads));
     for (effect, upper, detectable) in bounded {
-        let [upper, detectable] = [upper, detectable].map(size);
-        let _ = writeln!(text, "{effect:<width$} {upper:>12} {detectable:>20}");
+        table.row([effect.to_owned(), size(upper), size(detectable)]);
     }
+    text.push_str(&table.text());
 }
 
 /// Effects that these data cannot show, those together that lack the same.

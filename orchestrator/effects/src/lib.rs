@@ -14,6 +14,7 @@ mod page;
 mod picture;
 
 use numbers::format::{trimmed, wrapped};
+use numbers::layout::WIDTH;
 use numbers::quantity;
 pub use page::page;
 pub use picture::Picture;
@@ -118,8 +119,6 @@ pub fn table() -> String {
 
 /// Most decimals of numbers for people.
 const DECIMALS: usize = 3;
-/// Width of text for people.
-const WIDTH: usize = 110;
 
 impl Listed {
     /// What measurements must have for it to be tested.

@@ -3,6 +3,7 @@
 //! Each definition exists once, here, and says what it does with no values, with one, and with NaN.
 
 pub mod format;
+pub mod layout;
 pub mod normal;
 pub mod optimise;
 pub mod power;

@@ -7,6 +7,7 @@ use super::sweep_summary::{MetricSummary, SCHEMA, SettingSummary, SweepSummary};
 use super::table::{self, TableColumn};
 use super::{TABLE_FILE, report};
 use numbers::format::number;
+use numbers::layout::TextTable;
 use numbers::statistics::range;
 use proto::config::most_similar;
 use record::result::{PROVENANCE_FILE, ResultFolder, Trust};
@@ -271,12 +272,12 @@ fn text(plan: &SweepPlan, figures: &[SettingFigures<'_>]) -> String {
     const MOST_SETTINGS: usize = 60;
     let figures = &figures[..figures.len().min(MOST_FIGURES)];
     let headings = figures.iter().map(|figures| figures.column.name.clone());
-    let mut rows = vec![std::iter::once("setting".to_owned()).chain(headings).collect()];
-    rows.extend(plan.settings.iter().take(MOST_SETTINGS).enumerate().map(|(number, setting)| {
+    let mut table = TextTable::new(std::iter::once("setting".to_owned()).chain(headings));
+    for (number, setting) in plan.settings.iter().take(MOST_SETTINGS).enumerate() {
         let cells = figures.iter().map(|figures| cell(figures, number));
-        std::iter::once(setting.describe()).chain(cells).collect()
-    }));
-    let mut text = terminal::aligned(&rows).join("\n");
+        table.row(std::iter::once(setting.describe()).chain(cells));
+    }
+    let mut text = table.text().trim_end().to_owned();
     if MOST_SETTINGS < plan.settings.len() {
         let _ = write!(text, "\n… and {} more settings", plan.settings.len() - MOST_SETTINGS);
     }

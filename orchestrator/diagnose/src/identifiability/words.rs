@@ -3,12 +3,11 @@
 use super::{EffectSize, Identifiability, SizeOfParameter};
 use crate::gate::decimals;
 use numbers::format::{percent, with_unit, wrapped};
+use numbers::layout::{TextTable, WIDTH};
 use std::fmt::Write as _;
 
 /// How many effects are listed on a terminal: those whose rivals explain most.
 const MOST_LISTED: usize = 12;
-/// Most characters of a line of a list.
-const WIDTH: usize = 100;
 
 impl SizeOfParameter {
     /// The parameter in words: `gain_db by 0.56 dB`.
@@ -44,14 +43,14 @@ pub fn text(table: &Identifiability) -> String {
         "what these data can tell, before any search (sizes: rms over the rows; noise {noise}):\n"
     );
     let or_none = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), size);
-    let mut rows = vec![[
+    let headings = [
         "effect".to_owned(),
         format!("found from {unit}"),
         "that is".to_owned(),
         format!("told apart from {unit}"),
         "its nearest rival (what it explains)".to_owned(),
-    ]];
-    rows.extend(effects.iter().take(MOST_LISTED).map(|effect| {
+    ];
+    let rows = effects.iter().take(MOST_LISTED).map(|effect| {
         [
             effect.effect.clone(),
             or_none(effect.found_from),
@@ -59,24 +58,21 @@ pub fn text(table: &Identifiability) -> String {
             or_none(effect.told_apart_from),
             effect.rivals_in_words().unwrap_or_else(|| "-".to_owned()),
         ]
-    }));
+    });
+    let rows: Vec<[String; 5]> = rows.collect();
     // Sizes that are stated of no effect have no columns.
     let is_empty =
-        |column: usize| rows[1..].iter().all(|row| row[column].is_empty() || row[column] == "-");
+        |column: usize| rows.iter().all(|row| row[column].is_empty() || row[column] == "-");
     let columns: Vec<usize> = (0..5).filter(|&it| it == 0 || !is_empty(it)).collect();
-    let width = |column: usize| {
-        rows.iter().map(|row| row[column].chars().count()).max().unwrap_or_default()
-    };
-    for row in rows.iter().filter(|_| !effects.is_empty()) {
-        let mut line = String::new();
-        for &column in &columns {
-            let (text, width) = (&row[column], width(column));
-            let _ = match column {
-                1 | 3 => write!(line, "  {text:>width$}"),
-                _ => write!(line, "  {text:<width$}"),
-            };
-        }
-        let _ = writeln!(text, "{}", line.trim_end());
+    let mut aligned = TextTable::new(columns.iter().map(|&it| headings[it].clone())).indented(2);
+    for (place, _) in columns.iter().enumerate().filter(|(_, column)| [2, 4].contains(*column)) {
+        aligned = aligned.text_in(place);
+    }
+    for row in &rows {
+        aligned.row(columns.iter().map(|&it| row[it].clone()));
+    }
+    if !rows.is_empty() {
+        text.push_str(&aligned.text());
     }
     if MOST_LISTED < effects.len() {
         let _ = writeln!(text, "  and {} more; --json lists all", effects.len() - MOST_LISTED);

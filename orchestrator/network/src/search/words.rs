@@ -12,6 +12,7 @@ use diagnose::diagnosis::{Parameter, Verdict};
 use indexmap::IndexMap;
 use measure::account::DataAccount;
 use numbers::format::{capitalised, number};
+use numbers::layout::TextTable;
 use numbers::power::square;
 use std::fmt::Write as _;
 use study::thresholds::{CONSISTENCY_LEVEL, PACKETS_LEVEL, RIVAL_NATS};
@@ -221,11 +222,8 @@ fn next(found: &SearchResult) -> Vec<NextCampaign> {
 }
 
 fn table(text: &mut String, tried: &[&EffectTest]) {
-    let _ = writeln!(
-        text,
-        "{:<18} {:>12} {:>8} {:>10}   parameter",
-        "effect", "gain (nats)", "p", "p with it"
-    );
+    let headings = ["effect", "gain (nats)", "p", "p with it", "parameter"];
+    let mut table = TextTable::new(headings).text_in(4);
     let mut tried = tried.to_vec();
     tried.sort_by(|a, b| b.gain.unwrap_or_default().total_cmp(&a.gain.unwrap_or_default()));
     for test in tried {
@@ -234,15 +232,15 @@ fn table(text: &mut String, tried: &[&EffectTest]) {
             .fitted
             .as_ref()
             .map_or_else(String::new, |fitted| parameter_text(&test.candidate, fitted));
-        let row = format!(
-            "{:<18} {:>12} {:>8} {:>10}   {fitted}",
-            test.candidate.name,
+        table.row([
+            test.candidate.name.to_owned(),
             number(test.gain.unwrap_or(f64::NAN)),
             p(test.p_value),
-            p(test.p_with)
-        );
-        let _ = writeln!(text, "{}", row.trim_end());
+            p(test.p_with),
+            fitted,
+        ]);
     }
+    text.push_str(&table.text());
     let _ = writeln!(
         text,
         "gain: log-likelihood gain with the effect; p: probability of such a gain if no effect is missing, accepted up to \

@@ -4,6 +4,7 @@ use super::{ErrorSource, ErrorSplit, SplitPart};
 use crate::error_split::{ErrorPart, NetworkErrorSplit, NetworkFigureSplit, PartOfFigure};
 use crate::kpis::KPIS;
 use numbers::format::{capitalised, number, percent};
+use numbers::layout::TextTable;
 use std::fmt::Write as _;
 use study::thresholds::PACKETS_LEVEL;
 
@@ -82,19 +83,15 @@ pub(crate) fn answer(split: &ErrorSplit) -> NetworkErrorSplit {
 /// As a person reads it.
 #[must_use]
 pub(crate) fn text(split: &ErrorSplit) -> String {
-    let mut text = format!(
-        "{:<18} {:>10} {:>12} {:>14} {:>12} {:>14}\n",
-        "figure (means)", "measured", "whole model", "with robots", "own links", "and links"
-    );
+    let headings =
+        ["figure (means)", "measured", "whole model", "with robots", "own links", "and links"];
+    let mut table = TextTable::new(headings);
     for (k, kpi) in KPIS.iter().enumerate() {
         let [whole, tracked, own, linked] = split.means.map(|means| shown(means[k], kpi.unit));
         let measured = shown(split.measured.values[k], kpi.unit);
-        let _ = writeln!(
-            text,
-            "{:<18} {measured:>10} {whole:>12} {tracked:>14} {own:>12} {linked:>14}",
-            kpi.name
-        );
+        table.row([kpi.name.to_owned(), measured, whole, tracked, own, linked]);
     }
+    let mut text = table.text();
     let _ = writeln!(
         text,
         "with robots: at their measured positions; own links: also with replayed links as the model would have measured \

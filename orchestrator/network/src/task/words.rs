@@ -11,6 +11,7 @@ use crate::spread::kpi;
 use indexmap::IndexMap;
 use measure::account::DataAccount;
 use numbers::format::{capitalised, number};
+use numbers::layout::TextTable;
 use std::fmt::Write as _;
 use study::thresholds::CONSISTENCY_LEVEL;
 
@@ -160,8 +161,7 @@ pub(super) fn answer(
 /// As a person reads it.
 #[must_use]
 pub(super) fn text(split: &TaskSplit) -> String {
-    let mut text = format!(
-        "{:<24} {:>10} {:>12} {:>12} {:>12}   {:>10} {:>10} {:>10}\n",
+    let mut table = TextTable::new([
         "figure (means)",
         "measured",
         "whole model",
@@ -169,8 +169,8 @@ pub(super) fn text(split: &TaskSplit) -> String {
         "as heard",
         "network",
         "robot",
-        "neither"
-    );
+        "neither",
+    ]);
     for (k, figure) in FIGURES.iter().enumerate() {
         let measured = split.measured.values[k];
         if measured.is_nan() {
@@ -180,20 +180,13 @@ pub(super) fn text(split: &TaskSplit) -> String {
             [&split.whole, &split.own, &split.heard].map(|runs| number(runs.mean(k)));
         let parts =
             split.parts(k).map(|part| part.map_or("–".to_owned(), |part| number(part.value)));
-        let _ = writeln!(
-            text,
-            "{:<24} {:>10} {whole:>12} {own:>12} {heard:>12}   {:>10} {:>10} {:>10}",
-            figure.name,
-            number(measured),
-            parts[0],
-            parts[1],
-            parts[2]
-        );
+        let first = [figure.name.to_owned(), number(measured), whole, own, heard];
+        table.row(first.into_iter().chain(parts));
     }
     let [whole, own, heard] =
         [&split.whole, &split.own, &split.heard].map(|runs| number(runs.off_m));
-    let _ =
-        writeln!(text, "{:<24} {:>10} {whole:>12} {own:>12} {heard:>12}", "position error (m)", "");
+    table.row(["position error (m)".to_owned(), String::new(), whole, own, heard]);
+    let mut text = table.text();
     let _ = write!(
         text,
         "own network: robots receive what the model's network delivers along the measured tracks; as heard: the measured \

@@ -2,6 +2,7 @@
 
 use super::runs_comparison::{RunsComparison, SettingComparison};
 use numbers::format::{count_of, number};
+use numbers::layout::TextTable;
 use std::fmt::Write as _;
 
 /// What changed as a person reads it on a terminal.
@@ -36,24 +37,28 @@ fn table(text: &mut String, setting: &SettingComparison) {
         return;
     }
     let headings = ["figure", "A", "B", "B − A", "95 % interval", "B greater / less"];
-    let mut rows = vec![headings.map(str::to_owned).to_vec()];
-    rows.extend(changed.iter().map(|(name, change)| {
+    let mut table = TextTable::new(headings).indented(2);
+    for (name, change) in changed {
         let interval = change.median_difference_interval_95.map_or_else(
             || "-".to_owned(),
             |[low, high]| format!("{} … {}", number(low), number(high)),
         );
-        vec![
-            (*name).clone(),
+        // Of a figure that some runs lack there are fewer pairs.
+        let of = if change.pairs == setting.seeds.len() {
+            String::new()
+        } else {
+            format!(" of {}", change.pairs)
+        };
+        table.row([
+            name.clone(),
             number(change.median_a),
             number(change.median_b),
             number(change.median_difference),
             interval,
-            format!("{} / {} of {}", change.b_greater, change.b_less, change.pairs),
-        ]
-    }));
-    for line in terminal::aligned(&rows) {
-        let _ = writeln!(text, "  {line}");
+            format!("{} / {}{of}", change.b_greater, change.b_less),
+        ]);
     }
+    text.push_str(&table.text());
     if !same.is_empty() {
         let _ = writeln!(text, "  {} do not differ", count_of(same.len() as u64, "further figure"));
     }
