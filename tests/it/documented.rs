@@ -1,5 +1,8 @@
 //! What the pages show is what the programs print.
 
+use flate2::read::GzDecoder;
+use std::io::Read as _;
+use tests::campaign::blind::Cell;
 use tests::documented::{LARGE, LONG, MEASURED, commands, deviations_of_page, pages};
 
 #[test]
@@ -31,4 +34,19 @@ fn pages_that_other_tests_run_have_commands() {
             "{page} has nothing to run: it need not be in the list"
         );
     }
+}
+
+#[test]
+fn the_campaign_of_missing_physics_is_what_its_generator_makes() {
+    let cells = Cell::plan(1, false);
+    let name = "link: clear wall-attenuation + clear temperature";
+    let cell = cells.iter().find(|cell| cell.name().contains(name)).unwrap();
+    let campaign = cell.campaign(5000);
+    let folder = tests::repository();
+    let file = std::fs::File::open(folder.join("configs/missing-physics.csv.gz")).unwrap();
+    let mut csv = String::new();
+    GzDecoder::new(file).read_to_string(&mut csv).unwrap();
+    assert!(csv == campaign.csv, "configs/missing-physics.csv.gz is not the generator's");
+    let page = std::fs::read_to_string(folder.join("docs/missing-physics.md")).unwrap();
+    assert!(page.contains(&campaign.config_toml), "{}", campaign.config_toml);
 }

@@ -220,6 +220,26 @@ fn pages_use_the_terms_of_the_field() {
 }
 
 #[test]
+fn pages_name_one_wheel_of_this_version() {
+    let manifest = std::fs::read_to_string(checks::repository().join("Cargo.toml")).unwrap();
+    let version = manifest.lines().find_map(|line| line.strip_prefix("version = ")).unwrap();
+    let version = version.trim_matches('"');
+    let ours = format!("dist/{version}/murmuration_sim-{version}-*.whl");
+    // What a release of any version is like.
+    let any = "dist/VERSION/murmuration_sim-VERSION-*.whl";
+    let mut n_named = 0;
+    for page in pages() {
+        let text = std::fs::read_to_string(&page).unwrap();
+        let words = text.split([' ', '(', ')', '"', '`', '\n']);
+        for word in words.filter(|word| word.contains("dist/") && word.ends_with(".whl")) {
+            assert!([&ours, any].contains(&word), "{}: {word}, not {ours}", named(&page));
+            n_named += 1;
+        }
+    }
+    assert!(3 < n_named, "{n_named}");
+}
+
+#[test]
 fn sentences_are_found_in_paragraphs_and_lists() {
     let page = "# Title of a page\n\nOne two. Three; four:\nfive `six seven` [eight](nine ten).\n\n- a b\n- c et al. D\n\n| a | b |\n\n```\ncode. Code\n```\n";
     let texts: Vec<String> =
