@@ -253,8 +253,8 @@ fn promise_line(promise: &Promise, args: &Args) -> anyhow::Result<Value> {
     write_files(&folder, [&csv, &campaign.config_toml])?;
     std::fs::write(folder.join("fresh.csv"), fresh)?;
     let limit = Duration::from_secs_f64(args.limit_s);
-    let extend =
-        ["extend", "config.toml", "--data", "data.csv", "--all", "--output", "extended.toml"];
+    let asked = ["extend", "config.toml", "--data", "data.csv", "--all"];
+    let extend = [&asked[..], &["--output", "extended.toml", "--replace"]].concat();
     let compare = ["compare", "extended.toml", "--data", "fresh.csv"];
     let extended =
         run_orchestrator(&folder, &extend, "extension.json", limit).and_then(|extension| {

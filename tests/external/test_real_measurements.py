@@ -70,7 +70,7 @@ class Model:
             return self
         other = Model(self.folder, self.path.read_text(), self.data)
         other.path = self.folder / "better.toml"
-        orchestrator("extend", self.path, "--data", self.data, *options, *added(effects), "--output", other.path)
+        orchestrator("extend", self.path, "--data", self.data, *options, *added(effects), "--output", other.path, "--replace")
         return other
 
     def rmse_with(self, effects, *options):
@@ -78,7 +78,7 @@ class Model:
         found = self.folder / "extended.json"
         orchestrator(
             *("extend", self.path, "--data", self.data, *options, *added(effects)),
-            *("--output", self.folder / "better.toml", "--json", found),
+            *("--output", self.folder / "better.toml", "--replace", "--json", found),
         )
         _, after = json.loads(found.read_text())["rmse"]
         return after

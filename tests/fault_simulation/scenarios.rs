@@ -68,7 +68,7 @@ const SWEEP: &str = "sweep s.toml --jobs 1 --out runs";
 const MERGE: &str = "sweep s.toml --out runs --merge";
 const CONVERT: &str = "convert links.toml --output table.csv --replace --json converted.json";
 const CONVERT_PARQUET: &str = "convert links.toml --output table.parquet --replace";
-const EXTEND: &str = "extend model.toml --data links.csv --effect system-gain --output better.toml --json extended.json";
+const EXTEND: &str = "extend model.toml --data links.csv --effect system-gain --output better.toml --replace --json extended.json";
 const EXPORT_CSV: &str = "export runs/flocking --format csv --out exported";
 const EXPORT_ROSBAG: &str = "export runs/flocking --format rosbag2 --out exported";
 

@@ -246,11 +246,12 @@ fn the_commands_say_what_they_predict_and_extend_adds_what_decides_reception() {
         "duty=0.1:0:1",
         "--output",
         "x.toml",
+        "--replace",
     ];
     told(0, &[&formula[..], &["--target", "loss"]].concat());
     let text = told(2, &formula);
     assert!(text.contains("formula cannot be fitted") && text.contains("--given-rssi"), "{text}");
-    let text = told(2, &["extend", "model.toml", "--effect", "system-gain", "--output", "x.toml"]);
+    let text = told(2, &["extend", "model.toml", "--effect", "system-gain", "--output", "y.toml"]);
     assert!(text.contains("system-gain") && text.contains("--given-rssi"), "{text}");
     let text = told(2, &["diagnose", "model.toml", "--report", "r.html"]);
     assert!(text.contains("--json"), "{text}");

@@ -27,6 +27,41 @@ pub(super) fn write_whole(
     file.replace(path).map_err(failed)
 }
 
+/// Writes a file in one piece, in place of an existing one only if `replace` says so.
+pub(super) fn write_new(
+    option: &str,
+    path: &Path,
+    replace: bool,
+    content: impl AsRef<[u8]>,
+) -> Result<(), Failure> {
+    if is_stdout(path) || replace {
+        return write_whole(option, path, content);
+    }
+    let mut file = place_for(option, path).map_err(Failure::work)?;
+    let placed = file.write_all(content.as_ref()).and_then(|()| file.place(path));
+    placed.map_err(|error| not_placed(option, path, &error))
+}
+
+/// Why a file did not get its name.
+pub(super) fn not_placed(option: &str, path: &Path, error: &std::io::Error) -> Failure {
+    match error.kind() {
+        std::io::ErrorKind::AlreadyExists => Failure::request(exists(option, path)),
+        _ => Failure::work(format!("{option} {}: {error}", path.display())),
+    }
+}
+
+/// Refuses a file that exists, before the work, unless `replace` says that it is replaced.
+pub(super) fn check_new(option: &str, path: &Path, replace: bool) -> Result<(), Failure> {
+    if !is_stdout(path) && !replace && path.symlink_metadata().is_ok() {
+        return Err(Failure::request(exists(option, path)));
+    }
+    check_place(option, path)
+}
+
+fn exists(option: &str, path: &Path) -> String {
+    format!("{option} {}: the file exists; give another name, or --replace", path.display())
+}
+
 /// Whether an option that names a file asks for standard output instead.
 pub(super) fn is_stdout(path: &Path) -> bool {
     path == Path::new("-")

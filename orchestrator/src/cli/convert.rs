@@ -1,6 +1,7 @@
 //! `murmuration convert`: logs become a table of measurements.
 
-use super::{AllowFileArgs, Failure, ReadArgs, check_place, place_for, write_json};
+use super::answers::{check_new, not_placed};
+use super::{AllowFileArgs, Failure, ReadArgs, place_for, write_json};
 use ::convert::channels::ChannelShare;
 use ::convert::mapping::Mapping;
 use ::convert::output::{self, OutputFormat};
@@ -41,10 +42,7 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
             out.with_extension("").display()
         ))
     })?;
-    if out.exists() && !args.replace {
-        return Err(Failure::request(exists(&out)));
-    }
-    check_place("--output", &out)?;
+    check_new("--output", &out, args.replace)?;
     let mapping = Mapping::read(&args.mapping).map_err(Failure::request)?;
     let failed = |error| match error {
         ConvertError::Mapping(refusal) => Failure::request(refusal),
@@ -66,10 +64,7 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
     let mut file = place_for("--output", &out).map_err(Failure::work)?;
     output::write(&converted.table, format, &mut file).map_err(failed)?;
     let written = if args.replace { file.replace(&out) } else { file.place(&out) };
-    written.map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => Failure::request(exists(&out)),
-        _ => failed(error),
-    })?;
+    written.map_err(|error| not_placed("--output", &out, &error))?;
     print(&out, &converted.answer);
     write_json(args.json.as_deref(), &converted.answer)
 }
@@ -128,10 +123,6 @@ fn outside(mapping: &Mapping, files: &[Vec<PathBuf>]) -> Vec<Capability> {
 
 fn is_same(log: &Path, out: &Path) -> bool {
     log.canonicalize().is_ok_and(|log| out.canonicalize().is_ok_and(|out| log == out))
-}
-
-fn exists(out: &Path) -> String {
-    format!("--output {}: the file exists; give another name, or --replace", out.display())
 }
 
 pub(super) fn print(out: &Path, answer: &Conversion) {

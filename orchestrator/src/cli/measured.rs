@@ -1,5 +1,6 @@
 //! The commands that hold a model against measurements.
 
+use super::answers::{check_new, write_new};
 use super::arguments::ThreadsArgs;
 use super::between::BetweenArgs;
 use super::formula::FormulaArgs;
@@ -67,6 +68,9 @@ pub(super) struct ExtendArgs {
     /// Write the extended configuration to this file (TOML); - for standard output
     #[arg(long, value_name = "FILE")]
     output: PathBuf,
+    /// Replace the file of --output if it exists
+    #[arg(long)]
+    replace: bool,
     /// If Ctrl-C or --budget stops the search of --all early: add the effects that it has accepted so far
     #[arg(long, requires = "all")]
     partial: bool,
@@ -165,6 +169,7 @@ const NOT_THOROUGH: &str =
 /// `murmuration extend`.
 pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
     let data = &args.data;
+    check_new("--output", &args.output, args.replace)?;
     let stopper = Stopper::listen(args.budget)?;
     let (config, table) = data.files()?;
     let subject = open::subject(&table);
@@ -202,7 +207,7 @@ pub(super) fn extend(args: &ExtendArgs) -> Result<(), Failure> {
         say("no effect is missing in the corrected measurements: --output is not written");
         return Ok(());
     };
-    write_whole("--output", &args.output, &extended.text)?;
+    write_new("--output", &args.output, args.replace, &extended.text)?;
     let answer = &extended.answer;
     say(format!("{}: {}", args.output.display(), extension::text(answer)));
     write_json(data.json.as_deref(), answer)?;
@@ -239,7 +244,7 @@ impl ExtendArgs {
             config: &self.data.config,
             text,
             effects: self.effects(),
-            output: &self.output,
+            output: (&self.output, self.replace),
             json: self.data.json.as_deref(),
             is_partial_wanted: self.partial,
         };

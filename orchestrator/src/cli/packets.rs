@@ -1,8 +1,9 @@
 //! The commands that hold a network against measured packets.
 
+use super::answers::write_new;
 use super::inputs::Watching;
 use super::stop::Stopper;
-use super::{Failure, write_json, write_whole};
+use super::{Failure, write_json};
 use clap::Args;
 use diagnose::{Effects, Stopped};
 use experiment::Consent;
@@ -127,12 +128,12 @@ pub(super) fn diagnose(
     network::diagnose(request, &watching).map_err(failure).map(print_answer)
 }
 
-/// Which effects are added to an experiment, and where it is written.
+/// Which effects are added to an experiment, and where it is written: the file, and whether an existing one is replaced.
 pub(super) struct Adding<'a> {
     pub(super) config: &'a Path,
     pub(super) text: &'a str,
     pub(super) effects: Effects,
-    pub(super) output: &'a Path,
+    pub(super) output: (&'a Path, bool),
     pub(super) json: Option<&'a Path>,
     pub(super) is_partial_wanted: bool,
 }
@@ -152,7 +153,8 @@ pub(super) fn extend(
         ),
         error => failure(error),
     })?;
-    write_whole("--output", adding.output, &text)?;
+    let (output, replace) = adding.output;
+    write_new("--output", output, replace, &text)?;
     let parts: Vec<String> = added
         .iter()
         .map(|(candidate, fitted)| {
@@ -161,7 +163,7 @@ pub(super) fn extend(
         .collect();
     say(format!(
         "{}: added {}. Consistency of the packets with the model: p = {:.3} before, {:.3} after",
-        adding.output.display(),
+        output.display(),
         parts.join("; "),
         answer.p_value[0],
         answer.p_value[1]

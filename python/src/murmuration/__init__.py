@@ -118,11 +118,14 @@ def diagnose(
 
 def extend(
     config: Config, data: Any, output: str | os.PathLike[str], *, effect: str | None = None, all: bool = False,  # noqa: A002
-    seed: int | None = None, memory_budget: str | None = None, allow_file: Paths = (),
+    replace: bool = False, seed: int | None = None, memory_budget: str | None = None, allow_file: Paths = (),
     unverified: bool = False, progress: bool | None = None, **overrides: Any,
 ) -> Answer:  # fmt: skip
-    """Fits a missing effect to measurements and writes the configuration with it to `output`."""
-    options = [*_seed(seed), *_option("--effect", effect), *_flag("--all", all), "--output", os.fspath(output)]
+    """Fits a missing effect to measurements and writes the configuration with it to `output`.
+
+    `replace` replaces the file `output` if it exists.
+    """
+    options = [*_seed(seed), *_option("--effect", effect), *_flag("--all", all), *_flag("--replace", replace), "--output", os.fspath(output)]
     options += _reading(memory_budget, allow_file, unverified)
     return _about("extend", config, data, options, overrides, progress)
 
