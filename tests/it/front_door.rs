@@ -191,7 +191,7 @@ fn the_help_groups_all_commands() {
 fn misspelt_commands_and_options_get_a_suggestion() {
     let dir = tests::folder();
     for (args, expected) in [
-        (&["diagnos"][..], "'diagnose'"),
+        (&["diagnos"][..], "`diagnose`"),
         (&["run", "x.toml", "--sed", "2"], "'--seed'"),
         (&["export", "r", "--format", "rosbag"], "'rosbag2'"),
     ] {

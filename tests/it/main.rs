@@ -33,6 +33,7 @@ mod formation;
 mod formula;
 mod front_door;
 mod fuzz_corpora;
+mod given_files;
 mod given_rssi;
 mod identifiability;
 mod import;

@@ -1,31 +1,89 @@
 //! Messages about arguments that the program does not take.
 
-use clap::Args;
+use super::{command, given_files};
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, Error, ErrorKind};
+use clap::{Args, Command};
+use proto::config::most_similar;
 
-/// The error of a command line, with the tips that help here.
+/// The error of a command line, with the tips that help here; `words`: the command line without the program.
 ///
-/// clap proposes to pass any unknown option as a value, which no command takes. An option that was removed gets a tip of its own.
-pub(super) fn with_tips(mut error: Error) -> Error {
-    if error.kind() != ErrorKind::UnknownArgument {
-        return error;
+/// clap proposes to pass any unknown option as a value, which no command takes. An option that was removed gets a tip of its own, and so
+/// does a word that is no command.
+pub(super) fn with_tips(mut error: Error, words: &[String]) -> Error {
+    let tips = match error.kind() {
+        ErrorKind::UnknownArgument => of_argument(&mut error),
+        ErrorKind::InvalidSubcommand => of_command(&mut error),
+        ErrorKind::MissingRequiredArgument => {
+            return match given_files::instead_of_missing(words) {
+                Some(text) => command().error(ErrorKind::MissingRequiredArgument, text),
+                None => error,
+            };
+        }
+        _ => return error,
+    };
+    if !tips.is_empty() {
+        let tips = tips.into_iter().map(StyledStr::from).collect();
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(tips));
     }
-    let mut tips = match error.remove(ContextKind::Suggested) {
-        Some(ContextValue::StyledStrs(tips)) => tips,
+    error
+}
+
+fn of_argument(error: &mut Error) -> Vec<String> {
+    let mut tips: Vec<String> = match error.remove(ContextKind::Suggested) {
+        Some(ContextValue::StyledStrs(tips)) => tips.iter().map(ToString::to_string).collect(),
         _ => Vec::new(),
     };
-    tips.retain(|tip| !tip.to_string().contains("as a value"));
+    tips.retain(|tip| !tip.contains("as a value"));
     let usage = error.get(ContextKind::Usage).map(ToString::to_string).unwrap_or_default();
     let option = error.get(ContextKind::InvalidArg).map(ToString::to_string);
     if option.as_deref() == Some("--watch") && usage.contains(" run ") {
         error.remove(ContextKind::SuggestedArg);
-        tips.push(StyledStr::from("--live shows the run in a browser"));
+        tips.push("--live shows the run in a browser".to_owned());
     }
-    if !tips.is_empty() {
-        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(tips));
+    tips
+}
+
+/// Words that people try as commands, and what does it.
+const NO_COMMANDS: [(&[&str], &str); 6] = [
+    (
+        &["report", "reports"],
+        "`run` and `sweep` write report.html into the folder of their results; `compare` and `diagnose` write a page with --report FILE",
+    ),
+    (
+        &["plot", "plots", "draw", "graph", "video"],
+        "`render` draws a recorded run, `effects NAME --svg FILE` an effect; report.html in the folder of a run has plots",
+    ),
+    (
+        &["view", "show", "open", "watch"],
+        "`replay` shows a recorded run in a browser, and `run --live` one that runs",
+    ),
+    (
+        &["validate", "lint", "info", "describe"],
+        "`check` checks an experiment, and `check --data FILE` measurements",
+    ),
+    (
+        &["fit", "calibrate"],
+        "`extend` fits an effect to measurements, and `diagnose` searches for one",
+    ),
+    (&["init", "create"], "`new` writes a starter experiment"),
+];
+
+/// What to do in place of a word that is no command.
+fn of_command(error: &mut Error) -> Vec<String> {
+    let word = error.get(ContextKind::InvalidSubcommand).map(ToString::to_string);
+    let word = word.unwrap_or_default().to_lowercase();
+    error.remove(ContextKind::SuggestedSubcommand);
+    error.remove(ContextKind::Suggested);
+    if let Some((_, tip)) = NO_COMMANDS.iter().find(|(words, _)| words.contains(&&*word)) {
+        return vec![(*tip).to_owned()];
     }
-    error
+    let program = command();
+    let names = program.get_subcommands().filter(|it| !it.is_hide_set()).map(Command::get_name);
+    match most_similar(&word, names) {
+        Some(name) => vec![format!("did you mean `{name}`?")],
+        None => Vec::new(),
+    }
 }
 
 /// Reads a whole number from 0 to `MOST`.
@@ -53,7 +111,7 @@ mod tests {
     /// The message about a command line.
     fn message(line: &str) -> String {
         let words = ["murmuration"].into_iter().chain(line.split(' '));
-        with_tips(command().try_get_matches_from(words).unwrap_err()).to_string()
+        with_tips(command().try_get_matches_from(words).unwrap_err(), &[]).to_string()
     }
 
     #[test]
@@ -68,6 +126,38 @@ mod tests {
         }
         let similar = message("run x.toml --jsn -");
         assert!(similar.contains("'--json'"), "{similar}");
+    }
+
+    #[test]
+    fn a_word_that_is_no_command_leads_to_the_command_that_does_it() {
+        for (word, command) in [
+            ("rnu", "`run`"),
+            ("swep", "`sweep`"),
+            ("diagnos", "`diagnose`"),
+            ("comprae", "`compare`"),
+            ("report", "report.html"),
+            ("plot", "`render`"),
+            ("Fit", "`extend`"),
+        ] {
+            let message = message(word);
+            assert!(message.contains("unrecognized subcommand"), "{message}");
+            assert!(message.contains("tip: ") && message.contains(command), "{message}");
+        }
+        assert!(!message("xyzzy").contains("tip"));
+    }
+
+    #[test]
+    fn every_command_that_a_tip_names_exists() {
+        let program = command();
+        for (words, tip) in NO_COMMANDS {
+            for named in tip.split('`').skip(1).step_by(2) {
+                let name = named.split(' ').next().unwrap();
+                assert!(program.find_subcommand(name).is_some(), "{words:?}: {named}");
+            }
+            for word in words {
+                assert!(program.find_subcommand(word).is_none(), "{word} is a command");
+            }
+        }
     }
 
     #[test]

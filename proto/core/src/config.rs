@@ -109,10 +109,42 @@ pub fn most_similar<'a>(
     given: &str,
     choices: impl IntoIterator<Item = &'a str>,
 ) -> Option<&'a str> {
+    let given = given.to_lowercase();
     choices
         .into_iter()
-        .map(|choice| (strsim::jaro_winkler(&given.to_lowercase(), choice), choice))
-        .filter(|&(similarity, _)| 0.7 <= similarity)
+        .filter_map(|choice| Some((similarity(&given, choice)?, choice)))
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, choice)| choice)
+}
+
+/// How similar two words are, from 0 to 1; `None`: too different for one to have been meant by the other. In short words the exchange of
+/// two letters makes a great difference by Jaro and Winkler, so the number of edits counts, too.
+fn similarity(given: &str, choice: &str) -> Option<f64> {
+    let by_letters = strsim::jaro_winkler(given, choice);
+    if 0.7 <= by_letters {
+        return Some(by_letters);
+    }
+    let n_letters = given.chars().count().max(choice.chars().count());
+    let n_edits = strsim::osa_distance(given, choice);
+    (1 < n_letters && 3 * n_edits <= n_letters).then(|| 0.7 - n_edits as f64 / n_letters as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::most_similar;
+
+    #[test]
+    fn a_word_is_near_by_its_letters_or_by_few_edits() {
+        let commands = ["new", "run", "render", "replay", "sweep"];
+        for (given, nearest) in [
+            ("rnu", Some("run")),
+            ("nwe", Some("new")),
+            ("swep", Some("sweep")),
+            ("SWEEP", Some("sweep")),
+            ("x", None),
+            ("xyz", None),
+        ] {
+            assert_eq!(most_similar(given, commands), nearest, "{given}");
+        }
+    }
 }

@@ -1,0 +1,91 @@
+//! The files that are given to a command: whether they exist, and are not given in each other's place.
+
+use super::Failure;
+use clap::ArgMatches;
+use experiment::{FileKind, missing_file, program_name, quoted};
+use std::path::{Path, PathBuf};
+
+/// Arguments whose file must be TOML.
+const TOML: [&str; 2] = ["config", "mapping"];
+/// Options whose file must be a table, or a folder with one.
+const TABLES: [&str; 5] = ["data", "like", "links", "positions", "heard"];
+/// Further arguments that name a file or a folder that is read.
+const OTHERS: [&str; 3] = ["run", "a", "b"];
+
+/// Refuses files that do not exist, and files that are given in each other's place.
+pub(super) fn check(matches: &ArgMatches) -> Result<(), Failure> {
+    let Some((verb, matches)) = matches.subcommand() else { return Ok(()) };
+    let path = |id: &&'static str| {
+        let path = matches.try_get_one::<PathBuf>(id).ok().flatten();
+        path.map(|path| (*id, path.as_path()))
+    };
+    let toml = TOML.iter().find_map(path);
+    let tables: Vec<(&str, &Path)> = TABLES.iter().filter_map(path).collect();
+    let others = OTHERS.iter().filter_map(path);
+    for (_, path) in toml.into_iter().chain(tables.clone()).chain(others) {
+        // What exists and cannot be read, the command says.
+        if path.symlink_metadata().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound)
+        {
+            return Err(Failure::request(format!("{}: {}", path.display(), missing_file(path))));
+        }
+    }
+    let is = |path: &Path, kind| FileKind::of_file(path) == Some(kind);
+    let table = toml.map(|(_, path)| path).filter(|path| is(path, FileKind::Table));
+    let is_csv = |path: &Path| path.extension().is_some_and(|ending| ending == "csv");
+    let configuration = tables.iter().find(|(_, path)| !is_csv(path) && is(path, FileKind::Toml));
+    let shown = |path: &Path| quoted(&path.display().to_string());
+    let program = program_name();
+    let text = match (table, configuration) {
+        (None, None) => return Ok(()),
+        (Some(table), Some((option, configuration))) => {
+            let [table, configuration] = [table, configuration].map(shown);
+            format!(
+                "{table} is a table and {configuration} a configuration (TOML): give the configuration first, as in \
+                 `{program} {verb} {configuration} --{option} {table}`"
+            )
+        }
+        (Some(table), None) => in_place_of_toml(verb, &shown(table), !tables.is_empty()),
+        (None, Some((option, configuration))) => {
+            let toml = toml.map_or_else(String::new, |(_, path)| format!(" {}", shown(path)));
+            format!(
+                "--{option} {}: is a configuration (TOML), not a table of measurements; give a table, as in \
+                 `{program} {verb}{toml} --{option} TABLE.csv`",
+                shown(configuration)
+            )
+        }
+    };
+    Err(Failure::request(text))
+}
+
+/// What to say of a table where a command takes TOML. `has_table`: an option names another table.
+fn in_place_of_toml(verb: &str, table: &str, has_table: bool) -> String {
+    let program = program_name();
+    match verb {
+        "convert" => format!(
+            "{table} is a table, and convert takes a mapping file (TOML); to make measurements of a table, use \
+             `{program} import {table}`"
+        ),
+        "run" | "sweep" => format!(
+            "{table} is a table, and {verb} takes an experiment file (TOML); to see what the table holds, use \
+             `{program} check --data {table}`"
+        ),
+        "check" if !has_table => format!(
+            "{table} is a table, not an experiment file (TOML); to check it, use `{program} check --data {table}`"
+        ),
+        _ if has_table => format!(
+            "{table} is a table, and {verb} takes a configuration (TOML) there, as in `{program} {verb} MODEL.toml`"
+        ),
+        _ => format!(
+            "{table} is a table: give it with --data, after a configuration (TOML), as in \
+             `{program} {verb} MODEL.toml --data {table}`"
+        ),
+    }
+}
+
+/// What to say of a command line that lacks an option, where a table is given in place of TOML; `words`: all but the program.
+pub(super) fn instead_of_missing(words: &[String]) -> Option<String> {
+    let (verb, rest) = words.split_first()?;
+    let is_table = |word: &&String| FileKind::of_file(Path::new(word)) == Some(FileKind::Table);
+    let table = rest.iter().find(is_table)?;
+    Some(in_place_of_toml(verb, &quoted(table), false))
+}
