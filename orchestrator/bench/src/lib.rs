@@ -487,7 +487,7 @@ fn heading() -> String {
                  start there and act at 10 Hz, measured from their 10th second. BotNet: robots that jump, one process, no \
                  RPC, measured elsewhere on a 2-core machine (10 m square for all models); paper: as printed, for full.";
     format!(
-        "{}\n\n{:55}{:>9}{:>17}\n{:>6}  {:<23} {:>8} {:>8} {:>7} {:>7} {:>6}  faster",
+        "{}\n\n{:48}{:>9}{:>22}\n{:>6}  {:<23} {:>8} {:>8} {:>7} {:>7} {:>6}  faster",
         wrapped(about, "", WIDTH),
         "",
         "to",
