@@ -121,7 +121,7 @@ pub fn files(config: &Node, path: &str, catalogue: &Catalogue) -> Vec<FileRefere
 pub(crate) struct Keys {
     /// What a robot knows about the other robots.
     #[key(default = Source::Heard)]
-    knowledge: Source,
+    pub(crate) knowledge: Source,
     /// How long robots remember the states they have received. Absent: one control period.
     memory: Option<Memory>,
     /// Diameter of a robot (m): robots closer than this have collided. Collisions are counted and, if contacts are resolved,
@@ -136,8 +136,7 @@ pub(crate) struct Keys {
     absence: Vec<absence::Keys>,
     /// Dynamics of robots whose group does not set its own.
     #[key(table = dynamics::SPEC, default)]
-    #[expect(dead_code, reason = "groups fill in defaults where it stands")]
-    dynamics: toml::Table,
+    pub(crate) dynamics: toml::Table,
     /// Accuracy of the robots' measured positions.
     pub(crate) localization: Option<dynamics::Measured>,
     /// Initial positions of the robots.

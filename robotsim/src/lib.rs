@@ -23,6 +23,7 @@
 //! | [`scenario`] | where everyone begins: one file per scenario, one list |
 //! | [`catalogue`] | what can be chosen by name: the lists of effects, controllers and scenarios |
 //! | [`config`] | the `[robotsim]` section: its description and its checks |
+//! | [`idle`] | keys of the section that are written and have no influence |
 //! | [`context`] | what the parts of that section are checked against |
 
 #![cfg_attr(
@@ -41,6 +42,7 @@ pub mod controller;
 pub mod dynamics;
 pub mod exploration;
 pub mod group;
+pub mod idle;
 pub mod knowledge;
 pub mod line_fit;
 pub mod obstacles;

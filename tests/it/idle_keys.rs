@@ -71,6 +71,41 @@ fn a_ray_that_the_ground_reflects_needs_antennas_above_it() {
     assert!(said.contains("netsim.phy.antenna_height_m has no influence"), "{said}");
 }
 
+#[test]
+fn noise_and_bands_beside_the_channels_in_use_are_warned_of() {
+    let dir = folder();
+    let network = "[netsim]\nmode = \"6tisch\"\nhopping_sequence = [15, 20]\n\
+        [[timeline]]\nat_s = 0.5\norder = \"jam\"\nuntil_s = 0.8\nchannels = %\n";
+    let of = |channels: &str| {
+        let text = format!("{EXPERIMENT}{LINE}{}", network.replace('%', channels));
+        told("check", &text, dir.path())
+    };
+    let said = of("[11, 26]");
+    let expected = "timeline[0].channels has no influence: the network sends on none of these channels; choose some of \
+                    netsim.hopping_sequence: 15, 20";
+    assert!(said.contains(expected), "{said}");
+    assert!(!of("[11, 20]").contains("has no influence"));
+}
+
+#[test]
+fn keys_of_robots_without_influence_are_warned_of() {
+    let dir = folder();
+    let flock = |keys: &str| {
+        let text =
+            EXPERIMENT.replace("kind = \"hold\"\n", "kind = \"flocking\"\nflock_radius_m = 5.0\n%");
+        let said = told("check", &format!("{}{LINE}", text.replace('%', keys)), dir.path());
+        said.lines().filter(|line| line.contains("has no influence")).count()
+    };
+    assert_eq!(flock("leader_weight = 3.0\n"), 0);
+    assert_eq!(flock("leaderless = true\n"), 0);
+    assert_eq!(flock("leaderless = true\nleader_weight = 3.0\nleader_velocity_mps = [1, 0]\n"), 2);
+    assert_eq!(flock("leader_path_closed = true\n"), 1);
+    let effect = "[[robotsim.dynamics.effect]]\nkind = \"downwash\"\ngain = 0.3\nrange_m = 0.5\n";
+    let alone = EXPERIMENT.replace("agents = 3", "agents = 1");
+    let said = told("check", &format!("{alone}{LINE}{effect}"), dir.path());
+    assert!(said.contains("robotsim.dynamics.effect[0] (downwash) has no influence"), "{said}");
+}
+
 /// Configurations in a folder and those below it.
 fn configs(folder: PathBuf, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap() {

@@ -87,6 +87,18 @@ pub fn idle(written: &Node, around: Surroundings<'_>, catalogue: &Catalogue) -> 
     idle_keys(relations(), &facts, (written, around.path), effective)
 }
 
+/// The channels that frames are sent on, by a valid section with its defaults; none: frames have no channel.
+#[must_use]
+pub fn channels(table: &toml::Table, catalogue: &Catalogue) -> Vec<u8> {
+    let keys = Keys::read(table);
+    let model = catalogue.physics.propagation.selected(&keys.phy, &propagation::TAG);
+    let is_recording = model.is_some_and(|model| model.family == Family::Recording);
+    let standard = section::physical_layer(&keys.phy).standard;
+    let hops = is_recording || keys.protocols().is_some();
+    let default = || if hops { standard.hopping_sequence.to_vec() } else { Vec::new() };
+    keys.hopping_sequence.unwrap_or_else(default)
+}
+
 /// What the relations ask.
 struct Facts<'a> {
     around: Surroundings<'a>,
@@ -95,6 +107,8 @@ struct Facts<'a> {
     phy: section::Keys,
     model: Option<&'static propagation::Entry>,
     effects: Vec<Box<dyn Effect>>,
+    /// Channels that frames are sent on; none: frames have no channel.
+    channels: Vec<u8>,
     route: Option<Route>,
 }
 
@@ -107,6 +121,7 @@ impl<'a> Facts<'a> {
             catalogue,
             model: catalogue.physics.propagation.selected(&keys.phy, &propagation::TAG),
             effects: effect::build(&phy.effect, &catalogue.physics.effects),
+            channels: channels(table, catalogue),
             route: keys.second_medium.as_ref().map(Route::of_table),
             phy,
             keys,
@@ -224,15 +239,12 @@ fn effect_meets_nothing(facts: &Facts<'_>, key: &str) -> Option<Reason> {
 /// Why an effect that acts on some frequencies (Hz) meets no frame.
 fn outside_band(facts: &Facts<'_>, band_hz: &std::ops::RangeInclusive<f64>) -> Option<Reason> {
     let standard = section::physical_layer(&facts.keys.phy).standard;
-    let is_recording = facts.model_of(|family| family == Family::Recording).is_some();
-    let default = (is_recording || facts.network().is_some()).then_some(standard.hopping_sequence);
-    let sequence = facts.keys.hopping_sequence.as_deref().or(default).unwrap_or_default();
     let key = facts.path("hopping_sequence");
-    if sequence.is_empty() {
+    if facts.channels.is_empty() {
         return Some(Reason::new("frames have no channel", format!("set {key}")));
     }
     let is_hit = |channel: u8| band_hz.contains(&standard.channels.centre_hz(channel));
-    if sequence.iter().any(|&channel| is_hit(channel)) {
+    if facts.channels.iter().any(|&channel| is_hit(channel)) {
         return None;
     }
     let [first, last] = [band_hz.start(), band_hz.end()].map(|hz| hz / 1e6);

@@ -290,6 +290,7 @@ fn plan(
         coupling: Coupling::Sequential,
     };
     let motes = OnceCell::new();
+    let (idle_robots, idle) = (OnceCell::new(), OnceCell::new());
     let mut of_robots = Vec::new();
     let mut sides = Sides {
         base,
@@ -311,13 +312,15 @@ fn plan(
         |setup| {
             let (config, effective) = robotsim::config::read(setup, robots)?;
             _ = motes.set(profile::motes(&config, agents));
-            Ok((effective, Vec::new()))
+            let found = robotsim::idle::idle(setup, robots);
+            let warnings = found.iter().map(|idle| idle.warning.clone()).collect();
+            _ = idle_robots.set(found);
+            Ok((effective, warnings))
         },
     );
     let unknown = robotsim.0.is_foreign().then(|| profile::unknown_motes(agents));
     let own_motes = motes.get().filter(|_| unknown.is_none());
     let motes = unknown.as_ref().or_else(|| motes.get());
-    let idle = OnceCell::new();
     let is_foreign = overrides.netsim_url.is_some() || reach::is_foreign(section("netsim"));
     let (netsim_section, profile) = profile::resolved(section("netsim"), motes, network);
     let is_parallel = keys.coupling == CouplingMode::Parallel;
@@ -362,7 +365,8 @@ fn plan(
         |node, path| netsim::config::files(node, path, network),
         |setup| {
             let (_, effective, mut warnings) = netsim::config::read(setup, network)?;
-            let found = idle::of_network(section("netsim"), setup, own_motes);
+            let mut found = idle::of_network(section("netsim"), setup, own_motes);
+            found.extend(idle::of_timeline(tree, &effective));
             let is_new = |idle: &&IdleKey| !warnings.contains(&idle.warning);
             let new: Vec<String> =
                 found.iter().filter(is_new).map(|idle| idle.warning.clone()).collect();
@@ -407,7 +411,11 @@ fn plan(
         tls,
         site_toml: site_table.to_string(),
         warnings: [robotsim.1, netsim.1].concat(),
-        idle: idle.into_inner().filter(|_| !netsim.0.is_foreign()).unwrap_or_default(),
+        idle: [(idle_robots, &robotsim.0), (idle, &netsim.0)]
+            .into_iter()
+            .filter(|(_, side)| !side.is_foreign())
+            .flat_map(|(idle, _)| idle.into_inner().unwrap_or_default())
+            .collect(),
         profile,
         robotsim: robotsim.0,
         netsim: netsim.0,

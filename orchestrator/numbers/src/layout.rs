@@ -1,6 +1,5 @@
 //! Tables of text that fit a terminal of 80 columns.
 
-use crate::format::wrapped;
 use std::fmt::Write as _;
 
 /// Columns of a terminal that tables fit.
@@ -69,22 +68,29 @@ impl TextTable {
         self.break_headings(&mut widths);
         self.break_ends(&mut widths);
         let mut text = String::new();
-        let mut begin = 1;
-        loop {
-            let mut end = begin;
-            let mut used = self.indent + widths.first().copied().unwrap_or(0);
-            while end < widths.len() && (end == begin || used + GAP + widths[end] <= WIDTH) {
-                used += GAP + widths[end];
-                end += 1;
+        for (number, block) in self.blocks(&widths).iter().enumerate() {
+            if 0 < number {
+                text.push('\n');
             }
-            let block: Vec<usize> = std::iter::once(0).chain(begin..end).collect();
-            self.write_block(&block, &widths, &mut text);
-            if widths.len() <= end {
-                return text;
-            }
-            text.push('\n');
-            begin = end;
+            self.write_block(block, &widths, &mut text);
         }
+        text
+    }
+
+    /// The columns that stand side by side, the first one in each block.
+    fn blocks(&self, widths: &[usize]) -> Vec<Vec<usize>> {
+        let Some((first, others)) = widths.split_first() else { return Vec::new() };
+        let mut blocks: Vec<Vec<usize>> = vec![vec![0]];
+        let mut used = self.indent + first;
+        for (place, width) in others.iter().enumerate() {
+            if WIDTH < used + GAP + width && 1 < blocks.last().map_or(0, Vec::len) {
+                blocks.push(vec![0]);
+                used = self.indent + first;
+            }
+            used += GAP + width;
+            blocks.last_mut().into_iter().for_each(|block| block.push(place + 1));
+        }
+        blocks
     }
 
     fn natural(&self, column: usize) -> usize {
@@ -126,8 +132,24 @@ impl TextTable {
         }
         let over = self.total(widths).saturating_sub(WIDTH);
         if 0 < over && 0 < last {
-            widths[0] = widths[0].saturating_sub(over).max(LEAST_FIRST.min(widths[0]));
+            let natural = widths[0];
+            widths[0] = natural.saturating_sub(over).max(LEAST_FIRST.min(natural));
+            // As wide as goes with as many columns side by side.
+            let n_blocks = self.blocks(widths).len();
+            let is_as_good = |&width: &usize| {
+                let wider = [&[width], &widths[1..]].concat();
+                self.blocks(&wider).len() == n_blocks && self.is_within(&wider)
+            };
+            widths[0] = (widths[0]..=natural).rev().find(is_as_good).unwrap_or(widths[0]);
         }
+    }
+
+    /// Whether all blocks fit.
+    fn is_within(&self, widths: &[usize]) -> bool {
+        self.blocks(widths).iter().all(|block| {
+            let sum: usize = block.iter().map(|&at| widths[at]).sum();
+            self.indent + sum + GAP * (block.len() - 1) <= WIDTH
+        })
     }
 
     fn write_block(&self, block: &[usize], widths: &[usize], text: &mut String) {
@@ -180,23 +202,44 @@ fn length(text: &str) -> usize {
     text.chars().count()
 }
 
-/// A cell as lines of at most a width: broken at spaces, and within a word that is longer after a point or underscore.
+/// A cell as lines of at most a width: broken at spaces but those before a percent sign, and within a word that is longer after a point
+/// or underscore.
 fn broken(cell: &str, width: usize) -> Vec<String> {
-    let mut pieces = Vec::new();
-    for word in cell.split(' ') {
-        let mut rest = word;
-        while width < length(rest) {
-            let is_end = |&(_, letter): &(usize, char)| matches!(letter, '.' | '_');
-            let Some((at, _)) = rest.char_indices().take(width).filter(is_end).last() else {
-                break;
-            };
-            let (first, after) = rest.split_at(at + 1);
-            pieces.push(first);
-            rest = after;
+    let mut lines = vec![String::new()];
+    let mut rest = cell;
+    while !rest.is_empty() {
+        let ends = rest.match_indices(' ').map(|(at, _)| at);
+        let end = ends.filter(|&at| !rest[at + 1..].starts_with('%')).find(|&at| 0 < at);
+        let (word, after) = rest.split_at(end.unwrap_or(rest.len()));
+        rest = after.strip_prefix(' ').unwrap_or(after);
+        for piece in pieces(word, width) {
+            let line = lines.last_mut().map_or(0, |line| length(line));
+            match lines.last_mut() {
+                Some(line) if line.is_empty() => line.push_str(piece),
+                Some(text) if line + 1 + length(piece) <= width => {
+                    text.push(' ');
+                    text.push_str(piece);
+                }
+                _ => lines.push(piece.to_owned()),
+            }
         }
-        pieces.push(rest);
     }
-    wrapped(&pieces.join(" "), "", width).lines().map(str::to_owned).collect()
+    lines
+}
+
+/// A word in pieces of at most a width, each but the last with a point or underscore at its end. One that has none stays whole.
+fn pieces(word: &str, width: usize) -> Vec<&str> {
+    let mut pieces = Vec::new();
+    let mut rest = word;
+    while width < length(rest) {
+        let is_end = |&(_, letter): &(usize, char)| matches!(letter, '.' | '_');
+        let Some((at, _)) = rest.char_indices().take(width).filter(is_end).last() else { break };
+        let (first, after) = rest.split_at(at + 1);
+        pieces.push(first);
+        rest = after;
+    }
+    pieces.push(rest);
+    pieces
 }
 
 #[cfg(test)]
@@ -218,7 +261,7 @@ mod tests {
 
     #[test]
     fn headings_are_broken_first() {
-        let wide = "a heading that is far wider than the cells that stand below it are";
+        let wide = "a heading that is far wider than a terminal, and than the cells that stand below it";
         let text = table(&["effect", wide, "n"], &[&["slip", "1", "2"]]).text();
         let lines: Vec<&str> = text.lines().collect();
         assert!(2 < lines.len() && lines.iter().all(|line| length(line) <= WIDTH), "{text}");
@@ -247,10 +290,22 @@ mod tests {
     }
 
     #[test]
+    fn the_first_column_is_as_wide_as_goes_with_as_few_blocks() {
+        let name = "propagation experimental-randomness, flock_radius_m 20.0";
+        let figure = "task.speed_along_leader_mps";
+        let text = table(&["setting", figure, figure], &[&[name, "1", "2"]]).text();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines.len(), 4, "{text}");
+        assert!(lines.iter().all(|line| length(line) <= WIDTH), "{text}");
+        assert!(lines[1].starts_with("propagation ") && lines[1].ends_with("  2"), "{text}");
+    }
+
+    #[test]
     fn long_names_are_broken_after_a_point_or_an_underscore() {
         assert_eq!(broken("task.leader_connected_ratio", 20), ["task.leader_", "connected_ratio"]);
         assert_eq!(broken("a bc def", 4), ["a bc", "def"]);
         assert_eq!(broken("indivisible", 3), ["indivisible"]);
         assert_eq!(broken("", 3), [""]);
+        assert_eq!(broken("slip (97.5 %)", 9), ["slip", "(97.5 %)"]);
     }
 }

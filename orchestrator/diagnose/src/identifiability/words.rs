@@ -40,7 +40,7 @@ pub fn text(table: &Identifiability) -> String {
     let Identifiability { noise, unit, effects, without_size } = table;
     let noise = with_unit(&size(*noise), unit);
     let mut text = format!(
-        "what these data can tell, before any search (sizes: rms over the rows; noise {noise}):\n"
+        "what these data can tell, before any search (rms over the rows; noise {noise}):\n"
     );
     let or_none = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), size);
     let headings = [

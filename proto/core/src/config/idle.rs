@@ -4,6 +4,7 @@
 //! configuration.
 
 use super::{Node, Value, join};
+use std::cell::OnceCell;
 
 /// A relation between keys: where a condition holds, some keys influence no result.
 #[derive(Clone, Copy, Debug)]
@@ -56,8 +57,15 @@ pub fn idle_keys<F>(
     effective: impl Fn(&Node) -> (toml::Table, Vec<String>),
 ) -> Vec<IdleKey> {
     let mut found: Vec<IdleKey> = Vec::new();
-    let with = effective(written).0;
-    let is_spelled_out = is_contained(&with.clone().into(), &written.to_toml());
+    // Of most sections nothing is idle, and reading one may take long.
+    let as_written = OnceCell::new();
+    let as_written = || {
+        as_written.get_or_init(|| {
+            let table = effective(written).0;
+            let is_spelled_out = is_contained(&table.clone().into(), &written.to_toml());
+            (table, is_spelled_out)
+        })
+    };
     for relation in relations {
         let keys = relation.keys.iter().flat_map(|pattern| written_keys(written, pattern));
         for key in keys.filter(|key| !relation.except.contains(&key.as_str())) {
@@ -70,9 +78,10 @@ pub fn idle_keys<F>(
             if problems.contains(&key) {
                 continue;
             }
-            let value = toml_at(&with, &key);
+            let (with, is_spelled_out) = as_written();
+            let value = toml_at(with, &key);
             let is_default = value.is_some() && toml_at(&without, &key) == value;
-            if is_default && is_spelled_out {
+            if is_default && *is_spelled_out {
                 continue;
             }
             let kind = written.at(&key).filter(|_| key.ends_with(']')).and_then(kind_of);
