@@ -1,7 +1,7 @@
 //! Words and units of keys and columns such as `flock_speed_mps`, whose names end in their unit.
 
-/// Units by the last part of a name.
-const UNITS: [(&str, &str); 30] = [
+/// Units by the end of a name.
+const UNITS: [(&str, &str); 32] = [
     ("m", "m"),
     ("mm", "mm"),
     ("m2", "m²"),
@@ -32,19 +32,30 @@ const UNITS: [(&str, &str); 30] = [
     ("ppm", "ppm"),
     ("ugm3", "µg/m³"),
     ("slots", "slots"),
+    ("bytes_s", "bytes/s"),
+    ("per_mote_hour", "1/h"),
 ];
 
-/// The unit of a name, which is its last part after a `_`; `None`: it has none, or an unknown one.
+/// The unit of a name, which is its end after a `_`; `None`: it has none, or an unknown one.
 #[must_use]
 pub fn unit(name: &str) -> Option<&'static str> {
-    let (_, end) = name.rsplit_once('_')?;
-    UNITS.iter().find(|(suffix, _)| *suffix == end).map(|&(_, unit)| unit)
+    parts(name).map(|(_, unit)| unit)
+}
+
+/// A name without its unit, and the unit.
+fn parts(name: &str) -> Option<(&str, &'static str)> {
+    let ends = UNITS.iter().filter_map(|&(suffix, unit)| {
+        Some((name.strip_suffix(suffix)?.strip_suffix('_')?, unit))
+            .filter(|(rest, _)| !rest.is_empty())
+    });
+    // Of `bytes_s` and `s`, the longer.
+    ends.min_by_key(|(rest, _)| rest.len())
 }
 
 /// A name in words, without its unit: `flock speed` of `flock_speed_mps`.
 #[must_use]
 pub fn words(name: &str) -> String {
-    let without = unit(name).and_then(|_| name.rsplit_once('_')).map_or(name, |(words, _)| words);
+    let without = parts(name).map_or(name, |(words, _)| words);
     without.replace(['_', '-'], " ")
 }
 
@@ -76,5 +87,7 @@ mod tests {
         // A name that is a unit is a name.
         assert_eq!(label("s"), "s");
         assert_eq!(label("line_rms_m"), "line rms (m)");
+        assert_eq!(label("mean_goodput_bytes_s"), "mean goodput (bytes/s)");
+        assert_eq!(label("churn_per_mote_hour"), "churn (1/h)");
     }
 }
