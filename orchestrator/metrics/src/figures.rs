@@ -28,5 +28,29 @@ impl FigureValue {
     }
 }
 
+/// Which values of a figure are better.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Better {
+    /// The higher, the better.
+    Higher,
+    /// The lower, the better.
+    Lower,
+    /// It depends on the question.
+    Neither,
+}
+
+impl Better {
+    /// Its name in answers and schemas.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Higher => "higher",
+            Self::Lower => "lower",
+            Self::Neither => "neither",
+        }
+    }
+}
+
 /// Figures by name, in the order in which they are shown; none of one that is not known.
 pub type FiguresByName = IndexMap<String, Option<FigureValue>>;

@@ -8,6 +8,7 @@
 //! | [`task`] | what the swarm was to do, and when that counts as done |
 //! | [`swarm`] | order, cohesion, distances and other figures of the swarm |
 //! | [`figures`] | figures by name, as summaries have them |
+//! | [`task_figures`] | the figures of a task: meaning, when they are null, which direction is better |
 //! | [`lines`] | how straight a line formation is |
 //! | [`solids`] | collisions with walls, obstacles and each other |
 //! | [`kpi`] | delivery, latency, hops and energy of the network |
@@ -28,6 +29,7 @@ pub mod places;
 pub mod solids;
 pub mod swarm;
 pub mod task;
+pub mod task_figures;
 pub mod trajectories;
 
 pub use distances::DistanceBin;

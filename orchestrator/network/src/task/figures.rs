@@ -5,6 +5,7 @@ use crate::tracks::Tracks;
 use metrics::figures::FigureValue;
 use metrics::places::measures_of;
 use metrics::task::Goal;
+use metrics::task_figures::task_figure;
 use metrics::{Measures, Task};
 use numbers::power::square;
 use proto::types::{AgentStates, NS_PER_S};
@@ -25,30 +26,29 @@ pub(super) const N: usize = 13;
 
 /// All figures, in the order of their values.
 pub const FIGURES: [FigureSpec<TaskScale>; N] = [
-    figure("mean_speed_mps", "m/s", Ratio, "speed of a robot: mean over robots and time"),
-    figure("flock_speed_mps", "m/s", Ratio, "speed of the mean velocity: mean over time"),
-    figure(
-        "speed_along_leader_mps",
-        "m/s",
-        Plain,
-        "mean velocity along that of the leader: mean over time",
-    ),
-    figure("leader_distance_m", "m", Ratio, "distance from the leader: mean over robots and time"),
-    figure("polarisation", "", Plain, "polarisation of the headings, 0 to 1: mean over time"),
-    figure(
-        "radial_speed_mps",
-        "m/s",
-        Plain,
-        "speed away from the centre: mean over robots and time",
-    ),
-    figure("cohesion_m", "m", Ratio, "distance from the centre: mean over robots and time"),
-    figure("min_distance_m", "m", Ratio, "minimum distance between two robots at any time"),
-    figure("final_spread_m", "m", Ratio, "root mean square distance from the centre at the end"),
-    figure("line_rms_m", "m", Ratio, "root mean square distance from the line at the end"),
-    figure("circle_rms_m", "m", Ratio, "root mean square distance from the circle at the end"),
+    of_task("mean_speed_mps", "m/s", Ratio),
+    of_task("flock_speed_mps", "m/s", Ratio),
+    of_task("speed_along_leader_mps", "m/s", Plain),
+    of_task("leader_distance_m", "m", Ratio),
+    of_task("polarisation", "", Plain),
+    of_task("radial_speed_mps", "m/s", Plain),
+    of_task("cohesion_m", "m", Ratio),
+    of_task("min_distance_m", "m", Ratio),
+    of_task("final_spread_m", "m", Ratio),
+    of_task("line_rms_m", "m", Ratio),
+    of_task("circle_rms_m", "m", Ratio),
     figure("centre_x_m", "m", Plain, "displacement of the centre of all robots, east"),
     figure("centre_y_m", "m", Plain, "displacement of the centre of all robots, north"),
 ];
+
+/// A figure that the summary of a run has as well.
+const fn of_task(
+    name: &'static str,
+    unit: &'static str,
+    scale: TaskScale,
+) -> FigureSpec<TaskScale> {
+    figure(name, unit, scale, task_figure(name).doc)
+}
 
 /// Figures of one swarm.
 #[derive(Clone, Debug, PartialEq)]
