@@ -8,6 +8,7 @@
 //! | round trip | of a CoAP exchange: from the first transmission of the request to the arrival of the response |
 //! | success ratio | of exchanges and of downloads: succeeded / (succeeded + failed); those open at the end count for neither |
 //! | acknowledged ratio | unicast transmissions whose acknowledgment the sender received / unicast transmissions; each repetition counts |
+//! | throughput | payload of application packets delivered / time, all motes together |
 //! | goodput | size of a download / time from its begin to its last block |
 //! | in flight | created less delivered and dropped: nothing is lost from the account |
 //! | first join, last join | among motes that joined, roots apart |
@@ -316,11 +317,13 @@ impl Kpis {
         let has_started = !self.moving.has_waited || formed.is_some();
         let routing = if has_started { self.routing(base, n) } else { Routing::default() };
         let account = &self.moving.account;
+        let has_applications = !self.applications.is_empty() || account.has_applications();
         SinceStart {
             frames_by_kind: self.frames_by_kind(base).filter(|_| has_started),
             delivered_of_expected: self.delivered_of_expected_since_start(n),
             delivery: account.delivery(|_| true),
             delivery_upward: account.delivery(|mote| self.is_root(mote)),
+            throughput_bytes_s: self.moving.throughput_bytes_s().filter(|_| has_applications),
             parent_changes: routing.parent_changes,
             churn_per_mote_hour: routing.churn_per_mote_hour,
             joined_ratio: self.moving.joined_ratio(),

@@ -15,6 +15,10 @@ pub(super) struct Moving {
     started_ns: Option<u64>,
     /// Application packets to one destination that were created since then, by source: delivered, and ended in any way.
     ended: Vec<[u64; 2]>,
+    /// Payload of application packets to one destination that were delivered then (bytes).
+    delivered_bytes: u64,
+    /// For so long robots were free (ns).
+    for_ns: u64,
     on: TimeOn,
     /// Share of motes that were joined, summed over nanoseconds, and those nanoseconds.
     joined: (f64, f64),
@@ -29,6 +33,7 @@ impl Moving {
         }
         let started_ns = *self.started_ns.get_or_insert(period.from_ns);
         self.on.add(period);
+        self.for_ns += period.time_ns - period.from_ns;
         if let Some(packets) = period.packets {
             self.account.add(packets);
             self.count(packets, started_ns, period.motes.alive.len());
@@ -48,9 +53,13 @@ impl Moving {
         self.ended.resize(n_motes, [0; 2]);
         for place in 0..packets.len() {
             let kind = &packets.kinds[packets.kind[place] as usize];
-            if kind.is_application
-                && packets.destination[place] != EVERYONE
-                && started_ns <= packets.created_ns[place]
+            if !kind.is_application || packets.destination[place] == EVERYONE {
+                continue;
+            }
+            if packets.drop_reason(place).is_none() {
+                self.delivered_bytes += u64::from(packets.payload_bytes[place]);
+            }
+            if started_ns <= packets.created_ns[place]
                 && let Some([delivered, ended]) = self.ended.get_mut(packets.source[place] as usize)
             {
                 *delivered += u64::from(packets.drop_reason(place).is_none());
@@ -62,6 +71,11 @@ impl Moving {
     /// Application packets of a mote that were created then: delivered, and ended in any way.
     pub(super) fn ended(&self, mote: usize) -> [u64; 2] {
         self.ended.get(mote).copied().unwrap_or_default()
+    }
+
+    /// Payload of application packets that were delivered, per second (bytes/s).
+    pub(super) fn throughput_bytes_s(&self) -> Option<f64> {
+        (self.for_ns != 0).then(|| self.delivered_bytes as f64 / seconds(self.for_ns))
     }
 
     /// How long a mote was on (s).

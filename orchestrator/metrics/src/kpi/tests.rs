@@ -379,13 +379,17 @@ fn since_the_start_only_what_robots_that_move_see_counts() {
     assert_near(&summary["routing"]["parent_changes"], 11.0);
     // Everyone half of the time, one of three the other half.
     assert_near(&since["joined_ratio"], 2.0 / 3.0);
+    // One packet of 90 bytes in 20 s.
+    assert_near(&since["throughput_bytes_s"], 4.5);
 }
 
 #[test]
 fn robots_that_need_not_wait_start_with_the_run() {
     let all = Some(statistics(&[("parent_changes", [0.0, 5.0, 2.0]), ("up_ns", [3.6e12; N])]));
     let kpis = run(&[Step { statistics: all, formed_ns: Some(5 * S), ..Step::default() }]);
-    assert_near(&json!(kpis.summary())["since_start"]["parent_changes"], 7.0);
+    let since = &json!(kpis.summary())["since_start"];
+    assert_near(&since["parent_changes"], 7.0);
+    assert_eq!(since["throughput_bytes_s"], Value::Null, "no application is known");
 }
 
 #[test]
