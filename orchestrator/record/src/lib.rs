@@ -21,6 +21,7 @@ pub mod lock;
 mod log;
 mod mcap_file;
 mod measurer;
+pub mod metric;
 mod pcap;
 pub mod periods;
 pub mod random_access;

@@ -52,7 +52,7 @@ pub struct RunSummary {
     pub task: Option<TaskSummary>,
     /// What was sent between robots; null if the run failed before it was configured.
     pub network: Option<NetworkSummary>,
-    /// The figures of a network with protocols; null without.
+    /// The figures of a network with protocols; null if the network has no protocols, as with propagation only.
     pub kpis: Option<KpiSummary>,
     /// Orders from other programs that took effect; absent without any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -119,10 +119,13 @@ pub struct TaskSummary {
     /// The robots' controller; null where the robot simulator has no such key, or several kinds of robots have several.
     pub controller: Option<String>,
     /// Whether the robots regarded their task as done.
+    #[schemars(extend("x-better" = "higher"))]
     pub complete: bool,
-    /// First step at which the robots regarded their task as done.
+    /// First step at which the robots regarded their task as done; null if it was never done.
+    #[schemars(extend("x-better" = "lower"))]
     pub completed_at_step: Option<u64>,
-    /// Time from when the robots started until they first regarded their task as done (s).
+    /// Time from when the robots started until they first regarded their task as done (s); null if it was never done.
+    #[schemars(extend("x-better" = "lower"))]
     pub completed_after_s: Option<f64>,
     /// Further figures by name: those of every swarm, those of the controller, and those that the robot simulator reports.
     #[serde(flatten)]
@@ -148,20 +151,24 @@ pub struct NetworkSummary {
     pub attempts: u64,
     /// Attempts that were delivered.
     pub deliveries: u64,
-    /// The share of the attempts that was delivered; null without an attempt.
+    /// The share of the attempts that was delivered; null if there was no attempt.
+    #[schemars(extend("x-better" = "higher"))]
     pub delivery_ratio: Option<f64>,
     /// Deliveries of what was for one agent alone.
     pub unicast_deliveries: u64,
-    /// Deliveries that a second medium carried; absent without one.
+    /// Deliveries that a second medium carried; absent if there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_medium_deliveries: Option<u64>,
-    /// Mean time from a transmission's first bit to its delivery (s).
+    /// Mean time from a transmission's first bit to its delivery (s); null if nothing was delivered.
+    #[schemars(extend("x-better" = "lower"))]
     pub mean_delay_s: Option<f64>,
-    /// Mean age of what was heard when robots act on it (s).
+    /// Mean age of what was heard when robots act on it (s); null if nothing was delivered.
+    #[schemars(extend("x-better" = "lower"))]
     pub mean_age_s: Option<f64>,
-    /// How many others an alive agent heard in a period, mean over agents and steps.
+    /// How many others an alive agent heard in a period, mean over agents and steps; null if nobody sent.
     pub mean_neighbours_heard: Option<f64>,
-    /// The share of alive agents and steps in which the agent heard nobody.
+    /// The share of alive agents and steps in which the agent heard nobody; null if nobody sent.
+    #[schemars(extend("x-better" = "lower"))]
     pub isolated_ratio: Option<f64>,
     /// Whether `by_distance` was counted over some of the receivers, because there are too many pairs.
     pub by_distance_is_sampled: bool,
