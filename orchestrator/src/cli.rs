@@ -21,6 +21,7 @@ mod import;
 mod inputs;
 mod measured;
 mod measured_args;
+mod metrics;
 mod new;
 mod packets;
 mod power;
@@ -121,6 +122,10 @@ enum Command {
     Schema(schema::SchemaArgs),
     /// List the physical effects, or explain one
     Effects(effects::EffectsArgs),
+    /// List the names of a run's figures, or explain one
+    ///
+    /// sweep.metrics, the Python package and reports accept a short name, such as pdr, or a path of summary.json.
+    Metrics(metrics::MetricsArgs),
     /// Check that a recorded run is complete and consistent
     Verify(verify::VerifyArgs),
     /// Test whether a running simulator conforms to the contract
@@ -474,6 +479,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Check(args) => check::check(&args),
         Command::Schema(args) => schema::schema(&args),
         Command::Effects(args) => effects::effects(&args),
+        Command::Metrics(args) => metrics::metrics(&args),
         Command::Verify(args) => verify::verify(&args),
         Command::Import(args) => import::import(&args),
         Command::Convert(args) => convert::convert(&args),

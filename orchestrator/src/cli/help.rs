@@ -25,6 +25,7 @@ const GROUPS: [(&str, &[CommandHelp]); 6] = [
             ("sweep", "sweep experiment.toml --jobs 2", &["run", "compare-runs"]),
             ("check", "check experiment.toml", &["run", "schema", "compare"]),
             ("effects", "effects wall-attenuation", &["diagnose", "extend"]),
+            ("metrics", "metrics pdr", &["sweep", "compare-runs"]),
         ],
     ),
     (

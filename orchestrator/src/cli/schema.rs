@@ -21,6 +21,7 @@ use network::diagnosis::NetworkDiagnosis;
 use network::extension::NetworkExtension;
 use network::task::comparison::TaskComparison;
 use picture::scene::Scene;
+use record::metric::MetricsAnswer;
 use record::run_summary::RunSummary;
 use record::verify::VerifyReport;
 use run::Reproduction;
@@ -96,6 +97,7 @@ const ANSWERS: [(&str, &[OfType]); 18] = [
             SchemaGenerator::subschema_for::<NetworkExtension>,
         ],
     ),
+    ("metrics", &[SchemaGenerator::subschema_for::<MetricsAnswer>]),
     ("power", &[SchemaGenerator::subschema_for::<Power>]),
     ("render", &[SchemaGenerator::subschema_for::<Scene>]),
     ("reproduce", &[SchemaGenerator::subschema_for::<Reproduction>]),
