@@ -34,8 +34,8 @@ pub(super) struct SweepKeys {
     /// Which trials keep the complete recording of their run, in addition to their row in the table.
     #[key(default = Keep::None)]
     keep: Keep,
-    /// Metrics that the report shows, by column name of the table. Absent: metrics of the task and of delivery that differ between
-    /// trials.
+    /// Metrics that the report shows, each by short name (`murmuration metrics` lists them) or by path of summary.json. Columns of the
+    /// table have these names. Absent: metrics of the task and of delivery that differ between trials.
     #[key(length = 1..=100)]
     metrics: Option<Vec<String>>,
     #[key(default, doc = SlurmOptions::SPEC.doc)]
@@ -88,7 +88,7 @@ pub struct Sweep {
     pub sampling: Sampling,
     /// Which files of each trial are kept.
     pub keep: Keep,
-    /// What the report shows, if it is said.
+    /// What the report shows, if it is said: short names or paths of `summary.json`.
     pub metrics: Option<Vec<String>>,
     /// What `--engine slurm` asks for.
     pub slurm: SlurmOptions,

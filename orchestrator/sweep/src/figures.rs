@@ -1,17 +1,17 @@
 //! The figures of a run's summary, each under its path.
 
 use metrics::figures::{FigureValue, FiguresByName};
+use record::metric::SECTIONS;
 use record::run_summary::RunSummary;
 use serde_json::{Value, json};
 
 /// All of them: steps and time, then task, network and the network's own.
 pub(crate) fn of_summary(summary: &RunSummary) -> FiguresByName {
     let mut figures = FiguresByName::new();
-    figures.insert("steps".to_owned(), Some(FigureValue::Count(summary.steps)));
-    figures.insert("simulated_s".to_owned(), Some(FigureValue::Number(summary.simulated_s)));
-    below(&mut figures, "task", &json!(summary.task));
-    below(&mut figures, "network", &json!(summary.network));
-    below(&mut figures, "kpis", &json!(summary.kpis));
+    let summary = json!(summary);
+    for section in SECTIONS {
+        below(&mut figures, section, &summary[section]);
+    }
     figures
 }
 

@@ -8,6 +8,7 @@
 //! | module | content |
 //! |---|---|
 //! | `plan` | the settings and seeds that an experiment file states; `design` draws the settings |
+//! | `metric_names` | the names in `sweep.metrics` |
 //! | `worker` | runs trials, each in simulators that are reused |
 //! | `journal` | the lines of finished trials, which survive a kill at any moment |
 //! | `shard`, `merge` | parts of a sweep on several machines, and one table of all |
@@ -24,6 +25,7 @@ pub mod engine;
 mod figures;
 mod journal;
 mod merge;
+mod metric_names;
 mod plan;
 mod report;
 mod results;

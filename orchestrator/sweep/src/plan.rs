@@ -1,6 +1,7 @@
 //! A sweep that has been read and checked: its settings, its trials, and what identifies each.
 
 use super::design::{self, Setting};
+use super::metric_names;
 use experiment::sweep::{self as spec, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
 use experiment::{Action, Capability, Overrides, Plan};
 use indexmap::IndexSet;
@@ -42,6 +43,8 @@ pub(crate) struct SweepPlan {
     pub(crate) capabilities: Vec<Capability>,
     /// What should be checked before the results are trusted.
     pub(crate) warnings: Vec<String>,
+    /// No trial has a network with protocols, so none has figures of `kpis`.
+    pub(crate) is_without_protocols: bool,
     /// Formed networks that trials start from.
     pub(crate) formed: FormedFiles,
 }
@@ -101,7 +104,9 @@ pub(crate) fn load(
     };
     overridden(&sweep, overrides, &mut problems);
     limits(&sweep, &mut problems);
+    let of_metrics = metric_names::problems(&sweep, metric_names::robots(&base, &sweep, overrides));
     if !problems.is_empty() {
+        problems.extend(of_metrics);
         return refused(problems);
     }
     let seeds = match &sweep.seeds {
@@ -118,6 +123,7 @@ pub(crate) fn load(
             Ok(CheckedSetting {
                 identity: identity(&plan),
                 effort: effort(&plan),
+                has_protocols: has_protocols(&plan),
                 name: plan.name,
                 elsewhere: plan.robotsim.url.or(plan.netsim.url),
                 warnings: plan.warnings,
@@ -126,8 +132,10 @@ pub(crate) fn load(
             })
         })
         .collect();
-    let (good, refused): (Vec<_>, Vec<_>) = checked.into_iter().partition(Result::is_ok);
-    if let Some(refusal) = merged(refused.into_iter().filter_map(Result::err)) {
+    let (good, wrong): (Vec<_>, Vec<_>) = checked.into_iter().partition(Result::is_ok);
+    // Settings are checked in spite of a wrong metric: all problems are listed at once.
+    let of_metrics = (!of_metrics.is_empty()).then(|| Refusal::new(path, &text, &tree, of_metrics));
+    if let Some(refusal) = merged(wrong.into_iter().filter_map(Result::err).chain(of_metrics)) {
         return Err(refusal);
     }
     let good: Vec<CheckedSetting> = good.into_iter().flatten().collect();
@@ -136,7 +144,11 @@ pub(crate) fn load(
         .flat_map(|checked| &checked.warnings)
         .filter(|warning| !has_influence_elsewhere(warning, &good))
         .collect();
-    let warnings = warnings.into_iter().cloned().collect();
+    let mut warnings: Vec<String> = warnings.into_iter().cloned().collect();
+    let is_without_protocols = good.iter().all(|checked| !checked.has_protocols);
+    if is_without_protocols {
+        warnings.extend(metric_names::of_protocols(&sweep));
+    }
     Ok(SweepPlan {
         path: path.to_owned(),
         base,
@@ -151,6 +163,7 @@ pub(crate) fn load(
         efforts: good.iter().map(|checked| checked.effort).collect(),
         capabilities,
         warnings,
+        is_without_protocols,
         formed,
         text,
     })
@@ -166,6 +179,7 @@ fn merged(refusals: impl Iterator<Item = Refusal>) -> Option<Refusal> {
 struct CheckedSetting {
     identity: String,
     effort: f64,
+    has_protocols: bool,
     name: String,
     elsewhere: Option<String>,
     warnings: Vec<String>,
@@ -282,6 +296,12 @@ fn identity(plan: &Plan) -> String {
         }
     }
     hex(&hash.finalize())[..32].to_owned()
+}
+
+/// Whether the network has protocols, as far as its configuration is known.
+fn has_protocols(plan: &Plan) -> bool {
+    let mode = plan.effective.get("netsim").and_then(|netsim| netsim.get("mode"));
+    plan.netsim.is_foreign() || mode.and_then(toml::Value::as_str) != Some("propagation-only")
 }
 
 /// Roughly: steps times pairs of agents.

@@ -64,7 +64,7 @@ pub(super) fn page(
     let views = views(&factors, plan.settings.len());
     let metrics = figures.iter().enumerate().map(|(place, figures)| MetricFigures {
         figures,
-        name: catalogue.figure(&figures.column.name),
+        name: Name::of_figure(&figures.column.name),
         id: format!("figure-{place}"),
         between_settings: between_settings(&figures.values),
     });
@@ -110,7 +110,7 @@ impl MetricFigures<'_> {
     }
 
     fn is_ratio(&self) -> bool {
-        self.figures.column.name.ends_with("ratio")
+        self.name.is_share
     }
 
     fn is_count(&self) -> bool {

@@ -1,6 +1,7 @@
 //! What a sweep leaves: its file, its table, its summary, its report and the runs that were kept.
 
 use super::journal::TrialRow;
+use super::metric_names;
 use super::plan::{SweepPlan, SweepTrial};
 use super::setting_figures::SettingFigures;
 use super::sweep_summary::{MetricSummary, SCHEMA, SettingSummary, SweepSummary};
@@ -9,7 +10,7 @@ use super::{TABLE_FILE, report};
 use numbers::format::number;
 use numbers::layout::TextTable;
 use numbers::statistics::range;
-use proto::config::most_similar;
+use record::metric::{self, Robots};
 use record::result::{PROVENANCE_FILE, ResultFolder, Trust};
 use record::run_summary::RunSummary;
 use record::{RecordError, fingerprint, forget_progress, pretty};
@@ -172,13 +173,12 @@ fn shown<'a>(plan: &SweepPlan, columns: &'a [TableColumn]) -> (Vec<&'a TableColu
             .iter()
             .filter_map(|name| {
                 let found = figures.iter().find(|column| column.name == *name);
-                if found.is_none() {
-                    let nearest =
-                        most_similar(name, figures.iter().map(|column| column.name.as_str()))
-                            .map(|nearest| format!(" (nearest: {nearest})"));
+                // Without protocols the plan says so before anything runs.
+                let is_said = plan.is_without_protocols && metric_names::is_of_protocols(name);
+                if found.is_none() && !is_said {
                     warnings.push(format!(
                         "sweep.metrics: no trial has a figure {name}{}",
-                        nearest.unwrap_or_default()
+                        when_null(name)
                     ));
                 }
                 found
@@ -193,6 +193,16 @@ fn shown<'a>(plan: &SweepPlan, columns: &'a [TableColumn]) -> (Vec<&'a TableColu
             .collect(),
     };
     (shown, warnings)
+}
+
+/// When a figure is null or absent.
+fn when_null(name: &str) -> String {
+    let found = metric::find(name, Robots::Foreign);
+    let reasons = found.map(|metric| metric.null_if).unwrap_or_default();
+    if reasons.is_empty() {
+        return String::new();
+    }
+    format!("; it is null if {}", reasons.join(", or if "))
 }
 
 /// Whether a figure is not the same in all trials, but for what rounding does.

@@ -1,6 +1,7 @@
 //! The table of a sweep: one row per trial.
 
 use super::journal::TrialRow;
+use super::metric_names;
 use super::plan::{SweepPlan, SweepTrial};
 use indexmap::IndexMap;
 use metrics::figures::FigureValue;
@@ -56,7 +57,7 @@ pub(crate) const STATUS: &str = "status";
 pub(crate) const ERROR: &str = "error";
 
 /// The columns, in order: number of the setting, case, keys that vary, seed, status, error if a trial failed; then the figures, in the order in
-/// which they come up.
+/// which they come up. A figure has the name that `sweep.metrics` gives it, or else its path.
 pub(crate) fn columns(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -> Vec<TableColumn> {
     let trials: Vec<SweepTrial> = plan.trials().collect();
     let column_of = |name: &str, kind, entry: &dyn Fn(SweepTrial) -> TableEntry| TableColumn {
@@ -101,12 +102,16 @@ pub(crate) fn columns(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -
         let mut values = trials.iter().filter_map(|&trial| value(trial));
         let is_bool = values.any(|value| matches!(value, FigureValue::Flag(_)));
         let kind = if is_bool { ColumnKind::Bool } else { ColumnKind::F64 };
-        columns.push(column_of(name, kind, &|trial| match value(trial) {
-            Some(FigureValue::Flag(is)) => TableEntry::Bool(is),
-            Some(FigureValue::Count(n)) => TableEntry::Number(n as f64),
-            Some(FigureValue::Number(number)) => TableEntry::Number(number),
-            None => TableEntry::Null,
-        }));
+        columns.push(column_of(
+            metric_names::column(&plan.sweep, name),
+            kind,
+            &|trial| match value(trial) {
+                Some(FigureValue::Flag(is)) => TableEntry::Bool(is),
+                Some(FigureValue::Count(n)) => TableEntry::Number(n as f64),
+                Some(FigureValue::Number(number)) => TableEntry::Number(number),
+                None => TableEntry::Null,
+            },
+        ));
     }
     columns
 }

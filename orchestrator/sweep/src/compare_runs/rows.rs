@@ -9,6 +9,7 @@ use input::table::Table;
 use metrics::figures::FigureValue;
 use parquet::record::Field;
 use proto::bounds::DESCRIPTION_BYTES;
+use record::metric::path_of;
 use record::result::{ResultError, ResultFolder};
 use record::run_summary::RunSummary;
 use record::{SCHEMA_PREFIX, Status, Tagged};
@@ -113,10 +114,10 @@ fn rows_of(
                 }
                 (SETTING, _) | (_, Field::Null) => {}
                 (_, Field::Double(number)) if is_figure => {
-                    found.values.insert(name.clone(), *number);
+                    found.values.insert(path_of(name).to_owned(), *number);
                 }
                 (_, Field::Bool(is)) if is_figure => {
-                    found.values.insert(name.clone(), f64::from(u8::from(*is)));
+                    found.values.insert(path_of(name).to_owned(), f64::from(u8::from(*is)));
                 }
                 (_, Field::Str(text)) => {
                     found.id.insert(name.clone(), text.clone());
@@ -132,7 +133,8 @@ fn rows_of(
     let mut is_figure = false;
     for column in table.columns() {
         if is_figure {
-            names.push(column.to_owned());
+            // One sweep may have a short name where the other has the path.
+            names.push(path_of(column).to_owned());
         }
         is_figure |= column == STATUS;
     }

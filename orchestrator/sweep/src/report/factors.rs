@@ -28,7 +28,8 @@ pub(super) fn factors(plan: &SweepPlan, catalogue: &Catalogue) -> Vec<Factor> {
     let config: toml::Table = toml::from_str(&plan.written).unwrap_or_default();
     let mut factors = Vec::new();
     if 1 < sweep.cases.len() {
-        let name = Name { words: "case".to_owned(), unit: None, explanation: None };
+        let name =
+            Name { words: "case".to_owned(), unit: None, is_share: false, explanation: None };
         let cases = plan.settings.iter().map(|setting| setting.case.clone().unwrap_or_default());
         factors.push(Factor::new(name, None, cases.collect(), None, false));
     }
@@ -258,7 +259,8 @@ mod tests {
     use super::*;
 
     fn factor(words: &str, of_setting: &[&str], is_number: bool) -> Factor {
-        let name = Name { words: words.to_owned(), unit: None, explanation: None };
+        let name =
+            Name { words: words.to_owned(), unit: None, is_share: false, explanation: None };
         let numbers = of_setting.iter().map(|word| word.parse().ok()).collect();
         let words = of_setting.iter().map(|word| (*word).to_owned()).collect();
         let numbers = if is_number { numbers } else { None };

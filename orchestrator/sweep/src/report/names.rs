@@ -1,11 +1,8 @@
-//! What the page calls keys and figures. Words and units come from the names themselves, explanations from the descriptions that
-//! check configurations and make the schema of `summary.json`.
+//! What the page calls keys and figures. Of keys, words and units come from the names themselves, and explanations from the
+//! descriptions that check configurations; of figures, all comes from the list of metrics.
 
-use network::task::FIGURES;
-use numbers::format::capitalised;
 use numbers::quantity;
-use record::run_summary::RunSummary;
-use schemars::generate::SchemaSettings;
+use record::metric::{self, Robots, SHARE};
 use serde_json::Value;
 
 /// How people call a key or a figure.
@@ -13,8 +10,10 @@ use serde_json::Value;
 pub(super) struct Name {
     /// In a few words, without a capital letter.
     pub(super) words: String,
-    /// Its unit.
+    /// Its unit; none of a share or a truth value, which are shown as per cent.
     pub(super) unit: Option<&'static str>,
+    /// Whether it is a share.
+    pub(super) is_share: bool,
     /// What it is, in one sentence or more, where that is known.
     pub(super) explanation: Option<String>,
 }
@@ -29,15 +28,12 @@ impl Name {
 /// The descriptions that names are looked up in.
 pub(super) struct Catalogue {
     experiment: Value,
-    summary: Value,
 }
 
 impl Catalogue {
     /// That of this program.
     pub(super) fn of_program() -> Self {
-        let generator = SchemaSettings::draft2020_12().for_serialize().into_generator();
-        let summary = generator.into_root_schema_for::<RunSummary>();
-        Self { experiment: experiment::schema(), summary: summary.to_value() }
+        Self { experiment: experiment::schema() }
     }
 
     /// The name of a key of the configuration. `config`: the configuration that it is a key of, which decides between keys of the
@@ -58,19 +54,23 @@ impl Catalogue {
                 |table| format!("{} {words}", quantity::words(table)),
             )
         });
-        Name { words, unit: quantity::unit(last), explanation }
+        Name { words, unit: quantity::unit(last), is_share: false, explanation }
     }
+}
 
-    /// The name of a figure of a run: its path in `summary.json`.
-    pub(super) fn figure(&self, figure: &str) -> Name {
-        let path: Vec<&str> = figure.split('.').collect();
-        let last = path.last().copied().unwrap_or(figure);
-        let known = FIGURES.iter().find(|known| path.len() == 2 && known.name == last);
-        let explanation = known
-            .map(|known| capitalised(known.doc))
-            .or_else(|| find(&self.summary, &self.summary, &path, None).and_then(explanation));
-        let unit = path.iter().rev().find_map(|part| quantity::unit(part));
-        Name { words: words_of_path(&path), unit, explanation }
+impl Name {
+    /// That of a figure of a run, by short name or path in `summary.json`.
+    pub(super) fn of_figure(figure: &str) -> Self {
+        let Some(metric) = metric::find(figure, Robots::Foreign) else {
+            let words = quantity::words(figure);
+            return Self { words, unit: None, is_share: false, explanation: None };
+        };
+        Self {
+            unit: metric.axis_unit(),
+            is_share: metric.unit == Some(SHARE),
+            words: metric.label,
+            explanation: Some(metric.meaning),
+        }
     }
 }
 
@@ -145,25 +145,6 @@ fn short_name(description: &str) -> Option<String> {
     Some(first + letters.as_str())
 }
 
-/// Statistics, which stand before what they are of.
-const STATISTICS: [&str; 6] = ["min", "mean", "median", "p95", "p99", "max"];
-
-/// The words of a path in `summary.json`, without its section and without parts that the next one repeats.
-fn words_of_path(path: &[&str]) -> String {
-    let parts = if 1 < path.len() { &path[1..] } else { path };
-    let mut words: Vec<String> = parts.iter().map(|part| quantity::words(part)).collect();
-    let stem = |word: &str| word.chars().take(4).collect::<String>();
-    let is_kept: Vec<bool> = (0..words.len())
-        .map(|part| words.get(part + 1).is_none_or(|next| stem(next) != stem(&words[part])))
-        .collect();
-    let mut is_kept = is_kept.into_iter();
-    words.retain(|_| is_kept.next().unwrap_or(true));
-    if words.last().is_some_and(|last| STATISTICS.contains(&last.as_str())) {
-        words.rotate_right(1);
-    }
-    words.join(" ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,16 +167,19 @@ mod tests {
     }
 
     #[test]
-    fn figures_are_called_by_their_path_and_explained_by_the_schema() {
-        let catalogue = Catalogue::of_program();
-        let name = |figure: &str| catalogue.figure(figure).label();
-        assert_eq!(name("task.flock_speed_mps"), "flock speed (m/s)");
-        assert_eq!(name("kpis.delivery.latency_s.median"), "median delivery latency (s)");
-        assert_eq!(name("kpis.formation.formed_s"), "formed (s)");
-        assert_eq!(name("kpis.delivery.ratio"), "delivery ratio");
+    fn figures_are_called_and_explained_by_the_list_of_metrics() {
+        let label = |figure: &str| Name::of_figure(figure).label();
+        assert_eq!(label("task.flock_speed_mps"), "flock speed (m/s)");
+        assert_eq!(label("flock_speed"), "flock speed (m/s)");
+        assert_eq!(label("kpis.delivery.latency_s.median"), "median delivery latency (s)");
+        assert_eq!(label("kpis.formation.formed_s"), "formation time (s)");
+        assert_eq!(label("kpis.delivery.ratio"), "delivery ratio");
+        assert_eq!(label("pdr"), "packet delivery ratio");
+        assert_eq!(label("task.wing_beat_hz"), "wing beat (Hz)");
+        assert!(Name::of_figure("pdr").is_share);
         for figure in ["task.flock_speed_mps", "network.delivery_ratio", "kpis.formation.formed_s"]
         {
-            assert!(catalogue.figure(figure).explanation.is_some(), "{figure}");
+            assert!(Name::of_figure(figure).explanation.is_some(), "{figure}");
         }
     }
 }
