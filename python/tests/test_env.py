@@ -269,6 +269,16 @@ def test_what_an_environment_cannot_do_is_raised(robotsim, settings, text):
     assert text in str(error.value)
 
 
+def test_figures_have_short_names_and_paths_too():
+    names = ["flock_speed_mps", "flock_speed", "task.flock_speed_mps"]
+    env = parallel_env(CONFIG, reward="polarisation", figures=names)
+    _, _, task = flown(env, seed=7)
+    env.close()
+    assert task["flock_speed"] == task["task.flock_speed_mps"] == task["flock_speed_mps"] > 0
+    with pytest.raises(murmuration.InvalidInput, match="'pdr' is not a figure of a task"):
+        parallel_env(CONFIG, figures=["pdr"])
+
+
 # What agents observe.
 
 

@@ -93,6 +93,10 @@ def test_a_figure_of_a_sweep_is_drawn_over_a_setting(sweep, monkeypatch):
     assert [text.get_text() for text in grouped.get_legend().get_texts()] == ["1.0", "5.0", "20.0"] and len(grouped.lines) == 6
     with pytest.raises(ValueError, match="the trials have no column netsim.phy.radius; the nearest are netsim.phy.radius_m"):
         sweep.plot("netsim.phy.radius", figure)
+    # The short name of the same metric.
+    short = sweep.plot("netsim.phy.radius_m", "broadcast_pdr")
+    assert short.get_ylabel() == "broadcast_pdr"
+    assert np.array_equal(short.lines[0].get_xydata(), means.get_xydata())
     monkeypatch.setitem(sys.modules, "polars", None)
     again = murmuration.Sweep(sweep.folder)
     assert np.array_equal(again.plot("netsim.phy.radius_m", figure).lines[0].get_xydata(), means.get_xydata())
@@ -121,3 +125,27 @@ def test_a_file_that_was_changed_after_the_run_is_not_read(run, sweep, tmp_path)
         with pytest.raises(murmuration.MurmurationError, match="lists no files"):
             read(kind(copy))
         assert len(read(kind(copy, unverified=True))) > 0
+
+
+def test_a_metric_has_a_short_name_and_a_path(run):
+    assert run.metric("flock_speed") == run.metric("task.flock_speed_mps") == run.summary["task"]["flock_speed_mps"] > 0
+    assert run.metric("completed") is False
+    # This network has no protocols.
+    assert run.summary["kpis"] is None and run.metric("pdr") is None
+    with pytest.raises(murmuration.InvalidInput, match="did you mean flock_speed"):
+        run.metric("flok_speed")
+    (pdr,) = murmuration.metrics("pdr")["metrics"]
+    assert (pdr["path"], pdr["unit"], pdr["better"]) == ("kpis.since_start.delivered_of_expected.ratio", "0 to 1", "higher")
+    every = {metric["path"]: metric["name"] for metric in murmuration.metrics()["metrics"]}
+    assert every[pdr["path"]] == "pdr" and every["steps"] is None and "kpis.packets.*.delivered" in every
+
+
+def test_a_sweep_has_the_columns_that_its_metrics_name(tmp_path):
+    config = {**CONFIG, "sweep": {"seeds": 2, "metrics": ["flock_speed", "task.mean_speed_mps"]}}
+    sweep = murmuration.sweep(config, out=tmp_path)
+    assert {"flock_speed", "task.mean_speed_mps"} < set(sweep.trials.columns)
+    assert not {"task.flock_speed_mps", "speed"} & set(sweep.trials.columns)
+    by_path = sweep.plot("experiment.seed", "task.flock_speed_mps").lines[0].get_xydata()
+    assert by_path[:, 1].tolist() == sweep.trials["flock_speed"].to_list()
+    with pytest.raises(murmuration.InvalidInput, match=r'sweep\.metrics\[0\].*nearest valid: "flock_speed"'):
+        murmuration.sweep({**config, "sweep": {"seeds": 2, "metrics": ["flok_speed"]}}, out=tmp_path)

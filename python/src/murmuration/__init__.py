@@ -27,7 +27,7 @@ from murmuration._program import InvalidInput, MurmurationError, call, program
 
 __all__ = [
     "Answer", "InvalidInput", "MurmurationError", "Radio", "Run", "Sweep",
-    "compare", "diagnose", "export", "extend", "importers", "power", "program", "run", "simulate", "sweep",
+    "compare", "diagnose", "export", "extend", "importers", "metrics", "power", "program", "run", "simulate", "sweep",
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -149,6 +149,11 @@ def power(
     options = ["--effect", effect, *_option("--campaigns", campaigns), *_seed(seed), *_reading(memory_budget, allow_file, unverified)]
     with config_file(config) as path, table_file(like) as table:
         return _answer(["power", path, "--like", table, *options, *settings(overrides)], progress)
+
+
+def metrics(name: str | None = None) -> Answer:
+    """All metrics of a run, or the one of this short name or path: meaning, unit, and whether higher or lower values are better."""
+    return _answer(["metrics", *(["--all"] if name is None else [name])], False)
 
 
 def _reading(memory_budget: str | None, allow_file: Paths, unverified: bool) -> list[str]:

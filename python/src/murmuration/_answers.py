@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy
 
-from murmuration._program import MurmurationError
+from murmuration._names import one_of, path_of
+from murmuration._program import MurmurationError, call
 
 
 def read_table(path: Path) -> Any:
@@ -126,6 +127,18 @@ class Run:
         """Figures of the whole run: summary.json."""
         return json.loads(self._files.path("summary.json").read_text())
 
+    def metric(self, name: str) -> float | bool | None:
+        """A figure of the summary by short name, such as `pdr`, or by path; None if it is null or absent. `murmuration.metrics()` lists
+        the names."""
+        value: Any = self.summary
+        for part in path_of(name).split("."):
+            value = value.get(part) if isinstance(value, dict) else None
+        if not isinstance(value, bool | int | float):
+            # Explains a figure that may be absent, and refuses a name that is none.
+            call(["metrics", name], quiet=True)
+            return None
+        return value
+
     @functools.cached_property
     def steps(self) -> Any:
         """Positions and velocities: one row for each agent and recorded step."""
@@ -196,16 +209,13 @@ class Sweep:
     def plot(self, x: str, y: str, *, by: str | None = None, axes: Any = None) -> Any:
         """Draws a figure of all trials over a setting, a dot for each, and the mean at each value; returns the axes. Needs matplotlib.
 
-        `x`, `y` and `by` are columns of `trials`, for instance `netsim.phy.radius_m` and `network.delivery_ratio`. Each value of
-        `by`, for instance `case`, gets a colour.
+        `x`, `y` and `by` are columns of `trials`, for instance `netsim.phy.radius_m` and `network.delivery_ratio`, or metrics by the
+        other of their two names, such as `pdr`. Each value of `by`, for instance `case`, gets a colour.
         """
-        for name in (x, y, *([] if by is None else [by])):
-            if name not in self.trials.columns:
-                near = difflib.get_close_matches(name, self.trials.columns, n=3, cutoff=0.0)
-                raise ValueError(f"the trials have no column {name}; the nearest are {', '.join(near)}")
+        column = {name: self._column(name) for name in (x, y, by) if name is not None}
         axes = _axes(axes)
-        settings, figures = self.trials[x].to_numpy(), self.trials[y].to_numpy().astype(float)
-        groups = numpy.full(len(settings), "") if by is None else self.trials[by].to_numpy()
+        settings, figures = self.trials[column[x]].to_numpy(), self.trials[column[y]].to_numpy().astype(float)
+        groups = numpy.full(len(settings), "") if by is None else self.trials[column[by]].to_numpy()
         for group in dict.fromkeys(groups.tolist()):
             own = groups == group
             values = sorted(set(settings[own].tolist()))
@@ -217,6 +227,14 @@ class Sweep:
         if by is not None:
             axes.legend(title=by)
         return axes
+
+    def _column(self, name: str) -> str:
+        """The column of this name, or of the metric that has this name."""
+        column = one_of(list(self.trials.columns), name)
+        if column is None:
+            near = difflib.get_close_matches(name, self.trials.columns, n=3, cutoff=0.0)
+            raise ValueError(f"the trials have no column {name}; the nearest are {', '.join(near)}")
+        return column
 
     @property
     def report(self) -> Path:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from murmuration._names import path_of
 from murmuration._program import InvalidInput
 from murmuration.robots import Heard
 
@@ -176,14 +177,20 @@ FIGURES: dict[str, tuple[Callable[[Step], float | None], str]] = {
 }  # fmt: skip
 
 
+def task_name(name: str) -> str:
+    """The name in `task` of summary.json: that of a short name or of a path below `task`; of anything else itself."""
+    return name if name in FIGURES else path_of(name).removeprefix("task.")
+
+
 class Metrics:
-    """The figures of these names, over the steps of an episode."""
+    """The figures of these names, over the steps of an episode. Results have the names as they are given."""
 
     def __init__(self, names: Iterable[str], diameter_m: float) -> None:
         self.names = tuple(dict.fromkeys(names))
         self.diameter_m = diameter_m
-        for name in self.names:
-            if name not in FIGURES:
+        self._figure_of = {name: task_name(name) for name in self.names}
+        for name, figure in self._figure_of.items():
+            if figure not in FIGURES:
                 raise InvalidInput(f"{name!r} is not a figure of a task; there are {', '.join(FIGURES)}")
         self.reset()
 
@@ -198,11 +205,11 @@ class Metrics:
         step = Step(position_m, velocity_mps, heard, self._contacts, self.diameter_m)
         values: dict[str, float | None] = {}
         for name in self.names:
-            value = values[name] = FIGURES[name][0](step)
+            value = values[name] = FIGURES[self._figure_of[name]][0](step)
             if value is not None:
                 self._values[name].append(value)
                 self._weights[name].append(dt_s)
-        if "collisions" in self._values:
+        if "collisions" in self._figure_of.values():
             self._contacts = step.contacts
         return values
 
@@ -210,7 +217,7 @@ class Metrics:
         """The figures of the episode so far, as `task` of summary.json has them."""
         figures: dict[str, float | None] = {}
         for name in self.names:
-            values, kind = self._values[name], FIGURES[name][1]
+            values, kind = self._values[name], FIGURES[self._figure_of[name]][1]
             if not values:
                 figures[name] = None
             elif kind == "mean":

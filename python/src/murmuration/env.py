@@ -32,7 +32,7 @@ from murmuration._answers import Run
 from murmuration._bodies import Bodies
 from murmuration._contract import robotsim_pb2_grpc
 from murmuration._files import Config, config_file, private_folder, settings
-from murmuration._metrics import FIGURES, Metrics
+from murmuration._metrics import FIGURES, Metrics, task_name
 from murmuration._observation import Layout, Observer
 from murmuration._program import InvalidInput, MurmurationError
 from murmuration.radio import Radio, Snapshot
@@ -83,8 +83,8 @@ def parallel_env(
 
     Arguments:
         config: An experiment: a file, or a dictionary of the same form. `[robotsim.controller]` is not used: a policy acts.
-        reward: What all agents are given in each step: a figure of docs/metrics.md by name, a dictionary of figures and their
-            weights, or a function of a `Moment` that returns a number or one for each robot.
+        reward: What all agents are given in each step: a figure of docs/metrics.md by name or by short name, a dictionary of figures
+            and their weights, or a function of a `Moment` that returns a number or one for each robot.
         figures: Further figures to measure. `infos` of the last step has all of the episode, under `task`.
         action: "velocity" (m/s), or "acceleration" (m/s²) of double integrators. Limits are those of the body.
         neighbours: For how many heard neighbours an observation has places. The nearest take them.
@@ -249,11 +249,12 @@ def evaluate(
     circle_rms_m.
     """
     plan = _Plan(config, overrides)
-    for name in figures:
-        if name not in OF_ROBOTS:
+    reported = {name: task_name(name) for name in figures}
+    for name, figure in reported.items():
+        if figure not in OF_ROBOTS:
             raise InvalidInput(f"figures: must be of {', '.join(OF_ROBOTS)}, got {name!r}; the summary has all others by itself")
     bodies = plan.bodies(action)
-    metrics = Metrics(figures, bodies.diameter_m)
+    metrics = Metrics(reported.values(), bodies.diameter_m)
     swarm = _Swarm(bodies, plan.observer(plan.layout(neighbours, dimensions)), metrics, policy)
     server = _serving.serve(
         robotsim_pb2_grpc.add_RobotSimServiceServicer_to_server, robots._Service(swarm), "127.0.0.1:0", block=False, quiet=True
