@@ -20,12 +20,27 @@ pub fn ticks(min: f64, max: f64, step: f64) -> Vec<f64> {
 }
 
 /// A multiple of `step`, with the decimals that tell it from its neighbours, and with U+2212 for a minus. `-0` is written `0`.
+/// With a step below 10⁻⁶ it has an exponent, if that is shorter.
 #[must_use]
 pub fn tick_label(tick: f64, step: f64) -> String {
-    let decimals = (-libm::floor(libm::log10(step) + 1e-9)).clamp(0.0, 6.0) as usize;
+    let power_of_step = libm::floor(libm::log10(step) + 1e-9);
     let tick = if tick.abs() < 1e-9 * step { 0.0 } else { tick };
-    format!("{tick:.decimals$}").replace('-', "−")
+    let decimals = (-power_of_step).clamp(0.0, MOST_DECIMALS) as usize;
+    let plain = format!("{tick:.decimals$}").replace('-', "−");
+    if -6.0 <= power_of_step {
+        return plain;
+    }
+    if tick == 0.0 {
+        return "0".to_owned();
+    }
+    let power = libm::floor(libm::log10(tick.abs()) + 1e-9);
+    let digits = (power - power_of_step).clamp(0.0, MOST_DECIMALS) as usize;
+    let short = format!("{tick:.digits$e}").replace('-', "−");
+    if short.len() < plain.len() { short } else { plain }
 }
+
+/// Most digits after the point: more than a number has.
+const MOST_DECIMALS: f64 = 17.0;
 
 #[cfg(test)]
 mod tests {
@@ -45,5 +60,8 @@ mod tests {
         assert_eq!(tick_label(-0.0, 0.2), "0.0");
         assert_eq!(tick_label(-20.0, 20.0), "−20");
         assert_eq!(tick_label(0.15, 0.05), "0.15");
+        let small = [-2e-9, 0.0, 1.5e-8].map(|tick| tick_label(tick, 5e-10));
+        assert_eq!(small, ["−2.0e−9", "0", "1.50e−8"]);
+        assert_eq!(tick_label(1.000_000_02, 1e-8), "1.00000002");
     }
 }

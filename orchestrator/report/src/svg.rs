@@ -102,12 +102,18 @@ impl Axis {
             return name.clone();
         }
         if self.is_percent {
-            return format!("{:.0} %", 100.0 * tick);
+            return format!("{} %", ticks::tick_label(100.0 * tick, 100.0 * step));
         }
         if !self.marked.is_empty() {
             return shortest(tick);
         }
         ticks::tick_label(tick, step)
+    }
+
+    /// About `n` ticks, each with a label that differs from those of its neighbours.
+    fn labelled_ticks(&self, n: f64) -> Vec<(f64, String)> {
+        let step = self.step(n);
+        self.ticks(n).into_iter().map(|tick| (tick, self.tick_label(tick, step))).collect()
     }
 }
 
@@ -117,6 +123,8 @@ pub struct Chart {
     y: Axis,
     width: f64,
     height: f64,
+    /// Room left of the plane, for the labels of the ticks.
+    left: f64,
     /// Room below the plane, for ticks and the label.
     bottom: f64,
     /// Class of the whole picture.
@@ -129,15 +137,19 @@ pub struct Chart {
 }
 
 impl Chart {
-    /// An empty chart of this size, in pixels at its natural size. It is higher if names along its axis take several lines.
+    /// An empty chart of this size, in pixels at its natural size. It is higher if names along its axis take several lines, and
+    /// its plane is narrower if the labels at its left are long.
     pub fn new(x: Axis, y: Axis, width: f64, height: f64) -> Self {
         let (body, over) = (Markup::default(), Markup::default());
-        let lines = x.wrapped_names((width - LEFT - RIGHT) / (x.max - x.min));
+        let labels = y.labelled_ticks(n_ticks_y(height - TOP - BOTTOM));
+        let longest = labels.iter().map(|(_, label)| label.chars().count()).max().unwrap_or(0);
+        let left = LEFT.max(DIGIT * longest as f64 + GAP + 2.0);
+        let lines = x.wrapped_names((width - left - RIGHT) / (x.max - x.min));
         let n_lines = lines.iter().map(Vec::len).max().unwrap_or(1);
         let bottom = BOTTOM + LINE * (n_lines.max(1) - 1) as f64;
         let height = height + bottom - BOTTOM;
         let (class, taken) = (None, Vec::new());
-        let mut chart = Self { x, y, width, height, bottom, class, taken, body, over };
+        let mut chart = Self { x, y, width, height, left, bottom, class, taken, body, over };
         chart.axes();
         chart
     }
@@ -394,7 +406,7 @@ impl Chart {
     fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let share = |axis: &Axis, value: f64| (value - axis.min) / (axis.max - axis.min);
         [
-            LEFT + share(&self.x, x) * (self.width - LEFT - RIGHT),
+            self.left + share(&self.x, x) * (self.width - self.left - RIGHT),
             self.height - self.bottom - share(&self.y, y) * (self.height - TOP - self.bottom),
         ]
     }
@@ -436,20 +448,16 @@ impl Chart {
     }
 
     fn axes(&mut self) {
-        let n_x = (self.width - LEFT - RIGHT) / 80.0;
+        let n_x = (self.width - self.left - RIGHT) / 80.0;
         let n_x = n_x.max(3.0);
-        let n_y = ((self.height - TOP - self.bottom) / 45.0).max(2.0);
+        let n_y = n_ticks_y(self.height - TOP - self.bottom);
         let [left, bottom] = self.place([self.x.min, self.y.min]);
         let [right, top] = self.place([self.x.max, self.y.max]);
-        let ticks = |axis: &Axis, n: f64| -> Vec<(f64, String)> {
-            let step = axis.step(n);
-            axis.ticks(n).into_iter().map(|tick| (tick, axis.tick_label(tick, step))).collect()
-        };
         let slot = (right - left) / (self.x.max - self.x.min);
         let names = self.x.wrapped_names(slot);
         let mut free_x = f64::NEG_INFINITY;
         let mut x_ticks: Vec<(f64, Vec<String>)> = Vec::new();
-        for (place, (tick, label)) in ticks(&self.x, n_x).into_iter().enumerate() {
+        for (place, (tick, label)) in self.x.labelled_ticks(n_x).into_iter().enumerate() {
             let [x, _] = self.place([tick, self.y.min]);
             let half = text_width(&label) / 2.0;
             let named = names.get(place).cloned();
@@ -471,10 +479,10 @@ impl Chart {
                     text.tick x=(Px(x)) y=(Px(bottom + 17.0 + LINE * number as f64)) text-anchor="middle" { (line) }
                 }
             }
-            @for (tick, label) in ticks(&self.y, n_y) {
+            @for (tick, label) in self.y.labelled_ticks(n_y) {
                 @let [_, y] = self.place([self.x.min, tick]);
                 path.grid d=(format_args!("M{left:.1},{y:.1}H{right:.1}")) {}
-                text.tick x=(Px(left - 7.0)) y=(Px(y + 4.0)) text-anchor="end" { (label) }
+                text.tick x=(Px(left - GAP)) y=(Px(y + 4.0)) text-anchor="end" { (label) }
             }
             path.axis d=(format_args!("M{left:.1},{top:.1}V{bottom:.1}H{right:.1}")) {}
             text.axis-label x=(Px(middle(&self.x.label))) y=(Px(self.height - 6.0)) text-anchor="middle"
@@ -483,6 +491,11 @@ impl Chart {
                 textLength=[fitted(&self.y.label, self.width)] { (self.y.label) }
         });
     }
+}
+
+/// How many ticks an axis of this height (pixels) has room for.
+fn n_ticks_y(height: f64) -> f64 {
+    (height / 45.0).max(2.0)
 }
 
 /// About how long a text of the size of ticks and labels is.
@@ -520,7 +533,9 @@ const MAX_NUMBERS: usize = 250;
 /// About the width of a letter of a tick or a label, and the height of a line of them.
 const LETTER: f64 = 7.0;
 const LINE: f64 = 14.0;
+/// Least room left of the plane, and the gap between it and the labels there.
 const LEFT: f64 = 56.0;
+const GAP: f64 = 7.0;
 const RIGHT: f64 = 24.0;
 /// Room above the plane: the label of the axis at its left stands there, where it can be read without turning the head.
 const TOP: f64 = 28.0;
@@ -537,6 +552,26 @@ mod tests {
         assert_eq!(ticks(-3.0, 3.0, 4.0), [-2.0, 0.0, 2.0]);
         assert_eq!(Axis::new("", 0.0, 1.0).tick_label(-0.0, 0.2), "0.0");
         assert_eq!(Axis::new("", 0.0, 1.0).tick_label(-20.0, 20.0), "−20");
+    }
+
+    #[test]
+    fn labels_tell_neighbouring_ticks_apart_and_have_room() {
+        let shares = Axis::new("", 0.9985, 1.000_05).percent();
+        let labels: Vec<String> =
+            shares.labelled_ticks(4.0).into_iter().map(|(_, label)| label).collect();
+        assert_eq!(labels, ["99.85 %", "99.90 %", "99.95 %", "100.00 %"]);
+        let whole = Axis::new("", 0.0, 1.05).percent().labelled_ticks(4.0);
+        assert_eq!(whole.last().map(|(_, label)| label.as_str()), Some("100 %"));
+        for (min, max) in [(0.999_999_9, 1.0), (1e-9, 3e-9), (-2e-12, 1e-12), (1e6, 1e6 + 1e-2)] {
+            for axis in [Axis::new("", min, max), Axis::new("", min, max).percent()] {
+                let labels = axis.labelled_ticks(4.0);
+                let differ = labels.windows(2).all(|pair| pair[0].1 != pair[1].1);
+                assert!(2 <= labels.len() && differ, "{labels:?}");
+                let longest = labels.iter().map(|(_, label)| label.chars().count()).max();
+                let chart = Chart::new(Axis::new("", 0.0, 1.0), axis, 540.0, 312.0);
+                assert!(DIGIT * longest.unwrap() as f64 + GAP <= chart.left, "{labels:?}");
+            }
+        }
     }
 
     #[test]
