@@ -269,7 +269,7 @@ def test_damaged_bags_and_wrong_options_are_refused(tmp_path):
         ({"rate_hz": float("nan")}, "rate_hz must be greater than 0"),
     ):
         assert text in refusal(path, **options)
-    assert refusal([]) == "read_bag needs at least one bag"
+    assert refusal([]) == "read_bag needs at least one log"
 
 
 def test_robots_that_are_commanded_in_two_ways_do_not_share_a_table(tmp_path):

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-# A bag of more messages on the topics that are read is refused: the columns of so many would fill the memory.
-MOST_MESSAGES = 20_000_000
+from murmuration.importers._tracks import MOST_MESSAGES, LogError
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 TF = "tf2_msgs/msg/TFMessage"
@@ -99,10 +98,6 @@ class Series:
         return Series(self.frames, stamps, recorded, np.array(self.values, dtype=float))
 
 
-class BagError(Exception):
-    """A bag cannot be read, or lacks what is asked of it."""
-
-
 class Bag:
     """An open bag."""
 
@@ -120,15 +115,15 @@ class Bag:
         found = [topic for topic in self.topics if topic.name == name]
         if not found:
             nearest = difflib.get_close_matches(name, [topic.name for topic in self.topics], n=1, cutoff=0.0)
-            raise BagError(f"{self.path} has no topic {name}" + (f"; the nearest name is {nearest[0]}" if nearest else ""))
+            raise LogError(f"{self.path} has no topic {name}" + (f"; the nearest name is {nearest[0]}" if nearest else ""))
         fitting = [topic for topic in found if topic.type in types]
         if not fitting:
             allowed = ", ".join(types)
-            raise BagError(f"the topic {name} of {self.path} is of type {found[0].type}; it must be one of {allowed}")
+            raise LogError(f"the topic {name} of {self.path} is of type {found[0].type}; it must be one of {allowed}")
         if len(found) > 1:
-            raise BagError(f"the topic {name} of {self.path} has several types: {', '.join(topic.type for topic in found)}")
+            raise LogError(f"the topic {name} of {self.path} has several types: {', '.join(topic.type for topic in found)}")
         if found[0].messages == 0:
-            raise BagError(f"the topic {name} of {self.path} has no messages")
+            raise LogError(f"the topic {name} of {self.path} has no messages")
         return found[0]
 
     def read(self, names: set[str]) -> dict[str, dict[str, Series]]:
@@ -142,15 +137,15 @@ class Bag:
             for connection, recorded_ns, data in self._reader.messages(connections=wanted):
                 n_messages += 1
                 if n_messages > MOST_MESSAGES:
-                    raise BagError(f"{self.path} has more than {MOST_MESSAGES} messages on these topics; split the bag")
+                    raise LogError(f"{self.path} has more than {MOST_MESSAGES} messages on these topics; split the bag")
                 read = POSES.get(connection.msgtype) or COMMANDS[connection.msgtype]
                 of_topic = rows[connection.topic]
                 for child, header, values in read(self._reader.deserialize(data, connection.msgtype)):
                     of_topic.setdefault(child, Series()).add(header, recorded_ns, values)
-        except BagError:
+        except LogError:
             raise
         except Exception as error:  # noqa: BLE001: a damaged file makes rosbags fail in many ways
-            raise BagError(f"{self.path} cannot be read after {n_messages} messages, is it damaged? rosbags says: {error}") from error
+            raise LogError(f"{self.path} cannot be read after {n_messages} messages, is it damaged? rosbags says: {error}") from error
         return {name: {child: series.as_arrays() for child, series in of_topic.items()} for name, of_topic in rows.items()}
 
 
@@ -164,7 +159,7 @@ def open_bag(path: str | os.PathLike[str]) -> Iterator[Bag]:
         raise ImportError('bags need rosbags: pip install "murmuration-sim[rosbags]"') from None
     path = Path(path)
     if not path.exists():
-        raise BagError(f"{path} does not exist")
+        raise LogError(f"{path} does not exist")
     types = get_typestore(Stores.LATEST)
     for name, text in (("AckermannDrive", _ACKERMANN_DRIVE), ("AckermannDriveStamped", _ACKERMANN_STAMPED)):
         types.register(get_types_from_msg(text, f"ackermann_msgs/msg/{name}"))
@@ -173,7 +168,7 @@ def open_bag(path: str | os.PathLike[str]) -> Iterator[Bag]:
         reader.open()
     except Exception as error:  # noqa: BLE001: a damaged file makes rosbags fail in many ways
         kinds = "a folder with a bag of ROS 2, a file .mcap or .db3, or a bag of ROS 1 (.bag)"
-        raise BagError(f"{path} cannot be opened as {kinds}: {error}") from error
+        raise LogError(f"{path} cannot be opened as {kinds}: {error}") from error
     try:
         yield Bag(path, reader)
     finally:

@@ -1,0 +1,198 @@
+"""Logs of robots and radios as the tables that `compare`, `diagnose`, `extend`, `simulate` and `power` take.
+
+    import murmuration
+    from murmuration import importers
+
+    drive = importers.read_bag("drive/", robots={"car": {"pose": "/pf/pose/odom", "command": "/drive"}})
+    murmuration.diagnose("car.toml", drive)
+
+`read_bag` reads bags of ROS 1 and ROS 2 and MCAP files; it needs rosbags: pip install "murmuration-sim[rosbags]".
+`convert` makes tables of CSV files, packet logs, K7 traces and data frames, as `murmuration convert` does (docs/importing.md).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from murmuration._answers import read_table, table_of
+from murmuration._files import Config, config_file, private_folder, table_file
+from murmuration._program import InvalidInput, call
+from murmuration.importers import _bag_tracks, _bags
+from murmuration.importers._bag_tracks import BagOptions, Robots
+from murmuration.importers._tracks import Imported, LogError, Notes, Run, gather, listed
+
+__all__ = ["RowsLeftOut", "bag_topics", "convert", "find_robots", "read_bag"]
+
+Logs = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+
+
+class RowsLeftOut(UserWarning):
+    """Messages of a bag that became no row of the table, with the reason and their number."""
+
+
+def bag_topics(bag: str | os.PathLike[str]) -> Any:
+    """The topics of a bag as a data frame: `topic`, `type` and `messages`."""
+    with _refusing(), _bags.open_bag(bag) as opened:
+        topics = opened.topics
+        return table_of({
+            "topic": [topic.name for topic in topics],
+            "type": [topic.type for topic in topics],
+            "messages": [topic.messages for topic in topics],
+        })  # fmt: skip
+
+
+def find_robots(bag: str | os.PathLike[str]) -> dict[str, dict[str, str]]:
+    """The robots of a bag with their topics, by name: the mapping `robots` of `read_bag`, to read or to change.
+
+    Robots are found by namespaces: `/robot_0/odom` and `/robot_0/cmd_vel` make the robot `robot_0`. Where there is one topic of poses and
+    one of commands, their names play no part. Transforms count where no other topic has poses: each child frame is a robot. Where
+    a namespace has several topics of poses or of commands, `InvalidInput` lists the topics.
+    """
+    with _refusing(), _bags.open_bag(bag) as opened:
+        return _bag_tracks.find_robots(opened)
+
+
+def read_bag(
+    bag: Logs,
+    robots: Robots | None = None,
+    *,
+    twist: Literal["unicycle", "velocity"] = "unicycle",
+    command_frame: Literal["robot", "world"] | None = None,
+    time: Literal["header", "recorded"] = "header",
+    within_s: float = 1.0,
+    rate_hz: float | None = None,
+    bad: Literal["raise", "drop"] = "raise",
+) -> Any:
+    """Robot samples of a bag, or of several, each of which becomes a run: one row for each pose, with the command in force.
+
+    Args:
+        bag: A folder with a bag of ROS 2, a file .mcap or .db3, or a bag of ROS 1 (.bag); or a list of them.
+        robots: For each robot its topics, `{"car": {"pose": "/pf/pose/odom", "command": "/drive"}}`, or its namespace,
+            `{0: "/robot_0"}`. With transforms, `{"pose": "/tf", "frame": "base_link"}`: `frame` is the child frame, whose
+            transform counts as the message has it, from its parent frame. Robots without a command need no `command`. By
+            default, `find_robots` finds them. Names that are whole numbers are the numbers of the robots; others are numbered
+            from 0 in natural order (`robot_2` before `robot_10`).
+        twist: What a Twist commands. "unicycle": `linear.x` is the speed, `angular.z` the yaw rate. "velocity": `linear` is a
+            velocity, for robots that move in all directions.
+        command_frame: The axes of commanded velocities. By default those of the robot, or those of the world where a
+            TwistStamped names the frame of the poses. In the axes of the robot they are turned by its heading.
+        time: "header" takes the time of a message from its header, if it has one that is not 0, "recorded" always the time at
+            which the bag recorded it.
+        within_s: Greatest age (s) of the command of a row. Poses without such a command are left out, with a warning.
+        rate_hz: Rows at this rate (Hz), with poses interpolated linearly between two at most `within_s` apart, and headings along
+            the shorter arc. By default, rows are the poses as recorded. Commands are held, never interpolated.
+        bad: What to do with messages that hold no finite numbers, or whose time goes back. "raise" reports all of them in one
+            error, "drop" leaves them out, with a warning.
+
+    Returns:
+        A data frame of polars, or of pandas where polars is not installed: `run` (with several bags), `time_s`, `start_epoch_s`
+        (where times are epoch times; `time_s` then counts from the first row of the run), `agent`, `x_m`, `y_m`, `z_m`,
+        `heading_rad` and the columns of the command.
+
+    Raises:
+        InvalidInput: What is wrong with bags, topics and messages, all of it.
+    """
+    options = {"twist": twist, "command_frame": command_frame, "time": time, "within_s": within_s, "rate_hz": rate_hz, "bad": bad}
+    return _table(_import_bags(_paths("read_bag", bag), robots, **options))
+
+
+def convert(
+    mapping: Config, *, allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (), memory_budget: str | None = None,
+) -> Any:
+    """A table of links, robots or packets from logs, by a mapping: a TOML file, or a dictionary of the same form (docs/mapping.md).
+
+        importers.convert({"table": "packets", "input": [{"files": "root.log.gz", "format": "openwsn-packets"}]})
+        importers.convert({"table": "robots", "input": [{"files": frame, "columns": {"time_s": "t", "x_m": "x", …}}]})
+
+    In a dictionary, `files` may be a data frame of polars or pandas, and paths are relative to the working directory. A mapping file
+    may name logs in its own folder; `allow_file` are others that it may read, or folders with all that is in them.
+    Rows that cannot be used are counted by reason on standard error. `memory_budget` is how much memory the logs may take while
+    they are read, such as "2GiB"; 1 GiB by default.
+    """
+    with contextlib.ExitStack() as stack:
+        if isinstance(mapping, Mapping):
+            mapping = {**mapping, "input": [_with_file(stack, one) for one in mapping.get("input", [])]}
+            # Paths that this program says need no other consent.
+            allow_file = "/"
+        path = stack.enter_context(config_file(mapping))
+        output = stack.enter_context(private_folder()) / "table.parquet"
+        files = [allow_file] if isinstance(allow_file, str | os.PathLike) else allow_file
+        allowed = [word for file in files for word in ("--allow-file", os.fspath(file))]
+        budget = [] if memory_budget is None else ["--memory-budget", memory_budget]
+        call(["convert", path, "--output", output, *allowed, *budget])
+        return read_table(output)
+
+
+def _with_file(stack: contextlib.ExitStack, entry: Any) -> Any:
+    """An entry of `input` whose `files` is a path: a data frame goes to a temporary file."""
+    if not isinstance(entry, Mapping) or isinstance(entry.get("files"), (str, os.PathLike, type(None))):
+        return entry
+    return {**entry, "files": stack.enter_context(table_file(entry["files"]))}
+
+
+def _import_bags(
+    paths: Sequence[Path], robots: Robots | None = None, *, twist: str = "unicycle", command_frame: str | None = None, time: str = "header",
+    **shared: Any,
+) -> Imported:  # fmt: skip
+    """`read_bag` before its data frame."""
+    _check_choice("twist", twist, ("unicycle", "velocity"))
+    _check_choice("command_frame", command_frame, (None, "robot", "world"))
+    _check_choice("time", time, ("header", "recorded"))
+    options = BagOptions(*_shared(**shared), twist, command_frame, time)
+
+    def read(path: Path, notes: Notes) -> Iterator[Run]:
+        with _bags.open_bag(path) as opened:
+            yield Run(path, _bag_tracks.tracks_of(opened, robots, options, notes))
+
+    return gather(paths, read, one_kind="give some robots in robots=…")
+
+
+def _paths(function: str, paths: Logs) -> list[Path]:
+    """A path or several as a list."""
+    found = [Path(paths)] if isinstance(paths, (str, os.PathLike)) else [Path(one) for one in paths]
+    if not found:
+        raise InvalidInput(f"{function} needs at least one log")
+    return found
+
+
+def _shared(*, within_s: float = 1.0, rate_hz: float | None = None, bad: str = "raise") -> tuple[int, float | None, str]:
+    """The options that all readers have, checked."""
+    _check_choice("bad", bad, ("raise", "drop"))
+    _check_positive("within_s", within_s)
+    if rate_hz is not None:
+        _check_positive("rate_hz", rate_hz)
+    return round(within_s * 1e9), rate_hz, bad
+
+
+def _table(imported: Imported) -> Any:
+    """The data frame, with a warning about each row that is not in it."""
+    notes = imported.notes
+    if notes.left_out:
+        warnings.warn(listed("left out", notes.left_out), RowsLeftOut, stacklevel=3)
+    for remark in notes.remarks:
+        warnings.warn(remark, stacklevel=3)
+    return table_of(imported.columns)
+
+
+@contextlib.contextmanager
+def _refusing() -> Iterator[None]:
+    """What is wrong with a bag as InvalidInput."""
+    try:
+        yield
+    except LogError as error:
+        raise InvalidInput(f"error: {error}") from error
+
+
+def _check_choice(name: str, value: Any, allowed: tuple[Any, ...]) -> None:
+    if value not in allowed:
+        raise InvalidInput(f"{name} must be one of {', '.join(map(repr, allowed))}, got {value!r}")
+
+
+def _check_positive(name: str, value: Any) -> None:
+    if not isinstance(value, (int, float)) or not 0 < value <= 1e9:
+        raise InvalidInput(f"{name} must be greater than 0 and at most 1e9, got {value!r}")
