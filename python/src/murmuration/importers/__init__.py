@@ -7,6 +7,8 @@
     murmuration.diagnose("car.toml", drive)
 
 `read_bag` reads bags of ROS 1 and ROS 2 and MCAP files; it needs rosbags: pip install "murmuration-sim[rosbags]".
+`read_ulog` reads logs of PX4 (ULog); it needs pyulog: pip install "murmuration-sim[ulog]".
+`python -m murmuration.importers LOG… --output table.csv` writes the tables of both into a file.
 `convert` makes tables of CSV files, packet logs, K7 traces and data frames, as `murmuration convert` does (docs/importing.md).
 """
 
@@ -15,24 +17,25 @@ from __future__ import annotations
 import contextlib
 import os
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 from murmuration._answers import read_table, table_of
 from murmuration._files import Config, config_file, private_folder, table_file
 from murmuration._program import InvalidInput, call
-from murmuration.importers import _bag_tracks, _bags
+from murmuration.importers import _bag_tracks, _bags, _ulog
 from murmuration.importers._bag_tracks import BagOptions, Robots
 from murmuration.importers._tracks import Imported, LogError, Notes, Run, gather, listed
+from murmuration.importers._ulog import ULogOptions
 
-__all__ = ["RowsLeftOut", "bag_topics", "convert", "find_robots", "read_bag"]
+__all__ = ["RowsLeftOut", "bag_topics", "convert", "find_robots", "read_bag", "read_ulog"]
 
 Logs = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
 
 class RowsLeftOut(UserWarning):
-    """Messages of a bag that became no row of the table, with the reason and their number."""
+    """Messages of a log that became no row of the table, with the reason and their number."""
 
 
 def bag_topics(bag: str | os.PathLike[str]) -> Any:
@@ -101,6 +104,39 @@ def read_bag(
     return _table(_import_bags(_paths("read_bag", bag), robots, **options))
 
 
+def read_ulog(
+    log: Logs,
+    *,
+    command: Literal["velocity", "acceleration", "thrust"] | None = None,
+    thrust_n: float | None = None,
+    within_s: float = 1.0,
+    rate_hz: float | None = None,
+    bad: Literal["raise", "drop"] = "raise",
+) -> Any:
+    """Robot samples of a log of PX4 (ULog), or of several: one row for each position, with the command in force.
+
+    Rows are the messages of `vehicle_local_position` with a valid position, except while the vehicle is on the ground. PX4's axes (north,
+    east, down) become east, north and up. Each log is a run. If the estimator moved its position, the rows after that are a run of their own.
+
+    Args:
+        log: A file, or a list of files.
+        command: The kind of command. "velocity" and "acceleration" are those of `vehicle_local_position_setpoint`, or of
+            `trajectory_setpoint` if the former has none. "thrust" is attitude and thrust of `vehicle_attitude_setpoint`, and
+            needs `thrust_n`. By default, the first of these kinds that the log has; "thrust" if `thrust_n` is given.
+        thrust_n: Thrust (N) of all motors together that corresponds to a thrust of 1 in the log. PX4 commands thrust as a share.
+        within_s, rate_hz: As in `read_bag`. A setpoint that is not set (NaN) ends the command before it.
+        bad: As in `read_bag`. "drop" also reads what is left of a damaged log.
+
+    Returns:
+        A data frame as from `read_bag`. `time_s` counts from the first row of the run, and `start_epoch_s` is its epoch time by GPS,
+        if the log has it. `agent` is 0, or numbers the vehicles of the logs in the order in which they come.
+
+    Raises:
+        InvalidInput: What is wrong with the logs, all of it. If a log has no commands, the error lists its topics.
+    """
+    return _table(_import_ulogs(_paths("read_ulog", log), command=command, thrust_n=thrust_n, within_s=within_s, rate_hz=rate_hz, bad=bad))
+
+
 def convert(
     mapping: Config, *, allow_file: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (), memory_budget: str | None = None,
 ) -> Any:
@@ -152,6 +188,22 @@ def _import_bags(
     return gather(paths, read, one_kind="give some robots in robots=…")
 
 
+def _import_ulogs(paths: Sequence[Path], *, command: str | None = None, thrust_n: float | None = None, **shared: Any) -> Imported:
+    """`read_ulog` before its data frame."""
+    _check_choice("command", command, (None, *_ulog.KINDS))
+    if thrust_n is not None:
+        _check_positive("thrust_n", thrust_n, "1e6")
+        if command not in (None, "thrust"):
+            raise InvalidInput(f'thrust_n belongs to command="thrust", got command="{command}"')
+    options = ULogOptions(*_shared(**shared), command, thrust_n)
+    vehicles: dict[tuple[Any, Any], int] = {}
+
+    def read(path: Path, notes: Notes) -> Iterable[Run]:
+        return _ulog.runs_of(path, options, vehicles, notes)
+
+    return gather(paths, read, one_kind='select one that all logs have, such as command="velocity"', is_from_first_row=True)
+
+
 def _paths(function: str, paths: Logs) -> list[Path]:
     """A path or several as a list."""
     found = [Path(paths)] if isinstance(paths, (str, os.PathLike)) else [Path(one) for one in paths]
@@ -193,6 +245,6 @@ def _check_choice(name: str, value: Any, allowed: tuple[Any, ...]) -> None:
         raise InvalidInput(f"{name} must be one of {', '.join(map(repr, allowed))}, got {value!r}")
 
 
-def _check_positive(name: str, value: Any) -> None:
-    if not isinstance(value, (int, float)) or not 0 < value <= 1e9:
-        raise InvalidInput(f"{name} must be greater than 0 and at most 1e9, got {value!r}")
+def _check_positive(name: str, value: Any, most: str = "1e9") -> None:
+    if not isinstance(value, (int, float)) or not 0 < value <= float(most):
+        raise InvalidInput(f"{name} must be greater than 0 and at most {most}, got {value!r}")
