@@ -104,6 +104,12 @@ def test_thrust_needs_its_full_scale_and_attitudes_turn_with_the_axes(tmp_path):
     # The median of 0.40, 0.41 … 0.89.
     for text in ("attitude and thrust setpoints", "no other commands", "not newtons: give thrust_n", "thrust_n is about mass (kg) * 9.81 / 0.645"):
         assert text in said, said
+    # On the ground, motors idle.
+    for k in range(60):
+        log.add("vehicle_attitude_setpoint", 10.0 + 0.1 * k, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.001)
+    for time_s, landed in ((9.0, True), (19.0, False)):
+        log.add("vehicle_land_detected", time_s, landed, landed)
+    assert "9.81 / 0.645" in refusal(log.write(path))
     frame = importers.read_ulog(path, thrust_n=20.0)
     found = columns_of(frame, "cmd_thrust_n", "cmd_roll_rad", "cmd_pitch_rad", "cmd_yaw_rad")
     assert np.allclose(found[:, 0], 20.0 * (0.4 + 0.01 * np.arange(50)), atol=1e-5)

@@ -28,6 +28,10 @@ class LogError(Exception):
     """A log cannot be read, or lacks what is asked of it."""
 
 
+class UnusableLogs(InvalidInput):
+    """No table can be made of these logs. The text has all reasons."""
+
+
 @dataclass(frozen=True)
 class Options:
     """The options that all readers have; `importers.read_bag` describes them."""
@@ -95,7 +99,7 @@ class Imported:
 def gather(
     paths: Sequence[Path], read: Callable[[Path, Notes], Iterable[Run]], *, one_kind: str, is_from_first_row: bool = False
 ) -> Imported:
-    """Reads logs, and raises `InvalidInput` with all that is wrong with them.
+    """Reads logs, and raises `UnusableLogs` with all that is wrong with them.
 
     `one_kind` says how a user selects one kind of command. With `is_from_first_row`, `time_s` counts from the first row of
     each run also where times are not epoch times.
@@ -115,7 +119,7 @@ def gather(
     if not notes.problems and not any(track.times_ns.size for track in tracks):
         notes.problems.append("no row is left:\n  " + "\n  ".join(notes.left_out))
     if notes.problems:
-        raise InvalidInput(listed("cannot import", notes.problems))
+        raise UnusableLogs(listed("cannot import", notes.problems))
     numbers = _robot_numbers({name for run in runs for name in run.tracks})
     return Imported(_columns(runs, numbers, is_from_first_row), runs, numbers, notes)
 

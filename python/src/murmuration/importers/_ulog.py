@@ -196,7 +196,7 @@ def _commands(log: _Log, options: ULogOptions, left_out: list[str]) -> tuple[str
             raise LogError(f"{log.path} commands no thrust: {_SOUGHT}{_listing(log)}")
         if options.thrust_n is None:
             only = "" if found else ", and no other commands"
-            raise LogError(f"{log.path} has attitude and thrust setpoints ({_ATTITUDE}){only}; {_needs_thrust_n(share)}")
+            raise LogError(f"{log.path} has attitude and thrust setpoints ({_ATTITUDE}){only}; {_needs_thrust_n(log, share)}")
         fields, topic = log.topics[_ATTITUDE], _ATTITUDE
         _check_quadrotor(log.path, fields)
         kind, values = "thrust", np.column_stack([options.thrust_n * share, _attitude(fields)])
@@ -237,9 +237,14 @@ def _thrust_share(log: _Log) -> Any:
     return share if (share > 0).any() else None
 
 
-def _needs_thrust_n(share: Any) -> str:
+def _needs_thrust_n(log: _Log, share: Any) -> str:
     """Why a thrust in newtons has to be stated, and how to find it."""
-    usual = np.median(share[share > 0])
+    landed = log.topics.get(_LANDED)
+    is_usual = share > 0
+    if landed is not None:
+        is_flying = is_usual & ~_is_on_ground(landed, _times_ns(log.topics[_ATTITUDE]))
+        is_usual = is_flying if is_flying.any() else is_usual
+    usual = np.median(share[is_usual])
     return (
         "its thrust is a share of the full thrust, not newtons: give thrust_n, the thrust (N) of all motors together at a share of 1. "
         f"Thrust balances the weight in hover; the median share in this log is {usual:.3f}, "
