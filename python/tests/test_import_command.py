@@ -73,6 +73,16 @@ def test_it_writes_the_table_and_prints_what_is_in_it_and_the_next_command(tmp_p
     assert sorted(os.listdir()) == ["flight.ulg", "my table.csv"]
 
 
+def test_a_closed_standard_output_is_no_error(tmp_path):
+    flight(tmp_path / "flight.ulg")
+    reading, writing = os.pipe()
+    os.close(reading)
+    words = [sys.executable, "-m", "murmuration.importers", "flight.ulg", "--output", "a.csv"]
+    answer = subprocess.run(words, stdout=writing, stderr=subprocess.PIPE, text=True)
+    os.close(writing)
+    assert (answer.returncode, answer.stderr) == (0, "") and len(polars.read_csv("a.csv")) == 50
+
+
 def test_the_next_command_reads_the_table(tmp_path, capsys):
     drive(tmp_path / "drive")
     said, _ = printed(capsys, "drive", "--output", "drive.csv")
@@ -96,6 +106,18 @@ def test_the_ending_selects_the_format(tmp_path, capsys):
     _, said = printed(capsys, "drive", "--output", "a.txt", status=2)
     assert said == "error: --output a.txt: the file name must end in .csv, .csv.gz or .parquet; use a.csv\n"
     assert "the folder no does not exist" in printed(capsys, "drive", "--output", "no/a.csv", status=2)[1]
+
+
+def test_a_number_that_is_absent_is_an_empty_field(tmp_path, capsys):
+    log = ULogWriter()
+    for k in range(3):
+        log.add_position(20.0 + k, k, 0.0, -1.0, yaw=np.nan if k == 1 else np.pi / 2)
+        log.add_setpoint(20.0 + k, (1.0, 0.0, 0.0))
+    log.write(tmp_path / "flight.ulg")
+    printed(capsys, "flight.ulg", "--output", "a.csv")
+    rows = [line.split(",") for line in (tmp_path / "a.csv").read_text().splitlines()]
+    assert [row[rows[0].index("heading_rad")] for row in rows[1:]][1] == ""
+    assert polars.read_csv("a.csv")["heading_rad"].null_count() == 1
 
 
 def test_an_existing_file_is_kept_without_replace(tmp_path, capsys):

@@ -194,9 +194,13 @@ def test_a_log_without_commands_is_refused_with_what_it_has(tmp_path):
 def test_gps_dates_the_first_row(tmp_path):
     log = straight(start_s=40.0)
     # The receiver knows no time at first. Then its time is that of 0.02 s before the message.
-    log.add("vehicle_gps_position", 40.0, 0, 0)
+    for k in range(8):
+        log.add("vehicle_gps_position", 40.0 + 0.1 * k, 0, 0)
     for k in range(5):
         log.add("vehicle_gps_position", 41.02 + k, round((GPS_S + 1 + k) * 1e6), -20_000)
+    # Whether the vehicle is on the ground is in the time of the log.
+    log.add("vehicle_land_detected", 39.0, False, False)
+    log.add("vehicle_land_detected", 60.0, True, True)
     frame = importers.read_ulog(log.write(tmp_path / "flight.ulg"))
     assert list(frame.columns)[:2] == ["time_s", "start_epoch_s"]
     assert np.allclose(frame["time_s"].to_numpy(), 0.1 * np.arange(100), atol=1e-6)
@@ -254,6 +258,16 @@ def test_bad_messages_and_damaged_logs(tmp_path):
         assert len(importers.read_ulog(tmp_path / "damaged.ulg", bad="drop")) == 100
     said = refusal([tmp_path / "text.ulg", tmp_path / "absent.ulg"])
     assert "for 2 reasons" in said and "absent.ulg does not exist" in said
+
+
+def test_the_first_instance_of_a_topic_counts_and_dropouts_are_named(tmp_path):
+    log = straight()
+    for k in range(100):
+        log.add("vehicle_local_position#1", 20.0 + 0.1 * k, *3 * [9.0], *4 * [0.0], True, True, 0, 0)
+    log.dropouts_ms = [30, 0, 170]
+    with pytest.warns(importers.RowsLeftOut, match=r"the logger lost all messages for 0.2 s in 2 dropouts, the longest 0.17 s"):
+        frame = importers.read_ulog(log.write(tmp_path / "flight.ulg"))
+    assert np.allclose(frame["y_m"].to_numpy(), 0.1 * np.arange(100), atol=1e-6)
 
 
 def test_commands_of_another_time_and_wrong_options(tmp_path):

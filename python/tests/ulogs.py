@@ -39,9 +39,10 @@ class ULogWriter:
     system: int = 1
     formats: dict = field(default_factory=lambda: dict(FORMATS))
     rows: list = field(default_factory=list)
+    dropouts_ms: list = field(default_factory=list)
 
     def add(self, topic, time_s, *values):
-        """A message of a topic: the values of its fields after the time, arrays flat, without padding."""
+        """A message of a topic: the values of its fields after the time, arrays flat, without padding. `topic#1` is its second instance."""
         self.rows.append((round(time_s * 1e6), topic, values))
 
     def add_position(self, time_s, north, east, down, yaw=0.0, *, valid=(True, True), resets=(0, 0), delta=(0.0, 0.0, 0.0)):
@@ -52,8 +53,7 @@ class ULogWriter:
 
     def write(self, path):
         """Writes the file and returns its path."""
-        names = list(self.formats)
-        used = {topic for _, topic, _ in self.rows}
+        names = sorted({topic for _, topic, _ in self.rows})
         # The head: magic bytes, version 1, the time at which the log starts.
         data = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", min((time_us for time_us, _, _ in self.rows), default=0))
         data += message("B", bytes(40))
@@ -61,11 +61,13 @@ class ULogWriter:
             data += message("F", f"{name}:{fields}".encode())
         data += message("I", key_value(f"char[{len(self.uuid)}] sys_uuid", self.uuid.encode()))
         data += message("P", key_value("int32_t MAV_SYS_ID", struct.pack("<i", self.system)))
-        for name in names:
-            if name in used:
-                data += message("A", struct.pack("<BH", 0, names.index(name)) + name.encode())
+        for number, name in enumerate(names):
+            base, _, instance = name.partition("#")
+            data += message("A", struct.pack("<BH", int(instance or 0), number) + base.encode())
+        for duration_ms in self.dropouts_ms:
+            data += message("O", struct.pack("<H", duration_ms))
         for time_us, topic, values in sorted(self.rows, key=lambda row: row[0]):
-            codes = "".join(code(one) for one in self.formats[topic].split(";") if one and "_padding" not in one)
+            codes = "".join(code(one) for one in self.formats[topic.partition("#")[0]].split(";") if one and "_padding" not in one)
             data += message("D", struct.pack(f"<H{codes}", names.index(topic), time_us, *values))
         path.write_bytes(data)
         return path

@@ -55,7 +55,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (InvalidInput, _WrongRequest, ImportError, OSError) as error:
         print(f"error: {_as_options(str(error))}", file=sys.stderr)
         return 2 if isinstance(error, _WrongRequest) or type(error) is InvalidInput else 1
-    print(_summary(imported, output))
+    try:
+        print(_summary(imported, output), flush=True)
+    except BrokenPipeError:
+        # Nobody reads it; the table is written. Nor may the interpreter fail to write it at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     notes = imported.notes
     if notes.left_out:
         print(f"warning: {listed('left out', notes.left_out)}", file=sys.stderr)
