@@ -3,7 +3,7 @@
 import struct
 from dataclasses import dataclass, field
 
-# Fields of the messages, as PX4 1.14 logs them, but only those that matter here. The last of each are padding.
+# Fields of the messages by the names of PX4 1.14; real messages have more. Padding at the end is not written.
 POSITION = "uint64_t timestamp;float x;float y;float z;float[2] delta_xy;float delta_z;float heading;bool xy_valid;bool z_valid;uint8_t xy_reset_counter;uint8_t z_reset_counter;"
 SETPOINT = "uint64_t timestamp;float x;float y;float z;float vx;float vy;float vz;float[3] acceleration;"
 TRAJECTORY = "uint64_t timestamp;float[3] position;float[3] velocity;float[3] acceleration;"
