@@ -151,13 +151,22 @@ impl Log {
 
     /// Makes a row of each reading, if several columns have readings, each of another node.
     fn melt(&mut self) {
-        let columns: Vec<usize> = (0..self.profiles.len())
-            .filter(|&column| {
-                readings::is_of_one_node(&self.profiles[column], &self.sample.numbers(column))
-            })
-            .collect();
+        if !["csv", "parquet", "json-lines"].contains(&self.form.format) {
+            return;
+        }
+        let of_one_node = |column: &usize| {
+            readings::is_of_one_node(&self.profiles[*column], &self.sample.numbers(*column))
+        };
+        let mut columns: Vec<usize> = (0..self.profiles.len()).filter(of_one_node).collect();
         if columns.len() < 3 {
             return;
+        }
+        // Nodes that were hardly heard have columns with the same beginning.
+        let names: Vec<&str> = columns.iter().map(|&column| &*self.sample.names[column]).collect();
+        let (prefix, _) = words::common(&names);
+        if 2 <= prefix.len() {
+            let is_alike = |column: &usize| self.sample.names[*column].starts_with(prefix);
+            columns = (0..self.profiles.len()).filter(is_alike).collect();
         }
         let names: Vec<String> =
             columns.iter().map(|&column| self.sample.names[column].clone()).collect();

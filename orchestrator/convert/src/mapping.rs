@@ -473,7 +473,7 @@ fn input(
         format,
         keys: table,
         columns,
-        melt: keys.melt,
+        melt: keys.melt.unwrap_or_default(),
         is_cumulative: keys.cumulative,
         join: Join { kind: keys.join, within_ns: (keys.within_s * 1e9) as i64 },
     }

@@ -261,7 +261,8 @@ mod tests {
 
     #[test]
     fn headings_are_broken_first() {
-        let wide = "a heading that is far wider than a terminal, and than the cells that stand below it";
+        let wide =
+            "a heading that is far wider than a terminal, and than the cells that stand below it";
         let text = table(&["effect", wide, "n"], &[&["slip", "1", "2"]]).text();
         let lines: Vec<&str> = text.lines().collect();
         assert!(2 < lines.len() && lines.iter().all(|line| length(line) <= WIDTH), "{text}");

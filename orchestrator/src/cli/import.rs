@@ -2,12 +2,13 @@
 
 use super::convert::{checked, print};
 use super::{Failure, ReadArgs, place_for, write_json};
-use ::convert::guess::{Answers, Guess, GuessError, Question, guess, next_command};
+use ::convert::guess::{Answers, Guess, GuessError, Guessed, Question, guess, next_command};
 use ::convert::mapping::Mapping;
 use ::convert::output::{self, OutputFormat};
 use ::convert::{Conversion, Converted};
 use clap::Args;
 use experiment::{as_file_name, program_name, quoted};
+use numbers::layout::TextTable;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::io::{IsTerminal as _, Write as _};
@@ -255,37 +256,30 @@ fn to_answer(open: &[&Question]) -> String {
 /// The guess with its reasons, and the first rows.
 fn show(guessed: &Guess, converted: &Converted) {
     say(format!("These are {}:", guessed.table.name()));
-    let rows: Vec<[&str; 3]> = guessed
-        .columns
-        .iter()
-        .map(|column| [column.column.as_str(), column.from.as_str(), column.reason.as_str()])
-        .collect();
-    let width = |at: usize, most: usize| {
-        rows.iter().map(|row| row[at].chars().count()).max().unwrap_or(0).min(most)
-    };
-    let widths = [width(0, 18), width(1, 26)];
-    for [column, from, reason] in rows {
-        let from = from.trim_matches('"');
-        say(format!("  {column:<0$}  {from:<1$}  {reason}", widths[0], widths[1]).trim_end());
+    let headings = ["column", "from", "because"];
+    let mut table = TextTable::new(headings).text_in(1).text_in(2).indented(2);
+    for Guessed { column, from, reason, .. } in &guessed.columns {
+        table.row([column.as_str(), from.trim_matches('"'), reason]);
     }
+    say(table.text().trim_end());
     for finding in &guessed.findings {
         say(format!("  found: {finding}"));
     }
     if !guessed.unused.is_empty() {
         say(format!("  not used: {}", shortened(&guessed.unused)));
     }
-    say("\nThe first rows, one a column:");
-    let table = &converted.table;
-    let n = table.n_rows().min(5);
-    let cells = |name: &String| {
-        let values = table.column(name).unwrap_or_default();
-        let shown = values[..n]
-            .iter()
-            .map(|value| if value.is_finite() { short(*value) } else { "-".to_owned() });
-        std::iter::once(format!("  {name}")).chain(shown).collect::<Vec<String>>()
-    };
-    let rows: Vec<Vec<String>> = table.names().iter().map(cells).collect();
-    terminal::aligned(&rows).into_iter().for_each(say);
+    say("\nThe first rows:");
+    let rows = &converted.table;
+    let n = rows.n_rows().min(3);
+    let numbers = (1..=n).map(|row| row.to_string());
+    let mut table = TextTable::new(std::iter::once(String::new()).chain(numbers)).indented(2);
+    for name in rows.names() {
+        let values = rows.column(name).unwrap_or_default()[..n].iter();
+        let shown =
+            values.map(|value| if value.is_finite() { short(*value) } else { String::new() });
+        table.row(std::iter::once(name.clone()).chain(shown));
+    }
+    say(table.text().trim_end());
     warn_all(guessed.questions.iter().filter(|question| !question.is_answered).map(|question| {
         format!("{} Taken: {}", question.text, question.choices[question.answer].0)
     }));

@@ -57,7 +57,7 @@ const MAPPING: &str = "mapping";
 type OfType = fn(&mut SchemaGenerator) -> Schema;
 
 /// The answers: the command that gives it, and the types that it may have.
-const ANSWERS: [(&str, &[OfType]); 18] = [
+const ANSWERS: [(&str, &[OfType]); 19] = [
     ("bench", &[SchemaGenerator::subschema_for::<BenchAnswer>]),
     (
         "check",

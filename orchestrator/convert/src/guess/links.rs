@@ -27,7 +27,12 @@ pub(super) fn draft(logs: &[Log], asked: &mut Asked<'_>) -> Result<Draft, String
             .max_by_key(|(score, at, _)| (*score, usize::MAX - at))
             .map(|(_, at, column)| (at, column))
     };
-    let found = best(&readings::score).or_else(|| best(&readings::score_of_values));
+    let melted = logs.iter().enumerate().find_map(|(at, log)| {
+        log.melted.as_ref()?;
+        Some((at, log.sample.place(super::MELTED_VALUE)?))
+    });
+    let found =
+        melted.or_else(|| best(&readings::score)).or_else(|| best(&readings::score_of_values));
     let Some((at, rssi)) = found else { return Err(lacking(logs)) };
     let log = &logs[at];
     let mut draft = Draft {
@@ -54,7 +59,9 @@ pub(super) fn draft(logs: &[Log], asked: &mut Asked<'_>) -> Result<Draft, String
             Some(column) => {
                 used.push(column);
                 let profile = log.profile(column);
-                let reason = format!("{} names, such as {}", profile.n_distinct, profile.example);
+                let n = profile.n_distinct;
+                let what = if n == 1 { "one node".to_owned() } else { format!("{n} nodes") };
+                let reason = format!("{what}, such as {}", profile.example);
                 draft.inputs[0].add(end, quoted(&profile.name), reason);
             }
             None => {

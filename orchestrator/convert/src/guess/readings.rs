@@ -77,7 +77,7 @@ pub(super) fn readings(log: &Log, column: usize) -> Readings {
             values.len()
         ));
     }
-    let is_unsigned = 0.0 < profile.range[1];
+    let is_unsigned = 0.0 < profile.range[1] && known.iter().all(|level| 0.0 <= *level);
     if is_unsigned {
         let source = format!("{{ column = {name}, unit = \"-dBm\" }}");
         let reason =

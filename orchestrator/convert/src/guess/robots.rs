@@ -118,12 +118,17 @@ pub(super) fn draft(logs: &[Log], asked: &mut Asked<'_>) -> Result<Draft, String
     for (name, column) in columns {
         let profile = logs[of].profile(column);
         let source = angle(profile, name);
-        let reason = format!("from {} to {}", profile.range[0], profile.range[2]);
+        let reason = format!("from {} to {}", rounded(profile.range[0]), rounded(profile.range[2]));
         draft.inputs[target].add(name, source, reason);
     }
     super::links::covariates(log, &mut draft, &[]);
     draft.model = model_of_robots(kind);
     Ok(draft)
+}
+
+/// Four digits of a number.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
 }
 
 /// The source of a column that may be in degrees.
@@ -211,7 +216,7 @@ fn heading(log: &Log, input: &mut DraftInput, asked: &mut Asked<'_>) {
     input.add(
         "heading_rad",
         source,
-        format!("{} to {}: {unit}", profile.range[0], profile.range[2]),
+        format!("{} to {}: {unit}", rounded(profile.range[0]), rounded(profile.range[2])),
     );
 }
 

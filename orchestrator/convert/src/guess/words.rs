@@ -199,7 +199,7 @@ pub(super) fn patterns(names: &[String], all: &[String]) -> Vec<String> {
 }
 
 /// What texts begin and end with; numbers are not divided.
-fn common<'a>(texts: &[&'a str]) -> (&'a str, &'a str) {
+pub(super) fn common<'a>(texts: &[&'a str]) -> (&'a str, &'a str) {
     let first = texts[0];
     let is_shared = |length: usize| {
         first.is_char_boundary(length)

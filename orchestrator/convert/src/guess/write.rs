@@ -30,7 +30,14 @@ pub(super) fn guess(logs: &[Log], draft: Draft, questions: Vec<Question>) -> Gue
     }
     let mut top: Vec<(String, String)> = draft.top.clone();
     let main = &logs[draft.inputs[0].log];
-    let (n_repeats, first) = main.sample.repeats();
+    // Of rows that share their times, equal ones may be of different frames.
+    let has_own_times = main.profiles.iter().any(|profile| {
+        let is_used = draft.inputs[0].columns.iter().any(|(name, source, _)| {
+            ["time_s", "sequence"].contains(&&**name) && source.contains(&*quoted(&profile.name))
+        });
+        is_used && 10 * profile.n_distinct.min(4000) >= 9 * main.sample.rows.len().min(4000)
+    });
+    let (n_repeats, first) = if has_own_times { main.sample.repeats() } else { (0, None) };
     if let (1.., Some(first)) = (n_repeats, first) {
         findings.push(format!("{n_repeats} rows repeat an earlier row in every field, the first is row {first}: they are left out"));
         top.push(("repeats".to_owned(), quoted("drop")));

@@ -90,8 +90,8 @@ pub(super) struct InputKeys {
     covariates: Option<toml::Value>,
     /// Columns that each make a row of their own, as where every access point has a column: their names, in which `*` and `?` stand for
     /// any characters. The row has the name of the column as `column`, and its value as `value`; empty fields make none.
-    #[key(default, length = 0..=2000)]
-    pub(super) melt: Vec<String>,
+    #[key(length = 1..=2000)]
+    pub(super) melt: Option<Vec<String>>,
     /// Whether frames and received_frames count from the start of the log; each row then gets the difference from the row before of the
     /// same link and channel.
     #[key(default = false)]

@@ -259,8 +259,7 @@ mod tests {
     use super::*;
 
     fn factor(words: &str, of_setting: &[&str], is_number: bool) -> Factor {
-        let name =
-            Name { words: words.to_owned(), unit: None, is_share: false, explanation: None };
+        let name = Name { words: words.to_owned(), unit: None, is_share: false, explanation: None };
         let numbers = of_setting.iter().map(|word| word.parse().ok()).collect();
         let words = of_setting.iter().map(|word| (*word).to_owned()).collect();
         let numbers = if is_number { numbers } else { None };
