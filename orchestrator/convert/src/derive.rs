@@ -31,7 +31,7 @@ fn subtract_start(frame: &mut Frame, start: Start, account: &mut Account<'_>) ->
         (Start::AsWritten, _) => return None,
         (Start::At(start_ns), _) | (Start::Automatic, Some(start_ns)) => start_ns,
         (Start::Automatic, None) => {
-            if !reject_unset_clock(frame, account) {
+            if !reject_unset_clock(frame, account) && !frame.is_of_day {
                 return None;
             }
             frame.time_ns()?.iter().copied().min().unwrap_or(0)

@@ -34,6 +34,8 @@ pub(crate) struct Frame {
     pub columns: Vec<(String, Vec<f64>)>,
     /// From when times count (ns), if the log states it.
     pub start_ns: Option<i64>,
+    /// Times of the rows are times of day.
+    pub is_of_day: bool,
 }
 
 impl Frame {
@@ -222,6 +224,8 @@ pub(crate) fn read(
             }
         }
     }
+    let mut of_rows = input.columns.iter().zip(&clocks);
+    frame.is_of_day = of_rows.any(|(target, clock)| target.name == "time_s" && clock.is_used);
     for ((target, numbers), times) in input.columns.iter().zip(numbers).zip(times) {
         if target.content == Content::Time {
             frame.times_ns.insert(target.name.clone(), times);
@@ -386,7 +390,10 @@ impl Fields {
         clock: &mut DayClock,
     ) -> Result<i64, String> {
         match time::read(text, unit_ns, self.dates) {
-            Ok(Time::OfDay(time_ns)) => Ok(clock.elapsed_ns(time_ns)),
+            Ok(Time::OfDay(time_ns)) => {
+                clock.is_used = true;
+                Ok(clock.elapsed_ns(time_ns))
+            }
             Ok(time) => Ok(time.ns()),
             Err(NoTime::Unknown) => Err(format!("{name} is not a number or a date")),
             Err(NoTime::Ambiguous) => Err(format!(

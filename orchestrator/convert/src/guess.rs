@@ -158,7 +158,12 @@ impl Log {
             readings::is_of_one_node(&self.profiles[*column], &self.sample.numbers(*column))
         };
         let mut columns: Vec<usize> = (0..self.profiles.len()).filter(of_one_node).collect();
-        if columns.len() < 3 {
+        // A reading that is named as such is that of the row; others are computed from it.
+        let is_plain = |&column: &usize| {
+            let words = &self.profiles[column].words;
+            words.iter().all(|word| readings::PLAIN.contains(&&**word))
+        };
+        if columns.len() < 3 || columns.iter().any(is_plain) {
             return;
         }
         // Nodes that were hardly heard have columns with the same beginning.

@@ -111,6 +111,8 @@ pub fn parse(text: &str, unit_ns: i128) -> Option<i64> {
 pub struct DayClock {
     last_ns: Option<i64>,
     days: i64,
+    /// Whether there was a time of day.
+    pub is_used: bool,
 }
 
 impl DayClock {

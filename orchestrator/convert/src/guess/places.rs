@@ -128,6 +128,27 @@ pub(super) fn unit(
     (Unit::named(&word).map_or("m", |unit| unit.name), None)
 }
 
+/// The unit of distances without one: the largest in which no reading is far above that of free space at 2.44 GHz and 10 dBm.
+pub(super) fn unit_by_readings(distances: &[f64], readings_dbm: &[f64]) -> &'static str {
+    let strongest = |unit: &&str| {
+        let factor = Unit::named(unit).map_or(1.0, |unit| unit.factor("x_m"));
+        let mut above: Vec<f64> = distances
+            .iter()
+            .zip(readings_dbm)
+            .filter(|(distance, _)| 0.0 < **distance)
+            .map(|(distance, reading)| {
+                // Friis: 20 lg(4 π d / λ), with λ = c / f.
+                let loss_db = 40.2 + 20.0 * libm::log10(distance * factor);
+                reading - (10.0 - loss_db)
+            })
+            .filter(|above_db| above_db.is_finite())
+            .collect();
+        above.sort_by(f64::total_cmp);
+        above.get(above.len() * 9 / 10).is_none_or(|above_db| *above_db <= 0.0)
+    };
+    ["m", "cm", "mm"].iter().find(|unit| strongest(unit)).copied().unwrap_or("m")
+}
+
 /// The unit of length that the name of a column has.
 pub(super) fn named(profile: &Profile) -> Option<&'static Unit> {
     let is_length = |unit: &&Unit| unit.fits("x_m");

@@ -16,6 +16,9 @@ pub(super) struct Readings {
     pub n_missing: usize,
 }
 
+/// Words of the name of a reading that is not of one node among several.
+pub(super) const PLAIN: [&str; 7] = ["rssi", "rss", "signal", "strength", "dbm", "level", "power"];
+
 /// Readings in dBm are usually within these.
 const PLAUSIBLE_DBM: std::ops::RangeInclusive<f64> = -135.0..=-8.0;
 

@@ -101,6 +101,12 @@ pub fn sniff(begin: &[u8]) -> Result<Form, String> {
     if lines.iter().filter(is_contiki).count() > 0 {
         return Ok(Form::new("contiki-packets", "lines say \"Sending request … to …\""));
     }
+    // Other lines of its log modules have no fixed form.
+    if 5 * lines.iter().filter(|line| line.contains("[INFO: ")).count() > lines.len() {
+        return Err("a log of Contiki-NG in which no line says \"Sending request … to …\": when packets were sent and received cannot be known. \
+                    Write these times as CSV first"
+            .to_owned());
+    }
     delimited(&lines)
 }
 
@@ -334,6 +340,7 @@ mod tests {
             format("00:01.5 ID:2 [INFO: App] Sending request 1 to fd00::1\n"),
             Ok("contiki-packets")
         );
+        assert!(sniff(b"1 2 [INFO: Main ] Node ID: 2\n").unwrap_err().contains("Sending request"));
         assert!(sniff(b"#ROSBAG V2.0\n").unwrap_err().contains("[rosbags]"));
         assert!(sniff(b"ULog\x01\x12\x35\x01").unwrap_err().contains("[ulog]"));
         assert!(sniff(b"-70\n-71\n-72\n").unwrap_err().contains("one number each"));
