@@ -274,8 +274,13 @@ pub fn read(
         assert!(!problems.is_empty(), "what cannot be built has a problem");
         return Err(problems);
     };
-    let around =
-        Surroundings { path: &setup.path, site: &setup.site, agent_count, positions_m: None };
+    let around = Surroundings {
+        path: &setup.path,
+        site: &setup.site,
+        agent_count,
+        positions_m: None,
+        keeps_heights: false,
+    };
     let idle = idle::idle(&setup.config, around, catalogue);
     warnings.extend(idle.into_iter().map(|idle| idle.warning));
     let config = Config {

@@ -22,6 +22,8 @@ pub struct Surroundings<'a> {
     pub agent_count: usize,
     /// Where the motes begin (m); `None`: unknown.
     pub positions_m: Option<&'a [[f64; 3]]>,
+    /// Whether they certainly keep the heights at which they begin.
+    pub keeps_heights: bool,
 }
 
 /// Which keys have no influence, and when.
@@ -146,6 +148,7 @@ impl<'a> Facts<'a> {
     fn is_on_ground(&self) -> bool {
         let is_planar = |positions: &[[f64; 3]]| positions.iter().all(|[_, _, z_m]| *z_m == 0.0);
         self.phy.antenna_height_m.unwrap_or(0.0) <= 0.0
+            && self.around.keeps_heights
             && self.around.positions_m.is_some_and(is_planar)
     }
 }

@@ -6,13 +6,20 @@ use netsim::config::profile::Motes;
 use proto::config::{IdleKey, Node, Value};
 use proto::side::Setup;
 
-/// Those of `[netsim]`, as written. `motes`: those of the robots, if they are known.
-pub(super) fn of_network(written: &Node, setup: &Setup, motes: Option<&Motes>) -> Vec<IdleKey> {
+/// Those of `[netsim]`, as written. `motes`: those of the robots, if they are known; `keeps_heights`: these keep the heights at which
+/// they begin.
+pub(super) fn of_network(
+    written: &Node,
+    setup: &Setup,
+    motes: Option<&Motes>,
+    keeps_heights: bool,
+) -> Vec<IdleKey> {
     let around = Surroundings {
         path: &setup.path,
         site: &setup.site,
         agent_count: setup.experiment.agent_count,
         positions_m: motes.map(|motes| &motes.positions_m[..]),
+        keeps_heights,
     };
     idle(written, around, Catalogue::built_in())
 }

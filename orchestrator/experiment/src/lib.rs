@@ -39,7 +39,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sides::Sides;
 pub use sides::{missing_file, named_files};
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 use std::path::{Path, PathBuf};
 
 /// Certificates to talk to simulators with.
@@ -291,6 +291,7 @@ fn plan(
     };
     let motes = OnceCell::new();
     let (idle_robots, idle) = (OnceCell::new(), OnceCell::new());
+    let keeps_heights = Cell::new(false);
     let mut of_robots = Vec::new();
     let mut sides = Sides {
         base,
@@ -312,6 +313,7 @@ fn plan(
         |setup| {
             let (config, effective) = robotsim::config::read(setup, robots)?;
             _ = motes.set(profile::motes(&config, agents));
+            keeps_heights.set(config.behaviour.fleet.keeps_heights());
             let found = robotsim::idle::idle(setup, robots);
             let warnings = found.iter().map(|idle| idle.warning.clone()).collect();
             _ = idle_robots.set(found);
@@ -365,7 +367,13 @@ fn plan(
         |node, path| netsim::config::files(node, path, network),
         |setup| {
             let (_, effective, mut warnings) = netsim::config::read(setup, network)?;
-            let mut found = idle::of_network(section("netsim"), setup, own_motes);
+            let mut found = idle::of_network(
+                section("netsim"),
+                setup,
+                own_motes,
+                // Other programs command robots as they like.
+                keeps_heights.get() && keys.accept_commands != Some(true),
+            );
             found.extend(idle::of_timeline(tree, &effective));
             let is_new = |idle: &&IdleKey| !warnings.contains(&idle.warning);
             let new: Vec<String> =

@@ -80,6 +80,12 @@ impl Fleet {
         if is_needed { vec![Memory::default(); n_agents] } else { Vec::new() }
     }
 
+    /// Whether robots keep the heights at which they begin if they are commanded in the plane: nothing lifts or lowers them.
+    #[must_use]
+    pub fn keeps_heights(&self) -> bool {
+        !self.any(|dynamics| !dynamics.physics.is_bare() || dynamics.physics.is_inertial())
+    }
+
     /// Gives robots a heading where a body needs one: east, where the scenario says nothing.
     pub fn complete(&self, states: &mut AgentStates) {
         let is_needed = self.any(|dynamics| dynamics.has_heading());

@@ -33,11 +33,11 @@ fn table(text: &mut String, setting: &SettingComparison) {
     let (changed, same): (Vec<_>, Vec<_>) = changes.iter().partition(|(_, it)| it.is_changed);
     let _ = writeln!(text, "\n{heading}");
     if changed.is_empty() {
-        let _ = writeln!(text, "  none of {} figures differs", changes.len());
+        let _ = writeln!(text, "none of {} figures differs", changes.len());
         return;
     }
     let headings = ["figure", "A", "B", "B − A", "95 % interval", "B greater / less"];
-    let mut table = TextTable::new(headings).indented(2);
+    let mut table = TextTable::new(headings);
     for (name, change) in changed {
         let interval = change.median_difference_interval_95.map_or_else(
             || "-".to_owned(),
@@ -60,6 +60,6 @@ fn table(text: &mut String, setting: &SettingComparison) {
     }
     text.push_str(&table.text());
     if !same.is_empty() {
-        let _ = writeln!(text, "  {} do not differ", count_of(same.len() as u64, "further figure"));
+        let _ = writeln!(text, "{} do not differ", count_of(same.len() as u64, "further figure"));
     }
 }
