@@ -7,13 +7,10 @@ use super::diagnosis::{
 use super::gate::{Misfit, decimals};
 use indexmap::IndexMap;
 use numbers::format::{capitalised, with_unit, wrapped};
-use numbers::layout::TextTable;
+use numbers::layout::{TextTable, WIDTH};
 use std::fmt::Write as _;
 use study::defects::PREFIX;
 use study::thresholds::PLAIN_ERROR_SHARE;
-
-/// Most characters of a line of a list.
-const WIDTH: usize = 100;
 
 /// What a diagnosis came to: the verdict in a sentence, and in further ones what is possible beside it, with the reason why it is not certain.
 #[must_use]

@@ -178,7 +178,6 @@ const NUMERIC: &[(&str, &[FileNames])] = &[
             ("diagnose/src/compare/words.rs", &["MOST_COVARIATES"]),
             ("diagnose/src/identifiability/words.rs", &["MOST_LISTED"]),
             ("diagnose/src/next.rs", &["DECIMALS"]),
-            ("diagnose/src/words.rs", &["WIDTH"]),
         ],
     ),
     (
