@@ -117,7 +117,9 @@ fn a_full_device_is_an_error_and_a_closed_pipe_is_none() {
     std::fs::write(folder.path().join("e.toml"), SHORT).unwrap();
     let recorded = orchestrator(&["run", "e.toml"], folder.path());
     assert!(recorded.status.success(), "{}", said(&recorded));
-    for command in ["schema", "effects", "effects shadowing", "verify runs/e", "check e.toml"] {
+    for command in
+        ["schema", "effects", "metrics", "effects shadowing", "verify runs/e", "check e.toml"]
+    {
         let to = |file: File| -> Output {
             let mut program = Command::new(executable("murmuration"));
             program.args(command.split(' ')).current_dir(folder.path()).stdout(file);

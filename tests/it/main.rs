@@ -42,6 +42,7 @@ mod interrupts;
 mod links;
 mod measurement_defects;
 mod metamorphic;
+mod metric_names;
 mod only;
 mod orders;
 mod packets;

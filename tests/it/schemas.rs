@@ -201,11 +201,13 @@ fn answers_about_runs_and_networks_satisfy_their_schemas() {
 }
 
 #[test]
-fn answers_about_effects_speed_and_the_contract_satisfy_their_schemas() {
+fn answers_about_effects_metrics_speed_and_the_contract_satisfy_their_schemas() {
     let dir = folder();
     let answer = |name: &str, args: &[&str]| answered(dir.path(), name, args);
     answer("effects", &[]);
     answer("effects", &["two-ray-ground"]);
+    answer("metrics", &["--all"]);
+    answer("metrics", &["pdr"]);
     answer("bench", &["--table", "propagation", "--agents", "5", "--steps", "20"]);
     let server = Server::start("netsim", &[]).unwrap();
     std::fs::write(
