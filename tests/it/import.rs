@@ -179,7 +179,7 @@ fn what_is_wrong_in_a_log_is_found_and_named() {
     let findings = found["guess"]["findings"].to_string();
     for part in [
         "rssi has no reading in 7 of 301 rows",
-        "rssi lacks its minus sign in 8 rows, the first in row 4",
+        "rssi lacks its minus sign in 8 rows, first in row 4",
         "rssi is 127 in 8 rows, which stands for no reading",
         "of 301 rows have the ends swapped",
         "mixes units: ",

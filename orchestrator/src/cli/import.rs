@@ -90,10 +90,13 @@ pub(super) fn import(args: &ImportArgs) -> Result<(), Failure> {
             None => break guessed,
         }
     };
+    let place = |file: String| {
+        if args.output == Path::new(".") { PathBuf::from(file) } else { args.output.join(file) }
+    };
     let places = Places {
-        mapping: args.output.join(format!("{name}-map.toml")),
-        table: args.output.join(format!("{name}-{}.csv", guessed.table.name())),
-        model: args.output.join(format!("{name}-model.toml")),
+        mapping: place(format!("{name}-map.toml")),
+        table: place(format!("{name}-{}.csv", guessed.table.name())),
+        model: place(format!("{name}-model.toml")),
     };
     let all = [&places.mapping, &places.table, &places.model];
     let existing: Vec<String> =

@@ -66,7 +66,20 @@ pub(super) fn draft(logs: &[Log], asked: &mut Asked<'_>) -> Result<Draft, String
         if tx.is_some_and(|tx| log.profile(tx).name == p.name) { 0 } else { score }
     });
     let melted = log.sample.place(super::MELTED_NAME).filter(|_| log.melted.is_some());
-    let (tx, rx) = ends(log, tx, rx, melted, asked);
+    let (mut tx, mut rx) = ends(log, tx, rx, melted, asked);
+    // Nobody hears its own frames: such columns name something else, as kinds of radios.
+    if let Some((a, b)) = tx.zip(rx) {
+        let is_own = |&row: &usize| log.sample.field(row, a) == log.sample.field(row, b);
+        let n_own = (0..log.sample.rows.len()).filter(is_own).count();
+        if 5 * n_own > log.sample.rows.len() {
+            draft.findings.push(format!(
+                "{} and {} are equal in {n_own} rows, so they do not name sender and receiver",
+                log.profile(a).name,
+                log.profile(b).name
+            ));
+            (tx, rx) = (None, None);
+        }
+    }
     for (end, column, constant) in [("tx", tx, 1), ("rx", rx, 0)] {
         match column {
             Some(column) => {

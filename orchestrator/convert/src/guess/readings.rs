@@ -65,6 +65,11 @@ pub(super) fn score_of_values(profile: &Profile) -> i32 {
     i32::from(profile.is_numeric() && is_level && 3 < profile.n_distinct && median < -30.0)
 }
 
+/// `1 row`, `2 rows`, …
+pub(super) fn rows(n: usize) -> String {
+    if n == 1 { "1 row".to_owned() } else { format!("{n} rows") }
+}
+
 /// Reads what the values of a column say.
 pub(super) fn readings(log: &Log, column: usize) -> Readings {
     let profile = log.profile(column);
@@ -110,9 +115,9 @@ pub(super) fn readings(log: &Log, column: usize) -> Readings {
     if is_sign_missing {
         let first = values.iter().position(|value| unsigned.contains(value)).unwrap_or(0) + 1;
         findings.push(format!(
-            "{} lacks its minus sign in {} rows, the first in row {first} ({}); taken as negative",
+            "{} lacks its minus sign in {}, first in row {first} ({}); taken as negative",
             profile.name,
-            unsigned.len(),
+            rows(unsigned.len()),
             log.sample.field(first - 1, column)
         ));
         keys.push_str(", sign = \"negative\"");
@@ -121,9 +126,10 @@ pub(super) fn readings(log: &Log, column: usize) -> Readings {
         let n = known.iter().filter(|value| sentinels.contains(value)).count();
         let shown: Vec<String> = sentinels.iter().take(5).map(f64::to_string).collect();
         findings.push(format!(
-            "{} is {} in {n} rows, which stands for no reading; taken as missing",
+            "{} is {} in {}, which stands for no reading; taken as missing",
             profile.name,
-            shown.join(" or ")
+            shown.join(" or "),
+            rows(n)
         ));
         let is_sentinel = |level: &&f64| {
             let level = if is_sign_missing { -level.abs() } else { **level };

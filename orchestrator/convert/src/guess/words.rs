@@ -3,8 +3,21 @@
 use super::profile::Profile;
 
 /// Words for the sender of a frame.
-pub(super) const TX: &[&str] =
-    &["tx", "sender", "send", "src", "source", "transmitter", "from", "transmit", "transmitting"];
+pub(super) const TX: &[&str] = &[
+    "tx",
+    "sender",
+    "send",
+    "src",
+    "source",
+    "transmitter",
+    "from",
+    "transmit",
+    "transmitting",
+    "absender",
+    "emisor",
+    "emetteur",
+    "émetteur",
+];
 /// Words for what usually sends.
 pub(super) const TX_DEVICE: &[&str] = &[
     "device",
@@ -26,8 +39,22 @@ pub(super) const TX_DEVICE: &[&str] = &[
     "uuid",
 ];
 /// Words for the receiver of a frame.
-pub(super) const RX: &[&str] =
-    &["rx", "receiver", "recv", "dst", "dest", "destination", "to", "receive", "receiving"];
+pub(super) const RX: &[&str] = &[
+    "rx",
+    "receiver",
+    "recv",
+    "dst",
+    "dest",
+    "destination",
+    "to",
+    "receive",
+    "receiving",
+    "empfänger",
+    "empfaenger",
+    "receptor",
+    "recepteur",
+    "récepteur",
+];
 /// Words for what usually receives.
 pub(super) const RX_DEVICE: &[&str] = &[
     "gateway", "gtw", "gw", "anchor", "scanner", "listener", "hotspot", "hotspots", "sink", "root",
