@@ -57,8 +57,23 @@ pub(super) const RX: &[&str] = &[
 ];
 /// Words for what usually receives.
 pub(super) const RX_DEVICE: &[&str] = &[
-    "gateway", "gtw", "gw", "anchor", "scanner", "listener", "hotspot", "hotspots", "sink", "root",
-    "central", "station", "reader",
+    "gateway",
+    "gateways",
+    "gtw",
+    "gw",
+    "anchor",
+    "scanner",
+    "listener",
+    "hotspot",
+    "hotspots",
+    "anchors",
+    "receivers",
+    "stations",
+    "sink",
+    "root",
+    "central",
+    "station",
+    "reader",
 ];
 /// Words for a robot.
 pub(super) const ROBOT: &[&str] = &[

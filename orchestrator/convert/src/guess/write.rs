@@ -39,7 +39,7 @@ pub(super) fn guess(logs: &[Log], draft: Draft, questions: Vec<Question>) -> Gue
     });
     let (n_repeats, first) = if has_own_times { main.sample.repeats() } else { (0, None) };
     if let (1.., Some(first)) = (n_repeats, first) {
-        findings.push(format!("{n_repeats} rows repeat an earlier row in every field, the first is row {first}: they are left out"));
+        findings.push(format!("rows that repeat an earlier row in every field: {n_repeats}, first in row {first}; left out"));
         top.push(("repeats".to_owned(), quoted("drop")));
     }
     for key in draft.inputs.iter().flat_map(|input| &input.top) {
