@@ -224,9 +224,9 @@ fn day(text: &str, order: Option<DateOrder>) -> Result<NaiveDate, NoTime> {
     let mut parts: Vec<&str> =
         text.split(['-', '/', '.', ' ', ',']).filter(|part| !part.is_empty()).collect();
     parts.retain(|part| !WEEKDAYS.iter().any(|name| begins(part, name)));
-    let named = |part: &&str| MONTHS.iter().position(|name| begins(part, name));
-    let at = parts.iter().position(|part| named(&part).is_some());
-    let month = at.and_then(|at| named(&parts.remove(at)));
+    let named = |part: &str| MONTHS.iter().position(|name| begins(part, name));
+    let at = parts.iter().position(|part| named(part).is_some());
+    let month = at.and_then(|at| named(parts.remove(at)));
     let number = |part: &str| digits(part, 4).ok_or(NoTime::Unknown);
     // Of two digits, years are of this century.
     let year = |part: &str| match part.len() {

@@ -4,7 +4,7 @@ use super::{Format, Row, Rows, UNCHECKED, refused};
 use measure::DataError;
 use measure::formats::{Content, Uncounted};
 use measure::memory::Memory;
-use proto::bounds::{COLUMNS, LINE_BYTES};
+use proto::bounds::{COLUMNS, LINE_BYTES, TABLE_BYTES};
 use proto::config::{Section, variant};
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, VecDeque};
@@ -125,10 +125,9 @@ impl JsonRows<'_> {
 
     /// Reads a list of objects. Its rows are counted from 1: they may stand on any lines.
     fn read_list(&mut self) -> Result<(), DataError> {
-        let mut content = (&mut self.content).take(self.memory.left().0 / BYTES_OF_BYTE + 1);
-        let mut text = Vec::new();
-        content
-            .read_to_end(&mut text)
+        let content = (&mut self.content).take(self.memory.left().0 / BYTES_OF_BYTE + 1);
+        let text = TABLE_BYTES
+            .read(content)
             .map_err(|source| DataError::Read { path: self.path.clone(), source })?;
         let failed = |message: String| refused(&self.path, message);
         let what = format_args!("{} bytes of JSON", text.len());

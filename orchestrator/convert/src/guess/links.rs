@@ -12,6 +12,7 @@ use super::{Asked, Draft, DraftInput, Log};
 use crate::tables::TableKind;
 pub(super) use placing::geographic;
 use placing::{label_of_files, positions};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What a table of links can be made of.
 ///
@@ -399,12 +400,12 @@ fn counts(log: &Log, column: usize, tx: Option<usize>, rx: Option<usize>) -> Res
         return Err("it numbers the rows of all senders".to_owned());
     }
     let label = |row: usize, end: Option<usize>| end.map_or("", |end| log.sample.field(row, end));
-    let mut last: std::collections::BTreeMap<(usize, &str, &str), f64> = Default::default();
+    let mut last: BTreeMap<(usize, &str, &str), f64> = BTreeMap::new();
     let (mut n_steps, mut n_small) = (0_usize, 0_usize);
-    for row in 0..numbers.len() {
+    for (row, &number) in numbers.iter().enumerate() {
         let key = (log.sample.files[row], label(row, tx), label(row, rx));
-        if let Some(before) = last.insert(key, numbers[row]) {
-            let step = numbers[row] - before;
+        if let Some(before) = last.insert(key, number) {
+            let step = number - before;
             n_steps += 1;
             n_small += usize::from((1.0..=16.0).contains(&step));
         }
@@ -416,12 +417,9 @@ fn counts(log: &Log, column: usize, tx: Option<usize>, rx: Option<usize>) -> Res
     }
     if 1 < n_receivers && 1 < n_senders {
         // Frames for one receiver each would be taken for lost by all others.
-        let mut receivers: std::collections::BTreeMap<
-            (&str, u64),
-            std::collections::BTreeSet<&str>,
-        > = Default::default();
-        for row in 0..numbers.len() {
-            let key = (label(row, tx), numbers[row].to_bits());
+        let mut receivers: BTreeMap<(&str, u64), BTreeSet<&str>> = BTreeMap::new();
+        for (row, number) in numbers.iter().enumerate() {
+            let key = (label(row, tx), number.to_bits());
             receivers.entry(key).or_default().insert(label(row, rx));
         }
         let shared = receivers.values().filter(|set| 1 < set.len()).count();

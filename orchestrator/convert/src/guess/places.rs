@@ -301,10 +301,8 @@ pub(super) fn swapped(
 pub(super) fn mixed_units(log: &Log, label: usize, column: usize) -> Option<(usize, usize, f64)> {
     let values = log.sample.numbers(column);
     let mut by_node: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-    for row in 0..log.sample.rows.len() {
-        if values[row].is_finite() {
-            by_node.entry(log.sample.field(row, label)).or_default().push(values[row]);
-        }
+    for (row, &value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+        by_node.entry(log.sample.field(row, label)).or_default().push(value);
     }
     let stands: BTreeMap<&str, f64> = by_node
         .into_iter()

@@ -188,5 +188,5 @@ pub(super) fn is_of_one_node(profile: &Profile, values: &[f64]) -> bool {
         && (is_named
             || 2 * levels.len() > known.len()
                 && levels.iter().sum::<f64>() / (levels.len() as f64) < -30.0
-            || 0 < others.len() && profile.is_whole)
+            || !others.is_empty() && profile.is_whole)
 }

@@ -210,7 +210,7 @@ fn delimited(lines: &[&str]) -> Result<Form, String> {
         form.reason.push_str(", decimal commas");
     }
     // A comment just above the rows may be their header.
-    let is_value = |field: &String| is_value(field);
+    let is_value = |field: &String| is_value(field.as_str());
     let has_header = !header.iter().any(is_value);
     let above = lines[..at]
         .iter()
@@ -269,7 +269,7 @@ fn distinct(header: &[String]) -> Option<Vec<String>> {
 }
 
 /// Whether a field is a number or a time, and no name of a column.
-fn is_value(field: &String) -> bool {
+fn is_value(field: &str) -> bool {
     field.parse::<f64>().is_ok()
         || with_point(field).is_some()
         || matches!(

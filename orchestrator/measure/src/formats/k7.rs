@@ -114,10 +114,10 @@ fn read(path: &Path, mut content: impl BufRead, memory: Memory) -> Result<DataTa
                 table.push(1, "1");
             }
         }
-        for at in 2..FIELDS.len() {
+        for (at, (column, _)) in FIELDS.iter().enumerate().skip(2) {
             let text = field(at);
-            let is_frames = FIELDS[at].0 == "frames";
-            table.push(at, if is_frames && text.is_empty() { &frames } else { text });
+            let is_usual = *column == "frames" && text.is_empty();
+            table.push(at, if is_usual { &frames } else { text });
         }
         table.end_row().map_err(|refusal| refused(format!("line {line}: {refusal}")))?;
     }
