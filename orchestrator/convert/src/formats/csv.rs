@@ -205,7 +205,10 @@ mod tests {
     use crate::formats::checked;
     use measure::memory::MemoryBudget;
 
-    fn rows(text: &str, keys: &str) -> Result<(Vec<String>, Vec<(usize, String)>), String> {
+    /// Names of the fields; and of each row its line, and its fields or why it has none.
+    type Read = (Vec<String>, Vec<(usize, String)>);
+
+    fn rows(text: &str, keys: &str) -> Result<Read, String> {
         let keys = checked::<Keys>(keys);
         let content = Content::new(text.as_bytes(), MemoryBudget::default());
         let mut rows =

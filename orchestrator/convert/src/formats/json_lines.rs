@@ -220,14 +220,14 @@ mod tests {
     use super::*;
     use measure::memory::MemoryBudget;
 
-    fn rows(text: &str) -> Result<(Vec<String>, Vec<(usize, String)>), String> {
+    /// Names of the fields; and of each row its line, and its fields or why it has none.
+    type Read = (Vec<String>, Vec<(usize, String)>);
+
+    fn rows(text: &str) -> Result<Read, String> {
         rows_of(text, None)
     }
 
-    fn rows_of(
-        text: &str,
-        each: Option<&str>,
-    ) -> Result<(Vec<String>, Vec<(usize, String)>), String> {
+    fn rows_of(text: &str, each: Option<&str>) -> Result<Read, String> {
         let keys = each.map(|each| ("each".to_owned(), each.into()));
         let content = Content::new(text.as_bytes(), MemoryBudget::default());
         let mut rows = open(Path::new("log.jsonl"), content, &toml::Table::from_iter(keys))
