@@ -388,15 +388,15 @@ pub fn main() -> ExitCode {
     set_program_name(arguments.next().as_deref());
     leave_stdout_to_answers(arguments);
     let matches = command().try_get_matches();
-    let matches = matches.unwrap_or_else(|error| {
-        let words: Vec<String> =
-            std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
-        arguments::with_tips(error, &words).exit()
-    });
-    if let Err(failure) = given_files::check(&matches) {
+    let checked = match &matches {
+        Ok(matches) => given_files::check(matches),
+        Err(error) => given_files::check_words(error, std::env::args_os().skip(1)),
+    };
+    if let Err(failure) = checked {
         complain(failure.text);
         return ExitCode::from(failure.status);
     }
+    let matches = matches.unwrap_or_else(|error| arguments::with_tips(error).exit());
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let result = match cli.command {
         Command::Netsim(options) => {

@@ -1,25 +1,19 @@
 //! Messages about arguments that the program does not take.
 
-use super::{command, given_files};
+use super::command;
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, Error, ErrorKind};
 use clap::{Args, Command};
 use proto::config::most_similar;
 
-/// The error of a command line, with the tips that help here; `words`: the command line without the program.
+/// The error of a command line, with the tips that help here.
 ///
 /// clap proposes to pass any unknown option as a value, which no command takes. An option that was removed gets a tip of its own, and so
 /// does a word that is no command.
-pub(super) fn with_tips(mut error: Error, words: &[String]) -> Error {
+pub(super) fn with_tips(mut error: Error) -> Error {
     let tips = match error.kind() {
         ErrorKind::UnknownArgument => of_argument(&mut error),
         ErrorKind::InvalidSubcommand => of_command(&mut error),
-        ErrorKind::MissingRequiredArgument => {
-            return match given_files::instead_of_missing(words) {
-                Some(text) => command().error(ErrorKind::MissingRequiredArgument, text),
-                None => error,
-            };
-        }
         _ => return error,
     };
     if !tips.is_empty() {
@@ -111,7 +105,7 @@ mod tests {
     /// The message about a command line.
     fn message(line: &str) -> String {
         let words = ["murmuration"].into_iter().chain(line.split(' '));
-        with_tips(command().try_get_matches_from(words).unwrap_err(), &[]).to_string()
+        with_tips(command().try_get_matches_from(words).unwrap_err()).to_string()
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 use super::Failure;
 use clap::ArgMatches;
+use clap::error::{Error, ErrorKind};
 use experiment::{FileKind, missing_file, program_name, quoted};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Arguments whose file must be TOML.
@@ -82,10 +84,21 @@ fn in_place_of_toml(verb: &str, table: &str, has_table: bool) -> String {
     }
 }
 
-/// What to say of a command line that lacks an option, where a table is given in place of TOML; `words`: all but the program.
-pub(super) fn instead_of_missing(words: &[String]) -> Option<String> {
-    let (verb, rest) = words.split_first()?;
+/// Refuses a table in place of TOML on a command line that lacks an option; `words`: all but the program.
+pub(super) fn check_words(
+    error: &Error,
+    words: impl Iterator<Item = OsString>,
+) -> Result<(), Failure> {
+    let words: Vec<String> = words.map(|word| word.to_string_lossy().into_owned()).collect();
+    let (Some(verb), ErrorKind::MissingRequiredArgument) = (words.first(), error.kind()) else {
+        return Ok(());
+    };
+    // A word after an option is its value.
+    let is_positional = |pair: &&[String]| pair.iter().all(|word| !word.starts_with('-'));
     let is_table = |word: &&String| FileKind::of_file(Path::new(word)) == Some(FileKind::Table);
-    let table = rest.iter().find(is_table)?;
-    Some(in_place_of_toml(verb, &quoted(table), false))
+    let table = words.windows(2).filter(is_positional).map(|pair| &pair[1]).find(is_table);
+    match table {
+        Some(table) => Err(Failure::request(in_place_of_toml(verb, &quoted(table), false))),
+        None => Ok(()),
+    }
 }
