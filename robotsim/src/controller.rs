@@ -104,13 +104,25 @@ pub enum Goal {
     /// They follow one of them: `leader`, the first where that is not given, which moves with `leader_velocity_mps`, along
     /// `leader_path_m` if there is one. With `leaderless = true` there is none.
     FollowLeader,
+    /// They move together in one direction, without a leader.
+    Align,
+    /// They keep the distance `distance_m` to their neighbours.
+    Lattice,
     /// They stand on a straight line.
     Line,
     /// They stand on a circle.
     Circle,
+    /// They meet in one place.
+    Meet,
+    /// They cover the rectangle from `from_m` to `to_m`.
+    Cover,
+    /// They spread as far as the network holds.
+    Disperse,
     /// They map rooms.
     Explore,
-    /// Nothing that has figures of its own.
+    /// They only carry their motes: the task is that of the network.
+    Carry,
+    /// A goal that no figure measures.
     #[default]
     Other,
 }

@@ -11,7 +11,7 @@ const RADIUS: Kind = Kind::Number(Range::above(0.0, 1e6));
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<Boids>("boids"),
     demands: Demands::NONE,
-    goal: Goal::Other,
+    goal: Goal::Align,
     build: |table, context, problems| {
         let this = Boids::read(table);
         super::check_speed("speed_mps", this.speed_mps, context, problems);

@@ -8,7 +8,7 @@ use proto::ids::AgentId;
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<Consensus>("consensus"),
     demands: Demands::NONE,
-    goal: Goal::Other,
+    goal: Goal::Meet,
     build: |table, _, _| Some(Box::new(Consensus::read(table))),
 };
 

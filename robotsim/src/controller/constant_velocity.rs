@@ -8,7 +8,7 @@ use proto::ids::AgentId;
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<ConstantVelocity>("constant-velocity"),
     demands: Demands::NONE,
-    goal: Goal::Other,
+    goal: Goal::Carry,
     build: |table, context, problems| {
         let this = ConstantVelocity::read(table);
         let [vx, vy] = this.velocity_mps;

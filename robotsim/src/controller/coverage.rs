@@ -10,7 +10,7 @@ const ANY: Kind = Kind::Number(Range::closed(-1e6, 1e6));
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<Coverage>("coverage"),
     demands: Demands::NONE,
-    goal: Goal::Other,
+    goal: Goal::Cover,
     build: |table, context, problems| {
         let this = Coverage::read(table);
         if this.to_m[0] <= this.from_m[0] || this.to_m[1] <= this.from_m[1] {

@@ -11,7 +11,7 @@ const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e4));
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<Dispersion>("dispersion"),
     demands: Demands::NONE,
-    goal: Goal::Other,
+    goal: Goal::Disperse,
     build: |table, context, problems| {
         let this = Dispersion::read(table);
         this.check(context, problems);

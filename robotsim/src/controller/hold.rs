@@ -12,7 +12,7 @@ pub(super) const ENTRY: Entry = Entry {
         fields: &[],
     },
     demands: Demands::NONE,
-    goal: Goal::Other,
+    goal: Goal::Carry,
     build: |_, _, _| Some(Box::new(Hold)),
 };
 

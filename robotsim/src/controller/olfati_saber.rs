@@ -8,7 +8,7 @@ use proto::ids::AgentId;
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<OlfatiSaber>("olfati-saber"),
     demands: Demands::NONE,
-    goal: Goal::Other,
+    goal: Goal::Lattice,
     build: |table, context, problems| {
         table.entry("target_m").or_insert(vec![0.0, 0.0].into());
         table.entry("target_velocity_mps").or_insert(vec![0.0, 0.0].into());

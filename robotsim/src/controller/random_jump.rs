@@ -9,7 +9,7 @@ use proto::rng::uniform;
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<Raw>("random-jump"),
     demands: Demands { jumps: true, ..Demands::NONE },
-    goal: Goal::Other,
+    goal: Goal::Carry,
     build: |table, context, problems| {
         let raw = Raw::read(table);
         let (own, foreign, given, default) = match raw.arena {

@@ -11,7 +11,7 @@ const POSITIVE: Kind = Kind::Number(Range::above(0.0, 1e6));
 pub(super) const ENTRY: Entry = Entry {
     variant: variant::<RandomWaypoint>("random-waypoint"),
     demands: Demands::NONE,
-    goal: Goal::Other,
+    goal: Goal::Carry,
     build: |table, context, problems| {
         let this = RandomWaypoint::read(table);
         super::check_speed("fastest_mps", this.fastest_mps, context, problems);
