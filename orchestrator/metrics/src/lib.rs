@@ -2,6 +2,8 @@
 //!
 //! | module | what |
 //! |---|---|
+//! | [`arrangement`] | where robots are at one moment: shapes, spread, coverage |
+//! | [`headline`] | the figures that a run leads with, for each goal of its robots |
 //! | [`period`] | one control period, as metrics see it |
 //! | [`counts`] | who heard whom in a period |
 //! | [`measures`] | everything that is measured of a run, over time |
@@ -17,9 +19,11 @@
 //! | [`trajectories`] | the ways of the robots, thinned for pictures |
 //! | [`places`] | measures of a swarm of which only positions are known |
 
+pub mod arrangement;
 pub mod counts;
 pub mod distances;
 pub mod figures;
+pub mod headline;
 pub mod hearing;
 pub mod kpi;
 pub mod lines;

@@ -1,13 +1,13 @@
 //! What a run shows: measured step by step, so that no run is too long.
 
+use super::arrangement::{Arrangement, connected_spread_m};
 use super::counts::{add_known, by_second_medium, was_heard_by};
 use super::distances::{DistanceBin, Distances};
 use super::hearing::{Hearing, works};
 use super::kpi::Kpis;
-use super::lines;
 use super::period::{Period, distance_m};
 use super::solids::Solids;
-use super::swarm::{self, SwarmMeasures};
+use super::swarm::SwarmMeasures;
 use super::task::Task;
 use super::trajectories::Trajectories;
 use crate::figures::{FigureValue, FiguresByName};
@@ -68,6 +68,7 @@ pub struct Measures {
     isolated: u64,
     /// The latter two by agent: steps in which it was alive, and in which it heard nobody.
     isolated_by_agent: Vec<[u64; 2]>,
+    first_states: AgentStates,
     last_states: AgentStates,
     events: Vec<Event>,
     /// Motes that worked after the latest step, and motes that were ordered to fail since.
@@ -100,6 +101,8 @@ pub struct Sample {
     pub time_s: f64,
     /// Magnitude of the mean velocity of alive agents (m/s).
     pub flock_speed_mps: f64,
+    /// The part of that velocity along the leader's direction (m/s), if there is a leader that moves.
+    pub along_leader_mps: Option<f64>,
     /// Neighbours heard per alive agent: 10 % quantile, median, 90 % quantile.
     pub neighbours: [f64; 3],
 }
@@ -114,6 +117,7 @@ impl Measures {
             site,
             kpis,
             isolated_by_agent: vec![[0; 2]; states.len()],
+            first_states: states.clone(),
             last_states: states.clone(),
             ..Self::default()
         }
@@ -131,6 +135,7 @@ impl Measures {
         }
         if period.held {
             self.start_ns = period.time_ns;
+            self.first_states.clone_from(period.states);
             return;
         }
         if period.task_complete && self.completed_at_step.is_none() {
@@ -138,13 +143,13 @@ impl Measures {
         }
         self.trajectories.add(period.step, period.states);
         self.hearing.add_payloads(period);
-        self.swarm.add(&self.task, period);
+        let along_leader_mps = self.swarm.add(&self.task, period);
         self.add_network(period);
         self.add_distances(period);
         let flock_speed_mps = self.add_speeds(period);
         let neighbours = self.add_neighbours(period);
         let time_s = seconds(period.time_ns);
-        self.series.push(Sample { time_s, flock_speed_mps, neighbours });
+        self.series.push(Sample { time_s, flock_speed_mps, along_leader_mps, neighbours });
         self.last_states.clone_from(period.states);
     }
 
@@ -227,65 +232,31 @@ impl Measures {
         self.transmissions != 0
     }
 
-    /// Root mean square distance of alive agents from their centroid at the end (m).
+    /// Where the robots were when they started.
     #[must_use]
-    pub fn final_spread_m(&self) -> Option<f64> {
-        let states = &self.last_states;
-        let alive: Vec<usize> = states.alive.iter_ones().collect();
-        let n = alive.len() as f64;
-        let mut sum = 0.0;
-        for column in [&states.x_m, &states.y_m, &states.z_m] {
-            let centre = ratio(alive.iter().map(|&agent| column[agent]).sum(), n)?;
-            sum += alive
-                .iter()
-                .map(|&agent| (column[agent] - centre) * (column[agent] - centre))
-                .sum::<f64>();
-        }
-        ratio(sum, n).map(libm::sqrt)
+    pub fn at_start(&self) -> Arrangement<'_> {
+        Arrangement(&self.first_states)
     }
 
-    /// Sum of the squared vertical distances (m²) of alive agents at the end from the line y = a + b x that makes it
-    /// least. `None` where their x do not differ.
+    /// Where they are at the end.
     #[must_use]
-    pub fn line_residual_m2(&self) -> Option<f64> {
-        let states = &self.last_states;
-        let alive: Vec<usize> = states.alive.iter_ones().collect();
-        let n = alive.len() as f64;
-        let x0 = ratio(alive.iter().map(|&agent| states.x_m[agent]).sum(), n)?;
-        let y0 = ratio(alive.iter().map(|&agent| states.y_m[agent]).sum(), n)?;
-        let (mut xx, mut xy) = (0.0, 0.0);
-        for &agent in &alive {
-            let (x, y) = (states.x_m[agent] - x0, states.y_m[agent] - y0);
-            xx += x * x;
-            xy += x * y;
-        }
-        if xx <= 0.0 {
-            return None;
-        }
-        let slope = xy / xx;
-        let square = |&agent: &usize| {
-            let residual = states.y_m[agent] - y0 - slope * (states.x_m[agent] - x0);
-            residual * residual
-        };
-        Some(alive.iter().map(square).sum())
+    pub fn at_end(&self) -> Arrangement<'_> {
+        Arrangement(&self.last_states)
     }
 
-    /// How many straight lines it takes so that every alive agent is within this distance (m) of one, at the end.
+    /// The spread of the largest group of robots that heard each other in the last period of [`Self::hearing`], m: 0 if nobody
+    /// heard anybody, since each is a group of its own.
     #[must_use]
-    pub fn n_lines(&self, within_m: f64) -> usize {
-        lines::n_lines(&self.last_states, within_m)
+    pub fn connected_spread_m(&self) -> Option<f64> {
+        let periods = self.hearing.periods();
+        let nobody = Some(0.0).filter(|_| 0 < self.n_alive_at_end());
+        periods.last().map_or(nobody, connected_spread_m)
     }
 
-    /// Sum of the squared distances (m²) of alive agents at the end across the line that makes it least.
+    /// Time mean of the speed of the mean velocity along the leader's direction (m/s).
     #[must_use]
-    pub fn across_line_m2(&self) -> Option<f64> {
-        swarm::across_line_m2(&self.last_states)
-    }
-
-    /// Root mean square distance (m) of alive agents at the end from the circle that fits them best.
-    #[must_use]
-    pub fn off_circle_m(&self) -> Option<f64> {
-        swarm::off_circle_m(&self.last_states)
+    pub fn speed_along_leader_mps(&self) -> Option<f64> {
+        self.swarm.speed_along_leader_mps()
     }
 
     /// Mean age (s) of what was heard when robots act on it.
@@ -553,22 +524,5 @@ mod tests {
         let event = |what, mote| Event { time_s: 1.0, what, motes: vec![mote] };
         assert_eq!(measures.events(), [event(KILL, 2), event("fails", 1)]);
         assert_eq!(measures.isolated_agents(), [(0, 1.0), (2, 1.0), (1, 0.5)]);
-    }
-
-    #[test]
-    fn a_square_has_the_spread_of_its_half_diagonal_and_the_residual_of_its_rows() {
-        let mut states = AgentStates::at_origin(4);
-        states.x_m = vec![0.0, 2.0, 0.0, 2.0];
-        states.y_m = vec![0.0, 0.0, 2.0, 2.0];
-        let measures = Measures::new(Task::default(), Site::default(), &states, Kpis::default());
-        // Exact but for the rounding of a square root.
-        assert!((measures.final_spread_m().unwrap() - 2f64.sqrt()).abs() < 1e-12);
-        assert!((measures.line_residual_m2().unwrap() - 4.0).abs() < 1e-12);
-        states.x_m = vec![1.0; 4];
-        assert_eq!(
-            Measures::new(Task::default(), Site::default(), &states, Kpis::default())
-                .line_residual_m2(),
-            None
-        );
     }
 }

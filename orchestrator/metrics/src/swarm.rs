@@ -3,6 +3,7 @@
 use super::period::{Period, distance_m};
 use super::task::Task;
 use crate::figures::{FigureValue, FiguresByName};
+use crate::headline::is_thrashing;
 use proto::types::{AgentStates, seconds};
 use std::collections::BTreeSet;
 
@@ -10,6 +11,8 @@ use std::collections::BTreeSet;
 #[derive(Clone, Debug, Default)]
 pub(super) struct SwarmMeasures {
     along_leader: Mean,
+    /// Speed of the robots while their leader moves.
+    led_speed: Mean,
     leader_distance: Mean,
     leader_connected: Mean,
     radial: Mean,
@@ -47,15 +50,16 @@ impl Mean {
 }
 
 impl SwarmMeasures {
-    /// Adds a step in which robots were free to move.
-    pub(super) fn add(&mut self, task: &Task, period: &Period<'_>) {
+    /// Adds a step in which robots were free to move. Returns the speed of their mean velocity along the leader's direction (m/s),
+    /// if there is a leader that moves.
+    pub(super) fn add(&mut self, task: &Task, period: &Period<'_>) -> Option<f64> {
         let weight = (period.time_ns - period.from_ns) as f64;
         let states = period.states;
         let alive: Vec<usize> = states.alive.iter_ones().collect();
         self.age(period);
         self.neighbour_error(period);
         if alive.is_empty() {
-            return;
+            return None;
         }
         let n = alive.len() as f64;
         let velocities = velocities(period, &alive);
@@ -69,8 +73,11 @@ impl SwarmMeasures {
         let mean_velocity = mean_of(&|place| velocities[place]);
         let centre = mean_of(&|place| states.position_m(alive[place]));
 
-        let direction = task.leader_velocity_mps.and_then(|[vx, vy]| unit([vx, vy, 0.0]));
-        self.along_leader.add(direction.map(|direction| dot(mean_velocity, direction)), weight);
+        let leader = task.leader.filter(|&leader| states.alive.get(leader));
+        let along_mps = along_leader_mps(task, &alive, &velocities);
+        self.along_leader.add(along_mps, weight);
+        let speeds_mps: f64 = velocities.iter().map(|&velocity| norm(velocity)).sum();
+        self.led_speed.add(along_mps.map(|_| speeds_mps / n), weight);
 
         let (mut to_centre, mut radial, mut n_away) = (0.0, 0.0, 0.0);
         let (mut headings, mut n_moving) = ([0.0; 3], 0.0);
@@ -90,7 +97,6 @@ impl SwarmMeasures {
         self.radial.add((0.0 < n_away).then(|| radial / n_away), weight);
         self.polarisation.add((0.0 < n_moving).then(|| norm(headings) / n_moving), weight);
 
-        let leader = task.leader.filter(|&leader| states.alive.get(leader));
         if let Some(leader) = leader {
             let others = alive.iter().filter(|&&agent| agent != leader);
             let sum: f64 = others.map(|&agent| distance_m(states, agent, leader)).sum();
@@ -98,6 +104,7 @@ impl SwarmMeasures {
         }
         self.connectivity(period, &alive, leader, weight);
         self.collisions(task, states, &alive);
+        along_mps
     }
 
     /// Groups that heard each other, directly or by way of others, in the period.
@@ -187,6 +194,11 @@ impl SwarmMeasures {
         }));
     }
 
+    /// Time mean of the speed of the mean velocity along the leader's direction (m/s).
+    pub(super) fn speed_along_leader_mps(&self) -> Option<f64> {
+        self.along_leader.value()
+    }
+
     /// Mean age of what was heard (s).
     pub(super) fn age_s(&self) -> Option<f64> {
         self.age.value()
@@ -200,9 +212,21 @@ impl SwarmMeasures {
             figures.insert(name.to_owned(), value);
         };
         if task.leader.is_some() {
-            add("speed_along_leader_mps", number(self.along_leader.value()));
+            add("speed_along_leader_mps", number(self.speed_along_leader_mps()));
             add("leader_distance_m", number(self.leader_distance.value()));
             add("leader_connected_ratio", number(self.leader_connected.value()));
+            let along_mps = self.speed_along_leader_mps();
+            let robots_mps = self.led_speed.value();
+            let leader_mps = task.leader_speed_mps.filter(|leader_mps| 0.0 < *leader_mps);
+            let of_leader = along_mps.zip(leader_mps).map(|(along, leader)| along / leader);
+            add("leader_speed_ratio", number(of_leader));
+            let along_and_robots_mps = along_mps.zip(robots_mps);
+            let on = along_and_robots_mps.filter(|(along, _)| 0.0 < *along);
+            add("thrash_factor", number(on.map(|(along, robots)| robots / along)));
+            let thrashing = along_and_robots_mps
+                .zip(leader_mps)
+                .map(|((along, robots), leader)| is_thrashing(robots, along, leader));
+            add("thrashing", thrashing.map(FigureValue::Flag));
         }
         add("polarisation", number(self.polarisation.value()));
         add("radial_speed_mps", number(self.radial.value()));
@@ -214,6 +238,20 @@ impl SwarmMeasures {
         add("neighbour_error_m", number(self.neighbour_error.value()));
         figures
     }
+}
+
+/// The part of the mean velocity of those alive along the direction of their leader (m/s). `velocities`: as [`velocities`]
+/// gives them. `None`: they have no leader, or it stands still; one on a path is gone if it is not alive.
+#[must_use]
+pub fn along_leader_mps(task: &Task, alive: &[usize], velocities: &[[f64; 3]]) -> Option<f64> {
+    let leader_mps = match task.leader_velocity_mps {
+        Some([vx, vy]) => [vx, vy, 0.0],
+        // On a path its direction changes.
+        None => velocities[alive.binary_search(&task.leader?).ok()?],
+    };
+    let direction = unit(leader_mps)?;
+    let sum = velocities.iter().fold([0.0; 3], |sum, &velocity| add(sum, velocity));
+    Some(dot(sum.map(|component| component / alive.len() as f64), direction))
 }
 
 /// Velocities of those alive (m/s): as reported, or differences of positions over the step.
@@ -240,18 +278,18 @@ pub fn velocities(period: &Period<'_>, alive: &[usize]) -> Vec<[f64; 3]> {
 }
 
 /// Groups of agents.
-struct Groups {
+pub(super) struct Groups {
     parent: Vec<usize>,
     n: usize,
 }
 
 impl Groups {
     /// Everyone a group, `n_alive` of them counted.
-    fn new(n_agents: usize, n_alive: usize) -> Self {
+    pub(super) fn new(n_agents: usize, n_alive: usize) -> Self {
         Self { parent: (0..n_agents).collect(), n: n_alive }
     }
 
-    fn root_of(&mut self, mut agent: usize) -> usize {
+    pub(super) fn root_of(&mut self, mut agent: usize) -> usize {
         while self.parent[agent] != agent {
             self.parent[agent] = self.parent[self.parent[agent]];
             agent = self.parent[agent];
@@ -259,72 +297,13 @@ impl Groups {
         agent
     }
 
-    fn join(&mut self, a: usize, b: usize) {
+    pub(super) fn join(&mut self, a: usize, b: usize) {
         let (a, b) = (self.root_of(a), self.root_of(b));
         if a != b {
             self.parent[a.max(b)] = a.min(b);
             self.n -= 1;
         }
     }
-}
-
-/// Sum of the squared distances (m²) of alive agents across the line that makes it least, in the plane: n times the lesser
-/// eigenvalue of the covariance of their places (Pearson 1901).
-pub(super) fn across_line_m2(states: &AgentStates) -> Option<f64> {
-    let alive: Vec<usize> = states.alive.iter_ones().collect();
-    let n = alive.len() as f64;
-    if alive.is_empty() {
-        return None;
-    }
-    let mean = |column: &[f64]| alive.iter().map(|&agent| column[agent]).sum::<f64>() / n;
-    let (x0, y0) = (mean(&states.x_m), mean(&states.y_m));
-    let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-    for &agent in &alive {
-        let (x, y) = (states.x_m[agent] - x0, states.y_m[agent] - y0);
-        xx += x * x;
-        xy += x * y;
-        yy += y * y;
-    }
-    // With the greater eigenvalue the lesser follows from the determinant, without cancellation.
-    let greater = 0.5 * (xx + yy) + libm::hypot(0.5 * (xx - yy), xy);
-    let lesser = if 0.0 < greater { (xx * yy - xy * xy) / greater } else { 0.0 };
-    Some(lesser.max(0.0))
-}
-
-/// Root mean square distance (m) of alive agents from the circle that fits them best (algebraic fit, Kåsa 1976), in the
-/// plane. `None`: no circle fits, since they stand in a line or there are too few.
-pub(super) fn off_circle_m(states: &AgentStates) -> Option<f64> {
-    let places: Vec<[f64; 2]> =
-        states.alive.iter_ones().map(|agent| [states.x_m[agent], states.y_m[agent]]).collect();
-    let n = places.len() as f64;
-    if places.len() < 3 {
-        return None;
-    }
-    let mean: [f64; 2] =
-        std::array::from_fn(|axis| places.iter().map(|place| place[axis]).sum::<f64>() / n);
-    let (mut xx, mut xy, mut yy, mut xz, mut yz, mut zz) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-    for place in &places {
-        let (x, y) = (place[0] - mean[0], place[1] - mean[1]);
-        let z = x * x + y * y;
-        xx += x * x;
-        xy += x * y;
-        yy += y * y;
-        xz += x * z;
-        yz += y * z;
-        zz += z;
-    }
-    let determinant = xx * yy - xy * xy;
-    if determinant <= 1e-12 * (xx + yy) * (xx + yy) {
-        return None;
-    }
-    let a = 0.5 * (xz * yy - yz * xy) / determinant;
-    let b = 0.5 * (yz * xx - xz * xy) / determinant;
-    let radius_m = libm::sqrt(a * a + b * b + zz / n);
-    let squares = places.iter().map(|place| {
-        let off = libm::hypot(place[0] - mean[0] - a, place[1] - mean[1] - b) - radius_m;
-        off * off
-    });
-    Some(libm::sqrt(squares.sum::<f64>() / n))
 }
 
 fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -460,21 +439,5 @@ mod tests {
         }
         let expected = (2.0 * 3.0 + 2.0 * 4.0) / 6.0;
         assert!((number(&swarm, "neighbour_error_m") - expected).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_line_and_a_circle_are_told_from_what_is_near_them() {
-        // On y = 2 x exactly, then one metre off it across: of a line through three points of four.
-        let on_line = AgentStates::at_rest(&[[0.0, 0.0], [1.0, 2.0], [2.0, 4.0]]);
-        assert!(across_line_m2(&on_line).unwrap() < 1e-12);
-        assert_eq!(off_circle_m(&on_line), None);
-        // A rectangle 4 by 2: across its long axis each corner is 1 m away.
-        let corners = AgentStates::at_rest(&[[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]);
-        assert!((across_line_m2(&corners).unwrap() - 4.0).abs() < 1e-12);
-        assert!(off_circle_m(&corners).unwrap() < 1e-12);
-        // Two on a circle of 1.1 m, two on one of 0.9 m, crosswise: 0.1 m off to first order.
-        let crossed = AgentStates::at_rest(&[[1.1, 0.0], [-1.1, 0.0], [0.0, 0.9], [0.0, -0.9]]);
-        let off_m = off_circle_m(&crossed).unwrap();
-        assert!((off_m - 0.1).abs() < 0.001, "{off_m}");
     }
 }

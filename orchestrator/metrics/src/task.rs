@@ -1,9 +1,9 @@
 //! What the robots were asked to do, as far as their effective configuration states it.
 
 use proto::config::Registry;
-use robotsim::catalogue::Catalogue;
 use robotsim::controller::Entry;
 
+pub use robotsim::catalogue::Catalogue;
 pub use robotsim::controller::Goal;
 
 /// The robots' task. A simulator of a stranger has other keys: then nothing is known.
@@ -19,6 +19,10 @@ pub struct Task {
     pub leader_speed_mps: Option<f64>,
     /// Its velocity: x, y (m/s).
     pub leader_velocity_mps: Option<[f64; 2]>,
+    /// South-western and north-eastern corner of the area that robots cover (m).
+    pub area_m: Option<[[f64; 2]; 2]>,
+    /// Distance between neighbours in the lattice that robots form (m).
+    pub lattice_m: Option<f64>,
     /// Robots that come closer than this collide (m).
     pub diameter_m: Option<f64>,
     /// Of each kind of robot the number of its last one plus 1, and what happens where a wall or an obstacle stands in its way.
@@ -92,9 +96,21 @@ impl Task {
         let number = |value: &toml::Value| {
             value.as_float().or_else(|| value.as_integer().map(|value| value as f64))
         };
+        let goal = goal_of(kind.and_then(Option::as_deref));
+        // Groups of one kind may differ in other keys: then they have no common area and no common lattice.
+        let of_all = |key: &str| {
+            let mut values = controllers.iter().map(|controller| controller.get(key));
+            let first = values.next().flatten()?;
+            values.all(|value| value == Some(first)).then_some(first)
+        };
+        let corner = |key: &str| {
+            let [x, y] = of_all(key)?.as_array()?.as_slice() else { return None };
+            Some([number(x)?, number(y)?])
+        };
+        let area_m = corner("from_m").zip(corner("to_m")).map(|(from, to)| [from, to]);
         Self {
             controller: kind.cloned().flatten(),
-            goal: goal_of(kind.and_then(Option::as_deref)),
+            goal,
             leader: of_controller("leader")
                 .and_then(toml::Value::as_integer)
                 .and_then(|leader| usize::try_from(leader).ok())
@@ -109,6 +125,8 @@ impl Task {
                     let [vx, vy] = components.as_slice() else { return None };
                     Some([number(vx)?, number(vy)?])
                 }),
+            area_m: area_m.filter(|_| goal == Goal::Cover),
+            lattice_m: of_all("distance_m").and_then(number).filter(|_| goal == Goal::Lattice),
             diameter_m: config.get("diameter_m").and_then(number),
             passages: passages(&config, groups, known),
             groups: ends_of(groups),

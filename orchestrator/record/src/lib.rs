@@ -32,6 +32,7 @@ mod scene;
 mod summary;
 pub mod table;
 mod tables;
+mod task_warnings;
 pub mod values;
 pub mod verify;
 mod writer;

@@ -5,7 +5,8 @@ use super::bounded::read_file;
 use experiment::Start;
 use indexmap::IndexMap;
 use input::result::{ResultError, ResultFolder};
-use metrics::figures::FiguresByName;
+use metrics::figures::{FigureValue, FiguresByName};
+use metrics::headline::{Headline, Shown};
 use metrics::kpi::kpi_summary::KpiSummary;
 use proto::bounds::DESCRIPTION_BYTES;
 use proto::types::Coupling;
@@ -118,6 +119,10 @@ pub enum FileCount {
 pub struct TaskSummary {
     /// The robots' controller; null where the robot simulator has no such key, or several kinds of robots have several.
     pub controller: Option<String>,
+    /// Path in this file of the figure to look at first, which says how well the robots reached their goal, such as
+    /// `task.leader_speed_ratio`; null in summaries of earlier versions.
+    #[serde(default)]
+    pub first_figure: Option<String>,
     /// Whether the robots regarded their task as done.
     #[schemars(extend("x-better" = "higher"))]
     pub complete: bool,
@@ -137,6 +142,12 @@ impl TaskSummary {
     #[must_use]
     pub fn number(&self, name: &str) -> Option<f64> {
         self.figures.get(name).copied().flatten()?.number()
+    }
+
+    /// Whether a figure is a truth value, and true.
+    #[must_use]
+    pub fn is_set(&self, name: &str) -> bool {
+        self.figures.get(name).copied().flatten() == Some(FigureValue::Flag(true))
     }
 }
 
@@ -205,6 +216,30 @@ pub(crate) enum SummaryError {
 }
 
 impl RunSummary {
+    /// The first figure of the run, its value, and the headline that it belongs to; none if the run has no value of it.
+    #[must_use]
+    pub fn first_figure(&self) -> Option<(&'static Headline, &'static Shown, f64)> {
+        let path = self.task.as_ref()?.first_figure.as_ref()?;
+        let (headline, first) = Headline::of_first(path)?;
+        Some((headline, first, self.number(path)?))
+    }
+
+    /// A figure that is a number or a count, and known, by its path in the file, such as `network.delivery_ratio`: one of the
+    /// task, or one that a run leads with.
+    #[must_use]
+    pub fn number(&self, path: &str) -> Option<f64> {
+        if let Some(name) = path.strip_prefix("task.") {
+            return self.task.as_ref()?.number(name);
+        }
+        match path {
+            "network.delivery_ratio" => self.network.as_ref()?.delivery_ratio,
+            "kpis.since_start.delivered_of_expected.ratio" => {
+                Some(self.kpis.as_ref()?.since_start.delivered_of_expected.as_ref()?.ratio)
+            }
+            _ => None,
+        }
+    }
+
     /// Name of the file in the directory of a run.
     pub const FILE: &'static str = "summary.json";
 

@@ -3,11 +3,14 @@
 use super::directory::SCHEMA_PREFIX;
 use super::run_summary::{DeliveryByDistance, FileCount, NetworkSummary, RunSummary, TaskSummary};
 use super::writer::Written;
-use super::{Ending, RunHeader, Status};
+use super::{Ending, RunHeader, Status, task_warnings};
 use experiment::output::Links;
+use metrics::arrangement::Arrangement;
 use metrics::figures::{FigureValue, FiguresByName};
+use metrics::headline::{Headline, Shown};
 use metrics::measures::Measures;
 use metrics::task::Goal;
+use numbers::statistics::ratio;
 use proto::digest::hex;
 use proto::types::seconds;
 
@@ -22,7 +25,9 @@ pub(crate) fn of_run(header: &RunHeader, ending: &Ending, written: &Written) -> 
         };
         ((*file).to_owned(), count)
     });
-    RunSummary {
+    let task = measures.map(|measures| task(measures, ending));
+    let warnings = warnings(header, ending, written, task.as_ref());
+    let mut summary = RunSummary {
         schema: format!("{SCHEMA_PREFIX}1"),
         name: header.name.clone(),
         seed: header.seed,
@@ -38,13 +43,19 @@ pub(crate) fn of_run(header: &RunHeader, ending: &Ending, written: &Written) -> 
         robots_started_s: measures.map(|measures| seconds(measures.start_ns)),
         simulated_s: measures.map_or(0.0, |measures| seconds(measures.time_ns)),
         final_digest: written.digest.map(|digest| hex(&digest)),
-        task: measures.map(|measures| task(measures, ending)),
+        task,
         network: measures.map(network),
         kpis: measures.and_then(|measures| measures.kpis.summary()),
         orders_from_outside: Some(&written.orders).filter(|orders| !orders.is_empty()).cloned(),
         files: files.collect(),
-        warnings: warnings(header, ending, written),
+        warnings,
+    };
+    let headline = measures.and_then(|measures| measures.task.headline());
+    let first = headline.and_then(|headline| headline.first_of(|path| summary.number(path)));
+    if let (Some(task), Some(first)) = (&mut summary.task, first) {
+        task.first_figure = Some(first.path.to_owned());
     }
+    summary
 }
 
 /// Whether the robots knew the truth instead of what was delivered to them.
@@ -66,13 +77,14 @@ fn task(measures: &Measures, ending: &Ending) -> TaskSummary {
     let flock_speed_mps = if ending.never_formed { Some(0.0) } else { measures.flock_speed_mps() };
     add("flock_speed_mps", flock_speed_mps);
     add("mean_speed_mps", measures.mean_speed_mps());
-    add("final_spread_m", measures.final_spread_m());
+    add("final_spread_m", measures.at_end().spread_m());
     if let Some(leader_speed_mps) = measures.task.leader_speed_mps {
         add("leader_speed_mps", Some(leader_speed_mps));
         add("flock_speed_floor_mps", (0.0 < n).then(|| leader_speed_mps / n));
+        add("leader_speed_floor_ratio", ratio(1.0, n));
     }
     figures.extend(measures.swarm_figures());
-    figures.extend(of_shape(measures));
+    figures.extend(of_goal(measures));
     for reported in &measures.task_figures {
         let is_field = FIELDS.contains(&reported.name.as_str());
         // What is measured here is not for the robots to say.
@@ -80,8 +92,10 @@ fn task(measures: &Measures, ending: &Ending) -> TaskSummary {
             figures.insert(reported.name.clone(), Some(FigureValue::Number(reported.value)));
         }
     }
+    lead(measures, &mut figures);
     TaskSummary {
         controller: measures.task.controller.clone(),
+        first_figure: None,
         complete: measures.completed_at_step.is_some(),
         completed_at_step: measures.completed_at_step,
         completed_after_s: measures.completed_after_s(),
@@ -90,38 +104,78 @@ fn task(measures: &Measures, ending: &Ending) -> TaskSummary {
 }
 
 /// What every task has besides figures.
-const FIELDS: [&str; 4] = ["controller", "complete", "completed_at_step", "completed_after_s"];
+const FIELDS: [&str; 5] =
+    ["controller", "first_figure", "complete", "completed_at_step", "completed_after_s"];
 
-/// The figures of a controller.
-fn of_shape(measures: &Measures) -> FiguresByName {
-    let n = measures.n_alive_at_end() as f64;
+/// Brings the figures that a run leads with to the front.
+fn lead(measures: &Measures, figures: &mut FiguresByName) {
+    let headline = measures.task.headline();
+    let leading = headline.into_iter().flat_map(Headline::shown).filter_map(Shown::of_task);
+    let mut place = 0;
+    for name in leading {
+        if let Some(from) = figures.get_index_of(name) {
+            figures.move_index(from, place);
+            place += 1;
+        }
+    }
+}
+
+/// The figures of a goal.
+fn of_goal(measures: &Measures) -> FiguresByName {
     let log10 = |value: Option<f64>| value.filter(|&value| 0.0 < value).map(libm::log10);
     let number = |value: Option<f64>| value.map(FigureValue::Number);
-    let figures = match measures.task.goal {
+    let (start, end) = (measures.at_start(), measures.at_end());
+    let figures = match measures.task.measured_goal() {
         Goal::Line => {
-            let residual_m2 = measures.line_residual_m2();
-            let across_m2 = measures.across_line_m2();
-            let rms_m = across_m2.filter(|_| 0.0 < n).map(|across_m2| libm::sqrt(across_m2 / n));
-            let lines = measures.n_lines(FORMED_WITHIN_M);
+            let residual_m2 = end.line_residual_m2();
+            let across_m2 = end.across_line_m2();
+            let rms_m = end.line_rms_m();
+            let lines = end.n_lines(FORMED_WITHIN_M);
             vec![
                 ("line_residual_m2", number(residual_m2)),
                 ("line_residual_log10", number(log10(residual_m2))),
                 ("line_residual_across_m2", number(across_m2)),
                 ("line_residual_across_log10", number(log10(across_m2))),
                 ("line_rms_m", number(rms_m)),
+                ("initial_line_rms_m", number(start.line_rms_m())),
                 ("lines", Some(FigureValue::Count(lines as u64))),
                 ("false_completion", false_completion(measures, rms_m).map(FigureValue::Flag)),
             ]
         }
         Goal::Circle => {
-            let rms_m = measures.off_circle_m();
+            let circle = end.circle();
+            let rms_m = circle.map(|circle| circle.rms_m);
             vec![
                 ("circle_rms_m", number(rms_m)),
+                ("circle_radius_m", number(circle.map(|circle| circle.radius_m))),
+                ("circle_gap_rad", number(circle.map(|circle| circle.gap_rad))),
+                ("initial_circle_rms_m", number(start.circle().map(|circle| circle.rms_m))),
                 ("false_completion", false_completion(measures, rms_m).map(FigureValue::Flag)),
             ]
         }
+        Goal::Lattice => {
+            let error_m = measures.task.lattice_m.and_then(|spacing| end.lattice_error_m(spacing));
+            vec![("lattice_error_m", number(error_m))]
+        }
+        Goal::Meet => vec![("initial_spread_m", number(start.spread_m()))],
+        Goal::Cover => {
+            let area_m = measures.task.area_m;
+            let rms_m =
+                |at: Arrangement<'_>| number(area_m.and_then(|area| at.coverage_rms_m(area)));
+            vec![("coverage_rms_m", rms_m(end)), ("initial_coverage_rms_m", rms_m(start))]
+        }
+        Goal::Disperse => vec![
+            ("connected_spread_m", number(measures.connected_spread_m())),
+            ("initial_spread_m", number(start.spread_m())),
+        ],
         Goal::Explore => EXPLORATION.map(|name| (name, None)).to_vec(),
-        Goal::FollowLeader | Goal::Other => Vec::new(),
+        Goal::Align => {
+            // The mean of random headings: the mean length of a sum of n independent unit vectors is √(π n)/2 for many.
+            let n = measures.n_alive_at_end() as f64;
+            let floor = ratio(std::f64::consts::PI, 4.0 * n).map(libm::sqrt);
+            vec![("polarisation_floor", number(floor))]
+        }
+        Goal::FollowLeader | Goal::Carry | Goal::Other => Vec::new(),
     };
     figures.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
@@ -138,10 +192,10 @@ const EXPLORATION: [&str; 8] = [
     "waypoint_orders",
 ];
 
-/// Done by the robots' own account, and not in truth.
+/// Done by the robots' own account, and not in truth: they are far from the shape, or so arranged that none fits.
 fn false_completion(measures: &Measures, rms_m: Option<f64>) -> Option<bool> {
     measures.completed_at_step?;
-    rms_m.map(|rms_m| FORMED_WITHIN_M < rms_m)
+    Some(rms_m.is_none_or(|rms_m| FORMED_WITHIN_M < rms_m))
 }
 
 /// A shape whose robots are farther from it than this, r.m.s. (m), is not formed, and a robot farther from a line is not in it:
@@ -176,7 +230,12 @@ fn network(measures: &Measures) -> NetworkSummary {
     }
 }
 
-fn warnings(header: &RunHeader, ending: &Ending, written: &Written) -> Vec<String> {
+fn warnings(
+    header: &RunHeader,
+    ending: &Ending,
+    written: &Written,
+    task: Option<&TaskSummary>,
+) -> Vec<String> {
     let mut warnings = header.warnings.clone();
     warnings.extend(written.net_warnings.iter().map(|warning| format!("network: {warning}")));
     let measures = written.measures.as_ref();
@@ -197,6 +256,7 @@ fn warnings(header: &RunHeader, ending: &Ending, written: &Written) -> Vec<Strin
         Status::Failed => warnings.push(format!("the run failed after {n_steps} steps")),
     }
     if let Some(measures) = measures {
+        warnings.extend(task.iter().flat_map(|task| task_warnings::of(&measures.task, task)));
         let n_passed = measures.n_passed_walls();
         if n_passed != 0 {
             let times = if n_passed == 1 { "once".to_owned() } else { format!("{n_passed} times") };

@@ -1,5 +1,6 @@
 //! A run made up of messages, recorded and read again.
 
+mod first_figures;
 mod made_up;
 mod replacing;
 mod scene;

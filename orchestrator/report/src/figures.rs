@@ -54,7 +54,7 @@ fn run_figures(measures: &Measures, n_agents: u32) -> Vec<Figure> {
     }
     if !measures.series.is_empty() {
         if measures.anybody_moved() {
-            figures.push(flock_speed(measures, n_agents));
+            figures.push(speed(measures, n_agents));
         }
         if measures.anybody_spoke() {
             figures.push(neighbours(measures, n_agents));
@@ -115,7 +115,8 @@ fn trajectories(measures: &Measures) -> Figure {
     chart.numbers(others().filter_map(|(agent, stop)| Some((agent, (*stop)?))));
 
     let spread = measures
-        .final_spread_m()
+        .at_end()
+        .spread_m()
         .map(|spread| {
             format!("; at the end they are {} m (r.m.s.) from their centroid", number(spread))
         })
@@ -277,23 +278,41 @@ const SPAN: f64 = 0.08;
 /// Most motes named beside a moment.
 const MAX_MOTES: usize = 3;
 
-fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
-    let means = thinned(&measures.series, |sample| sample.flock_speed_mps);
-    let mean_mps = measures.flock_speed_mps().unwrap_or(0.0);
+/// How fast the swarm moves: along the direction of its leader, if it has one, else the magnitude of its mean velocity.
+fn speed(measures: &Measures, n_agents: u32) -> Figure {
+    let along_mps = measures.speed_along_leader_mps();
+    let is_led = along_mps.is_some();
+    let flock = thinned(&measures.series, |sample| sample.flock_speed_mps);
+    let along = thinned(&measures.series, |sample| sample.along_leader_mps.unwrap_or(0.0));
+    let means = if is_led { &along } else { &flock };
     let leader_mps = measures.task.leader_speed_mps;
     let floor_mps = leader_mps.map(|speed| speed / f64::from(n_agents));
-    let greatest = means.iter().map(|bucket| bucket.max).fold(0.0, f64::max);
+    let greatest = means.iter().chain(&flock).map(|bucket| bucket.max).fold(0.0, f64::max);
+    let least = means.iter().map(|bucket| bucket.min).fold(0.0, f64::min);
     let top = greatest.max(leader_mps.unwrap_or(0.0)).max(1e-3) * 1.08;
     let time = TaskTime::new(measures, false);
     let x = time.axis();
-    let mut chart = Chart::new(x, Axis::new("flock speed (m/s)", 0.0, top), HALF, HALF_HEIGHT);
+    let (title, axis) = if is_led {
+        (ALONG_LEADER, "speed along the leader's direction (m/s)")
+    } else {
+        (FLOCK_SPEED, "flock speed (m/s)")
+    };
+    let mut chart = Chart::new(x, Axis::new(axis, least * 1.08, top), HALF, HALF_HEIGHT);
     if let Some(leader_mps) = leader_mps {
         chart.level(leader_mps, "leader");
     }
     if let Some(floor_mps) = floor_mps.filter(|_| 1 < n_agents) {
         chart.level(floor_mps, "leader alone");
     }
-    let mut key = vec![("line", "magnitude of the mean velocity of all agents".into())];
+    let magnitude = "magnitude of the mean velocity of all agents";
+    let mut key = Vec::new();
+    if is_led {
+        key.push(("line", "mean velocity of all agents along the leader's direction".into()));
+        key.push(("thin", format!("flock speed (BotNet): {magnitude}").into()));
+        chart.line("thin", flock.iter().map(|bucket| Some([time.at(bucket.x), bucket.mean])));
+    } else {
+        key.push(("line", magnitude.into()));
+    }
     if means.len() < measures.series.len() {
         let band: Vec<_> =
             means.iter().map(|bucket| (time.at(bucket.x), bucket.min, bucket.max)).collect();
@@ -309,13 +328,20 @@ fn flock_speed(measures: &Measures, n_agents: u32) -> Figure {
         ),
         _ => String::new(),
     };
-    let sentence = format!(
-        "How fast the flock moves as a whole: {} m/s on average{of_leader}.",
-        number(mean_mps)
-    );
+    let flock_mps = measures.flock_speed_mps().unwrap_or(0.0);
+    let sentence = match along_mps {
+        Some(along_mps) => format!(
+            "How fast the flock moves along its leader's direction: {} m/s on average{of_leader}.",
+            number(along_mps)
+        ),
+        None => format!(
+            "How fast the flock moves as a whole: {} m/s on average{of_leader}.",
+            number(flock_mps)
+        ),
+    };
     key.extend(time.mark(&mut chart, measures.events()));
-    let svg = chart.finish("flock-speed", "Flock speed over time", &sentence);
-    Figure { title: "Flock speed", sentence, key, svg, is_wide: false }
+    let svg = chart.finish("flock-speed", &format!("{title} over time"), &sentence);
+    Figure { title, sentence, key, svg, is_wide: false }
 }
 
 fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
@@ -437,7 +463,11 @@ fn thinned(series: &[Sample], value: impl Fn(&Sample) -> f64) -> Vec<Bucket> {
 }
 
 /// Pictures whose axis is time.
-const OVER_TIME: [&str; 3] = ["Flock speed", "Neighbours heard", "Packets delivered over time"];
+const OVER_TIME: [&str; 4] =
+    [ALONG_LEADER, FLOCK_SPEED, "Neighbours heard", "Packets delivered over time"];
+/// Headings of the picture of the swarm's speed, with a leader and without.
+const ALONG_LEADER: &str = "Speed along the leader's direction";
+const FLOCK_SPEED: &str = "Flock speed";
 /// Most points of a line.
 const MAX_POINTS: usize = 500;
 /// More agents than this are drawn with finer marks.
@@ -461,7 +491,12 @@ mod tests {
         let states = AgentStates::at_origin(1);
         let mut measures =
             Measures::new(Task::default(), Site::default(), &states, Kpis::default());
-        let sample = Sample { time_s: 450.0, flock_speed_mps: 1.0, neighbours: [0.0; 3] };
+        let sample = Sample {
+            time_s: 450.0,
+            flock_speed_mps: 1.0,
+            along_leader_mps: None,
+            neighbours: [0.0; 3],
+        };
         measures.series = vec![Sample { time_s: 401.0, ..sample }, sample];
         measures.start_ns = 400_000_000_000;
         let time = TaskTime::new(&measures, false);

@@ -117,11 +117,11 @@ pub struct StoryParameter {
 pub struct StorySwarm {
     /// Which model it is of.
     pub title: String,
-    /// Mean speed of the followers along the way of the leader (m/s).
-    pub flock_speed_mps: f64,
+    /// Speed of the swarm's mean velocity along the leader's direction, mean over time (m/s).
+    pub along_mps: f64,
     /// Speed of the leader (m/s).
     pub leader_speed_mps: f64,
-    /// The flock speed if no robot follows (m/s).
+    /// That speed if no robot follows (m/s).
     pub floor_mps: f64,
     /// The share of frames that were delivered.
     pub delivery_ratio: f64,
@@ -148,8 +148,8 @@ impl Story<'_> {
     /// What the missing effect does to the swarm, in a sentence.
     fn consequence(&self) -> String {
         let [first, .., last] = self.swarms.as_slice() else { return String::new() };
-        let speed = |swarm: &StorySwarm| format!("{} m/s", number(swarm.flock_speed_mps));
-        let change_mps = (last.flock_speed_mps - first.flock_speed_mps).abs();
+        let speed = |swarm: &StorySwarm| format!("{} m/s", number(swarm.along_mps));
+        let change_mps = (last.along_mps - first.along_mps).abs();
         if change_mps < NO_CHANGE * first.leader_speed_mps {
             return format!(
                 "Here the effect hardly changes the swarm: {} without it, {} with it.",
@@ -158,8 +158,8 @@ impl Story<'_> {
             );
         }
         format!(
-            "The model predicts a flock speed of {}, and in truth it is {}. The leader drives {} m/s; if no robot followed, the \
-             flock speed would be {} m/s.",
+            "The model predicts that the flock follows at {} along its leader's direction, and in truth it is {}. The leader \
+             drives {} m/s; if no robot followed, the flock's speed would be {} m/s.",
             speed(first),
             speed(last),
             number(first.leader_speed_mps),
@@ -168,7 +168,7 @@ impl Story<'_> {
     }
 }
 
-/// A change of the flock speed below this share of the leader's speed is no change.
+/// A change of the flock's speed below this share of the leader's speed is no change.
 const NO_CHANGE: f64 = 0.1;
 
 /// A section of the page.
@@ -195,8 +195,7 @@ fn heading(story: &Story<'_>) -> Markup {
         (Some(before), None) => layout::with_unit(&number(before), story.unit),
         _ => html! { "–" },
     };
-    let speeds: Vec<String> =
-        story.swarms.iter().map(|swarm| number(swarm.flock_speed_mps)).collect();
+    let speeds: Vec<String> = story.swarms.iter().map(|swarm| number(swarm.along_mps)).collect();
     let mut tiles = vec![("Error of the model", error)];
     if !speeds.is_empty() {
         let name = match (story.swarms.len(), after) {
@@ -308,7 +307,7 @@ fn swarms(story: &Story<'_>) -> Markup {
                         img src=(light) alt={ "The swarm seen from above after 25 s, " (swarm.title) };
                     }
                     p {
-                        "Flock " b { (number(swarm.flock_speed_mps)) " m/s" } ", leader " (number(swarm.leader_speed_mps)) " m/s, "
+                        "Flock " b { (number(swarm.along_mps)) " m/s" } " along the leader's direction, leader " (number(swarm.leader_speed_mps)) " m/s, "
                         (numbers::format::percent(swarm.delivery_ratio)) " of frames delivered."
                     }
                 }

@@ -3,6 +3,7 @@
 use super::is_truth;
 use super::layout::{self, with_unit};
 use maud::{Markup, html};
+use metrics::headline::Shown;
 use metrics::kpi::kpi_summary::{DeliveredOfExpected, ExchangeOutcome, KpiSummary, Transmissions};
 use metrics::task::Goal;
 use numbers::format::{count, count_of, number, percent, shortest, years};
@@ -64,10 +65,10 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
     let unit = |value: Option<f64>, unit: &str| Some(with_unit(&number(value?), unit));
     let share = |value: Option<f64>| Some(html! { (percent(value?)) });
     let others = format!("of {}", count(u64::from(n_agents.saturating_sub(1))));
-    let is_line = measures.task.goal == Goal::Line;
+    let goal = measures.task.measured_goal();
     let has_way = measures.has_way();
-    let is_flock = !is_line && measures.anybody_moved();
-    let residual_m2 = measures.line_residual_m2().filter(|_| is_line);
+    let flock_speed_mps = measures.flock_speed_mps().filter(|_| goal == Goal::FollowLeader);
+    let residual_m2 = measures.at_end().line_residual_m2().filter(|_| goal == Goal::Line);
     let since = kpis.and_then(|kpis| kpis.since_start.delivered_of_expected.as_ref());
     let of_expected = |expected: &DeliveredOfExpected| {
         let share = percent(expected.ratio);
@@ -76,11 +77,16 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
             .map(|joined| format!("{} of {} motes joined", joined, expected.alive_at_end));
         joined.map_or_else(|| html! { (share) }, |joined| with_unit(&share, &joined))
     };
+    let spread_m = measures.at_end().spread_m().filter(|_| has_way);
     let tiles = [
         ("Delivered of expected packets since the start", since.map(of_expected)),
-        ("Flock speed", unit(measures.flock_speed_mps().filter(|_| is_flock), "m/s")),
-        ("Residual of the line", unit(residual_m2, "m²")),
-        ("Spread at the end", unit(measures.final_spread_m().filter(|_| has_way), "m")),
+        (
+            "Mean speed of robots",
+            unit(measures.mean_speed_mps().filter(|_| goal == Goal::FollowLeader), "m/s"),
+        ),
+        ("Flock speed (BotNet)", unit(flock_speed_mps, "m/s")),
+        ("Residual of the line (BotNet)", unit(residual_m2, "m²")),
+        ("Spread at the end", unit(spread_m, "m")),
         ("Task done after", unit(measures.completed_after_s(), "s")),
         ("Neighbours heard", unit(measures.mean_neighbours(), &others)),
         ("Delivery ratio", share(measures.delivery_ratio())),
@@ -106,7 +112,24 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
             lifetime_years.map(|(time, unit)| with_unit(&time, unit)),
         ),
     ];
-    Some(layout::tiles(tiles.into_iter().filter_map(|(name, value)| Some((name, value?)))))
+    let first = headline_tiles(contents.summary);
+    let is_first = |name: &str| first.iter().any(|(first, _)| *first == name);
+    let others = tiles.into_iter().filter_map(|(name, value)| Some((name, value?)));
+    let others: Vec<_> = others.filter(|(name, _)| !is_first(name)).collect();
+    Some(layout::tiles(first.iter().cloned().chain(others)))
+}
+
+/// The figure that the run leads with and those beside it, if they are of the robots' task.
+fn headline_tiles(summary: &RunSummary) -> Vec<(&'static str, Markup)> {
+    let Some((headline, first, _)) = summary.first_figure() else { return Vec::new() };
+    if first.of_task().is_none() {
+        return Vec::new();
+    }
+    let tile = |shown: &'static Shown| {
+        let value = summary.number(shown.path)?;
+        Some((shown.words, html! { (shown.text(value)) }))
+    };
+    headline.shown().filter_map(tile).collect()
 }
 
 /// How many exchanges or downloads succeeded, of how many.

@@ -3,7 +3,10 @@
 use super::replay::Serving;
 use super::{Failure, OverrideArgs, check_json, check_place, is_stdout, on_runtime, write_json};
 use clap::Args;
+use metrics::headline::{COLLISIONS_PATH, Shown};
 use metrics::kpi::kpi_summary::{Delivery, ExchangeOutcome, KpiSummary};
+use metrics::task::Goal;
+use numbers::format::{count_of, number, percent};
 use proto::types::seconds;
 use record::ReplacePolicy;
 use record::run_summary::{RunSummary, TaskSummary};
@@ -14,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use terminal::{Screen, say, warn_all};
 use view::live::Pace;
-use view::server::Shown;
+use view::server::Shown as ShownRuns;
 
 #[derive(Args)]
 pub(super) struct RunArgs {
@@ -79,7 +82,7 @@ pub(super) fn run(args: &RunArgs, start: StartOptions) -> Result<(), Failure> {
     let replace =
         if args.replace { ReplacePolicy::AnyExperiment } else { ReplacePolicy::SameExperiment };
     let screen = &mut Screen::default();
-    let shown = Shown::new(Vec::new());
+    let shown = ShownRuns::new(Vec::new());
     let serving = args.live.then(|| Serving::begin(args.port, &shown)).transpose()?;
     let live = serving.as_ref().map(|serving| LiveView {
         shown: shown.clone(),
@@ -165,8 +168,8 @@ fn highlights(summary: &RunSummary) -> Vec<String> {
     if let Some(baseline) = &summary.baseline {
         lines.push(format!("{baseline}: each robot knew the true state of all others"));
     }
+    lines.extend(of_task(summary));
     lines.extend(summary.kpis.iter().flat_map(of_packets));
-    lines.extend(summary.task.iter().flat_map(of_task));
     if let Some(network) = &summary.network
         && let (Some(ratio), Some(heard)) = (network.delivery_ratio, network.mean_neighbours_heard)
     {
@@ -245,26 +248,69 @@ fn of_packets(kpis: &KpiSummary) -> Vec<String> {
     lines
 }
 
-/// What the robots did.
-fn of_task(task: &TaskSummary) -> Vec<String> {
+/// What the robots did: their first figure and those beside it, then whether these can be trusted.
+fn of_task(summary: &RunSummary) -> Vec<String> {
+    let Some(task) = &summary.task else { return Vec::new() };
     let mut lines = Vec::new();
-    let mapped = task.number("mapped_ratio");
-    if let Some(ratio) = mapped {
-        let mapped_90_s = task.number("mapped_90_s");
-        let when = mapped_90_s.map(|s| format!(", 90 % after {s:.1} s")).unwrap_or_default();
-        lines.push(format!("{:.1} % of the reachable area mapped{when}", ratio * 100.0));
-    }
-    let stood = mapped.is_some() || task.number("mean_speed_mps") == Some(0.0);
-    if let Some(speed_mps) = task.number("flock_speed_mps").filter(|_| !stood) {
-        let leader = task.number("leader_speed_mps");
-        let leader = leader.map(|leader| format!(" (the leader's: {leader:.2})"));
-        lines.push(format!("flock speed {speed_mps:.2} m/s{}", leader.unwrap_or_default()));
+    let first = summary.first_figure().filter(|(_, first, _)| first.of_task().is_some());
+    if let Some((headline, first, value)) = first {
+        let is_led = headline.goals.contains(&Goal::FollowLeader);
+        lines.push(if is_led {
+            of_leader(task, value)
+        } else {
+            let beside = headline.beside.iter().filter(|shown| shown.path != COLLISIONS_PATH);
+            let beside = beside.filter_map(|shown| Some((shown, summary.number(shown.path)?)));
+            let figure = |(shown, value): (&Shown, f64)| {
+                format!("{}: {}", uncapitalised(shown.words), shown.text(value))
+            };
+            std::iter::once((first, value)).chain(beside).map(figure).collect::<Vec<_>>().join("; ")
+        });
+        let doubts: Vec<String> =
+            [thrashing(task), collisions(task).filter(|_| headline.counts_collisions())]
+                .into_iter()
+                .flatten()
+                .collect();
+        if !doubts.is_empty() {
+            lines.push(doubts.join("; "));
+        }
     }
     if let Some(step) = task.completed_at_step {
-        lines.push(format!("task complete at step {step}"));
-    }
-    if let Some(residual) = task.number("line_residual_log10") {
-        lines.push(format!("line residual 10^{residual:.1} m²"));
+        let falsely = if task.is_set("false_completion") { ", but falsely" } else { "" };
+        lines.push(format!("task complete at step {step}{falsely}"));
     }
     lines
+}
+
+/// How well robots follow. `ratio`: their speed along the leader's direction, as a share of the leader's.
+fn of_leader(task: &TaskSummary, ratio: f64) -> String {
+    let along = task.number("speed_along_leader_mps").map(number).unwrap_or_default();
+    let distance = task.number("leader_distance_m");
+    let distance = distance.map(|m| format!("; distance to the leader {} m", number(m)));
+    format!(
+        "speed along the leader's direction {along} m/s, {} of the leader's{}",
+        percent(ratio),
+        distance.unwrap_or_default()
+    )
+}
+
+fn thrashing(task: &TaskSummary) -> Option<String> {
+    let robots_mps = task.number("mean_speed_mps").filter(|_| task.is_set("thrashing"))?;
+    let along_mps = task.number("speed_along_leader_mps")?;
+    Some(format!(
+        "the robots thrash: mean speed {} m/s, along the leader's direction {} m/s",
+        number(robots_mps),
+        number(along_mps)
+    ))
+}
+
+fn collisions(task: &TaskSummary) -> Option<String> {
+    let n = task.number("collisions").filter(|n| 0.0 < *n)?;
+    Some(format!("{} between robots", count_of(n as u64, "collision")))
+}
+
+/// Words that begin a label, within a sentence.
+fn uncapitalised(words: &str) -> String {
+    let mut letters = words.chars();
+    let first = letters.next().map(|letter| letter.to_lowercase().to_string());
+    first.unwrap_or_default() + letters.as_str()
 }

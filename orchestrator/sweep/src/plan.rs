@@ -5,6 +5,8 @@ use super::metric_names;
 use experiment::sweep::{self as spec, Keep, MOST_TRIALS, Sampling, Seeds, Sweep};
 use experiment::{Action, Capability, Overrides, Plan};
 use indexmap::IndexSet;
+use metrics::Task;
+use metrics::headline::Headline;
 use proto::config::Refusal;
 use proto::config::{IdleKey, Node, Problem, Value};
 use proto::digest::hex;
@@ -365,6 +367,24 @@ impl SweepPlan {
             plan.output.motes = false;
         }
         Ok(plan)
+    }
+
+    /// Paths of the figures that runs of this sweep lead with, and of those beside them: first figures of all settings first.
+    /// Settings whose file cannot be read here add none.
+    pub(crate) fn leading_figures(&self) -> Vec<&'static str> {
+        let mut headlines: Vec<&'static Headline> = Vec::new();
+        for setting in 0..self.settings.len() {
+            let Ok(plan) = self.plan(SweepTrial { setting, seed: 0 }) else { continue };
+            let headline = Task::from_config(&plan.robotsim.toml).headline();
+            let is_new = |headline: &&'static Headline| {
+                !headlines.iter().any(|known| known.goals == headline.goals)
+            };
+            headlines.extend(headline.filter(is_new));
+        }
+        let first = headlines.iter().flat_map(|headline| headline.first);
+        let beside = headlines.iter().flat_map(|headline| headline.beside);
+        let paths: IndexSet<&str> = first.chain(beside).map(|shown| shown.path).collect();
+        paths.into_iter().collect()
     }
 
     /// Keys that vary, in the order of the table.

@@ -184,13 +184,18 @@ fn shown<'a>(plan: &SweepPlan, columns: &'a [TableColumn]) -> (Vec<&'a TableColu
                 found
             })
             .collect(),
-        None => figures
-            .iter()
-            .filter(|column| {
-                column.name.starts_with("task.") || OF_DELIVERY.contains(&column.name.as_str())
-            })
-            .filter(|column| differs(column))
-            .collect(),
+        None => {
+            let leading = plan.leading_figures();
+            let place = |name: &str| leading.iter().position(|leading| *leading == name);
+            let is_shown = |column: &&TableColumn| {
+                let name = column.name.as_str();
+                name.starts_with("task.") || OF_DELIVERY.contains(&name) || place(name).is_some()
+            };
+            let mut shown: Vec<&TableColumn> =
+                figures.iter().filter(is_shown).filter(|column| differs(column)).collect();
+            shown.sort_by_key(|column| place(&column.name).unwrap_or(leading.len()));
+            shown
+        }
     };
     (shown, warnings)
 }

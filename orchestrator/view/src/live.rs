@@ -10,6 +10,7 @@ use crate::run::run_of;
 use crate::series::Figures;
 use crate::view;
 use bytes::Bytes;
+use metrics::Task;
 use prost::Message as _;
 use proto::exchange::Configured;
 use proto::types::seconds;
@@ -318,6 +319,7 @@ const ADDED_FIELD: u32 = 2;
 /// The thread: makes frames of steps.
 struct Maker {
     live: Arc<LiveRun>,
+    task: Task,
     periods: Periods,
     builder: FrameBuilder,
     /// The latest step, if no frame was made of it, and when it had been taken.
@@ -334,6 +336,7 @@ impl Maker {
         let now = Instant::now();
         Self {
             live,
+            task: Task::from_config(&configured.robots_start.effective_toml),
             periods: Periods::new(coupling, states),
             builder: FrameBuilder::new(coupling),
             unshown: None,
@@ -362,10 +365,10 @@ impl Maker {
     }
 
     fn step(&mut self, record: StepRecord, taken: Instant) {
-        let Self { live, periods, builder, last_frame, .. } = self;
+        let Self { live, task, periods, builder, last_frame, .. } = self;
         let is_due = periods.next(&record, |period| {
             builder.add(period);
-            let figures = Figures::of(&record, period);
+            let figures = Figures::of(task, &record, period);
             let mut state = live.lock();
             state.overview.add_with(&record, period, &figures);
             state.pending.add(&figures);

@@ -3,6 +3,7 @@
 use crate::events::EventFinder;
 use crate::series::{Figures, Means, SeriesBuilder};
 use crate::view;
+use metrics::Task;
 use metrics::period::Period;
 use proto::exchange::Configured;
 use proto::types::{MoteStatistics, Packets, Schedule};
@@ -15,6 +16,8 @@ const MOST_PACKETS: usize = 50_000;
 
 /// Gathers what an overview holds.
 pub struct OverviewBuilder {
+    /// What the robots are to do.
+    task: Task,
     events: EventFinder,
     found: Vec<view::Event>,
     series: SeriesBuilder,
@@ -37,6 +40,7 @@ impl OverviewBuilder {
         let start = &configured.network_start;
         events.begin(&configured.robots_start.states.alive, start.motes.as_ref());
         Self {
+            task: Task::from_config(&configured.robots_start.effective_toml),
             events,
             found: Vec::new(),
             series: SeriesBuilder::new(),
@@ -53,7 +57,7 @@ impl OverviewBuilder {
 
     /// Adds a step and its period.
     pub fn add(&mut self, record: &StepRecord, period: &Period<'_>) {
-        self.add_with(record, period, &Figures::of(record, period));
+        self.add_with(record, period, &Figures::of(&self.task, record, period));
     }
 
     /// [`add`](Self::add) where the figures of the step are at hand.

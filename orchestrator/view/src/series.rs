@@ -1,8 +1,9 @@
 //! Figures over time, of any number of steps in few points.
 
 use crate::view;
+use metrics::Task;
 use metrics::period::Period;
-use metrics::swarm::velocities;
+use metrics::swarm::{along_leader_mps, velocities};
 use proto::types::{TaskFigure, seconds};
 use record::StepRecord;
 use std::borrow::Cow;
@@ -18,6 +19,7 @@ const NEIGHBOURS: Label = ("mean_neighbours", "Neighbours heard per robot", "");
 const ISOLATED: Label = ("n_isolated", "Robots that heard nobody", "");
 const SENT: Label = ("n_sent", "Frames sent per step", "");
 const DELIVERIES: Label = ("n_deliveries", "Deliveries per step", "");
+const ALONG_LEADER: Label = ("speed_along_leader_mps", "Speed along the leader's direction", "m/s");
 const FLOCK_SPEED: Label = ("flock_speed_mps", "Speed of the swarm's mean motion", "m/s");
 const CENTRE_DISTANCE: Label = ("centre_distance_m", "Mean distance to the swarm's centre", "m");
 const JOINED: Label = ("n_joined", "Motes joined", "");
@@ -40,9 +42,9 @@ pub(crate) struct Figures(Vec<Figure>);
 
 impl Figures {
     /// Those of a period, and those in which the robots report how far their task is.
-    pub(crate) fn of(record: &StepRecord, period: &Period<'_>) -> Self {
+    pub(crate) fn of(task: &Task, record: &StepRecord, period: &Period<'_>) -> Self {
         let mut figures = Self::default();
-        figures.robots(period);
+        figures.robots(task, period);
         figures.network(period);
         for TaskFigure { name, value } in &record.robots.figures {
             let (label, name) = (name.replace('_', " "), name.clone());
@@ -56,7 +58,7 @@ impl Figures {
         figures
     }
 
-    fn robots(&mut self, period: &Period<'_>) {
+    fn robots(&mut self, task: &Task, period: &Period<'_>) {
         let states = period.states;
         let alive: Vec<usize> = states.alive.iter_ones().collect();
         let n = alive.len();
@@ -78,6 +80,10 @@ impl Figures {
         };
         let norm = |[x, y, z]: [f64; 3]| libm::sqrt(x * x + y * y + z * z);
         let velocities = velocities(period, &alive);
+        if task.leader.is_some() {
+            let along_mps = along_leader_mps(task, &alive, &velocities);
+            self.named(ALONG_LEADER, along_mps.unwrap_or(f64::NAN));
+        }
         self.named(FLOCK_SPEED, norm(mean(&|place| velocities[place])));
         let centre = mean(&|place| states.position_m(alive[place]));
         let away = alive.iter().map(|&agent| {

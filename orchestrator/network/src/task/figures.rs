@@ -133,10 +133,11 @@ impl Sheet {
             let value = match name {
                 "mean_speed_mps" => measures.mean_speed_mps(),
                 "flock_speed_mps" => measures.flock_speed_mps(),
-                "final_spread_m" => measures.final_spread_m(),
+                "final_spread_m" => measures.at_end().spread_m(),
                 "line_rms_m" => self.line_rms_m(&measures),
                 "circle_rms_m" => {
-                    measures.off_circle_m().filter(|_| self.task.goal == Goal::Circle)
+                    let circle = measures.at_end().circle();
+                    circle.filter(|_| self.task.goal == Goal::Circle).map(|circle| circle.rms_m)
                 }
                 "centre_x_m" => Some(to_m[0] - from_m[0]),
                 "centre_y_m" => Some(to_m[1] - from_m[1]),
@@ -148,7 +149,8 @@ impl Sheet {
     }
 
     fn line_rms_m(&self, measures: &Measures) -> Option<f64> {
-        let across_m2 = measures.across_line_m2().filter(|_| self.task.goal == Goal::Line)?;
+        let across_m2 =
+            measures.at_end().across_line_m2().filter(|_| self.task.goal == Goal::Line)?;
         Some(libm::sqrt(across_m2 / self.n_agents as f64))
     }
 

@@ -57,10 +57,13 @@ fn first_to_look_at<'a>(
         contents.metrics.iter().filter(|metric| metric.differs_between_settings()).collect();
     // Those that the author of the sweep asked for are in the order of importance already.
     if contents.plan.sweep.metrics.is_none() {
-        // In whole per cent: of equals the first.
+        // Figures that runs lead with, then in whole per cent: of equals the first.
         let share = |metric: &&MetricFigures<'_>| metric.between_settings.unwrap_or(0.0);
         let rounded = |metric: &&MetricFigures<'_>| libm::round(100.0 * share(metric)) as i64;
-        metrics.sort_by_key(|metric| std::cmp::Reverse(rounded(metric)));
+        let leading = contents.plan.leading_figures();
+        let leads =
+            |metric: &&MetricFigures<'_>| leading.contains(&metric.figures.column.name.as_str());
+        metrics.sort_by_key(|metric| std::cmp::Reverse((leads(metric), rounded(metric))));
     }
     metrics.truncate(MOST_NAMED);
     metrics.into_iter().map(|metric| (metric, strongest(contents, metric))).collect()
