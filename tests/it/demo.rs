@@ -42,7 +42,8 @@ fn a_demo_names_the_hidden_effect_and_shows_what_it_does_to_the_swarm() {
         let off = (number("value") - number("hidden")).abs();
         assert!(off <= 3.0 * (number("high") - number("low")), "{estimate}");
         assert!(answer["error_extended"].as_f64() < answer["error"].as_f64(), "{answer}");
-        let speed = |swarm: usize| answer["swarms"][swarm]["flock_speed_mps"].as_f64().unwrap();
+        let speed =
+            |swarm: usize| answer["swarms"][swarm]["speed_along_leader_mps"].as_f64().unwrap();
         let [model, better, truth] = [0, 1, 2].map(speed);
         assert!((better - truth).abs() < (model - truth).abs(), "{answer}");
         // The hidden effect is printed after all else.

@@ -89,6 +89,7 @@ pub(super) struct RunSummaryAnswer {
 
 #[derive(Deserialize)]
 pub(super) struct TaskAnswer {
+    pub(super) speed_along_leader_mps: f64,
     pub(super) flock_speed_mps: f64,
     pub(super) leader_speed_mps: f64,
     pub(super) flock_speed_floor_mps: f64,

@@ -65,11 +65,13 @@ pub struct Estimate {
 pub struct SwarmResult {
     /// The configuration: `model`, `better` or `truth`.
     pub model: &'static str,
-    /// Mean speed of the followers along the way of the leader (m/s).
+    /// Speed of the swarm's mean velocity along the leader's direction, mean over time (m/s).
+    pub speed_along_leader_mps: f64,
+    /// Magnitude of that mean velocity, mean over time (m/s): the BotNet paper's flock speed, which oscillation increases.
     pub flock_speed_mps: f64,
     /// Speed of the leader (m/s).
     pub leader_speed_mps: f64,
-    /// The flock speed if no robot follows (m/s).
+    /// Both speeds if no robot follows (m/s).
     pub flock_speed_floor_mps: f64,
     /// The share of frames that were delivered.
     pub delivery_ratio: f64,

@@ -305,11 +305,11 @@ impl Demo<'_> {
         let speeds: Vec<String> = swarms
             .iter()
             .map(|(swarm, _)| {
-                format!("{} m/s with {}.toml", number(swarm.flock_speed_mps), swarm.model)
+                format!("{} m/s with {}.toml", number(swarm.speed_along_leader_mps), swarm.model)
             })
             .collect();
         observer.report(format!(
-            "5. flock speed (leader {} m/s; {} m/s if no robot follows): {}",
+            "5. speed along the leader's direction (leader {} m/s; {} m/s if no robot follows): {}",
             number(leader_mps),
             number(floor_mps),
             speeds.join(", ")
@@ -425,6 +425,7 @@ impl Demo<'_> {
             swarms.push((
                 SwarmResult {
                     model,
+                    speed_along_leader_mps: summary.task.speed_along_leader_mps,
                     flock_speed_mps: summary.task.flock_speed_mps,
                     leader_speed_mps: summary.task.leader_speed_mps,
                     flock_speed_floor_mps: summary.task.flock_speed_floor_mps,

@@ -104,7 +104,7 @@ impl Told<'_> {
                         "better" => "under the extended model".to_owned(),
                         _ => "under the truth".to_owned(),
                     },
-                    flock_speed_mps: swarm.flock_speed_mps,
+                    along_mps: swarm.speed_along_leader_mps,
                     leader_speed_mps: swarm.leader_speed_mps,
                     floor_mps: swarm.flock_speed_floor_mps,
                     delivery_ratio: swarm.delivery_ratio,
