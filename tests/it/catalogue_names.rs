@@ -12,6 +12,8 @@ const NAMED: &[(&str, &str, &str)] = &[
     ("bench/src/standing.rs", "orchestra", "what is measured is a configuration like any other"),
     ("cli/formula.rs", "formula", "the name of an argument"),
     ("cli/measured.rs", "formula", "the name of an argument"),
+    ("guess/words.rs", "temperature", "a word in the names of columns"),
+    ("guess/words.rs", "wind", "a word in the names of columns"),
     ("effects/src/lib.rs", "table", "a description of the type of a key"),
     ("network/src/split.rs", "interference", "a key of netsim.phy"),
     ("network/src/split.rs", "trace", "the configuration that is written has measured levels"),

@@ -278,6 +278,55 @@ fn distances_in_the_names_of_files_become_positions() {
 }
 
 #[test]
+fn only_the_files_that_are_named_are_read_and_their_letters_kept() {
+    let dir = folder();
+    let log = |node: &[u8], level: i32| {
+        (0..30).fold(b"time,sender,receiver,rssi\n".to_vec(), |mut text, row| {
+            text.extend_from_slice(format!("{row},").as_bytes());
+            text.extend_from_slice(node);
+            text.extend_from_slice(format!(",gw,{}\n", level - row % 3).as_bytes());
+            text
+        })
+    };
+    for (name, node, level) in
+        [("day1.csv", &b"\xe41"[..], -50), ("day2.csv", b"\xf61", -70), ("day9.csv", b"x", -60)]
+    {
+        std::fs::write(dir.path().join(name), log(node, level)).unwrap();
+    }
+    let import = ["import", "day1.csv", "day2.csv", "--yes", "--answer", "label-of-files=name"];
+    let output = orchestrator(&import, dir.path());
+    assert!(output.status.success(), "{}", said(&output));
+    let tx = column(dir.path(), "day1-links.csv", "tx");
+    assert_eq!(tx.len(), 60);
+    // In Latin-1, ä1 and ö1 are two nodes.
+    assert!(tx[0] != tx[59], "{tx:?}");
+    let again = ["convert", "day1-map.toml", "--output", "again.csv"];
+    let output = orchestrator(&again, dir.path());
+    assert!(output.status.success(), "{}", said(&output));
+}
+
+#[test]
+fn a_log_whose_rows_are_all_unusable_makes_no_table() {
+    let dir = folder();
+    let rows = (0..30).fold("time_s,tx,rx,rssi,ok\n".to_owned(), |text, row| {
+        format!("{text}{row},1,2,{},1\n", if row < 2 { "-70" } else { "NaN" })
+    });
+    let all = rows.replace("-70", "NaN");
+    std::fs::write(dir.path().join("log.csv"), all).unwrap();
+    let mapping = "table = \"links\"\n[[input]]\nfiles = \"log.csv\"\ncolumns = { time_s = \"time_s\", tx = \"tx\", rx = \"rx\", rssi_dbm = \
+                   \"rssi\", received = \"ok\" }\n";
+    std::fs::write(dir.path().join("map.toml"), mapping).unwrap();
+    let output = orchestrator(&["convert", "map.toml"], dir.path());
+    let printed = said(&output);
+    assert_eq!(output.status.code(), Some(1), "{printed}");
+    assert!(printed.contains("no table was written"), "{printed}");
+    assert!(!dir.path().join("map.csv").exists());
+    // A column that says of every frame that it was received does not say that lost ones would be there.
+    let found = imported(dir.path(), "some.csv", &rows, &[]);
+    assert!(!found["guess"]["mapping"].as_str().unwrap().contains("losses = \"logged\"\n"));
+}
+
+#[test]
 fn what_is_no_measurement_is_refused_with_the_reason() {
     let dir = folder();
     let write =

@@ -329,6 +329,7 @@ impl State<'_> {
         columns.sort_by_key(|(name, _)| order(name).unwrap_or(usize::MAX));
         let (names, values): (Vec<String>, Vec<Vec<f64>>) = columns.into_iter().unzip();
         let mut table = DataTable::of_columns(names, values);
+        let mut refusal = None;
         match self.mapping.table.read(&table) {
             Ok(verdict) => {
                 let used: BTreeSet<usize> = verdict.used.into_iter().collect();
@@ -345,9 +346,7 @@ impl State<'_> {
                 let keep: Vec<bool> = lines.iter().map(|line| used.contains(line)).collect();
                 table = kept(&table, &keep);
             }
-            Err(reason) => {
-                warnings.push(format!("compare and diagnose will refuse this table: {reason}"))
-            }
+            Err(reason) => refusal = Some(reason),
         }
         warnings.extend(derive::small_ratios(&table));
         let reports = self.inputs.into_iter().zip(&self.mapping.inputs).zip(self.files);
@@ -376,7 +375,7 @@ impl State<'_> {
             channels,
             warnings,
         };
-        Converted { table, answer }
+        Converted { table, answer, refusal }
     }
 }
 

@@ -20,7 +20,26 @@ const LONGEST: usize = 4096;
 /// Whether a pattern may stand for several files.
 #[must_use]
 pub fn is_pattern(pattern: &str) -> bool {
-    pattern.split('/').any(|part| parts(part).iter().any(|part| !matches!(part, Part::Literal(_))))
+    let is_wild = |part: &Part<'_>| !matches!(part, Part::Literal(_));
+    pattern.split('/').any(|part| choices(part).is_some() || parts(part).iter().any(is_wild))
+}
+
+/// What a part of a path with `{name:one|two}` stands for: each text, and the part with it. Nothing else in the part is a wildcard.
+fn choices(part: &str) -> Option<Vec<(&str, String)>> {
+    let (_, before, texts, after) = with_choices(part)?;
+    Some(texts.split('|').map(|text| (text, format!("{before}{text}{after}"))).collect())
+}
+
+/// The name, what stands before it, the texts, and what stands behind them, of a part with `{name:one|two}`.
+fn with_choices(part: &str) -> Option<(&str, &str, &str, &str)> {
+    let (before, rest) = part.split_once('{')?;
+    let (name, rest) = rest.split_once(':')?;
+    let (texts, after) = rest.rsplit_once('}')?;
+    is_name(name).then_some((name, before, texts, after))
+}
+
+fn is_name(name: &str) -> bool {
+    !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
 /// What the names in braces of a pattern stand for in the path of a file, in order.
@@ -33,6 +52,11 @@ pub fn fields(pattern: &str, path: &Path) -> Vec<(String, String)> {
     let mut fields = Vec::new();
     // A pattern is relative to a folder, so its parts are the last ones of the path.
     for (part, name) in pattern.iter().rev().zip(path.iter().rev()).rev() {
+        if let Some((field, ..)) = with_choices(part) {
+            let found = choices(part).into_iter().flatten().find(|(_, own)| own == name);
+            fields.extend(found.map(|(text, _)| (field.to_owned(), text.to_owned())));
+            continue;
+        }
         let names = parts(part).into_iter().filter_map(|part| match part {
             Part::Literal(_) => None,
             Part::Any | Part::One => Some(None),
@@ -58,9 +82,6 @@ fn parts(pattern: &str) -> Vec<Part<'_>> {
     let mut parts = Vec::new();
     let mut rest = pattern;
     while let Some(first) = rest.chars().next() {
-        let is_name = |name: &&str| {
-            !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-        };
         let named = rest.strip_prefix('{').and_then(|inner| inner.split_once('}'));
         if let Some((name, after)) = named.filter(|(name, _)| is_name(name)) {
             parts.push(Part::Named(name));
@@ -95,7 +116,12 @@ pub fn find(folder: &Path, pattern: &str) -> Result<Vec<Found>, String> {
     for part in pattern.split('/').filter(|part| !part.is_empty()) {
         let mut next = Vec::new();
         for at in found {
-            if is_pattern(part) {
+            if let Some(choices) = choices(part) {
+                next.extend(choices.into_iter().map(|(text, name)| Found {
+                    path: at.path.join(name),
+                    wildcards: at.wildcards.iter().cloned().chain([text.to_owned()]).collect(),
+                }));
+            } else if is_pattern(part) {
                 entries(&at, part, &mut next)?;
             } else {
                 next.push(Found { path: at.path.join(part), wildcards: at.wildcards });
@@ -234,6 +260,9 @@ mod tests {
         let fields = fields("{site}/d{distance}m_*.csv", Path::new("/logs/hall/d12m_3.csv"));
         let field = |name: &str, text: &str| (name.to_owned(), text.to_owned());
         assert_eq!(fields, [field("site", "hall"), field("distance", "12")]);
+        let chosen = super::fields("x/d{distance:12|20}m.csv", Path::new("x/d20m.csv"));
+        assert_eq!(chosen, [field("distance", "20")]);
+        assert!(is_pattern("d{distance:12|20}m.csv") && with_choices("d{distance}m.csv").is_none());
         assert!(is_pattern("a/{b}.csv") && !is_pattern("a{b c}.csv") && !is_pattern("a{}"));
     }
 

@@ -344,6 +344,7 @@ fn shown(names: &[String]) -> String {
 fn read_logs(files: &[(PathBuf, String)], budget: MemoryBudget) -> Result<Vec<Log>, GuessError> {
     let mut sorted: Vec<&(PathBuf, String)> = files.iter().collect();
     sorted.sort_by(|a, b| natural_order(&a.1, &b.1));
+    sorted.dedup_by(|a, b| a.1 == b.1);
     let mut logs: Vec<Log> = Vec::new();
     for (path, name) in sorted {
         let form = form_of(path, budget)?;
@@ -392,10 +393,22 @@ fn read_logs(files: &[(PathBuf, String)], budget: MemoryBudget) -> Result<Vec<Lo
     Ok(logs)
 }
 
+/// So much of a file is looked at for its format (bytes): several lines of the longest that are read.
+const SNIFFED_BYTES: usize = 4 << 20;
+
 fn form_of(path: &Path, budget: MemoryBudget) -> Result<Form, GuessError> {
     let mut content = open(path, budget)?.uncounted().0;
     let failed = |source| DataError::Read { path: path.to_owned(), source };
-    let begin = content.fill_buf().map_err(failed)?.to_vec();
+    let mut begin = Vec::new();
+    while begin.len() < SNIFFED_BYTES {
+        let more = content.fill_buf().map_err(failed)?;
+        if more.is_empty() {
+            break;
+        }
+        let n = more.len();
+        begin.extend_from_slice(more);
+        content.consume(n);
+    }
     if begin.is_empty() {
         return Err(GuessError::Other {
             path: path.to_owned(),

@@ -69,6 +69,8 @@ pub struct Converted {
     pub table: DataTable,
     /// How it came about.
     pub answer: Conversion,
+    /// Why the commands can use none of its rows, if they cannot.
+    pub refusal: Option<String>,
 }
 
 /// How logs became a table.

@@ -86,7 +86,9 @@ pub(super) fn checked(converted: Result<Converted, ConvertError>) -> Result<Conv
             ));
         }
     }
-    if answer.written == 0 {
+    if let Some(reason) = &converted.refusal {
+        problems.push(format!("none of {} rows can be used: {reason}", answer.read));
+    } else if answer.written == 0 {
         problems.push(format!("none of {} rows can be used", answer.read));
         let rejected = answer.inputs.iter().flat_map(|input| &input.rejected);
         problems.extend(rejected.take(5).map(|rejected| {

@@ -1,7 +1,7 @@
 //! `murmuration import`: what logs are, guessed and shown; then a mapping, a table and a first model.
 
 use super::convert::{checked, print};
-use super::{Failure, ReadArgs, place_for, write_json};
+use super::{Failure, ReadArgs, check_json, place_for, write_json};
 use ::convert::guess::{Answers, Guess, GuessError, Guessed, Question, guess, next_command};
 use ::convert::mapping::Mapping;
 use ::convert::output::{self, OutputFormat};
@@ -72,6 +72,7 @@ pub(super) fn import(args: &ImportArgs) -> Result<(), Failure> {
         let text = format!("--output {}: is no folder; make it first", args.output.display());
         return Err(Failure::request(text));
     }
+    check_json(args.json.as_deref())?;
     let name = name(args)?;
     let folder = args.output.canonicalize().map_err(Failure::work)?;
     let files: Vec<(PathBuf, String)> =
@@ -233,11 +234,18 @@ fn prompt(text: &str) -> Result<String, Failure> {
     }
 }
 
+/// Whether the files are to be written.
 fn confirmed(places: &Places) -> Result<bool, Failure> {
     let names =
         [&places.mapping, &places.table, &places.model].map(|path| path.display().to_string());
-    let text = prompt(&format!("\nWrite {}? [Y/n] ", names.join(", ")))?;
-    Ok(["", "y", "yes"].iter().any(|word| text.trim().eq_ignore_ascii_case(word)))
+    loop {
+        let text = prompt(&format!("\nWrite {}? [Y/n] ", names.join(", ")))?;
+        match text.trim().to_lowercase().as_str() {
+            "" | "y" | "yes" => return Ok(true),
+            "n" | "no" => return Ok(false),
+            _ => {}
+        }
+    }
 }
 
 /// What to say where nobody can be asked.

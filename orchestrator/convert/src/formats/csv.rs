@@ -7,6 +7,7 @@ use measure::formats::csv::Records;
 use measure::formats::{Content, Uncounted};
 use proto::bounds::{COLUMNS, LINE_BYTES};
 use proto::config::{Choice, Problem, Section, variant};
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::io::{BufRead as _, Read as _};
 use std::path::Path;
@@ -149,8 +150,7 @@ impl CsvRows<'_> {
         row.line = self.record.position().map_or(0, |at| at.line() as usize + self.skipped);
         row.fields.clear();
         for field in &self.record {
-            // What is not UTF-8 is not a number either.
-            let field = String::from_utf8_lossy(field);
+            let field = text(field);
             if self.is_spaced {
                 field.split_ascii_whitespace().for_each(|part| self.push(row, part));
             } else {
@@ -180,6 +180,14 @@ impl Rows for CsvRows<'_> {
         row.problem = (row.fields.len() != self.names.len())
             .then(|| format!("the number of fields is not {}, as in the header", self.names.len()));
         Ok(true)
+    }
+}
+
+/// A text. What is not UTF-8 is taken for Latin-1 (ISO 8859-1), so that different names stay different.
+pub(crate) fn text(bytes: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => Cow::Borrowed(text),
+        Err(_) => Cow::Owned(bytes.iter().copied().map(char::from).collect()),
     }
 }
 
@@ -240,6 +248,12 @@ mod tests {
         assert_eq!(names, ["t", "tx", "rssi"]);
         assert_eq!(read, [(1, "1|2|-70".to_owned()), (2, "2|3|-71".to_owned())]);
         assert!(rows("1,2\n", "").unwrap_err().contains("line 1 must name the columns"));
+    }
+
+    #[test]
+    fn text_in_latin_1_keeps_its_letters() {
+        assert_eq!(text(b"Kn\xf6ten"), "Knöten");
+        assert_eq!(text("Knöten".as_bytes()), "Knöten");
     }
 
     #[test]

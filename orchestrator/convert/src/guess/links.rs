@@ -306,11 +306,13 @@ fn reception(log: &Log, draft: &mut Draft, used: &mut Vec<usize>, n_missing: usi
         }
         return;
     }
-    if let Some(received) = received {
+    // Where all are received, lost frames may be without a row.
+    let has_losses = |column: &usize| log.profile(*column).range[0] < log.profile(*column).range[2];
+    if let Some(received) = received.filter(has_losses) {
         used.push(received);
         input.add("received", quoted(&log.profile(received).name), "1 or 0");
         draft.top.push(("losses".to_owned(), quoted("logged")));
-    } else if let Some(lost) = lost {
+    } else if let Some(lost) = lost.filter(has_losses) {
         used.push(lost);
         let name = quoted(&log.profile(lost).name);
         input.add("received", format!("{{ column = {name}, scale = -1, offset = 1 }}"), "1 − lost");
@@ -435,15 +437,7 @@ fn counts(log: &Log, column: usize, tx: Option<usize>, rx: Option<usize>) -> Res
 
 /// What was measured beside, by names that say what it is.
 pub(super) fn covariates(log: &Log, draft: &mut Draft, used: &[usize]) {
-    const KNOWN: [(&str, &[&str]); 6] = [
-        ("temperature_c", &["temperature", "temp"]),
-        ("humidity_percent", &["humidity", "rh"]),
-        ("battery_v", &["battery", "vbat", "voltage"]),
-        ("pressure_hpa", &["pressure", "baro"]),
-        ("wind_mps", &["wind"]),
-        ("rain_mmph", &["rain"]),
-    ];
-    for (name, words) in KNOWN {
+    for (name, words) in words::COVARIATES {
         let column = log.best(|p| {
             let is_free = used.iter().all(|&column| log.profile(column).name != p.name);
             i32::from(is_free && p.is_numeric() && !p.is_constant() && p.has(words))

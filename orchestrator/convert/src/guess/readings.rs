@@ -155,26 +155,13 @@ pub(super) fn readings(log: &Log, column: usize) -> Readings {
         );
     }
     let source = if keys.is_empty() { name } else { format!("{{ column = {name}{keys} }}") };
-    let reason = format!("readings of {low} to {high} dBm");
+    let reason = format!("most readings from {low} to {high} dBm");
     Readings { source, reason, findings, n_missing }
 }
 
 /// Whether a column has the readings of one node: levels, and at most one other value that stands for none.
 pub(super) fn is_of_one_node(profile: &Profile, values: &[f64]) -> bool {
-    if !profile.is_numeric()
-        || profile.has(&[
-            "snr",
-            "noise",
-            "lqi",
-            "tx",
-            "lat",
-            "lon",
-            "latitude",
-            "longitude",
-            "temp",
-            "temperature",
-        ])
-    {
+    if !profile.is_numeric() || profile.has(super::words::NO_LEVEL) {
         return false;
     }
     let is_level = |value: &&f64| (-125.0..=-15.0).contains(*value);

@@ -1,6 +1,6 @@
 //! Which format a file has, by its first bytes.
 
-use crate::formats::csv::with_point;
+use crate::formats::csv::{text, with_point};
 use crate::time::{self, Dates, NoTime, Time};
 use std::fmt::Write as _;
 
@@ -50,6 +50,10 @@ const OTHERS: &[(&[u8], &str)] = &[
     (b"\x28\xb5\x2f\xfd", "compressed by Zstandard; decompress it first"),
     (b"\xfd7zXZ", "compressed by xz; decompress it first"),
     (b"%PDF", "a PDF"),
+    (b"\xff\xd8\xff", "a picture (JPEG)"),
+    (b"\x89PNG", "a picture (PNG)"),
+    (b"\xff\xfe", "text in UTF-16; save it as UTF-8 first"),
+    (b"\xfe\xff", "text in UTF-16; save it as UTF-8 first"),
 ];
 const BAG: &str = "a ROS bag, which the Python package reads: pip install 'murmuration-sim[rosbags]', then \
                    python -m murmuration.importers FILE --output table.csv";
@@ -75,7 +79,14 @@ pub fn sniff(begin: &[u8]) -> Result<Form, String> {
     if begin.iter().filter(|byte| **byte == 0).count() * 100 > begin.len() {
         return Err("no text, and of no binary format that is known".to_owned());
     }
-    let text = String::from_utf8_lossy(begin);
+    // A letter may be cut where the beginning ends.
+    let whole = match std::str::from_utf8(begin) {
+        Err(error) if begin.len() < error.valid_up_to() + 4 => &begin[..error.valid_up_to()],
+        _ => begin,
+    };
+    let text = text(whole);
+    let is_of_old_ends = !text.contains('\n') && text.contains('\r');
+    let text = if is_of_old_ends { text.replace('\r', "\n").into() } else { text };
     let lines: Vec<&str> = whole_lines(&text);
     let first =
         lines.iter().find(|line| !line.trim().is_empty()).copied().unwrap_or_default().trim();

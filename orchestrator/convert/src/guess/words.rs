@@ -183,6 +183,19 @@ const NO_LABEL: &[&str] = &[
     "delay",
 ];
 
+/// Covariates that are recognised, and words in the names of the log's columns.
+pub(super) const COVARIATES: [(&str, &[&str]); 6] = [
+    ("temperature_c", &["temperature", "temp"]),
+    ("humidity_percent", &["humidity", "rh"]),
+    ("battery_v", &["battery", "vbat", "voltage"]),
+    ("pressure_hpa", &["pressure", "baro"]),
+    ("wind_mps", &["wind"]),
+    ("rain_mmph", &["rain"]),
+];
+/// Words of columns that have no reading of one node.
+pub(super) const NO_LEVEL: &[&str] =
+    &["snr", "noise", "lqi", "tx", "lat", "lon", "latitude", "longitude", "temp", "temperature"];
+
 /// How well a column names the nodes at one end of a link: 0 for not at all.
 pub(super) fn end(profile: &Profile, strong: &[&str], weak: &[&str], other: &[&str]) -> i32 {
     if !profile.is_label() || profile.has(NO_LABEL) || profile.has(other) {
@@ -205,7 +218,7 @@ pub(super) fn shares_group(a: &str, b: &str) -> bool {
     group(a).is_some_and(|own| group(b) == Some(own))
 }
 
-/// A pattern for names of files, in which `{label}` stands for the text by which they differ.
+/// A pattern for names of files, in which `{label:one|two}` stands for the texts by which they differ.
 pub(super) fn pattern(names: &[String]) -> String {
     let parts: Vec<Vec<&str>> = names.iter().map(|name| name.split('/').collect()).collect();
     let n_parts = parts[0].len();
@@ -219,10 +232,12 @@ pub(super) fn pattern(names: &[String]) -> String {
             return own[0].to_owned();
         }
         n_labels += 1;
-        let label =
-            if n_labels == 1 { "{label}".to_owned() } else { format!("{{label_{n_labels}}}") };
+        let label = if n_labels == 1 { "label".to_owned() } else { format!("label_{n_labels}") };
         let (prefix, suffix) = common(&own);
-        format!("{prefix}{label}{suffix}")
+        let middle = |part: &&str| part[prefix.len()..part.len() - suffix.len()].to_owned();
+        let mut texts: Vec<String> = own.iter().map(middle).collect();
+        texts.dedup();
+        format!("{prefix}{{{label}:{}}}{suffix}", texts.join("|"))
     };
     let parts: Vec<String> = (0..n_parts).map(of_part).collect();
     parts.join("/")
@@ -274,10 +289,10 @@ mod tests {
         let pattern = |names: &[&str]| {
             pattern(&names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>())
         };
-        assert_eq!(pattern(&["rssi_10m.csv", "rssi_12m.csv"]), "rssi_{label}m.csv");
-        assert_eq!(pattern(&["a/1D1.txt", "a/1D2.txt", "a/3D1.txt"]), "a/{label}.txt");
-        assert_eq!(pattern(&["run1/x.csv", "run2/x.csv"]), "run{label}/x.csv");
-        assert_eq!(pattern(&["log5.csv", "log15.csv"]), "log{label}.csv");
+        assert_eq!(pattern(&["rssi_10m.csv", "rssi_12m.csv"]), "rssi_{label:10|12}m.csv");
+        assert_eq!(pattern(&["a/1D1.txt", "a/1D2.txt", "a/3D1.txt"]), "a/{label:1D1|1D2|3D1}.txt");
+        assert_eq!(pattern(&["run1/x.csv", "run2/x.csv"]), "run{label:1|2}/x.csv");
+        assert_eq!(pattern(&["log5.csv", "log15.csv"]), "log{label:5|15}.csv");
     }
 
     #[test]

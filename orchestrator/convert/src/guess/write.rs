@@ -78,7 +78,7 @@ pub(super) fn guess(logs: &[Log], draft: Draft, questions: Vec<Question>) -> Gue
     });
     let unused = unused
         .flat_map(|log| &log.sample.names)
-        .filter(|name| !name.is_empty() && !used.contains(&***name));
+        .filter(|name| !name.is_empty() && !name.starts_with("label") && !used.contains(&***name));
     let unused: Vec<String> = unused.cloned().collect();
     Guess { table: draft.table, columns, findings, questions, unused, mapping, model: draft.model }
 }

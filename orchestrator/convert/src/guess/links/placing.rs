@@ -373,7 +373,7 @@ pub(super) fn label_of_files(
         ("distance-cm", "the distance in centimetres"),
         ("name", "the name of a campaign"),
     ];
-    let beside = log.files.split("{label}").nth(1).unwrap_or_default().to_lowercase();
+    let beside = log.files.split('}').nth(1).unwrap_or_default().to_lowercase();
     let likely = match () {
         () if !is_number => 2,
         () if beside.starts_with("cm") => 1,
