@@ -52,14 +52,14 @@ fn a_misspelt_metric_is_refused_before_anything_runs() {
             "must be a short name or a path of summary.json; `murmuration metrics` lists them";
         for expected in [
             format!(
-                "tiny.toml:15: sweep.metrics[0]: {lists}, got \"network.pdr\" (nearest valid: \"pdr\")"
+                "tiny.toml:16: sweep.metrics[0]: {lists}, got \"network.pdr\" (nearest valid: \"pdr\")"
             ),
             format!(
                 "sweep.metrics[2]: {lists}, got \"task.flok_speed_mps\" (nearest valid: \"task.flock_speed_mps\")"
             ),
             "sweep.metrics[3]: must list each metric only once; \"flock_speed\" is the same"
                 .to_owned(),
-            "    15 | metrics = [\"network.pdr\",".to_owned(),
+            "    16 | metrics = [\"network.pdr\",".to_owned(),
             // All problems at once.
             "netsim.phy.radius_m: must be ".to_owned(),
         ] {

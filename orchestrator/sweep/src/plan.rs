@@ -302,8 +302,10 @@ fn identity(plan: &Plan) -> String {
 
 /// Whether the network has protocols, as far as its configuration is known.
 fn has_protocols(plan: &Plan) -> bool {
-    let mode = plan.effective.get("netsim").and_then(|netsim| netsim.get("mode"));
-    plan.netsim.is_foreign() || mode.and_then(toml::Value::as_str) != Some("propagation-only")
+    let known = plan.netsim.effective_toml.as_ref().filter(|_| !plan.netsim.is_foreign());
+    let config = known.and_then(|text| text.parse::<toml::Table>().ok());
+    let mode = config.as_ref().and_then(|config| config.get("mode")?.as_str());
+    mode != Some("propagation-only")
 }
 
 /// Roughly: steps times pairs of agents.
