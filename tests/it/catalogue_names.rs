@@ -15,6 +15,8 @@ const NAMED: &[(&str, &str, &str)] = &[
     ("guess/words.rs", "temperature", "a word in the names of columns"),
     ("guess/words.rs", "wind", "a word in the names of columns"),
     ("effects/src/lib.rs", "table", "a description of the type of a key"),
+    ("metric/short_names.rs", "coverage", "a short name of a metric"),
+    ("metric/short_names.rs", "dispersion", "a short name of a metric"),
     ("network/src/split.rs", "interference", "a key of netsim.phy"),
     ("network/src/split.rs", "trace", "the configuration that is written has measured levels"),
     ("study/src/formula.rs", "formula", "what a user's own expression is added as"),

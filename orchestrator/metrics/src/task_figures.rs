@@ -30,9 +30,12 @@ const fn figure(
 
 const NO_STEP: &str = "no step, as in a run that was stopped before the network formed";
 const NO_LEADER: &str = "no leader";
+const LEADER_STILL: &str = "no leader, or it stands still";
 const NOBODY_SENDS: &str = "nobody sends";
 const NOBODY: &str = "nobody alive";
 const NOT_LINE: &str = "not line formation";
+const NOT_CIRCLE: &str = "not circle formation, or the robots are in a line";
+const NOT_COVERAGE: &str = "not coverage";
 const NOT_EXPLORATION: &str = "not exploration";
 
 /// All figures that this program computes. Simulators of others report further ones.
@@ -49,8 +52,35 @@ pub const TASK_FIGURES: &[TaskFigure] = &[
         "speed_along_leader_mps",
         Higher,
         "mean velocity along that of the leader: mean over time",
-        "no leader, or it stands still",
+        LEADER_STILL,
     ),
+    figure(
+        "leader_speed_ratio",
+        Higher,
+        "speed along the leader's direction over the leader's speed",
+        LEADER_STILL,
+    ),
+    figure(
+        "leader_speed_floor_ratio",
+        Neither,
+        "leader_speed_ratio if nobody follows the leader: 1 over the number of robots",
+        NO_LEADER,
+    ),
+    figure(
+        "thrash_factor",
+        Lower,
+        "speed of a robot over that along the leader's direction, while the leader moves",
+        "no leader, or nobody gets on along its direction",
+    ),
+    TaskFigure {
+        is_flag: true,
+        ..figure(
+            "thrashing",
+            Lower,
+            "whether robots move much faster than they get on along the leader's direction",
+            LEADER_STILL,
+        )
+    },
     figure("mean_speed_mps", Neither, "speed of a robot: mean over robots and time", NO_STEP),
     figure(
         "leader_distance_m",
@@ -144,7 +174,62 @@ pub const TASK_FIGURES: &[TaskFigure] = &[
         "circle_rms_m",
         Lower,
         "root mean square distance from the circle at the end",
-        "not circle formation, or the robots are in a line",
+        NOT_CIRCLE,
+    ),
+    figure("circle_radius_m", Neither, "radius of that circle", NOT_CIRCLE),
+    figure(
+        "circle_gap_rad",
+        Lower,
+        "greatest angle between neighbours on that circle at the end",
+        NOT_CIRCLE,
+    ),
+    figure(
+        "initial_circle_rms_m",
+        Neither,
+        "root mean square distance from the circle at the start",
+        NOT_CIRCLE,
+    ),
+    figure(
+        "initial_line_rms_m",
+        Neither,
+        "root mean square distance from the line at the start",
+        NOT_LINE,
+    ),
+    figure(
+        "polarisation_floor",
+        Neither,
+        "mean polarisation of as many independent headings",
+        "not boids, nor a flock without a leader",
+    ),
+    figure(
+        "lattice_error_m",
+        Lower,
+        "error of the distance to the nearest neighbour at the end: root mean square",
+        "not lattice flocking",
+    ),
+    figure(
+        "coverage_rms_m",
+        Lower,
+        "root mean square distance of points of the area from the nearest robot at the end",
+        NOT_COVERAGE,
+    ),
+    figure(
+        "initial_coverage_rms_m",
+        Neither,
+        "root mean square distance of points of the area from the nearest robot at the start",
+        NOT_COVERAGE,
+    ),
+    figure(
+        "connected_spread_m",
+        Higher,
+        "spread of the largest group that is connected at the end",
+        "not dispersion",
+    ),
+    figure(
+        "initial_spread_m",
+        Neither,
+        "root mean square distance from the centroid at the start",
+        "neither consensus nor dispersion",
     ),
     TaskFigure {
         is_flag: true,

@@ -21,8 +21,8 @@ pub(super) struct ImportArgs {
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Write the mapping, the table and the model to this folder
-    #[arg(long, value_name = "DIR", default_value = ".", alias = "out")]
-    output: PathBuf,
+    #[arg(long, value_name = "DIR", default_value = ".", alias = "output")]
+    out: PathBuf,
     /// Begin the names of the files with this [default: the name of the first log]
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
@@ -68,13 +68,13 @@ struct Places {
 
 /// `murmuration import`.
 pub(super) fn import(args: &ImportArgs) -> Result<(), Failure> {
-    if !args.output.is_dir() {
-        let text = format!("--output {}: is no folder; make it first", args.output.display());
+    if !args.out.is_dir() {
+        let text = format!("--out {}: is no folder; make it first", args.out.display());
         return Err(Failure::request(text));
     }
     check_json(args.json.as_deref())?;
     let name = name(args)?;
-    let folder = args.output.canonicalize().map_err(Failure::work)?;
+    let folder = args.out.canonicalize().map_err(Failure::work)?;
     let files: Vec<(PathBuf, String)> =
         args.files.iter().map(|file| in_mapping(file, &folder)).collect::<Result<_, _>>()?;
     let mut answers = answers(&args.answer)?;
@@ -92,7 +92,7 @@ pub(super) fn import(args: &ImportArgs) -> Result<(), Failure> {
         }
     };
     let place = |file: String| {
-        if args.output == Path::new(".") { PathBuf::from(file) } else { args.output.join(file) }
+        if args.out == Path::new(".") { PathBuf::from(file) } else { args.out.join(file) }
     };
     let places = Places {
         mapping: place(format!("{name}-map.toml")),
@@ -324,7 +324,7 @@ fn write(
 ) -> Result<(), Failure> {
     let failed =
         |path: &Path, error: std::io::Error| Failure::work(format!("{}: {error}", path.display()));
-    let draft = |path: &Path| place_for("--output", path).map_err(Failure::work);
+    let draft = |path: &Path| place_for("--out", path).map_err(Failure::work);
     let [mut table, mut mapping, mut model] =
         [draft(&places.table)?, draft(&places.mapping)?, draft(&places.model)?];
     output::write(&converted.table, OutputFormat::Csv, &mut table)
