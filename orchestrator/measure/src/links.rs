@@ -488,7 +488,10 @@ mod tests {
     /// Warnings of jumps on links of one mote to another, a row every 10 ms; `x_m`: where the sender is, by row.
     fn jumps(x_m: impl Fn(usize) -> f64) -> Vec<String> {
         let rows: String = (0..600)
-            .map(|row| format!("{},1,2,{},0,50,0,-70,1\n", 0.01 * row as f64, x_m(row)))
+            .map(|row| {
+                let level_dbm = -70 - (row % 3) as i32;
+                format!("{},1,2,{},0,50,0,{level_dbm},1\n", 0.01 * row as f64, x_m(row))
+            })
             .collect();
         let text = format!("time_s,tx,rx,tx_x_m,tx_y_m,rx_x_m,rx_y_m,rssi_dbm,received\n{rows}");
         let table = DataTable::of_csv(Path::new("links.csv"), text.as_bytes()).unwrap();
