@@ -299,7 +299,7 @@ mod tests {
         let circle = places(&corners).circle().unwrap();
         assert!(circle.rms_m < 1e-12 && (circle.radius_m - 5f64.sqrt()).abs() < 1e-12);
         // Along a side of 4 m, seen from a distance of 1 m.
-        assert!((circle.gap_rad - 2.0 * 2f64.atan()).abs() < 1e-12);
+        assert!((circle.gap_rad - 2.0 * libm::atan(2.0)).abs() < 1e-12);
         // Two on a circle of 1.1 m, two on one of 0.9 m, crosswise: 0.1 m off to first order.
         let crossed = AgentStates::at_rest(&[[1.1, 0.0], [-1.1, 0.0], [0.0, 0.9], [0.0, -0.9]]);
         let off_m = places(&crossed).circle().unwrap().rms_m;
@@ -307,7 +307,7 @@ mod tests {
         // On a quarter of a circle they are near to it, and three quarters of it are empty.
         let arc = [0.0, 0.25, 0.75, 1.0].map(|share: f64| {
             let angle = share * std::f64::consts::FRAC_PI_2;
-            [angle.cos(), angle.sin()]
+            [libm::cos(angle), libm::sin(angle)]
         });
         let arc = places(&AgentStates::at_rest(&arc)).circle().unwrap();
         assert!(arc.rms_m < 1e-12 && (arc.gap_rad - 1.5 * std::f64::consts::PI).abs() < 1e-9);
