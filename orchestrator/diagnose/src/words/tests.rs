@@ -76,8 +76,8 @@ fn effects_that_lack_the_same_are_listed_together_in_short_lines() {
     let text = text(&diagnosis);
     let expected = "not testable on these data:
   wall-attenuation, diffraction (needs walls in [site])
-  ground-effect (needs commands of acceleration, or of thrust and attitude, at the same times as
-    positions of all agents)
+  ground-effect (needs commands of acceleration, or of thrust and attitude, at
+    the same times as positions of all agents)
 ";
     assert!(text.ends_with(expected), "{text}");
 }
@@ -105,8 +105,8 @@ fn a_curve_without_parameters_ends_its_line_and_long_names_do_not_shift_columns(
         ..diagnosis(Verdict::MissingEffects)
     };
     let text = text(&diagnosis);
-    assert!(text.contains(&format!("\n{:<49}       2.2500", "as configured")), "{text}");
-    assert!(text.contains(&format!("\n{long}       3.5000")), "{text}");
+    assert!(text.contains(&format!("\n{:<49}     2.2500", "as configured")), "{text}");
+    assert!(text.contains(&format!("\n{long}     3.5000")), "{text}");
     let gain = "gain 0.2500 +- 0.0100 nats per row (blocks of time held out)";
     let expected = format!("\n{}: {gain}\ncurve:time_s: {gain}\n", &long[2..]);
     assert!(text.ends_with(&expected), "{text}");
