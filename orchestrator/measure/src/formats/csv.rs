@@ -33,7 +33,12 @@ impl<R: Read> Records<R> {
     /// Records of `content`, whose fields end at `delimiter`; `path` is named in errors.
     pub fn new(path: &Path, content: R, delimiter: u8) -> Self {
         let record_start = Rc::new(Cell::new(0));
-        let content = BoundedLines { content, n_read: 0, record_start: Rc::clone(&record_start) };
+        let content = BoundedLines {
+            content,
+            n_read: 0,
+            is_held: false,
+            record_start: Rc::clone(&record_start),
+        };
         let reader = csv::ReaderBuilder::new()
             .flexible(true)
             .has_headers(false)
@@ -128,10 +133,13 @@ pub(crate) fn read(
 }
 
 /// Stops a line that never ends before it fills memory: a quotation mark that is not closed, or a file without line breaks.
+/// Lines that end with CR LF end with LF behind it, by which the reader counts them.
 #[derive(Debug)]
 struct BoundedLines<R> {
     content: R,
     n_read: u64,
+    /// Whether a CR is held back because what follows it was not yet read.
+    is_held: bool,
     /// Where the record begins that is being read.
     record_start: Rc<Cell<u64>>,
 }
@@ -146,9 +154,37 @@ impl<R: Read> Read for BoundedLines<R> {
             let refusal = LINE_BYTES.refusal(&format!("more than {}", LINE_BYTES.most));
             return Err(std::io::Error::other(refusal));
         }
-        let n = self.content.read(buffer)?;
+        let n = self.fill(buffer)?;
         self.n_read += n as u64;
         Ok(n)
+    }
+}
+
+impl<R: Read> BoundedLines<R> {
+    /// Reads without the CRs of line ends.
+    fn fill(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        loop {
+            let start = usize::from(std::mem::take(&mut self.is_held));
+            buffer[..start].fill(b'\r');
+            let n = self.content.read(&mut buffer[start..])?;
+            let filled = &mut buffer[..start + n];
+            if n == 0 || !filled.contains(&b'\r') {
+                return Ok(filled.len());
+            }
+            self.is_held = filled.last() == Some(&b'\r');
+            let mut n_kept = 0;
+            for at in 0..filled.len() {
+                let is_line_end = filled[at] == b'\r'
+                    && filled.get(at + 1).is_none_or(|following| *following == b'\n');
+                if !is_line_end {
+                    filled[n_kept] = filled[at];
+                    n_kept += 1;
+                }
+            }
+            if 0 < n_kept {
+                return Ok(n_kept);
+            }
+        }
     }
 }
 
@@ -175,6 +211,25 @@ mod tests {
         assert!(
             refusal(long.as_bytes()).contains("line 2: the length of a line (bytes) is 1048579")
         );
+    }
+
+    #[test]
+    fn rows_keep_their_lines_whatever_ends_these() {
+        // Line ends that fall between two reads, alone in a read, and within a field.
+        let parts: [&[u8]; 6] = [b"a,b\r", b"\n1,\"x\ry\"\r\n", b"\r", b"\n2", b",3\r", b"\n4,5"];
+        let content =
+            parts.into_iter().rfold(Box::new(std::io::empty()) as Box<dyn Read>, |rest, part| {
+                Box::new(part.chain(rest))
+            });
+        let mut records = Records::new(Path::new("data.csv"), content, b',');
+        let (mut record, mut read) = (csv::StringRecord::new(), Vec::new());
+        while records.next_text(&mut record).unwrap() {
+            let line = record.position().unwrap().line();
+            read.push((line, record.iter().collect::<Vec<_>>().join("|")));
+        }
+        // The empty line is counted with the row behind it.
+        let expected = [(1, "a|b"), (2, "1|x\ry"), (3, "2|3"), (5, "4|5")];
+        assert_eq!(read, expected.map(|(line, text)| (line, text.to_owned())));
     }
 
     #[test]
