@@ -327,6 +327,38 @@ fn a_log_whose_rows_are_all_unusable_makes_no_table() {
 }
 
 #[test]
+fn a_column_that_says_what_was_received_is_read_to_its_end() {
+    let dir = folder();
+    // Longer than what is looked at; the only loss is behind that.
+    let rows = (0..30_000).fold(
+        "time_s,sender,receiver,Signalstärke,received\n".to_owned(),
+        |text, row| {
+            let level = if row == 29_990 { String::new() } else { (-70 - row % 9).to_string() };
+            format!("{text}{row},a,b,{level},{}\n", u8::from(row != 29_990))
+        },
+    );
+    imported(dir.path(), "log.csv", &rows, &[]);
+    let received = column(dir.path(), "log-links.csv", "received");
+    let lost: Vec<usize> = (0..received.len()).filter(|&row| received[row] == 0.0).collect();
+    assert_eq!((received.len(), lost), (30_000, vec![29_990]));
+}
+
+#[test]
+fn lines_are_counted_alike_whatever_ends_them() {
+    let dir = folder();
+    let rows = (0..30).fold("time_s,tx,rx,rssi_dbm\n".to_owned(), |text, row| {
+        let time = if row == 6 { "x".to_owned() } else { row.to_string() };
+        format!("{text}{time},a,b,{}\n", -60 - row % 7)
+    });
+    for (name, content) in [("lf.csv", rows.clone()), ("crlf.csv", rows.replace('\n', "\r\n"))] {
+        std::fs::write(dir.path().join(name), content).unwrap();
+        let output = orchestrator(&["import", name, "--yes"], dir.path());
+        let expected = format!("first on line 8 of {name}");
+        assert!(said(&output).contains(&expected), "{}", said(&output));
+    }
+}
+
+#[test]
 fn what_is_no_measurement_is_refused_with_the_reason() {
     let dir = folder();
     let write =
@@ -336,13 +368,20 @@ fn what_is_no_measurement_is_refused_with_the_reason() {
     write("iperf.csv", b"time,throughput_mbps\n0,1.5\n1,2.5\n2,1.25\n");
     write("empty.csv", b"");
     write("walk.csv", b"timestamp,x,y\n0.0,1.5,2.5\n0.1,1.6,2.4\n0.2,1.7,2.3\n");
+    write("levels.csv", b"time_s,tx,rx,rssi_dbm\n0,a,b,\n1,a,b,\n2,b,a,\n");
+    write("run*.csv", b"time_s,tx,rx,rssi_dbm\n0,a,b,-60\n1,a,b,-61\n2,b,a,-62\n");
+    write("model.toml", b"propagation = \"log-distance\"\n");
     for (file, parts) in [
         ("drive.bag", &["python -m murmuration.importers", "rosbags"][..]),
         ("flight.ulg", &["python -m murmuration.importers", "ulog"]),
         ("iperf.csv", &["throughput_mbps", "links need a column of RSSI"]),
         ("empty.csv", &["the file is empty"]),
         ("walk.csv", &["no commands"]),
-        ("absent.csv", &["cannot be read"]),
+        ("levels.csv", &["rssi_dbm has no reading"]),
+        ("absent.csv", &["does not exist"]),
+        ("walks.csv", &["does not exist (nearest: walk.csv)"]),
+        ("run*.csv", &["rename it"]),
+        ("model.toml", &["murmuration check model.toml", "murmuration convert model.toml"]),
     ] {
         let output = orchestrator(&["import", file, "--yes"], dir.path());
         let printed = said(&output);

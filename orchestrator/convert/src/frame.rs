@@ -133,29 +133,23 @@ pub(crate) fn check_fields(
                 Some(_) => format!(".columns.{}", target.name),
                 None => format!(".covariates.{}", target.name),
             };
-            let listed: Vec<&str> =
+            let columns: Vec<&str> =
                 names.iter().map(String::as_str).filter(|name| !name.is_empty()).collect();
             let mut problem = Problem::new(
                 format!("{path}{section}"),
-                format!("must be a column of {file}, which are {}", shortened(&listed)),
+                format!(
+                    "must be a column of {file}, which are {}",
+                    crate::listed(columns.iter().copied())
+                ),
             )
             .value(format!("{field:?}"));
-            let same = listed.iter().find(|name| name.eq_ignore_ascii_case(field)).copied();
-            let nearest = same.or_else(|| most_similar(field, listed));
+            let same = columns.iter().find(|name| name.eq_ignore_ascii_case(field)).copied();
+            let nearest = same.or_else(|| most_similar(field, columns));
             problem.nearest = nearest.map(|name| format!("{name:?}"));
             problems.push(problem);
         }
     }
     if problems.is_empty() { Ok(()) } else { Err(problems) }
-}
-
-fn shortened(names: &[&str]) -> String {
-    const SHOWN: usize = 40;
-    let mut text = names[..names.len().min(SHOWN)].join(", ");
-    if SHOWN < names.len() {
-        text.push_str(&format!(" and {} more", names.len() - SHOWN));
-    }
-    text
 }
 
 fn fields(target: &Target) -> Vec<&String> {

@@ -321,22 +321,16 @@ fn nothing(logs: &[Log], reasons: &[String]) -> String {
             "\n  {} ({}): {}",
             log.files,
             log.form.reason,
-            shown(&log.sample.names)
+            crate::listed(log.sample.names.iter().map(String::as_str))
         ));
     }
     for reason in reasons.iter().filter(|reason| !reason.is_empty()) {
         text.push_str(&format!("\n  {reason}"));
     }
-    text.push_str("\nIf a column is there under another name, write a mapping file and use convert: docs/importing.md");
-    text
-}
-
-fn shown(names: &[String]) -> String {
-    const MOST: usize = 20;
-    let mut text = names[..names.len().min(MOST)].join(", ");
-    if MOST < names.len() {
-        text.push_str(&format!(" and {} more", names.len() - MOST));
+    for profile in logs.iter().flat_map(|log| &log.profiles).filter(|own| readings::is_empty(own)) {
+        text.push_str(&format!("\n  {} has no reading in any row looked at", profile.name));
     }
+    text.push_str("\nIf a column is there under another name, write a mapping file and use convert: docs/importing.md");
     text
 }
 

@@ -59,6 +59,23 @@ pub enum ConvertError {
     Log(#[from] DataError),
 }
 
+/// Names, in a text of bounded length: long ones are cut, and of many only the first stand there.
+pub fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    const MOST: usize = 40;
+    const MOST_LETTERS: usize = 40;
+    let mut names = names.into_iter();
+    let cut = |name: &str| match name.char_indices().nth(MOST_LETTERS) {
+        Some((at, _)) => format!("{}…", &name[..at]),
+        None => name.to_owned(),
+    };
+    let mut text = names.by_ref().take(MOST).map(cut).collect::<Vec<_>>().join(", ");
+    let n_more = names.count();
+    if 0 < n_more {
+        text.push_str(&format!(" and {n_more} more"));
+    }
+    text
+}
+
 /// What the schema of the answer is called.
 pub const SCHEMA: &str = "convert/1";
 

@@ -1,12 +1,12 @@
 //! `murmuration convert`: logs become a table of measurements.
 
 use super::answers::{check_new, not_placed};
-use super::{AllowFileArgs, Failure, ReadArgs, place_for, write_json};
+use super::{AllowFileArgs, Failure, ReadArgs, check_json, place_for, write_json};
 use ::convert::channels::ChannelShare;
 use ::convert::mapping::Mapping;
 use ::convert::output::{self, OutputFormat};
 use ::convert::tables::TableKind;
-use ::convert::{Conversion, ConvertError, Converted, InputReport, RejectedRows};
+use ::convert::{Conversion, ConvertError, Converted, InputReport, RejectedRows, listed};
 use clap::Args;
 use experiment::Capability;
 use std::collections::BTreeMap;
@@ -43,6 +43,7 @@ pub(super) fn convert(args: &ConvertArgs) -> Result<(), Failure> {
         ))
     })?;
     check_new("--output", &out, args.replace)?;
+    check_json(args.json.as_deref())?;
     let mapping = Mapping::read(&args.mapping).map_err(Failure::request)?;
     let failed = |error| match error {
         ConvertError::Mapping(refusal) => Failure::request(refusal),
@@ -138,7 +139,7 @@ pub(super) fn print(out: &Path, answer: &Conversion) {
     if !answer.names.is_empty() {
         let names: Vec<String> =
             answer.names.iter().map(|(name, number)| format!("{name} = {number}")).collect();
-        say(format!("  names     {}", names.join(", ")));
+        say(format!("  names     {}", listed(names.iter().map(String::as_str))));
     }
     if let Some([latitude, longitude]) = answer.origin_deg {
         say(format!("  origin    latitude {latitude}, longitude {longitude} (degrees)"));

@@ -2,12 +2,13 @@
 
 use super::convert::{checked, print};
 use super::{Failure, ReadArgs, check_json, place_for, write_json};
+use ::convert::files::is_pattern;
 use ::convert::guess::{Answers, Guess, GuessError, Guessed, Question, guess, next_command};
 use ::convert::mapping::Mapping;
 use ::convert::output::{self, OutputFormat};
-use ::convert::{Conversion, Converted};
+use ::convert::{Conversion, Converted, listed};
 use clap::Args;
-use experiment::{as_file_name, program_name, quoted};
+use experiment::{as_file_name, missing_file, program_name, quoted};
 use numbers::layout::TextTable;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -162,11 +163,11 @@ fn name(args: &ImportArgs) -> Result<String, Failure> {
 /// A log, and what a mapping in a folder calls it: a path that is relative to the folder, if the log lies in it.
 fn in_mapping(file: &Path, folder: &Path) -> Result<(PathBuf, String), Failure> {
     let whole = file.canonicalize().map_err(|error| {
-        Failure::request(format!(
-            "{}: cannot be read: {}",
-            file.display(),
-            std::io::Error::from(error.kind())
-        ))
+        let what = match error.kind() {
+            std::io::ErrorKind::NotFound => missing_file(file),
+            kind => format!("cannot be read: {}", std::io::Error::from(kind)),
+        };
+        Failure::request(format!("{}: {what}", file.display()))
     })?;
     if whole.is_dir() {
         return Err(Failure::request(format!(
@@ -175,7 +176,20 @@ fn in_mapping(file: &Path, folder: &Path) -> Result<(PathBuf, String), Failure> 
             file.display()
         )));
     }
+    if whole.extension().is_some_and(|ending| ending == "toml") {
+        let (program, path) = (program_name(), file.display());
+        return Err(Failure::request(format!(
+            "{path}: is a configuration (TOML), and import takes logs; a mapping file is used by `{program} convert {path}`, \
+             a model is checked by `{program} check {path}`"
+        )));
+    }
     let name = whole.strip_prefix(folder).unwrap_or(&whole).to_string_lossy().into_owned();
+    if is_pattern(&name) {
+        return Err(Failure::request(format!(
+            "{}: its path has *, ? or braces, which stand for other names in a mapping; rename it",
+            file.display()
+        )));
+    }
     Ok((whole, name))
 }
 
@@ -220,6 +234,7 @@ fn ask(question: &Question) -> Result<String, Failure> {
         if let Some(word) = answer(text.trim()) {
             return Ok(word);
         }
+        say(format!("{:?} is none of the choices.", text.trim()));
     }
 }
 
@@ -277,7 +292,7 @@ fn show(guessed: &Guess, converted: &Converted) {
         say(format!("  found: {finding}"));
     }
     if !guessed.unused.is_empty() {
-        say(format!("  not used: {}", shortened(&guessed.unused)));
+        say(format!("  not used: {}", listed(guessed.unused.iter().map(String::as_str))));
     }
     say("\nThe first rows:");
     let rows = &converted.table;
@@ -304,15 +319,6 @@ fn short(value: f64) -> String {
     } else {
         format!("{}", rounded + 0.0)
     }
-}
-
-fn shortened(names: &[String]) -> String {
-    const MOST: usize = 12;
-    let mut text = names[..names.len().min(MOST)].join(", ");
-    if MOST < names.len() {
-        text.push_str(&format!(" and {} more", names.len() - MOST));
-    }
-    text
 }
 
 /// Writes the three files: they get their names when all are whole.

@@ -318,7 +318,22 @@ fn reception(log: &Log, draft: &mut Draft, used: &mut Vec<usize>, n_missing: usi
         input.add("received", format!("{{ column = {name}, scale = -1, offset = 1 }}"), "1 − lost");
         draft.top.push(("losses".to_owned(), quoted("logged")));
     } else {
-        input.add("received", "1", "no column says so: every row is a frame that was received");
+        // A column that is 1 throughout the rows looked at may be 0 further on.
+        match received.filter(|column| log.profile(*column).range[0] == 1.0) {
+            Some(column) => {
+                used.push(column);
+                input.add(
+                    "received",
+                    quoted(&log.profile(column).name),
+                    "1 in every row looked at",
+                );
+            }
+            None => input.add(
+                "received",
+                "1",
+                "no column says so: every row is a frame that was received",
+            ),
+        }
         let missing = if 0 < n_missing { " Rows without a reading are left out." } else { "" };
         draft.unknown.push(format!(
             "losses: whether frames that were lost would have a row. Write losses = \"not-logged\" at the top if only received frames were \

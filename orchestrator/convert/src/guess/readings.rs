@@ -19,6 +19,30 @@ pub(super) struct Readings {
 /// Words of the name of a reading that is not of one node among several.
 pub(super) const PLAIN: [&str; 7] = ["rssi", "rss", "signal", "strength", "dbm", "level", "power"];
 
+/// Words for the strength of a signal.
+const STRENGTH: &[&str] = &[
+    "signal",
+    "strength",
+    "dbm",
+    "level",
+    "signalstärke",
+    "signalstaerke",
+    "signalpegel",
+    "empfangspegel",
+    "empfangsstärke",
+    "feldstärke",
+    "pegel",
+    "señal",
+    "intensidad",
+    "niveau",
+];
+
+/// Whether a column is named as one of RSSI, and has no readings.
+pub(super) fn is_empty(profile: &Profile) -> bool {
+    profile.n_numbers == 0
+        && (profile.has(&["rssi", "rsrp", "rss", "rssdbm"]) || profile.has(STRENGTH))
+}
+
 /// Readings in dBm are usually within these.
 const PLAUSIBLE_DBM: std::ops::RangeInclusive<f64> = -135.0..=-8.0;
 
@@ -45,7 +69,7 @@ pub(super) fn score(profile: &Profile) -> i32 {
         && profile.has(&["power", "level", "signal", "pwr"])
     {
         8
-    } else if profile.has(&["signal", "strength", "dbm", "level"]) {
+    } else if profile.has(STRENGTH) {
         6
     } else {
         0
