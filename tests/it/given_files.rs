@@ -21,6 +21,8 @@ fn a_table_in_place_of_a_configuration_leads_to_the_command_that_takes_it() {
     std::fs::write(dir.path().join("model.toml"), MODEL).unwrap();
     std::fs::write(dir.path().join("log.csv"), LOG).unwrap();
     std::fs::write(dir.path().join("log.txt"), LOG).unwrap();
+    let mapping = "table = \"links\"\n[[input]]\nfiles = \"log.csv\"\n";
+    std::fs::write(dir.path().join("map.toml"), mapping).unwrap();
     std::fs::write(dir.path().join("zipped"), b"\x1f\x8b\x08\0rest").unwrap();
     for (args, instead) in [
         ("run log.csv", "murmuration check --data log.csv"),
@@ -39,6 +41,9 @@ fn a_table_in_place_of_a_configuration_leads_to_the_command_that_takes_it() {
         ("compare log.csv --data log.txt", "murmuration compare MODEL.toml"),
         ("compare model.toml --data model.toml", "murmuration compare model.toml --data TABLE.csv"),
         ("check --data model.toml", "murmuration check --data TABLE.csv"),
+        ("check map.toml", "murmuration convert map.toml"),
+        ("run map.toml", "murmuration convert map.toml"),
+        ("convert map.toml --json absent/map.json", "there is no folder absent; make it first"),
     ] {
         let said = refused(args, dir.path());
         assert!(said.contains(instead), "{args}: {said}");

@@ -94,6 +94,14 @@ pub(super) fn place_for(option: &str, path: &Path) -> Result<Draft, String> {
     if path.is_dir() {
         return Err(format!("{option} {}: is a folder; give the path of a file", path.display()));
     }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+        let folder = folder.display();
+        return Err(format!(
+            "{option} {}: there is no folder {folder}; make it first",
+            path.display()
+        ));
+    }
     Draft::beside(path).map_err(|error| {
         format!("{option} {}: {}", path.display(), std::io::Error::from(error.kind()))
     })
