@@ -231,6 +231,26 @@ fn a_network_that_does_not_form_is_a_row_and_full_networks_are_measured_alike_ke
     assert_eq!(std::fs::read(table("a")).unwrap(), std::fs::read(table("b")).unwrap());
 }
 
+#[test]
+fn settings_whose_robots_thrash_are_named() {
+    let folder = tests::folder();
+    // All hear all, far beyond the flocking radius for which the gains are meant.
+    let text = "[experiment]\nname = \"s\"\nseed = 1\nduration_s = 4.0\nagents = 2\ncontrol_period = { rate_hz = 10.0 }\n\
+        [robotsim.scenario]\nkind = \"disc\"\ndensity_per_m2 = 0.1\n\
+        [robotsim.controller]\nkind = \"flocking\"\nflock_radius_m = 10.0\n\
+        [netsim.phy]\npropagation = \"unit-disk\"\nradius_m = 70.0\n\
+        [sweep]\nmetrics = [\"network.delivery_ratio\"]\n[sweep.vary]\nexperiment.agents = [2, 20]\n";
+    std::fs::write(folder.path().join("s.toml"), text).unwrap();
+    let told = sweep(folder.path(), &[]);
+    let warning = "in 1 of 2 trials the robots thrash, each much faster than the flock gets on: 1 of 1 of agents 20";
+    assert!(told.contains(warning), "{told}");
+    let read =
+        |name: &str| std::fs::read_to_string(folder.path().join("runs/s").join(name)).unwrap();
+    assert!(read("report.html").contains("the robots thrash"));
+    let summary: Value = serde_json::from_str(&read("summary.json")).unwrap();
+    assert!(summary["warnings"][0].as_str().unwrap().starts_with(warning), "{summary:#}");
+}
+
 fn text_of(row: &BTreeMap<String, Field>) -> String {
     text(row, "status")
 }

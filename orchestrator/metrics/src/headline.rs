@@ -56,6 +56,9 @@ pub fn is_thrashing(robots_mps: f64, along_leader_mps: f64, leader_mps: f64) -> 
     THRASH_FACTOR * along_leader_mps < robots_mps && leader_mps < robots_mps
 }
 
+/// The path of whether they do.
+pub const THRASHING_PATH: &str = "task.thrashing";
+
 /// The path of the number of collisions.
 pub const COLLISIONS_PATH: &str = "task.collisions";
 

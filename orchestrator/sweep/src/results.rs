@@ -7,6 +7,8 @@ use super::setting_figures::SettingFigures;
 use super::sweep_summary::{MetricSummary, SCHEMA, SettingSummary, SweepSummary};
 use super::table::{self, TableColumn};
 use super::{TABLE_FILE, report};
+use metrics::figures::FigureValue;
+use metrics::headline::THRASHING_PATH;
 use numbers::format::number;
 use numbers::layout::TextTable;
 use numbers::statistics::range;
@@ -92,7 +94,8 @@ pub(super) fn write(
     let (shown, mut warnings) = shown(plan, &columns);
     let has_formed: Vec<bool> = rows.values().map(TrialRow::has_formed).collect();
     let unformed = not_formed(plan, rows);
-    warnings.extend(unformed.clone());
+    let thrashing = thrashing(plan, rows);
+    warnings.extend(unformed.iter().chain(&thrashing).cloned());
     let failed = failed(plan, rows);
     warnings.extend(failed);
     let figures: Vec<SettingFigures<'_>> =
@@ -109,7 +112,7 @@ pub(super) fn write(
     }
     write_whole(dir, PROVENANCE_FILE, pretty(&provenance).as_bytes())?;
     let mut told = text(plan, &figures);
-    if let Some(warning) = unformed {
+    for warning in unformed.into_iter().chain(thrashing) {
         let _ = write!(told, "\nwarning: {warning}");
     }
     Ok((summary, told))
@@ -131,33 +134,53 @@ fn failed(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -> Option<Str
 
 /// Which settings have trials whose network did not form; none: all have formed.
 fn not_formed(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -> Option<String> {
-    let has_formed: Vec<bool> =
-        rows.values().map(|row| row.has_formed() || row.has_failed()).collect();
-    const MOST_NAMED: usize = 5;
-    let n_seeds = plan.seeds.len();
-    let by_setting: Vec<String> = plan
-        .settings
-        .iter()
-        .zip(has_formed.chunks(n_seeds))
-        .filter(|(_, formed)| formed.contains(&false))
-        .map(|(setting, formed)| {
-            let n = formed.iter().filter(|formed| !**formed).count();
-            format!("{n} of {n_seeds} of {}", setting.describe())
-        })
-        .collect();
-    if by_setting.is_empty() {
-        return None;
-    }
-    let more = by_setting.len().saturating_sub(MOST_NAMED);
-    let named = by_setting[..by_setting.len() - more].join("; ");
-    let more = if more == 0 { String::new() } else { format!("; and of {more} more settings") };
-    let n = has_formed.iter().filter(|formed| !**formed).count();
+    let (n, named) = by_setting(plan, rows, |row| !row.has_formed() && !row.has_failed())?;
     Some(format!(
-        "in {n} of {} trials the network did not form in time, and robots that wait for it never started: {named}{more}. \
+        "in {n} of {} trials the network did not form in time, and robots that wait for it never started: {named}. \
          Their figures are left out here; {TABLE_FILE} has them, {} why",
-        has_formed.len(),
+        rows.len(),
         super::JOURNAL_FILE
     ))
+}
+
+/// Which settings have trials whose robots thrash; none: there are none.
+fn thrashing(plan: &SweepPlan, rows: &BTreeMap<SweepTrial, TrialRow>) -> Option<String> {
+    let thrashes =
+        |row: &TrialRow| row.values.get(THRASHING_PATH) == Some(&Some(FigureValue::Flag(true)));
+    let (n, named) = by_setting(plan, rows, |row| row.has_formed() && thrashes(row))?;
+    Some(format!(
+        "in {n} of {} trials the robots thrash, each much faster than the flock gets on: {named}. \
+         Figures of speed count oscillation there; task.leader_speed_ratio does not",
+        rows.len()
+    ))
+}
+
+/// How many trials are such, and of which settings: named with their numbers of trials. `None`: none is.
+fn by_setting(
+    plan: &SweepPlan,
+    rows: &BTreeMap<SweepTrial, TrialRow>,
+    is_such: impl Fn(&TrialRow) -> bool,
+) -> Option<(usize, String)> {
+    const MOST_NAMED: usize = 5;
+    let such: Vec<bool> = rows.values().map(is_such).collect();
+    let n_seeds = plan.seeds.len();
+    let counts = such.chunks(n_seeds).map(|own| own.iter().filter(|is_such| **is_such).count());
+    let settings: Vec<String> = plan
+        .settings
+        .iter()
+        .zip(counts)
+        .filter(|(_, n)| 0 < *n)
+        .map(|(setting, n)| format!("{n} of {n_seeds} of {}", setting.describe()))
+        .collect();
+    if settings.is_empty() {
+        return None;
+    }
+    let more = settings.len().saturating_sub(MOST_NAMED);
+    let mut named = settings[..settings.len() - more].join("; ");
+    if 0 < more {
+        named.push_str(&format!("; and of {more} more settings"));
+    }
+    Some((such.iter().filter(|is_such| **is_such).count(), named))
 }
 
 /// The columns that the report shows.
