@@ -1,11 +1,11 @@
 //! The files that are given to a command: whether they exist, and are not given in each other's place.
 
 use super::Failure;
+use ::convert::mapping::Mapping;
 use clap::ArgMatches;
 use clap::error::{Error, ErrorKind};
 use experiment::{FileKind, missing_file, program_name, quoted};
 use std::ffi::OsString;
-use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 /// Arguments whose file must be TOML.
@@ -39,7 +39,7 @@ pub(super) fn check(matches: &ArgMatches) -> Result<(), Failure> {
     let shown = |path: &Path| quoted(&path.display().to_string());
     let program = program_name();
     let text = match (table, configuration) {
-        (None, None) => match toml.filter(|(_, path)| verb != "convert" && is_mapping(path)) {
+        (None, None) => match toml.filter(|(_, path)| verb != "convert" && Mapping::is_one(path)) {
             None => return Ok(()),
             Some((_, path)) => format!(
                 "{path} is a mapping file, which says how logs become a table; to make the table, use `{program} convert {path}`",
@@ -64,14 +64,6 @@ pub(super) fn check(matches: &ArgMatches) -> Result<(), Failure> {
         }
     };
     Err(Failure::request(text))
-}
-
-/// Whether a file is a mapping: only these have inputs.
-fn is_mapping(path: &Path) -> bool {
-    const HEAD_BYTES: u64 = 64 << 10;
-    let Ok(file) = std::fs::File::open(path) else { return false };
-    let lines = BufReader::new(file.take(HEAD_BYTES)).lines().map_while(Result::ok);
-    lines.into_iter().any(|line| line.trim() == "[[input]]")
 }
 
 /// What to say of a table where a command takes TOML. `has_table`: an option names another table.
