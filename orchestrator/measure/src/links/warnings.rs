@@ -187,8 +187,9 @@ type Ends = (BTreeSet<u32>, BTreeSet<u32>);
 /// positions are measured at a rate of their own, or hold for a step of a simulation: then a position is as old as this, and the time
 /// between two frames says nothing of a speed. 0 where there are too few changes.
 fn update_s(track: &[(f64, [f64; 3])]) -> f64 {
-    let changes: Vec<f64> =
-        track.windows(2).filter(|pair| pair[0].1 != pair[1].1).map(|pair| pair[1].0).collect();
+    // Heights may be unknown, and are then no number, which differs from itself.
+    let has_moved = |pair: &&[(f64, [f64; 3])]| 0.0 < way_m(pair[0].1, pair[1].1);
+    let changes: Vec<f64> = track.windows(2).filter(has_moved).map(|pair| pair[1].0).collect();
     let mut intervals_s: Vec<f64> = changes.windows(2).map(|pair| pair[1] - pair[0]).collect();
     if intervals_s.len() < FEWEST_INTERVALS {
         return 0.0;
