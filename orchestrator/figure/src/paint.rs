@@ -62,8 +62,9 @@ pub fn drawing(figure: &Figure, width_mm: f32) -> Drawing {
         plane: Plane { left: 0, top: 0, width: size[0], height: size[1] },
         site: Vec::new(),
         swarm: Vec::new(),
-        frame: painter.shapes,
-        title: Vec::new(),
+        frame: Vec::new(),
+        // Above the plane, which is all of the picture.
+        title: painter.shapes,
         name: figure.title.clone(),
         alternative: figure.caption.clone(),
     }
