@@ -29,6 +29,8 @@ const LINE: f32 = 9.0;
 /// Room between panels, and around all.
 const GAP: f32 = 10.0;
 const EDGE: f32 = 3.0;
+/// Height of a plane that is no map, of the width of its panel, so that planes beside each other are equally high.
+const PLANE_ASPECT: f32 = 0.5;
 /// Other programs' letters may be wider than ours.
 const SPARE: f32 = 1.08;
 /// Most lines of the name of a category.
@@ -128,16 +130,15 @@ impl Painter {
         }
         y += 4.0;
         // The height of the plane decides how many ticks there are, and these how much room is left for the plane.
-        let guess = 0.55 * width;
-        let labels = ticks(&panel.y, f64::from(guess / 22.0).max(2.0));
+        let labels = ticks(&panel.y, f64::from(PLANE_ASPECT * width / 22.0).max(2.0));
         let longest = labels.iter().map(|(_, label)| self.width(label, SMALL)).fold(0.0, f32::max);
         let plane_left = left + SIZE + 5.0 + longest + 4.0;
-        let right = left + width - 2.0;
+        let right = left + width - 8.0;
         let plane_width = right - plane_left;
         let (x_axis, y_axis, plane_height) = if panel.is_map {
             map(panel, plane_width)
         } else {
-            (panel.x.clone(), panel.y.clone(), (0.62 * plane_width).max(60.0))
+            (panel.x.clone(), panel.y.clone(), PLANE_ASPECT * width)
         };
         let bottom = y + plane_height;
         let frame = Frame { panel, x: x_axis, y: y_axis, edges: [plane_left, y, right, bottom] };
@@ -151,13 +152,13 @@ impl Painter {
         let [plane_left, top, right, bottom] = frame.edges;
         let grid = self.theme.grid.with_opacity(0.12);
         let mut lines = PathBuilder::new();
-        for (tick, label) in ticks(&frame.y, f64::from((bottom - top) / 22.0).max(2.0)) {
+        for (tick, label) in ticks(&frame.y, f64::from((bottom - top) / 22.0).max(3.0)) {
             let [_, y] = frame.at(frame.x.range[0], tick);
             segment(&mut lines, [plane_left, y], [right, y]);
             self.text([plane_left - 4.0, y + 0.35 * SMALL], Anchor::End, SMALL, &label, false);
         }
         let middle = (top + bottom) / 2.0;
-        self.fitted([left + SIZE, middle], &frame.y.label, bottom - top + 30.0, true);
+        self.fitted([left + SIZE, middle], &frame.y.label, bottom - top + 8.0, true);
         let below = if frame.x.scale == Scale::Category {
             self.categories(frame)
         } else {

@@ -256,14 +256,24 @@ impl Painter {
         }
     }
 
-    /// Names beside dots, if they are few.
+    /// Names beside dots, if they are few; of those that would cover each other the first is there.
     fn names(&mut self, frame: &Frame<'_>, points: &[Point]) {
         if MOST_NAMES < points.len() {
             return;
         }
+        let mut taken: Vec<[f32; 4]> = Vec::new();
         for point in points.iter().filter(|point| !point.name.is_empty()) {
             let Some(y) = point.y else { continue };
             let [x, y] = frame.at(point.x, y);
+            let width = self.width(&point.name, SMALL - 1.0);
+            let area = [x + DOT + 1.0, y - DOT - SMALL, x + DOT + 1.0 + width, y - DOT];
+            let covers = |other: &[f32; 4]| {
+                area[0] < other[2] && other[0] < area[2] && area[1] < other[3] && other[1] < area[3]
+            };
+            if taken.iter().any(covers) {
+                continue;
+            }
+            taken.push(area);
             self.shapes.push(Shape::Text(Text {
                 at: [x + DOT + 1.0, y - DOT],
                 anchor: Anchor::Start,
