@@ -11,7 +11,7 @@ static RESULTS: LazyLock<TempDir> = LazyLock::new(|| {
     let folder = folder();
     let common = "[experiment]\nname = \"NAME\"\nseed = 1\nduration_s = 3.0\nagents = 6\ncontrol_period = { rate_hz = 10.0 }\n\
         [robotsim.scenario]\nkind = \"line\"\n[robotsim.controller]\nkind = \"flocking\"\nflock_radius_m = 5.0\n\
-        [[site.wall]]\nfrom_m = [0.0, 5.0, 0.0]\nto_m = [10.0, 5.0, 3.0]\n\
+        [[site.wall]]\nfrom_m = [0.0, 5.0]\nto_m = [10.0, 5.0]\n\
         [netsim.phy]\npropagation = \"unit-disk\"\nradius_m = 12.0\n";
     std::fs::write(folder.path().join("run.toml"), common.replace("NAME", "run")).unwrap();
     let sweep = common.replace("NAME", "sweep")
@@ -49,7 +49,7 @@ fn a_figure_of_a_sweep_has_the_medians_and_intervals_of_its_summary() {
     let figure = figure(&["runs/sweep"], to.path());
     let summary = json(&RESULTS.path().join("runs/sweep/summary.json"));
     let panel = &figure["panels"][0];
-    assert_eq!(panel["x"]["label"], "radius (m)");
+    assert_eq!(panel["x"]["label"], "phy radius (m)");
     assert_eq!(panel["y"]["label"], "flock speed (m/s)");
     let mut n_points = 0;
     for series in panel["series"].as_array().unwrap() {
