@@ -371,8 +371,11 @@ fn panel(
 }
 
 fn in_words(metric: &Metric, point: &Point) -> String {
-    let shown = |value: f64| {
-        if metric.name.is_share || metric.is_flag { percent(value) } else { number(value) }
+    let shown = |value: f64| match metric.name.is_share || metric.is_flag {
+        // Duty cycles differ in digits that per cent with one decimal do not show.
+        true if value.abs() < 0.1 => format!("{} %", number(100.0 * value)),
+        true => percent(value),
+        false => number(value),
     };
     let middle = point.y.map(shown).unwrap_or_default();
     match (point.low, point.high) {
