@@ -71,8 +71,8 @@ fn text<'a>(value: &'a Value, key: &str) -> &'a str {
 /// The unit of errors, from the names of scores.
 fn error_axis(answer: &Value) -> &'static str {
     match text(answer, "kind") {
-        "robots" => "r.m.s. error (m)",
-        "links" => "r.m.s. error (dB)",
+        "robot" => "r.m.s. error (m)",
+        "link" => "r.m.s. error (dB)",
         _ => "r.m.s. error",
     }
 }
@@ -180,7 +180,7 @@ fn gains(answer: &Value) -> Result<Figure, String> {
 const MOST_COVARIATES: usize = 3;
 
 fn errors(answer: &Value) -> Result<Figure, String> {
-    let unit = if text(answer, "kind") == "robots" { "m" } else { "dB" };
+    let unit = if text(answer, "kind") == "robot" { "m" } else { "dB" };
     let mut panels = Vec::new();
     let mut words = Vec::new();
     for place in list(answer, "where") {

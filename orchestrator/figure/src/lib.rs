@@ -60,9 +60,7 @@ pub enum FigureError {
 pub fn figure(path: &Path, request: &Request, reading: Reading) -> Result<Figure, FigureError> {
     let wrong = |what: &str| FigureError::Request(format!("{}: {what}", path.display()));
     if path.is_file() {
-        let text = DESCRIPTION_BYTES
-            .read_text(open(path)?)
-            .map_err(|source| ResultError::of_reading(path, source))?;
+        let text = experiment::text_of(path).map_err(|error| wrong(&error.to_string()))?;
         let answer = serde_json::from_str(&text).map_err(|error| {
             wrong(&format!("is neither a folder of results nor an answer as JSON: {error}"))
         })?;
@@ -88,12 +86,6 @@ pub fn figure(path: &Path, request: &Request, reading: Reading) -> Result<Figure
 
 fn sweep_schema() -> &'static str {
     ::sweep::SUMMARY_SCHEMA
-}
-
-#[expect(clippy::disallowed_methods, reason = "an answer is a file")]
-fn open(path: &Path) -> Result<std::fs::File, FigureError> {
-    std::fs::File::open(path)
-        .map_err(|source| FigureError::Unbelieved(ResultError::of_reading(path, source)))
 }
 
 /// A kind of figure, with what it shows.

@@ -34,13 +34,13 @@ pub(super) fn trajectories(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
         let path = paths.entry(agent as u32).or_default();
         let point =
             if alive == 1.0 { Point::of(x_m, y_m) } else { Point { x: x_m, ..Point::default() } };
-        if step as u64 % every == 0 || path.is_empty() {
+        if (step as u64).is_multiple_of(every) || path.is_empty() {
             path.push(point.clone());
         }
         latest.insert(agent as u32, (step as u64, point));
     })?;
     for (agent, (step, point)) in latest {
-        if step % every != 0 {
+        if !step.is_multiple_of(every) {
             paths.entry(agent).or_default().push(point);
         }
     }
@@ -55,7 +55,7 @@ pub(super) fn trajectories(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
         starts.extend(path.first().filter(|point| point.y.is_some()).cloned());
         let last = path.last().filter(|point| point.y.is_some()).cloned();
         ends.extend(last.map(|point| Point { name: agent.to_string(), ..point }));
-        if place % stride == 0 {
+        if place.is_multiple_of(stride) {
             lines.extend(path.iter().cloned());
             lines.push(Point::default());
         }

@@ -43,7 +43,10 @@ fn sums(run: &RunFolder<'_>) -> Result<BTreeMap<u64, Sums>, FigureError> {
     let mut by_time: BTreeMap<u64, Sums> = BTreeMap::new();
     let columns = ["step", "time_ns", "alive", "vx_mps", "vy_mps", "vz_mps", "n_heard"];
     run.each("steps.parquet", columns, |[step, time_ns, alive, vx, vy, vz, n_heard]| {
-        if step == 0.0 || step as u64 % every != 0 || alive != 1.0 || !run.is_within(time_ns as u64)
+        if step == 0.0
+            || !(step as u64).is_multiple_of(every)
+            || alive != 1.0
+            || !run.is_within(time_ns as u64)
         {
             return;
         }
@@ -186,8 +189,10 @@ pub(super) fn latency(run: &RunFolder<'_>) -> Result<Figure, FigureError> {
         latencies_s.sort_by(f64::total_cmp);
         let n = latencies_s.len();
         let stride = n.div_ceil(MOST_POINTS as usize);
-        let points =
-            latencies_s.iter().enumerate().filter(|(rank, _)| rank % stride == 0 || rank + 1 == n);
+        let points = latencies_s
+            .iter()
+            .enumerate()
+            .filter(|(rank, _)| rank.is_multiple_of(stride) || rank + 1 == n);
         let points =
             points.map(|(rank, latency_s)| Point::of(*latency_s, (rank + 1) as f64 / n as f64));
         series.push(line(kind, Some(group), points.collect()));
