@@ -131,11 +131,14 @@ fn gains(answer: &Value) -> Result<Figure, String> {
             ))
         })
         .collect();
+    let n_all = tested.len();
+    // Of those that were not fitted, neither is known.
+    tested.retain(|(_, _, error, _)| 0.0 < *error);
     if tested.is_empty() {
         return Err("has no candidate with a gain".to_owned());
     }
     tested.sort_by(|a, b| b.3.cmp(&a.3).then(b.1.total_cmp(&a.1)));
-    let n_all = tested.len();
+    let n_fitted = tested.len();
     tested.truncate(MOST_CANDIDATES);
     let series = [(true, "accepted"), (false, "not accepted")].map(|(is_accepted, name)| {
         let own = tested.iter().enumerate().filter(|(_, candidate)| candidate.3 == is_accepted);
@@ -159,7 +162,8 @@ fn gains(answer: &Value) -> Result<Figure, String> {
         range(points.flat_map(|point| [point.low, point.high]).flatten().chain([0.0]));
     let margin = 0.06 * (high - low);
     let caption = format!(
-        "Gain of each candidate in held-out log score (nats per row), with 95 % intervals over blocks; {} of {n_all} candidates. {}",
+        "Gain of each candidate in held-out log score (nats per row), with 95 % intervals over blocks: {} of the \
+         {n_fitted} that were fitted, of {n_all} candidates. {}",
         tested.len(),
         text(answer, "sentence")
     );
