@@ -303,8 +303,8 @@ fn builds_of_the_same_code_are_one_program_and_other_code_is_named() {
     assert!(!said.contains("other code"), "{said}");
 
     // Without checksums, as the journal of an older program.
-    let journal = journal(folder.path(), "trials-2-of-2.jsonl");
-    let lines = std::fs::read_to_string(&journal).unwrap();
+    let shard = journal(folder.path(), "trials-2-of-2.jsonl");
+    let lines = std::fs::read_to_string(&shard).unwrap();
     let changed: Vec<String> = lines
         .lines()
         .map(|line| {
@@ -313,7 +313,8 @@ fn builds_of_the_same_code_are_one_program_and_other_code_is_named() {
             format!("{before}\"program\":\"x{after}}}\n")
         })
         .collect();
-    std::fs::write(&journal, changed.concat()).unwrap();
+    std::fs::write(&shard, changed.concat()).unwrap();
+    std::fs::remove_file(journal(folder.path(), "trials.jsonl")).unwrap();
     let said = succeeds(folder.path(), "--shard 2/2");
     assert!(said.contains("10 trials were run by a program with other code"), "{said}");
     let said = succeeds(folder.path(), "--merge");
