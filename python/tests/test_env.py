@@ -259,7 +259,7 @@ def test_robots_move_as_the_robot_simulator_moves_them(dynamics, action):
         ({"knowledge": "truth"}, {}, 'robotsim.knowledge: must be "heard"'),
         ({}, {"reward": "happiness"}, "'happiness' is not a figure of a task; there are flock_speed_mps"),
         ({}, {"neighbours": 0}, "neighbours: must be at least 1"),
-        ({}, {"netsim__phy__propagaton": "friis"}, "nearest valid: propagation"),
+        ({}, {"netsim__phy__propagaton": "friis"}, "there is no key netsim__phy__propagaton; the nearest is netsim__phy__propagation='friis'"),
         ({}, {"experiment__coupling": "parallel"}, 'must be "sequential"'),
     ],
 )
@@ -445,9 +445,3 @@ def test_rewards_are_figures_or_a_function():
         env.step({f"robot_{robot}": [np.nan, 0.0] for robot in range(5)})
     env.close()
     assert env.agents == []
-
-
-def test_a_missing_extra_is_named():
-    text = "import sys; sys.modules['pettingzoo'] = None\nimport murmuration.env"
-    answer = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True)
-    assert answer.returncode == 1 and 'pip install "murmuration-sim[env]"' in answer.stderr

@@ -193,14 +193,3 @@ def test_rows_that_are_left_out_are_a_warning_and_a_table_without_commands_is_sa
     bag.write(tmp_path / "drive")
     _, said = printed(capsys, "drive", "--output", "b.csv")
     assert said.startswith("warning: left out: ") and "39 of 50 rows without a command on /cmd_vel in the 1 s before" in said
-
-
-def test_without_a_reader_the_extra_is_named(tmp_path, capsys, monkeypatch):
-    flight(tmp_path / "flight.ulg")
-    drive(tmp_path / "drive")
-    for module in ("pyulog", "rosbags.highlevel"):
-        monkeypatch.setitem(sys.modules, module, None)
-    for log, extra in (("flight.ulg", "ulog"), ("drive", "rosbags")):
-        _, said = printed(capsys, log, "--output", "a.csv", status=1)
-        assert f'pip install "murmuration-sim[{extra}]"' in said
-    assert not (tmp_path / "a.csv").exists()

@@ -1,6 +1,5 @@
 """Logs of PX4 as tables of robot samples."""
 
-import builtins
 import re
 import warnings
 
@@ -284,20 +283,6 @@ def test_commands_of_another_time_and_wrong_options(tmp_path):
     ):
         assert text in refusal(path, **options)
     assert refusal([]) == "read_ulog needs at least one log"
-
-
-def test_without_pyulog_the_extra_is_named(tmp_path, monkeypatch):
-    path = straight().write(tmp_path / "flight.ulg")
-    found = builtins.__import__
-
-    def refusing(name, *arguments, **options):
-        if name.startswith("pyulog"):
-            raise ImportError(name)
-        return found(name, *arguments, **options)
-
-    monkeypatch.setattr(builtins, "__import__", refusing)
-    with pytest.raises(ImportError, match=re.escape('pip install "murmuration-sim[ulog]"')):
-        importers.read_ulog(path)
 
 
 def test_a_lost_share_of_the_velocity_is_found_in_a_log(tmp_path):

@@ -1,8 +1,10 @@
 //! `murmuration sweep --shard` and `--merge`: parts of a sweep that run on several machines.
 
 use std::collections::BTreeMap;
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Command, Output};
 use tempfile::TempDir;
 use tests::fake::{Fault, Faulty};
 
@@ -204,7 +206,7 @@ fn two_results_of_one_trial_are_refused_and_equal_ones_are_not() {
     let [first, second] = [1, 2].map(|i| journal(folder.path(), &format!("trials-{i}-of-2.jsonl")));
     let [lines, others] = [&first, &second].map(|path| std::fs::read_to_string(path).unwrap());
     let repeated = lines.lines().next().unwrap();
-    // As another build without checksums wrote it: in the journal of the other shard, with another number.
+    // As a program with other code and without checksums wrote it: in the journal of the other shard, with another number.
     let (unchecked, _) = repeated.rsplit_once(",\"checksum\"").unwrap();
     let (before, program) = unchecked.split_once("\"program\":\"").unwrap();
     let changed = format!("{before}\"program\":\"x{program}}}")
@@ -277,4 +279,44 @@ fn failed_trials_are_merged_and_their_shards_are_named() {
     let retry = "2 of 4 trials failed; the table has all others. Run --shard 1/3, --shard 2/3 again to retry them, then --merge";
     assert!(said.contains(retry), "{said}");
     assert_eq!(results(&folder.path().join("runs/s")), results(&folder.path().join("whole/s")));
+}
+
+#[test]
+fn builds_of_the_same_code_are_one_program_and_other_code_is_named() {
+    let folder = folder();
+    succeeds(folder.path(), "--shard 1/2");
+    // The same code in other bytes, as where a package strips its program.
+    let mut bytes = std::fs::read(tests::executable("murmuration")).unwrap();
+    bytes.push(0);
+    let other = folder.path().join("murmuration");
+    std::fs::write(&other, bytes).unwrap();
+    std::fs::set_permissions(&other, Permissions::from_mode(0o755)).unwrap();
+    let output = Command::new(&other)
+        .args(["sweep", "s.toml", "--shard", "2/2"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", tests::said(&output));
+    let said = succeeds(folder.path(), "--merge");
+    assert!(!said.contains("the code"), "{said}");
+    let said = succeeds(folder.path(), "--shard 2/2");
+    assert!(!said.contains("other code"), "{said}");
+
+    // Without checksums, as the journal of an older program.
+    let shard = journal(folder.path(), "trials-2-of-2.jsonl");
+    let lines = std::fs::read_to_string(&shard).unwrap();
+    let changed: Vec<String> = lines
+        .lines()
+        .map(|line| {
+            let (unchecked, _) = line.rsplit_once(",\"checksum\"").unwrap();
+            let (before, after) = unchecked.split_once("\"program\":\"").unwrap();
+            format!("{before}\"program\":\"x{after}}}\n")
+        })
+        .collect();
+    std::fs::write(&shard, changed.concat()).unwrap();
+    std::fs::remove_file(journal(folder.path(), "trials.jsonl")).unwrap();
+    let said = succeeds(folder.path(), "--shard 2/2");
+    assert!(said.contains("10 trials were run by a program with other code"), "{said}");
+    let said = succeeds(folder.path(), "--merge");
+    assert!(said.contains("programs with 2 versions of the code ran the trials"), "{said}");
 }

@@ -24,7 +24,7 @@ use system::File;
 pub(crate) struct TrialRow {
     /// What identifies the trial.
     pub(crate) key: String,
-    /// Digest of the program that ran it.
+    /// Fingerprint of the code of the program that ran it.
     pub(crate) program: String,
     /// `complete`, `not-formed` or `failed`.
     pub(crate) status: String,

@@ -57,13 +57,15 @@ use record::RecordError;
 use results::FinishedSweep;
 use run::disk_space;
 use run::{RunError, StartOptions};
-use sha2::{Digest as _, Sha256};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use terminal::ProgressDisplay;
 use worker::{Said, TrialQueue};
+
+/// Fingerprint of the code that decides the results of a trial: the same for every build of the same sources (build.rs).
+const PROGRAM: &str = env!("CODE_OF_RESULTS");
 
 /// What to sweep and where to put it.
 #[derive(Clone, Debug)]
@@ -336,7 +338,6 @@ fn run_trials(
         &format!("{part}sweep of {} trials, {jobs} at a time", plan.n_trials()),
     );
     terminal::warn_all(&known.warnings);
-    let program = program(&options.start.executable)?;
     let mut rows: BTreeMap<SweepTrial, TrialRow> = BTreeMap::new();
     for &trial in &trials {
         // One that failed is tried again.
@@ -347,10 +348,10 @@ fn run_trials(
         }
     }
     let n_before = rows.len();
-    let n_other = rows.values().filter(|row| row.program != program).count();
+    let n_other = rows.values().filter(|row| row.program != PROGRAM).count();
     if n_other != 0 {
         terminal::warn(format!(
-            "{n_other} trials were run by another build of this program; --restart runs them again"
+            "{n_other} trials were run by a program with other code; --restart runs them again"
         ));
     }
     let left: Vec<SweepTrial> =
@@ -359,7 +360,7 @@ fn run_trials(
     let queue = TrialQueue::new(plan, left.into_iter());
     let mut account = WorkSummary::default();
     if !queue.is_empty() {
-        let work = Work { plan, dir: &dir, start: &options.start, program: &program };
+        let work = Work { plan, dir: &dir, start: &options.start };
         account = std::thread::scope(|scope| {
             let (said, inbox) = channel();
             for _ in 0..jobs.min(queue.len()) {
@@ -447,7 +448,6 @@ struct Work<'a> {
     plan: &'a SweepPlan,
     dir: &'a Path,
     start: &'a StartOptions,
-    program: &'a str,
 }
 
 /// How the work went.
@@ -517,11 +517,4 @@ fn jobs(options: &SweepOptions, plan: &SweepPlan) -> Result<usize, SweepError> {
         // In each trial one of its three processes works at a time.
         (None, None) => Ok(proto_host::cores()),
     }
-}
-
-/// The digest of the program that runs the trials.
-fn program(executable: &Path) -> Result<String, SweepError> {
-    let bytes = std::fs::read(executable)
-        .map_err(|source| RecordError::Write { path: executable.to_owned(), source })?;
-    Ok(proto::digest::hex(&Sha256::digest(bytes))[..16].to_owned())
 }

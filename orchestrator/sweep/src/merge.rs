@@ -71,7 +71,7 @@ pub fn merge(options: &SweepOptions) -> Result<MergeReport, SweepError> {
     }
     system::point("in a merge");
     journal.add_all(new_rows.into_iter())?;
-    warn_of_builds(&rows);
+    warn_of_programs(&rows);
     results::write_config(&dir, &plan)?;
     let log = &options.start.run_log;
     log.open(&dir)?;
@@ -221,13 +221,13 @@ fn missing(
     Some(text)
 }
 
-/// Warns if several builds of the program ran the trials.
-fn warn_of_builds(rows: &BTreeMap<SweepTrial, TrialRow>) {
-    let builds: BTreeSet<&str> = rows.values().map(|row| row.program.as_str()).collect();
-    if 1 < builds.len() {
+/// Warns if programs of different code ran the trials.
+fn warn_of_programs(rows: &BTreeMap<SweepTrial, TrialRow>) {
+    let programs: BTreeSet<&str> = rows.values().map(|row| row.program.as_str()).collect();
+    if 1 < programs.len() {
         terminal::warn(format!(
-            "{} different builds of this program ran the trials; their results may differ for that reason",
-            builds.len()
+            "programs with {} versions of the code ran the trials; their results may differ for that reason",
+            programs.len()
         ));
     }
 }

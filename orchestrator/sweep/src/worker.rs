@@ -146,7 +146,7 @@ fn is_of_trial(error: &SideError) -> bool {
 fn failed_row(work: &Work<'_>, trial: SweepTrial, reason: String, wall_s: f64) -> TrialRow {
     TrialRow {
         key: work.plan.key(trial),
-        program: work.program.to_owned(),
+        program: crate::PROGRAM.to_owned(),
         status: FAILED.to_owned(),
         reason: Some(reason),
         digest: None,
@@ -159,7 +159,7 @@ fn row(work: &Work<'_>, trial: SweepTrial, outcome: TrialResult, wall_s: f64) ->
     let TrialResult { summary, not_formed } = outcome;
     TrialRow {
         key: work.plan.key(trial),
-        program: work.program.to_owned(),
+        program: crate::PROGRAM.to_owned(),
         status: if not_formed.is_some() { "not-formed" } else { "complete" }.to_owned(),
         reason: not_formed,
         values: figures::of_summary(&summary),

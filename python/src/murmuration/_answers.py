@@ -11,22 +11,28 @@ import importlib
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy
 
+from murmuration._files import DataFrame
 from murmuration._names import one_of, path_of
 from murmuration._program import MurmurationError, call
+from murmuration._terms import in_python_terms
+
+if TYPE_CHECKING:
+    import polars
+    from matplotlib.axes import Axes
 
 
-def read_table(path: Path) -> Any:
+def read_table(path: Path) -> DataFrame:
     """A Parquet file as a data frame of polars, or of pandas where polars is not installed."""
     _check_table(path)
     library = _table_library()
     return library.read_parquet(path)
 
 
-def scan_table(path: Path) -> Any:
+def scan_table(path: Path) -> polars.LazyFrame:
     """A Parquet file as a lazy frame of polars, which reads the columns and rows that a query needs."""
     _check_table(path)
     try:
@@ -36,7 +42,7 @@ def scan_table(path: Path) -> Any:
     return polars.scan_parquet(path)
 
 
-def table_of(columns: Mapping[str, Any]) -> Any:
+def table_of(columns: Mapping[str, Any]) -> DataFrame:
     """A data frame of polars, or of pandas where polars is not installed, from its columns."""
     return _table_library().DataFrame(dict(columns))
 
@@ -101,18 +107,43 @@ class _Files:
             )
         return path
 
-    def table(self, name: str) -> Any:
+    def table(self, name: str) -> DataFrame:
         return read_table(self.path(f"{name}.parquet"))
 
-    def scan(self, name: str) -> Any:
+    def scan(self, name: str) -> polars.LazyFrame:
         return scan_table(self.path(f"{name}.parquet"))
 
 
 class Run:
     """A recorded run: its folder, and its tables, each read when it is first asked for.
 
-    A file is read only if it is what the run wrote; `unverified` reads it as it is. docs/outputs.md lists the columns of every table
-    with their units.
+    A file is read only if it is what the run wrote. docs/outputs.md lists the columns of every table with their units.
+
+    Parameters
+    ----------
+    folder : str or pathlib.Path
+        Folder of the run, with its `summary.json`.
+    printed : str
+        What the program printed about the run.
+    unverified : bool
+        Reads files although they were changed after the run.
+
+    Attributes
+    ----------
+    folder : pathlib.Path
+        Folder of the run.
+    printed : str
+        What the program printed about the run.
+
+    Raises
+    ------
+    FileNotFoundError
+        The folder has no `summary.json`.
+
+    Examples
+    --------
+    >>> run = murmuration.Run("runs/flocking")
+    >>> run.steps.columns
     """
 
     def __init__(self, folder: str | Path, printed: str = "", *, unverified: bool = False) -> None:
@@ -124,12 +155,34 @@ class Run:
 
     @functools.cached_property
     def summary(self) -> dict[str, Any]:
-        """Figures of the whole run: summary.json."""
+        """Figures of the whole run: the content of summary.json.
+
+        Returns
+        -------
+        dict
+            The figures by name; those of the task are under "task", those of the network under "kpis".
+        """
         return json.loads(self._files.path("summary.json").read_text())
 
+    @in_python_terms
     def metric(self, name: str) -> float | bool | None:
-        """A figure of the summary by short name, such as `pdr`, or by path; None if it is null or absent. `murmuration.metrics()` lists
-        the names."""
+        """Returns a figure of the summary by name.
+
+        Parameters
+        ----------
+        name : str
+            Short name, such as "pdr", or path, such as "task.flock_speed_mps". `murmuration.metrics()` lists the names.
+
+        Returns
+        -------
+        float or bool or None
+            The figure in the unit of its metric; None if it is null or absent.
+
+        Raises
+        ------
+        InvalidInput
+            There is no such metric. The text has the nearest.
+        """
         value: Any = self.summary
         for part in path_of(name).split("."):
             value = value.get(part) if isinstance(value, dict) else None
@@ -140,36 +193,117 @@ class Run:
         return value
 
     @functools.cached_property
-    def steps(self) -> Any:
-        """Positions and velocities: one row for each agent and recorded step."""
+    def steps(self) -> DataFrame:
+        """Positions (m) and velocities (m/s): one row for each agent and recorded step.
+
+        Returns
+        -------
+        polars.DataFrame or pandas.DataFrame
+            The table; of polars if it is installed.
+
+        Raises
+        ------
+        FileNotFoundError
+            The run left no such table.
+        """
         return self._files.table("steps")
 
     @functools.cached_property
-    def links(self) -> Any:
-        """Who heard whom, and how strongly."""
+    def links(self) -> DataFrame:
+        """Who heard whom, and how strongly (dBm).
+
+        Returns
+        -------
+        polars.DataFrame or pandas.DataFrame
+            The table; of polars if it is installed.
+
+        Raises
+        ------
+        FileNotFoundError
+            The run left no such table.
+        """
         return self._files.table("links")
 
     @functools.cached_property
-    def motes(self) -> Any:
-        """State and counters of every mote."""
+    def motes(self) -> DataFrame:
+        """State and counters of every mote.
+
+        Returns
+        -------
+        polars.DataFrame or pandas.DataFrame
+            The table; of polars if it is installed.
+
+        Raises
+        ------
+        FileNotFoundError
+            The run left no such table.
+        """
         return self._files.table("motes")
 
     @functools.cached_property
-    def packets(self) -> Any:
-        """Every packet and what became of it. Only a run with mode = "6tisch" has this table."""
+    def packets(self) -> DataFrame:
+        """Every packet and what became of it. Only a run with mode = "6tisch" has this table.
+
+        Returns
+        -------
+        polars.DataFrame or pandas.DataFrame
+            The table; of polars if it is installed.
+
+        Raises
+        ------
+        FileNotFoundError
+            The run left no such table.
+        """
         return self._files.table("packets")
 
-    def scan(self, table: str) -> Any:
-        """A table as a lazy frame of polars, for tables that are larger than the memory: `run.scan("links").filter(…).collect()`."""
+    def scan(self, table: str) -> polars.LazyFrame:
+        """Returns a table as a lazy frame, for tables that are larger than the memory.
+
+        Parameters
+        ----------
+        table : str
+            Name of the table: "steps", "links", "motes" or "packets".
+
+        Returns
+        -------
+        polars.LazyFrame
+            The table. A query reads the columns and rows that it needs.
+
+        Raises
+        ------
+        FileNotFoundError
+            The run left no such table.
+
+        Examples
+        --------
+        >>> run.scan("links").filter(polars.col("rssi_dbm") < -90).collect()
+        """
         return self._files.scan(table)
 
     @property
     def report(self) -> Path:
-        """The page about the run."""
+        """Path of the page about the run.
+
+        Returns
+        -------
+        pathlib.Path
+            The page (HTML).
+        """
         return self.folder / "report.html"
 
-    def plot(self, *, axes: Any = None) -> Any:
-        """Draws the way of each agent, seen from above; returns the axes. Needs matplotlib."""
+    def plot(self, *, axes: Axes | None = None) -> Axes:
+        """Draws the way of each agent, seen from above. Needs matplotlib.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            Axes to draw on. By default new ones.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes, in metres.
+        """
         axes = _axes(axes)
         columns = {name: self.steps[name].to_numpy() for name in ("agent", "x_m", "y_m")}
         for agent in sorted(set(columns["agent"].tolist())):
@@ -190,7 +324,24 @@ class Run:
 
 
 class Sweep:
-    """A finished sweep: its folder, its table of trials, and its summary. `unverified`: see `Run`."""
+    """A finished sweep: its folder and its table of trials.
+
+    Parameters
+    ----------
+    folder : str or pathlib.Path
+        Folder of the sweep.
+    printed : str
+        What the program printed about the sweep.
+    unverified : bool
+        Reads files although they were changed after the sweep.
+
+    Attributes
+    ----------
+    folder : pathlib.Path
+        Folder of the sweep.
+    printed : str
+        What the program printed about the sweep.
+    """
 
     def __init__(self, folder: str | Path, printed: str = "", *, unverified: bool = False) -> None:
         self.folder = Path(folder)
@@ -198,19 +349,54 @@ class Sweep:
         self._files = _Files(self.folder, unverified)
 
     @functools.cached_property
-    def trials(self) -> Any:
-        """One row for each trial: its settings, its seed and its figures."""
+    def trials(self) -> DataFrame:
+        """One row for each trial: its settings, its seed and its figures.
+
+        Returns
+        -------
+        polars.DataFrame or pandas.DataFrame
+            The table; of polars if it is installed.
+        """
         return self._files.table("trials")
 
-    def scan(self, table: str = "trials") -> Any:
-        """A table as a lazy frame of polars."""
+    def scan(self, table: str = "trials") -> polars.LazyFrame:
+        """Returns a table as a lazy frame, for tables that are larger than the memory.
+
+        Parameters
+        ----------
+        table : str
+            Name of the table.
+
+        Returns
+        -------
+        polars.LazyFrame
+            The table. A query reads the columns and rows that it needs.
+        """
         return self._files.scan(table)
 
-    def plot(self, x: str, y: str, *, by: str | None = None, axes: Any = None) -> Any:
-        """Draws a figure of all trials over a setting, a dot for each, and the mean at each value; returns the axes. Needs matplotlib.
+    def plot(self, x: str, y: str, *, by: str | None = None, axes: Axes | None = None) -> Axes:
+        """Draws a figure of all trials over a setting: a dot for each, and the mean at each value. Needs matplotlib.
 
-        `x`, `y` and `by` are columns of `trials`, for instance `netsim.phy.radius_m` and `network.delivery_ratio`, or metrics by the
-        other of their two names, such as `pdr`. Each value of `by`, for instance `case`, gets a colour.
+        Parameters
+        ----------
+        x : str
+            Column of `trials` along the horizontal axis, such as "netsim.phy.radius_m".
+        y : str
+            Column of `trials` along the vertical axis, such as "network.delivery_ratio", or a metric by either of its names, such as "pdr".
+        by : str, optional
+            Column of `trials`, such as "case". Each of its values gets a colour.
+        axes : matplotlib.axes.Axes, optional
+            Axes to draw on. By default new ones.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes.
+
+        Raises
+        ------
+        ValueError
+            The trials have no such column. The text has the nearest.
         """
         column = {name: self._column(name) for name in (x, y, by) if name is not None}
         axes = _axes(axes)
@@ -238,7 +424,13 @@ class Sweep:
 
     @property
     def report(self) -> Path:
-        """The page about the sweep."""
+        """Path of the page about the sweep.
+
+        Returns
+        -------
+        pathlib.Path
+            The page (HTML).
+        """
         return self.folder / "report.html"
 
     def __repr__(self) -> str:
@@ -249,7 +441,22 @@ class Sweep:
 
 
 class Answer(Mapping[str, Any]):
-    """What a command found: the program's JSON as a mapping, and its report as text."""
+    """What a command found: a mapping with the program's JSON. `print` shows it as the program's report.
+
+    Parameters
+    ----------
+    content : dict
+        The answer by the keys of the program's JSON.
+    printed : str
+        The program's report.
+
+    Attributes
+    ----------
+    content : dict
+        The answer by the keys of the program's JSON.
+    printed : str
+        The program's report.
+    """
 
     def __init__(self, content: dict[str, Any], printed: str) -> None:
         self.content = content

@@ -9,21 +9,31 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import tomli_w
 
 from murmuration._program import MurmurationError
 
+if TYPE_CHECKING:
+    import pandas
+    import polars
+
 Config = str | os.PathLike[str] | Mapping[str, Any]
+# A data frame of the library that is installed; of polars, if both are.
+DataFrame: TypeAlias = "polars.DataFrame | pandas.DataFrame"
+# Measurements: a file, or a data frame.
+Table: TypeAlias = "str | os.PathLike[str] | polars.DataFrame | pandas.DataFrame"
 
 
 @contextlib.contextmanager
 def config_file(config: Config) -> Iterator[Path]:
     """The file of a configuration. Files that a dictionary names are relative to the working directory."""
-    if not isinstance(config, Mapping):
+    if isinstance(config, (str, os.PathLike)):
         yield Path(config)
         return
+    if not isinstance(config, Mapping):
+        raise TypeError(f"config must be a path or a dictionary, got {type(config).__name__}")
     # In the working directory, because the program takes the paths in it as relative to the file.
     handle, name = tempfile.mkstemp(prefix=".murmuration-", suffix=".toml", dir=os.getcwd())
     path = Path(name)
@@ -62,7 +72,7 @@ def hold(folder: str) -> int:
 
 
 @contextlib.contextmanager
-def table_file(table: Any) -> Iterator[Path]:
+def table_file(table: Table) -> Iterator[Path]:
     """The file of a table of measurements: a path, or a data frame of polars or pandas."""
     if isinstance(table, (str, os.PathLike)):
         yield Path(table)

@@ -14,30 +14,64 @@ class Layout:
     """Where each quantity stands in an observation, a vector of float32.
 
     Of each neighbour there is a place for each quantity; places that nobody takes are 0, their mask too. The nearest comes first.
+
+    Attributes
+    ----------
+    neighbours : int
+        Places for neighbours.
+    dimensions : int
+        2 or 3: of positions, velocities and actions.
     """
 
     neighbours: int
-    """Places for neighbours."""
     dimensions: int
-    """2 or 3: of positions, velocities and actions."""
 
     @property
     def own_width(self) -> int:
-        """Length of what comes before the neighbours: position, velocity, joined, n_heard."""
+        """Length of what comes before the neighbours: position, velocity, joined, n_heard.
+
+        Returns
+        -------
+        int
+            Number of entries.
+        """
         return 2 * self.dimensions + 2
 
     @property
     def neighbour_width(self) -> int:
-        """Length of a neighbour's place: mask, position, velocity, age, RSSI."""
+        """Length of a neighbour's place: mask, position, velocity, age, RSSI.
+
+        Returns
+        -------
+        int
+            Number of entries.
+        """
         return 2 * self.dimensions + 3
 
     @property
     def width(self) -> int:
-        """Length of an observation: the agent's own part, then one place after the other."""
+        """Length of an observation: the agent's own part, then one place after the other.
+
+        Returns
+        -------
+        int
+            Number of entries.
+        """
         return self.own_width + self.neighbours * self.neighbour_width
 
     def split(self, observation: np.ndarray) -> dict[str, np.ndarray]:
-        """The quantities of an observation, or of a stack of them, by name: views, not copies."""
+        """Splits an observation, or a stack of them, into its quantities. docs/training.md lists them.
+
+        Parameters
+        ----------
+        observation : numpy.ndarray
+            An observation, or several along the first axes.
+
+        Returns
+        -------
+        dict
+            The quantities by name: views, not copies.
+        """
         d, own = self.dimensions, self.own_width
         place = observation[..., own:].reshape(observation.shape[:-1] + (self.neighbours, self.neighbour_width))
         return {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import queue
-import re
 import shutil
 import subprocess
 import sys
@@ -15,18 +14,35 @@ from pathlib import Path
 from typing import IO
 
 from murmuration import _progress
+from murmuration._wording import with_keywords
 
 
 class MurmurationError(RuntimeError):
-    """The program failed while it worked: exit status 1. The text is the program's own."""
+    """The program failed while it worked. The text says why, in the words of the program."""
+
+    # The name by which users know it, in tracebacks too.
+    __module__ = "murmuration"
 
 
 class InvalidInput(MurmurationError, ValueError):
-    """A configuration, an option or a table of measurements is invalid: exit status 2. The text names each place."""
+    """A configuration, an argument or a table of measurements is invalid. The text names each place, value and valid choice."""
+
+    __module__ = "murmuration"
 
 
 def program() -> Path:
-    """The program: that of the variable MURMURATION_PROGRAM, else the one installed with the package, else the one on the path."""
+    """Returns the path of the program: of the variable MURMURATION_PROGRAM, else the one installed with the package, else on the PATH.
+
+    Returns
+    -------
+    pathlib.Path
+        The executable.
+
+    Raises
+    ------
+    MurmurationError
+        There is no such program.
+    """
     named = os.environ.get("MURMURATION_PROGRAM")
     if named:
         if not Path(named).is_file():
@@ -66,12 +82,9 @@ def call(arguments: Sequence[str | os.PathLike[str]], progress: bool | None = No
             display.close()
     if child.returncode != 0:
         kind = InvalidInput if child.returncode == 2 else MurmurationError
-        said = said.strip().replace("with --allow-command", "with allow_command=True")
-        said = said.replace("give --unverified", "give unverified=True")
-        said = re.sub(r"with --allow-(file|url) '?([^'\n]+)'?", r"with allow_\1='\2'", said)
-        raise kind(said or printed.strip() or f"{' '.join(command)} ended with exit status {child.returncode}")
+        raise kind(with_keywords(said) or printed.strip() or f"{' '.join(command)} ended with exit status {child.returncode}")
     if said.strip() and not quiet:
-        print(said.strip(), file=sys.stderr)
+        print(with_keywords(said), file=sys.stderr)
     return printed
 
 

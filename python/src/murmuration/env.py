@@ -25,25 +25,28 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
+import pettingzoo
 
-from murmuration import _program, _run, _serving, robots
+from murmuration import _program, _serving, robots
 from murmuration._answers import Run
 from murmuration._bodies import Bodies
+from murmuration._commands import MOST_SEED, record
 from murmuration._contract import robotsim_pb2_grpc
 from murmuration._files import Config, config_file, private_folder, settings
 from murmuration._metrics import FIGURES, Metrics, task_name
 from murmuration._observation import Layout, Observer
 from murmuration._program import InvalidInput, MurmurationError
+from murmuration._terms import in_python_terms, whole_number
 from murmuration.radio import Radio, Snapshot
 
-try:
-    import gymnasium
-    import pettingzoo
-except ImportError as _error:
-    raise ImportError(f'environments need pettingzoo and gymnasium ({_error}): pip install "murmuration-sim[env]"') from None
+__all__ = ["Layout", "Moment", "SwarmEnv", "evaluate", "parallel_env"]
 
-__all__ = ["FIGURES", "Layout", "Moment", "SwarmEnv", "evaluate", "parallel_env"]
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
 
 # Figures that the orchestrator does not measure with robots that are not its own: the robots say them.
 OF_ROBOTS = ("collisions", "line_rms_m", "circle_rms_m")
@@ -54,48 +57,102 @@ Policy = Callable[[Observations], Mapping[str, Any]]
 
 @dataclasses.dataclass(frozen=True)
 class Moment:
-    """The end of a step, as a reward function sees it. Arrays have one row for each robot, of x, y, z."""
+    """The end of a step, as a reward function sees it. Arrays have one row for each robot, of x, y, z.
+
+    Attributes
+    ----------
+    time_s : float
+        Time since the episode began (s).
+    dt_s : float
+        Duration of the step (s).
+    position_m : numpy.ndarray
+        Positions at the end of the step (m).
+    velocity_mps : numpy.ndarray
+        Mean velocities over the step (m/s).
+    action : numpy.ndarray
+        What was asked for (m/s or m/s²).
+    heard : murmuration.robots.Heard
+        Who heard whom in the step.
+    motes : murmuration.robots.Motes or None
+        How each mote stands in the network; None where it does not tell.
+    figures : Mapping
+        The figures that were asked for, by name. None: not defined in this step.
+    """
 
     time_s: float
-    """Time since the episode began (s)."""
     dt_s: float
-    """Duration of the step (s)."""
     position_m: np.ndarray
     velocity_mps: np.ndarray
-    """Mean over the step (m/s)."""
     action: np.ndarray
-    """What was asked for (m/s or m/s²)."""
     heard: robots.Heard
-    """Who heard whom in the step."""
     motes: robots.Motes | None
     figures: Mapping[str, float | None]
-    """The figures that were asked for by name."""
 
 
 Reward = Mapping[str, float] | str | Callable[[Moment], float | np.ndarray]
 
 
+@in_python_terms
 def parallel_env(
     config: Config, *, reward: Reward = "polarisation", figures: Sequence[str] = (), action: str = "velocity", neighbours: int = 8,
     dimensions: int = 2, **overrides: Any,
 ) -> SwarmEnv:  # fmt: skip
-    """An environment in which each robot of an experiment is an agent that observes what it heard.
+    """Makes an environment in which each robot of an experiment is an agent that observes what it heard.
 
-    Arguments:
-        config: An experiment: a file, or a dictionary of the same form. `[robotsim.controller]` is not used: a policy acts.
-        reward: What all agents are given in each step: a figure of docs/metrics.md by name or by short name, a dictionary of figures
-            and their weights, or a function of a `Moment` that returns a number or one for each robot.
-        figures: Further figures to measure. `infos` of the last step has all of the episode, under `task`.
-        action: "velocity" (m/s), or "acceleration" (m/s²) of double integrators. Limits are those of the body.
-        neighbours: For how many heard neighbours an observation has places. The nearest take them.
-        dimensions: 2 or 3, of positions, velocities and actions.
-        overrides: Keys of the experiment, two underscores in place of a dot.
+    Parameters
+    ----------
+    config : str, os.PathLike or Mapping
+        The experiment: a file (TOML), or a dictionary of the same form. `[robotsim.controller]` is not used: a policy acts.
+    reward : str, Mapping or callable
+        What all agents are given in each step: a figure of docs/metrics.md by name or by short name, a dictionary of figures and
+        their weights, or a function of a `Moment` that returns a number or one for each robot.
+    figures : sequence of str
+        Further figures to measure. `infos` of the last step has all of the episode, under "task".
+    action : {"velocity", "acceleration"}
+        What actions are: velocities (m/s), or accelerations (m/s²) of double integrators. Limits are those of the body.
+    neighbours : int
+        For how many heard neighbours an observation has places, at least 1. The nearest take them.
+    dimensions : {2, 3}
+        Number of dimensions of positions, velocities and actions.
+    **overrides
+        Keys of the experiment with their values, two underscores in place of a dot: `experiment__agents=20`.
+
+    Returns
+    -------
+    SwarmEnv
+        The environment.
+
+    Raises
+    ------
+    InvalidInput
+        The experiment or an argument is invalid. The text names all problems.
+
+    Examples
+    --------
+    >>> env = parallel_env("configs/flocking.toml", reward={"polarisation": 1.0, "cohesion_m": -0.1})
+    >>> observations, infos = env.reset(seed=1)
     """
     return SwarmEnv(_Plan(config, overrides), reward, figures, action, neighbours, dimensions)
 
 
 class SwarmEnv(pettingzoo.ParallelEnv):
-    """The environment that `parallel_env` makes. Its simulators start with the first `reset` and end with `close`."""
+    """The environment that `parallel_env` makes. Its simulators start with the first `reset` and end with `close`.
+
+    Attributes
+    ----------
+    layout : Layout
+        Where each quantity stands in an observation.
+    dt_s : float
+        The control period (s), which a step takes.
+    possible_agents : list of str
+        Names of all agents, "robot_0" and so on.
+    agents : list of str
+        Names of the agents of the present episode; none before `reset` and after its end.
+    observation_spaces : dict
+        The space of observations of each agent.
+    action_spaces : dict
+        The space of actions of each agent.
+    """
 
     metadata = {"name": "murmuration_v0", "render_modes": [], "is_parallelizable": True}
     render_mode = None
@@ -105,9 +162,7 @@ class SwarmEnv(pettingzoo.ParallelEnv):
     ) -> None:  # fmt: skip
         self._plan = plan
         self.layout = plan.layout(neighbours, dimensions)
-        """Where each quantity stands in an observation."""
         self.dt_s = plan.step_ns / 1e9
-        """The control period (s), which a step takes."""
         self._action = action
         self._weights, self._function = _reward(reward)
         self._figures = tuple(dict.fromkeys([*self._weights, *figures]))
@@ -126,15 +181,53 @@ class SwarmEnv(pettingzoo.ParallelEnv):
         self._draws = np.random.default_rng(plan.seed)
 
     def observation_space(self, agent: str) -> gymnasium.Space:
-        """The space of an agent's observations."""
+        """Returns the space of an agent's observations.
+
+        Parameters
+        ----------
+        agent : str
+            Name of the agent.
+
+        Returns
+        -------
+        gymnasium.Space
+            Vectors of float32; `layout` says what is where.
+        """
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> gymnasium.Space:
-        """The space of an agent's actions."""
+        """Returns the space of an agent's actions.
+
+        Parameters
+        ----------
+        agent : str
+            Name of the agent.
+
+        Returns
+        -------
+        gymnasium.Space
+            Vectors of float64 (m/s or m/s²) up to the limit of the body.
+        """
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observations, dict[str, dict[str, Any]]]:
-        """Begins an episode. The same seed gives the same episode; without one, each episode has another, drawn from the seed before."""
+        """Begins an episode.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Seed of all random draws: the same seed gives the same episode. By default each episode has another, drawn from the one
+            before.
+        options : dict, optional
+            Not used.
+
+        Returns
+        -------
+        observations : dict
+            The observation of each agent.
+        infos : dict
+            An empty dictionary for each agent.
+        """
         if seed is not None:
             self._draws = np.random.default_rng(seed)
         else:
@@ -153,7 +246,33 @@ class SwarmEnv(pettingzoo.ParallelEnv):
     def step(
         self, actions: Mapping[str, Any]
     ) -> tuple[Observations, dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
-        """Moves all robots for a control period, then runs the network over their new positions."""
+        """Moves all robots for a control period, then runs the network over their new positions.
+
+        Parameters
+        ----------
+        actions : Mapping
+            The action of each agent (m/s or m/s²).
+
+        Returns
+        -------
+        observations : dict
+            The observation of each agent.
+        rewards : dict
+            The reward of each agent.
+        terminations : dict
+            False for each agent.
+        truncations : dict
+            For each agent, whether the episode is over.
+        infos : dict
+            A dictionary for each agent; in the last step it has the figures of the episode under "task".
+
+        Raises
+        ------
+        InvalidInput
+            An action is missing or is not finite.
+        MurmurationError
+            No episode has begun, or it is over.
+        """
         if not self.agents:
             raise MurmurationError("step: the episode is over, or none has begun: call reset")
         bodies, radio, agents = self._bodies, self._radio, self.agents
@@ -173,12 +292,24 @@ class SwarmEnv(pettingzoo.ParallelEnv):
         return dict(zip(agents, seen)), rewards, dict.fromkeys(agents, False), dict.fromkeys(agents, is_over), infos
 
     def state(self) -> np.ndarray:
-        """Positions and velocities of all robots, which no agent knows: one row of six numbers for each robot."""
+        """Returns positions and velocities of all robots, which no agent knows.
+
+        Returns
+        -------
+        numpy.ndarray
+            One row for each robot: x, y, z (m), then the velocity (m/s).
+        """
         bodies = self._started()
         return np.hstack([bodies.position_m, bodies.velocity_mps])
 
     def figures(self) -> dict[str, float | None]:
-        """Figures of the episode so far."""
+        """Returns the figures of the episode so far.
+
+        Returns
+        -------
+        dict
+            Figures by name. None: not defined.
+        """
         return self._metrics.episode()
 
     def close(self) -> None:
@@ -237,17 +368,53 @@ class SwarmEnv(pettingzoo.ParallelEnv):
         return dict(zip(agents, np.broadcast_to(given, len(agents)).tolist()))
 
 
+@in_python_terms
 def evaluate(
     config: Config, policy: Policy, seed: int | None = None, *, figures: Sequence[str] = (), action: str = "velocity", neighbours: int = 8,
     dimensions: int = 2, out: str | os.PathLike[str] = "runs", replace: bool = False, **overrides: Any,
 ) -> Run:  # fmt: skip
-    """Runs an experiment whose robots follow a policy, with the orchestrator as master and everything recorded.
+    """Runs an experiment whose robots follow a policy, and records it.
 
-    `policy` is given the observations of all agents and returns their actions, as with `parallel_env`, whose arguments must be the
-    same. It is called in a thread of this process. A fault in it ends the run, and its traceback is in the exception.
-    Warnings are in the summary. Its `task` has the figures of motion; `figures` are further ones for it: collisions, line_rms_m,
-    circle_rms_m.
+    The policy is called in a thread of this process. A fault in it ends the run, and its traceback is in the exception. Warnings are
+    in the summary.
+
+    Parameters
+    ----------
+    config : str, os.PathLike or Mapping
+        The experiment: a file (TOML), or a dictionary of the same form. `[robotsim.controller]` is not used: the policy acts.
+    policy : callable
+        Takes the observations of all agents and returns their actions, as with `parallel_env`.
+    seed : int, optional
+        Seed of all random draws, from 0 to 2^63 - 1. By default that of the experiment.
+    figures : sequence of str
+        Figures for the summary's "task" beside those of motion: "collisions", "line_rms_m" or "circle_rms_m".
+    action : {"velocity", "acceleration"}
+        What actions are, as in `parallel_env`.
+    neighbours : int
+        For how many heard neighbours an observation has places, as in `parallel_env`.
+    dimensions : {2, 3}
+        Number of dimensions of positions, velocities and actions, as in `parallel_env`.
+    out : str or os.PathLike
+        Folder of results. The run gets a subfolder with the name of the experiment.
+    replace : bool
+        Replaces an earlier result of another configuration. By default the new result gets a folder beside it.
+    **overrides
+        Keys of the experiment with their values, two underscores in place of a dot.
+
+    Returns
+    -------
+    Run
+        The recorded run.
+
+    Raises
+    ------
+    InvalidInput
+        The experiment or an argument is invalid. The text names all problems.
+    MurmurationError
+        The run or the policy failed.
     """
+    if seed is not None:
+        seed = whole_number("seed", seed, 0, MOST_SEED)
     plan = _Plan(config, overrides)
     reported = {name: task_name(name) for name in figures}
     for name, figure in reported.items():
@@ -262,7 +429,7 @@ def evaluate(
     try:
         options = ["--seed", str(plan.seed if seed is None else seed), "--robotsim", f"http://{server.murmuration_address}"]
         options += ["--out", os.fspath(out), *(["--replace"] if replace else [])]
-        return _run(config, options, overrides, progress=False, quiet=True)
+        return record(config, options, overrides, progress=False, quiet=True)
     finally:
         server.stop(None)
         bodies.close()

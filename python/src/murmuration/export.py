@@ -11,22 +11,62 @@ from pathlib import Path
 
 from murmuration._answers import Run
 from murmuration._program import call
+from murmuration._terms import in_python_terms
 
 __all__ = ["csv", "rosbag2"]
 
 Recorded = Run | str | os.PathLike[str]
 
 
-def rosbag2(run: Recorded, output: str | os.PathLike[str] | None = None) -> Path:
-    """Writes a bag of ROS 2 (MCAP): `/robot_N/odom` (nav_msgs/msg/Odometry) of each robot, and `/tf`. Returns its folder.
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
-    `run` is a `Run` or the folder of one. The folder `output` must not exist; by default it is RUN-rosbag2, beside the run.
+
+@in_python_terms
+def rosbag2(run: Recorded, output: str | os.PathLike[str] | None = None) -> Path:
+    """Writes a run as a bag of ROS 2 (MCAP): `/robot_N/odom` (nav_msgs/msg/Odometry) of each robot, and `/tf`.
+
+    Parameters
+    ----------
+    run : Run, str or os.PathLike
+        The run, or its folder.
+    output : str or os.PathLike, optional
+        Folder of the bag, which must not exist. By default RUN-rosbag2, beside the run.
+
+    Returns
+    -------
+    pathlib.Path
+        The folder of the bag.
+
+    Raises
+    ------
+    InvalidInput
+        `run` is no recorded run, or `output` exists.
     """
     return _export(run, "rosbag2", output)
 
 
+@in_python_terms
 def csv(run: Recorded, output: str | os.PathLike[str] | None = None) -> Path:
-    """Writes every table of a run as CSV, a null as an empty field. Returns the folder, by default RUN-csv, beside the run."""
+    """Writes every table of a run as CSV, a null as an empty field.
+
+    Parameters
+    ----------
+    run : Run, str or os.PathLike
+        The run, or its folder.
+    output : str or os.PathLike, optional
+        Folder of the files, which must not exist. By default RUN-csv, beside the run.
+
+    Returns
+    -------
+    pathlib.Path
+        The folder of the files.
+
+    Raises
+    ------
+    InvalidInput
+        `run` is no recorded run, or `output` exists.
+    """
     return _export(run, "csv", output)
 
 

@@ -21,44 +21,90 @@ import numpy as np
 from murmuration import _digest, _serving
 from murmuration._contract import common_pb2, netsim_pb2, netsim_pb2_grpc
 
+__all__ = ["Network", "serve"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
 
 class Network:
     """Base class of a network simulator. Override `step`, and `reset` where there is anything to begin.
 
     Every robot that says something sends it once a period, from its beginning to its end. Everything random must come from
     the seed of `reset`: then the same seed gives the same recording.
+
+    Attributes
+    ----------
+    name : str or None
+        Name in messages and records; else that of the class.
+    version : str
+        Version in records.
+    config : dict
+        The section [netsim] of the experiment, before `reset` is called.
+    site : dict
+        The section [site]: walls, obstacles, ground.
+    time_s : float
+        Time of the experiment at the beginning of the present step (s).
+    rssi_dbm : numpy.ndarray or None
+        Received signal strength (dBm) by receiver and sender, if `step` sets it.
     """
 
     name: str | None = None
-    """Name in messages and records; else that of the class."""
     version = "1"
-    """Version in records."""
-
     config: dict[str, Any] = {}
-    """The section [netsim] of the experiment, before `reset` is called."""
     site: dict[str, Any] = {}
-    """The section [site]: walls, obstacles, ground."""
     time_s = 0.0
-    """Time of the experiment at the beginning of the present step (s)."""
     rssi_dbm: np.ndarray | None = None
-    """Received signal strength (dBm) by receiver and sender, if `step` sets it."""
 
     def reset(self, seed: int, n: int) -> None:
-        """Begins an experiment with `n` robots."""
+        """Begins an experiment. Optional.
+
+        Parameters
+        ----------
+        seed : int
+            Seed of all random draws.
+        n : int
+            Number of robots.
+        """
 
     def step(self, dt_s: float, position_m: np.ndarray, says: np.ndarray) -> np.ndarray:
-        """Who hears whom while the robots are at `position_m` (n rows of x, y, z): a matrix of truth values by receiver and sender.
+        """Decides who hears whom in a control period.
 
-        `says` tells which robots say anything; others, and a robot's own words, are heard by nobody whatever the matrix has.
+        Parameters
+        ----------
+        dt_s : float
+            Duration of the period (s).
+        position_m : numpy.ndarray
+            Positions of the robots (m): n rows of x, y, z.
+        says : numpy.ndarray
+            Whether each robot says anything. Others are heard by nobody whatever is returned, and no robot hears itself.
+
+        Returns
+        -------
+        numpy.ndarray
+            A matrix of truth values by receiver and sender.
         """
         raise NotImplementedError
 
     def snapshot(self) -> bytes:
-        """All that has changed since `reset`, for long runs that go on after a failure. Optional, together with `restore`."""
+        """Returns all that has changed since `reset`, for long runs that go on after a failure. Optional, together with `restore`.
+
+        Returns
+        -------
+        bytes
+            The state in a form of your own.
+        """
         raise NotImplementedError
 
     def restore(self, state: bytes) -> None:
-        """Puts back what `snapshot` returned; `reset` has been called before with the seed of that experiment."""
+        """Puts a state back. `reset` has been called before with the seed of that experiment.
+
+        Parameters
+        ----------
+        state : bytes
+            What `snapshot` returned.
+        """
         raise NotImplementedError
 
 
@@ -147,10 +193,30 @@ class _Service(_serving.Service, netsim_pb2_grpc.NetSimServiceServicer):
 
 
 def serve(network: Network, address: str | None = None, *, block: bool = True) -> grpc.Server:
-    """Serves a network at `address`, 127.0.0.1:PORT or unix:PATH, until Ctrl-C.
+    """Serves a network simulator until Ctrl-C.
 
     The variable MURMURATION_LISTEN takes precedence over `address`: the orchestrator sets it when `command` of an experiment
-    file starts the program, and then ends the program with the run. Without either it listens at a free port, and prints
-    which. With `block=False` it returns the server at once.
+    file starts the program, and then ends the program with the run.
+
+    Parameters
+    ----------
+    network : Network
+        The simulator.
+    address : str, optional
+        Where to listen: 127.0.0.1:PORT or unix:PATH. By default at a free port, which is printed.
+    block : bool
+        Whether to return only at the end.
+
+    Returns
+    -------
+    grpc.Server
+        The server.
+
+    Raises
+    ------
+    ValueError
+        The address is not of this machine.
+    OSError
+        It is not possible to listen there.
     """
     return _serving.serve(netsim_pb2_grpc.add_NetSimServiceServicer_to_server, _Service(network), address, block=block)

@@ -30,28 +30,67 @@ from murmuration._child import CALL_S, Child
 from murmuration._contract import common_pb2, netsim_pb2
 from murmuration._files import plain
 from murmuration._program import InvalidInput, MurmurationError
+from murmuration._terms import whole_number
 
 # Largest number of control periods that one step may cover: the contract's.
 MOST_PERIODS = 1000
+# Largest number of motes: the contract's numbers have 32 bits.
+MOST_MOTES = 2**32 - 1
 # How often it is looked at whether the network has formed (s of simulated time).
 LOOK_S = 5.0
 
 
+__all__ = ["Formation", "Radio", "Snapshot"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
 @dataclasses.dataclass(frozen=True)
 class Formation:
-    """Whether a network with protocols has formed, that is, whether every mote that is to take part does."""
+    """Whether a network with protocols has formed, that is, whether every mote that is to take part does.
+
+    Attributes
+    ----------
+    formed : bool
+        Whether it has formed at least once.
+    formed_s : float or None
+        When it had formed (s after the network started); None while it has not.
+    missing : dict
+        Motes that do not take part yet by number, and what each lacks.
+    """
 
     formed: bool
-    """It has, at least once."""
     formed_s: float | None
-    """When it had (s after the network started); `None` while it has not."""
     missing: dict[int, str]
-    """Motes that do not take part yet, and what each lacks."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Snapshot:
-    """The whole state of a network. Valid for the version of the program that made it."""
+    """The whole state of a network, to be given to `Radio.restore`. Valid for the version of the program that made it.
+
+    Attributes
+    ----------
+    state : bytes
+        State of the network simulator.
+    n : int
+        Number of motes.
+    period_ns : int
+        The control period (ns).
+    step : int
+        Number of steps so far.
+    time_ns : int
+        Simulated time since the network started (ns).
+    formation : Formation or None
+        How far the network had formed.
+    motes : murmuration.robots.Motes or None
+        How each mote stood in the network.
+    position_m : numpy.ndarray or None
+        Positions of the last step (m): one row of x, y, z for each robot.
+    says_state : bool
+        Whether all payloads so far were positions and velocities.
+    """
 
     state: bytes
     n: int
@@ -65,28 +104,60 @@ class Snapshot:
 
 
 class Radio:
-    """A network simulator that this process is the master of.
+    """A network of motes without robots, driven by a loop of your own.
 
-    Errors of the simulator are `murmuration.InvalidInput` or `murmuration.MurmurationError`, with its text. A simulator that has
-    died is named by the next call.
+    The network is a child process. Errors of it are `murmuration.InvalidInput` or `murmuration.MurmurationError`, with its text. If
+    it has died, the next call says so.
+
+    Parameters
+    ----------
+    netsim : Mapping or str, optional
+        The section [netsim] of an experiment, as a dictionary or as TOML text with its keys at top level.
+    n : int
+        Number of motes, at least 1. Mote i is the radio of robot i.
+    seed : int
+        Seed of all random draws, from 0 to 2^64 - 1: the same seed, configuration and motion give the same deliveries.
+    period_s : float
+        The control period (s), whole slots of the network: in each, every robot says what it has to say once.
+    site : Mapping or str, optional
+        The section [site]: walls, obstacles, ground.
+    files : Mapping, optional
+        Contents (bytes) of the files that `netsim` names, by their names. Those left out are read from `folder`.
+    folder : str or os.PathLike
+        Folder of the files that `netsim` names.
+    threads : int, optional
+        Threads of the simulator; results do not depend on it. By default one for each core.
+    deadline_s : float
+        How long a call may take (s of real time) before the simulator counts as hanging.
+
+    Attributes
+    ----------
+    n : int
+        Number of motes.
+    period_ns : int
+        The control period (ns).
+    can_reseed : bool
+        Whether `restore` takes a seed.
+    warnings : list of str
+        What should be checked before results are trusted.
+
+    Raises
+    ------
+    InvalidInput
+        The configuration or an argument is invalid.
+    MurmurationError
+        The simulator cannot be started.
+
+    Examples
+    --------
+    >>> with murmuration.Radio({"phy": {"propagation": "friis"}}, n=10, seed=1, period_s=0.1) as radio:
+    ...     heard = radio.step(0.1, position_m)
     """
 
     def __init__(
         self, netsim: Mapping[str, Any] | str | None = None, *, n: int, seed: int, period_s: float, site: Mapping[str, Any] | str | None = None,
         files: Mapping[str, bytes] | None = None, folder: str | os.PathLike[str] = ".", threads: int | None = None, deadline_s: float = CALL_S,
     ) -> None:  # fmt: skip
-        """Starts a network of `n` motes.
-
-        Arguments:
-            netsim: The section [netsim] of an experiment, as a dictionary or as TOML text with its keys at top level.
-            n: Number of motes, at least 1. Mote i is the radio of robot i.
-            seed: Seed of all random draws: the same seed, configuration and motion give the same deliveries.
-            period_s: The control period (s), whole slots of the network: in each, every robot says what it has to say once.
-            site: The section [site]: walls, obstacles, ground.
-            files: Contents of the files that `netsim` names. Those left out are read from `folder`.
-            threads: Threads of the simulator; results do not depend on it. By default one per core.
-            deadline_s: How long a call may take (s of real time) before the simulator is taken for hanging.
-        """
         self.n = 0
         self._files = dict(files or {})
         self._folder = Path(folder)
@@ -101,16 +172,32 @@ class Radio:
     def configure(
         self, netsim: Mapping[str, Any] | str | None = None, *, n: int, seed: int, period_s: float, site: Mapping[str, Any] | str | None = None
     ) -> None:  # fmt: skip
-        """Begins anew on the same process, in less than a millisecond. Arguments are those of the class."""
+        """Begins anew on the same process, in less than a millisecond.
+
+        Parameters
+        ----------
+        netsim : Mapping or str, optional
+            The section [netsim] of an experiment, as a dictionary or as TOML text with its keys at top level.
+        n : int
+            Number of motes, at least 1.
+        seed : int
+            Seed of all random draws, from 0 to 2^64 - 1.
+        period_s : float
+            The control period (s), whole slots of the network.
+        site : Mapping or str, optional
+            The section [site]: walls, obstacles, ground.
+
+        Raises
+        ------
+        InvalidInput
+            The configuration or an argument is invalid; the network is as it was.
+        """
         text, table = _toml(netsim, "netsim")
         site_text, _ = _toml(site, "site")
         period_ns = round(period_s * 1e9) if np.isfinite(period_s) else 0
         if period_ns < 1:
             raise InvalidInput(f"period_s: must be positive and finite, got {period_s}")
-        if not 0 <= seed < 1 << 64:
-            raise InvalidInput(f"seed: must be from 0 to 2^64 - 1, got {seed}")
-        if n < 1:
-            raise InvalidInput(f"n: must be at least 1, got {n}")
+        seed, n = whole_number("seed", seed, 0, 2**64 - 1), whole_number("n", n, 1, MOST_MOTES)
         request = netsim_pb2.NetSimServiceConfigureRequest(
             seed=seed, agent_count=n, step_ns=period_ns, coupling=common_pb2.COUPLING_SEQUENTIAL, site_toml=site_text, config_toml=text,
             columns=[common_pb2.DELIVERY_COLUMN_RSSI_DBM], files=read_files(table, self._folder, self._files),
@@ -119,7 +206,6 @@ class Radio:
         self.n = n
         self.period_ns = period_ns
         self.warnings: list[str] = list(reply.warnings)
-        """What should be checked before results are trusted."""
         self._step, self._time_ns = 0, 0
         self._formation = _formation(reply)
         self._motes: robots.Motes | None = None
@@ -131,31 +217,76 @@ class Radio:
 
     @property
     def time_s(self) -> float:
-        """Simulated time since the network started (s)."""
+        """Simulated time since the network started (s).
+
+        Returns
+        -------
+        float
+            The time (s).
+        """
         return self._time_ns / 1e9
 
     @property
     def formation(self) -> Formation | None:
-        """How far the network has formed; `None` where there is nothing to form, as in a propagation-only network."""
+        """How far the network has formed.
+
+        Returns
+        -------
+        Formation or None
+            None where there is nothing to form, as in a propagation-only network.
+        """
         return self._formation
 
     @property
     def formed(self) -> bool:
-        """Whether robots are heard: the network has formed, or has nothing to form."""
+        """Whether robots are heard: the network has formed, or has nothing to form.
+
+        Returns
+        -------
+        bool
+            True once it has formed.
+        """
         return self._formation is None or self._formation.formed
 
     @property
     def motes(self) -> robots.Motes | None:
-        """How each mote stands in the network at the end of the last step."""
+        """How each mote stands in the network at the end of the last step.
+
+        Returns
+        -------
+        murmuration.robots.Motes or None
+            None before the first step of a network that does not tell.
+        """
         return self._motes
 
     def step(
         self, dt_s: float, position_m: np.ndarray, payloads: Sequence[bytes] | None = None, *, velocity_mps: np.ndarray | None = None
     ) -> robots.Heard:
-        """Runs the network for `dt_s` while robots are at `position_m` (m; n rows of x, y or x, y, z). Returns what was heard.
+        """Runs the network while robots are at given positions.
 
-        Robots say their position and velocity, as the built-in ones do, unless `payloads` has the bytes that each says: empty
-        ones say nothing. `velocity_mps` defaults to the displacement since the last step, zero in the first.
+        Parameters
+        ----------
+        dt_s : float
+            Duration of the step (s), at most 1000 control periods.
+        position_m : numpy.ndarray
+            Positions (m): n rows of x, y or x, y, z.
+        payloads : sequence of bytes, optional
+            The bytes that each robot says; one with empty bytes says nothing. By default robots say their position and velocity, as the
+            built-in ones do.
+        velocity_mps : numpy.ndarray, optional
+            Velocities that robots say (m/s): n rows. By default the displacement since the last step over `dt_s`, zero in the first.
+
+        Returns
+        -------
+        murmuration.robots.Heard
+            What was heard in the step.
+
+        Raises
+        ------
+        InvalidInput
+            An argument has the wrong form; nothing has moved.
+        MurmurationError
+            The simulator has failed.
         """
         dt_ns = round(dt_s * 1e9) if np.isfinite(dt_s) else 0
         if not 1 <= dt_ns <= MOST_PERIODS * self.period_ns:
@@ -178,10 +309,26 @@ class Radio:
         return self._advance(dt_ns, position_m, said)
 
     def form(self, position_m: np.ndarray, *, limit_s: float = 3600.0) -> float:
-        """Waits until the network has formed, while robots stand at `position_m` and say nothing. Returns the time it took (s).
+        """Waits until the network has formed, while robots stand still and say nothing.
 
-        It looks every 5 s of simulated time, or after each period if that is longer. After `limit_s` of simulated time it gives
-        up: the exception names the missing motes and what each lacks.
+        It looks every 5 s of simulated time, or after each period if that is longer.
+
+        Parameters
+        ----------
+        position_m : numpy.ndarray
+            Positions (m): n rows of x, y or x, y, z.
+        limit_s : float
+            Simulated time after which it gives up (s).
+
+        Returns
+        -------
+        float
+            The time it took (s of simulated time).
+
+        Raises
+        ------
+        MurmurationError
+            The network has not formed within `limit_s`. The text names the missing motes and what each lacks.
         """
         position_m = rows(position_m, self.n, "position_m")
         begin_ns, silence = self._time_ns, common_pb2.Payloads(length_bytes=[0] * self.n)
@@ -193,17 +340,33 @@ class Radio:
         return (self._time_ns - begin_ns) / 1e9
 
     def snapshot(self) -> Snapshot:
-        """The whole state."""
+        """Returns the whole state.
+
+        Returns
+        -------
+        Snapshot
+            The state, to be given to `restore`.
+        """
         state = self._child.call("Snapshot", netsim_pb2.NetSimServiceSnapshotRequest()).state
         return Snapshot(
             state, self.n, self.period_ns, self._step, self._time_ns, self._formation, self._motes, self._before_m, self._says_state
         )
 
     def restore(self, snapshot: Snapshot, seed: int | None = None) -> None:
-        """Puts a state back, in a few milliseconds. With a `seed`, all random draws from here on are others.
+        """Puts a state back, in a few milliseconds.
 
-        What was drawn once for the whole experiment (shadowing, offsets of transmitters, rates of clocks) stays that of the
-        snapshot.
+        Parameters
+        ----------
+        snapshot : Snapshot
+            The state.
+        seed : int, optional
+            Seed of all random draws from here on. What was drawn once for the whole experiment (shadowing, offsets of transmitters,
+            rates of clocks) stays that of the snapshot. By default draws go on as from the snapshot.
+
+        Raises
+        ------
+        MurmurationError
+            The state is not of this simulator, or the simulator does not take another seed.
         """
         request = netsim_pb2.NetSimServiceRestoreRequest(state=snapshot.state)
         if seed is not None:

@@ -26,10 +26,16 @@ import numpy as np
 from murmuration import _digest, _serving
 from murmuration._contract import common_pb2, robotsim_pb2, robotsim_pb2_grpc
 
+__all__ = ["Heard", "Motes", "Robots", "Unsupported", "Window", "serve"]
+
 # What a robot says unless `payloads` is overridden: position and velocity, six little-endian f64.
 STATE_BYTES = 48
 # No agent, in columns that name one.
 NOBODY = 0xFFFFFFFF
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,27 +44,49 @@ class Heard:
 
     Positions and velocities are those of the senders' payloads. A class with `payloads` of its own finds the bytes in
     `payload`, and `position_m` and `velocity_mps` are not numbers.
+
+    Attributes
+    ----------
+    n : int
+        Number of robots.
+    receiver : numpy.ndarray
+        Number of the robot that heard it.
+    sender : numpy.ndarray
+        Number of the robot that said it.
+    position_m : numpy.ndarray
+        Where the sender was (m): one row of x, y, z for each delivery.
+    velocity_mps : numpy.ndarray
+        How the sender moved (m/s): one row for each delivery.
+    age_s : numpy.ndarray
+        How long ago its transmission began (s).
+    rssi_dbm : numpy.ndarray
+        Received signal strength (dBm); not a number where the network does not tell.
+    payload : list of bytes
+        What was said; empty where robots say their position and velocity.
     """
 
     n: int
-    """Number of robots."""
     receiver: np.ndarray
-    """Who heard it."""
     sender: np.ndarray
-    """Who said it."""
     position_m: np.ndarray
-    """Where the sender was (m): one row of x, y, z for each delivery."""
     velocity_mps: np.ndarray
-    """How the sender moved (m/s): one row for each delivery."""
     age_s: np.ndarray
-    """How long ago its transmission began (s)."""
     rssi_dbm: np.ndarray
-    """Received signal strength (dBm); not a number where the network does not tell."""
     payload: list[bytes]
-    """What was said; empty where robots say their position and velocity."""
 
     def of(self, robot: int) -> Heard:
-        """What one robot heard."""
+        """Returns what one robot heard.
+
+        Parameters
+        ----------
+        robot : int
+            Number of the robot.
+
+        Returns
+        -------
+        Heard
+            Its deliveries.
+        """
         first, last = np.searchsorted(self.receiver, [robot, robot + 1])
         own = slice(first, last)
         columns = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "n"}
@@ -66,11 +94,28 @@ class Heard:
         return Heard(n=self.n, **short)
 
     def count(self) -> np.ndarray:
-        """How many transmissions each robot heard."""
+        """Counts the transmissions that each robot heard.
+
+        Returns
+        -------
+        numpy.ndarray
+            One number for each robot.
+        """
         return np.bincount(self.receiver, minlength=self.n)
 
     def mean_position_m(self, otherwise_m: np.ndarray) -> np.ndarray:
-        """Mean of the positions that each robot heard, as wide as `otherwise_m`, which holds for a robot that heard nobody."""
+        """Returns the mean of the positions that each robot heard.
+
+        Parameters
+        ----------
+        otherwise_m : numpy.ndarray
+            Positions (m) for robots that heard nobody: n rows of x, y or x, y, z.
+
+        Returns
+        -------
+        numpy.ndarray
+            Positions (m), with the shape of `otherwise_m`.
+        """
         otherwise_m = np.asarray(otherwise_m, dtype=float)
         total, counts = np.zeros_like(otherwise_m), self.count()
         np.add.at(total, self.receiver, self.position_m[:, : otherwise_m.shape[1]])
@@ -82,6 +127,11 @@ class Unsupported(_serving.Refused):
     """Raise it in `reset` or `predict` for a configuration or for commands that your robots do not execute.
 
     The user is shown its text, and the run or the comparison ends.
+
+    Parameters
+    ----------
+    text : str
+        What is not supported, and what is.
     """
 
     def __init__(self, text: str) -> None:
@@ -101,47 +151,71 @@ LATEST_START_NS, LARGEST_NUMBER = 10**18, 1e12
 
 @dataclasses.dataclass(frozen=True)
 class Window:
-    """A recorded robot that starts in a known state and executes known commands, one after the other."""
+    """A recorded robot that starts in a known state and executes known commands, one after the other.
+
+    Attributes
+    ----------
+    robot : int
+        Its number in the recording.
+    start_s : float
+        Time of the experiment at which it starts (s).
+    position_m : numpy.ndarray
+        Where it starts (m): x, y, z.
+    heading_rad : float
+        Which way it faces at the start (rad, from x towards y); 0 where that was not measured.
+    velocity_mps : numpy.ndarray or None
+        How it moves at the start (m/s), or None: it has executed the first command for long.
+    commands : str
+        What the columns of `command` are: "velocity" (m/s: east, north, up), "speed and yaw rate" (m/s, rad/s, 0) or "speed and
+        steering" (m/s, rad, 0).
+    duration_s : numpy.ndarray
+        How long each command holds (s).
+    command : numpy.ndarray
+        One row of three numbers for each command.
+    config : dict
+        The section [robotsim] that is compared.
+    site : dict
+        The section [site].
+    """
 
     robot: int
-    """Its number in the recording."""
     start_s: float
-    """Time of the experiment at which it starts (s)."""
     position_m: np.ndarray
-    """Where it starts (m): x, y, z."""
     heading_rad: float
-    """Which way it faces at the start (rad, from x towards y); 0 where that was not measured."""
     velocity_mps: np.ndarray | None
-    """How it moves at the start (m/s), or `None`: it has executed the first command for long."""
     commands: str
-    """What the columns of `command` are: "velocity" (m/s: east, north, up), "speed and yaw rate" (m/s, rad/s, 0) or
-    "speed and steering" (m/s, rad, 0)."""
     duration_s: np.ndarray
-    """How long each command holds (s)."""
     command: np.ndarray
-    """One row of three numbers for each command."""
     config: dict[str, Any]
-    """The section [robotsim] that is compared."""
     site: dict[str, Any]
-    """The section [site]."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Motes:
-    """How the motes of all robots stand in the network. Each column has one entry for each robot."""
+    """How the motes of all robots stand in the network. Each column has one entry for each robot.
+
+    Attributes
+    ----------
+    alive : numpy.ndarray
+        Whose radio works.
+    synced : numpy.ndarray
+        Who is synchronised; all of those whose radio works where the network has no such state.
+    joined : numpy.ndarray
+        Who has joined; all of those whose radio works where the network has no such state.
+    rank : numpy.ndarray or None
+        Routing rank (RFC 6550); None where the network has no routing.
+    parent : numpy.ndarray or None
+        Preferred parent, -1 where there is none; None where the network has no routing.
+    queue_length : numpy.ndarray or None
+        Packets waiting; None where the network has no queues.
+    """
 
     alive: np.ndarray
-    """Whose radio works."""
     synced: np.ndarray
-    """Who is synchronised; all of those whose radio works where the network has no such state."""
     joined: np.ndarray
-    """Who has joined; all of those whose radio works where the network has no such state."""
     rank: np.ndarray | None
-    """Routing rank (RFC 6550); `None` where the network has no routing."""
     parent: np.ndarray | None
-    """Preferred parent, -1 where there is none; `None` where the network has no routing."""
     queue_length: np.ndarray | None
-    """Packets waiting; `None` where the network has no queues."""
 
 
 def mote_states(motes: Any, n: int) -> Motes:
@@ -205,59 +279,134 @@ class Robots:
     """Base class of a robot simulator. Override `reset` and `step`.
 
     Everything random must come from the seed of `reset`: then the same seed gives the same recording.
+
+    Attributes
+    ----------
+    name : str or None
+        Name in messages and records; else that of the class.
+    version : str
+        Version in records.
+    config : dict
+        The section [robotsim] of the experiment, before `reset` is called.
+    site : dict
+        The section [site]: walls, obstacles, ground.
+    time_s : float
+        Time of the experiment at the beginning of the present step (s).
+    task_complete : bool
+        Set to true when the task is done.
+    motes : Motes or None
+        How the motes stood in the network when the present step began; None in the first step, and where the network does not tell.
+    heading_rad : numpy.ndarray or None
+        Direction that each body faces (rad, from x towards y), if bodies have one.
     """
 
     name: str | None = None
-    """Name in messages and records; else that of the class."""
     version = "1"
-    """Version in records."""
-
     config: dict[str, Any] = {}
-    """The section [robotsim] of the experiment, before `reset` is called."""
     site: dict[str, Any] = {}
-    """The section [site]: walls, obstacles, ground."""
     time_s = 0.0
-    """Time of the experiment at the beginning of the present step (s)."""
     task_complete = False
-    """Set to true when the task is done."""
     motes: Motes | None = None
-    """How the motes stood in the network when the present step began; `None` in the first step, and where the network does not tell."""
     heading_rad: np.ndarray | None = None
-    """Direction that each body faces (rad, from x towards y), if bodies have one."""
 
     def reset(self, seed: int, n: int) -> np.ndarray:
-        """Begins an experiment with `n` robots; returns their positions (m), n rows of x, y or x, y, z."""
+        """Begins an experiment.
+
+        Parameters
+        ----------
+        seed : int
+            Seed of all random draws.
+        n : int
+            Number of robots.
+
+        Returns
+        -------
+        numpy.ndarray
+            Their positions (m): n rows of x, y or x, y, z.
+        """
         raise NotImplementedError
 
     def step(self, dt_s: float, heard: Heard) -> np.ndarray:
-        """Moves all robots for `dt_s` seconds, who have just heard `heard`; returns their positions (m)."""
+        """Moves all robots for a control period.
+
+        Parameters
+        ----------
+        dt_s : float
+            Duration of the period (s).
+        heard : Heard
+            What the robots have just heard.
+
+        Returns
+        -------
+        numpy.ndarray
+            Their positions at its end (m): n rows of x, y or x, y, z.
+        """
         raise NotImplementedError
 
     def payloads(self) -> list[bytes] | None:
-        """What each robot says from now on; `None`: its position and velocity."""
+        """Returns what each robot says from now on. Optional.
+
+        Returns
+        -------
+        list of bytes or None
+            One entry for each robot; None: its position and velocity.
+        """
         return None
 
     def figures(self) -> dict[str, float]:
-        """How far the task is: names in lower case with the unit as suffix. Those of the last step are in summary.json."""
+        """Returns how far the task is. Optional.
+
+        Returns
+        -------
+        dict
+            Figures by name, in lower case with the unit as suffix. Those of the last step are in summary.json.
+        """
         return {}
 
     def predict(self, window: Window) -> tuple[np.ndarray, np.ndarray | None]:
-        """Where the robot of a window gets to: positions (m) and headings (rad) at the end of each of its commands.
+        """Predicts where the robot of a window gets to. Optional.
 
-        Optional: with it `compare`, `diagnose` and `extend` hold this simulator against recorded tracks (`--robotsim URL`).
-        Positions are rows of x, y or x, y, z. Headings may be `None` where commands are velocities. The same window must give
-        the same answer at any time: it may depend on nothing but the window, and must leave the running experiment as it is.
+        With it `murmuration compare`, `diagnose` and `extend` compare this simulator with recorded tracks (`--robotsim URL`). The same
+        window must give the same answer at any time: it may depend on nothing but the window, and must leave the running experiment
+        as it is.
 
-        Raises: Unsupported for a configuration or for commands that these robots do not execute.
+        Parameters
+        ----------
+        window : Window
+            The robot's start, and its commands.
+
+        Returns
+        -------
+        position_m : numpy.ndarray
+            Positions at the end of each command (m): rows of x, y or x, y, z.
+        heading_rad : numpy.ndarray or None
+            Headings at the end of each command (rad). None where commands are velocities.
+
+        Raises
+        ------
+        Unsupported
+            These robots do not execute this configuration or these commands.
         """
         raise NotImplementedError
 
     def snapshot(self) -> bytes:
-        """All that has changed since `reset`, for long runs that go on after a failure. Optional, together with `restore`."""
+        """Returns all that has changed since `reset`, for long runs that go on after a failure. Optional, together with `restore`.
+
+        Returns
+        -------
+        bytes
+            The state in a form of your own.
+        """
         raise NotImplementedError
 
     def restore(self, state: bytes) -> None:
-        """Puts back what `snapshot` returned; `reset` has been called before with the seed and number of that experiment."""
+        """Puts a state back. `reset` has been called before with the seed and number of that experiment.
+
+        Parameters
+        ----------
+        state : bytes
+            What `snapshot` returned.
+        """
         raise NotImplementedError
 
 
@@ -422,10 +571,30 @@ def _window(message: Any, index: int, commands: str, config: dict[str, Any], sit
 
 
 def serve(robots: Robots, address: str | None = None, *, block: bool = True) -> grpc.Server:
-    """Serves a robot simulator at `address`, 127.0.0.1:PORT or unix:PATH, until Ctrl-C.
+    """Serves a robot simulator until Ctrl-C.
 
     The variable MURMURATION_LISTEN takes precedence over `address`: the orchestrator sets it when `command` of an experiment
-    file starts the program, and then ends the program with the run. Without either it listens at a free port, and prints
-    which. With `block=False` it returns the server at once.
+    file starts the program, and then ends the program with the run.
+
+    Parameters
+    ----------
+    robots : Robots
+        The simulator.
+    address : str, optional
+        Where to listen: 127.0.0.1:PORT or unix:PATH. By default at a free port, which is printed.
+    block : bool
+        Whether to return only at the end.
+
+    Returns
+    -------
+    grpc.Server
+        The server.
+
+    Raises
+    ------
+    ValueError
+        The address is not of this machine.
+    OSError
+        It is not possible to listen there.
     """
     return _serving.serve(robotsim_pb2_grpc.add_RobotSimServiceServicer_to_server, _Service(robots), address, block=block)

@@ -152,11 +152,9 @@ class Bag:
 @contextlib.contextmanager
 def open_bag(path: str | os.PathLike[str]) -> Iterator[Bag]:
     """Opens a folder with a bag of ROS 2, a file .mcap or .db3, or a bag of ROS 1 (.bag)."""
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError:
-        raise ImportError('bags need rosbags: pip install "murmuration-sim[rosbags]"') from None
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
     path = Path(path)
     if not path.exists():
         raise LogError(f"{path} does not exist")

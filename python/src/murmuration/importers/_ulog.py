@@ -143,10 +143,8 @@ def _load(path: Path, notes: Notes, bad: str) -> _Log:
 
 def _open(path: Path, topics: list[str] | None) -> Any:
     """The log as pyulog has it; `topics` None: all of them."""
-    try:
-        from pyulog import ULog
-    except ImportError:
-        raise ImportError('ULog files need pyulog: pip install "murmuration-sim[ulog]"') from None
+    from pyulog import ULog
+
     try:
         # pyulog prints what it finds damaged; `file_corruption` says it as well.
         with contextlib.redirect_stdout(io.StringIO()):

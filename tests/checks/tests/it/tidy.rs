@@ -298,6 +298,34 @@ fn commands_do_without_each_other_and_without_the_command_line() {
     }
 }
 
+/// Packages that a sweep links only to print, draw and explain: they decide no figure of a trial.
+const WITHOUT_FIGURES: [&str; 7] =
+    ["diagnose", "measure", "network", "report", "study", "terminal", "view"];
+
+#[test]
+fn the_fingerprint_of_a_sweep_is_of_all_code_that_decides_its_results() {
+    let root = repository();
+    let script = std::fs::read_to_string(root.join("orchestrator/sweep/build.rs")).unwrap();
+    let (_, list) = script.split_once("const CRATES").unwrap();
+    let (list, _) = list.split_once("];").unwrap();
+    let covered: BTreeSet<String> = list
+        .split('"')
+        .skip(1)
+        .step_by(2)
+        .map(|folder| {
+            let manifest = std::fs::read_to_string(root.join(folder).join("Cargo.toml")).unwrap();
+            let manifest: toml::Table = toml::from_str(&manifest).unwrap();
+            manifest["package"]["name"].as_str().unwrap().to_owned()
+        })
+        .collect();
+    let own = packages();
+    let linked: BTreeSet<String> =
+        linked_by("sweep").into_iter().filter(|name| own.contains(name)).collect();
+    let wanted: BTreeSet<String> =
+        linked.into_iter().filter(|name| !WITHOUT_FIGURES.contains(&name.as_str())).collect();
+    assert_eq!(covered, wanted);
+}
+
 /// Names of the packages that `package` links, itself included: tests and build scripts may use others.
 fn linked_by(package: &str) -> Vec<String> {
     tree(&["--edges", "normal", "--format", "{p}", "--package", package])

@@ -1,0 +1,46 @@
+"""Texts of the program in the terms of Python: options as keyword arguments."""
+
+from __future__ import annotations
+
+import re
+
+# Keywords whose names differ from those of the options.
+_KEYWORDS = {"budget": "budget_s"}
+# Options that are switched on.
+_FLAGS = "all|allow-command|replace|restart|unverified"
+# Options with a value that a text may advise.
+_WITH_VALUE = "allow-file|allow-url|memory-budget|netsim|out|robotsim|seed|threads"
+# What the program adds for those who type its commands.
+_OF_SHELL = re.compile(r"(?:\n+Usage: [^\n]*)?\n+For more information, try '--help'\.$")
+_METRICS = "`murmuration metrics` lists the short names, `murmuration metrics --all` all paths"
+
+
+def with_keywords(text: str) -> str:
+    """A text whose options are keyword arguments, without hints for a shell."""
+    text = _OF_SHELL.sub("", text.strip()).removeprefix("error: ").replace(_METRICS, "murmuration.metrics() lists all names")
+    return "\n".join(_line(line) for line in text.splitlines())
+
+
+def keyword_of(key: str) -> str:
+    """A dotted key as a keyword argument. Entries of lists have none."""
+    return key if "[" in key else key.replace(".", "__")
+
+
+def _line(line: str) -> str:
+    line = re.sub(r"^invalid value '(.*)' for '--([a-z-]+) <[^>]*>': (.*)$", _refused_value, line)
+    line = re.sub(r"'--([a-z-]+)(?: <[^>]*>)?'", lambda found: _argument(found[1]), line)
+    line = re.sub(rf"--({_FLAGS})\b", lambda found: f"{_argument(found[1])}=True", line)
+    line = re.sub(r"--set '?([\w.]+)=([^\s']+)'?", lambda found: f"{keyword_of(found[1])}={found[2]}", line)
+    line = re.sub(r"--set\b", "a keyword argument", line)
+    line = re.sub(rf"--({_WITH_VALUE}) '([^']+)'", lambda found: f"{_argument(found[1])}='{found[2]}'", line)
+    line = re.sub(rf"--({_WITH_VALUE}) ([\w./:-]*[\w/])", lambda found: f"{_argument(found[1])}='{found[2]}'", line)
+    return re.sub(rf"--({_WITH_VALUE})\b", lambda found: _argument(found[1]), line)
+
+
+def _refused_value(found: re.Match[str]) -> str:
+    value = found[1] if re.fullmatch(r"[-+.\de]+", found[1]) else repr(found[1])
+    return f"{_argument(found[2])} {found[3]}, got {value}"
+
+
+def _argument(option: str) -> str:
+    return _KEYWORDS.get(option, option.replace("-", "_"))
