@@ -25,6 +25,10 @@ _SIZES = {
 # Lines with more points than this are many lines, and thin.
 _MANY_POINTS = 2000
 _MOST_NAMES = 60
+# Longer names of categories stand upright.
+_MOST_LETTERS = 40
+# How far trials stand beside their median (points).
+_BESIDE = 3.5
 
 
 def content(result: str | os.PathLike[str], kinds: Sequence[str], options: Sequence[str] = ()) -> dict[str, Any]:
@@ -57,7 +61,7 @@ def draw(figure: dict[str, Any], axes: Any = None, width: str | float | None = N
     sizes = {} if width is None else _SIZES
     with matplotlib.rc_context(sizes):
         shape = (len(panels), 1) if width is not None and _width_mm(width) <= 120 else (1, len(panels))
-        size = None if width is None else _size(width, shape)
+        size = None if width is None else _size(width, shape, panels)
         drawn, grid = pyplot.subplots(*shape, figsize=size, squeeze=False, layout="constrained")
         flat = grid.ravel()
         for own, panel in zip(flat, panels, strict=True):
@@ -77,26 +81,30 @@ def _width_mm(width: str | float) -> float:
     raise ValueError(f'width must be "column", "page", or a number of millimetres from 40 to 400, got {width!r}')
 
 
-def _size(width: str | float, shape: tuple[int, int]) -> tuple[float, float]:
+def _size(width: str | float, shape: tuple[int, int], panels: list[dict[str, Any]]) -> tuple[float, float]:
+    """Width and height in inches. A map is as high as it needs."""
     inches = _width_mm(width) / _MM_PER_INCH
-    return inches, 0.66 * inches * shape[0] / shape[1]
+    own = inches / shape[1]
+    if panels[0]["is_map"]:
+        (left, right), (bottom, top) = (panels[0][name]["range"] for name in ("x", "y"))
+        return inches, shape[0] * (0.8 * own * min(max((top - bottom) / (right - left), 0.1), 1.2) + 0.8)
+    return inches, shape[0] * 0.66 * own
 
 
 def _panel(axes: Any, panel: dict[str, Any]) -> None:
     """Draws a panel on axes."""
     _axis(axes, "x", panel["x"])
     _axis(axes, "y", panel["y"])
-    axes.grid(visible=True, linewidth=0.5, alpha=0.3)
+    axes.grid(visible=True, axis="y" if panel["x"]["scale"] == "category" else "both", linewidth=0.5, alpha=0.3)
     axes.set_axisbelow(True)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for series in panel["series"]:
         _series(axes, series, panel)
+    axes.set_xlim(panel["x"]["range"])
+    axes.set_ylim(panel["y"]["range"])
     if panel["is_map"]:
-        axes.set_aspect("equal", adjustable="datalim")
-    else:
-        axes.set_xlim(panel["x"]["range"])
-        axes.set_ylim(panel["y"]["range"])
+        axes.set_aspect("equal", adjustable="box")
     if any(series["name"] for series in panel["series"]):
         axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, frameon=False, borderaxespad=0.2)
 
@@ -114,10 +122,16 @@ def _axis(axes: Any, name: str, axis: dict[str, Any]) -> None:
             own.set_minor_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}" if f"{value:g}".strip("0.")[:1] in "25" else ""))
     if axis["scale"] == "category":
         own.set_ticks(range(len(axis["categories"])), axis["categories"])
+        if sum(map(len, axis["categories"])) > _MOST_LETTERS:
+            axes.tick_params(axis=name, labelrotation=90)
     elif axis["ticks"]:
         own.set_ticks(axis["ticks"])
     if axis["is_share"]:
-        own.set_major_formatter(ticker.PercentFormatter(1.0, symbol=" %"))
+        own.set_major_formatter(ticker.FuncFormatter(_percent))
+
+
+def _percent(share: float, _: Any = None) -> str:
+    return f"{100 * share:.6g} %"
 
 
 def _series(axes: Any, series: dict[str, Any], panel: dict[str, Any]) -> None:
@@ -148,9 +162,12 @@ def _series(axes: Any, series: dict[str, Any], panel: dict[str, Any]) -> None:
         axes.bar(xs, ys, width=0.6, color=colour, label=label)
     elif mark in ("dot", "faint-dot"):
         is_faint = mark == "faint-dot"
-        axes.plot(
-            xs, ys, linestyle="none", marker=marker, color=colour, markersize=2.2 if is_faint else 4, alpha=0.45 if is_faint else 1, label=label
-        )  # fmt: skip
+        size, alpha = (2.2, 0.45) if is_faint else (4, 1)
+        (drawn,) = axes.plot(xs, ys, linestyle="none", marker=marker, color=colour, markersize=size, alpha=alpha, markeredgewidth=0, label=label)
+        if is_faint and not panel["is_map"]:
+            from matplotlib.transforms import ScaledTranslation
+
+            drawn.set_transform(axes.transData + ScaledTranslation(-_BESIDE / 72, 0, axes.figure.dpi_scale_trans))
         if mark == "dot" and len(points) <= _MOST_NAMES:
             for point, x, y in zip(points, xs, ys, strict=True):
                 if point.get("name"):
@@ -174,10 +191,8 @@ def _arrows(axes: Any, points: list[dict[str, Any]], colour: str, scale: dict[st
         own = colour if shades is None or value is None else shades.to_rgba(value)
         style = {"arrowstyle": "-|>", "color": own, "linewidth": 0.7, "shrinkA": 3, "shrinkB": 3, "connectionstyle": "arc3,rad=0.06", "mutation_scale": 6}
         axes.annotate("", xy=point["end"], xytext=(point["x"], point["y"]), arrowprops=style)
-    axes.update_datalim([(point["x"], point["y"]) for point in points])
-    axes.autoscale_view()
     if shades is not None and scale is not None:
         from matplotlib import ticker
 
-        form = ticker.PercentFormatter(1.0, symbol=" %") if scale["is_share"] else None
+        form = ticker.FuncFormatter(_percent) if scale["is_share"] else None
         axes.figure.colorbar(shades, ax=axes, label=scale["label"], format=form)
