@@ -144,21 +144,12 @@ impl Mapping {
     /// # Errors
     ///
     /// It cannot be read; or every problem that it has, with its place.
+    #[expect(clippy::disallowed_methods, reason = "a mapping is a file")]
     pub fn read(path: &Path) -> Result<Self, Refusal> {
-        let text = Self::text(path)
+        let text = std::fs::File::open(path)
+            .and_then(|file| CONFIGURATION_BYTES.read_text(file))
             .map_err(|error| Refusal::of_file(path, format!("cannot be read: {error}")))?;
         Self::of_text(path, text)
-    }
-
-    #[expect(clippy::disallowed_methods, reason = "a mapping is a file")]
-    fn text(path: &Path) -> std::io::Result<String> {
-        CONFIGURATION_BYTES.read_text(std::fs::File::open(path)?)
-    }
-
-    /// Whether a file is a mapping, valid or not: no other configuration has a list of inputs.
-    #[must_use]
-    pub fn is_one(path: &Path) -> bool {
-        Self::text(path).is_ok_and(|text| text.lines().any(|line| line.trim() == "[[input]]"))
     }
 
     /// Reads the text of a mapping file; `path` is named in refusals.

@@ -1,7 +1,6 @@
 //! The files that are given to a command: whether they exist, and are not given in each other's place.
 
 use super::Failure;
-use ::convert::mapping::Mapping;
 use clap::ArgMatches;
 use clap::error::{Error, ErrorKind};
 use experiment::{FileKind, missing_file, program_name, quoted};
@@ -39,7 +38,7 @@ pub(super) fn check(matches: &ArgMatches) -> Result<(), Failure> {
     let shown = |path: &Path| quoted(&path.display().to_string());
     let program = program_name();
     let text = match (table, configuration) {
-        (None, None) => match toml.filter(|(_, path)| verb != "convert" && Mapping::is_one(path)) {
+        (None, None) => match toml.filter(|(_, path)| verb != "convert" && is_mapping(path)) {
             None => return Ok(()),
             Some((_, path)) => format!(
                 "{path} is a mapping file, which says how logs become a table; to make the table, use `{program} convert {path}`",
@@ -64,6 +63,12 @@ pub(super) fn check(matches: &ArgMatches) -> Result<(), Failure> {
         }
     };
     Err(Failure::request(text))
+}
+
+/// Whether a file is a mapping, valid or not: no other configuration has a list of inputs.
+fn is_mapping(path: &Path) -> bool {
+    let text = experiment::text_of(path);
+    text.is_ok_and(|text| text.lines().any(|line| line.trim() == "[[input]]"))
 }
 
 /// What to say of a table where a command takes TOML. `has_table`: an option names another table.

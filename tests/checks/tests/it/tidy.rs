@@ -55,7 +55,8 @@ fn the_orchestrator_reads_files_up_to_a_bound() {
         // The repository itself may stand in a folder called tests.
         let path = file.strip_prefix(repository()).unwrap();
         if path.components().any(|part| {
-            ["tests", "tests.rs", "benches"].contains(&&*part.as_os_str().to_string_lossy())
+            ["tests", "tests.rs", "benches", "build.rs"]
+                .contains(&&*part.as_os_str().to_string_lossy())
         }) {
             continue;
         }
@@ -143,7 +144,8 @@ fn every_reader_of_a_result_has_its_files_checked() {
     for file in rust_files(&repository().join("orchestrator")) {
         let path = file.strip_prefix(repository()).unwrap();
         let parts: Vec<_> = path.iter().map(|part| part.to_string_lossy()).collect();
-        let is_test = |part: &str| ["tests", "tests.rs", "benches", "examples"].contains(&part);
+        let is_test =
+            |part: &str| ["tests", "tests.rs", "benches", "examples", "build.rs"].contains(&part);
         if parts.iter().any(|part| is_test(part))
             || ["input", "system"].contains(&&*parts[1])
             || UNCHECKED.iter().any(|(allowed, _)| path == Path::new(allowed))
@@ -194,7 +196,8 @@ fn the_orchestrator_changes_files_in_one_crate() {
     for file in rust_files(&repository().join("orchestrator")) {
         let path = file.strip_prefix(repository()).unwrap();
         let parts: Vec<_> = path.iter().map(|part| part.to_string_lossy()).collect();
-        let is_test = |part: &str| ["tests", "tests.rs", "benches", "examples"].contains(&part);
+        let is_test =
+            |part: &str| ["tests", "tests.rs", "benches", "examples", "build.rs"].contains(&part);
         if parts.iter().any(|part| is_test(part))
             || parts[1] == "system"
             || EXEMPT.iter().any(|exempt| path == Path::new(exempt))
