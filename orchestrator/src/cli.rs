@@ -13,6 +13,7 @@ mod demo;
 mod docs;
 mod effects;
 mod export;
+mod figure;
 mod foreign;
 mod formula;
 mod given_files;
@@ -108,6 +109,11 @@ enum Command {
     ///
     /// Give --at and --output for a picture of one moment (SVG or PNG), or --video for a video (MP4, WebM or GIF).
     Render(render::RenderArgs),
+    /// Draw a figure for a paper from a run, a sweep or an answer
+    ///
+    /// Writes PDF, SVG or PNG at the width of a journal's column or page, or the numbers as CSV. The figure of a sweep has the
+    /// median of each setting with its interval, as its report has; the text below it is printed.
+    Figure(figure::FigureArgs),
     /// Write a recorded run as CSV tables or as a ROS 2 bag
     Export(export::ExportArgs),
     /// Run one experiment under many settings and seeds
@@ -473,6 +479,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Reproduce(args) => recover::reproduce(&args, start(args.threads)?),
         Command::Replay(args) => replay::replay(&args),
         Command::Render(args) => render::render(&args),
+        Command::Figure(args) => figure::figure(&args),
         Command::Export(args) => export::export(&args),
         Command::Sweep(args) => sweeps::sweep(&args, start(Some(args.threads))?),
         Command::CompareRuns(args) => sweeps::compare_runs(&args),

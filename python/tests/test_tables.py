@@ -47,7 +47,7 @@ def test_tables_are_of_pandas_where_there_is_no_polars(run, monkeypatch):
     assert np.array_equal(again.steps["x_m"].to_numpy(), run.steps["x_m"].to_numpy())
     with pytest.raises(ImportError, match="lazy tables need polars"):
         again.scan("steps")
-    assert len(again.plot().lines) == 10
+    assert len(again.plot().lines) == 3
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ImportError, match="tables need polars or pandas: pip install polars"):
         murmuration.Run(run.folder).steps
@@ -67,39 +67,61 @@ def test_lazy_tables_give_what_whole_ones_give(run, sweep):
 
 def test_the_ways_of_robots_are_drawn(run):
     axes = run.plot()
-    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_title()) == ("x (m)", "y (m)", "small")
-    for agent in range(5):
-        way, end = axes.lines[2 * agent : 2 * agent + 2]
-        own = run.steps.filter(run.steps["agent"] == agent)
-        assert np.array_equal(way.get_xydata(), own.select("x_m", "y_m").to_numpy())
-        assert np.array_equal(end.get_xydata(), own.select("x_m", "y_m").to_numpy()[-1:])
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("east (m)", "north (m)")
+    way, start, end = axes.lines
+    drawn = way.get_xydata()
+    own = [run.steps.filter(run.steps["agent"] == agent).select("x_m", "y_m").to_numpy() for agent in range(5)]
+    # A gap stands behind each way.
+    assert np.array_equal(drawn[~np.isnan(drawn[:, 1])], np.concatenate(own))
+    assert np.array_equal(end.get_xydata(), [way[-1] for way in own]) and np.array_equal(start.get_xydata(), [way[0] for way in own])
     from matplotlib import pyplot
 
     own_axes = pyplot.figure().add_subplot()
     assert run.plot(axes=own_axes) is own_axes
 
 
+def test_who_heard_whom_is_drawn_from_the_links(run):
+    axes = run.plot_links(from_s=1.0, until_s=2.0, width="column")
+    heard = run.links.filter(run.links["received"] & (run.links["time_ns"] >= 1_000_000_000))
+    pairs = set(heard.select("sender", "receiver").iter_rows())
+    arrows = [text for text in axes.texts if text.arrow_patch is not None]
+    assert len(arrows) == len(pairs) > 0
+    assert abs(axes.figure.get_size_inches()[0] - 88 / 25.4) < 1e-9
+    with pytest.raises(murmuration.InvalidInput, match="no mote has a parent"):
+        run.plot_network()
+    with pytest.raises(murmuration.InvalidInput, match=r"is no KIND(?s:.*)trajectories"):
+        run.plot("pie")
+    with pytest.raises(ValueError, match='"column", "page", or a number of millimetres from 40 to 400, got 3'):
+        run.plot(width=3)
+
+
 def test_a_figure_of_a_sweep_is_drawn_over_a_setting(sweep, monkeypatch):
     figure = "network.delivery_ratio"
     axes = sweep.plot("netsim.phy.radius_m", figure)
-    means, dots = axes.lines
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("netsim.phy.radius_m", figure)
-    assert len(dots.get_xdata()) == 6 and means.get_xdata().tolist() == [1.0, 5.0, 20.0]
-    table = sweep.trials
-    for radius_m, mean in means.get_xydata():
-        own = table.filter(table["netsim.phy.radius_m"] == radius_m)[figure]
-        assert mean == pytest.approx(own.mean())
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("phy radius (m)", "delivery ratio")
+    dots, medians = axes.lines[:2]
+    assert len(dots.get_xdata()) == 6 and medians.get_xdata().tolist() == [1.0, 5.0, 20.0]
+    for setting, (radius_m, median) in zip(sweep.summary["settings"], medians.get_xydata(), strict=True):
+        assert setting["values"]["netsim.phy.radius_m"] == radius_m
+        # The number of the report and of the terminal.
+        assert setting["metrics"][figure]["median"] == median
+    # Two trials have their range as interval.
+    (ranges,) = axes.collections
+    ends = [(low, high) for (_, low), (_, high) in ranges.get_segments()]
+    spreads = [setting["metrics"][figure] for setting in sweep.summary["settings"]]
+    assert np.allclose(ends, [(spread["min"], spread["max"]) for spread in spreads])
     grouped = sweep.plot("experiment.seed", figure, by="netsim.phy.radius_m")
-    assert [text.get_text() for text in grouped.get_legend().get_texts()] == ["1.0", "5.0", "20.0"] and len(grouped.lines) == 6
+    assert [text.get_text() for text in grouped.get_legend().get_texts()] == ["1.0", "5.0", "20.0"] and len(grouped.lines) == 3
+    assert sweep.plot("radius_m", figure).get_xlabel() == "phy radius (m)"
     with pytest.raises(ValueError, match="the trials have no column netsim.phy.radius; the nearest are netsim.phy.radius_m"):
         sweep.plot("netsim.phy.radius", figure)
-    # The short name of the same metric.
-    short = sweep.plot("netsim.phy.radius_m", "broadcast_pdr")
-    assert short.get_ylabel() == "broadcast_pdr"
-    assert np.array_equal(short.lines[0].get_xydata(), means.get_xydata())
+    # The short name of the same metric; of several metrics each has a panel.
+    short, _ = sweep.plot("netsim.phy.radius_m", ["broadcast_pdr", "flock_speed"], width="page")
+    assert short.get_ylabel() == "delivery ratio"
+    assert np.array_equal(short.lines[1].get_xydata(), medians.get_xydata())
     monkeypatch.setitem(sys.modules, "polars", None)
     again = murmuration.Sweep(sweep.folder)
-    assert np.array_equal(again.plot("netsim.phy.radius_m", figure).lines[0].get_xydata(), means.get_xydata())
+    assert np.array_equal(again.plot("netsim.phy.radius_m", figure).lines[1].get_xydata(), medians.get_xydata())
 
 
 def test_a_file_that_was_changed_after_the_run_is_not_read(run, sweep, tmp_path):

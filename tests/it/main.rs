@@ -28,6 +28,7 @@ mod exploration;
 mod extension;
 mod faults;
 mod few_replicates;
+mod figure;
 mod flocking;
 mod formation;
 mod formula;

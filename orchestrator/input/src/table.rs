@@ -7,10 +7,11 @@ use crate::checked::CheckedFile;
 use crate::memory::{Memory, MemoryBudget};
 use crate::pages;
 use crate::result::ResultError;
-use parquet::basic::Type;
+use parquet::basic::Type as PhysicalType;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader as _, RowGroupReader, SerializedFileReader};
 use parquet::record::Row;
+use parquet::schema::types::Type;
 use std::io::{BufReader, Seek as _, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -67,12 +68,42 @@ impl Table {
     /// The table was changed, is damaged, or takes more memory than there is; or what `visit` says.
     pub fn each_row<E: From<ResultError>>(
         &self,
+        visit: impl FnMut(&Row) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.each_row_of(None, visit)
+    }
+
+    /// Gives some columns of every row to `visit`, in the order of the table, until that fails. Others are not decoded.
+    ///
+    /// # Errors
+    ///
+    /// See [`Self::each_row`]; and the table lacks a column.
+    pub fn each_row_with<E: From<ResultError>>(
+        &self,
+        columns: &[&str],
+        visit: impl FnMut(&Row) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let schema = self.reader.metadata().file_metadata().schema_descr().root_schema();
+        let lacking = columns.iter().find(|name| !self.columns().any(|own| own == **name));
+        if let Some(lacking) = lacking {
+            let message = format!("has no column {lacking}");
+            return Err(ResultError::Format { path: self.path.clone(), message }.into());
+        }
+        let fields = schema.get_fields().iter().filter(|field| columns.contains(&field.name()));
+        let chosen = Type::group_type_builder(schema.name()).with_fields(fields.cloned().collect());
+        let chosen = decoded(&self.path, || chosen.build())?;
+        self.each_row_of(Some(chosen), visit)
+    }
+
+    fn each_row_of<E: From<ResultError>>(
+        &self,
+        columns: Option<Type>,
         mut visit: impl FnMut(&Row) -> Result<(), E>,
     ) -> Result<(), E> {
         for number in 0..self.reader.num_row_groups() {
             let group = decoded(&self.path, || self.reader.get_row_group(number))?;
             self.check_memory(&*group)?;
-            let mut rows = decoded(&self.path, || group.get_row_iter(None))?;
+            let mut rows = decoded(&self.path, || group.get_row_iter(columns.clone()))?;
             while let Some(row) = decoded(&self.path, || rows.next().transpose())? {
                 visit(&row)?;
             }
@@ -87,7 +118,7 @@ impl Table {
         for column in group.metadata().columns() {
             let name = column.column_path().string();
             let (start, size) = column.byte_range();
-            let is_text = matches!(column.column_type(), Type::BYTE_ARRAY);
+            let is_text = matches!(column.column_type(), PhysicalType::BYTE_ARRAY);
             let needed = content
                 .seek(SeekFrom::Start(start))
                 .and_then(|_| pages::memory_of(&mut content, size.min(self.length), is_text))

@@ -1,7 +1,7 @@
 //! Shapes in pixels, from the left upper corner.
 
 use crate::colours::Colour;
-use tiny_skia::{Path, PathBuilder};
+use tiny_skia::{Path, PathBuilder, Transform};
 
 /// A picture as shapes.
 #[derive(Clone, Debug)]
@@ -101,14 +101,14 @@ pub enum Anchor {
 }
 
 /// Adds a filled path, if there is anything of it.
-pub(crate) fn fill(shapes: &mut Vec<Shape>, path: PathBuilder, colour: Colour) {
+pub fn fill(shapes: &mut Vec<Shape>, path: PathBuilder, colour: Colour) {
     if let Some(path) = path.finish() {
         shapes.push(Shape::Fill { path, colour, is_crisp: false, robot: None });
     }
 }
 
 /// Adds lines, if there is anything of them.
-pub(crate) fn line(shapes: &mut Vec<Shape>, path: PathBuilder, colour: Colour, width: f32) {
+pub fn line(shapes: &mut Vec<Shape>, path: PathBuilder, colour: Colour, width: f32) {
     if let Some(path) = path.finish() {
         shapes.push(Shape::Line { path, colour, width, dash: None, robot: None });
     }
@@ -122,7 +122,43 @@ pub(crate) fn dashed(shapes: &mut Vec<Shape>, path: PathBuilder, colour: Colour,
 }
 
 /// A straight line between two points.
-pub(crate) fn segment(path: &mut PathBuilder, [x0, y0]: [f32; 2], [x1, y1]: [f32; 2]) {
+pub fn segment(path: &mut PathBuilder, [x0, y0]: [f32; 2], [x1, y1]: [f32; 2]) {
     path.move_to(x0, y0);
     path.line_to(x1, y1);
+}
+
+impl Drawing {
+    /// The same in other units: everything so many times as large, as a picture of pixels needs it.
+    #[must_use]
+    pub fn scaled(mut self, factor: f32) -> Self {
+        let by = Transform::from_scale(factor, factor);
+        let length = |length: u32| (factor * length as f32).round().max(1.0) as u32;
+        self.size = self.size.map(length);
+        let Plane { left, top, width, height } = self.plane;
+        let [left, top] = [left, top].map(|edge| (factor * edge as f32).round() as u32);
+        let [width, height] = [width, height].map(length);
+        self.plane = Plane { left, top, width, height };
+        let parts = [&mut self.site, &mut self.swarm, &mut self.frame, &mut self.title];
+        for shape in parts.into_iter().flatten() {
+            match shape {
+                Shape::Fill { path, .. } => scale(path, by),
+                Shape::Line { path, width, dash, .. } => {
+                    scale(path, by);
+                    *width *= factor;
+                    *dash = dash.map(|dash| dash.map(|length| factor * length));
+                }
+                Shape::Text(text) => {
+                    text.at = text.at.map(|coordinate| factor * coordinate);
+                    text.size *= factor;
+                }
+            }
+        }
+        self
+    }
+}
+
+fn scale(path: &mut Path, by: Transform) {
+    if let Some(scaled) = path.clone().transform(by) {
+        *path = scaled;
+    }
 }

@@ -5,7 +5,7 @@ use tiny_skia::{Path, PathBuilder};
 use ttf_parser::{Face, GlyphId, OutlineBuilder};
 
 /// Noto Sans, reduced to the letters of European languages; `font/OFL.txt` is its license.
-const FONT: &[u8] = include_bytes!("../font/NotoSans-subset.ttf");
+pub(crate) const FONT: &[u8] = include_bytes!("../font/NotoSans-subset.ttf");
 
 /// A font, and the outlines of letters that were used.
 pub struct Font {
@@ -50,8 +50,25 @@ impl Font {
         self.face.as_ref().map_or(1000.0, |face| f32::from(face.units_per_em()))
     }
 
+    /// Left, lower, right and upper edge of all letters, in units of outlines.
+    #[must_use]
+    pub(crate) fn bounds(&self) -> [f32; 4] {
+        let edges = self.face.as_ref().map(Face::global_bounding_box);
+        edges.map_or([0.0; 4], |edges| {
+            [edges.x_min, edges.y_min, edges.x_max, edges.y_max].map(f32::from)
+        })
+    }
+
+    /// How far letters reach above and below their line, in units of outlines.
+    #[must_use]
+    pub(crate) fn ascent_descent(&self) -> [f32; 2] {
+        self.face
+            .as_ref()
+            .map_or([0.0; 2], |face| [face.ascender(), face.descender()].map(f32::from))
+    }
+
     /// The glyph of a letter; one that the font does not have is a box.
-    fn glyph(&self, letter: char) -> GlyphId {
+    pub(crate) fn glyph(&self, letter: char) -> GlyphId {
         self.face.as_ref().and_then(|face| face.glyph_index(letter)).unwrap_or_default()
     }
 

@@ -1,7 +1,8 @@
 //! Pictures and videos of a recorded run, without a browser: the swarm seen from above, as the page that [`view`] serves draws it.
 //!
 //! A [`stage::Stage`] is what holds for the whole run; it makes a [`scene::Scene`] of each frame: numbers in metres.
-//! [`layout`] turns a scene into a [`drawing::Drawing`], shapes in pixels, which [`svg`] writes and [`raster`] paints. [`video`]
+//! [`layout`] turns a scene into a [`drawing::Drawing`], shapes in pixels, which [`svg`] and
+//! [`pdf`] write and [`raster`] paints. [`video`]
 //! encodes pictures that follow each other.
 //!
 //! The rasteriser is tiny-skia, which is also that of resvg: shapes are painted without the way through the text of an SVG file,
@@ -13,6 +14,7 @@ pub mod font;
 mod gif;
 pub mod layout;
 mod legend;
+pub mod pdf;
 pub mod raster;
 pub mod scene;
 pub mod span;

@@ -71,21 +71,31 @@ impl Canvas {
 #[must_use]
 pub fn png(picture: &Pixmap) -> Vec<u8> {
     let row_bytes = 4 * picture.width() as usize;
-    let mut compressed = ZlibEncoder::new(Vec::new(), Compression::default());
-    for row in picture.data().chunks_exact(row_bytes) {
-        let colours = row.chunks_exact(4).flat_map(|pixel| &pixel[..3]).copied();
-        let unfiltered: Vec<u8> = std::iter::once(0).chain(colours).collect();
-        let written = compressed.write_all(&unfiltered);
-        debug_assert!(written.is_ok(), "memory takes everything");
-    }
+    let compressed = deflated(|to| {
+        picture.data().chunks_exact(row_bytes).try_for_each(|row| {
+            let colours = row.chunks_exact(4).flat_map(|pixel| &pixel[..3]).copied();
+            let unfiltered: Vec<u8> = std::iter::once(0).chain(colours).collect();
+            to.write_all(&unfiltered)
+        })
+    });
     let [width, height] = [picture.width(), picture.height()].map(u32::to_be_bytes);
     // Eight bits of red, green and blue; the one compression, the one set of filters, rows in order.
     let header = [&width[..], &height, &[8, 2, 0, 0, 0]].concat();
     let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
     chunk(&mut file, b"IHDR", &header);
-    chunk(&mut file, b"IDAT", &compressed.finish().unwrap_or_default());
+    chunk(&mut file, b"IDAT", &compressed);
     chunk(&mut file, b"IEND", &[]);
     file
+}
+
+/// What is written, compressed as zlib does (RFC 1950).
+pub(crate) fn deflated(
+    write: impl FnOnce(&mut ZlibEncoder<Vec<u8>>) -> std::io::Result<()>,
+) -> Vec<u8> {
+    let mut compressed = ZlibEncoder::new(Vec::new(), Compression::default());
+    let written = write(&mut compressed);
+    debug_assert!(written.is_ok(), "memory takes everything");
+    compressed.finish().unwrap_or_default()
 }
 
 fn chunk(file: &mut Vec<u8>, name: &[u8; 4], content: &[u8]) {

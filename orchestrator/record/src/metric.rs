@@ -128,7 +128,9 @@ pub fn find(name: &str, robots: Robots) -> Option<Metric> {
             && (robots == Robots::Foreign || metric.path != OF_ROBOTS)
     };
     let family = metrics().iter().find(is_known)?;
-    Some(Metric { path: path.to_owned(), label: words_of(path), ..family.clone() })
+    // Of figures of another simulator, only the name says what they are.
+    let unit = family.unit.or_else(|| numbers::quantity::unit(path));
+    Some(Metric { path: path.to_owned(), label: words_of(path), unit, ..family.clone() })
 }
 
 /// The name that is most likely meant by one that is none.

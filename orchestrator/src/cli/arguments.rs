@@ -45,8 +45,8 @@ const NO_COMMANDS: [(&[&str], &str); 6] = [
         "`run` and `sweep` write report.html into the folder of their results; `compare` and `diagnose` write a page with --report FILE",
     ),
     (
-        &["plot", "plots", "draw", "graph", "video"],
-        "`render` draws a recorded run, `effects NAME --svg FILE` an effect; report.html in the folder of a run has plots",
+        &["plot", "plots", "draw", "graph", "chart", "figures", "video"],
+        "`figure` draws figures of runs, sweeps and answers, `render` a recorded run from above, `effects NAME --svg FILE` an effect",
     ),
     (
         &["view", "show", "open", "watch"],
@@ -130,7 +130,7 @@ mod tests {
             ("diagnos", "`diagnose`"),
             ("comprae", "`compare`"),
             ("report", "report.html"),
-            ("plot", "`render`"),
+            ("plot", "`figure`"),
             ("Fit", "`extend`"),
         ] {
             let message = message(word);

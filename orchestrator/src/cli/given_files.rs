@@ -13,7 +13,7 @@ const TOML: [&str; 2] = ["config", "mapping"];
 /// Options whose file must be a table, or a folder with one.
 const TABLES: [&str; 5] = ["data", "like", "links", "positions", "heard"];
 /// Further arguments that name a file or a folder that is read.
-const OTHERS: [&str; 3] = ["run", "a", "b"];
+const OTHERS: [&str; 4] = ["run", "result", "a", "b"];
 
 /// Refuses files that do not exist, and files that are given in each other's place.
 pub(super) fn check(matches: &ArgMatches) -> Result<(), Failure> {

@@ -65,6 +65,7 @@ const GROUPS: [(&str, &[CommandHelp]); 6] = [
         &[
             ("replay", "replay runs/flocking", &["render", "run"]),
             ("render", "render runs/flocking --video flock.gif", &["replay", "export"]),
+            ("figure", "figure runs/flocking links --output links.pdf", &["render", "sweep"]),
             ("export", "export runs/flocking --format csv", &["render", "replay"]),
             ("compare-runs", "compare-runs runs/flocking runs/flocking-2", &["run", "sweep"]),
         ],

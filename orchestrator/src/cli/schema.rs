@@ -3,6 +3,7 @@
 use super::Failure;
 use super::import::Import;
 use ::convert::{Conversion, mapping};
+use ::figure::content::Figure;
 use bench::BenchAnswer;
 use check::{DataCheck, ExperimentCheck, PacketCheck, SweepCheck};
 use clap::Args;
@@ -57,7 +58,7 @@ const MAPPING: &str = "mapping";
 type OfType = fn(&mut SchemaGenerator) -> Schema;
 
 /// The answers: the command that gives it, and the types that it may have.
-const ANSWERS: [(&str, &[OfType]); 19] = [
+const ANSWERS: [(&str, &[OfType]); 20] = [
     ("bench", &[SchemaGenerator::subschema_for::<BenchAnswer>]),
     (
         "check",
@@ -97,6 +98,7 @@ const ANSWERS: [(&str, &[OfType]); 19] = [
             SchemaGenerator::subschema_for::<NetworkExtension>,
         ],
     ),
+    ("figure", &[SchemaGenerator::subschema_for::<Figure>]),
     ("metrics", &[SchemaGenerator::subschema_for::<MetricsAnswer>]),
     ("power", &[SchemaGenerator::subschema_for::<Power>]),
     ("render", &[SchemaGenerator::subschema_for::<Scene>]),

@@ -37,12 +37,17 @@ mod table;
 pub mod verify;
 mod worker;
 
+/// What people call keys and figures.
+pub mod names {
+    pub use crate::report::names::{Catalogue, Name};
+}
+
 pub use dry_run::dry_run;
 use engine::EngineError;
 pub use journal::JournalError;
 pub use merge::{MergeReport, merge};
 pub use shard::{Shard, ShardError};
-pub use sweep_summary::SweepSummary;
+pub use sweep_summary::{MetricSpread, SCHEMA as SUMMARY_SCHEMA, SweepSummary};
 
 use experiment::{Acts, Capability, Overrides};
 use journal::{Journal, JournalContent, TrialRow};
@@ -181,7 +186,7 @@ pub struct SweepReport {
 }
 
 /// The table of a sweep.
-const TABLE_FILE: &str = "trials.parquet";
+pub const TABLE_FILE: &str = "trials.parquet";
 /// The lines that the table is made of.
 const JOURNAL_FILE: &str = "trials.jsonl";
 

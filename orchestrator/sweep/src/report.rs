@@ -3,7 +3,7 @@
 
 mod factors;
 mod first_screen;
-mod names;
+pub(crate) mod names;
 mod panels;
 
 use super::plan::SweepPlan;

@@ -12,7 +12,8 @@ const RESAMPLES: u64 = 4000;
 
 impl MetricSpread {
     /// Of these values; `None` of none.
-    pub(crate) fn from_values(values: &[f64]) -> Option<Self> {
+    #[must_use]
+    pub fn from_values(values: &[f64]) -> Option<Self> {
         let mut ascending = values.to_vec();
         ascending.sort_by(f64::total_cmp);
         let (&min, &max) = (ascending.first()?, ascending.last()?);

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What the schema of the summary is called.
-pub(super) const SCHEMA: &str = "murmuration/sweep/1";
+pub const SCHEMA: &str = "murmuration/sweep/1";
 
 /// The summary of a sweep: its trials, and figures of each setting over the seeds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -9,13 +9,12 @@ import hashlib
 import html
 import importlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy
-
-from murmuration._files import DataFrame
+from murmuration import _figures
+from murmuration._files import DataFrame, private_folder
 from murmuration._names import one_of, path_of
 from murmuration._program import MurmurationError, call
 from murmuration._terms import in_python_terms
@@ -65,21 +64,17 @@ def _check_table(path: Path) -> None:
     )
 
 
-def _axes(axes: Any) -> Any:
-    """The axes to draw on: those given, or new ones."""
-    try:
-        from matplotlib import pyplot
-    except ImportError:
-        raise ImportError("plot needs matplotlib: pip install matplotlib") from None
-    return pyplot.subplots()[1] if axes is None else axes
-
-
 class _Files:
     """The files of a result. Each is read only if it is what was written, by its SHA-256 in provenance.json, or if `unverified`."""
 
     def __init__(self, folder: Path, unverified: bool) -> None:
         self._folder = folder
         self._unverified = unverified
+
+    @property
+    def options(self) -> list[str]:
+        """The option of the command line for files that are read unchecked."""
+        return ["--unverified"] if self._unverified else []
 
     @functools.cached_property
     def _listed(self) -> dict[str, Any]:
@@ -291,30 +286,94 @@ class Run:
         """
         return self.folder / "report.html"
 
-    def plot(self, *, axes: Axes | None = None) -> Axes:
-        """Draws the way of each agent, seen from above. Needs matplotlib.
+    @in_python_terms
+    def plot(
+        self, kind: str = "trajectories", *, from_s: float | None = None, until_s: float | None = None,
+        width: str | float | None = None, axes: Axes | None = None,
+    ) -> Axes:  # fmt: skip
+        """Draws a figure of the run, with the numbers that `murmuration figure` draws. Needs matplotlib.
 
         Parameters
         ----------
+        kind : str
+            "trajectories", "links", "network", "speed", "neighbours", "delivery" or "latency".
+        from_s : float, optional
+            Simulated time (s) from which on the run is drawn. By default its beginning.
+        until_s : float, optional
+            Simulated time (s) until which the run is drawn. By default its end.
+        width : str or float, optional
+            Width for print: "column" (88 mm), "page" (180 mm), or millimetres from 40 to 400. By default matplotlib's own size.
         axes : matplotlib.axes.Axes, optional
             Axes to draw on. By default new ones.
 
         Returns
         -------
         matplotlib.axes.Axes
-            The axes, in metres.
+            The axes.
+
+        Raises
+        ------
+        InvalidInput
+            There is no such kind, or the run left no table for it. The text lists the kinds that there are.
+
+        Examples
+        --------
+        >>> run.plot("delivery", width="column").figure.savefig("delivery.pdf")
         """
-        axes = _axes(axes)
-        columns = {name: self.steps[name].to_numpy() for name in ("agent", "x_m", "y_m")}
-        for agent in sorted(set(columns["agent"].tolist())):
-            own = columns["agent"] == agent
-            axes.plot(columns["x_m"][own], columns["y_m"][own], linewidth=0.8)
-            axes.plot(columns["x_m"][own][-1:], columns["y_m"][own][-1:], "k.", markersize=4)
-        axes.set_xlabel("x (m)")
-        axes.set_ylabel("y (m)")
-        axes.set_aspect("equal")
-        axes.set_title(self.summary["name"])
-        return axes
+        options = [*_figures.option("--from", from_s), *_figures.option("--until", until_s), *self._files.options]
+        return _figures.draw(_figures.content(self.folder, [kind], options), axes, width)
+
+    def plot_links(
+        self, *, from_s: float | None = None, until_s: float | None = None, width: str | float | None = None, axes: Axes | None = None
+    ) -> Axes:
+        """Draws who heard whom: an arrow from each sender to each receiver, in the colour of the share of frames. Needs matplotlib.
+
+        Parameters
+        ----------
+        from_s : float, optional
+            Simulated time (s) from which on the run is drawn. By default its beginning.
+        until_s : float, optional
+            Simulated time (s) until which the run is drawn. By default its end.
+        width : str or float, optional
+            Width for print: "column" (88 mm), "page" (180 mm), or millimetres from 40 to 400. By default matplotlib's own size.
+        axes : matplotlib.axes.Axes, optional
+            Axes to draw on. By default new ones.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes.
+
+        Raises
+        ------
+        InvalidInput
+            The run left no table of links, or nobody heard anybody.
+        """
+        return self.plot("links", from_s=from_s, until_s=until_s, width=width, axes=axes)
+
+    def plot_network(self, *, until_s: float | None = None, width: str | float | None = None, axes: Axes | None = None) -> Axes:
+        """Draws the parent of each mote. Needs matplotlib.
+
+        Parameters
+        ----------
+        until_s : float, optional
+            Simulated time (s) at which the network is drawn. By default the end of the run.
+        width : str or float, optional
+            Width for print: "column" (88 mm), "page" (180 mm), or millimetres from 40 to 400. By default matplotlib's own size.
+        axes : matplotlib.axes.Axes, optional
+            Axes to draw on. By default new ones.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes.
+
+        Raises
+        ------
+        InvalidInput
+            The network has no routes.
+        """
+        return self.plot("network", until_s=until_s, width=width, axes=axes)
 
     def __repr__(self) -> str:
         return f"Run({str(self.folder)!r})\n{self.printed}".rstrip()
@@ -374,45 +433,85 @@ class Sweep:
         """
         return self._files.scan(table)
 
-    def plot(self, x: str, y: str, *, by: str | None = None, axes: Axes | None = None) -> Axes:
-        """Draws a figure of all trials over a setting: a dot for each, and the mean at each value. Needs matplotlib.
+    @functools.cached_property
+    def summary(self) -> dict[str, Any]:
+        """Figures of each setting over its trials: the content of summary.json.
+
+        Returns
+        -------
+        dict
+            The settings under "settings": the values of the keys that vary, and of each metric n, median and interval.
+        """
+        return json.loads(self._files.path("summary.json").read_text())
+
+    @in_python_terms
+    def plot(
+        self, x: str, y: str | Sequence[str], *, by: str | None = None, width: str | float | None = None, axes: Axes | None = None
+    ) -> Axes:
+        """Draws metrics over what varies: a dot for each trial, and the median of each setting with its interval. Needs matplotlib.
+
+        The medians and intervals are those of the report, of the terminal and of summary.json.
 
         Parameters
         ----------
         x : str
-            Column of `trials` along the horizontal axis, such as "netsim.phy.radius_m".
-        y : str
-            Column of `trials` along the vertical axis, such as "network.delivery_ratio", or a metric by either of its names, such as "pdr".
+            What lies along the horizontal axis: a key that varies, such as "netsim.phy.radius_m", its last word, or "case". Any other
+            column of `trials` draws a dot for each trial over it.
+        y : str or list of str
+            Metric, such as "pdr" or "network.delivery_ratio", or several, each in a panel of its own.
         by : str, optional
-            Column of `trials`, such as "case". Each of its values gets a colour.
+            What colours and marks tell apart. By default everything else that varies.
+        width : str or float, optional
+            Width for print: "column" (88 mm), "page" (180 mm), or millimetres from 40 to 400. By default matplotlib's own size.
         axes : matplotlib.axes.Axes, optional
             Axes to draw on. By default new ones.
 
         Returns
         -------
         matplotlib.axes.Axes
-            The axes.
+            The axes; an array of them of several metrics.
 
         Raises
         ------
         ValueError
             The trials have no such column. The text has the nearest.
+
+        Examples
+        --------
+        >>> sweep.plot("netsim.sf.kind", ["pdr", "latency"], width="page")[0].figure.savefig("figure.pdf")
         """
-        column = {name: self._column(name) for name in (x, y, by) if name is not None}
-        axes = _axes(axes)
-        settings, figures = self.trials[column[x]].to_numpy(), self.trials[column[y]].to_numpy().astype(float)
-        groups = numpy.full(len(settings), "") if by is None else self.trials[column[by]].to_numpy()
-        for group in dict.fromkeys(groups.tolist()):
-            own = groups == group
-            values = sorted(set(settings[own].tolist()))
-            means = [numpy.nanmean(figures[own & (settings == value)]) for value in values]
-            (line,) = axes.plot(values, means, "-", label=group)
-            axes.plot(settings[own], figures[own], ".", alpha=0.5, color=line.get_color())
-        axes.set_xlabel(x)
-        axes.set_ylabel(y)
-        if by is not None:
-            axes.legend(title=by)
-        return axes
+        names = [y] if isinstance(y, str) else list(y)
+        if not self._varies(x):
+            columns = [self._column(name) for name in names]
+            return self._dots(self._column(x), columns, None if by is None else self._column(by), width, axes)
+        options = ["--x", x, *_figures.option("--by", by), *self._files.options]
+        return _figures.draw(_figures.content(self.folder, names, options), axes, width)
+
+    def _varies(self, name: str) -> bool:
+        """Whether settings differ in this key, given whole or by its last word, or in their case."""
+        keys = ["case", *(key for setting in self.summary["settings"] for key in setting["values"])]
+        return any(name in (key, key.rsplit(".", 1)[-1]) for key in keys)
+
+    def _dots(self, x: str, ys: list[str], by: str | None, width: str | float | None, axes: Axes | None) -> Axes:
+        """A dot for each trial over a column that is no setting."""
+        columns = {name: self.trials[name].to_numpy().astype(float).tolist() for name in (x, *ys)}
+        groups = [""] * len(columns[x]) if by is None else [str(value) for value in self.trials[by].to_numpy().tolist()]
+
+        def axis(name: str) -> dict[str, Any]:
+            known = [value for value in columns[name] if value == value]
+            low, high = (min(known), max(known)) if known else (0.0, 1.0)
+            margin = 0.05 * (high - low) or 0.5
+            return {"label": name, "scale": "linear", "range": [low - margin, high + margin], "ticks": [], "is_share": False, "categories": []}
+
+        def panel(y: str) -> dict[str, Any]:
+            rows = list(zip(groups, columns[x], columns[y], strict=True))
+            series = [
+                {"name": group, "mark": "dot", "group": n, "points": [{"x": a, "y": b} for own, a, b in rows if own == group]}
+                for n, group in enumerate(dict.fromkeys(groups))
+            ]
+            return {"x": axis(x), "y": axis(y), "is_map": False, "colour": None, "series": series}
+
+        return _figures.draw({"title": "", "panels": [panel(y) for y in ys]}, axes, width)
 
     def _column(self, name: str) -> str:
         """The column of this name, or of the metric that has this name."""
@@ -438,6 +537,10 @@ class Sweep:
 
     def _repr_html_(self) -> str:
         return _pre(self.printed)
+
+
+# The figure of an answer that says most.
+_KINDS = {"diagnose": "ladder", "compare": "errors", "power": "power"}
 
 
 class Answer(Mapping[str, Any]):
@@ -470,6 +573,36 @@ class Answer(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self.content)
+
+    @in_python_terms
+    def plot(self, kind: str | None = None, *, width: str | float | None = None, axes: Axes | None = None) -> Axes:
+        """Draws a figure of an answer of `compare`, `diagnose` or `power`. Needs matplotlib.
+
+        Parameters
+        ----------
+        kind : str, optional
+            Of a diagnosis "ladder", the default, or "gains"; of a comparison "errors"; of `power` "power".
+        width : str or float, optional
+            Width for print: "column" (88 mm), "page" (180 mm), or millimetres from 40 to 400. By default matplotlib's own size.
+        axes : matplotlib.axes.Axes, optional
+            Axes to draw on. By default new ones.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            The axes; an array of them of several panels.
+
+        Raises
+        ------
+        InvalidInput
+            There is no such figure. The text lists those that there are.
+        """
+        command, _, _ = str(self.content.get("schema", "")).partition("/")
+        kinds = [kind or _KINDS.get(command, command)]
+        with private_folder() as folder:
+            file = folder / "answer.json"
+            file.write_text(json.dumps(self.content))
+            return _figures.draw(_figures.content(file, kinds), axes, width)
 
     def __repr__(self) -> str:
         return self.printed.rstrip()

@@ -7,38 +7,42 @@ use serde_json::Value;
 
 /// How people call a key or a figure.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Name {
+pub struct Name {
     /// In a few words, without a capital letter.
-    pub(super) words: String,
+    pub words: String,
     /// Its unit; none of a share or a truth value, which are shown as per cent.
-    pub(super) unit: Option<&'static str>,
+    pub unit: Option<&'static str>,
     /// Whether it is a share.
-    pub(super) is_share: bool,
+    pub is_share: bool,
     /// What it is, in one sentence or more, where that is known.
-    pub(super) explanation: Option<String>,
+    pub explanation: Option<String>,
 }
 
 impl Name {
     /// Words and unit, as an axis shows them.
-    pub(super) fn label(&self) -> String {
+    #[must_use]
+    pub fn label(&self) -> String {
         quantity::with_unit(&self.words, self.unit)
     }
 }
 
 /// The descriptions that names are looked up in.
-pub(super) struct Catalogue {
+#[derive(Debug)]
+pub struct Catalogue {
     experiment: Value,
 }
 
 impl Catalogue {
     /// That of this program.
-    pub(super) fn of_program() -> Self {
+    #[must_use]
+    pub fn of_program() -> Self {
         Self { experiment: experiment::schema() }
     }
 
     /// The name of a key of the configuration. `config`: the configuration that it is a key of, which decides between keys of the
     /// same name.
-    pub(super) fn key(&self, key: &str, config: &toml::Table) -> Name {
+    #[must_use]
+    pub fn key(&self, key: &str, config: &toml::Table) -> Name {
         let config = toml::Value::Table(config.clone());
         let path: Vec<&str> = key.split('.').map(without_index).collect();
         let found = find(&self.experiment, &self.experiment, &path, Some(&config));
@@ -59,8 +63,15 @@ impl Catalogue {
 }
 
 impl Name {
+    /// That of the cases of a sweep.
+    #[must_use]
+    pub fn of_case() -> Self {
+        Self { words: "case".to_owned(), unit: None, is_share: false, explanation: None }
+    }
+
     /// That of a figure of a run, by short name or path in `summary.json`.
-    pub(super) fn of_figure(figure: &str) -> Self {
+    #[must_use]
+    pub fn of_figure(figure: &str) -> Self {
         let Some(metric) = metric::find(figure, Robots::Foreign) else {
             let words = quantity::words(figure);
             return Self { words, unit: None, is_share: false, explanation: None };

@@ -1,0 +1,174 @@
+//! Journal figures by the real program: the numbers are those of the results, and what cannot be drawn is refused with what can.
+
+use serde_json::Value;
+use std::path::Path;
+use std::sync::LazyLock;
+use tempfile::TempDir;
+use tests::{folder, orchestrator, said};
+
+/// A run and a sweep, made once.
+static RESULTS: LazyLock<TempDir> = LazyLock::new(|| {
+    let folder = folder();
+    let common = "[experiment]\nname = \"NAME\"\nseed = 1\nduration_s = 3.0\nagents = 6\ncontrol_period = { rate_hz = 10.0 }\n\
+        [robotsim.scenario]\nkind = \"line\"\n[robotsim.controller]\nkind = \"flocking\"\nflock_radius_m = 5.0\n\
+        [[site.wall]]\nfrom_m = [0.0, 5.0]\nto_m = [10.0, 5.0]\n\
+        [netsim.phy]\npropagation = \"unit-disk\"\nradius_m = 12.0\n";
+    std::fs::write(folder.path().join("run.toml"), common.replace("NAME", "run")).unwrap();
+    let sweep = common.replace("NAME", "sweep")
+        + "[sweep]\nseeds = 6\nmetrics = [\"task.flock_speed_mps\"]\n[sweep.vary]\nnetsim.phy.radius_m = [3.0, 12.0]\nexperiment.agents = [4, 6]\n";
+    std::fs::write(folder.path().join("sweep.toml"), sweep).unwrap();
+    for args in [["run", "run.toml"], ["sweep", "sweep.toml"]] {
+        let output = orchestrator(&args, folder.path());
+        assert!(output.status.success(), "{}", said(&output));
+    }
+    folder
+});
+
+fn json(path: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+/// What `figure` with these words after the path of the result says as JSON.
+fn figure(args: &[&str], to: &Path) -> Value {
+    let file = to.join("figure.json");
+    let json_to = ["--json", file.to_str().unwrap()];
+    let output = orchestrator(&[&["figure"], args, &json_to].concat(), RESULTS.path());
+    assert!(output.status.success(), "{args:?}: {}", said(&output));
+    json(&file)
+}
+
+fn refused(args: &[&str]) -> String {
+    let output = orchestrator(&[&["figure"], args, &["--json", "-"]].concat(), RESULTS.path());
+    assert_eq!(output.status.code(), Some(2), "{args:?}: {}", said(&output));
+    said(&output)
+}
+
+#[test]
+fn a_figure_of_a_sweep_has_the_medians_and_intervals_of_its_summary() {
+    let to = folder();
+    let figure = figure(&["runs/sweep"], to.path());
+    let summary = json(&RESULTS.path().join("runs/sweep/summary.json"));
+    let panel = &figure["panels"][0];
+    assert_eq!(panel["x"]["label"], "phy radius (m)");
+    assert_eq!(panel["y"]["label"], "flock speed (m/s)");
+    let mut n_points = 0;
+    for series in panel["series"].as_array().unwrap() {
+        if series["mark"] == "faint-dot" {
+            assert_eq!(series["points"].as_array().unwrap().len(), 12);
+            continue;
+        }
+        for point in series["points"].as_array().unwrap() {
+            let is_own = |setting: &&Value| {
+                let values = &setting["values"];
+                let agents = format!("number of robots {}", values["experiment.agents"]);
+                values["netsim.phy.radius_m"].as_f64() == point["x"].as_f64()
+                    && series["name"] == agents.as_str()
+            };
+            let own = summary["settings"].as_array().unwrap().iter().find(is_own).unwrap();
+            let metric = &own["metrics"]["task.flock_speed_mps"];
+            assert_eq!(point["y"], metric["median"], "{point}");
+            assert_eq!(
+                [&point["low"], &point["high"]],
+                [&metric["median_interval_95"][0], &metric["median_interval_95"][1]]
+            );
+            assert_eq!(
+                (point["n"].as_u64(), &point["interval"]),
+                (Some(6), &"bootstrap 95 %".into())
+            );
+            n_points += 1;
+        }
+    }
+    assert_eq!(n_points, 4);
+    let caption = figure["caption"].as_str().unwrap();
+    assert!(
+        caption.contains("median with the 95 % bootstrap interval")
+            && caption.contains("n = 6 trials each"),
+        "{caption}"
+    );
+}
+
+#[test]
+fn who_heard_whom_is_counted_in_the_tables() {
+    let to = folder();
+    let figure = figure(&["runs/run", "links"], to.path());
+    let panel = &figure["panels"][0];
+    let series = |mark: &str| {
+        panel["series"].as_array().unwrap().iter().find(|series| series["mark"] == mark).unwrap()
+    };
+    let arrows = series("arrow")["points"].as_array().unwrap();
+    // All are within reach of each other, and no frame is lost on a disk.
+    assert_eq!(arrows.len(), 30);
+    for arrow in arrows {
+        assert_eq!(arrow["value"], 1.0, "{arrow}");
+        assert_eq!(arrow["n"], 30, "a frame in each of thirty periods");
+    }
+    assert_eq!(series("dot")["points"].as_array().unwrap().len(), 6);
+    assert_eq!(series("segment")["name"], "walls");
+}
+
+#[test]
+fn every_kind_is_written_in_every_format_and_twice_the_same() {
+    let to = folder();
+    let kinds = ["trajectories", "links", "speed", "neighbours", "delivery"];
+    let results =
+        kinds.map(|kind| ("runs/run", kind)).into_iter().chain([("runs/sweep", "flock_speed")]);
+    for (result, kind) in results {
+        for ending in ["pdf", "svg", "png", "csv"] {
+            let [first, second] =
+                ["a", "b"].map(|name| to.path().join(format!("{kind}-{name}.{ending}")));
+            for file in [&first, &second] {
+                let args =
+                    ["figure", result, kind, "--output", file.to_str().unwrap(), "--width", "page"];
+                let output = orchestrator(&args, RESULTS.path());
+                assert!(output.status.success(), "{}", said(&output));
+            }
+            let bytes = std::fs::read(&first).unwrap();
+            assert!(bytes == std::fs::read(&second).unwrap(), "{kind}.{ending}");
+            let begins = match ending {
+                "pdf" => &b"%PDF-1.7"[..],
+                "svg" => b"<svg",
+                "png" => b"\x89PNG",
+                _ => b"panel,series,x_label,x,y_label,y,",
+            };
+            assert!(bytes.starts_with(begins) && 300 < bytes.len(), "{kind}.{ending}");
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused_with_what_can() {
+    for (args, parts) in [
+        (&["runs/run"][..], &["name one KIND", "\n  trajectories "][..]),
+        (&["runs/run", "pie"], &["\"pie\" is no KIND", "\n  delivery "]),
+        (
+            &["runs/run", "latency"],
+            &["latency needs packets.parquet", "there are:\n  trajectories"],
+        ),
+        (&["runs/run", "links", "--x", "experiment.agents"], &["--x: is for sweeps"]),
+        (&["runs/run", "links", "--from", "99"], &["nobody heard anybody"]),
+        (
+            &["runs/sweep", "flok_speed", "latency"],
+            &["flok_speed is no metric", "nearest: ", "latency is no metric"],
+        ),
+        (
+            &["runs/sweep", "--x", "experiment.agnets"],
+            &["does not vary (nearest: experiment.agents)"],
+        ),
+        (&["runs/sweep", "--x", "agents", "--by", "agents"], &["name the same key"]),
+        (&["runs/absent", "links"], &["does not exist"]),
+        (&["run.toml", "links"], &["neither a folder of results nor an answer"]),
+        (&["runs/run", "links", "--output", "a.jpg"], &["must end in .pdf, .svg, .png or .csv"]),
+    ] {
+        let printed = refused(args);
+        for part in parts {
+            assert!(printed.contains(part), "{args:?}: {part:?} is not in\n{printed}");
+        }
+    }
+    let output = orchestrator(&["figure", "runs/run", "links"], RESULTS.path());
+    assert!(said(&output).contains("give --output FILE"), "{}", said(&output));
+    let output = orchestrator(
+        &["figure", "runs/run", "links", "--width", "39", "--json", "-"],
+        RESULTS.path(),
+    );
+    assert!(said(&output).contains("from 40 to 400"), "{}", said(&output));
+}
