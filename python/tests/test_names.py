@@ -3,6 +3,7 @@
 import ast
 import dataclasses
 import importlib
+import importlib.metadata
 import inspect
 import re
 import subprocess
@@ -60,6 +61,14 @@ def test_names_are_the_public_ones_and_exist():
 def test_the_version_is_that_of_the_program():
     said = subprocess.run([murmuration.program(), "--version"], capture_output=True, text=True, check=True).stdout
     assert said.split() == ["murmuration", murmuration.__version__]
+
+
+def test_all_but_tables_and_plots_comes_with_the_package():
+    """Extras of earlier versions remain, so that commands with their names work."""
+    metadata = importlib.metadata.metadata("murmuration-sim")
+    assert set(metadata.get_all("Provides-Extra")) == {"polars", "pandas", "plot", "rosbags", "ulog", "env"}
+    optional = {re.match(r"[\w-]+", line)[0] for line in metadata.get_all("Requires-Dist") if "extra ==" in line}
+    assert optional == {"polars", "pandas", "pyarrow", "matplotlib"}
 
 
 def test_ipython_completes_the_public_names_alone():

@@ -31,7 +31,7 @@ def installed(tmp_path_factory):
     (wheel,) = folder.glob("murmuration_sim-*.whl")
     venv.create(folder / "venv", with_pip=True)
     scripts = folder / "venv" / "bin"
-    call(scripts / "pip", "install", "-q", "--disable-pip-version-check", f"{wheel}[polars,pandas,plot,rosbags,ulog,env]", "pytest")
+    call(scripts / "pip", "install", "-q", "--disable-pip-version-check", f"{wheel}[polars,pandas,plot]", "ipython", "mypy", "pytest")
     return scripts, {"PATH": f"{scripts}:/usr/bin:/bin", "HOME": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
 
 

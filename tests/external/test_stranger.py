@@ -1,7 +1,9 @@
 """robotsim/examples/python/minimal.py, a robot simulator that shares no code with ours, drives a run."""
 
 import math
+import re
 import struct
+import subprocess
 import sys
 
 import pytest
@@ -64,6 +66,15 @@ def test_the_robots_move_as_the_example_says(topics):
             assert math.dist(now, expected) < 1e-12, f"step {robots.message.step}, robot {robot}"
         at, time_ns, given = reached, robots.message.time_ns, network.message.deliveries
     assert moved > n, "nearly nobody moved, so this showed nothing"
+
+
+def test_the_page_shows_what_the_run_prints(stranger, tmp_path):
+    command = [program("murmuration"), "run", ROOT / "configs/external-robots.toml", "--robotsim", f"http://{stranger}"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    # A run that takes long shows its progress beside the warnings.
+    warnings = "".join(line for line in done.stderr.splitlines(keepends=True) if line.startswith("warning: "))
+    said = warnings + re.sub(r" simulated in .*", " simulated in …", done.stdout)
+    assert f"```text\n{said}```" in (ROOT / "docs/own-simulator.md").read_text(), said
 
 
 def test_every_digest_follows_from_the_messages(topics):
