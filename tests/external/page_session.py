@@ -54,9 +54,15 @@ def serving(*arguments, folder=ROOT):
 class Session:
     """A page that is open, and everything that went wrong in it."""
 
-    def __init__(self, browser, url, size=(1280, 720), dark=False):
+    def __init__(self, browser, url, size=(1280, 720), dark=False, touch=False, moving=False):
+        """`touch`: a phone or a tablet. `moving`: the page may play by itself; else its viewer wants reduced motion."""
         self.context = browser.new_context(
-            viewport={"width": size[0], "height": size[1]}, color_scheme="dark" if dark else "light", accept_downloads=True
+            viewport={"width": size[0], "height": size[1]},
+            color_scheme="dark" if dark else "light",
+            reduced_motion="no-preference" if moving else "reduce",
+            has_touch=touch,
+            is_mobile=touch,
+            accept_downloads=True,
         )
         self.page = self.context.new_page()
         self.page.set_default_timeout(60_000)

@@ -149,6 +149,7 @@ def test_a_diagnosis_is_opened_and_a_bin_shows_its_links(browser, flocking, meas
         assert seen == 1, "no bin answered to the pointer"
         svg = session.download("SVG").read_text()
         assert "Residual over" in svg and "Gain of each candidate" in svg
+        assert "nat: the unit of natural logarithms" in svg
 
 
 def test_a_page_by_itself_holds_a_comparison(browser, flocking, measured, tmp_path):

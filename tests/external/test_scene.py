@@ -10,6 +10,7 @@ from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from conftest import ROOT
 from mcap.reader import make_reader
 
 SCHEMAS = {
@@ -100,3 +101,28 @@ def test_metrics_are_those_of_the_table(scene, flocking):
     for time_ns, metrics in topics["/metrics"]:
         assert metrics["time_s"] == time_ns / 1e9
         assert (metrics["n_sent"], metrics["n_deliveries"]) == (sent.get(time_ns, 0), delivered.get(time_ns, 0))
+
+
+def test_the_layout_for_foxglove_refers_to_topics_frames_and_fields_of_the_file(scene, flocking):
+    topics, _ = scene
+    layout = json.loads((ROOT / "docs" / "swarm-layout.json").read_text())
+    panels = layout["configById"]
+
+    def arranged(part):
+        return [part] if isinstance(part, str) else arranged(part["first"]) + arranged(part["second"])
+
+    assert sorted(arranged(layout["layout"])) == sorted(panels)
+    frames = {name for _, message in topics["/tf"] for t in message.transforms for name in (t.parent_frame_id, t.child_frame_id)}
+    drawn = panels["3D!swarm"]
+    assert drawn["followTf"] in frames
+    assert all(layer["frameId"] in frames for layer in drawn["layers"].values())
+    # All that a 3-D panel can draw is visible.
+    with_shapes = {topic for topic, messages in topics.items() if isinstance(messages[0][1], (PosesInFrame, SceneUpdate))}
+    assert {topic for topic, shown in drawn["topics"].items() if shown["visible"]} == with_shapes == {"/robots", "/links", "/site"}
+    for path in panels["Plot!neighbours"]["paths"]:
+        topic, field = path["value"].rsplit(".", 1)
+        assert all(field in message for _, message in topics[topic]), path["value"]
+    # A quiet run has no event; the file has their topic all the same.
+    with open(flocking / "scene.mcap", "rb") as file:
+        channels = {channel.topic for channel in make_reader(file).get_summary().channels.values()}
+    assert panels["RosOut!events"]["topicToRender"] in channels

@@ -5,6 +5,7 @@
 //! | [`arrangement`] | where robots are at one moment: shapes, spread, coverage |
 //! | [`headline`] | the figures that a run leads with, for each goal of its robots |
 //! | [`period`] | one control period, as metrics see it |
+//! | [`contacts`] | which robots collide with each other |
 //! | [`counts`] | who heard whom in a period |
 //! | [`measures`] | everything that is measured of a run, over time |
 //! | [`task`] | what the swarm was to do, and when that counts as done |
@@ -12,7 +13,7 @@
 //! | [`figures`] | figures by name, as summaries have them |
 //! | [`task_figures`] | the figures of a task: meaning, when they are null, which direction is better |
 //! | [`lines`] | how straight a line formation is |
-//! | [`solids`] | collisions with walls, obstacles and each other |
+//! | [`solids`] | collisions with walls and obstacles |
 //! | [`kpi`] | delivery, latency, hops and energy of the network |
 //! | [`distances`] | delivery over distance |
 //! | [`hearing`] | who heard whom when, thinned for pictures |
@@ -20,6 +21,7 @@
 //! | [`places`] | measures of a swarm of which only positions are known |
 
 pub mod arrangement;
+pub mod contacts;
 pub mod counts;
 pub mod distances;
 pub mod figures;

@@ -131,7 +131,7 @@ impl Measures {
         self.hearing.add(period);
         self.note_failures(period);
         if let Some(solids) = &mut self.solids {
-            solids.add(&self.task, period);
+            solids.add(&self.task, period, |_, _| {});
         }
         if period.held {
             self.start_ns = period.time_ns;

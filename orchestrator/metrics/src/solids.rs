@@ -7,7 +7,7 @@ use proto::types::MovedObstacle;
 
 /// Walls and obstacles, and how often robots have met them.
 #[derive(Clone, Debug)]
-pub(super) struct Solids {
+pub struct Solids {
     /// Walls, and obstacles without a name, which cannot move.
     standing: Tree,
     /// Obstacles with a name, where they are at the end of the latest step.
@@ -28,7 +28,8 @@ struct Solid {
 
 impl Solids {
     /// Of a place. `None` where nothing is solid, or where it is not known how large robots are.
-    pub(super) fn from_site(site: &Site, task: &Task) -> Option<Self> {
+    #[must_use]
+    pub fn from_site(site: &Site, task: &Task) -> Option<Self> {
         let robot_radius_m = 0.5 * task.diameter_m?;
         let wall = site.wall.iter().map(|wall| Solid {
             line_m: [[wall.from_m, wall.to_m]; 2],
@@ -54,7 +55,9 @@ impl Solids {
     }
 
     /// Adds a step. Of one in which robots stand still, only where obstacles go counts.
-    pub(super) fn add(&mut self, task: &Task, period: &Period<'_>) {
+    ///
+    /// * `met`: called with each robot that has met walls or obstacles in the step, and how many.
+    pub fn add(&mut self, task: &Task, period: &Period<'_>, mut met: impl FnMut(usize, u64)) {
         self.take_up(period.moved_obstacles);
         if period.held {
             return;
@@ -70,6 +73,9 @@ impl Solids {
             let n = self.standing.n_met(way, self.robot_radius_m)
                 + named.n_met(way, self.robot_radius_m);
             self.n_met += n;
+            if 0 < n {
+                met(agent, n);
+            }
             if passage == Passage::Through {
                 self.n_passed += n;
             }

@@ -1,11 +1,11 @@
 //! What the swarm does, step by step: does it follow, does it hold together, does it collide? docs/metrics.md defines each.
 
+use super::contacts::Contacts;
 use super::period::{Period, distance_m};
 use super::task::Task;
 use crate::figures::{FigureValue, FiguresByName};
 use crate::headline::is_thrashing;
-use proto::types::{AgentStates, seconds};
-use std::collections::BTreeSet;
+use proto::types::seconds;
 
 /// Measures of a swarm over time.
 #[derive(Clone, Debug, Default)]
@@ -20,9 +20,8 @@ pub(super) struct SwarmMeasures {
     cohesion: Mean,
     fragments: Mean,
     final_fragments: Option<usize>,
-    contacts: BTreeSet<(u32, u32)>,
+    contacts: Contacts,
     n_collisions: u64,
-    min_distance_m: Option<f64>,
     age: Mean,
     neighbour_error: Mean,
     /// What was sent in the period before: by whom, from where (m), and how many heard it.
@@ -103,7 +102,7 @@ impl SwarmMeasures {
             self.leader_distance.add((1.0 < n).then(|| sum / (n - 1.0)), weight);
         }
         self.connectivity(period, &alive, leader, weight);
-        self.collisions(task, states, &alive);
+        self.n_collisions += self.contacts.add(task, states, &alive).len() as u64;
         along_mps
     }
 
@@ -139,30 +138,6 @@ impl SwarmMeasures {
         let others = alive.iter().filter(|&&agent| agent != leader);
         let connected = others.filter(|&&agent| groups.root_of(agent) == home).count();
         self.leader_connected.add(Some(connected as f64 / (alive.len() - 1) as f64), weight);
-    }
-
-    /// Pairs that have come closer than a robot's diameter, and the least distance of any pair.
-    fn collisions(&mut self, task: &Task, states: &AgentStates, alive: &[usize]) {
-        let mut by_x = alive.to_vec();
-        by_x.sort_by(|&a, &b| states.x_m[a].total_cmp(&states.x_m[b]).then(a.cmp(&b)));
-        let mut least_m = self.min_distance_m.unwrap_or(f64::INFINITY);
-        let mut contacts = BTreeSet::new();
-        for (place, &a) in by_x.iter().enumerate() {
-            let range_m = least_m.max(task.diameter_m.unwrap_or(0.0));
-            for &b in &by_x[place + 1..] {
-                if range_m < states.x_m[b] - states.x_m[a] {
-                    break;
-                }
-                let distance_m = distance_m(states, a, b);
-                least_m = least_m.min(distance_m);
-                if task.diameter_m.is_some_and(|diameter_m| distance_m < diameter_m) {
-                    contacts.insert((a.min(b) as u32, a.max(b) as u32));
-                }
-            }
-        }
-        self.n_collisions += contacts.difference(&self.contacts).count() as u64;
-        self.contacts = contacts;
-        self.min_distance_m = least_m.is_finite().then_some(least_m);
     }
 
     /// How old what was heard is when the period ends, which is when robots act on it.
@@ -234,7 +209,7 @@ impl SwarmMeasures {
         add("fragments", number(self.fragments.value()));
         add("final_fragments", self.final_fragments.map(|n| FigureValue::Count(n as u64)));
         add("collisions", task.diameter_m.map(|_| FigureValue::Count(self.n_collisions)));
-        add("min_distance_m", number(self.min_distance_m));
+        add("min_distance_m", number(self.contacts.min_distance_m()));
         add("neighbour_error_m", number(self.neighbour_error.value()));
         figures
     }
@@ -332,7 +307,7 @@ fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
 mod tests {
     use super::*;
     use crate::counts::Counts;
-    use proto::types::{Deliveries, Heard, MoteStates, Payloads, Transmissions};
+    use proto::types::{AgentStates, Deliveries, Heard, MoteStates, Payloads, Transmissions};
 
     /// A step of one second in which everyone sends at its begin, and `hears` says who hears.
     fn after(

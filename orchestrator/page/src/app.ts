@@ -15,8 +15,8 @@ export interface App {
   framesDrawn: number;
   /** What went wrong with the last order to the simulation; empty: nothing. */
   problem: string;
-  /** Shows a robot's details and, if it is drawn, puts it into the middle. */
-  select(agent: number | null, centre?: boolean): void;
+  /** Shows a robot's details; puts it into the middle of the picture, or only if it is outside of the picture. */
+  select(agent: number | null, camera?: "stay" | "show" | "centre"): void;
   /** Goes to a time (ns) and stops following the simulation. */
   seek(timeNs: number): void;
 }

@@ -39,3 +39,8 @@ export function checkbox(label: string, title: string, changed: (checked: boolea
 export function setText(target: Element, text: string): void {
   if (target.textContent !== text) target.textContent = text;
 }
+
+/** Whether buttons must be large enough for fingers: as in style.css. */
+export function isTouch(): boolean {
+  return window.matchMedia("(pointer: coarse), (max-width: 600px)").matches;
+}

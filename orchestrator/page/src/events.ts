@@ -10,20 +10,36 @@ export function isAbout(event: Event, agent: number): boolean {
   return event.agent === agent || new RegExp(`\\b(robot|mote|agent)s? ${agent}\\b`).test(event.text);
 }
 
+/** The robot that a text in the find box means: "3", "robot 3", "mote 3"; null: none. */
+export function robotNamed(text: string): number | null {
+  const [, number] = /^(?:(?:robot|mote|agent)\s*)?(\d+)$/i.exec(text.trim()) ?? [];
+  return number === undefined ? null : Number(number);
+}
+
 /** Events of the run by time, filtered by kind and by what the find box holds. */
 export class EventsPanel {
   readonly root: HTMLElement;
   private readonly list: VirtualList<Event>;
-  private readonly count = element("div", { class: "note" });
+  /** Where no event is shown, why. */
+  private readonly none = element("div", { class: "note" });
+  private readonly count = element("button", {
+    type: "button", class: "link", title: "Go to the first of them; press again for the next (Shift: the one before)",
+    onclick: (event) => this.step((event as MouseEvent).shiftKey ? -1 : 1),
+  });
+  /** The event that the count has gone to; -1: none. */
+  private index = -1;
   private readonly hiddenKinds = new Set<EventKind>();
   private readonly chips = element("div", { class: "chips" });
+  private readonly chipOf = new Map<EventKind, HTMLElement>();
   private shown: Event[] = [];
   private find = "";
+  /** How many events are shown of how many. */
+  private about = "";
   private key = "";
 
   constructor(private readonly app: App) {
     this.list = new VirtualList("Events", 26, (event) => this.row(event));
-    this.root = element("div", { class: "events" }, this.chips, this.count, this.list.root);
+    this.root = element("div", { class: "events" }, this.chips, element("div", {}, this.count, this.none), this.list.root);
     for (const [kind, style] of EVENT_STYLES) {
       const chip = element("button", {
         type: "button", class: "chip", "aria-pressed": "true", title: `Show or hide events of the kind "${style.label}"`,
@@ -34,6 +50,7 @@ export class EventsPanel {
         },
       }, eventMark(kind), style.label);
       this.chips.append(chip);
+      this.chipOf.set(kind, chip);
     }
   }
 
@@ -57,7 +74,7 @@ export class EventsPanel {
   }
 
   private filter(events: Event[]): void {
-    const number = /^\d+$/.test(this.find) ? Number(this.find) : null;
+    const number = robotNamed(this.find);
     const text = this.find.toLowerCase();
     this.shown = events.filter((event) => {
       if (this.hiddenKinds.has(event.kind)) return false;
@@ -66,10 +83,26 @@ export class EventsPanel {
     });
     const about = number === null ? "" : ` about robot ${number}`;
     const none = events.length === 0 && this.find === "" ? "Nothing has happened yet in this run." : `No event${about} matches. Clear the find box, or show more kinds.`;
-    setText(this.count, this.shown.length === 0 ? none : `${this.shown.length} of ${events.length} events${about}`);
+    const kinds = new Set(events.map((event) => event.kind));
+    for (const [kind, chip] of this.chipOf) chip.hidden = !kinds.has(kind);
+    this.index = -1;
+    setText(this.none, this.shown.length === 0 ? none : "");
+    this.count.hidden = this.shown.length === 0;
+    this.about = `${this.shown.length} of ${events.length} events${about}`;
+    setText(this.count, this.about);
     this.list.show(this.shown);
     const next = this.shown.findIndex((event) => Number(event.timeNs) >= this.app.store.state.timeNs);
     if (next > 0) this.list.reveal(next);
+  }
+
+  /** Goes to the next event that is shown, or the one before. */
+  private step(direction: 1 | -1): void {
+    const { length } = this.shown;
+    this.index = this.index < 0 && direction < 0 ? length - 1 : (this.index + direction + length) % length;
+    this.app.store.set({ playing: false });
+    goTo(this.app, this.shown[this.index]);
+    this.list.reveal(this.index);
+    setText(this.count, `${this.about}: number ${this.index + 1}`);
   }
 
   private row(event: Event): HTMLElement {
@@ -84,7 +117,7 @@ export class EventsPanel {
 /** Goes to an event's time and shows the robot that it happened to. */
 export function goTo(app: App, event: Event): void {
   app.seek(Number(event.timeNs));
-  if (event.agent !== undefined) app.select(event.agent, true);
+  if (event.agent !== undefined) app.select(event.agent, "show");
 }
 
 /** The mark of a kind of event as a small picture. */

@@ -26,3 +26,8 @@ export function niceStep(least: number): number {
   for (const factor of [1, 2, 5]) if (power * factor >= least) return power * factor;
   return power * 10;
 }
+
+/** A text in which a line never ends between a number and its unit. */
+export function unbroken(text: string): string {
+  return text.replace(/(\d) (?=[a-zA-Zµ%°])/g, "$1\u00A0");
+}

@@ -5,6 +5,7 @@ import type { Shell } from "./shell.ts";
 import { NO_MOTE } from "./source/frame.ts";
 import type { Ghost } from "./swarm/picture.ts";
 import { ROBOT_STRIDE } from "./swarm/picture.ts";
+import type { Camera } from "./store.ts";
 import type { SwarmView } from "./swarm/view.ts";
 
 /** What is drawn now, read back from the drawing buffers: for tests of the page. */
@@ -25,6 +26,8 @@ export interface Drawn {
   /** Cells of the schedule pane in which frames were sent, and in which some of them collided. */
   schedule: { sent: number; collisions: number };
   painter: string;
+  /** The middle of the picture (m) and its scale (CSS pixels per metre). */
+  camera: Camera;
   nRobotsDrawn: number;
   /** By robot; null: not drawn. */
   positions: ([number, number] | null)[];
@@ -82,6 +85,7 @@ export function drawn(app: App, shell: Shell, swarm: SwarmView, network: Network
       [frame.sender, frame.destination === NO_MOTE ? null : frame.destination, frame.sentNs, frame.outcome]),
     schedule: network.scheduleDrawn,
     painter: swarm.painter?.name ?? "none",
+    camera: { ...swarm.camera },
     nRobotsDrawn: picture.robots.count,
     positions,
     dead,

@@ -21,6 +21,7 @@ import { Store, type View } from "./store.ts";
 import { theme } from "./swarm/colours.ts";
 import { SwarmPane } from "./swarm/pane.ts";
 import type { SwarmView } from "./swarm/view.ts";
+import { Opening } from "./opening.ts";
 import type { TimeActions } from "./time-bar.ts";
 import { bindFragment, parseFragment } from "./url-state.ts";
 
@@ -115,11 +116,13 @@ interface Started {
   /** Resolves when the frame at the current time is drawn. */
   settled(): Promise<void>;
   seek(timeNs: number): Promise<void>;
+  /** Goes to the next moment of a kind. */
+  jump(name: string): void;
 }
 
 /** Builds the page for a source, and draws it until another source takes its place. */
-function start(source: Source, store: Store): Started {
-  let centreOn: number | null = null;
+function start(source: Source, store: Store, open: { wanted: boolean; keepSpeed: boolean }): Started {
+  let centreOn: { agent: number; always: boolean } | null = null;
   const app: App = {
     store,
     source,
@@ -129,9 +132,9 @@ function start(source: Source, store: Store): Started {
     theme: theme(systemDark.matches),
     framesDrawn: 0,
     problem: "",
-    select(agent, centre = false) {
+    select(agent, camera = "stay") {
       store.set({ selected: agent, peer: null, ...(agent === null ? { follow: false } : {}) });
-      centreOn = centre ? agent : null;
+      centreOn = camera === "stay" || agent === null ? null : { agent, always: camera === "centre" };
     },
     seek(timeNs) {
       store.set({ timeNs: Math.max(0, Math.min(endOfRuns(app), timeNs)), atLive: false });
@@ -158,6 +161,7 @@ function start(source: Source, store: Store): Started {
   page.replaceChildren(shell.root);
   document.title = `${currentRun(app).run.name || "run"} – Murmuration`;
   const clock = new Clock(app);
+  const opening = new Opening(app, open.wanted, open.keepSpeed);
 
   /** Puts a robot that was found into the middle as soon as its frame is loaded. */
   const centre = (): void => {
@@ -165,8 +169,10 @@ function start(source: Source, store: Store): Started {
     const { timeNs, follow } = store.state;
     if (centreOn === null || !data.ready(timeNs)) return;
     const frame = data.frames.frame(data.frames.indexAt(timeNs));
-    if (centreOn < frame.x.length && !follow) {
-      store.set({ camera: { ...shownSwarm().camera, x: frame.x[centreOn], y: frame.y[centreOn] } });
+    const { agent, always } = centreOn;
+    if (agent < frame.x.length && !follow) {
+      const [x, y] = [frame.x[agent], frame.y[agent]];
+      if (always || !shownSwarm().shows(x, y)) store.set({ camera: { ...shownSwarm().camera, x, y } });
     }
     centreOn = null;
   };
@@ -176,6 +182,7 @@ function start(source: Source, store: Store): Started {
     const dark = store.state.theme === "" ? systemDark.matches : store.state.theme === "dark";
     if (dark !== app.theme.dark) app.theme = theme(dark);
     document.documentElement.dataset.theme = dark ? "dark" : "light";
+    opening.update(nowMs);
     clock.tick(nowMs);
     follower.update();
     shell.render();
@@ -186,7 +193,7 @@ function start(source: Source, store: Store): Started {
   const isDrawn = (): boolean => {
     const data = currentRun(app);
     const { timeNs, view } = store.state;
-    if (!data.ready(timeNs) || follower.loading) return false;
+    if (opening.pending || !data.ready(timeNs) || follower.loading) return false;
     // The network view shows what the overview holds until this time.
     if (view === "network") return source.kind !== "served" || data.overview.complete || Number(data.overview.untilNs) >= timeNs;
     if (view !== "swarm" && view !== "compare" && view !== "measurements") return true;
@@ -205,16 +212,22 @@ function start(source: Source, store: Store): Started {
     drawn: () => drawn(app, shell, shownSwarm(), network, measurements),
     settled,
     seek(timeNs) {
+      opening.cancel();
       store.set({ playing: false });
       app.seek(timeNs);
       return settled();
+    },
+    jump(name) {
+      opening.cancel();
+      shell.moments.jump(name);
     },
   };
 }
 
 async function main(): Promise<void> {
   const store = new Store();
-  store.set(parseFragment(location.hash));
+  const address = parseFragment(location.hash);
+  store.set(address);
   let shown: Started | null = null;
   const listener: SourceListener = {
     changed() {},
@@ -231,7 +244,8 @@ async function main(): Promise<void> {
   const open = async (afterLive: boolean): Promise<void> => {
     const source = await openSource(listener, afterLive);
     if (source.live !== null) store.set({ atLive: true });
-    shown = start(source, store);
+    // What follows a run that was watched begins where that has ended.
+    shown = start(source, store, { wanted: !afterLive && address.timeNs === undefined, keepSpeed: address.speed !== undefined });
   };
   window.murmuration = {
     ready: open(false).then(() => shown?.settled()),
@@ -241,6 +255,13 @@ async function main(): Promise<void> {
   bindFragment(store);
   try {
     await window.murmuration.ready;
+    // The player of a report: numbers on the page around it lead to their moments.
+    if (location.protocol === "about:") {
+      window.addEventListener("message", ({ source, data }) => {
+        if (source === window.parent && typeof data?.jump === "string") shown?.jump(data.jump);
+      });
+      window.parent.postMessage({ murmuration: "ready" }, "*");
+    }
   } catch (error) {
     listener.failed(error as Error);
   }

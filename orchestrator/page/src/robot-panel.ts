@@ -1,7 +1,7 @@
 import { type App, currentRun } from "./app.ts";
 import { element } from "./dom.ts";
 import { eventMark, goTo, isAbout } from "./events.ts";
-import { ago, figure, seconds } from "./format.ts";
+import { ago, figure, seconds, unbroken } from "./format.ts";
 import type { Event } from "./gen/murmuration/view/v1/view_pb.ts";
 import type { FrameList } from "./source/frame-list.ts";
 import { type FrameData, NO_MOTE } from "./source/frame.ts";
@@ -145,7 +145,7 @@ function degrees(headingRad: number): string {
 
 function facts(rows: [string, string][]): HTMLElement {
   const list = element("dl", { class: "facts" });
-  for (const [term, value] of rows) list.append(element("dt", {}, term), element("dd", {}, value));
+  for (const [term, value] of rows) list.append(element("dt", {}, term), element("dd", {}, unbroken(value)));
   return list;
 }
 

@@ -1,8 +1,9 @@
 import { type App, currentRun, type ViewPanel } from "./app.ts";
-import { element, selection } from "./dom.ts";
-import { EventsPanel } from "./events.ts";
+import { element, isTouch, selection } from "./dom.ts";
+import { EventsPanel, robotNamed } from "./events.ts";
 import { savePng, saveSvg } from "./export.ts";
 import { helpDialog } from "./help.ts";
+import type { MomentsBar } from "./moments.ts";
 import { RobotPanel } from "./robot-panel.ts";
 import type { SidePane, State, View } from "./store.ts";
 import { TimeBar, type TimeActions } from "./time-bar.ts";
@@ -15,6 +16,7 @@ export class Shell {
   readonly root: HTMLElement;
   readonly events: EventsPanel;
   readonly help = helpDialog();
+  readonly moments: MomentsBar;
   readonly find: HTMLInputElement;
   private readonly robot: RobotPanel;
   private readonly timeBar: TimeBar;
@@ -34,6 +36,7 @@ export class Shell {
     this.events = new EventsPanel(app);
     this.robot = new RobotPanel(app);
     this.timeBar = new TimeBar(app, actions);
+    this.moments = this.timeBar.moments;
     const tabs = element("nav", { class: "tabs", "aria-label": "Views" });
     for (const view of views.keys()) {
       const tab = element("button", { type: "button", onclick: () => store.set({ view }) }, VIEW_LABELS[view]);
@@ -49,7 +52,7 @@ export class Shell {
     }
     header.append(element("span", { class: "spring" }), ...this.tools());
     this.find = element("input", {
-      type: "search", placeholder: "Find a robot or an event (/)", "aria-label": "Find a robot by its number, or events by their text",
+      type: "search", placeholder: "Find: 3, or lost", "aria-label": "Find a robot by its number, or events by their text",
       oninput: () => this.findChanged(), onkeydown: (event) => this.findKey(event as KeyboardEvent),
     });
     const sideTabs = element("nav", { class: "tabs", "aria-label": "Side panel" });
@@ -106,14 +109,28 @@ export class Shell {
     ];
   }
 
+  /** The number of a robot selects it; other text lists the events that contain it. */
   private findChanged(): void {
-    this.events.setFind(this.find.value);
-    this.app.store.set({ sidePane: this.find.value.trim() === "" ? this.app.store.state.sidePane : "events" });
-    if (/^\d+$/.test(this.find.value.trim())) this.app.select(Number(this.find.value));
+    const { store } = this.app;
+    const text = this.find.value.trim();
+    const robot = robotNamed(text);
+    this.events.setFind(text);
+    if (robot === null) {
+      if (text !== "") store.set({ sidePane: "events" });
+      return;
+    }
+    // The panel of the robot says so where there is no such robot.
+    if (robot >= currentRun(this.app).run.agentCount) store.set({ sidePane: "robot" });
+    this.app.select(robot, "show");
   }
 
   private findKey(event: KeyboardEvent): void {
-    if (event.key === "Enter" && /^\d+$/.test(this.find.value.trim())) this.app.select(Number(this.find.value), true);
+    const robot = robotNamed(this.find.value);
+    if (event.key === "Enter") {
+      if (robot !== null) this.app.select(robot, "centre");
+      // The keyboard of a phone gives way to the map.
+      if (isTouch()) this.find.blur();
+    }
     if (event.key === "Escape") this.find.blur();
     event.stopPropagation();
   }

@@ -4,10 +4,11 @@ import { drawEventMark, eventStyle } from "./event-kinds.ts";
 import { goTo } from "./events.ts";
 import { seconds } from "./format.ts";
 import type { Event } from "./gen/murmuration/view/v1/view_pb.ts";
+import { MomentsBar } from "./moments.ts";
 import { sizedContext } from "./sketch.ts";
 import { isSoftware } from "./swarm/webgl.ts";
 
-const SPEEDS = [
+export const SPEEDS = [
   ["0.1", "0.1 ×"], ["0.25", "0.25 ×"], ["0.5", "0.5 ×"], ["1", "1 ×"], ["2", "2 ×"], ["5", "5 ×"], ["10", "10 ×"], ["20", "20 ×"], ["50", "50 ×"],
   ["100", "100 ×"], ["Infinity", "as fast as possible"],
 ] as const;
@@ -31,6 +32,7 @@ export interface TimeActions {
 /** Buttons, the scrub slider, and the timeline with the marks of events. */
 export class TimeBar {
   readonly root: HTMLElement;
+  readonly moments: MomentsBar;
   private readonly play: HTMLButtonElement;
   private readonly live: HTMLButtonElement;
   private readonly clock = element("output", { class: "clock", "aria-label": "Time" });
@@ -49,7 +51,7 @@ export class TimeBar {
     const { store } = app;
     const button = (text: string, label: string, action: () => void): HTMLButtonElement =>
       element("button", { type: "button", title: label, "aria-label": label, onclick: action }, text);
-    this.play = button("▶", "Play or pause (space)", () => actions.togglePlay());
+    this.play = button("▶\uFE0E", "Play or pause (space)", () => actions.togglePlay());
     this.play.classList.add("primary");
     this.live = button("● Live", "Go to the latest step of the simulation (L)", () => actions.goLive());
     this.slider = element("input", {
@@ -58,14 +60,15 @@ export class TimeBar {
     const speed = selection("Speed", SPEEDS, "1", (value) => store.set({ speed: Number(value) }));
     this.speed = speed.select;
     const controls = element("div", { class: "controls" },
-      button("|◀", "Previous event (Shift + left arrow)", () => actions.jumpToEvent(-1)),
-      button("◀", "One step back (left arrow)", () => actions.step(-1)),
+      button("|◀\uFE0E", "Previous event (Shift + left arrow)", () => actions.jumpToEvent(-1)),
+      button("◀\uFE0E", "One step back (left arrow)", () => actions.step(-1)),
       this.play,
-      button("▶|", "One step forward (right arrow)", () => actions.step(1)),
-      button("▶▶|", "Next event (Shift + right arrow)", () => actions.jumpToEvent(1)),
+      button("▶\uFE0E|", "One step forward (right arrow)", () => actions.step(1)),
+      button("▶\uFE0E▶\uFE0E|", "Next event (Shift + right arrow)", () => actions.jumpToEvent(1)),
       this.live, this.clock, speed.root, this.status);
     const track = element("div", { class: "track" }, this.timeline, this.slider, this.tip);
-    this.root = element("footer", { class: "time-bar" }, controls, track);
+    this.moments = new MomentsBar(app);
+    this.root = element("footer", { class: "time-bar" }, controls, track, this.moments.root);
     this.timeline.addEventListener("pointermove", (event) => this.hover(event));
     this.timeline.addEventListener("pointerleave", () => (this.tip.hidden = true));
     this.timeline.addEventListener("click", (event) => {
@@ -79,12 +82,13 @@ export class TimeBar {
     const { app } = this;
     const { state } = app.store;
     const { live } = app.source;
+    this.moments.render();
     const now = performance.now();
     if ((state.playing || state.atLive) && now - this.writtenMs < (isSoftware() ? SOFTWARE_REFRESH_MS : REFRESH_MS)) return;
     this.writtenMs = now;
     const end = endOfRuns(app);
     const running = live !== null && currentRun(app).run.controllable ? !live.paused : state.playing || (live !== null && state.atLive);
-    setText(this.play, running ? "❚❚" : "▶");
+    setText(this.play, running ? "❚❚" : "▶\uFE0E");
     const obeys = this.app.source.live !== null && currentRun(this.app).run.controllable;
     this.play.title = obeys ? "Pause or resume the simulation (space)" : "Play or pause (space)";
     this.play.setAttribute("aria-pressed", String(running));

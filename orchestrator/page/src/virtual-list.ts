@@ -1,18 +1,23 @@
-import { element } from "./dom.ts";
+import { element, isTouch } from "./dom.ts";
+
+/** Least height of a row that a finger presses (px). */
+const TOUCH_ROW = 40;
 
 /** A list of rows of equal height, of which only those in sight are in the document. */
 export class VirtualList<Item> {
   readonly root: HTMLElement;
   private readonly inner: HTMLElement;
+  private readonly rowHeight: number;
   private items: readonly Item[] = [];
   private first = -1;
   private last = -1;
 
   constructor(
     label: string,
-    private readonly rowHeight: number,
+    rowHeight: number,
     private readonly row: (item: Item, index: number) => HTMLElement,
   ) {
+    this.rowHeight = isTouch() ? Math.max(TOUCH_ROW, rowHeight) : rowHeight;
     this.inner = element("div", { class: "rows", role: "list" });
     this.root = element("div", { class: "virtual", "aria-label": label, tabindex: 0, onscroll: () => this.render() }, this.inner);
     new ResizeObserver(() => this.render()).observe(this.root);

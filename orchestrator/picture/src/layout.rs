@@ -16,8 +16,8 @@ use tiny_skia::PathBuilder;
 /// How a picture looks.
 #[derive(Clone, Debug)]
 pub struct Style {
-    /// Width and height in pixels.
-    pub size: [u32; 2],
+    /// Width and height in pixels. `None`: what is drawn fills the picture.
+    pub size: Option<[u32; 2]>,
     /// Light letters on a dark background.
     pub is_dark: bool,
     /// What colours links.
@@ -53,6 +53,11 @@ const TITLE: u32 = 38;
 const BOTTOM: u32 = 46;
 /// Room between everything that the picture must show and the edge of the plane.
 const MARGIN: f64 = 22.0;
+/// Room for what is drawn where the size of the picture is free (px²): about as much as a picture of 1280 × 720 has.
+const FREE_AREA: f64 = 680_000.0;
+/// Least width and height of that room, and the greatest (px).
+const LEAST_FREE: [f64; 2] = [500.0, 200.0];
+const MOST_FREE: [f64; 2] = [1500.0, 1000.0];
 /// At most so many robots have their number beside them.
 const NUMBERED: usize = 80;
 /// Trails fade in so many steps.
@@ -68,6 +73,7 @@ pub(crate) const DART: [[f32; 2]; 4] = [[1.15, 0.0], [-0.85, 0.8], [-0.45, 0.0],
 pub struct Layout<'a> {
     stage: &'a Stage,
     style: Style,
+    size: [u32; 2],
     theme: Theme,
     legend: Vec<Shape>,
     plane: Plane,
@@ -98,24 +104,46 @@ impl Camera {
     }
 }
 
+/// Width and height of a plane that an extent (m) fills, of the same area for all that are not very long: even numbers (px).
+fn free_room([least, most]: [[f64; 2]; 2]) -> [u32; 2] {
+    let [width_m, height_m] = [0, 1].map(|axis| (most[axis] - least[axis]).max(1.0));
+    let per_metre = libm::sqrt(FREE_AREA / width_m / height_m)
+        .min(MOST_FREE[0] / width_m)
+        .min(MOST_FREE[1] / height_m);
+    [0, 1].map(|axis| {
+        let pixels = ([width_m, height_m][axis] * per_metre).max(LEAST_FREE[axis]);
+        libm::round(pixels / 2.0) as u32 * 2 + 2 * MARGIN as u32
+    })
+}
+
 impl<'a> Layout<'a> {
     /// For pictures of this run.
     #[must_use]
     pub fn new(stage: &'a Stage, style: Style) -> Self {
         let theme = Theme::new(style.is_dark);
         let font = Font::default();
-        let [width, height] = style.size;
+        let free = free_room(stage.extent_m());
+        let width = style.size.map_or(free[0] + LEFT + RIGHT, |[width, _]| width);
         let plane_width = width.saturating_sub(LEFT + RIGHT).max(1);
         let (legend, rows) =
             legend(stage, &style, &theme, &font, [LEFT as f32, TITLE as f32], plane_width as f32);
         let top = TITLE + rows * LEGEND_ROW;
+        // Videos need even numbers.
+        let height =
+            style.size.map_or((top + free[1] + BOTTOM).next_multiple_of(2), |[_, height]| height);
         let plane = Plane {
             left: LEFT,
             top,
             width: plane_width,
             height: height.saturating_sub(top + BOTTOM).max(1),
         };
-        Self { stage, style, theme, legend, plane, font }
+        Self { stage, style, size: [width, height], theme, legend, plane, font }
+    }
+
+    /// Width and height of the pictures (px).
+    #[must_use]
+    pub fn size(&self) -> [u32; 2] {
+        self.size
     }
 
     /// Whether one picture's site and axes are those of another.
@@ -149,7 +177,7 @@ impl<'a> Layout<'a> {
         let title = self.title(scene);
         let n_alive = scene.robots.iter().filter(|robot| robot.alive).count();
         Drawing {
-            size: self.style.size,
+            size: self.size,
             background: self.theme.background,
             plane: self.plane,
             site,

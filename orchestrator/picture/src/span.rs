@@ -22,11 +22,11 @@ pub struct FrameSpan<'a> {
 }
 
 impl<'a> FrameSpan<'a> {
-    /// The whole run, in about [`MOST_FRAMES`] frames.
+    /// From the last frame that is not after `from_ns`, until `until_ns`, in about [`MOST_FRAMES`] frames.
     #[must_use]
-    pub fn overview(run: &'a RecordedRun) -> Self {
-        let until_ns = run.run().end_ns;
-        Self::new(run, 0, until_ns, until_ns.max(1), MOST_FRAMES - 1)
+    pub fn overview(run: &'a RecordedRun, from_ns: u64, until_ns: u64) -> Self {
+        let length_ns = until_ns.min(run.run().end_ns).saturating_sub(from_ns);
+        Self::new(run, from_ns, until_ns, length_ns.max(1), MOST_FRAMES - 1)
     }
 
     /// From the last frame that is not after `from_ns`, until `until_ns`: every step, or where more than

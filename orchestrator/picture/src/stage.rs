@@ -33,9 +33,11 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Reads the run at a glance: at most some 2000 of its frames, and where obstacles move until `until_ns`.
+    /// Reads the run at a glance until the end of a span: at most some 2000 of its frames, and where obstacles move.
     ///
     /// * `follow`: the robot that stays in the middle.
+    /// * `shown_ns`: begin and end of the span that the pictures show. All that they draw fits into them: robots and their trails
+    ///   in this span, walls and obstacles.
     ///
     /// # Errors
     ///
@@ -43,7 +45,7 @@ impl Stage {
     pub fn new(
         recorded: &RecordedRun,
         follow: Option<usize>,
-        until_ns: u64,
+        [from_ns, until_ns]: [u64; 2],
     ) -> Result<Self, ReadError> {
         let run = recorded.run().clone();
         let n = run.agent_count as usize;
@@ -63,8 +65,15 @@ impl Stage {
             run,
         };
         stage.include_site();
-        let mut frames = FrameSpan::overview(recorded);
+        // Trails begin before the span does.
+        let trails_ns = from_ns.saturating_sub(TRAIL_NS);
+        let mut before = FrameSpan::overview(recorded, 0, trails_ns);
+        while let Some(frame) = before.next_frame()? {
+            stage.pass(&frame);
+        }
+        let mut frames = FrameSpan::overview(recorded, trails_ns, until_ns);
         while let Some(frame) = frames.next_frame()? {
+            stage.pass(&frame);
             stage.include(&frame);
         }
         if stage.extent_m[1][0] < stage.extent_m[0][0] {
@@ -85,7 +94,12 @@ impl Stage {
         &self.run
     }
 
-    /// A robot is lost at some time.
+    /// What the pictures show (m): least and greatest x and y.
+    pub(crate) fn extent_m(&self) -> [[f64; 2]; 2] {
+        self.extent_m
+    }
+
+    /// A robot is lost before the pictures end.
     #[must_use]
     pub fn is_any_lost(&self) -> bool {
         self.is_any_lost
@@ -118,9 +132,8 @@ impl Stage {
         moved.into_iter().for_each(|centre_m| self.extend(centre_m, 0.0));
     }
 
-    fn include(&mut self, frame: &view::Frame) {
-        let followed = self.follow.and_then(|robot| place(frame, robot));
-        let origin = followed.unwrap_or_default().map(f64::from);
+    /// Notes which robots exist and move.
+    fn pass(&mut self, frame: &view::Frame) {
         if self.start_m.is_empty() {
             self.start_m =
                 frame.x_m.iter().zip(&frame.y_m).map(|(x_m, y_m)| [*x_m, *y_m]).collect();
@@ -130,10 +143,20 @@ impl Stage {
                 let start_m = self.start_m.get(robot);
                 self.is_any_moving |= start_m != Some(&[frame.x_m[robot], frame.y_m[robot]]);
                 self.born_ns[robot] = self.born_ns[robot].min(frame.time_ns);
-                let place = [frame.x_m[robot], frame.y_m[robot]].map(f64::from);
-                self.extend([place[0] - origin[0], place[1] - origin[1]], 0.0);
             } else {
                 self.is_any_lost |= self.born_ns[robot] < frame.time_ns;
+            }
+        }
+    }
+
+    /// Makes room for the robots of a frame: those that exist, and those that are drawn where they were lost.
+    fn include(&mut self, frame: &view::Frame) {
+        let followed = self.follow.and_then(|robot| place(frame, robot));
+        let origin = followed.unwrap_or_default().map(f64::from);
+        for robot in 0..self.groups.len().min(frame.x_m.len()) {
+            if self.born_ns[robot] <= frame.time_ns {
+                let place = [frame.x_m[robot], frame.y_m[robot]].map(f64::from);
+                self.extend([place[0] - origin[0], place[1] - origin[1]], 0.0);
             }
         }
     }

@@ -43,13 +43,13 @@ fn near(drawn: f32, exact: f64) -> bool {
 }
 
 fn style() -> Style {
-    Style { size: [640, 400], is_dark: false, links: LinkColour::Rssi }
+    Style { size: Some([640, 400]), is_dark: false, links: LinkColour::Rssi }
 }
 
 #[test]
 fn a_scene_has_the_numbers_of_the_run() {
     let (_out, run) = recorded();
-    let stage = Stage::new(&run, None, u64::MAX).unwrap();
+    let stage = Stage::new(&run, None, [0, u64::MAX]).unwrap();
     let scenes = scenes(&run, &stage, 0);
     assert_eq!(scenes.len() as u64, STEPS + 1);
     for (step, scene) in scenes.iter().enumerate() {
@@ -85,7 +85,7 @@ fn a_scene_has_the_numbers_of_the_run() {
 #[test]
 fn a_robot_that_is_followed_stays_in_the_middle() {
     let (_out, run) = recorded();
-    let mut stage = Stage::new(&run, Some(1), u64::MAX).unwrap();
+    let mut stage = Stage::new(&run, Some(1), [0, u64::MAX]).unwrap();
     stage.set_span(6.0);
     for scene in scenes(&run, &stage, 3) {
         let [least, most] = scene.extent_m;
@@ -93,6 +93,54 @@ fn a_robot_that_is_followed_stays_in_the_middle() {
         assert_eq!(middle, [f64::from(scene.robots[1].x_m), f64::from(scene.robots[1].y_m)]);
         assert!((most[0] - least[0] - 6.0).abs() < 1e-9);
     }
+}
+
+/// Edges of the robots that are drawn (px): least and greatest x and y.
+fn edges(drawing: &Drawing) -> [f32; 4] {
+    let mut edges = [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY];
+    for shape in &drawing.swarm {
+        if let Shape::Fill { path, robot: Some(_), .. } = shape {
+            let bounds = path.bounds();
+            edges[0] = edges[0].min(bounds.left());
+            edges[1] = edges[1].max(bounds.right());
+            edges[2] = edges[2].min(bounds.top());
+            edges[3] = edges[3].max(bounds.bottom());
+        }
+    }
+    edges
+}
+
+#[test]
+fn what_is_drawn_fills_a_picture_of_free_size() {
+    let (_out, run) = recorded();
+    for from in [0, 8 * STEP_NS] {
+        let stage = Stage::new(&run, None, [from, u64::MAX]).unwrap();
+        let scene = scenes(&run, &stage, 0).pop().unwrap();
+        let layout = Layout::new(&stage, Style { size: None, ..style() });
+        let drawing = layout.drawing(&scene);
+        assert_eq!(drawing.size, layout.size());
+        let [width, height] = drawing.size;
+        assert!(width % 2 == 0 && height % 2 == 0 && height < width, "{width}x{height}");
+        // The robots are at the right end of what is shown; the wall and their trails reach to its left end.
+        let plane = drawing.plane;
+        let [_, right, top, bottom] = edges(&drawing);
+        let plane_right = (plane.left + plane.width) as f32;
+        assert!((10.0..30.0).contains(&(plane_right - right)), "{right} of {plane_right}");
+        assert!(plane.top as f32 <= top && bottom <= (plane.top + plane.height) as f32);
+    }
+}
+
+#[test]
+fn a_picture_shows_what_it_draws_and_not_the_rest_of_the_run() {
+    let (_out, run) = recorded();
+    let extent = |shown_ns| {
+        let stage = Stage::new(&run, None, shown_ns).unwrap();
+        scenes(&run, &stage, 0)[0].extent_m
+    };
+    let [_, whole] = extent([0, u64::MAX]);
+    let [_, early] = extent([0, 2 * STEP_NS]);
+    // Robot 5 begins at 5 m and moves by 0.2 m a step.
+    assert!(near(early[0] as f32, 5.4) && near(whole[0] as f32, 7.4), "{early:?} {whole:?}");
 }
 
 #[test]
@@ -109,7 +157,7 @@ fn frames_that_are_left_out_are_evenly_spaced() {
 }
 
 fn drawing(run: &RecordedRun, style: Style) -> Drawing {
-    let stage = Stage::new(run, None, u64::MAX).unwrap();
+    let stage = Stage::new(run, None, [0, u64::MAX]).unwrap();
     let scenes = scenes(run, &stage, 0);
     Layout::new(&stage, style).drawing(scenes.last().unwrap())
 }
@@ -150,7 +198,7 @@ fn an_svg_says_what_it_shows_and_escapes_names() {
 #[test]
 fn a_picture_that_reuses_what_does_not_move_is_the_same_picture() {
     let (_out, run) = recorded();
-    let stage = Stage::new(&run, None, u64::MAX).unwrap();
+    let stage = Stage::new(&run, None, [0, u64::MAX]).unwrap();
     let layout = Layout::new(&stage, Style { is_dark: true, ..style() });
     let scenes = scenes(&run, &stage, 0);
     let drawings: Vec<_> = scenes.iter().map(|scene| layout.drawing(scene)).collect();

@@ -194,20 +194,20 @@ fn dash() -> String {
 /// How sure each change is, and what else explains the data.
 fn notes_on(changes: &[Change]) -> Markup {
     html! {
-        ul {
-            @for change in changes {
-                li {
-                    (change.effect) ": held-out gain " (number(change.gain)) " ± " (number(change.standard_error))
-                    " nats a row, p = " (format_args!("{:.1e}", change.p_value)) "."
-                    @if !change.indistinguishable_from.is_empty() {
-                        " Indistinguishable on these data from " (change.indistinguishable_from.join(", or ")) "."
-                    }
-                    @if let Some(why) = &change.doubt { " Not certain, because " (why) "." }
-                    @if let Some(warning) = &change.warning { " " (capitalised(warning)) "." }
-                }
-            }
-        }
-    }
+           ul {
+               @for change in changes {
+                   li {
+                       (change.effect) ": held-out gain " (number(change.gain)) " ± " (number(change.standard_error))
+    " " (layout::nats()) " a row, p = " (format_args!("{:.1e}", change.p_value)) "."
+                       @if !change.indistinguishable_from.is_empty() {
+                           " Indistinguishable on these data from " (change.indistinguishable_from.join(", or ")) "."
+                       }
+                       @if let Some(why) = &change.doubt { " Not certain, because " (why) "." }
+                       @if let Some(warning) = &change.warning { " " (capitalised(warning)) "." }
+                   }
+               }
+           }
+       }
 }
 
 /// A probability; one that is too small to be written is not 0.

@@ -62,6 +62,15 @@ pub fn with_unit(number: &str, unit: &str) -> Markup {
     html! { (number) " " small { (unit) } }
 }
 
+/// What a gain in log score means, where one is shown.
+pub const NATS: &str = "A gain of g nats a row makes a held-out row eᵍ times as likely, in geometric mean over the rows: \
+                        0.1 nats, 1.11 times.";
+
+/// The unit of log scores, explained.
+pub fn nats() -> Markup {
+    html! { abbr title=(NATS) { "nats" } }
+}
+
 /// A picture under its heading, its words and the key to its marks.
 ///
 /// * `words`: its paragraphs.

@@ -9,6 +9,7 @@ mod details;
 mod figures;
 pub mod layout;
 pub mod measured;
+mod moments;
 mod motes;
 pub mod packets;
 mod player;

@@ -150,7 +150,7 @@ fn candidates(contents: &PacketsPage<'_>) -> Option<Markup> {
     Some(html! {
         h2 { "What was tried" }
         p {
-            "Each candidate was run under the same seeds as the model; its gain is how much more probable these packets are with it. \
+            "Each candidate was run under the same seeds as the model; its gain is how much more probable these packets are with it: g nats, eᵍ times. \
             A chance below the level accepts it: that the model itself, without the effect, would give so great a gain."
         }
         table {

@@ -17,10 +17,33 @@ fn too_long() -> Markup {
     html! { p.player { "The run is too long to be played here: " code { "murmuration replay ." } " in this folder plays it." } }
 }
 
-/// Unpacks the player into its frame.
+/// Unpacks the player into its frame, and makes buttons of the words that lead to moments of the run.
 const OPEN: &str = r#"(() => {
   const player = document.getElementById("player");
   const frame = player.querySelector("iframe");
+  let isReady = false;
+  let waiting = null;
+  const jump = (moment) => {
+    if (isReady) frame.contentWindow.postMessage({ jump: moment }, "*");
+    else waiting = moment;
+    player.open = true;
+    frame.scrollIntoView({ block: "nearest" });
+  };
+  window.addEventListener("message", ({ source, data }) => {
+    if (source !== frame.contentWindow || data?.murmuration !== "ready") return;
+    isReady = true;
+    if (waiting !== null) jump(waiting);
+    waiting = null;
+  });
+  for (const words of document.querySelectorAll("[data-moment]")) {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.className = "moment";
+    button.title = "Show in the player; press again for the next";
+    button.append(...words.childNodes);
+    button.addEventListener("click", () => jump(words.dataset.moment));
+    words.replaceWith(button);
+  }
   player.addEventListener("toggle", async () => {
     if (!player.open || frame.srcdoc) return;
     const packed = Uint8Array.from(atob(document.getElementById("packed-player").textContent), (c) => c.charCodeAt(0));

@@ -6,8 +6,9 @@ mod made_up;
 use super::*;
 use experiment::{OutputConfig, Start};
 use indexmap::IndexMap;
+use metrics::figures::FigureValue;
 use proto::types::Coupling;
-use record::run_summary::RunSummary;
+use record::run_summary::{RunSummary, TaskSummary};
 use record::{Ending, Finished, Recorder, RunHeader, Status, StepRecord};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -102,6 +103,34 @@ fn warnings_and_the_reason_of_a_failure_stand_at_the_top() {
     assert!(place("netsim hangs") < place("<h2>"));
     assert!(place("check the walls") < place("<h2>"));
     assert!(page.contains("badge alert\">failed"));
+}
+
+#[test]
+fn counts_of_a_report_lead_to_their_moments() {
+    let task = TaskSummary {
+        controller: None,
+        first_figure: None,
+        complete: false,
+        completed_at_step: None,
+        completed_after_s: None,
+        figures: [("collisions".to_owned(), Some(FigureValue::Count(1_234)))].into_iter().collect(),
+    };
+    let page = page_of(&RunSummary {
+        task: Some(task),
+        warnings: vec![
+            "1,234 collisions between robots: they came closer".to_owned(),
+            "robots went into or through walls and obstacles of [site] 3 times".to_owned(),
+            "check <the> walls".to_owned(),
+        ],
+        ..summary(Status::Complete)
+    });
+    let of_robots = "<span data-moment=\"collision\">1,234 collisions</span> between robots";
+    // In the verdict and in the warning.
+    assert_eq!(page.matches(of_robots).count(), 2);
+    assert!(page.contains(
+        "robots <span data-moment=\"site_collision\">went into or through walls and obstacles</span> of [site] 3 times"
+    ));
+    assert!(page.contains("check &lt;the&gt; walls"));
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::is_truth;
 use super::layout::{self, with_unit};
+use super::moments::{moment, with_moments};
 use maud::{Markup, html};
 use metrics::headline::Shown;
 use metrics::kpi::kpi_summary::{DeliveredOfExpected, ExchangeOutcome, KpiSummary, Transmissions};
@@ -41,7 +42,7 @@ pub(super) fn heading(contents: &FinishedRun<'_>) -> Option<Markup> {
 pub(super) fn notices(contents: &FinishedRun<'_>) -> Option<Markup> {
     let RunSummary { reason, warnings, .. } = contents.summary;
     let reason = reason.iter().map(|reason| html! { strong { (reason) } });
-    let warnings = warnings.iter().map(|warning| html! { (warning) });
+    let warnings = warnings.iter().map(|warning| with_moments(warning, contents.summary));
     layout::notices(&reason.chain(warnings).collect::<Vec<_>>())
 }
 
@@ -116,7 +117,19 @@ pub(super) fn tiles(contents: &FinishedRun<'_>) -> Option<Markup> {
     let is_first = |name: &str| first.iter().any(|(first, _)| *first == name);
     let others = tiles.into_iter().filter_map(|(name, value)| Some((name, value?)));
     let others: Vec<_> = others.filter(|(name, _)| !is_first(name)).collect();
-    Some(layout::tiles(first.iter().cloned().chain(others)))
+    let tiles = first.iter().cloned().chain(others);
+    Some(layout::tiles(tiles.map(|(name, value)| (name, with_moment(name, value)))))
+}
+
+/// The value of a tile that is about moments of the run leads to them.
+fn with_moment(name: &str, value: Markup) -> Markup {
+    let kind = match name {
+        "Collisions between robots" if value.0 != "0" => "collision",
+        "Network formed after" => "formed",
+        "Task done after" => "task",
+        _ => return value,
+    };
+    moment(kind, &value)
 }
 
 /// The figure that the run leads with and those beside it, if they are of the robots' task.

@@ -1,6 +1,7 @@
 //! The first sentences of a run's page: whether it worked, and where to look.
 
-use maud::{Markup, html};
+use super::moments::{joined, moment, with_moments};
+use maud::{Markup, Render as _, html};
 use metrics::Measures;
 use metrics::kpi::kpi_summary::KpiSummary;
 use numbers::format::{count_of, number, percent, shortest};
@@ -12,7 +13,7 @@ pub(super) fn section(contents: &FinishedRun<'_>) -> Option<Markup> {
     let FinishedRun { summary, measures, .. } = contents;
     let kpis = summary.kpis.as_ref();
     let course = course(summary, *measures);
-    let look_at: Vec<String> = [
+    let look_at: Vec<Markup> = [
         kpis.and_then(worst_delivery),
         measures.and_then(most_isolated),
         collisions(summary),
@@ -21,11 +22,12 @@ pub(super) fn section(contents: &FinishedRun<'_>) -> Option<Markup> {
     .into_iter()
     .flatten()
     .take(MOST_NAMED)
+    .map(|words| with_moments(&words, summary))
     .collect();
     Some(html! {
         p.verdict.alert[summary.status != Status::Complete || is_without_network(kpis)] {
             strong { (course) }
-            @if !look_at.is_empty() { " Look first at " (look_at.join(", and at ")) "." }
+            @if !look_at.is_empty() { " Look first at " (joined(&look_at, ", and at ")) "." }
         }
     })
 }
@@ -34,7 +36,7 @@ pub(super) fn section(contents: &FinishedRun<'_>) -> Option<Markup> {
 const MOST_NAMED: usize = 2;
 
 /// Whether the run came to its end, the network formed and the robots finished.
-fn course(summary: &RunSummary, measures: Option<&Measures>) -> String {
+fn course(summary: &RunSummary, measures: Option<&Measures>) -> Markup {
     let status = match summary.status {
         Status::Complete => "The run finished".to_owned(),
         Status::Failed => format!("The run failed after {} s", shortest(summary.simulated_s)),
@@ -44,17 +46,23 @@ fn course(summary: &RunSummary, measures: Option<&Measures>) -> String {
     };
     let formation = summary.kpis.as_ref().and_then(|kpis| kpis.formation.as_ref());
     let formation = formation.map(|formation| match formation.formed_s {
-        Some(formed_s) => format!("the network formed after {} s", number(formed_s)),
-        None => format!(
-            "the network did not form: {} did not join",
-            count_of(formation.missing as u64, "mote")
-        ),
+        Some(formed_s) => {
+            let words = format!("the network formed after {} s", number(formed_s));
+            moment("formed", &words.render())
+        }
+        None => {
+            let missing = count_of(formation.missing as u64, "mote");
+            format!("the network did not form: {missing} did not join").render()
+        }
     });
     let task = measures.and_then(Measures::completed_after_s);
-    let task =
-        task.map(|after_s| format!("the robots finished their task after {} s", number(after_s)));
-    let parts: Vec<String> = [Some(status), formation, task].into_iter().flatten().collect();
-    format!("{}.", parts.join("; "))
+    let task = task.map(|after_s| {
+        let words = format!("the robots finished their task after {} s", number(after_s));
+        moment("task", &words.render())
+    });
+    let parts: Vec<Markup> =
+        [Some(status.render()), formation, task].into_iter().flatten().collect();
+    html! { (joined(&parts, "; ")) "." }
 }
 
 fn is_without_network(kpis: Option<&KpiSummary>) -> bool {

@@ -63,9 +63,12 @@ pub(super) struct RenderArgs {
     /// Also draw the places that an answer of `diagnose --json` estimates
     #[arg(long, value_name = "FILE")]
     diagnosis: Option<PathBuf>,
-    /// Width and height in pixels, from 320x240 to 4096x4096
-    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
-    size: [u32; 2],
+    /// Width and height in pixels, from 320x240 to 4096x4096 [default: what is drawn fills the picture]
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// Show all places that robots visit in the run, so that pictures of different times have the same axes
+    #[arg(long, conflicts_with = "follow")]
+    whole_run: bool,
     /// Draw on a dark background
     #[arg(long)]
     dark: bool,
@@ -156,10 +159,11 @@ impl RenderArgs {
         Ok(run)
     }
 
-    /// What holds for the whole run.
-    fn stage(&self, run: &RecordedRun, until_ns: u64) -> Result<Stage, Failure> {
+    /// What pictures of a span have in common.
+    fn stage(&self, run: &RecordedRun, shown_ns: [u64; 2]) -> Result<Stage, Failure> {
         let follow = self.follow.map(|robot| robot as usize);
-        let mut stage = Stage::new(run, follow, until_ns).map_err(Failure::work)?;
+        let shown_ns = if self.whole_run { [0, run.run().end_ns] } else { shown_ns };
+        let mut stage = Stage::new(run, follow, shown_ns).map_err(Failure::work)?;
         if let Some(span_m) = self.span {
             stage.set_span(span_m);
         }
@@ -207,7 +211,7 @@ fn picture(args: &RenderArgs, at_s: f64, output: &Path) -> Result<(), Failure> {
     let run = args.open()?;
     args.check_follow(&run)?;
     let at_ns = time_ns("--at", at_s, &run)?;
-    let stage = args.stage(&run, at_ns)?;
+    let stage = args.stage(&run, [at_ns, at_ns])?;
     let mut director = Director::new(&stage);
     let mut trail = FrameSpan::every(&run, at_ns.saturating_sub(TRAIL_NS), at_ns, TRAIL_NS / 60);
     while let Some(frame) = trail.next_frame().map_err(Failure::work)? {
@@ -296,14 +300,14 @@ fn video(args: &RenderArgs, path: &Path) -> Result<(), Failure> {
     // The work ends after the frame under way, and removes what it wrote.
     on_signal(move |_| set.store(true, Ordering::Relaxed)).map_err(Failure::work)?;
     let is_interrupted = || interrupt.load(Ordering::Relaxed);
-    let size = style.size.map(|pixels| pixels as u16);
+    let last_ns = schedule.at_ns(schedule.n_frames - 1);
+    let stage = args.stage(&run, [schedule.from_ns, last_ns])?;
     let theme = Theme::new(style.is_dark);
+    let layout = Layout::new(&stage, style);
+    let size = layout.size().map(|pixels| pixels as u16);
     let mut writer =
         VideoWriter::begin(file.path(), format, size, args.fps, &theme).map_err(failed)?;
 
-    let last_ns = schedule.at_ns(schedule.n_frames - 1);
-    let stage = args.stage(&run, last_ns)?;
-    let layout = Layout::new(&stage, style);
     let mut director = Director::new(&stage);
     // Trails begin before the video does.
     let before_ns = schedule.from_ns.saturating_sub(TRAIL_NS);
@@ -377,12 +381,14 @@ fn format_of(args: &RenderArgs, path: &Path) -> Result<Format, Failure> {
             args.fps
         )));
     }
-    let even = args.size.map(|pixels| pixels & !1);
-    if format != Format::Gif && even != args.size {
-        return Err(Failure::request(format!(
-            "--size {}x{}: width and height of .mp4 and .webm must be even; give {}x{}",
-            args.size[0], args.size[1], even[0], even[1]
-        )));
+    if let Some(size) = args.size.filter(|_| format != Format::Gif) {
+        let even = size.map(|pixels| pixels & !1);
+        if even != size {
+            return Err(Failure::request(format!(
+                "--size {}x{}: width and height of .mp4 and .webm must be even; give {}x{}",
+                size[0], size[1], even[0], even[1]
+            )));
+        }
     }
     Ok(format)
 }

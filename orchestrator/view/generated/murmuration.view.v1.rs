@@ -574,6 +574,10 @@ pub enum EventKind {
     Isolated = 9,
     /// Such a robot hears others again.
     Reached = 10,
+    /// Two robots came closer to each other than their diameter.
+    Collision = 11,
+    /// A robot hit a wall or an obstacle.
+    SiteCollision = 12,
 }
 impl EventKind {
     /// String value of the enum field names used in the ProtoBuf definition.
@@ -593,6 +597,8 @@ impl EventKind {
             Self::Task => "EVENT_KIND_TASK",
             Self::Isolated => "EVENT_KIND_ISOLATED",
             Self::Reached => "EVENT_KIND_REACHED",
+            Self::Collision => "EVENT_KIND_COLLISION",
+            Self::SiteCollision => "EVENT_KIND_SITE_COLLISION",
         }
     }
     /// Creates an enum from field names used in the ProtoBuf definition.
@@ -609,6 +615,8 @@ impl EventKind {
             "EVENT_KIND_TASK" => Some(Self::Task),
             "EVENT_KIND_ISOLATED" => Some(Self::Isolated),
             "EVENT_KIND_REACHED" => Some(Self::Reached),
+            "EVENT_KIND_COLLISION" => Some(Self::Collision),
+            "EVENT_KIND_SITE_COLLISION" => Some(Self::SiteCollision),
             _ => None,
         }
     }

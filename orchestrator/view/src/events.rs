@@ -1,7 +1,11 @@
 //! What happened in a step, found by comparing states with those of the step before.
 
 use crate::view::{Event, EventKind};
+use metrics::Task;
+use metrics::contacts::Contacts;
 use metrics::period::Period;
+use metrics::solids::Solids;
+use proto::site::Site;
 use proto::types::{AgentCommand, AgentOrder, Bitmap, MoteCommand, MoteOrder, MoteStates};
 use std::collections::BTreeMap;
 
@@ -22,15 +26,26 @@ pub(crate) struct EventFinder {
     has_formed: bool,
     is_complete: bool,
     empty: Vec<bool>,
+    task: Task,
+    contacts: Contacts,
+    /// `None`: nothing to collide with, or robots of unknown size.
+    solids: Option<Solids>,
     n_of_kind: [u32; 16],
     found: Vec<Event>,
 }
 
 impl EventFinder {
     /// Begins with who is there in the beginning.
-    pub(crate) fn begin(&mut self, alive: &Bitmap, motes: Option<&MoteStates>) {
-        self.alive = Some(alive.clone());
-        self.motes = motes.cloned();
+    ///
+    /// * `task`, `site`: what robots can collide with, and how large they are.
+    pub(crate) fn new(task: Task, site: &Site, alive: &Bitmap, motes: Option<&MoteStates>) -> Self {
+        Self {
+            alive: Some(alive.clone()),
+            motes: motes.cloned(),
+            solids: Solids::from_site(site, &task),
+            task,
+            ..Self::default()
+        }
     }
 
     /// Adds what happened in a period.
@@ -39,6 +54,7 @@ impl EventFinder {
         self.motes(period);
         self.neighbours(period);
         self.batteries(period);
+        self.collisions(period);
         let formed = period.formation.is_some_and(|formation| formation.formed_ns.is_some());
         if formed && !std::mem::replace(&mut self.has_formed, formed) {
             self.push(period, EventKind::Formed, None, "the network has formed".to_owned());
@@ -199,6 +215,26 @@ impl EventFinder {
                     self.push(period, EventKind::Isolated, agent_u32, text);
                 }
             }
+        }
+    }
+
+    /// As the summary's `collisions` and `site_collisions` count them.
+    fn collisions(&mut self, period: &Period<'_>) {
+        let mut met = Vec::new();
+        if let Some(solids) = &mut self.solids {
+            solids.add(&self.task, period, |agent, n| met.extend((0..n).map(|_| agent as u32)));
+        }
+        for agent in met {
+            let text = format!("robot {agent} hits a wall or an obstacle");
+            self.push(period, EventKind::SiteCollision, Some(agent), text);
+        }
+        let alive: Vec<usize> = period.states.alive.iter_ones().collect();
+        if period.held || alive.is_empty() || self.task.diameter_m.is_none() {
+            return;
+        }
+        for (one, other) in self.contacts.add(&self.task, period.states, &alive) {
+            let text = format!("robot {one} collides with robot {other}");
+            self.push(period, EventKind::Collision, Some(one), text);
         }
     }
 

@@ -1,6 +1,7 @@
 //! The whole run at a glance.
 
 use crate::events::EventFinder;
+use crate::run::site_of;
 use crate::series::{Figures, Means, SeriesBuilder};
 use crate::view;
 use metrics::Task;
@@ -36,12 +37,13 @@ impl OverviewBuilder {
     /// Begins where a run does.
     #[must_use]
     pub fn new(configured: &Configured) -> Self {
-        let mut events = EventFinder::default();
         let start = &configured.network_start;
-        events.begin(&configured.robots_start.states.alive, start.motes.as_ref());
+        let task = Task::from_config(&configured.robots_start.effective_toml);
+        let alive = &configured.robots_start.states.alive;
+        let site = site_of(configured);
         Self {
-            task: Task::from_config(&configured.robots_start.effective_toml),
-            events,
+            events: EventFinder::new(task.clone(), &site, alive, start.motes.as_ref()),
+            task,
             found: Vec::new(),
             series: SeriesBuilder::new(),
             until_ns: 0,

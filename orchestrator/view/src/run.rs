@@ -4,22 +4,26 @@ use crate::place::{add_effects, place};
 use crate::view;
 use proto::config;
 use proto::exchange::Configured;
-use proto::site;
+use proto::site::{self, Site};
 use proto::types::NS_PER_S;
 use proto_messages::v1;
 
 /// Channels of the default hopping sequence at 2.4 GHz (IEEE Std 802.15.4-2015, 6.2.10).
 const STANDARD_CHANNELS: u32 = 16;
 
+/// Walls, obstacles and ground. They were checked before anything started: of a site that is no site, nothing is drawn.
+pub(crate) fn site_of(configured: &Configured) -> Site {
+    config::parse(&configured.network_request.site_toml)
+        .map(|node| site::read(&node, "site", &mut Vec::new()).0)
+        .unwrap_or_default()
+}
+
 /// Describes a run of which no step was taken yet.
 #[must_use]
 pub(crate) fn run_of(name: &str, configured: &Configured) -> view::Run {
     let experiment = &configured.robots_request.experiment;
     let states = &configured.robots_start.states;
-    // Checked before anything started: of a site that is no site, nothing is drawn.
-    let site = config::parse(&configured.network_request.site_toml)
-        .map(|node| site::read(&node, "site", &mut Vec::new()).0)
-        .unwrap_or_default();
+    let site = site_of(configured);
     let or = |effective: &str, asked: &str| -> toml::Table {
         let text = if effective.is_empty() { asked } else { effective };
         text.parse().unwrap_or_default()

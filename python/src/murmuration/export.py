@@ -2,6 +2,7 @@
 
     murmuration.export.rosbag2(run)     # a bag that `ros2 bag play` and `importers.read_bag` read
     murmuration.export.csv(run)         # every table as CSV
+    murmuration.export.rerun(run)       # robots, links and site as rerun draws them
 """
 
 from __future__ import annotations
@@ -9,11 +10,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from murmuration import _rerun
 from murmuration._answers import Run
 from murmuration._program import call
 from murmuration._terms import in_python_terms
 
-__all__ = ["csv", "rosbag2"]
+__all__ = ["csv", "rerun", "rosbag2"]
 
 Recorded = Run | str | os.PathLike[str]
 
@@ -70,8 +72,24 @@ def csv(run: Recorded, output: str | os.PathLike[str] | None = None) -> Path:
     return _export(run, "csv", output)
 
 
+def rerun(run: Recorded, output: str | os.PathLike[str] | None = None) -> Path:
+    """Writes the robots, links, walls, obstacles, figures and events of a run as a recording of rerun (`.rrd`), with a layout. Returns its path.
+
+    It is made of the run's `scene.mcap`, and needs rerun-sdk and mcap: `pip install "murmuration-sim[rerun]"`. By default it is RUN.rrd,
+    beside the run; an earlier file of that name is replaced. `rerun RUN.rrd` shows it.
+    """
+    folder = _folder(run)
+    target = folder.with_name(f"{folder.name}.rrd") if output is None else Path(output)
+    _rerun.write(folder, target)
+    return target
+
+
+def _folder(run: Recorded) -> Path:
+    return Path(run.folder if isinstance(run, Run) else run)
+
+
 def _export(run: Recorded, form: str, output: str | os.PathLike[str] | None) -> Path:
-    folder = Path(run.folder if isinstance(run, Run) else run)
+    folder = _folder(run)
     target = folder.with_name(f"{folder.name}-{form}") if output is None else Path(output)
     call(["export", folder, "--format", form, "--out", target])
     return target

@@ -44,7 +44,7 @@ fn met(task: &Task, site: &Site, moments: &[Moment]) -> u64 {
         let places = [(0, &pair[0]), (1, &pair[1])];
         let mut period = Period::of_places(1, places, (&deliveries, &counts), &motes);
         period.moved_obstacles = &moved;
-        solids.add(task, &period);
+        solids.add(task, &period, |_, _| {});
     }
     solids.n_met()
 }
@@ -151,15 +151,18 @@ fn a_robot_that_comes_to_be_in_a_wall_meets_it_and_one_that_waits_does_not() {
     let mut held =
         Period::of_places(1, [(0, &present), (1, &present)], (&deliveries, &counts), &motes);
     (held.held, held.moved_obstacles) = (true, &arrived);
-    solids.add(&task, &held);
+    solids.add(&task, &held, |_, _| {});
     let free = Period::of_places(2, [(1, &present), (2, &present)], (&deliveries, &counts), &motes);
-    solids.add(&task, &free);
+    solids.add(&task, &free, |_, _| {});
     assert_eq!(solids.n_met(), 0);
+    let mut met = Vec::new();
     for states in [[&present, &absent], [&absent, &present], [&present, &present]] {
         let places = [(2, states[0]), (3, states[1])];
-        solids.add(&task, &Period::of_places(3, places, (&deliveries, &counts), &motes));
+        let period = Period::of_places(3, places, (&deliveries, &counts), &motes);
+        solids.add(&task, &period, |robot, n| met.push((robot, n)));
     }
     assert_eq!((solids.n_met(), solids.n_passed()), (1, 1));
+    assert_eq!(met, [(0, 1)]);
 }
 
 #[test]

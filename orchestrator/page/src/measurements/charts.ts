@@ -10,6 +10,24 @@ import type { Curve, ShownRows } from "./shown.ts";
 const MOST_CANDIDATES = 12;
 const ROW = 24;
 const CURVE_HEIGHT = 120;
+/** Height of a line of a note, and about the mean width of its letters (px). */
+const NOTE_LINE = 14;
+const LETTER_PX = 5.9;
+
+/** What a gain in nats means, where such gains are shown. */
+const NATS = "nat: the unit of natural logarithms. A gain of g nats per row: the model with the effect gives a held-out row eᵍ times " +
+  "the probability density that the model without it gives, in geometric mean over the rows. 0.1 nats: 1.11 times.";
+
+/** A text in lines of at most so many letters, where its words allow it. */
+function wrapped(text: string, letters: number): string[] {
+  const lines = [""];
+  for (const word of text.split(" ")) {
+    const last = lines.length - 1;
+    if (lines[last] !== "" && lines[last].length + 1 + word.length > letters) lines.push(word);
+    else lines[last] += `${lines[last] === "" ? "" : " "}${word}`;
+  }
+  return lines;
+}
 
 /** Drawings one below the other. */
 export class Charts {
@@ -29,10 +47,14 @@ export class Charts {
     return this.y + 8;
   }
 
-  private title(text: string, note: string): void {
+  /** A title and notes below it, in as many lines as they need. */
+  private title(text: string, ...notes: string[]): void {
     this.shapes.push({ kind: "text", x: 8, y: this.y + 8, text, fill: this.theme.text, size: 13, bold: true });
-    this.shapes.push({ ...this.label, x: 8, y: this.y + 25, text: note });
-    this.y += 38;
+    this.y += 25;
+    for (const line of notes.flatMap((note) => wrapped(note, (this.width - 16) / LETTER_PX))) {
+      this.shapes.push({ ...this.label, x: 8, y: this.y, text: line });
+      this.y += NOTE_LINE;
+    }
   }
 
   private get grid(): string {
@@ -72,7 +94,7 @@ export class Charts {
   candidates({ candidates }: Measurements): void {
     const rows = candidates.filter(({ gain, accepted }) => gain !== 0 || accepted).sort((a, b) => b.gain - a.gain).slice(0, MOST_CANDIDATES);
     if (rows.length === 0) return;
-    this.title("Gain of each candidate", "held-out log score (nats per row) with 90 % interval; coloured: accepted");
+    this.title("Gain of each candidate", "held-out log score (nats per row) with 90 % interval; coloured: accepted", NATS);
     this.bars(rows.map(({ effect, gain, standardError, accepted }) => (
       { name: effect, value: gain, half: Number.isFinite(standardError) ? HALF_90 * standardError : 0, strong: accepted, text: figure(gain) })));
   }

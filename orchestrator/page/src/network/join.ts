@@ -1,5 +1,5 @@
 import type { App, Exported } from "../app.ts";
-import { element } from "../dom.ts";
+import { element, setText } from "../dom.ts";
 import { niceStep, seconds } from "../format.ts";
 import { EventKind } from "../gen/murmuration/view/v1/view_pb.ts";
 import type { Shape } from "../sketch.ts";
@@ -21,7 +21,11 @@ interface Missing {
 export class JoinPanel implements NetworkPanel {
   readonly root: HTMLElement;
   private readonly sketch: SketchCanvas;
-  private readonly summary = element("h2", { class: "summary" });
+  private readonly taking = element("span");
+  private readonly formed = element("button", { type: "button", class: "link", title: "Go to this time", onclick: () => this.app.seek(this.formedNs) });
+  private readonly summary = element("h2", { class: "summary" }, this.taking, this.formed);
+  /** When the network formed (ns). */
+  private formedNs = 0;
   private readonly list: VirtualList<Missing>;
   private readonly note = element("div", { class: "empty" });
   private readonly redraw: Redraw;
@@ -50,8 +54,10 @@ export class JoinPanel implements NetworkPanel {
     const missing = missingMotes(frame);
     const total = data.run.agentCount;
     const formed = data.overview.events.find((event) => event.kind === EventKind.FORMED);
-    const when = formed === undefined || Number(formed.timeNs) > frame.timeNs ? "" : ` The network formed at ${seconds(Number(formed.timeNs))}.`;
-    this.summary.textContent = `${total - missing.length} of ${total} motes take part.${when}`;
+    this.formedNs = Number(formed?.timeNs ?? 0);
+    this.formed.hidden = formed === undefined;
+    setText(this.formed, `The network formed at ${seconds(this.formedNs)}.`);
+    setText(this.taking, `${total - missing.length} of ${total} motes take part.`);
     this.list.show(missing);
     if (width > 0) this.draw(data, width, height);
   }

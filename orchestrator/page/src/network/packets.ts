@@ -3,7 +3,7 @@ import { element, selection, setText } from "../dom.ts";
 import { seconds } from "../format.ts";
 import type { Packets } from "../gen/cosim/v1/netsim_pb.ts";
 import type { Shape } from "../sketch.ts";
-import { SketchCanvas } from "../sketch-canvas.ts";
+import { SketchCanvas, type Target } from "../sketch-canvas.ts";
 import { NO_MOTE } from "../source/frame.ts";
 import { OKABE_ITO } from "../swarm/colours.ts";
 import { VirtualList } from "../virtual-list.ts";
@@ -25,7 +25,14 @@ interface Filter {
 export class PacketsPanel implements NetworkPanel {
   readonly root: HTMLElement;
   private readonly list: VirtualList<number>;
-  private readonly count = element("span", { class: "status" });
+  private readonly count = element("button", {
+    type: "button", class: "link", title: "Follow the first of them; press again for the next (Shift: the one before)",
+    onclick: (event) => this.step((event as MouseEvent).shiftKey ? -1 : 1),
+  });
+  /** The packet that the count has gone to; -1: none. */
+  private index = -1;
+  /** How many packets are listed. */
+  private words = "";
   private readonly drops: SketchCanvas;
   private readonly way: WayPanel;
   private readonly kinds: HTMLSelectElement;
@@ -128,7 +135,20 @@ export class PacketsPanel implements NetworkPanel {
     if (next > 0) this.list.reveal(next);
     const limited = found.length >= MOST_ROWS ? ", the first of more: narrow the filter" : "";
     const missing = leftOut > 0 ? `; ${leftOut} more ended and are not listed` : "";
-    setText(this.count, `${found.length} of ${packets.id.length} packets${limited}${missing}`);
+    this.index = -1;
+    this.words = `${found.length} of ${packets.id.length} packets${limited}${missing}`;
+    setText(this.count, this.words);
+  }
+
+  /** Follows the next packet of the list, or the one before. */
+  private step(direction: 1 | -1): void {
+    const { length } = this.found;
+    if (this.packets === undefined || length === 0) return;
+    this.index = this.index < 0 && direction < 0 ? length - 1 : (this.index + direction + length) % length;
+    this.app.store.set({ playing: false });
+    this.show(this.packets, this.found[this.index]);
+    this.list.reveal(this.index);
+    setText(this.count, `${this.words}: number ${this.index + 1}`);
   }
 
   private columns(packets: Packets, i: number): string[] {
@@ -177,15 +197,23 @@ export class PacketsPanel implements NetworkPanel {
     const shapes: Shape[] = [];
     const title = `dropped until now, by reason (${delivered} delivered)`;
     shapes.push({ kind: "text", x: 10, y: 12, text: title, fill: theme.faintText });
-    const some = counts.map((count, i) => ({ count, reason: packets.reasons[i] })).filter(({ count }) => count > 0);
-    some.forEach(({ count, reason }, i) => {
+    const targets: Target[] = [];
+    const some = counts.map((count, i) => ({ count, reason: packets.reasons[i], outcome: String(i + 1) })).filter(({ count }) => count > 0);
+    some.forEach(({ count, reason, outcome }, i) => {
       const y = 24 + i * 18;
+      targets.push({ x: 0, y, w: width, h: 18, agent: null, text: `Show the ${count} dropped packets: ${reason}`, act: () => this.choose(outcome) });
       shapes.push({ kind: "text", x: 130, y: y + 7, text: reason, fill: theme.text, anchor: "end" });
       shapes.push({ kind: "rect", x: 138, y, w: Math.max(1, ((width - 220) * count) / total), h: 13, fill: OKABE_ITO.vermilion });
       shapes.push({ kind: "text", x: 144 + ((width - 220) * count) / total, y: y + 7, text: String(count), fill: theme.text });
     });
     if (some.length === 0) shapes.push({ kind: "text", x: 10, y: 31, text: "none", fill: theme.text });
-    this.drops.show(shapes, width, 28 + Math.max(1, some.length) * 18, []);
+    this.drops.show(shapes, width, 28 + Math.max(1, some.length) * 18, targets);
+  }
+
+  /** Lists the packets of an outcome. */
+  private choose(outcome: string): void {
+    this.outcomes.value = outcome;
+    this.filter.outcome = outcome;
   }
 }
 

@@ -71,8 +71,8 @@ export class WayPanel {
     this.sketch = new SketchCanvas(app, "Latency of the packet by hop");
     const button = (text: string, title: string, onclick: () => void): HTMLButtonElement => element("button", { type: "button", title, onclick }, text);
     this.steps = [
-      button("◀ previous hop", "Go to the first frame of the previous hop ([)", () => actions.hop(-1)),
-      button("next hop ▶", "Go to the first frame of the next hop (])", () => actions.hop(1)),
+      button("◀\uFE0E previous hop", "Go to the first frame of the previous hop ([)", () => actions.hop(-1)),
+      button("next hop ▶\uFE0E", "Go to the first frame of the next hop (])", () => actions.hop(1)),
     ];
     const onMap = button("on the map", "Show the way over the robots", () => app.store.set({ view: "swarm" }));
     const clear = button("clear", "Stop following this packet (Esc)", () => actions.clear());

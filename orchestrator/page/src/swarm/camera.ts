@@ -3,8 +3,9 @@ import type { FrameData } from "../source/frame.ts";
 import type { Camera } from "../store.ts";
 import { exists } from "./links.ts";
 
-/** Room around everything when a picture is fitted (px). */
+/** Room around everything when a picture is fitted: at most so much (px), and this share of a small picture. */
 const MARGIN_PX = 48;
+const MARGIN_SHARE = 0.1;
 
 /** The camera that shows all robots of a frame, walls and obstacles, and where was measured. */
 export function fit(frames: FrameData[], places: (Place | undefined)[], width: number, height: number, measured?: MeasuredRows): Camera {
@@ -33,7 +34,8 @@ export function fit(frames: FrameData[], places: (Place | undefined)[], width: n
   if (left > right) return { x: 0, y: 0, scale: 10 };
   const spanX = Math.max(right - left, 1);
   const spanY = Math.max(top - bottom, 1);
-  const scale = Math.min(Math.max(50, width - 2 * MARGIN_PX) / spanX, Math.max(50, height - 2 * MARGIN_PX) / spanY);
+  const room = (size: number): number => Math.max(50, size - 2 * Math.min(MARGIN_PX, Math.max(22, MARGIN_SHARE * size)));
+  const scale = Math.min(room(width) / spanX, room(height) / spanY);
   return { x: (left + right) / 2, y: (bottom + top) / 2, scale };
 }
 
@@ -41,6 +43,16 @@ export function fit(frames: FrameData[], places: (Place | undefined)[], width: n
 export function zoomed(camera: Camera, factor: number, px: number, py: number): Camera {
   const scale = Math.min(1e4, Math.max(1e-3, camera.scale * factor));
   return { x: camera.x + px / camera.scale - px / scale, y: camera.y + py / camera.scale - py / scale, scale };
+}
+
+/** The camera after two fingers have moved: what was between them is there still. Middles of the fingers in px from the left upper corner. */
+export function pinched(camera: Camera, from: [number, number], to: [number, number], factor: number, width: number, height: number): Camera {
+  const scale = Math.min(1e4, Math.max(1e-3, camera.scale * factor));
+  return {
+    x: camera.x + (from[0] - width / 2) / camera.scale - (to[0] - width / 2) / scale,
+    y: camera.y - (from[1] - height / 2) / camera.scale + (to[1] - height / 2) / scale,
+    scale,
+  };
 }
 
 /** Up to so many robots all of them must be in the picture, of more almost all. */

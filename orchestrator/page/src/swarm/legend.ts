@@ -7,6 +7,11 @@ import type { Scene } from "./scene.ts";
 import { groundRange } from "./site.ts";
 import { wayColour } from "./way-shapes.ts";
 
+/** Views up to this width have their legend below the picture (px). */
+const NARROW_PX = 900;
+/** Greatest width of the legend, and room beside it (px). */
+const COVERED_PX = 262;
+
 /** What the colours of a swarm view mean. */
 export class Legend {
   readonly root = element("details", { class: "legend", open: true, hidden: true });
@@ -67,12 +72,18 @@ export class Legend {
     this.root.replaceChildren(element("summary", {}, "Colours"), ...rows);
   }
 
-  /** Narrow views begin with the legend closed, since it would cover the robots. */
+  /** Width of the picture that the open legend lies over (px); in narrow views it is below the picture, as in style.css. */
+  get coveredPx(): number {
+    const room = this.root.parentElement?.clientWidth ?? 0;
+    return this.root.open && !this.root.hidden && room > NARROW_PX ? COVERED_PX : 0;
+  }
+
+  /** Narrow views begin with the legend closed. */
   private place(): void {
     const room = this.root.parentElement?.clientWidth ?? 0;
     if (this.placed || room === 0) return;
     this.placed = true;
-    this.root.open = room > 720;
+    this.root.open = room > NARROW_PX;
   }
 }
 

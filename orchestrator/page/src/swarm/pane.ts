@@ -22,8 +22,8 @@ export function swarmToolbar(app: App, refit: () => void): { root: HTMLElement; 
   const way = wayActions(app);
   const followed = element("span", { class: "status" });
   const packet = element("span", { class: "field", hidden: true }, followed,
-    element("button", { type: "button", title: "Previous hop ([)", "aria-label": "Previous hop", onclick: () => way.hop(-1) }, "◀"),
-    element("button", { type: "button", title: "Next hop (])", "aria-label": "Next hop", onclick: () => way.hop(1) }, "▶"),
+    element("button", { type: "button", title: "Previous hop ([)", "aria-label": "Previous hop", onclick: () => way.hop(-1) }, "◀\uFE0E"),
+    element("button", { type: "button", title: "Next hop (])", "aria-label": "Next hop", onclick: () => way.hop(1) }, "▶\uFE0E"),
     element("button", { type: "button", title: "Stop following this packet (Esc)", onclick: () => way.clear() }, "clear"));
   return {
     root: element("div", { class: "toolbar", role: "toolbar", "aria-label": "What the swarm view draws" },

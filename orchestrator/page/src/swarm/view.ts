@@ -4,7 +4,7 @@ import { paintShapes, type Shape, shapesToSvg, sizedContext, svgDocument } from 
 import type { RunData } from "../source/source.ts";
 import type { Camera } from "../store.ts";
 import { annotations, drawGrid } from "./axes.ts";
-import { fit, mostlyVisible, zoomed } from "./camera.ts";
+import { fit, mostlyVisible, pinched, zoomed } from "./camera.ts";
 import { CanvasPainter } from "./canvas.ts";
 import type { ShownRows } from "../measurements/shown.ts";
 import { Legend } from "./legend.ts";
@@ -17,6 +17,8 @@ import { isSoftware, type Painter, webGlPainter } from "./webgl.ts";
 
 /** A robot is picked within this distance of the pointer (px). */
 const PICK_PX = 14;
+/** The same of a finger. */
+const TOUCH_PICK_PX = 24;
 /** A swarm travels far if all of its way is this many times as large as the swarm. */
 const FAR = 3;
 
@@ -38,6 +40,7 @@ export class SwarmView {
   private drawsMany = false;
   /** The painter draws the overlay, too. */
   private stamped = false;
+  private readonly map: HTMLElement;
   private readonly overlay: HTMLCanvasElement;
   private readonly tip: HTMLElement;
   private readonly empty: HTMLElement;
@@ -62,11 +65,12 @@ export class SwarmView {
     this.tip = element("div", { class: "tip", hidden: true });
     this.empty = element("div", { class: "empty" }, "Loading frames …");
     this.legend = new Legend(app);
-    this.root = element("div", { class: "swarm" }, this.canvas, this.overlay, this.legend.root, this.tip, this.empty);
-    if (title !== "") this.root.append(element("div", { class: "swarm-title" }, title));
+    this.map = element("div", { class: "map" }, this.canvas, this.overlay, this.tip, this.empty);
+    this.root = element("div", { class: "swarm" }, this.map, this.legend.root);
+    if (title !== "") this.map.append(element("div", { class: "swarm-title" }, title));
     this.painter = this.usual = this.openPainter();
     this.listen();
-    new ResizeObserver(() => this.measure()).observe(this.root);
+    new ResizeObserver(() => this.measure()).observe(this.map);
   }
 
   /** Draws if the frame, the camera or a choice has changed. */
@@ -132,6 +136,11 @@ export class SwarmView {
     };
   }
 
+  /** Whether a place is in the picture. */
+  shows(x: number, y: number): boolean {
+    return 2 * Math.abs(x - this.camera.x) * this.camera.scale < this.width && 2 * Math.abs(y - this.camera.y) * this.camera.scale < this.height;
+  }
+
   /** Size of the picture (px). */
   get size(): { width: number; height: number } {
     return { width: this.width, height: this.height };
@@ -190,7 +199,7 @@ export class SwarmView {
   }
 
   private measure(): void {
-    const { clientWidth, clientHeight } = this.root;
+    const { clientWidth, clientHeight } = this.map;
     this.ratio = window.devicePixelRatio || 1;
     this.width = clientWidth;
     this.height = clientHeight;
@@ -217,7 +226,10 @@ export class SwarmView {
    * would be tiny then: it is fitted where it is, and again when some of it has left the picture.
    */
   private fit(): Camera {
-    const key = `${this.width} ${this.height}`;
+    // What is fitted stays beside the legend, if that lies over the picture.
+    const covered = this.legend.coveredPx;
+    const width = this.width - covered;
+    const key = `${this.width} ${this.height} ${covered}`;
     const shown = this.app.source.runs.flatMap(({ frames }) => {
       const index = frames.indexAt(this.app.store.state.timeNs);
       return index < 0 ? [] : [frames.frame(index)];
@@ -231,9 +243,10 @@ export class SwarmView {
     });
     const places = this.app.source.runs.map((run) => run.run.place);
     const measured = this.scene.measured?.rows;
-    const everything = fit(frames, places, this.width, this.height, measured);
-    const now = fit(shown, places, this.width, this.height, measured);
-    const camera = everything.scale * FAR < now.scale ? { ...now, scale: now.scale * 0.7 } : everything;
+    const everything = fit(frames, places, width, this.height, measured);
+    const now = fit(shown, places, width, this.height, measured);
+    const chosen = everything.scale * FAR < now.scale ? { ...now, scale: now.scale * 0.7 } : everything;
+    const camera = { ...chosen, x: chosen.x + covered / 2 / chosen.scale };
     this.fitted = { camera, key };
     return camera;
   }
@@ -265,9 +278,9 @@ export class SwarmView {
   }
 
   /** The robot nearest to a place in the picture (px from its left upper corner), if any is close. */
-  private pick(px: number, py: number): number | null {
+  private pick(px: number, py: number, reach = PICK_PX): number | null {
     const { robots, dead } = this.scene.picture;
-    let best = PICK_PX;
+    let best = reach;
     let agent: number | null = null;
     const consider = (candidate: number, x: number, y: number): void => {
       const dx = this.width / 2 + (x - this.camera.x) * this.camera.scale - px;
@@ -285,16 +298,39 @@ export class SwarmView {
 
   private listen(): void {
     let drag: { x: number; y: number; camera: Camera; moved: boolean } | null = null;
+    const fingers = new Map<number, [number, number]>();
+    let pinch: { middle: [number, number]; distance: number; camera: Camera } | null = null;
+    /** Middle and distance of two fingers (px). */
+    const spread = (): { middle: [number, number]; distance: number } => {
+      const [[ax, ay], [bx, by]] = [...fingers.values()];
+      return { middle: [(ax + bx) / 2, (ay + by) / 2], distance: Math.max(1, Math.hypot(ax - bx, ay - by)) };
+    };
+    const lift = (event: PointerEvent): void => {
+      fingers.delete(event.pointerId);
+      if (fingers.size < 2) pinch = null;
+    };
     const { overlay } = this;
     const { store } = this.app;
     overlay.addEventListener("pointerdown", (event) => {
       if (event.button !== 0) return;
       overlay.setPointerCapture(event.pointerId);
+      fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
+      if (fingers.size === 2) {
+        pinch = { ...spread(), camera: this.camera };
+        drag = null;
+        return;
+      }
       drag = { x: event.offsetX, y: event.offsetY, camera: this.camera, moved: false };
     });
     overlay.addEventListener("pointermove", (event) => {
+      if (fingers.has(event.pointerId)) fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
+      if (pinch !== null) {
+        const { middle, distance } = spread();
+        store.set({ camera: pinched(pinch.camera, pinch.middle, middle, distance / pinch.distance, this.width, this.height), follow: false });
+        return;
+      }
       if (drag === null) {
-        this.showTip(event.offsetX, event.offsetY);
+        if (event.pointerType !== "touch") this.showTip(event.offsetX, event.offsetY);
         return;
       }
       const [dx, dy] = [event.offsetX - drag.x, event.offsetY - drag.y];
@@ -304,7 +340,13 @@ export class SwarmView {
       store.set({ camera: { x: x - dx / scale, y: y + dy / scale, scale }, follow: false });
     });
     overlay.addEventListener("pointerup", (event) => {
-      if (drag !== null && !drag.moved) this.app.select(this.pick(event.offsetX, event.offsetY));
+      lift(event);
+      const reach = event.pointerType === "touch" ? TOUCH_PICK_PX : PICK_PX;
+      if (drag !== null && !drag.moved) this.app.select(this.pick(event.offsetX, event.offsetY, reach));
+      drag = null;
+    });
+    overlay.addEventListener("pointercancel", (event) => {
+      lift(event);
       drag = null;
     });
     overlay.addEventListener("pointerleave", () => {

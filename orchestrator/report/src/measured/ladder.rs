@@ -1,6 +1,7 @@
 //! The ladder of held-out error, and what each candidate gains.
 
 use super::{MeasuredPage, Picture, figures};
+use crate::layout::NATS;
 use crate::svg::Px;
 use diagnose::diagnosis::{Diagnosis, Rung, Tested};
 use maud::{Markup, html};
@@ -156,8 +157,9 @@ fn gained(rungs: &[Rung]) -> Option<Picture> {
         number(gain.exp())
     );
     let means = "The log score counts readings and losses alike, and punishes a model that is surer than it should be. It is what \
-                 decides."
-        .to_owned();
+                 decides. "
+        .to_owned()
+        + NATS;
     let svg = bars("ladder-log-score", &title, &look, &rows);
     Some(Picture { title, look, means, key: Vec::new(), svg, is_wide: false })
 }

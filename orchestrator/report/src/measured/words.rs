@@ -122,12 +122,22 @@ fn gained(first: &Rung, last: &Rung, error: &dyn Fn(f64) -> Markup) -> Vec<(Stri
     let gained = known(last.log_score) - known(first.log_score);
     let mut tiles = vec![
         ("With what was found".into(), error(last.rmse)),
-        ("Gained".into(), with_unit(&number(gained), "nats a row")),
+        (
+            "Gained in log score".into(),
+            html! {
+                (number(gained)) " "
+                small { (layout::nats()) " a row: a held-out row is " (number(gained.exp())) " times as likely" }
+            },
+        ),
     ];
     let losses = [first, last].map(|rung| rung.reception_log_loss);
     if losses.iter().all(|loss| loss.is_finite()) {
         let [before, after] = losses.map(number);
-        let fall = with_unit(&format!("{before} → {after}"), "nats a frame");
+        let [was, is] = losses.map(|loss| number((-loss).exp()));
+        let fall = html! {
+            (before) " → " (after) " "
+            small { "nats a frame: what happened had probability " (was) " → " (is) ", in geometric mean" }
+        };
         tiles.push(("Log loss of reception, as configured → with what was found".into(), fall));
     }
     tiles

@@ -2,7 +2,7 @@
 
 use super::{Story, StoryRow};
 use crate::figures::{HALF, equal_scales};
-use crate::layout;
+use crate::layout::{self, NATS};
 use crate::measured::ladder::{Bar, bars};
 use crate::svg::{Axis, Chart};
 use maud::{Markup, html};
@@ -207,10 +207,13 @@ pub(super) fn candidates(story: &Story<'_>) -> Option<Markup> {
             text: number(candidate.gain),
         })
         .collect();
-    let words = "Gain in held-out log score (nats per row) with its 90 % interval. Accepted effects: the gain when they were added. Others: the gain on top of these.";
+    let words = format!(
+        "Gain in held-out log score (nats per row) with its 90 % interval. Accepted effects: the gain when they were added. Others: \
+         the gain on top of these. {NATS}"
+    );
     let key = [("bar after", "accepted"), ("bar none", "not accepted")];
-    let svg = bars("story-candidates", "Gain of candidates", words, &rows);
-    (!rows.is_empty()).then(|| figure("Gain of candidates", words, &key, &svg))
+    let svg = bars("story-candidates", "Gain of candidates", &words, &rows);
+    (!rows.is_empty()).then(|| figure("Gain of candidates", &words, &key, &svg))
 }
 
 fn figure(title: &str, words: &str, key: &[(&str, &str)], svg: &Markup) -> Markup {
