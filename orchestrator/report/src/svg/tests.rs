@@ -1,5 +1,6 @@
 //! Tests of charts.
 
+use super::axis::wrapped;
 use super::*;
 
 #[test]
