@@ -25,8 +25,9 @@ pub fn ticks(min: f64, max: f64, step: f64) -> Vec<f64> {
 #[must_use]
 pub fn decades(min: f64, max: f64, digits: &[f64]) -> Vec<f64> {
     let power = |value: f64| libm::floor(libm::log10(value) + 1e-9) as i32;
-    let all = (power(min)..=power(max))
-        .flat_map(|power| digits.iter().map(move |digit| digit * libm::pow(10.0, f64::from(power))));
+    let all = (power(min)..=power(max)).flat_map(|power| {
+        digits.iter().map(move |digit| digit * libm::pow(10.0, f64::from(power)))
+    });
     all.filter(|tick| min * (1.0 - 1e-9) <= *tick && *tick <= max * (1.0 + 1e-9)).collect()
 }
 

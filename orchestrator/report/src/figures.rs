@@ -478,8 +478,7 @@ pub(super) fn spread_in_words(
         return String::new();
     }
     ascending.sort_by(f64::total_cmp);
-    let [low, median, high] =
-        [0.05, 0.5, 0.95].map(|share| shown(quantile(&ascending, share)));
+    let [low, median, high] = [0.05, 0.5, 0.95].map(|share| shown(quantile(&ascending, share)));
     let n = count_of(ascending.len() as u64, thing);
     format!(", median {median}, 90 % of {n} from {low} to {high}")
 }

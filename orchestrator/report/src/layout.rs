@@ -25,7 +25,8 @@ pub fn page(title: &str, style: &str, body: &Markup) -> String {
 pub fn page_with_scripts(title: &str, style: &str, scripts: &[String], body: &Markup) -> String {
     let figures = body.0.contains(DATA_TAG).then_some(FIGURES.as_str());
     let figures_hash = figures.map(view::page::source_hash);
-    let scripts: String = scripts.iter().chain(&figures_hash).map(|hash| format!(" '{hash}'")).collect();
+    let scripts: String =
+        scripts.iter().chain(&figures_hash).map(|hash| format!(" '{hash}'")).collect();
     let scripts = if scripts.is_empty() { " 'none'" } else { &scripts };
     let policy = format!(
         "default-src 'none'; script-src{scripts}; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action \
@@ -90,17 +91,12 @@ pub fn figure(title: &str, words: &Markup, key: &Markup, svg: &Markup, is_wide: 
     }
 }
 
-/// A picture of several panels under its question and its words. `id`: where links on the page lead.
-pub fn figure_of(
-    id: &str,
-    question: &str,
-    words: &Markup,
-    panels: &Markup,
-    is_wide: bool,
-) -> Markup {
+/// A picture of several panels under its words and the key to its marks. `id`: where links on the page lead.
+pub fn figure_of(id: &str, words: &Markup, key: &Markup, panels: &Markup, is_wide: bool) -> Markup {
     html! {
         figure id=(id) class=[is_wide.then_some("wide")] {
-            figcaption { h3 { (question) } (words) }
+            figcaption { (words) }
+            ul.key { (key) }
             (panels)
         }
     }

@@ -125,6 +125,12 @@ impl Chart {
         }
     }
 
+    /// A line that guides the eye through data.
+    pub fn guide_line(&mut self, class: &str, points: impl IntoIterator<Item = Option<[f64; 2]>>) {
+        let path = self.path(points);
+        self.draw_path(class, &path);
+    }
+
     /// The area between two lines over the same x.
     pub fn band(&mut self, class: &str, low_high: &[(f64, f64, f64)]) {
         let there = low_high.iter().map(|&(x, _, high)| Some([x, high]));
@@ -141,7 +147,11 @@ impl Chart {
     pub fn segments(&mut self, class: &str, lines: impl IntoIterator<Item = [[f64; 2]; 2]>) {
         let lines: Vec<_> = lines.into_iter().collect();
         self.guides(class, lines.iter().copied());
-        self.data.add(class, Kind::Segments, lines.into_iter().map(|[[a, b], [c, d]]| [a, b, c, d]));
+        self.data.add(
+            class,
+            Kind::Segments,
+            lines.into_iter().map(|[[a, b], [c, d]]| [a, b, c, d]),
+        );
     }
 
     /// Straight lines that guide the eye, and are no data.
@@ -188,12 +198,13 @@ impl Chart {
     ///
     /// * `means`: place, mean, low and high end of the interval, and number of values of each.
     pub fn means(&mut self, class: &str, means: &[([f64; 4], f64)]) {
-        let inside = |y: f64| y.clamp(self.y.min, self.y.max);
-        let line = self.path(means.iter().map(|&([x, mean, ..], _)| Some([x, inside(mean)])));
-        let known = means.iter().filter(|([_, _, low, high], _)| low.is_finite() && high.is_finite());
+        let [least, most] = [self.y.min, self.y.max];
+        let inside = |y: f64| y.clamp(least, most);
+        let known =
+            means.iter().filter(|([_, _, low, high], _)| low.is_finite() && high.is_finite());
         let whiskers: Vec<_> =
             known.map(|&([x, _, low, high], _)| [[x, inside(low)], [x, inside(high)]]).collect();
-        self.draw_path(class, &line);
+        self.guide_line(class, means.iter().map(|&([x, mean, ..], _)| Some([x, inside(mean)])));
         self.guides(&format!("{class} whisker"), whiskers);
         self.names(means.iter().map(|(_, n)| format!("n = {n}")));
         self.data.add(class, Kind::Intervals, means.iter().map(|&(row, _)| row));
@@ -216,15 +227,16 @@ impl Chart {
     /// A circle of a radius in the units of the axes, which have the same scale.
     pub fn circle(&mut self, class: &str, centre: [f64; 2], radius: f64) {
         let ([x, y], [edge, _]) = (self.place(centre), self.place([centre[0] + radius, centre[1]]));
-        self.draw(&html! { circle class=(class) data-scaled cx=(Px(x)) cy=(Px(y)) r=(Px(edge - x)) {} });
+        self.draw(
+            &html! { circle class=(class) data-scaled cx=(Px(x)) cy=(Px(y)) r=(Px(edge - x)) {} },
+        );
     }
 
     /// A dot with an interval, which says more when pointed at.
     pub fn interval(&mut self, x: f64, y: f64, [low, high]: [f64; 2], title: &str) {
         let ([px, py], [_, top], [_, foot]) =
             (self.place([x, y]), self.place([x, high]), self.place([x, low]));
-        let whisker =
-            format!("M{px:.1},{top:.1}V{foot:.1}m-3,0h6M{px:.1},{top:.1}m-3,0h6");
+        let whisker = format!("M{px:.1},{top:.1}V{foot:.1}m-3,0h6M{px:.1},{top:.1}m-3,0h6");
         self.draw(&html! {
             g.interval {
                 title { (title) }

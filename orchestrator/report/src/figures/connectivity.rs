@@ -79,7 +79,9 @@ fn links(chart: &mut crate::svg::Chart, period: &HeardPeriod, most: usize) -> St
     let every = period.pairs.len().div_ceil(most).max(1);
     let drawn = |wanted: bool| {
         let chosen = period.pairs.iter().step_by(every).filter(move |&(_, &both)| both == wanted);
-        chosen.filter_map(|(&(a, b), _)| Some((format!("{a} and {b}"), between(&period.places, a, b)?)))
+        chosen.filter_map(|(&(a, b), _)| {
+            Some((format!("{a} and {b}"), between(&period.places, a, b)?))
+        })
     };
     for (class, both) in [("link", true), ("link one-way", false)] {
         let (names, lines): (Vec<String>, Vec<_>) = drawn(both).unzip();

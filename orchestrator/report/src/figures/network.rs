@@ -2,7 +2,9 @@
 //! there only if the network said what it shows.
 
 use super::plan::{Places, between, plan, plan_width};
-use super::{Figure, HALF, HALF_HEIGHT, TaskTime, WIDE, connectivity, dots_by_group, spread_in_words};
+use super::{
+    Figure, HALF, HALF_HEIGHT, TaskTime, WIDE, connectivity, dots_by_group, spread_in_words,
+};
 use crate::svg::{Axis, Chart};
 use metrics::{Kpis, Measures};
 use numbers::format::{count, count_of, number, percent, shortest};
@@ -48,7 +50,8 @@ fn routing_graph(measures: &Measures, places: &Places) -> Option<Figure> {
     let motes = |wanted: bool| {
         living.iter().enumerate().filter(move |&(mote, _)| has_parent(mote) == wanted)
     };
-    let mut key = dots_by_group(&mut chart, &measures.task, ["mote", "mote with a parent"], motes(true));
+    let mut key =
+        dots_by_group(&mut chart, &measures.task, ["mote", "mote with a parent"], motes(true));
     let named = motes(false).filter(|(_, place)| place.is_some());
     chart.names(named.map(|(mote, _)| format!("mote {mote}")));
     chart.dots("start", motes(false).filter_map(|(_, place)| *place));

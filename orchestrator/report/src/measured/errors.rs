@@ -135,7 +135,8 @@ fn over(contents: &MeasuredPage<'_>, name: &str, values: &[f64], share: f64) -> 
         ends.push(format!("{} {unit} {label}", number(greatest)));
     }
     let title = format!("Error over {}", quantity::words(name));
-    let n = before.iter().zip(values).filter(|(error, value)| (*error + *value).is_finite()).count();
+    let n =
+        before.iter().zip(values).filter(|(error, value)| (*error + *value).is_finite()).count();
     let rows = count_of(n as u64, "row");
     let look = format!("Greatest mean error of a bin: {}, of {rows}.", ends.join(", "));
     let means = format!("It explains {} of the error variance as configured.", percent(share));

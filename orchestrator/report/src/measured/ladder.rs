@@ -192,7 +192,13 @@ fn gained(rungs: &[Rung]) -> Option<Picture> {
     let means = "The log score counts readings and losses alike, and punishes a model that is surer than it should be. It is what \
                  decides."
         .to_owned();
-    let svg = bars("ladder-log-score", &title, ["model", "log score gained (nats per row)"], &look, &rows);
+    let svg = bars(
+        "ladder-log-score",
+        &title,
+        ["model", "log score gained (nats per row)"],
+        &look,
+        &rows,
+    );
     Some(Picture { title, look, means, key: Vec::new(), svg, is_wide: false })
 }
 

@@ -82,7 +82,9 @@ fn map(story: &Story<'_>) -> (Markup, f64) {
     for (number, (name, _)) in CLASSES.iter().enumerate() {
         let of_class =
             || known.iter().filter(|(_, n, sum)| class(sum / n / story.noise, *n) == number);
-        chart.names(of_class().map(|(_, n, sum)| format!("mean {} {} (n = {n})", numbers::format::number(sum / n), story.unit)));
+        chart.names(of_class().map(|(_, n, sum)| {
+            format!("mean {} {} (n = {n})", numbers::format::number(sum / n), story.unit)
+        }));
         chart.segments(name, of_class().map(|(ends, ..)| *ends));
     }
     chart.site("story-plane", &walls, &[]);
@@ -190,7 +192,12 @@ pub(super) fn ladder(story: &Story<'_>) -> Markup {
     });
     let words = "Root mean squared error on held-out rows. The error of the true model is noise.";
     let label = format!("root mean squared error ({})", story.unit);
-    figure("Error, effect by effect", words, &[], &bars("story-ladder", "Error", ["model", &label], words, &rows))
+    figure(
+        "Error, effect by effect",
+        words,
+        &[],
+        &bars("story-ladder", "Error", ["model", &label], words, &rows),
+    )
 }
 
 /// What the best candidates gain.
@@ -210,7 +217,13 @@ pub(super) fn candidates(story: &Story<'_>) -> Option<Markup> {
         .collect();
     let words = "Gain in held-out log score (nats per row) with its 90 % interval. Accepted effects: the gain when they were added. Others: the gain on top of these.";
     let key = [("bar after", "accepted"), ("bar none", "not accepted")];
-    let svg = bars("story-candidates", "Gain of candidates", ["effect", "held-out gain (nats per row)"], words, &rows);
+    let svg = bars(
+        "story-candidates",
+        "Gain of candidates",
+        ["effect", "held-out gain (nats per row)"],
+        words,
+        &rows,
+    );
     (!rows.is_empty()).then(|| figure("Gain of candidates", words, &key, &svg))
 }
 
