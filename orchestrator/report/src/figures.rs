@@ -468,7 +468,7 @@ fn delivery(measures: &Measures, bins: &[DistanceBin]) -> Figure {
 
 /// Median, the middle nine tenths and number of values: `, median 6.60 m/s, 90 % of 250 steps from 6.10 m/s to 6.90 m/s`.
 /// Empty without values.
-pub(super) fn spread_in_words(
+pub(crate) fn spread_in_words(
     values: impl Iterator<Item = f64>,
     shown: &dyn Fn(f64) -> String,
     thing: &str,

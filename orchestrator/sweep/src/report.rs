@@ -281,3 +281,6 @@ fn cells(spread: &MetricSpread, n: usize, is_share: bool) -> Vec<String> {
         number(spread.mean) + &sd,
     ]
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,6 +2,7 @@
 
 use super::{MeasuredPage, Picture, bin, drawn, edges, figures, half, quantiles, thinned};
 
+use crate::figures::spread_in_words;
 use crate::svg::Axis;
 use diagnose::compare;
 use diagnose::rows::MeasuredRows;
@@ -198,10 +199,12 @@ fn biases(contents: &MeasuredPage<'_>) -> String {
             let known: Vec<f64> = view.residuals().into_iter().filter(|r| r.is_finite()).collect();
             let bias = mean(known.iter().copied());
             let rmse = mean(known.iter().map(|r| r * r)).sqrt();
+            let of = |value: f64| format!("{} {unit}", number(value));
+            let spread = spread_in_words(known.iter().copied(), &of, "row");
             format!(
-                "{label} their mean is {} {unit} off and they scatter by {} {unit}",
-                number(bias),
-                number(rmse)
+                "{label} their mean is {} off and they scatter by {}{spread}",
+                of(bias),
+                of(rmse)
             )
         })
         .collect();
@@ -366,6 +369,8 @@ fn pit(contents: &MeasuredPage<'_>) -> Picture {
         key.push((box_class, (*label).to_owned()));
     }
     chart.level(1.0, "even");
+    let known = contents.rows.before.residuals();
+    let n_rows = known.iter().filter(|residual| residual.is_finite()).count();
     let coverage: Vec<String> = contents
         .views()
         .iter()
@@ -373,7 +378,8 @@ fn pit(contents: &MeasuredPage<'_>) -> Picture {
         .collect();
     let title = "Probability integral transform".to_owned();
     let look = format!(
-        "Are the bars level? 90 % of measurements should lie inside the predicted 90 % interval; it is {}.",
+        "Are the bars level? 90 % of measurements should lie inside the predicted 90 % interval; of {} it is {}.",
+        count_of(n_rows as u64, "row"),
         coverage.join(", ")
     );
     let means = "A hump in the middle: the model claims to know less than it does. A bowl: it claims to know more, or errs in \
@@ -411,6 +417,7 @@ fn reception(
         Axis::new("share received (%)", 0.0, 1.03).percent(),
     );
     let (mut worst, mut line) = (0.0f64, Vec::new());
+    let n_frames: f64 = sums.iter().map(|[n, ..]| n).sum();
     for [n, level, got, passes] in sums.into_iter().filter(|sum| 0.0 < sum[0]) {
         let (x, share, predicted) = (level / n, got / n, passes / n);
         worst = worst.max((share - predicted).abs());
@@ -431,7 +438,10 @@ fn reception(
         "Where the line misses most, predicted and measured differ by {} percentage points.",
         number(100.0 * worst)
     );
-    let means = format!("Shares of frames received, {label}.");
+    let means = format!(
+        "Shares of frames received, {label}: {} in bins of about as many rows.",
+        count_of(n_frames as u64, "frame")
+    );
     let key = vec![(class, "predicted".to_owned()), ("interval", "measured".to_owned())];
     let svg = chart.finish(&format!("reception-{class}"), &title, &look);
     Some(Picture { title, look, means, key, svg, is_wide: false })

@@ -5,7 +5,7 @@ use crate::figures::{HALF, equal_scales, map_width};
 use crate::svg::Chart;
 use diagnose::rows::{LinkEnd, LinkRows, MeasuredRows, RobotRows};
 use maud::Markup;
-use numbers::format::number;
+use numbers::format::{count_of, number};
 use std::collections::BTreeMap;
 use study::view::RowPredictions;
 
@@ -204,7 +204,8 @@ fn map(
         key.push(("found", "found, and on no map".to_owned()));
     }
     let title = format!("Errors on the map, {label}");
-    let look = format!("Mean errors in each place, {label}.");
+    let n = errors.iter().filter(|error| error.is_finite()).count();
+    let look = format!("Mean errors in each place, {label}, of {}.", count_of(n as u64, "row"));
     let means = format!(
         "Strong colours are beyond {} {unit}, the noise of the model as configured.",
         number(scale)
