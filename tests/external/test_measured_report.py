@@ -7,6 +7,7 @@ import subprocess
 import pytest
 from browser import visit
 from conftest import program
+from figure_tools import BUTTONS, PREPARE, rows_of, saved
 from measured_links import HEADER, free_space_dbm, is_received, line
 from PIL import Image
 from test_report import LOOK
@@ -78,6 +79,22 @@ def test_each_picture_has_shapes_a_description_and_words(report, tmp_path):
         assert topic in text, f"the page does not mention {topic}"
     for accident in ("nan", "undefined", "inf", "null"):
         assert accident not in text.split(), f"the page says {accident}"
+
+
+def test_each_picture_has_its_tools_and_its_data(report, tmp_path):
+    wanted = {"prepared": PREPARE, "figures": BUTTONS, "table": saved("over-temperature_c", "CSV"), "picture": saved("against", "SVG")}
+    values = visit(report.as_uri(), tmp_path, expressions=wanted).values
+    assert len(values["figures"]) >= 6
+    assert all(figure["buttons"] == ["SVG", "CSV"] and figure["dead_keys"] == 0 for figure in values["figures"]), values["figures"]
+    rows = rows_of(values["table"])
+    means = [row for row in rows if row["series"].startswith("mean of a bin, as configured")]
+    # Weaker by 0.4 dB for each degree: the means of the bins fall from about 8 dB to about -8 dB.
+    assert len(means) >= 3 and all(row["point"].startswith("n = ") for row in means)
+    errors = [float(row["measured less predicted (dB)"]) for row in means]
+    temperatures = [float(row["temperature (°C)"]) for row in means]
+    slope = (errors[-1] - errors[0]) / (temperatures[-1] - temperatures[0])
+    assert slope == pytest.approx(-0.4, abs=0.05)
+    assert len(rows) > 1000 and "var(" not in values["picture"]
 
 
 def test_a_diagnosis_names_what_was_hidden_and_draws_the_ladder(links, tmp_path):

@@ -19,6 +19,18 @@ pub fn ticks(min: f64, max: f64, step: f64) -> Vec<f64> {
     (0..=(last - first).max(0.0) as usize).map(|i| (first + i as f64) * step).collect()
 }
 
+/// The products of these digits and powers of ten from `min` to `max`, both greater than 0, in ascending order.
+///
+/// * `digits`: ascending, from 1 to below 10.
+#[must_use]
+pub fn decades(min: f64, max: f64, digits: &[f64]) -> Vec<f64> {
+    let power = |value: f64| libm::floor(libm::log10(value) + 1e-9) as i32;
+    let all = (power(min)..=power(max)).flat_map(|power| {
+        digits.iter().map(move |digit| digit * libm::pow(10.0, f64::from(power)))
+    });
+    all.filter(|tick| min * (1.0 - 1e-9) <= *tick && *tick <= max * (1.0 + 1e-9)).collect()
+}
+
 /// A multiple of `step`, with the decimals that tell it from its neighbours, and with U+2212 for a minus. `-0` is written `0`.
 /// With a step below 10⁻⁶ it has an exponent, if that is shorter.
 #[must_use]
@@ -52,6 +64,13 @@ mod tests {
         {
             assert!((round_step(step) / expected - 1.0).abs() < 1e-12, "{step}");
         }
+    }
+
+    #[test]
+    fn ticks_of_ratios_are_round_within_each_power_of_ten() {
+        assert_eq!(decades(1.0, 100.0, &[1.0, 2.0, 5.0]), [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]);
+        assert_eq!(decades(0.03, 20.0, &[1.0]), [0.1, 1.0, 10.0]);
+        assert!(decades(2.1, 4.9, &[1.0, 5.0]).is_empty());
     }
 
     #[test]

@@ -255,7 +255,13 @@ fn errors(contents: &BetweenPage<'_>) -> Option<Markup> {
     let means = "Rows of A are predicted by fits to other blocks of A, rows of B by a fit to all of A. With the changes, rows of B \
                  are held out."
         .to_owned();
-    let svg = bars("between-rmse", title, &look, &rows);
+    let svg = bars(
+        "between-rmse",
+        title,
+        ["campaign", &format!("root mean squared error ({unit})")],
+        &look,
+        &rows,
+    );
     let picture =
         Picture { title: title.to_owned(), look, means, key: Vec::new(), svg, is_wide: false };
     figures("Errors before and after", "", &[picture])

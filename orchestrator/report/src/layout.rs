@@ -1,11 +1,20 @@
 //! What all pages have in common: the shell around them, and the parts that come up in several.
 //!
-//! A page is one file that opens without a network and needs no script.
+//! A page is one file that opens without a network. Without a script it shows everything; the script of figures adds tables,
+//! values and zoom.
 
+use super::svg::data::DATA_TAG;
 use maud::{DOCTYPE, Markup, PreEscaped, Render, html};
+use std::sync::LazyLock;
 
 /// The style of all pages.
 const STYLE: &str = include_str!("style.css");
+
+/// The script of pages with figures, without indentation and lines of comments.
+static FIGURES: LazyLock<String> = LazyLock::new(|| {
+    let lines = include_str!("figures.js").lines().map(str::trim_start);
+    lines.filter(|line| !line.starts_with("//")).collect::<Vec<_>>().join("\n")
+});
 
 /// A whole page. `style`: rules of this kind of page, beside those of all.
 pub fn page(title: &str, style: &str, body: &Markup) -> String {
@@ -14,7 +23,10 @@ pub fn page(title: &str, style: &str, body: &Markup) -> String {
 
 /// The same with scripts, by their hashes: no other runs, and nothing is loaded.
 pub fn page_with_scripts(title: &str, style: &str, scripts: &[String], body: &Markup) -> String {
-    let scripts: String = scripts.iter().map(|hash| format!(" '{hash}'")).collect();
+    let figures = body.0.contains(DATA_TAG).then_some(FIGURES.as_str());
+    let figures_hash = figures.map(view::page::source_hash);
+    let scripts: String =
+        scripts.iter().chain(&figures_hash).map(|hash| format!(" '{hash}'")).collect();
     let scripts = if scripts.is_empty() { " 'none'" } else { &scripts };
     let policy = format!(
         "default-src 'none'; script-src{scripts}; style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action \
@@ -30,7 +42,10 @@ pub fn page_with_scripts(title: &str, style: &str, scripts: &[String], body: &Ma
                 title { (title) }
                 style { (PreEscaped(STYLE)) (PreEscaped(style)) }
             }
-            body { main { (body) } }
+            body {
+                main { (body) }
+                @if let Some(figures) = figures { script { (PreEscaped(figures)) } }
+            }
         }
     }
     .into_string()
@@ -85,17 +100,12 @@ pub fn figure(title: &str, words: &Markup, key: &Markup, svg: &Markup, is_wide: 
     }
 }
 
-/// A picture of several panels under its question and its words. `id`: where links on the page lead.
-pub fn figure_of(
-    id: &str,
-    question: &str,
-    words: &Markup,
-    panels: &Markup,
-    is_wide: bool,
-) -> Markup {
+/// A picture of several panels under its words and the key to its marks. `id`: where links on the page lead.
+pub fn figure_of(id: &str, words: &Markup, key: &Markup, panels: &Markup, is_wide: bool) -> Markup {
     html! {
         figure id=(id) class=[is_wide.then_some("wide")] {
-            figcaption { h3 { (question) } (words) }
+            figcaption { (words) }
+            ul.key { (key) }
             (panels)
         }
     }
@@ -118,6 +128,7 @@ fn sample(mark: &str) -> Markup {
         "span" | "foliage" => path("M0,1H26V11H0Z"),
         "start" | "end" | "mote" => path("M13,6h0"),
         "dot" | "dot after" | "trial" => path("M5,8h0M10,4h0M15,7h0M20,5h0"),
+        dot if dot.starts_with("point ") => path("M13,6h0"),
         "interval" => html! {
             g.interval { path d="M13,1V11M10,1h6M10,11h6" {} circle cx="13" cy="6" r="3" {} }
         },

@@ -1,4 +1,5 @@
-//! `report.html`: a run in pictures and numbers, in one file that opens without a network. Only its player needs a script.
+//! `report.html`: a run in pictures and numbers, in one file that opens without a network. Only its player and the tools of
+//! its figures need a script.
 //!
 //! The page is a list of sections. To add one, write a function like those of the list in a file of its own, and name it in
 //! `SECTIONS`.

@@ -1,5 +1,5 @@
 //! The page of a comparison or a diagnosis: a model against measurements in pictures, each with what to look at and what it
-//! means. One file that opens without a network and needs no script.
+//! means. One file that opens without a network and shows everything without a script.
 
 mod errors;
 mod identifiability;

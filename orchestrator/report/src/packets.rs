@@ -408,7 +408,7 @@ fn delivery(motes: &[MoteDelivery]) -> Option<Picture> {
             .to_owned(),
         key: vec![
             ("interval", "90 % of seeds".to_owned()),
-            ("dot after", "measured".to_owned()),
+            ("point after", "measured".to_owned()),
         ],
         svg,
         is_wide: true,

@@ -6,9 +6,13 @@
 //! is left to do for a chart is two linear scales and a dozen kinds of marks. Elements and escaping come from maud; only the
 //! data of paths are written here.
 
+mod axis;
+pub(crate) mod data;
+
+pub use axis::Axis;
+use axis::{fitted, n_ticks_y, text_width};
+use data::{ChartData, Kind};
 use maud::{Markup, PreEscaped, Render, html};
-use numbers::format::shortest;
-use numbers::ticks;
 use std::fmt::Write as _;
 
 /// A coordinate in pixels, written with one decimal.
@@ -18,102 +22,6 @@ pub(crate) struct Px(pub(crate) f64);
 impl Render for Px {
     fn render_to(&self, buffer: &mut String) {
         let _ = write!(buffer, "{:.1}", self.0);
-    }
-}
-
-/// An axis: what it shows, from where to where.
-#[derive(Clone, Debug, Default)]
-pub struct Axis {
-    /// What it shows, with the unit.
-    pub label: String,
-    /// Value at the lower end of the axis, in its unit.
-    pub min: f64,
-    /// Upper end, greater than `min`.
-    pub max: f64,
-    /// Ticks are in per cent.
-    is_percent: bool,
-    /// Least distance of ticks.
-    least_step: f64,
-    /// Words at 0, 1, 2, … in place of numbers.
-    names: Vec<String>,
-    /// Numbers that have ticks in place of round ones.
-    marked: Vec<f64>,
-}
-
-impl Axis {
-    /// An axis from `min` to `max`, or further where these are too close to be told apart.
-    pub fn new(label: &str, min: f64, max: f64) -> Self {
-        // Ends that no label could tell apart.
-        let least = 1e-9 * min.abs().max(max.abs());
-        let max = if least < max - min { max } else { min + min.abs().max(1.0) };
-        Self { label: label.to_owned(), min, max, ..Self::default() }
-    }
-
-    /// The same with ticks in per cent.
-    pub fn percent(mut self) -> Self {
-        self.is_percent = true;
-        self
-    }
-
-    /// The same with ticks at whole numbers only.
-    pub fn integer_ticks(mut self) -> Self {
-        self.least_step = 1.0;
-        self
-    }
-
-    /// The same with words at 0, 1, 2, … in place of numbers.
-    pub fn named(mut self, names: &[String]) -> Self {
-        self.names = names.to_vec();
-        self
-    }
-
-    /// The same with ticks at these numbers, as far as there is room for them.
-    pub fn ticks_at(mut self, numbers: &[f64]) -> Self {
-        self.marked = numbers.to_vec();
-        self.marked.sort_by(f64::total_cmp);
-        self.marked.dedup();
-        self
-    }
-
-    /// Distance between ticks if there are to be about `n`.
-    fn step(&self, n: f64) -> f64 {
-        ticks::round_step(((self.max - self.min) / n).max(self.least_step))
-    }
-
-    /// Round numbers along the axis, about `n` of them.
-    fn ticks(&self, n: f64) -> Vec<f64> {
-        if !self.names.is_empty() {
-            return (0..self.names.len()).map(|name| name as f64).collect();
-        }
-        if !self.marked.is_empty() {
-            return self.marked.clone();
-        }
-        ticks::ticks(self.min, self.max, self.step(n))
-    }
-
-    /// The words at whole numbers in lines, where each number has so many pixels.
-    fn wrapped_names(&self, slot: f64) -> Vec<Vec<String>> {
-        let most = ((slot - 6.0) / LETTER).max(3.0) as usize;
-        self.names.iter().map(|name| wrapped(name, most)).collect()
-    }
-
-    fn tick_label(&self, tick: f64, step: f64) -> String {
-        if let Some(name) = self.names.get(tick.max(0.0) as usize) {
-            return name.clone();
-        }
-        if self.is_percent {
-            return format!("{} %", ticks::tick_label(100.0 * tick, 100.0 * step));
-        }
-        if !self.marked.is_empty() {
-            return shortest(tick);
-        }
-        ticks::tick_label(tick, step)
-    }
-
-    /// About `n` ticks, each with a label that differs from those of its neighbours.
-    fn labelled_ticks(&self, n: f64) -> Vec<(f64, String)> {
-        let step = self.step(n);
-        self.ticks(n).into_iter().map(|tick| (tick, self.tick_label(tick, step))).collect()
     }
 }
 
@@ -131,9 +39,12 @@ pub struct Chart {
     class: Option<&'static str>,
     /// Areas that words beside points cover: left, top, right, bottom.
     taken: Vec<[f64; 4]>,
+    axes: Markup,
     body: Markup,
     /// What lies above everything else.
     over: Markup,
+    /// What has been drawn, as numbers.
+    data: ChartData,
 }
 
 impl Chart {
@@ -148,10 +59,43 @@ impl Chart {
         let n_lines = lines.iter().map(Vec::len).max().unwrap_or(1);
         let bottom = BOTTOM + LINE * (n_lines.max(1) - 1) as f64;
         let height = height + bottom - BOTTOM;
-        let (class, taken) = (None, Vec::new());
-        let mut chart = Self { x, y, width, height, left, bottom, class, taken, body, over };
-        chart.axes();
+        let (class, taken, data) = (None, Vec::new(), ChartData::default());
+        let axes = Markup::default();
+        let mut chart =
+            Self { x, y, width, height, left, bottom, class, taken, axes, body, over, data };
+        chart.axes = chart.axes();
         chart
+    }
+
+    /// The same whose axes have one scale, as those of a map.
+    pub fn as_map(mut self) -> Self {
+        self.data.is_map = true;
+        self
+    }
+
+    /// Says whose the following marks are, such as `agent 7`, where several have one class; nobody's if it is empty.
+    pub fn item(&mut self, item: impl Into<String>) {
+        self.data.item = item.into();
+    }
+
+    /// Says what each point of the next marks is.
+    pub fn names(&mut self, names: impl IntoIterator<Item = String>) {
+        self.data.names = names.into_iter().collect();
+    }
+
+    /// Draws the following marks so many pixels to the right of their place.
+    pub fn shift(&mut self, pixels: f64) {
+        self.data.shift = pixels;
+    }
+
+    /// Says what marks of a class are, if the key of the figure does not.
+    pub fn words(&mut self, class: &str, words: impl Into<String>) {
+        self.data.words.push((class.to_owned(), words.into()));
+    }
+
+    /// What a reader of the data has to know, in a sentence.
+    pub fn note(&mut self, note: impl Into<String>) {
+        self.data.note = note.into();
     }
 
     /// The same with a class for the whole picture.
@@ -172,6 +116,17 @@ impl Chart {
 
     /// A line through points; a gap where there is none.
     pub fn line(&mut self, class: &str, points: impl IntoIterator<Item = Option<[f64; 2]>>) {
+        let points: Vec<Option<[f64; 2]>> = points.into_iter().collect();
+        let path = self.path(points.iter().copied());
+        self.draw_path(class, &path);
+        if !path.is_empty() {
+            let rows = points.into_iter().map(|point| point.unwrap_or([f64::NAN; 2]));
+            self.data.add(class, Kind::Line, rows);
+        }
+    }
+
+    /// A line that guides the eye through data.
+    pub fn guide_line(&mut self, class: &str, points: impl IntoIterator<Item = Option<[f64; 2]>>) {
         let path = self.path(points);
         self.draw_path(class, &path);
     }
@@ -185,10 +140,22 @@ impl Chart {
             path.push('Z');
         }
         self.draw_path(class, &path);
+        self.data.add(class, Kind::Band, low_high.iter().map(|&(x, low, high)| [x, low, high]));
     }
 
     /// Straight lines between two points each, all alike.
     pub fn segments(&mut self, class: &str, lines: impl IntoIterator<Item = [[f64; 2]; 2]>) {
+        let lines: Vec<_> = lines.into_iter().collect();
+        self.guides(class, lines.iter().copied());
+        self.data.add(
+            class,
+            Kind::Segments,
+            lines.into_iter().map(|[[a, b], [c, d]]| [a, b, c, d]),
+        );
+    }
+
+    /// Straight lines that guide the eye, and are no data.
+    pub fn guides(&mut self, class: &str, lines: impl IntoIterator<Item = [[f64; 2]; 2]>) {
         let mut path = String::new();
         for [from, to] in lines {
             let ([x0, y0], [x1, y1]) = (self.place(from), self.place(to));
@@ -200,21 +167,47 @@ impl Chart {
     /// Rectangles between two corners each, all alike.
     pub fn rectangles(&mut self, class: &str, corners: impl IntoIterator<Item = [[f64; 2]; 2]>) {
         let mut path = String::new();
-        for [from, to] in corners {
+        let corners: Vec<_> = corners.into_iter().collect();
+        for &[from, to] in &corners {
             let ([x0, y0], [x1, y1]) = (self.place(from), self.place(to));
             let _ = write!(path, "M{x0:.1},{y0:.1}H{x1:.1}V{y1:.1}H{x0:.1}Z");
         }
         self.draw_path(class, &path);
+        let rows = corners.into_iter().map(|[[a, b], [c, d]]| [a, b, c, d]);
+        self.data.add(class, Kind::Rectangles, rows);
     }
 
     /// Dots, all alike.
     pub fn dots(&mut self, class: &str, points: impl IntoIterator<Item = [f64; 2]>) {
+        let points: Vec<[f64; 2]> = points.into_iter().collect();
+        self.knots(class, points.iter().copied());
+        self.data.add(class, Kind::Dots, points);
+    }
+
+    /// Dots on a line, which is the data.
+    pub fn knots(&mut self, class: &str, points: impl IntoIterator<Item = [f64; 2]>) {
         let mut path = String::new();
         for point in points {
             let [x, y] = self.place(point);
             let _ = write!(path, "M{x:.1},{y:.1}h0");
         }
         self.draw_path(class, &path);
+    }
+
+    /// A line through means, each with a whisker for its interval, both cut off at the ends of the axis.
+    ///
+    /// * `means`: place, mean, low and high end of the interval, and number of values of each.
+    pub fn means(&mut self, class: &str, means: &[([f64; 4], f64)]) {
+        let [least, most] = [self.y.min, self.y.max];
+        let inside = |y: f64| y.clamp(least, most);
+        let known =
+            means.iter().filter(|([_, _, low, high], _)| low.is_finite() && high.is_finite());
+        let whiskers: Vec<_> =
+            known.map(|&([x, _, low, high], _)| [[x, inside(low)], [x, inside(high)]]).collect();
+        self.guide_line(class, means.iter().map(|&([x, mean, ..], _)| Some([x, inside(mean)])));
+        self.guides(&format!("{class} whisker"), whiskers);
+        self.names(means.iter().map(|(_, n)| format!("n = {n}")));
+        self.data.add(class, Kind::Intervals, means.iter().map(|&(row, _)| row));
     }
 
     /// All that `draw` draws, as a group of this class.
@@ -234,16 +227,16 @@ impl Chart {
     /// A circle of a radius in the units of the axes, which have the same scale.
     pub fn circle(&mut self, class: &str, centre: [f64; 2], radius: f64) {
         let ([x, y], [edge, _]) = (self.place(centre), self.place([centre[0] + radius, centre[1]]));
-        self.draw(&html! { circle class=(class) cx=(Px(x)) cy=(Px(y)) r=(Px(edge - x)) {} });
+        self.draw(
+            &html! { circle class=(class) data-scaled cx=(Px(x)) cy=(Px(y)) r=(Px(edge - x)) {} },
+        );
     }
 
     /// A dot with an interval, which says more when pointed at.
     pub fn interval(&mut self, x: f64, y: f64, [low, high]: [f64; 2], title: &str) {
         let ([px, py], [_, top], [_, foot]) =
             (self.place([x, y]), self.place([x, high]), self.place([x, low]));
-        let left = px - 3.0;
-        let whisker =
-            format!("M{px:.1},{top:.1}V{foot:.1}M{left:.1},{top:.1}h6M{left:.1},{foot:.1}h6");
+        let whisker = format!("M{px:.1},{top:.1}V{foot:.1}m-3,0h6M{px:.1},{top:.1}m-3,0h6");
         self.draw(&html! {
             g.interval {
                 title { (title) }
@@ -251,6 +244,8 @@ impl Chart {
                 circle cx=(Px(px)) cy=(Px(py)) r="3.5" {}
             }
         });
+        self.names([title.to_owned()]);
+        self.data.add("interval", Kind::Intervals, [[x, y, low, high]]);
     }
 
     /// Walls and discs, cut off at the edge of the plane. For axes of the same scale. `clip`: the identifier of the plane, which
@@ -273,7 +268,7 @@ impl Chart {
                 }
                 @for &(centre, radius) in discs {
                     @let [x, y] = self.place(centre);
-                    circle.wall.disc cx=(Px(x)) cy=(Px(y)) r=(Px(radius * pixels)) {}
+                    circle.wall.disc data-scaled cx=(Px(x)) cy=(Px(y)) r=(Px(radius * pixels)) {}
                 }
             }
         });
@@ -287,8 +282,10 @@ impl Chart {
         let text_y = if py < TOP + 16.0 { py + 13.0 } else { py - 5.0 };
         self.draw_path("level", &format!("M{left:.1},{py:.1}H{right:.1}"));
         self.draw_over(&html! {
-            text.note x=(Px(right)) y=(Px(text_y)) text-anchor="end" { (label) }
+            text.note data-of="level" x=(Px(right)) y=(Px(text_y)) text-anchor="end" { (label) }
         });
+        self.names([label.to_owned()]);
+        self.data.add("level", Kind::Levels, [[y]]);
     }
 
     /// Moments, as lines from top to bottom, each with a word; of those that stand too close only the first has its word.
@@ -301,9 +298,11 @@ impl Chart {
             let [x, bottom] = self.place([moment, self.y.min]);
             let [_, top] = self.place([moment, self.y.max]);
             self.draw_path("moment", &format!("M{x:.1},{top:.1}V{bottom:.1}"));
+            self.names([word.to_owned()]);
+            self.data.add("moment", Kind::Moments, [[moment]]);
             if free_x <= x {
                 self.draw_over(
-                    &html! { text.note x=(Px(x + 3.0)) y=(Px(bottom - 6.0)) { (word) } },
+                    &html! { text.note data-of="moment" x=(Px(x + 3.0)) y=(Px(bottom - 6.0)) { (word) } },
                 );
                 free_x = x + 8.0 + 7.0 * word.chars().count() as f64;
             }
@@ -355,16 +354,21 @@ impl Chart {
         self.draw_path("span", &path);
         let (x, y) = ((left + right) / 2.0 + 4.0, (top + bottom) / 2.0);
         self.draw_over(&html! {
-            text.note transform={ "translate(" (Px(x)) "," (Px(y)) ")rotate(-90)" } text-anchor="middle" {
+            text.note data-of="span" transform={ "translate(" (Px(x)) "," (Px(y)) ")rotate(-90)" } text-anchor="middle" {
                 (label)
             }
         });
+        self.names([label.to_owned()]);
+        self.data.add("span", Kind::Spans, [[from, to]]);
     }
 
-    /// The picture as part of a page, with a name and a text that says the same. `id`: the identifier that its name and text
-    /// begin with, which no other picture of the page has.
+    /// The picture as part of a page, with a name and a text that says the same, and with its data after it. `id`: the
+    /// identifier that its name and text begin with, which no other picture of the page has.
     pub fn finish(self, id: &str, title: &str, alternative: &str) -> Markup {
-        self.svg(id, title, alternative, None)
+        let [left, top] = [self.left, TOP];
+        let plane = [left, top, self.width - RIGHT, self.height - self.bottom];
+        let data = self.data.markup(plane, &self.x, &self.y);
+        html! { (self.svg(id, title, alternative, None)) (data) }
     }
 
     /// The picture as a file of its own, which brings its style.
@@ -381,8 +385,8 @@ impl Chart {
                 @if let Some(style) = style { style { (PreEscaped(style)) } }
                 title id={ (id) "-title" } { (title) }
                 desc id={ (id) "-text" } { (alternative) }
-                (self.body)
-                (self.over)
+                g.axes { (self.axes) }
+                g.marks { (self.body) (self.over) }
             }
         }
     }
@@ -404,10 +408,10 @@ impl Chart {
 
     /// Where a point lies in the picture.
     fn place(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let share = |axis: &Axis, value: f64| (value - axis.min) / (axis.max - axis.min);
+        let (width, height) = (self.width - self.left - RIGHT, self.height - TOP - self.bottom);
         [
-            self.left + share(&self.x, x) * (self.width - self.left - RIGHT),
-            self.height - self.bottom - share(&self.y, y) * (self.height - TOP - self.bottom),
+            self.left + self.x.share(x) * width + self.data.shift,
+            self.height - self.bottom - self.y.share(y) * height,
         ]
     }
 
@@ -447,7 +451,7 @@ impl Chart {
         path
     }
 
-    fn axes(&mut self) {
+    fn axes(&self) -> Markup {
         let n_x = (self.width - self.left - RIGHT) / 80.0;
         let n_x = n_x.max(3.0);
         let n_y = n_ticks_y(self.height - TOP - self.bottom);
@@ -471,7 +475,7 @@ impl Chart {
             // Above the room of the plane only if it needs that of the whole picture.
             if text_width(label) <= right - left { (left + right) / 2.0 } else { self.width / 2.0 }
         };
-        self.draw(&html! {
+        html! {
             @for (tick, lines) in &x_ticks {
                 @let [x, _] = self.place([*tick, self.y.min]);
                 path.grid d=(format_args!("M{x:.1},{top:.1}V{bottom:.1}")) {}
@@ -489,49 +493,14 @@ impl Chart {
                 textLength=[fitted(&self.x.label, self.width)] { (self.x.label) }
             text.axis-label x="2" y="15"
                 textLength=[fitted(&self.y.label, self.width)] { (self.y.label) }
-        });
-    }
-}
-
-/// How many ticks an axis of this height (pixels) has room for.
-fn n_ticks_y(height: f64) -> f64 {
-    (height / 45.0).max(2.0)
-}
-
-/// About how long a text of the size of ticks and labels is.
-fn text_width(text: &str) -> f64 {
-    LETTER * text.chars().count() as f64
-}
-
-/// The length that a label is drawn with, if it is else longer than the picture is wide.
-fn fitted(label: &str, width: f64) -> Option<Px> {
-    (width - 4.0 < text_width(label)).then_some(Px(width - 4.0))
-}
-
-/// A name in lines of at most `most` letters, broken at spaces and hyphens, and within words only where nothing else helps.
-fn wrapped(name: &str, most: usize) -> Vec<String> {
-    let mut lines: Vec<String> = vec![String::new()];
-    for word in name.split_inclusive([' ', '-']) {
-        let letters: Vec<char> = word.chars().collect();
-        for piece in letters.chunks(most) {
-            let piece: String = piece.iter().collect();
-            match lines.last_mut() {
-                Some(line) if line.chars().count() + piece.trim_end().chars().count() <= most => {
-                    line.push_str(&piece);
-                }
-                _ => lines.push(piece),
-            }
         }
     }
-    lines.retain(|line| !line.trim().is_empty());
-    lines.iter().map(|line| line.trim_end().to_owned()).collect()
 }
 
 /// Width of a digit of a number beside a point, and most such numbers in a picture.
 const DIGIT: f64 = 6.5;
 const MAX_NUMBERS: usize = 250;
-/// About the width of a letter of a tick or a label, and the height of a line of them.
-const LETTER: f64 = 7.0;
+/// Height of a line of ticks or of a label.
 const LINE: f64 = 14.0;
 /// Least room left of the plane, and the gap between it and the labels there.
 const LEFT: f64 = 56.0;

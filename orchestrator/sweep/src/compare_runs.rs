@@ -163,6 +163,7 @@ fn change(name: &str, pairs: &[Pair<'_>]) -> Option<Change> {
         median_b: b.median,
         median_difference: difference.median,
         median_difference_interval_95: difference.median_interval_95,
+        interval: difference.interval,
         mean_difference: difference.mean,
         min_difference: difference.min,
         max_difference: difference.max,

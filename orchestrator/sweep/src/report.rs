@@ -5,15 +5,15 @@ mod factors;
 mod first_screen;
 pub(crate) mod names;
 mod panels;
+mod question;
 
 use super::plan::SweepPlan;
 use super::setting_figures::SettingFigures;
-use super::statistics::FEWEST;
-use super::sweep_summary::{MetricSpread, SweepSummary};
+use super::sweep_summary::{Interval, IntervalKind, MetricSpread, SweepSummary};
 use factors::{Factor, View, describe, views};
 use maud::{Markup, html};
 use names::{Catalogue, Name};
-use numbers::format::{count, count_of, number, percent};
+use numbers::format::{count_of, number, percent, with_unit};
 use numbers::quantity;
 use numbers::statistics::{mean, range};
 use record::ColumnKind;
@@ -41,13 +41,13 @@ struct MetricFigures<'a> {
 /// A section of the page, or none where there is nothing to show in it.
 type Section = fn(&SweepPage<'_>) -> Option<Markup>;
 
-/// The page from top to bottom.
+/// The page from top to bottom: the question and its answer; the rest opens on demand.
 const SECTIONS: &[Section] = &[
-    heading,
-    first_screen::verdict,
+    first_screen::heading,
     notices,
+    question::first,
+    question::others,
     first_screen::at_a_glance,
-    pictures,
     first_screen::what_varies,
     in_numbers,
     again,
@@ -157,57 +157,16 @@ impl MetricFigures<'_> {
     }
 }
 
-fn heading(contents: &SweepPage<'_>) -> Option<Markup> {
-    let plan = contents.plan;
-    Some(html! {
-        header {
-            h1 { (plan.name) }
-            p.lead {
-                (count_of(plan.settings.len() as u64, "setting")) ", each with "
-                @if plan.seeds.len() == 1 { "one seed." } @else {
-                    "the same " (count(plan.seeds.len() as u64)) " seeds: " (count(plan.n_trials() as u64)) " trials."
-                }
-            }
-        }
-    })
-}
-
+/// Warnings: one as it is; several fold below their number, so that they do not push the answer off the first screen.
 fn notices(contents: &SweepPage<'_>) -> Option<Markup> {
-    layout::notices(&contents.summary.warnings)
-}
-
-fn pictures(contents: &SweepPage<'_>) -> Option<Markup> {
-    let SweepPage { factors, views, metrics, .. } = contents;
-    let pairs = metrics.iter().flat_map(|metric| {
-        views.iter().enumerate().map(move |(place, view)| (metric, place, view))
-    });
-    let pictures: Vec<Markup> = pairs
-        .filter_map(|(metric, place, view)| {
-            panels::picture(view, factors, metric, &format!("{}-{place}", metric.id))
-        })
-        .collect();
-    let constant: Vec<String> = metrics
-        .iter()
-        .filter_map(|metric| {
-            Some(format!("{} {}", metric.label(), shown_value(metric, metric.constant()?)))
-        })
-        .collect();
-    let has_panels = views.iter().any(|view| 1 < view.panels.len());
-    let has_ranges = factors.iter().any(|factor| factor.is_range);
+    let warnings = &contents.summary.warnings;
+    if warnings.len() < 2 {
+        return layout::notices(warnings);
+    }
     Some(html! {
-        h2 { "Pictures" }
-        @if !pictures.is_empty() {
-            p {
-                strong { "How to read the pictures. " }
-                "Each picture answers one question. Small points are trials; the large dot beside them is the median of a setting, and \
-                 its bar is the 95 % confidence interval (percentile bootstrap, of " (FEWEST) " trials or more)."
-                @if has_panels { " Panels of a picture share their axes." }
-                @if has_panels && !has_ranges { " Pale lines repeat the other panels for comparison." }
-            }
-            div.figures { @for picture in &pictures { (picture) } }
-        }
-        @if !constant.is_empty() {
-            p { "The same in all trials, hence without a picture: " (constant.join("; ")) "." }
+        details.notice {
+            summary { (count_of(warnings.len() as u64, "warning")) }
+            ul { @for warning in warnings { li { (warning) } } }
         }
     })
 }
@@ -215,16 +174,12 @@ fn pictures(contents: &SweepPage<'_>) -> Option<Markup> {
 fn in_numbers(contents: &SweepPage<'_>) -> Option<Markup> {
     let metrics = contents.metrics.iter().filter(|metric| metric.constant().is_none());
     let tables: Vec<Markup> = metrics.map(|metric| table(contents, metric)).collect();
-    let section = html! {
-        h2 { "In numbers" }
-        @for table in &tables { (table) }
-    };
-    (!tables.is_empty()).then_some(section)
+    let section = html! { @for table in &tables { (table) } };
+    (!tables.is_empty()).then(|| folded("Every setting in numbers", &section))
 }
 
 fn again(contents: &SweepPage<'_>) -> Option<Markup> {
-    Some(html! {
-        h2 { "To do it again" }
+    let section = html! {
         p {
             "Beside this page, " code { "sweep.toml" } " holds the whole file, and " code { "trials.parquet" } " a row for each \
              trial. The same file gives the same table, byte for byte."
@@ -234,7 +189,13 @@ fn again(contents: &SweepPage<'_>) -> Option<Markup> {
             summary { "The file" }
             (listing(contents.plan.written.trim_end()))
         }
-    })
+    };
+    Some(folded("To do it again", &section))
+}
+
+/// A section that opens on demand.
+fn folded(heading: &str, section: &Markup) -> Markup {
+    html! { details.section { summary { h2 { (heading) } } (section) } }
 }
 
 /// A value of a figure as people read it.
@@ -242,18 +203,26 @@ fn shown_value(metric: &MetricFigures<'_>, value: f64) -> String {
     if metric.figures.is_share() || metric.is_ratio() { percent(value) } else { number(value) }
 }
 
-/// Median and interval, or share, of a setting in words.
-fn shown(figures: &SettingFigures<'_>, number_of_setting: usize) -> String {
-    let Some(spread) = &figures.spreads[number_of_setting] else { return "nothing".to_owned() };
-    let n = figures.values[number_of_setting].len();
+/// Median, interval and number of trials, or share of trials, of a setting in words: `6.60 m/s [6.50 m/s, 6.70 m/s] (95 % interval, n = 5)`.
+fn shown(metric: &MetricFigures<'_>, setting: usize) -> String {
+    let figures = metric.figures;
+    let Some(spread) = &figures.spreads[setting] else { return "no trial".to_owned() };
+    let n = figures.values[setting].len();
     if figures.is_share() {
-        return format!("{} of {n} trials", percent(spread.mean));
+        return format!("{} of {n} trials", libm::round(spread.mean * n as f64));
     }
-    let interval = spread
-        .median_interval_95
-        .map(|[low, high]| format!(" ({} to {})", number(low), number(high)))
-        .unwrap_or_default();
-    format!("{}{interval}, {n} trials", number(spread.median))
+    let (times, unit) =
+        if metric.is_ratio() { (100.0, "%") } else { (1.0, metric.name.unit.unwrap_or_default()) };
+    let Some(interval) = spread.interval else {
+        return format!("{} (n = {n})", with_unit(&number(times * spread.median), unit));
+    };
+    let scaled = Interval { low: times * interval.low, high: times * interval.high, ..interval };
+    let [median, low, high] = scaled.digits(times * spread.median).map(|it| with_unit(&it, unit));
+    let words = match interval.kind {
+        IntervalKind::Bootstrap95 => format!("{}, n = {n}", interval.words(n)),
+        IntervalKind::Range => interval.words(n),
+    };
+    format!("{median} [{low}, {high}] ({words})")
 }
 
 fn table(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> Markup {
@@ -262,7 +231,7 @@ fn table(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> Markup {
     let headings: &[&str] = if figures.is_share() {
         &["share"]
     } else {
-        &["median", "95 % interval", "middle half", "all", "mean ± sd"]
+        &["median", "interval", "kind of interval", "middle half", "all", "mean ± sd"]
     };
     html! {
         details {
@@ -280,7 +249,8 @@ fn table(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> Markup {
                         td { (describe(factors, setting)) }
                         (number_cell(figures.values[setting].len()))
                         @if let Some(spread) = spread {
-                            @for cell in cells(spread, figures.is_share()) { (number_cell(cell)) }
+                            @let n = figures.values[setting].len();
+                            @for cell in cells(spread, n, figures.is_share()) { (number_cell(cell)) }
                         }
                     }
                 }
@@ -290,17 +260,27 @@ fn table(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> Markup {
 }
 
 /// The cells of a setting, under the headings of the table.
-fn cells(spread: &MetricSpread, is_share: bool) -> Vec<String> {
+fn cells(spread: &MetricSpread, n: usize, is_share: bool) -> Vec<String> {
     if is_share {
         return vec![percent(spread.mean)];
     }
     let pair = |low: f64, high: f64| format!("{} to {}", number(low), number(high));
     let sd = spread.sd.map_or_else(String::new, |sd| format!(" ± {}", number(sd)));
+    let dash = || "–".to_owned();
+    let digits = spread.interval.map(|interval| interval.digits(spread.median));
+    let [median, interval] = digits.map_or_else(
+        || [number(spread.median), dash()],
+        |[median, low, high]| [median, format!("{low} to {high}")],
+    );
     vec![
-        number(spread.median),
-        spread.median_interval_95.map_or_else(|| "–".to_owned(), |[low, high]| pair(low, high)),
+        median,
+        interval,
+        spread.interval.map_or_else(dash, |interval| interval.words(n)),
         pair(spread.q25, spread.q75),
         pair(spread.min, spread.max),
         number(spread.mean) + &sd,
     ]
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,7 +4,7 @@ use super::journal::TrialRow;
 use super::metric_names;
 use super::plan::{SweepPlan, SweepTrial};
 use super::setting_figures::SettingFigures;
-use super::sweep_summary::{MetricSummary, SCHEMA, SettingSummary, SweepSummary};
+use super::sweep_summary::{IntervalKind, MetricSummary, SCHEMA, SettingSummary, SweepSummary};
 use super::table::{self, TableColumn};
 use super::{TABLE_FILE, report};
 use metrics::figures::FigureValue;
@@ -328,10 +328,16 @@ fn cell(figures: &SettingFigures<'_>, setting: usize) -> String {
     if figures.is_share() {
         return format!("{} of {n}", libm::round(spread.mean * n as f64));
     }
-    let interval = spread
-        .median_interval_95
-        .map_or_else(|| format!("n {n}"), |[a, b]| format!("{} … {}", number(a), number(b)));
-    format!("{} [{interval}]", number(spread.median))
+    let Some(interval) = spread.interval else {
+        return format!("{} [n {n}]", number(spread.median));
+    };
+    let [median, low, high] = interval.digits(spread.median);
+    // What is not said to be a range is the 95 % interval.
+    let range = match interval.kind {
+        IntervalKind::Bootstrap95 => String::new(),
+        IntervalKind::Range => format!(" {}", interval.words(n)),
+    };
+    format!("{median} [{low} … {high}]{range}")
 }
 
 fn write_whole(dir: &Path, name: &str, content: &[u8]) -> Result<(), RecordError> {

@@ -11,6 +11,8 @@ pub(super) struct SettingFigures<'a> {
     pub(super) column: &'a TableColumn,
     /// The values of each setting.
     pub(super) values: Vec<Vec<f64>>,
+    /// The seed of each of these values.
+    pub(super) seeds: Vec<Vec<u64>>,
     /// What they tell.
     pub(super) spreads: Vec<Option<MetricSpread>>,
 }
@@ -23,17 +25,18 @@ impl<'a> SettingFigures<'a> {
         has_formed: &[bool],
     ) -> Self {
         let n_seeds = plan.seeds.len();
-        let values: Vec<Vec<f64>> = column
+        let (seeds, values): (Vec<Vec<u64>>, Vec<Vec<f64>>) = column
             .numbers()
             .chunks(n_seeds)
             .zip(has_formed.chunks(n_seeds))
             .map(|(numbers, has_formed)| {
-                let formed = numbers.iter().zip(has_formed).filter(|(_, formed)| **formed);
-                formed.filter_map(|(number, _)| *number).collect()
+                let formed = plan.seeds.iter().zip(numbers).zip(has_formed);
+                let formed = formed.filter(|(_, formed)| **formed);
+                formed.filter_map(|((seed, number), _)| Some((*seed, (*number)?))).unzip()
             })
-            .collect();
+            .unzip();
         let spreads = values.iter().map(|values| MetricSpread::from_values(values)).collect();
-        Self { column, values, spreads }
+        Self { column, values, seeds, spreads }
     }
 
     /// A share of trials rather than a size.

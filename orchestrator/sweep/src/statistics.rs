@@ -1,6 +1,7 @@
 //! Medians with intervals, of samples and of differences between pairs.
 
-use super::sweep_summary::MetricSpread;
+use super::sweep_summary::{Interval, IntervalKind, MetricSpread};
+use numbers::format::{number, number_within};
 use numbers::statistics::{mean, quantile, standard_deviation};
 use proto::rng::{Draws, Purpose};
 
@@ -17,6 +18,14 @@ impl MetricSpread {
         let mut ascending = values.to_vec();
         ascending.sort_by(f64::total_cmp);
         let (&min, &max) = (ascending.first()?, ascending.last()?);
+        let median_interval_95 = interval(&ascending);
+        let interval = match median_interval_95 {
+            Some([low, high]) => Some(Interval { low, high, kind: IntervalKind::Bootstrap95 }),
+            None if 1 < ascending.len() => {
+                Some(Interval { low: min, high: max, kind: IntervalKind::Range })
+            }
+            None => None,
+        };
         Some(Self {
             min,
             q25: quantile(&ascending, 0.25),
@@ -25,8 +34,34 @@ impl MetricSpread {
             max,
             mean: mean(ascending.iter().copied()),
             sd: (1 < ascending.len()).then(|| standard_deviation(ascending.iter().copied())),
-            median_interval_95: interval(&ascending),
+            median_interval_95,
+            interval,
         })
+    }
+}
+
+impl Interval {
+    /// What it is, in words: `95 % interval`, or `range of 3` of so many trials.
+    pub(crate) fn words(self, n: usize) -> String {
+        match self.kind {
+            IntervalKind::Bootstrap95 => "95 % interval".to_owned(),
+            IntervalKind::Range => format!("range of {n}"),
+        }
+    }
+
+    /// Whether the two have a value in common.
+    pub(crate) fn overlaps(self, other: Self) -> bool {
+        self.low <= other.high && other.low <= self.high
+    }
+
+    /// A median and the ends of its interval, with digits that tell the ends apart.
+    pub(crate) fn digits(self, median: f64) -> [String; 3] {
+        let all = [median, self.low, self.high];
+        let plain = all.map(number);
+        if self.low < self.high && plain[1] == plain[2] {
+            return all.map(|value| number_within(value, (self.high - self.low) / 2.0));
+        }
+        plain
     }
 }
 
@@ -87,9 +122,51 @@ mod tests {
         assert!((spread.mean - 6.2).abs() < 1e-12);
         assert!((spread.sd.unwrap() - 6.099_180_272_790_763).abs() < 1e-12);
         assert!(MetricSpread::from_values(&[]).is_none());
-        assert!(
-            MetricSpread::from_values(&[1.0, 2.0, 3.0, 4.0]).unwrap().median_interval_95.is_none()
+    }
+
+    #[test]
+    fn few_values_have_their_range_and_one_has_no_interval() {
+        let of = |values: &[f64]| MetricSpread::from_values(values).unwrap();
+        let four = of(&[4.0, 1.0, 3.0, 2.0]);
+        let range = Interval { low: 1.0, high: 4.0, kind: IntervalKind::Range };
+        assert_eq!((four.median_interval_95, four.interval), (None, Some(range)));
+        assert_eq!(range.words(4), "range of 4");
+        assert_eq!(of(&[1.0]).interval, None);
+        let five = of(&[4.0, 1.0, 3.0, 2.0, 5.0]);
+        let [low, high] = five.median_interval_95.unwrap();
+        let bootstrap = Interval { low, high, kind: IntervalKind::Bootstrap95 };
+        assert_eq!(five.interval, Some(bootstrap));
+        assert!(bootstrap.overlaps(range) && !range.overlaps(Interval { low: 4.5, ..bootstrap }));
+        // What a summary of an earlier version lacks is absent.
+        let mut old = serde_json::json!(four);
+        assert_eq!(
+            old["interval"],
+            serde_json::json!({ "low": 1.0, "high": 4.0, "kind": "range" })
         );
+        old.as_object_mut().unwrap().remove("interval");
+        assert_eq!(serde_json::from_value::<MetricSpread>(old).unwrap().interval, None);
+    }
+
+    #[test]
+    fn digits_tell_the_ends_of_an_interval_apart() {
+        let interval = |low, high| Interval { low, high, kind: IntervalKind::Range };
+        assert_eq!(interval(0.9997, 1.0).digits(0.9999), ["0.99990", "0.99970", "1.00000"]);
+        assert_eq!(interval(0.91, 0.95).digits(0.93), ["0.930", "0.910", "0.950"]);
+        assert_eq!(interval(1.0, 1.0).digits(1.0), ["1.00"; 3]);
+    }
+
+    #[test]
+    fn the_range_of_n_values_covers_the_median_as_often_as_the_docs_say() {
+        // 4,000 samples of 3: 1 − 2^(1−3) = 75 %, with a standard deviation of 0.7 %.
+        let draws = Draws::new(12, Purpose::Control);
+        let covered = (0..4000u64)
+            .filter(|&sample| {
+                let values: Vec<f64> = (0..3).map(|i| draws.uniform(sample, i, 0)).collect();
+                let range = MetricSpread::from_values(&values).unwrap().interval.unwrap();
+                range.low <= 0.5 && 0.5 <= range.high
+            })
+            .count();
+        assert!((2890..3110).contains(&covered), "{covered} of 4000");
     }
 
     #[test]

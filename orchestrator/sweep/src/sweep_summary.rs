@@ -69,6 +69,9 @@ pub struct MetricSpread {
     pub median: f64,
     /// The 95 % interval of the median, by percentile bootstrap; null of few trials.
     pub median_interval_95: Option<[f64; 2]>,
+    /// The interval that is shown with the median; null of a single trial, absent in summaries of earlier versions.
+    #[serde(default)]
+    pub interval: Option<Interval>,
     /// A quarter lies below.
     pub q25: f64,
     /// Three quarters lie below.
@@ -81,4 +84,26 @@ pub struct MetricSpread {
     pub mean: f64,
     /// Standard deviation; null of a single trial.
     pub sd: Option<f64>,
+}
+
+/// An interval about the median of a figure over trials.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Interval {
+    /// Its lower end.
+    pub low: f64,
+    /// Its upper end.
+    pub high: f64,
+    /// What it is.
+    pub kind: IntervalKind,
+}
+
+/// What an interval is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum IntervalKind {
+    /// The 95 % confidence interval of the median, by percentile bootstrap; of five trials or more.
+    #[serde(rename = "bootstrap-95")]
+    Bootstrap95,
+    /// From the least to the greatest value; of two to four trials. n values cover the median with probability 1 − 2^(1−n).
+    #[serde(rename = "range")]
+    Range,
 }

@@ -20,7 +20,7 @@ pub(super) fn figure(measures: &Measures) -> Option<Figure> {
     let mut chart = plan(&last.places, width);
     let thinned = links(&mut chart, &last, MAX_LINES);
     let motes = || last.places.iter().enumerate();
-    let mut key = dots_by_group(&mut chart, &measures.task, "mote", motes());
+    let mut key = dots_by_group(&mut chart, &measures.task, ["mote", "mote"], motes());
     chart.numbers(motes().filter_map(|(mote, place)| Some((mote, (*place)?))));
     let n = last.places.iter().flatten().count();
     let n_both = last.pairs.values().filter(|&&both| both).count();
@@ -66,7 +66,7 @@ fn small(measures: &Measures, index: usize, period: &HeardPeriod) -> Markup {
     let mut chart = plan(&period.places, HALF);
     let thinned = links(&mut chart, period, MAX_SMALL_LINES);
     let motes = || period.places.iter().enumerate();
-    dots_by_group(&mut chart, &measures.task, "mote", motes());
+    dots_by_group(&mut chart, &measures.task, ["mote", "mote"], motes());
     chart.numbers(motes().filter_map(|(mote, place)| Some((mote, (*place)?))));
     let pairs = count_of(period.pairs.len() as u64, "pair");
     let text = format!("{pairs} of motes heard each other {}.{thinned}", words(measures, period));
@@ -79,11 +79,20 @@ fn links(chart: &mut crate::svg::Chart, period: &HeardPeriod, most: usize) -> St
     let every = period.pairs.len().div_ceil(most).max(1);
     let drawn = |wanted: bool| {
         let chosen = period.pairs.iter().step_by(every).filter(move |&(_, &both)| both == wanted);
-        chosen.filter_map(|(&(a, b), _)| between(&period.places, a, b))
+        chosen.filter_map(|(&(a, b), _)| {
+            Some((format!("{a} and {b}"), between(&period.places, a, b)?))
+        })
     };
-    chart.segments("link", drawn(true));
-    chart.segments("link one-way", drawn(false));
-    if 1 < every { format!(" One pair of {every} is drawn.") } else { String::new() }
+    for (class, both) in [("link", true), ("link one-way", false)] {
+        let (names, lines): (Vec<String>, Vec<_>) = drawn(both).unzip();
+        chart.names(names);
+        chart.segments(class, lines);
+    }
+    if every < 2 {
+        return String::new();
+    }
+    chart.note(format!("One pair of {every} is drawn"));
+    format!(" One pair of {every} is drawn.")
 }
 
 /// When a period was, in simulated time.

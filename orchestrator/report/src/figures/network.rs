@@ -2,7 +2,9 @@
 //! there only if the network said what it shows.
 
 use super::plan::{Places, between, plan, plan_width};
-use super::{Figure, HALF, HALF_HEIGHT, TaskTime, WIDE, connectivity, dots_by_group};
+use super::{
+    Figure, HALF, HALF_HEIGHT, TaskTime, WIDE, connectivity, dots_by_group, spread_in_words,
+};
 use crate::svg::{Axis, Chart};
 use metrics::{Kpis, Measures};
 use numbers::format::{count, count_of, number, percent, shortest};
@@ -38,15 +40,20 @@ fn routing_graph(measures: &Measures, places: &Places) -> Option<Figure> {
         .collect();
     let width = plan_width(&living);
     let mut chart = plan(&living, width);
-    chart.segments(
-        "link",
-        (0..).zip(parents).filter_map(|(mote, &parent)| between(&living, mote, parent)),
-    );
+    let links = (0..).zip(parents).filter_map(|(mote, &parent)| {
+        Some((format!("{mote} to {parent}"), between(&living, mote, parent)?))
+    });
+    let (names, links): (Vec<String>, Vec<_>) = links.unzip();
+    chart.names(names);
+    chart.segments("link", links);
     let has_parent = |mote: usize| parents.get(mote).is_some_and(|&parent| parent != u32::MAX);
     let motes = |wanted: bool| {
         living.iter().enumerate().filter(move |&(mote, _)| has_parent(mote) == wanted)
     };
-    let mut key = dots_by_group(&mut chart, &measures.task, "mote with a parent", motes(true));
+    let mut key =
+        dots_by_group(&mut chart, &measures.task, ["mote", "mote with a parent"], motes(true));
+    let named = motes(false).filter(|(_, place)| place.is_some());
+    chart.names(named.map(|(mote, _)| format!("mote {mote}")));
     chart.dots("start", motes(false).filter_map(|(_, place)| *place));
     for (mote, place) in living.iter().enumerate().filter(|&(mote, _)| kpis.is_root(mote)) {
         if let Some(place) = *place {
@@ -211,8 +218,11 @@ fn delivery_over_time(measures: &Measures) -> Option<Figure> {
             (ended != 0).then(|| [time.at(middle_s(bin)), delivered as f64 / ended as f64])
         }),
     );
+    let ended = timeline.bins.iter().filter(|ended| **ended != [0, 0]);
+    let shares = ended.map(|&[delivered, dropped]| delivered as f64 / (delivered + dropped) as f64);
+    let spread = spread_in_words(shares, &percent, "interval");
     let sentence = format!(
-        "Which share of the application packets that ended within {} s reached its destination: {} of {} over all.",
+        "Which share of the application packets that ended within {} s reached its destination: {} of {} over all{spread}.",
         shortest(bin_s),
         percent(delivered as f64 / (delivered + dropped) as f64),
         count(delivered + dropped)
@@ -237,8 +247,13 @@ fn latency(kpis: &Kpis) -> Option<Figure> {
     let points = (0..n).step_by(every).map(|i| [ascending[i], (i + 1) as f64 / n as f64]);
     chart.line("line", points.filter(|point| point[0] <= p99 * 1.1).map(Some));
     chart.level(0.5, "median");
+    if 1 < every {
+        chart.note(format!("In the order of latency, one packet of {every} is drawn"));
+    }
     let sentence = format!(
-        "How many of the packets delivered had arrived after how long: half of them after {} s, 99 % after {} s, all after {} s.",
+        "How many of the {} packets delivered had arrived after how long: half of them after {} s (median), 99 % after {} s, all \
+         after {} s.",
+        count(n as u64),
         number(median),
         number(p99),
         number(longest)

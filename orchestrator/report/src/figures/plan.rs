@@ -20,7 +20,7 @@ pub(super) fn plan_width(places: &Places) -> f64 {
 /// A plan of all motes, on which lines between them are drawn.
 pub(super) fn plan(places: &Places, width: f64) -> Chart {
     let (x, y, height) = equal_scales(span(places, 0), span(places, 1), width);
-    Chart::new(x, y, width, height)
+    Chart::new(x, y, width, height).as_map()
 }
 
 pub(super) fn between(places: &Places, a: u32, b: u32) -> Option<[[f64; 2]; 2]> {

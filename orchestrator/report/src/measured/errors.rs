@@ -2,12 +2,13 @@
 
 use super::{MeasuredPage, Picture, bin, drawn, edges, figures, half, quantiles, thinned};
 
+use crate::figures::spread_in_words;
 use crate::svg::Axis;
 use diagnose::compare;
 use diagnose::rows::MeasuredRows;
 use maud::Markup;
 use metrics::DistanceBin;
-use numbers::format::{capitalised, number, percent};
+use numbers::format::{capitalised, count_of, number, percent};
 use numbers::normal::Z_90;
 use numbers::quantity;
 use numbers::statistics::mean;
@@ -26,6 +27,8 @@ struct Point {
     x: f64,
     mean: f64,
     half: f64,
+    /// Rows in the bin.
+    n: f64,
 }
 
 /// Mean errors over the bins of a covariate, each bin drawn at the mean of its values.
@@ -44,7 +47,7 @@ fn curve(edges: &[f64], values: &[f64], errors: &[f64]) -> Vec<Point> {
         .map(|[n, x, e, e2]| {
             let mean = e / n;
             let variance = (e2 / n - mean * mean).max(0.0) * n / (n - 1.0);
-            Point { x: x / n, mean, half: Z_90 * (variance / n).sqrt() }
+            Point { x: x / n, mean, half: Z_90 * (variance / n).sqrt(), n }
         })
         .collect()
 }
@@ -120,26 +123,23 @@ fn over(contents: &MeasuredPage<'_>, name: &str, values: &[f64], share: f64) -> 
             .filter(|&row| before[row].abs() <= top && values[row].is_finite())
             .map(|row| [values[row], before[row]]),
     );
-    chart.segments("zero", [[[edges[0], 0.0], [edges[edges.len() - 1], 0.0]]]);
+    chart.guides("zero", [[[edges[0], 0.0], [edges[edges.len() - 1], 0.0]]]);
+    chart.note(drawn(values.len()).trim());
     let mut key = vec![("dot", "a row, as configured".to_owned())];
     let mut ends = Vec::new();
     for (class, label, view) in contents.views() {
         let points = curve(&edges, values, &view.residuals());
-        chart.line(class, points.iter().map(|p| Some([p.x, p.mean.clamp(-top, top)])));
-        let whisker = format!("{class} whisker");
-        chart.segments(
-            &whisker,
-            points.iter().map(|p| {
-                let point = |y: f64| [p.x, y.clamp(-top, top)];
-                [point(p.mean - p.half), point(p.mean + p.half)]
-            }),
-        );
+        let row = |p: &Point| ([p.x, p.mean, p.mean - p.half, p.mean + p.half], p.n);
+        chart.means(class, &points.iter().map(row).collect::<Vec<_>>());
         key.push((class, format!("mean of a bin, {label}")));
         let greatest = points.iter().map(|p| p.mean.abs()).fold(0.0, f64::max);
         ends.push(format!("{} {unit} {label}", number(greatest)));
     }
     let title = format!("Error over {}", quantity::words(name));
-    let look = format!("Greatest mean error: {}.", ends.join(", "));
+    let n =
+        before.iter().zip(values).filter(|(error, value)| (*error + *value).is_finite()).count();
+    let rows = count_of(n as u64, "row");
+    let look = format!("Greatest mean error of a bin: {}, of {rows}.", ends.join(", "));
     let means = format!("It explains {} of the error variance as configured.", percent(share));
     let svg = chart.finish(&format!("over-{}", name.replace(['^', ':', ' '], "-")), &title, &look);
     Some(Picture { title, look, means, key, svg, is_wide: false })
@@ -175,7 +175,8 @@ fn against(contents: &MeasuredPage<'_>) -> Picture {
         );
         key.push((mark, format!("a row, {label}")));
     }
-    chart.segments("zero", [[[low, low], [high, high]]]);
+    chart.guides("zero", [[[low, low], [high, high]]]);
+    chart.note(drawn(contents.rows.before.predicted.len()).trim());
     let title = "Predicted against measured".to_owned();
     let look = format!(
         "Do the dots lie along the diagonal, and how far from it? {}",
@@ -198,10 +199,12 @@ fn biases(contents: &MeasuredPage<'_>) -> String {
             let known: Vec<f64> = view.residuals().into_iter().filter(|r| r.is_finite()).collect();
             let bias = mean(known.iter().copied());
             let rmse = mean(known.iter().map(|r| r * r)).sqrt();
+            let of = |value: f64| format!("{} {unit}", number(value));
+            let spread = spread_in_words(known.iter().copied(), &of, "row");
             format!(
-                "{label} their mean is {} {unit} off and they scatter by {} {unit}",
-                number(bias),
-                number(rmse)
+                "{label} their mean is {} off and they scatter by {}{spread}",
+                of(bias),
+                of(rmse)
             )
         })
         .collect();
@@ -238,7 +241,8 @@ fn around(contents: &MeasuredPage<'_>) -> Picture {
         );
         key.push((mark, format!("a window, {label}")));
     }
-    chart.segments("zero", [[[-top, 0.0], [top, 0.0]], [[0.0, -top], [0.0, top]]]);
+    chart.note(drawn(contents.rows.before.predicted.len()).trim());
+    chart.guides("zero", [[[-top, 0.0], [top, 0.0]], [[0.0, -top], [0.0, top]]]);
     let title = "Predicted against measured".to_owned();
     let look =
         format!("Is the cloud round, and about the middle? Along the motion: {}", biases(contents));
@@ -289,11 +293,11 @@ fn horizons(points: &[(f64, f64, Option<f64>)]) -> Option<Picture> {
     let mut key = vec![("before", "as configured".to_owned())];
     let before = points.iter().map(|(at, before, _)| [*at, *before]);
     chart.line("before", before.clone().map(Some));
-    chart.dots("before point", before);
+    chart.knots("before point", before);
     if points.iter().all(|(.., after)| after.is_some()) {
         let after = points.iter().filter_map(|(at, _, after)| Some([*at, (*after)?]));
         chart.line("after", after.clone().map(Some));
-        chart.dots("after point", after);
+        chart.knots("after point", after);
         key.push(("after", "with what was found".to_owned()));
     }
     let title = "Error against horizon".to_owned();
@@ -365,6 +369,8 @@ fn pit(contents: &MeasuredPage<'_>) -> Picture {
         key.push((box_class, (*label).to_owned()));
     }
     chart.level(1.0, "even");
+    let known = contents.rows.before.residuals();
+    let n_rows = known.iter().filter(|residual| residual.is_finite()).count();
     let coverage: Vec<String> = contents
         .views()
         .iter()
@@ -372,7 +378,8 @@ fn pit(contents: &MeasuredPage<'_>) -> Picture {
         .collect();
     let title = "Probability integral transform".to_owned();
     let look = format!(
-        "Are the bars level? 90 % of measurements should lie inside the predicted 90 % interval; it is {}.",
+        "Are the bars level? 90 % of measurements should lie inside the predicted 90 % interval; of {} it is {}.",
+        count_of(n_rows as u64, "row"),
         coverage.join(", ")
     );
     let means = "A hump in the middle: the model claims to know less than it does. A bowl: it claims to know more, or errs in \
@@ -410,6 +417,7 @@ fn reception(
         Axis::new("share received (%)", 0.0, 1.03).percent(),
     );
     let (mut worst, mut line) = (0.0f64, Vec::new());
+    let n_frames: f64 = sums.iter().map(|[n, ..]| n).sum();
     for [n, level, got, passes] in sums.into_iter().filter(|sum| 0.0 < sum[0]) {
         let (x, share, predicted) = (level / n, got / n, passes / n);
         worst = worst.max((share - predicted).abs());
@@ -430,7 +438,10 @@ fn reception(
         "Where the line misses most, predicted and measured differ by {} percentage points.",
         number(100.0 * worst)
     );
-    let means = format!("Shares of frames received, {label}.");
+    let means = format!(
+        "Shares of frames received, {label}: {} in bins of about as many rows.",
+        count_of(n_frames as u64, "frame")
+    );
     let key = vec![(class, "predicted".to_owned()), ("interval", "measured".to_owned())];
     let svg = chart.finish(&format!("reception-{class}"), &title, &look);
     Some(Picture { title, look, means, key, svg, is_wide: false })

@@ -2,11 +2,13 @@
 
 use super::{MeasuredPage, Picture, figures};
 use crate::layout::NATS;
-use crate::svg::Px;
+use crate::svg::data::{ChartData, Kind};
+use crate::svg::{Axis, Px};
 use diagnose::diagnosis::{Diagnosis, Rung, Tested};
 use maud::{Markup, html};
 use numbers::format::number;
 use numbers::normal::Z_90;
+use numbers::quantity;
 
 /// Width of a picture, of its labels, of the numbers at its right end.
 const WIDTH: f64 = 540.0;
@@ -29,8 +31,17 @@ pub(crate) struct Bar {
     pub(crate) text: String,
 }
 
-/// A picture of bars, one below the other. `id`: the identifier that its name and text begin with.
-pub(crate) fn bars(id: &str, title: &str, alternative: &str, rows: &[Bar]) -> Markup {
+/// A picture of bars, one below the other, with its data.
+///
+/// * `id`: the identifier that its name and text begin with.
+/// * `of`, `label`: what each bar is of, and what bars measure, with the unit.
+pub(crate) fn bars(
+    id: &str,
+    title: &str,
+    [of, label]: [&str; 2],
+    alternative: &str,
+    rows: &[Bar],
+) -> Markup {
     let low = rows.iter().map(|row| row.value - row.half).fold(0.0, f64::min);
     let high = rows.iter().map(|row| row.value + row.half).fold(1e-9, f64::max);
     let plane = WIDTH - LABELS - NUMBERS;
@@ -52,15 +63,36 @@ pub(crate) fn bars(id: &str, title: &str, alternative: &str, rows: &[Bar]) -> Ma
         }
     };
     let zero = x(0.0);
+    let names: Vec<String> = rows.iter().map(|row| row.label.clone()).collect();
+    let n = rows.len() as f64;
+    let categories = Axis::new(of, 0.0, n).named(&names);
+    let values = Axis::new(label, low, high);
+    let mut data = ChartData::default();
+    data.is_transposed = true;
+    let has_intervals = rows.iter().any(|row| 0.0 < row.half);
+    for (k, row) in rows.iter().enumerate() {
+        let class = format!("bar {}", row.class);
+        let place = k as f64;
+        if has_intervals {
+            let ends = [row.value - row.half, row.value + row.half];
+            data.add(class.trim_end(), Kind::Intervals, [[place, row.value, ends[0], ends[1]]]);
+        } else {
+            data.add(class.trim_end(), Kind::Dots, [[place, row.value]]);
+        }
+    }
+    // A category lies in the middle of its row.
+    let first = 4.0 + ROW / 2.0;
+    let plane = [x(low), first, x(high), first + ROW * n];
     html! {
         svg viewBox={ "0 0 " (WIDTH) " " (height) } role="img"
             aria-labelledby={ (id) "-title " (id) "-text" }
         {
             title id={ (id) "-title" } { (title) }
             desc id={ (id) "-text" } { (alternative) }
-            @for (k, row) in rows.iter().enumerate() { (bar(k, row)) }
+            g.marks { @for (k, row) in rows.iter().enumerate() { (bar(k, row)) } }
             path.axis d=(format_args!("M{zero:.1},4V{:.1}", height - 2.0)) {}
         }
+        (data.markup(plane, &categories, &values))
     }
 }
 
@@ -113,6 +145,7 @@ fn fall(
             text: format!("{} {}", number(value), unit.split(' ').next().unwrap_or_default()),
         })
         .collect();
+    let words = title.to_lowercase();
     let title = format!("{title}, effect by effect");
     let (first, last) = (values[0], values[values.len() - 1]);
     let look = if values.len() == 1 {
@@ -128,7 +161,8 @@ fn fall(
         )
     };
     let means = means.to_owned();
-    let svg = bars(&format!("ladder-{key}"), &title, &look, &rows);
+    let label = quantity::with_unit(&words, Some(unit));
+    let svg = bars(&format!("ladder-{key}"), &title, ["model", &label], &look, &rows);
     Some(Picture { title, look, means, key: Vec::new(), svg, is_wide: false })
 }
 
@@ -160,7 +194,13 @@ fn gained(rungs: &[Rung]) -> Option<Picture> {
                  decides. "
         .to_owned()
         + NATS;
-    let svg = bars("ladder-log-score", &title, &look, &rows);
+    let svg = bars(
+        "ladder-log-score",
+        &title,
+        ["model", "log score gained (nats per row)"],
+        &look,
+        &rows,
+    );
     Some(Picture { title, look, means, key: Vec::new(), svg, is_wide: false })
 }
 
@@ -194,6 +234,6 @@ fn candidates(diagnosis: &Diagnosis) -> Option<Picture> {
                  accepted. Each gain is on the blocks that its covariate demands, which may be others than those of the steps above."
         .to_owned();
     let key = vec![("bar after", "accepted".to_owned()), ("bar none", "not accepted".to_owned())];
-    let svg = bars("candidates", &title, &look, &rows);
+    let svg = bars("candidates", &title, ["effect", "held-out gain (nats per row)"], &look, &rows);
     Some(Picture { title, look, means, key, svg, is_wide: false })
 }

@@ -5,7 +5,7 @@ use crate::figures::{HALF, equal_scales, map_width};
 use crate::svg::Chart;
 use diagnose::rows::{LinkEnd, LinkRows, MeasuredRows, RobotRows};
 use maud::Markup;
-use numbers::format::number;
+use numbers::format::{count_of, number};
 use std::collections::BTreeMap;
 use study::view::RowPredictions;
 
@@ -135,26 +135,30 @@ fn map(
     let side_m = (x[1] - x[0]).max(y[1] - y[0]) / SPOTS;
     let width = map_width(x, y);
     let (x, y, height) = equal_scales(x, y, width);
-    let mut chart = Chart::new(x, y, width, height);
+    let mut chart = Chart::new(x, y, width, height).as_map();
     let site = contents.site;
     let walls: Vec<_> = site.wall.iter().map(|wall| [wall.from_m, wall.to_m]).collect();
     let discs: Vec<_> = site.obstacle.iter().map(|disc| (disc.centre_m, disc.radius_m)).collect();
     let errors = view.residuals();
     let square = |[x, y]: [f64; 2]| ((x / side_m).floor() as i64, (y / side_m).floor() as i64);
     let mut spots = Means(BTreeMap::new());
+    let unit = contents.unit();
+    let of_mean = |mean: f64| format!("mean error {} {unit}", number(mean));
     match &contents.rows.rows {
         MeasuredRows::Links(links) => {
             let pairs = pairs(links, &errors, &mut spots, &square);
             for (k, name) in CLASSES.iter().enumerate() {
-                let lines = pairs.iter().filter(|(_, mean)| class(*mean, scale) == k);
-                chart.segments(&format!("pair {name}"), lines.map(|(ends, _)| *ends));
+                let lines = || pairs.iter().filter(|(_, mean)| class(*mean, scale) == k);
+                chart.names(lines().map(|(_, mean)| of_mean(*mean)));
+                chart.segments(&format!("pair {name}"), lines().map(|(ends, _)| *ends));
             }
         }
         MeasuredRows::Robots(robots) => tracks(&mut chart, robots, &errors, &mut spots, &square),
     }
     for (k, name) in CLASSES.iter().enumerate() {
-        let dots = spots.all().filter(|(.., mean)| class(*mean, scale) == k);
-        chart.dots(&format!("spot {name}"), dots.map(|(_, place, _)| place));
+        let dots = || spots.all().filter(|(.., mean)| class(*mean, scale) == k);
+        chart.names(dots().map(|(.., mean)| of_mean(mean)));
+        chart.dots(&format!("spot {name}"), dots().map(|(_, place, _)| place));
     }
     chart.site(&format!("plane-{class_name}"), &walls, &discs);
     let (pieces, round) = if class_name == "after" { found(contents) } else { Found::default() };
@@ -171,6 +175,7 @@ fn map(
         let order = |a: &[f64; 2], b: &[f64; 2]| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1]));
         motes.sort_by(|a, b| a.0.cmp(&b.0).then(order(&a.1, &b.1)));
         motes.dedup();
+        chart.names(motes.iter().map(|(mote, _)| format!("mote {mote}")));
         chart.dots("mote", motes.iter().map(|(_, place)| *place));
         chart.numbers(motes.iter().map(|(mote, place)| (*mote as usize, *place)));
     }
@@ -199,8 +204,8 @@ fn map(
         key.push(("found", "found, and on no map".to_owned()));
     }
     let title = format!("Errors on the map, {label}");
-    let unit = contents.unit();
-    let look = format!("Mean errors in each place, {label}.");
+    let n = errors.iter().filter(|error| error.is_finite()).count();
+    let look = format!("Mean errors in each place, {label}, of {}.", count_of(n as u64, "row"));
     let means = format!(
         "Strong colours are beyond {} {unit}, the noise of the model as configured.",
         number(scale)

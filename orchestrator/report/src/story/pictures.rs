@@ -60,7 +60,7 @@ fn map(story: &Story<'_>) -> (Markup, f64) {
         .collect();
     let span = |axis: usize| range(places.iter().map(|place| place[axis]));
     let (x, y, height) = equal_scales(span(0), span(1), HALF);
-    let mut chart = Chart::new(x, y, HALF, height);
+    let mut chart = Chart::new(x, y, HALF, height).as_map();
     for area in &foliage {
         chart.line("foliage", area.iter().chain(area.first()).map(|&corner| Some(corner)));
     }
@@ -81,8 +81,11 @@ fn map(story: &Story<'_>) -> (Markup, f64) {
     let known: Vec<_> = groups.values().filter(|(_, n, _)| 0.0 < *n).collect();
     for (number, (name, _)) in CLASSES.iter().enumerate() {
         let of_class =
-            known.iter().filter(|(_, n, sum)| class(sum / n / story.noise, *n) == number);
-        chart.segments(name, of_class.map(|(ends, ..)| *ends));
+            || known.iter().filter(|(_, n, sum)| class(sum / n / story.noise, *n) == number);
+        chart.names(of_class().map(|(_, n, sum)| {
+            format!("mean {} {} (n = {n})", numbers::format::number(sum / n), story.unit)
+        }));
+        chart.segments(name, of_class().map(|(ends, ..)| *ends));
     }
     chart.site("story-plane", &walls, &[]);
     let mut motes: BTreeMap<u32, [f64; 2]> = BTreeMap::new();
@@ -91,6 +94,7 @@ fn map(story: &Story<'_>) -> (Markup, f64) {
             motes.extend(numbers.iter().copied().zip(ends.iter().copied()));
         }
     }
+    chart.names(motes.keys().map(u32::to_string));
     chart.dots("mote", motes.values().copied());
     chart.numbers(motes.iter().map(|(mote, place)| (*mote as usize, *place)));
     let mut key: Vec<(&str, &str)> = CLASSES.to_vec();
@@ -146,20 +150,18 @@ fn over_symptom(story: &Story<'_>, height: f64) -> Option<Markup> {
         HALF,
         height,
     );
-    chart.segments("zero", [[[first, 0.0], [last, 0.0]]]);
-    chart.line("before", before.iter().map(|&point| Some(point)));
-    let whiskers = |points: &[[f64; 2]]| -> Vec<[[f64; 2]; 2]> {
-        let pairs = points.iter().zip(&halves).filter(|([_, y], _)| y.is_finite());
-        pairs.map(|(&[x, y], half)| [[x, y - half], [x, y + half]]).collect()
+    chart.guides("zero", [[[first, 0.0], [last, 0.0]]]);
+    let means = |points: &[[f64; 2]]| -> Vec<([f64; 4], f64)> {
+        let rows = points.iter().zip(&halves).zip(&bins);
+        let known = rows.filter(|((point, _), _)| point[1].is_finite());
+        known.map(|((&[x, y], half), bin)| ([x, y, y - half, y + half], bin.len() as f64)).collect()
     };
-    chart.segments("before whisker", whiskers(&before));
-    chart.dots("point before", before.iter().copied());
+    chart.means("before", &means(&before));
+    chart.knots("point before", before.iter().copied());
     let mut key = vec![("before", "model as configured")];
     if has_after {
-        let known = |point: &[f64; 2]| point[1].is_finite();
-        chart.line("after", after.iter().map(|point| Some(*point).filter(known)));
-        chart.segments("after whisker", whiskers(&after));
-        chart.dots("point after", after.iter().copied().filter(known));
+        chart.means("after", &means(&after));
+        chart.knots("point after", after.into_iter().filter(|point| point[1].is_finite()));
         key.push(("after", "extended model"));
     }
     let title = format!("Mean error over {}", symptom.name);
@@ -189,7 +191,13 @@ pub(super) fn ladder(story: &Story<'_>) -> Markup {
         text: story.error(story.noise),
     });
     let words = "Root mean squared error on held-out rows. The error of the true model is noise.";
-    figure("Error, effect by effect", words, &[], &bars("story-ladder", "Error", words, &rows))
+    let label = format!("root mean squared error ({})", story.unit);
+    figure(
+        "Error, effect by effect",
+        words,
+        &[],
+        &bars("story-ladder", "Error", ["model", &label], words, &rows),
+    )
 }
 
 /// What the best candidates gain.
@@ -212,7 +220,13 @@ pub(super) fn candidates(story: &Story<'_>) -> Option<Markup> {
          the gain on top of these. {NATS}"
     );
     let key = [("bar after", "accepted"), ("bar none", "not accepted")];
-    let svg = bars("story-candidates", "Gain of candidates", &words, &rows);
+    let svg = bars(
+        "story-candidates",
+        "Gain of candidates",
+        ["effect", "held-out gain (nats per row)"],
+        &words,
+        &rows,
+    );
     (!rows.is_empty()).then(|| figure("Gain of candidates", &words, &key, &svg))
 }
 

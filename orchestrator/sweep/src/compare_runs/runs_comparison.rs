@@ -1,5 +1,6 @@
 //! What changed from one run, or one sweep, to another: the answer that programs read as JSON and people as text.
 
+use crate::sweep_summary::Interval;
 use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -61,6 +62,8 @@ pub struct Change {
     pub median_difference: f64,
     /// The 95 % interval of that median, by percentile bootstrap; null of few pairs.
     pub median_difference_interval_95: Option<[f64; 2]>,
+    /// The interval that is shown with the median of the differences; null of a single pair.
+    pub interval: Option<Interval>,
     /// Mean of the differences.
     pub mean_difference: f64,
     /// Least difference.

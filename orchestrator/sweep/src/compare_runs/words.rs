@@ -1,6 +1,7 @@
 //! What changed from one run, or one sweep, to another, in words: the text of the terminal.
 
-use super::runs_comparison::{RunsComparison, SettingComparison};
+use super::runs_comparison::{Change, RunsComparison, SettingComparison};
+use crate::sweep_summary::IntervalKind;
 use numbers::format::{count_of, number};
 use numbers::layout::TextTable;
 use std::fmt::Write as _;
@@ -36,12 +37,23 @@ fn table(text: &mut String, setting: &SettingComparison) {
         let _ = writeln!(text, "none of {} figures differs", changes.len());
         return;
     }
-    let headings = ["figure", "A", "B", "B − A", "95 % interval", "B greater / less"];
+    let is_range = |change: &Change| {
+        change.interval.is_some_and(|interval| interval.kind == IntervalKind::Range)
+    };
+    let has_ranges = changed.iter().any(|(_, change)| is_range(change));
+    let interval = if has_ranges { "interval" } else { "95 % interval" };
+    let headings = ["figure", "A", "B", "B − A", interval, "B greater / less"];
     let mut table = TextTable::new(headings);
     for (name, change) in changed {
-        let interval = change.median_difference_interval_95.map_or_else(
+        let interval = change.interval.map_or_else(
             || "-".to_owned(),
-            |[low, high]| format!("{} … {}", number(low), number(high)),
+            |interval| {
+                let ends = format!("{} … {}", number(interval.low), number(interval.high));
+                match interval.kind {
+                    IntervalKind::Bootstrap95 => ends,
+                    IntervalKind::Range => format!("{ends} {}", interval.words(change.pairs)),
+                }
+            },
         );
         // Of a figure that some runs lack there are fewer pairs.
         let of = if change.pairs == setting.seeds.len() {

@@ -3,7 +3,7 @@
 use super::names::{Catalogue, Name};
 use crate::plan::SweepPlan;
 use numbers::format::{number, shortest};
-use numbers::statistics::{correlation, mean};
+use numbers::statistics::{correlation, mean, range};
 use proto::config::{Node, Value};
 
 /// Something that varies: the case, or a key.
@@ -20,7 +20,12 @@ pub(super) struct Factor {
     pub(super) numbers: Option<Vec<f64>>,
     /// It is sampled from a range.
     pub(super) is_range: bool,
+    /// Its numbers are sampled by their ratios, or reach over more than [`MOST_RATIO`].
+    pub(super) is_log: bool,
 }
+
+/// Numbers above 0 whose greatest is more than this many times the least are shown by their ratios.
+const MOST_RATIO: f64 = 20.0;
 
 /// All that varies, cases first.
 pub(super) fn factors(plan: &SweepPlan, catalogue: &Catalogue) -> Vec<Factor> {
@@ -49,7 +54,9 @@ pub(super) fn factors(plan: &SweepPlan, catalogue: &Catalogue) -> Vec<Factor> {
             }
         });
         let name = catalogue.key(key, &config);
-        factors.push(Factor::new(name, Some(key.clone()), words.collect(), numbers, is_range));
+        let mut factor = Factor::new(name, Some(key.clone()), words.collect(), numbers, is_range);
+        factor.is_log |= sweep.ranges.iter().any(|(own, range)| own == key && range.is_log);
+        factors.push(factor);
     }
     tell_apart(&mut factors);
     factors
@@ -111,7 +118,9 @@ impl Factor {
             })
         });
         let level_of = level_of.collect();
-        Self { name, key, levels, level_of, numbers, is_range }
+        let [low, high] = range(numbers.iter().flatten().copied());
+        let is_log = !is_range && 0.0 < low && MOST_RATIO * low < high;
+        Self { name, key, levels, level_of, numbers, is_range, is_log }
     }
 
     /// A level in words, with what it is a level of.

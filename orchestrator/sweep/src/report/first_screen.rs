@@ -1,14 +1,14 @@
-//! The top of the page: whether the sweep worked, what matters, and where to look.
+//! What was run, and tables of all figures and of what varies.
 
 use super::factors::describe;
-use super::{MetricFigures, SweepPage, shown_value};
+use super::{MetricFigures, SweepPage, folded, shown_value};
 use maud::{Markup, html};
 use numbers::format::{count, count_of, percent, shortest};
 use numbers::statistics::range;
 use report::layout::number_cell;
 
-/// Whether all trials ended, and what to look at first.
-pub(super) fn verdict(contents: &SweepPage<'_>) -> Option<Markup> {
+/// What was run, and whether all trials ended.
+pub(super) fn heading(contents: &SweepPage<'_>) -> Option<Markup> {
     let SweepPage { plan, summary, .. } = contents;
     let total = plan.n_trials();
     let of_settings = |n: fn(&crate::sweep_summary::SettingSummary) -> usize| {
@@ -22,40 +22,31 @@ pub(super) fn verdict(contents: &SweepPage<'_>) -> Option<Markup> {
         .filter(|(n, _)| 0 < *n)
         .map(|(n, what)| format!("{} {what}", count(*n as u64)))
         .collect();
-    let first = first_to_look_at(contents);
     Some(html! {
-        p.verdict.alert[!lost.is_empty()] {
-            strong {
+        header {
+            h1 { (plan.name) }
+            p.lead {
+                (count_of(plan.settings.len() as u64, "setting")) ", each with "
+                @if plan.seeds.len() == 1 { "one seed." } @else {
+                    "the same " (count(plan.seeds.len() as u64)) " seeds: " (count(total as u64)) " trials."
+                }
                 @if lost.is_empty() {
-                    @if total == 1 { "The trial finished." } @else { "All " (count(total as u64)) " trials finished." }
-                } @else {
-                    "Of " (count_of(total as u64, "trial")) ", " (lost.join(" and ")) ". Their figures are left out."
+                    @if total == 1 { " The trial finished." } @else { " All trials finished." }
                 }
             }
-            @if first.is_empty() { " The figures do not depend on what varies." } @else {
-                " Look first at "
-                @for (place, (metric, factor)) in first.iter().enumerate() {
-                    @if 0 < place { @if place + 1 == first.len() { " and " } @else { ", " } }
-                    a href={ "#" (metric.id) "-0" } { (metric.name.words) }
-                    @if let Some(factor) = factor { ", which depends most on the " (factor) }
-                    @if place + 1 < first.len() && factor.is_some() { ";" }
+            @if !lost.is_empty() {
+                p.verdict.alert {
+                    strong { "Of " (count_of(total as u64, "trial")) ", " (lost.join(" and ")) ". Their figures are left out." }
                 }
-                "."
             }
         }
     })
 }
 
-/// Most figures that the first sentence names.
-const MOST_NAMED: usize = 2;
-
-/// The figures that differ most between settings, in comparison with seeds, and what they depend on most.
-fn first_to_look_at<'a>(
-    contents: &'a SweepPage<'_>,
-) -> Vec<(&'a MetricFigures<'a>, Option<String>)> {
-    let mut metrics: Vec<&MetricFigures<'_>> =
-        contents.metrics.iter().filter(|metric| metric.differs_between_settings()).collect();
-    // Those that the author of the sweep asked for are in the order of importance already.
+/// The figures in the order of importance: as the sweep asks for them; else those first that differ most between settings, in
+/// comparison with seeds.
+pub(super) fn by_importance<'a>(contents: &'a SweepPage<'_>) -> Vec<&'a MetricFigures<'a>> {
+    let mut metrics: Vec<&MetricFigures<'_>> = contents.metrics.iter().collect();
     if contents.plan.sweep.metrics.is_none() {
         // Figures that runs lead with, then in whole per cent: of equals the first.
         let share = |metric: &&MetricFigures<'_>| metric.between_settings.unwrap_or(0.0);
@@ -63,19 +54,11 @@ fn first_to_look_at<'a>(
         let leading = contents.plan.leading_figures();
         let leads =
             |metric: &&MetricFigures<'_>| leading.contains(&metric.figures.column.name.as_str());
-        metrics.sort_by_key(|metric| std::cmp::Reverse((leads(metric), rounded(metric))));
+        metrics.sort_by_key(|metric| {
+            std::cmp::Reverse((metric.differs_between_settings(), leads(metric), rounded(metric)))
+        });
     }
-    metrics.truncate(MOST_NAMED);
-    metrics.into_iter().map(|metric| (metric, strongest(contents, metric))).collect()
-}
-
-/// The factor that explains most of a figure, if there are several.
-fn strongest(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> Option<String> {
-    if contents.factors.len() < 2 {
-        return None;
-    }
-    let (factor, _) = metric.strongest(&contents.factors)?;
-    Some(factor.name.words.clone())
+    metrics
 }
 
 /// The figures at a glance: their least and greatest medians, and what they depend on.
@@ -87,8 +70,7 @@ pub(super) fn at_a_glance(contents: &SweepPage<'_>) -> Option<Markup> {
         return None;
     }
     let (first, more) = shown.split_at(shown.len().min(MOST_ROWS));
-    Some(html! {
-        h2 { "At a glance" }
+    let section = html! {
         (glance_table(contents, first))
         @if !more.is_empty() {
             details {
@@ -105,7 +87,8 @@ pub(super) fn at_a_glance(contents: &SweepPage<'_>) -> Option<Markup> {
                 " Due to settings: the share of the variance of all trials that seeds do not explain."
             }
         }
-    })
+    };
+    Some(folded("All figures at a glance", &section))
 }
 
 /// More rows than this have to be asked for.
@@ -174,8 +157,7 @@ pub(super) fn what_varies(contents: &SweepPage<'_>) -> Option<Markup> {
         }
         _ => factor.levels.join(", "),
     };
-    Some(html! {
-        h2 { "What varies" }
+    let section = html! {
         div.scroll {
             table {
                 thead { tr { th { "name" } th { "values" } th { "meaning" } th { "key" } } }
@@ -195,5 +177,6 @@ pub(super) fn what_varies(contents: &SweepPage<'_>) -> Option<Markup> {
                 }
             }
         }
-    })
+    };
+    Some(folded("What varies", &section))
 }
