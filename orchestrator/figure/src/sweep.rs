@@ -3,7 +3,7 @@
 use crate::content::{Axis, Figure, Mark, Panel, Point, SCHEMA, Scale, Series};
 use crate::{FigureError, Request};
 use ::sweep::names::{Catalogue, Name};
-use ::sweep::{MetricSpread, TABLE_FILE};
+use ::sweep::{IntervalKind, MetricSpread, TABLE_FILE};
 use input::result::{ResultError, ResultFolder};
 use metrics::distances::DistanceBin;
 use numbers::format::{number, percent, shortest};
@@ -273,10 +273,12 @@ fn middle(metric: &Metric, setting: usize) -> Option<Point> {
             ..DistanceBin::default()
         };
         (share.ratio(), Some(share.interval()), "Wilson 95 %")
-    } else if let Some(ends) = spread.median_interval_95 {
-        (spread.median, Some(ends), "bootstrap 95 %")
     } else {
-        (spread.median, (1 < n).then_some([spread.min, spread.max]), "range")
+        let kind = match spread.interval.map(|interval| interval.kind) {
+            Some(IntervalKind::Bootstrap95) => "bootstrap 95 %",
+            Some(IntervalKind::Range) | None => "range",
+        };
+        (spread.median, spread.interval.map(|interval| [interval.low, interval.high]), kind)
     };
     Some(Point {
         low: ends.map(|ends| ends[0]),

@@ -47,7 +47,9 @@ use engine::EngineError;
 pub use journal::JournalError;
 pub use merge::{MergeReport, merge};
 pub use shard::{Shard, ShardError};
-pub use sweep_summary::{MetricSpread, SCHEMA as SUMMARY_SCHEMA, SweepSummary};
+pub use sweep_summary::{
+    Interval, IntervalKind, MetricSpread, SCHEMA as SUMMARY_SCHEMA, SweepSummary,
+};
 
 use experiment::{Acts, Capability, Overrides};
 use journal::{Journal, JournalContent, TrialRow};

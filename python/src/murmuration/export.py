@@ -73,10 +73,31 @@ def csv(run: Recorded, output: str | os.PathLike[str] | None = None) -> Path:
 
 
 def rerun(run: Recorded, output: str | os.PathLike[str] | None = None) -> Path:
-    """Writes the robots, links, walls, obstacles, figures and events of a run as a recording of rerun (`.rrd`), with a layout. Returns its path.
+    """Writes the robots, links, walls, obstacles, figures and events of a run as a recording of rerun, with a layout.
 
-    It is made of the run's `scene.mcap`, and needs rerun-sdk and mcap: `pip install "murmuration-sim[rerun]"`. By default it is RUN.rrd,
-    beside the run; an earlier file of that name is replaced. `rerun RUN.rrd` shows it.
+    It is made of the run's scene.mcap, and needs rerun-sdk and mcap: `pip install "murmuration-sim[rerun]"`. The command
+    `rerun RUN.rrd` shows it.
+
+    Parameters
+    ----------
+    run : Run, str or os.PathLike
+        The run, or its folder.
+    output : str or os.PathLike, optional
+        The file to write (.rrd). By default RUN.rrd beside the run; an earlier file of that name is replaced.
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    ImportError
+        rerun-sdk or mcap is not installed.
+
+    Examples
+    --------
+    >>> murmuration.export.rerun(run)
     """
     folder = _folder(run)
     target = folder.with_name(f"{folder.name}.rrd") if output is None else Path(output)
