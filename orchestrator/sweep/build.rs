@@ -46,9 +46,9 @@ fn main() -> std::io::Result<()> {
     println!("cargo::rerun-if-changed={}", files[0].display());
     files.sort();
     let mut checksum = Checksum::new();
-    for file in files {
-        let content = std::fs::read(&file)?;
-        for part in [file.as_os_str().as_encoded_bytes(), &content] {
+    for source in &files {
+        let content = std::fs::read(source)?;
+        for part in [source.as_os_str().as_encoded_bytes(), &content] {
             checksum.add(&(part.len() as u64).to_le_bytes());
             checksum.add(part);
         }
