@@ -47,3 +47,25 @@ impl Contacts {
         self.min_distance_m
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pair_collides_when_it_comes_close_and_not_while_it_stays() {
+        let task = Task { diameter_m: Some(0.5), ..Task::default() };
+        let mut contacts = Contacts::default();
+        let mut add = |places: &[[f64; 2]]| {
+            let states = AgentStates::at_rest(places);
+            let alive: Vec<usize> = (0..places.len()).collect();
+            contacts.add(&task, &states, &alive)
+        };
+        assert!(add(&[[1.0, 0.0], [0.0, 0.0], [3.0, 0.0]]).is_empty());
+        assert_eq!(add(&[[0.4, 0.0], [0.0, 0.0], [-0.1, 0.3]]), [(0, 1), (1, 2)]);
+        assert_eq!(add(&[[0.4, 0.0], [0.0, 0.0], [0.3, 0.3]]), [(0, 2)]);
+        assert!(add(&[[2.0, 0.0], [0.0, 0.0], [0.0, 0.3]]).is_empty());
+        assert_eq!(add(&[[0.4, 0.0], [0.0, 0.0], [9.0, 0.0]]), [(0, 1)]);
+        assert!((contacts.min_distance_m().unwrap() - 0.3).abs() < 1e-12);
+    }
+}

@@ -239,7 +239,7 @@ fn a_diagnosis_shows_the_ladder_what_was_found_and_what_is_left() {
         "with what was found",
         "Error over height",
         // A log score of -3 to -2, and a log loss of 0.3 to 0.2.
-        "nats</abbr> a row: a held-out row is 2.72 times as likely",
+        "a held-out row is 2.72 times as likely",
         "what happened had probability 0.741 → 0.819",
         "0.1 nats, 1.11 times",
     ] {

@@ -126,7 +126,8 @@ fn gained(first: &Rung, last: &Rung, error: &dyn Fn(f64) -> Markup) -> Vec<(Stri
             "Gained in log score".into(),
             html! {
                 (number(gained)) " "
-                small { (layout::nats()) " a row: a held-out row is " (number(gained.exp())) " times as likely" }
+                small { (layout::nats()) " a row" }
+                small.means { "a held-out row is " (number(gained.exp())) " times as likely" }
             },
         ),
     ];
@@ -136,7 +137,8 @@ fn gained(first: &Rung, last: &Rung, error: &dyn Fn(f64) -> Markup) -> Vec<(Stri
         let [was, is] = losses.map(|loss| number((-loss).exp()));
         let fall = html! {
             (before) " → " (after) " "
-            small { "nats a frame: what happened had probability " (was) " → " (is) ", in geometric mean" }
+            small { "nats a frame" }
+            small.means { "what happened had probability " (was) " → " (is) ", in geometric mean" }
         };
         tiles.push(("Log loss of reception, as configured → with what was found".into(), fall));
     }
