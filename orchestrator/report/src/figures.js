@@ -24,12 +24,15 @@
     if (axis.names.length) return axis.names[Math.round(value)] ?? "";
     return String(axis.percent ? Number((100 * value).toPrecision(15)) : value);
   };
-  const shown = (axis, value) => {
+  const plain = (axis, value) => {
     if (axis.names.length) return exact(axis, value);
     const number = Number((axis.percent ? 100 * value : value).toPrecision(5));
     const text = Math.abs(number) < 1e6 && (1e-4 <= Math.abs(number) || !number) ? String(number) : number.toExponential();
+    return text.replace("-", "−");
+  };
+  const shown = (axis, value) => {
     const unit = axis.percent ? "%" : words(axis.label)[1];
-    return text.replace("-", "−") + (unit && !["count", "number", "rank", "ratio"].includes(unit) ? ` ${unit}` : "");
+    return plain(axis, value) + (unit && !["count", "number", "rank", "ratio"].includes(unit) ? ` ${unit}` : "");
   };
 
   // What the columns of a series are: x, y, low, high of either axis.
@@ -64,8 +67,8 @@
       this.data = await this.loading;
       this.plane = this.data.plane;
       for (const series of this.data.series) {
-        const named = this.data.words[series.class] ?? nearestKey(this.figure.keys, series.class.split(" "))?.words;
-        series.words = named ?? KINDS[series.kind] ?? series.class;
+        const named = nearestKey(this.figure.keys, series.class.split(" "))?.words;
+        series.words = named ?? this.data.words[series.class] ?? KINDS[series.kind] ?? series.class;
         series.rows ??= rows(series);
       }
       all(this.svg, ".interval > title").forEach((title) => title.remove());
@@ -102,8 +105,8 @@
         const ys = series.kind === "band" ? [row.low, row.high] : [middle(row.y, row.y2)];
         if (row.x === null || row.y === null) return [];
         return ys.map((y) => {
-          const [px, py] = this.zoomed(this.place(middle(row.x, row.x2), y));
-          return { at: [px + (series.shift ?? 0), py], series, row };
+          const [px, py] = this.place(middle(row.x, row.x2), y);
+          return { at: this.zoomed([px + (series.shift ?? 0), py]), series, row };
         });
       }));
     }
@@ -135,7 +138,7 @@
       this.shownPoint = point;
       const { series, row } = point;
       const { x, y } = this.data;
-      const between = (axis, low, high) => `${shown(axis, low)} to ${shown(axis, high)}`;
+      const between = (axis, low, high) => `${plain(axis, low)} to ${shown(axis, high)}`;
       const value = (axis, from, to) => [words(axis.label)[0], to === undefined ? shown(axis, from) : between(axis, from, to)];
       const list = [];
       if (row.x !== undefined) list.push(value(x, row.x, row.x2));
@@ -236,11 +239,13 @@
         });
         // Lines anew, from all of their points.
         const line = path.closest("clipPath") ? -1 : lines.findIndex((series) => series.class === path.getAttribute("class"));
-        path.setAttribute("d", line < 0 ? d : lines.splice(line, 1)[0].rows.map((row, place, all) => {
+        const [series] = line < 0 ? [] : lines.splice(line, 1);
+        path.setAttribute("d", series?.rows.map((row, place, all) => {
           if (row.x === null) return "";
-          const [x, y] = move(...this.place(row.x, row.y));
+          const [px, py] = this.place(row.x, row.y);
+          const [x, y] = move(px + (series.shift ?? 0), py);
           return `${place && all[place - 1].x !== null ? "L" : "M"}${fixed(x)},${fixed(y)}`;
-        }).join(""));
+        }).join("") ?? d);
       }
       const factor = (right - left) / (this.view[2] - this.view[0]);
       for (const circle of all(fresh, "circle")) {

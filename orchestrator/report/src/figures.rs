@@ -413,9 +413,10 @@ fn neighbours(measures: &Measures, n_agents: u32) -> Figure {
     let medians = measures.series.iter().map(|sample| sample.neighbours[1]);
     let spread = spread_in_words(medians, &number, "period");
     let sentence = format!(
-        "How many others an agent hears in a period: {} of {} on average; of the median over agents{spread}{isolated}.",
+        "How many others an agent hears in a period: {} of {} on average{isolated}. Of the median agent over time: {}.",
         number(mean),
-        count(u64::from(n_agents.saturating_sub(1)))
+        count(u64::from(n_agents.saturating_sub(1))),
+        spread.trim_start_matches(", ")
     );
     let mut key =
         vec![("line", "median over agents".into()), ("band", "10 % to 90 % of agents".into())];

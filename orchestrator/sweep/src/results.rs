@@ -331,7 +331,7 @@ fn cell(figures: &SettingFigures<'_>, setting: usize) -> String {
     let Some(interval) = spread.interval else {
         return format!("{} [n {n}]", number(spread.median));
     };
-    let [median, low, high] = interval.digits(spread.median);
+    let [median, low, high] = interval.short_digits(spread.median);
     // What is not said to be a range is the 95 % interval.
     let range = match interval.kind {
         IntervalKind::Bootstrap95 => String::new(),

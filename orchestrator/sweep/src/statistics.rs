@@ -54,14 +54,16 @@ impl Interval {
         self.low <= other.high && other.low <= self.high
     }
 
-    /// A median and the ends of its interval, with digits that tell the ends apart.
+    /// A median and the ends of its interval, with the digits that the interval warrants.
     pub(crate) fn digits(self, median: f64) -> [String; 3] {
-        let all = [median, self.low, self.high];
-        let plain = all.map(number);
-        if self.low < self.high && plain[1] == plain[2] {
-            return all.map(|value| number_within(value, (self.high - self.low) / 2.0));
-        }
-        plain
+        let half = (self.high - self.low) / 2.0;
+        [median, self.low, self.high].map(|value| number_within(value, half))
+    }
+
+    /// The same with about three digits each, or more if the ends of the interval would else look the same.
+    pub(crate) fn short_digits(self, median: f64) -> [String; 3] {
+        let plain = [median, self.low, self.high].map(number);
+        if self.low < self.high && plain[1] == plain[2] { self.digits(median) } else { plain }
     }
 }
 
@@ -153,6 +155,9 @@ mod tests {
         assert_eq!(interval(0.9997, 1.0).digits(0.9999), ["0.99990", "0.99970", "1.00000"]);
         assert_eq!(interval(0.91, 0.95).digits(0.93), ["0.930", "0.910", "0.950"]);
         assert_eq!(interval(1.0, 1.0).digits(1.0), ["1.00"; 3]);
+        assert_eq!(interval(99.54, 100.0).digits(99.96), ["99.96", "99.54", "100.00"]);
+        assert_eq!(interval(0.9997, 1.0).short_digits(0.9999), ["0.99990", "0.99970", "1.00000"]);
+        assert_eq!(interval(1.0, 2.5).short_digits(1.25), ["1.25", "1.00", "2.50"]);
     }
 
     #[test]

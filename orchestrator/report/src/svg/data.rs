@@ -5,6 +5,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use flate2::{Compression, GzBuilder};
 use maud::{Markup, html};
+use numbers::format::rounded;
 use serde_json::{Value, json};
 use std::io::Write as _;
 
@@ -75,7 +76,7 @@ pub(crate) struct ChartData {
     /// Pixels to the right by which the next marks are drawn beside their place.
     pub(super) shift: f64,
     /// Words of classes that the key does not have.
-    pub(super) words: Vec<(String, String)>,
+    pub(crate) words: Vec<(String, String)>,
     /// What a reader of the table has to know, such as that each point stands for several steps.
     pub(super) note: String,
     /// Both axes have one scale.
@@ -126,13 +127,21 @@ impl ChartData {
         }
     }
 
+    /// Whether there are so many numbers that they would make the page large.
+    fn is_rounded(&self) -> bool {
+        MOST_EXACT < self.series.iter().flat_map(|series| &series.columns).map(Vec::len).sum()
+    }
+
     /// The data for the script of the page. `plane`: left, top, right and bottom of the plane (pixels).
     pub(crate) fn json(&self, plane: [f64; 4], x: &Axis, y: &Axis) -> Value {
+        let is_rounded = self.is_rounded();
+        let number = |&value: &f64| if is_rounded { rounded(value, DIGITS) } else { value };
         let series = self.series.iter().map(|series| {
+            let columns = series.columns.iter().map(|column| column.iter().map(number).collect());
             let mut value = json!({
                 "class": series.class,
                 "kind": series.kind.name(),
-                "columns": series.columns,
+                "columns": columns.collect::<Vec<Vec<f64>>>(),
             });
             if !series.item.is_empty() {
                 value["item"] = json!(series.item);
@@ -162,7 +171,10 @@ impl ChartData {
         if self.series.is_empty() {
             return Markup::default();
         }
-        let note = Some(&self.note).filter(|note| !note.is_empty());
+        let rounding = format!("Numbers are rounded to {DIGITS} digits");
+        let notes = [self.note.as_str(), if self.is_rounded() { &rounding } else { "" }];
+        let notes: Vec<&str> = notes.into_iter().filter(|note| !note.is_empty()).collect();
+        let note = (!notes.is_empty()).then(|| notes.join(". "));
         let packed = packed(self.json(plane, x, y).to_string().as_bytes());
         html! { script.figure-data type="text/plain" data-note=[note] { (packed) } }
     }
@@ -187,5 +199,10 @@ fn packed(bytes: &[u8]) -> String {
     STANDARD.encode(packed)
 }
 
-/// How a page begins that has data of figures.
+/// Of a picture of more numbers than this, such as one of many paths, each is rounded.
+const MOST_EXACT: usize = 20_000;
+/// Significant digits that are left then: more than the picture shows.
+const DIGITS: usize = 7;
+
+/// What a page has in it if it has data of figures.
 pub(crate) const DATA_TAG: &str = "<script class=\"figure-data\"";

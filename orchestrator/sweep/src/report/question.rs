@@ -2,7 +2,7 @@
 
 use super::factors::describe;
 use super::first_screen::by_importance;
-use super::{MetricFigures, SweepPage, panels, shown, shown_value};
+use super::{MetricFigures, SweepPage, folded, panels, shown, shown_value};
 use maud::{Markup, html};
 use metrics::figures::Better;
 use numbers::format::{capitalised, count_of};
@@ -24,7 +24,7 @@ pub(super) fn first(contents: &SweepPage<'_>) -> Option<Markup> {
 pub(super) fn others(contents: &SweepPage<'_>) -> Option<Markup> {
     let metrics = by_importance(contents);
     let others = metrics.get(1..).filter(|others| !others.is_empty())?;
-    Some(html! {
+    let each = html! {
         @for metric in others {
             details.section {
                 summary { h2 { (question(contents, metric)) } }
@@ -34,8 +34,15 @@ pub(super) fn others(contents: &SweepPage<'_>) -> Option<Markup> {
                 }
             }
         }
-    })
+    };
+    if others.len() <= MOST_LISTED {
+        return Some(each);
+    }
+    Some(folded(&count_of(others.len() as u64, "further question"), &each))
 }
+
+/// More further questions than this fold below their number.
+const MOST_LISTED: usize = 6;
 
 fn question(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> String {
     let views = &contents.views;
@@ -96,17 +103,13 @@ pub(super) fn answer(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> St
         Better::Lower => (["best", "worst"], [lowest, highest]),
         Better::Neither => (["highest", "lowest"], [highest, lowest]),
     };
-    let with = |setting: usize| describe(&contents.factors, setting);
-    format!(
-        "{name} is {} with {}: {}; and {} with {}: {}. {}",
-        words[0],
-        with(first),
-        of(first),
-        words[1],
-        with(second),
-        of(second),
-        certainty(metric, [first, second])
-    )
+    let at = |setting: usize| {
+        let words = describe(&contents.factors, setting).replace(": ", " ");
+        format!("with {words}, {}", of(setting))
+    };
+    let [first_at, second_at] = [at(first), at(second)];
+    let answer = format!("{name} is {} {first_at}, and {} {second_at}.", words[0], words[1]);
+    format!("{answer} {}", certainty(metric, [first, second])).trim_end().to_owned()
 }
 
 /// Which values are better.

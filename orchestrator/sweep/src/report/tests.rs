@@ -49,8 +49,8 @@ fn a_page_begins_with_the_question_and_answers_it_in_a_sentence() {
     let place = |text: &str| page.find(text).unwrap_or_else(|| panic!("{text}: {page}"));
     let question = place("How does the scheduling function change packet delivery ratio?</h2>");
     let answer = place(
-        "Packet delivery ratio is best with scheduling function: msf: 98.0 % [97.0 %, 99.0 %] (range of 3); and worst with \
-         scheduling function: orchestra: 91.0 % [90.0 %, 92.0 %] (range of 3). The two intervals do not overlap.",
+        "Packet delivery ratio is best with scheduling function msf, 98.0 % [97.0 %, 99.0 %] (range of 3), and worst with \
+         scheduling function orchestra, 91.0 % [90.0 %, 92.0 %] (range of 3). The two intervals do not overlap.",
     );
     assert!(
         question < answer && answer < place("<figure") && place("</figure>") < place("<details")
