@@ -17,7 +17,11 @@ static RESULTS: LazyLock<TempDir> = LazyLock::new(|| {
     let sweep = common.replace("NAME", "sweep")
         + "[sweep]\nseeds = 6\nmetrics = [\"task.flock_speed_mps\"]\n[sweep.vary]\nnetsim.phy.radius_m = [3.0, 12.0]\nexperiment.agents = [4, 6]\n";
     std::fs::write(folder.path().join("sweep.toml"), sweep).unwrap();
-    for args in [["run", "run.toml"], ["sweep", "sweep.toml"]] {
+    let cases = common.replace("NAME", "cases")
+        + "[sweep]\nseeds = 2\nmetrics = [\"flock_speed\"]\n[[sweep.case]]\nname = \"near\"\nrobotsim.controller.flock_radius_m = 2.0\n\
+           [[sweep.case]]\nname = \"far\"\nrobotsim.controller.flock_radius_m = 8.0\n[sweep.vary]\nnetsim.phy.radius_m = [3.0, 12.0]\n";
+    std::fs::write(folder.path().join("cases.toml"), cases).unwrap();
+    for args in [["run", "run.toml"], ["sweep", "sweep.toml"], ["sweep", "cases.toml"]] {
         let output = orchestrator(&args, folder.path());
         assert!(output.status.success(), "{}", said(&output));
     }
@@ -85,6 +89,29 @@ fn a_figure_of_a_sweep_has_the_medians_and_intervals_of_its_summary() {
             && caption.contains("n = 6 trials each"),
         "{caption}"
     );
+}
+
+#[test]
+fn what_a_case_sets_is_told_apart_by_the_case() {
+    let to = folder();
+    for args in [&["runs/cases"][..], &["runs/cases", "--x", "radius_m", "--by", "case"]] {
+        let figure = figure(args, to.path());
+        let panel = &figure["panels"][0];
+        assert_eq!(panel["x"]["label"], "phy radius (m)");
+        let series = panel["series"].as_array().unwrap();
+        let names: Vec<&str> = series
+            .iter()
+            .filter(|series| series["mark"] == "interval")
+            .map(|series| series["name"].as_str().unwrap())
+            .collect();
+        assert_eq!(names.len(), 2, "{names:?}");
+        assert!(names[0].contains("near") && names[1].contains("far"), "{names:?}");
+        // Two trials have no other interval.
+        let point = &series.last().unwrap()["points"][0];
+        assert_eq!((&point["interval"], point["n"].as_u64()), (&"range".into(), Some(2)));
+    }
+    let by_key = figure(&["runs/cases", "--by", "flock_radius_m"], to.path());
+    assert_eq!(by_key["panels"][0]["x"]["label"], "phy radius (m)");
 }
 
 #[test]

@@ -151,20 +151,33 @@ fn chosen(factors: &[Factor], request: &Request) -> Result<(Option<usize>, Vec<u
         })
     };
     let by = request.by.as_deref().map(|key| place("--by", key)).transpose()?;
+    // What a case sets, the case tells apart.
+    let of_case = |place: &usize| {
+        let case = factors.iter().position(|factor| factor.key == CASE);
+        case.is_some_and(|case| case != *place && is_determined(factors, *place, &[case]))
+    };
     let x = match request.x.as_deref() {
         Some(key) => Some(place("--x", key)?),
-        None => (0..factors.len()).find(|place| Some(*place) != by),
+        None => {
+            let free = || (0..factors.len()).filter(|place| Some(*place) != by);
+            let key = free().find(|place| factors[*place].key != CASE && !of_case(place));
+            key.or_else(|| free().next())
+        }
     };
     if x.is_some() && x == by {
         return Err("--x and --by name the same key".to_owned());
     }
-    let others: Vec<usize> = (0..factors.len()).filter(|place| Some(*place) != x).collect();
+    let mut known: Vec<usize> = x.into_iter().chain(by).collect();
+    let mut others: Vec<usize> = by.into_iter().collect();
+    for place in 0..factors.len() {
+        if !known.contains(&place) && !is_determined(factors, place, &known) {
+            known.push(place);
+            others.push(place);
+        }
+    }
     if let Some(by) = by {
-        let more: Vec<&str> = others
-            .iter()
-            .filter(|place| **place != by)
-            .map(|&place| factors[place].key.as_str())
-            .collect();
+        let more: Vec<&str> =
+            others[1..].iter().map(|&place| factors[place].key.as_str()).collect();
         if !more.is_empty() {
             return Err(format!(
                 "--by {}: {} varies as well; leave --by out, so that lines tell all of it apart",
@@ -174,6 +187,16 @@ fn chosen(factors: &[Factor], request: &Request) -> Result<(Option<usize>, Vec<u
         }
     }
     Ok((x, others))
+}
+
+/// Whether settings that agree in some factors agree in another one.
+fn is_determined(factors: &[Factor], place: usize, by: &[usize]) -> bool {
+    let mut values: BTreeMap<Vec<&str>, &str> = BTreeMap::new();
+    (0..factors[place].values.len()).all(|setting| {
+        let key = by.iter().map(|&by| factors[by].values[setting].0.as_str()).collect();
+        let own = factors[place].values[setting].0.as_str();
+        *values.entry(key).or_insert(own) == own
+    })
 }
 
 /// The columns of the metrics that are asked for: those of `[sweep]`, if none are.
