@@ -96,7 +96,7 @@ fn columns_have_the_names_that_the_sweep_gives() {
     let printed = tests::said(&output);
     assert!(output.status.success(), "{printed}");
     assert!(
-        printed.lines().any(|line| line.starts_with("setting") && line.contains(" flock_speed "))
+        printed.lines().any(|line| line.starts_with("setting") && line.ends_with(" flock_speed"))
     );
     let dir = folder.path().join("runs/tiny");
     let table = rows(&dir.join("trials.parquet"));
