@@ -11,8 +11,13 @@ use std::path::{Path, PathBuf};
 const TOML: [&str; 2] = ["config", "mapping"];
 /// Options whose file must be a table, or a folder with one.
 const TABLES: [&str; 5] = ["data", "like", "links", "positions", "heard"];
-/// Further arguments that name a file or a folder that is read.
-const OTHERS: [&str; 4] = ["run", "result", "a", "b"];
+/// Further arguments that name a file or a folder that is read, and what it should be.
+const OTHERS: [(&str, &str); 4] = [
+    ("run", "the folder of a recorded run"),
+    ("result", "the folder of a run or of a sweep, or an answer as JSON"),
+    ("a", "the folder of a run or of a sweep"),
+    ("b", "the folder of a run or of a sweep"),
+];
 
 /// Refuses files that do not exist, and files that are given in each other's place.
 pub(super) fn check(matches: &ArgMatches) -> Result<(), Failure> {
@@ -23,12 +28,15 @@ pub(super) fn check(matches: &ArgMatches) -> Result<(), Failure> {
     };
     let toml = TOML.iter().find_map(path);
     let tables: Vec<(&str, &Path)> = TABLES.iter().filter_map(path).collect();
-    let others = OTHERS.iter().filter_map(path);
-    for (_, path) in toml.into_iter().chain(tables.clone()).chain(others) {
+    let others = OTHERS.iter().filter_map(|(id, what)| Some((path(id)?.1, Some(*what))));
+    let files = toml.into_iter().chain(tables.clone()).map(|(_, path)| (path, None));
+    for (path, what) in files.chain(others) {
         // What exists and cannot be read, the command says.
         if path.symlink_metadata().is_err_and(|error| error.kind() == std::io::ErrorKind::NotFound)
         {
-            return Err(Failure::request(format!("{}: {}", path.display(), missing_file(path))));
+            let instead = what.map(|what| format!("; give {what}")).unwrap_or_default();
+            let text = format!("{}: {}{instead}", path.display(), missing_file(path));
+            return Err(Failure::request(text));
         }
     }
     let is = |path: &Path, kind| FileKind::of_file(path) == Some(kind);
