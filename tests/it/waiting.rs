@@ -335,7 +335,7 @@ fn the_report_shows_what_the_network_told_and_nothing_that_it_did_not() {
         "in slotframe 0 of 101 slots: 4 cells at 4 places, 0 of which several motes share",
         "66.7 % of 75 over all",
         "half of them after 0.100 s (median), 99 % after 0.100 s, all after 0.100 s",
-        "<dt>Network formed after</dt><dd>1.50 <small>s</small></dd>",
+        "<dt>Network formed after</dt><dd><span data-moment=\"formed\">1.50 <small>s</small></span></dd>",
     ] {
         let shown = report.split("Which motes heard each other").nth(1).unwrap_or_default();
         let shown: String = shown.chars().take(120).collect();
