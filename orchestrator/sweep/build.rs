@@ -3,8 +3,6 @@
 //! Builds of the same code give the same results, whatever their profile, target and symbols: a stripped program of a wheel and a
 //! program that cargo built have the same fingerprint. Code that only prints, draws or fits is not part of it.
 
-#![expect(clippy::print_stdout, reason = "the way to talk to cargo")]
-
 use std::path::{Path, PathBuf};
 
 /// Folders of the crates, relative to the workspace.
