@@ -69,7 +69,8 @@ pub(crate) fn bars(
     let mut data = ChartData::default();
     data.is_transposed = true;
     // For figures without a key.
-    data.words = ["bar", "bar after", "bar none"].map(|class| (class.to_owned(), "value".to_owned())).into();
+    data.words =
+        ["bar", "bar after", "bar none"].map(|class| (class.to_owned(), "value".to_owned())).into();
     let has_intervals = rows.iter().any(|row| 0.0 < row.half);
     for (k, row) in rows.iter().enumerate() {
         let class = format!("bar {}", row.class);
