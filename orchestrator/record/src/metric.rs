@@ -307,9 +307,6 @@ const STATISTICS: [&str; 6] = ["min", "mean", "median", "p95", "p99", "max"];
 fn words_of(path: &str) -> String {
     let path: Vec<&str> = path.split('.').collect();
     let parts = if 1 < path.len() { &path[1..] } else { &path };
-    // Of which time a figure is stands after what it is.
-    let (of_start, parts): (Vec<&str>, Vec<&str>) =
-        parts.iter().partition(|part| **part == SINCE_START);
     let mut words: Vec<String> = parts.iter().map(|part| quantity::words(part)).collect();
     let stem = |word: &str| word.chars().take(4).collect::<String>();
     let is_kept: Vec<bool> = (0..words.len())
@@ -320,14 +317,8 @@ fn words_of(path: &str) -> String {
     if words.last().is_some_and(|last| STATISTICS.contains(&last.as_str())) {
         words.rotate_right(1);
     }
-    if !of_start.is_empty() {
-        words.push("since the start".to_owned());
-    }
     words.join(" ")
 }
-
-/// The part of a path below which figures are of the time in which robots were free to move.
-const SINCE_START: &str = "since_start";
 
 #[cfg(test)]
 mod tests;

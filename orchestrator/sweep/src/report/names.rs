@@ -79,7 +79,11 @@ impl Name {
         Self {
             unit: metric.axis_unit(),
             is_share: metric.unit == Some(SHARE),
-            words: metric.label,
+            // Of which time a figure is stands after what it is.
+            words: match metric.label.strip_prefix("since start ") {
+                Some(what) => format!("{what} since the start"),
+                None => metric.label,
+            },
             explanation: Some(metric.meaning),
         }
     }
@@ -186,6 +190,7 @@ mod tests {
         assert_eq!(label("kpis.formation.formed_s"), "formation time (s)");
         assert_eq!(label("kpis.delivery.ratio"), "delivery ratio");
         assert_eq!(label("pdr"), "packet delivery ratio");
+        assert_eq!(label("kpis.since_start.delivery.ratio"), "delivery ratio since the start");
         assert_eq!(label("task.wing_beat_hz"), "wing beat (Hz)");
         assert!(Name::of_figure("pdr").is_share);
         for figure in ["task.flock_speed_mps", "network.delivery_ratio", "kpis.formation.formed_s"]
