@@ -66,7 +66,7 @@ def test_the_version_is_that_of_the_program():
 def test_all_but_tables_and_plots_comes_with_the_package():
     """Extras of earlier versions remain, so that commands with their names work."""
     metadata = importlib.metadata.metadata("murmuration-sim")
-    assert set(metadata.get_all("Provides-Extra")) == {"polars", "pandas", "plot", "rosbags", "ulog", "env"}
+    assert set(metadata.get_all("Provides-Extra")) == {"polars", "pandas", "plot", "rerun", "rosbags", "ulog", "env"}
     optional = {re.match(r"[\w-]+", line)[0] for line in metadata.get_all("Requires-Dist") if "extra ==" in line}
     assert optional == {"polars", "pandas", "pyarrow", "matplotlib"}
 
@@ -171,7 +171,7 @@ REFUSED = [
     ({"duration_s": 3}, "there is no key duration_s; the nearest is experiment__duration_s=3"),
     ({"experiment__duraton_s": 3}, "there is no key experiment__duraton_s; the nearest is experiment__duration_s=3"),
     ({"foo__duration_s": 3}, "there is no key foo__duration_s; the nearest is experiment__duration_s=3"),
-    ({"progres": True}, "there is no key progres; the nearest is progress=True"),
+    ({"progressx": True}, "there is no key progressx; the nearest is progress=True"),
     ({"sed": 3}, "there is no key sed; the nearest is seed=3"),
     ({"radius_m": 3.0}, "there is no key radius_m; the nearest are netsim__phy__radius_m, robotsim__controller__radius_m, "),
     ({"xyzzy": 1}, "there is no key xyzzy; the sections are experiment, site, robotsim, netsim"),

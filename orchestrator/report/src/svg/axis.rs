@@ -132,6 +132,10 @@ impl Axis {
             }
             step /= 10.0;
         }
+        // Values of a list that no round step tells apart have all their digits.
+        if labels.windows(2).any(|pair| pair[0] == pair[1]) {
+            labels = ticks.iter().map(f64::to_string).collect();
+        }
         ticks.into_iter().zip(labels).collect()
     }
 }
