@@ -70,7 +70,10 @@ export class SwarmView {
     if (title !== "") this.map.append(element("div", { class: "swarm-title" }, title));
     this.painter = this.usual = this.openPainter();
     this.listen();
-    new ResizeObserver(() => this.measure()).observe(this.map);
+    // A canvas of a new size is empty: it is drawn before the browser shows it.
+    new ResizeObserver(() => {
+      if (this.measure()) this.render();
+    }).observe(this.map);
   }
 
   /** Draws if the frame, the camera or a choice has changed. */
@@ -198,16 +201,18 @@ export class SwarmView {
     return this.painter;
   }
 
-  private measure(): void {
+  /** Takes the size of the map; whether the canvas has changed with it. */
+  private measure(): boolean {
     const { clientWidth, clientHeight } = this.map;
     this.ratio = window.devicePixelRatio || 1;
     this.width = clientWidth;
     this.height = clientHeight;
     const [w, h] = [Math.round(clientWidth * this.ratio), Math.round(clientHeight * this.ratio)];
-    if (w === 0 || h === 0 || (this.canvas.width === w && this.canvas.height === h)) return;
+    if (w === 0 || h === 0 || (this.canvas.width === w && this.canvas.height === h)) return false;
     this.canvas.width = w;
     this.canvas.height = h;
     this.key = "";
+    return true;
   }
 
   private chooseCamera(): Camera {
