@@ -227,7 +227,7 @@ def test_a_sweep_begins_with_its_question_figure_and_answer_on_the_first_screen(
     assert max(values["bottoms"]) <= 900 and values["height"] < 1600, values
     assert not any(is_open for is_open, _ in values["open"])
     assert [words for _, words in values["open"]][:2] == [
-        "How does the flock radius change broadcast delivery ratio?",
+        "How does the flock radius change delivery ratio?",
         "How does the flock radius change collisions?",
     ]
     assert all(figure["buttons"] == ["SVG", "CSV"] and figure["dead_keys"] == 0 for figure in values["figures"])
@@ -239,7 +239,7 @@ def test_the_table_of_a_sweep_has_every_trial_with_its_seed_and_panel(radius, tm
     rows = [row for row in rows_of(values["csv"]) if row["series"] == "trial"]
     table = pyarrow.parquet.read_table(radius / "trials.parquet").to_pylist()
     expected = sorted(
-        (f"propagation: {trial['netsim.phy.propagation']}", trial["robotsim.controller.flock_radius_m"], f"seed {trial['experiment.seed']}", trial["flock_speed"])
+        (f"base propagation model: {trial['netsim.phy.propagation']}", trial["robotsim.controller.flock_radius_m"], f"seed {trial['experiment.seed']}", trial["flock_speed"])
         for trial in table
     )
     assert sorted((row["panel"], float(row["flock radius (m)"]), row["point"], float(row["flock speed (m/s)"])) for row in rows) == expected

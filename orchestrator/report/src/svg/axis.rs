@@ -132,6 +132,9 @@ impl Axis {
             }
             step /= 10.0;
         }
+        if !self.marked.is_empty() && labels.windows(2).any(|pair| pair[0] == pair[1]) {
+            labels = ticks.iter().map(f64::to_string).collect();
+        }
         ticks.into_iter().zip(labels).collect()
     }
 }

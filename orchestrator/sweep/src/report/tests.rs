@@ -33,7 +33,7 @@ fn page_of(metric: &str, values: &[f64]) -> String {
         settings: Vec::<SettingSummary>::new(),
         warnings: Vec::new(),
     };
-    page(&plan, &figures, &summary)
+    page(&plan, &figures, &summary).replace('\u{a0}', " ")
 }
 
 /// Labels of the ticks along the axis of the figure.
