@@ -185,6 +185,12 @@ pub fn run(config: &Path, out: &Path, args: &[&str]) -> PathBuf {
     PathBuf::from(dir)
 }
 
+/// A page without its scripts: packed data are text by chance.
+#[must_use]
+pub fn without_scripts(page: &str) -> String {
+    page.split("<script").map(|part| part.rsplit("</script>").next().unwrap_or_default()).collect()
+}
+
 /// What a program said, both ways.
 #[must_use]
 pub fn said(output: &Output) -> String {

@@ -433,7 +433,7 @@ fn delivery(measures: &Measures, bins: &[DistanceBin]) -> Figure {
     let middle = |bin: &DistanceBin| (bin.from_m + bin.to_m) / 2.0;
     // A gap where nobody was at that distance.
     for neighbours in bins.windows(2).filter(|pair| (pair[1].from_m - pair[0].to_m).abs() < 1e-6) {
-        chart.line("thin", neighbours.iter().map(|bin| Some([middle(bin), bin.ratio()])));
+        chart.guide_line("thin", neighbours.iter().map(|bin| Some([middle(bin), bin.ratio()])));
     }
     for bin in bins {
         let [low, high] = bin.interval();

@@ -176,9 +176,13 @@ fn a_comparison_shows_errors_reception_and_scores() {
     ] {
         assert!(page.contains(part), "{part} is not in the page");
     }
-    // The name of a namespace is no link.
-    let links = page.replace("http-equiv", "").replace("http://www.w3.org/2000/svg", "");
-    assert!(!page.contains("NaN") && !links.contains("http"), "it stands alone");
+    let words = without_scripts(&page);
+    let links = words.replace("http-equiv", "");
+    assert!(!words.contains("NaN") && !links.contains("http"), "it stands alone");
+    assert!(
+        !page.replace("http://www.w3.org/2000/svg", "").contains("http:"),
+        "nor does its script ask for anything"
+    );
 }
 
 #[test]
@@ -239,14 +243,10 @@ fn a_diagnosis_shows_the_ladder_what_was_found_and_what_is_left() {
         "needs heights",
         "with what was found",
         "Error over height",
-        // A log score of -3 to -2, and a log loss of 0.3 to 0.2.
-        "a held-out row is 2.72 times as likely",
-        "what happened had probability 0.741 → 0.819",
-        "0.1 nats, 1.11 times",
     ] {
         assert!(page.contains(part), "{part} is not in the page");
     }
-    assert!(!page.contains("NaN"));
+    assert!(!without_scripts(&page).contains("NaN"));
 }
 
 #[test]
@@ -390,4 +390,9 @@ fn coverage_counts_what_lies_in_the_interval() {
     let (right, wrong) = (view(0.0), view(4.0));
     assert!((right.coverage_90() - 1.0).abs() < 1e-12);
     assert!(wrong.coverage_90() < 1e-12);
+}
+
+/// A page without its scripts: packed data are text by chance.
+fn without_scripts(page: &str) -> String {
+    page.split("<script").map(|part| part.rsplit("</script>").next().unwrap()).collect()
 }

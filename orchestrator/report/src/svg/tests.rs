@@ -99,10 +99,7 @@ fn equal_ratios_have_equal_distances_and_labels_that_do_not_overlap() {
         let axes = chart.axes().into_string();
         let places: Vec<(f64, usize)> = axes
             .split("<text class=\"tick\"")
-            .filter(|part| {
-                let attributes = part.split('>').next().unwrap_or_default();
-                attributes.contains("text-anchor=\"middle\"")
-            })
+            .filter(|part| part.split('>').next().is_some_and(|mark| mark.contains("middle")))
             .filter_map(|part| {
                 let x = part.split("x=\"").nth(1)?.split('"').next()?.parse().ok()?;
                 let label = part.split('>').nth(1)?.split('<').next()?;

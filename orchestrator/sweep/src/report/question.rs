@@ -109,7 +109,9 @@ pub(super) fn answer(contents: &SweepPage<'_>, metric: &MetricFigures<'_>) -> St
     };
     let [first_at, second_at] = [at(first), at(second)];
     let answer = format!("{name} is {} {first_at}, and {} {second_at}.", words[0], words[1]);
-    format!("{answer} {}", certainty(metric, [first, second])).trim_end().to_owned()
+    let answer = format!("{answer} {}", certainty(metric, [first, second]));
+    // A number and its unit stay on one line.
+    answer.trim_end().replace(" %", "\u{a0}%")
 }
 
 /// Which values are better.
