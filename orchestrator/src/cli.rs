@@ -24,6 +24,7 @@ mod measured;
 mod measured_args;
 mod metrics;
 mod new;
+mod open;
 mod packets;
 mod power;
 mod recover;
@@ -103,6 +104,12 @@ enum Command {
     Recover(recover::RecoverArgs),
     /// Run a recorded experiment again and compare all files
     Reproduce(recover::ReproduceArgs),
+    /// Show the results of a folder in a browser: runs, sweeps and answers in one table
+    ///
+    /// The table has the figures of each result and the keys of the configuration that differ. Sort and filter it, lay series
+    /// of several runs over each other, and go on to reports and to the page that plays a run. Runs that are being
+    /// recorded appear with their progress.
+    Open(open::OpenArgs),
     /// Show a recorded run in a browser, or write it as one HTML page
     Replay(replay::ReplayArgs),
     /// Draw a recorded run from above: a picture or a video
@@ -477,6 +484,7 @@ fn dispatch(command: Command, log: &str, log_json: bool) -> Result<(), Failure> 
         Command::Run(args) => run::run(&args, start(args.threads)?),
         Command::Recover(args) => recover::recover(&args),
         Command::Reproduce(args) => recover::reproduce(&args, start(args.threads)?),
+        Command::Open(args) => open::open(&args),
         Command::Replay(args) => replay::replay(&args),
         Command::Render(args) => render::render(&args),
         Command::Figure(args) => figure::figure(&args),

@@ -45,6 +45,7 @@ mod measurement_defects;
 mod metamorphic;
 mod metric_names;
 mod only;
+mod open;
 mod orders;
 mod packets;
 mod packets_missing;

@@ -4,7 +4,8 @@ import { element } from "./dom.ts";
 /** PNG files have this many pixels per CSS pixel. */
 const PNG_RATIO = 2;
 
-function download(blob: Blob, name: string): void {
+/** Hands over a file. */
+export function download(blob: Blob, name: string): void {
   const url = URL.createObjectURL(blob);
   const link = element("a", { href: url, download: name });
   link.click();

@@ -126,6 +126,15 @@ fn status_of(process: u32) -> Option<(char, u64)> {
     Some((state, fields.nth(18)?.parse().ok()?))
 }
 
+/// Who is writing the result `name` in the folder `out`, if a program that lives is.
+#[must_use]
+pub fn writer_of(out: &Path, name: &str) -> Option<LockHolder> {
+    let path = out.join(format!(".{name}.lock"));
+    let Ok(Found::Holder(holder)) = read(&path) else { return None };
+    let is_fresh = || age(&path, Some(system::now())) < STALE_AFTER;
+    holder.lives().unwrap_or_else(is_fresh).then_some(holder)
+}
+
 /// A lock that this process holds. Given back when dropped.
 #[derive(Debug)]
 pub struct ResultLock {
@@ -374,6 +383,8 @@ mod tests {
         let error = ResultLock::take(out.path(), "run").unwrap_err();
         let RecordError::Locked { holder, .. } = &error else { panic!("{error}") };
         assert_eq!(holder.process, std::process::id());
+        assert_eq!(writer_of(out.path(), "run").as_ref(), Some(&**holder));
+        assert_eq!(writer_of(out.path(), "ru"), None);
         assert!(error.to_string().contains(&format!("process {}", holder.process)), "{error}");
         let other = ResultLock::take(out.path(), "other").unwrap();
         drop((lock, other));
@@ -385,6 +396,7 @@ mod tests {
         let out = tempfile::tempdir().unwrap();
         for _ in 0..20 {
             fs::write(out.path().join(".run.lock"), content(&dead())).unwrap();
+            assert_eq!(writer_of(out.path(), "run"), None);
             let (start, done) = (Barrier::new(8), Barrier::new(8));
             let n_held = AtomicU32::new(0);
             std::thread::scope(|scope| {

@@ -49,8 +49,8 @@ const NO_COMMANDS: [(&[&str], &str); 6] = [
         "`figure` draws figures of runs, sweeps and answers, `render` a recorded run from above, `effects NAME --svg FILE` an effect",
     ),
     (
-        &["view", "show", "open", "watch"],
-        "`replay` shows a recorded run in a browser, and `run --live` one that runs",
+        &["view", "show", "watch", "list", "ls"],
+        "`open` lists the results of a folder in a browser, `replay` shows a recorded run, and `run --live` one that runs",
     ),
     (
         &["validate", "lint", "info", "describe"],
@@ -131,6 +131,7 @@ mod tests {
             ("comprae", "`compare`"),
             ("report", "report.html"),
             ("plot", "`figure`"),
+            ("list", "`open`"),
             ("Fit", "`extend`"),
         ] {
             let message = message(word);

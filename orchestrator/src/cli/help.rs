@@ -63,11 +63,16 @@ const GROUPS: [(&str, &[CommandHelp]); 6] = [
     (
         "Look at results",
         &[
-            ("replay", "replay runs/flocking", &["render", "run"]),
+            ("open", "open runs", &["replay", "compare-runs"]),
+            ("replay", "replay runs/flocking", &["open", "render", "run"]),
             ("render", "render runs/flocking --video flock.gif", &["replay", "export"]),
             ("figure", "figure runs/flocking links --output links.pdf", &["render", "sweep"]),
             ("export", "export runs/flocking --format csv", &["render", "replay"]),
-            ("compare-runs", "compare-runs runs/flocking runs/flocking-2", &["run", "sweep"]),
+            (
+                "compare-runs",
+                "compare-runs runs/flocking runs/flocking-2",
+                &["open", "run", "sweep"],
+            ),
         ],
     ),
     (

@@ -98,15 +98,23 @@ pub(super) struct Serving {
 impl Serving {
     /// Begins to serve what is shown.
     pub(super) fn begin(port: Option<u16>, shown: &Shown) -> Result<Self, Failure> {
-        let port = port.unwrap_or_default();
         let shown = shown.clone();
+        Self::of(port, move |port| Server::bind(port, shown))
+    }
+
+    /// Begins to serve what `bind` makes of a port.
+    pub(super) fn of<Binding: Future<Output = std::io::Result<Server>>>(
+        port: Option<u16>,
+        bind: impl FnOnce(u16) -> Binding + Send + 'static,
+    ) -> Result<Self, Failure> {
+        let port = port.unwrap_or_default();
         let failed = move |error: std::io::Error| {
             Failure::work(format!("cannot serve a page on 127.0.0.1:{port}: {error}"))
         };
         let (tell, told) = sync_channel(1);
         let serve = move || {
             let served = on_runtime(async {
-                match Server::bind(port, shown).await {
+                match bind(port).await {
                     Ok(server) => {
                         let _ = tell.send(Ok(server.url().to_owned()));
                         server.serve().await;
@@ -140,7 +148,7 @@ impl Serving {
     }
 
     /// Says what there is to see, and serves until someone presses Ctrl-C or ends the program.
-    fn until_interrupted(self, words: &str) -> Result<(), Failure> {
+    pub(super) fn until_interrupted(self, words: &str) -> Result<(), Failure> {
         on_runtime(async {
             // Listens before it says so: whoever reads the words may interrupt at once. A run before has caught the signals, so that
             // they end nothing by themselves any more.

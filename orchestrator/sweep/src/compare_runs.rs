@@ -94,31 +94,40 @@ pub fn compare_runs(
     })
 }
 
-/// Keys whose values differ, each with both.
-fn configuration(a: &toml::Table, b: &toml::Table) -> Vec<(String, [String; 2])> {
-    fn leaves(value: &toml::Value, key: &str, leaves_of: &mut BTreeMap<String, String>) {
+/// The values of a configuration by the path of their key, such as `netsim.phy.radius_m` or `site.wall[0].from_m`. What a run is
+/// called and what it leaves on disk changes no figure, and is left out.
+#[must_use]
+pub fn values_by_key(config: &toml::Table) -> BTreeMap<String, toml::Value> {
+    fn below(value: &toml::Value, key: &str, found: &mut BTreeMap<String, toml::Value>) {
         match value {
             toml::Value::Table(table) => {
                 for (name, value) in table {
-                    leaves(value, &proto::config::join(key, name), leaves_of);
+                    below(value, &proto::config::join(key, name), found);
                 }
             }
             toml::Value::Array(list) if list.iter().any(toml::Value::is_table) => {
                 for (index, value) in list.iter().enumerate() {
-                    leaves(value, &format!("{key}[{index}]"), leaves_of);
+                    below(value, &format!("{key}[{index}]"), found);
                 }
             }
             value => {
-                leaves_of.insert(key.to_owned(), value.to_string());
+                found.insert(key.to_owned(), value.clone());
             }
         }
     }
+    let mut found = BTreeMap::new();
+    for (name, value) in config {
+        below(value, &proto::config::join("", name), &mut found);
+    }
+    found.retain(|key, _| key != "experiment.name" && !key.starts_with("output."));
+    found
+}
+
+/// Keys whose values differ, each with both.
+fn configuration(a: &toml::Table, b: &toml::Table) -> Vec<(String, [String; 2])> {
     let [of_a, of_b] = [a, b].map(|table| {
-        let mut found = BTreeMap::new();
-        leaves(&toml::Value::Table(table.clone()), "", &mut found);
-        // What a run is called and what it leaves on disk changes no figure.
-        found.retain(|key, _| key != "experiment.name" && !key.starts_with("output."));
-        found
+        let values = values_by_key(table).into_iter();
+        values.map(|(key, value)| (key, value.to_string())).collect::<BTreeMap<String, String>>()
     });
     let mut keys: Vec<&String> = of_a.keys().chain(of_b.keys()).collect();
     keys.sort();

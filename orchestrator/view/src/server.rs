@@ -7,26 +7,23 @@
 
 mod access;
 mod connections;
+mod player;
 
-use crate::live::{LiveRun, Viewer};
-use crate::page::{INDEX, SCRIPT, STYLE};
-use crate::recorded::{MOST_FRAMES, RecordedRun};
+pub use access::{Access, is_same};
+pub use player::{player, player_file, within};
+
+use crate::live::LiveRun;
+use crate::recorded::RecordedRun;
 use crate::view;
-use access::Access;
 use axum::Router;
-use axum::body::{Body, Bytes};
-use axum::extract::{DefaultBodyLimit, Path, Query, Request, State};
+use axum::extract::DefaultBodyLimit;
 use axum::http::{StatusCode, header};
-use axum::middleware::{self, Next};
+use axum::middleware;
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
-use connections::{BODY, Connection, Connections, HEADERS};
-use futures::StreamExt as _;
+use connections::{Connection, Connections, HEADERS};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
-use prost::Message as _;
-use std::collections::BTreeMap;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
@@ -95,32 +92,31 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens on a port of the loopback address; 0: any that is free.
+    /// Listens on a port of the loopback address (0: any that is free) with the page that shows runs.
     ///
     /// # Errors
     ///
     /// The port is in use, or the system has no random numbers for the token.
     pub async fn bind(port: u16, shown: Shown) -> std::io::Result<Self> {
+        Self::with(port, |access| player(access, shown)).await
+    }
+
+    /// The same with a site, whose calls [`Access::guard`] guards.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::bind`].
+    pub async fn with(
+        port: u16,
+        site: impl FnOnce(&Access) -> Router + Send,
+    ) -> std::io::Result<Self> {
         let listener = TcpListener::bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port))).await?;
         let port = listener.local_addr()?.port();
         let access = Access::new(port)?;
         let url = format!("http://127.0.0.1:{port}/?token={}", access.token());
-        let api = Router::new()
-            .route("/runs", get(runs))
-            .route("/runs/{run}/overview", get(overview))
-            .route("/runs/{run}/frames", get(frames))
-            .route("/live", get(live))
-            .route("/control", post(control).layer(middleware::from_fn(in_time)))
-            .fallback(async || Refused(StatusCode::NOT_FOUND, "no such call".to_owned()))
-            .layer(middleware::from_fn_with_state(access.clone(), access::with_token));
-        let router = Router::new()
-            .nest("/api", api)
-            .route("/", get(|| async { file("text/html; charset=utf-8", INDEX) }))
-            .route("/page.js", get(|| async { file("text/javascript; charset=utf-8", SCRIPT) }))
-            .route("/page.css", get(|| async { file("text/css; charset=utf-8", STYLE) }))
+        let router = site(&access)
             .layer(DefaultBodyLimit::max(MOST_REQUEST_BYTES))
-            .layer(middleware::from_fn_with_state(access, access::from_here))
-            .with_state(shown);
+            .layer(middleware::from_fn_with_state(access, access::from_here));
         Ok(Self { listener, router, url })
     }
 
@@ -167,15 +163,9 @@ async fn connected(stream: TcpStream, connection: Connection, router: Router) {
     }
 }
 
-/// Refuses a request whose body does not arrive in time.
-async fn in_time(request: Request, next: Next) -> Response {
-    let late = |_| Refused(StatusCode::REQUEST_TIMEOUT, "the request did not arrive".to_owned());
-    let answered = tokio::time::timeout(BODY, next.run(request)).await;
-    answered.map_err(late).into_response()
-}
-
 /// A request that cannot be answered, and why.
-struct Refused(StatusCode, String);
+#[derive(Debug)]
+pub struct Refused(pub StatusCode, pub String);
 
 impl IntoResponse for Refused {
     fn into_response(self) -> Response {
@@ -183,89 +173,8 @@ impl IntoResponse for Refused {
     }
 }
 
-fn file(kind: &'static str, content: &'static str) -> Response {
+/// A file of a page.
+#[must_use]
+pub fn file(kind: &'static str, content: &'static str) -> Response {
     ([(header::CONTENT_TYPE, kind)], content).into_response()
-}
-
-fn message(bytes: impl Into<Body>) -> Response {
-    ([(header::CONTENT_TYPE, "application/octet-stream")], bytes.into()).into_response()
-}
-
-async fn runs(State(shown): State<Shown>) -> Response {
-    let runs = shown.all().into_iter().map(|run| match run {
-        RunSource::Recorded(run) => run.run().clone(),
-        RunSource::Live(run) => run.run(),
-    });
-    let measurements = shown.measurements.as_deref().cloned();
-    message(view::Runs { runs: runs.collect(), measurements }.encode_to_vec())
-}
-
-async fn overview(
-    State(shown): State<Shown>,
-    Path(number): Path<usize>,
-) -> Result<Response, Refused> {
-    match shown.run(number)? {
-        RunSource::Recorded(run) => run
-            .overview()
-            .map(message)
-            .map_err(|failure| Refused(StatusCode::INTERNAL_SERVER_ERROR, failure)),
-        RunSource::Live(run) => Ok(message(run.overview().encode_to_vec())),
-    }
-}
-
-async fn frames(
-    State(shown): State<Shown>,
-    Path(number): Path<usize>,
-    Query(query): Query<BTreeMap<String, String>>,
-) -> Result<Response, Refused> {
-    let number_of = |key: &str| -> Result<u64, Refused> {
-        let value = query.get(key).ok_or_else(|| {
-            Refused(StatusCode::BAD_REQUEST, format!("{key} is missing: must be a whole number"))
-        })?;
-        value.parse().map_err(|_| {
-            let text = format!("{key}: must be a whole number from 0, got {value:?}");
-            Refused(StatusCode::BAD_REQUEST, text)
-        })
-    };
-    let (from_ns, until_ns) = (number_of("from_ns")?, number_of("until_ns")?);
-    let most = number_of("most")?;
-    if MOST_FRAMES as u64 <= most.saturating_sub(1) {
-        let text = format!("most: must be from 0 to {MOST_FRAMES}, got {most}");
-        return Err(Refused(StatusCode::BAD_REQUEST, text));
-    }
-    let most = most as usize;
-    let run = shown.run(number)?;
-    let frames = tokio::task::spawn_blocking(move || match run {
-        RunSource::Recorded(run) => run.frames(from_ns, until_ns, most),
-        RunSource::Live(run) => Ok(run.frames(from_ns, until_ns, most)),
-    });
-    let failed = |text: String| Refused(StatusCode::INTERNAL_SERVER_ERROR, text);
-    let frames = frames.await.map_err(|error| failed(error.to_string()))?;
-    let frames = frames.map_err(|error| failed(error.to_string()))?;
-    Ok(message(view::Frames { frames }.encode_to_vec()))
-}
-
-async fn live(State(shown): State<Shown>) -> Result<Response, Refused> {
-    let RunSource::Live(run) = shown.run(0)? else {
-        return Err(Refused(StatusCode::CONFLICT, "this run has ended: replay it".to_owned()));
-    };
-    let messages = futures::stream::unfold(run.viewer(), async |mut viewer: Viewer| {
-        let next = viewer.next().await?;
-        Some((Ok::<Bytes, std::convert::Infallible>(next), viewer))
-    });
-    Ok(message(Body::from_stream(messages.boxed())))
-}
-
-async fn control(State(shown): State<Shown>, body: Bytes) -> Result<Response, Refused> {
-    let RunSource::Live(run) = shown.run(0)? else {
-        return Err(Refused(StatusCode::CONFLICT, "this run has ended".to_owned()));
-    };
-    if !run.run().controllable {
-        let text = "this run is shown only: start it with --live-control to pause and step it here";
-        return Err(Refused(StatusCode::FORBIDDEN, text.to_owned()));
-    }
-    let asked = view::Control::decode(body)
-        .map_err(|error| Refused(StatusCode::BAD_REQUEST, format!("not a Control: {error}")))?;
-    run.pace().control(asked.kind());
-    Ok(StatusCode::NO_CONTENT.into_response())
 }

@@ -2,11 +2,17 @@
 
 use super::Refused;
 use super::connections::Trust;
+use axum::Router;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
-use axum::middleware::Next;
+use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
+use proto::digest::hex;
+use sha2::{Digest as _, Sha256};
 use std::sync::Arc;
+
+/// Length of what opens a page.
+const KEY_DIGITS: usize = 32;
 
 /// What the page may do: run its own script and style, show pictures that it makes itself, ask this server.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; \
@@ -14,7 +20,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
 
 /// What lets someone ask.
 #[derive(Clone)]
-pub(super) struct Access {
+pub struct Access {
     token: Arc<str>,
     port: u16,
 }
@@ -31,6 +37,18 @@ impl Access {
     /// The token.
     pub(super) fn token(&self) -> &str {
         &self.token
+    }
+
+    /// Lets requests pass that bring the token.
+    pub fn guard<S: Clone + Send + Sync + 'static>(&self, calls: Router<S>) -> Router<S> {
+        calls.layer(middleware::from_fn_with_state(self.clone(), with_token))
+    }
+
+    /// What lets someone open one page, of which nobody can guess the token or what opens another page: hexadecimal digits.
+    #[must_use]
+    pub fn key_of(&self, page: &str) -> String {
+        let digest = Sha256::digest(format!("{} {page}", self.token));
+        hex(&digest)[..KEY_DIGITS].to_owned()
     }
 
     fn is_here(&self, host: &str) -> bool {
@@ -62,6 +80,7 @@ pub(super) async fn from_here(
         return refused("another site may not ask here".to_owned());
     }
     let mut response = next.run(request).await;
+    // A page that is no part of the program has a policy of its own.
     for (name, value) in [
         (header::CONTENT_SECURITY_POLICY, POLICY),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -70,17 +89,13 @@ pub(super) async fn from_here(
         (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
         (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
     ] {
-        response.headers_mut().insert(name, HeaderValue::from_static(value));
+        response.headers_mut().entry(name).or_insert(HeaderValue::from_static(value));
     }
     response
 }
 
 /// Lets requests pass that bring the token.
-pub(super) async fn with_token(
-    State(access): State<Access>,
-    request: Request,
-    next: Next,
-) -> Response {
+async fn with_token(State(access): State<Access>, request: Request, next: Next) -> Response {
     let brought = text(request.headers(), header::AUTHORIZATION);
     let brought = brought.and_then(|value| value.strip_prefix("Bearer ")).unwrap_or_default();
     if !is_same(brought.as_bytes(), access.token.as_bytes()) {
@@ -98,7 +113,7 @@ fn text(headers: &HeaderMap, name: HeaderName) -> Option<&str> {
     headers.get(name)?.to_str().ok()
 }
 
-/// Compares in a time that does not depend on where both differ.
-fn is_same(a: &[u8], b: &[u8]) -> bool {
+/// Whether two texts are the same. Compares in a time that does not depend on where both differ.
+pub fn is_same(a: &[u8], b: &[u8]) -> bool {
     a.len() == b.len() && a.iter().zip(b).fold(0, |differ, (a, b)| differ | (a ^ b)) == 0
 }
