@@ -9,6 +9,7 @@ import page_session
 import pyarrow.parquet as pq
 import pytest
 from page_session import opened, serving
+from playwright.sync_api import expect
 
 PHONE, SMALL_PHONE, TABLET = (390, 844), (360, 640), (820, 1180)
 # What the page is made of. What is hidden has no box.
@@ -175,6 +176,7 @@ def test_a_network_opens_where_it_has_formed(browser, sensors, network):
         state = session.wait("s.playing")
         assert begin_ns <= state["cursor_ns"] < begin_ns + 600e9
         # An hour of simulated time is over within two minutes.
+        expect(session.page.get_by_label("Speed")).not_to_have_value("1")
         speed = float(session.page.get_by_label("Speed").input_value())
         assert (step_ends[-1] - begin_ns) / 1e9 / speed <= 120
 

@@ -25,6 +25,10 @@ interface Actions {
   clear(): void;
 }
 
+function labelWithUnit({ label, unit }: SeriesKind): string {
+  return unit === "" ? label : `${label} (${unit})`;
+}
+
 /** A series of several runs over simulated time. */
 export class Overlay {
   readonly root: HTMLElement;
@@ -40,7 +44,7 @@ export class Overlay {
   private dark = false;
 
   constructor(kinds: SeriesKind[], private readonly actions: Actions) {
-    const choice = selection("Series", kinds.map((kind) => [kind.name, kind.label] as const), kinds[0].name, (name) => actions.chooseSeries(name));
+    const choice = selection("Series", kinds.map((kind) => [kind.name, labelWithUnit(kind)] as const), kinds[0].name, (name) => actions.chooseSeries(name));
     this.series = choice.select;
     const button = (text: string, title: string, act: () => void): HTMLButtonElement => element("button", { type: "button", title, onclick: act }, text);
     this.buttons = [
@@ -93,8 +97,7 @@ export class Overlay {
   }
 
   private get axisLabel(): string {
-    if (this.kind === null) return "";
-    return this.kind.unit === "" ? this.kind.label : `${this.kind.label} (${this.kind.unit})`;
+    return this.kind === null ? "" : labelWithUnit(this.kind);
   }
 
   private curves(): (Drawn & { curve: Curve })[] {
