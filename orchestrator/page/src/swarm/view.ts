@@ -234,22 +234,24 @@ export class SwarmView {
     // What is fitted stays beside the legend, if that lies over the picture.
     const covered = this.legend.coveredPx;
     const width = this.width - covered;
-    const key = `${this.width} ${this.height} ${covered}`;
+    const measured = this.scene.measured?.rows;
+    // Where measurements are shown, they are what is fitted, wherever robots go.
+    const isMeasured = measured?.fromXM.some(Number.isFinite) === true;
+    const key = `${this.width} ${this.height} ${covered} ${isMeasured}`;
     const shown = this.app.source.runs.flatMap(({ frames }) => {
       const index = frames.indexAt(this.app.store.state.timeNs);
       return index < 0 ? [] : [frames.frame(index)];
     });
-    if (this.fitted?.key === key && shown.every((frame) => mostlyVisible(frame, (this.fitted as { camera: Camera }).camera, this.width, this.height))) {
+    if (this.fitted?.key === key && (isMeasured || shown.every((frame) => mostlyVisible(frame, (this.fitted as { camera: Camera }).camera, this.width, this.height)))) {
       return this.fitted.camera;
     }
-    const frames = this.app.source.runs.flatMap((run) => {
+    const frames = isMeasured ? [] : this.app.source.runs.flatMap((run) => {
       const count = Math.min(12, run.frames.length);
       return Array.from({ length: count }, (_, i) => run.frames.frame(Math.floor((i * (run.frames.length - 1)) / Math.max(1, count - 1))));
     });
     const places = this.app.source.runs.map((run) => run.run.place);
-    const measured = this.scene.measured?.rows;
     const everything = fit(frames, places, width, this.height, measured);
-    const now = fit(shown, places, width, this.height, measured);
+    const now = isMeasured ? everything : fit(shown, places, width, this.height, measured);
     const chosen = everything.scale * FAR < now.scale ? { ...now, scale: now.scale * 0.7 } : everything;
     const camera = { ...chosen, x: chosen.x + covered / 2 / chosen.scale };
     this.fitted = { camera, key };
